@@ -1,0 +1,172 @@
+"""The actor's body: a skinned mesh on the kinematic chain (Baak 2013, 5.3.2)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from toolkit.body import skeleton
+from toolkit.errors import BodyError
+from toolkit.kernels import kinematics
+
+
+@dataclass(frozen=True)
+class PlacedJoints:
+    """Where a pose puts every joint: rotation vectors (J, 3), rotations (J, 3, 3) and origins (J, 3), metres."""
+
+    vectors: np.ndarray
+    rotations: np.ndarray
+    origins: np.ndarray
+
+
+@dataclass(frozen=True, eq=False)
+class Body:
+    """A closed mesh in the T-pose with its skinning, in the body frame (metres, y up, facing +z), root joint at the origin.
+
+    Attributes
+    ----------
+    name : what it is called in reports
+    vertices : float64 (V, 3), rest positions
+    faces : int32 (F, 3), counter-clockwise seen from outside
+    skin_joints, skin_weights : int64 and float64 (V, S), S at most 4; weights of a row sum to 1
+    joints : float64 (18, 3), rest positions of the articulated joints, root at the origin
+    sites : float64 (5, 3), rest positions of `skeleton.SITES`
+    end_effectors : int64 (5,), mesh vertices at the tips, ordered as `skeleton.END_EFFECTORS`
+    shape : float64 (K,), coefficients in the shape space that made it (empty for a body that came from elsewhere)
+    scale : uniform factor already contained in the positions
+    """
+
+    name: str
+    vertices: np.ndarray
+    faces: np.ndarray
+    skin_joints: np.ndarray
+    skin_weights: np.ndarray
+    joints: np.ndarray
+    sites: np.ndarray
+    end_effectors: np.ndarray
+    shape: np.ndarray
+    scale: float = 1.0
+
+    def __post_init__(self) -> None:
+        if self.joints.shape != (len(skeleton.JOINTS), 3) or self.sites.shape != (len(skeleton.SITES), 3):
+            raise BodyError(
+                f"body {self.name!r} has joints {self.joints.shape} and sites {self.sites.shape}; "
+                f"expected ({len(skeleton.JOINTS)}, 3) and ({len(skeleton.SITES)}, 3)"
+            )
+        if not np.allclose(self.skin_weights.sum(axis=1), 1.0, atol=1e-5):
+            raise BodyError(f"skinning weights of body {self.name!r} do not sum to 1; normalise them per vertex")
+
+    @cached_property
+    def part(self) -> np.ndarray:
+        """int64 (V,): the joint with the largest weight at each vertex."""
+        return self.skin_joints[np.arange(len(self.vertices)), self.skin_weights.argmax(axis=1)]
+
+    @cached_property
+    def height(self) -> float:
+        """Extent of the mesh along y in the rest pose, metres."""
+        return float(np.ptp(self.vertices[:, 1]))
+
+    def scaled(self, factor: float) -> Body:
+        """The same body, uniformly scaled by `factor` (> 0)."""
+        if not factor > 0:
+            raise BodyError(f"a body cannot be scaled by {factor}; use a positive factor")
+        return replace(
+            self,
+            vertices=self.vertices * factor,
+            joints=self.joints * factor,
+            sites=self.sites * factor,
+            scale=self.scale * factor,
+        )
+
+    def place(self, pose: np.ndarray) -> PlacedJoints:
+        """Forward kinematics of one pose (P,)."""
+        pose = skeleton.check_pose(pose)
+        count = len(skeleton.JOINTS)
+        placed = PlacedJoints(np.empty((count, 3)), np.empty((count, 3, 3)), np.empty((count, 3)))
+        kinematics.forward_kinematics(
+            pose, skeleton.PARENTS, self.joints, skeleton.DOF_JOINT, skeleton.DOF_AXIS,
+            placed.vectors, placed.rotations, placed.origins,
+        )  # fmt: skip
+        return placed
+
+    def vertex_positions(self, pose: np.ndarray) -> np.ndarray:
+        """Skinned mesh (`M_chi`) of one pose: float64 (V, 3), metres, in the frame of the pose's root."""
+        placed = self.place(pose)
+        out = np.empty_like(self.vertices)
+        kinematics.skin(
+            self.vertices, self.skin_joints, self.skin_weights, self.joints, placed.rotations, placed.origins, out
+        )
+        return out
+
+    def joint_positions(self, poses: np.ndarray) -> np.ndarray:
+        """The 20 reported joints (`P_chi`) of one or many poses (..., P): float64 (..., 20, 3), metres."""
+        return self._key_points(poses)[0]
+
+    def end_effector_positions(self, poses: np.ndarray) -> np.ndarray:
+        """The five end-effector vertices (`E_chi^5`) of one or many poses (..., P): float64 (..., 5, 3), metres."""
+        return self._key_points(poses)[1]
+
+    def _key_points(self, poses: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        poses = skeleton.check_pose(poses)
+        flat = np.ascontiguousarray(poses.reshape(-1, skeleton.POSE_SIZE))
+        tips = self.end_effectors
+        points = np.concatenate([self.sites, self.vertices[tips]])
+        site_joints = np.zeros((len(self.sites), self.skin_joints.shape[1]), dtype=np.int64)
+        site_joints[:, 0] = skeleton.SITE_PARENTS
+        site_weights = np.zeros(site_joints.shape)
+        site_weights[:, 0] = 1.0
+        joints = np.empty((len(flat), len(skeleton.JOINTS), 3))
+        moved = np.empty((len(flat), len(points), 3))
+        kinematics.key_points(
+            flat, skeleton.PARENTS, self.joints, skeleton.DOF_JOINT, skeleton.DOF_AXIS, points,
+            np.concatenate([site_joints, self.skin_joints[tips]]), np.concatenate([site_weights, self.skin_weights[tips]]),
+            joints, moved,
+        )  # fmt: skip
+        sites = len(self.sites)
+        reported = np.einsum("rk,nkc->nrc", skeleton.REPORTED_FROM_POINTS, np.concatenate([joints, moved[:, :sites]], 1))
+        lead = poses.shape[:-1]
+        return reported.reshape(*lead, -1, 3), moved[:, sites:].reshape(*lead, -1, 3)
+
+    def vertex_jacobian(self, pose: np.ndarray, vertices: np.ndarray) -> np.ndarray:
+        """Analytic derivative of the chosen vertices by the pose: float64 (len(vertices), 3, P) (thesis 6.2.2)."""
+        pose = skeleton.check_pose(pose)
+        return self._jacobian(pose, self.vertices[vertices], self.skin_joints[vertices], self.skin_weights[vertices])
+
+    def joint_jacobian(self, pose: np.ndarray) -> np.ndarray:
+        """Analytic derivative of the 20 reported joints by the pose: float64 (20, 3, P)."""
+        pose = skeleton.check_pose(pose)
+        points = np.concatenate([self.joints, self.sites])
+        carriers = np.concatenate([np.arange(len(self.joints)), skeleton.SITE_PARENTS])[:, None]
+        return np.einsum(
+            "rk,kcp->rcp", skeleton.REPORTED_FROM_POINTS, self._jacobian(pose, points, carriers, np.ones(carriers.shape))
+        )
+
+    def _jacobian(self, pose: np.ndarray, points: np.ndarray, joints: np.ndarray, weights: np.ndarray) -> np.ndarray:
+        placed = self.place(pose)
+        axes = np.empty((len(skeleton.DOF_JOINT), 3))
+        kinematics.world_axes(
+            skeleton.PARENTS, placed.vectors, placed.rotations, skeleton.DOF_JOINT, skeleton.DOF_AXIS, axes
+        )
+        out = np.empty((len(points), 3, skeleton.POSE_SIZE))
+        kinematics.skin_jacobian(
+            points, joints, weights, self.joints, placed.rotations, placed.origins, axes,
+            skeleton.DOF_JOINT, BELOW, out,
+        )  # fmt: skip
+        return out
+
+
+def _below() -> np.ndarray:
+    count = len(skeleton.JOINTS)
+    below = np.eye(count, dtype=np.bool_)
+    for j in range(count):
+        parent = skeleton.PARENTS[j]
+        while parent >= 0:
+            below[parent, j] = True
+            parent = skeleton.PARENTS[parent]
+    return below
+
+
+BELOW: np.ndarray = _below()
+"""Bool (18, 18): `BELOW[i, j]` where joint j is i or hangs below it."""

@@ -1,0 +1,219 @@
+"""Forward kinematics, linear blend skinning and their analytic Jacobians, compiled.
+
+Rotations are exponential coordinates; `rotations[j]` and `origins[j]` place joint j's frame, which is aligned with the body
+frame in the rest pose, so a point p of joint j moves to `rotations[j] @ (p - rest[j]) + origins[j]`.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+
+@njit(cache=True)
+def rotation_from_vector(x: float, y: float, z: float, out: np.ndarray) -> None:
+    """Rodrigues' formula: write `exp([x, y, z])` into `out` (3, 3)."""
+    t2 = x * x + y * y + z * z
+    if t2 < 1e-12:
+        a, b = 1.0 - t2 / 6.0, 0.5 - t2 / 24.0
+    else:
+        t = np.sqrt(t2)
+        a, b = np.sin(t) / t, (1.0 - np.cos(t)) / t2
+    out[0, 0] = 1.0 - b * (y * y + z * z)
+    out[1, 1] = 1.0 - b * (x * x + z * z)
+    out[2, 2] = 1.0 - b * (x * x + y * y)
+    out[0, 1] = b * x * y - a * z
+    out[1, 0] = b * x * y + a * z
+    out[0, 2] = b * x * z + a * y
+    out[2, 0] = b * x * z - a * y
+    out[1, 2] = b * y * z - a * x
+    out[2, 1] = b * y * z + a * x
+
+
+@njit(cache=True)
+def left_jacobian(x: float, y: float, z: float, out: np.ndarray) -> None:
+    """Left Jacobian of the exponential map: d exp(w) = [out dw]x exp(w), written into `out` (3, 3)."""
+    t2 = x * x + y * y + z * z
+    if t2 < 1e-8:
+        b, c = 0.5 - t2 / 24.0, 1.0 / 6.0 - t2 / 120.0
+    else:
+        t = np.sqrt(t2)
+        b, c = (1.0 - np.cos(t)) / t2, (t - np.sin(t)) / (t2 * t)
+    out[0, 0] = 1.0 - c * (y * y + z * z)
+    out[1, 1] = 1.0 - c * (x * x + z * z)
+    out[2, 2] = 1.0 - c * (x * x + y * y)
+    out[0, 1] = c * x * y - b * z
+    out[1, 0] = c * x * y + b * z
+    out[0, 2] = c * x * z + b * y
+    out[2, 0] = c * x * z - b * y
+    out[1, 2] = c * y * z - b * x
+    out[2, 1] = c * y * z + b * x
+
+
+@njit(cache=True)
+def local_vectors(pose: np.ndarray, dof_joint: np.ndarray, dof_axis: np.ndarray, out: np.ndarray) -> None:
+    """Scatter `pose[3:]` to one rotation vector per joint, `out` (J, 3)."""
+    out[:] = 0.0
+    for d in range(dof_joint.shape[0]):
+        out[dof_joint[d], dof_axis[d]] = pose[3 + d]
+
+
+@njit(cache=True)
+def forward_kinematics(
+    pose: np.ndarray,
+    parents: np.ndarray,
+    rest: np.ndarray,
+    dof_joint: np.ndarray,
+    dof_axis: np.ndarray,
+    vectors: np.ndarray,
+    rotations: np.ndarray,
+    origins: np.ndarray,
+) -> None:
+    """Place every joint: fills `vectors` (J, 3), `rotations` (J, 3, 3) and `origins` (J, 3)."""
+    local_vectors(pose, dof_joint, dof_axis, vectors)
+    local = np.empty((3, 3))
+    for j in range(parents.shape[0]):
+        p = parents[j]
+        if p < 0:
+            rotation_from_vector(vectors[j, 0], vectors[j, 1], vectors[j, 2], rotations[j])
+            for a in range(3):
+                origins[j, a] = pose[a]
+            continue
+        rotation_from_vector(vectors[j, 0], vectors[j, 1], vectors[j, 2], local)
+        for a in range(3):
+            origins[j, a] = origins[p, a]
+            for b in range(3):
+                origins[j, a] += rotations[p, a, b] * (rest[j, b] - rest[p, b])
+                total = 0.0
+                for c in range(3):
+                    total += rotations[p, a, c] * local[c, b]
+                rotations[j, a, b] = total
+
+
+@njit(cache=True)
+def world_axes(
+    parents: np.ndarray,
+    vectors: np.ndarray,
+    rotations: np.ndarray,
+    dof_joint: np.ndarray,
+    dof_axis: np.ndarray,
+    axes: np.ndarray,
+) -> None:
+    """Instantaneous rotation axis of every rotational pose entry: fills `axes` (D, 3).
+
+    A change d of entry k turns everything below its joint by `d * axes[k]` about the joint's origin (thesis 6.2.2).
+    """
+    jacobian = np.empty((3, 3))
+    previous = -1
+    for k in range(dof_joint.shape[0]):
+        j = dof_joint[k]
+        if j != previous:
+            left_jacobian(vectors[j, 0], vectors[j, 1], vectors[j, 2], jacobian)
+            previous = j
+        p = parents[j]
+        for a in range(3):
+            if p < 0:
+                axes[k, a] = jacobian[a, dof_axis[k]]
+            else:
+                total = 0.0
+                for b in range(3):
+                    total += rotations[p, a, b] * jacobian[b, dof_axis[k]]
+                axes[k, a] = total
+
+
+@njit(cache=True)
+def skin(
+    points: np.ndarray,
+    skin_joints: np.ndarray,
+    skin_weights: np.ndarray,
+    rest: np.ndarray,
+    rotations: np.ndarray,
+    origins: np.ndarray,
+    out: np.ndarray,
+) -> None:
+    """Linear blend skinning of rest `points` (V, 3) with up to S joints a point; fills `out` (V, 3)."""
+    for v in range(points.shape[0]):
+        x = y = z = 0.0
+        for s in range(skin_joints.shape[1]):
+            w = skin_weights[v, s]
+            if w == 0.0:
+                continue
+            j = skin_joints[v, s]
+            dx = points[v, 0] - rest[j, 0]
+            dy = points[v, 1] - rest[j, 1]
+            dz = points[v, 2] - rest[j, 2]
+            r = rotations[j]
+            x += w * (r[0, 0] * dx + r[0, 1] * dy + r[0, 2] * dz + origins[j, 0])
+            y += w * (r[1, 0] * dx + r[1, 1] * dy + r[1, 2] * dz + origins[j, 1])
+            z += w * (r[2, 0] * dx + r[2, 1] * dy + r[2, 2] * dz + origins[j, 2])
+        out[v, 0] = x
+        out[v, 1] = y
+        out[v, 2] = z
+
+
+@njit(cache=True)
+def skin_jacobian(
+    points: np.ndarray,
+    skin_joints: np.ndarray,
+    skin_weights: np.ndarray,
+    rest: np.ndarray,
+    rotations: np.ndarray,
+    origins: np.ndarray,
+    axes: np.ndarray,
+    dof_joint: np.ndarray,
+    below: np.ndarray,
+    out: np.ndarray,
+) -> None:
+    """Derivative of the skinned points with respect to the pose: fills `out` (V, 3, 3 + D).
+
+    `below[i, j]` is True where joint j is i or hangs below it. Per skinning joint the point moves rigidly, so entry k adds
+    `weight * axes[k] x (moved point - origin of k's joint)`.
+    """
+    out[:] = 0.0
+    for v in range(points.shape[0]):
+        for a in range(3):
+            out[v, a, a] = 1.0
+        for s in range(skin_joints.shape[1]):
+            w = skin_weights[v, s]
+            if w == 0.0:
+                continue
+            j = skin_joints[v, s]
+            dx = points[v, 0] - rest[j, 0]
+            dy = points[v, 1] - rest[j, 1]
+            dz = points[v, 2] - rest[j, 2]
+            r = rotations[j]
+            px = r[0, 0] * dx + r[0, 1] * dy + r[0, 2] * dz + origins[j, 0]
+            py = r[1, 0] * dx + r[1, 1] * dy + r[1, 2] * dz + origins[j, 1]
+            pz = r[2, 0] * dx + r[2, 1] * dy + r[2, 2] * dz + origins[j, 2]
+            for k in range(dof_joint.shape[0]):
+                i = dof_joint[k]
+                if not below[i, j]:
+                    continue
+                qx = px - origins[i, 0]
+                qy = py - origins[i, 1]
+                qz = pz - origins[i, 2]
+                out[v, 0, 3 + k] += w * (axes[k, 1] * qz - axes[k, 2] * qy)
+                out[v, 1, 3 + k] += w * (axes[k, 2] * qx - axes[k, 0] * qz)
+                out[v, 2, 3 + k] += w * (axes[k, 0] * qy - axes[k, 1] * qx)
+
+
+@njit(cache=True)
+def key_points(
+    poses: np.ndarray,
+    parents: np.ndarray,
+    rest: np.ndarray,
+    dof_joint: np.ndarray,
+    dof_axis: np.ndarray,
+    points: np.ndarray,
+    skin_joints: np.ndarray,
+    skin_weights: np.ndarray,
+    joints_out: np.ndarray,
+    points_out: np.ndarray,
+) -> None:
+    """Joint centres (N, J, 3) and skinned points (N, V, 3) of many poses (N, P)."""
+    count = parents.shape[0]
+    vectors = np.empty((count, 3))
+    rotations = np.empty((count, 3, 3))
+    for n in range(poses.shape[0]):
+        forward_kinematics(poses[n], parents, rest, dof_joint, dof_axis, vectors, rotations, joints_out[n])
+        skin(points, skin_joints, skin_weights, rest, rotations, joints_out[n], points_out[n])
