@@ -1,0 +1,27 @@
+# make demo: set up and run the main job on bundled motions.   make test: set up and run everything that CI runs.
+# PYTHON=python3.12 chooses the interpreter (3.10 to 3.12); without it the first one found is taken.
+
+SHELL := /bin/bash
+VENV := .venv
+BIN := $(VENV)/bin
+
+.PHONY: demo test environment lint clean
+
+environment:
+	@scripts/check_system_libraries.sh
+	@PYTHON="$(PYTHON)" scripts/make_environment.sh $(VENV)
+
+demo: environment
+	$(BIN)/depthmocap demo --output demo
+
+lint: environment
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/mypy
+	$(BIN)/lint-imports
+
+test: lint
+	$(BIN)/pytest
+
+clean:
+	rm -rf $(VENV) build dist demo

@@ -1,0 +1,58 @@
+#!/usr/bin/env bash
+# make_environment.sh FOLDER: a virtual environment with the project and its tools, whole or not at all.
+# An environment that is up to date is left alone; one whose making was interrupted is removed and made again.
+set -euo pipefail
+cd "$(dirname "$0")/.."
+folder=$1
+stamp=$folder/.installed
+unfinished=$folder/.unfinished
+wanted=$(sha256sum pyproject.toml | cut -d' ' -f1)
+
+if [ ! -e "$unfinished" ] && [ "$(cat "$stamp" 2>/dev/null)" = "$wanted" ]; then
+    exit 0
+fi
+
+works() { "$1" -c 'import sys; sys.exit(not (3, 10) <= sys.version_info[:2] < (3, 13))' 2>/dev/null; }
+
+find_python() {
+    if [ -n "${PYTHON:-}" ]; then
+        works "$PYTHON" && { echo "$PYTHON"; return; }
+        echo "PYTHON=$PYTHON is not a Python 3.10, 3.11 or 3.12; name another one" >&2
+        return 1
+    fi
+    for candidate in python3 python3.12 python3.11 python3.10 python; do
+        works "$candidate" && { echo "$candidate"; return; }
+    done
+    echo "no Python 3.10, 3.11 or 3.12 was found; install one or name it: make PYTHON=/path/to/python3.11" >&2
+    return 1
+}
+
+[ -e "$unfinished" ] && rm -rf "$folder"
+ours=
+if [ ! -d "$folder" ]; then
+    python=$(find_python)
+    if ! "$python" -c 'import venv, ensurepip' 2>/dev/null; then
+        version=$("$python" -c 'import sys; print(f"{sys.version_info[0]}.{sys.version_info[1]}")')
+        scripts/install_packages.sh "$python cannot make virtual environments" "python$version-venv"
+    fi
+    mkdir -p "$folder"
+    ours=yes
+elif [ -e "$stamp" ]; then
+    ours=yes
+fi
+
+# Only what this script has made is ever removed: an environment that someone else put here is theirs.
+tidy() { [ -z "$ours" ] || { rm -rf "$folder"; echo "the unfinished environment in $folder was removed" >&2; }; }
+[ -z "$ours" ] || touch "$unfinished"
+trap tidy EXIT
+trap 'exit 130' INT TERM
+
+[ -x "$folder/bin/python" ] || "$python" -m venv "$folder"
+echo "installing the project and its tools into $folder (once; some minutes)" >&2
+"$folder/bin/python" -m pip install --quiet --disable-pip-version-check --editable '.[dev]' || {
+    echo "the packages could not be installed; check the network and run make again" >&2
+    exit 1
+}
+echo "$wanted" >"$stamp"
+rm -f "$unfinished"
+trap - EXIT
