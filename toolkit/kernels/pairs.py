@@ -1,0 +1,268 @@
+"""Correspondences between mesh and depth image, in both directions, added to the joint quadratics, compiled.
+
+Everything here is in the camera frame. A pair's weight falls with its distance d as `1 / (1 + (d / sigma)^2)^2`
+(Geman-McClure), so that a wrong correspondence pulls little.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+from toolkit.kernels.pixel_search import longest_ray, nearest_pixels
+from toolkit.kernels.twists import add_pair
+
+
+@njit(cache=True)
+def to_camera(
+    rotation: np.ndarray,
+    rotations: np.ndarray,
+    origins: np.ndarray,
+    axes: np.ndarray,
+    rotations_camera: np.ndarray,
+    origins_camera: np.ndarray,
+    axes_camera: np.ndarray,
+) -> None:
+    """Turn placed joints and axes by `rotation` (3, 3), R_camera_level."""
+    for j in range(origins.shape[0]):
+        for a in range(3):
+            total = 0.0
+            for c in range(3):
+                total += rotation[a, c] * origins[j, c]
+                value = 0.0
+                for b in range(3):
+                    value += rotation[a, b] * rotations[j, b, c]
+                rotations_camera[j, a, c] = value
+            origins_camera[j, a] = total
+    for k in range(axes.shape[0]):
+        for a in range(3):
+            axes_camera[k, a] = rotation[a, 0] * axes[k, 0] + rotation[a, 1] * axes[k, 1] + rotation[a, 2] * axes[k, 2]
+
+
+@njit(cache=True)
+def skin_normals(
+    normals: np.ndarray,
+    skin_joints: np.ndarray,
+    skin_weights: np.ndarray,
+    rotations: np.ndarray,
+    out: np.ndarray,
+) -> None:
+    """Rest normals (V, 3) turned by the blended rotations and normalised; fills `out` (V, 3)."""
+    for v in range(normals.shape[0]):
+        x = y = z = 0.0
+        for s in range(skin_joints.shape[1]):
+            w = skin_weights[v, s]
+            if w == 0.0:
+                continue
+            r = rotations[skin_joints[v, s]]
+            x += w * (r[0, 0] * normals[v, 0] + r[0, 1] * normals[v, 1] + r[0, 2] * normals[v, 2])
+            y += w * (r[1, 0] * normals[v, 0] + r[1, 1] * normals[v, 1] + r[1, 2] * normals[v, 2])
+            z += w * (r[2, 0] * normals[v, 0] + r[2, 1] * normals[v, 1] + r[2, 2] * normals[v, 2])
+        length = max(np.sqrt(x * x + y * y + z * z), 1e-12)
+        out[v, 0] = x / length
+        out[v, 1] = y / length
+        out[v, 2] = z / length
+
+
+@njit(cache=True)
+def depth_from_inverse(inverse_depth: np.ndarray, depth: np.ndarray) -> None:
+    """Depth (H, W) from inverse depth, 0 where nothing was drawn."""
+    for v in range(inverse_depth.shape[0]):
+        for u in range(inverse_depth.shape[1]):
+            w = inverse_depth[v, u]
+            depth[v, u] = 1.0 / w if w > 0.0 else 0.0
+
+
+@njit(cache=True)
+def visible_vertices(
+    chosen: np.ndarray,
+    vertices: np.ndarray,
+    normals: np.ndarray,
+    model_depth: np.ndarray,
+    model_intrinsics: np.ndarray,
+    facing: float,
+    tolerance: float,
+    out: np.ndarray,
+) -> None:
+    """Which chosen vertices the camera sees: facing it, inside the image or beyond its border, not behind the body itself.
+
+    A vertex faces the camera when the cosine between its normal and the direction to the camera exceeds `facing`; it is
+    hidden when the drawn body lies nearer by more than `tolerance` metres. Fills `out` (C,) bool.
+    """
+    height, width = model_depth.shape
+    for i in range(chosen.shape[0]):
+        v = chosen[i]
+        x, y, z = vertices[v, 0], vertices[v, 1], vertices[v, 2]
+        out[i] = False
+        if z <= 0.05:
+            continue
+        cosine = -(normals[v, 0] * x + normals[v, 1] * y + normals[v, 2] * z) / np.sqrt(x * x + y * y + z * z)
+        if cosine < facing:
+            continue
+        pu = int(np.rint(model_intrinsics[0] * x / z + model_intrinsics[2]))
+        pv = int(np.rint(model_intrinsics[1] * y / z + model_intrinsics[3]))
+        if pu >= 0 and pu < width and pv >= 0 and pv < height:
+            front = model_depth[pv, pu]
+            if front > 0.0 and front < z - tolerance:
+                continue
+        out[i] = True
+
+
+@njit(cache=True)
+def nearest_medians(
+    points: np.ndarray,
+    wanted_points: np.ndarray,
+    depth: np.ndarray,
+    intrinsics: np.ndarray,
+    reach: float,
+    wanted: int,
+    out: np.ndarray,
+) -> None:
+    """Componentwise median of the nearest measured points of each wanted point; fills `out` (C, 3), NaN where none."""
+    width = depth.shape[1]
+    ray = longest_ray(depth.shape[0], width, intrinsics)
+    squared = np.empty(wanted)
+    pixels = np.empty(wanted, dtype=np.int64)
+    sample = np.empty((3, wanted))
+    for i in range(points.shape[0]):
+        out[i, 0] = np.nan
+        if not wanted_points[i]:
+            continue
+        found = nearest_pixels(
+            points[i, 0], points[i, 1], points[i, 2], depth, intrinsics, ray, reach, wanted, squared, pixels
+        )
+        if found == 0:
+            continue
+        for n in range(found):
+            u = pixels[n] % width
+            v = pixels[n] // width
+            z = depth[v, u]
+            sample[0, n] = (u - intrinsics[2]) * z / intrinsics[0]
+            sample[1, n] = (v - intrinsics[3]) * z / intrinsics[1]
+            sample[2, n] = z
+        for a in range(3):
+            # Insertion sort: at most nine values.
+            for n in range(1, found):
+                value = sample[a, n]
+                m = n
+                while m > 0 and sample[a, m - 1] > value:
+                    sample[a, m] = sample[a, m - 1]
+                    m -= 1
+                sample[a, m] = value
+            out[i, a] = 0.5 * (sample[a, (found - 1) // 2] + sample[a, found // 2])
+
+
+@njit(cache=True)
+def add_surface_pairs(
+    vertex_of: np.ndarray,
+    targets: np.ndarray,
+    weights: np.ndarray,
+    vertices: np.ndarray,
+    normals: np.ndarray,
+    skin_joints: np.ndarray,
+    skin_weights: np.ndarray,
+    reference: np.ndarray,
+    sigma: float,
+    plane: float,
+    point: float,
+    hessian: np.ndarray,
+    gradient: np.ndarray,
+) -> None:
+    """Pull mesh vertices to their targets (C, 3; NaN where there is none) with a plane and a point part."""
+    for i in range(vertex_of.shape[0]):
+        if np.isnan(targets[i, 0]):
+            continue
+        v = vertex_of[i]
+        ex = vertices[v, 0] - targets[i, 0]
+        ey = vertices[v, 1] - targets[i, 1]
+        ez = vertices[v, 2] - targets[i, 2]
+        ratio = 1.0 + (ex * ex + ey * ey + ez * ez) / (sigma * sigma)
+        robust = weights[i] / (ratio * ratio)
+        for s in range(skin_joints.shape[1]):
+            w = skin_weights[v, s] * robust
+            if w > 0.0:
+                add_pair(
+                    hessian, gradient, skin_joints[v, s],
+                    vertices[v, 0] - reference[0], vertices[v, 1] - reference[1], vertices[v, 2] - reference[2],
+                    normals[v, 0], normals[v, 1], normals[v, 2], ex, ey, ez, w * plane, w * point,
+                )  # fmt: skip
+
+
+@njit(cache=True)
+def nearest_model_points(
+    samples: np.ndarray,
+    model_depth: np.ndarray,
+    model_triangle: np.ndarray,
+    model_intrinsics: np.ndarray,
+    faces: np.ndarray,
+    vertices: np.ndarray,
+    reach: float,
+    points: np.ndarray,
+    vertex_of: np.ndarray,
+) -> None:
+    """Nearest visible surface point of the drawn body for each measured sample (N, 3).
+
+    Fills `points` (N, 3) and `vertex_of` (N,), the corner of the drawn triangle nearest to that point; -1 where none is
+    within `reach` metres.
+    """
+    width = model_depth.shape[1]
+    ray = longest_ray(model_depth.shape[0], width, model_intrinsics)
+    squared = np.empty(1)
+    pixels = np.empty(1, dtype=np.int64)
+    for i in range(samples.shape[0]):
+        vertex_of[i] = -1
+        found = nearest_pixels(
+            samples[i, 0], samples[i, 1], samples[i, 2], model_depth, model_intrinsics, ray, reach, 1, squared, pixels
+        )
+        if found == 0:
+            continue
+        u = pixels[0] % width
+        v = pixels[0] // width
+        z = model_depth[v, u]
+        x = (u - model_intrinsics[2]) * z / model_intrinsics[0]
+        y = (v - model_intrinsics[3]) * z / model_intrinsics[1]
+        points[i, 0], points[i, 1], points[i, 2] = x, y, z
+        best = np.inf
+        for c in range(3):
+            corner = faces[model_triangle[v, u], c]
+            dx, dy, dz = vertices[corner, 0] - x, vertices[corner, 1] - y, vertices[corner, 2] - z
+            d2 = dx * dx + dy * dy + dz * dz
+            if d2 < best:
+                best = d2
+                vertex_of[i] = corner
+
+
+@njit(cache=True)
+def add_cloud_pairs(
+    samples: np.ndarray,
+    points: np.ndarray,
+    vertex_of: np.ndarray,
+    weights: np.ndarray,
+    normals: np.ndarray,
+    skin_joints: np.ndarray,
+    skin_weights: np.ndarray,
+    reference: np.ndarray,
+    sigma: float,
+    plane: float,
+    point: float,
+    hessian: np.ndarray,
+    gradient: np.ndarray,
+) -> None:
+    """Pull the body's visible surface points to the measured samples that they should explain."""
+    for i in range(samples.shape[0]):
+        v = vertex_of[i]
+        if v < 0:
+            continue
+        ex = points[i, 0] - samples[i, 0]
+        ey = points[i, 1] - samples[i, 1]
+        ez = points[i, 2] - samples[i, 2]
+        ratio = 1.0 + (ex * ex + ey * ey + ez * ez) / (sigma * sigma)
+        robust = weights[i] / (ratio * ratio)
+        for s in range(skin_joints.shape[1]):
+            w = skin_weights[v, s] * robust
+            if w > 0.0:
+                add_pair(
+                    hessian, gradient, skin_joints[v, s],
+                    points[i, 0] - reference[0], points[i, 1] - reference[1], points[i, 2] - reference[2],
+                    normals[v, 0], normals[v, 1], normals[v, 2], ex, ey, ez, w * plane, w * point,
+                )  # fmt: skip

@@ -1,0 +1,85 @@
+"""Exact nearest-neighbour search on a pixel grid: rings around the projection, stopped by a lower bound, compiled.
+
+A point seen in a pixel r pixels away from the projection of q lies on another viewing ray; its distance to q is at least
+`z (r - 1/2) / (f |d|)`, with |d| the length of the longest ray with unit z. Once that bound passes the best distance found,
+no farther ring can hold a nearer point, so the answer equals that of a tree over all points, and no tree has to be built.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+MOST_NEIGHBOURS = 9
+
+
+@njit(cache=True)
+def longest_ray(height: int, width: int, intrinsics: np.ndarray) -> float:
+    """Length of the longest viewing ray of unit z over the image."""
+    a = max(abs(intrinsics[2]), abs(width - 1 - intrinsics[2])) / intrinsics[0]
+    b = max(abs(intrinsics[3]), abs(height - 1 - intrinsics[3])) / intrinsics[1]
+    return np.sqrt(1.0 + a * a + b * b)
+
+
+@njit(cache=True)
+def nearest_pixels(
+    x: float,
+    y: float,
+    z: float,
+    depth: np.ndarray,
+    intrinsics: np.ndarray,
+    ray: float,
+    reach: float,
+    wanted: int,
+    squared: np.ndarray,
+    pixels: np.ndarray,
+) -> int:
+    """The `wanted` measured points nearest to (x, y, z), all in the camera frame, within `reach` metres.
+
+    Fills `squared` and `pixels` (flat index), nearest first, and returns how many were found. Ties go to the pixel met
+    first (inner ring first, then row by row). `depth` (H, W) holds z, 0 where nothing was measured.
+    """
+    height, width = depth.shape
+    fx, fy, cx, cy = intrinsics[0], intrinsics[1], intrinsics[2], intrinsics[3]
+    if z <= 0.05:
+        return 0
+    centre_u = int(np.rint(fx * x / z + cx))
+    centre_v = int(np.rint(fy * y / z + cy))
+    limit = reach * reach
+    step = z / (max(fx, fy) * ray)
+    last = int(np.ceil(reach / step)) + 1
+    # Rings that lie wholly outside the image hold nothing: start with the first one that touches it.
+    first = max(0, -centre_u, centre_u - (width - 1), -centre_v, centre_v - (height - 1))
+    found = 0
+    for ring in range(first, last + 1):
+        bound = (ring - 0.5) * step
+        if bound > 0.0 and bound * bound >= limit:
+            break
+        for v in range(max(0, centre_v - ring), min(height - 1, centre_v + ring) + 1):
+            whole_row = v == centre_v - ring or v == centre_v + ring
+            stride = 1 if whole_row else max(1, 2 * ring)
+            u = centre_u - ring
+            if whole_row and u < 0:
+                u = 0
+            while u <= centre_u + ring:
+                if u >= width:
+                    break
+                if u >= 0 and depth[v, u] > 0.0:
+                    pz = depth[v, u]
+                    dx = (u - cx) * pz / fx - x
+                    dy = (v - cy) * pz / fy - y
+                    dz = pz - z
+                    d2 = dx * dx + dy * dy + dz * dz
+                    if d2 < limit:
+                        place = min(found, wanted - 1)
+                        while place > 0 and squared[place - 1] > d2:
+                            squared[place] = squared[place - 1]
+                            pixels[place] = pixels[place - 1]
+                            place -= 1
+                        squared[place] = d2
+                        pixels[place] = v * width + u
+                        found = min(found + 1, wanted)
+                        if found == wanted:
+                            limit = min(limit, squared[wanted - 1])
+                u += stride
+    return found

@@ -1,0 +1,64 @@
+"""A z-buffer for small meshes: which triangle each pixel of a pinhole camera sees, and how far away, compiled."""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+
+@njit(cache=True)
+def project(points: np.ndarray, intrinsics: np.ndarray, out: np.ndarray) -> None:
+    """Pixel coordinates and inverse depth (u, v, 1/z) of camera-frame points (N, 3); 1/z is 0 at or behind the camera."""
+    fx, fy, cx, cy = intrinsics[0], intrinsics[1], intrinsics[2], intrinsics[3]
+    for n in range(points.shape[0]):
+        z = points[n, 2]
+        if z <= 0.05:
+            out[n, 0] = out[n, 1] = out[n, 2] = 0.0
+        else:
+            out[n, 0] = fx * points[n, 0] / z + cx
+            out[n, 1] = fy * points[n, 1] / z + cy
+            out[n, 2] = 1.0 / z
+
+
+@njit(cache=True)
+def rasterise(projected: np.ndarray, faces: np.ndarray, inverse_depth: np.ndarray, triangle: np.ndarray) -> None:
+    """Draw front-facing triangles: fills `inverse_depth` (H, W), 0 where nothing is, and `triangle` (H, W), -1 there.
+
+    `projected` (V, 3) comes from `project`. Counter-clockwise faces seen from outside are clockwise in image coordinates
+    (v grows downwards) when they face the camera. Inverse depth is linear in the image, so its interpolation is exact.
+    """
+    height, width = inverse_depth.shape
+    inverse_depth[:] = 0.0
+    triangle[:] = -1
+    for f in range(faces.shape[0]):
+        a, b, c = faces[f, 0], faces[f, 1], faces[f, 2]
+        wa, wb, wc = projected[a, 2], projected[b, 2], projected[c, 2]
+        if wa == 0.0 or wb == 0.0 or wc == 0.0:
+            continue
+        ax, ay = projected[a, 0], projected[a, 1]
+        bx, by = projected[b, 0], projected[b, 1]
+        cx, cy = projected[c, 0], projected[c, 1]
+        area = (bx - ax) * (cy - ay) - (by - ay) * (cx - ax)
+        if area >= -1e-12:
+            continue
+        u0 = max(0, int(np.ceil(min(ax, bx, cx))))
+        u1 = min(width - 1, int(np.floor(max(ax, bx, cx))))
+        v0 = max(0, int(np.ceil(min(ay, by, cy))))
+        v1 = min(height - 1, int(np.floor(max(ay, by, cy))))
+        if u0 > u1 or v0 > v1:
+            continue
+        scale = 1.0 / area
+        # Barycentric coordinates are affine in (u, v): step them instead of evaluating them.
+        beta_u, beta_v = (cy - ay) * scale, -(cx - ax) * scale
+        gamma_u, gamma_v = -(by - ay) * scale, (bx - ax) * scale
+        for v in range(v0, v1 + 1):
+            beta = (u0 - ax) * beta_u + (v - ay) * beta_v
+            gamma = (u0 - ax) * gamma_u + (v - ay) * gamma_v
+            for u in range(u0, u1 + 1):
+                if beta >= -1e-9 and gamma >= -1e-9 and beta + gamma <= 1.0 + 1e-9:
+                    w = wa + beta * (wb - wa) + gamma * (wc - wa)
+                    if w > inverse_depth[v, u]:
+                        inverse_depth[v, u] = w
+                        triangle[v, u] = f
+                beta += beta_u
+                gamma += gamma_u
