@@ -1,0 +1,388 @@
+"""The 40 relational features of a motion: boolean relations between joints (thesis 2.2, Table 2.1; Mueller and Roeder 2006).
+
+`FEATURES` is the specification as a table. Every feature is a real-valued quantity, a comparison, and a loose and a strict
+threshold joined by hysteresis; lengths are in units of the actor's own body, measured in the first frame. World frame: y up,
+right-handed. Features are computed at the motion's own rate, and the columns nearest to a 30 Hz clock are kept.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from itertools import combinations
+
+import numpy as np
+from scipy.ndimage import uniform_filter1d
+
+from toolkit.errors import RetrievalError
+from toolkit.retrieval.motion import NAMED_JOINTS, Motion
+
+FEATURE_RATE = 30.0
+"""Columns per second of a feature matrix."""
+
+
+@dataclass(frozen=True, eq=False)
+class FeatureMatrix:
+    """Relational features of a motion or of a document of several motions.
+
+    Attributes
+    ----------
+    name : name of the motion
+    values : bool (40, T), row i is feature F(i+1)
+    frame_rate : columns per second
+    """
+
+    name: str
+    values: np.ndarray
+    frame_rate: float = FEATURE_RATE
+
+    def __post_init__(self) -> None:
+        if self.values.ndim != 2 or self.values.shape[0] != len(FEATURES) or self.values.dtype != bool:
+            raise RetrievalError(
+                f"features of {self.name!r} are {self.values.dtype} of shape {self.values.shape}; "
+                f"expected bool ({len(FEATURES)}, frames)"
+            )
+
+    def __len__(self) -> int:
+        return self.values.shape[1]
+
+    @property
+    def duration(self) -> float:
+        """Seconds."""
+        return len(self) / self.frame_rate
+
+    def rows(self, feature_set: str) -> np.ndarray:
+        """bool (n, T): the features of one set of `FEATURE_SETS`."""
+        return self.values[FEATURE_SETS[feature_set]]
+
+    def sliced(self, start: int, stop: int) -> FeatureMatrix:
+        """Columns start to stop - 1."""
+        return replace(self, values=self.values[:, start:stop])
+
+    def mirrored(self) -> FeatureMatrix:
+        """The matrix with right and left features exchanged."""
+        return replace(self, values=self.values[MIRROR])
+
+
+@dataclass(frozen=True)
+class BodyLengths:
+    """The actor's own units of length, in the unit of the motion's positions; all measured in one frame."""
+
+    humerus_right: float
+    humerus_left: float
+    shoulders: float
+    hips: float
+    chest_neck: float
+    body: float
+
+    @classmethod
+    def of(cls, motion: Motion) -> BodyLengths:
+        """Measure the first frame. The body's length runs along the right leg and the spine, without the drop to the hips."""
+        point = dict(zip(NAMED_JOINTS, motion.joints[0], strict=True))
+
+        def length(*chain: str) -> float:
+            steps = zip(chain[:-1], chain[1:], strict=True)
+            return float(sum(np.linalg.norm(point[a] - point[b]) for a, b in steps))
+
+        return cls(
+            humerus_right=length("right_shoulder", "right_elbow"),
+            humerus_left=length("left_shoulder", "left_elbow"),
+            shoulders=length("left_shoulder", "right_shoulder"),
+            hips=length("left_hip", "right_hip"),
+            chest_neck=length("chest", "neck"),
+            body=length("right_ankle", "right_knee", "right_hip")
+            + length("root", "belly", "chest", "neck", "head", "headtop"),
+        )
+
+    def symmetric(self) -> BodyLengths:
+        """Both arms with their mean length, which makes left and right features exact mirror images (F1 and F2 excepted)."""
+        mean = 0.5 * (self.humerus_right + self.humerus_left)
+        return replace(self, humerus_right=mean, humerus_left=mean)
+
+    def unit(self, name: str) -> float:
+        """Length of HR, HL, SW, HW, CN or BL; 1 for degrees."""
+        return {
+            "HR": self.humerus_right, "HL": self.humerus_left, "SW": self.shoulders, "HW": self.hips,
+            "CN": self.chest_neck, "BL": self.body, "deg": 1.0,
+        }[name]  # fmt: skip
+
+
+class Geometry:
+    """Planes, angles and velocities of one motion; every quantity is float64 (T,), every vector float64 (3, T)."""
+
+    def __init__(self, motion: Motion) -> None:
+        self.rate = motion.frame_rate
+        self.positions = np.ascontiguousarray(motion.joints.transpose(1, 2, 0), dtype=np.float64)
+        axis = motion.root_axis
+        self.root_axis = self["left_hip"] - self["right_hip"] if axis is None else np.ascontiguousarray(axis.T)
+        self._velocities: dict[tuple[str, float], np.ndarray] = {}
+
+    def __getitem__(self, joint: str) -> np.ndarray:
+        return self.positions[_INDEX[joint]]
+
+    def normal(self, a: str, b: str, c: str) -> np.ndarray:
+        """Unit normal of the plane through joints a, b, c, along (a - c) x (b - c)."""
+        return _unit(_cross(self[a] - self[c], self[b] - self[c]))
+
+    def direction(self, a: str, b: str) -> np.ndarray:
+        """Unit vector from a to b."""
+        return _unit(self[b] - self[a])
+
+    def velocity(self, joint: str, smoothing_ms: float) -> np.ndarray:
+        """Forward difference of a joint's position per second, then a box average over `smoothing_ms`."""
+        key = (joint, smoothing_ms)
+        if key not in self._velocities:
+            self._velocities[key] = smoothed_velocity(self[joint], self.rate, smoothing_ms)
+        return self._velocities[key]
+
+    def plane(self, a: str, b: str, c: str, q: str) -> np.ndarray:
+        """PLANE(a, b, c; q): signed distance of q from the plane."""
+        return _dot(self.normal(a, b, c), self[q] - self[c])
+
+    def nplane(self, a: str, b: str, c: str, q: str) -> np.ndarray:
+        """NPLANE(a > b; c; q): signed distance of q from the plane through c whose normal points from a to b."""
+        return _dot(self.direction(a, b), self[q] - self[c])
+
+    def vplane(self, a: str, b: str, c: str, q: str, ms: float) -> np.ndarray:
+        """VPLANE(a, b, c; q): smoothed velocity of q - c along the normal of PLANE(a, b, c)."""
+        return _dot(self.normal(a, b, c), self.velocity(q, ms) - self.velocity(c, ms))
+
+    def vnplane(self, a: str, b: str, c: str, q: str, ms: float) -> np.ndarray:
+        """VNPLANE(a > b; c; q): smoothed velocity of q - c along the direction from a to b."""
+        return _dot(self.direction(a, b), self.velocity(q, ms) - self.velocity(c, ms))
+
+    def speed(self, q: str, ms: float) -> np.ndarray:
+        """SPEED(q): length of the smoothed velocity."""
+        return _norm(self.velocity(q, ms))
+
+    def angle(self, a: str, b: str, c: str, d: str) -> np.ndarray:
+        """ANGLE(b - a, d - c) between the vectors from a to b and from c to d, degrees, 0 to 180."""
+        return _angle(self[b] - self[a], self[d] - self[c])
+
+    def incline(self, a: str, b: str) -> np.ndarray:
+        """Angle between the vector from a to b and the vertical, degrees, 0 to 180."""
+        return _angle(self[b] - self[a], np.array([[0.0], [1.0], [0.0]]))
+
+    def height(self, q: str, without: tuple[str, ...] = ()) -> np.ndarray:
+        """Height of q above the lowest named joint, some joints left out."""
+        kept = [i for name, i in _INDEX.items() if name not in without]
+        return self[q][1] - self.positions[kept, 1].min(axis=0)
+
+    def vertical_extent(self) -> np.ndarray:
+        """Highest minus lowest y of all named joints."""
+        heights = self.positions[:, 1]
+        return heights.max(axis=0) - heights.min(axis=0)
+
+    def ground_extent(self, *joints: str) -> np.ndarray:
+        """Largest distance in the ground plane between any two of the joints."""
+        ground = [self[joint][::2] for joint in joints]
+        return np.sqrt(np.max([np.square(a - b).sum(axis=0) for a, b in combinations(ground, 2)], axis=0))
+
+    def yaw_rate(self) -> np.ndarray:
+        """Unsigned turn of the root's x axis in the ground plane, degrees per second; 0 in the last frame."""
+        x, z = self.root_axis[0], self.root_axis[2]
+        turn = np.arctan2(x[:-1] * z[1:] - z[:-1] * x[1:], x[:-1] * x[1:] + z[:-1] * z[1:])
+        return np.append(np.abs(np.degrees(turn)) * self.rate, 0.0)
+
+
+def smoothed_velocity(positions: np.ndarray, rate: float, smoothing_ms: float) -> np.ndarray:
+    """Velocity (..., T) of positions (..., T): forward difference, last value repeated, box average of ceil(ms * rate) frames.
+
+    The ends are mirrored. An odd window is centred on the frame, an even one reaches one value further into the future.
+    """
+    velocity = np.zeros_like(positions)
+    if positions.shape[-1] > 1:
+        np.subtract(positions[..., 1:], positions[..., :-1], out=velocity[..., :-1])
+        velocity[..., -1] = velocity[..., -2]
+        velocity *= rate
+    window = max(1, int(np.ceil(smoothing_ms * rate / 1000.0 - 1e-9)))
+    if window == 1:
+        return velocity
+    return uniform_filter1d(velocity, window, axis=-1, mode="reflect", origin=-1 if window % 2 == 0 else 0)
+
+
+Quantity = Callable[[Geometry], np.ndarray]
+
+
+@dataclass(frozen=True)
+class Feature:
+    """One relational feature: 1 from the first strict frame on for as long as the loose test holds.
+
+    Attributes
+    ----------
+    number : i of F(i), 1 to 40
+    meaning : what a 1 says
+    quantity : the real-valued quantity, per frame
+    test : "<", "<=", ">", ">=" against the threshold, or "within" that distance of 90 degrees, ends included
+    loose, strict : thresholds in units
+    unit : unit of the thresholds: a body length (per second for velocities) or "deg" (degrees, also per second)
+    """
+
+    number: int
+    meaning: str
+    quantity: Quantity
+    test: str
+    loose: float
+    strict: float
+    unit: str
+
+    def evaluate(self, geometry: Geometry, lengths: BodyLengths) -> tuple[np.ndarray, np.ndarray]:
+        """The loose and the strict test, bool (T,) each."""
+        values, unit = self.quantity(geometry), lengths.unit(self.unit)
+        return _TESTS[self.test](values, self.loose * unit), _TESTS[self.test](values, self.strict * unit)
+
+
+_TESTS: dict[str, Callable[[np.ndarray, float], np.ndarray]] = {
+    "<": np.less,
+    "<=": np.less_equal,
+    ">": np.greater,
+    ">=": np.greater_equal,
+    "within": lambda values, width: np.abs(values - 90.0) <= width,
+}
+
+
+def _pair(
+    number: int, meaning: str, quantity: Callable[[Geometry, str], np.ndarray], test: str, loose: float, strict: float, unit: str
+) -> Iterator[Feature]:
+    """An odd feature of the right side and the even one of the left; `quantity` takes the side's prefix."""
+    for offset, side in enumerate(("right", "left")):
+        yield Feature(
+            number + offset, f"{side} {meaning}", lambda g, s=side: quantity(g, s), test, loose, strict, unit
+        )  # type: ignore[misc]
+
+
+# One line per row of the specification: quantity, comparison, loose and strict threshold, unit. Velocities end with the
+# window of their smoothing in milliseconds.
+FEATURES: tuple[Feature, ...] = (
+    # upper body
+    *_pair(1, "hand moving forwards", lambda g, s: g.vplane("neck", "right_hip", "left_hip", f"{s}_wrist", 250), ">", 1.3, 1.8, "HL"),
+    *_pair(3, "hand above neck", lambda g, s: g.nplane("chest", "neck", "neck", f"{s}_wrist"), ">=", 0.0, 0.2, "CN"),
+    *_pair(5, "hand moving upwards", lambda g, s: g.vnplane("chest", "neck", "neck", f"{s}_wrist", 250), ">", 1.3, 1.8, "HL"),
+    *_pair(7, "elbow bent", lambda g, s: g.angle(f"{s}_elbow", f"{s}_shoulder", f"{s}_elbow", f"{s}_wrist"), "<=", 120, 110, "deg"),
+    Feature(9, "hands far apart, sideways", lambda g: np.abs(g.nplane("left_shoulder", "right_shoulder", "left_wrist", "right_wrist")), ">=", 2.0, 2.5, "SW"),
+    Feature(10, "hands approaching each other", lambda g: g.vnplane("left_wrist", "right_wrist", "right_wrist", "left_wrist", 100), ">=", 1.2, 1.4, "HR"),
+    *_pair(11, "hand moving away from root", lambda g, s: g.vnplane(f"{s}_wrist", "root", f"{s}_wrist", "root", 0), ">=", 1.2, 1.4, "HR"),
+    *_pair(13, "hand fast", lambda g, s: g.speed(f"{s}_fingers", 100), ">=", 2.0, 2.5, "HR"),
+    # lower body
+    Feature(15, "right foot behind left leg", lambda g: g.plane("root", "left_hip", "left_ankle", "right_ankle"), ">=", 0.0, 0.375, "HR"),
+    Feature(16, "left foot behind right leg", lambda g: g.plane("root", "right_ankle", "right_hip", "left_ankle"), ">=", 0.0, 0.375, "HR"),
+    *_pair(17, "foot raised", lambda g, s: g.height(f"{s}_toes"), ">=", 1.0, 1.2, "HR"),
+    Feature(19, "feet far apart, sideways", lambda g: np.abs(g.nplane("left_hip", "right_hip", "left_ankle", "right_ankle")), ">=", 1.8, 2.1, "HR"),
+    *_pair(20, "knee bent", lambda g, s: g.angle(f"{s}_knee", f"{s}_hip", f"{s}_knee", f"{s}_ankle"), "<=", 120, 110, "deg"),
+    Feature(22, "feet crossed over", lambda g: g.nplane("left_hip", "right_hip", "left_ankle", "right_ankle"), "<=", 0.0, -0.125, "HW"),
+    Feature(23, "feet moving towards each other, sideways", lambda g: g.vnplane("left_hip", "right_hip", "right_ankle", "left_ankle", 100), ">=", 1.3, 1.5, "HR"),
+    Feature(24, "feet moving apart, sideways", lambda g: g.vnplane("left_hip", "right_hip", "left_ankle", "right_ankle", 100), ">=", 1.3, 1.5, "HR"),
+    *_pair(25, "foot fast", lambda g, s: np.minimum(g.speed(f"{s}_toes", 100), g.speed(f"{s}_ankle", 100)), ">=", 2.0, 2.5, "HR"),
+    # mixed
+    *_pair(27, "humerus abducted", lambda g, s: g.angle("root", "neck", f"{s}_shoulder", f"{s}_elbow"), "<", 155, 150, "deg"),
+    *_pair(29, "femur abducted", lambda g, s: g.angle("root", "neck", f"{s}_knee", f"{s}_hip"), ">", 45, 50, "deg"),
+    Feature(31, "root behind frontal plane", lambda g: g.plane("left_ankle", "neck", "right_ankle", "root"), "<", -0.35, -0.5, "HR"),
+    Feature(32, "spine horizontal", lambda g: g.incline("root", "neck"), "within", 30, 20, "deg"),
+    *_pair(33, "hand lowered", lambda g, s: g.height(f"{s}_fingers", (f"{s}_fingers", f"{s}_wrist")), "<", 1.4, 1.2, "HR"),
+    Feature(35, "shoulders rotated right", lambda g: _shoulder_turn(g), ">", 0.35, 0.40, "HL"),
+    Feature(36, "shoulders rotated left", lambda g: -_shoulder_turn(g), ">", 0.35, 0.40, "HL"),
+    Feature(37, "Y-extents of body small", lambda g: g.vertical_extent(), "<=", 0.9, 0.8, "BL"),
+    Feature(38, "XZ-extents of body large", lambda g: g.ground_extent("left_ankle", "right_ankle", "left_wrist", "right_wrist", "headtop", "root"), ">=", 3.0, 3.25, "HR"),
+    Feature(39, "root fast", lambda g: g.speed("root", 0), ">=", 2.0, 2.3, "HR"),
+    Feature(40, "root rotates around Y", lambda g: g.yaw_rate(), ">=", 100, 110, "deg"),
+)  # fmt: skip
+
+FEATURE_SETS: dict[str, np.ndarray] = {
+    "upper": np.arange(0, 14),
+    "lower": np.arange(14, 26),
+    "mixed": np.arange(26, 40),
+}
+"""Rows of each feature set; stacked they are the numbering of Table 2.1."""
+
+_MIRROR_PAIRS = ((1, 2), (3, 4), (5, 6), (7, 8), (11, 12), (13, 14), (15, 16), (17, 18), (20, 21), (25, 26), (27, 28), (29, 30), (33, 34), (35, 36))  # fmt: skip
+
+
+def _mirror() -> np.ndarray:
+    rows = np.arange(len(FEATURES))
+    for right, left in _MIRROR_PAIRS:
+        rows[[right - 1, left - 1]] = left - 1, right - 1
+    return rows
+
+
+MIRROR: np.ndarray = _mirror()
+"""int64 (40,): row of each feature's mirror image."""
+
+
+def relational_features(motion: Motion, lengths: BodyLengths | None = None) -> FeatureMatrix:
+    """All 40 features of a motion at 30 Hz (thesis 2.2).
+
+    Parameters
+    ----------
+    motion : at its native rate; velocities and hysteresis are evaluated there
+    lengths : the actor's units of length; measured in the first frame unless given
+
+    Returns
+    -------
+    FeatureMatrix
+        bool (40, T30): the columns nearest to multiples of 1/30 s, every 4th one of a 120 Hz motion.
+    """
+    native = native_features(motion, lengths)
+    count = max(1, int(np.ceil(len(motion) * FEATURE_RATE / motion.frame_rate - 1e-9)))
+    columns = np.rint(np.arange(count) * motion.frame_rate / FEATURE_RATE).astype(np.int64)
+    return FeatureMatrix(motion.name, native[:, np.minimum(columns, len(motion) - 1)])
+
+
+def native_features(motion: Motion, lengths: BodyLengths | None = None) -> np.ndarray:
+    """All 40 features at the motion's own rate: bool (40, T)."""
+    geometry = Geometry(motion)
+    lengths = BodyLengths.of(motion) if lengths is None else lengths
+    loose = np.empty((len(FEATURES), len(motion)), dtype=bool)
+    strict = np.empty_like(loose)
+    for row, feature in enumerate(FEATURES):
+        loose[row], strict[row] = feature.evaluate(geometry, lengths)
+    return hysteresis(loose, strict)
+
+
+def hysteresis(loose: np.ndarray, strict: np.ndarray) -> np.ndarray:
+    """Turn on at a strict frame, off at a frame that is not loose, else keep; off at the start. bool (..., T); strict implies loose."""
+    decided = strict | ~loose
+    last = np.where(decided, np.arange(loose.shape[-1]), -1)
+    np.maximum.accumulate(last, axis=-1, out=last)
+    return np.take_along_axis(strict, np.maximum(last, 0), axis=-1) & (last >= 0)
+
+
+@lru_cache(maxsize=1)
+def feature_fingerprint() -> str:
+    """Sixteen hexadecimal digits that name the feature definitions; stored with everything computed from features."""
+    import hashlib
+
+    table = [(f.number, f.meaning, f.test, f.loose, f.strict, f.unit) for f in FEATURES]
+    return hashlib.sha256(repr((table, FEATURE_RATE, NAMED_JOINTS)).encode()).hexdigest()[:16]
+
+
+_INDEX: dict[str, int] = {name: index for index, name in enumerate(NAMED_JOINTS)}
+
+
+def _shoulder_turn(g: Geometry) -> np.ndarray:
+    """How far the left shoulder stands before the right one, along the forward normal of the hips and the neck."""
+    normal = g.normal("right_hip", "left_hip", "neck")
+    return _dot(normal, g["left_shoulder"] - g["right_shoulder"])
+
+
+def _dot(u: np.ndarray, v: np.ndarray) -> np.ndarray:
+    return u[0] * v[0] + u[1] * v[1] + u[2] * v[2]
+
+
+def _norm(u: np.ndarray) -> np.ndarray:
+    return np.sqrt(_dot(u, u))
+
+
+def _unit(u: np.ndarray) -> np.ndarray:
+    """Unit vectors; a vector without direction stays zero, so that its features are those of distance 0."""
+    length = _norm(u)
+    return u / np.where(length > 0, length, 1.0)
+
+
+def _cross(u: np.ndarray, v: np.ndarray) -> np.ndarray:
+    return np.stack([u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0]])
+
+
+def _angle(u: np.ndarray, v: np.ndarray) -> np.ndarray:
+    cosine = _dot(_unit(u), _unit(v))
+    return np.degrees(np.arccos(np.clip(cosine, -1.0, 1.0)))

@@ -1,0 +1,196 @@
+"""Motions as the relational features see them: 24 named joints over time, from a clip, a pose sequence or a joint sequence.
+
+World frame: y up, right-handed; the features ignore position, heading and size, so any such frame and any unit of length do.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from typing import TYPE_CHECKING
+
+import numpy as np
+import yaml
+from scipy.spatial.transform import Rotation
+
+from toolkit.body import skeleton
+from toolkit.body.body import Body
+from toolkit.errors import MocapError, RigError
+from toolkit.files import shipped
+from toolkit.kernels import kinematics
+
+if TYPE_CHECKING:
+    from toolkit.mocap.clip import Clip
+    from toolkit.track import Track
+
+SIDES: tuple[str, str] = ("left", "right")
+
+NAMED_JOINTS: tuple[str, ...] = (
+    "root", "belly", "chest", "neck", "head", "headtop",
+    *(f"{side}_{joint}" for side in SIDES for joint in (
+        "clavicle", "shoulder", "elbow", "wrist", "fingers", "hip", "knee", "ankle", "toes",
+    )),
+)  # fmt: skip
+"""The 24 joints of the relational features; "neck" is the base of the neck, "fingers" and "toes" are tips."""
+
+_PARTNER = {"left": "right", "right": "left"}
+MIRRORED: np.ndarray = np.array(
+    [NAMED_JOINTS.index("_".join(_PARTNER.get(part, part) for part in name.split("_"))) for name in NAMED_JOINTS]
+)
+"""Index of each named joint's partner on the other side."""
+
+
+@dataclass(frozen=True, eq=False)
+class Motion:
+    """Named joints over time.
+
+    Attributes
+    ----------
+    name : what reports call it
+    joints : float64 (T, 24, 3), positions of `NAMED_JOINTS`, any unit of length, world frame (y up, right-handed)
+    frame_rate : frames per second, > 0
+    root_axis : float64 (T, 3) or None, the root's own x axis in the world; None where the source has no root orientation
+
+    Raises
+    ------
+    MocapError
+        No frames, an impossible frame rate, or joints that are not finite.
+    """
+
+    name: str
+    joints: np.ndarray
+    frame_rate: float
+    root_axis: np.ndarray | None = None
+
+    def __post_init__(self) -> None:
+        if self.joints.ndim != 3 or self.joints.shape[1:] != (len(NAMED_JOINTS), 3) or not len(self.joints):
+            raise MocapError(
+                f"motion {self.name!r} has joints of shape {self.joints.shape}; give one row of "
+                f"({len(NAMED_JOINTS)}, 3) per frame and at least one frame"
+            )
+        if not (np.isfinite(self.frame_rate) and self.frame_rate > 0):
+            raise MocapError(f"motion {self.name!r} has frame rate {self.frame_rate}; give frames per second above 0")
+        if not np.isfinite(self.joints).all():
+            frame = int(np.flatnonzero(~np.isfinite(self.joints).all(axis=(1, 2)))[0])
+            raise MocapError(f"motion {self.name!r} has a joint without a finite position in frame {frame}; cut it out")
+
+    def __len__(self) -> int:
+        return len(self.joints)
+
+    @property
+    def duration(self) -> float:
+        """Seconds from the first to just after the last frame."""
+        return len(self) / self.frame_rate
+
+    def sliced(self, start: int, stop: int) -> Motion:
+        """Frames start to stop - 1 as a motion of their own."""
+        axis = None if self.root_axis is None else self.root_axis[start:stop]
+        return replace(self, joints=self.joints[start:stop], root_axis=axis)
+
+    def mirrored(self) -> Motion:
+        """The motion seen in a mirror: x changes sign, left and right change names.
+
+        The root's x axis stays its left-to-right axis, so its reflection is turned round.
+        """
+        flip = np.array([-1.0, 1.0, 1.0])
+        axis = None if self.root_axis is None else -self.root_axis * flip
+        return replace(self, name=f"{self.name} (mirrored)", joints=self.joints[:, MIRRORED] * flip, root_axis=axis)
+
+
+@lru_cache(maxsize=1)
+def joint_maps() -> dict[str, dict[str, dict[str, float]]]:
+    """The shipped maps, `rig -> named joint -> {source point: weight}` (`configs/retrieval/joints.yaml`)."""
+    raw = yaml.safe_load(shipped("retrieval", "joints.yaml").read_text(encoding="utf-8"))
+    return {
+        rig: {joint: {value: 1.0} if isinstance(value, str) else dict(value) for joint, value in table.items()}
+        for rig, table in raw.items()
+    }
+
+
+def from_clip(clip: Clip) -> Motion:
+    """The named joints of a motion capture clip, by the first joint map whose joints it has (world frame, metres).
+
+    Raises
+    ------
+    RigError
+        No map fits; the message lists what the nearest map misses.
+    """
+    positions, rotations = clip.world()
+    points = _clip_points(clip, positions, rotations)
+    return Motion(clip.name, _gather(points, clip.name), float(clip.frame_rate), np.asarray(rotations[:, 0, :, 0]))
+
+
+def from_joints(joints: np.ndarray, frame_rate: float, name: str) -> Motion:
+    """The named joints from the 20 reported joints (T, 20, 3) in a frame with y up: no root orientation, tips continued."""
+    joints = np.asarray(joints, dtype=np.float64)
+    if joints.ndim != 3 or joints.shape[1:] != (len(skeleton.REPORTED), 3):
+        raise RigError(f"joints of {name!r} have shape {joints.shape}; give (frames, {len(skeleton.REPORTED)}, 3)")
+    return Motion(name, _gather(dict(zip(skeleton.REPORTED, joints.transpose(1, 0, 2), strict=True)), name), frame_rate)
+
+
+def from_poses(poses: np.ndarray, body: Body, frame_rate: float, name: str) -> Motion:
+    """The named joints from a body's poses (T, P) in any frame with y up.
+
+    The 20 reported joints do not suffice: the spine's joints come from the chain, finger tips, toe tips and the top of the
+    head from the end-effector vertices. The base of the neck is the chain's midpoint of the clavicles.
+    """
+    poses = np.ascontiguousarray(np.atleast_2d(skeleton.check_pose(poses)))
+    tips = body.end_effectors
+    centres = np.empty((len(poses), len(skeleton.JOINTS), 3))
+    moved = np.empty((len(poses), len(tips), 3))
+    kinematics.key_points(
+        poses, skeleton.PARENTS, body.joints, skeleton.DOF_JOINT, skeleton.DOF_AXIS, body.vertices[tips],
+        body.skin_joints[tips], body.skin_weights[tips], centres, moved,
+    )  # fmt: skip
+    chain = dict(zip(skeleton.JOINT_NAMES, centres.transpose(1, 0, 2), strict=True))
+    tip = dict(zip(skeleton.END_EFFECTORS, moved.transpose(1, 0, 2), strict=True))
+    neck = 0.5 * (chain["left_clavicle"] + chain["right_clavicle"])
+    points = {
+        "root": chain["root"], "belly": chain["lumbar"], "chest": chain["thorax"], "neck": neck,
+        "head": chain["cervical"], "headtop": tip["head"],
+    }  # fmt: skip
+    for side in SIDES:
+        points[f"{side}_clavicle"] = neck
+        points[f"{side}_fingers"] = tip[f"{side}_hand"]
+        points[f"{side}_toes"] = tip[f"{side}_foot"]
+        for joint in ("shoulder", "elbow", "wrist", "hip", "knee", "ankle"):
+            points[f"{side}_{joint}"] = chain[f"{side}_{joint}"]
+    axis = Rotation.from_rotvec(poses[:, skeleton.ROOT_ROTATION]).as_matrix()[:, :, 0]
+    return Motion(name, np.stack([points[joint] for joint in NAMED_JOINTS], axis=1), frame_rate, axis)
+
+
+def from_track(track: Track, body: Body, name: str) -> Motion:
+    """The named joints of a track through its poses (level frame); the frame rate is the median one of its time stamps."""
+    steps = np.diff(track.timestamps)
+    rate = 1.0 / float(np.median(steps)) if len(steps) and np.median(steps) > 0 else 30.0
+    return from_poses(track.pose, body, rate, name)
+
+
+def _clip_points(clip: Clip, positions: np.ndarray, rotations: np.ndarray) -> dict[str, np.ndarray]:
+    """Every joint's origin under its name and every bone's far end under "NAME.end", float64 (T, 3) each."""
+    points: dict[str, np.ndarray] = {}
+    for index, full_name in enumerate(clip.joint_names):
+        name = full_name.rsplit(":", 1)[-1]
+        points[name] = positions[:, index]
+        children = np.flatnonzero(np.asarray(clip.parents) == index)
+        if full_name in clip.end_sites:
+            points[f"{name}.end"] = positions[:, index] + rotations[:, index] @ np.asarray(clip.end_sites[full_name])
+        elif len(children):
+            points[f"{name}.end"] = positions[:, children[0]]
+    return points
+
+
+def _gather(points: Mapping[str, np.ndarray], name: str) -> np.ndarray:
+    """Fill the named joints (T, 24, 3) by the first map whose source points are all there."""
+    missing: dict[str, list[str]] = {}
+    for rig, table in joint_maps().items():
+        missing[rig] = sorted({source for parts in table.values() for source in parts} - set(points))
+        if not missing[rig]:
+            rows = [sum(weight * points[source] for source, weight in table[joint].items()) for joint in NAMED_JOINTS]
+            return np.stack(rows, axis=1).astype(np.float64)
+    nearest = min(missing, key=lambda rig: len(missing[rig]))
+    raise RigError(
+        f"the skeleton of {name!r} lacks {', '.join(missing[nearest])} (map {nearest!r}); "
+        "rename its joints or add a map to configs/retrieval/joints.yaml"
+    )
