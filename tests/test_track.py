@@ -1,0 +1,194 @@
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import textwrap
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from toolkit.body import skeleton
+from toolkit.errors import OutputError, TrackError, UsageError
+from toolkit.track import EMPTY, TRACKED, FrameResult, RunInfo, Track, TrackWriter
+
+STAGES, SOURCES = ("clean", "fit"), ("local", "database")
+
+
+def result(i: int) -> FrameResult:
+    rng = np.random.default_rng(i)
+    return FrameResult(
+        pose=rng.normal(size=skeleton.POSE_SIZE),
+        joints=rng.normal(size=(20, 3)).astype(np.float32),
+        confidence=rng.random(20).astype(np.float32),
+        state=EMPTY if i == 2 else TRACKED,
+        source=i % 2,
+        stage_ms=np.array([1.0, i], dtype=np.float32),
+    )
+
+
+def info() -> RunInfo:
+    turn = np.diag([1.0, -1.0, -1.0]).ravel().tolist()
+    return RunInfo("/r.npz", "ab", {"mirrored": True}, skeleton.fingerprint(), [0.5, 1.0], 1.1, "db.npz", turn, "0.1.0")
+
+
+def test_a_track_read_back_equals_the_rows_that_were_appended(tmp_path: Path) -> None:
+    writer = TrackWriter(tmp_path, STAGES, SOURCES)
+    for i in range(5):
+        writer.append(result(i), i / 30)
+    writer.finish()
+    track = Track.load(tmp_path)
+    assert len(track) == 5
+    assert track.stage_names == STAGES and track.source_names == SOURCES and track.joint_names == skeleton.REPORTED
+    for i in range(5):
+        for name in ("pose", "joints", "confidence", "state", "source", "stage_ms"):
+            np.testing.assert_array_equal(getattr(track, name)[i], getattr(result(i), name))
+    np.testing.assert_array_equal(track.timestamps, np.arange(5) / 30)
+    assert track.joints.dtype == np.float32 and track.pose.dtype == np.float64 and track.state.dtype == np.uint8
+    assert [p.name for p in tmp_path.iterdir()] == ["track.npz"]
+
+
+def test_a_track_of_no_frames_can_be_finished(tmp_path: Path) -> None:
+    TrackWriter(tmp_path, STAGES, SOURCES).finish()
+    assert len(Track.load(tmp_path)) == 0
+
+
+def test_a_killed_process_keeps_every_appended_row_and_a_resumed_writer_goes_on(tmp_path: Path) -> None:
+    script = textwrap.dedent(
+        """
+        import sys, time
+        from tests.test_track import SOURCES, STAGES, result
+        from toolkit.track import TrackWriter
+        writer = TrackWriter(sys.argv[1], STAGES, SOURCES)
+        for i in range(4):
+            writer.append(result(i), i)
+        print("written", flush=True)
+        time.sleep(60)
+        """
+    )
+    child = subprocess.Popen(
+        [sys.executable, "-c", script, str(tmp_path)], stdout=subprocess.PIPE, cwd=Path(__file__).parents[1]
+    )
+    assert child.stdout is not None and child.stdout.readline().strip() == b"written"
+    os.kill(child.pid, signal.SIGKILL)
+    child.wait()
+    with pytest.raises(TrackError, match="--resume"):
+        Track.load(tmp_path)
+    writer = TrackWriter(tmp_path, STAGES, SOURCES, resume=True)
+    assert writer.rows == 4
+    writer.append(result(4), 4)
+    writer.finish()
+    np.testing.assert_array_equal(Track.load(tmp_path).joints, [result(i).joints for i in range(5)])
+
+
+def test_a_torn_last_record_is_dropped_on_resume(tmp_path: Path) -> None:
+    writer = TrackWriter(tmp_path, STAGES, SOURCES)
+    for i in range(3):
+        writer.append(result(i), i)
+    writer.close()
+    partial = tmp_path / "track.partial"
+    os.truncate(partial, partial.stat().st_size - 7)
+    writer = TrackWriter(tmp_path, STAGES, SOURCES, resume=True)
+    assert writer.rows == 2
+    writer.append(result(9), 2)
+    writer.finish()
+    np.testing.assert_array_equal(Track.load(tmp_path).joints[2], result(9).joints)
+
+
+def test_an_unfinished_track_is_not_overwritten_unless_asked(tmp_path: Path) -> None:
+    writer = TrackWriter(tmp_path, STAGES, SOURCES)
+    writer.append(result(0), 0)
+    writer.close()
+    with pytest.raises(UsageError, match="unfinished track of 1 frames"):
+        TrackWriter(tmp_path, STAGES, SOURCES)
+    with pytest.raises(TrackError, match="another tracker"):
+        TrackWriter(tmp_path, ("other",), SOURCES, resume=True)
+
+
+def test_an_interrupted_track_can_be_read_and_still_be_resumed(tmp_path: Path) -> None:
+    writer = TrackWriter(tmp_path, STAGES, SOURCES)
+    writer.append(result(0), 0)
+    writer.finish(complete=False)
+    assert len(Track.load(tmp_path)) == 1
+    writer = TrackWriter(tmp_path, STAGES, SOURCES, resume=True)
+    writer.append(result(1), 1)
+    writer.finish()
+    assert len(Track.load(tmp_path)) == 2
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs /dev/full")
+def test_a_full_disk_is_one_sentence(tmp_path: Path) -> None:
+    (tmp_path / "track.partial").symlink_to("/dev/full")
+    with pytest.raises(OutputError, match="No space left"):
+        TrackWriter(tmp_path, STAGES, SOURCES)
+
+
+def test_a_disk_that_fills_up_keeps_the_rows_before(tmp_path: Path) -> None:
+    """A file size limit stands in for the end of the disk: the write of one record is cut short, as on a full disk."""
+    script = textwrap.dedent(
+        """
+        import resource, signal, sys
+        from tests.test_track import SOURCES, STAGES, result
+        from toolkit.errors import OutputError
+        from toolkit.track import TrackWriter
+        signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+        writer = TrackWriter(sys.argv[1], STAGES, SOURCES)
+        writer.append(result(0), 0)
+        size = (writer.run / "track.partial").stat().st_size
+        resource.setrlimit(resource.RLIMIT_FSIZE, (size + 100, size + 100))
+        try:
+            writer.append(result(1), 1)
+        except OutputError as error:
+            print(error)
+        """
+    )
+    run = subprocess.run(
+        [sys.executable, "-c", script, str(tmp_path)], capture_output=True, text=True, cwd=Path(__file__).parents[1]
+    )
+    assert "cannot write frame 1" in run.stdout and "--resume" in run.stdout, run.stderr
+    assert TrackWriter(tmp_path, STAGES, SOURCES, resume=True).rows == 1
+
+
+def test_an_unwritable_folder_is_one_sentence(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("")
+    with pytest.raises(OutputError, match="choose a folder"):
+        TrackWriter(tmp_path / "file" / "run", STAGES, SOURCES)
+
+
+def test_a_damaged_track_is_named(tmp_path: Path) -> None:
+    (tmp_path / "track.npz").write_bytes(b"PK\x03\x04 broken")
+    with pytest.raises(TrackError, match=r"track\.npz"):
+        Track.load(tmp_path)
+    with pytest.raises(TrackError, match="holds no track"):
+        Track.load(tmp_path / "nowhere")
+
+
+def test_joints_that_are_not_finite_are_refused(tmp_path: Path) -> None:
+    writer = TrackWriter(tmp_path, STAGES, SOURCES)
+    bad = result(0)
+    bad.joints[3, 1] = np.nan
+    writer.append(bad, 0)
+    with pytest.raises(TrackError, match="finite"):
+        writer.finish()
+    assert not (tmp_path / "track.npz").exists()
+
+
+def test_run_information_goes_there_and_back(tmp_path: Path) -> None:
+    info().save(tmp_path)
+    assert RunInfo.load(tmp_path) == info()
+    np.testing.assert_array_equal(RunInfo.load(tmp_path).R_level_camera, np.diag([1, -1, -1]))
+    (tmp_path / "run.json").write_text("{}")
+    with pytest.raises(TrackError, match="lacks recording"):
+        RunInfo.load(tmp_path)
+
+
+def test_appending_a_row_costs_next_to_nothing(tmp_path: Path) -> None:
+    writer = TrackWriter(tmp_path, STAGES, SOURCES)
+    row = result(0)
+    start = time.process_time()
+    for i in range(500):
+        writer.append(row, i)
+    assert (time.process_time() - start) / 500 < 1e-3

@@ -1,0 +1,47 @@
+"""What every tracker offers; the pipeline knows no more than this."""
+
+from __future__ import annotations
+
+from typing import Any, Protocol
+
+import numpy as np
+
+from toolkit.body.body import Body
+from toolkit.sensing.recording import Recording
+from toolkit.track import FrameResult
+
+__all__ = ["FrameResult", "Tracker"]
+
+
+class Tracker(Protocol):
+    """Follows one person through a recording, frame by frame, without being given any pose.
+
+    Attributes
+    ----------
+    stage_names : names of the timed stages, in the order of `FrameResult.stage_ms`
+    source_names : names of the hypotheses that can win, indexed by `FrameResult.source`
+    settings : the frozen dataclass that it was made with, written beside its results
+    database : path of the pose database it uses, empty for none
+    body : the body as fitted so far, with its shape and scale
+    memory : everything that the next step depends on besides the depth image, picklable; setting it after `start`
+        continues an interrupted run exactly
+    """
+
+    stage_names: tuple[str, ...]
+    source_names: tuple[str, ...]
+    settings: Any
+    database: str
+    memory: Any
+
+    @property
+    def body(self) -> Body:
+        """The body as fitted so far."""
+        ...
+
+    def start(self, recording: Recording) -> None:
+        """Forget everything and get ready for the first frame of a recording (its camera, vertical and background)."""
+        ...
+
+    def step(self, depth_mm: np.ndarray, timestamp: float) -> FrameResult:
+        """Find the person in the next frame: depth uint16 (H, W) in millimetres, timestamp in seconds."""
+        ...
