@@ -1,0 +1,1 @@
+"""Geodesic extrema, centre and facing of a person's cloud."""

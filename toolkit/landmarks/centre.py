@@ -1,0 +1,48 @@
+"""The centre of a cloud: where its torso is (Baak 2013, 5.3.4)."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from toolkit.errors import SegmentationError
+from toolkit.kernels import torso
+from toolkit.landmarks.settings import LandmarkSettings
+
+TOLERANCE = 1e-3
+"""Metres: a step of the mean shift below this ends it."""
+MAX_STEPS = 30
+
+
+def cloud_centre(
+    points: np.ndarray, start: np.ndarray | None = None, settings: LandmarkSettings | None = None, scale: float = 1.0
+) -> np.ndarray:
+    """Centre of a person's cloud by mean shift with an upright ellipsoid: float64 (3,), metres, level frame.
+
+    The mean of the points within the ellipsoid becomes its new centre until it rests, so an outstretched arm, which lies
+    outside, does not pull. The search begins at `start` (3,), normally the centre of the frame before; without it, or where
+    no point is near it any more, at the median of the cloud, which limbs shift little.
+
+    Parameters
+    ----------
+    points : float32 (N, 3), metres, level frame (y up)
+    start : (3,), metres, or None
+    settings : half axes of the ellipsoid
+    scale : size of the person against an adult, multiplies the half axes
+
+    Raises
+    ------
+    SegmentationError
+        The cloud is empty.
+    """
+    settings = settings or LandmarkSettings()
+    if len(points) == 0:
+        raise SegmentationError("the cloud has no points, so it has no centre; skip frames without a person")
+    width, height = scale * settings.centre_width, scale * settings.centre_height
+    inverse_axes = 1.0 / np.array([width, height, width])
+    if start is not None:
+        centre = np.array(start, dtype=np.float64)
+        if torso.mean_shift(points, centre, inverse_axes, TOLERANCE, MAX_STEPS) > 0:
+            return centre
+    centre = np.median(points, axis=0).astype(np.float64)
+    torso.mean_shift(points, centre, inverse_axes, TOLERANCE, MAX_STEPS)
+    return centre

@@ -1,0 +1,118 @@
+"""Geodesic extrema of a cloud: the points farthest from the torso along the body's surface (Baak 2013, 5.4.2)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from toolkit.errors import UsageError
+from toolkit.kernels import geodesic
+from toolkit.landmarks.centre import cloud_centre
+from toolkit.landmarks.graph import Graph, Workspace, grid_graph
+from toolkit.landmarks.settings import LandmarkSettings
+from toolkit.sensing.cloud import Cloud
+
+BUCKET_SHIFT = 12
+"""Queue buckets are 2**12 units (4 mm) wide: no wider than most edges, so that hardly any node is corrected twice."""
+
+
+@dataclass(frozen=True, eq=False)
+class Extrema:
+    """The first n geodesic extrema (`E_I^n`, Eq. 5.2), in the order found.
+
+    Attributes
+    ----------
+    nodes : int32 (n,), rows of the cloud
+    points : float32 (n, 3), metres, frame of the cloud
+    distances : float64 (n,), metres, falling: geodesic distance to the source or the nearest earlier extremum when found
+    source_distances : float64 (n,), metres: geodesic distance from the source
+    visited : int32 (n,), nodes whose distance was settled in the pass that found the extremum (Fig. 5.9). The first pass
+        visits all that can be reached
+    source : the source node
+    """
+
+    nodes: np.ndarray
+    points: np.ndarray
+    distances: np.ndarray
+    source_distances: np.ndarray
+    visited: np.ndarray
+    source: int
+
+    def __len__(self) -> int:
+        return len(self.nodes)
+
+
+def geodesic_extrema(
+    cloud: Cloud,
+    count: int,
+    settings: LandmarkSettings | None = None,
+    source: int | None = None,
+    workspace: Workspace | None = None,
+) -> Extrema:
+    """First `count` geodesic extrema of an organised cloud; fewer where fewer nodes can be reached.
+
+    `source` is the node to measure from; by default `source_node` of the cloud's centre. A `workspace` that is kept from
+    frame to frame saves the allocations.
+
+    Raises
+    ------
+    SegmentationError
+        The cloud is empty.
+    UsageError
+        `count` is below 1 or `source` is not a node.
+    """
+    settings = settings or LandmarkSettings()
+    workspace = workspace or Workspace()
+    graph = grid_graph(cloud, settings, workspace)
+    if source is None:
+        source = source_node(graph, cloud.points, cloud_centre(cloud.points, None, settings))
+    return extrema_of_graph(graph, cloud.points, count, source, workspace)
+
+
+def source_node(graph: Graph, points: np.ndarray, centre: np.ndarray) -> int:
+    """Node of the largest component nearest to a centre (3,), the lowest of equally near ones.
+
+    The middle of the torso is about as far from one limb as from another and moves little from frame to frame. Only the
+    largest component counts as torso, so a hand in front of the belly is not taken.
+    """
+    return int(geodesic.nearest_in_component(points, graph.roots, graph.trunk, np.asarray(centre, dtype=np.float64)))
+
+
+def extrema_of_graph(
+    graph: Graph, points: np.ndarray, count: int, source: int, workspace: Workspace | None = None
+) -> Extrema:
+    """First `count` geodesic extrema of any graph over `points` (N, 3), seen from node `source` (Algorithm 1).
+
+    Ties fall to the lowest node. Nodes that cannot be reached are ignored.
+
+    Raises
+    ------
+    UsageError
+        `count` is below 1 or `source` is not a node.
+    """
+    if count < 1:
+        raise UsageError(f"{count} geodesic extrema were asked for; ask for at least 1")
+    if not 0 <= source < len(graph):
+        raise UsageError(f"source node {source} is not in a graph of {len(graph)} nodes; use a row of the cloud")
+    workspace = workspace or Workspace()
+    total = len(graph)
+    longest = int(graph.lengths.max()) if len(graph.lengths) else 1
+    buckets = 1 << ((longest >> BUCKET_SHIFT) + 1).bit_length()
+    nodes, reach, visited = (np.empty(count, dtype=np.int32) for _ in range(3))
+    from_source = workspace.take("from source", total)
+    found = geodesic.extrema(
+        graph.offsets, graph.neighbours, graph.lengths, source, BUCKET_SHIFT,
+        workspace.take("distances", total), from_source, workspace.take("after", total),
+        workspace.take("before", total), workspace.take("stamps", total), workspace.take("heads", buckets),
+        nodes, reach, visited,
+    )  # fmt: skip
+    nodes = nodes[:found]
+    return Extrema(
+        nodes=nodes,
+        points=points[nodes],
+        distances=reach[:found] * geodesic.UNIT,
+        source_distances=from_source[nodes] * geodesic.UNIT,
+        visited=visited[:found],
+        source=source,
+    )

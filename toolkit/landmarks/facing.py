@@ -1,0 +1,109 @@
+"""The direction that a person faces, from the plane of the torso, and its smoothing over time (Baak 2013, 5.3.4)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from toolkit.kernels import torso
+from toolkit.landmarks.settings import LandmarkSettings
+
+
+@dataclass(frozen=True)
+class FacingEstimate:
+    """Facing of one frame.
+
+    Attributes
+    ----------
+    yaw : radians in (-pi, pi], about +y from +z: the person faces (sin yaw, 0, cos yaw) in the level frame
+    weight : in [0, 1], how far the torso looked like a flat round patch; 0 where nothing can be said, then `yaw` points at
+        the camera
+    """
+
+    yaw: float
+    weight: float
+
+
+def camera_yaw(centre: np.ndarray) -> float:
+    """Yaw of a person at `centre` (3,), level frame, who faces the camera, radians."""
+    return float(np.arctan2(-centre[0], -centre[2]))
+
+
+def estimate_facing(
+    points: np.ndarray, centre: np.ndarray, settings: LandmarkSettings | None = None, scale: float = 1.0
+) -> FacingEstimate:
+    """Facing of a cloud from the plane through the points near its centre.
+
+    The normal is the eigenvector of the smallest eigenvalue of their covariance, turned to the camera and projected onto the
+    ground. Where an arm occludes the torso, the patch is curved (the smallest eigenvalue is relatively large) or not round
+    (the other two differ), and the weight falls linearly between the settings' bounds; a normal that stands upright has no
+    horizontal direction, and the weight falls with its horizontal part.
+
+    Parameters
+    ----------
+    points : float32 (N, 3), metres, level frame
+    centre : (3,), metres, level frame, from `cloud_centre`
+    settings : radius of the patch and bounds of the eigenvalue tests
+    scale : size of the person against an adult, multiplies the radius
+    """
+    settings = settings or LandmarkSettings()
+    centre = np.asarray(centre, dtype=np.float64)
+    mean, covariance = np.empty(3), np.empty((3, 3))
+    count = torso.ball_moments(points, centre, scale * settings.torso_radius, mean, covariance)
+    if count < settings.smallest_torso:
+        return FacingEstimate(camera_yaw(centre), 0.0)
+    values, vectors = np.linalg.eigh(covariance)
+    if values[2] <= 0.0:
+        return FacingEstimate(camera_yaw(centre), 0.0)
+    normal = vectors[:, 0]
+    if normal @ centre > 0.0:
+        normal = -normal
+    curvature = max(values[0], 0.0) / values.sum()
+    circularity = values[1] / values[2]
+    flat = _ramp(curvature, settings.curved_curvature, settings.flat_curvature)
+    round_ = _ramp(circularity, settings.long_circularity, settings.round_circularity)
+    horizontal = float(np.hypot(normal[0], normal[2]))
+    return FacingEstimate(float(np.arctan2(normal[0], normal[2])), flat * round_ * horizontal)
+
+
+def _ramp(value: float, zero: float, one: float) -> float:
+    """0 at `zero`, 1 at `one`, linear between them and constant outside."""
+    return float(np.clip((value - zero) / (one - zero), 0.0, 1.0))
+
+
+class FacingFilter:
+    """Adaptive smoothing of the facing direction: a low-pass whose rate is the weight of each estimate.
+
+    The state is a vector in the ground plane, so yaw wraps without a seam. An estimate of weight w moves it by the share
+    1 - exp(-w dt / facing_time): the same for one long step as for two short ones, so the frame rate does not matter, and an
+    occluded torso leaves the direction as it was.
+    """
+
+    def __init__(self, settings: LandmarkSettings | None = None) -> None:
+        self._time = (settings or LandmarkSettings()).facing_time
+        self._direction: np.ndarray | None = None
+
+    @property
+    def yaw(self) -> float | None:
+        """Smoothed facing, radians in (-pi, pi]; None before the first estimate."""
+        return None if self._direction is None else float(np.arctan2(self._direction[0], self._direction[1]))
+
+    def reset(self, yaw: float | None = None) -> None:
+        """Forget the past, or set the facing to `yaw` (radians)."""
+        self._direction = None if yaw is None else np.array([np.sin(yaw), np.cos(yaw)])
+
+    def update(self, estimate: FacingEstimate, dt: float, centre: np.ndarray) -> float:
+        """Take in the estimate of a frame `dt` seconds after the last one and return the smoothed yaw, radians.
+
+        The first frame is a mean of the estimate, by its weight, and of facing the camera from `centre` (3,), level frame.
+        """
+        measured = np.array([np.sin(estimate.yaw), np.cos(estimate.yaw)])
+        if self._direction is None:
+            prior = camera_yaw(centre)
+            self._direction = np.array([np.sin(prior), np.cos(prior)])
+            share = estimate.weight
+        else:
+            share = 1.0 - np.exp(-estimate.weight * max(dt, 0.0) / self._time)
+        self._direction = self._direction + share * (measured - self._direction)
+        return float(np.arctan2(self._direction[0], self._direction[1]))
