@@ -64,6 +64,16 @@ class Body:
         return self.skin_joints[np.arange(len(self.vertices)), self.skin_weights.argmax(axis=1)]
 
     @cached_property
+    def normals(self) -> np.ndarray:
+        """float64 (V, 3): outward unit normals of the rest mesh, area-weighted over the faces at a vertex."""
+        corners = self.vertices[self.faces]
+        areas = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+        normals = np.zeros_like(self.vertices)
+        for corner in range(3):
+            np.add.at(normals, self.faces[:, corner], areas)
+        return normals / np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-12)
+
+    @cached_property
     def height(self) -> float:
         """Extent of the mesh along y in the rest pose, metres."""
         return float(np.ptp(self.vertices[:, 1]))

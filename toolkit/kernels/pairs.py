@@ -266,3 +266,18 @@ def add_cloud_pairs(
                     points[i, 0] - reference[0], points[i, 1] - reference[1], points[i, 2] - reference[2],
                     normals[v, 0], normals[v, 1], normals[v, 2], ex, ey, ez, w * plane, w * point,
                 )  # fmt: skip
+
+
+@njit(cache=True)
+def mean_nearest(points: np.ndarray, vertices: np.ndarray, cap: float) -> float:
+    """Mean over `points` (N, 3) of the distance to the nearest of `vertices` (V, 3), each capped; 0 without points."""
+    total = 0.0
+    for i in range(points.shape[0]):
+        best = cap * cap
+        for v in range(vertices.shape[0]):
+            dx = points[i, 0] - vertices[v, 0]
+            dy = points[i, 1] - vertices[v, 1]
+            dz = points[i, 2] - vertices[v, 2]
+            best = min(best, dx * dx + dy * dy + dz * dz)
+        total += np.sqrt(best)
+    return total / max(points.shape[0], 1)

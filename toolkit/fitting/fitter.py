@@ -1,0 +1,125 @@
+"""Local optimisation: a pose hypothesis refined against one frame by damped, bounded least squares."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from toolkit.body import skeleton
+from toolkit.body.body import Body
+from toolkit.errors import SettingsError
+from toolkit.fitting.posed import NormalSystem, PosedBody
+from toolkit.fitting.scene import Scene
+from toolkit.fitting.terms import CloudTerm, PairTerm, PoseTerm, SurfaceTerm
+from toolkit.kernels import pairs, twists
+from toolkit.sensing.camera import Camera
+
+
+@dataclass(frozen=True)
+class FittingSettings:
+    """Constants of the local optimisation; the reasons stand beside the values in `configs/*.yaml`.
+
+    Lengths in metres, angles in radians.
+    """
+
+    iterations: int = 5
+    neighbours: int = 3
+    reach: float = 0.5
+    sigma: float = 0.12
+    facing: float = 0.1
+    hidden_tolerance: float = 0.03
+    surface_plane: float = 1.0
+    surface_point: float = 0.3
+    cloud_samples: int = 400
+    cloud_plane: float = 1.0
+    cloud_point: float = 0.3
+    extremum_weight: float = 3.0
+    prior_weight: float = 0.0
+    angle_damping: float = 1.0
+    root_damping: float = 0.1
+    search: str = "pixels"
+
+    def __post_init__(self) -> None:
+        if self.iterations < 1 or not 1 <= self.neighbours <= 9:
+            raise SettingsError(
+                f"fitting needs at least 1 iteration and 1 to 9 neighbours, not {self.iterations} and {self.neighbours}"
+            )
+        if self.search not in ("pixels", "open3d"):
+            raise SettingsError(f"fitting.search is 'pixels' or 'open3d', not {self.search!r}")
+
+
+class Fitter:
+    """Refines poses of one body in front of one camera."""
+
+    def __init__(self, body: Body, camera: Camera, level_rotation: np.ndarray, settings: FittingSettings) -> None:
+        self.settings = settings
+        self.posed = PosedBody(body, camera, level_rotation)
+        self._system = NormalSystem()
+        self._damping = np.full(skeleton.POSE_SIZE, settings.angle_damping)
+        self._damping[:6] = settings.root_damping
+        s = settings
+        self._pair_terms: list[PairTerm] = [
+            SurfaceTerm(
+                s.reach, s.neighbours, s.sigma, s.surface_plane, s.surface_point, s.facing, s.hidden_tolerance
+            )
+        ]
+        if s.cloud_samples:
+            self._pair_terms.append(CloudTerm(s.reach, s.sigma, s.cloud_plane, s.cloud_point, s.extremum_weight))
+
+    def refine(
+        self,
+        pose: np.ndarray,
+        scene: Scene,
+        *,
+        pair_terms: Sequence[PairTerm] = (),
+        pose_terms: Sequence[PoseTerm] = (),
+        iterations: int | None = None,
+    ) -> np.ndarray:
+        """Refine `pose` (P,), level frame, against the frame; further terms may be handed in. Returns a new pose (P,)."""
+        pose = pose.copy()
+        step = np.empty_like(pose)
+        system, posed = self._system, self.posed
+        for _ in range(iterations or self.settings.iterations):
+            posed.place(pose)
+            posed.draw()
+            system.reset(posed.origins[0])
+            for term in (*self._pair_terms, *pair_terms):
+                term.add(system, posed, scene)
+            system.assemble(posed)
+            for prior in pose_terms:
+                prior.add(system, pose)
+            twists.bounded_step(
+                system.matrix, system.vector, pose, skeleton.POSE_LIMITS, self._damping, step
+            )
+            pose += step
+            _wrap_root(pose)
+        return pose
+
+    def sparse_distance(self, pose: np.ndarray, scene: Scene) -> float:
+        """The sparse symmetric distance of a pose to a frame, metres (Baak 2013, Eq. 5.7 to 5.9).
+
+        The mean distance of the visible chosen vertices to the measured points, plus the mean distance of the geodesic
+        extrema (as many as there are) to the nearest mesh vertex. Distances beyond the reach count as the reach.
+        """
+        posed, s = self.posed, self.settings
+        posed.place(pose)
+        posed.draw()
+        visible = posed.find_visible(s.facing, s.hidden_tolerance)
+        points = posed.vertices[posed.chosen]
+        nearest = np.empty_like(points)
+        scene.neighbours.medians(points, visible, s.reach, 1, nearest)
+        found = ~np.isnan(nearest[:, 0])
+        distances = np.linalg.norm(points[found] - nearest[found], axis=1)
+        seen = max(int(visible.sum()), 1)
+        mesh_to_cloud = (distances.sum() + s.reach * (visible.sum() - len(distances))) / seen
+        return float(mesh_to_cloud + pairs.mean_nearest(scene.extrema, posed.vertices, s.reach))
+
+
+def _wrap_root(pose: np.ndarray) -> None:
+    """Keep the root's rotation vector shorter than pi (the same rotation, turned the other way)."""
+    vector = pose[skeleton.ROOT_ROTATION]
+    angle = float(np.sqrt(vector @ vector))
+    if angle > np.pi:
+        vector *= 1.0 - 2.0 * np.pi / angle

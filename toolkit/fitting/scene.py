@@ -1,0 +1,83 @@
+"""What one frame offers to a fit: the measured depth, samples of its points, and nearest-neighbour search."""
+
+from __future__ import annotations
+
+from typing import Protocol
+
+import numpy as np
+
+from toolkit.kernels import pairs
+from toolkit.sensing.cloud import Cloud
+
+
+class Neighbours(Protocol):
+    """Where mesh points find their measured counterparts (Baak 2013, 5.4.1)."""
+
+    def medians(self, points: np.ndarray, wanted: np.ndarray, reach: float, count: int, out: np.ndarray) -> None:
+        """Fill `out` (C, 3) with the median of the `count` measured points nearest to each of `points` (C, 3).
+
+        Camera frame, metres. Rows that are not `wanted` (C,) or have nothing within `reach` become NaN in column 0.
+        """
+
+
+class PixelNeighbours:
+    """Exact search on the pixel grid: no tree is built (`toolkit.kernels.pixel_search`)."""
+
+    def __init__(self, depth: np.ndarray, intrinsics: np.ndarray) -> None:
+        self._depth = depth
+        self._intrinsics = intrinsics
+
+    def medians(self, points: np.ndarray, wanted: np.ndarray, reach: float, count: int, out: np.ndarray) -> None:
+        """See `Neighbours.medians`."""
+        pairs.nearest_medians(points, wanted, self._depth, self._intrinsics, reach, count, out)
+
+
+class Open3DNeighbours:
+    """The reference: Open3D's nearest-neighbour search over the measured points, camera frame."""
+
+    def __init__(self, points_camera: np.ndarray) -> None:
+        import open3d as o3d
+
+        self._points = np.ascontiguousarray(points_camera, dtype=np.float64)
+        cloud = o3d.geometry.PointCloud(o3d.utility.Vector3dVector(self._points))
+        self._tree = o3d.geometry.KDTreeFlann(cloud)
+
+    def medians(self, points: np.ndarray, wanted: np.ndarray, reach: float, count: int, out: np.ndarray) -> None:
+        """See `Neighbours.medians`."""
+        out[:, 0] = np.nan
+        for row in np.flatnonzero(wanted):
+            found, nearest, _ = self._tree.search_hybrid_vector_3d(points[row], reach, count)
+            if found:
+                out[row] = np.median(self._points[np.asarray(nearest)], axis=0)
+
+
+class Scene:
+    """One cleaned frame as the fitter needs it.
+
+    Attributes
+    ----------
+    depth : float32 (H, W), metres, 0 where no person was measured
+    intrinsics : float64 (4,) of that image
+    samples : float64 (N, 3), camera frame: every n-th measured point in scan order, then the geodesic extrema
+    extrema : float64 (E, 3), camera frame: the geodesic extrema (`E_I^20`)
+    neighbours : search among the measured points
+    """
+
+    def __init__(
+        self, cloud: Cloud, extrema_level: np.ndarray, samples: int, neighbours: str = "pixels"
+    ) -> None:
+        self.depth = cloud.depth
+        self.intrinsics = np.array(cloud.camera.intrinsics, dtype=np.float64)
+        count = len(cloud.points)
+        rows = np.unique(np.linspace(0, count - 1, min(samples, count)).astype(np.int64)) if samples else np.empty(0, int)
+        to_camera = cloud.rotation.T
+        self.extrema = extrema_level @ to_camera.T
+        self.plain_samples = len(rows)
+        self.samples = np.ascontiguousarray(
+            np.concatenate([cloud.points[rows].astype(np.float64) @ to_camera.T, self.extrema])
+        )
+        self.neighbours: Neighbours = (
+            PixelNeighbours(self.depth, self.intrinsics)
+            if neighbours == "pixels"
+            else Open3DNeighbours(cloud.points.astype(np.float64) @ to_camera.T)
+        )
