@@ -1,0 +1,106 @@
+"""Distances between estimated and true joints, and the figures made of them.
+
+Every figure takes all frames of a recording, the first one included. A joint whose truth is unknown (NaN) is left
+out.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from toolkit.body import skeleton
+from toolkit.errors import TrackError
+from toolkit.sensing.camera import Camera
+
+CAP = 1.0
+"""Largest error of a joint that counts, metres: farther away is simply wrong."""
+NEAR = 0.1
+"""A joint within this distance of the true one counts as found, metres: A(100)."""
+LOST_ERROR = 0.2
+"""A frame whose mean error over the joints exceeds this is lost, metres."""
+CURVE = np.arange(0.0, 0.301, 0.005)
+"""Thresholds t at which the accuracy curve A(t) is sampled, metres."""
+HANDS_AND_FEET = np.array([i for i, name in enumerate(skeleton.REPORTED) if name.split("_")[-1] in ("hand", "foot")])
+"""Indices of the two hands and two feet among the reported joints."""
+SURFACE_REACH = 0.15
+"""How far a joint's centre may lie from the measured surface along z and still be seen, metres."""
+SURFACE_WINDOW = 2
+"""Pixels to each side of a joint's projection that are searched for that surface."""
+
+
+def joint_errors(joints: np.ndarray, truth: np.ndarray) -> np.ndarray:
+    """Distance of every joint to the true one, capped at 1 m: float64 (T, 20), metres, NaN where the truth is unknown.
+
+    Parameters
+    ----------
+    joints, truth : (T, 20, 3), metres, in one frame of reference
+
+    Raises
+    ------
+    TrackError
+        The two have different shapes.
+    """
+    if joints.shape != truth.shape:
+        raise TrackError(f"joints {joints.shape} cannot be compared with {truth.shape}; give one row per frame to both")
+    return np.minimum(np.linalg.norm(np.asarray(joints, np.float64) - truth, axis=-1), CAP)
+
+
+def accuracy(errors: np.ndarray, threshold: float | np.ndarray = NEAR) -> np.ndarray:
+    """A(t): share of the known joints within `threshold` metres, one value per threshold."""
+    known = errors[np.isfinite(errors)]
+    thresholds = np.asarray(threshold, dtype=np.float64)
+    if known.size == 0:
+        return np.full(thresholds.shape, np.nan)
+    return np.searchsorted(np.sort(known), thresholds, side="right") / known.size
+
+
+def accuracy_per_joint(errors: np.ndarray, threshold: float = NEAR) -> np.ndarray:
+    """A(t) of each joint on its own: float64 (20,)."""
+    return np.array([accuracy(errors[:, j], threshold) for j in range(errors.shape[1])])
+
+
+def frame_errors(errors: np.ndarray) -> np.ndarray:
+    """Mean error of each frame over its known joints: float64 (T,), metres, NaN where none is known."""
+    known = np.isfinite(errors)
+    count = known.sum(axis=1)
+    return np.where(count > 0, np.where(known, errors, 0.0).sum(axis=1) / np.maximum(count, 1), np.nan)
+
+
+def average_pose_error(joints: np.ndarray, truth: np.ndarray, visible: np.ndarray) -> tuple[float, float]:
+    """Mean and standard deviation of the distance over all visible joints, not capped (Baak 2013, Eq. 5.10), metres.
+
+    The paper's markers are the reported joints here. NaN where no joint is visible.
+    """
+    distances = np.linalg.norm(np.asarray(joints, np.float64) - truth, axis=-1)[visible]
+    distances = distances[np.isfinite(distances)]
+    if distances.size == 0:
+        return float("nan"), float("nan")
+    return float(distances.mean()), float(distances.std())
+
+
+def visible_joints(joints_camera: np.ndarray, depth_m: np.ndarray, camera: Camera) -> np.ndarray:
+    """Which joints the camera sees: bool (20,).
+
+    A joint is seen if a surface is measured within `SURFACE_WINDOW` pixels of its projection and within
+    `SURFACE_REACH` of it along z. Joints outside the image, behind another limb or in a hole of the measurement are
+    hidden.
+
+    Parameters
+    ----------
+    joints_camera : (20, 3), metres, true joints; NaN counts as hidden
+    depth_m : float32 (H, W), metres along z, 0 = nothing measured
+    camera : of that image
+    """
+    pixels = camera.project(joints_camera)
+    seen = np.zeros(len(joints_camera), dtype=bool)
+    height, width = depth_m.shape
+    for j, (u, v) in enumerate(pixels):
+        if not (np.isfinite(u) and np.isfinite(v) and -0.5 <= u < width - 0.5 and -0.5 <= v < height - 0.5):
+            continue
+        column, row = round(u), round(v)
+        window = depth_m[
+            max(0, row - SURFACE_WINDOW) : row + SURFACE_WINDOW + 1,
+            max(0, column - SURFACE_WINDOW) : column + SURFACE_WINDOW + 1,
+        ]
+        seen[j] = bool(((window > 0) & (np.abs(window - joints_camera[j, 2]) < SURFACE_REACH)).any())
+    return seen
