@@ -1,0 +1,321 @@
+"""Acclaim files: a skeleton (ASF) whose bones have their own axes and degrees of freedom, and its motion (AMC)."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from toolkit.errors import MocapError
+from toolkit.mocap.clip import Clip, check_tree
+from toolkit.mocap.units import metres_per_unit, rest_size
+
+ROOT = "root"
+DEFAULT_RATE = 120.0
+"""Frames a second where neither the caller nor the file name says (AMC does not hold it; CMU and HDM05 are 120 Hz)."""
+
+
+@dataclass(frozen=True)
+class Bone:
+    """A bone of an ASF skeleton: it begins where its parent ends.
+
+    Attributes
+    ----------
+    vector : float64 (3,), from its beginning to its end in the rest pose, file units
+    axes : float64 (3, 3), the bone's own frame `C` in the rest pose
+    channels : its degrees of freedom in file order, out of tx, ty, tz, rx, ry, rz and l
+    """
+
+    name: str
+    vector: np.ndarray
+    axes: np.ndarray
+    channels: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class AsfSkeleton:
+    """An ASF file: the root first, then the bones, parents before children; `metres` is one file unit in metres."""
+
+    name: str
+    bones: tuple[Bone, ...]
+    parents: tuple[int, ...]
+    metres: float
+    degrees: bool
+
+
+def read_asf(path: str | Path, *, unit: float | None = None) -> AsfSkeleton:
+    """Read an ASF skeleton.
+
+    Parameters
+    ----------
+    path : the file
+    unit : metres of one file unit; None takes inches divided by the file's own `length` (0.0254 / length), and where that
+        makes no person the guess of `units.metres_per_unit`
+
+    Raises
+    ------
+    MocapError
+        The file is missing, empty, truncated, or says something unknown.
+    """
+    file = Path(path)
+    sections = _asf_sections(_read(file), file.name)
+    for needed in ("root", "bonedata", "hierarchy"):
+        if needed not in sections:
+            raise MocapError(f"{file.name} has no :{needed} section; it is truncated or not an ASF skeleton")
+    try:
+        units = {line.split()[0].lower(): line.split()[1] for line in sections.get("units", []) if len(line.split()) > 1}
+        degrees = units.get("angle", "deg").lower().startswith("deg")
+        bones = {ROOT: _root_bone(sections["root"], degrees)}
+        for block in _blocks(sections["bonedata"], file.name):
+            bone = _bone(block, degrees, file.name)
+            if bone.name in bones:
+                raise MocapError(f"{file.name} defines the bone {bone.name!r} twice; remove one")
+            bones[bone.name] = bone
+        names, parents = _hierarchy(sections["hierarchy"], bones, file.name)
+        length = float(units.get("length", 1.0))
+    except (IndexError, KeyError, ValueError) as error:
+        raise MocapError(f"{file.name} cannot be understood ({error!r}); the skeleton is damaged") from error
+    ordered = tuple(bones[name] for name in names)
+    size = rest_size(_bone_ends(ordered, parents))
+    if unit is None and not 0.9 <= size * 0.0254 / length <= 2.3:
+        metres = metres_per_unit(size, None, file.name)
+    else:
+        metres = metres_per_unit(size, 0.0254 / length if unit is None else unit, file.name)
+    return AsfSkeleton(file.stem, ordered, tuple(parents), metres, degrees)
+
+
+def read_amc(
+    path: str | Path, asf: str | Path | AsfSkeleton | None = None, *, unit: float | None = None, rate: float | None = None
+) -> Clip:
+    """Read an AMC motion together with its ASF skeleton.
+
+    A bone's rotation relative to its parent is `C M C^-1`, with its rest frame `C` and `M` composed of its own degrees of
+    freedom, the first one applied first. Each joint of the clip is the beginning of the bone whose name it has.
+
+    Parameters
+    ----------
+    path : the AMC file
+    asf : its skeleton; None looks for one beside it (`find_asf`)
+    unit : metres of one file unit, see `read_asf` (ignored where `asf` is already read)
+    rate : frames a second; None takes a trailing `_120` of the file name, else 120
+
+    Raises
+    ------
+    MocapError
+        The file is missing, empty or truncated, a frame is missing or has other bones or columns than the skeleton, a
+        value is not finite, or no skeleton is found.
+    """
+    file = Path(path)
+    text = _read(file)
+    bones = asf if isinstance(asf, AsfSkeleton) else read_asf(asf or find_asf(file), unit=unit)
+    degrees, body = _amc_header(text, bones.degrees, file.name)
+    table = _amc_table(body, bones, file.name)
+    if rate is None:
+        named = re.search(r"_(\d+)$", file.stem)
+        rate = float(named[1]) if named and 10 <= int(named[1]) <= 1000 else DEFAULT_RATE
+    return _clip(file.stem, bones, table, degrees, rate)
+
+
+def find_asf(amc: str | Path) -> Path:
+    """The skeleton of an AMC file: in its folder, the one whose stem is the longest prefix of the file's, or the only one.
+
+    Raises
+    ------
+    MocapError
+        There is none, or several and none has a fitting name.
+    """
+    file = Path(amc)
+    found = sorted(p for p in file.parent.glob("*") if p.suffix.lower() == ".asf")
+    fitting = [p for p in found if file.stem.lower().startswith(p.stem.lower())]
+    if fitting:
+        return max(fitting, key=lambda p: len(p.stem))
+    if len(found) == 1:
+        return found[0]
+    listed = ", ".join(p.name for p in found) or "none"
+    raise MocapError(f"no ASF skeleton for {file.name} beside it (there are: {listed}); give `asf`")
+
+
+def _read(file: Path) -> str:
+    try:
+        text = file.read_text(encoding="latin-1")
+    except OSError as error:
+        raise MocapError(f"cannot read {file}: {error.strerror or error}; check the path") from error
+    if not text.strip():
+        raise MocapError(f"{file.name} is empty; copy it again")
+    return text
+
+
+def _asf_sections(text: str, name: str) -> dict[str, list[str]]:
+    sections: dict[str, list[str]] = {}
+    lines: list[str] = []
+    for raw in text.splitlines():
+        line = raw.split("#", 1)[0].strip()
+        if line.startswith(":"):
+            word, _, rest = line[1:].partition(" ")
+            lines = sections.setdefault(word.lower(), [])
+            line = rest.strip()
+        if line:
+            lines.append(line)
+    if not sections:
+        raise MocapError(f"{name} has no sections (:root, :bonedata, ...); it is not an ASF skeleton")
+    return sections
+
+
+def _blocks(lines: list[str], name: str) -> list[list[str]]:
+    blocks: list[list[str]] = []
+    inside = False
+    for line in lines:
+        if line == "begin":
+            blocks.append([])
+            inside = True
+        elif line == "end":
+            inside = False
+        elif inside:
+            blocks[-1].append(line)
+    if inside:
+        raise MocapError(f"{name} stops within a begin/end block; the file is truncated")
+    return blocks
+
+
+def _frame(words: list[str], degrees: bool) -> np.ndarray:
+    """Three angles and an order such as XYZ, the first axis applied first, as a matrix."""
+    from scipy.spatial.transform import Rotation
+
+    order = words[3].lower()
+    return Rotation.from_euler(order, [float(w) for w in words[:3]], degrees=degrees).as_matrix()
+
+
+def _root_bone(lines: list[str], degrees: bool) -> Bone:
+    fields = {line.split()[0].lower(): line.split()[1:] for line in lines}
+    channels = tuple(word.lower() for word in fields.get("order", "TX TY TZ RX RY RZ".split()))
+    axes = _frame([*fields.get("orientation", ["0", "0", "0"]), fields.get("axis", ["XYZ"])[0]], degrees)
+    return Bone(ROOT, np.zeros(3), axes, channels)
+
+
+def _bone(lines: list[str], degrees: bool, name: str) -> Bone:
+    fields = {line.split()[0].lower(): line.split()[1:] for line in lines}
+    direction = np.array([float(w) for w in fields["direction"]])
+    norm = float(np.linalg.norm(direction))
+    vector = direction * (float(fields["length"][0]) / norm) if norm > 0 else np.zeros(3)
+    channels = tuple(word.lower() for word in fields.get("dof", []))
+    unknown = sorted(set(channels) - {"tx", "ty", "tz", "rx", "ry", "rz", "l"})
+    if unknown:
+        raise MocapError(f"{name} gives bone {fields['name'][0]!r} the unknown degree of freedom {unknown[0]!r}")
+    return Bone(fields["name"][0], vector, _frame(fields["axis"], degrees), channels)
+
+
+def _hierarchy(lines: list[str], bones: dict[str, Bone], name: str) -> tuple[list[str], list[int]]:
+    names, parents = [ROOT], [-1]
+    for block in _blocks(lines, name):
+        for line in block:
+            parent, *children = line.split()
+            for child in (parent, *children):
+                if child not in bones:
+                    raise MocapError(f"{name} hangs the unknown bone {child!r} into its hierarchy")
+            if parent not in names:
+                raise MocapError(f"{name} lists the children of {parent!r} before {parent!r} itself")
+            names += children
+            parents += [names.index(parent)] * len(children)
+    check_tree(name, names, parents)
+    return names, parents
+
+
+def _bone_ends(bones: tuple[Bone, ...], parents: list[int]) -> np.ndarray:
+    ends: list[np.ndarray] = []
+    for bone, parent in zip(bones, parents, strict=True):
+        ends.append(bone.vector + (ends[parent] if parent >= 0 else 0.0))
+    return np.array(ends)
+
+
+def _amc_header(text: str, degrees: bool, name: str) -> tuple[bool, str]:
+    """Whether angles are degrees, and the text from the first frame on."""
+    place = re.search(r"^\s*1\s*$", text, flags=re.MULTILINE)
+    if place is None:
+        raise MocapError(f"{name} has no frame 1; it is truncated or not an AMC motion")
+    head = text[: place.start()].upper()
+    if ":RADIANS" in head:
+        degrees = False
+    elif ":DEGREES" in head:
+        degrees = True
+    return degrees, text[place.start() :]
+
+
+def _amc_table(body: str, skeleton: AsfSkeleton, name: str) -> dict[str, np.ndarray]:
+    """Bone name -> its values (T, channels), as written."""
+    tokens = body.split()
+    width = {bone.name: len(bone.channels) for bone in skeleton.bones}
+    layout: list[str] = []
+    place = 1
+    while place < len(tokens) and tokens[place] != "2":
+        bone = tokens[place]
+        if bone not in width:
+            raise MocapError(f"{name} moves the bone {bone!r}, which its skeleton {skeleton.name} does not have")
+        layout.append(bone)
+        place += 1 + width[bone]
+        if place < len(tokens) and tokens[place] != "2" and _is_number(tokens[place]):
+            raise MocapError(f"{name} gives bone {bone!r} more values than the {width[bone]} of its skeleton")
+    missing = [bone.name for bone in skeleton.bones if bone.channels and bone.name not in layout]
+    if missing:
+        raise MocapError(f"{name} does not move {', '.join(missing)} of its skeleton {skeleton.name} in frame 1")
+    stride = place
+    frames, left = divmod(len(tokens), stride)
+    if left:
+        raise MocapError(f"{name} stops within frame {frames + 1}, or a frame has other columns than frame 1")
+    if tokens[::stride] != [str(i + 1) for i in range(frames)]:
+        raise MocapError(f"{name} does not count its frames from 1 to {frames}; frames are missing or have other columns")
+    table = {}
+    column = 1
+    for bone in layout:
+        if tokens[column::stride].count(bone) != frames:
+            raise MocapError(f"{name} does not list bone {bone!r} at the same place in every frame")
+        try:
+            columns = [list(map(float, tokens[column + 1 + c :: stride])) for c in range(width[bone])]
+        except ValueError as error:
+            raise MocapError(f"{name} holds text where bone {bone!r} needs numbers ({error})") from error
+        table[bone] = np.array(columns, dtype=np.float64).reshape(width[bone], frames).T
+        if not np.isfinite(table[bone]).all():
+            raise MocapError(f"{name} holds a value of bone {bone!r} that is not finite; repair or remove the file")
+        column += 1 + width[bone]
+    return table
+
+
+def _is_number(word: str) -> bool:
+    try:
+        float(word)
+    except ValueError:
+        return False
+    return True
+
+
+def _clip(name: str, skeleton: AsfSkeleton, table: dict[str, np.ndarray], degrees: bool, rate: float) -> Clip:
+    from scipy.spatial.transform import Rotation
+
+    bones, parents, scale = skeleton.bones, skeleton.parents, skeleton.metres
+    frames = len(next(iter(table.values())))
+    rotations = np.broadcast_to(np.eye(3), (frames, len(bones), 3, 3)).copy()
+    starts = np.array([bones[p].vector if p >= 0 else np.zeros(3) for p in parents]) * scale
+    moves = np.zeros((frames, len(bones), 3))
+    for j, bone in enumerate(bones):
+        order = "".join(c[1] for c in bone.channels if c[0] == "r")
+        if order:
+            angles = table[bone.name][:, [k for k, c in enumerate(bone.channels) if c[0] == "r"]]
+            own = Rotation.from_euler(order, angles, degrees=degrees).as_matrix()
+            rotations[:, j] = bone.axes @ own @ bone.axes.T
+        for k, channel in enumerate(bone.channels):
+            if channel[0] == "t":
+                moves[:, j, "xyz".index(channel[1])] = table[bone.name][:, k] * scale
+    moves_bones = any(c[0] == "t" for bone in bones[1:] for c in bone.channels)
+    inner = set(parents)
+    return Clip(
+        name=name,
+        joint_names=tuple(bone.name for bone in bones),
+        parents=np.array(parents, dtype=np.int64),
+        offsets=starts,
+        rotations=rotations,
+        root_positions=moves[:, 0],
+        frame_rate=rate,
+        translations=starts + moves if moves_bones else None,
+        end_sites={bone.name: bone.vector * scale for j, bone in enumerate(bones) if j not in inner},
+    )

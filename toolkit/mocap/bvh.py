@@ -1,0 +1,211 @@
+"""Biovision hierarchy files (BVH): a joint tree with its own channels and rotation order per joint, and a table of frames."""
+
+from __future__ import annotations
+
+import warnings
+from collections import defaultdict
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from toolkit.errors import MocapError
+from toolkit.mocap.clip import Clip, check_tree
+from toolkit.mocap.units import metres_per_unit, rest_size
+
+POSITIONS = ("Xposition", "Yposition", "Zposition")
+ROTATIONS = {"Xrotation": "X", "Yrotation": "Y", "Zrotation": "Z"}
+
+
+@dataclass
+class _Tree:
+    """The HIERARCHY section, in file units."""
+
+    names: list[str] = field(default_factory=list)
+    parents: list[int] = field(default_factory=list)
+    offsets: list[list[float]] = field(default_factory=list)
+    channels: list[list[str]] = field(default_factory=list)
+    end_sites: dict[str, np.ndarray] = field(default_factory=dict)
+
+
+def read_bvh(path: str | Path, *, unit: float | None = None) -> Clip:
+    """Read a BVH file.
+
+    The channels of a joint turn it in the order in which they are listed (`Zrotation Yrotation Xrotation` is Rz Ry Rx); a
+    position channel of any joint replaces that axis of its OFFSET, as other readers do. Degrees in the file.
+
+    Parameters
+    ----------
+    path : the file
+    unit : metres of one file unit; None guesses it from the size of the rest pose (`units.metres_per_unit`)
+
+    Raises
+    ------
+    MocapError
+        The file is missing, empty, truncated, has another number of frames or columns than it announces, holds values that
+        are not finite, uses unknown words, or its unit cannot be guessed.
+    """
+    file = Path(path)
+    head, motion = _sections(file)
+    tree = _parse_hierarchy(head, file.name)
+    values, frame_rate = _parse_motion(motion, sum(map(len, tree.channels)), file.name)
+    offsets = np.array(tree.offsets, dtype=np.float64).reshape(-1, 3)
+    parents = np.array(tree.parents, dtype=np.int64)
+    rest = _rest_points(tree, offsets)
+    scale = metres_per_unit(rest_size(rest), unit, file.name)
+    rotations, translations = _channels(tree, offsets, values, file.name)
+    moved = any(c in POSITIONS for channels in tree.channels[1:] for c in channels)
+    return Clip(
+        name=file.stem,
+        joint_names=tuple(tree.names),
+        parents=parents,
+        offsets=offsets * scale,
+        rotations=rotations,
+        root_positions=translations[:, 0] * scale,
+        frame_rate=frame_rate,
+        translations=translations * scale if moved else None,
+        end_sites={joint: tip * scale for joint, tip in tree.end_sites.items()},
+    )
+
+
+def _sections(file: Path) -> tuple[str, str]:
+    try:
+        text = file.read_text(encoding="utf-8", errors="replace")
+    except OSError as error:
+        raise MocapError(f"cannot read {file}: {error.strerror or error}; check the path") from error
+    if not text.strip():
+        raise MocapError(f"{file.name} is empty; export it again")
+    head, word, motion = text.partition("MOTION")
+    if not head.lstrip("\ufeff \t\r\n").startswith("HIERARCHY"):
+        raise MocapError(f"{file.name} does not begin with HIERARCHY; it is not a BVH file")
+    if not word:
+        raise MocapError(f"{file.name} has no MOTION section; the file is truncated")
+    return head, motion
+
+
+def _parse_hierarchy(head: str, name: str) -> _Tree:
+    tree = _Tree()
+    stack: list[int] = []  # joints whose brace is open; -1 stands for an end site
+    tokens = iter(head.lstrip("\ufeff").split()[1:])
+    pending = -2  # the joint that the next brace opens; -2 means none
+    try:
+        for token in tokens:
+            if token in ("ROOT", "JOINT"):
+                if (token == "ROOT") != (not stack) or (token == "ROOT" and tree.names):
+                    raise MocapError(f"{name} has {token} where it cannot stand; one ROOT holds all joints")
+                pending = len(tree.names)
+                tree.names.append(next(tokens))
+                tree.parents.append(stack[-1] if stack else -1)
+                tree.offsets.append([0.0, 0.0, 0.0])
+                tree.channels.append([])
+            elif token == "End":
+                next(tokens)
+                pending = -1
+            elif token == "{":
+                stack.append(pending)
+                pending = -2
+            elif token == "}":
+                stack.pop()
+            elif token == "OFFSET":
+                offset = [float(next(tokens)) for _ in range(3)]
+                if stack[-1] >= 0:
+                    tree.offsets[stack[-1]] = offset
+                else:
+                    tree.end_sites.setdefault(tree.names[stack[-2]], np.array(offset))
+            elif token == "CHANNELS":
+                tree.channels[stack[-1]] = [_channel(next(tokens), name) for _ in range(int(next(tokens)))]
+            else:
+                raise MocapError(f"{name} has the unknown word {token!r} in its hierarchy; export it again")
+    except StopIteration:
+        raise MocapError(f"{name} stops within its hierarchy; the file is truncated") from None
+    except (IndexError, ValueError) as error:
+        raise MocapError(f"{name} has a broken hierarchy ({error}); export it again") from error
+    if stack or not tree.names:
+        raise MocapError(f"{name} has {len(stack)} unclosed braces and {len(tree.names)} joints; the file is truncated")
+    check_tree(name, tree.names, tree.parents)
+    return tree
+
+
+def _channel(word: str, name: str) -> str:
+    canonical = word[:1].upper() + word[1:].lower()
+    if canonical not in POSITIONS and canonical not in ROTATIONS:
+        known = ", ".join((*POSITIONS, *ROTATIONS))
+        raise MocapError(f"{name} has the unknown channel {word!r}; known are {known}")
+    return canonical
+
+
+def _parse_motion(motion: str, columns: int, name: str) -> tuple[np.ndarray, float]:
+    """The table of frames (T, columns) as written, and the frame rate."""
+    header = motion.split(maxsplit=5)
+    try:
+        if header[0] != "Frames:" or header[2:4] != ["Frame", "Time:"]:
+            raise ValueError("'Frames:' and 'Frame Time:' must follow MOTION")
+        frames, step = int(header[1]), float(header[4])
+    except (IndexError, ValueError) as error:
+        raise MocapError(f"{name} has a broken MOTION header ({error}); the file is truncated or damaged") from error
+    if not (np.isfinite(step) and step > 0):
+        raise MocapError(f"{name} has frame time {step}; it must be positive seconds")
+    body = header[5] if len(header) > 5 else ""
+    values = _numbers(body, name)
+    if frames < 1 or len(values) == 0:
+        raise MocapError(f"{name} has no frames; remove the file or export it again")
+    if len(values) != frames * columns:
+        raise MocapError(
+            f"{name} announces {frames} frames of {columns} columns, {frames * columns} numbers, but holds {len(values)}; "
+            "the file is truncated or its header is wrong"
+        )
+    first_line = len(body.split("\n", 1)[0].split())
+    if first_line != columns:
+        raise MocapError(f"{name} has {first_line} columns in its first frame where its channels need {columns}")
+    if not np.isfinite(values).all():
+        row = int(np.flatnonzero(~np.isfinite(values))[0]) // columns
+        raise MocapError(f"{name} holds a value that is not finite in frame {row}; repair or remove the file")
+    return values.reshape(frames, columns), round(1.0 / step, 3)
+
+
+def _numbers(text: str, name: str) -> np.ndarray:
+    with warnings.catch_warnings():
+        warnings.simplefilter("error", DeprecationWarning)  # NumPy warns where it meets text that is no number
+        try:
+            return np.fromstring(text, dtype=np.float64, sep=" ")
+        except (DeprecationWarning, ValueError):
+            raise MocapError(f"{name} holds text among its frames where numbers belong; the file is damaged") from None
+
+
+def _rest_points(tree: _Tree, offsets: np.ndarray) -> np.ndarray:
+    """Rest positions of joints and tips, file units, to measure the skeleton."""
+    points: list[np.ndarray] = []
+    for j, parent in enumerate(tree.parents):
+        points.append(offsets[j] + points[parent] if parent >= 0 else np.zeros(3))
+    tips = [points[tree.names.index(joint)] + tip for joint, tip in tree.end_sites.items()]
+    return np.array(points + tips)
+
+
+def _channels(tree: _Tree, offsets: np.ndarray, values: np.ndarray, name: str) -> tuple[np.ndarray, np.ndarray]:
+    """Local rotations (T, J, 3, 3) and positions relative to the parent (T, J, 3), file units."""
+    from scipy.spatial.transform import Rotation
+
+    frames, joints = len(values), len(tree.names)
+    rotations = np.broadcast_to(np.eye(3), (frames, joints, 3, 3)).copy()
+    translations = np.broadcast_to(offsets, (frames, joints, 3)).copy()
+    turning: dict[str, list[tuple[int, list[int]]]] = defaultdict(list)
+    column = 0
+    for j, channels in enumerate(tree.channels):
+        order, used = "", []
+        for k, channel in enumerate(channels, start=column):
+            if channel in POSITIONS:
+                translations[:, j, POSITIONS.index(channel)] = values[:, k]
+            else:
+                order += ROTATIONS[channel]
+                used.append(k)
+        column += len(channels)
+        if len(set(order)) != len(order):
+            raise MocapError(f"{name} turns joint {tree.names[j]!r} twice about one axis ({order}); export it again")
+        if order:
+            turning[order].append((j, used))
+    for order, members in turning.items():
+        numbers = [j for j, _ in members]
+        angles = values[:, [used for _, used in members]].reshape(-1, len(order))
+        matrices = Rotation.from_euler(order, angles, degrees=True).as_matrix()
+        rotations[:, numbers] = matrices.reshape(frames, len(numbers), 3, 3)
+    return rotations, translations

@@ -1,0 +1,244 @@
+"""Motion clips: a moving skeleton as a file tells it (`Clip`), and a sequence of poses of our body (`PoseClip`)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from itertools import pairwise
+
+import numpy as np
+
+from toolkit.body import skeleton
+from toolkit.errors import MocapError
+
+MIRROR: np.ndarray = np.diag([-1.0, 1.0, 1.0])
+"""Reflection at the plane x = 0."""
+
+
+@dataclass(frozen=True, eq=False)
+class Clip:
+    """A moving skeleton, metres and radians, in the file's own world (normally y up).
+
+    Attributes
+    ----------
+    name : what it is called in reports, normally the stem of its file
+    joint_names : the J joints, parents before children, the root first
+    parents : int64 (J,), -1 for the root
+    offsets : float64 (J, 3), rest position of each joint relative to its parent; at rest every rotation is the identity
+    rotations : float64 (T, J, 3, 3), each joint's rotation relative to its parent
+    root_positions : float64 (T, 3), world position of the root joint
+    frame_rate : frames a second
+    translations : float64 (T, J, 3), positions relative to the parent that replace `offsets`, or None (the root's row is
+        ignored)
+    end_sites : joint name -> offset (3,) from that joint to the tip of its bone
+    """
+
+    name: str
+    joint_names: tuple[str, ...]
+    parents: np.ndarray
+    offsets: np.ndarray
+    rotations: np.ndarray
+    root_positions: np.ndarray
+    frame_rate: float
+    translations: np.ndarray | None = None
+    end_sites: dict[str, np.ndarray] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        frames, joints = len(self.root_positions), len(self.joint_names)
+        shapes = {
+            "parents": (self.parents.shape, (joints,)),
+            "offsets": (self.offsets.shape, (joints, 3)),
+            "rotations": (self.rotations.shape, (frames, joints, 3, 3)),
+            "root_positions": (self.root_positions.shape, (frames, 3)),
+        }
+        if self.translations is not None:
+            shapes["translations"] = (self.translations.shape, (frames, joints, 3))
+        for what, (shape, expected) in shapes.items():
+            if shape != expected:
+                raise MocapError(f"clip {self.name!r} has {what} of shape {shape}; expected {expected}")
+        if frames == 0:
+            raise MocapError(f"clip {self.name!r} has no frames; remove the file or record it again")
+        if not (np.isfinite(self.frame_rate) and self.frame_rate > 0):
+            raise MocapError(f"clip {self.name!r} has frame rate {self.frame_rate}; it must be positive")
+        for array in (self.offsets, self.root_positions, self.rotations, self.translations):
+            if array is not None and not np.isfinite(array).all():
+                raise MocapError(f"clip {self.name!r} holds values that are not finite; repair or remove the file")
+
+    def __len__(self) -> int:
+        return len(self.root_positions)
+
+    @property
+    def duration(self) -> float:
+        """Seconds covered by the frames (T / frame_rate)."""
+        return len(self) / self.frame_rate
+
+    @cached_property
+    def rest(self) -> np.ndarray:
+        """Float64 (J, 3): joint positions in the rest pose, root at the origin, metres."""
+        positions = np.zeros_like(self.offsets)
+        for j, parent in enumerate(self.parents):
+            if parent >= 0:
+                positions[j] = positions[parent] + self.offsets[j]
+        return positions
+
+    def world(self) -> tuple[np.ndarray, np.ndarray]:
+        """World positions (T, J, 3) in metres and rotations (T, J, 3, 3) of every joint in every frame."""
+        positions = np.empty((len(self), len(self.joint_names), 3))
+        rotations = np.empty_like(self.rotations)
+        for j, parent in enumerate(self.parents):
+            if parent < 0:
+                rotations[:, j] = self.rotations[:, j]
+                positions[:, j] = self.root_positions
+                continue
+            rotations[:, j] = rotations[:, parent] @ self.rotations[:, j]
+            step = self.offsets[j][:, None] if self.translations is None else self.translations[:, j, :, None]
+            positions[:, j] = positions[:, parent] + (rotations[:, parent] @ step)[..., 0]
+        return positions, rotations
+
+    def index(self, joint: str) -> int:
+        """Number of a joint by its name; raises MocapError that lists the names."""
+        if joint not in self.joint_names:
+            raise MocapError(f"clip {self.name!r} has no joint {joint!r}; it has: {', '.join(self.joint_names)}")
+        return self.joint_names.index(joint)
+
+    def sliced(self, start: int, stop: int) -> Clip:
+        """Frames start to stop - 1 (as Python slices count); raises MocapError where none is left."""
+        part = slice(start, stop)
+        return replace(
+            self,
+            rotations=self.rotations[part],
+            root_positions=self.root_positions[part],
+            translations=None if self.translations is None else self.translations[part],
+        )
+
+    def resampled(self, rate: float) -> Clip:
+        """The clip at `rate` frames a second: rotations by slerp, positions linearly between neighbouring frames."""
+        if not rate > 0:
+            raise MocapError(f"a clip cannot be resampled to {rate} frames a second; use a positive rate")
+        times = sample_times(len(self), self.frame_rate, rate)
+        low, weight = _neighbours(times * self.frame_rate, len(self))
+        blend = weight[:, None]
+        moved = None
+        if self.translations is not None:
+            moved = _lerp(self.translations, low, weight[:, None, None])
+        return replace(
+            self,
+            rotations=_slerp(self.rotations, low, weight),
+            root_positions=_lerp(self.root_positions, low, blend),
+            translations=moved,
+            frame_rate=float(rate),
+        )
+
+    def mirrored(self) -> Clip:
+        """The clip seen in a mirror at x = 0: left becomes right, the joint names stay in place.
+
+        Raises
+        ------
+        MocapError
+            A joint whose partner has another place in the tree.
+        """
+        partner = np.array(mirror_partners(self.joint_names))
+        swapped_parents = np.array([partner[p] if p >= 0 else -1 for p in self.parents])
+        if not np.array_equal(swapped_parents, self.parents[partner]):
+            raise MocapError(f"clip {self.name!r} cannot be mirrored: its left and right joints are not the same tree")
+        moved = None if self.translations is None else self.translations[:, partner] @ MIRROR
+        names = self.joint_names
+        return replace(
+            self,
+            name=f"{self.name}_mirrored",
+            offsets=self.offsets[partner] @ MIRROR,
+            rotations=MIRROR @ self.rotations[:, partner] @ MIRROR,
+            root_positions=self.root_positions @ MIRROR,
+            translations=moved,
+            end_sites={names[partner[self.index(joint)]]: MIRROR @ tip for joint, tip in self.end_sites.items()},
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class PoseClip:
+    """A sequence of poses of our body.
+
+    Attributes
+    ----------
+    name : what it is called in reports
+    poses : float64 (T, P), `skeleton.POSE_NAMES`, in a y-up world frame, metres and radians
+    frame_rate : frames a second
+    source : the file or the generator that it came from
+    clamped : float64 (P,), share of frames in which an entry had to be brought back within its limits
+    """
+
+    name: str
+    poses: np.ndarray
+    frame_rate: float
+    source: str
+    clamped: np.ndarray = field(default_factory=lambda: np.zeros(skeleton.POSE_SIZE))
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "poses", skeleton.check_pose(self.poses))
+
+    def __len__(self) -> int:
+        return len(self.poses)
+
+    @property
+    def timestamps(self) -> np.ndarray:
+        """Float64 (T,), seconds from the first frame."""
+        return np.arange(len(self)) / self.frame_rate
+
+    def every(self, rate: float) -> PoseClip:
+        """The nearest whole frames at about `rate` frames a second (never more than there are)."""
+        times = sample_times(len(self), self.frame_rate, min(rate, self.frame_rate))
+        rows = np.round(times * self.frame_rate).astype(np.int64)
+        return replace(self, poses=self.poses[rows], frame_rate=min(float(rate), self.frame_rate))
+
+
+def sample_times(frames: int, rate: float, new_rate: float) -> np.ndarray:
+    """Times (seconds from the first frame) at `new_rate` within `frames` frames at `rate`."""
+    count = int(np.floor((frames - 1) / rate * new_rate + 1e-9)) + 1
+    return np.arange(count) / new_rate
+
+
+def mirror_partners(names: Sequence[str]) -> list[int]:
+    """For each joint the number of its mirror partner, or its own where it has none.
+
+    Known namings: `Left...`/`Right...` anywhere in the name (any case), and a leading `l`/`r` or `L`/`R` where the
+    partner exists.
+    """
+    numbers = {name: i for i, name in enumerate(names)}
+    pairs = (("Left", "Right"), ("left", "right"), ("LEFT", "RIGHT"))
+    partners = []
+    for i, name in enumerate(names):
+        candidates = [name.replace(a, b) for a, b in (*pairs, *(p[::-1] for p in pairs)) if a in name]
+        if name[:1] in "lrLR":
+            candidates.append(name[:1].translate(str.maketrans("lrLR", "rlRL")) + name[1:])
+        partners.append(next((numbers[c] for c in candidates if c in numbers), i))
+    return partners
+
+
+def check_tree(name: str, joint_names: Sequence[str], parents: Sequence[int]) -> None:
+    """Raise MocapError where a joint name is used twice or a child stands before its parent."""
+    for first, second in pairwise(sorted(joint_names)):
+        if first == second:
+            raise MocapError(f"{name} names the joint {first!r} twice; rename one of them")
+    if any(parent >= j for j, parent in enumerate(parents)):
+        raise MocapError(f"{name} lists a joint before its parent; write the hierarchy from the root outwards")
+
+
+def _neighbours(places: np.ndarray, frames: int) -> tuple[np.ndarray, np.ndarray]:
+    low = np.clip(np.floor(places + 1e-9).astype(np.int64), 0, max(frames - 2, 0))
+    return low, np.clip(places - low, 0.0, 1.0)
+
+
+def _lerp(values: np.ndarray, low: np.ndarray, weight: np.ndarray) -> np.ndarray:
+    high = np.minimum(low + 1, len(values) - 1)
+    return values[low] * (1.0 - weight) + values[high] * weight
+
+
+def _slerp(rotations: np.ndarray, low: np.ndarray, weight: np.ndarray) -> np.ndarray:
+    from scipy.spatial.transform import Rotation
+
+    high = np.minimum(low + 1, len(rotations) - 1)
+    start = rotations[low]
+    turn = Rotation.from_matrix((np.swapaxes(start, -1, -2) @ rotations[high]).reshape(-1, 3, 3)).as_rotvec()
+    share = np.repeat(weight, rotations.shape[1])[:, None]
+    return start @ Rotation.from_rotvec(turn * share).as_matrix().reshape(start.shape)

@@ -1,0 +1,62 @@
+"""Motion capture files of any known format: find them, tell their format, read them."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from toolkit.errors import MocapError
+from toolkit.mocap.asf_amc import read_amc
+from toolkit.mocap.bvh import read_bvh
+from toolkit.mocap.clip import Clip
+
+MOTION_SUFFIXES = (".bvh", ".amc")
+"""Endings of files that hold a motion; an ASF skeleton is found through its AMC motions."""
+
+
+def read_clip(path: str | Path, *, unit: float | None = None) -> Clip:
+    """Read one motion file, BVH or AMC (with the ASF beside it); the format is told from the content, not the ending.
+
+    Parameters
+    ----------
+    path : the file
+    unit : metres of one file unit; None guesses, see `units.metres_per_unit` and `asf_amc.read_asf`
+
+    Raises
+    ------
+    MocapError
+        The file is missing, empty, of an unknown format, or damaged.
+    """
+    file = Path(path)
+    try:
+        with file.open("rb") as stream:
+            head = stream.read(4096).decode("latin-1").lstrip("\xef\xbb\xbf \t\r\n")
+    except OSError as error:
+        raise MocapError(f"cannot read {file}: {error.strerror or error}; check the path") from error
+    if not head:
+        raise MocapError(f"{file.name} is empty; copy it again")
+    if head.startswith("HIERARCHY"):
+        return read_bvh(file, unit=unit)
+    if ":bonedata" in head.lower() or ":version" in head.lower():
+        raise MocapError(f"{file.name} is an ASF skeleton without motion; give one of its AMC files")
+    if ":FULLY-SPECIFIED" in head.upper() or file.suffix.lower() == ".amc":
+        return read_amc(file, unit=unit)
+    raise MocapError(f"{file.name} is neither BVH nor AMC; convert it to BVH")
+
+
+def find_clips(folder: str | Path) -> list[Path]:
+    """All motion files in a folder and the folders below, sorted; a file that is given is returned as it is.
+
+    Raises
+    ------
+    MocapError
+        The folder is missing or holds no motion file.
+    """
+    root = Path(folder)
+    if root.is_file():
+        return [root]
+    if not root.is_dir():
+        raise MocapError(f"there is no folder {root}; check the path")
+    found = sorted(p for p in root.rglob("*") if p.suffix.lower() in MOTION_SUFFIXES and p.is_file())
+    if not found:
+        raise MocapError(f"{root} holds no motion file ({' or '.join(MOTION_SUFFIXES)}); give a folder with mocap")
+    return found

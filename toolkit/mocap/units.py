@@ -1,0 +1,50 @@
+"""What one length unit of a mocap file is in metres."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from toolkit.errors import MocapError
+
+CMU_UNIT = 0.0254 / 0.45
+"""Metres per file unit of the CMU and HDM05 skeletons: inches, scaled by 1 / 0.45 (0.056444 m)."""
+
+PERSON = (0.9, 2.3)
+"""Metres: the size of a person whose unit is guessed."""
+PLAUSIBLE = (0.4, 3.0)
+"""Metres: the size of a skeleton whose unit is given; outside, the unit must be wrong."""
+
+GUESSES: tuple[float, ...] = (1.0, CMU_UNIT, 0.0254, 0.01, 0.001)
+"""Metres, CMU units, inches, centimetres, millimetres: no size fits two of them, the nearest ranges touch."""
+
+
+def rest_size(points: np.ndarray) -> float:
+    """Largest extent of a rest pose (N, 3) along an axis: about the height, in T-pose and A-pose alike."""
+    return float(np.ptp(points, axis=0).max()) if len(points) else 0.0
+
+
+def metres_per_unit(size: float, unit: float | None, name: str) -> float:
+    """The unit of a skeleton that is `size` file units large, in metres.
+
+    `unit` wins where it is given. Otherwise the first of `GUESSES` that makes the skeleton 0.9 to 2.3 m large:
+    0.9 to 2.3 units are metres, 16 to 40.7 CMU units, 40.8 to 90 inches, 90 to 230 centimetres, 900 to 2,300 millimetres.
+
+    Raises
+    ------
+    MocapError
+        No guess fits, or the given unit makes the skeleton smaller than 0.4 m or larger than 3 m.
+    """
+    if unit is None:
+        for guess in GUESSES:
+            if PERSON[0] <= size * guess <= PERSON[1]:
+                return guess
+        raise MocapError(
+            f"{name}: the skeleton is {size:.4g} file units tall, which fits no usual unit; "
+            "give `unit`, the metres of one file unit (0.01 for centimetres)"
+        )
+    if not (unit > 0 and PLAUSIBLE[0] <= size * unit <= PLAUSIBLE[1]):
+        raise MocapError(
+            f"{name}: with unit={unit:g} the skeleton is {size * unit:.4g} m tall; "
+            "give the metres of one file unit (0.01 for centimetres) or leave it out"
+        )
+    return unit
