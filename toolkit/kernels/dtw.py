@@ -1,0 +1,146 @@
+"""Dynamic time warping, compiled: whole sequences for motion templates, subsequences of a document for annotation."""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+
+@njit(cache=True)
+def align(
+    reference: np.ndarray, reference_weights: np.ndarray, warped: np.ndarray, warped_weights: np.ndarray
+) -> tuple[float, np.ndarray]:
+    """Cheapest path through two weighted sequences with steps (1,1), (1,0), (0,1).
+
+    A cell costs the mean absolute difference of its columns times the mean of their weights.
+
+    Parameters
+    ----------
+    reference, warped : float64 (F, N) and (F, M), columns over time
+    reference_weights, warped_weights : float64 (N,) and (M,)
+
+    Returns
+    -------
+    cost : sum over the cells of the path
+    path : int64 (S, 2), columns of reference and warped from first to last; on ties the diagonal wins, then the step that
+        advances the warped sequence alone
+    """
+    features, n = reference.shape
+    m = warped.shape[1]
+    total = np.zeros((n, m))
+    for i in range(n):
+        row = total[i]
+        for f in range(features):
+            value = reference[f, i]
+            for j in range(m):
+                row[j] += abs(value - warped[f, j])
+        for j in range(m):
+            row[j] *= 0.5 * (reference_weights[i] + warped_weights[j]) / features
+    for j in range(1, m):
+        total[0, j] += total[0, j - 1]
+    for i in range(1, n):
+        total[i, 0] += total[i - 1, 0]
+        for j in range(1, m):
+            total[i, j] += min(total[i - 1, j - 1], total[i, j - 1], total[i - 1, j])
+
+    path = np.empty((n + m - 1, 2), dtype=np.int64)
+    i, j, k = n - 1, m - 1, n + m - 2
+    path[k, 0], path[k, 1] = i, j
+    while i > 0 or j > 0:
+        if i == 0:
+            j -= 1
+        elif j == 0:
+            i -= 1
+        else:
+            diagonal, along, down = total[i - 1, j - 1], total[i, j - 1], total[i - 1, j]
+            if diagonal <= along and diagonal <= down:
+                i -= 1
+                j -= 1
+            elif along <= down:
+                j -= 1
+            else:
+                i -= 1
+        k -= 1
+        path[k, 0], path[k, 1] = i, j
+    return total[n - 1, m - 1], path[k:]
+
+
+@njit(cache=True)
+def warp(path: np.ndarray, warped: np.ndarray, weights: np.ndarray, length: int) -> tuple[np.ndarray, np.ndarray]:
+    """Bring a sequence (F, M) with weights (M,) on to the time axis of a reference of `length` columns.
+
+    A reference column receives the weighted mean of the columns matched with it and the sum of their weights; where one
+    column was matched with r reference columns, the weights of these are divided by r.
+
+    Returns
+    -------
+    values, new_weights : float64 (F, length) and (length,)
+    """
+    features = warped.shape[0]
+    values = np.zeros((features, length))
+    new_weights = np.zeros(length)
+    partners = np.zeros(warped.shape[1])
+    for k in range(path.shape[0]):
+        i, j = path[k, 0], path[k, 1]
+        partners[j] += 1.0
+        new_weights[i] += weights[j]
+        for f in range(features):
+            values[f, i] += weights[j] * warped[f, j]
+    for i in range(length):
+        for f in range(features):
+            values[f, i] /= new_weights[i]
+    for k in range(path.shape[0]):
+        new_weights[path[k, 0]] /= partners[path[k, 1]]
+    return values, new_weights
+
+
+@njit(cache=True)
+def ones(word: np.uint64) -> np.uint64:
+    """Number of set bits of a 64-bit word."""
+    word = word - ((word >> np.uint64(1)) & np.uint64(0x5555555555555555))
+    word = (word & np.uint64(0x3333333333333333)) + ((word >> np.uint64(2)) & np.uint64(0x3333333333333333))
+    word = (word + (word >> np.uint64(4))) & np.uint64(0x0F0F0F0F0F0F0F0F)
+    return (word * np.uint64(0x0101010101010101)) >> np.uint64(56)
+
+
+@njit(cache=True)
+def distance_function(
+    bits: np.ndarray, mask: np.ndarray, scale: np.ndarray, document: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Subsequence DTW of a quantised template with a document (thesis 5.2, Equations 5.2 and 5.3).
+
+    Steps, template by document: (1,1) and (1,2) with weight 1, (2,1) with weight 2 on the cell that it arrives at.
+
+    Parameters
+    ----------
+    bits, mask : uint64 (N,), the template's columns as bit words: ones, and rows that are no wildcard
+    scale : float64 (N,), factor from the number of mismatching rows of a column to its cost
+    document : uint64 (L,), the document's columns
+
+    Returns
+    -------
+    cost : float64 (L,), cheapest alignment that ends in each frame, infinite where none does
+    start : int64 (L,), first frame of that alignment, -1 where there is none
+    """
+    n, length = bits.shape[0], document.shape[0]
+    costs = np.full((3, length), np.inf)
+    starts = np.full((3, length), -1, dtype=np.int64)
+    cell = np.empty(length)
+    for j in range(length):
+        costs[0, j] = scale[0] * ones((document[j] ^ bits[0]) & mask[0])
+        starts[0, j] = j
+    for i in range(1, n):
+        row, previous, earlier = costs[i % 3], costs[(i - 1) % 3], costs[(i - 2) % 3]
+        start, previous_start, earlier_start = starts[i % 3], starts[(i - 1) % 3], starts[(i - 2) % 3]
+        for j in range(length):
+            cell[j] = scale[i] * ones((document[j] ^ bits[i]) & mask[i])
+        row[0], start[0] = np.inf, -1
+        for j in range(1, length):
+            best, origin = previous[j - 1], previous_start[j - 1]
+            if j > 1 and previous[j - 2] < best:
+                best, origin = previous[j - 2], previous_start[j - 2]
+            if earlier[j - 1] + cell[j] < best:
+                best, origin = earlier[j - 1] + cell[j], earlier_start[j - 1]
+            row[j] = best + cell[j]
+            start[j] = origin
+    return costs[(n - 1) % 3], starts[(n - 1) % 3]

@@ -1,0 +1,208 @@
+"""Motion templates: what the clips of a motion class have in common (thesis 2.3; Mueller and Roeder 2006).
+
+A template is a real-valued matrix of 40 features over time. Values near 0 and 1 are shared by all training clips, values in
+between vary among them and become wildcards when the template is quantised.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from sklearn.base import BaseEstimator
+
+from toolkit.errors import RetrievalError
+from toolkit.kernels import dtw
+from toolkit.retrieval.features import FEATURES, FeatureMatrix
+
+WILDCARD = -1
+"""Entry of a quantised template that leaves the feature open."""
+
+_UNDECIDED = 0.5
+
+
+@dataclass(frozen=True, eq=False)
+class QuantisedTemplate:
+    """A template of zeros, ones and wildcards (thesis 2.3).
+
+    Attributes
+    ----------
+    name : motion class
+    values : int8 (40, N), 0, 1 or `WILDCARD`
+    weights : float64 (N,), how many frames of an average training clip a column stands for, about 1
+    """
+
+    name: str
+    values: np.ndarray
+    weights: np.ndarray
+
+    def __len__(self) -> int:
+        return self.values.shape[1]
+
+    @property
+    def wildcards(self) -> np.ndarray:
+        """bool (40, N): the open entries."""
+        return self.values == WILDCARD
+
+
+class MotionTemplate(BaseEstimator):
+    """Average of feature matrices under iterated warping, in the style of a scikit-learn estimator.
+
+    In each round every clip is the reference once, all others are warped on to it and averaged, and the averages are the
+    clips of the next round; the template is the one that began as the first clip.
+
+    Parameters
+    ----------
+    strict : keep only entries in which all aligned clips agree, all others become wildcards (for learning keyframes)
+    max_rounds : most rounds of warping and averaging
+    tolerance : stop when the largest pairwise alignment cost, divided by the template's total weight, is at most this;
+        the strict variant uses 0
+    contract_below : columns lighter than this are merged with their right neighbours
+
+    Attributes
+    ----------
+    values_ : float64 (40, N), the template; 0.5 marks the wildcards of the strict variant
+    weights_ : float64 (N,), frames of an average training clip per column; their sum is about the clips' mean length
+    spread_ : float64 (rounds + 1,) or shorter, largest pairwise cost per frame before each round
+    n_clips_ : number of training clips
+    """
+
+    def __init__(
+        self, strict: bool = False, max_rounds: int = 10, tolerance: float = 0.005, contract_below: float = 0.75
+    ) -> None:
+        self.strict = strict
+        self.max_rounds = max_rounds
+        self.tolerance = tolerance
+        self.contract_below = contract_below
+
+    def fit(self, matrices: Sequence[FeatureMatrix], y: object = None) -> MotionTemplate:
+        """Learn the template of one class from its clips' feature matrices at 30 Hz.
+
+        Raises
+        ------
+        RetrievalError
+            No clips, or a clip without frames.
+        """
+        if not matrices:
+            raise RetrievalError("a motion class without clips has no template; give at least one training clip")
+        empty = [matrix.name for matrix in matrices if not len(matrix)]
+        if empty:
+            raise RetrievalError(f"training clip {empty[0]!r} has no frames; leave it out")
+        clips = [(matrix.values.astype(np.float64), np.ones(len(matrix))) for matrix in matrices]
+        spread: list[float] = []
+        for _ in range(self.max_rounds):
+            paths, largest = _align_all(clips)
+            spread.append(largest / float(clips[0][1].sum()))
+            if spread[-1] <= (0.0 if self.strict else self.tolerance) or spread[-1:] == spread[-2:-1]:
+                break
+            clips = [self._average(reference, clips, paths) for reference in range(len(clips))]
+        self.values_, self.weights_ = clips[0]
+        self.spread_ = np.array(spread)
+        self.n_clips_ = len(matrices)
+        return self
+
+    def quantised(self, name: str = "", delta: float = 0.05) -> QuantisedTemplate:
+        """Entries up to `delta` become 0, from 1 - `delta` on 1, the rest wildcards; delta in [0, 0.5)."""
+        if not 0.0 <= delta < 0.5:
+            raise RetrievalError(f"quantisation threshold {delta} is not in [0, 0.5); use 0.05 for annotation, 0 for keyframes")
+        values = np.full(self.values_.shape, WILDCARD, dtype=np.int8)
+        values[self.values_ <= delta + 1e-9] = 0
+        values[self.values_ >= 1.0 - delta - 1e-9] = 1
+        return QuantisedTemplate(name, values, self.weights_.copy())
+
+    def _average(
+        self, reference: int, clips: list[tuple[np.ndarray, np.ndarray]], paths: dict[tuple[int, int], np.ndarray]
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Weighted mean of one clip and of all others warped on to it, with its time axis adapted to the new weights."""
+        base, base_weights = clips[reference]
+        total, weights = base * base_weights, base_weights.copy()
+        for other, (values, other_weights) in enumerate(clips):
+            if other != reference:
+                warped, new_weights = dtw.warp(paths[reference, other], values, other_weights, len(base_weights))
+                total += warped * new_weights
+                weights += new_weights
+        mean, weights = self._settle(total / weights), weights / len(clips)
+        mean, weights = expand(mean, weights)
+        mean, weights = contract(mean, weights, self.contract_below)
+        return expand(self._settle(mean), weights)
+
+    def _settle(self, values: np.ndarray) -> np.ndarray:
+        """In the strict variant, make every entry on which clips or columns differ a wildcard."""
+        return np.where((values > 0.0) & (values < 1.0), _UNDECIDED, values) if self.strict else values
+
+
+def expand(values: np.ndarray, weights: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Replace a column of weight w by max(1, round(w)) equal columns that share its weight."""
+    copies = np.maximum(1, np.floor(weights + 0.5)).astype(np.int64)
+    return np.ascontiguousarray(np.repeat(values, copies, axis=1)), np.repeat(weights / copies, copies)
+
+
+def contract(values: np.ndarray, weights: np.ndarray, least: float) -> tuple[np.ndarray, np.ndarray]:
+    """Merge from the left columns lighter than `least` with their right neighbours until they reach it.
+
+    A remainder at the right end joins the column before it; merged columns are weighted means.
+    """
+    starts, gathered = [0], 0.0
+    for column, weight in enumerate(weights):
+        gathered += weight
+        if gathered >= least:
+            starts.append(column + 1)
+            gathered = 0.0
+    if starts[-1] < len(weights) and len(starts) > 1:
+        starts.pop()
+    if starts[-1] == len(weights):
+        starts.pop()
+    sums = np.add.reduceat(weights, starts)
+    return np.add.reduceat(values * weights, starts, axis=1) / sums, sums
+
+
+def spread_evenly(count: int) -> np.ndarray:
+    """Indices of the training half of `count` sorted clips: half of them, rounded up, at least 2, spread over the list."""
+    size = min(count, max(2, (count + 1) // 2))
+    return np.unique(np.rint(np.linspace(0, count - 1, size)).astype(np.int64))
+
+
+def _align_all(clips: list[tuple[np.ndarray, np.ndarray]]) -> tuple[dict[tuple[int, int], np.ndarray], float]:
+    """Alignment paths of every ordered pair (reference, warped), and the largest cost among them."""
+    paths, largest = {}, 0.0
+    for i, (reference, reference_weights) in enumerate(clips):
+        for j, (warped, warped_weights) in enumerate(clips):
+            if i != j:
+                cost, paths[i, j] = dtw.align(reference, reference_weights, warped, warped_weights)
+                largest = max(largest, cost)
+    return paths, largest
+
+
+def pack(values: np.ndarray) -> np.ndarray:
+    """Columns of a boolean matrix (up to 64, T) as bit words: uint64 (T,), row i is bit i."""
+    powers = np.left_shift(np.uint64(1), np.arange(len(values), dtype=np.uint64))
+    return (values.astype(np.uint64) * powers[:, None]).sum(axis=0, dtype=np.uint64)
+
+
+def plot_template(template: MotionTemplate | QuantisedTemplate, axes: object, features: Sequence[int] | None = None) -> None:
+    """Draw a template on matplotlib axes as in the thesis's Fig. 2.6: black 0, white 1, colour what varies, grey wildcards.
+
+    Parameters
+    ----------
+    template : fitted or quantised
+    axes : matplotlib Axes
+    features : feature numbers (1 to 40) to show; all by default
+    """
+    quantised = isinstance(template, QuantisedTemplate)
+    values = template.values.astype(float) if quantised else template.values_
+    plot_matrix(np.where(values == WILDCARD, np.nan, values), axes, features)
+
+
+def plot_matrix(values: np.ndarray, axes: object, features: Sequence[int] | None = None) -> None:
+    """Draw a feature matrix (40, T) with entries in [0, 1] as in Fig. 2.5: black 0, white 1, NaN grey, 30 columns a second."""
+    import matplotlib
+
+    numbers = list(features) if features is not None else [feature.number for feature in FEATURES]
+    colours = matplotlib.colormaps["hot"].with_extremes(bad="0.6")
+    axes.imshow(  # type: ignore[attr-defined]
+        np.asarray(values, dtype=float)[[n - 1 for n in numbers]], aspect="auto", interpolation="nearest",
+        cmap=colours, vmin=0.0, vmax=1.0, extent=(0.5, values.shape[1] + 0.5, len(numbers) + 0.5, 0.5),
+    )  # fmt: skip
+    axes.set_yticks(range(1, len(numbers) + 1), [f"F{n}" for n in numbers], fontsize=6)  # type: ignore[attr-defined]
+    axes.set_xlabel("frame (30 Hz)")  # type: ignore[attr-defined]
