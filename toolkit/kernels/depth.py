@@ -1,0 +1,267 @@
+"""Depth images as plain arrays, compiled: back-projection, contour deletion, median, components."""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+
+@njit(cache=True)
+def index_pixels(depth: np.ndarray, index: np.ndarray, pixels: np.ndarray) -> int:
+    """Number the pixels with depth > 0 in row-major order; fills `index` (H, W, -1 elsewhere) and `pixels`; their count."""
+    height, width = depth.shape
+    n = 0
+    for v in range(height):
+        row = v * width
+        for u in range(width):
+            if depth[v, u] > 0:
+                index[v, u] = n
+                pixels[n] = row + u
+                n += 1
+            else:
+                index[v, u] = -1
+    return n
+
+
+@njit(cache=True)
+def back_project(
+    depth: np.ndarray, pixels: np.ndarray, intrinsics: np.ndarray, rotation: np.ndarray, points: np.ndarray
+) -> None:
+    """Points of the flat `pixels`, turned by `rotation` (3, 3); fills `points` (N, 3)."""
+    width = depth.shape[1]
+    flat = depth.reshape(-1)
+    fx, fy, cx, cy = intrinsics[0], intrinsics[1], intrinsics[2], intrinsics[3]
+    for n in range(pixels.shape[0]):
+        p = pixels[n]
+        z = float(flat[p])
+        x = (p % width - cx) * z / fx
+        y = (p // width - cy) * z / fy
+        for a in range(3):
+            points[n, a] = rotation[a, 0] * x + rotation[a, 1] * y + rotation[a, 2] * z
+
+
+@njit(cache=True)
+def label_components(
+    depth: np.ndarray, box: np.ndarray, jump_mm: float, jump_per_m2: float, labels: np.ndarray, parents: np.ndarray
+) -> int:
+    """Connected components of a padded depth image, in the window `box` (v0, v1, u0, u1, ends excluded).
+
+    Two 4-neighbours belong together if their depths differ by at most `jump_mm + jump_per_m2 * z^2` (z in metres, the nearer
+    one). Fills `labels` (as `depth`) with 1..n in the order of each component's first pixel, 0 where depth is 0, inside the
+    window only. `parents` is a work array of at least the window's size / 2 + 2.
+
+    Returns
+    -------
+    The number n of components.
+    """
+    v0, v1, u0, u1 = box[0], box[1], box[2], box[3]
+    count = 0
+    for v in range(v0, v1):
+        for u in range(u0, u1):
+            z = int(depth[v, u])
+            if z == 0:
+                labels[v, u] = 0
+                continue
+            left = 0
+            if u > u0 and labels[v, u - 1] > 0:
+                other = int(depth[v, u - 1])
+                near = min(z, other) * 1e-3
+                if abs(z - other) <= jump_mm + jump_per_m2 * near * near:
+                    left = labels[v, u - 1]
+            above = 0
+            if v > v0 and labels[v - 1, u] > 0:
+                other = int(depth[v - 1, u])
+                near = min(z, other) * 1e-3
+                if abs(z - other) <= jump_mm + jump_per_m2 * near * near:
+                    above = labels[v - 1, u]
+            if left == 0 and above == 0:
+                count += 1
+                parents[count] = count
+                labels[v, u] = count
+            elif left == 0 or above == 0 or left == above:
+                labels[v, u] = left if left > 0 else above
+            else:
+                a, b = _root(parents, left), _root(parents, above)
+                low, high = min(a, b), max(a, b)
+                parents[high] = low
+                labels[v, u] = low
+    # Roots are the lowest labels of their sets, so one pass in order renumbers them.
+    n = 0
+    for k in range(1, count + 1):
+        if parents[k] == k:
+            n += 1
+            parents[k] = n
+        else:
+            parents[k] = parents[parents[k]]
+    for v in range(v0, v1):
+        for u in range(u0, u1):
+            if labels[v, u] > 0:
+                labels[v, u] = parents[labels[v, u]]
+    return n
+
+
+@njit(cache=True)
+def _root(parents: np.ndarray, k: int) -> int:
+    while parents[k] != k:
+        parents[k] = parents[parents[k]]
+        k = parents[k]
+    return k
+
+
+@njit(cache=True)
+def component_extents(
+    depth: np.ndarray,
+    box: np.ndarray,
+    labels: np.ndarray,
+    count: int,
+    intrinsics: np.ndarray,
+    rotation: np.ndarray,
+    sizes: np.ndarray,
+    extents: np.ndarray,
+) -> None:
+    """Pixels, area and extent of every component in the window `box` of a padded image.
+
+    Fills `sizes` (n, 2): pixels, and the area in m^2 that they cover at their depth, seen head on; and `extents` (n, 3, 2):
+    lowest and highest x, y, z after turning by `rotation` (3, 3), metres.
+    """
+    fx, fy, cx, cy = intrinsics[0], intrinsics[1], intrinsics[2], intrinsics[3]
+    sizes[:count] = 0.0
+    for k in range(count):
+        for a in range(3):
+            extents[k, a, 0] = np.inf
+            extents[k, a, 1] = -np.inf
+    for v in range(box[0], box[1]):
+        for u in range(box[2], box[3]):
+            k = labels[v, u] - 1
+            if k < 0:
+                continue
+            z = depth[v, u] * 1e-3
+            x = (u - 1 - cx) * z / fx
+            y = (v - 1 - cy) * z / fy
+            sizes[k, 0] += 1.0
+            sizes[k, 1] += z * z / (fx * fy)
+            for a in range(3):
+                p = rotation[a, 0] * x + rotation[a, 1] * y + rotation[a, 2] * z
+                extents[k, a, 0] = min(extents[k, a, 0], p)
+                extents[k, a, 1] = max(extents[k, a, 1], p)
+
+
+@njit(cache=True)
+def keep_labels(depth: np.ndarray, box: np.ndarray, labels: np.ndarray, kept: np.ndarray) -> None:
+    """Set depth to 0 in the window `box` wherever the component's entry of `kept` (n + 1, bool, entry 0 unused) is False."""
+    for v in range(box[0], box[1]):
+        for u in range(box[2], box[3]):
+            if labels[v, u] > 0 and not kept[labels[v, u]]:
+                depth[v, u] = 0
+
+
+@njit(cache=True)
+def label_overlap(labels: np.ndarray, box: np.ndarray, count: int, depth: np.ndarray, overlap: np.ndarray) -> None:
+    """Pixels of every component that are also set in the float image `depth`; fills `overlap` (n,). `labels` is padded."""
+    overlap[:count] = 0
+    for v in range(box[0], box[1]):
+        for u in range(box[2], box[3]):
+            if labels[v, u] > 0 and depth[v - 1, u - 1] > 0:
+                overlap[labels[v, u] - 1] += 1
+
+
+@njit(cache=True)
+def take_foreground(
+    depth: np.ndarray,
+    background: np.ndarray,
+    margin_mm: float,
+    margin_per_m2: float,
+    near_mm: int,
+    far_mm: int,
+    padded: np.ndarray,
+    box: np.ndarray,
+) -> int:
+    """Copy what lies between `near_mm` and `far_mm`, and before the background, into `padded` (H + 2, W + 2, zero border).
+
+    A pixel is kept where the background is 0 (unknown) or farther by more than `margin_mm + margin_per_m2 * z^2` (z in metres
+    of the background). `box` becomes the window (v0, v1, u0, u1, ends excluded) of the kept pixels, in padded indices.
+
+    Returns
+    -------
+    The number of pixels kept.
+    """
+    height, width = depth.shape
+    v_low, v_high, u_low, u_high = height, -1, width, -1
+    total = 0
+    for v in range(height):
+        first, last = -1, -1
+        for u in range(width):
+            z = int(depth[v, u])
+            keep = near_mm <= z <= far_mm
+            if keep and background[v, u] > 0:
+                b = float(background[v, u])
+                keep = b - z > margin_mm + margin_per_m2 * b * b * 1e-6
+            if keep:
+                padded[v + 1, u + 1] = depth[v, u]
+                if first < 0:
+                    first = u
+                last = u
+                total += 1
+            else:
+                padded[v + 1, u + 1] = 0
+        if first >= 0:
+            v_low, v_high = min(v_low, v), v
+            u_low, u_high = min(u_low, first), max(u_high, last)
+    box[0], box[1], box[2], box[3] = v_low + 1, v_high + 2, u_low + 1, u_high + 2
+    return total
+
+
+@njit(cache=True)
+def delete_contour(
+    padded: np.ndarray, box: np.ndarray, tolerance_mm: float, tolerance_per_m2: float, support: int, out: np.ndarray
+) -> None:
+    """Copy the window `box` of `padded` to `out` (same shape) without the pixels that too few neighbours support.
+
+    A neighbour (of 8) supports a pixel if it is set and its depth differs by at most `tolerance_mm + tolerance_per_m2 * z^2`.
+    With `support` 3 lonely and mixed pixels go and straight edges stay; with 8 the whole contour goes.
+    """
+    for v in range(box[0], box[1]):
+        for u in range(box[2], box[3]):
+            z = int(padded[v, u])
+            if z == 0:
+                out[v, u] = 0
+                continue
+            tolerance = tolerance_mm + tolerance_per_m2 * z * z * 1e-6
+            supported = 0
+            for dv in range(-1, 2):
+                for du in range(-1, 2):
+                    other = int(padded[v + dv, u + du])
+                    if other > 0 and abs(other - z) <= tolerance:
+                        supported += 1
+            out[v, u] = padded[v, u] if supported > support else 0  # the pixel supports itself
+
+
+@njit(cache=True)
+def median_to_metres(padded: np.ndarray, box: np.ndarray, step: int, median: bool, out: np.ndarray) -> None:
+    """Depth in metres of every `step`-th pixel of the window `box`, after a 3x3 median over the set pixels (0 stays 0).
+
+    For an even number of set pixels the lower of the two middle ones is taken, which is a depth that was measured. `out` is
+    float32 (ceil(H / step), ceil(W / step)), zero outside the window already.
+    """
+    values = np.empty(9, dtype=np.int64)
+    first_v = box[0] + (1 - box[0]) % step
+    first_u = box[2] + (1 - box[2]) % step
+    for v in range(first_v, box[1], step):
+        for u in range(first_u, box[3], step):
+            if padded[v, u] == 0:
+                continue
+            if not median:
+                out[(v - 1) // step, (u - 1) // step] = padded[v, u] * 1e-3
+                continue
+            n = 0
+            for dv in range(-1, 2):
+                for du in range(-1, 2):
+                    z = int(padded[v + dv, u + du])
+                    if z > 0:
+                        k = n
+                        while k > 0 and values[k - 1] > z:
+                            values[k] = values[k - 1]
+                            k -= 1
+                        values[k] = z
+                        n += 1
+            out[(v - 1) // step, (u - 1) // step] = values[(n - 1) // 2] * 1e-3

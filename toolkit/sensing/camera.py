@@ -1,0 +1,179 @@
+"""The pinhole camera and the level frame.
+
+Camera frame: x right, y down, z forward (OpenCV), metres. Integer pixel (u, v) is the centre of a pixel, so
+`x = (u - cx) z / fx` and `y = (v - cy) z / fy`.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from toolkit.errors import RecordingError
+
+DEFAULT_UP = (0.0, -1.0, 0.0)
+"""The vertical in the camera frame of a camera that looks horizontally."""
+
+
+@dataclass(frozen=True)
+class Camera:
+    """Intrinsics of a pinhole camera with optional lens distortion.
+
+    Attributes
+    ----------
+    fx, fy : focal lengths, pixels
+    cx, cy : principal point, pixels; 0 is the centre of the first pixel
+    width, height : pixels
+    distortion : k1, k2, p1, p2, k3 in OpenCV's order, or None for an ideal lens
+
+    Raises
+    ------
+    RecordingError
+        The intrinsics cannot belong to a depth camera of this size (see `check`).
+    """
+
+    fx: float
+    fy: float
+    cx: float
+    cy: float
+    width: int
+    height: int
+    distortion: tuple[float, ...] | None = None
+
+    def __post_init__(self) -> None:
+        self.check()
+
+    def check(self) -> None:
+        """Raise RecordingError for intrinsics that are not finite or that no depth camera has."""
+        if self.width < 1 or self.height < 1:
+            raise RecordingError(f"an image of {self.width}x{self.height} pixels is empty; check the recording")
+        if not np.isfinite(self.intrinsics).all():
+            raise RecordingError(f"intrinsics {self._text} are not finite; give fx, fy, cx, cy in pixels")
+        for focal, size in ((self.fx, self.width), (self.fy, self.height)):
+            if not 0.1 * size <= focal <= 20 * size:
+                raise RecordingError(
+                    f"intrinsics {self._text} are absurd for an image of {self.width}x{self.height}: a focal length of "
+                    f"{focal:g} pixels; give fx, fy, cx, cy in pixels"
+                )
+        if not (-0.5 * self.width <= self.cx <= 1.5 * self.width and -0.5 * self.height <= self.cy <= 1.5 * self.height):
+            raise RecordingError(
+                f"intrinsics {self._text} are absurd for an image of {self.width}x{self.height}: the principal point lies "
+                "far outside; give fx, fy, cx, cy in pixels"
+            )
+        if self.distortion is not None and not (len(self.distortion) == 5 and np.isfinite(self.distortion).all()):
+            raise RecordingError(f"distortion {self.distortion} is not five finite numbers k1, k2, p1, p2, k3")
+
+    @property
+    def _text(self) -> str:
+        return f"fx={self.fx:g}, fy={self.fy:g}, cx={self.cx:g}, cy={self.cy:g}"
+
+    @classmethod
+    def from_intrinsics(
+        cls, intrinsics: np.ndarray, shape: tuple[int, int], distortion: np.ndarray | None = None
+    ) -> Camera:
+        """Camera from `fx, fy, cx, cy` (4,), an image shape (height, width) and optionally five distortion numbers."""
+        values = np.asarray(intrinsics, dtype=np.float64).ravel()
+        if values.shape != (4,):
+            raise RecordingError(f"intrinsics hold {values.size} numbers; give the four fx, fy, cx, cy in pixels")
+        fx, fy, cx, cy = (float(v) for v in values)
+        bent = None if distortion is None else tuple(float(d) for d in np.ravel(distortion))
+        return cls(fx, fy, cx, cy, int(shape[1]), int(shape[0]), bent)
+
+    @property
+    def intrinsics(self) -> np.ndarray:
+        """Float64 (4,): fx, fy, cx, cy, pixels."""
+        return np.array([self.fx, self.fy, self.cx, self.cy], dtype=np.float64)
+
+    @property
+    def matrix(self) -> np.ndarray:
+        """Float64 (3, 3): the camera matrix K."""
+        return np.array([[self.fx, 0.0, self.cx], [0.0, self.fy, self.cy], [0.0, 0.0, 1.0]])
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """Height and width of the image."""
+        return (self.height, self.width)
+
+    def project(self, points_camera: np.ndarray) -> np.ndarray:
+        """Pixels (u, v) of points (..., 3) in the camera frame, without lens distortion: float64 (..., 2).
+
+        Points at or behind the camera plane give NaN.
+        """
+        points = np.asarray(points_camera, dtype=np.float64)
+        z = np.where(points[..., 2] > 0, points[..., 2], np.nan)
+        return np.stack([points[..., 0] / z * self.fx + self.cx, points[..., 1] / z * self.fy + self.cy], axis=-1)
+
+    def rays(self) -> np.ndarray:
+        """Slopes x/z and y/z of every pixel's ray, lens distortion removed: float64 (H, W, 2)."""
+        return self._rays
+
+    @cached_property
+    def _rays(self) -> np.ndarray:
+        u, v = np.meshgrid(np.arange(self.width, dtype=np.float64), np.arange(self.height, dtype=np.float64))
+        if self.distortion is None:
+            return np.stack([(u - self.cx) / self.fx, (v - self.cy) / self.fy], axis=-1)
+        import cv2
+
+        pixels = np.stack([u, v], axis=-1).reshape(-1, 1, 2)
+        slopes = cv2.undistortPoints(pixels, self.matrix, np.asarray(self.distortion))
+        return np.asarray(slopes, dtype=np.float64).reshape(self.height, self.width, 2)
+
+    def scaled(self, factor: float) -> Camera:
+        """The same view resized by `factor` (> 0), pixel areas kept (as image resizing does)."""
+        return replace(
+            self,
+            fx=self.fx * factor,
+            fy=self.fy * factor,
+            cx=(self.cx + 0.5) * factor - 0.5,
+            cy=(self.cy + 0.5) * factor - 0.5,
+            width=round(self.width * factor),
+            height=round(self.height * factor),
+        )
+
+    def subsampled(self, step: int) -> Camera:
+        """The camera of the image `depth[::step, ::step]`."""
+        return replace(
+            self,
+            fx=self.fx / step,
+            fy=self.fy / step,
+            cx=self.cx / step,
+            cy=self.cy / step,
+            width=-(-self.width // step),
+            height=-(-self.height // step),
+        )
+
+    def mirrored(self) -> Camera:
+        """The camera of the image flipped left to right (u' = width - 1 - u)."""
+        bent = self.distortion
+        if bent is not None:  # the tangential term along x changes its sign with x
+            bent = (bent[0], bent[1], bent[2], -bent[3], bent[4])
+        return replace(self, cx=self.width - 1 - self.cx, distortion=bent)
+
+    def undistorted(self) -> Camera:
+        """The same camera with an ideal lens."""
+        return replace(self, distortion=None)
+
+
+def level_rotation(up_camera: np.ndarray) -> np.ndarray:
+    """`R_level_camera`, float64 (3, 3): y up along gravity, z horizontally towards the camera, x = y x z.
+
+    `up_camera` (3,) is the vertical in the camera frame, of any length. For a camera that looks straight up or down, z is
+    taken from the image's vertical, the limit of tilting it there.
+
+    Raises
+    ------
+    RecordingError
+        `up_camera` has no direction.
+    """
+    up = np.asarray(up_camera, dtype=np.float64)
+    length = float(np.linalg.norm(up)) if up.shape == (3,) else 0.0
+    if not np.isfinite(length) or length < 1e-6:
+        raise RecordingError(f"up_camera {up.tolist()} is no direction; give three numbers such as 0, -1, 0")
+    y = up / length
+    looking_down = y[2] < 0
+    towards = np.array([0.0, 0.0, -1.0]) if abs(y[2]) < 0.999 else np.array([0.0, 1.0 if looking_down else -1.0, 0.0])
+    z = towards - (towards @ y) * y
+    z /= np.linalg.norm(z)
+    return np.stack([np.cross(y, z), y, z])

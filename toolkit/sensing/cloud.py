@@ -1,0 +1,53 @@
+"""The organised metric point cloud of one cleaned depth image (`M_I` in Baak 2013, 5.3.1)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from toolkit.kernels import depth as kernels
+from toolkit.sensing.camera import Camera
+
+
+@dataclass(frozen=True, eq=False)
+class Cloud:
+    """Points that remember the pixel they came from.
+
+    Attributes
+    ----------
+    points : float32 (N, 3), metres, level frame, in row-major order of their pixels
+    pixels : int32 (N,), flat index v * width + u
+    index : int32 (H, W), a pixel's row in `points`, -1 where there is none
+    camera : the camera of `depth`
+    rotation : float64 (3, 3), `R_level_camera`
+    depth : float32 (H, W), metres along z, 0 = nothing
+    """
+
+    points: np.ndarray
+    pixels: np.ndarray
+    index: np.ndarray
+    camera: Camera
+    rotation: np.ndarray
+    depth: np.ndarray
+
+    @classmethod
+    def from_depth(cls, depth: np.ndarray, camera: Camera, rotation: np.ndarray) -> Cloud:
+        """Cloud of a depth image, float32 (H, W) metres (0 = nothing), seen by an undistorted `camera`."""
+        depth = np.ascontiguousarray(depth, dtype=np.float32)
+        index = np.empty(depth.shape, dtype=np.int32)
+        pixels = np.empty(depth.size, dtype=np.int32)
+        count = kernels.index_pixels(depth, index, pixels)
+        points = np.empty((count, 3), dtype=np.float32)
+        rotation = np.ascontiguousarray(rotation, dtype=np.float64)
+        pixels = pixels[:count].copy()
+        kernels.back_project(depth, pixels, camera.intrinsics, rotation, points)
+        return cls(points, pixels, index, camera, rotation, depth)
+
+    def __len__(self) -> int:
+        return len(self.points)
+
+    @property
+    def points_camera(self) -> np.ndarray:
+        """The points in the camera frame: float64 (N, 3), metres."""
+        return self.points @ self.rotation

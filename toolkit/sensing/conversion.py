@@ -1,0 +1,105 @@
+"""From a file's raw depth images to the one form of a recording: uint16 millimetres along z, not mirrored."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from toolkit.errors import RecordingError, UsageError
+from toolkit.sensing.camera import Camera
+
+LARGEST_MM = 65535
+NEAREST_MEDIAN_MM = 100.0  # a depth camera's nearest range; metres read as millimetres stay below
+FARTHEST_MEDIAN_MM = 20_000.0  # twice a room
+
+
+@dataclass(eq=False)
+class DepthConverter:
+    """Puts units, projection and mirroring of raw frames right.
+
+    Attributes
+    ----------
+    unit : "mm", "m" or the metres of one raw unit
+    radial : raw values are distances to the camera's centre, not depths along z
+    mirrored : raw images are flipped left to right
+    """
+
+    unit: str | float = "mm"
+    radial: bool = False
+    mirrored: bool = False
+    _factor: float = field(init=False)
+    _checked: bool = field(init=False, default=False)
+    _slant: np.ndarray | None = field(init=False, default=None)
+
+    def __post_init__(self) -> None:
+        self._factor = 1000.0 * unit_in_metres(self.unit)
+
+    def convert(self, raw: np.ndarray, camera: Camera, what: str, *, check: bool = True) -> np.ndarray:
+        """One raw image (H, W) of `camera` as uint16 millimetres along z.
+
+        NaN, infinite and negative values, and depths beyond 65.5 m, become 0: no measurement.
+
+        Raises
+        ------
+        RecordingError
+            The image has another shape or type, or the first one that holds a measurement has an absurd median.
+        """
+        if raw.shape != camera.shape:
+            raise RecordingError(f"{what} has shape {raw.shape}, expected {camera.shape}; all frames must have one size")
+        if raw.dtype.kind not in "uif":
+            raise RecordingError(f"{what} has type {raw.dtype}; depth must be numbers, uint16 millimetres best")
+        depth = raw
+        if raw.dtype != np.uint16 or self._factor != 1.0 or self.radial:
+            depth = self._millimetres(raw, camera)
+        if check and not self._checked:
+            self._check(depth, raw, what)
+        return np.ascontiguousarray(depth[:, ::-1] if self.mirrored else depth)
+
+    def _millimetres(self, raw: np.ndarray, camera: Camera) -> np.ndarray:
+        values = raw.astype(np.float64) * self._factor
+        if self.radial:
+            if self._slant is None:
+                self._slant = 1.0 / np.sqrt(1.0 + (camera.rays() ** 2).sum(axis=-1))
+            values *= self._slant
+        with np.errstate(invalid="ignore"):
+            usable = (values > 0) & (values <= LARGEST_MM)
+        rounded = np.zeros(values.shape, dtype=np.uint16)
+        rounded[usable] = np.rint(values[usable])
+        # A metre read as a millimetre would round away: let the check below see it.
+        if self._factor == 1.0 and not self._checked and usable.any() and values[usable].max() < NEAREST_MEDIAN_MM:
+            rounded[usable] = np.maximum(rounded[usable], 1)
+        return rounded
+
+    def _check(self, depth: np.ndarray, raw: np.ndarray, what: str) -> None:
+        measured = depth[depth > 0]
+        if not measured.size:
+            return
+        median = float(np.median(measured))
+        if not NEAREST_MEDIAN_MM <= median <= FARTHEST_MEDIAN_MM:
+            stored = float(np.median(raw[np.isfinite(raw) & (raw > 0)]))
+            hint = "'m'" if stored < NEAREST_MEDIAN_MM else "the metres of one unit, such as 0.0002"
+            raise RecordingError(
+                f"{what} has a median value of {stored:g}, which would be {median / 1000:g} m with depth_unit={self.unit!r}; "
+                f"set depth_unit to {hint}"
+            )
+        self._checked = True
+
+
+def unit_in_metres(unit: str | float) -> float:
+    """Metres of one depth unit: "mm", "m" or a positive number.
+
+    Raises
+    ------
+    UsageError
+        It is none of these.
+    """
+    if unit in ("mm", "m"):
+        return 0.001 if unit == "mm" else 1.0
+    try:
+        value = float(unit)
+    except ValueError:
+        value = float("nan")
+    if not 0 < value < 10:
+        raise UsageError(f"depth_unit {unit!r} is neither 'mm', 'm' nor the metres of one unit, such as 0.001")
+    return value

@@ -1,0 +1,115 @@
+"""What every reader decides the same way: camera, times, vertical, background."""
+
+from __future__ import annotations
+
+import json
+import re
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from toolkit.errors import RecordingError
+from toolkit.sensing.camera import Camera
+from toolkit.sensing.recording import ReaderOptions
+
+
+def natural_key(path: Path) -> list[tuple[int, int | str]]:
+    """Sort key by which `frame_2` comes before `frame_10`."""
+    return [(0, int(part)) if part.isdigit() else (1, part) for part in re.split(r"(\d+)", path.name) if part]
+
+
+def frame_times(count: int, options: ReaderOptions) -> np.ndarray:
+    """Float64 (count,), seconds, at the chosen frame rate."""
+    return np.arange(count, dtype=np.float64) / options.frame_rate
+
+
+def chosen_up(options: ReaderOptions, stored: np.ndarray | None) -> np.ndarray | None:
+    """The vertical given as an option, else the stored one."""
+    return np.asarray(options.up_camera, dtype=np.float64) if options.up_camera is not None else stored
+
+
+def chosen_background(options: ReaderOptions, stored: np.ndarray | None) -> np.ndarray | None:
+    """The background image given as an option, else the stored one."""
+    return stored if options.background is None else read_depth_png(Path(options.background))
+
+
+def chosen_camera(
+    options: ReaderOptions,
+    shape: tuple[int, ...],
+    path: Path,
+    stored: np.ndarray | None = None,
+    distortion: np.ndarray | None = None,
+) -> Camera:
+    """The camera from the option `intrinsics`, else from the stored values.
+
+    Raises
+    ------
+    RecordingError
+        Neither is there, or they are absurd.
+    """
+    size = (int(shape[0]), int(shape[1]))
+    if isinstance(options.intrinsics, str):
+        return camera_from_json(Path(options.intrinsics), size)
+    intrinsics = options.intrinsics if options.intrinsics is not None else stored
+    if intrinsics is None:
+        raise RecordingError(f"{path} has no intrinsics; give the option intrinsics=fx,fy,cx,cy in pixels or a JSON file")
+    return Camera.from_intrinsics(np.asarray(intrinsics), size, distortion)
+
+
+def camera_from_json(path: Path, shape: tuple[int, int]) -> Camera:
+    """Camera from a JSON file: `intrinsic_matrix` (column-major, as Open3D writes it), `K` or `camera_matrix` (row-major),
+    or `fx, fy` with `cx, cy` or `ppx, ppy`, at the top or one level below; optionally `distortion`, `coeffs` or `dist`.
+
+    `shape` is the (height, width) of the images; a size in the file that differs is an error.
+    """
+    try:
+        top = json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError) as error:
+        raise RecordingError(f"cannot read intrinsics from {path}: {error}; give a JSON file with fx, fy, cx, cy") from error
+    tables = [t for t in (top, *(top.values() if isinstance(top, dict) else ())) if isinstance(t, dict)]
+    for table in tables:
+        values = _intrinsics_of(table)
+        if values is None:
+            continue
+        size = (table.get("height", shape[0]), table.get("width", shape[1]))
+        if tuple(size) != shape:
+            raise RecordingError(
+                f"{path} describes images of {size[1]}x{size[0]} pixels, these have {shape[1]}x{shape[0]}; "
+                "give the intrinsics of this size"
+            )
+        bent = next((table[k] for k in ("distortion", "coeffs", "dist") if table.get(k)), None)
+        return Camera.from_intrinsics(np.asarray(values), shape, None if bent is None else np.asarray(bent))
+    raise RecordingError(f"{path} holds no intrinsics; expected fx, fy, cx, cy, K or intrinsic_matrix")
+
+
+def _intrinsics_of(table: dict[str, Any]) -> list[float] | None:
+    for key, order in (("intrinsic_matrix", "F"), ("K", "C"), ("camera_matrix", "C")):
+        if key in table:
+            matrix = np.asarray(table[key], dtype=np.float64).ravel()
+            if matrix.size != 9:
+                return None
+            k = matrix.reshape(3, 3, order="F" if order == "F" and np.ndim(table[key]) == 1 else "C")
+            return [k[0, 0], k[1, 1], k[0, 2], k[1, 2]]
+    for names in (("fx", "fy", "cx", "cy"), ("fx", "fy", "ppx", "ppy")):
+        if all(n in table for n in names):
+            return [float(table[n]) for n in names]
+    return None
+
+
+def read_depth_png(path: Path) -> np.ndarray:
+    """A 16-bit PNG as uint16 (H, W).
+
+    Raises
+    ------
+    RecordingError
+        It cannot be read, or it is not a single channel of 16 bits.
+    """
+    import cv2
+
+    image = cv2.imread(str(path), cv2.IMREAD_UNCHANGED)
+    if image is None:
+        raise RecordingError(f"{path} cannot be read as an image; it is missing, truncated or no PNG")
+    if image.dtype != np.uint16 or image.ndim != 2:
+        raise RecordingError(f"{path} is {image.dtype} of shape {image.shape}; depth must be one channel of 16 bits")
+    return image

@@ -1,0 +1,88 @@
+"""The project's own recording format: one NPZ file, read frame by frame."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import numpy as np
+
+from toolkit.errors import RecordingError
+from toolkit.sensing.conversion import DepthConverter
+from toolkit.sensing.npz_stream import BROKEN, MemberReader
+from toolkit.sensing.readers.common import chosen_background, chosen_camera, chosen_up, frame_times
+from toolkit.sensing.recording import Recording, ReaderOptions, StoredRecording
+
+
+def matches(path: Path) -> bool:
+    """Whether `path` is an NPZ file by its name."""
+    return path.suffix == ".npz"
+
+
+class NpzFrames:
+    """Frames of the members `depth` and `color` of an NPZ file."""
+
+    def __init__(self, path: Path, names: list[str]) -> None:
+        self._depth = MemberReader(path, "depth")
+        self._color = MemberReader(path, "color") if "color" in names else None
+        if len(self._depth.shape) != 3:
+            raise RecordingError(f"depth in {path} has shape {self._depth.shape}; expected (frames, height, width)")
+        expected = (*self._depth.shape, 3)
+        if self._color is not None and (self._color.shape != expected or self._color.dtype != np.uint8):
+            raise RecordingError(
+                f"color in {path} is {self._color.dtype} {self._color.shape}; expected uint8 {expected}, registered to depth"
+            )
+        self.shape = self._depth.shape[1:]
+
+    def __len__(self) -> int:
+        return self._depth.shape[0]
+
+    def depth(self, i: int) -> np.ndarray:
+        """Raw frame `i`; reading in order is fast, going back in a compressed file starts over."""
+        return self._depth.row(i)
+
+    def frames(self) -> Iterator[np.ndarray]:
+        """Raw frames in order."""
+        return self._depth.rows()
+
+    def color(self, i: int) -> np.ndarray | None:
+        """Colour of frame `i`, or None."""
+        return None if self._color is None else self._color.row(i)
+
+
+def read(path: Path, options: ReaderOptions) -> Recording:
+    """Open an NPZ recording (keys: see ARCHITECTURE in the documentation); nothing but metadata is read yet."""
+    with _metadata(path) as stored:
+        for key in ("depth",):
+            if key not in stored.files:
+                raise RecordingError(f"{path} has no {key!r}; it has: {', '.join(stored.files) or 'nothing'}")
+        small = {k: stored[k] for k in stored.files if k not in ("depth", "color")}
+        names = stored.files
+    source = NpzFrames(path, names)
+    count = len(source)
+    camera = chosen_camera(options, source.shape, path, small.get("intrinsics"), small.get("distortion"))
+    return StoredRecording(
+        name=path.stem,
+        path=path,
+        camera=camera,
+        timestamps=small.get("timestamps", frame_times(count, options)),
+        source=source,
+        converter=DepthConverter(options.depth_unit, options.radial, bool(options.mirrored)),
+        background=chosen_background(options, small.get("background")),
+        joints=small.get("joints"),
+        reference_joints=small.get("reference_joints"),
+        stored_up=chosen_up(options, small.get("up_camera")),
+        options=options.given(),
+    )
+
+
+@contextmanager
+def _metadata(path: Path) -> Iterator[np.lib.npyio.NpzFile]:
+    try:
+        with np.load(path, allow_pickle=False) as stored:
+            if not isinstance(stored, np.lib.npyio.NpzFile):
+                raise RecordingError(f"{path} is a single array, not an NPZ recording; save it with save_recording")
+            yield stored
+    except BROKEN as error:
+        raise RecordingError(f"{path} is truncated or no NPZ file ({error}); copy or record it again") from error

@@ -1,0 +1,119 @@
+"""A folder of 16-bit PNG depth images, with intrinsics in a JSON file and optionally a folder of colour images."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+
+from toolkit.errors import RecordingError
+from toolkit.sensing.camera import Camera
+from toolkit.sensing.conversion import DepthConverter
+from toolkit.sensing.readers.common import (
+    camera_from_json,
+    chosen_background,
+    chosen_camera,
+    chosen_up,
+    frame_times,
+    natural_key,
+    read_depth_png,
+)
+from toolkit.sensing.recording import Recording, ReaderOptions, StoredRecording
+
+COLOR_SUFFIXES = (".png", ".jpg", ".jpeg")
+
+
+def matches(path: Path) -> bool:
+    """Whether `path` is a folder with PNG files, in itself or in a folder `depth` below it, or one PNG file."""
+    if path.is_file():
+        return path.suffix == ".png"
+    return bool(_depth_files(path))
+
+
+def _depth_files(path: Path) -> list[Path]:
+    if path.is_file():
+        return [path]
+    folder = path / "depth" if (path / "depth").is_dir() else path
+    return sorted(folder.glob("*.png"), key=natural_key)
+
+
+class PngFrames:
+    """Depth images and, where there are as many, colour images by sorted name (numbers by value)."""
+
+    def __init__(self, depth: list[Path], color: list[Path]) -> None:
+        self._depth, self._color = depth, color
+
+    def __len__(self) -> int:
+        return len(self._depth)
+
+    def depth(self, i: int) -> np.ndarray:
+        """Raw frame `i`."""
+        return read_depth_png(self._depth[i])
+
+    def frames(self) -> Iterator[np.ndarray]:
+        """Raw frames in order."""
+        return (self.depth(i) for i in range(len(self)))
+
+    def color(self, i: int) -> np.ndarray | None:
+        """Colour image of frame `i`, RGB, or None."""
+        if not self._color:
+            return None
+        import cv2
+
+        image = cv2.imread(str(self._color[i]), cv2.IMREAD_COLOR)
+        if image is None:
+            raise RecordingError(f"{self._color[i]} cannot be read as an image; it is truncated or no PNG or JPEG")
+        return np.ascontiguousarray(image[:, :, ::-1])
+
+
+def read(path: Path, options: ReaderOptions) -> Recording:
+    """Open a folder of depth images, or one image.
+
+    Images lie in the folder or in `depth/` below it, colour in `color/` or `rgb/` beside that, and intrinsics in any `*.json`
+    of the folder or of the one above.
+    """
+    files = _depth_files(path)
+    if not files:
+        raise RecordingError(f"{path} holds no PNG file; give the folder of the depth images")
+    folder = files[0].parent
+    source = PngFrames(files, _color_files(folder, files))
+    shape = source.depth(0).shape
+    tables = [] if options.intrinsics is not None else sorted([*folder.glob("*.json"), *folder.parent.glob("*.json")])
+    camera = _first_camera(tables, shape) if tables else chosen_camera(options, shape, path)
+    return StoredRecording(
+        name=path.stem,
+        path=path,
+        camera=camera,
+        timestamps=frame_times(len(source), options),
+        source=source,
+        converter=DepthConverter(options.depth_unit, options.radial, bool(options.mirrored)),
+        background=chosen_background(options, None),
+        stored_up=chosen_up(options, None),
+        options=options.given(),
+    )
+
+
+def _first_camera(tables: list[Path], shape: tuple[int, ...]) -> Camera:
+    problems = []
+    for table in tables:
+        try:
+            return camera_from_json(table, (shape[0], shape[1]))
+        except RecordingError as error:
+            problems.append(error)
+    raise problems[0]
+
+
+def _color_files(folder: Path, depth: list[Path]) -> list[Path]:
+    """Colour images of the same stems as the depth images, else as many in sorted order, else none."""
+    for name in ("color", "rgb"):
+        beside = folder.parent / name
+        if folder.name != "depth" or not beside.is_dir():
+            continue
+        found = sorted((p for p in beside.iterdir() if p.suffix.lower() in COLOR_SUFFIXES), key=natural_key)
+        by_stem = {p.stem: p for p in found}
+        if all(p.stem in by_stem for p in depth):
+            return [by_stem[p.stem] for p in depth]
+        if len(found) == len(depth):
+            return found
+    return []

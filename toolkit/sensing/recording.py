@@ -1,0 +1,253 @@
+"""What a camera saw: the `Recording` protocol, the one class behind it, and opening and saving.
+
+A recording is never mirrored: a person who faces the camera has the left hand at positive x. Frames are handed out one at a
+time; a long recording is never read whole.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import asdict, dataclass, field, fields
+from functools import cached_property
+from pathlib import Path
+from typing import Any, Protocol
+
+import numpy as np
+
+from toolkit.errors import RecordingError, UsageError
+from toolkit.sensing.camera import DEFAULT_UP, Camera
+from toolkit.sensing.checks import check_joints, check_timestamps
+from toolkit.sensing.conversion import DepthConverter
+from toolkit.sensing.writer import RecordingWriter, save_recording
+
+__all__ = [
+    "FrameSource",
+    "ReaderOptions",
+    "Recording",
+    "RecordingWriter",
+    "StoredRecording",
+    "open_recording",
+    "save_recording",
+]
+
+
+class Recording(Protocol):
+    """A depth recording. Depth is uint16 (H, W), millimetres along z, 0 = no measurement.
+
+    Attributes
+    ----------
+    name : stem of the file or name of the folder
+    path : where it was read from
+    camera : intrinsics of every frame, lens distortion included
+    up_camera : float64 (3,), the vertical in the camera frame
+    timestamps : float64 (T,), seconds
+    background : uint16 (H, W), depth of the empty scene, or None
+    joints : float32 (T, 20, 3), true joints, metres, camera frame, NaN = unknown, or None
+    reference_joints : the same, another system's estimate, or None
+    options : the reader options it was opened with, fit for JSON
+    """
+
+    name: str
+    path: Path
+    camera: Camera
+    timestamps: np.ndarray
+    background: np.ndarray | None
+    joints: np.ndarray | None
+    reference_joints: np.ndarray | None
+    options: dict[str, Any]
+
+    @property
+    def up_camera(self) -> np.ndarray: ...
+
+    def __len__(self) -> int: ...
+
+    def depth(self, i: int) -> np.ndarray:
+        """Frame `i`: uint16 (H, W), millimetres."""
+        ...
+
+    def color(self, i: int) -> np.ndarray | None:
+        """Colour of frame `i`, uint8 (H, W, 3), RGB registered to depth, or None."""
+        ...
+
+    def frames(self) -> Iterator[np.ndarray]:
+        """All depth frames in order, one at a time."""
+        ...
+
+
+class FrameSource(Protocol):
+    """Raw frames as they lie in a file, before units, mirroring and projection are put right."""
+
+    def __len__(self) -> int: ...
+
+    def depth(self, i: int) -> np.ndarray: ...
+
+    def frames(self) -> Iterator[np.ndarray]: ...
+
+    def color(self, i: int) -> np.ndarray | None: ...
+
+
+@dataclass(frozen=True)
+class ReaderOptions:
+    """How to read a recording, where its files do not say so themselves.
+
+    Attributes
+    ----------
+    format : "npz", "utd_mhad", "png", "raw" or "cloud"; guessed from the path if None
+    mirrored : the source shows the scene as a mirror does; its images are flipped. None leaves it to the reader
+    radial : pixels hold the distance to the camera's centre instead of the depth along z
+    depth_unit : "mm", "m" or the metres of one unit, such as 0.0002
+    intrinsics : fx, fy, cx, cy in pixels, or the path of a JSON file that holds them
+    size : width and height in pixels, for raw files and for clouds without a pixel grid
+    frame_rate : frames per second of a source without timestamps
+    up_camera : the vertical in the camera frame
+    background : path of a 16-bit PNG with the depth of the empty scene
+    skeleton : a reference skeleton's file, or the folder that holds it
+    axes : "camera" (x right, y down, z forward) or "graphics" (x right, y up, z backward), for clouds
+    """
+
+    format: str | None = None
+    mirrored: bool | None = None
+    radial: bool = False
+    depth_unit: str | float = "mm"
+    intrinsics: str | tuple[float, ...] | None = None
+    size: tuple[int, int] | None = None
+    frame_rate: float = 30.0
+    up_camera: tuple[float, float, float] | None = None
+    background: str | None = None
+    skeleton: str | None = None
+    axes: str = "camera"
+
+    @classmethod
+    def from_mapping(cls, options: dict[str, Any]) -> ReaderOptions:
+        """Options by name; paths become text and lists tuples, so that they can be written as JSON and read back.
+
+        Raises
+        ------
+        UsageError
+            A name or a value is not one of those above.
+        """
+        names = [f.name for f in fields(cls)]
+        unknown = sorted(set(options) - set(names))
+        if unknown:
+            raise UsageError(f"unknown reader option {unknown[0]!r}; there are: {', '.join(names)}")
+        plain = {k: _plain(v) for k, v in options.items()}
+        made = cls(**plain)
+        if not made.frame_rate > 0:
+            raise UsageError(f"frame_rate {made.frame_rate} is not positive; give frames per second")
+        if made.axes not in ("camera", "graphics"):
+            raise UsageError(f"axes {made.axes!r} is neither 'camera' nor 'graphics'")
+        return made
+
+    def given(self) -> dict[str, Any]:
+        """The options that differ from their defaults."""
+        default = asdict(ReaderOptions())
+        return {k: v for k, v in asdict(self).items() if v != default[k]}
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, Path):
+        return str(value)
+    return tuple(value) if isinstance(value, (list, np.ndarray)) else value
+
+
+@dataclass(eq=False)
+class StoredRecording:
+    """The one implementation of `Recording`: raw frames from a `FrameSource`, converted on the way out.
+
+    Metadata are given in the frame of the raw images; a mirrored source has them flipped here, together with its images.
+    """
+
+    name: str
+    path: Path
+    camera: Camera
+    timestamps: np.ndarray
+    source: FrameSource
+    converter: DepthConverter
+    background: np.ndarray | None = None
+    joints: np.ndarray | None = None
+    reference_joints: np.ndarray | None = None
+    stored_up: np.ndarray | None = None
+    options: dict[str, Any] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        count, shape = len(self.source), self.camera.shape
+        if count == 0:
+            raise RecordingError(f"{self.path} holds no frame; check that it was written to its end")
+        self.timestamps = check_timestamps(self.timestamps, count, self.path)
+        self.joints = check_joints(self.joints, count, "joints", self.path)
+        self.reference_joints = check_joints(self.reference_joints, count, "reference_joints", self.path)
+        if self.background is not None:
+            self.background = self.converter.convert(np.asarray(self.background), self.camera, "background", check=False)
+            if self.background.shape != shape:
+                raise RecordingError(
+                    f"the background of {self.path} has shape {self.background.shape}, the frames have {shape}; "
+                    "give one of the same size"
+                )
+        self._raw_camera = self.camera
+        if self.converter.mirrored:
+            self.camera = self.camera.mirrored()
+            for joints in (self.joints, self.reference_joints):
+                if joints is not None:
+                    joints[..., 0] *= -1.0
+            if self.stored_up is not None:
+                self.stored_up = np.asarray(self.stored_up) * (-1.0, 1.0, 1.0)
+
+    def __len__(self) -> int:
+        return len(self.source)
+
+    def depth(self, i: int) -> np.ndarray:
+        """Frame `i`, 0 <= i < len: uint16 (H, W), millimetres along z, 0 = no measurement."""
+        return self._convert(self.source.depth(self._checked(i)), i)
+
+    def frames(self) -> Iterator[np.ndarray]:
+        """All frames in order; only one is held at a time."""
+        for i, raw in enumerate(self.source.frames()):
+            yield self._convert(raw, i)
+
+    def color(self, i: int) -> np.ndarray | None:
+        """Colour of frame `i`, uint8 (H, W, 3), RGB registered to depth, or None."""
+        image = self.source.color(self._checked(i))
+        if image is None:
+            return None
+        return np.ascontiguousarray(image[:, ::-1]) if self.converter.mirrored else image
+
+    @cached_property
+    def up_camera(self) -> np.ndarray:
+        """The vertical in the camera frame, float64 (3,): as stored, else from a visible floor, else (0, -1, 0)."""
+        if self.stored_up is not None:
+            up = np.asarray(self.stored_up, dtype=np.float64)
+            if up.shape != (3,) or not np.isfinite(up).all() or np.linalg.norm(up) < 1e-6:
+                raise RecordingError(f"up_camera {up.tolist()} of {self.path} is no direction; give three numbers")
+            return up / np.linalg.norm(up)
+        from toolkit.sensing.floor import find_floor
+
+        scene = self.background if self.background is not None else self.depth(0)
+        floor = find_floor(scene, self.camera)
+        return np.array(DEFAULT_UP) if floor is None else floor.up_camera
+
+    def _checked(self, i: int) -> int:
+        if not 0 <= i < len(self):
+            raise RecordingError(f"{self.path} has no frame {i}; it has frames 0 to {len(self) - 1}")
+        return i
+
+    def _convert(self, raw: np.ndarray, i: int) -> np.ndarray:
+        return self.converter.convert(raw, self._raw_camera, f"frame {i} of {self.path}")
+
+
+def open_recording(path: str | Path, **options: Any) -> Recording:
+    """Open a depth recording of any known format; options are those of `ReaderOptions`.
+
+    Raises
+    ------
+    RecordingError
+        The path is missing, of no known format, or its contents cannot be used.
+    UsageError
+        An option is unknown.
+    """
+    from toolkit.sensing.readers import reader_for
+
+    target = Path(path)
+    if not target.exists():
+        raise RecordingError(f"there is no recording at {target}; check the path")
+    chosen = ReaderOptions.from_mapping(options)
+    return reader_for(target, chosen.format)(target, chosen)
