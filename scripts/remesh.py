@@ -1,0 +1,142 @@
+"""The tracker's mesh: a closed, evenly sampled, mirror-symmetric surface of about 1,200 vertices on MakeHuman's skin."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+CELL = 0.006
+"""Metres: voxel size of the closed surface."""
+GAP = 0.022
+"""Metres: gaps narrower than twice this are closed, which makes a mitten of the hand and one piece of the toes."""
+NEAREST = 12
+"""Skin vertices that carry one vertex of the tracker's mesh."""
+REGIONS: tuple[tuple[str, tuple[float, ...]], ...] = (
+    ("(x0>-1)", (0.010, 0.014, 0.018, 0.021, 0.024)),
+    ("(x0<=0.42)", (0.026, 0.028, 0.030)),
+    ("(x0<=0.32)&&(y0>=-0.58)", (0.033, 0.036, 0.039, 0.042, 0.042)),
+)
+"""Edge lengths (metres), coarser step by step: everything; all but the hand; all but hand, forearm, ankle and foot.
+
+Regions are in the A-pose of the average adult, in pymeshlab's syntax for the first corner of a face. Thin parts need shorter
+edges to be round at all; hands and feet are what a tracker finds hardest.
+"""
+
+
+@dataclass(frozen=True)
+class TrackerMesh:
+    """Faces int32 (F, 3) and carriers: row v of `index` (V, 12), `share` (V, 12) makes vertex v out of skin vertices.
+
+    `mirror` int64 (V,) names the mirror image of each vertex.
+    """
+
+    faces: np.ndarray
+    index: np.ndarray
+    share: np.ndarray
+    mirror: np.ndarray
+
+    def carry(self, values: np.ndarray) -> np.ndarray:
+        """Values of the skin (13380, C) carried to the mesh (V, C)."""
+        return np.einsum("vk,vkc->vc", self.share, values[self.index])
+
+
+def tracker_mesh(skin_a: np.ndarray, faces: np.ndarray) -> TrackerMesh:
+    """Remesh the A-pose skin (13380, 3): close the gaps between fingers, halve, coarsen evenly, mirror, tie to the skin."""
+    half, half_faces = _coarse_half(*_closed(skin_a, faces))
+    middle = np.flatnonzero(half[:, 0] == 0.0)
+    count = len(half)
+    mirrored = np.full(count, -1)
+    mirrored[middle] = middle
+    others = np.flatnonzero(mirrored < 0)
+    mirrored[others] = count + np.arange(len(others))
+    all_faces = np.concatenate([half_faces, mirrored[half_faces][:, ::-1]]).astype(np.int32)
+    mirror = np.concatenate([mirrored, others])
+
+    index, share = _affine_shares(half, skin_a)
+    twin = cKDTree(skin_a).query(skin_a * (-1, 1, 1))[1]
+    return TrackerMesh(
+        faces=all_faces,
+        index=np.concatenate([index, twin[index[others]]]),
+        share=np.concatenate([share, share[others]]),
+        mirror=mirror,
+    )
+
+
+def _closed(vertices: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The outer surface after morphological closing: grown by GAP and shrunk again on a voxel grid."""
+    import pymeshlab
+
+    meshes = pymeshlab.MeshSet()
+    meshes.add_mesh(pymeshlab.Mesh(vertices, faces))
+    for offset in (GAP, -GAP):
+        meshes.generate_resampled_uniform_mesh(
+            cellsize=pymeshlab.PureValue(CELL), offset=pymeshlab.PureValue(offset), mergeclosevert=True
+        )
+        meshes.meshing_remove_connected_component_by_face_number(mincomponentsize=3000)
+    mesh = meshes.current_mesh()
+    return mesh.vertex_matrix(), mesh.face_matrix()
+
+
+def _coarse_half(vertices: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The half x >= 0 with isotropic triangles; every step is drawn back onto the fine surface so that nothing shrinks."""
+    import open3d as o3d
+    import pymeshlab
+
+    whole = o3d.t.geometry.TriangleMesh(o3d.core.Tensor(vertices), o3d.core.Tensor(faces.astype(np.int64)))
+    scene = o3d.t.geometry.RaycastingScene()
+    scene.add_triangles(o3d.core.Tensor(vertices.astype(np.float32)), o3d.core.Tensor(faces.astype(np.uint32)))
+    half = whole.clip_plane([0, 0, 0], [1, 0, 0])
+    meshes = _mesh_set(half.vertex.positions.numpy().astype(float), half.triangle.indices.numpy())
+    meshes.meshing_remove_duplicate_vertices()
+    meshes.meshing_merge_close_vertices(threshold=pymeshlab.PureValue(1e-5))
+    for region, lengths in REGIONS:
+        for length in lengths:
+            meshes.compute_selection_by_condition_per_face(condselect=region)
+            meshes.meshing_isotropic_explicit_remeshing(
+                iterations=3, targetlen=pymeshlab.PureValue(length), selectedonly=True, checksurfdist=False,
+                featuredeg=180,
+            )  # fmt: skip
+            points, triangles = meshes.current_mesh().vertex_matrix(), meshes.current_mesh().face_matrix()
+            border = _border(triangles)
+            query = o3d.core.Tensor(points.astype(np.float32))
+            points = scene.compute_closest_points(query)["points"].numpy().astype(float)
+            points[:, 0] = np.maximum(points[:, 0], 1e-4)
+            points[border, 0] = 0.0
+            meshes = _mesh_set(points, triangles)
+    return points, triangles
+
+
+def _mesh_set(vertices: np.ndarray, faces: np.ndarray) -> Any:
+    import pymeshlab
+
+    meshes = pymeshlab.MeshSet()
+    meshes.add_mesh(pymeshlab.Mesh(vertices, faces))
+    return meshes
+
+
+def _border(faces: np.ndarray) -> np.ndarray:
+    edges = np.sort(np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]]), axis=1)
+    unique, count = np.unique(edges, axis=0, return_counts=True)
+    return np.unique(unique[count == 1])
+
+
+def _affine_shares(points: np.ndarray, skin: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Shares (V, 12) of the nearest skin vertices that sum to 1 and reproduce each point exactly.
+
+    Of all such shares the ones closest to a smooth average (weights falling with distance) are taken, so that a point over
+    the gap between two fingers follows both, and morph targets and weights transfer smoothly.
+    """
+    distance, index = cKDTree(skin).query(points, k=NEAREST)
+    smooth = np.exp(-((distance / distance[:, -1:]) ** 2) * 2.0)
+    smooth /= smooth.sum(axis=1, keepdims=True)
+    near = skin[index]
+    share = np.empty_like(smooth)
+    for v, (start, base) in enumerate(zip(smooth, near, strict=True)):
+        rows = np.concatenate([base.T - points[v][:, None], np.ones((1, NEAREST))])
+        wanted = np.array([0.0, 0.0, 0.0, 1.0])
+        share[v] = start + np.linalg.pinv(rows, rcond=1e-3) @ (wanted - rows @ start)
+        share[v] /= share[v].sum()
+    return index, share

@@ -1,0 +1,239 @@
+"""Shape space of the body and the bodies made from it.
+
+People drawn over MakeHuman's gender, age (from six years), weight, muscle, height and proportions were brought into the T-pose; a principal
+component analysis of tracker vertices, joints and sites together gives K = 10 components (`scripts/make_body_assets.py`). Size is
+part of the space: the first component is mostly body height.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+
+from toolkit.body import skeleton
+from toolkit.body.body import Body
+from toolkit.errors import BodyError
+
+ASSETS = Path(__file__).parent / "assets"
+
+
+@dataclass(frozen=True, eq=False)
+class ShapeSpace:
+    """Tracker bodies as mean + coefficients @ basis, coefficients in standard deviations of the population.
+
+    Attributes
+    ----------
+    mean : float64 (V + 18 + 5, 3), metres: vertices, joints, sites
+    basis : float64 (K, V + 18 + 5, 3), metres per standard deviation; components are orthogonal
+    faces, skin_joints, skin_weights, end_effectors : as in `Body`
+    named : coefficients (K,) of each named body
+    """
+
+    mean: np.ndarray
+    basis: np.ndarray
+    faces: np.ndarray
+    skin_joints: np.ndarray
+    skin_weights: np.ndarray
+    end_effectors: np.ndarray
+    named: dict[str, np.ndarray]
+
+    @staticmethod
+    @cache
+    def load() -> ShapeSpace:
+        """The shipped shape space (read once).
+
+        Raises
+        ------
+        BodyError
+            The assets are missing or were made for another joint tree.
+        """
+        data = _read_asset("tracker.npz")
+        return ShapeSpace(
+            mean=data["mean"].astype(np.float64),
+            basis=data["basis"].astype(np.float64),
+            faces=data["faces"].astype(np.int32),
+            skin_joints=data["skin_joints"].astype(np.int64),
+            skin_weights=_unit_rows(data["skin_weights"]),
+            end_effectors=data["end_effectors"],
+            named=dict(zip(data["names"].tolist(), data["shapes"], strict=True)),
+        )
+
+    @property
+    def size(self) -> int:
+        """K, the number of components."""
+        return len(self.basis)
+
+    def body(
+        self, coefficients: Sequence[float] | np.ndarray | None = None, scale: float = 1.0, name: str = "body"
+    ) -> Body:
+        """The body of up to K coefficients (standard deviations; missing ones are 0), uniformly scaled by `scale`.
+
+        Raises
+        ------
+        BodyError
+            There are more than K coefficients, one is not finite, or the scale is not positive.
+        """
+        shape = _padded(coefficients, self.size)
+        points = self.mean + np.tensordot(shape, self.basis, axes=1)
+        body = Body(
+            name, *_split(points, len(self.skin_joints), self.faces, self.skin_joints, self.skin_weights),
+            end_effectors=self.end_effectors, shape=shape,
+        )  # fmt: skip
+        return body if scale == 1.0 else body.scaled(scale)
+
+    def project(self, body: Body) -> np.ndarray:
+        """Coefficients (K,) of the body of this space that is nearest to `body`, in the least squares of all its points.
+
+        Raises
+        ------
+        BodyError
+            `body` has another number of vertices than the bodies of this space.
+        """
+        if body.vertices.shape != (len(self.skin_joints), 3):
+            raise BodyError(
+                f"body {body.name!r} has {len(body.vertices)} vertices, the shape space {len(self.skin_joints)}; "
+                "project a body that was made by ShapeSpace.body"
+            )
+        change = np.concatenate([body.vertices, body.joints, body.sites]) - self.mean
+        flat = self.basis.reshape(self.size, -1)
+        return flat @ change.ravel() / np.einsum("kd,kd->k", flat, flat)
+
+
+@cache
+def load_body(name: str = "neutral") -> Body:
+    """A named tracker body: neutral, slim_male, heavy_female, child, ... (`body_names`).
+
+    Raises
+    ------
+    BodyError
+        There is no body of this name; the message lists those that exist.
+    """
+    space = ShapeSpace.load()
+    return space.body(_named(space.named, name), name=name)
+
+
+def body_names() -> tuple[str, ...]:
+    """Names that `load_body` and `subject_body` know."""
+    return tuple(ShapeSpace.load().named)
+
+
+def subject_body(
+    shape: str | Sequence[float] | np.ndarray = "neutral",
+    *,
+    seed: int | None = None,
+    scale: float = 1.0,
+    name: str | None = None,
+) -> Body:
+    """A person to be recorded: MakeHuman's whole skin (13,380 vertices) with the weights of its own finest rig.
+
+    A subject follows 20 components, of which the tracker's space holds the first 10. With a `seed` it also gets local
+    deformations that no shape space knows: MakeHuman's own (belly, shoulders, hips, calves, limb lengths, ...) by random
+    amounts, and smooth bumps of up to 12 mm as clothes make them.
+
+    Parameters
+    ----------
+    shape : name of a body, or up to 20 coefficients in standard deviations
+    seed : seed of the local deformations; None for a subject without them
+    scale : uniform factor (> 0)
+    name : name of the result
+
+    Raises
+    ------
+    BodyError
+        The name is unknown, or there are too many or not finite coefficients.
+    """
+    data = _subjects()
+    named = dict(zip(data["names"].tolist(), data["shapes"], strict=True))
+    coefficients = _padded(_named(named, shape) if isinstance(shape, str) else shape, len(data["basis"]))
+    quantum = float(data["quantum"])
+    points = data["mean"] + quantum * np.tensordot(coefficients, data["basis"], axes=1)
+    faces, count = data["faces"].astype(np.int32), len(data["skin_joints"])
+    if seed is not None:
+        rng = np.random.default_rng(seed)
+        points += quantum * np.tensordot(rng.uniform(-0.5, 0.6, len(data["local"])), data["local"], axes=1)
+        points[:count] += _bumps(points[:count], faces, rng)
+    skin_joints = data["skin_joints"].astype(np.int64)
+    label = name or (shape if isinstance(shape, str) else "subject")
+    body = Body(
+        label, *_split(points, count, faces, skin_joints, _unit_rows(data["skin_weights"])),
+        end_effectors=_tips(points[:count], points[-len(skeleton.SITES) :]), shape=coefficients,
+    )  # fmt: skip
+    return body if scale == 1.0 else body.scaled(scale)
+
+
+def _bumps(skin: np.ndarray, faces: np.ndarray, rng: np.random.Generator, count: int = 40) -> np.ndarray:
+    """Offsets (V, 3) along the normals: Gaussian bumps and dents of 4 to 12 cm width at random places below the neck."""
+    corners = skin[faces]
+    face_normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    normals = np.zeros_like(skin)
+    for corner in range(3):
+        np.add.at(normals, faces[:, corner], face_normals)
+    normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-12)
+    area = np.linalg.norm(face_normals, axis=1) * (corners[..., 1].mean(axis=1) < np.quantile(skin[:, 1], 0.95) - 0.3)
+    centres = corners[rng.choice(len(faces), count, p=area / area.sum())].mean(axis=1)
+    width, height = rng.uniform(0.02, 0.06, count), rng.uniform(-0.006, 0.012, count)
+    distance = np.linalg.norm(skin[:, None] - centres, axis=2)
+    return (np.exp(-0.5 * (distance / width) ** 2) @ height).clip(-0.008, 0.012)[:, None] * normals
+
+
+def _tips(skin: np.ndarray, sites: np.ndarray) -> np.ndarray:
+    """Fingertips, toe tips and crown of a T-pose mesh, ordered as `skeleton.END_EFFECTORS`."""
+    x, y, z = skin.T
+    below = y < sites[3, 1] + 0.1
+    return np.array(
+        [
+            np.argmax(x),
+            np.argmax(-x),
+            np.argmax(np.where(below & (x > 0), z, -np.inf)),
+            np.argmax(np.where(below & (x < 0), z, -np.inf)),
+            np.argmax(y),
+        ],
+        dtype=np.int64,
+    )
+
+
+def _split(
+    points: np.ndarray, count: int, faces: np.ndarray, skin_joints: np.ndarray, skin_weights: np.ndarray
+) -> tuple[np.ndarray, ...]:
+    joints_end = count + len(skeleton.JOINTS)
+    joints = points[count:joints_end].copy()
+    joints[0] = 0.0
+    return points[:count], faces, skin_joints, skin_weights, joints, points[joints_end:]
+
+
+def _unit_rows(weights: np.ndarray) -> np.ndarray:
+    wide = weights.astype(np.float64)
+    return wide / wide.sum(axis=1, keepdims=True)
+
+
+def _padded(coefficients: Sequence[float] | np.ndarray | None, size: int) -> np.ndarray:
+    given = np.zeros(0) if coefficients is None else np.atleast_1d(np.asarray(coefficients, dtype=np.float64))
+    if given.ndim != 1 or len(given) > size or not np.isfinite(given).all():
+        raise BodyError(f"shape coefficients {given.tolist()} do not fit; give at most {size} finite numbers")
+    return np.concatenate([given, np.zeros(size - len(given))])
+
+
+def _named(named: dict[str, np.ndarray], name: str) -> np.ndarray:
+    if name not in named:
+        raise BodyError(f"no body is called {name!r}; there are: {', '.join(named)}")
+    return named[name]
+
+
+@cache
+def _subjects() -> dict[str, np.ndarray]:
+    return _read_asset("subjects.npz")
+
+
+def _read_asset(file: str) -> dict[str, np.ndarray]:
+    path = ASSETS / file
+    if not path.exists():
+        raise BodyError(f"the body asset {file} is missing; run scripts/make_body_assets.py")
+    with np.load(path) as archive:
+        data = {key: archive[key] for key in archive.files}
+    if str(data["fingerprint"]) != skeleton.fingerprint():
+        raise BodyError(f"the body asset {file} belongs to another joint tree; run scripts/make_body_assets.py")
+    return data
