@@ -144,3 +144,30 @@ def distance_function(
             row[j] = best + cell[j]
             start[j] = origin
     return costs[(n - 1) % 3], starts[(n - 1) % 3]
+
+
+@njit(cache=True)
+def spread_hits(cost: np.ndarray, start: np.ndarray, threshold: float) -> np.ndarray:
+    """Modified distance function (thesis 5.2): each hit's cost over all frames of its alignment.
+
+    Ends are taken from the cheapest up while below the threshold (the earlier on ties). Each writes its cost over those of
+    its frames that are still unset, and no later hit may end within it.
+
+    Parameters
+    ----------
+    cost, start : float64 and int64 (L,), from `distance_function`
+    threshold : costs at or above it are no hits
+
+    Returns
+    -------
+    float64 (L,), infinite outside all hits
+    """
+    modified = np.full(cost.shape[0], np.inf)
+    candidates = np.flatnonzero(cost < threshold)
+    for end in candidates[np.argsort(cost[candidates], kind="mergesort")]:
+        if modified[end] < np.inf:
+            continue
+        for frame in range(start[end], end + 1):
+            if modified[frame] == np.inf:
+                modified[frame] = cost[end]
+    return modified

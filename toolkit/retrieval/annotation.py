@@ -1,0 +1,215 @@
+"""Annotation: which frames of an unknown motion belong to which motion class (thesis, Chapter 5).
+
+Every class is a set of quantised motion templates. Subsequence DTW gives a distance function per class, its hits a modified
+distance function; per frame the cheapest class wins, and the resulting runs are extended to whole motions.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from toolkit.errors import RetrievalError
+from toolkit.kernels import dtw
+from toolkit.retrieval.features import FeatureMatrix
+from toolkit.retrieval.measures import Segment
+from toolkit.retrieval.templates import QuantisedTemplate, expand, pack
+
+THRESHOLD = 0.13
+"""Largest cost of a hit, `tau` (thesis 5.2): mean share of mismatching features along the alignment."""
+
+Intervals = Mapping[str, Sequence[tuple[int, int]]]
+"""Class label -> frames that may hold it, as (first, one after the last); from a keyframe search."""
+
+
+@dataclass(frozen=True, eq=False)
+class MotionClass:
+    """A motion class as annotation uses it.
+
+    Attributes
+    ----------
+    label : its name in segments
+    templates : quantised templates of its subclasses, at least one
+    threshold : costs at or above it are no hits
+    """
+
+    label: str
+    templates: tuple[QuantisedTemplate, ...]
+    threshold: float = THRESHOLD
+
+    def __post_init__(self) -> None:
+        if not self.templates:
+            raise RetrievalError(f"motion class {self.label!r} has no template; give it at least one training clip")
+        if not 0.0 < self.threshold <= 1.0:
+            raise RetrievalError(f"threshold {self.threshold} of class {self.label!r} is not in (0, 1]; use {THRESHOLD}")
+
+
+@dataclass(frozen=True, eq=False)
+class Annotation:
+    """What was found in a document of L frames with P classes.
+
+    Attributes
+    ----------
+    name : the document
+    labels : the P classes
+    frame_rate : frames per second
+    distances : float64 (P, L), modified distance functions, infinite outside all hits (Fig. 5.2a)
+    decided : int64 (L,), cheapest class of each frame, -1 for none (Equation 5.6)
+    frames : bool (P, L), labels after the segments' extension (Fig. 5.2c); a frame may bear several
+    segments : the same as runs, sorted by start
+    too_long : classes whose templates are all too long for the document, so that they could not be found
+    """
+
+    name: str
+    labels: tuple[str, ...]
+    frame_rate: float
+    distances: np.ndarray
+    decided: np.ndarray
+    frames: np.ndarray
+    segments: tuple[Segment, ...]
+    too_long: tuple[str, ...] = ()
+
+
+class PreparedTemplate:
+    """A quantised template as bit words, ready for the DTW kernel (Equation 5.2)."""
+
+    def __init__(self, template: QuantisedTemplate) -> None:
+        values, weights = expand(template.values, template.weights)
+        known = values >= 0
+        self.length = values.shape[1]
+        self.bits, self.mask = pack(values == 1), pack(known)
+        self.scale = 0.5 * (weights + 1.0) / (np.maximum(known.sum(axis=0), 1) * self.length)
+
+    @property
+    def shortest(self) -> int:
+        """Fewest document frames that an alignment needs: every step may skip one template column."""
+        return 1 + self.length // 2
+
+    def distance(self, document: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Distance function and start frames (L,) of packed document columns, uint64 (L,) (Equation 5.3)."""
+        return dtw.distance_function(self.bits, self.mask, self.scale, document)
+
+
+def distance_function(template: QuantisedTemplate, features: FeatureMatrix) -> tuple[np.ndarray, np.ndarray]:
+    """Cost of the cheapest alignment that ends in each frame, and the frame where it starts (thesis 5.2, Equation 5.3).
+
+    Returns
+    -------
+    cost : float64 (L,), per template column, infinite where no alignment ends
+    start : int64 (L,), -1 where no alignment ends
+    """
+    return PreparedTemplate(template).distance(pack(features.values))
+
+
+class Annotator:
+    """Annotates documents with fixed classes; the templates are prepared once."""
+
+    def __init__(self, classes: Sequence[MotionClass]) -> None:
+        """Prepare the classes.
+
+        Raises
+        ------
+        RetrievalError
+            No classes, or a label twice.
+        """
+        labels = [motion_class.label for motion_class in classes]
+        if not labels or len(set(labels)) < len(labels):
+            raise RetrievalError(f"annotation needs classes with different labels, got: {', '.join(labels) or 'none'}")
+        self.classes = tuple(classes)
+        self.labels = tuple(labels)
+        self._templates = [[PreparedTemplate(template) for template in c.templates] for c in classes]
+
+    def annotate(self, features: FeatureMatrix, intervals: Intervals | None = None) -> Annotation:
+        """Label a document's frames.
+
+        Parameters
+        ----------
+        features : the document at 30 Hz
+        intervals : per class the frames to search, others are left out (thesis 5.3); a class without an entry is not
+            searched at all; None searches everything
+
+        Raises
+        ------
+        RetrievalError
+            The document is shorter than any template allows, or intervals name an unknown class.
+        """
+        unknown = sorted(set(intervals or ()) - set(self.labels))
+        if unknown:
+            raise RetrievalError(f"intervals for the unknown class {unknown[0]!r}; the classes are {', '.join(self.labels)}")
+        shortest = [min(template.shortest for template in templates) for templates in self._templates]
+        if len(features) < min(shortest):
+            raise RetrievalError(
+                f"motion {features.name!r} has {len(features)} frames at 30 Hz, but the shortest template needs "
+                f"{min(shortest)}; give a longer motion"
+            )
+        distances = self._distances(features, intervals)
+        decided = decide(distances)
+        frames = extend(decided, distances)
+        return Annotation(
+            features.name, self.labels, features.frame_rate, distances, decided, frames,
+            tuple(segments_of(frames, distances, self.labels, features.frame_rate)),
+            tuple(label for label, need in zip(self.labels, shortest, strict=True) if len(features) < need),
+        )  # fmt: skip
+
+    def _distances(self, features: FeatureMatrix, intervals: Intervals | None) -> np.ndarray:
+        """Modified distance functions (P, L): the minimum over a class's templates, on its intervals only."""
+        words = pack(features.values)
+        distances = np.full((len(self.classes), len(words)), np.inf)
+        for row, (motion_class, templates) in enumerate(zip(self.classes, self._templates, strict=True)):
+            pieces = [(0, len(words))] if intervals is None else intervals.get(motion_class.label, ())
+            for start, stop in pieces:
+                piece = words[max(start, 0) : stop]
+                target = distances[row, max(start, 0) : stop]
+                for template in templates:
+                    if len(piece) >= template.shortest:
+                        hits = dtw.spread_hits(*template.distance(piece), motion_class.threshold)
+                        np.minimum(target, hits, out=target)
+        return distances
+
+
+def decide(distances: np.ndarray) -> np.ndarray:
+    """Class of smallest modified distance per frame, int64 (L,), the first on ties, -1 where all are infinite (Eq. 5.6)."""
+    best = distances.argmin(axis=0)
+    return np.where(np.isfinite(distances[best, np.arange(distances.shape[1])]), best, -1)
+
+
+def extend(decided: np.ndarray, distances: np.ndarray) -> np.ndarray:
+    """Widen each run of a class as long as its modified distance does not rise away from the run (thesis 5.2).
+
+    Parameters
+    ----------
+    decided : int64 (L,), class per frame, -1 for none
+    distances : float64 (P, L), modified distance functions
+
+    Returns
+    -------
+    bool (P, L): the labels of each frame, several where extended runs overlap
+    """
+    frames = np.zeros(distances.shape, dtype=bool)
+    for row, distance in enumerate(distances):
+        falls, rises = distance[1:] < distance[:-1], distance[1:] > distance[:-1]
+        left_ends = np.concatenate([[0], np.flatnonzero(falls) + 1])
+        right_ends = np.concatenate([np.flatnonzero(rises), [len(distance) - 1]])
+        for start, stop in runs(decided == row):
+            first = left_ends[np.searchsorted(left_ends, start, side="right") - 1]
+            last = right_ends[np.searchsorted(right_ends, stop - 1)]
+            frames[row, first : last + 1] = True
+    return frames
+
+
+def runs(flags: np.ndarray) -> list[tuple[int, int]]:
+    """Maximal runs of True in bool (L,), as (first, one after the last)."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], flags, [False]])))
+    return [(int(a), int(b)) for a, b in edges.reshape(-1, 2)]
+
+
+def segments_of(frames: np.ndarray, distances: np.ndarray, labels: Sequence[str], frame_rate: float) -> list[Segment]:
+    """Runs of equal label as segments, sorted by start; the score is 1 minus the smallest distance within."""
+    found = [
+        Segment(start / frame_rate, stop / frame_rate, label, 1.0 - float(distances[row, start:stop].min()))
+        for row, label in enumerate(labels)
+        for start, stop in runs(frames[row])
+    ]
+    return sorted(found, key=lambda segment: (segment.start, segment.end, segment.label))

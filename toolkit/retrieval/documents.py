@@ -1,0 +1,121 @@
+"""Documents for measuring annotation, put together from cut clips: blended joins, true segments, unlabelled filler."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from toolkit.errors import RetrievalError
+from toolkit.retrieval.features import BodyLengths
+from toolkit.retrieval.measures import Segment
+from toolkit.retrieval.motion import NAMED_JOINTS, Motion
+
+JOIN_SPEED = 1.5
+"""Metres per second of the joint that moves farthest in a join."""
+JOIN_SECONDS = (0.25, 1.5)
+"""Shortest and longest join."""
+
+_LEFT_HIP, _RIGHT_HIP, _ROOT = (NAMED_JOINTS.index(name) for name in ("left_hip", "right_hip", "root"))
+
+
+@dataclass(frozen=True, eq=False)
+class Document:
+    """A long motion with its true segments (seconds)."""
+
+    motion: Motion
+    segments: tuple[Segment, ...]
+
+
+def assemble(name: str, parts: Sequence[tuple[Motion, str | None]]) -> Document:
+    """Put motions one after the other as one actor would perform them.
+
+    Each part is turned about y and shifted along the ground so that it begins where the last one ended, scaled to the body
+    length of the first part and set on its floor. Between two parts the joints move along an eased straight line, for as
+    long as the farthest one needs at `JOIN_SPEED`.
+
+    Parameters
+    ----------
+    name : the document
+    parts : motions (metres, world y up) of one frame rate, with their label or None for filler; joins bear no label
+
+    Raises
+    ------
+    RetrievalError
+        No parts, or parts of different frame rates.
+    """
+    rates = sorted({motion.frame_rate for motion, _ in parts})
+    if len(rates) != 1:
+        raise RetrievalError(f"document {name!r} needs parts of one frame rate, got {rates}; resample them")
+    rate = rates[0]
+    size = BodyLengths.of(parts[0][0]).body
+    pieces: list[tuple[np.ndarray, np.ndarray]] = []
+    segments: list[Segment] = []
+    frames = 0
+    for motion, label in parts:
+        piece = _placed(motion, size, pieces[-1] if pieces else None)
+        if pieces:
+            pieces.append(_join(pieces[-1], piece, rate))
+            frames += len(pieces[-1][0])
+        if label is not None:
+            segments.append(Segment(frames / rate, (frames + len(motion)) / rate, label))
+        pieces.append(piece)
+        frames += len(motion)
+    joints, axes = (np.concatenate(arrays) for arrays in zip(*pieces, strict=True))
+    return Document(Motion(name, joints, rate, axes), tuple(segments))
+
+
+def shuffled_parts(
+    clips: Sequence[tuple[Motion, str]],
+    fillers: Sequence[Motion],
+    rng: np.random.Generator,
+    filler_seconds: tuple[float, float] = (2.0, 5.0),
+) -> list[tuple[Motion, str | None]]:
+    """Clips in random order; before every second one, on average, a random excerpt of a filler."""
+    parts: list[tuple[Motion, str | None]] = []
+    for index in rng.permutation(len(clips)):
+        if fillers and rng.random() < 0.5 and parts:
+            filler = fillers[rng.integers(len(fillers))]
+            length = min(len(filler), int(rng.uniform(*filler_seconds) * filler.frame_rate))
+            start = int(rng.integers(len(filler) - length + 1))
+            parts.append((filler.sliced(start, start + length), None))
+        parts.append(clips[index])
+    return parts
+
+
+def _placed(motion: Motion, size: float, before: tuple[np.ndarray, np.ndarray] | None) -> tuple[np.ndarray, np.ndarray]:
+    """Joints (T, 24, 3) and root axes (T, 3) of a part, scaled, on the floor y = 0, and continuing the part before it."""
+    scale = size / BodyLengths.of(motion).body
+    joints = motion.joints * scale
+    joints = joints - np.array([0.0, joints[..., 1].min(), 0.0])
+    axes = motion.root_axis
+    if axes is None:
+        axes = joints[:, _LEFT_HIP] - joints[:, _RIGHT_HIP]
+    if before is None:
+        return joints, axes
+    last = before[0][-1]
+    turn = _yaw(last) - _yaw(joints[0])
+    rotation = np.array([[np.cos(turn), 0.0, np.sin(turn)], [0.0, 1.0, 0.0], [-np.sin(turn), 0.0, np.cos(turn)]])
+    joints = joints @ rotation.T
+    shift = (last[_ROOT] - joints[0, _ROOT]) * [1.0, 0.0, 1.0]
+    return joints + shift, axes @ rotation.T
+
+
+def _yaw(pose: np.ndarray) -> float:
+    """Angle about +y of the line from right to left hip, counted from +x."""
+    across = pose[_LEFT_HIP] - pose[_RIGHT_HIP]
+    return float(np.arctan2(-across[2], across[0]))
+
+
+def _join(
+    before: tuple[np.ndarray, np.ndarray], after: tuple[np.ndarray, np.ndarray], rate: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """Frames strictly between the last one of a part and the first one of the next."""
+    farthest = float(np.linalg.norm(after[0][0] - before[0][-1], axis=-1).max())
+    count = int(round(np.clip(farthest / JOIN_SPEED, *JOIN_SECONDS) * rate))
+    place = np.arange(1, count + 1) / (count + 1.0)
+    ease = place * place * (3.0 - 2.0 * place)
+    joints = before[0][-1] + ease[:, None, None] * (after[0][0] - before[0][-1])
+    axes = before[1][-1] + ease[:, None] * (after[1][0] - before[1][-1])
+    return joints, axes
