@@ -1,0 +1,191 @@
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from toolkit.errors import OutputError, RetrievalError
+from toolkit.retrieval import index as index_module
+from toolkit.retrieval.features import FEATURE_SETS, FeatureMatrix
+from toolkit.retrieval.index import KeyframeIndex, RunLists, pack
+from toolkit.retrieval.keyframes import Keyframe
+
+
+def random_document(rng: np.random.Generator, name: str, frames: int) -> FeatureMatrix:
+    """A few features that change now and then, the others constant: long runs, as in motions."""
+    values = np.zeros((40, frames), dtype=bool)
+    for row in rng.choice(40, 8, replace=False):
+        values[row] = np.cumsum(rng.random(frames) < 0.2) % 2 == 1
+    return FeatureMatrix(name, values)
+
+
+@pytest.fixture
+def documents() -> list[FeatureMatrix]:
+    rng = np.random.default_rng(4)
+    return [random_document(rng, f"clip{i}", frames) for i, frames in enumerate((40, 1, 75, 33))]
+
+
+def same(a: KeyframeIndex, b: KeyframeIndex) -> bool:
+    pairs = zip(a._arrays().items(), b._arrays().items(), strict=True)
+    return a.names == b.names and all(
+        n == m and np.array_equal(x, y) and x.dtype == y.dtype for (n, x), (m, y) in pairs
+    )
+
+
+def test_features_come_back_from_the_runs(documents: list[FeatureMatrix]) -> None:
+    index = KeyframeIndex.build(documents)
+    for i, document in enumerate(documents):
+        assert np.array_equal(index.features(i, 0, len(document)).values, document.values)
+    assert np.array_equal(index.features(2, 13, 14).values, documents[2].values[:, 13:14])
+    assert np.array_equal(index.features(2, 10, 60).values, documents[2].values[:, 10:60])
+    assert index.frames == 149 and len(index) == 4
+
+
+def test_an_inverted_list_names_documents_and_runs_in_order() -> None:
+    values = np.zeros((40, 6), dtype=bool)
+    values[15, 2:4] = True
+    index = KeyframeIndex.build([FeatureMatrix("a", values), FeatureMatrix("b", ~values)])
+    lower = index.sets["lower"]
+    assert lower.inverted_list(0).tolist() == [[0, 0], [0, 2]]
+    assert lower.inverted_list(0b10).tolist() == [[0, 1]]
+    assert lower.inverted_list(2**12 - 1).tolist() == [[1, 0], [1, 2]]
+    assert lower.inverted_list(0b100).tolist() == []
+
+
+def test_equal_vectors_on_both_sides_of_a_document_end_are_two_runs() -> None:
+    zeros = np.zeros((40, 5), dtype=bool)
+    index = KeyframeIndex.build([FeatureMatrix("a", zeros), FeatureMatrix("b", zeros)])
+    starts, ends, processed = index.keyframe_list(Keyframe("upper", (("F1", 0),)))
+    assert (starts.tolist(), ends.tolist(), processed) == ([0, 5], [4, 9], 2)
+
+
+@settings(max_examples=100, deadline=None)
+@given(
+    st.integers(0, 2**32 - 1),
+    st.sampled_from(sorted(FEATURE_SETS)),
+    st.integers(0, 2**14 - 1),
+    st.integers(0, 2**14 - 1),
+)
+def test_a_keyframe_list_holds_the_frames_that_match(seed: int, name: str, mask: int, value: int) -> None:
+    rng = np.random.default_rng(seed)
+    documents = [random_document(rng, str(i), int(rng.integers(1, 30))) for i in range(3)]
+    lists = KeyframeIndex.build(documents).sets[name]
+    mask &= 2 ** len(FEATURE_SETS[name]) - 1
+    value &= mask
+    starts, ends, processed = index_module.keyframe_list(
+        lists.vectors,
+        lists.list_offsets,
+        lists.list_runs,
+        lists.run_starts,
+        lists.document_runs,
+        np.uint16(mask),
+        np.uint16(value),
+    )
+    vectors = np.concatenate([pack(d.values[FEATURE_SETS[name]]) for d in documents])
+    expected, offset = [], 0
+    for document in documents:
+        inside = (vectors[offset : offset + len(document)] & np.uint64(mask)) == value
+        edges = np.flatnonzero(np.diff(np.concatenate([[0], inside, [0]])))
+        expected += [(offset + int(a), offset + int(b) - 1) for a, b in edges.reshape(-1, 2)]
+        offset += len(document)
+    assert list(zip(starts.tolist(), ends.tolist(), strict=True)) == expected
+    assert processed == sum(len(lists.inverted_list(int(v))) for v in lists.vectors if int(v) & mask == value)
+
+
+def test_an_index_on_disk_is_the_index_in_memory(documents: list[FeatureMatrix], tmp_path: Path) -> None:
+    index = KeyframeIndex.build(documents)
+    index.save(tmp_path / "motions.index")
+    opened = KeyframeIndex.open(tmp_path / "motions.index")
+    assert same(index, opened)
+    keyframe = Keyframe("upper", (("F1", 0),))
+    assert all(
+        np.array_equal(a, b) for a, b in zip(index.keyframe_list(keyframe), opened.keyframe_list(keyframe), strict=True)
+    )
+
+
+def test_opening_maps_the_arrays_and_reads_only_the_header(documents: list[FeatureMatrix], tmp_path: Path) -> None:
+    KeyframeIndex.build(documents).save(tmp_path / "motions.index")
+    opened = KeyframeIndex.open(tmp_path / "motions.index")
+    bases = [array.base for array in opened._arrays().values()]
+    assert all(isinstance(base, np.memmap) for base in bases)
+
+
+def test_adding_documents_gives_the_index_of_all(documents: list[FeatureMatrix], tmp_path: Path) -> None:
+    path = tmp_path / "motions.index"
+    KeyframeIndex.build(documents[:2]).save(path)
+    KeyframeIndex.open(path).added(documents[2:]).save(path)
+    assert same(KeyframeIndex.open(path), KeyframeIndex.build(documents))
+
+
+def test_an_index_that_cannot_be_built_is_refused(documents: list[FeatureMatrix]) -> None:
+    with pytest.raises(RetrievalError, match="no document"):
+        KeyframeIndex.build([])
+    with pytest.raises(RetrievalError, match="'clip0'"):
+        KeyframeIndex.build([documents[0], documents[0]])
+    with pytest.raises(RetrievalError, match="'clip1'"):
+        KeyframeIndex.build(documents).added([documents[1]])
+    with pytest.raises(RetrievalError, match="'nothing' has no frame"):
+        KeyframeIndex.build([FeatureMatrix("nothing", np.zeros((40, 0), dtype=bool))])
+
+
+def test_an_index_of_other_features_or_another_version_is_refused(
+    documents: list[FeatureMatrix], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = tmp_path / "motions.index"
+    index = KeyframeIndex.build(documents)
+    monkeypatch.setattr(index_module, "feature_fingerprint", lambda: "0123456789abcdef")
+    index.save(path)
+    monkeypatch.undo()
+    with pytest.raises(RetrievalError, match="other feature definitions .0123456789abcdef"):
+        KeyframeIndex.open(path)
+    monkeypatch.setattr(index_module, "INDEX_VERSION", 0)
+    index.save(path)
+    monkeypatch.undo()
+    with pytest.raises(RetrievalError, match="version 0, not 1"):
+        KeyframeIndex.open(path)
+
+
+def test_a_file_that_is_no_whole_index_is_refused(documents: list[FeatureMatrix], tmp_path: Path) -> None:
+    path = tmp_path / "motions.index"
+    with pytest.raises(RetrievalError, match="cannot open"):
+        KeyframeIndex.open(path)
+    path.write_bytes(b"PK something else entirely")
+    with pytest.raises(RetrievalError, match="no keyframe index"):
+        KeyframeIndex.open(path)
+    KeyframeIndex.build(documents).save(path)
+    whole = path.read_bytes()
+    path.write_bytes(whole[:-100])
+    with pytest.raises(RetrievalError, match="bytes instead of"):
+        KeyframeIndex.open(path)
+    path.write_bytes(whole[:60])
+    with pytest.raises(RetrievalError, match="damaged"):
+        KeyframeIndex.open(path)
+
+
+def test_a_failed_save_leaves_the_old_index(
+    documents: list[FeatureMatrix], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = tmp_path / "motions.index"
+    KeyframeIndex.build(documents[:2]).save(path)
+    before = path.read_bytes()
+
+    def full(size: int) -> int:
+        raise OSError(28, "No space left on device")
+
+    index = KeyframeIndex.build(documents)
+    monkeypatch.setattr(index_module, "bytes", full, raising=False)
+    with pytest.raises(OutputError, match="No space left"):
+        index.save(path)
+    assert path.read_bytes() == before
+    assert [p.name for p in tmp_path.iterdir()] == ["motions.index"]
+
+
+def test_runs_are_the_shortest_description(documents: list[FeatureMatrix]) -> None:
+    lists = KeyframeIndex.build(documents).sets["upper"]
+    inside = np.ones(len(lists.run_vectors), dtype=bool)
+    inside[lists.document_runs[:-1]] = False
+    assert np.all(lists.run_vectors[1:][inside[1:]] != lists.run_vectors[:-1][inside[1:]])
+    assert isinstance(lists, RunLists) and np.all(np.diff(lists.run_starts) > 0)

@@ -1,0 +1,105 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from toolkit.errors import RetrievalError
+from toolkit.retrieval.keyframes import (
+    Keyframe,
+    KeyframeQuery,
+    admissible,
+    in_sequence,
+    keyframes_at_once,
+    keyframes_of_column,
+)
+
+KNEE = Keyframe("lower", (("F21", 1),))
+HAND = Keyframe("upper", (("F4", 1), ("F3", 0)))
+
+
+def test_bits_follow_the_order_of_the_features_in_their_set() -> None:
+    assert HAND.values == (("F3", 0), ("F4", 1))
+    assert (HAND.mask, HAND.value) == (0b1100, 0b1000)
+    assert Keyframe("mixed", (("F40", 1),)).mask == 1 << 13
+
+
+def test_a_condition_on_several_sets_becomes_one_keyframe_per_set() -> None:
+    frames = keyframes_at_once({"F40": 1, "F1": 0, "F15": 1})
+    assert [(k.feature_set, k.values) for k in frames] == [
+        ("upper", (("F1", 0),)),
+        ("lower", (("F15", 1),)),
+        ("mixed", (("F40", 1),)),
+    ]
+
+
+def test_wildcards_of_a_column_are_left_out() -> None:
+    column = np.full(40, -1, np.int8)
+    column[20], column[2] = 1, 0
+    assert keyframes_of_column(column) == (Keyframe("upper", (("F3", 0),)), KNEE)
+    assert keyframes_of_column(np.full(40, -1, np.int8)) == ()
+
+
+@pytest.mark.parametrize(
+    ("make", "message"),
+    [
+        (lambda: Keyframe("arms", (("F1", 1),)), "unknown feature set 'arms'"),
+        (lambda: Keyframe("upper", (("F41", 1),)), "unknown feature 'F41'"),
+        (lambda: keyframes_at_once({"knee": 1}), "unknown feature 'knee'"),
+        (lambda: Keyframe("upper", (("F20", 1),)), "F20 is not in the set 'upper'"),
+        (lambda: Keyframe("upper", (("F1", 2),)), "has the value 2"),
+        (lambda: Keyframe("upper", ()), "matches every frame"),
+        (lambda: KeyframeQuery(()), "at least one keyframe"),
+        (lambda: KeyframeQuery((KNEE, HAND)), "need 1 distances"),
+        (lambda: KeyframeQuery((KNEE, HAND), ((3, 2),)), "from 3 to 2 frames"),
+        (lambda: KeyframeQuery((KNEE,), lead=-1), "lead -1"),
+        (lambda: KeyframeQuery.from_stiffness((KNEE, HAND), [5], 1.5), "stiffness 1.5"),
+        (lambda: KeyframeQuery.from_stiffness((KNEE, HAND), [-5], 0.5), "distance -5"),
+        (lambda: KeyframeQuery.from_stiffness((KNEE, HAND), [5], [0.5, 0.5]), "1 distances need as many"),
+        (lambda: in_sequence([KeyframeQuery((KNEE,))], [4], [0.5]), "1 actions in a row"),
+    ],
+)
+def test_a_query_that_cannot_work_is_refused_in_one_sentence(make: object, message: str) -> None:
+    with pytest.raises(RetrievalError, match=message) as caught:
+        make()  # type: ignore[operator]
+    assert "\n" not in str(caught.value)
+
+
+def test_distances_are_those_of_the_running_example() -> None:
+    assert admissible(3, 0.5) == (2, 6)
+    assert admissible(5, 0.6) == (3, 8)
+
+
+def test_products_that_are_whole_are_not_rounded_away() -> None:
+    assert admissible(10, 0.7) == (7, 14)
+    assert admissible(3, 0.3) == (1, 10)
+    assert admissible(49, 1.0) == (49, 49)
+
+
+def test_stiffness_zero_has_no_upper_bound_even_at_distance_zero() -> None:
+    assert admissible(0, 0.0) == (0, None)
+    assert admissible(7, 0.0) == (0, None)
+    assert admissible(0, 0.5) == (0, 0)
+
+
+@given(st.integers(1, 300), st.integers(0, 300))
+def test_distance_and_stiffness_give_the_bounds_back(least: int, more: int) -> None:
+    query = KeyframeQuery((KNEE, HAND), ((least, least + more),))
+    assert KeyframeQuery.from_stiffness(query.keyframes, query.distances, query.stiffness) == query
+
+
+def test_keyframes_at_one_position_get_the_distance_zero() -> None:
+    query = KeyframeQuery.from_positions([(9, (KNEE,)), (4, (HAND, KNEE))], length=12, stiffness=0.5)
+    assert query.keyframes == (HAND, KNEE, KNEE)
+    assert query.bounds == ((0, 0), (3, 10))
+    assert (query.lead, query.tail) == (4, 2)
+
+
+def test_actions_in_a_row_keep_their_own_distances() -> None:
+    first = KeyframeQuery((KNEE, HAND), ((1, 2),), lead=3, label="kick")
+    second = KeyframeQuery((HAND, KNEE), ((4, None),), tail=5, label="wave")
+    both = in_sequence([first, second], [10], [0.5])
+    assert both.keyframes == (KNEE, HAND, HAND, KNEE)
+    assert both.bounds == ((1, 2), (5, 20), (4, None))
+    assert (both.lead, both.tail, both.label) == (3, 5, "kick + wave")

@@ -1,0 +1,204 @@
+from __future__ import annotations
+
+import itertools
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from toolkit.errors import RetrievalError
+from toolkit.kernels.keyframe_search import UNBOUNDED, keyframe_search
+from toolkit.retrieval.features import FeatureMatrix
+from toolkit.retrieval.index import KeyframeIndex
+from toolkit.retrieval.keyframes import Keyframe, KeyframeQuery, in_sequence, keyframes_of_column
+from toolkit.retrieval.search import HitRanges, Match, find, pick, pieces, rank
+
+Segments = list[tuple[int, int]]
+EXAMPLE: list[Segments] = [
+    [(3, 4), (6, 7)],
+    [(1, 2), (4, 6), (9, 10)],
+    [(1, 3), (5, 8), (11, 12), (14, 15)],
+]
+
+
+def search(lists: list[Segments], bounds: list[tuple[int, int]], document_starts: list[int]) -> Segments:
+    offsets = np.cumsum([0, *map(len, lists)])
+    starts = np.array([a for segments in lists for a, _ in segments], np.int64)
+    ends = np.array([b for segments in lists for _, b in segments], np.int64)
+    minimum, maximum = (np.array([b[i] for b in bounds], np.int64) for i in (0, 1))
+    return [
+        (int(a), int(b)) for a, b in keyframe_search(starts, ends, offsets, minimum, maximum, np.array(document_starts))
+    ]
+
+
+def union_of_all_matches(lists: list[Segments], bounds: list[tuple[int, int]], document_starts: list[int]) -> Segments:
+    """Every hit frame by frame, Eq. 3.2 and 3.3; hits grouped to matches, Eq. 3.7; overlapping ranges of matches
+    joined."""
+    owner = [{n: s for s, (a, b) in enumerate(segments) for n in range(a, b + 1)} for segments in lists]
+
+    def hits(prefix: tuple[int, ...]) -> list[tuple[int, ...]]:
+        k = len(prefix)
+        if k == len(lists):
+            return [prefix]
+        document = int(np.searchsorted(document_starts, prefix[-1], side="right"))
+        least, greatest = bounds[k - 1]
+        frames = [n for n in owner[k] if least <= n - prefix[-1] <= greatest and n < document_starts[document]]
+        return [hit for n in frames for hit in hits((*prefix, n))]
+
+    ranges: dict[tuple[int, ...], tuple[int, int]] = {}
+    for hit in (hit for n in owner[0] for hit in hits((n,))):
+        match = tuple(owner[k][n] for k, n in enumerate(hit))
+        low, high = ranges.get(match, (hit[0], hit[-1]))
+        ranges[match] = min(low, hit[0]), max(high, hit[-1])
+    joined: Segments = []
+    for low, high in sorted(ranges.values()):
+        if joined and low <= joined[-1][1]:
+            joined[-1] = joined[-1][0], max(joined[-1][1], high)
+        else:
+            joined.append((low, high))
+    return joined
+
+
+def test_the_worked_example_of_the_text_gives_one_range_from_3_to_15() -> None:
+    bounds = list(KeyframeQuery.from_stiffness([Keyframe("upper", (("F1", 1),))] * 3, [3, 5], [0.5, 0.6]).bounds)
+    assert search(EXAMPLE, bounds, [0, 20]) == [(3, 15)]  # type: ignore[arg-type]
+    assert union_of_all_matches(EXAMPLE, bounds, [0, 20]) == [(3, 15)]  # type: ignore[arg-type]
+
+
+def test_the_worked_example_is_found_in_an_index() -> None:
+    values = np.zeros((40, 16), dtype=bool)
+    for row, segments in zip((0, 14, 26), EXAMPLE, strict=True):
+        for a, b in segments:
+            values[row, a : b + 1] = True
+    index = KeyframeIndex.build(
+        [FeatureMatrix("filler", np.zeros((40, 9), dtype=bool)), FeatureMatrix("example", values)]
+    )
+    keyframes = [
+        Keyframe(name, ((feature, 1),)) for name, feature in (("upper", "F1"), ("lower", "F15"), ("mixed", "F27"))
+    ]
+    hits = find(index, KeyframeQuery.from_stiffness(keyframes, [3, 5], [0.5, 0.6]))
+    assert (hits.documents.tolist(), hits.starts.tolist(), hits.stops.tolist()) == ([1], [3], [16])
+    assert hits.processed == sum(map(len, EXAMPLE))
+
+
+Case = tuple[list[Segments], list[tuple[int, int]], list[int]]
+
+
+@st.composite
+def searches(draw: st.DrawFn) -> Case:
+    document_starts = [0, *itertools.accumulate(draw(st.lists(st.integers(1, 9), min_size=1, max_size=3)))]
+    breaks = set(document_starts)
+    lists = []
+    for _ in range(draw(st.integers(1, 4))):
+        segments: Segments = []
+        for frame in draw(st.sets(st.integers(0, document_starts[-1] - 1), max_size=14).map(sorted)):
+            if segments and segments[-1][1] == frame - 1 and frame not in breaks:
+                segments[-1] = segments[-1][0], frame
+            else:
+                segments.append((frame, frame))
+        lists.append(segments)
+    bound = st.tuples(st.integers(0, 5), st.one_of(st.integers(0, 6), st.just(UNBOUNDED)))
+    bounds = [
+        (least, least + more) for least, more in draw(st.lists(bound, min_size=len(lists) - 1, max_size=len(lists) - 1))
+    ]
+    return lists, bounds, document_starts
+
+
+@settings(max_examples=1500, deadline=None)
+@given(searches())
+def test_the_search_finds_the_union_of_all_hit_relevant_ranges(
+    case: tuple[list[Segments], list[tuple[int, int]], list[int]],
+) -> None:
+    assert search(*case) == union_of_all_matches(*case)
+
+
+def test_several_keyframes_at_one_position_constrain_the_same_frame() -> None:
+    rng = np.random.default_rng(0)
+    values = rng.random((40, 400)) < 0.5
+    index = KeyframeIndex.build([FeatureMatrix("noise", values)])
+    column = np.full(40, -1, np.int8)
+    column[[1, 8, 16, 30]] = 1, 0, 1, 1
+    hits = find(index, KeyframeQuery.from_positions([(0, keyframes_of_column(column))], length=1, stiffness=0.5))
+    expected = np.flatnonzero(values[1] & ~values[8] & values[16] & values[30])
+    frames = np.concatenate([np.arange(a, b) for a, b in zip(hits.starts, hits.stops, strict=True)])
+    assert np.array_equal(frames, expected) and len(expected) > 5
+
+
+def test_no_hit_crosses_the_end_of_a_document_even_without_bounds() -> None:
+    first, second = (np.zeros((40, 10), dtype=bool) for _ in range(2))
+    first[0, 8], second[1, 1] = True, True
+    query = KeyframeQuery((Keyframe("upper", (("F1", 1),)), Keyframe("upper", (("F2", 1),))), ((0, None),))
+    apart = KeyframeIndex.build([FeatureMatrix("a", first), FeatureMatrix("b", second)])
+    together = KeyframeIndex.build([FeatureMatrix("a", np.hstack([first, second]))])
+    assert len(find(apart, query)) == 0
+    assert (find(together, query).starts.tolist(), find(together, query).stops.tolist()) == ([8], [12])
+
+
+def test_a_stiff_query_misses_what_a_soft_one_finds() -> None:
+    values = np.zeros((40, 100), dtype=bool)
+    values[0, [10, 50]], values[1, [20, 65]] = True, True
+    index = KeyframeIndex.build([FeatureMatrix("a", values)])
+    keyframes = [Keyframe("upper", (("F1", 1),)), Keyframe("upper", (("F2", 1),))]
+    assert find(index, KeyframeQuery.from_stiffness(keyframes, [10], 1.0)).starts.tolist() == [10]
+    assert find(index, KeyframeQuery.from_stiffness(keyframes, [10], 0.6)).starts.tolist() == [10, 50]
+
+
+def test_a_query_for_a_sequence_of_actions_finds_them_in_that_order_only() -> None:
+    values = np.zeros((40, 60), dtype=bool)
+    values[0, 5], values[1, 10], values[20, 25], values[19, 30] = True, True, True, True
+    index = KeyframeIndex.build([FeatureMatrix("a", values)])
+    wave = KeyframeQuery((Keyframe("upper", (("F1", 1),)), Keyframe("upper", (("F2", 1),))), ((3, 7),), lead=2)
+    kick = KeyframeQuery((Keyframe("lower", (("F21", 1),)), Keyframe("lower", (("F20", 1),))), ((3, 7),), tail=3)
+    hits = find(index, in_sequence([wave, kick], [10], [0.5]))
+    assert (hits.starts.tolist(), hits.stops.tolist()) == ([5], [31])
+    assert len(find(index, in_sequence([kick, wave], [10], [0.5]))) == 0
+
+
+def ranges(documents: list[int], starts: list[int], stops: list[int]) -> HitRanges:
+    return HitRanges(*(np.array(values, np.int64) for values in (documents, starts, stops)))
+
+
+def test_extended_pieces_are_joined_and_end_with_their_document() -> None:
+    index = KeyframeIndex.build([FeatureMatrix(name, np.zeros((40, 30), dtype=bool)) for name in "ab"])
+    hits = ranges([0, 0, 0, 1], [2, 9, 25, 1], [4, 12, 28, 3])
+    longer = hits.extended(index, 3, 4)
+    assert longer.documents.tolist() == [0, 0, 1]
+    assert list(zip(longer.starts.tolist(), longer.stops.tolist(), strict=True)) == [(0, 16), (22, 30), (0, 7)]
+    assert longer.frames == 31
+    query = KeyframeQuery((Keyframe("upper", (("F1", 1),)),), lead=1, tail=2)
+    assert pieces(index, query, hits).starts.tolist() == [0, 22, 0]
+    assert len(ranges([], [], []).extended(index, 3, 4)) == 0
+
+
+def test_picking_hits_takes_the_cheapest_first_and_closes_its_neighbourhood() -> None:
+    costs = np.full(100, np.inf)
+    firsts = np.full(100, -1)
+    costs[[30, 34, 36, 80, 90]] = 0.2, 0.1, 0.15, 0.05, 0.5
+    firsts[[30, 34, 36, 80, 90]] = 11, 15, 17, 60, 70
+    assert pick(costs, firsts, 0.4) == [(60, 80, 0.05), (15, 34, 0.1)]
+
+
+def test_a_path_that_starts_where_a_better_one_started_is_dropped() -> None:
+    costs = np.full(100, np.inf)
+    firsts = np.full(100, -1)
+    costs[[30, 60]] = 0.1, 0.2
+    firsts[[30, 60]] = 11, 12
+    assert pick(costs, firsts, 1.0) == [(11, 30, 0.1)]
+
+
+def test_ranking_names_documents_and_seconds() -> None:
+    index = KeyframeIndex.build([FeatureMatrix(name, np.zeros((40, 90), dtype=bool)) for name in "ab"])
+
+    def distance(piece: FeatureMatrix) -> tuple[np.ndarray, np.ndarray]:
+        costs = np.full(len(piece), np.inf)
+        costs[20] = 0.2 if piece.name == "a" else 0.1
+        return costs, np.full(len(piece), 11)
+
+    found = rank(index, ranges([0, 1], [0, 30], [30, 60]), distance)
+    assert found == [Match("b", 41 / 30, 51 / 30, 0.1), Match("a", 11 / 30, 21 / 30, 0.2)]
+
+
+def test_a_distance_function_of_the_wrong_length_is_refused() -> None:
+    with pytest.raises(RetrievalError, match="one per frame"):
+        pick(np.zeros(3), np.zeros(2), 1.0)

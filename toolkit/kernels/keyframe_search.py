@@ -1,0 +1,173 @@
+"""Inverted keyframe lists and the keyframe-based search, compiled (thesis, Sections 3.3 to 3.5).
+ A feature vector is an unsigned integer, bit i being feature i of its set. A keyframe is a pair (mask, value): it holds
+every vector v with `v & mask == value`. Frames are counted from 0 through all documents; a segment [start, end]
+includes its end.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+UNBOUNDED: int = 1 << 40
+"""Largest admissible distance of two keyframes that have no upper bound, in frames."""
+
+
+@njit(cache=True)
+def runs_of(vectors: np.ndarray, document_starts: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Split `vectors` (N,) into runs of equal values that stay inside one document.
+
+    `document_starts` (D + 1,) ends with N. Returns the runs' first frames (R + 1,), the last entry being N, their
+    vectors (R,) and the first run of each document (D + 1,), the last entry being R.
+    """
+    starts = np.empty(vectors.size + 1, np.int32)
+    codes = np.empty(vectors.size, vectors.dtype)
+    document_runs = np.empty(document_starts.size, np.int32)
+    count = 0
+    for document in range(document_starts.size - 1):
+        document_runs[document] = count
+        for frame in range(document_starts[document], document_starts[document + 1]):
+            if frame == document_starts[document] or vectors[frame] != vectors[frame - 1]:
+                starts[count] = frame
+                codes[count] = vectors[frame]
+                count += 1
+    document_runs[-1] = count
+    starts[count] = vectors.size
+    return starts[: count + 1].copy(), codes[:count].copy(), document_runs
+
+
+@njit(cache=True)
+def keyframe_list(
+    codes: np.ndarray,
+    list_offsets: np.ndarray,
+    list_runs: np.ndarray,
+    run_starts: np.ndarray,
+    document_runs: np.ndarray,
+    mask: int,
+    value: int,
+) -> tuple[np.ndarray, np.ndarray, int]:
+    """Inverted keyframe list of one keyframe, Eq. 3.4 and 3.5: maximal segments of frames whose vector matches.
+
+    The inverted lists of the matching vectors `codes` (U,) are `list_runs[list_offsets[u] : list_offsets[u + 1]]`.
+    Their runs are ticked off and read back in order, neighbours joined within a document; this takes time linear in the
+    runs listed, plus one look at every eighth of a tick. Returns first and last frames (L,) of the segments and the
+    number of runs listed.
+    """
+    ticks = np.zeros((run_starts.size + 7) // 8 * 8, np.uint8)
+    processed = 0
+    for u in range(codes.size):
+        if (codes[u] & mask) == value:
+            processed += list_offsets[u + 1] - list_offsets[u]
+            for i in range(list_offsets[u], list_offsets[u + 1]):
+                ticks[list_runs[i]] = 1
+    starts = np.empty(processed, np.int64)
+    ends = np.empty(processed, np.int64)
+    count = 0
+    document = 0
+    previous = -2
+    eights = ticks.view(np.uint64)
+    for word in range(eights.size):
+        if eights[word] == 0:
+            continue
+        for run in range(8 * word, 8 * word + 8):
+            if ticks[run] == 0:
+                continue
+            while document_runs[document + 1] <= run:
+                document += 1
+            if run != previous + 1 or run == document_runs[document]:
+                starts[count] = run_starts[run]
+                count += 1
+            ends[count - 1] = run_starts[run + 1] - 1
+            previous = run
+    return starts[:count], ends[:count], processed
+
+
+@njit(cache=True)
+def _first_frame(low: np.ndarray, high: np.ndarray, minimum: np.ndarray, maximum: np.ndarray) -> int:
+    """Smallest frame of the first keyframe among the hits of the present match: backtrack from the last
+    intersection."""
+    start = low[-1]
+    end = high[-1]
+    for k in range(low.size - 2, -1, -1):
+        start = max(low[k], start - maximum[k])
+        end = min(high[k], end - minimum[k])
+    return start
+
+
+@njit(cache=True)
+def keyframe_search(
+    starts: np.ndarray,
+    ends: np.ndarray,
+    offsets: np.ndarray,
+    minimum: np.ndarray,
+    maximum: np.ndarray,
+    document_starts: np.ndarray,
+) -> np.ndarray:
+    """Algorithm 1: the union of the hit relevant ranges of all matches, int64 (H, 2), first and last frame, in order.
+
+    The inverted keyframe list of keyframe k is `starts[offsets[k] : offsets[k + 1]]` with the same part of `ends`;
+    `minimum` and `maximum` (K - 1,) are the admissible distances of neighbouring keyframes in frames. Ranges that share
+    a frame are one. The recursion of the thesis is a loop over `level` with one admissible range [first, last] per
+    level.
+
+    The pointers only move forwards, so some matches are never visited. They are irrelevant: such a match leaves out an
+    earlier path through segments that lie nowhere later. The componentwise minimum of two hits is a hit again, because
+    the conditions on distances are differences, hence the earlier path starts no later and ends no earlier. For the
+    same reason ranges are found in order of their starts, and joining with the last one suffices.
+    """
+    keyframes = offsets.size - 1
+    pointers = offsets[:-1].copy()
+    first = np.empty(keyframes, np.int64)
+    last = np.empty(keyframes, np.int64)
+    low = np.empty(keyframes, np.int64)
+    high = np.empty(keyframes, np.int64)
+    incremented = np.empty(keyframes, np.bool_)
+    ranges = np.empty((starts.size, 2), np.int64)
+    count = 0
+    document = 0
+    for segment in range(offsets[0], offsets[1]):
+        while document_starts[document + 1] <= starts[segment]:
+            document += 1
+        document_end = document_starts[document + 1] - 1
+        first[0] = starts[segment]
+        last[0] = ends[segment]
+        pointers[0] = segment
+        level = 0
+        entered = True
+        while level >= 0:
+            if entered:
+                while pointers[level] < offsets[level + 1] and ends[pointers[level]] < first[level]:
+                    pointers[level] += 1
+                incremented[level] = False
+                entered = False
+            if pointers[level] < offsets[level + 1] and starts[pointers[level]] <= last[level]:
+                low[level] = max(starts[pointers[level]], first[level])
+                high[level] = min(ends[pointers[level]], last[level])
+                if level < keyframes - 1:
+                    first[level + 1] = low[level] + minimum[level]
+                    last[level + 1] = min(high[level] + maximum[level], document_end)
+                    level += 1
+                    entered = True
+                    continue
+                count = _join(ranges, count, _first_frame(low, high, minimum, maximum), high[level])
+                pointers[level] += 1
+                incremented[level] = True
+            else:
+                if incremented[level]:
+                    pointers[level] -= 1
+                level -= 1
+                if level >= 0:
+                    pointers[level] += 1
+                    incremented[level] = True
+    return ranges[:count].copy()
+
+
+@njit(cache=True)
+def _join(ranges: np.ndarray, count: int, start: int, end: int) -> int:
+    """Add [start, end] to the `count` ranges found so far, as part of the last one if they share a frame."""
+    if count > 0 and start <= ranges[count - 1, 1]:
+        ranges[count - 1, 1] = max(ranges[count - 1, 1], end)
+        return count
+    ranges[count, 0] = start
+    ranges[count, 1] = end
+    return count + 1
