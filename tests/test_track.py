@@ -32,7 +32,9 @@ def result(i: int) -> FrameResult:
 
 def info() -> RunInfo:
     turn = np.diag([1.0, -1.0, -1.0]).ravel().tolist()
-    return RunInfo("/r.npz", "ab", {"mirrored": True}, skeleton.fingerprint(), [0.5, 1.0], 1.1, "db.npz", turn, "0.1.0")
+    shape, sensing = [0.5, 1.0], {"median": True}
+    mark = skeleton.fingerprint()
+    return RunInfo("/r.npz", "ab", {"mirrored": True}, mark, shape, 1.1, "db.npz", turn, sensing, "0.1.0")
 
 
 def test_a_track_read_back_equals_the_rows_that_were_appended(tmp_path: Path) -> None:

@@ -1,8 +1,8 @@
 """The track: what a tracker found in a recording, its type and its files in a run folder.
 
-A run folder holds `track.npz` (exactly one row per tracked frame), `run.json`, `config.yaml` and `log.txt`. While a run
-lasts its rows stand in `track.partial`: one line of JSON that names the columns' meanings, then one binary record of
-fixed size per frame, so that a killed process loses at most the record it was writing.
+A run folder holds `track.npz` (exactly one row per tracked frame), `run.json`, `config.yaml` and `log.txt`. While a
+run lasts its rows stand in `track.partial`: one line of JSON that names the columns' meanings, then one binary record
+of fixed size per frame, so that a killed process loses at most the record it was writing.
 """
 
 from __future__ import annotations
@@ -63,6 +63,7 @@ class RunInfo:
     shape, scale : coefficients in the shape space and the uniform factor of the fitted body
     database : path of the pose database, empty for a tracker that uses none
     level_rotation : R_level_camera, 9 numbers row by row: p_level = R p_camera
+    sensing : settings with which the depth was segmented and cleaned, by name
     version : of the toolkit
     """
 
@@ -74,6 +75,7 @@ class RunInfo:
     scale: float
     database: str
     level_rotation: list[float]
+    sensing: dict[str, Any]
     version: str
 
     @property

@@ -7,6 +7,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from toolkit.body.body import Body
+from toolkit.sensing.cleaning import SensingSettings
 from toolkit.sensing.recording import Recording
 from toolkit.track import FrameResult
 
@@ -21,6 +22,7 @@ class Tracker(Protocol):
     stage_names : names of the timed stages, in the order of `FrameResult.stage_ms`
     source_names : names of the hypotheses that can win, indexed by `FrameResult.source`
     settings : the frozen dataclass that it was made with, written beside its results
+    sensing : how it segments and cleans depth; part of `settings`
     database : path of the pose database it uses, empty for none
     body : the body as fitted so far, with its shape and scale
     memory : everything that the next step depends on besides the depth image, picklable; setting it after `start`
@@ -30,6 +32,7 @@ class Tracker(Protocol):
     stage_names: tuple[str, ...]
     source_names: tuple[str, ...]
     settings: Any
+    sensing: SensingSettings
     database: str
     memory: Any
 

@@ -1,0 +1,243 @@
+"""From run folders to the table of their figures."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from toolkit.body.body import Body
+from toolkit.body.shape import ShapeSpace
+from toolkit.body.skeleton import REPORTED
+from toolkit.errors import RecordingError, TrackError
+from toolkit.evaluation import joints as metrics
+from toolkit.evaluation.agreement import UTD_SUBJECT, agreement, agreement_with_offsets, subject_of
+from toolkit.evaluation.extrema import TIPS, all_free, extrema_found
+from toolkit.evaluation.reference import Reference, find_reference
+from toolkit.evaluation.scores import EvaluationTable, RunScores
+from toolkit.evaluation.surface import depth_residual, silhouette_overlap
+from toolkit.files import sha256_of
+from toolkit.landmarks.settings import LandmarkSettings
+from toolkit.sensing.cleaning import Cleaner, SensingSettings
+from toolkit.sensing.cloud import Cloud
+from toolkit.sensing.recording import Recording, open_recording
+from toolkit.track import PARTIAL_FILE, STATE_NAMES, TRACK_FILE, TRACKED, RunInfo, Track
+
+Progress = Callable[[str, int, int], None]
+"""Called with a run's name, the number of runs done and of all runs."""
+
+
+@dataclass(frozen=True, eq=False)
+class _Evaluated:
+    """One run's scores and what the agreement over subjects still needs."""
+
+    scores: RunScores
+    joints: np.ndarray
+    reference: Reference | None
+
+
+def evaluate_runs(
+    runs: Sequence[str | Path],
+    references: Sequence[str | Path] | None = None,
+    *,
+    surface: bool = True,
+    subject_pattern: str = UTD_SUBJECT,
+    progress: Progress | None = None,
+) -> EvaluationTable:
+    """Compare tracks with the truth or with another system's skeleton, and fitted bodies with the depth they explain.
+
+    Parameters
+    ----------
+    runs : run folders, or folders that hold some
+    references : files, or folders matched by the recording's stem; by default each run's own recording
+    surface : also compute what needs every depth frame: hidden joints, extrema, silhouette overlap, depth residual
+    subject_pattern : regular expression whose first group is the subject in a recording's name
+
+    Raises
+    ------
+    TrackError
+        There is no finished track, or it does not fit its recording.
+    RecordingError
+        A recording is missing or has changed since it was tracked.
+    """
+    folders = find_runs(runs)
+    paths = [Path(reference) for reference in references or []]
+    evaluated = []
+    for i, folder in enumerate(folders):
+        if progress is not None:
+            progress(folder.name, i, len(folders))
+        evaluated.append(_evaluate(folder, paths, surface))
+    return _with_offsets(evaluated, subject_pattern)
+
+
+def find_runs(paths: Sequence[str | Path]) -> list[Path]:
+    """Run folders among `paths` and directly inside them, each folder's in the order of their names.
+
+    Raises
+    ------
+    TrackError
+        A path holds no track.
+    """
+    found: list[Path] = []
+    for path in map(Path, paths):
+        inside = sorted(p.parent for p in path.glob(f"*/{TRACK_FILE}")) if path.is_dir() else []
+        if (path / TRACK_FILE).exists() or (path / PARTIAL_FILE).exists() or not inside:
+            found.append(path)
+        else:
+            found.extend(inside)
+    return found
+
+
+def _evaluate(run: Path, references: list[Path], surface: bool) -> _Evaluated:
+    info, track = RunInfo.load(run), Track.load(run)
+    recording = open_tracked(info)
+    if len(track) > len(recording):
+        raise TrackError(f"{run} has {len(track)} rows, its recording {len(recording)} frames; track it again")
+    reference = find_reference(recording, references, len(track))
+    scores = RunScores(
+        recording=recording.name,
+        run=str(run),
+        frames=len(track),
+        recorded_frames=len(recording),
+        states={name: float((track.state == i).mean()) for i, name in enumerate(STATE_NAMES)},
+        **_selection(track),
+        **_times(track),
+    )
+    if reference is not None:
+        scores = replace(scores, **_distances(track, reference))
+    if surface:
+        scores = replace(scores, **_frame_figures(track, info, recording, reference))
+    return _Evaluated(scores, track.joints, reference)
+
+
+def open_tracked(info: RunInfo) -> Recording:
+    """The recording of a run, as it was when it was tracked.
+
+    Raises
+    ------
+    RecordingError
+        It is gone or has changed.
+    """
+    path = Path(info.recording)
+    if not path.exists():
+        raise RecordingError(f"the recording {path} is gone; put it back there")
+    if sha256_of(path) != info.recording_sha256:
+        raise RecordingError(f"the recording {path} has changed since it was tracked; track it again")
+    return open_recording(path, **info.reader_options)
+
+
+def fitted_body(info: RunInfo) -> Body:
+    """The body that a run fitted, from its shape coefficients and scale."""
+    return ShapeSpace.load().body(info.shape, scale=info.scale)
+
+
+def _selection(track: Track) -> dict[str, Any]:
+    won = track.source[track.state == TRACKED]
+    names = enumerate(track.source_names)
+    return {"sources": {name: float((won == i).mean()) for i, name in names} if len(won) else {}}
+
+
+def _times(track: Track) -> dict[str, Any]:
+    if len(track) == 0:
+        return {}
+    total = track.stage_ms.sum(axis=1)
+    return {
+        "frame_ms": float(np.median(total)),
+        "frame_ms_p99": float(np.percentile(total, 99)),
+        "stages_ms": {name: float(np.median(track.stage_ms[:, i])) for i, name in enumerate(track.stage_names)},
+    }
+
+
+def _distances(track: Track, reference: Reference) -> dict[str, Any]:
+    """Figures of the joints alone; of a reference that is no truth only what is called agreement, and the curve."""
+    errors = metrics.joint_errors(track.joints, reference.joints)
+    per_frame = metrics.frame_errors(errors)
+    figures: dict[str, Any] = {
+        "curve": metrics.accuracy(errors, metrics.CURVE),
+        "frame_error_mm": 1000 * per_frame,
+        "timestamps": track.timestamps,
+    }
+    if not reference.is_truth:
+        return figures | {"agreement": agreement(track.joints, reference.joints)}
+    per_joint = metrics.accuracy_per_joint(errors)
+    known = per_frame[np.isfinite(per_frame)]
+    return figures | {
+        "error_mm": 1000 * float(np.nanmean(errors)),
+        "median_mm": 1000 * float(np.nanmedian(errors)),
+        "a100": float(metrics.accuracy(errors)),
+        "a100_hands_feet": float(metrics.accuracy(errors[:, metrics.HANDS_AND_FEET])),
+        "a100_joints": {name: float(share) for name, share in zip(REPORTED, per_joint, strict=True)},
+        "lost": float((known > metrics.LOST_ERROR).mean()),
+    }
+
+
+def _frame_figures(track: Track, info: RunInfo, recording: Recording, reference: Reference | None) -> dict[str, Any]:
+    """Figures that need every depth frame: what the camera sees, and how well the fitted body explains it."""
+    from toolkit.body.raycast import render_depth
+
+    # Full resolution whatever the tracker used, so that runs at both resolutions are measured alike.
+    cleaner = Cleaner.for_recording(recording, replace(SensingSettings(**info.sensing), half_resolution=False))
+    body, rotation = fitted_body(info), info.R_level_camera
+    visible = np.zeros((len(track), len(REPORTED)), dtype=bool)
+    overlap, residual = np.full(len(track), np.nan), np.full(len(track), np.nan)
+    found: list[tuple[bool, bool]] = []
+    for i, raw in zip(range(len(track)), recording.frames(), strict=False):
+        depth = cleaner.clean(raw)
+        if not depth.any():
+            continue
+        rendered = render_depth(body, track.pose[i], cleaner.camera, rotation)
+        overlap[i], residual[i] = silhouette_overlap(depth, rendered), depth_residual(depth, rendered)
+        if reference is None:
+            continue
+        truth = np.asarray(reference.joints[i], dtype=np.float64)
+        visible[i] = metrics.visible_joints(truth, depth, cleaner.camera)
+        if visible[i, TIPS].all():
+            found.append(_extrema(Cloud.from_depth(depth, cleaner.camera, rotation), truth @ rotation.T))
+    figures: dict[str, Any] = {"overlap": _median(overlap), "residual_mm": _median(1000 * residual)}
+    if found:
+        hits, free = np.array(found).T
+        figures["extrema"] = float(hits.mean())
+        figures["extrema_free"] = float(hits[free].mean()) if free.any() else None
+    if reference is not None and reference.is_truth:
+        figures |= _by_visibility(track.joints, reference.joints, visible)
+    return figures
+
+
+def _extrema(cloud: Cloud, truth_level: np.ndarray) -> tuple[bool, bool]:
+    settings = LandmarkSettings()
+    return extrema_found(cloud, truth_level, settings), all_free(cloud, truth_level, settings)
+
+
+def _by_visibility(joints: np.ndarray, truth: np.ndarray, visible: np.ndarray) -> dict[str, Any]:
+    errors = metrics.joint_errors(joints, truth)
+    known = np.isfinite(errors)
+    mean, deviation = metrics.average_pose_error(joints, truth, visible)
+    return {
+        "visible_mm": _mean_mm(errors[visible & known]),
+        "hidden_mm": _mean_mm(errors[~visible & known]),
+        "pose_error_mm": 1000 * mean,
+        "pose_error_std_mm": 1000 * deviation,
+    }
+
+
+def _mean_mm(values: np.ndarray) -> float | None:
+    return 1000 * float(values.mean()) if values.size else None
+
+
+def _median(values: np.ndarray) -> float | None:
+    known = values[np.isfinite(values)]
+    return float(np.median(known)) if known.size else None
+
+
+def _with_offsets(evaluated: list[_Evaluated], pattern: str) -> EvaluationTable:
+    """Fill in the agreement with offsets, which needs the runs of other subjects."""
+    rows = [item.scores for item in evaluated]
+    agreed = {i: e.reference.joints for i, e in enumerate(evaluated) if e.reference and not e.reference.is_truth}
+    subjects = [subject_of(rows[i].recording, pattern) for i in agreed]
+    shares = agreement_with_offsets([evaluated[i].joints for i in agreed], list(agreed.values()), subjects)
+    for i, share in zip(agreed, shares, strict=True):
+        rows[i] = replace(rows[i], agreement_offsets=share if np.isfinite(share) else None)
+    return EvaluationTable(rows)

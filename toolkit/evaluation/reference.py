@@ -1,0 +1,78 @@
+"""Where the joints that a track is compared with come from."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from toolkit.errors import RecordingError
+from toolkit.sensing.recording import Recording, open_recording
+
+
+@dataclass(frozen=True, eq=False)
+class Reference:
+    """Joints (T, 20, 3), metres, camera frame, NaN = unknown; `is_truth` is False for another system's estimate."""
+
+    joints: np.ndarray
+    is_truth: bool
+
+
+def find_reference(recording: Recording, paths: list[Path], frames: int) -> Reference | None:
+    """Joints for the first `frames` frames of a recording, or None if nobody has any.
+
+    A path is a recording with joints, a skeleton that the recording's reader understands, or a folder that holds
+    either under the recording's stem. Without paths the recording speaks for itself.
+
+    Raises
+    ------
+    RecordingError
+        A given path is missing, holds nothing for this recording, or joints for another number of frames.
+    """
+    candidates = [_joints_of(recording)] if not paths else [_from_path(recording, path) for path in paths]
+    reference = next((found for found in candidates if found is not None), None)
+    if reference is None:
+        if paths:
+            named = ", ".join(map(str, paths))
+            raise RecordingError(
+                f"{named} holds no joints for {recording.name}; name a file, or a folder matched by stem"
+            )
+        return None
+    if len(reference.joints) != len(recording):
+        raise RecordingError(
+            f"the reference of {recording.name} has {len(reference.joints)} frames, the recording {len(recording)}; "
+            "name the right one"
+        )
+    return Reference(reference.joints[:frames], reference.is_truth)
+
+
+def _joints_of(recording: Recording) -> Reference | None:
+    if recording.joints is not None:
+        return Reference(recording.joints, True)
+    if recording.reference_joints is not None:
+        return Reference(recording.reference_joints, False)
+    return None
+
+
+def _from_path(recording: Recording, path: Path) -> Reference | None:
+    if not path.exists():
+        raise RecordingError(f"there is no reference at {path}; check the path")
+    if path.is_dir():
+        own = [p for p in sorted(path.iterdir()) if p.stem == recording.name]
+        skeletons = [p for p in sorted(path.iterdir()) if p.stem == _skeleton_stem(recording.name)]
+    else:
+        own, skeletons = ([], [path]) if path.stem.endswith("_skeleton") else ([path], [])
+    for file in own:
+        if (found := _joints_of(open_recording(file))) is not None:
+            return found
+    for file in skeletons:
+        with_skeleton = open_recording(recording.path, **{**recording.options, "skeleton": str(file)})
+        if (found := _joints_of(with_skeleton)) is not None:
+            return found
+    return None
+
+
+def _skeleton_stem(name: str) -> str:
+    """UTD-MHAD keeps the skeleton of `a1_s1_t1_depth` in `a1_s1_t1_skeleton`."""
+    return f"{name.removesuffix('_depth')}_skeleton"

@@ -1,0 +1,214 @@
+"""The figures of one run, and the table of many."""
+
+from __future__ import annotations
+
+import csv
+import io
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, field, fields
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from toolkit.evaluation.joints import CURVE
+from toolkit.files import save_json, save_text
+
+if TYPE_CHECKING:
+    from rich.table import Table
+
+Figures = dict[str, float]
+
+
+@dataclass(frozen=True, eq=False)
+class RunScores:
+    """Every figure of one run; None where the run has nothing to compute it from. Shares are in [0, 1].
+
+    Attributes
+    ----------
+    recording : name of the recording
+    run : path of the run folder
+    frames, recorded_frames : rows of the track, frames of the recording; fewer rows mean an interrupted run
+    error_mm, median_mm : mean and median error of the joints, capped at 1 m
+    visible_mm, hidden_mm : mean error of the joints that the camera sees and of those it does not
+    a100, a100_hands_feet, a100_joints : share of joints within 100 mm, of all, of hands and feet, of each joint
+    pose_error_mm, pose_error_std_mm : Baak 2013, Eq. 5.10, over visible joints, not capped
+    lost : share of frames with a mean error over 200 mm
+    extrema, extrema_free : share of frames whose five extrema are the five end effectors, among frames in which all
+    five
+        are visible, and among those in which they also are free of the body
+    agreement, agreement_offsets : share of joints, hands and feet left out, within 100 mm of another system's
+    skeleton;
+        plain, and with offsets fitted on other subjects
+    overlap, residual_mm : silhouette overlap and median absolute depth residual of the fitted body, medians over
+    frames
+    states, sources : share of frames in each state, and of the tracked frames in which each hypothesis won
+    frame_ms, frame_ms_p99, stages_ms : median and 99th percentile of the time per frame, median of each stage
+    curve : A(t) at `joints.CURVE`; empty where nothing was compared, like the next two
+    frame_error_mm, timestamps : mean error of each frame and its time in seconds, for plots
+    """
+
+    recording: str
+    run: str
+    frames: int
+    recorded_frames: int
+    error_mm: float | None = None
+    median_mm: float | None = None
+    visible_mm: float | None = None
+    hidden_mm: float | None = None
+    a100: float | None = None
+    a100_hands_feet: float | None = None
+    a100_joints: Figures = field(default_factory=dict)
+    pose_error_mm: float | None = None
+    pose_error_std_mm: float | None = None
+    lost: float | None = None
+    extrema: float | None = None
+    extrema_free: float | None = None
+    agreement: float | None = None
+    agreement_offsets: float | None = None
+    overlap: float | None = None
+    residual_mm: float | None = None
+    states: Figures = field(default_factory=dict)
+    sources: Figures = field(default_factory=dict)
+    frame_ms: float | None = None
+    frame_ms_p99: float | None = None
+    stages_ms: Figures = field(default_factory=dict)
+    curve: np.ndarray = field(default_factory=lambda: np.empty(0), repr=False)
+    frame_error_mm: np.ndarray = field(default_factory=lambda: np.empty(0), repr=False)
+    timestamps: np.ndarray = field(default_factory=lambda: np.empty(0), repr=False)
+
+    def flat(self) -> dict[str, Any]:
+        """Every figure by name, nested ones as `states.lost`; without the arrays."""
+        row: dict[str, Any] = {}
+        for item in fields(self):
+            value = getattr(self, item.name)
+            if isinstance(value, dict):
+                row.update({f"{item.name}.{key}": number for key, number in value.items()})
+            elif item.name not in _ARRAYS:
+                row[item.name] = value
+        return row
+
+
+_ARRAYS = ("curve", "frame_error_mm", "timestamps")
+_TEXT = ("recording", "run")
+
+COLUMNS: tuple[tuple[str, str, str], ...] = (
+    ("frames", "frames", "d"),
+    ("error_mm", "error mm", ".0f"),
+    ("median_mm", "median mm", ".0f"),
+    ("hidden_mm", "hidden mm", ".0f"),
+    ("a100", "A(100) %", "%"),
+    ("a100_hands_feet", "hands, feet %", "%"),
+    ("pose_error_mm", "Eq. 5.10 mm", ".0f"),
+    ("pose_error_std_mm", "± mm", ".0f"),
+    ("lost", "lost %", "%"),
+    ("extrema", "extrema %", "%"),
+    ("extrema_free", "free extrema %", "%"),
+    ("agreement", "agreement %", "%"),
+    ("agreement_offsets", "with offsets %", "%"),
+    ("overlap", "overlap %", "%"),
+    ("residual_mm", "residual mm", ".0f"),
+    ("frame_ms", "ms/frame", ".1f"),
+)
+"""Figures of the printed table: name, heading, format. Those that no run has are left out; files hold everything."""
+
+
+class EvaluationTable:
+    """Scores of many runs; their mean weights every recording alike."""
+
+    def __init__(self, rows: Iterable[RunScores]) -> None:
+        self.rows = list(rows)
+
+    def __len__(self) -> int:
+        return len(self.rows)
+
+    def __iter__(self) -> Iterator[RunScores]:
+        return iter(self.rows)
+
+    def figures(self, name: str) -> np.ndarray:
+        """One figure of all runs in order, by its flat name: float64 (R,), NaN where a run has none."""
+        return np.array([_number(row.flat().get(name)) for row in self.rows], dtype=np.float64)
+
+    def mean(self) -> RunScores:
+        """Mean over the recordings that have a figure, figure by figure; frames are summed."""
+        values: dict[str, Any] = {"recording": f"mean of {len(self)}", "run": ""}
+        for item in fields(RunScores):
+            held = [getattr(row, item.name) for row in self.rows]
+            if item.name in ("frames", "recorded_frames"):
+                values[item.name] = sum(held)
+            elif item.name == "curve":
+                curves = [curve for curve in held if curve.size]
+                values[item.name] = np.mean(curves, axis=0) if curves else np.empty(0)
+            elif item.name in (*_TEXT, *_ARRAYS):
+                continue
+            elif any(isinstance(value, dict) for value in held):
+                keys = dict.fromkeys(key for value in held for key in value)
+                values[item.name] = {key: _mean([value.get(key) for value in held]) for key in keys}
+            else:
+                values[item.name] = _mean(held)
+        return RunScores(**values)
+
+    def to_rich(self, title: str | None = None) -> Table:
+        """The table for a terminal, one line per run and their mean."""
+        from rich.table import Table
+
+        shown = [column for column in COLUMNS if np.isfinite(self.figures(column[0])).any()]
+        sources = list(dict.fromkeys(name for row in self.rows for name in row.sources))
+        table = Table(title=title)
+        table.add_column("recording", overflow="fold")
+        for heading in [*(column[1] for column in shown), *(f"{name} %" for name in sources)]:
+            table.add_column(heading, justify="right")
+        mean = [self.mean()] if len(self) > 1 else []
+        for row in [*self.rows, *mean]:
+            cells = [_cell(getattr(row, name), style) for name, _, style in shown]
+            cells += [_cell(row.sources.get(name), "%") for name in sources]
+            table.add_row(row.recording, *cells, end_section=bool(mean) and row is self.rows[-1])
+        return table
+
+    def to_csv(self, path: str | Path) -> None:
+        """Write every figure of every run, one line each, whole or not at all."""
+        flat = [row.flat() for row in self.rows]
+        names = list(dict.fromkeys(name for row in flat for name in row))
+        stream = io.StringIO(newline="")
+        writer = csv.DictWriter(stream, names, restval="")
+        writer.writeheader()
+        writer.writerows(flat)
+        save_text(path, stream.getvalue())
+
+    def to_json(self, path: str | Path) -> None:
+        """Write every figure of every run, their mean and the accuracy curves, whole or not at all."""
+        value = {
+            "curve_thresholds_mm": np.round(CURVE * 1000).tolist(),
+            "mean": _plain(self.mean()) if self.rows else None,
+            "runs": [_plain(row) for row in self.rows],
+        }
+        save_json(path, value)
+
+
+def _number(value: Any) -> float:
+    return float(value) if isinstance(value, (int, float)) else float("nan")
+
+
+def _mean(values: list[float | None]) -> float | None:
+    held = [value for value in values if value is not None and np.isfinite(value)]
+    return float(np.mean(held)) if held else None
+
+
+def _cell(value: float | None, style: str) -> str:
+    if value is None or not np.isfinite(value):
+        return "-"
+    return f"{100 * value:.1f}" if style == "%" else format(value, style)
+
+
+def _plain(row: RunScores) -> dict[str, Any]:
+    """As JSON: NaN, which JSON does not know, becomes null; the series for plots are left out."""
+    value = {f.name: getattr(row, f.name) for f in fields(row) if f.name not in ("frame_error_mm", "timestamps")}
+    return {name: _nullable(item) for name, item in value.items()}
+
+
+def _nullable(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {key: _nullable(item) for key, item in value.items()}
+    if isinstance(value, np.ndarray):
+        return [_nullable(item) for item in value.tolist()]
+    return None if isinstance(value, float) and not np.isfinite(value) else value
