@@ -1,0 +1,220 @@
+"""Regression forest on depth images: its questions, its votes and its training, compiled.
+
+A question at pixel u of depth z compares the depth at two probes, `u + f a / z` and `u + f b / z`, with offsets a and b in
+metres, so that the answer depends neither on the distance nor on the sensor's resolution (Shotton 2011, Eq. 1). Depth
+differences to z are clipped to one `REACH`; a probe that meets no measurement counts as `REACH` behind.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+REACH = 1.0
+"""Metres: how much nearer or farther than its pixel a probe can say that something is."""
+
+
+@njit(cache=True)
+def probe(depth: np.ndarray, u: float, v: float, z: float) -> float:
+    """Clipped depth difference at image position (u, v) of `depth` (H, W), metres, to a pixel of depth z."""
+    iu = int(np.rint(u))
+    iv = int(np.rint(v))
+    if iu < 0 or iv < 0 or iv >= depth.shape[0] or iu >= depth.shape[1]:
+        return REACH
+    d = depth[iv, iu]
+    if d <= 0.0:
+        return REACH
+    return min(max(d - z, -REACH), REACH)
+
+
+@njit(cache=True)
+def question(depth: np.ndarray, u: float, v: float, z: float, fx: float, fy: float, offsets: np.ndarray) -> float:
+    """Answer of one question with probe `offsets` (4,) = a_x, a_y, b_x, b_y, metres."""
+    sx, sy = fx / z, fy / z
+    return probe(depth, u + sx * offsets[0], v + sy * offsets[1], z) - probe(
+        depth, u + sx * offsets[2], v + sy * offsets[3], z
+    )
+
+
+@njit(cache=True)
+def find_leaves(
+    depth: np.ndarray,
+    pixels: np.ndarray,
+    intrinsics: np.ndarray,
+    offsets: np.ndarray,
+    thresholds: np.ndarray,
+    children: np.ndarray,
+    roots: np.ndarray,
+    leaves: np.ndarray,
+) -> None:
+    """Leaf that each pixel reaches in each tree: fills `leaves` (N, trees).
+
+    `pixels` (N,) are flat indices; `children` (nodes, 2): a negative child is leaf `-1 - child`; an answer below the
+    node's threshold goes to child 0.
+    """
+    width = depth.shape[1]
+    for i in range(pixels.shape[0]):
+        u = pixels[i] % width
+        v = pixels[i] // width
+        z = depth[v, u]
+        for t in range(roots.shape[0]):
+            node = roots[t]
+            while node >= 0:
+                answer = question(depth, u, v, z, intrinsics[0], intrinsics[1], offsets[node])
+                node = children[node, 0 if answer < thresholds[node] else 1]
+            leaves[i, t] = -1 - node
+
+
+@njit(cache=True)
+def vote(
+    points: np.ndarray,
+    leaves: np.ndarray,
+    leaf_offsets: np.ndarray,
+    leaf_weights: np.ndarray,
+    scale: float,
+    bandwidth: float,
+    rounds: int,
+    joints: np.ndarray,
+    confidence: np.ndarray,
+) -> None:
+    """Modes of the joint votes by mean shift: fills `joints` (J, 3) and `confidence` (J,) in [0, 1].
+
+    Pixel i votes for joint j at `points[i] + scale * leaf_offsets[leaf, j]` with `leaf_weights[leaf, j]`. The search starts
+    at the weighted mean with a wide Gaussian kernel that narrows to `bandwidth`. Confidence is the share of the total
+    weight that the mode holds.
+    """
+    count = leaf_offsets.shape[1]
+    for j in range(count):
+        joints[j] = 0.0
+    totals = np.zeros(count)
+    for i in range(points.shape[0]):
+        for t in range(leaves.shape[1]):
+            leaf = leaves[i, t]
+            for j in range(count):
+                w = leaf_weights[leaf, j]
+                totals[j] += w
+                for a in range(3):
+                    joints[j, a] += w * (points[i, a] + scale * leaf_offsets[leaf, j, a])
+    for j in range(count):
+        for a in range(3):
+            joints[j, a] /= max(totals[j], 1e-12)
+    moved = np.empty((count, 3))
+    for step in range(rounds):
+        width = bandwidth * (1.0 + 2.0 * (rounds - 1 - step) / max(rounds - 1, 1))
+        factor = 0.5 / (width * width)
+        moved[:] = 0.0
+        confidence[:] = 0.0
+        for i in range(points.shape[0]):
+            for t in range(leaves.shape[1]):
+                leaf = leaves[i, t]
+                for j in range(count):
+                    x = points[i, 0] + scale * leaf_offsets[leaf, j, 0]
+                    y = points[i, 1] + scale * leaf_offsets[leaf, j, 1]
+                    z = points[i, 2] + scale * leaf_offsets[leaf, j, 2]
+                    dx, dy, dz = x - joints[j, 0], y - joints[j, 1], z - joints[j, 2]
+                    e = factor * (dx * dx + dy * dy + dz * dz)
+                    if e > 6.0:
+                        continue
+                    w = leaf_weights[leaf, j] / (1.0 + e + 0.5 * e * e)
+                    confidence[j] += w
+                    moved[j, 0] += w * x
+                    moved[j, 1] += w * y
+                    moved[j, 2] += w * z
+        for j in range(count):
+            if confidence[j] > 0.0:
+                for a in range(3):
+                    joints[j, a] = moved[j, a] / confidence[j]
+    for j in range(count):
+        confidence[j] /= max(totals[j], 1e-12)
+
+
+@njit(cache=True)
+def answers(
+    images: np.ndarray,
+    starts: np.ndarray,
+    shapes: np.ndarray,
+    focal: float,
+    sample_image: np.ndarray,
+    sample_u: np.ndarray,
+    sample_v: np.ndarray,
+    rows: np.ndarray,
+    offsets: np.ndarray,
+    out: np.ndarray,
+) -> None:
+    """Answers of training samples `rows` to one question: fills `out` (len(rows),).
+
+    Image k is the crop `images[starts[k]:]` of shape `shapes[k]`, uint16 millimetres; outside of it is nothing.
+    """
+    for n in range(rows.shape[0]):
+        s = rows[n]
+        k = sample_image[s]
+        height, width = shapes[k, 0], shapes[k, 1]
+        start = starts[k]
+        u, v = sample_u[s], sample_v[s]
+        z = images[start + v * width + u] * 0.001
+        value = 0.0
+        for side in range(2):
+            iu = int(np.rint(u + focal / z * offsets[2 * side]))
+            iv = int(np.rint(v + focal / z * offsets[2 * side + 1]))
+            difference = REACH
+            if iu >= 0 and iv >= 0 and iv < height and iu < width:
+                d = images[start + iv * width + iu]
+                if d > 0:
+                    difference = min(max(d * 0.001 - z, -REACH), REACH)
+            value += difference if side == 0 else -difference
+        out[n] = value
+
+
+@njit(cache=True)
+def best_split(
+    images: np.ndarray,
+    starts: np.ndarray,
+    shapes: np.ndarray,
+    focal: float,
+    sample_image: np.ndarray,
+    sample_u: np.ndarray,
+    sample_v: np.ndarray,
+    labels: np.ndarray,
+    rows: np.ndarray,
+    candidates: np.ndarray,
+    bins: int,
+    classes: int,
+) -> tuple[int, float, float]:
+    """The candidate question and threshold that leave the least label entropy: (candidate, threshold, entropy).
+
+    `candidates` (Q, 4) are probe offsets in metres; thresholds are the borders of `bins` equal bins over +-REACH / 2.
+    Entropy is summed over the samples, in nats; -1 as candidate where no question separates them.
+    """
+    count = rows.shape[0]
+    out = np.empty(count, dtype=np.float32)
+    best, best_threshold, best_entropy = -1, 0.0, np.inf
+    histogram = np.empty((bins, classes), dtype=np.int64)
+    below = np.empty(classes, dtype=np.int64)
+    total = np.zeros(classes, dtype=np.int64)
+    for n in range(count):
+        total[labels[rows[n]]] += 1
+    low, width = -0.5 * REACH, REACH / bins
+    for q in range(candidates.shape[0]):
+        answers(images, starts, shapes, focal, sample_image, sample_u, sample_v, rows, candidates[q], out)
+        histogram[:] = 0
+        for n in range(count):
+            b = int((out[n] - low) / width)
+            histogram[min(max(b, 0), bins - 1), labels[rows[n]]] += 1
+        below[:] = 0
+        under = 0
+        for b in range(bins - 1):
+            for c in range(classes):
+                below[c] += histogram[b, c]
+                under += histogram[b, c]
+            if under == 0 or under == count:
+                continue
+            entropy = under * np.log(under) + (count - under) * np.log(count - under)
+            for c in range(classes):
+                if below[c] > 0:
+                    entropy -= below[c] * np.log(below[c])
+                over = total[c] - below[c]
+                if over > 0:
+                    entropy -= over * np.log(over)
+            if entropy < best_entropy:
+                best, best_threshold, best_entropy = q, low + (b + 1) * width, entropy
+    return best, best_threshold, best_entropy

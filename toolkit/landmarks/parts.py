@@ -1,0 +1,78 @@
+"""Joint regressor: every pixel votes for every joint, so that joints are found where extrema merge with the body.
+
+The next step that Baak 2013, 5.5.5 names. A regression forest sends a few hundred pixels of a cleaned depth image down its
+trees (questions of Shotton 2011); the leaves hold mean offsets to the 20 reported joints and how sure they are (Girshick 2011).
+Trained offline on depth drawn from the poses of a database (`database_builder.parts`) and kept in the database's file.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+from functools import cached_property
+
+import numpy as np
+
+from toolkit.body import skeleton
+from toolkit.kernels import forest
+from toolkit.sensing.cloud import Cloud
+
+BANDWIDTH = 0.06
+"""Metres: width of the mean-shift kernel at its end, about half the width of a limb plus the spread of one leaf."""
+ROUNDS = 4
+
+
+@dataclass(frozen=True, eq=False)
+class JointEstimate:
+    """Joints as the pixels vote for them: points float64 (20, 3), metres, level frame; confidence float64 (20,), 0 to 1."""
+
+    points: np.ndarray
+    confidence: np.ndarray
+
+
+@dataclass(frozen=True, eq=False)
+class JointForest:
+    """A trained forest.
+
+    Attributes
+    ----------
+    offsets : float32 (nodes, 4), probe offsets in metres at the pixel's depth
+    thresholds : float32 (nodes,), metres
+    children : int32 (nodes, 2), a negative child is leaf `-1 - child`
+    roots : int32 (trees,), first node of each tree
+    leaf_offsets : float16 (leaves, 20, 3), metres, level frame, from the pixel's point to the joints, for an adult
+    leaf_weights : float16 (leaves, 20), inverse variance of these offsets, 1 for a standard deviation of 3 cm or less
+    """
+
+    offsets: np.ndarray
+    thresholds: np.ndarray
+    children: np.ndarray
+    roots: np.ndarray
+    leaf_offsets: np.ndarray
+    leaf_weights: np.ndarray
+
+    def arrays(self) -> dict[str, np.ndarray]:
+        """The arrays by name, as they stand in a database file."""
+        return {f.name: getattr(self, f.name) for f in fields(self)}
+
+    @cached_property
+    def _leaf_offsets(self) -> np.ndarray:
+        return self.leaf_offsets.astype(np.float32)
+
+    @cached_property
+    def _leaf_weights(self) -> np.ndarray:
+        return self.leaf_weights.astype(np.float32)
+
+    def estimate(self, cloud: Cloud, samples: int) -> JointEstimate:
+        """Joints of a cloud from about `samples` of its points, evenly spread in scan order."""
+        rows = np.unique(np.linspace(0, len(cloud) - 1, min(samples, len(cloud))).astype(np.int64))
+        leaves = np.empty((len(rows), len(self.roots)), dtype=np.int64)
+        forest.find_leaves(
+            cloud.depth, cloud.pixels[rows], cloud.camera.intrinsics,
+            self.offsets, self.thresholds, self.children, self.roots, leaves,
+        )  # fmt: skip
+        joints = np.empty((len(skeleton.REPORTED), 3))
+        confidence = np.empty(len(skeleton.REPORTED))
+        forest.vote(
+            cloud.points[rows], leaves, self._leaf_offsets, self._leaf_weights, 1.0, BANDWIDTH, ROUNDS, joints, confidence
+        )
+        return JointEstimate(joints, confidence)

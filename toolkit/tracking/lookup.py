@@ -1,0 +1,94 @@
+"""Database lookup: which labelings of the extrema to ask for, and which retrieved pose to believe (Baak 2013, 5.4.3)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import permutations
+
+import numpy as np
+
+from toolkit.body import skeleton
+from toolkit.errors import SettingsError
+
+EFFECTORS = len(skeleton.END_EFFECTORS)
+PERMUTATIONS: np.ndarray = np.array(list(permutations(range(EFFECTORS))), dtype=np.int64)
+"""The symmetric group S_5, int64 (120, 5): row sigma gives, per end effector n, the extremum sigma(n)."""
+
+_LEFT_FOOT, _RIGHT_FOOT = skeleton.END_EFFECTORS.index("left_foot"), skeleton.END_EFFECTORS.index("right_foot")
+
+
+@dataclass(frozen=True)
+class LookupSettings:
+    """Constants of the lookup; the reasons stand beside the values in `configs/*.yaml`. Lengths in metres.
+
+    Attributes
+    ----------
+    neighbours : K, poses retrieved per labeling
+    label_distance : mu of Eq. 5.4
+    jump_distance : an extremum that is farther than this from every extremum of the frame before has jumped
+    balance : lambda of Eq. 5.6
+    """
+
+    neighbours: int = 5
+    label_distance: float = 0.5
+    jump_distance: float = 0.2
+    balance: float = 0.5
+
+    def __post_init__(self) -> None:
+        if self.neighbours < 1:
+            raise SettingsError(f"lookup.neighbours is {self.neighbours}; ask for at least 1 pose per labeling")
+        if not 0.0 <= self.balance <= 1.0:
+            raise SettingsError(f"lookup.balance is {self.balance}; it weighs two distances and lies in [0, 1]")
+
+
+def admissible_labelings(extrema: np.ndarray, effectors: np.ndarray, label_distance: float) -> np.ndarray:
+    """The permutations that put each extremum near the end effector it is labelled as (`S`, Baak 2013, Eq. 5.4).
+
+    extrema, effectors : float64 (5, 3), metres, the same frame; effectors of the previous pose
+    Returns int64 (S, 5), rows of `PERMUTATIONS`.
+    """
+    near = np.linalg.norm(effectors[:, None] - extrema[None, :], axis=2) < label_distance
+    return PERMUTATIONS[near[np.arange(EFFECTORS), PERMUTATIONS].all(axis=1)]
+
+
+def feet_below_labelings(extrema: np.ndarray) -> np.ndarray:
+    """The 12 labelings that take the two lowest extrema for the feet (Baak 2013, 5.4.3).
+
+    extrema : float64 (5, 3), metres, y up. Returns int64 (12, 5).
+    """
+    lowest = np.argsort(extrema[:, 1], kind="stable")[:2]
+    feet = PERMUTATIONS[:, [_LEFT_FOOT, _RIGHT_FOOT]]
+    return PERMUTATIONS[np.isin(feet, lowest).all(axis=1)]
+
+
+def extrema_jumped(extrema: np.ndarray, previous: np.ndarray | None, jump_distance: float) -> bool:
+    """Whether an extremum is far from all those of the frame before, or there was no such frame. (5, 3), metres."""
+    if previous is None:
+        return True
+    gaps = np.linalg.norm(extrema[:, None] - previous[None, :], axis=2).min(axis=1)
+    return bool((gaps > jump_distance).any())
+
+
+def labelings(
+    extrema: np.ndarray, effectors: np.ndarray | None, previous_extrema: np.ndarray | None, settings: LookupSettings
+) -> np.ndarray:
+    """All labelings to query, without repetition: Eq. 5.4, and the 12 extra ones when the extrema jump. int64 (S, 5)."""
+    rows = [] if effectors is None else [admissible_labelings(extrema, effectors, settings.label_distance)]
+    if effectors is None or extrema_jumped(extrema, previous_extrema, settings.jump_distance):
+        rows.append(feet_below_labelings(extrema))
+    return np.unique(np.concatenate(rows), axis=0)
+
+
+def score_candidates(
+    feature_distances: np.ndarray, joints: np.ndarray, previous_joints: np.ndarray | None, balance: float
+) -> np.ndarray:
+    """Eq. 5.6 for each candidate: `lambda delta + (1 - lambda) d_P`, metres; without a previous pose only delta counts.
+
+    feature_distances : float64 (C,), Euclidean distances of the 15-vectors; Eq. 5.5 divides them by 5
+    joints : float64 (C, 20, 3), previous_joints : float64 (20, 3), the same frame; Eq. 5.1 divides by 20
+    """
+    delta = feature_distances / EFFECTORS
+    if previous_joints is None:
+        return delta
+    difference = (joints - previous_joints).reshape(len(joints), -1)
+    return balance * delta + (1.0 - balance) * np.linalg.norm(difference, axis=1) / len(skeleton.REPORTED)
