@@ -1,7 +1,7 @@
 """Graph of a point cloud and its geodesic extrema, compiled (Baak 2013, 5.4.2 and Algorithm 1).
 
-Lengths are whole multiples of `UNIT`. Sums of them are exact, so a shortest distance is the same number on every machine and
-in whatever order the paths are tried, and ties are true ties.
+Lengths are whole multiples of `UNIT`. Sums of them are exact, so a shortest distance is the same number on every
+machine and in whatever order the paths are tried, and ties are true ties.
 """
 
 from __future__ import annotations
@@ -13,6 +13,8 @@ UNIT = 2.0**-20
 """Metres per unit of length (about a micrometre)."""
 UNREACHED = np.iinfo(np.int32).max
 """Distance of a node to which no path leads."""
+ABSENT = -2
+"""Predecessor in a bucket's list of a node that is in none."""
 CHUNK = 16
 """Consecutive members of a component that share one bounding box in `bridge_components`."""
 
@@ -24,21 +26,32 @@ def in_units(dx: float, dy: float, dz: float) -> int:
 
 
 @njit(cache=True)
-def grid_edges(
-    points: np.ndarray, pixels: np.ndarray, index: np.ndarray, threshold: int, ends: np.ndarray, lengths: np.ndarray
+def grid_table(
+    points: np.ndarray,
+    pixels: np.ndarray,
+    index: np.ndarray,
+    threshold: int,
+    neighbours: np.ndarray,
+    lengths: np.ndarray,
 ) -> int:
-    """Edges between neighbours in the 8-neighbourhood that are shorter than `threshold` units, each pair measured once.
+    """Edges shorter than `threshold` units between neighbours in the 8-neighbourhood, each pair measured once.
 
-    `points` (N, 3) metres, `pixels` (N,) rising flat indices into `index` (H, W), which names the node of a pixel or -1.
-    Fills `ends` (E, 2), the lower node first, and `lengths` (E,), E up to 4 N; returns how many.
+    `points` (N, 3) metres; `pixels` (N,) rising flat indices into `index` (H, W), which names the node of a pixel or
+    -1. Fills the rows of the nodes in the table `neighbours` and `lengths` (at least N, 8), a column per direction, a
+    free place with the node itself and length 0; returns the number of edges.
     """
     height, width = index.shape
+    total = points.shape[0]
+    for node in range(total):
+        for side in range(8):
+            neighbours[node, side] = node
+            lengths[node, side] = 0
     count = 0
-    for node in range(points.shape[0]):
+    for node in range(total):
         v = pixels[node] // width
         u = pixels[node] - v * width
         x, y, z = points[node, 0], points[node, 1], points[node, 2]
-        for side in range(4):  # right, lower left, below, lower right: the others are seen from the other end
+        for side in range(4):  # right, lower left, below, lower right; the opposite ones are filled from the other end
             row = v if side == 0 else v + 1
             column = u + 1 if side == 0 else u + side - 2
             if row == height or column < 0 or column == width:
@@ -48,29 +61,36 @@ def grid_edges(
                 continue
             length = in_units(points[other, 0] - x, points[other, 1] - y, points[other, 2] - z)
             if length < threshold:
-                ends[count, 0] = node
-                ends[count, 1] = other
-                lengths[count] = length
+                neighbours[node, side] = other
+                lengths[node, side] = length
+                neighbours[other, 7 - side] = node
+                lengths[other, 7 - side] = length
                 count += 1
     return count
 
 
 @njit(cache=True)
-def components(ends: np.ndarray, roots: np.ndarray) -> None:
-    """Union-find over edges `ends` (E, 2): fills `roots` (N,) with the lowest node of each node's component."""
+def components(neighbours: np.ndarray, roots: np.ndarray) -> None:
+    """Union-find over the first N rows of a table `neighbours` (R, D): fills `roots` (N,) with the lowest node of each
+    node's component.
+
+    Rem's algorithm: both ends climb towards their roots in turn and hang the higher branch below the lower on the way.
+    """
     for node in range(roots.shape[0]):
         roots[node] = node
-    for e in range(ends.shape[0]):
-        a = ends[e, 0]
-        b = ends[e, 1]
-        while roots[a] != roots[b]:  # climb from the higher parent until both meet, hanging the higher below the lower
-            if roots[a] < roots[b]:
-                a, b = b, a
-            parent = roots[a]
-            roots[a] = roots[b]
-            if parent == a:
-                break
-            a = parent
+    for node in range(roots.shape[0]):
+        for side in range(neighbours.shape[1]):
+            a, b = node, neighbours[node, side]
+            if b <= a:
+                continue
+            while roots[a] != roots[b]:
+                if roots[a] < roots[b]:
+                    a, b = b, a
+                parent = roots[a]
+                roots[a] = roots[b]
+                if parent == a:
+                    break
+                a = parent
     for node in range(roots.shape[0]):
         roots[node] = roots[roots[node]]
 
@@ -155,13 +175,12 @@ def bridge_components(
     boxes: np.ndarray,
     ends: np.ndarray,
     lengths: np.ndarray,
-    count: int,
 ) -> int:
     """Join every component of at least `smallest` nodes to the largest by their closest pair, if under `limit` metres.
 
-    Of equally large components the one with the lowest node counts as the largest. Appends to the `count` edges in `ends` and
-    `lengths` and returns the new number of edges. `members`, `sizes`, `starts` (N,) and `boxes` (2 N / CHUNK + 2, 6) are
-    working memory.
+    Of equally large components the one with the lowest node counts as the largest. Fills `ends` (N, 2), the node in the
+    largest component second, and `lengths` (N,); returns the number of bridges. `members`, `sizes`, `starts` (N,) and
+    `boxes` (2 N / CHUNK + 2, 6) are working memory.
     """
     total = roots.shape[0]
     sizes[:total] = 0
@@ -171,6 +190,7 @@ def bridge_components(
     for node in range(total):
         if sizes[node] > sizes[largest]:
             largest = node
+    count = 0
     if sizes[largest] == total:
         return count
     position = 0
@@ -200,39 +220,51 @@ def bridge_components(
 
 
 @njit(cache=True)
-def adjacency(
-    ends: np.ndarray, edge_lengths: np.ndarray, offsets: np.ndarray, neighbours: np.ndarray, lengths: np.ndarray
-) -> None:
-    """Adjacency lists (Eq. 5.3): node n's edges are `neighbours` and `lengths` from `offsets[n]` to `offsets[n + 1]`.
+def add_bridges(
+    ends: np.ndarray,
+    bridge_lengths: np.ndarray,
+    neighbours: np.ndarray,
+    lengths: np.ndarray,
+    more: np.ndarray,
+    nodes: int,
+) -> int:
+    """Enter bridges (B, 2) with their lengths (B,) into the table of edges; returns the number of rows in use.
 
-    `ends` (E, 2) and `edge_lengths` (E,) name each edge once; `offsets` (N + 1,), the other two (2 E,) are filled.
+    Rows 0 to `nodes` - 1 belong to the nodes. A bridge takes a free place in its node's row, or in a further row, named
+    by `more`. The table must have 2 B spare rows.
     """
-    nodes = offsets.shape[0] - 1
-    offsets[:] = 0
+    width = neighbours.shape[1]
+    rows = nodes
+    more[:nodes] = -1
     for e in range(ends.shape[0]):
-        offsets[ends[e, 0]] += 1
-        offsets[ends[e, 1]] += 1
-    total = 0
-    for node in range(nodes):
-        total += offsets[node]
-        offsets[node] = total
-    offsets[nodes] = total
-    for e in range(ends.shape[0] - 1, -1, -1):  # filled from the back, which leaves each offset at its list's first edge
-        a, b, length = ends[e, 0], ends[e, 1], edge_lengths[e]
-        offsets[a] -= 1
-        neighbours[offsets[a]] = b
-        lengths[offsets[a]] = length
-        offsets[b] -= 1
-        neighbours[offsets[b]] = a
-        lengths[offsets[b]] = length
+        for end in range(2):
+            row = np.int64(ends[e, end])
+            place = 0
+            while place == width or lengths[row, place] != 0:
+                if place < width:
+                    place += 1
+                elif more[row] >= 0:
+                    row = np.int64(more[row])
+                    place = 0
+                else:
+                    more[row] = rows
+                    row = rows
+                    place = 0
+                    more[row] = -1
+                    neighbours[row] = ends[e, end]
+                    lengths[row] = 0
+                    rows += 1
+            neighbours[row, place] = ends[e, 1 - end]
+            lengths[row, place] = bridge_lengths[e]
+    return rows
 
 
 @njit(cache=True)
 def _relax_from(
     start: int,
-    offsets: np.ndarray,
     neighbours: np.ndarray,
     lengths: np.ndarray,
+    more: np.ndarray,
     shift: int,
     distances: np.ndarray,
     after: np.ndarray,
@@ -243,8 +275,8 @@ def _relax_from(
 ) -> int:
     """One pass (lines 6 to 13 of Algorithm 1) from `start`, whose distance is 0; returns the number of nodes visited.
 
-    The queue is a ring of buckets, each 2**shift units wide and a doubly linked list. Where an edge is shorter than a bucket a
-    node may be taken out again after a correction; it counts as one visit.
+    The queue is a ring of buckets, each 2**shift units wide and a doubly linked list. Where an edge is shorter than a
+    bucket a node may be taken out again after a correction; it counts as one visit.
     """
     mask = heads.shape[0] - 1
     heads[0] = start
@@ -262,39 +294,42 @@ def _relax_from(
         heads[bucket] = following
         if following >= 0:
             before[following] = -1
-        before[node] = -2
+        before[node] = ABSENT
         waiting -= 1
         if stamps[node] != stamp:
             stamps[node] = stamp
             visits += 1
         base = distances[node]
-        for e in range(offsets[node], offsets[node + 1]):
-            other = neighbours[e]
-            length = base + lengths[e]
-            old = distances[other]
-            if length >= old:
-                continue
-            distances[other] = length
-            slot = (length >> shift) & mask
-            if before[other] != -2:
-                if (old >> shift) & mask == slot:
+        row = node
+        while row >= 0:
+            for side in range(neighbours.shape[1]):
+                other = neighbours[row, side]
+                length = base + lengths[row, side]
+                old = distances[other]
+                if length >= old:
                     continue
-                following = after[other]
-                preceding = before[other]
-                if preceding >= 0:
-                    after[preceding] = following
-                else:
-                    heads[(old >> shift) & mask] = following
-                if following >= 0:
-                    before[following] = preceding
-                waiting -= 1
-            head = heads[slot]
-            after[other] = head
-            before[other] = -1
-            if head >= 0:
-                before[head] = other
-            heads[slot] = other
-            waiting += 1
+                distances[other] = length
+                slot = (length >> shift) & mask
+                if before[other] != ABSENT:  # waiting already: take it out of its bucket, unless it may stay there
+                    if (old >> shift) & mask == slot:
+                        continue
+                    following = after[other]
+                    preceding = before[other]
+                    if preceding >= 0:
+                        after[preceding] = following
+                    else:
+                        heads[(old >> shift) & mask] = following
+                    if following >= 0:
+                        before[following] = preceding
+                    waiting -= 1
+                head = heads[slot]
+                after[other] = head
+                before[other] = -1
+                if head >= 0:
+                    before[head] = other
+                heads[slot] = other
+                waiting += 1
+            row = more[row]
     return visits
 
 
@@ -315,9 +350,9 @@ def farthest(distances: np.ndarray) -> int:
 
 @njit(cache=True)
 def extrema(
-    offsets: np.ndarray,
     neighbours: np.ndarray,
     lengths: np.ndarray,
+    more: np.ndarray,
     source: int,
     shift: int,
     distances: np.ndarray,
@@ -332,20 +367,20 @@ def extrema(
 ) -> int:
     """Algorithm 1: fills `nodes`, `reach` (units) and `visited` (n,) and returns the number of extrema found.
 
-    `from_source` (N,) receives the distances after the first pass. `distances`, `after`, `before`, `stamps` (N,) and `heads`
-    (a power of two of buckets, more than the longest edge spans) are working memory. Fewer than n are found where no node is
-    left at a positive distance.
+    Edges of a node stand in its row of the table `neighbours`, `lengths` (R, D), and in the rows that `more` (R,) names
+    from there on, -1 ending the chain; a free place names its own node and length 0. `from_source` (N,) receives the
+    distances after the first pass. `distances`, `after`, `before`, `stamps` (N,) and `heads` (a power of two of
+    buckets, more than the longest edge spans) are working memory. Fewer than n are found where no node is left at a
+    positive distance.
     """
     distances[:] = UNREACHED
-    before[:] = -2
+    before[:] = ABSENT
     stamps[:] = -1
     heads[:] = -1
     start = source
     for i in range(nodes.shape[0]):
         distances[start] = 0
-        visited[i] = _relax_from(
-            start, offsets, neighbours, lengths, shift, distances, after, before, heads, stamps, i
-        )
+        visited[i] = _relax_from(start, neighbours, lengths, more, shift, distances, after, before, heads, stamps, i)
         if i == 0:
             from_source[:] = distances
         start = farthest(distances)

@@ -12,8 +12,8 @@ def mean_shift(
 ) -> int:
     """Move `centre` (3,) to the mean of the points within an ellipsoid about it until it moves less than `tolerance`.
 
-    `points` (N, 3) and `centre` in metres, `inverse_axes` (3,) the reciprocals of the half axes. Writes `centre`; returns the
-    number of points in the last ellipsoid, 0 if it was empty (then `centre` stays where it was).
+    `points` (N, 3) and `centre` in metres, `inverse_axes` (3,) the reciprocals of the half axes. Writes `centre`;
+    returns the number of points in the last ellipsoid, 0 if it was empty (then `centre` stays where it was).
     """
     inside = 0
     for _ in range(max_steps):
@@ -46,7 +46,9 @@ def mean_shift(
 
 
 @njit(cache=True)
-def ball_moments(points: np.ndarray, centre: np.ndarray, radius: float, mean: np.ndarray, covariance: np.ndarray) -> int:
+def ball_moments(
+    points: np.ndarray, centre: np.ndarray, radius: float, mean: np.ndarray, covariance: np.ndarray
+) -> int:
     """Mean (3,) and covariance (3, 3) of the points within `radius` of `centre`; returns how many there are.
 
     Sums are taken about the centre, so that they keep their digits far from the origin.

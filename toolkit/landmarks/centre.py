@@ -18,9 +18,9 @@ def cloud_centre(
 ) -> np.ndarray:
     """Centre of a person's cloud by mean shift with an upright ellipsoid: float64 (3,), metres, level frame.
 
-    The mean of the points within the ellipsoid becomes its new centre until it rests, so an outstretched arm, which lies
-    outside, does not pull. The search begins at `start` (3,), normally the centre of the frame before; without it, or where
-    no point is near it any more, at the median of the cloud, which limbs shift little.
+    The mean of the points within the ellipsoid becomes its new centre until it rests, so an outstretched arm, which
+    lies outside, does not pull. The search begins at `start` (3,), normally the centre of the frame before; without it,
+    or where no point is near it any more, at the median of the cloud, which limbs shift little.
 
     Parameters
     ----------

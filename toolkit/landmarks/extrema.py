@@ -25,10 +25,11 @@ class Extrema:
     ----------
     nodes : int32 (n,), rows of the cloud
     points : float32 (n, 3), metres, frame of the cloud
-    distances : float64 (n,), metres, falling: geodesic distance to the source or the nearest earlier extremum when found
+    distances : float64 (n,), metres, falling: geodesic distance to the source or the nearest earlier extremum when
+        found
     source_distances : float64 (n,), metres: geodesic distance from the source
-    visited : int32 (n,), nodes whose distance was settled in the pass that found the extremum (Fig. 5.9). The first pass
-        visits all that can be reached
+    visited : int32 (n,), nodes whose distance was settled in the pass that found the extremum (Fig. 5.9). The first
+        pass visits all that can be reached
     source : the source node
     """
 
@@ -52,8 +53,8 @@ def geodesic_extrema(
 ) -> Extrema:
     """First `count` geodesic extrema of an organised cloud; fewer where fewer nodes can be reached.
 
-    `source` is the node to measure from; by default `source_node` of the cloud's centre. A `workspace` that is kept from
-    frame to frame saves the allocations.
+    `source` is the node to measure from; by default `source_node` of the cloud's centre. A `workspace` that is kept
+    from frame to frame saves the allocations.
 
     Raises
     ------
@@ -97,12 +98,11 @@ def extrema_of_graph(
         raise UsageError(f"source node {source} is not in a graph of {len(graph)} nodes; use a row of the cloud")
     workspace = workspace or Workspace()
     total = len(graph)
-    longest = int(graph.lengths.max()) if len(graph.lengths) else 1
-    buckets = 1 << ((longest >> BUCKET_SHIFT) + 1).bit_length()
+    buckets = 1 << ((int(graph.lengths.max()) >> BUCKET_SHIFT) + 1).bit_length()
     nodes, reach, visited = (np.empty(count, dtype=np.int32) for _ in range(3))
     from_source = workspace.take("from source", total)
     found = geodesic.extrema(
-        graph.offsets, graph.neighbours, graph.lengths, source, BUCKET_SHIFT,
+        graph.neighbours, graph.lengths, graph.more, source, BUCKET_SHIFT,
         workspace.take("distances", total), from_source, workspace.take("after", total),
         workspace.take("before", total), workspace.take("stamps", total), workspace.take("heads", buckets),
         nodes, reach, visited,

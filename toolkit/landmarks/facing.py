@@ -17,8 +17,8 @@ class FacingEstimate:
     Attributes
     ----------
     yaw : radians in (-pi, pi], about +y from +z: the person faces (sin yaw, 0, cos yaw) in the level frame
-    weight : in [0, 1], how far the torso looked like a flat round patch; 0 where nothing can be said, then `yaw` points at
-        the camera
+    weight : in [0, 1], how far the torso looked like a flat round patch; 0 where nothing can be said, then `yaw` points
+        at the camera
     """
 
     yaw: float
@@ -35,10 +35,10 @@ def estimate_facing(
 ) -> FacingEstimate:
     """Facing of a cloud from the plane through the points near its centre.
 
-    The normal is the eigenvector of the smallest eigenvalue of their covariance, turned to the camera and projected onto the
-    ground. Where an arm occludes the torso, the patch is curved (the smallest eigenvalue is relatively large) or not round
-    (the other two differ), and the weight falls linearly between the settings' bounds; a normal that stands upright has no
-    horizontal direction, and the weight falls with its horizontal part.
+    The normal is the eigenvector of the smallest eigenvalue of their covariance, turned to the camera and projected
+    onto the ground. Where an arm occludes the torso, the patch is curved (the smallest eigenvalue is relatively large)
+    or not round (the other two differ), and the weight falls linearly between the settings' bounds; a normal that
+    stands upright has no horizontal direction, and the weight falls with its horizontal part.
 
     Parameters
     ----------
@@ -75,9 +75,9 @@ def _ramp(value: float, zero: float, one: float) -> float:
 class FacingFilter:
     """Adaptive smoothing of the facing direction: a low-pass whose rate is the weight of each estimate.
 
-    The state is a vector in the ground plane, so yaw wraps without a seam. An estimate of weight w moves it by the share
-    1 - exp(-w dt / facing_time): the same for one long step as for two short ones, so the frame rate does not matter, and an
-    occluded torso leaves the direction as it was.
+    The state is a vector in the ground plane, so yaw wraps without a seam. An estimate of weight w moves it by the
+    share 1 - exp(-w dt / facing_time): the same for one long step as for two short ones, so the frame rate does not
+    matter, and an occluded torso leaves the direction as it was.
     """
 
     def __init__(self, settings: LandmarkSettings | None = None) -> None:
@@ -96,7 +96,8 @@ class FacingFilter:
     def update(self, estimate: FacingEstimate, dt: float, centre: np.ndarray) -> float:
         """Take in the estimate of a frame `dt` seconds after the last one and return the smoothed yaw, radians.
 
-        The first frame is a mean of the estimate, by its weight, and of facing the camera from `centre` (3,), level frame.
+        The first frame is a mean of the estimate, by its weight, and of facing the camera from `centre` (3,), level
+        frame.
         """
         measured = np.array([np.sin(estimate.yaw), np.cos(estimate.yaw)])
         if self._direction is None:

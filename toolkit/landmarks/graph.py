@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,27 +15,27 @@ from toolkit.sensing.cloud import Cloud
 
 @dataclass(frozen=True, eq=False)
 class Graph:
-    """Adjacency lists of N nodes: node n has the edges from `offsets[n]` to `offsets[n + 1]`.
+    """Edges of N nodes as a table of R >= N rows, the first N of which belong to the nodes.
 
     Attributes
     ----------
-    offsets : int32 (N + 1,)
-    neighbours : int32 (2 E,), the node at the other end
-    lengths : int32 (2 E,), above 0, in units of `geodesic.UNIT` metres
+    neighbours : int32 (R, D), the nodes at the other ends of a node's edges; a free place names the node itself
+    lengths : int32 (R, D), above 0, in units of `geodesic.UNIT` metres; 0 in a free place
+    more : int32 (R,), the row with further edges of the same node, -1 for none
     roots : int32 (N,), lowest node of each node's component before components were joined
-    edges : E, of which the last `bridges` join components
-    bridges : number of edges that join a component to the largest one
+    bridges : int32 (B, 2), the edges that join a component to the largest one, whose node stands second
+    edges : number of edges, bridges included, each counted once
     """
 
-    offsets: np.ndarray
     neighbours: np.ndarray
     lengths: np.ndarray
+    more: np.ndarray
     roots: np.ndarray
+    bridges: np.ndarray
     edges: int
-    bridges: int
 
     def __len__(self) -> int:
-        return len(self.offsets) - 1
+        return len(self.roots)
 
     @property
     def trunk(self) -> int:
@@ -53,7 +54,7 @@ class Workspace:
 
     def take(self, name: str, *shape: int, dtype: type = np.int32) -> np.ndarray:
         """Uninitialised C-contiguous array `name` of a shape."""
-        size = int(np.prod(shape))
+        size = math.prod(shape)
         held = self._arrays.get(name)
         if held is None or held.size < size or held.dtype != dtype:
             held = self._arrays[name] = np.empty(size + size // 2, dtype=dtype)
@@ -70,11 +71,12 @@ def grid_graph(cloud: Cloud, settings: LandmarkSettings, workspace: Workspace | 
     """
     workspace = workspace or Workspace()
     points = _checked(cloud.points)
-    ends = workspace.take("ends", 5 * len(points), 2)
-    lengths = workspace.take("edge lengths", 5 * len(points))
+    rows = _rows(len(points), settings)
+    neighbours = workspace.take("neighbours", rows, 8)
+    lengths = workspace.take("lengths", rows, 8)
     threshold = round(settings.neighbour_distance / geodesic.UNIT)
-    count = geodesic.grid_edges(points, cloud.pixels, cloud.index, threshold, ends, lengths)
-    return _connected(points, ends, lengths, count, settings, workspace)
+    edges = geodesic.grid_table(points, cloud.pixels, cloud.index, threshold, neighbours, lengths)
+    return _connected(points, neighbours, lengths, edges, settings, workspace)
 
 
 def nearest_neighbour_graph(
@@ -97,12 +99,22 @@ def nearest_neighbour_graph(
     metres = np.linalg.norm(points[pairs[:, 0]].astype(np.float64) - points[pairs[:, 1]], axis=1)
     units = np.maximum(np.rint(metres / geodesic.UNIT), 1).astype(np.int32)
     near = units < round(settings.neighbour_distance / geodesic.UNIT)
-    count = int(near.sum())
-    ends = workspace.take("ends", count + len(points), 2)
-    lengths = workspace.take("edge lengths", count + len(points))
-    ends[:count] = pairs[near]
-    lengths[:count] = units[near]
-    return _connected(points, ends, lengths, count, settings, workspace)
+    pairs, units = pairs[near], units[near]
+    here, there = np.concatenate([pairs, pairs[:, ::-1]]).T
+    order = np.argsort(here, kind="stable")
+    degrees = np.bincount(here, minlength=len(points))
+    place = np.arange(len(here)) - np.repeat(np.cumsum(degrees) - degrees, degrees)
+    shape = (_rows(len(points), settings), max(int(degrees.max()), 1))
+    table = np.repeat(np.arange(shape[0], dtype=np.int32)[:, None], shape[1], axis=1)
+    lengths = np.zeros(shape, dtype=np.int32)
+    table[here[order], place] = there[order]
+    lengths[here[order], place] = np.tile(units, 2)[order]
+    return _connected(points, table, lengths, len(pairs), settings, workspace)
+
+
+def _rows(nodes: int, settings: LandmarkSettings) -> int:
+    """Rows of a table that has room for every bridge that there can be."""
+    return nodes + 2 * (nodes // settings.smallest_component)
 
 
 def _checked(points: np.ndarray) -> np.ndarray:
@@ -113,23 +125,24 @@ def _checked(points: np.ndarray) -> np.ndarray:
 
 def _connected(
     points: np.ndarray,
-    ends: np.ndarray,
+    neighbours: np.ndarray,
     lengths: np.ndarray,
-    count: int,
+    edges: int,
     settings: LandmarkSettings,
     workspace: Workspace,
 ) -> Graph:
-    """Join the components of the first `count` edges and list the edges by node."""
+    """Find the components of a table of edges and join them."""
     nodes = len(points)
     roots = workspace.take("roots", nodes)
-    geodesic.components(ends[:count], roots)
-    edges = geodesic.bridge_components(
+    geodesic.components(neighbours, roots)
+    ends = workspace.take("bridge ends", nodes, 2)
+    bridge_lengths = workspace.take("bridge lengths", nodes)
+    count = geodesic.bridge_components(
         points, roots, settings.smallest_component, settings.bridge_distance,
         workspace.take("members", nodes), workspace.take("sizes", nodes), workspace.take("starts", nodes),
-        workspace.take("boxes", 2 * nodes // geodesic.CHUNK + 2, 6, dtype=np.float64), ends, lengths, count,
+        workspace.take("boxes", 2 * nodes // geodesic.CHUNK + 2, 6, dtype=np.float64), ends, bridge_lengths,
     )  # fmt: skip
-    offsets = workspace.take("offsets", nodes + 1)
-    neighbours = workspace.take("neighbours", 2 * edges)
-    both_lengths = workspace.take("lengths", 2 * edges)
-    geodesic.adjacency(ends[:edges], lengths[:edges], offsets, neighbours, both_lengths)
-    return Graph(offsets, neighbours, both_lengths, roots, edges, edges - count)
+    bridges = ends[:count]
+    more = workspace.take("more", len(neighbours))
+    rows = geodesic.add_bridges(bridges, bridge_lengths[:count], neighbours, lengths, more, nodes)
+    return Graph(neighbours[:rows], lengths[:rows], more[:rows], roots, bridges, edges + count)

@@ -13,25 +13,25 @@ class LandmarkSettings:
 
     Attributes
     ----------
-    neighbour_distance : tau, edges of the graph are shorter than this. Above the depth steps of a Kinect at 3.5 m (3.5 cm),
-        below the gap between an arm and the torso that it hides
+    neighbour_distance : tau, edges of the graph are shorter than this. Above the depth steps of a Kinect at 3.5 m (3.5
+        cm), below the gap between an arm and the torso that it hides
     smallest_component : components of fewer nodes are noise
     bridge_distance : components farther than this from the largest one stay unconnected (0.5 m in the paper)
     centre_width, centre_height : half axes of the mean-shift ellipsoid, horizontal and vertical
     torso_radius : points nearer than this to the centre are taken for the torso (0.15 m in the paper)
-    flat_curvature, curved_curvature : share of the smallest eigenvalue in the sum of the three, at and below which a torso
-        counts as flat and from which its normal is ignored
-    round_circularity, long_circularity : ratio of the two larger eigenvalues, at and above which the torso's patch counts as
-        round and down to which its normal is ignored
+    flat_curvature, curved_curvature : share of the smallest eigenvalue in the sum of the three, at and below which a
+        torso counts as flat and from which its normal is ignored
+    round_circularity, long_circularity : ratio of the two larger eigenvalues, at and above which the torso's patch
+        counts as round and down to which its normal is ignored
     smallest_torso : a patch of fewer points says nothing about the facing
     facing_time : time constant of the smoothing of the facing direction at full weight
     """
 
-    neighbour_distance: float = 0.06
+    neighbour_distance: float = 0.05
     smallest_component: int = 20
     bridge_distance: float = 0.5
-    centre_width: float = 0.25
-    centre_height: float = 0.35
+    centre_width: float = 0.35
+    centre_height: float = 0.5
     torso_radius: float = 0.15
     flat_curvature: float = 0.02
     curved_curvature: float = 0.08
