@@ -1,0 +1,207 @@
+"""From a foreign skeleton to poses of our body: bone rotations relative to the T-pose, limbs aimed by their bone directions.
+
+Torso and head take the source's rotations relative to its rest pose. A limb takes the directions of its bones, because rigs
+differ in their rest poses and in where they put twist: our elbow and knee are hinges, so the plane in which a limb is bent
+sets the twist of its shoulder or hip, and where the limb is straight the source's own twist does.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from toolkit.body import skeleton
+from toolkit.body.body import Body
+from toolkit.mocap.clip import Clip, PoseClip
+from toolkit.mocap.rig import Rig, load_rig
+from toolkit.mocap.rotations import (
+    apply, hinge_angles, matrices, swing, transposed, unit, unwrapped, vectors_of, without_twist,
+)  # fmt: skip
+from toolkit.mocap.source import Source
+
+TWIST_PRIOR = 0.0025
+"""Square metres: how much the source's own twist counts against the squared levers (m) of a bent limb's far points."""
+
+X, Y = 0, 1
+
+
+def retarget(clip: Clip, body: Body, rig: Rig | None = None) -> PoseClip:
+    """Poses of `body` that move as `clip` does.
+
+    The world stays the clip's own (turned to y up where its skeleton stands along another axis). The root is the midpoint of
+    the hips, scaled by the ratio of the leg lengths and lifted by a constant so that the feet keep their mean height over the
+    floor y = 0. Leading calibration frames are dropped (`source.calibration_frames`).
+
+    Parameters
+    ----------
+    clip : the motion
+    body : the body whose rest proportions are used
+    rig : its joint map; None guesses it (`load_rig`)
+
+    Returns
+    -------
+    PoseClip whose `clamped` tells how often each entry was brought back within `skeleton.POSE_LIMITS`.
+
+    Raises
+    ------
+    RigError
+        No joint map fits, or the rest pose does not stand along the axes of its file.
+    """
+    source = Source.of(clip, rig or load_rig(clip))
+    chain = _Chain(body, source.frames)
+    chain.turn("root", source.rotations["root"])
+    for joint in ("lumbar", "thorax"):
+        chain.turn(joint, source.rotations.get(joint, chain.world[chain.parent(joint)]))
+    chain.turn("cervical", _head(source))
+    for side in ("left", "right"):
+        _clavicle(chain, source, side)
+        _arm(chain, source, side)
+        _leg(chain, source, side)
+    poses = chain.poses
+    poses[:, skeleton.ROOT_POSITION] = _root_positions(source, body, poses)
+    poses[:, skeleton.ROOT_ROTATION] = unwrapped(poses[:, skeleton.ROOT_ROTATION])
+    return PoseClip(clip.name, poses, clip.frame_rate, clip.name, chain.clamped)
+
+
+class _Chain:
+    """Fills the poses joint by joint, from the root outwards, and keeps the world rotations (T, 3, 3) that result."""
+
+    def __init__(self, body: Body, frames: int) -> None:
+        self.points = dict(zip(skeleton.JOINT_NAMES, body.joints, strict=True))
+        self.points |= {name: site for (name, _), site in zip(skeleton.SITES, body.sites, strict=True)}
+        self.poses = np.zeros((frames, skeleton.POSE_SIZE))
+        self.clamped = np.zeros(skeleton.POSE_SIZE)
+        self.world: dict[str, np.ndarray] = {}
+
+    @staticmethod
+    def parent(joint: str) -> str:
+        return skeleton.JOINT_NAMES[skeleton.PARENTS[skeleton.JOINT_NAMES.index(joint)]]
+
+    def bone(self, start: str, stop: str) -> tuple[np.ndarray, float]:
+        """Rest direction (3,) and length of a bone of the body."""
+        step = self.points[stop] - self.points[start]
+        return unit(step), float(np.linalg.norm(step))
+
+    def turn(self, joint: str, world: np.ndarray) -> None:
+        """Give a joint the world rotations (T, 3, 3), as far as its free axes and limits allow."""
+        self.set(joint, vectors_of(world if joint == "root" else transposed(self.world[self.parent(joint)]) @ world))
+
+    def hinge(self, joint: str, axis: int, angles: np.ndarray) -> None:
+        """Bend a hinge by `angles` (T,), as far as its limits allow."""
+        self.set(joint, angles[:, None] * np.eye(3)[axis])
+
+    def set(self, joint: str, vectors: np.ndarray) -> None:
+        """Give a joint rotation vectors (T, 3) relative to its parent, as far as its free axes and limits allow."""
+        entries = 3 + np.flatnonzero(skeleton.DOF_JOINT == skeleton.JOINT_NAMES.index(joint))
+        axes = skeleton.DOF_AXIS[entries - 3]
+        low, high = skeleton.POSE_LIMITS[entries].T
+        kept = np.zeros_like(vectors)
+        kept[:, axes] = np.clip(vectors[:, axes], low, high)
+        self.poses[:, entries] = kept[:, axes]
+        self.clamped[entries] = (kept[:, axes] != vectors[:, axes]).mean(axis=0)
+        local = matrices(kept)
+        self.world[joint] = local if joint == "root" else self.world[self.parent(joint)] @ local
+
+
+def _head(source: Source) -> np.ndarray:
+    """World rotations for the cervical joint: the head's, swung so that neck base to skull points as in the source."""
+    turned = source.rotations["head"]
+    rest, now = source.bone("cervical", "skull")
+    return swing(apply(turned, rest), now) @ turned
+
+
+def _clavicle(chain: _Chain, source: Source, side: str) -> None:
+    """The shoulder girdle swings; what the source turns it about its own length is left to the shoulder."""
+    key = f"{side}_clavicle"
+    local = np.broadcast_to(np.eye(3), (source.frames, 3, 3))
+    if key in source.rotations:
+        local = without_twist(transposed(source.rotations["thorax"]) @ source.rotations[key], X)
+    chain.set(key, vectors_of(local))
+
+
+def _arm(chain: _Chain, source: Source, side: str) -> None:
+    shoulder, elbow, wrist, hand = (f"{side}_{part}" for part in ("shoulder", "elbow", "wrist", "hand"))
+    upper, _ = chain.bone(shoulder, elbow)
+    fore, lever = chain.bone(elbow, wrist)
+    _, upper_now = source.bone(shoulder, elbow)
+    _, fore_now = source.bone(elbow, wrist)
+    flexion = hinge_angles(upper, fore, Y, (upper_now * fore_now).sum(axis=1), -1.0 if side == "left" else 1.0)
+    bent = apply(_about(Y, flexion), fore)
+    chain.turn(shoulder, _aimed(source, shoulder, elbow, upper, [(lever, bent, fore_now)]))
+    chain.hinge(elbow, Y, flexion)
+    if not source.has(hand):
+        chain.set(wrist, np.zeros((source.frames, 3)))
+        return
+    aim = apply(transposed(chain.world[elbow]), source.bone(wrist, hand)[1])
+    chain.set(wrist, vectors_of(without_twist(swing(chain.bone(wrist, hand)[0], aim), X)))
+
+
+def _leg(chain: _Chain, source: Source, side: str) -> None:
+    hip, knee, ankle, foot = (f"{side}_{part}" for part in ("hip", "knee", "ankle", "foot"))
+    thigh, _ = chain.bone(hip, knee)
+    shin, shin_lever = chain.bone(knee, ankle)
+    sole, sole_lever = chain.bone(ankle, foot)
+    _, thigh_now = source.bone(hip, knee)
+    _, shin_now = source.bone(knee, ankle)
+    flexion = hinge_angles(thigh, shin, X, (thigh_now * shin_now).sum(axis=1), 1.0)
+    bent = _about(X, flexion)
+    levers = [(shin_lever, apply(bent, shin), shin_now)]
+    if source.has(foot):
+        _, sole_now = source.bone(ankle, foot)
+        pitch = hinge_angles(shin, sole, X, (shin_now * sole_now).sum(axis=1), 0.0)
+        levers.append((sole_lever, apply(bent @ _about(X, pitch), sole), sole_now))
+    chain.turn(hip, _aimed(source, hip, knee, thigh, levers))
+    chain.hinge(knee, X, flexion)
+    turned = source.rotations[ankle]
+    if source.has(foot):
+        turned = swing(apply(turned, sole), sole_now) @ turned
+    chain.set(ankle, vectors_of(without_twist(transposed(chain.world[knee]) @ turned, Y)))
+
+
+def _about(axis: int, angles: np.ndarray) -> np.ndarray:
+    return matrices(angles[:, None] * np.eye(3)[axis])
+
+
+def _aimed(
+    source: Source, start: str, stop: str, bone: np.ndarray, levers: list[tuple[float, np.ndarray, np.ndarray]]
+) -> np.ndarray:
+    """World rotations (T, 3, 3) of the first joint of a limb: its bone as in the source, its twist by what hangs below.
+
+    The twist is the one that brings the far points of the limb nearest to the source's, in the sense of least squares
+    (a planar Procrustes problem), with the source's own twist as a prior of weight `TWIST_PRIOR`, so that a straight limb
+    does not spin. The source's twist is first corrected by its constant offset from the bend planes of the whole clip.
+
+    Parameters
+    ----------
+    bone : (3,), rest direction of the body's bone
+    levers : per far point its lever (m), its direction from the limb's frame (T, 3) and the source's direction (T, 3)
+    """
+    rest, now = source.bone(start, stop)
+    turned = source.rotations[start] @ swing(bone, rest)
+    turned = swing(apply(turned, bone), now) @ turned
+    evidence = np.zeros(len(now), dtype=np.complex128)
+    for lever, own, wanted in levers:
+        moved = apply(turned, own)
+        along = (now * moved).sum(axis=1) * (now * wanted).sum(axis=1)
+        sine = (now * np.cross(moved, wanted)).sum(axis=1)
+        evidence += lever**2 * ((moved * wanted).sum(axis=1) - along + 1j * sine)
+    offset = np.angle(evidence.sum() + len(now) * TWIST_PRIOR)
+    twist = offset + np.angle(evidence * np.exp(-1j * offset) + TWIST_PRIOR)
+    return matrices(twist[:, None] * now) @ turned
+
+
+def _root_positions(source: Source, body: Body, poses: np.ndarray) -> np.ndarray:
+    """Hip midpoints (T, 3) at the body's scale, with its feet on average as high over y = 0 as the source's."""
+    rest = dict(zip(skeleton.JOINT_NAMES, body.joints, strict=True))
+    scale = _leg_length(rest) / _leg_length(source.rest)
+    positions = source.pelvis * scale
+    feet = [f"{side}_{'foot' if source.has(f'{side}_foot') else 'ankle'}" for side in ("left", "right")]
+    own = body.joint_positions(poses)[:, [skeleton.REPORTED.index(name) for name in feet], 1]
+    wanted = np.stack([source.positions[name][:, 1] for name in feet], axis=1) * scale
+    positions[:, 1] = positions[:, 1] + (wanted - own - positions[:, 1:2]).mean()
+    return positions
+
+
+def _leg_length(rest: dict[str, np.ndarray]) -> float:
+    """Mean length of both legs, hip to ankle along the bones, metres."""
+    bones = [(f"{side}_{a}", f"{side}_{b}") for side in ("left", "right") for a, b in (("hip", "knee"), ("knee", "ankle"))]
+    return sum(float(np.linalg.norm(rest[b] - rest[a])) for a, b in bones) / 2.0

@@ -1,0 +1,105 @@
+"""Which joint of a foreign skeleton stands for which joint of our body: the maps in `configs/rigs/`."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path
+
+import yaml
+
+from toolkit.errors import RigError
+from toolkit.files import shipped
+from toolkit.mocap.clip import Clip
+
+SIDED = ("clavicle", "shoulder", "elbow", "wrist", "hand", "hip", "knee", "ankle", "foot")
+KEYS: tuple[str, ...] = (
+    "root", "lumbar", "thorax", "cervical", "head",
+    *(f"{side}_{part}" for side in ("left", "right") for part in SIDED),
+)  # fmt: skip
+"""Names that a map may give: our joints, and head, hands and feet for the tips of their bones."""
+
+OPTIONAL = frozenset(
+    {"lumbar", "cervical", *(f"{side}_{part}" for side in ("left", "right") for part in ("clavicle", "hand", "foot"))}
+)
+"""A skeleton without these can still be used: the joint stays at rest, or the tip is the end site of its bone."""
+
+
+@dataclass(frozen=True)
+class Rig:
+    """A joint map fitted to one skeleton: `joints` gives for each of `KEYS` that is there the clip's own joint name."""
+
+    name: str
+    joints: dict[str, str]
+
+
+def load_rig(source: Clip | str, *, rig: str | None = None) -> Rig:
+    """The joint map for a skeleton.
+
+    Parameters
+    ----------
+    source : a clip, for which the map that fits most of its joint names is taken; or a map's name, with each key's first
+        alternative
+    rig : name of a map in `configs/rigs` or path of a YAML file like those; None guesses
+
+    Raises
+    ------
+    RigError
+        No map fits: the message names the nearest one and the joints that the skeleton lacks for it. Or a map is unknown
+        or broken.
+    """
+    if isinstance(source, str):
+        maps = _load_map(source)
+        return Rig(Path(source).stem, {key: names[0] for key, names in maps.items()})
+    tried = [(name, _load_map(name)) for name in ([rig] if rig else rig_names())]
+    fits = [(name, _fit(names, source.joint_names)) for name, names in tried]
+    name, joints = max(fits, key=lambda fit: (not _missing(fit[1]), len(fit[1])))
+    if missing := _missing(joints):
+        wanted = dict(tried)[name]
+        lacking = ", ".join(f"{key} ({' or '.join(wanted[key]) if key in wanted else 'not in the map'})" for key in missing)
+        raise RigError(
+            f"no joint map fits the skeleton of {source.name!r}; for the nearest one, {Path(name).stem}, it lacks {lacking}; "
+            "write a map like those in configs/rigs and name it as `rig`"
+        )
+    return Rig(Path(name).stem, joints)
+
+
+def rig_names() -> list[str]:
+    """Names of the maps that are shipped."""
+    return sorted(path.stem for path in shipped("rigs").glob("*.yaml"))
+
+
+def _missing(joints: dict[str, str]) -> list[str]:
+    return [key for key in KEYS if key not in joints and key not in OPTIONAL]
+
+
+def _load_map(name: str) -> dict[str, list[str]]:
+    if not name.endswith((".yaml", ".yml")) and name not in rig_names():
+        raise RigError(f"there is no joint map {name!r}; there are {', '.join(rig_names())}, or give a YAML file")
+    path = Path(name) if name.endswith((".yaml", ".yml")) else shipped("rigs", f"{name}.yaml")
+    try:
+        joints = yaml.safe_load(path.read_text(encoding="utf-8"))["joints"]
+        maps = {key: [names] if isinstance(names, str) else list(names) for key, names in joints.items()}
+    except OSError as error:
+        raise RigError(f"cannot read the joint map {path}: {error.strerror or error}") from error
+    except (yaml.YAMLError, KeyError, TypeError, AttributeError) as error:
+        raise RigError(f"the joint map {path.name} is not `joints:` with a name or a list of names per joint") from error
+    if unknown := sorted(set(maps) - set(KEYS)):
+        raise RigError(f"the joint map {path.name} has the unknown joint {unknown[0]!r}; known are {', '.join(KEYS)}")
+    return maps
+
+
+def _plain(name: str) -> str:
+    """A joint name without namespace, case and separators; Mixamo's namespace may have lost its colon."""
+    return re.sub(r"^mixamorig\d*|[\s_-]", "", name.rsplit(":", 1)[-1].lower())
+
+
+def _fit(maps: dict[str, list[str]], names: Iterable[str]) -> dict[str, str]:
+    present = {_plain(name): name for name in reversed(tuple(names))}
+    fitted = {}
+    for key, alternatives in maps.items():
+        found = next((present[_plain(a)] for a in alternatives if _plain(a) in present), None)
+        if found is not None:
+            fitted[key] = found
+    return fitted
