@@ -1,0 +1,286 @@
+from __future__ import annotations
+
+import csv
+import io
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from hypothesis.extra import numpy as hnp
+from rich.console import Console
+
+from toolkit.body import skeleton
+from toolkit.errors import RecordingError, TrackError, UsageError
+from toolkit.evaluation import agreement, evaluate, joints, plots, surface
+from toolkit.evaluation.bootstrap import paired_bootstrap
+from toolkit.evaluation.extrema import TIPS, all_found, limbs_of_points
+from toolkit.files import sha256_of
+from toolkit.sensing.camera import Camera, level_rotation
+from toolkit.sensing.recording import save_recording
+from toolkit.track import LOST, TRACKED, FrameResult, RunInfo, TrackWriter
+
+CAMERA = Camera(100.0, 100.0, 40.0, 30.0, 80, 60)
+FRAMES = 6
+
+
+def standing(frames: int = FRAMES) -> np.ndarray:
+    """Joints (frames, 20, 3) of somebody at 2.5 m who sways, camera frame (y down), facing the camera."""
+    side = {"left": 1.0, "right": -1.0}
+    at = {"pelvis": (0, 0), "spine": (0, -0.2), "neck": (0, -0.5), "head": (0, -0.7)}
+    for name, s in side.items():
+        at |= {f"{name}_shoulder": (0.18 * s, -0.5), f"{name}_elbow": (0.4 * s, -0.45)}
+        at |= {f"{name}_wrist": (0.6 * s, -0.4), f"{name}_hand": (0.7 * s, -0.4), f"{name}_hip": (0.1 * s, 0)}
+        at |= {f"{name}_knee": (0.1 * s, 0.4), f"{name}_ankle": (0.1 * s, 0.8), f"{name}_foot": (0.12 * s, 0.85)}
+    rest = np.array([(*at[name], 2.5) for name in skeleton.REPORTED])
+    sway = 0.05 * np.sin(np.arange(frames))[:, None, None] * np.array([1.0, 0.2, 0.5])
+    return (rest + sway).astype(np.float32)
+
+
+def write_run(folder: Path, joints_found: np.ndarray, *, name: str = "take", **recorded: np.ndarray) -> Path:
+    """A recording of an empty-looking scene and a run folder of a track on it."""
+    depth = np.zeros((len(standing()), *CAMERA.shape), dtype=np.uint16)
+    depth[:, 20:40, 30:50] = 2500
+    recording = folder / f"{name}.npz"
+    times = np.arange(len(depth)) / 30
+    save_recording(recording, depth=depth, camera=CAMERA, timestamps=times, up_camera=(0, -1, 0), **recorded)
+    run = folder / f"run_{name}"
+    writer = TrackWriter(run, ("clean", "fit"), ("local", "database"))
+    for i, found in enumerate(joints_found):
+        result = FrameResult(
+            np.zeros(skeleton.POSE_SIZE), found.astype(np.float32), np.ones(20, np.float32),
+            LOST if i == 0 else TRACKED, int(i == 1), np.array([1.0, 2.0 + i], np.float32),
+        )  # fmt: skip
+        writer.append(result, times[i])
+    writer.finish()
+    turn = level_rotation(np.array([0, -1, 0])).ravel().tolist()
+    mark = skeleton.fingerprint()
+    RunInfo(str(recording), sha256_of(recording), {}, mark, [], 1.0, "", turn, {}, "0.1.0").save(run)
+    return run
+
+
+def test_errors_are_distances_capped_at_one_metre() -> None:
+    truth = standing()
+    found = truth.copy()
+    found[0, 3, 0] += 0.25
+    found[1, 4, 2] += 7.0
+    errors = joints.joint_errors(found, truth)
+    assert errors[0, 3] == pytest.approx(0.25, abs=1e-6) and errors[1, 4] == 1.0
+    assert np.delete(errors.ravel(), [3, 24]).max() == 0.0
+
+
+@settings(max_examples=30, deadline=None)
+@given(hnp.arrays(np.float64, (7, 20), elements=st.floats(0, 1)))
+def test_the_accuracy_curve_counts_and_never_falls(errors: np.ndarray) -> None:
+    curve = joints.accuracy(errors, joints.CURVE)
+    assert (np.diff(curve) >= 0).all()
+    np.testing.assert_allclose(curve, [(errors <= t).mean() for t in joints.CURVE])
+
+
+def test_unknown_truth_is_left_out_of_every_figure() -> None:
+    truth = standing()
+    truth[:, 5] = np.nan
+    errors = joints.joint_errors(standing(), truth)
+    assert joints.accuracy(errors) == 1.0
+    np.testing.assert_array_equal(joints.frame_errors(errors), np.zeros(FRAMES))
+    assert np.isnan(joints.accuracy_per_joint(errors)[5])
+
+
+def test_the_average_pose_error_takes_visible_joints_of_all_frames_uncapped() -> None:
+    truth, found = np.zeros((2, 20, 3)), np.zeros((2, 20, 3))
+    found[0, 0, 0], found[1, 1, 0], found[1, 2, 0] = 3.0, 1.0, 9.0
+    visible = np.zeros((2, 20), dtype=bool)
+    visible[0, 0] = visible[1, 1] = True
+    assert joints.average_pose_error(found, truth, visible) == pytest.approx((2.0, 1.0))
+
+
+def test_a_joint_behind_another_limb_or_outside_the_image_is_hidden() -> None:
+    depth = np.zeros(CAMERA.shape, dtype=np.float32)
+    depth[20:40, 30:50] = 2.0
+    points = np.full((20, 3), np.nan)
+    points[0] = (0.0, 0.0, 2.1)  # inside the torso that is seen
+    points[1] = (0.0, 0.0, 2.6)  # far behind it
+    points[2] = (5.0, 0.0, 2.0)  # outside the image
+    points[3] = (0.7, 0.0, 2.0)  # where nothing was measured
+    assert joints.visible_joints(points, depth, CAMERA).tolist() == [True] + [False] * 19
+
+
+def test_overlap_and_residual_compare_two_depth_images() -> None:
+    measured, rendered = np.zeros((4, 4), np.float32), np.zeros((4, 4), np.float32)
+    measured[0, :3], rendered[0, 1:] = 2.0, 2.03
+    assert surface.silhouette_overlap(measured, rendered) == 0.5
+    assert surface.depth_residual(measured, rendered) == pytest.approx(0.03, abs=1e-6)
+    empty = np.zeros((4, 4), np.float32)
+    assert np.isnan(surface.silhouette_overlap(empty, empty)) and np.isnan(surface.depth_residual(measured, empty))
+
+
+def test_each_end_effector_needs_an_extremum_of_its_own() -> None:
+    ends = np.arange(15.0).reshape(5, 3)
+    assert all_found(ends[::-1] + 0.05, ends)
+    assert not all_found(np.concatenate([ends[:4], ends[:1]]), ends)
+    assert not all_found(ends[:4], ends)
+    close = ends.copy()
+    close[1] = close[0] + 0.1
+    assert not all_found(np.concatenate([close[:1], close[2:], close[2:3]]), close)
+
+
+def test_points_belong_to_the_limb_of_the_nearest_bone() -> None:
+    body = standing(1)[0].astype(np.float64)
+    assert limbs_of_points(body[TIPS] + 0.01, body).tolist() == [0, 1, 2, 3, 4]
+    assert limbs_of_points(body[[skeleton.REPORTED.index("spine")]], body).tolist() == [-1]
+
+
+def test_offsets_of_other_subjects_undo_a_constant_displacement_however_the_person_stands() -> None:
+    rng = np.random.default_rng(0)
+    offsets = rng.normal(scale=0.1, size=(20, 3))
+    tracks, references = [], []
+    for yaw in (0.0, 1.0, 2.0):
+        c, s = np.cos(yaw), np.sin(yaw)
+        track = standing().astype(np.float64) @ np.array([[c, 0, -s], [0, 1, 0], [s, 0, c]])
+        tracks.append(track)
+        references.append(agreement.apply_offsets(track, offsets))
+    assert agreement.agreement(tracks[0], references[0]) < 0.7
+    scores = agreement.agreement_with_offsets(tracks, references, ["1", "2", "2"])
+    assert scores == [1.0, 1.0, 1.0]
+    np.testing.assert_allclose(agreement.fit_offsets(tracks, references), offsets, atol=1e-9)
+
+
+def test_offsets_are_never_fitted_on_the_own_subject() -> None:
+    found = standing()
+    alone = agreement.agreement_with_offsets([found, found], [found, found], ["1", "1"])
+    assert np.isnan(alone).all()
+    assert np.isnan(agreement.agreement_with_offsets([found], [found], [None])).all()
+
+
+def test_the_subject_is_read_from_the_name_of_the_recording() -> None:
+    assert agreement.subject_of("a27_s8_t1_depth") == "8"
+    assert agreement.subject_of("holiday") is None
+    assert agreement.subject_of("anna-3", r"^(\w+)-") == "anna"
+    with pytest.raises(UsageError, match="no group"):
+        agreement.subject_of("x", "x")
+    with pytest.raises(UsageError, match="regular expression"):
+        agreement.subject_of("x", "(")
+
+
+def test_a_clear_difference_survives_the_bootstrap_and_noise_does_not() -> None:
+    rng = np.random.default_rng(1)
+    base = rng.normal(50, 10, size=40)
+    better = paired_bootstrap(base + 5 + rng.normal(0, 1, 40), base, rng)
+    assert better.low > 0 and better.probability_above_zero == 1.0 and better.mean == pytest.approx(5, abs=0.6)
+    noise = paired_bootstrap(base, base + rng.normal(0, 1, 40), rng)
+    assert noise.low < 0 < noise.high
+    with pytest.raises(UsageError, match="cannot be paired"):
+        paired_bootstrap(base, base[:3], rng)
+
+
+def test_a_run_is_compared_with_the_truth_in_its_own_recording(tmp_path: Path) -> None:
+    truth = standing()
+    found = truth.copy()
+    found[:, :, 0] += 0.03
+    found[5] += 0.5
+    table = evaluate.evaluate_runs([write_run(tmp_path, found, joints=truth)], surface=False)
+    row = table.rows[0]
+    far = np.minimum(np.linalg.norm([0.53, 0.5, 0.5]), 1.0)
+    assert row.error_mm == pytest.approx(1000 * (5 * 0.03 + far) / 6, abs=0.1)
+    assert row.median_mm == pytest.approx(30, abs=0.1)
+    assert row.a100 == row.a100_hands_feet == row.a100_joints["head"] == pytest.approx(5 / 6)
+    assert row.lost == pytest.approx(1 / 6)
+    assert row.states["lost"] == pytest.approx(1 / 6) and row.sources == {"local": 0.8, "database": 0.2}
+    assert row.frame_ms == pytest.approx(5.5) and row.stages_ms == {"clean": 1.0, "fit": 4.5}
+    assert row.agreement is None
+
+
+def test_another_systems_skeleton_gives_agreement_and_never_an_error(tmp_path: Path) -> None:
+    found = standing()
+    runs = [
+        write_run(tmp_path, found, name=f"a1_s{s}_t1_depth", reference_joints=found + np.float32([0, 0.2, 0]))
+        for s in (1, 2)
+    ]
+    for row in evaluate.evaluate_runs(runs, surface=False):
+        assert row.agreement == 0.0 and row.agreement_offsets == 1.0
+        assert row.error_mm is None and row.a100 is None and row.lost is None
+
+
+def test_references_are_a_file_or_a_folder_matched_by_stem(tmp_path: Path) -> None:
+    found = standing()
+    run = write_run(tmp_path, found)
+    write_run(tmp_path / "elsewhere", found, joints=found)
+    assert evaluate.evaluate_runs([run], surface=False).rows[0].error_mm is None
+    for reference in (tmp_path / "elsewhere", tmp_path / "elsewhere" / "take.npz"):
+        assert evaluate.evaluate_runs([run], [reference], surface=False).rows[0].error_mm == 0.0
+    (tmp_path / "empty").mkdir()
+    with pytest.raises(RecordingError, match="holds no joints for take"):
+        evaluate.evaluate_runs([run], [tmp_path / "empty"], surface=False)
+    with pytest.raises(RecordingError, match="no reference"):
+        evaluate.evaluate_runs([run], [tmp_path / "absent"], surface=False)
+
+
+def test_an_interrupted_run_is_evaluated_over_the_frames_it_has(tmp_path: Path) -> None:
+    truth = standing()
+    row = evaluate.evaluate_runs([write_run(tmp_path, truth[:4], joints=truth)], surface=False).rows[0]
+    assert (row.frames, row.recorded_frames, row.error_mm) == (4, 6, 0.0)
+
+
+def test_a_recording_that_changed_since_is_not_evaluated(tmp_path: Path) -> None:
+    run = write_run(tmp_path, standing(), joints=standing())
+    recording = tmp_path / "take.npz"
+    recording.write_bytes(recording.read_bytes() + b"x")
+    with pytest.raises(RecordingError, match="changed"):
+        evaluate.evaluate_runs([run])
+    recording.unlink()
+    with pytest.raises(RecordingError, match="gone"):
+        evaluate.evaluate_runs([run])
+
+
+def test_a_folder_of_runs_is_taken_as_its_runs(tmp_path: Path) -> None:
+    for name in ("b", "a"):
+        write_run(tmp_path, standing(), name=name, joints=standing())
+    table = evaluate.evaluate_runs([tmp_path], surface=False)
+    assert [row.recording for row in table] == ["a", "b"]
+    with pytest.raises(TrackError):
+        evaluate.evaluate_runs([tmp_path / "nothing"])
+
+
+def test_the_mean_weights_recordings_alike_and_ignores_what_a_run_lacks(tmp_path: Path) -> None:
+    truth = standing()
+    runs = [
+        write_run(tmp_path, truth[:2], name="short", joints=truth),
+        write_run(tmp_path, truth + np.float32([0.1, 0, 0]), name="long", joints=truth),
+        write_run(tmp_path, truth, name="blind"),
+    ]
+    table = evaluate.evaluate_runs(runs, surface=False)
+    assert table.mean().error_mm == pytest.approx(50, abs=0.1)
+    assert table.mean().frames == 14
+    np.testing.assert_allclose(table.figures("error_mm"), [0, 100, np.nan], atol=0.1)
+
+
+def test_the_table_is_printed_and_written_as_csv_and_json(tmp_path: Path) -> None:
+    truth = standing()
+    runs = [write_run(tmp_path, truth, name=n, joints=truth) for n in ("one", "two")]
+    table = evaluate.evaluate_runs(runs, surface=False)
+    console = Console(file=io.StringIO(), width=200)
+    console.print(table.to_rich())
+    printed = console.file.getvalue()  # type: ignore[attr-defined]
+    assert "one" in printed and "mean of 2" in printed and "agreement" not in printed
+    table.to_csv(tmp_path / "table.csv")
+    rows = list(csv.DictReader((tmp_path / "table.csv").open()))
+    assert [row["recording"] for row in rows] == ["one", "two"] and rows[0]["a100_joints.head"] == "1.0"
+    table.to_json(tmp_path / "table.json")
+    read = json.loads((tmp_path / "table.json").read_text())
+    assert read["mean"]["error_mm"] == 0.0 and read["runs"][1]["agreement"] is None
+    assert len(read["curve_thresholds_mm"]) == len(read["mean"]["curve"])
+
+
+def test_plots_are_written_and_refused_without_anything_to_plot(tmp_path: Path) -> None:
+    truth = standing()
+    table = evaluate.evaluate_runs([write_run(tmp_path, truth, joints=truth)], surface=False)
+    for draw in (plots.plot_accuracy, plots.plot_errors):
+        draw(table, tmp_path / "plot.png")
+        assert (tmp_path / "plot.png").stat().st_size > 5000
+        (tmp_path / "plot.png").unlink()
+    blind = evaluate.evaluate_runs([write_run(tmp_path, truth, name="blind")], surface=False)
+    for draw in (plots.plot_accuracy, plots.plot_errors):
+        with pytest.raises(UsageError, match="--reference"):
+            draw(blind, tmp_path / "plot.png")
