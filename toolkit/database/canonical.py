@@ -1,0 +1,163 @@
+"""The canonical frame: where a pose or a cloud stands and which way it faces, taken away (Baak 2013, 5.3.3 and 5.3.4).
+
+A canonical pose has its root at the origin and faces +z. A canonical cloud has its centre at the origin and faces +z.
+The two differ by the offset of a pose: the centre and facing that a tracker estimates on a view of it, see `origin.py`.
+Facing yaw is the angle about +y from +z.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from toolkit.body import skeleton
+from toolkit.body.body import Body
+
+if TYPE_CHECKING:
+    from scipy.spatial.transform import Rotation
+
+_CHEST_CHAIN = ("lumbar", "thorax")
+
+
+def about_up(yaw: np.ndarray | float) -> np.ndarray:
+    """Rotations by `yaw` (...), radians, about +y: float64 (..., 3, 3)."""
+    yaw = np.asarray(yaw, dtype=np.float64)
+    out = np.zeros((*yaw.shape, 3, 3))
+    out[..., 0, 0] = out[..., 2, 2] = np.cos(yaw)
+    out[..., 0, 2] = np.sin(yaw)
+    out[..., 2, 0] = -np.sin(yaw)
+    out[..., 1, 1] = 1.0
+    return out
+
+
+def body_facing(poses: np.ndarray) -> np.ndarray:
+    """Facing yaw of poses (..., P): float64 (...), radians in (-pi, pi].
+
+    The horizontal direction at right angles to the mean of the hips' and the chest's left. It turns with the torso's
+    front, and unlike that front it keeps its direction in a deep bend, forwards or back.
+    """
+    poses = skeleton.check_pose(poses)
+    flat = poses.reshape(-1, skeleton.POSE_SIZE)
+    hips = _rotation(flat[:, skeleton.ROOT_ROTATION])
+    chest = hips
+    for name in _CHEST_CHAIN:
+        chest = chest * _rotation(flat[:, _entries(name)])
+    left = np.array([1.0, 0.0, 0.0])
+    lateral = hips.apply(left) + chest.apply(left)
+    return np.arctan2(-lateral[:, 2], lateral[:, 0]).reshape(poses.shape[:-1])
+
+
+def canonicalise(poses: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Take position and facing away from poses (..., P) of any y-up frame.
+
+    Returns
+    -------
+    canonical : float64 (..., P), root at the origin, facing yaw 0
+    positions : float64 (..., 3), metres, where the roots were
+    yaws : float64 (...), radians, which way they faced
+    """
+    poses = skeleton.check_pose(poses)
+    yaws = body_facing(poses)
+    positions = poses[..., skeleton.ROOT_POSITION].copy()
+    canonical = _turned(poses, -yaws)
+    canonical[..., skeleton.ROOT_POSITION] = 0.0
+    return canonical, positions, yaws
+
+
+def place(poses: np.ndarray, offsets: np.ndarray, centre: np.ndarray, yaw: np.ndarray | float) -> np.ndarray:
+    """Put canonical poses where a cloud's centre and facing say, the inverse of the common origin.
+
+    Parameters
+    ----------
+    poses : (..., P), canonical
+    offsets : (..., 4), of each pose: centre (metres) and facing yaw (radians) in the canonical frame
+    centre : (..., 3), metres, centre of the cloud in a y-up frame
+    yaw : (...), radians, facing of the cloud
+
+    Returns
+    -------
+    float64 (..., P) in the frame of `centre`: the centre of each pose lies at `centre` and faces `yaw`
+    """
+    offsets = np.asarray(offsets, dtype=np.float64)
+    turn = np.asarray(yaw, dtype=np.float64) - offsets[..., 3]
+    placed = _turned(skeleton.check_pose(poses), turn)
+    placed[..., skeleton.ROOT_POSITION] += centre - np.einsum("...ab,...b->...a", about_up(turn), offsets[..., :3])
+    return placed
+
+
+def normalise(points: np.ndarray, centre: np.ndarray, yaw: np.ndarray | float) -> np.ndarray:
+    """Points (..., K, 3) of a y-up frame about `centre` (..., 3), turned so that `yaw` (...) faces +z: float64,
+    metres."""
+    shifted = np.asarray(points, dtype=np.float64) - np.asarray(centre)[..., None, :]
+    return np.einsum("...ab,...kb->...ka", about_up(-np.asarray(yaw)), shifted)
+
+
+def feature_vectors(end_effectors: np.ndarray, offsets: np.ndarray) -> np.ndarray:
+    """The 15-dimensional features (`E^5`) of canonical poses: end effectors about the pose's centre, its facing +z.
+
+    Parameters
+    ----------
+    end_effectors : (..., 5, 3), metres, canonical frame
+    offsets : (..., 4), centre and facing yaw
+
+    Returns
+    -------
+    float64 (..., 15), metres
+    """
+    features = normalise(end_effectors, offsets[..., :3], offsets[..., 3])
+    return features.reshape(*features.shape[:-2], -1)
+
+
+def mirrored(poses: np.ndarray) -> np.ndarray:
+    """Poses (..., P) seen in a mirror at x = 0: left becomes right."""
+    poses = skeleton.check_pose(poses)
+    return poses[..., _MIRROR_SOURCE] * _MIRROR_SIGN
+
+
+def torso_length(body: Body) -> float:
+    """Distance of neck and pelvis in the rest pose, metres: the scale of offsets between bodies."""
+    joints = body.joint_positions(np.zeros(skeleton.POSE_SIZE))
+    reported = skeleton.REPORTED.index
+    return float(np.linalg.norm(joints[reported("neck")] - joints[reported("pelvis")]))
+
+
+def _turned(poses: np.ndarray, yaws: np.ndarray) -> np.ndarray:
+    """Turn poses (..., P) by `yaws` (...) about +y through the origin."""
+    yaws = np.broadcast_to(yaws, poses.shape[:-1])
+    rotvecs = poses[..., skeleton.ROOT_ROTATION].reshape(-1, 3)
+    turns = np.zeros_like(rotvecs)
+    turns[:, 1] = yaws.ravel()
+    out = poses.copy()
+    out[..., skeleton.ROOT_POSITION] = np.einsum("...ab,...b->...a", about_up(yaws), poses[..., skeleton.ROOT_POSITION])
+    turned = (_rotation(turns) * _rotation(rotvecs)).as_rotvec()
+    out[..., skeleton.ROOT_ROTATION] = turned.reshape(*poses.shape[:-1], 3)
+    return out
+
+
+def _rotation(vectors: np.ndarray) -> Rotation:
+    from scipy.spatial.transform import Rotation
+
+    return Rotation.from_rotvec(vectors)
+
+
+def _entries(joint: str) -> list[int]:
+    """Pose entries of a ball joint's exponential coordinates."""
+    return [skeleton.POSE_NAMES.index(f"{joint}_r{axis}") for axis in "xyz"]
+
+
+def _mirror_table() -> tuple[np.ndarray, np.ndarray]:
+    """Entry that each entry of a mirrored pose comes from, and its sign.
+
+    A mirror at x = 0 negates x of a position, and y and z of a rotation vector.
+    """
+    swap = {"left": "right", "right": "left"}
+    sources, signs = [], []
+    for name in skeleton.POSE_NAMES:
+        side, _, rest = name.partition("_")
+        sources.append(skeleton.POSE_NAMES.index(f"{swap[side]}_{rest}" if side in swap else name))
+        signs.append(-1.0 if name == "root_tx" or name.endswith(("_ry", "_rz")) else 1.0)
+    return np.array(sources), np.array(signs)
+
+
+_MIRROR_SOURCE, _MIRROR_SIGN = _mirror_table()

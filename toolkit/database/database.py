@@ -1,0 +1,281 @@
+"""The pose database: canonical poses, their joints and features, one file, and its query (Baak 2013, 5.3.3)."""
+
+from __future__ import annotations
+
+import json
+import zipfile
+import zlib
+from collections.abc import Sequence
+from dataclasses import dataclass, field, fields, replace
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from toolkit.body import skeleton
+from toolkit.body.body import Body
+from toolkit.database.canonical import feature_vectors, place, torso_length
+from toolkit.database.origin import observed_offsets
+from toolkit.database.search import DEFAULT_SEARCH, FEATURE_SIZE, NearestNeighbours, make_search
+from toolkit.errors import DatabaseError
+from toolkit.files import save_npz
+
+FORMAT_VERSION = 1
+"""Raised whenever the meaning of a stored array changes."""
+
+
+@dataclass(frozen=True, eq=False)
+class PoseDatabase:
+    """Poses in the canonical frame (root at the origin, facing +z), with what a lookup needs of them.
+
+    Attributes
+    ----------
+    poses : float32 (N, P), `skeleton.POSE_NAMES`, metres and radians
+    joints : float32 (N, 20, 3), metres, canonical frame (`P_chi`)
+    features : float32 (N, 15), metres: end effectors about each pose's centre, its facing +z (`E_chi^5`)
+    offsets : float32 (N, 4): centre (metres) and facing yaw (radians) of each pose as seen by a camera, canonical frame
+    pose_source, pose_frame : int32 (N,), number in `sources` and frame there
+    mirrored : bool (N,), whether the pose is the mirror image of that frame
+    sources : names of the files or generators that the poses were chosen from
+    hashes : SHA-256 of each file, of the poses themselves for a generator
+    threshold : metres in the unit of Eq. 5.1: every two poses are farther apart (0: stopped by a maximum count only)
+    body_name, body_shape, body_scale, torso_length : the body of the joints and features; the last in metres
+    notes : JSON-able facts about how it was built (poses read, files skipped, residual of the offsets, settings)
+    """
+
+    poses: np.ndarray
+    joints: np.ndarray
+    features: np.ndarray
+    offsets: np.ndarray
+    pose_source: np.ndarray
+    pose_frame: np.ndarray
+    mirrored: np.ndarray
+    sources: tuple[str, ...]
+    hashes: tuple[str, ...]
+    threshold: float
+    body_name: str
+    body_shape: np.ndarray
+    body_scale: float
+    torso_length: float
+    notes: dict[str, Any] = field(default_factory=dict)
+    search: str = DEFAULT_SEARCH
+
+    def __post_init__(self) -> None:
+        count = len(self.poses)
+        shapes = {
+            "poses": (count, skeleton.POSE_SIZE),
+            "joints": (count, len(skeleton.REPORTED), 3),
+            "features": (count, FEATURE_SIZE),
+            "offsets": (count, 4),
+            "pose_source": (count,),
+            "pose_frame": (count,),
+            "mirrored": (count,),
+            "hashes": (len(self.sources),),
+        }
+        if count == 0:
+            raise DatabaseError("the pose database has no poses; build it again from clips with frames")
+        for name, expected in shapes.items():
+            array = np.asarray(getattr(self, name))
+            if array.shape != expected:
+                raise DatabaseError(f"{name} of the pose database has shape {array.shape}; expected {expected}")
+            if array.dtype.kind == "f" and not np.isfinite(array).all():
+                raise DatabaseError(f"{name} of the pose database holds values that are not finite; build it again")
+
+    def __len__(self) -> int:
+        return len(self.poses)
+
+    @staticmethod
+    def of_poses(
+        poses: np.ndarray,
+        body: Body,
+        *,
+        sources: Sequence[str],
+        hashes: Sequence[str],
+        pose_source: np.ndarray,
+        pose_frame: np.ndarray,
+        mirrored: np.ndarray,
+        offsets: np.ndarray | None = None,
+        threshold: float = 0.0,
+        notes: dict[str, Any] | None = None,
+    ) -> PoseDatabase:
+        """Database of canonical poses (N, P) of `body`, with joints and features; fields as in the class.
+
+        `offsets` (N, 4) are found by looking at every pose (`observed_offsets`, about half a millisecond each) unless
+        given.
+        """
+        stored = np.asarray(poses, dtype=np.float32)
+        if offsets is None:
+            offsets = observed_offsets(body, stored)
+        return PoseDatabase(
+            poses=stored,
+            joints=np.zeros((len(stored), len(skeleton.REPORTED), 3), dtype=np.float32),
+            features=np.zeros((len(stored), FEATURE_SIZE), dtype=np.float32),
+            offsets=np.asarray(offsets, dtype=np.float32),
+            pose_source=np.asarray(pose_source, dtype=np.int32),
+            pose_frame=np.asarray(pose_frame, dtype=np.int32),
+            mirrored=np.asarray(mirrored, dtype=np.bool_),
+            sources=tuple(sources),
+            hashes=tuple(hashes),
+            threshold=threshold,
+            body_name=body.name,
+            body_shape=np.array(body.shape),
+            body_scale=body.scale,
+            torso_length=torso_length(body),
+            notes=notes or {},
+        ).for_body(body)
+
+    @cached_property
+    def _search(self) -> NearestNeighbours:
+        return make_search(self.search, self.features)
+
+    def query(self, features: np.ndarray, k: int, present: np.ndarray | None = None) -> tuple[np.ndarray, np.ndarray]:
+        """The `k` poses whose features are nearest to each query, nearest first.
+
+        Parameters
+        ----------
+        features : (M, 15), metres: labelled end effectors of a cloud about its centre and facing
+        (`canonical.normalise`)
+        k : neighbours of each query, at least 1; never more than there are poses
+        present : bool (M, 5) or (5,), which end effectors of a query are known (`skeleton.END_EFFECTORS`), at least one
+            of each; the others are left out of the distance and may hold anything. None = all
+
+        Returns
+        -------
+        distances : float64 (M, K), metres, Euclidean over the coordinates that are present; five times `delta` of Eq.
+        5.5
+        indices : int64 (M, K), rows of this database
+
+        Raises
+        ------
+        DatabaseError
+            Shapes do not fit, a coordinate that is present is not finite, or nothing is asked for.
+        """
+        queries = np.atleast_2d(np.asarray(features, dtype=np.float32))
+        if queries.ndim != 2 or queries.shape[1] != FEATURE_SIZE or k < 1:
+            raise DatabaseError(
+                f"a query has shape {queries.shape} and k = {k}; expected (M, {FEATURE_SIZE}) and k >= 1"
+            )
+        shape = (len(queries), len(skeleton.END_EFFECTORS))
+        known = np.ones(shape, dtype=np.bool_) if present is None else np.asarray(present, dtype=np.bool_)
+        if known.shape not in (shape, shape[1:]) or not known.any(axis=-1).all():
+            raise DatabaseError(
+                f"`present` has shape {known.shape}; expected {shape} with an end effector in every row"
+            )
+        used = np.repeat(np.broadcast_to(known, shape), 3, axis=1)
+        queries = np.where(used, queries, np.float32(0.0))
+        if not np.isfinite(queries).all():
+            raise DatabaseError("a query holds values that are not finite; leave those end effectors out by `present`")
+        return self._search.query(queries, min(k, len(self)), used)
+
+    def placed(self, indices: np.ndarray, centre: np.ndarray, yaw: np.ndarray | float) -> np.ndarray:
+        """Poses `indices` (...) put where a cloud of that `centre` (3,) and facing `yaw` is: float64 (..., P)."""
+        return place(self.poses[indices], self.offsets[indices], centre, yaw)
+
+    def for_body(self, body: Body) -> PoseDatabase:
+        """The same poses with joints and features of another body; offsets grow with the length of its torso."""
+        length = torso_length(body)
+        poses = self.poses.astype(np.float64)
+        offsets = self.offsets.astype(np.float64)
+        offsets[:, :3] *= length / self.torso_length
+        return replace(
+            self,
+            joints=body.joint_positions(poses).astype(np.float32),
+            features=feature_vectors(body.end_effector_positions(poses), offsets).astype(np.float32),
+            offsets=offsets.astype(np.float32),
+            body_name=body.name,
+            body_shape=np.array(body.shape),
+            body_scale=body.scale,
+            torso_length=length,
+        )
+
+    def limited(self, count: int) -> PoseDatabase:
+        """The first `count` poses: as farthest-first order has it, the sample of that size."""
+        if count < 1:
+            raise DatabaseError(f"a pose database cannot be cut to {count} poses; keep at least 1")
+        names = ("poses", "joints", "features", "offsets", "pose_source", "pose_frame", "mirrored")
+        return replace(self, **{name: getattr(self, name)[:count] for name in names})
+
+    def with_search(self, name: str) -> PoseDatabase:
+        """The same database searched by another provider, see `search.SEARCHES`."""
+        return replace(self, search=name)
+
+    def save(self, path: str | Path) -> None:
+        """Write one NPZ file, whole or not at all.
+
+        Raises
+        ------
+        OutputError
+            The file cannot be written.
+        """
+        arrays = {name: getattr(self, name) for name in _STORED}
+        arrays["notes"] = json.dumps(self.notes)
+        save_npz(path, {**arrays, **_identity()})
+
+    @staticmethod
+    def load(path: str | Path, search: str = DEFAULT_SEARCH) -> PoseDatabase:
+        """Read a database file.
+
+        Raises
+        ------
+        DatabaseError
+            The file is missing, damaged, of another format version or made for another body.
+        """
+        file = Path(path)
+        try:
+            with np.load(file, allow_pickle=False) as archive:
+                stored = {name: archive[name] for name in archive.files}
+        except FileNotFoundError as error:
+            raise DatabaseError(
+                f"there is no pose database {file}; build one with `depthmocap database build`"
+            ) from error
+        except (OSError, ValueError, TypeError, EOFError, zipfile.BadZipFile, zlib.error, NotImplementedError) as error:
+            raise DatabaseError(f"{file} is no readable pose database ({error}); build it again") from error
+        _check_identity(file, stored)
+        missing = [name for name in _STORED if name not in stored]
+        if missing:
+            raise DatabaseError(f"{file} lacks {', '.join(missing)}; build it again")
+        try:
+            return PoseDatabase(
+                **{name: stored[name] for name in _ARRAYS},
+                sources=tuple(stored["sources"].tolist()),
+                hashes=tuple(stored["hashes"].tolist()),
+                threshold=float(stored["threshold"]),
+                body_name=str(stored["body_name"]),
+                body_shape=stored["body_shape"],
+                body_scale=float(stored["body_scale"]),
+                torso_length=float(stored["torso_length"]),
+                notes=json.loads(str(stored["notes"])),
+                search=search,
+            )
+        except (DatabaseError, ValueError, TypeError) as error:
+            raise DatabaseError(f"{file} is damaged: {error}") from error
+
+
+_ARRAYS = ("poses", "joints", "features", "offsets", "pose_source", "pose_frame", "mirrored")
+_STORED = tuple(item.name for item in fields(PoseDatabase) if item.name != "search")
+
+
+def _identity() -> dict[str, Any]:
+    return {
+        "format": "depthmocap pose database",
+        "format_version": FORMAT_VERSION,
+        "fingerprint": skeleton.fingerprint(),
+        "pose_names": np.array(skeleton.POSE_NAMES),
+        "joint_names": np.array(skeleton.REPORTED),
+        "end_effector_names": np.array(skeleton.END_EFFECTORS),
+    }
+
+
+def _check_identity(file: Path, stored: dict[str, np.ndarray]) -> None:
+    expected = _identity()
+    if "format" not in stored or str(stored["format"]) != expected["format"]:
+        raise DatabaseError(f"{file} is not a pose database; build one with `depthmocap database build`")
+    version = stored.get("format_version")
+    if version is None or int(version) != FORMAT_VERSION:
+        raise DatabaseError(f"{file} has format version {version}, this program reads {FORMAT_VERSION}; build it again")
+    if str(stored.get("fingerprint")) != expected["fingerprint"]:
+        raise DatabaseError(
+            f"{file} was built for another body (fingerprint {stored.get('fingerprint')}, this one has "
+            f"{expected['fingerprint']}); build it again"
+        )
