@@ -60,13 +60,11 @@ class Fitter:
         self._damping = np.full(skeleton.POSE_SIZE, settings.angle_damping)
         self._damping[:6] = settings.root_damping
         s = settings
-        self._pair_terms: list[PairTerm] = [
-            SurfaceTerm(
-                s.reach, s.neighbours, s.sigma, s.surface_plane, s.surface_point, s.facing, s.hidden_tolerance
-            )
-        ]
-        if s.cloud_samples:
-            self._pair_terms.append(CloudTerm(s.reach, s.sigma, s.cloud_plane, s.cloud_point, s.extremum_weight))
+        self.surface = SurfaceTerm(
+            s.reach, s.neighbours, s.sigma, s.surface_plane, s.surface_point, s.facing, s.hidden_tolerance
+        )
+        self.cloud = CloudTerm(s.reach, s.sigma, s.cloud_plane, s.cloud_point, s.extremum_weight)
+        self._pair_terms: list[PairTerm] = [self.surface, self.cloud] if s.cloud_samples else [self.surface]
 
     def refine(
         self,

@@ -63,14 +63,14 @@ class PosedBody:
         self._inverse_depth = np.empty((camera.height, camera.width))
         self.depth = np.empty((camera.height, camera.width))
         self.triangle = np.empty((camera.height, camera.width), dtype=np.int32)
+        self.faces = body.faces.astype(np.int64)
+        self.chosen = choose_vertices(body)
         self.set_body(body)
 
     def set_body(self, body: Body) -> None:
-        """Exchange the body (another shape or scale); the pose has to be placed again."""
+        """Exchange the body for another of the same topology; the pose has to be placed again."""
         self.body = body
-        self.faces = body.faces.astype(np.int64)
         self.rest_normals = body.normals
-        self.chosen = choose_vertices(body)
         self.vertices = np.empty_like(body.vertices)
         self.normals = np.empty_like(body.vertices)
         self._projected = np.empty_like(body.vertices)

@@ -10,7 +10,16 @@ import numpy as np
 from toolkit.body import skeleton
 from toolkit.fitting.posed import NormalSystem, PosedBody
 from toolkit.fitting.scene import Scene
-from toolkit.kernels import pairs
+from toolkit.kernels import pairs, twists
+
+
+@dataclass(frozen=True, eq=False)
+class Pairs:
+    """Correspondences: vertex int64 (N,), residual float64 (N, 3) mesh minus measurement in metres, robust weight (N,)."""
+
+    vertex: np.ndarray
+    residual: np.ndarray
+    weight: np.ndarray
 
 
 class PairTerm(Protocol):
@@ -42,14 +51,27 @@ class SurfaceTerm:
     facing: float
     tolerance: float
 
-    def add(self, system: NormalSystem, posed: PosedBody, scene: Scene) -> None:
-        """See `PairTerm.add`."""
+    def targets(self, posed: PosedBody, scene: Scene) -> np.ndarray:
+        """Measured counterpart of each chosen vertex, float64 (C, 3), NaN in column 0 where it has none."""
         visible = posed.find_visible(self.facing, self.tolerance)
         points = posed.vertices[posed.chosen]
         targets = np.empty_like(points)
         scene.neighbours.medians(points, visible, self.reach, self.neighbours, targets)
+        return targets
+
+    def pairs(self, posed: PosedBody, scene: Scene) -> Pairs:
+        """The correspondences themselves."""
+        targets = self.targets(posed, scene)
+        found = ~np.isnan(targets[:, 0])
+        vertex = posed.chosen[found]
+        residual = posed.vertices[vertex] - targets[found]
+        return Pairs(vertex, residual, _robust(residual, self.sigma))
+
+    def add(self, system: NormalSystem, posed: PosedBody, scene: Scene) -> None:
+        """See `PairTerm.add`."""
+        targets = self.targets(posed, scene)
         pairs.add_surface_pairs(
-            posed.chosen, targets, np.ones(len(points)), posed.vertices, posed.normals,
+            posed.chosen, targets, np.ones(len(targets)), posed.vertices, posed.normals,
             posed.body.skin_joints, posed.body.skin_weights, system.reference,
             self.sigma, self.plane, self.point, system.hessian, system.gradient,
         )  # fmt: skip
@@ -65,21 +87,82 @@ class CloudTerm:
     point: float
     extremum_weight: float
 
+    def nearest(self, posed: PosedBody, scene: Scene) -> tuple[np.ndarray, np.ndarray]:
+        """Nearest visible surface point (N, 3) and its mesh vertex (N,), -1 for none, of every sample."""
+        points = np.empty_like(scene.samples)
+        vertex_of = np.empty(len(points), dtype=np.int64)
+        pairs.nearest_model_points(
+            scene.samples, posed.depth, posed.triangle, posed.intrinsics, posed.faces, posed.vertices,
+            self.reach, points, vertex_of,
+        )  # fmt: skip
+        return points, vertex_of
+
+    def pairs(self, posed: PosedBody, scene: Scene) -> Pairs:
+        """The correspondences themselves."""
+        points, vertex_of = self.nearest(posed, scene)
+        found = vertex_of >= 0
+        residual = points[found] - scene.samples[found]
+        return Pairs(vertex_of[found], residual, _robust(residual, self.sigma))
+
     def add(self, system: NormalSystem, posed: PosedBody, scene: Scene) -> None:
         """See `PairTerm.add`."""
         samples = scene.samples
-        points = np.empty_like(samples)
-        vertex_of = np.empty(len(samples), dtype=np.int64)
-        pairs.nearest_model_points(
-            samples, posed.depth, posed.triangle, posed.intrinsics, posed.faces, posed.vertices,
-            self.reach, points, vertex_of,
-        )  # fmt: skip
+        points, vertex_of = self.nearest(posed, scene)
         weights = np.ones(len(samples))
         weights[scene.plain_samples :] = self.extremum_weight
         pairs.add_cloud_pairs(
             samples, points, vertex_of, weights, posed.normals, posed.body.skin_joints, posed.body.skin_weights,
             system.reference, self.sigma, self.plane, self.point, system.hessian, system.gradient,
         )  # fmt: skip
+
+
+@dataclass(frozen=True)
+class JointTerm:
+    """Joint centres and sites to given points, as the joint regressor finds them.
+
+    targets : float64 (20, 3), camera frame, metres; weights : float64 (20,); derived joints are left out
+    """
+
+    targets: np.ndarray
+    weights: np.ndarray
+    sigma: float
+
+    def add(self, system: NormalSystem, posed: PosedBody, scene: Scene) -> None:
+        """See `PairTerm.add`."""
+        for row, (carrier, site) in enumerate(_CARRIERS):
+            if carrier < 0 or self.weights[row] <= 0.0:
+                continue
+            point = posed.origins[carrier]
+            if site >= 0:
+                point = point + posed.rotations[carrier] @ (posed.body.sites[site] - posed.body.joints[carrier])
+            e = point - self.targets[row]
+            ratio = 1.0 + (e @ e) / self.sigma**2
+            p = point - system.reference
+            twists.add_pair(
+                system.hessian, system.gradient, carrier, p[0], p[1], p[2], 0.0, 0.0, 0.0, e[0], e[1], e[2],
+                0.0, self.weights[row] / ratio**2,
+            )  # fmt: skip
+
+
+def _carriers() -> list[tuple[int, int]]:
+    """Articulated joint and site (-1 for none) of each reported joint; -1, -1 for the derived ones."""
+    sites = [name for name, _ in skeleton.SITES]
+    carriers = []
+    for name in skeleton.REPORTED:
+        if name in sites:
+            site = sites.index(name)
+            carriers.append((int(skeleton.SITE_PARENTS[site]), site))
+        else:
+            carriers.append((skeleton.JOINT_NAMES.index(name) if name in skeleton.JOINT_NAMES else -1, -1))
+    return carriers
+
+
+_CARRIERS = _carriers()
+
+
+def _robust(residual: np.ndarray, sigma: float) -> np.ndarray:
+    """Geman-McClure weights (N,) of residuals (N, 3)."""
+    return (1.0 + np.einsum("nc,nc->n", residual, residual) / sigma**2) ** -2
 
 
 @dataclass(frozen=True)

@@ -1,0 +1,88 @@
+"""Personal shape: coefficients of the shape space estimated from the recording itself, frame by frame.
+
+The mesh is linear in the coefficients for a fixed pose, so each frame gives linear equations in them; they are summed with
+a slow forgetting, because the pose that a frame was linearised at was itself fitted with an earlier shape.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from toolkit.body.body import Body
+from toolkit.body.shape import ShapeSpace
+from toolkit.fitting.posed import PosedBody
+from toolkit.fitting.terms import CloudTerm, SurfaceTerm
+from toolkit.fitting.scene import Scene
+
+
+@dataclass(frozen=True)
+class ShapeSettings:
+    """Constants of the shape estimate.
+
+    Attributes
+    ----------
+    frames : tracked frames that take part; the shape is fixed afterwards. 0 keeps the first body
+    prior : weight of the population's mean against one correspondence of one frame at 1 cm
+    forgetting : factor on the equations of earlier frames, per frame
+    limit : standard deviations that a coefficient may reach
+    """
+
+    frames: int = 45
+    prior: float = 3.0
+    forgetting: float = 0.97
+    limit: float = 3.0
+
+
+STEP = 0.25
+"""Standard deviations: the finite difference of the mesh in each coefficient (exact up to the skinning of moved joints)."""
+NOISE = 0.01
+"""Metres: the residual that counts as one standard deviation."""
+
+
+class ShapeEstimator:
+    """Sums the equations of tracked frames and solves them for the body's coefficients."""
+
+    def __init__(self, body: Body, settings: ShapeSettings, surface: SurfaceTerm, cloud: CloudTerm) -> None:
+        self._settings = settings
+        self._space = ShapeSpace.load()
+        self._terms = (surface, cloud)
+        size = self._space.size
+        self.coefficients = np.array(body.shape, dtype=np.float64)
+        self._matrix = np.zeros((size, size))
+        self._vector = np.zeros(size)
+        self.frames = 0
+
+    @property
+    def certain(self) -> bool:
+        """Whether the shape is fixed."""
+        return self.frames >= self._settings.frames
+
+    def observe(self, posed: PosedBody, pose: np.ndarray, scene: Scene) -> Body:
+        """Take in a tracked frame whose final `pose` (P,) is placed and drawn in `posed`; returns the new body."""
+        pairs = [term.pairs(posed, scene) for term in self._terms]
+        vertex = np.concatenate([p.vertex for p in pairs])
+        residual = np.concatenate([p.residual for p in pairs])
+        weight = np.concatenate([p.weight for p in pairs])
+        normals = posed.normals[vertex].copy()
+        base = posed.vertices[vertex].copy()
+        columns = np.empty((len(vertex), len(self.coefficients)))
+        for k in range(len(self.coefficients)):
+            changed = self.coefficients.copy()
+            changed[k] += STEP
+            posed.set_body(self._space.body(changed))
+            posed.place(pose)
+            columns[:, k] = np.einsum("nc,nc->n", normals, posed.vertices[vertex] - base) / STEP
+        weighted = columns * (weight / NOISE**2)[:, None]
+        along = np.einsum("nc,nc->n", normals, residual)
+        forget = self._settings.forgetting
+        self._matrix = forget * self._matrix + weighted.T @ columns
+        self._vector = forget * self._vector + weighted.T @ (columns @ self.coefficients - along)
+        self.frames += 1
+        prior = self._settings.prior * np.eye(len(self.coefficients))
+        limit = self._settings.limit
+        self.coefficients = np.clip(np.linalg.solve(self._matrix + prior, self._vector), -limit, limit)
+        body = self._space.body(self.coefficients)
+        posed.set_body(body)
+        return body

@@ -1,0 +1,53 @@
+"""All settings of the hybrid tracker, one section per room that owns them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+from toolkit.errors import SettingsError
+from toolkit.fitting.fitter import FittingSettings
+from toolkit.fitting.shape import ShapeSettings
+from toolkit.landmarks.settings import LandmarkSettings
+from toolkit.sensing.cleaning import SensingSettings
+from toolkit.tracking.lookup import LookupSettings
+
+
+@dataclass(frozen=True)
+class HybridSettings:
+    """Settings of the hybrid tracker (Baak 2013, 5.4).
+
+    Attributes
+    ----------
+    hypotheses : which hypotheses compete: "local", "extrema" (lookup by geodesic extrema), "joints" (lookup by regressed
+        joints)
+    extrema : geodesic extrema per frame (20 in the paper)
+    candidates : retrieved poses that are compared before one of them is refined; 1 takes the best by Eq. 5.6 unseen
+    starts : poses refined on a first frame or after a loss, per size of the body
+    sizes : first coefficients of the shape space (standard deviations of height, tall to small) tried on the first frame
+    smallest_person : measured points below which a frame counts as empty
+    lost_distance : sparse distance (metres) of the winner above which a frame counts as lost
+    vote_samples : points that vote for the joints
+    """
+
+    hypotheses: tuple[str, ...] = ("local", "extrema", "joints")
+    extrema: int = 20
+    candidates: int = 4
+    starts: int = 3
+    sizes: tuple[float, ...] = (-1.6, -0.6, 0.4, 1.5, 2.7)
+    smallest_person: int = 300
+    lost_distance: float = 0.25
+    vote_samples: int = 400
+    sensing: SensingSettings = field(default_factory=SensingSettings)
+    landmarks: LandmarkSettings = field(default_factory=LandmarkSettings)
+    lookup: LookupSettings = field(default_factory=LookupSettings)
+    fitting: FittingSettings = field(default_factory=FittingSettings)
+    shape: ShapeSettings = field(default_factory=ShapeSettings)
+
+    def __post_init__(self) -> None:
+        known = ("local", "extrema", "joints")
+        if unknown := [name for name in self.hypotheses if name not in known]:
+            raise SettingsError(f"hypotheses {unknown} are unknown; choose from {', '.join(known)}")
+        if not self.hypotheses:
+            raise SettingsError(f"a tracker needs a hypothesis; choose from {', '.join(known)}")
+        if self.extrema < 5 or self.candidates < 1 or self.starts < 1 or not self.sizes:
+            raise SettingsError("extrema is at least 5; candidates, starts and the number of sizes at least 1")
