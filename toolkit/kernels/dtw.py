@@ -22,8 +22,8 @@ def align(
     Returns
     -------
     cost : sum over the cells of the path
-    path : int64 (S, 2), columns of reference and warped from first to last; on ties the diagonal wins, then the step that
-        advances the warped sequence alone
+    path : int64 (S, 2), columns of reference and warped from first to last; on ties the diagonal wins, then the step
+        that advances the warped sequence alone
     """
     features, n = reference.shape
     m = warped.shape[1]
@@ -150,8 +150,8 @@ def distance_function(
 def spread_hits(cost: np.ndarray, start: np.ndarray, threshold: float) -> np.ndarray:
     """Modified distance function (thesis 5.2): each hit's cost over all frames of its alignment.
 
-    Ends are taken from the cheapest up while below the threshold (the earlier on ties). Each writes its cost over those of
-    its frames that are still unset, and no later hit may end within it.
+    Ends are taken from the cheapest up while below the threshold (the earlier on ties). Each writes its cost over those
+    of its frames that are still unset, and no later hit may end within it.
 
     Parameters
     ----------

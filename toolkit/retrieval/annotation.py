@@ -1,7 +1,7 @@
 """Annotation: which frames of an unknown motion belong to which motion class (thesis, Chapter 5).
 
-Every class is a set of quantised motion templates. Subsequence DTW gives a distance function per class, its hits a modified
-distance function; per frame the cheapest class wins, and the resulting runs are extended to whole motions.
+Every class is a set of quantised motion templates. Subsequence DTW gives a distance function per class, its hits a
+modified distance function; per frame the cheapest class wins, and the resulting runs are extended to whole motions.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ class MotionClass:
         if not self.templates:
             raise RetrievalError(f"motion class {self.label!r} has no template; give it at least one training clip")
         if not 0.0 < self.threshold <= 1.0:
-            raise RetrievalError(f"threshold {self.threshold} of class {self.label!r} is not in (0, 1]; use {THRESHOLD}")
+            raise RetrievalError(f"threshold {self.threshold} of class {self.label!r} is not in (0, 1];  {THRESHOLD}")
 
 
 @dataclass(frozen=True, eq=False)
@@ -137,7 +137,7 @@ class Annotator:
         """
         unknown = sorted(set(intervals or ()) - set(self.labels))
         if unknown:
-            raise RetrievalError(f"intervals for the unknown class {unknown[0]!r}; the classes are {', '.join(self.labels)}")
+            raise RetrievalError(f"intervals for unknown class {unknown[0]!r}; the classes are {', '.join(self.labels)}")
         shortest = [min(template.shortest for template in templates) for templates in self._templates]
         if len(features) < min(shortest):
             raise RetrievalError(
@@ -170,7 +170,7 @@ class Annotator:
 
 
 def decide(distances: np.ndarray) -> np.ndarray:
-    """Class of smallest modified distance per frame, int64 (L,), the first on ties, -1 where all are infinite (Eq. 5.6)."""
+    """Class of smallest modified distance per frame: int64 (L,), -1 where all are infinite (Equation 5.6)."""
     best = distances.argmin(axis=0)
     return np.where(np.isfinite(distances[best, np.arange(distances.shape[1])]), best, -1)
 

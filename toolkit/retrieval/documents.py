@@ -31,9 +31,9 @@ class Document:
 def assemble(name: str, parts: Sequence[tuple[Motion, str | None]]) -> Document:
     """Put motions one after the other as one actor would perform them.
 
-    Each part is turned about y and shifted along the ground so that it begins where the last one ended, scaled to the body
-    length of the first part and set on its floor. Between two parts the joints move along an eased straight line, for as
-    long as the farthest one needs at `JOIN_SPEED`.
+    Each part is turned about y and shifted along the ground so that it begins where the last one ended, scaled to the
+    body length of the first part and set on its floor. Between two parts the joints move along an eased straight line,
+    for as long as the farthest one needs at `JOIN_SPEED`.
 
     Parameters
     ----------
@@ -76,7 +76,7 @@ def shuffled_parts(
     parts: list[tuple[Motion, str | None]] = []
     for index in rng.permutation(len(clips)):
         if fillers and rng.random() < 0.5 and parts:
-            filler = fillers[rng.integers(len(fillers))]
+            filler = fillers[int(rng.integers(len(fillers)))]
             length = min(len(filler), int(rng.uniform(*filler_seconds) * filler.frame_rate))
             start = int(rng.integers(len(filler) - length + 1))
             parts.append((filler.sliced(start, start + length), None))
@@ -85,7 +85,7 @@ def shuffled_parts(
 
 
 def _placed(motion: Motion, size: float, before: tuple[np.ndarray, np.ndarray] | None) -> tuple[np.ndarray, np.ndarray]:
-    """Joints (T, 24, 3) and root axes (T, 3) of a part, scaled, on the floor y = 0, and continuing the part before it."""
+    """Joints (T, 24, 3) and root axes (T, 3) of a part, scaled, on the floor, and continuing the part before it."""
     scale = size / BodyLengths.of(motion).body
     joints = motion.joints * scale
     joints = joints - np.array([0.0, joints[..., 1].min(), 0.0])

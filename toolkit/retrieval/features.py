@@ -1,15 +1,17 @@
-"""The 40 relational features of a motion: boolean relations between joints (thesis 2.2, Table 2.1; Mueller and Roeder 2006).
+"""The 40 relational features: boolean relations between a body's joints (thesis 2.2, Table 2.1; Mueller and Roeder 2006).
 
-`FEATURES` is the specification as a table. Every feature is a real-valued quantity, a comparison, and a loose and a strict
-threshold joined by hysteresis; lengths are in units of the actor's own body, measured in the first frame. World frame: y up,
-right-handed. Features are computed at the motion's own rate, and the columns nearest to a 30 Hz clock are kept.
+`FEATURES` is the specification as a table. Every feature is a real-valued quantity, a comparison, and a loose and a
+strict threshold joined by hysteresis; lengths are in units of the actor's own body, measured in the first frame. World
+frame: y up, right-handed. Features are computed at the motion's own rate, and the columns nearest to a 30 Hz clock are
+kept.
 """
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
-from functools import lru_cache
+from functools import lru_cache, partial
 from itertools import combinations
 
 import numpy as np
@@ -53,7 +55,7 @@ class FeatureMatrix:
         return len(self) / self.frame_rate
 
     def rows(self, feature_set: str) -> np.ndarray:
-        """bool (n, T): the features of one set of `FEATURE_SETS`."""
+        """Bool (n, T): the features of one set of `FEATURE_SETS`."""
         return self.values[FEATURE_SETS[feature_set]]
 
     def sliced(self, start: int, stop: int) -> FeatureMatrix:
@@ -78,7 +80,7 @@ class BodyLengths:
 
     @classmethod
     def of(cls, motion: Motion) -> BodyLengths:
-        """Measure the first frame. The body's length runs along the right leg and the spine, without the drop to the hips."""
+        """Measure the first frame; the body's length is that of right leg and spine, without the drop to the hips."""
         point = dict(zip(NAMED_JOINTS, motion.joints[0], strict=True))
 
         def length(*chain: str) -> float:
@@ -96,7 +98,7 @@ class BodyLengths:
         )
 
     def symmetric(self) -> BodyLengths:
-        """Both arms with their mean length, which makes left and right features exact mirror images (F1 and F2 excepted)."""
+        """Both arms with their mean length: left and right features become mirror images (F1 and F2 excepted)."""
         mean = 0.5 * (self.humerus_right + self.humerus_left)
         return replace(self, humerus_right=mean, humerus_left=mean)
 
@@ -187,9 +189,9 @@ class Geometry:
 
 
 def smoothed_velocity(positions: np.ndarray, rate: float, smoothing_ms: float) -> np.ndarray:
-    """Velocity (..., T) of positions (..., T): forward difference, last value repeated, box average of ceil(ms * rate) frames.
+    """Velocity (..., T) of positions (..., T): forward difference, last value repeated, then a box average.
 
-    The ends are mirrored. An odd window is centred on the frame, an even one reaches one value further into the future.
+    The window has `ceil(smoothing_ms * rate)` frames, the ends are mirrored. An odd window is centred on the frame, an even one reaches one value further into the future.
     """
     velocity = np.zeros_like(positions)
     if positions.shape[-1] > 1:
@@ -213,19 +215,19 @@ class Feature:
     ----------
     number : i of F(i), 1 to 40
     meaning : what a 1 says
-    quantity : the real-valued quantity, per frame
     test : "<", "<=", ">", ">=" against the threshold, or "within" that distance of 90 degrees, ends included
     loose, strict : thresholds in units
     unit : unit of the thresholds: a body length (per second for velocities) or "deg" (degrees, also per second)
+    quantity : the real-valued quantity, per frame
     """
 
     number: int
     meaning: str
-    quantity: Quantity
     test: str
     loose: float
     strict: float
     unit: str
+    quantity: Quantity
 
     def evaluate(self, geometry: Geometry, lengths: BodyLengths) -> tuple[np.ndarray, np.ndarray]:
         """The loose and the strict test, bool (T,) each."""
@@ -243,49 +245,86 @@ _TESTS: dict[str, Callable[[np.ndarray, float], np.ndarray]] = {
 
 
 def _pair(
-    number: int, meaning: str, quantity: Callable[[Geometry, str], np.ndarray], test: str, loose: float, strict: float, unit: str
+    number: int,
+    meaning: str,
+    test: str,
+    loose: float,
+    strict: float,
+    unit: str,
+    quantity: Callable[[Geometry, str], np.ndarray],
 ) -> Iterator[Feature]:
     """An odd feature of the right side and the even one of the left; `quantity` takes the side's prefix."""
     for offset, side in enumerate(("right", "left")):
-        yield Feature(
-            number + offset, f"{side} {meaning}", lambda g, s=side: quantity(g, s), test, loose, strict, unit
-        )  # type: ignore[misc]
+        of_side = partial(_of_side, quantity, side)
+        yield Feature(number + offset, f"{side} {meaning}", test, loose, strict, unit, of_side)
 
 
-# One line per row of the specification: quantity, comparison, loose and strict threshold, unit. Velocities end with the
-# window of their smoothing in milliseconds.
+def _of_side(quantity: Callable[[Geometry, str], np.ndarray], side: str, geometry: Geometry) -> np.ndarray:
+    return quantity(geometry, side)
+
+
+# The rows of the specification: comparison, loose and strict threshold, unit, quantity. Velocities end with the window
+# of # their smoothing in milliseconds.
 FEATURES: tuple[Feature, ...] = (
     # upper body
-    *_pair(1, "hand moving forwards", lambda g, s: g.vplane("neck", "right_hip", "left_hip", f"{s}_wrist", 250), ">", 1.3, 1.8, "HL"),
-    *_pair(3, "hand above neck", lambda g, s: g.nplane("chest", "neck", "neck", f"{s}_wrist"), ">=", 0.0, 0.2, "CN"),
-    *_pair(5, "hand moving upwards", lambda g, s: g.vnplane("chest", "neck", "neck", f"{s}_wrist", 250), ">", 1.3, 1.8, "HL"),
-    *_pair(7, "elbow bent", lambda g, s: g.angle(f"{s}_elbow", f"{s}_shoulder", f"{s}_elbow", f"{s}_wrist"), "<=", 120, 110, "deg"),
-    Feature(9, "hands far apart, sideways", lambda g: np.abs(g.nplane("left_shoulder", "right_shoulder", "left_wrist", "right_wrist")), ">=", 2.0, 2.5, "SW"),
-    Feature(10, "hands approaching each other", lambda g: g.vnplane("left_wrist", "right_wrist", "right_wrist", "left_wrist", 100), ">=", 1.2, 1.4, "HR"),
-    *_pair(11, "hand moving away from root", lambda g, s: g.vnplane(f"{s}_wrist", "root", f"{s}_wrist", "root", 0), ">=", 1.2, 1.4, "HR"),
-    *_pair(13, "hand fast", lambda g, s: g.speed(f"{s}_fingers", 100), ">=", 2.0, 2.5, "HR"),
+    *_pair(1, "hand moving forwards", ">", 1.3, 1.8, "HL",
+            lambda g, s: g.vplane("neck", "right_hip", "left_hip", f"{s}_wrist", 250)),
+    *_pair(3, "hand above neck", ">=", 0.0, 0.2, "CN",
+            lambda g, s: g.nplane("chest", "neck", "neck", f"{s}_wrist")),
+    *_pair(5, "hand moving upwards", ">", 1.3, 1.8, "HL",
+            lambda g, s: g.vnplane("chest", "neck", "neck", f"{s}_wrist", 250)),
+    *_pair(7, "elbow bent", "<=", 120, 110, "deg",
+            lambda g, s: g.angle(f"{s}_elbow", f"{s}_shoulder", f"{s}_elbow", f"{s}_wrist")),
+    Feature(9, "hands far apart, sideways", ">=", 2.0, 2.5, "SW",
+             lambda g: np.abs(g.nplane("left_shoulder", "right_shoulder", "left_wrist", "right_wrist"))),
+    Feature(10, "hands approaching each other", ">=", 1.2, 1.4, "HR",
+             lambda g: g.vnplane("left_wrist", "right_wrist", "right_wrist", "left_wrist", 100)),
+    *_pair(11, "hand moving away from root", ">=", 1.2, 1.4, "HR",
+            lambda g, s: g.vnplane(f"{s}_wrist", "root", f"{s}_wrist", "root", 0)),
+    *_pair(13, "hand fast", ">=", 2.0, 2.5, "HR",
+            lambda g, s: g.speed(f"{s}_fingers", 100)),
     # lower body
-    Feature(15, "right foot behind left leg", lambda g: g.plane("root", "left_hip", "left_ankle", "right_ankle"), ">=", 0.0, 0.375, "HR"),
-    Feature(16, "left foot behind right leg", lambda g: g.plane("root", "right_ankle", "right_hip", "left_ankle"), ">=", 0.0, 0.375, "HR"),
-    *_pair(17, "foot raised", lambda g, s: g.height(f"{s}_toes"), ">=", 1.0, 1.2, "HR"),
-    Feature(19, "feet far apart, sideways", lambda g: np.abs(g.nplane("left_hip", "right_hip", "left_ankle", "right_ankle")), ">=", 1.8, 2.1, "HR"),
-    *_pair(20, "knee bent", lambda g, s: g.angle(f"{s}_knee", f"{s}_hip", f"{s}_knee", f"{s}_ankle"), "<=", 120, 110, "deg"),
-    Feature(22, "feet crossed over", lambda g: g.nplane("left_hip", "right_hip", "left_ankle", "right_ankle"), "<=", 0.0, -0.125, "HW"),
-    Feature(23, "feet moving towards each other, sideways", lambda g: g.vnplane("left_hip", "right_hip", "right_ankle", "left_ankle", 100), ">=", 1.3, 1.5, "HR"),
-    Feature(24, "feet moving apart, sideways", lambda g: g.vnplane("left_hip", "right_hip", "left_ankle", "right_ankle", 100), ">=", 1.3, 1.5, "HR"),
-    *_pair(25, "foot fast", lambda g, s: np.minimum(g.speed(f"{s}_toes", 100), g.speed(f"{s}_ankle", 100)), ">=", 2.0, 2.5, "HR"),
+    Feature(15, "right foot behind left leg", ">=", 0.0, 0.375, "HR",
+             lambda g: g.plane("root", "left_hip", "left_ankle", "right_ankle")),
+    Feature(16, "left foot behind right leg", ">=", 0.0, 0.375, "HR",
+             lambda g: g.plane("root", "right_ankle", "right_hip", "left_ankle")),
+    *_pair(17, "foot raised", ">=", 1.0, 1.2, "HR",
+            lambda g, s: g.height(f"{s}_toes")),
+    Feature(19, "feet far apart, sideways", ">=", 1.8, 2.1, "HR",
+             lambda g: np.abs(g.nplane("left_hip", "right_hip", "left_ankle", "right_ankle"))),
+    *_pair(20, "knee bent", "<=", 120, 110, "deg",
+            lambda g, s: g.angle(f"{s}_knee", f"{s}_hip", f"{s}_knee", f"{s}_ankle")),
+    Feature(22, "feet crossed over", "<=", 0.0, -0.125, "HW",
+             lambda g: g.nplane("left_hip", "right_hip", "left_ankle", "right_ankle")),
+    Feature(23, "feet moving towards each other, sideways", ">=", 1.3, 1.5, "HR",
+             lambda g: g.vnplane("left_hip", "right_hip", "right_ankle", "left_ankle", 100)),
+    Feature(24, "feet moving apart, sideways", ">=", 1.3, 1.5, "HR",
+             lambda g: g.vnplane("left_hip", "right_hip", "left_ankle", "right_ankle", 100)),
+    *_pair(25, "foot fast", ">=", 2.0, 2.5, "HR",
+            lambda g, s: np.minimum(g.speed(f"{s}_toes", 100), g.speed(f"{s}_ankle", 100))),
     # mixed
-    *_pair(27, "humerus abducted", lambda g, s: g.angle("root", "neck", f"{s}_shoulder", f"{s}_elbow"), "<", 155, 150, "deg"),
-    *_pair(29, "femur abducted", lambda g, s: g.angle("root", "neck", f"{s}_knee", f"{s}_hip"), ">", 45, 50, "deg"),
-    Feature(31, "root behind frontal plane", lambda g: g.plane("left_ankle", "neck", "right_ankle", "root"), "<", -0.35, -0.5, "HR"),
-    Feature(32, "spine horizontal", lambda g: g.incline("root", "neck"), "within", 30, 20, "deg"),
-    *_pair(33, "hand lowered", lambda g, s: g.height(f"{s}_fingers", (f"{s}_fingers", f"{s}_wrist")), "<", 1.4, 1.2, "HR"),
-    Feature(35, "shoulders rotated right", lambda g: _shoulder_turn(g), ">", 0.35, 0.40, "HL"),
-    Feature(36, "shoulders rotated left", lambda g: -_shoulder_turn(g), ">", 0.35, 0.40, "HL"),
-    Feature(37, "Y-extents of body small", lambda g: g.vertical_extent(), "<=", 0.9, 0.8, "BL"),
-    Feature(38, "XZ-extents of body large", lambda g: g.ground_extent("left_ankle", "right_ankle", "left_wrist", "right_wrist", "headtop", "root"), ">=", 3.0, 3.25, "HR"),
-    Feature(39, "root fast", lambda g: g.speed("root", 0), ">=", 2.0, 2.3, "HR"),
-    Feature(40, "root rotates around Y", lambda g: g.yaw_rate(), ">=", 100, 110, "deg"),
+    *_pair(27, "humerus abducted", "<", 155, 150, "deg",
+            lambda g, s: g.angle("root", "neck", f"{s}_shoulder", f"{s}_elbow")),
+    *_pair(29, "femur abducted", ">", 45, 50, "deg",
+            lambda g, s: g.angle("root", "neck", f"{s}_knee", f"{s}_hip")),
+    Feature(31, "root behind frontal plane", "<", -0.35, -0.5, "HR",
+             lambda g: g.plane("left_ankle", "neck", "right_ankle", "root")),
+    Feature(32, "spine horizontal", "within", 30, 20, "deg",
+             lambda g: g.incline("root", "neck")),
+    *_pair(33, "hand lowered", "<", 1.4, 1.2, "HR",
+            lambda g, s: g.height(f"{s}_fingers", (f"{s}_fingers", f"{s}_wrist"))),
+    Feature(35, "shoulders rotated right", ">", 0.35, 0.40, "HL",
+             lambda g: _shoulder_turn(g)),
+    Feature(36, "shoulders rotated left", ">", 0.35, 0.40, "HL",
+             lambda g: -_shoulder_turn(g)),
+    Feature(37, "Y-extents of body small", "<=", 0.9, 0.8, "BL",
+             lambda g: g.vertical_extent()),
+    Feature(38, "XZ-extents of body large", ">=", 3.0, 3.25, "HR",
+             lambda g: g.ground_extent("left_ankle", "right_ankle", "left_wrist", "right_wrist", "headtop", "root")),
+    Feature(39, "root fast", ">=", 2.0, 2.3, "HR",
+             lambda g: g.speed("root", 0)),
+    Feature(40, "root rotates around Y", ">=", 100, 110, "deg",
+             lambda g: g.yaw_rate()),
 )  # fmt: skip
 
 FEATURE_SETS: dict[str, np.ndarray] = {
@@ -295,7 +334,10 @@ FEATURE_SETS: dict[str, np.ndarray] = {
 }
 """Rows of each feature set; stacked they are the numbering of Table 2.1."""
 
-_MIRROR_PAIRS = ((1, 2), (3, 4), (5, 6), (7, 8), (11, 12), (13, 14), (15, 16), (17, 18), (20, 21), (25, 26), (27, 28), (29, 30), (33, 34), (35, 36))  # fmt: skip
+_MIRROR_PAIRS = (
+    (1, 2), (3, 4), (5, 6), (7, 8), (11, 12), (13, 14), (15, 16), (17, 18), (20, 21), (25, 26), (27, 28), (29, 30),
+    (33, 34), (35, 36),
+)  # fmt: skip
 
 
 def _mirror() -> np.ndarray:
@@ -340,7 +382,10 @@ def native_features(motion: Motion, lengths: BodyLengths | None = None) -> np.nd
 
 
 def hysteresis(loose: np.ndarray, strict: np.ndarray) -> np.ndarray:
-    """Turn on at a strict frame, off at a frame that is not loose, else keep; off at the start. bool (..., T); strict implies loose."""
+    """Turn on at a strict frame and off at a frame that is not loose, else keep; off before the start.
+
+    Both tests are bool (..., T), and strict implies loose.
+    """
     decided = strict | ~loose
     last = np.where(decided, np.arange(loose.shape[-1]), -1)
     np.maximum.accumulate(last, axis=-1, out=last)
@@ -350,8 +395,6 @@ def hysteresis(loose: np.ndarray, strict: np.ndarray) -> np.ndarray:
 @lru_cache(maxsize=1)
 def feature_fingerprint() -> str:
     """Sixteen hexadecimal digits that name the feature definitions; stored with everything computed from features."""
-    import hashlib
-
     table = [(f.number, f.meaning, f.test, f.loose, f.strict, f.unit) for f in FEATURES]
     return hashlib.sha256(repr((table, FEATURE_RATE, NAMED_JOINTS)).encode()).hexdigest()[:16]
 

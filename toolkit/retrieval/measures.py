@@ -71,7 +71,7 @@ class Scores:
 
 
 def label_frames(segments: Sequence[Segment], labels: Sequence[str], length: int, frame_rate: float) -> np.ndarray:
-    """bool (len(labels), length): which frames bear which label.
+    """Bool (len(labels), length): which frames bear which label.
 
     Raises
     ------
@@ -81,14 +81,15 @@ def label_frames(segments: Sequence[Segment], labels: Sequence[str], length: int
     frames = np.zeros((len(labels), length), dtype=bool)
     for segment in segments:
         if segment.label not in labels:
-            raise RetrievalError(f"label {segment.label!r} is not one of the classes {', '.join(labels)}; correct it or learn it")
+            known = ", ".join(labels)
+            raise RetrievalError(f"label {segment.label!r} is not one of the classes {known}; correct it or learn it")
         first, stop = segment.frames(frame_rate)
         frames[labels.index(segment.label), max(first, 0) : max(stop, 0)] = True
     return frames
 
 
 def frame_scores(true: np.ndarray, found: np.ndarray) -> Scores:
-    """P1, R1 and F1 of bool (classes, frames) label matrices: an item is a frame with a label (Equations 5.8 to 5.12)."""
+    """P1, R1 and F1 of bool (classes, frames) labels: an item is a frame with one label (Equations 5.8 to 5.12)."""
     both = int((true & found).sum())
     return Scores(both, int(found.sum()), both, int(true.sum()))
 
@@ -130,7 +131,9 @@ def check_truth(segments: Sequence[Segment], name: str) -> None:
     """
     for segment in segments:
         if not 0.0 <= segment.start < segment.end:
-            raise RetrievalError(f"true segment {segment.label!r} of {name} runs from {segment.start} s to {segment.end} s; correct it")
+            raise RetrievalError(
+                f"true segment {segment.label!r} of {name} runs from {segment.start} s to {segment.end} s; correct it"
+            )
     last: dict[str, Segment] = {}
     for segment in sorted(segments, key=lambda s: s.start):
         before = last.get(segment.label)

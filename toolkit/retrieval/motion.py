@@ -1,6 +1,7 @@
-"""Motions as the relational features see them: 24 named joints over time, from a clip, a pose sequence or a joint sequence.
+"""Motions as the relational features see them: 24 named joints over time, from a clip, from poses or from joints.
 
-World frame: y up, right-handed; the features ignore position, heading and size, so any such frame and any unit of length do.
+World frame: y up, right-handed; the features ignore position, heading and size, so any such frame and any unit of
+length do.
 """
 
 from __future__ import annotations
@@ -50,7 +51,8 @@ class Motion:
     name : what reports call it
     joints : float64 (T, 24, 3), positions of `NAMED_JOINTS`, any unit of length, world frame (y up, right-handed)
     frame_rate : frames per second, > 0
-    root_axis : float64 (T, 3) or None, the root's own x axis in the world; None where the source has no root orientation
+    root_axis : float64 (T, 3) or None, the root's own x axis in the world; None where the source has no root
+        orientation
 
     Raises
     ------
@@ -122,7 +124,7 @@ def from_clip(clip: Clip) -> Motion:
 
 
 def from_joints(joints: np.ndarray, frame_rate: float, name: str) -> Motion:
-    """The named joints from the 20 reported joints (T, 20, 3) in a frame with y up: no root orientation, tips continued."""
+    """The named joints from the 20 reported joints (T, 20, 3) in a frame with y up; tips are continued along bones."""
     joints = np.asarray(joints, dtype=np.float64)
     if joints.ndim != 3 or joints.shape[1:] != (len(skeleton.REPORTED), 3):
         raise RigError(f"joints of {name!r} have shape {joints.shape}; give (frames, {len(skeleton.REPORTED)}, 3)")
@@ -132,8 +134,8 @@ def from_joints(joints: np.ndarray, frame_rate: float, name: str) -> Motion:
 def from_poses(poses: np.ndarray, body: Body, frame_rate: float, name: str) -> Motion:
     """The named joints from a body's poses (T, P) in any frame with y up.
 
-    The 20 reported joints do not suffice: the spine's joints come from the chain, finger tips, toe tips and the top of the
-    head from the end-effector vertices. The base of the neck is the chain's midpoint of the clavicles.
+    The 20 reported joints do not suffice: the spine's joints come from the chain, finger tips, toe tips and the top of
+    the head from the end-effector vertices. The base of the neck is the chain's midpoint of the clavicles.
     """
     poses = np.ascontiguousarray(np.atleast_2d(skeleton.check_pose(poses)))
     tips = body.end_effectors
@@ -161,7 +163,7 @@ def from_poses(poses: np.ndarray, body: Body, frame_rate: float, name: str) -> M
 
 
 def from_track(track: Track, body: Body, name: str) -> Motion:
-    """The named joints of a track through its poses (level frame); the frame rate is the median one of its time stamps."""
+    """The named joints of a track through its poses (level frame), at the median rate of its time stamps."""
     steps = np.diff(track.timestamps)
     rate = 1.0 / float(np.median(steps)) if len(steps) and np.median(steps) > 0 else 30.0
     return from_poses(track.pose, body, rate, name)

@@ -1,13 +1,14 @@
 """Motion templates: what the clips of a motion class have in common (thesis 2.3; Mueller and Roeder 2006).
 
-A template is a real-valued matrix of 40 features over time. Values near 0 and 1 are shared by all training clips, values in
-between vary among them and become wildcards when the template is quantised.
+A template is a real-valued matrix of 40 features over time. Values near 0 and 1 are shared by all training clips,
+values in between vary among them and become wildcards when the template is quantised.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 from sklearn.base import BaseEstimator
@@ -15,6 +16,9 @@ from sklearn.base import BaseEstimator
 from toolkit.errors import RetrievalError
 from toolkit.kernels import dtw
 from toolkit.retrieval.features import FEATURES, FeatureMatrix
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 WILDCARD = -1
 """Entry of a quantised template that leaves the feature open."""
@@ -42,15 +46,15 @@ class QuantisedTemplate:
 
     @property
     def wildcards(self) -> np.ndarray:
-        """bool (40, N): the open entries."""
+        """Bool (40, N): the open entries."""
         return self.values == WILDCARD
 
 
 class MotionTemplate(BaseEstimator):
     """Average of feature matrices under iterated warping, in the style of a scikit-learn estimator.
 
-    In each round every clip is the reference once, all others are warped on to it and averaged, and the averages are the
-    clips of the next round; the template is the one that began as the first clip.
+    In each round every clip is the reference once, all others are warped on to it and averaged, and the averages are
+    the clips of the next round; the template is the one that began as the first clip.
 
     Parameters
     ----------
@@ -105,7 +109,7 @@ class MotionTemplate(BaseEstimator):
     def quantised(self, name: str = "", delta: float = 0.05) -> QuantisedTemplate:
         """Entries up to `delta` become 0, from 1 - `delta` on 1, the rest wildcards; delta in [0, 0.5)."""
         if not 0.0 <= delta < 0.5:
-            raise RetrievalError(f"quantisation threshold {delta} is not in [0, 0.5); use 0.05 for annotation, 0 for keyframes")
+            raise RetrievalError(f"quantisation threshold {delta} is not in [0, 0.5); use 0.05, or 0 for keyframes")
         values = np.full(self.values_.shape, WILDCARD, dtype=np.int8)
         values[self.values_ <= delta + 1e-9] = 0
         values[self.values_ >= 1.0 - delta - 1e-9] = 1
@@ -114,7 +118,7 @@ class MotionTemplate(BaseEstimator):
     def _average(
         self, reference: int, clips: list[tuple[np.ndarray, np.ndarray]], paths: dict[tuple[int, int], np.ndarray]
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Weighted mean of one clip and of all others warped on to it, with its time axis adapted to the new weights."""
+        """Weighted mean of one clip and all others warped on to it, its time axis adapted to the new weights."""
         base, base_weights = clips[reference]
         total, weights = base * base_weights, base_weights.copy()
         for other, (values, other_weights) in enumerate(clips):
@@ -158,7 +162,7 @@ def contract(values: np.ndarray, weights: np.ndarray, least: float) -> tuple[np.
 
 
 def spread_evenly(count: int) -> np.ndarray:
-    """Indices of the training half of `count` sorted clips: half of them, rounded up, at least 2, spread over the list."""
+    """Indices of a training half of `count` sorted clips: rounded up, at least 2, spread over the list."""
     size = min(count, max(2, (count + 1) // 2))
     return np.unique(np.rint(np.linspace(0, count - 1, size)).astype(np.int64))
 
@@ -180,29 +184,32 @@ def pack(values: np.ndarray) -> np.ndarray:
     return (values.astype(np.uint64) * powers[:, None]).sum(axis=0, dtype=np.uint64)
 
 
-def plot_template(template: MotionTemplate | QuantisedTemplate, axes: object, features: Sequence[int] | None = None) -> None:
-    """Draw a template on matplotlib axes as in the thesis's Fig. 2.6: black 0, white 1, colour what varies, grey wildcards.
+def plot_template(
+    template: MotionTemplate | QuantisedTemplate, axes: Axes, features: Sequence[int] | None = None
+) -> None:
+    """Draw a template as in the thesis's Fig. 2.6: black 0, white 1, colours what varies, grey wildcards.
 
     Parameters
     ----------
     template : fitted or quantised
-    axes : matplotlib Axes
+    axes : matplotlib axes
     features : feature numbers (1 to 40) to show; all by default
     """
-    quantised = isinstance(template, QuantisedTemplate)
-    values = template.values.astype(float) if quantised else template.values_
-    plot_matrix(np.where(values == WILDCARD, np.nan, values), axes, features)
+    if isinstance(template, QuantisedTemplate):
+        plot_matrix(np.where(template.wildcards, np.nan, template.values), axes, features)
+    else:
+        plot_matrix(template.values_, axes, features)
 
 
-def plot_matrix(values: np.ndarray, axes: object, features: Sequence[int] | None = None) -> None:
-    """Draw a feature matrix (40, T) with entries in [0, 1] as in Fig. 2.5: black 0, white 1, NaN grey, 30 columns a second."""
+def plot_matrix(values: np.ndarray, axes: Axes, features: Sequence[int] | None = None) -> None:
+    """Draw feature values (40, T) in [0, 1] as in Fig. 2.5: black 0, white 1, NaN grey, 30 columns a second."""
     import matplotlib
 
     numbers = list(features) if features is not None else [feature.number for feature in FEATURES]
     colours = matplotlib.colormaps["hot"].with_extremes(bad="0.6")
-    axes.imshow(  # type: ignore[attr-defined]
+    axes.imshow(
         np.asarray(values, dtype=float)[[n - 1 for n in numbers]], aspect="auto", interpolation="nearest",
         cmap=colours, vmin=0.0, vmax=1.0, extent=(0.5, values.shape[1] + 0.5, len(numbers) + 0.5, 0.5),
     )  # fmt: skip
-    axes.set_yticks(range(1, len(numbers) + 1), [f"F{n}" for n in numbers], fontsize=6)  # type: ignore[attr-defined]
-    axes.set_xlabel("frame (30 Hz)")  # type: ignore[attr-defined]
+    axes.set_yticks(range(1, len(numbers) + 1), [f"F{n}" for n in numbers], fontsize=6)
+    axes.set_xlabel("frame (30 Hz)")
