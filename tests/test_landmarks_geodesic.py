@@ -1,0 +1,373 @@
+from __future__ import annotations
+
+import heapq
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.sparse import csr_matrix
+from scipy.sparse.csgraph import connected_components, dijkstra
+from scipy.spatial.distance import cdist
+
+from tests.landmark_helpers import CAMERA, cloud_of, figure, paint
+from toolkit.errors import SegmentationError, SettingsError, UsageError
+from toolkit.kernels import geodesic
+from toolkit.landmarks.extrema import extrema_of_graph, geodesic_extrema, source_node
+from toolkit.landmarks.graph import Graph, Workspace, grid_graph, nearest_neighbour_graph
+from toolkit.landmarks.settings import LandmarkSettings
+
+SETTINGS = LandmarkSettings()
+
+
+def graph_of(nodes: int, ends: np.ndarray, lengths: np.ndarray, width: int = 2) -> Graph:
+    """Graph of a list of edges, entered into a table of `width` columns, so that most nodes need more rows."""
+    rows = nodes + 2 * len(ends)
+    neighbours = np.repeat(np.arange(rows, dtype=np.int32)[:, None], width, axis=1)
+    table = np.zeros((rows, width), dtype=np.int32)
+    more = np.empty(rows, dtype=np.int32)
+    used = geodesic.add_bridges(ends, lengths, neighbours, table, more, nodes)
+    return Graph(neighbours[:used], table[:used], more[:used], np.zeros(nodes, np.int32), ends, len(ends))
+
+
+def edges_of(graph: Graph) -> dict[tuple[int, int], int]:
+    """Lengths by (node, neighbour), both directions, read from the table row by row."""
+    edges = {}
+    for node in range(len(graph)):
+        row = node
+        while row >= 0:
+            for other, length in zip(graph.neighbours[row], graph.lengths[row], strict=True):
+                if length:
+                    edges[node, int(other)] = int(length)
+            row = int(graph.more[row])
+    return edges
+
+
+def matrix_of(graph: Graph) -> csr_matrix:
+    edges = edges_of(graph)
+    here, there = np.array(list(edges), dtype=int).reshape(-1, 2).T
+    return csr_matrix((np.array(list(edges.values()), dtype=float), (here, there)), shape=(len(graph), len(graph)))
+
+
+def algorithm_1(graph: Graph, source: int, count: int) -> tuple[list[int], list[int], list[int]]:
+    """Baak 2013, Algorithm 1, line by line; a visit is a node's first removal from Q in a pass."""
+    adjacency: dict[int, list[tuple[int, int]]] = {node: [] for node in range(len(graph))}
+    for (here, there), length in edges_of(graph).items():
+        adjacency[here].append((there, length))
+    delta = [np.inf] * len(graph)
+    delta[source] = 0
+    queue = [(0, source)]
+    nodes, reach, visits = [], [], []
+    for _ in range(count):
+        visited = set()
+        while queue:
+            _, node = heapq.heappop(queue)
+            visited.add(node)
+            for other, length in adjacency[node]:
+                if delta[node] + length < delta[other]:
+                    delta[other] = delta[node] + length
+                    heapq.heappush(queue, (delta[other], other))
+        farthest = int(np.argmax([d if np.isfinite(d) else -1 for d in delta]))
+        if delta[farthest] == 0:
+            break
+        nodes.append(farthest)
+        reach.append(delta[farthest])
+        visits.append(len(visited))
+        delta[farthest] = 0
+        queue = [(0, farthest)]
+    return nodes, reach, visits
+
+
+def restarted(graph: Graph, source: int, count: int) -> tuple[list[int], list[float], np.ndarray]:
+    """The baseline: zero-cost edges from the source to the extrema found, and SciPy's Dijkstra from the start again."""
+    matrix = matrix_of(graph).tocoo()
+    nodes: list[int] = []
+    reach: list[float] = []
+    first = np.empty(0)
+    for _ in range(count):
+        here = np.concatenate([matrix.row, np.full(len(nodes), source)])
+        there = np.concatenate([matrix.col, np.array(nodes, dtype=int)])
+        lengths = np.concatenate([matrix.data, np.zeros(len(nodes))])
+        keep = ~np.isin(here * len(graph) + there, [source * len(graph) + n for n in nodes]) | (lengths == 0)
+        joined = csr_matrix((lengths[keep], (here[keep], there[keep])), shape=matrix.shape)
+        distances = dijkstra(joined, indices=source)
+        first = first if first.size else distances
+        distances[~np.isfinite(distances)] = -1
+        farthest = int(distances.argmax())
+        if distances[farthest] <= 0:
+            break
+        nodes.append(farthest)
+        reach.append(distances[farthest])
+    return nodes, reach, first
+
+
+@st.composite
+def random_graphs(draw: st.DrawFn) -> tuple[Graph, int]:
+    nodes = draw(st.integers(1, 40))
+    rng = np.random.default_rng(draw(st.integers(0, 2**32 - 1)))
+    pairs = np.unique(np.sort(rng.integers(0, nodes, (draw(st.integers(0, 120)), 2)), axis=1), axis=0)
+    pairs = pairs[pairs[:, 0] < pairs[:, 1]].astype(np.int32)
+    longest = draw(st.sampled_from([3, 5_000, 600_000]))  # many ties, edges within a bucket, edges over many buckets
+    lengths = rng.integers(1, longest, len(pairs)).astype(np.int32)
+    return graph_of(nodes, pairs, lengths), draw(st.integers(0, nodes - 1))
+
+
+@settings(max_examples=150, deadline=None)
+@given(random_graphs(), st.integers(1, 25))
+def test_nodes_distances_and_visits_are_those_of_algorithm_1(graph_and_source: tuple[Graph, int], count: int) -> None:
+    graph, source = graph_and_source
+    points = np.zeros((len(graph), 3), dtype=np.float32)
+    found = extrema_of_graph(graph, points, count, source)
+    nodes, reach, visits = algorithm_1(graph, source, count)
+    assert found.nodes.tolist() == nodes
+    assert (found.distances / geodesic.UNIT).tolist() == reach
+    assert found.visited.tolist() == visits
+
+
+@settings(max_examples=60, deadline=None)
+@given(random_graphs())
+def test_extrema_are_those_of_a_restarted_dijkstra_with_zero_cost_edges(graph_and_source: tuple[Graph, int]) -> None:
+    graph, source = graph_and_source
+    found = extrema_of_graph(graph, np.zeros((len(graph), 3), dtype=np.float32), 10, source)
+    nodes, reach, first = restarted(graph, source, 10)
+    assert found.nodes.tolist() == nodes
+    assert (found.distances / geodesic.UNIT).tolist() == reach
+    assert (found.source_distances / geodesic.UNIT).tolist() == first[nodes].tolist()
+
+
+def person(rng: np.random.Generator) -> np.ndarray:
+    """The figure with noise, holes, and a hand before the torso that is a component of its own."""
+    depth = figure()
+    paint(depth, (-0.05, 0.0), (0.05, 0.1), 2.3)
+    depth[depth > 0] += rng.normal(0.0, 0.01, int((depth > 0).sum())).astype(np.float32)
+    depth[rng.random(depth.shape) < 0.05] = 0.0
+    return depth
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_extrema_of_a_person_are_those_of_algorithm_1_and_of_scipy(seed: int) -> None:
+    cloud = cloud_of(person(np.random.default_rng(seed)))
+    graph = grid_graph(cloud, SETTINGS)
+    assert len(graph.bridges) >= 1
+    source = source_node(graph, cloud.points, np.array([0.0, 0.0, -2.6]))
+    found = extrema_of_graph(graph, cloud.points, 20, source)
+    nodes, reach, visits = algorithm_1(graph, source, 20)
+    assert (found.nodes.tolist(), (found.distances / geodesic.UNIT).tolist()) == (nodes, reach)
+    assert found.visited.tolist() == visits
+    again, again_reach, _ = restarted(graph, source, 20)
+    assert (nodes, reach) == (again, again_reach)
+    assert np.array_equal(found.points, cloud.points[nodes])
+
+
+def test_the_first_five_extrema_of_a_stretched_figure_are_its_end_effectors() -> None:
+    cloud = cloud_of(figure())
+    found = geodesic_extrema(cloud, 5)
+    tips = np.array([[0.75, 0.23], [-0.75, 0.23], [0.12, -0.95], [-0.12, -0.95], [0.0, 0.55]])
+    assert sorted(cdist(tips, found.points[:, :2]).argmin(axis=1)) == [0, 1, 2, 3, 4]
+    assert cdist(tips, found.points[:, :2]).min(axis=1).max() < 0.12
+    assert (np.diff(found.distances) <= 0).all()
+    assert (found.distances <= found.source_distances).all()
+
+
+def test_later_passes_visit_a_small_share_of_the_nodes() -> None:
+    cloud = cloud_of(figure())
+    visited = geodesic_extrema(cloud, 20).visited
+    assert visited[0] == len(cloud)
+    assert visited[1:].sum() < 3 * visited[0]
+
+
+def plain_grid_edges(depth: np.ndarray, threshold: float) -> dict[tuple[int, int], int]:
+    cloud = cloud_of(depth)
+    points = cloud.points.astype(np.float64)
+    edges = {}
+    for v, u in np.argwhere(cloud.index >= 0):
+        for dv in (-1, 0, 1):
+            for du in (-1, 0, 1):
+                row, column = v + dv, u + du
+                if (dv, du) == (0, 0) or not (0 <= row < depth.shape[0] and 0 <= column < depth.shape[1]):
+                    continue
+                a, b = cloud.index[v, u], cloud.index[row, column]
+                if b >= 0:
+                    length = np.linalg.norm(points[a] - points[b])
+                    if length < threshold:
+                        edges[int(a), int(b)] = length
+    return edges
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_the_grid_has_exactly_the_near_pairs_of_the_8_neighbourhood(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    depth = np.where(rng.random((240, 320)) < 0.02, 0.0, 1.0).astype(np.float32)
+    depth[:200, 20:300] = 0.0  # touches all four borders, no pixel of one border is next to the opposite one
+    depth[depth > 0] += rng.uniform(0.0, 0.05, int((depth > 0).sum())).astype(np.float32)
+    depth[:, 60:] *= rng.random((240, 260)) < 0.2
+    graph = grid_graph(cloud_of(depth), replace(SETTINGS, neighbour_distance=0.03, bridge_distance=1e-6))
+    expected = plain_grid_edges(depth, 0.03)
+    edges = edges_of(graph)
+    assert edges.keys() == expected.keys()
+    assert graph.edges == len(expected) // 2
+    difference = [edges[pair] * geodesic.UNIT - expected[pair] for pair in expected]
+    assert np.abs(difference).max() < 1e-6
+
+
+@settings(max_examples=100, deadline=None)
+@given(random_graphs())
+def test_components_are_those_of_scipy_and_named_by_their_lowest_node(graph_and_source: tuple[Graph, int]) -> None:
+    graph, _ = graph_and_source
+    matrix = matrix_of(graph).tolil()
+    width = max((len(row) for row in matrix.rows), default=0)
+    table = np.array([[*row, *[node] * (width - len(row))] for node, row in enumerate(matrix.rows)], dtype=np.int32)
+    roots = np.empty(len(graph), dtype=np.int32)
+    geodesic.components(table.reshape(len(graph), width), roots)
+    labels = connected_components(matrix.tocsr(), directed=False)[1]
+    assert roots.tolist() == [int(np.flatnonzero(labels == label)[0]) for label in labels]
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_the_closest_pair_of_two_components_is_exact_and_the_lowest_of_equal_ones(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    points = rng.integers(0, 6, (rng.integers(2, 150), 3)).astype(np.float32)  # a coarse lattice: many ties
+    if seed % 2:
+        points = rng.normal(size=(400, 3)).astype(np.float32)
+    side = rng.random(len(points)) < 0.3
+    side[:2] = True, False
+    a, b = np.flatnonzero(side), np.flatnonzero(~side)
+    boxes = np.empty((2 * len(points) // geodesic.CHUNK + 2, 6))
+    used = geodesic._boxes(points, a, boxes)
+    boxes_b = boxes[used:]
+    boxes_b = boxes_b[: geodesic._boxes(points, b, boxes_b)]
+    found = geodesic.closest_pair(points, a, boxes[:used], b, boxes_b)
+    squared = cdist(points[a].astype(float), points[b].astype(float), "sqeuclidean")
+    i, j = np.unravel_index(squared.argmin(), squared.shape)
+    assert found[2] == pytest.approx(squared.min(), abs=1e-12)
+    if seed % 2 == 0:
+        assert found[:2] == (a[i], b[j])
+
+
+def test_components_are_joined_to_the_largest_by_their_closest_pair() -> None:
+    depth = figure()
+    paint(depth, (-0.05, 0.0), (0.05, 0.1), 2.3)  # a hand, 0.3 m before the torso
+    paint(depth, (0.9, 0.18), (1.0, 0.28), 2.6)  # 0.15 m beyond the left hand
+    paint(depth, (-1.4, 0.18), (-1.3, 0.28), 2.6)  # 0.55 m beyond the right hand
+    depth[5:7, 5:7] = 2.6  # noise
+    cloud = cloud_of(depth)
+    graph = grid_graph(cloud, SETTINGS)
+    parts = [graph.roots == root for root in np.unique(graph.roots)]
+    largest = graph.roots == graph.trunk
+    near = {}
+    for part in parts:
+        if part is not largest and not np.array_equal(part, largest):
+            distances = cdist(cloud.points[part].astype(float), cloud.points[largest].astype(float))
+            near[int(part.sum())] = distances.min()
+    assert len(parts) == 5
+    expected = sorted(d for size, d in near.items() if size >= SETTINGS.smallest_component and d < 0.5)
+    ends = cloud.points[graph.bridges].astype(float)
+    assert sorted(np.linalg.norm(ends[:, 0] - ends[:, 1], axis=1)) == pytest.approx(expected)
+    assert len(expected) == 2
+    found = geodesic_extrema(cloud, 20)
+    unreachable = cloud.points[:, 0] < -1.2  # the part beyond the right hand and the noise
+    assert found.visited[0] == (~unreachable).sum()
+    assert not unreachable[found.nodes].any()
+
+
+def test_a_node_takes_any_number_of_bridges() -> None:
+    leaves = 40
+    ends = np.stack([np.arange(1, leaves + 1), np.zeros(leaves, dtype=int)], axis=1).astype(np.int32)
+    graph = graph_of(leaves + 1, ends, np.arange(1, leaves + 1, dtype=np.int32), width=8)
+    assert edges_of(graph).keys() == {(a, b) for a, b in ends} | {(b, a) for a, b in ends}
+    found = extrema_of_graph(graph, np.zeros((leaves + 1, 3), np.float32), 3, 0)
+    assert found.nodes.tolist() == [leaves, leaves - 1, leaves - 2]
+
+
+def test_ties_fall_to_the_lowest_node_and_fewer_extrema_are_found_where_there_are_fewer() -> None:
+    ends = np.array([[0, 1], [0, 2], [0, 3]], dtype=np.int32)
+    found = extrema_of_graph(graph_of(6, ends, np.full(3, 7, np.int32)), np.zeros((6, 3), np.float32), 10, 0)
+    assert found.nodes.tolist() == [1, 2, 3]
+    assert found.visited.tolist() == [4, 1, 1]
+
+
+def test_a_cloud_of_one_point_has_no_extremum() -> None:
+    depth = np.zeros((240, 320), dtype=np.float32)
+    depth[100, 100] = 2.0
+    assert len(geodesic_extrema(cloud_of(depth), 5)) == 0
+
+
+def test_an_empty_cloud_and_wrong_arguments_are_refused_in_one_sentence() -> None:
+    with pytest.raises(SegmentationError, match="no points"):
+        geodesic_extrema(cloud_of(np.zeros((240, 320))), 5)
+    with pytest.raises(SegmentationError, match="no points"):
+        nearest_neighbour_graph(np.zeros((0, 3)), SETTINGS)
+    cloud = cloud_of(figure())
+    with pytest.raises(UsageError, match="ask for at least 1"):
+        geodesic_extrema(cloud, 0)
+    with pytest.raises(UsageError, match="source node"):
+        geodesic_extrema(cloud, 5, source=len(cloud))
+    for wrong in ({"neighbour_distance": 0.0}, {"bridge_distance": 20.0}, {"flat_curvature": 0.5}):
+        with pytest.raises(SettingsError, match=next(iter(wrong))):
+            LandmarkSettings(**wrong)
+    with pytest.raises(SettingsError, match="long_circularity"):
+        LandmarkSettings(long_circularity=0.9)
+
+
+def test_a_workspace_that_saw_other_clouds_changes_nothing() -> None:
+    workspace = Workspace()
+    for seed in range(3):
+        depth = person(np.random.default_rng(seed))
+        depth[: 40 * seed] = 0.0
+        cloud = cloud_of(depth)
+        kept, fresh = (geodesic_extrema(cloud, 20, SETTINGS, workspace=w) for w in (workspace, None))
+        for name in ("nodes", "points", "distances", "source_distances", "visited"):
+            assert np.array_equal(getattr(kept, name), getattr(fresh, name))
+
+
+def test_the_source_lies_on_the_torso_and_not_on_a_hand_before_it() -> None:
+    depth = figure()
+    paint(depth, (-0.05, -0.05), (0.05, 0.05), 2.3)
+    cloud = cloud_of(depth)
+    graph = grid_graph(cloud, SETTINGS)
+    centre = np.array([0.0, 0.0, -2.3])
+    source = source_node(graph, cloud.points, centre)
+    torso = np.flatnonzero(cloud.points[:, 2] < -2.5)
+    assert source == torso[np.linalg.norm(cloud.points[torso] - centre, axis=1).argmin()]
+
+
+def test_an_unorganised_cloud_gives_the_extrema_of_the_same_cloud_on_the_grid() -> None:
+    cloud = cloud_of(figure())
+    order = np.random.default_rng(0).permutation(len(cloud))
+    points = cloud.points[order]
+    graph = nearest_neighbour_graph(points, SETTINGS)
+    source = source_node(graph, points, np.array([0.0, 0.0, -2.6]))
+    found = extrema_of_graph(graph, points, 5, source)
+    assert cdist(found.points, geodesic_extrema(cloud, 5).points).min(axis=1).max() < 0.05
+    nodes, reach, visits = algorithm_1(graph, source, 5)
+    assert (found.nodes.tolist(), found.visited.tolist()) == (nodes, visits)
+
+
+@pytest.mark.parametrize("count", [1, 2, 7, 60])
+def test_each_point_of_an_unorganised_cloud_is_joined_to_its_nearest_points(count: int) -> None:
+    points = np.random.default_rng(count).uniform(0.0, 0.2, (count, 3)).astype(np.float32)
+    graph = nearest_neighbour_graph(points, replace(SETTINGS, bridge_distance=1e-6), neighbours=4)
+    distances = cdist(points.astype(float), points.astype(float))
+    expected = set()
+    for node in range(count):
+        for other in np.argsort(distances[node])[1:5]:
+            if distances[node, other] < SETTINGS.neighbour_distance:
+                expected |= {(node, int(other)), (int(other), node)}
+    assert edges_of(graph).keys() == expected
+
+
+@pytest.mark.shared_data
+def test_on_real_recordings_the_fast_extrema_are_those_of_algorithm_1(shared_data) -> None:
+    from scipy.io import loadmat
+
+    names = ("a1_s1_t1", "a8_s3_t1", "a21_s4_t1", "a27_s1_t1")
+    paths = [p for p in (shared_data / "depth" / "utd_mhad" / f"{name}_depth.mat" for name in names) if p.exists()]
+    assert paths
+    for path in paths:
+        depth = loadmat(path)["d_depth"][:, ::-1, 30].astype(np.float32) / 1000
+        assert depth.shape == (CAMERA.height, CAMERA.width)
+        cloud = cloud_of(depth)
+        graph = grid_graph(cloud, SETTINGS)
+        found = geodesic_extrema(cloud, 20)
+        assert (found.nodes.tolist(), found.visited.tolist()) == algorithm_1(graph, found.source, 20)[::2]
