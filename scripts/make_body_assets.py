@@ -42,19 +42,21 @@ QUANTUM = 2e-5
 """Metres: step of the 16-bit storage of the full skin's components (times one standard deviation)."""
 
 PEOPLE: dict[str, Macro] = {
-    "neutral": Macro(height=0.53),
-    "slim_male": Macro(gender=1.0, weight=0.12, muscle=0.4, height=0.52),
-    "heavy_male": Macro(gender=0.95, weight=0.92, muscle=0.55, age=0.65),
-    "tall_male": Macro(gender=1.0, height=0.63, muscle=0.6, weight=0.5),
-    "athletic_male": Macro(gender=1.0, muscle=0.95, weight=0.55, proportions=0.8, height=0.53),
-    "average_female": Macro(gender=0.0, height=0.53),
-    "heavy_female": Macro(gender=0.0, weight=0.95, muscle=0.4, age=0.6, height=0.52),
-    "slim_female": Macro(gender=0.05, weight=0.15, height=0.56),
-    "short_female": Macro(gender=0.0, height=0.47, weight=0.6),
-    "elderly": Macro(gender=0.4, age=0.92, muscle=0.3, height=0.5),
-    "teenager": Macro(gender=0.6, age=0.36, height=0.52, weight=0.4),
-    "child": Macro(gender=0.5, age=0.2, height=0.45),
+    "neutral": Macro(muscle=0.35, weight=0.6, height=0.53),
+    "slim_male": Macro(gender=1.0, muscle=0.35, weight=0.22, height=0.52),
+    "average_male": Macro(gender=1.0, muscle=0.45, weight=0.65, height=0.53),
+    "heavy_male": Macro(gender=1.0, age=0.65, muscle=0.18, weight=0.85, height=0.52),
+    "tall_male": Macro(gender=1.0, muscle=0.5, weight=0.55, height=0.63),
+    "athletic_male": Macro(gender=1.0, muscle=0.95, weight=0.65, height=0.53, proportions=0.8),
+    "slim_female": Macro(gender=0.0, muscle=0.35, weight=0.3, height=0.55),
+    "average_female": Macro(gender=0.0, muscle=0.35, weight=0.62, height=0.53),
+    "heavy_female": Macro(gender=0.0, age=0.6, muscle=0.15, weight=0.9, height=0.52),
+    "short_female": Macro(gender=0.0, muscle=0.35, weight=0.65, height=0.48),
+    "elderly": Macro(gender=0.4, age=0.92, muscle=0.3, weight=0.6, height=0.51),
+    "teenager": Macro(gender=0.6, age=0.36, muscle=0.4, weight=0.5, height=0.53),
+    "child": Macro(age=0.22, muscle=0.4, weight=0.5, height=0.46),
 }
+"""Named bodies. Little muscle with much weight is what MakeHuman calls fat: 0.15 and 0.9 make a body mass index of 30."""
 
 LOCAL_TARGETS: tuple[str, ...] = (
     "stomach/stomach-pregnant-incr", "stomach/stomach-tone-decr", "torso/torso-scale-depth-incr",

@@ -12,12 +12,16 @@ CELL = 0.006
 """Metres: voxel size of the closed surface."""
 GAP = 0.022
 """Metres: gaps narrower than twice this are closed, which makes a mitten of the hand and one piece of the toes."""
+FLESH = 0.012
+"""Metres: remeshing runs on a surface grown by this, because coarse triangles would wear thin hands and toes away."""
 NEAREST = 12
 """Skin vertices that carry one vertex of the tracker's mesh."""
+Surface = tuple[np.ndarray, np.ndarray]
+"""Vertices (V, 3) and triangles (F, 3)."""
 REGIONS: tuple[tuple[str, tuple[float, ...]], ...] = (
-    ("(x0>-1)", (0.010, 0.014, 0.018, 0.021, 0.024)),
-    ("(x0<=0.42)", (0.026, 0.028, 0.030)),
-    ("(x0<=0.32)&&(y0>=-0.58)", (0.033, 0.036, 0.039, 0.042, 0.042)),
+    ("(x0>-1)", (0.010, 0.014, 0.018, 0.022, 0.026)),
+    ("(x0<=0.42)", (0.029, 0.032, 0.034)),
+    ("(x0<=0.32)&&(y0>=-0.58)", (0.037, 0.041, 0.045, 0.049, 0.049)),
 )
 """Edge lengths (metres), coarser step by step: everything; all but the hand; all but hand, forearm, ankle and foot.
 
@@ -65,29 +69,28 @@ def tracker_mesh(skin_a: np.ndarray, faces: np.ndarray) -> TrackerMesh:
     )
 
 
-def _closed(vertices: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """The outer surface after morphological closing: grown by GAP and shrunk again on a voxel grid."""
+def _closed(vertices: np.ndarray, faces: np.ndarray) -> tuple[Surface, Surface]:
+    """The outer surface after morphological closing, on a voxel grid: grown by FLESH, and at its true place."""
     import pymeshlab
 
-    meshes = pymeshlab.MeshSet()
-    meshes.add_mesh(pymeshlab.Mesh(vertices, faces))
-    for offset in (GAP, -GAP):
+    surfaces = []
+    meshes = _mesh_set(vertices, faces)
+    for offset in (GAP, FLESH - GAP, -FLESH):
         meshes.generate_resampled_uniform_mesh(
             cellsize=pymeshlab.PureValue(CELL), offset=pymeshlab.PureValue(offset), mergeclosevert=True
         )
         meshes.meshing_remove_connected_component_by_face_number(mincomponentsize=3000)
-    mesh = meshes.current_mesh()
-    return mesh.vertex_matrix(), mesh.face_matrix()
+        mesh = meshes.current_mesh()
+        surfaces.append((mesh.vertex_matrix(), mesh.face_matrix()))
+    return surfaces[1], surfaces[2]
 
 
-def _coarse_half(vertices: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _coarse_half(grown: Surface, true: Surface) -> Surface:
     """The half x >= 0 with isotropic triangles; every step is drawn back onto the fine surface so that nothing shrinks."""
     import open3d as o3d
     import pymeshlab
 
-    whole = o3d.t.geometry.TriangleMesh(o3d.core.Tensor(vertices), o3d.core.Tensor(faces.astype(np.int64)))
-    scene = o3d.t.geometry.RaycastingScene()
-    scene.add_triangles(o3d.core.Tensor(vertices.astype(np.float32)), o3d.core.Tensor(faces.astype(np.uint32)))
+    whole = o3d.t.geometry.TriangleMesh(o3d.core.Tensor(grown[0]), o3d.core.Tensor(grown[1].astype(np.int64)))
     half = whole.clip_plane([0, 0, 0], [1, 0, 0])
     meshes = _mesh_set(half.vertex.positions.numpy().astype(float), half.triangle.indices.numpy())
     meshes.meshing_remove_duplicate_vertices()
@@ -99,14 +102,23 @@ def _coarse_half(vertices: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, n
                 iterations=3, targetlen=pymeshlab.PureValue(length), selectedonly=True, checksurfdist=False,
                 featuredeg=180,
             )  # fmt: skip
-            points, triangles = meshes.current_mesh().vertex_matrix(), meshes.current_mesh().face_matrix()
-            border = _border(triangles)
-            query = o3d.core.Tensor(points.astype(np.float32))
-            points = scene.compute_closest_points(query)["points"].numpy().astype(float)
-            points[:, 0] = np.maximum(points[:, 0], 1e-4)
-            points[border, 0] = 0.0
-            meshes = _mesh_set(points, triangles)
-    return points, triangles
+            triangles = meshes.current_mesh().face_matrix()
+            meshes = _mesh_set(_drawn_onto(grown, meshes.current_mesh().vertex_matrix(), triangles), triangles)
+    return _drawn_onto(true, meshes.current_mesh().vertex_matrix(), triangles), triangles
+
+
+def _drawn_onto(surface: Surface, points: np.ndarray, faces: np.ndarray) -> np.ndarray:
+    """The nearest points of a surface; the border of the half mesh is kept on the plane x = 0, all else off it."""
+    import open3d as o3d
+
+    scene = o3d.t.geometry.RaycastingScene()
+    scene.add_triangles(
+        o3d.core.Tensor(surface[0].astype(np.float32)), o3d.core.Tensor(surface[1].astype(np.uint32))
+    )
+    nearest = scene.compute_closest_points(o3d.core.Tensor(points.astype(np.float32)))["points"].numpy().astype(float)
+    nearest[:, 0] = np.maximum(nearest[:, 0], 1e-4)
+    nearest[_border(faces), 0] = 0.0
+    return nearest
 
 
 def _mesh_set(vertices: np.ndarray, faces: np.ndarray) -> Any:
