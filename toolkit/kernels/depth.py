@@ -157,11 +157,11 @@ def keep_labels(depth: np.ndarray, box: np.ndarray, labels: np.ndarray, kept: np
 
 @njit(cache=True)
 def label_overlap(labels: np.ndarray, box: np.ndarray, count: int, depth: np.ndarray, overlap: np.ndarray) -> None:
-    """Pixels of every component that are also set in the float image `depth`; fills `overlap` (n,). `labels` is padded."""
+    """Pixels of every component that are also set in `depth`, of the same padded shape; fills `overlap` (n,)."""
     overlap[:count] = 0
     for v in range(box[0], box[1]):
         for u in range(box[2], box[3]):
-            if labels[v, u] > 0 and depth[v - 1, u - 1] > 0:
+            if labels[v, u] > 0 and depth[v, u] > 0:
                 overlap[labels[v, u] - 1] += 1
 
 
@@ -217,9 +217,12 @@ def delete_contour(
 ) -> None:
     """Copy the window `box` of `padded` to `out` (same shape) without the pixels that too few neighbours support.
 
-    A neighbour (of 8) supports a pixel if it is set and its depth differs by at most `tolerance_mm + tolerance_per_m2 * z^2`.
-    With `support` 3 lonely and mixed pixels go and straight edges stay; with 8 the whole contour goes.
+    A neighbour (of 8) supports a pixel if it is set and its depth differs by at most `tolerance_mm + tolerance_per_m2 *
+    z^2`, or if the line through it and the pixel behind it meets the pixel's depth by that much: a limb that points at the
+    camera is steep, not torn. With `support` 3 lonely and mixed pixels go and straight edges stay; with 8 the whole contour
+    goes.
     """
+    height, width = padded.shape
     for v in range(box[0], box[1]):
         for u in range(box[2], box[3]):
             z = int(padded[v, u])
@@ -233,7 +236,17 @@ def delete_contour(
                     other = int(padded[v + dv, u + du])
                     if other > 0 and abs(other - z) <= tolerance:
                         supported += 1
-            out[v, u] = padded[v, u] if supported > support else 0  # the pixel supports itself
+            if supported <= support:  # the pixel supports itself
+                for dv in range(-1, 2):
+                    for du in range(-1, 2):
+                        other = int(padded[v + dv, u + du])
+                        vv, uu = v + 2 * dv, u + 2 * du
+                        if other == 0 or abs(other - z) <= tolerance or vv < 0 or uu < 0 or vv >= height or uu >= width:
+                            continue
+                        behind = int(padded[vv, uu])
+                        if behind > 0 and abs(2 * other - behind - z) <= tolerance:
+                            supported += 1
+            out[v, u] = padded[v, u] if supported > support else 0
 
 
 @njit(cache=True)
@@ -265,3 +278,71 @@ def median_to_metres(padded: np.ndarray, box: np.ndarray, step: int, median: boo
                         values[k] = z
                         n += 1
             out[(v - 1) // step, (u - 1) // step] = values[(n - 1) // 2] * 1e-3
+
+
+@njit(cache=True)
+def contacts_between(
+    depth: np.ndarray, labels: np.ndarray, radius: int, reach: float, intrinsics: np.ndarray, contacts: np.ndarray
+) -> None:
+    """Count where components come close: fills the symmetric `contacts` (n + 1, n + 1) with pairs of pixels.
+
+    A pair counts if the pixels, at most `radius` apart in the image, lie within `reach` metres of each other. `depth`
+    (millimetres) and `labels` are (H, W), not padded.
+    """
+    height, width = depth.shape
+    fx, fy, cx, cy = intrinsics[0], intrinsics[1], intrinsics[2], intrinsics[3]
+    contacts[:] = 0
+    for v in range(height):
+        for u in range(width):
+            a = labels[v, u]
+            if a == 0:
+                continue
+            z = depth[v, u] * 1e-3
+            for dv in range(0, radius + 1):
+                for du in range(-radius, radius + 1):
+                    if (dv == 0 and du <= 0) or v + dv >= height or u + du < 0 or u + du >= width:
+                        continue
+                    b = labels[v + dv, u + du]
+                    if b == 0 or b == a:
+                        continue
+                    other = depth[v + dv, u + du] * 1e-3
+                    dx = (u + du - cx) * other / fx - (u - cx) * z / fx
+                    dy = (v + dv - cy) * other / fy - (v - cy) * z / fy
+                    if dx * dx + dy * dy + (other - z) * (other - z) <= reach * reach:
+                        contacts[a, b] += 1
+                        contacts[b, a] += 1
+
+
+@njit(cache=True)
+def refine_mask(
+    depth: np.ndarray, coarse: np.ndarray, step: int, tolerance_mm: float, padded: np.ndarray, box: np.ndarray
+) -> int:
+    """Bring a mask found on `depth[::step, ::step]` back to full resolution.
+
+    `coarse` holds the depth of the mask's pixels, 0 elsewhere. A pixel of `depth` (H, W) is kept if one of the mask's
+    pixels around it has its depth within `tolerance_mm`. Fills `padded` (H + 2, W + 2) and the window `box` as
+    `take_foreground` does; returns the number of pixels kept.
+    """
+    height, width = depth.shape
+    rows, columns = coarse.shape
+    v_low, v_high, u_low, u_high = height, -1, width, -1
+    total = 0
+    for v in range(height):
+        for u in range(width):
+            padded[v + 1, u + 1] = 0
+            z = int(depth[v, u])
+            if z == 0:
+                continue
+            keep = False
+            for r in range(v // step, min(v // step + 2, rows)):
+                for c in range(u // step, min(u // step + 2, columns)):
+                    m = int(coarse[r, c])
+                    if m > 0 and abs(m - z) <= tolerance_mm:
+                        keep = True
+            if keep:
+                padded[v + 1, u + 1] = depth[v, u]
+                total += 1
+                v_low, v_high = min(v_low, v), max(v_high, v)
+                u_low, u_high = min(u_low, u), max(u_high, u)
+    box[0], box[1], box[2], box[3] = v_low + 1, v_high + 2, u_low + 1, u_high + 2
+    return total

@@ -10,19 +10,25 @@ import numpy as np
 from toolkit.errors import SegmentationError, SettingsError
 from toolkit.kernels import depth as kernels
 from toolkit.sensing.camera import Camera, level_rotation
+from toolkit.sensing.room import RoomSegmenter
 
 if TYPE_CHECKING:
     from toolkit.sensing.cleaning import SensingSettings
 
 MODES = "auto, segmented, background, empty-frames:N, range:NEAR,FAR, person, seed:U,V"
 HOW_TO_SEGMENT = (
-    "set segment to 'person', 'range:NEAR,FAR' (metres), 'seed:U,V' (a pixel of the person) or 'empty-frames:N', "
+    "set segment to 'person', 'seed:U,V' (a pixel of the person), 'range:NEAR,FAR' (metres) or 'empty-frames:N', "
     "or give a background"
 )
 EMPTY_SHARE = 0.1  # of each frame is 0 where it is already segmented (recording format)
-NEIGHBOUR_GAP = 0.04  # m: neighbouring pixels of one surface differ by less, on top of the quantisation
+SURFACE_GAP = 0.04  # m: neighbouring pixels of one surface differ by less, on top of the quantisation
 PART_GAP = 0.5  # m: what lies farther from the person is not a part of it (Baak 2013, 5.4.2)
-SPECK_AREA = 0.002  # m^2: a third of a hand
+SMALLEST_AREA = 0.02  # m^2: less is noise and no part of a person worth tracking
+PERSON_AREA = (0.12, 2.0)  # m^2 seen head on: a child cut off at the waist to a wide adult with loose clothes
+PERSON_HEIGHT = 0.5  # m: the least extent along x or y of something taken for a person
+PERSON_EXTENT = 2.6  # m: the largest in any direction
+OCCLUDED_GAP = 0.3  # m: the parts of one person on both sides of an arm are closer, two people are not
+MOST_EMPTY_FRAMES = 1000
 
 
 @dataclass(frozen=True)
@@ -51,27 +57,34 @@ class SegmentationMode:
             raise SettingsError(f"segment {text!r} is none of: {MODES}")
         if name == "range" and numbers[0] >= numbers[1]:
             raise SettingsError(f"segment {text!r} is no range; give metres, the nearer first")
+        if name == "empty-frames" and not (1 <= numbers[0] <= MOST_EMPTY_FRAMES and numbers[0] == int(numbers[0])):
+            raise SettingsError(f"segment {text!r} needs a number of frames from 1 to {MOST_EMPTY_FRAMES}")
         return cls(name, numbers)
 
 
-@dataclass(frozen=True)
-class PersonSize:
-    """What a person measures in a depth image, generously: a crouching child to a tall adult with arms spread."""
+@dataclass(frozen=True, eq=False)
+class Components:
+    """Connected components of a frame: pixels (n,), area in m^2 (n,), extent in the level frame (n, 3, 2), metres."""
 
-    area: tuple[float, float] = (0.08, 2.0)  # m^2, seen head on
-    largest_extent: float = 2.6  # m, in any direction
-    smallest_height: float = 0.45  # m
+    pixels: np.ndarray
+    areas: np.ndarray
+    extents: np.ndarray
 
-    def fits(self, area: float, extent: np.ndarray) -> bool:
-        """Whether something of `area` m^2 and `extent` (3,) metres along x, y, z of the level frame may be a person."""
-        return bool(
-            self.area[0] <= area <= self.area[1]
-            and extent.max() <= self.largest_extent
-            and max(extent[1], extent[0]) >= self.smallest_height
-        )
+    def large(self) -> np.ndarray:
+        """Indices of the components that are large enough for a person."""
+        size = self.extents[:, :, 1] - self.extents[:, :, 0]
+        return np.flatnonzero((self.areas >= PERSON_AREA[0]) & (size[:, :2].max(axis=1, initial=0) >= PERSON_HEIGHT))
 
+    def too_large(self) -> bool:
+        """Whether some component is larger than any person."""
+        size = self.extents[:, :, 1] - self.extents[:, :, 0]
+        return bool((self.areas > PERSON_AREA[1]).any() or (size > PERSON_EXTENT).any())
 
-PERSON = PersonSize()
+    def gaps(self, members: list[int]) -> np.ndarray:
+        """Distance of every component's box from the nearest box of `members`: float64 (n,), metres."""
+        low, high = self.extents[:, None, :, 0], self.extents[:, None, :, 1]
+        gap = np.maximum(np.maximum(low - high[members, 0], low[members, 0] - high), 0.0)
+        return np.linalg.norm(gap, axis=-1).min(axis=1)
 
 
 class Segmenter:
@@ -83,24 +96,39 @@ class Segmenter:
     background : uint16 (H, W), millimetres, or None
     settings : `SensingSettings`
     up_camera : (3,), the vertical in the camera frame
+
+    Raises
+    ------
+    SegmentationError
+        The settings ask for a background and there is none.
     """
 
     def __init__(
         self, camera: Camera, background: np.ndarray | None, settings: SensingSettings, up_camera: np.ndarray
     ) -> None:
         self._camera, self._settings = camera, settings
-        self._mode = SegmentationMode.parse(settings.segment)
-        if self._mode.name == "auto" and background is not None:
-            self._mode = SegmentationMode("background")
-        if self._mode.name == "background" and background is None:
+        mode = SegmentationMode.parse(settings.segment)
+        if mode.name == "auto" and background is not None:
+            mode = SegmentationMode("background")
+        if mode.name == "background" and background is None:
             raise SegmentationError(f"segment is 'background' and the recording has none; {HOW_TO_SEGMENT}")
-        near, far = self._mode.numbers if self._mode.name == "range" else (settings.near, settings.far)
+        self._mode = mode
+        near, far = mode.numbers if mode.name == "range" else (settings.near, settings.far)
         self._near, self._far = int(1000 * near), min(int(1000 * far), 65535)
-        used = background if self._mode.name == "background" else None
+        used = background if mode.name == "background" else None
         self._background = np.zeros(camera.shape, dtype=np.uint16) if used is None else used
         self._rotation = level_rotation(up_camera)
+        self._room: RoomSegmenter | None = None
+        if mode.name in ("person", "seed"):
+            seed = (mode.numbers[0], mode.numbers[1]) if mode.name == "seed" else None
+            self._room = RoomSegmenter(camera, settings.subject, settings.quantisation, up_camera, seed)
+        self._empty_wanted = int(mode.numbers[0]) if mode.name == "empty-frames" else 0
+        self._empty_frames: list[np.ndarray] = []
+        self._seen = False
         padded = (camera.height + 2, camera.width + 2)
         self._padded = np.zeros(padded, dtype=np.uint16)
+        self._last = np.zeros(padded, dtype=np.uint16)
+        self._last_box = np.ones(4, dtype=np.int64)
         self._labels = np.zeros(padded, dtype=np.int32)
         self._parents = np.zeros(camera.height * camera.width + 2, dtype=np.int32)
         self._box = np.zeros(4, dtype=np.int64)
@@ -112,13 +140,128 @@ class Segmenter:
         -------
         A padded depth image, uint16 (H + 2, W + 2), that is valid until the next call, and the window (v0, v1, u0, u1, ends
         excluded, padded indices) that holds the person, or None for a frame without one.
+
+        Raises
+        ------
+        SegmentationError
+            The person cannot be told from the scene, or there are several in the first frame with anybody.
         """
-        settings = self._settings
-        quantisation = 1000 * settings.quantisation
+        if self._mode.name == "empty-frames" and not self._learnt(depth):
+            return self._padded, None
+        near, far = self._near, self._far
+        if self._room is not None:
+            within = np.where((depth >= near) & (depth <= far), depth, np.uint16(0))
+            found = self._room.find(within, self._padded, self._box)
+            return self._padded, self._box if found else None
         count = kernels.take_foreground(
-            depth, self._background, 1000 * settings.background_margin, quantisation, self._near, self._far,
-            self._padded, self._box,
+            depth, self._background, 1000 * self._settings.background_margin, 1000 * self._settings.quantisation,
+            near, far, self._padded, self._box,
         )  # fmt: skip
-        if count == 0:
+        if self._mode.name == "auto" and count > (1 - EMPTY_SHARE) * depth.size:
+            raise SegmentationError(
+                f"{count / depth.size:.0%} of the image is measured, so the person is not cut out of it; {HOW_TO_SEGMENT}"
+            )
+        if count == 0 or not self._choose_person():
             return self._padded, None
         return self._padded, self._box
+
+    def _learnt(self, depth: np.ndarray) -> bool:
+        """Collect the empty frames; True once the background is known, from the frame after them on."""
+        if self._empty_wanted == 0:
+            return True
+        self._empty_frames.append(depth.copy())
+        self._empty_wanted -= 1
+        if self._empty_wanted == 0:
+            self._background = median_background(self._empty_frames)
+            self._empty_frames = []
+        return False
+
+    def _choose_person(self) -> bool:
+        """Drop from the foreground all that is not the person; whether anybody is left."""
+        components = self._components()
+        if components.areas.sum() < SMALLEST_AREA:
+            return False
+        if self._mode.name == "auto" and not self._seen and components.too_large():
+            raise SegmentationError(f"what is measured is larger than a person; {HOW_TO_SEGMENT}")
+        groups = self._people(components)
+        kept = np.ones(len(components.areas), dtype=bool)
+        if groups:
+            person = groups[0] if len(groups) == 1 else self._one_of(groups, components)
+            gaps = components.gaps(person)
+            kept &= gaps <= PART_GAP
+            for other in groups:
+                if other is not person:
+                    kept &= gaps <= components.gaps(other)
+            kept[person] = True
+            self._seen = True
+        if not kept.all():
+            kernels.keep_labels(self._padded, self._box, self._labels, np.concatenate([[False], kept]))
+        self._remember()
+        return True
+
+    def _components(self) -> Components:
+        count = kernels.label_components(
+            self._padded, self._box, 1000 * SURFACE_GAP, 1000 * self._settings.quantisation, self._labels, self._parents
+        )
+        sizes, extents = np.empty((count, 2)), np.empty((count, 3, 2))
+        kernels.component_extents(
+            self._padded, self._box, self._labels, count, self._camera.intrinsics, self._rotation, sizes, extents
+        )
+        return Components(sizes[:, 0], sizes[:, 1], extents)
+
+    def _people(self, components: Components) -> list[list[int]]:
+        """Large components, those that belong to one person (cut apart by its own arm) together."""
+        groups: list[list[int]] = []
+        for k in components.large():
+            near = [g for g in groups if self._distance(g, int(k)) <= OCCLUDED_GAP]
+            groups = [g for g in groups if g not in near]
+            groups.append([int(k), *(member for g in near for member in g)])
+        return groups
+
+    def _distance(self, group: list[int], k: int) -> float:
+        """Least distance between the surfaces of `group` and component `k`, metres."""
+        from scipy.spatial import cKDTree
+
+        one, other = self._points([k]), self._points(group)
+        return float(cKDTree(one).query(other)[0].min())
+
+    def _points(self, members: list[int]) -> np.ndarray:
+        v0, v1, u0, u1 = self._box
+        inside = np.isin(self._labels[v0:v1, u0:u1], np.asarray(members) + 1)
+        v, u = np.nonzero(inside)
+        v, u = v[::4], u[::4]
+        z = self._padded[v + v0, u + u0] * 1e-3
+        camera = self._camera
+        return np.column_stack(
+            [(u + u0 - 1 - camera.cx) * z / camera.fx, (v + v0 - 1 - camera.cy) * z / camera.fy, z]
+        )
+
+    def _one_of(self, groups: list[list[int]], components: Components) -> list[int]:
+        """The person that was followed so far, else the one that the setting `subject` means."""
+        if self._seen:
+            shared = np.empty(len(components.areas), dtype=np.int64)
+            kernels.label_overlap(self._labels, self._box, len(shared), self._last, shared)
+            return max(groups, key=lambda g: int(shared[g].sum()))
+        if self._settings.subject == "only":
+            raise SegmentationError(
+                f"{len(groups)} people are in view; set subject to 'nearest' or 'largest', or segment to 'seed:U,V' "
+                "(a pixel of the person)"
+            )
+        if self._settings.subject == "nearest":
+            return min(groups, key=lambda g: float(np.median(self._points(g)[:, 2])))
+        return max(groups, key=lambda g: float(components.areas[g].sum()))
+
+    def _remember(self) -> None:
+        v0, v1, u0, u1 = self._last_box
+        self._last[v0:v1, u0:u1] = 0
+        v0, v1, u0, u1 = self._box
+        self._last[v0:v1, u0:u1] = self._padded[v0:v1, u0:u1]
+        self._last_box[:] = self._box
+
+
+def median_background(frames: list[np.ndarray]) -> np.ndarray:
+    """Median per pixel of depth frames (uint16 (H, W), 0 = no measurement) over the frames that measured it: uint16 (H, W)."""
+    stack = np.sort(np.stack(frames), axis=0)
+    missing = (stack == 0).sum(axis=0)
+    middle = np.minimum(missing + (len(frames) - missing) // 2, len(frames) - 1)
+    return np.take_along_axis(stack, middle[None], axis=0)[0]

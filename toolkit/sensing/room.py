@@ -1,0 +1,231 @@
+"""Finding a person in one depth image of a room, without a background.
+
+The floor is taken away, what is left falls into surfaces where depth jumps, surfaces of a person's size are taken for people,
+and the smaller ones that touch them for their limbs. From the second frame on the person is where it was.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from toolkit.errors import SegmentationError
+from toolkit.kernels import depth as kernels
+from toolkit.sensing.camera import Camera, level_rotation
+from toolkit.sensing.floor import Floor, find_floor
+
+COARSE_WIDTH = 320  # pixels: finer images show the steps of the sensor, not of the scene
+SURFACE_GAP = 0.03  # m between neighbouring coarse pixels of one surface, on top of the quantisation
+FLOOR_CLEARANCE = 0.06  # m: above the floor's noise, below the ankle
+SPECK_AREA = 0.003  # m^2: half a hand
+SEED_AREA = (0.12, 1.4)  # m^2 seen head on: half a child to a wide adult
+SEED_HEIGHT = (0.5, 2.2)  # m
+SEED_WIDTH = 2.2  # m
+SEED_DEPTH = 1.3  # m
+UPRIGHT = 0.8  # height over width of a seed: a sofa lies, a person stands or sits
+LIMB_AREA = 0.1  # m^2: a leg, an arm with its hand
+PART_AREA = 0.3  # m^2: half a body, where the other half's column holds it
+COLUMN = np.array([0.05, 0.35, 0.15])  # m by which a part may stand out of the body's box: x, upwards, z (a head, a hand)
+CONTACT_REACH = 0.1  # m between a limb's edge and the body before or behind it
+CONTACT_RADIUS = 3  # coarse pixels
+CONTACTS = 100  # pairs of pixels: a wrist's width; furniture that is brushed against has fewer
+FOUND_AGAIN = 1.0  # m from where the person was last seen
+SEED_RADIUS = 4  # coarse pixels: a seed may fall into a gap
+FOLLOWED_OVERLAP = 0.5  # share of a surface's pixels that lay on the person in the frame before
+FOLLOWED_TRIES = 3  # the person may have merged with the wall for a frame
+FOLLOWED_DEPTH = 0.25  # m it may have moved along z since then
+
+
+@dataclass(frozen=True, eq=False)
+class Surfaces:
+    """Connected surfaces of a coarse depth image, specks left out.
+
+    Attributes
+    ----------
+    labels : int32 (h, w), 1..n, 0 = nothing
+    areas : float64 (n,), m^2 seen head on
+    low, high : float64 (n, 3), extent in the level frame, metres
+    """
+
+    labels: np.ndarray
+    areas: np.ndarray
+    low: np.ndarray
+    high: np.ndarray
+
+    def fits(self, members: list[int]) -> bool:
+        """Whether these surfaces together (indices from 0) are not larger than a person."""
+        size = self.high[members].max(axis=0) - self.low[members].min(axis=0)
+        return bool(
+            self.areas[members].sum() <= SEED_AREA[1]
+            and size[0] <= SEED_WIDTH
+            and size[1] <= SEED_HEIGHT[1]
+            and size[2] <= SEED_DEPTH
+        )
+
+
+class RoomSegmenter:
+    """Finds and follows one person in a room.
+
+    Parameters
+    ----------
+    camera : without lens distortion
+    subject : "only", "largest" or "nearest", where several people are in view
+    quantisation : metres at 1 m, growing with the square of the distance
+    up_camera : (3,), the vertical in the camera frame
+    seed : pixel (u, v) of the person in the first frame, or None to look for a person-sized surface
+    """
+
+    def __init__(
+        self,
+        camera: Camera,
+        subject: str,
+        quantisation: float,
+        up_camera: np.ndarray,
+        seed: tuple[float, float] | None = None,
+    ) -> None:
+        self._step = max(1, round(camera.width / COARSE_WIDTH))
+        self._camera, self._coarse = camera, camera.subsampled(self._step)
+        self._subject, self._quantisation, self._seed = subject, quantisation, seed
+        self._rotation = level_rotation(up_camera)
+        self._floor: Floor | None = None
+        self._slopes: np.ndarray | None = None
+        self._last: np.ndarray | None = None
+        self._place: np.ndarray | None = None
+        shape = (self._coarse.height + 2, self._coarse.width + 2)
+        self._padded = np.zeros(shape, dtype=np.uint16)
+        self._labels = np.zeros(shape, dtype=np.int32)
+        self._parents = np.zeros(self._coarse.height * self._coarse.width + 2, dtype=np.int32)
+
+    def find(self, depth: np.ndarray, padded: np.ndarray, box: np.ndarray) -> int:
+        """Write the person in `depth` (uint16 (H, W), millimetres) to `padded` and its window to `box`.
+
+        Returns
+        -------
+        The number of its pixels; 0 where nobody is.
+
+        Raises
+        ------
+        SegmentationError
+            Several things of a person's size are in the first frame with anybody, and `subject` is "only".
+        """
+        if self._slopes is None:
+            self._learn_floor(depth)
+        coarse = np.ascontiguousarray(depth[:: self._step, :: self._step])
+        self._remove_floor(coarse)
+        surfaces = self._surfaces(coarse)
+        members = self._followed(surfaces, coarse) or self._chosen(surfaces, coarse)
+        if not members:
+            return 0
+        person = self._with_limbs(surfaces, coarse, members)
+        self._place = (surfaces.low + surfaces.high)[members[0]] / 2
+        mask = np.isin(surfaces.labels, np.asarray(person) + 1)
+        self._last = np.where(mask, coarse, 0).astype(np.uint16)
+        return int(kernels.refine_mask(depth, self._last, self._step, 1000 * SURFACE_GAP, padded, box))
+
+    def _learn_floor(self, depth: np.ndarray) -> None:
+        self._floor = find_floor(depth, self._camera)
+        self._slopes = np.zeros(self._coarse.shape)
+        if self._floor is not None:
+            up = self._floor.up_camera
+            self._slopes = self._coarse.rays() @ up[:2] + up[2]
+            self._rotation = level_rotation(up)
+
+    def _remove_floor(self, coarse: np.ndarray) -> None:
+        if self._floor is not None and self._slopes is not None:
+            coarse[self._slopes * coarse * 1e-3 + self._floor.height < FLOOR_CLEARANCE] = 0
+
+    def _surfaces(self, coarse: np.ndarray) -> Surfaces:
+        self._padded[1:-1, 1:-1] = coarse
+        box = np.array([1, coarse.shape[0] + 1, 1, coarse.shape[1] + 1])
+        count = kernels.label_components(
+            self._padded, box, 1000 * SURFACE_GAP, 1000 * self._quantisation, self._labels, self._parents
+        )
+        sizes, extents = np.empty((count, 2)), np.empty((count, 3, 2))
+        kernels.component_extents(
+            self._padded, box, self._labels, count, self._coarse.intrinsics, self._rotation, sizes, extents
+        )
+        large = sizes[:, 1] >= SPECK_AREA
+        renumbered = np.zeros(count + 1, dtype=np.int32)
+        renumbered[1:][large] = np.arange(1, large.sum() + 1)
+        labels = renumbered[self._labels[1:-1, 1:-1]]
+        return Surfaces(labels, sizes[large, 1], extents[large, :, 0], extents[large, :, 1])
+
+    def _followed(self, surfaces: Surfaces, coarse: np.ndarray) -> list[int]:
+        """The surface that covers most of where the person was; its limbs are found anew, so that nothing piles up."""
+        if self._last is None:
+            return []
+        near = (self._last > 0) & (np.abs(coarse.astype(np.int32) - self._last) <= 1000 * FOLLOWED_DEPTH)
+        shared = np.bincount(surfaces.labels[near], minlength=len(surfaces.areas) + 1)[1:]
+        for k in np.argsort(-shared, kind="stable")[:FOLLOWED_TRIES]:
+            if shared[k] >= FOLLOWED_OVERLAP * np.count_nonzero(surfaces.labels == k + 1) and surfaces.fits([int(k)]):
+                return [int(k)] if surfaces.areas[k] >= SEED_AREA[0] / 2 else []
+        return []
+
+    def _chosen(self, surfaces: Surfaces, coarse: np.ndarray) -> list[int]:
+        """The surface to start from: at the seed pixel, or of a person's size."""
+        if self._seed is not None and self._last is None:
+            return self._at_seed(surfaces)
+        height, width, length = (surfaces.high - surfaces.low)[:, [1, 0, 2]].T
+        people = np.flatnonzero(
+            (surfaces.areas >= SEED_AREA[0])
+            & (surfaces.areas <= SEED_AREA[1])
+            & (height >= np.maximum(SEED_HEIGHT[0], UPRIGHT * width))
+            & (height <= SEED_HEIGHT[1])
+            & (width <= SEED_WIDTH)
+            & (length <= SEED_DEPTH)
+        )
+        if not len(people):
+            return []
+        if self._place is not None:
+            away = np.linalg.norm((surfaces.low + surfaces.high)[people] / 2 - self._place, axis=1)
+            return [int(people[np.argmin(away)])] if away.min() <= FOUND_AGAIN else []
+        if self._subject == "only" and len(people) > 1:
+            raise SegmentationError(
+                f"{len(people)} things of a person's size are in view; set subject to 'nearest' or 'largest', or segment to "
+                "'seed:U,V' (a pixel of the person)"
+            )
+        if self._subject == "nearest":
+            distance = [np.median(coarse[surfaces.labels == k + 1]) for k in people]
+            return [int(people[np.argmin(distance)])]
+        return [int(people[np.argmax(surfaces.areas[people])])]
+
+    def _at_seed(self, surfaces: Surfaces) -> list[int]:
+        assert self._seed is not None
+        u, v = (int(round(s / self._step)) for s in self._seed)
+        if not (0 <= v < self._coarse.height and 0 <= u < self._coarse.width):
+            raise SegmentationError(
+                f"the seed {self._seed} lies outside the image of {self._camera.width}x{self._camera.height} pixels; "
+                "give U,V of a pixel of the person"
+            )
+        around = surfaces.labels[max(v - SEED_RADIUS, 0) : v + SEED_RADIUS + 1, max(u - SEED_RADIUS, 0) : u + SEED_RADIUS + 1]
+        votes = np.bincount(around[around > 0], minlength=1)
+        if not votes.any():
+            raise SegmentationError(f"there is no surface at the seed {self._seed}; give U,V of a pixel of the person")
+        return [int(np.argmax(votes)) - 1]
+
+    def _with_limbs(self, surfaces: Surfaces, coarse: np.ndarray, members: list[int]) -> list[int]:
+        """Add the surfaces that touch the person, the best touching first, and those that stand in its column (a head behind
+        a raised arm), as long as the whole stays a person's size."""
+        count = len(surfaces.areas)
+        contacts = np.zeros((count + 1, count + 1), dtype=np.int64)
+        kernels.contacts_between(
+            coarse, surfaces.labels, CONTACT_RADIUS, CONTACT_REACH, self._coarse.intrinsics, contacts
+        )
+        centres = (surfaces.low + surfaces.high) / 2
+        low, high = surfaces.low[members].min(axis=0), surfaces.high[members].max(axis=0)
+        column = ((centres >= low - COLUMN * (1, 0, 1)) & (centres <= high + COLUMN)).all(axis=1)
+        contacts[1:, members[0] + 1] += CONTACTS * column
+        person = list(members)
+        refused = surfaces.areas > np.where(column, PART_AREA, LIMB_AREA)
+        while True:
+            touching = contacts[1:, np.asarray(person) + 1].sum(axis=1)
+            touching[refused] = 0
+            touching[person] = 0
+            best = int(np.argmax(touching))
+            if touching[best] < CONTACTS:
+                return person
+            if surfaces.fits([*person, best]):
+                person.append(best)
+            else:
+                refused[best] = True
