@@ -90,7 +90,7 @@ def test_a_torn_last_record_is_dropped_on_resume(tmp_path: Path) -> None:
     writer = TrackWriter(tmp_path, STAGES, SOURCES)
     for i in range(3):
         writer.append(result(i), i)
-    writer.close()
+    writer.abandon()
     partial = tmp_path / "track.partial"
     os.truncate(partial, partial.stat().st_size - 7)
     writer = TrackWriter(tmp_path, STAGES, SOURCES, resume=True)
@@ -103,7 +103,7 @@ def test_a_torn_last_record_is_dropped_on_resume(tmp_path: Path) -> None:
 def test_an_unfinished_track_is_not_overwritten_unless_asked(tmp_path: Path) -> None:
     writer = TrackWriter(tmp_path, STAGES, SOURCES)
     writer.append(result(0), 0)
-    writer.close()
+    writer.abandon()
     with pytest.raises(UsageError, match="unfinished track of 1 frames"):
         TrackWriter(tmp_path, STAGES, SOURCES)
     with pytest.raises(TrackError, match="another tracker"):

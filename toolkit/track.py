@@ -308,11 +308,13 @@ class TrackWriter:
         )
         columns: dict[str, Any] = {name: rows[name] for name in self._record.names or ()}
         path = Track(**columns, source_names=self.source_names, stage_names=self.stage_names).save(self.run)
-        self.close()
+        self._stream.close()
         if complete:
             self._path.unlink()
         return path
 
-    def close(self) -> None:
-        """Let go of the partial file, which stays where it is."""
+    def abandon(self) -> None:
+        """Let go of the partial file, which stays unless it holds no row."""
         self._stream.close()
+        if self.rows == 0:
+            self._path.unlink(missing_ok=True)

@@ -1,0 +1,194 @@
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tests.fake_tracker import FakeTracker, write_recording
+from toolkit import pipeline
+from toolkit.errors import OutputError, TrackError, UsageError
+from toolkit.files import sha256_of
+from toolkit.pipeline import track_recording, track_recordings
+from toolkit.sensing.recording import open_recording
+from toolkit.track import FrameResult, RunInfo, Track, TrackWriter
+
+ROOT = Path(__file__).parents[1]
+
+
+def child(recording: Path, run: Path, resume: str = "fresh") -> subprocess.Popen[str]:
+    command = [sys.executable, "-m", "tests.fake_tracker", str(recording), str(run), resume]
+    return subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, cwd=ROOT)
+
+
+def read_until(process: subprocess.Popen[str], line: str) -> None:
+    assert process.stdout is not None
+    for read in process.stdout:
+        if read.strip() == line:
+            return
+    raise AssertionError(f"{line!r} was never printed: {process.stderr.read() if process.stderr else ''}")
+
+
+def whole(recording: Path, run: Path) -> Track:
+    track_recording(open_recording(recording), FakeTracker(), run)
+    return Track.load(run)
+
+
+def test_a_run_folder_holds_one_row_per_frame_and_what_made_it(tmp_path: Path) -> None:
+    recording, run = write_recording(tmp_path / "take.npz"), tmp_path / "run"
+    seen: list[tuple[str, int, int]] = []
+    summary = track_recording(
+        open_recording(recording), FakeTracker(), run, progress=lambda name, *what: seen.append(what)
+    )
+    assert len(Track.load(run)) == summary.frames == 12 and not summary.interrupted
+    assert summary.stage_ms == {"clean": 1.0, "fit": 2.0}
+    assert sorted(p.name for p in run.iterdir()) == ["config.yaml", "log.txt", "run.json", "track.npz"]
+    info = RunInfo.load(run)
+    assert info.recording == str(recording) and info.recording_sha256 == sha256_of(recording)
+    assert info.shape == [0.5] and info.scale == 13.0  # as fitted at the end
+    assert "weight: 0.5" in (run / "config.yaml").read_text() and "12 of 12 frames" in (run / "log.txt").read_text()
+    assert seen[0] == ("compiling", 0, 3) and seen[-1] == ("tracking", 12, 12)
+
+
+def test_the_first_frame_is_tracked_afresh_after_the_warm_up(tmp_path: Path) -> None:
+    recording = open_recording(write_recording(tmp_path / "take.npz"))
+    for warm_up in (True, False):
+        track_recording(recording, FakeTracker(), tmp_path / str(warm_up), warm_up=warm_up)
+    np.testing.assert_array_equal(Track.load(tmp_path / "True").pose, Track.load(tmp_path / "False").pose)
+
+
+def test_a_killed_run_is_resumed_to_the_same_track(tmp_path: Path) -> None:
+    recording, run = write_recording(tmp_path / "take.npz", frames=120), tmp_path / "run"
+    process = child(recording, run)
+    read_until(process, "tracking 80")
+    os.kill(process.pid, signal.SIGKILL)
+    process.communicate()
+    assert not (run / "track.npz").exists()
+    with pytest.raises(TrackError, match="--resume"):
+        Track.load(run)
+    process = child(recording, run, "resume")
+    output, error = process.communicate(timeout=60)
+    assert output.splitlines()[-1].startswith("complete"), error
+    first = next(int(line.split()[1]) for line in output.splitlines() if line.startswith("tracking"))
+    assert 0 < first <= 81  # it did not begin again
+    expected = whole(recording, tmp_path / "whole")
+    np.testing.assert_array_equal(Track.load(run).pose, expected.pose)
+    np.testing.assert_array_equal(Track.load(run).timestamps, expected.timestamps)
+    assert not list(run.glob("*partial")) and not list(run.glob("*memory"))
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_ctrl_c_puts_the_track_so_far_in_place_and_resume_completes_it(tmp_path: Path, number: int) -> None:
+    recording, run = write_recording(tmp_path / "take.npz", frames=40), tmp_path / "run"
+    process = child(recording, run)
+    read_until(process, "tracking 10")
+    os.kill(process.pid, number)
+    output, error = process.communicate(timeout=60)
+    assert output.splitlines()[-1] == "interrupted {}", error
+    rows = len(Track.load(run))
+    assert 10 <= rows < 40
+    report = track_recordings([recording], FakeTracker(), run, resume=True)
+    assert report.done[0].frames == 40
+    np.testing.assert_array_equal(Track.load(run).pose, whole(recording, tmp_path / "whole").pose)
+
+
+def test_an_unfinished_run_is_neither_overwritten_nor_continued_with_something_else(tmp_path: Path) -> None:
+    recording, run = write_recording(tmp_path / "take.npz"), tmp_path / "run"
+    report = track_recordings([recording], FakeTracker(broken=5), run)
+    assert "frame 5" in report.failed[recording]
+    partial = (run / "track.partial").read_bytes()
+    with pytest.raises(UsageError, match="unfinished track of 5 frames"):
+        track_recording(open_recording(recording), FakeTracker(), run)
+    with pytest.raises(TrackError, match="other settings"):
+        track_recording(open_recording(recording), FakeTracker(weight=0.4), run, resume=True)
+    other = write_recording(tmp_path / "other.npz", frames=13)
+    with pytest.raises(TrackError, match="another recording"):
+        track_recording(open_recording(other), FakeTracker(), run, resume=True)
+    assert (run / "track.partial").read_bytes() == partial
+    assert track_recording(open_recording(recording), FakeTracker(), run, resume=True).frames == 12
+
+
+def test_a_finished_run_is_left_alone_by_resume_and_replaced_without(tmp_path: Path) -> None:
+    recording, run, tracker = open_recording(write_recording(tmp_path / "take.npz")), tmp_path / "run", FakeTracker()
+    track_recording(recording, tracker, run)
+    started = tracker.started
+    assert track_recording(recording, tracker, run, resume=True).frames == 12
+    assert tracker.started == started
+    track_recording(recording, tracker, run)
+    assert tracker.started > started
+
+
+def test_a_recording_that_fails_at_once_leaves_no_unfinished_track(tmp_path: Path) -> None:
+    recording, run = write_recording(tmp_path / "take.npz"), tmp_path / "run"
+    assert track_recordings([recording], FakeTracker(broken=0), run).failed
+    assert not (run / "track.partial").exists()
+    assert track_recordings([recording], FakeTracker(), run).done
+
+
+def test_one_failing_recording_does_not_stop_the_others(tmp_path: Path) -> None:
+    good, also = write_recording(tmp_path / "a.npz"), write_recording(tmp_path / "c.npz")
+    bad = tmp_path / "b.npz"
+    bad.write_bytes(b"no recording")
+    report = track_recordings([good, bad, also], FakeTracker(), tmp_path / "runs")
+    assert [summary.name for summary in report.done] == ["a", "c"] and list(report.failed) == [bad]
+    assert len(Track.load(tmp_path / "runs" / "a")) == len(Track.load(tmp_path / "runs" / "c")) == 12
+
+
+def test_equal_stems_are_an_error_before_work_starts(tmp_path: Path) -> None:
+    (tmp_path / "x").mkdir()
+    paths = [write_recording(tmp_path / "take.npz"), write_recording(tmp_path / "x" / "take.npz")]
+    with pytest.raises(UsageError, match="same stem 'take'"):
+        track_recordings(paths, FakeTracker(), tmp_path / "runs")
+    assert not (tmp_path / "runs").exists()
+    with pytest.raises(UsageError, match="no recording"):
+        track_recordings([], FakeTracker(), tmp_path / "runs")
+
+
+def test_an_unwritable_output_is_one_sentence(tmp_path: Path) -> None:
+    recording = write_recording(tmp_path / "take.npz")
+    (tmp_path / "file").write_text("")
+    with pytest.raises(OutputError, match="choose a folder"):
+        track_recording(open_recording(recording), FakeTracker(), tmp_path / "file" / "run")
+
+
+def test_a_disk_that_fills_up_keeps_the_rows_and_the_run_can_go_on(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    recording, run = write_recording(tmp_path / "take.npz"), tmp_path / "run"
+    append = TrackWriter.append
+
+    def full(self: TrackWriter, result: FrameResult, timestamp: float) -> None:
+        if self.rows == 7:
+            raise OutputError("cannot write frame 7: No space left on device; free some space and use --resume")
+        append(self, result, timestamp)
+
+    monkeypatch.setattr(TrackWriter, "append", full)
+    assert "No space left" in track_recordings([recording], FakeTracker(), run).failed[recording]
+    assert not (run / "track.npz").exists()
+    monkeypatch.setattr(TrackWriter, "append", append)
+    assert track_recordings([recording], FakeTracker(), run, resume=True).done[0].frames == 12
+    np.testing.assert_array_equal(Track.load(run).pose, whole(recording, tmp_path / "whole").pose)
+
+
+def test_what_the_toolkit_logs_during_a_run_goes_to_its_log(tmp_path: Path) -> None:
+    recording, run = write_recording(tmp_path / "take.npz"), tmp_path / "run"
+
+    class Talking(FakeTracker):
+        def step(self, depth_mm: np.ndarray, timestamp: float) -> FrameResult:
+            pipeline.logging.getLogger("toolkit.tracking").warning("lost at %.1f s", timestamp)
+            return super().step(depth_mm, timestamp)
+
+    track_recording(open_recording(recording), Talking(), run)
+    assert "WARNING lost at 0.1 s" in (run / "log.txt").read_text()
+
+
+def test_run_json_is_plain_json(tmp_path: Path) -> None:
+    recording, run = write_recording(tmp_path / "take.npz"), tmp_path / "run"
+    track_recording(open_recording(recording), FakeTracker(), run)
+    values = json.loads((run / "run.json").read_text())
+    assert values["level_rotation"] == [1, 0, 0, 0, -1, 0, 0, 0, -1] and values["sensing"]["segment"] == "auto"

@@ -1,0 +1,340 @@
+"""A tracker run over recordings: progress, timing, interruption, resuming and the run folder."""
+
+from __future__ import annotations
+
+import json
+import logging
+import pickle
+import signal
+import threading
+import time
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import asdict, dataclass, field, replace
+from importlib.metadata import version
+from itertools import islice
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from toolkit.body import skeleton
+from toolkit.config import save_settings, settings_text
+from toolkit.errors import DepthMocapError, OutputError, TrackError, UsageError
+from toolkit.files import atomic_path, sha256_of
+from toolkit.sensing.camera import level_rotation
+from toolkit.sensing.recording import Recording, open_recording
+from toolkit.track import PARTIAL_FILE, RUN_FILE, TRACK_FILE, RunInfo, Track, TrackWriter
+from toolkit.tracking.protocol import Tracker
+
+Progress = Callable[[str, str, int, int], None]
+"""Called with a recording's name, what is being done ("compiling" or "tracking"), the frames done and all frames."""
+
+CONFIG_FILE, LOG_FILE, MEMORY_FILE = "config.yaml", "log.txt", "tracker.memory"
+MEMORY_SECONDS = 2.0
+"""A killed run loses at most this much work: the tracker's memory is written so often, seconds."""
+WARM_UP_FRAMES = 3
+"""Frames that are tracked once beforehand, so that compiled code is ready when timing begins."""
+
+logger = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True)
+class RunSummary:
+    """What became of one recording.
+
+    Attributes
+    ----------
+    name : of the recording
+    run : its run folder
+    frames, recorded_frames : rows of the track and frames of the recording
+    stage_ms : median milliseconds of each stage
+    """
+
+    name: str
+    run: Path
+    frames: int
+    recorded_frames: int
+    stage_ms: dict[str, float]
+
+    @property
+    def interrupted(self) -> bool:
+        """Stopped before the last frame; `resume` continues it."""
+        return self.frames < self.recorded_frames
+
+
+@dataclass
+class BatchReport:
+    """What became of many recordings: summaries, and one sentence per recording that failed."""
+
+    done: list[RunSummary] = field(default_factory=list)
+    failed: dict[Path, str] = field(default_factory=dict)
+
+    @property
+    def interrupted(self) -> bool:
+        """Whether the batch was stopped before its end."""
+        return any(summary.interrupted for summary in self.done)
+
+
+def track_recordings(
+    paths: Sequence[str | Path],
+    tracker: Tracker,
+    output: str | Path,
+    *,
+    reader_options: dict[str, Any] | None = None,
+    resume: bool = False,
+    progress: Progress | None = None,
+) -> BatchReport:
+    """Track one recording into `output`, or several into `output/<stem>`.
+
+    A recording that fails is reported and the others go on. Ctrl-C finishes the track of the current one and stops.
+
+    Raises
+    ------
+    UsageError
+        There is no recording, or two have the same stem; nothing has been done then.
+    """
+    runs = run_folders(paths, output)
+    report = BatchReport()
+    for path, run in runs.items():
+        try:
+            recording = open_recording(path, **(reader_options or {}))
+            first = not report.done
+            summary = track_recording(recording, tracker, run, resume=resume, warm_up=first, progress=progress)
+        except DepthMocapError as error:
+            report.failed[path] = str(error)
+            continue
+        report.done.append(summary)
+        if summary.interrupted:
+            break
+    return report
+
+
+def run_folders(paths: Sequence[str | Path], output: str | Path) -> dict[Path, Path]:
+    """The run folder of every recording.
+
+    Raises
+    ------
+    UsageError
+        There is no recording, or two have the same stem.
+    """
+    recordings = [Path(path) for path in paths]
+    if not recordings:
+        raise UsageError("there is no recording to track; name at least one")
+    if len(recordings) == 1:
+        return {recordings[0]: Path(output)}
+    folders: dict[str, Path] = {}
+    for path in recordings:
+        if path.stem in folders:
+            raise UsageError(f"{folders[path.stem]} and {path} have the same stem {path.stem!r}; track them apart")
+        folders[path.stem] = path
+    return {path: Path(output) / stem for stem, path in folders.items()}
+
+
+def track_recording(
+    recording: Recording,
+    tracker: Tracker,
+    run: str | Path,
+    *,
+    resume: bool = False,
+    warm_up: bool = True,
+    progress: Progress | None = None,
+) -> RunSummary:
+    """Follow the person through a recording and write the run folder.
+
+    Rows are on disk as soon as they are found. Ctrl-C or a termination signal ends the run after the current frame and
+    puts the track of the frames so far in place. A run that was killed or interrupted goes on with `resume`, to the same
+    result as one that never stopped.
+
+    Parameters
+    ----------
+    run : the run folder, made if it is missing
+    resume : continue an unfinished run; one that is finished already is left alone
+    warm_up : track the first frames once beforehand, so that no compilation is timed
+    progress : told what is going on
+
+    Raises
+    ------
+    UsageError
+        The folder holds an unfinished track and `resume` is not set.
+    TrackError
+        The unfinished track belongs to another recording or database, or to other settings.
+    OutputError
+        The run folder cannot be written; the rows before stay.
+    RecordingError
+        A frame cannot be used; the rows before it stay.
+    """
+    folder, report = Path(run), progress or _silent
+    info = _run_info(recording, tracker)
+    if resume and (folder / RUN_FILE).exists():
+        same = _is_same_run(folder, info, tracker)
+        if (folder / PARTIAL_FILE).exists() and not same:
+            raise TrackError(
+                f"{folder} was begun with another recording, database or other settings; remove it and track again"
+            )
+        if same and _is_finished(folder, len(recording)):
+            return _summary(recording, folder)
+    writer = TrackWriter(folder, tracker.stage_names, tracker.source_names, resume=resume)
+    try:
+        with _log_file(folder), _stop_request() as stop:
+            save_settings(tracker.settings, folder / CONFIG_FILE)
+            info.save(folder)
+            if warm_up:
+                _warm_up(recording, tracker, report)
+            tracker.start(recording)
+            _restore(folder, writer, tracker)
+            logger.info("%s: tracking frames %d to %d", recording.name, writer.rows, len(recording))
+            _follow(recording, tracker, writer, report, stop)
+            replace(info, **_shape_of(tracker)).save(folder)
+            _finish(folder, writer, tracker, len(recording))
+            logger.info("%s: %d of %d frames written", recording.name, writer.rows, len(recording))
+    except DepthMocapError:
+        writer.abandon()
+        raise
+    return _summary(recording, folder)
+
+
+def _silent(name: str, doing: str, done: int, total: int) -> None:
+    """Progress that nobody watches."""
+
+
+def _warm_up(recording: Recording, tracker: Tracker, report: Progress) -> None:
+    """Compile on purpose: the first frames are tracked and forgotten."""
+    total = min(WARM_UP_FRAMES, len(recording))
+    report(recording.name, "compiling", 0, total)
+    tracker.start(recording)
+    for i, depth in enumerate(islice(recording.frames(), total)):
+        tracker.step(depth, float(recording.timestamps[i]))
+        report(recording.name, "compiling", i + 1, total)
+
+
+def _follow(
+    recording: Recording, tracker: Tracker, writer: TrackWriter, report: Progress, stop: threading.Event
+) -> None:
+    """Track from the writer's next row to the last frame, or until a stop is asked for."""
+    total, remembered = len(recording), time.monotonic()
+    report(recording.name, "tracking", writer.rows, total)
+    for depth in islice(recording.frames(), writer.rows, None):
+        if stop.is_set():
+            return
+        timestamp = float(recording.timestamps[writer.rows])
+        writer.append(tracker.step(depth, timestamp), timestamp)
+        report(recording.name, "tracking", writer.rows, total)
+        if time.monotonic() - remembered > MEMORY_SECONDS:
+            _remember(writer, tracker)
+            remembered = time.monotonic()
+
+
+def _remember(writer: TrackWriter, tracker: Tracker) -> None:
+    with atomic_path(writer.run / MEMORY_FILE) as temporary:
+        temporary.write_bytes(pickle.dumps((writer.rows, tracker.memory)))
+
+
+def _restore(folder: Path, writer: TrackWriter, tracker: Tracker) -> None:
+    """Go back to the last row whose memory was written; the rows after it are found again."""
+    rows = 0
+    if writer.rows > 0 and (folder / MEMORY_FILE).exists():
+        rows, memory = pickle.loads((folder / MEMORY_FILE).read_bytes())
+        tracker.memory = memory
+    writer.cut(rows)
+
+
+def _finish(folder: Path, writer: TrackWriter, tracker: Tracker, total: int) -> None:
+    if writer.rows < total:
+        _remember(writer, tracker)
+    writer.finish(complete=writer.rows == total)
+    if writer.rows == total:
+        (folder / MEMORY_FILE).unlink(missing_ok=True)
+
+
+def _run_info(recording: Recording, tracker: Tracker) -> RunInfo:
+    path = Path(recording.path).resolve()
+    return RunInfo(
+        recording=str(path),
+        recording_sha256=sha256_of(path),
+        reader_options=recording.options,
+        body_fingerprint=skeleton.fingerprint(),
+        **_shape_of(tracker),
+        database=tracker.database and str(Path(tracker.database).resolve()),
+        level_rotation=level_rotation(recording.up_camera).ravel().tolist(),
+        sensing=asdict(tracker.sensing),
+        version=version("depthmocap"),
+    )
+
+
+def _shape_of(tracker: Tracker) -> dict[str, Any]:
+    body = tracker.body
+    return {"shape": [float(c) for c in body.shape], "scale": body.scale}
+
+
+def _is_same_run(folder: Path, info: RunInfo, tracker: Tracker) -> bool:
+    """Whether a run folder was begun with this recording, database, version and these settings."""
+    before, config = RunInfo.load(folder), folder / CONFIG_FILE
+    facts = ("recording_sha256", "reader_options", "body_fingerprint", "database", "version")
+    return (
+        all(_as_json(getattr(before, fact)) == _as_json(getattr(info, fact)) for fact in facts)
+        and config.exists()
+        and config.read_text(encoding="utf-8") == settings_text(tracker.settings)
+    )
+
+
+def _as_json(value: Any) -> str:
+    return json.dumps(value, sort_keys=True)
+
+
+def _is_finished(folder: Path, frames: int) -> bool:
+    done = (folder / TRACK_FILE).exists() and not (folder / PARTIAL_FILE).exists()
+    return done and len(Track.load(folder)) == frames
+
+
+def _summary(recording: Recording, folder: Path) -> RunSummary:
+    track = Track.load(folder)
+    medians = np.median(track.stage_ms, axis=0) if len(track) else np.zeros(len(track.stage_names))
+    stages = dict(zip(track.stage_names, map(float, medians), strict=True))
+    return RunSummary(recording.name, folder, len(track), len(recording), stages)
+
+
+@contextmanager
+def _stop_request() -> Iterator[threading.Event]:
+    """An event that Ctrl-C or a termination signal sets; a second one is not held back any more.
+
+    Outside the main thread signals cannot be caught, and the event stays unset.
+    """
+    stop = threading.Event()
+    if threading.current_thread() is not threading.main_thread():
+        yield stop
+        return
+    before = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
+
+    def request(number: int, frame: object) -> None:
+        stop.set()
+        signal.signal(number, before[signal.Signals(number)])
+
+    for number in before:
+        signal.signal(number, request)
+    try:
+        yield stop
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+
+
+@contextmanager
+def _log_file(folder: Path) -> Iterator[None]:
+    """Everything that the toolkit logs meanwhile goes to `log.txt` too."""
+    try:
+        handler = logging.FileHandler(folder / LOG_FILE, encoding="utf-8")
+    except OSError as error:
+        reason = error.strerror or error
+        raise OutputError(f"cannot write {folder / LOG_FILE}: {reason}; choose a folder that can be written") from error
+    handler.setFormatter(logging.Formatter("%(asctime)s %(levelname)s %(message)s"))
+    root = logging.getLogger("toolkit")
+    level = root.level
+    root.addHandler(handler)
+    root.setLevel(logging.INFO)
+    try:
+        yield
+    finally:
+        root.setLevel(level)
+        root.removeHandler(handler)
+        handler.close()
