@@ -280,6 +280,13 @@ def test_a_node_takes_any_number_of_bridges() -> None:
     assert found.nodes.tolist() == [leaves, leaves - 1, leaves - 2]
 
 
+@settings(max_examples=30, deadline=None)
+@given(random_graphs())
+def test_the_sparse_matrix_of_a_graph_holds_each_edge_in_both_directions(graph_and_source: tuple[Graph, int]) -> None:
+    graph, _ = graph_and_source
+    assert (graph.matrix() != geodesic.UNIT * matrix_of(graph)).nnz == 0
+
+
 def test_ties_fall_to_the_lowest_node_and_fewer_extrema_are_found_where_there_are_fewer() -> None:
     ends = np.array([[0, 1], [0, 2], [0, 3]], dtype=np.int32)
     found = extrema_of_graph(graph_of(6, ends, np.full(3, 7, np.int32)), np.zeros((6, 3), np.float32), 10, 0)

@@ -2,19 +2,13 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
 from toolkit.body import skeleton
-from toolkit.kernels import geodesic
 from toolkit.landmarks.extrema import geodesic_extrema
-from toolkit.landmarks.graph import Graph, grid_graph
+from toolkit.landmarks.graph import grid_graph
 from toolkit.landmarks.settings import LandmarkSettings
 from toolkit.sensing.cloud import Cloud
-
-if TYPE_CHECKING:
-    from scipy.sparse import csr_matrix
 
 FOUND = 0.2
 """An extremum this near to an end effector has found it, metres."""
@@ -83,21 +77,10 @@ def all_free(cloud: Cloud, joints: np.ndarray, settings: LandmarkSettings) -> bo
     from scipy.sparse.csgraph import dijkstra
 
     nodes = np.linalg.norm(cloud.points[None] - joints[TIPS][:, None], axis=-1).argmin(axis=1)
-    reached = dijkstra(_sparse(grid_graph(cloud, settings)), directed=False, indices=nodes, limit=FREE) <= FREE
+    reached = dijkstra(grid_graph(cloud, settings).matrix(), directed=False, indices=nodes, limit=FREE) <= FREE
     owners = limbs_of_points(cloud.points.astype(np.float64), joints)
     foreign = [(owners != i) & ((owners >= 0) | (tip != "head")) for i, tip in enumerate(skeleton.END_EFFECTORS)]
     return not any((reached[i] & foreign[i]).any() for i in range(len(nodes)))
-
-
-def _sparse(graph: Graph) -> csr_matrix:
-    """The graph's edge lengths in metres, (N, N)."""
-    from scipy.sparse import csr_matrix
-
-    rows = np.repeat(np.arange(len(graph)), graph.neighbours.shape[1])
-    ends = np.concatenate([np.stack([rows, graph.neighbours.ravel()], axis=1), graph.bridge_ends])
-    metres = geodesic.UNIT * np.concatenate([graph.lengths.ravel(), graph.bridge_lengths])
-    kept = metres > 0
-    return csr_matrix((metres[kept], ends[kept].T), shape=(len(graph), len(graph)))
 
 
 def extrema_found(cloud: Cloud, joints: np.ndarray, settings: LandmarkSettings) -> bool:

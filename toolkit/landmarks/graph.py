@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -11,6 +12,9 @@ from toolkit.errors import SegmentationError
 from toolkit.kernels import geodesic
 from toolkit.landmarks.settings import LandmarkSettings
 from toolkit.sensing.cloud import Cloud
+
+if TYPE_CHECKING:
+    from scipy.sparse import csr_matrix
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,6 +45,17 @@ class Graph:
     def trunk(self) -> int:
         """Root of the largest component, the one with the torso; the lowest of equally large ones."""
         return int(np.bincount(self.roots).argmax())
+
+    def matrix(self) -> csr_matrix:
+        """The lengths, float64 (N, N), in metres, symmetric: the form that SciPy's graph routines take."""
+        from scipy.sparse import csr_matrix
+
+        nodes = np.arange(len(self.more))
+        for row in range(len(self), len(self.more)):
+            nodes[row] = nodes[np.flatnonzero(self.more == row)[0]]
+        rows, places = np.nonzero(self.lengths)
+        metres = self.lengths[rows, places] * geodesic.UNIT
+        return csr_matrix((metres, (nodes[rows], self.neighbours[rows, places])), shape=(len(self), len(self)))
 
 
 class Workspace:
