@@ -1,0 +1,274 @@
+"""Build a pose database: read mocap, sample it, look at every selected pose, write one file (Baak 2013, 5.3.3)."""
+
+from __future__ import annotations
+
+import shutil
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+
+from database_builder.reading import (
+    CanonicalPoses,
+    find_sources,
+    of_clip,
+    process_pool,
+    read_source,
+    usable_processors,
+)
+from database_builder.sampling import farthest_first
+from toolkit.body.body import Body
+from toolkit.body.shape import load_body
+from toolkit.database.database import PoseDatabase
+from toolkit.database.origin import View, observed_offsets
+from toolkit.errors import MocapError, OutputError, UsageError
+from toolkit.mocap.clip import PoseClip
+
+THRESHOLD = 0.018
+"""Metres in the unit of Eq. 5.1: the paper's 1.8 cm, 8 cm root mean square per joint."""
+CHUNK = 500
+"""Poses that a process looks at in one go, about a quarter of a second."""
+MANY_FILES, MANY_POSES = 16, 4000
+"""Below these a build in one process ends before others have started."""
+RESIDUAL_POSES = 400
+RESIDUAL_VIEWS = (
+    View(yaw=np.radians(-45)), View(yaw=np.radians(-20)), View(yaw=np.radians(20)), View(yaw=np.radians(45)),
+    View(distance=2.0), View(distance=4.0),
+)  # fmt: skip
+
+Progress = Callable[[str, int, int], None]
+"""Called with the name of the stage, the steps done and their number."""
+
+
+@dataclass(frozen=True)
+class BuildReport:
+    """What a build did.
+
+    Attributes
+    ----------
+    path : the database file
+    database : its content
+    poses_read : poses that the sampling chose from, mirror images included
+    skipped : name and reason of every file that could not be used
+    seconds : wall-clock time of each stage
+    """
+
+    path: Path
+    database: PoseDatabase
+    poses_read: int
+    skipped: tuple[tuple[str, str], ...]
+    seconds: dict[str, float]
+
+    def text(self) -> str:
+        """A few lines for people."""
+        lines = [
+            f"{self.path}: {len(self.database)} of {self.poses_read} poses from {len(self.database.sources)} sources"
+        ]
+        lines += [f"skipped {name}: {reason}" for name, reason in self.skipped]
+        lines.append("seconds: " + ", ".join(f"{stage} {value:.1f}" for stage, value in self.seconds.items()))
+        return "\n".join(lines)
+
+
+def build_database(
+    sources: Sequence[str | Path | PoseClip] | None,
+    output: str | Path,
+    *,
+    threshold: float = THRESHOLD,
+    max_poses: int | None = None,
+    body: Body | None = None,
+    mirror: bool = False,
+    workers: int | None = None,
+    strict: bool = False,
+    keep_work: bool = False,
+    progress: Progress | None = None,
+) -> BuildReport:
+    """Build a pose database and write it as one file.
+
+    Files that were read are kept in a folder beside `output` (`<stem>.work`) until the database is written, so that a
+    killed build goes on where it was. The result does not depend on the number of processes.
+
+    Parameters
+    ----------
+    sources : mocap files (BVH, AMC), folders of them, or clips of our body; None = the bundled motions
+    output : the database file (`.npz`)
+    threshold : sampling stops when no pose is farther than this from the selected ones, metres in the unit of Eq. 5.1
+    max_poses : alternative stop; None = no limit
+    body : whose poses, joints and features they become; None = the neutral adult
+    mirror : add the mirror image of every pose, because a tracker meets left-handed people too
+    workers : processes; None = as many as there are processors
+    strict : a file that cannot be used is an error; otherwise it is skipped and named in the report
+    keep_work : keep the intermediate files, for another build from the same mocap
+    progress : called as stages advance
+
+    Raises
+    ------
+    MocapError
+        A path is missing, a folder holds no motion file, no file can be used, or (with `strict`) one cannot.
+    UsageError
+        `threshold`, `max_poses`, `workers` or the suffix of `output` cannot work.
+    OutputError
+        `output` cannot be written.
+    """
+    target, body, report = Path(output), body or load_body("neutral"), progress or _silent
+    if target.suffix != ".npz" or target.is_dir():
+        raise UsageError(f"a pose database is one .npz file, not {target}; choose a name such as poses.npz")
+    if workers is not None and workers < 1:
+        raise UsageError(f"a database cannot be built by {workers} processes; use at least 1")
+    processes = usable_processors() if workers is None else workers
+    work = target.with_name(f"{target.stem}.work")
+    clock = _Clock()
+
+    read = _read(_bundled() if sources is None else sources, work, body, mirror, processes, report)
+    skipped = tuple((one.name, one.error) for one in read if one.error)
+    if skipped and (strict or len(skipped) == len(read)):
+        raise MocapError(f"{skipped[0][0]} cannot be used ({skipped[0][1]}); {len(skipped)} of {len(read)} such")
+    pool = _Pool.of([one for one in read if not one.error])
+    del read
+    clock.lap("read")
+
+    report("sample", 0, 1)
+    chosen = farthest_first(pool.joints, threshold, max_poses)
+    report("sample", 1, 1)
+    clock.lap("sample")
+
+    poses = pool.poses[chosen]
+    offsets = _look(body, poses, processes, report)
+    clock.lap("look")
+
+    source, frame, mirrored = pool.traced(chosen)
+    notes = {
+        "poses_read": len(pool.poses), "mirror": mirror, "max_poses": max_poses, "skipped": [list(s) for s in skipped],
+        "residual": residual(body, poses, offsets),
+    }  # fmt: skip
+    database = PoseDatabase.of_poses(
+        poses, body, offsets=offsets, sources=pool.names, hashes=pool.digests, pose_source=source, pose_frame=frame,
+        mirrored=mirrored, threshold=threshold, notes=notes,
+    )  # fmt: skip
+    database.save(target)
+    if not keep_work:
+        shutil.rmtree(work, ignore_errors=True)
+    clock.lap("write")
+    return BuildReport(target, database, len(pool.poses), skipped, clock.seconds)
+
+
+@dataclass(frozen=True, eq=False)
+class _Pool:
+    """All poses to choose from, one source after the other: float32 (N, P) and joints (N, 20, 3)."""
+
+    poses: np.ndarray
+    joints: np.ndarray
+    names: list[str]
+    digests: list[str]
+    frames: np.ndarray
+    starts: np.ndarray
+
+    @classmethod
+    def of(cls, read: list[CanonicalPoses]) -> _Pool:
+        return cls(
+            poses=np.concatenate([one.poses for one in read]),
+            joints=np.concatenate([one.joints for one in read]),
+            names=[one.name for one in read],
+            digests=[one.digest for one in read],
+            frames=np.array([one.frames for one in read]),
+            starts=np.cumsum([0] + [len(one.poses) for one in read]),
+        )
+
+    def traced(self, rows: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Number of the source, frame in it, and whether it is a mirror image, for each of `rows`."""
+        source = np.searchsorted(self.starts, rows, side="right") - 1
+        place = rows - self.starts[source]
+        return source, place % self.frames[source], place >= self.frames[source]
+
+
+def residual(body: Body, poses: np.ndarray, offsets: np.ndarray) -> list[dict[str, float]]:
+    """How far the centre and facing seen in other views lie from the stored ones, over up to 400 poses.
+
+    Parameters
+    ----------
+    body, poses, offsets : canonical poses (N, P) and their stored offsets (N, 4)
+
+    Returns
+    -------
+    one entry a view: its `yaw_degrees` and `distance` (metres), root mean square and mean vector of the centre's
+    difference in the canonical frame (`centre_mm`, `mean_x_mm`, ...), root mean square of the facing's
+    (`facing_degrees`)
+    """
+    rows = np.unique(np.linspace(0, len(poses) - 1, min(RESIDUAL_POSES, len(poses))).astype(np.int64))
+    entries = []
+    for view in RESIDUAL_VIEWS:
+        difference = observed_offsets(body, poses[rows], view) - offsets[rows]
+        turn = np.angle(np.exp(1j * difference[:, 3]), deg=True)
+        mean = 1000 * difference[:, :3].mean(axis=0)
+        entries.append(
+            {
+                "yaw_degrees": float(np.degrees(view.yaw)),
+                "distance": view.distance,
+                "centre_mm": float(1000 * np.sqrt((difference[:, :3] ** 2).sum(axis=1).mean())),
+                **{f"mean_{axis}_mm": float(value) for axis, value in zip("xyz", mean, strict=True)},
+                "facing_degrees": float(np.sqrt((turn**2).mean())),
+            }
+        )
+    return entries
+
+
+class _Clock:
+    """Wall-clock seconds of the stages of a build."""
+
+    def __init__(self) -> None:
+        self.seconds: dict[str, float] = {}
+        self._last = time.perf_counter()
+
+    def lap(self, stage: str) -> None:
+        """End of a stage."""
+        now = time.perf_counter()
+        self.seconds[stage], self._last = now - self._last, now
+
+
+def _silent(stage: str, done: int, total: int) -> None:
+    pass
+
+
+def _bundled() -> list[PoseClip]:
+    from toolkit.mocap.procedural import procedural_clips
+
+    return procedural_clips()
+
+
+def _read(
+    sources: Sequence[str | Path | PoseClip], work: Path, body: Body, mirror: bool, processes: int, report: Progress
+) -> list[CanonicalPoses]:
+    """Canonical poses of all files, in sorted order, then of all clips in the given order."""
+    paths = [Path(s) for s in sources if not isinstance(s, PoseClip)]
+    clips = [s for s in sources if isinstance(s, PoseClip)]
+    if not paths and not clips:
+        raise UsageError("there is no source to build a pose database from; give a folder with mocap")
+    files = find_sources(paths, work)
+    try:
+        work.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise OutputError(
+            f"cannot write {work}: {error.strerror or error}; choose a folder that can be written"
+        ) from error
+    found: list[CanonicalPoses] = []
+    with process_pool(processes if len(files) >= MANY_FILES else 1) as mapped:
+        for result in mapped(partial(read_source, body=body, mirror=mirror), files):
+            found.append(result)
+            report("read", len(found), len(files) + len(clips))
+    for clip in clips:
+        found.append(of_clip(clip, body, mirror))
+        report("read", len(found), len(files) + len(clips))
+    return found
+
+
+def _look(body: Body, poses: np.ndarray, processes: int, report: Progress) -> np.ndarray:
+    """Offsets (N, 4) of the selected poses, a chunk of them at a time."""
+    chunks = [poses[i : i + CHUNK] for i in range(0, len(poses), CHUNK)]
+    offsets: list[np.ndarray] = []
+    with process_pool(processes if len(poses) >= MANY_POSES else 1) as mapped:
+        for part in mapped(partial(observed_offsets, body), chunks):
+            offsets.append(part)
+            report("look", len(offsets), len(chunks))
+    return np.concatenate(offsets)

@@ -1,0 +1,159 @@
+"""Mocap files to canonical poses of one body, in parallel processes, resumable file by file."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+from collections.abc import Callable, Iterable, Iterator
+from concurrent.futures import ProcessPoolExecutor
+from contextlib import contextmanager
+from dataclasses import dataclass
+from multiprocessing import get_context
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from toolkit.body import skeleton
+from toolkit.body.body import Body
+from toolkit.database.canonical import canonicalise, mirrored
+from toolkit.errors import DepthMocapError
+from toolkit.files import save_npz, sha256_of
+from toolkit.mocap.clip import PoseClip
+from toolkit.mocap.read import find_clips, read_clip
+from toolkit.mocap.retarget import retarget
+
+READING_VERSION = 1
+"""Raised whenever reading or retargeting changes what comes out, so that older intermediate files are not used."""
+
+
+@dataclass(frozen=True)
+class Source:
+    """A mocap file to read: its name in reports, its path and the intermediate file that keeps what was read."""
+
+    name: str
+    path: Path
+    kept: Path
+
+
+@dataclass(frozen=True, eq=False)
+class CanonicalPoses:
+    """The poses of one source, as the sampling needs them.
+
+    Attributes
+    ----------
+    name : of the source
+    digest : SHA-256 of its file, or of the poses themselves
+    poses : float32 (N, P), canonical; with mirroring the second half are the mirror images of the first
+    joints : float32 (N, 20, 3), metres, the reported joints of these poses
+    frames : number of frames of the source (N, or N / 2 with mirroring)
+    error : why the source could not be used, then there are no poses; empty = it could
+    """
+
+    name: str
+    digest: str
+    poses: np.ndarray
+    joints: np.ndarray
+    frames: int
+    error: str = ""
+
+
+def find_sources(paths: Iterable[Path], work: Path) -> list[Source]:
+    """All motion files in the given files and folders, each once, sorted by path; names are relative to what was given.
+
+    Raises
+    ------
+    MocapError
+        A path is missing or a folder holds no motion file.
+    """
+    found: dict[Path, str] = {}
+    for root in paths:
+        for file in find_clips(root):
+            name = file.name if file == root else file.relative_to(root).as_posix()
+            found.setdefault(file.resolve(), name)
+    return [
+        Source(name, path, work / f"{hashlib.sha256(str(path).encode()).hexdigest()[:16]}.npz")
+        for path, name in sorted(found.items())
+    ]
+
+
+def of_clip(clip: PoseClip, body: Body, mirror: bool) -> CanonicalPoses:
+    """Canonical poses of a clip that is already one of our body."""
+    digest = hashlib.sha256(np.ascontiguousarray(clip.poses).tobytes()).hexdigest()
+    return _canonical(clip.name, digest, clip.poses, body, mirror)
+
+
+def read_source(source: Source, body: Body, mirror: bool) -> CanonicalPoses:
+    """Canonical poses of a file: from the intermediate file if that fits, else read, retargeted and kept there.
+
+    A file that cannot be used is reported in `error`, whatever is wrong with it, so that it cannot stop the others.
+    """
+    try:
+        digest = _digest(source.path)
+        key = _key(digest, body, mirror)
+        if (known := _kept(source, digest, key)) is not None:
+            return known
+        result = _canonical(source.name, digest, retarget(read_clip(source.path), body).poses, body, mirror)
+    except Exception as error:
+        reason = f"{error}" if isinstance(error, DepthMocapError) else f"{type(error).__name__}: {error}"
+        empty = np.zeros((0, skeleton.POSE_SIZE), np.float32), np.zeros((0, len(skeleton.REPORTED), 3), np.float32)
+        return CanonicalPoses(source.name, "", *empty, 0, reason)
+    arrays = {"key": key, "poses": result.poses, "joints": result.joints, "frames": result.frames}
+    save_npz(source.kept, arrays, compressed=False)
+    return result
+
+
+def _canonical(name: str, digest: str, world_poses: np.ndarray, body: Body, mirror: bool) -> CanonicalPoses:
+    poses = canonicalise(world_poses)[0]
+    if mirror:
+        poses = np.concatenate([poses, mirrored(poses)])
+    stored = poses.astype(np.float32)
+    joints = body.joint_positions(stored).astype(np.float32)
+    return CanonicalPoses(name, digest, stored, joints, len(world_poses))
+
+
+def _digest(path: Path) -> str:
+    """SHA-256 of a motion file; for AMC of the skeletons beside it too, because they give it its meaning."""
+    digest = sha256_of(path)
+    if path.suffix.lower() != ".amc":
+        return digest
+    skeletons = sorted(p for p in path.parent.iterdir() if p.suffix.lower() == ".asf")
+    return hashlib.sha256("".join([digest, *map(sha256_of, skeletons)]).encode()).hexdigest()
+
+
+def _key(digest: str, body: Body, mirror: bool) -> str:
+    """Names everything that the canonical poses of a file depend on."""
+    parts = (digest, READING_VERSION, skeleton.fingerprint(), mirror, body.joints.tobytes(), body.sites.tobytes())
+    return hashlib.sha256(repr(parts).encode()).hexdigest()
+
+
+def _kept(source: Source, digest: str, key: str) -> CanonicalPoses | None:
+    try:
+        with np.load(source.kept, allow_pickle=False) as data:
+            if str(data["key"]) != key:
+                return None
+            return CanonicalPoses(source.name, digest, data["poses"], data["joints"], int(data["frames"]))
+    except Exception:  # missing or half-read: whatever is wrong with it, the file is read again
+        return None
+
+
+@contextmanager
+def process_pool(workers: int) -> Iterator[Callable[..., Iterator[Any]]]:
+    """Yield a `map` in order over `workers` processes, or the built-in one for a single worker.
+
+    New processes are spawned, not forked, because numerical libraries keep threads and locks that a fork would break.
+    """
+    if workers <= 1:
+        yield map
+        return
+    with ProcessPoolExecutor(workers, mp_context=get_context("spawn")) as pool:
+        try:
+            yield pool.map
+        except BaseException:
+            pool.shutdown(wait=True, cancel_futures=True)
+            raise
+
+
+def usable_processors() -> int:
+    """Processors that this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
