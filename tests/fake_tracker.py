@@ -37,10 +37,9 @@ class FakeTracker:
 
     def __init__(self, seconds: float = 0.0, broken: int | None = None, weight: float = 0.5) -> None:
         self.settings = FakeSettings(weight=weight)
-        self.sensing = self.settings.sensing
         self.seconds, self.broken = seconds, broken
         self.memory: Any = (0, 0.0)
-        self.started = 0
+        self.steps = 0
 
     @property
     def body(self) -> Body:
@@ -53,10 +52,10 @@ class FakeTracker:
 
     def start(self, recording: Recording) -> None:
         self.memory = (0, 0.0)
-        self.started += 1
 
     def step(self, depth_mm: np.ndarray, timestamp: float) -> FrameResult:
         time.sleep(self.seconds)
+        self.steps += 1
         count, mean = self.memory
         if count == self.broken:
             raise RecordingError(f"frame {count} cannot be used; leave it out")

@@ -116,11 +116,11 @@ def test_an_unfinished_run_is_neither_overwritten_nor_continued_with_something_e
 def test_a_finished_run_is_left_alone_by_resume_and_replaced_without(tmp_path: Path) -> None:
     recording, run, tracker = open_recording(write_recording(tmp_path / "take.npz")), tmp_path / "run", FakeTracker()
     track_recording(recording, tracker, run)
-    started = tracker.started
+    steps = tracker.steps
     assert track_recording(recording, tracker, run, resume=True).frames == 12
-    assert tracker.started == started
+    assert tracker.steps == steps
     track_recording(recording, tracker, run)
-    assert tracker.started > started
+    assert tracker.steps > steps
 
 
 def test_a_recording_that_fails_at_once_leaves_no_unfinished_track(tmp_path: Path) -> None:

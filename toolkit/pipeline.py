@@ -143,7 +143,7 @@ def track_recording(
     """Follow the person through a recording and write the run folder.
 
     Rows are on disk as soon as they are found. Ctrl-C or a termination signal ends the run after the current frame and
-    puts the track of the frames so far in place. A run that was killed or interrupted goes on with `resume`, to the same
+    puts the track so far in place. A run that was killed or interrupted goes on with `resume`, to the same
     result as one that never stopped.
 
     Parameters
@@ -165,6 +165,7 @@ def track_recording(
         A frame cannot be used; the rows before it stay.
     """
     folder, report = Path(run), progress or _silent
+    tracker.start(recording)
     info = _run_info(recording, tracker)
     if resume and (folder / RUN_FILE).exists():
         same = _is_same_run(folder, info, tracker)
@@ -181,7 +182,6 @@ def track_recording(
             info.save(folder)
             if warm_up:
                 _warm_up(recording, tracker, report)
-            tracker.start(recording)
             _restore(folder, writer, tracker)
             logger.info("%s: tracking frames %d to %d", recording.name, writer.rows, len(recording))
             _follow(recording, tracker, writer, report, stop)
@@ -199,13 +199,13 @@ def _silent(name: str, doing: str, done: int, total: int) -> None:
 
 
 def _warm_up(recording: Recording, tracker: Tracker, report: Progress) -> None:
-    """Compile on purpose: the first frames are tracked and forgotten."""
+    """Compile on purpose: the first frames are tracked by the tracker just started, and forgotten."""
     total = min(WARM_UP_FRAMES, len(recording))
     report(recording.name, "compiling", 0, total)
-    tracker.start(recording)
     for i, depth in enumerate(islice(recording.frames(), total)):
         tracker.step(depth, float(recording.timestamps[i]))
         report(recording.name, "compiling", i + 1, total)
+    tracker.start(recording)
 
 
 def _follow(
@@ -257,7 +257,7 @@ def _run_info(recording: Recording, tracker: Tracker) -> RunInfo:
         **_shape_of(tracker),
         database=tracker.database and str(Path(tracker.database).resolve()),
         level_rotation=level_rotation(recording.up_camera).ravel().tolist(),
-        sensing=asdict(tracker.sensing),
+        sensing=asdict(tracker.settings.sensing),
         version=version("depthmocap"),
     )
 

@@ -11,7 +11,16 @@ from toolkit.sensing.cleaning import SensingSettings
 from toolkit.sensing.recording import Recording
 from toolkit.track import FrameResult
 
-__all__ = ["FrameResult", "Tracker"]
+__all__ = ["FrameResult", "Tracker", "TrackerSettings"]
+
+
+class TrackerSettings(Protocol):
+    """A frozen dataclass of settings, of which one section says how depth is segmented and cleaned."""
+
+    @property
+    def sensing(self) -> SensingSettings:
+        """How depth is segmented and cleaned."""
+        ...
 
 
 class Tracker(Protocol):
@@ -21,18 +30,16 @@ class Tracker(Protocol):
     ----------
     stage_names : names of the timed stages, in the order of `FrameResult.stage_ms`
     source_names : names of the hypotheses that can win, indexed by `FrameResult.source`
-    settings : the frozen dataclass that it was made with, written beside its results
-    sensing : how it segments and cleans depth; part of `settings`
+    settings : what it was made with, written beside its results
     database : path of the pose database it uses, empty for none
-    body : the body as fitted so far, with its shape and scale
+    body : the body as fitted so far, with its shape and scale; known from `start` on
     memory : everything that the next step depends on besides the depth image, picklable; setting it after `start`
         continues an interrupted run exactly
     """
 
     stage_names: tuple[str, ...]
     source_names: tuple[str, ...]
-    settings: Any
-    sensing: SensingSettings
+    settings: TrackerSettings
     database: str
     memory: Any
 
