@@ -18,10 +18,18 @@ from toolkit.mocap.rotations import (
 )  # fmt: skip
 from toolkit.mocap.source import Source
 
-TWIST_PRIOR = 0.0025
-"""Square metres: how much the source's own twist counts against the squared levers (m) of a bent limb's far points."""
+TWIST_PRIOR = 0.0015
+"""Square metres: how much the source's own twist, and as much again a relaxed limb's, count against the squared levers (m)
+of a bent limb's far points."""
+
+BEND = np.sin(np.radians(12.0)) ** 2
+"""Squared sine of the bend at which a far point counts half: a smaller one may as well be an overstretched elbow."""
 
 X, Y = 0, 1
+DOWN: np.ndarray = np.array([0.0, -1.0, 0.0])
+
+Lever = tuple[float, np.ndarray, np.ndarray]
+"""A far point of a limb: its lever (m), its direction in the limb's frame (T, 3) or (3,), the source's direction (T, 3)."""
 
 
 def retarget(clip: Clip, body: Body, rig: Rig | None = None) -> PoseClip:
@@ -56,10 +64,8 @@ def retarget(clip: Clip, body: Body, rig: Rig | None = None) -> PoseClip:
         _clavicle(chain, source, side)
         _arm(chain, source, side)
         _leg(chain, source, side)
-    poses = chain.poses
-    poses[:, skeleton.ROOT_POSITION] = _root_positions(source, body, poses)
-    poses[:, skeleton.ROOT_ROTATION] = unwrapped(poses[:, skeleton.ROOT_ROTATION])
-    return PoseClip(clip.name, poses, clip.frame_rate, clip.name, chain.clamped)
+    chain.poses[:, skeleton.ROOT_POSITION] = _root_positions(source, body, chain.poses)
+    return PoseClip(clip.name, chain.poses, clip.frame_rate, clip.name, chain.clamped)
 
 
 class _Chain:
@@ -94,6 +100,7 @@ class _Chain:
         entries = 3 + np.flatnonzero(skeleton.DOF_JOINT == skeleton.JOINT_NAMES.index(joint))
         axes = skeleton.DOF_AXIS[entries - 3]
         low, high = skeleton.POSE_LIMITS[entries].T
+        vectors = unwrapped(vectors)
         kept = np.zeros_like(vectors)
         kept[:, axes] = np.clip(vectors[:, axes], low, high)
         self.poses[:, entries] = kept[:, axes]
@@ -126,7 +133,7 @@ def _arm(chain: _Chain, source: Source, side: str) -> None:
     _, fore_now = source.bone(elbow, wrist)
     flexion = hinge_angles(upper, fore, Y, (upper_now * fore_now).sum(axis=1), -1.0 if side == "left" else 1.0)
     bent = apply(_about(Y, flexion), fore)
-    chain.turn(shoulder, _aimed(source, shoulder, elbow, upper, [(lever, bent, fore_now)]))
+    chain.turn(shoulder, _aimed(chain, source, shoulder, elbow, [(lever, bent, fore_now)]))
     chain.hinge(elbow, Y, flexion)
     if not source.has(hand):
         chain.set(wrist, np.zeros((source.frames, 3)))
@@ -149,7 +156,7 @@ def _leg(chain: _Chain, source: Source, side: str) -> None:
         _, sole_now = source.bone(ankle, foot)
         pitch = hinge_angles(shin, sole, X, (shin_now * sole_now).sum(axis=1), 0.0)
         levers.append((sole_lever, apply(bent @ _about(X, pitch), sole), sole_now))
-    chain.turn(hip, _aimed(source, hip, knee, thigh, levers))
+    chain.turn(hip, _aimed(chain, source, hip, knee, levers))
     chain.hinge(knee, X, flexion)
     turned = source.rotations[ankle]
     if source.has(foot):
@@ -161,32 +168,40 @@ def _about(axis: int, angles: np.ndarray) -> np.ndarray:
     return matrices(angles[:, None] * np.eye(3)[axis])
 
 
-def _aimed(
-    source: Source, start: str, stop: str, bone: np.ndarray, levers: list[tuple[float, np.ndarray, np.ndarray]]
-) -> np.ndarray:
+def _aimed(chain: _Chain, source: Source, start: str, stop: str, levers: list[Lever]) -> np.ndarray:
     """World rotations (T, 3, 3) of the first joint of a limb: its bone as in the source, its twist by what hangs below.
 
     The twist is the one that brings the far points of the limb nearest to the source's, in the sense of least squares
-    (a planar Procrustes problem), with the source's own twist as a prior of weight `TWIST_PRIOR`, so that a straight limb
-    does not spin. The source's twist is first corrected by its constant offset from the bend planes of the whole clip.
-
-    Parameters
-    ----------
-    bone : (3,), rest direction of the body's bone
-    levers : per far point its lever (m), its direction from the limb's frame (T, 3) and the source's direction (T, 3)
+    (a planar Procrustes problem). Priors of weight `TWIST_PRIOR` keep a straight limb from spinning and winding up: the
+    source's own twist, corrected by its constant offset from the bend planes of the whole clip, and a relaxed limb, half as
+    if swung straight from the T-pose and half as if swung from hanging down.
     """
+    bone, _ = chain.bone(start, stop)
     rest, now = source.bone(start, stop)
     turned = source.rotations[start] @ swing(bone, rest)
     turned = swing(apply(turned, bone), now) @ turned
     evidence = np.zeros(len(now), dtype=np.complex128)
     for lever, own, wanted in levers:
-        moved = apply(turned, own)
-        along = (now * moved).sum(axis=1) * (now * wanted).sum(axis=1)
-        sine = (now * np.cross(moved, wanted)).sum(axis=1)
-        evidence += lever**2 * ((moved * wanted).sum(axis=1) - along + 1j * sine)
-    offset = np.angle(evidence.sum() + len(now) * TWIST_PRIOR)
-    twist = offset + np.angle(evidence * np.exp(-1j * offset) + TWIST_PRIOR)
+        seen = _turns_about(now, apply(turned, own), wanted)
+        size = np.abs(seen)
+        evidence += seen * lever**2 * size / (size + BEND)
+    offset = evidence.sum() + len(now) * TWIST_PRIOR
+    prior = np.full(len(now), offset / abs(offset))
+    parent = chain.world[chain.parent(start)]
+    probe = np.array([0.0, 0.0, 1.0])
+    local = apply(transposed(parent), now)
+    for hanging in (swing(bone, bone), swing(bone, DOWN)):
+        relaxed = parent @ swing(apply(hanging, bone), local) @ hanging
+        untwisted = _turns_about(now, apply(turned, probe), apply(relaxed, probe))
+        prior += 0.5 * untwisted / np.abs(untwisted)
+    twist = np.angle(evidence + TWIST_PRIOR * prior)
     return matrices(twist[:, None] * now) @ turned
+
+
+def _turns_about(axis: np.ndarray, start: np.ndarray, stop: np.ndarray) -> np.ndarray:
+    """Complex (T,): angle of the turn about unit `axis` from `start` to `stop`, times their distances from the axis."""
+    along = (axis * start).sum(axis=1) * (axis * stop).sum(axis=1)
+    return (start * stop).sum(axis=1) - along + 1j * (axis * np.cross(start, stop)).sum(axis=1)
 
 
 def _root_positions(source: Source, body: Body, poses: np.ndarray) -> np.ndarray:
