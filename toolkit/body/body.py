@@ -12,6 +12,13 @@ from toolkit.errors import BodyError
 from toolkit.kernels import kinematics
 
 
+BONE_AXIS: dict[str, int] = {
+    "root": 0, "lumbar": 1, "thorax": 1, "cervical": 1, "clavicle": 0, "shoulder": 0, "elbow": 0, "wrist": 0,
+    "hip": 1, "knee": 1, "ankle": 2,
+}  # fmt: skip
+"""Axis (0 = x, 1 = y, 2 = z) along which the bone below each joint points in the rest pose; below the root, the hips' width."""
+
+
 @dataclass(frozen=True)
 class PlacedJoints:
     """Where a pose puts every joint: rotation vectors (J, 3), rotations (J, 3, 3) and origins (J, 3), metres."""
@@ -88,6 +95,38 @@ class Body:
             joints=self.joints * factor,
             sites=self.sites * factor,
             scale=self.scale * factor,
+        )
+
+    def stretched(self, factors: dict[str, float]) -> Body:
+        """The same body with other bone lengths, both sides alike.
+
+        `factors` (> 0) are keyed by the joint at the upper end without its side: `{"shoulder": 1.05}` makes both upper arms
+        5 % longer, and what hangs below moves along. Each bone is stretched along its axis in the rest pose (`BONE_AXIS`)
+        and vertices follow by their skinning weights, so positions stay linear in the factors of one chain.
+
+        Raises
+        ------
+        BodyError
+            A key is no joint of `BONE_AXIS`, or a factor is not positive.
+        """
+        for name, factor in factors.items():
+            if name not in BONE_AXIS or not factor > 0:
+                raise BodyError(f"cannot stretch {name!r} by {factor}; use a positive factor for one of {', '.join(BONE_AXIS)}")
+        stretch = np.ones((len(skeleton.JOINTS), 3))
+        for j, name in enumerate(skeleton.JOINT_NAMES):
+            key = name.removeprefix("left_").removeprefix("right_")
+            if key in factors:
+                stretch[j, BONE_AXIS[key]] = factors[key]
+        joints = self.joints.copy()
+        for j, parent in enumerate(skeleton.PARENTS):
+            if parent >= 0:
+                joints[j] = joints[parent] + stretch[parent] * (self.joints[j] - self.joints[parent])
+        offset = joints - stretch * self.joints
+        weights = self.skin_weights[..., None]
+        vertices = self.vertices * (weights * stretch[self.skin_joints]).sum(axis=1)
+        sites = self.sites * stretch[skeleton.SITE_PARENTS] + offset[skeleton.SITE_PARENTS]
+        return replace(
+            self, vertices=vertices + (weights * offset[self.skin_joints]).sum(axis=1), joints=joints, sites=sites
         )
 
     def place(self, pose: np.ndarray) -> PlacedJoints:

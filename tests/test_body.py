@@ -1,0 +1,290 @@
+"""The kinematic chain, skinning, their Jacobians, the assets and the shape space."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
+
+from toolkit.body import skeleton
+from toolkit.body.body import Body
+from toolkit.body.shape import ShapeSpace, body_names, load_body, subject_body
+from toolkit.errors import BodyError
+
+LEFT_RIGHT = [
+    skeleton.REPORTED.index(name.replace("left", "RIGHT").replace("right", "left").replace("RIGHT", "right"))
+    for name in skeleton.REPORTED
+]
+
+
+def random_pose(rng: np.random.Generator, spread: float = 1.0) -> np.ndarray:
+    """A pose within the limits, anywhere in space and orientation."""
+    low, high = skeleton.POSE_LIMITS.T
+    pose = np.zeros(skeleton.POSE_SIZE)
+    pose[6:] = rng.uniform(spread * low[6:], spread * high[6:])
+    pose[:3] = rng.normal(size=3)
+    pose[3:6] = rng.normal(size=3)
+    return pose
+
+
+def chain_by_matrices(body: Body, pose: np.ndarray) -> np.ndarray:
+    """Homogeneous transform (18, 4, 4) of every joint, multiplied out from SciPy rotations."""
+    vectors = np.zeros((len(skeleton.JOINTS), 3))
+    for name, value in zip(skeleton.POSE_NAMES[3:], pose[3:], strict=True):
+        joint, _, axis = name.rpartition("_r")
+        vectors[skeleton.JOINT_NAMES.index(joint), "xyz".index(axis)] = value
+    world = np.zeros((len(skeleton.JOINTS), 4, 4))
+    for j, parent in enumerate(skeleton.PARENTS):
+        local = np.eye(4)
+        local[:3, :3] = Rotation.from_rotvec(vectors[j]).as_matrix()
+        local[:3, 3] = pose[:3] if parent < 0 else body.joints[j] - body.joints[parent]
+        world[j] = local if parent < 0 else world[parent] @ local
+    return world
+
+
+def skin_by_matrices(body: Body, pose: np.ndarray) -> np.ndarray:
+    world = chain_by_matrices(body, pose)
+    out = np.zeros_like(body.vertices)
+    for v, (joints, weights) in enumerate(zip(body.skin_joints, body.skin_weights, strict=True)):
+        for j, weight in zip(joints, weights, strict=True):
+            out[v] += weight * (world[j, :3, :3] @ (body.vertices[v] - body.joints[j]) + world[j, :3, 3])
+    return out
+
+
+def volume(vertices: np.ndarray, faces: np.ndarray) -> float:
+    a, b, c = (vertices[faces[:, k]] for k in range(3))
+    return float(np.einsum("ij,ij->", a, np.cross(b, c)) / 6)
+
+
+def edges_of(faces: np.ndarray) -> np.ndarray:
+    return np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]])
+
+
+def edge_lengths(body: Body) -> np.ndarray:
+    first, second = edges_of(body.faces).T
+    return np.linalg.norm(body.vertices[first] - body.vertices[second], axis=1)
+
+
+@pytest.fixture(scope="module")
+def body() -> Body:
+    return load_body()
+
+
+def test_forward_kinematics_and_skinning_agree_with_multiplied_matrices(body: Body) -> None:
+    rng = np.random.default_rng(0)
+    for _ in range(5):
+        pose = random_pose(rng)
+        placed, world = body.place(pose), chain_by_matrices(body, pose)
+        np.testing.assert_allclose(placed.rotations, world[:, :3, :3], atol=1e-12)
+        np.testing.assert_allclose(placed.origins, world[:, :3, 3], atol=1e-12)
+        np.testing.assert_allclose(body.vertex_positions(pose), skin_by_matrices(body, pose), atol=1e-12)
+
+
+@pytest.mark.parametrize("spread", [0.0, 1e-5, 1.0])
+def test_vertex_jacobian_agrees_with_central_differences(body: Body, spread: float) -> None:
+    rng = np.random.default_rng(1)
+    pose = random_pose(rng, spread)
+    chosen = rng.choice(len(body.vertices), 60, replace=False)
+    analytic = body.vertex_jacobian(pose, chosen)
+    step = 1e-6
+    for k in range(skeleton.POSE_SIZE):
+        change = step * np.eye(skeleton.POSE_SIZE)[k]
+        numeric = (body.vertex_positions(pose + change) - body.vertex_positions(pose - change))[chosen] / (2 * step)
+        np.testing.assert_allclose(analytic[:, :, k], numeric, atol=2e-8, err_msg=skeleton.POSE_NAMES[k])
+
+
+def test_joint_jacobian_agrees_with_central_differences(body: Body) -> None:
+    pose = random_pose(np.random.default_rng(2))
+    analytic = body.joint_jacobian(pose)
+    changes = 1e-6 * np.eye(skeleton.POSE_SIZE)
+    numeric = (body.joint_positions(pose + changes) - body.joint_positions(pose - changes)) / 2e-6
+    np.testing.assert_allclose(analytic, numeric.transpose(1, 2, 0), atol=2e-8)
+
+
+def test_many_poses_at_once_give_what_each_gives_alone(body: Body) -> None:
+    rng = np.random.default_rng(3)
+    poses = np.array([[random_pose(rng) for _ in range(3)] for _ in range(2)])
+    joints, tips = body.joint_positions(poses), body.end_effector_positions(poses)
+    assert joints.shape == (2, 3, 20, 3) and tips.shape == (2, 3, 5, 3)
+    for i in np.ndindex(2, 3):
+        np.testing.assert_array_equal(joints[i], body.joint_positions(poses[i]))
+        np.testing.assert_allclose(tips[i], body.vertex_positions(poses[i])[body.end_effectors], atol=1e-12)
+
+
+def test_reported_joints_are_derived_from_hips_and_shoulders(body: Body) -> None:
+    pose = random_pose(np.random.default_rng(4))
+    joints = dict(zip(skeleton.REPORTED, body.joint_positions(pose), strict=True))
+    world = chain_by_matrices(body, pose)
+    for name in ("left_shoulder", "right_knee", "left_wrist"):
+        np.testing.assert_allclose(joints[name], world[skeleton.JOINT_NAMES.index(name), :3, 3], atol=1e-12)
+    np.testing.assert_allclose(joints["pelvis"], (joints["left_hip"] + joints["right_hip"]) / 2, atol=1e-12)
+    np.testing.assert_allclose(joints["neck"], (joints["left_shoulder"] + joints["right_shoulder"]) / 2, atol=1e-12)
+    np.testing.assert_allclose(joints["spine"], 0.6 * joints["pelvis"] + 0.4 * joints["neck"], atol=1e-12)
+    carrier = world[skeleton.JOINT_NAMES.index("cervical")]
+    head = carrier[:3, :3] @ (body.sites[0] - body.joints[skeleton.JOINT_NAMES.index("cervical")]) + carrier[:3, 3]
+    np.testing.assert_allclose(joints["head"], head, atol=1e-12)
+
+
+def test_limits_are_mirror_images_and_admit_the_rest_pose() -> None:
+    limits = dict(zip(skeleton.POSE_NAMES, skeleton.POSE_LIMITS, strict=True))
+    for name, (low, high) in limits.items():
+        assert low <= 0 <= high
+        if name.startswith("left"):
+            mirrored = limits[name.replace("left", "right")]
+            np.testing.assert_array_equal(mirrored, (low, high) if name.endswith("x") else (-high, -low))
+
+
+def mirrored_pose(pose: np.ndarray) -> np.ndarray:
+    """The pose seen in a mirror at x = 0: left and right change places, turns about y and z change sign."""
+    values = dict(zip(skeleton.POSE_NAMES, pose, strict=True))
+    out = []
+    for name in skeleton.POSE_NAMES:
+        other = name.replace("left", "RIGHT").replace("right", "left").replace("RIGHT", "right")
+        negative = name == "root_tx" or (name[-2] == "r" and name[-1] in "yz")
+        out.append(-values[other] if negative else values[other])
+    return np.array(out)
+
+
+@settings(deadline=None, max_examples=20)
+@given(seed=st.integers(0, 10_000))
+def test_a_mirrored_pose_gives_mirrored_joints_and_tips(seed: int) -> None:
+    body, pose = load_body(), random_pose(np.random.default_rng(seed))
+    mirrored = body.joint_positions(mirrored_pose(pose)) * (-1, 1, 1)
+    np.testing.assert_allclose(mirrored[LEFT_RIGHT], body.joint_positions(pose), atol=1e-6)
+    tips = body.end_effector_positions(mirrored_pose(pose)) * (-1, 1, 1)
+    np.testing.assert_allclose(tips[[1, 0, 3, 2, 4]], body.end_effector_positions(pose), atol=1e-6)
+
+
+@pytest.mark.parametrize("name", ["neutral", "slim_male", "heavy_female", "child"])
+def test_the_rest_pose_is_a_t_pose_with_the_left_at_positive_x(name: str) -> None:
+    body = load_body(name)
+    joint = dict(zip(skeleton.JOINT_NAMES, body.joints, strict=True))
+    np.testing.assert_allclose(joint["root"], 0.0)
+    np.testing.assert_allclose((joint["left_hip"] + joint["right_hip"]) / 2, 0.0, atol=1e-6)
+    for side, sign in (("left", 1), ("right", -1)):
+        arm = [joint[f"{side}_{part}"] for part in ("shoulder", "elbow", "wrist")]
+        leg = [joint[f"{side}_{part}"] for part in ("hip", "knee", "ankle")]
+        for upper, lower in zip(arm[:-1], arm[1:], strict=True):
+            assert sign * (lower - upper)[0] > 0.12
+            np.testing.assert_allclose((lower - upper)[1:], 0.0, atol=2e-3)
+        for upper, lower in zip(leg[:-1], leg[1:], strict=True):
+            assert (lower - upper)[1] < -0.25
+            np.testing.assert_allclose((lower - upper)[[0, 2]], 0.0, atol=2e-3)
+    assert body.sites[3, 2] > joint["left_ankle"][2] + 0.05, "feet point to +z"
+    assert body.vertices[body.end_effectors[4], 1] > body.sites[0, 1] + 0.05, "the crown is above the head's centre"
+    assert body.vertices[body.end_effectors[0], 0] > body.sites[1, 0] + 0.04, "fingertips are beyond the knuckles"
+    assert body.vertices[body.end_effectors[2], 2] > body.sites[3, 2] + 0.02, "toe tips are beyond the ball of the foot"
+
+
+@pytest.mark.parametrize("name", body_names())
+def test_every_mesh_is_closed_with_its_faces_outward(name: str) -> None:
+    for body in (load_body(name), subject_body(name, seed=1)):
+        forward = {tuple(edge) for edge in edges_of(body.faces).tolist()}
+        assert len(forward) == 3 * len(body.faces), "no edge is walked twice in one direction"
+        assert all((b, a) in forward for a, b in forward), "each edge has a face on both sides"
+        assert len(body.vertices) - len(forward) // 2 + len(body.faces) == 2, "one closed surface without handles"
+        assert 0.015 < volume(body.vertices, body.faces) < 0.12, "litres of a person, faces counter-clockwise from outside"
+
+
+@pytest.mark.parametrize("name", body_names())
+def test_the_tracker_mesh_covers_each_limb_evenly(name: str) -> None:
+    body = load_body(name)
+    assert 1150 <= len(body.vertices) <= 1250
+    lengths = edge_lengths(body)
+    assert np.quantile(lengths, 0.99) < 2.2 * np.median(lengths)
+    sides = lengths.reshape(3, -1)
+    corner = [body.vertices[body.faces[:, k]] for k in range(3)]
+    area = 0.5 * np.linalg.norm(np.cross(corner[1] - corner[0], corner[2] - corner[0]), axis=1)
+    quality = 4 * np.sqrt(3) * area / (sides**2).sum(axis=0)
+    assert np.median(quality) > 0.9 and np.quantile(quality, 0.02) > 0.5, "1 is an equilateral triangle"
+    per_part = np.bincount(body.part, minlength=len(skeleton.JOINTS))
+    assert per_part[skeleton.JOINT_NAMES.index("cervical")] < 100, "the head is not crowded"
+    for part in ("shoulder", "elbow", "wrist", "hip", "knee", "ankle"):
+        assert per_part[skeleton.JOINT_NAMES.index(f"left_{part}")] >= 40
+
+
+def test_weights_are_few_positive_and_local(body: Body) -> None:
+    assert body.skin_weights.shape[1] <= 4 and (body.skin_weights >= 0).all()
+    np.testing.assert_allclose(body.skin_weights.sum(axis=1), 1.0)
+    first, second = edges_of(body.faces).T
+    dense = np.zeros((len(body.vertices), len(skeleton.JOINTS)))
+    np.add.at(dense, (np.arange(len(dense))[:, None], body.skin_joints), body.skin_weights)
+    assert np.abs(dense[first] - dense[second]).max() < 0.75, "weights change gradually from vertex to vertex"
+    assert dense[body.vertices[:, 0] < -0.02][:, skeleton.JOINT_NAMES.index("left_hip")].max() < 0.2
+
+
+@settings(deadline=None, max_examples=20)
+@given(st.lists(st.floats(-3, 3), min_size=10, max_size=10))
+def test_shape_coefficients_come_back_from_their_body(coefficients: list[float]) -> None:
+    space = ShapeSpace.load()
+    np.testing.assert_allclose(space.project(space.body(coefficients)), coefficients, atol=1e-5)
+
+
+def test_named_bodies_differ_as_their_names_say() -> None:
+    volumes = {name: volume(load_body(name).vertices, load_body(name).faces) for name in body_names()}
+    heights = {name: load_body(name).height for name in body_names()}
+    assert volumes["heavy_male"] > 1.3 * volumes["slim_male"] and volumes["heavy_female"] > 1.3 * volumes["slim_female"]
+    assert heights["tall_male"] > 1.85 and heights["short_female"] < 1.62 and heights["child"] < 1.4
+    assert 1.6 < heights["neutral"] < 1.8
+
+
+def test_a_subject_is_finer_and_skinned_by_other_weights_than_the_tracker(body: Body) -> None:
+    subject = subject_body("neutral")
+    assert len(subject.vertices) == 13_380
+    np.testing.assert_allclose(subject.joints, body.joints, atol=5e-3)
+    nearest = np.linalg.norm(body.vertices[:, None] - subject.vertices[None, ::4], axis=2).argmin(axis=1)
+    assert (subject.part[::4][nearest] == body.part).mean() > 0.85
+
+
+def test_a_seed_deforms_a_subject_locally_and_repeatably() -> None:
+    plain, first, again, other = (subject_body("neutral", seed=seed) for seed in (None, 1, 1, 2))
+    np.testing.assert_array_equal(first.vertices, again.vertices)
+    for deformed in (first, other):
+        moved = np.linalg.norm(deformed.vertices - plain.vertices, axis=1)
+        assert 0.003 < np.median(moved) < 0.1
+    assert not np.allclose(first.vertices, other.vertices)
+
+
+def test_scaling_scales_positions_and_records_the_factor(body: Body) -> None:
+    larger = ShapeSpace.load().body(body.shape, scale=1.2)
+    np.testing.assert_allclose(larger.vertices, 1.2 * body.vertices)
+    np.testing.assert_allclose(larger.joints, 1.2 * body.joints)
+    assert larger.scale == pytest.approx(1.2)
+
+
+def test_stretching_changes_the_named_bones_and_nothing_else(body: Body) -> None:
+    longer = body.stretched({"shoulder": 1.1, "knee": 0.9})
+
+    def length(which: Body, upper: str, lower: str) -> float:
+        a, b = (which.joints[skeleton.JOINT_NAMES.index(name)] for name in (upper, lower))
+        return float(np.linalg.norm(a - b))
+
+    for side in ("left", "right"):
+        for (upper, lower), factor in (
+            (("shoulder", "elbow"), 1.1), (("elbow", "wrist"), 1.0), (("hip", "knee"), 1.0), (("knee", "ankle"), 0.9),
+        ):  # fmt: skip
+            before, after = (length(b, f"{side}_{upper}", f"{side}_{lower}") for b in (body, longer))
+            assert after == pytest.approx(factor * before, rel=1e-3)
+    np.testing.assert_allclose(body.stretched({}).vertices, body.vertices, atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("call", "words"),
+    [
+        (lambda: load_body("giant"), "neutral"),
+        (lambda: subject_body("giant"), "neutral"),
+        (lambda: ShapeSpace.load().body(np.zeros(11)), "at most 10"),
+        (lambda: ShapeSpace.load().body([np.nan]), "finite"),
+        (lambda: load_body().scaled(0.0), "positive"),
+        (lambda: load_body().stretched({"nose": 2.0}), "shoulder"),
+        (lambda: load_body().stretched({"knee": -1.0}), "positive"),
+        (lambda: ShapeSpace.load().project(subject_body()), "vertices"),
+        (lambda: load_body().joint_positions(np.zeros(7)), "43"),
+        (lambda: load_body().vertex_positions(np.full(43, np.nan)), "finite"),
+    ],
+)
+def test_a_bad_argument_is_named_with_the_way_out(call: object, words: str) -> None:
+    with pytest.raises(BodyError, match=words):
+        call()  # type: ignore[operator]

@@ -1,0 +1,102 @@
+"""Depth images of a body through Open3D's ray caster: no GL, no display.
+
+Rays go through pixel centres at integer coordinates (Open3D's own pinhole rays would go through u + 0.5) with direction
+`(x/z, y/z, 1)`, so that the distance along a ray is the depth along z.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from toolkit.body.body import Body
+from toolkit.sensing.camera import Camera
+
+
+@dataclass(frozen=True)
+class Hits:
+    """What each pixel sees.
+
+    Attributes
+    ----------
+    depth : float32 (H, W), metres along z, 0 where nothing is hit
+    triangles : int32 (H, W), index of the triangle, -1 where nothing is hit
+    normals : float32 (H, W, 3), unit normals of the triangles in the camera frame, 0 where nothing is hit
+    """
+
+    depth: np.ndarray
+    triangles: np.ndarray
+    normals: np.ndarray
+
+
+def cast(vertices_camera: np.ndarray, faces: np.ndarray, camera: Camera) -> Hits:
+    """Nearest surface of a mesh along every pixel's ray.
+
+    Parameters
+    ----------
+    vertices_camera : (V, 3), metres, camera frame; a mesh that reaches behind the camera is cut at the camera
+    faces : int (F, 3)
+    camera : its lens distortion bends the rays
+    """
+    from open3d.core import Tensor
+    from open3d.t.geometry import RaycastingScene
+
+    hits = Hits(
+        np.zeros(camera.shape, dtype=np.float32),
+        np.full(camera.shape, -1, dtype=np.int32),
+        np.zeros((*camera.shape, 3), dtype=np.float32),
+    )
+    slopes = camera.rays()
+    window = _window(vertices_camera, slopes)
+    seen = slopes[window]
+    if seen.size == 0:
+        return hits
+    rays = np.zeros((*seen.shape[:2], 6), dtype=np.float32)
+    rays[..., 3:5], rays[..., 5] = seen, 1.0
+    scene = RaycastingScene()
+    scene.add_triangles(Tensor.from_numpy(vertices_camera.astype(np.float32)), Tensor.from_numpy(faces.astype(np.uint32)))
+    answer = scene.cast_rays(Tensor.from_numpy(rays))
+    distance = answer["t_hit"].numpy()
+    hit = np.isfinite(distance)
+    hits.depth[window] = np.where(hit, distance, 0.0)
+    hits.triangles[window] = np.where(hit, answer["primitive_ids"].numpy().astype(np.int64), -1)
+    normals = answer["primitive_normals"].numpy()
+    length = np.linalg.norm(normals, axis=-1, keepdims=True)
+    hits.normals[window] = np.where(hit[..., None], normals / np.maximum(length, 1e-12), 0.0)
+    return hits
+
+
+def cast_body(body: Body, pose_level: np.ndarray, camera: Camera, R_level_camera: np.ndarray) -> Hits:  # noqa: N803
+    """What a camera sees of a body.
+
+    Parameters
+    ----------
+    pose_level : float (P,), a pose in the level frame (y up along gravity, origin at the camera)
+    R_level_camera : float (3, 3), takes the camera frame to the level frame
+
+    Raises
+    ------
+    BodyError
+        The pose has a wrong length or is not finite.
+    """
+    return cast(body.vertex_positions(pose_level) @ R_level_camera, body.faces, camera)
+
+
+def render_depth(body: Body, pose_level: np.ndarray, camera: Camera, R_level_camera: np.ndarray) -> np.ndarray:  # noqa: N803
+    """Depth image of a body: float32 (H, W), metres along z, 0 where there is nothing. Arguments as in `cast_body`."""
+    return cast_body(body, pose_level, camera, R_level_camera).depth
+
+
+def _window(vertices_camera: np.ndarray, slopes: np.ndarray) -> tuple[slice, slice]:
+    """Rows and columns whose rays can meet the mesh; the whole image if a vertex lies beside or behind the camera."""
+    height, width = slopes.shape[:2]
+    z = vertices_camera[:, 2]
+    if (z <= 0.01).any():
+        return slice(0, height), slice(0, width)
+    reach = vertices_camera[:, :2] / z[:, None]
+    inside = ((slopes >= reach.min(axis=0)) & (slopes <= reach.max(axis=0))).all(axis=-1)
+    rows, columns = np.flatnonzero(inside.any(axis=1)), np.flatnonzero(inside.any(axis=0))
+    if len(rows) == 0:
+        return slice(0, 0), slice(0, 0)
+    return slice(int(rows[0]), int(rows[-1]) + 1), slice(int(columns[0]), int(columns[-1]) + 1)
