@@ -8,7 +8,9 @@ from numba import njit
 
 @njit(cache=True)
 def index_pixels(depth: np.ndarray, index: np.ndarray, pixels: np.ndarray) -> int:
-    """Number the pixels with depth > 0 in row-major order; fills `index` (H, W, -1 elsewhere) and `pixels`; their count."""
+    """Number the pixels with depth > 0 in row-major order; fills `index` (H, W, -1 elsewhere) and `pixels`; their
+    count.
+    """
     height, width = depth.shape
     n = 0
     for v in range(height):
@@ -46,9 +48,9 @@ def label_components(
 ) -> int:
     """Connected components of a padded depth image, in the window `box` (v0, v1, u0, u1, ends excluded).
 
-    Two 4-neighbours belong together if their depths differ by at most `jump_mm + jump_per_m2 * z^2` (z in metres, the nearer
-    one). Fills `labels` (as `depth`) with 1..n in the order of each component's first pixel, 0 where depth is 0, inside the
-    window only. `parents` is a work array of at least the window's size / 2 + 2.
+    Two 4-neighbours belong together if their depths differ by at most `jump_mm + jump_per_m2 * z^2` (z in metres,
+    the nearer one). Fills `labels` (as `depth`) with 1..n in the order of each component's first pixel, 0 where
+    depth is 0, inside the window only. `parents` is a work array of at least the window's size / 2 + 2.
 
     Returns
     -------
@@ -121,8 +123,8 @@ def component_extents(
 ) -> None:
     """Pixels, area and extent of every component in the window `box` of a padded image.
 
-    Fills `sizes` (n, 2): pixels, and the area in m^2 that they cover at their depth, seen head on; and `extents` (n, 3, 2):
-    lowest and highest x, y, z after turning by `rotation` (3, 3), metres.
+    Fills `sizes` (n, 2): pixels, and the area in m^2 that they cover at their depth, seen head on; and `extents` (n,
+    3, 2): lowest and highest x, y, z after turning by `rotation` (3, 3), metres.
     """
     fx, fy, cx, cy = intrinsics[0], intrinsics[1], intrinsics[2], intrinsics[3]
     sizes[:count] = 0.0
@@ -148,7 +150,9 @@ def component_extents(
 
 @njit(cache=True)
 def keep_labels(depth: np.ndarray, box: np.ndarray, labels: np.ndarray, kept: np.ndarray) -> None:
-    """Set depth to 0 in the window `box` wherever the component's entry of `kept` (n + 1, bool, entry 0 unused) is False."""
+    """Set depth to 0 in the window `box` wherever the component's entry of `kept` (n + 1, bool, entry 0 unused) is
+    False.
+    """
     for v in range(box[0], box[1]):
         for u in range(box[2], box[3]):
             if labels[v, u] > 0 and not kept[labels[v, u]]:
@@ -176,10 +180,12 @@ def take_foreground(
     padded: np.ndarray,
     box: np.ndarray,
 ) -> int:
-    """Copy what lies between `near_mm` and `far_mm`, and before the background, into `padded` (H + 2, W + 2, zero border).
+    """Copy what lies between `near_mm` and `far_mm`, and before the background, into `padded` (H + 2, W + 2, zero
+    border).
 
-    A pixel is kept where the background is 0 (unknown) or farther by more than `margin_mm + margin_per_m2 * z^2` (z in metres
-    of the background). `box` becomes the window (v0, v1, u0, u1, ends excluded) of the kept pixels, in padded indices.
+    A pixel is kept where the background is 0 (unknown) or farther by more than `margin_mm + margin_per_m2 * z^2` (z
+    in metres of the background). `box` becomes the window (v0, v1, u0, u1, ends excluded) of the kept pixels, in
+    padded indices.
 
     Returns
     -------
@@ -218,9 +224,9 @@ def delete_contour(
     """Copy the window `box` of `padded` to `out` (same shape) without the pixels that too few neighbours support.
 
     A neighbour (of 8) supports a pixel if it is set and its depth differs by at most `tolerance_mm + tolerance_per_m2 *
-    z^2`, or if the line through it and the pixel behind it meets the pixel's depth by that much: a limb that points at the
-    camera is steep, not torn. With `support` 3 lonely and mixed pixels go and straight edges stay; with 8 the whole contour
-    goes.
+    z^2`, or if the line through it and the pixel behind it meets the pixel's depth by that much: a limb that points
+    at the camera is steep, not torn. With `support` 3 lonely and mixed pixels go and straight edges stay; with 8 the
+    whole contour goes.
     """
     height, width = padded.shape
     for v in range(box[0], box[1]):
@@ -253,31 +259,57 @@ def delete_contour(
 def median_to_metres(padded: np.ndarray, box: np.ndarray, step: int, median: bool, out: np.ndarray) -> None:
     """Depth in metres of every `step`-th pixel of the window `box`, after a 3x3 median over the set pixels (0 stays 0).
 
-    For an even number of set pixels the lower of the two middle ones is taken, which is a depth that was measured. `out` is
-    float32 (ceil(H / step), ceil(W / step)), zero outside the window already.
+    For an even number of set pixels the lower of the two middle ones is taken, which is a depth that was measured.
+    `out` is float32 (ceil(H / step), ceil(W / step)), zero outside the window already.
     """
-    values = np.empty(9, dtype=np.int64)
+    values = np.empty(9, dtype=np.int32)
     first_v = box[0] + (1 - box[0]) % step
     first_u = box[2] + (1 - box[2]) % step
     for v in range(first_v, box[1], step):
         for u in range(first_u, box[3], step):
-            if padded[v, u] == 0:
+            z = np.int32(padded[v, u])
+            if z == 0:
                 continue
-            if not median:
-                out[(v - 1) // step, (u - 1) // step] = padded[v, u] * 1e-3
-                continue
-            n = 0
-            for dv in range(-1, 2):
-                for du in range(-1, 2):
-                    z = int(padded[v + dv, u + du])
-                    if z > 0:
-                        k = n
-                        while k > 0 and values[k - 1] > z:
-                            values[k] = values[k - 1]
-                            k -= 1
-                        values[k] = z
-                        n += 1
-            out[(v - 1) // step, (u - 1) // step] = values[(n - 1) // 2] * 1e-3
+            if median:
+                n = 0
+                for dv in range(-1, 2):
+                    for du in range(-1, 2):
+                        values[n] = padded[v + dv, u + du]
+                        n += values[n] > 0
+                z = _median_of_9(values) if n == 9 else _lower_median(values, n)
+            out[(v - 1) // step, (u - 1) // step] = z * np.float32(1e-3)
+
+
+@njit(cache=True)
+def _lower_median(values: np.ndarray, n: int) -> int:
+    for i in range(1, n):
+        z = values[i]
+        k = i
+        while k > 0 and values[k - 1] > z:
+            values[k] = values[k - 1]
+            k -= 1
+        values[k] = z
+    return values[(n - 1) // 2]
+
+
+@njit(cache=True)
+def _median_of_9(p: np.ndarray) -> int:
+    """Median without branches: sorted columns, then the median of the largest low, the middle middle and the least
+    high.
+    """
+    a0, a1, a2 = _sorted_3(p[0], p[1], p[2])
+    b0, b1, b2 = _sorted_3(p[3], p[4], p[5])
+    c0, c1, c2 = _sorted_3(p[6], p[7], p[8])
+    low = max(max(a0, b0), c0)
+    high = min(min(a2, b2), c2)
+    middle = max(min(a1, b1), min(max(a1, b1), c1))
+    return max(min(low, middle), min(max(low, middle), high))
+
+
+@njit(cache=True)
+def _sorted_3(a: int, b: int, c: int) -> tuple[int, int, int]:
+    low, high = min(a, b), max(a, b)
+    return min(low, c), max(low, min(high, c)), max(high, c)
 
 
 @njit(cache=True)
@@ -346,3 +378,20 @@ def refine_mask(
                 u_low, u_high = min(u_low, u), max(u_high, u)
     box[0], box[1], box[2], box[3] = v_low + 1, v_high + 2, u_low + 1, u_high + 2
     return total
+
+
+@njit(cache=True)
+def z_buffer(points: np.ndarray, intrinsics: np.ndarray, image: np.ndarray) -> None:
+    """Depth of the nearest of `points` (N, 3) in every pixel; `image` (H, W) is 0 where there is none, and must come
+    so.
+    """
+    height, width = image.shape
+    fx, fy, cx, cy = intrinsics[0], intrinsics[1], intrinsics[2], intrinsics[3]
+    for n in range(points.shape[0]):
+        z = points[n, 2]
+        if z <= 0:
+            continue
+        u = int(np.floor(points[n, 0] / z * fx + cx + 0.5))
+        v = int(np.floor(points[n, 1] / z * fy + cy + 0.5))
+        if 0 <= u < width and 0 <= v < height and (image[v, u] == 0 or z < image[v, u]):
+            image[v, u] = z

@@ -57,10 +57,12 @@ class Camera:
                     f"intrinsics {self._text} are absurd for an image of {self.width}x{self.height}: a focal length of "
                     f"{focal:g} pixels; give fx, fy, cx, cy in pixels"
                 )
-        if not (-0.5 * self.width <= self.cx <= 1.5 * self.width and -0.5 * self.height <= self.cy <= 1.5 * self.height):
+        if not (
+            -0.5 * self.width <= self.cx <= 1.5 * self.width and -0.5 * self.height <= self.cy <= 1.5 * self.height
+        ):
             raise RecordingError(
-                f"intrinsics {self._text} are absurd for an image of {self.width}x{self.height}: the principal point lies "
-                "far outside; give fx, fy, cx, cy in pixels"
+                f"intrinsics {self._text} are absurd for an image of {self.width}x{self.height}: the principal point "
+                "lies far outside; give fx, fy, cx, cy in pixels"
             )
         if self.distortion is not None and not (len(self.distortion) == 5 and np.isfinite(self.distortion).all()):
             raise RecordingError(f"distortion {self.distortion} is not five finite numbers k1, k2, p1, p2, k3")
@@ -159,8 +161,8 @@ class Camera:
 def level_rotation(up_camera: np.ndarray) -> np.ndarray:
     """`R_level_camera`, float64 (3, 3): y up along gravity, z horizontally towards the camera, x = y x z.
 
-    `up_camera` (3,) is the vertical in the camera frame, of any length. For a camera that looks straight up or down, z is
-    taken from the image's vertical, the limit of tilting it there.
+    `up_camera` (3,) is the vertical in the camera frame, of any length. For a camera that looks straight up or down,
+    z is taken from the image's vertical, the limit of tilting it there.
 
     Raises
     ------

@@ -13,7 +13,7 @@ from toolkit.errors import RecordingError, SettingsError
 from toolkit.kernels import depth as kernels
 from toolkit.sensing.camera import DEFAULT_UP, Camera
 from toolkit.sensing.recording import Recording
-from toolkit.sensing.segmentation import Segmenter, SegmentationMode
+from toolkit.sensing.segmentation import SegmentationMode, Segmenter
 
 CONTOURS = {"keep": 0, "mixed": 3, "delete": 8}
 """Neighbours (of 8) at its depth that a pixel needs in order to stay, by the setting `contour`."""
@@ -30,13 +30,15 @@ class SensingSettings:
         person-sized thing in the room), "seed:U,V" (the thing at this pixel of the first frame)
     subject : who is meant where there are several people: "only" (two are an error), "largest" or "nearest"
     near, far : metres; depth outside is not used. A Kinect starts at 0.4 m, and no person beyond 8 m has enough pixels
-    background_margin : metres that a pixel must lie before the background, on top of the quantisation of both; a ToF camera's
-        noise is 1 to 2 cm, and a sole is 4 cm above the floor
-    contour : "mixed" deletes pixels that fewer than 3 of their 8 neighbours support, "delete" every pixel at an edge as the
-        paper does, "keep" none. A forearm is 3 to 4 pixels wide at 176x144, so deleting its contours leaves one or two
-    contour_tolerance : metres within which a neighbour supports a pixel, on top of the quantisation; the side of a forearm
-        falls off by 2 cm a pixel at 3 m
-    quantisation : metres at 1 m; grows with the square of the distance. A Kinect v1 has 2.5 cm at 3 m (Baak 2013, 5.3.1)
+    background_margin : metres that a pixel must lie before the background, on top of the quantisation of both; a ToF
+        camera's noise is 1 to 2 cm, and a sole is 4 cm above the floor
+    contour : "mixed" deletes pixels that fewer than 3 of their 8 neighbours support, "delete" every pixel at an edge
+        as the paper does, "keep" none. A forearm is 3 to 4 pixels wide at 176x144, so deleting its contours leaves
+        one or two
+    contour_tolerance : metres within which a neighbour supports a pixel, on top of the quantisation; the side of a
+        forearm falls off by 2 cm a pixel at 3 m
+    quantisation : metres at 1 m; grows with the square of the distance. A Kinect v1 has 2.5 cm at 3 m (Baak 2013,
+        5.3.1)
     median : take the 3x3 median
     half_resolution : keep every second pixel of every second row
     """
@@ -116,8 +118,8 @@ class Cleaner:
 
         Returns
         -------
-        float32 (H', W') of `self.camera`, metres along z, 0 = nothing or not the person. A new array. All zero for a frame
-        without a person.
+        float32 (H', W') of `self.camera`, metres along z, 0 = nothing or not the person. A new array. All zero for a
+        frame without a person.
 
         Raises
         ------
@@ -137,7 +139,12 @@ class Cleaner:
             return out
         _clear_around(self._kept, box)
         kernels.delete_contour(
-            person, box, 1000 * settings.contour_tolerance, 1000 * settings.quantisation, CONTOURS[settings.contour], self._kept
+            person,
+            box,
+            1000 * settings.contour_tolerance,
+            1000 * settings.quantisation,
+            CONTOURS[settings.contour],
+            self._kept,
         )
         kernels.median_to_metres(self._kept, box, 2 if settings.half_resolution else 1, settings.median, out)
         return out

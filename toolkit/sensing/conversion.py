@@ -46,14 +46,16 @@ class DepthConverter:
             The image has another shape or type, or the first one that holds a measurement has an absurd median.
         """
         if raw.shape != camera.shape:
-            raise RecordingError(f"{what} has shape {raw.shape}, expected {camera.shape}; all frames must have one size")
+            raise RecordingError(
+                f"{what} has shape {raw.shape}, expected {camera.shape}; all frames must have one size"
+            )
         if raw.dtype.kind not in "uif":
             raise RecordingError(f"{what} has type {raw.dtype}; depth must be numbers, uint16 millimetres best")
+        if check and not self._checked:
+            self._check(raw, what)
         depth = raw
         if raw.dtype != np.uint16 or self._factor != 1.0 or self.radial:
             depth = self._millimetres(raw, camera)
-        if check and not self._checked:
-            self._check(depth, raw, what)
         return np.ascontiguousarray(depth[:, ::-1] if self.mirrored else depth)
 
     def _millimetres(self, raw: np.ndarray, camera: Camera) -> np.ndarray:
@@ -66,24 +68,25 @@ class DepthConverter:
             usable = (values > 0) & (values <= LARGEST_MM)
         rounded = np.zeros(values.shape, dtype=np.uint16)
         rounded[usable] = np.rint(values[usable])
-        # A metre read as a millimetre would round away: let the check below see it.
-        if self._factor == 1.0 and not self._checked and usable.any() and values[usable].max() < NEAREST_MEDIAN_MM:
-            rounded[usable] = np.maximum(rounded[usable], 1)
         return rounded
 
-    def _check(self, depth: np.ndarray, raw: np.ndarray, what: str) -> None:
-        measured = depth[depth > 0]
+    def _check(self, raw: np.ndarray, what: str) -> None:
+        measured = raw[np.isfinite(raw) & (raw > 0)]
         if not measured.size:
             return
-        median = float(np.median(measured))
-        if not NEAREST_MEDIAN_MM <= median <= FARTHEST_MEDIAN_MM:
-            stored = float(np.median(raw[np.isfinite(raw) & (raw > 0)]))
-            hint = "'m'" if stored < NEAREST_MEDIAN_MM else "the metres of one unit, such as 0.0002"
+        stored = float(np.median(measured))
+        if not self._plausible(self._factor * stored):
+            fitting = [f"'{u}'" for u in ("mm", "m") if self._plausible(1000 * stored * unit_in_metres(u))]
             raise RecordingError(
-                f"{what} has a median value of {stored:g}, which would be {median / 1000:g} m with depth_unit={self.unit!r}; "
-                f"set depth_unit to {hint}"
+                f"{what} has a median value of {stored:g}, which is {self._factor * stored / 1000:g} m with "
+                f"depth_unit={self.unit!r}; set depth_unit to "
+                f"{' or '.join(fitting) or 'the metres of one unit, such as 0.0002'}"
             )
         self._checked = True
+
+    @staticmethod
+    def _plausible(median_mm: float) -> bool:
+        return NEAREST_MEDIAN_MM <= median_mm <= FARTHEST_MEDIAN_MM
 
 
 def unit_in_metres(unit: str | float) -> float:

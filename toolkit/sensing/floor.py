@@ -39,8 +39,9 @@ class Floor:
 def find_floor(depth_mm: np.ndarray, camera: Camera) -> Floor | None:
     """The floor in a depth image, uint16 (H, W) millimetres, or None where no floor is visible.
 
-    Planes are taken one after the other by RANSAC (Open3D) from a sample of the points. The floor is the largest one that is
-    nearly level for a camera tilted by up to 50 degrees, has the scene above it and is larger than any plane of a person.
+    Planes are taken one after the other by RANSAC (Open3D) from a sample of the points. The floor is the largest one
+    that is nearly level for a camera tilted by up to 50 degrees, has the scene above it and is larger than any plane
+    of a person.
     """
     v, u = np.nonzero(depth_mm)
     if len(v) * _pixel_area(depth_mm, camera) < SMALLEST_AREA:

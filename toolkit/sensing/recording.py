@@ -1,7 +1,7 @@
 """What a camera saw: the `Recording` protocol, the one class behind it, and opening and saving.
 
-A recording is never mirrored: a person who faces the camera has the left hand at positive x. Frames are handed out one at a
-time; a long recording is never read whole.
+A recording is never mirrored: a person who faces the camera has the left hand at positive x. Frames are handed out
+one at a time; a long recording is never read whole.
 """
 
 from __future__ import annotations
@@ -31,6 +31,9 @@ __all__ = [
 ]
 
 
+LENGTHS = {"intrinsics": 4, "size": 2, "up_camera": 3}
+
+
 class Recording(Protocol):
     """A depth recording. Depth is uint16 (H, W), millimetres along z, 0 = no measurement.
 
@@ -57,7 +60,9 @@ class Recording(Protocol):
     options: dict[str, Any]
 
     @property
-    def up_camera(self) -> np.ndarray: ...
+    def up_camera(self) -> np.ndarray:
+        """The vertical in the camera frame, float64 (3,), of length 1."""
+        ...
 
     def __len__(self) -> int: ...
 
@@ -79,11 +84,17 @@ class FrameSource(Protocol):
 
     def __len__(self) -> int: ...
 
-    def depth(self, i: int) -> np.ndarray: ...
+    def depth(self, i: int) -> np.ndarray:
+        """Raw frame `i`: numbers (H, W)."""
+        ...
 
-    def frames(self) -> Iterator[np.ndarray]: ...
+    def frames(self) -> Iterator[np.ndarray]:
+        """Raw frames in order."""
+        ...
 
-    def color(self, i: int) -> np.ndarray | None: ...
+    def color(self, i: int) -> np.ndarray | None:
+        """Colour of frame `i`, uint8 (H, W, 3), RGB, or None."""
+        ...
 
 
 @dataclass(frozen=True)
@@ -95,7 +106,7 @@ class ReaderOptions:
     format : "npz", "utd_mhad", "png", "raw" or "cloud"; guessed from the path if None
     mirrored : the source shows the scene as a mirror does; its images are flipped. None leaves it to the reader
     radial : pixels hold the distance to the camera's centre instead of the depth along z
-    depth_unit : "mm", "m" or the metres of one unit, such as 0.0002
+    depth_unit : "mm", "m" or the metres of one unit, such as 0.0002; None is "mm", for clouds "m"
     intrinsics : fx, fy, cx, cy in pixels, or the path of a JSON file that holds them
     size : width and height in pixels, for raw files and for clouds without a pixel grid
     frame_rate : frames per second of a source without timestamps
@@ -108,7 +119,7 @@ class ReaderOptions:
     format: str | None = None
     mirrored: bool | None = None
     radial: bool = False
-    depth_unit: str | float = "mm"
+    depth_unit: str | float | None = None
     intrinsics: str | tuple[float, ...] | None = None
     size: tuple[int, int] | None = None
     frame_rate: float = 30.0
@@ -130,7 +141,9 @@ class ReaderOptions:
         unknown = sorted(set(options) - set(names))
         if unknown:
             raise UsageError(f"unknown reader option {unknown[0]!r}; there are: {', '.join(names)}")
-        plain = {k: _plain(v) for k, v in options.items()}
+        plain = {
+            k: _numbers(k, v) if k in ("intrinsics", "size", "up_camera") else _plain(v) for k, v in options.items()
+        }
         made = cls(**plain)
         if not made.frame_rate > 0:
             raise UsageError(f"frame_rate {made.frame_rate} is not positive; give frames per second")
@@ -147,14 +160,31 @@ class ReaderOptions:
 def _plain(value: Any) -> Any:
     if isinstance(value, Path):
         return str(value)
-    return tuple(value) if isinstance(value, (list, np.ndarray)) else value
+    return value
+
+
+def _numbers(name: str, value: Any) -> Any:
+    """Numbers given as a list, an array or a text such as `320,240`; another text is a path."""
+    if value is None:
+        return None
+    parts = value.split(",") if isinstance(value, str) else value
+    try:
+        numbers = tuple(float(part) for part in parts)
+    except (TypeError, ValueError):
+        if name == "intrinsics" and isinstance(value, (str, Path)):
+            return str(value)
+        raise UsageError(f"{name} {value!r} is not {LENGTHS[name]} numbers") from None
+    if len(numbers) != LENGTHS[name]:
+        raise UsageError(f"{name} {value!r} is not {LENGTHS[name]} numbers")
+    return tuple(int(n) for n in numbers) if name == "size" else numbers
 
 
 @dataclass(eq=False)
 class StoredRecording:
     """The one implementation of `Recording`: raw frames from a `FrameSource`, converted on the way out.
 
-    Metadata are given in the frame of the raw images; a mirrored source has them flipped here, together with its images.
+    Metadata are given in the frame of the raw images; a mirrored source has them flipped here, together with its
+    images.
     """
 
     name: str
@@ -177,7 +207,9 @@ class StoredRecording:
         self.joints = check_joints(self.joints, count, "joints", self.path)
         self.reference_joints = check_joints(self.reference_joints, count, "reference_joints", self.path)
         if self.background is not None:
-            self.background = self.converter.convert(np.asarray(self.background), self.camera, "background", check=False)
+            self.background = self.converter.convert(
+                np.asarray(self.background), self.camera, "background", check=False
+            )
             if self.background.shape != shape:
                 raise RecordingError(
                     f"the background of {self.path} has shape {self.background.shape}, the frames have {shape}; "

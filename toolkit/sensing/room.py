@@ -1,7 +1,7 @@
 """Finding a person in one depth image of a room, without a background.
 
-The floor is taken away, what is left falls into surfaces where depth jumps, surfaces of a person's size are taken for people,
-and the smaller ones that touch them for their limbs. From the second frame on the person is where it was.
+The floor is taken away, what is left falls into surfaces where depth jumps, surfaces of a person's size are taken
+for people, and the smaller ones that touch them for their limbs. From the second frame on the person is where it was.
 """
 
 from __future__ import annotations
@@ -26,7 +26,9 @@ SEED_DEPTH = 1.3  # m
 UPRIGHT = 0.8  # height over width of a seed: a sofa lies, a person stands or sits
 LIMB_AREA = 0.1  # m^2: a leg, an arm with its hand
 PART_AREA = 0.3  # m^2: half a body, where the other half's column holds it
-COLUMN = np.array([0.05, 0.35, 0.15])  # m by which a part may stand out of the body's box: x, upwards, z (a head, a hand)
+COLUMN = np.array(
+    [0.05, 0.35, 0.15]
+)  # m by which a part may stand out of the body's box: x, upwards, z (a head, a hand)
 CONTACT_REACH = 0.1  # m between a limb's edge and the body before or behind it
 CONTACT_RADIUS = 3  # coarse pixels
 CONTACTS = 100  # pairs of pixels: a wrist's width; furniture that is brushed against has fewer
@@ -191,22 +193,24 @@ class RoomSegmenter:
         return [int(people[np.argmax(surfaces.areas[people])])]
 
     def _at_seed(self, surfaces: Surfaces) -> list[int]:
-        assert self._seed is not None
-        u, v = (int(round(s / self._step)) for s in self._seed)
+        u, v = (int(round(s / self._step)) for s in self._seed or ())
         if not (0 <= v < self._coarse.height and 0 <= u < self._coarse.width):
             raise SegmentationError(
                 f"the seed {self._seed} lies outside the image of {self._camera.width}x{self._camera.height} pixels; "
                 "give U,V of a pixel of the person"
             )
-        around = surfaces.labels[max(v - SEED_RADIUS, 0) : v + SEED_RADIUS + 1, max(u - SEED_RADIUS, 0) : u + SEED_RADIUS + 1]
+        rows = slice(max(v - SEED_RADIUS, 0), v + SEED_RADIUS + 1)
+        around = surfaces.labels[rows, max(u - SEED_RADIUS, 0) : u + SEED_RADIUS + 1]
+            max(v - SEED_RADIUS, 0) : v + SEED_RADIUS + 1, max(u - SEED_RADIUS, 0) : u + SEED_RADIUS + 1
+        ]
         votes = np.bincount(around[around > 0], minlength=1)
         if not votes.any():
             raise SegmentationError(f"there is no surface at the seed {self._seed}; give U,V of a pixel of the person")
         return [int(np.argmax(votes)) - 1]
 
     def _with_limbs(self, surfaces: Surfaces, coarse: np.ndarray, members: list[int]) -> list[int]:
-        """Add the surfaces that touch the person, the best touching first, and those that stand in its column (a head behind
-        a raised arm), as long as the whole stays a person's size."""
+        """Add the surfaces that touch the person, the best touching first, and those that stand in its column (a
+        head behind a raised arm), as long as the whole stays a person's size."""
         count = len(surfaces.areas)
         contacts = np.zeros((count + 1, count + 1), dtype=np.int64)
         kernels.contacts_between(

@@ -138,8 +138,8 @@ class Segmenter:
 
         Returns
         -------
-        A padded depth image, uint16 (H + 2, W + 2), that is valid until the next call, and the window (v0, v1, u0, u1, ends
-        excluded, padded indices) that holds the person, or None for a frame without one.
+        A padded depth image, uint16 (H + 2, W + 2), that is valid until the next call, and the window (v0, v1, u0,
+        u1, ends excluded, padded indices) that holds the person, or None for a frame without one.
 
         Raises
         ------
@@ -232,9 +232,7 @@ class Segmenter:
         v, u = v[::4], u[::4]
         z = self._padded[v + v0, u + u0] * 1e-3
         camera = self._camera
-        return np.column_stack(
-            [(u + u0 - 1 - camera.cx) * z / camera.fx, (v + v0 - 1 - camera.cy) * z / camera.fy, z]
-        )
+        return np.column_stack([(u + u0 - 1 - camera.cx) * z / camera.fx, (v + v0 - 1 - camera.cy) * z / camera.fy, z])
 
     def _one_of(self, groups: list[list[int]], components: Components) -> list[int]:
         """The person that was followed so far, else the one that the setting `subject` means."""
@@ -260,7 +258,9 @@ class Segmenter:
 
 
 def median_background(frames: list[np.ndarray]) -> np.ndarray:
-    """Median per pixel of depth frames (uint16 (H, W), 0 = no measurement) over the frames that measured it: uint16 (H, W)."""
+    """Median per pixel of depth frames (uint16 (H, W), 0 = no measurement) over the frames that measured it: uint16
+    (H, W).
+    """
     stack = np.sort(np.stack(frames), axis=0)
     missing = (stack == 0).sum(axis=0)
     middle = np.minimum(missing + (len(frames) - missing) // 2, len(frames) - 1)

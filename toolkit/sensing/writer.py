@@ -30,8 +30,8 @@ class RecordingWriter:
     ...     for depth, time in frames:
     ...         writer.append(depth, time)
 
-    Frames wait in an unnamed temporary file of the target's folder, so that memory does not grow and a killed run leaves
-    nothing behind.
+    Frames wait in an unnamed temporary file of the target's folder, so that memory does not grow and a killed run
+    leaves nothing behind.
 
     Parameters
     ----------

@@ -6,8 +6,8 @@ from collections.abc import Callable
 from pathlib import Path
 
 from toolkit.errors import RecordingError, UsageError
-from toolkit.sensing.readers import npz, png, raw, utd_mhad
-from toolkit.sensing.recording import Recording, ReaderOptions
+from toolkit.sensing.readers import cloud, npz, png, raw, utd_mhad
+from toolkit.sensing.recording import ReaderOptions, Recording
 
 Reader = Callable[[Path, ReaderOptions], Recording]
 
@@ -15,6 +15,7 @@ READERS: dict[str, tuple[Callable[[Path], bool], Reader]] = {
     "npz": (npz.matches, npz.read),
     "utd_mhad": (utd_mhad.matches, utd_mhad.read),
     "png": (png.matches, png.read),
+    "cloud": (cloud.matches, cloud.read),
     "raw": (raw.matches, raw.read),
 }
 """Format -> (does a path look like it, read it), asked in this order."""
@@ -38,6 +39,6 @@ def reader_for(path: Path, name: str | None) -> Reader:
         if matches(path):
             return read
     raise RecordingError(
-        f"{path} looks like no known recording; it may be an .npz file, a UTD-MHAD *_depth.mat file, a folder of 16-bit PNG, "
-        "a .pcd or .ply file or a folder of them, or a folder of raw uint16 frames (format=raw)"
+        f"{path} looks like no known recording; it may be an .npz file, a UTD-MHAD *_depth.mat file, "
+        "a folder of 16-bit PNG, a .pcd or .ply file or a folder of them, or a folder of raw uint16 frames (format=raw)"
     )

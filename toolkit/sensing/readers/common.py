@@ -53,20 +53,25 @@ def chosen_camera(
         return camera_from_json(Path(options.intrinsics), size)
     intrinsics = options.intrinsics if options.intrinsics is not None else stored
     if intrinsics is None:
-        raise RecordingError(f"{path} has no intrinsics; give the option intrinsics=fx,fy,cx,cy in pixels or a JSON file")
+        raise RecordingError(
+            f"{path} has no intrinsics; give the option intrinsics=fx,fy,cx,cy in pixels or a JSON file"
+        )
     return Camera.from_intrinsics(np.asarray(intrinsics), size, distortion)
 
 
 def camera_from_json(path: Path, shape: tuple[int, int]) -> Camera:
-    """Camera from a JSON file: `intrinsic_matrix` (column-major, as Open3D writes it), `K` or `camera_matrix` (row-major),
-    or `fx, fy` with `cx, cy` or `ppx, ppy`, at the top or one level below; optionally `distortion`, `coeffs` or `dist`.
+    """Camera from a JSON file: `intrinsic_matrix` (column-major, as Open3D writes it), `K` or `camera_matrix`
+    (row-major), or `fx, fy` with `cx, cy` or `ppx, ppy`, at the top or one level below; optionally `distortion`,
+    `coeffs` or `dist`.
 
     `shape` is the (height, width) of the images; a size in the file that differs is an error.
     """
     try:
         top = json.loads(path.read_text(encoding="utf-8"))
     except (OSError, ValueError) as error:
-        raise RecordingError(f"cannot read intrinsics from {path}: {error}; give a JSON file with fx, fy, cx, cy") from error
+        raise RecordingError(
+            f"cannot read intrinsics from {path}: {error}; give a JSON file with fx, fy, cx, cy"
+        ) from error
     tables = [t for t in (top, *(top.values() if isinstance(top, dict) else ())) if isinstance(t, dict)]
     for table in tables:
         values = _intrinsics_of(table)

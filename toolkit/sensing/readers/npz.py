@@ -12,7 +12,7 @@ from toolkit.errors import RecordingError
 from toolkit.sensing.conversion import DepthConverter
 from toolkit.sensing.npz_stream import BROKEN, MemberReader
 from toolkit.sensing.readers.common import chosen_background, chosen_camera, chosen_up, frame_times
-from toolkit.sensing.recording import Recording, ReaderOptions, StoredRecording
+from toolkit.sensing.recording import ReaderOptions, Recording, StoredRecording
 
 
 def matches(path: Path) -> bool:
@@ -31,7 +31,7 @@ class NpzFrames:
         expected = (*self._depth.shape, 3)
         if self._color is not None and (self._color.shape != expected or self._color.dtype != np.uint8):
             raise RecordingError(
-                f"color in {path} is {self._color.dtype} {self._color.shape}; expected uint8 {expected}, registered to depth"
+                f"color in {path} is {self._color.dtype} {self._color.shape}; expected uint8 {expected}"
             )
         self.shape = self._depth.shape[1:]
 
@@ -54,9 +54,8 @@ class NpzFrames:
 def read(path: Path, options: ReaderOptions) -> Recording:
     """Open an NPZ recording (keys: see ARCHITECTURE in the documentation); nothing but metadata is read yet."""
     with _metadata(path) as stored:
-        for key in ("depth",):
-            if key not in stored.files:
-                raise RecordingError(f"{path} has no {key!r}; it has: {', '.join(stored.files) or 'nothing'}")
+        if "depth" not in stored.files:
+            raise RecordingError(f"{path} has no 'depth'; it has: {', '.join(stored.files) or 'nothing'}")
         small = {k: stored[k] for k in stored.files if k not in ("depth", "color")}
         names = stored.files
     source = NpzFrames(path, names)
@@ -68,7 +67,7 @@ def read(path: Path, options: ReaderOptions) -> Recording:
         camera=camera,
         timestamps=small.get("timestamps", frame_times(count, options)),
         source=source,
-        converter=DepthConverter(options.depth_unit, options.radial, bool(options.mirrored)),
+        converter=DepthConverter(options.depth_unit or "mm", options.radial, bool(options.mirrored)),
         background=chosen_background(options, small.get("background")),
         joints=small.get("joints"),
         reference_joints=small.get("reference_joints"),

@@ -19,7 +19,7 @@ from toolkit.sensing.readers.common import (
     natural_key,
     read_depth_png,
 )
-from toolkit.sensing.recording import Recording, ReaderOptions, StoredRecording
+from toolkit.sensing.recording import ReaderOptions, Recording, StoredRecording
 
 COLOR_SUFFIXES = (".png", ".jpg", ".jpeg")
 
@@ -70,8 +70,8 @@ class PngFrames:
 def read(path: Path, options: ReaderOptions) -> Recording:
     """Open a folder of depth images, or one image.
 
-    Images lie in the folder or in `depth/` below it, colour in `color/` or `rgb/` beside that, and intrinsics in any `*.json`
-    of the folder or of the one above.
+    Images lie in the folder or in `depth/` below it, colour in `color/` or `rgb/` beside that, and intrinsics in any
+    `*.json` of the folder or of the one above.
     """
     files = _depth_files(path)
     if not files:
@@ -87,7 +87,7 @@ def read(path: Path, options: ReaderOptions) -> Recording:
         camera=camera,
         timestamps=frame_times(len(source), options),
         source=source,
-        converter=DepthConverter(options.depth_unit, options.radial, bool(options.mirrored)),
+        converter=DepthConverter(options.depth_unit or "mm", options.radial, bool(options.mirrored)),
         background=chosen_background(options, None),
         stored_up=chosen_up(options, None),
         options=options.given(),

@@ -10,7 +10,7 @@ import numpy as np
 from toolkit.errors import RecordingError
 from toolkit.sensing.conversion import DepthConverter
 from toolkit.sensing.readers.common import chosen_background, chosen_camera, chosen_up, frame_times, natural_key
-from toolkit.sensing.recording import Recording, ReaderOptions, StoredRecording
+from toolkit.sensing.recording import ReaderOptions, Recording, StoredRecording
 
 KNOWN_SIZES = {2 * w * h: (w, h) for w, h in ((640, 480), (512, 424), (320, 240), (176, 144))}
 """Bytes of a file -> width and height of the depth cameras that such dumps come from."""
@@ -59,13 +59,17 @@ class RawFrames:
 
 
 def read(path: Path, options: ReaderOptions) -> Recording:
-    """Open a folder of raw frames, or one file; the option `intrinsics` is needed, `size` where it cannot be guessed."""
+    """Open a folder of raw frames, or one file; the option `intrinsics` is needed, `size` where it cannot be
+    guessed.
+    """
     files = _files(path)
     if not files:
         raise RecordingError(f"{path} holds no file; give the folder of the raw frames")
     size = options.size or KNOWN_SIZES.get(files[0].stat().st_size)
     if size is None:
-        raise RecordingError(f"{files[0]} has {files[0].stat().st_size} bytes, no known size; give the option size=width,height")
+        raise RecordingError(
+            f"{files[0]} has {files[0].stat().st_size} bytes, no known size; give the option size=width,height"
+        )
     shape = (int(size[1]), int(size[0]))
     source = RawFrames(files, shape)
     return StoredRecording(
@@ -74,7 +78,7 @@ def read(path: Path, options: ReaderOptions) -> Recording:
         camera=chosen_camera(options, shape, path),
         timestamps=frame_times(len(source), options),
         source=source,
-        converter=DepthConverter(options.depth_unit, options.radial, bool(options.mirrored)),
+        converter=DepthConverter(options.depth_unit or "mm", options.radial, bool(options.mirrored)),
         background=chosen_background(options, None),
         stored_up=chosen_up(options, None),
         options=options.given(),

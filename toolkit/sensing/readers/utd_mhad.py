@@ -14,7 +14,7 @@ import numpy as np
 from toolkit.errors import RecordingError
 from toolkit.sensing.conversion import DepthConverter
 from toolkit.sensing.readers.common import chosen_background, chosen_camera, chosen_up, frame_times
-from toolkit.sensing.recording import Recording, ReaderOptions, StoredRecording
+from toolkit.sensing.recording import ReaderOptions, Recording, StoredRecording
 
 INTRINSICS = (285.63, 285.63, 160.0, 120.0)  # of the raw, mirrored image
 SUFFIX = "_depth"
@@ -82,7 +82,7 @@ def read(path: Path, options: ReaderOptions) -> Recording:
         camera=chosen_camera(options, depth.shape[:2], path, np.array(INTRINSICS)),
         timestamps=frame_times(len(source), options),
         source=source,
-        converter=DepthConverter(options.depth_unit, options.radial, options.mirrored is not False),
+        converter=DepthConverter(options.depth_unit or "mm", options.radial, options.mirrored is not False),
         background=chosen_background(options, None),
         reference_joints=reference,
         stored_up=chosen_up(options, None),
