@@ -192,23 +192,25 @@ def residual(body: Body, poses: np.ndarray, offsets: np.ndarray) -> list[dict[st
 
     Returns
     -------
-    one entry a view: its `yaw_degrees` and `distance` (metres), root mean square and mean vector of the centre's
-    difference in the canonical frame (`centre_mm`, `mean_x_mm`, ...), root mean square of the facing's
-    (`facing_degrees`)
+    one entry a view: its `yaw_degrees` and `distance` (metres); of the centre's distances the median and the 90th
+    percentile (`centre_mm`, `centre_90_mm`) and the length of their mean vector (`bias_mm`); of the facing's
+    differences the median and the 90th percentile (`facing_degrees`, `facing_90_degrees`)
     """
     rows = np.unique(np.linspace(0, len(poses) - 1, min(RESIDUAL_POSES, len(poses))).astype(np.int64))
     entries = []
     for view in RESIDUAL_VIEWS:
         difference = observed_offsets(body, poses[rows], view) - offsets[rows]
-        turn = np.angle(np.exp(1j * difference[:, 3]), deg=True)
-        mean = 1000 * difference[:, :3].mean(axis=0)
+        apart = 1000 * np.linalg.norm(difference[:, :3], axis=1)
+        turn = np.abs(np.angle(np.exp(1j * difference[:, 3]), deg=True))
         entries.append(
             {
                 "yaw_degrees": float(np.degrees(view.yaw)),
                 "distance": view.distance,
-                "centre_mm": float(1000 * np.sqrt((difference[:, :3] ** 2).sum(axis=1).mean())),
-                **{f"mean_{axis}_mm": float(value) for axis, value in zip("xyz", mean, strict=True)},
-                "facing_degrees": float(np.sqrt((turn**2).mean())),
+                "centre_mm": float(np.median(apart)),
+                "centre_90_mm": float(np.quantile(apart, 0.9)),
+                "bias_mm": float(1000 * np.linalg.norm(difference[:, :3].mean(axis=0))),
+                "facing_degrees": float(np.median(turn)),
+                "facing_90_degrees": float(np.quantile(turn, 0.9)),
             }
         )
     return entries

@@ -13,10 +13,13 @@ import numpy as np
 
 from toolkit.body import skeleton
 from toolkit.body.body import Body
+from toolkit.landmarks.facing import camera_yaw
 
 if TYPE_CHECKING:
     from scipy.spatial.transform import Rotation
 
+TRUNK_RADIUS = 0.11
+"""Metres: by how much the centre of a cloud wanders, fitted on views of mocap poses turned by 20 to 60 degrees."""
 _CHEST_CHAIN = ("lumbar", "thorax")
 
 
@@ -91,6 +94,23 @@ def normalise(points: np.ndarray, centre: np.ndarray, yaw: np.ndarray | float) -
     metres."""
     shifted = np.asarray(points, dtype=np.float64) - np.asarray(centre)[..., None, :]
     return np.einsum("...ab,...kb->...ka", about_up(-np.asarray(yaw)), shifted)
+
+
+def frontal_centre(centre: np.ndarray, yaw: float, size: float = 1.0) -> np.ndarray:
+    """Where the centre of a cloud would be if the camera stood in front of the person: float64 (3,), metres, level
+    frame.
+
+    A camera sees the side of the torso that is turned to it, so as a person turns, the centre wanders around the trunk.
+    Its part across the person is put back as on an upright cylinder; the part along the facing is small.
+
+    Parameters
+    ----------
+    centre : (3,), metres, level frame (origin at the camera), from `cloud_centre`
+    yaw : radians, facing of the cloud
+    size : of the person against an adult
+    """
+    turn = yaw - camera_yaw(centre)
+    return centre + size * TRUNK_RADIUS * np.sin(turn) * np.array([np.cos(yaw), 0.0, -np.sin(yaw)])
 
 
 def feature_vectors(end_effectors: np.ndarray, offsets: np.ndarray) -> np.ndarray:

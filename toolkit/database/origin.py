@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from toolkit.body.body import Body
-from toolkit.database.canonical import about_up, place
+from toolkit.database.canonical import about_up, frontal_centre, place
 from toolkit.kernels import raster
 from toolkit.landmarks.centre import cloud_centre
 from toolkit.landmarks.facing import estimate_facing
@@ -47,11 +47,10 @@ R_LEVEL_CAMERA = np.diag([1.0, -1.0, -1.0])
 def observed_offsets(
     body: Body, poses: np.ndarray, view: View | None = None, settings: LandmarkSettings | None = None
 ) -> np.ndarray:
-    """Offsets of canonical poses (N, P): centre (metres) and facing yaw (radians) in the canonical frame, float64 (N,
-    4).
+    """Offsets of canonical poses (N, P): float64 (N, 4), centre (metres) and facing yaw (radians), canonical frame.
 
     Where an arm hides the torso, the facing estimate has a low weight and a tracker keeps the facing that it had; so
-    the yaw is the mean, by weight, of the estimate and the body's own facing.
+    the yaw is the mean, by weight, of the estimate and the body's own facing. The centre is that of `frontal_centre`.
     """
     view = view or View()
     scale = body.height / ADULT_HEIGHT
@@ -62,8 +61,9 @@ def observed_offsets(
         centre = cloud_centre(points, settings=settings, scale=scale)
         estimate = estimate_facing(points, centre, settings, scale)
         weight, turn = estimate.weight, estimate.yaw - view.yaw
-        offsets[row, :3] = centre - stand
-        offsets[row, 3] = np.arctan2(weight * np.sin(turn), 1.0 - weight + weight * np.cos(turn))
+        turned = np.arctan2(weight * np.sin(turn), 1.0 - weight + weight * np.cos(turn))
+        offsets[row, :3] = frontal_centre(centre, view.yaw + turned, scale) - stand
+        offsets[row, 3] = turned
     offsets[:, :3] = offsets[:, :3] @ about_up(-view.yaw).T
     return offsets
 
