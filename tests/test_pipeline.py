@@ -12,7 +12,7 @@ import pytest
 
 from tests.fake_tracker import FakeTracker, write_recording
 from toolkit import pipeline
-from toolkit.errors import OutputError, TrackError, UsageError
+from toolkit.errors import OutputError, RecordingError, TrackError, UsageError
 from toolkit.files import sha256_of
 from toolkit.pipeline import track_recording, track_recordings
 from toolkit.sensing.recording import open_recording
@@ -99,8 +99,8 @@ def test_ctrl_c_puts_the_track_so_far_in_place_and_resume_completes_it(tmp_path:
 
 def test_an_unfinished_run_is_neither_overwritten_nor_continued_with_something_else(tmp_path: Path) -> None:
     recording, run = write_recording(tmp_path / "take.npz"), tmp_path / "run"
-    report = track_recordings([recording], FakeTracker(broken=5), run)
-    assert "frame 5" in report.failed[recording]
+    with pytest.raises(RecordingError, match="frame 5"):
+        track_recordings([recording], FakeTracker(broken=5), run)
     partial = (run / "track.partial").read_bytes()
     with pytest.raises(UsageError, match="unfinished track of 5 frames"):
         track_recording(open_recording(recording), FakeTracker(), run)
@@ -125,7 +125,8 @@ def test_a_finished_run_is_left_alone_by_resume_and_replaced_without(tmp_path: P
 
 def test_a_recording_that_fails_at_once_leaves_no_unfinished_track(tmp_path: Path) -> None:
     recording, run = write_recording(tmp_path / "take.npz"), tmp_path / "run"
-    assert track_recordings([recording], FakeTracker(broken=0), run).failed
+    with pytest.raises(RecordingError):
+        track_recordings([recording], FakeTracker(broken=0), run)
     assert not (run / "track.partial").exists()
     assert track_recordings([recording], FakeTracker(), run).done
 
@@ -147,6 +148,8 @@ def test_equal_stems_are_an_error_before_work_starts(tmp_path: Path) -> None:
     assert not (tmp_path / "runs").exists()
     with pytest.raises(UsageError, match="no recording"):
         track_recordings([], FakeTracker(), tmp_path / "runs")
+    with pytest.raises(UsageError, match="unknown reader option 'colour'"):
+        track_recordings(paths[:1], FakeTracker(), tmp_path / "runs", reader_options={"colour": 1})
 
 
 def test_an_unwritable_output_is_one_sentence(tmp_path: Path) -> None:
@@ -168,7 +171,8 @@ def test_a_disk_that_fills_up_keeps_the_rows_and_the_run_can_go_on(
         append(self, result, timestamp)
 
     monkeypatch.setattr(TrackWriter, "append", full)
-    assert "No space left" in track_recordings([recording], FakeTracker(), run).failed[recording]
+    with pytest.raises(OutputError, match="No space left"):
+        track_recordings([recording], FakeTracker(), run)
     assert not (run / "track.npz").exists()
     monkeypatch.setattr(TrackWriter, "append", append)
     assert track_recordings([recording], FakeTracker(), run, resume=True).done[0].frames == 12

@@ -23,7 +23,7 @@ from toolkit.config import save_settings, settings_text
 from toolkit.errors import DepthMocapError, OutputError, TrackError, UsageError
 from toolkit.files import atomic_path, sha256_of
 from toolkit.sensing.camera import level_rotation
-from toolkit.sensing.recording import Recording, open_recording
+from toolkit.sensing.recording import ReaderOptions, Recording, open_recording
 from toolkit.track import PARTIAL_FILE, RUN_FILE, TRACK_FILE, RunInfo, Track, TrackWriter
 from toolkit.tracking.protocol import Tracker
 
@@ -87,14 +87,17 @@ def track_recordings(
 ) -> BatchReport:
     """Track one recording into `output`, or several into `output/<stem>`.
 
-    A recording that fails is reported and the others go on. Ctrl-C finishes the track of the current one and stops.
+    One of several that fails is reported and the others go on. Ctrl-C finishes the track of the current one and stops.
 
     Raises
     ------
     UsageError
-        There is no recording, or two have the same stem; nothing has been done then.
+        There is no recording, two have the same stem, or a reader option is unknown; nothing has been done then.
+    DepthMocapError
+        As `track_recording`, where there is only one.
     """
     runs = run_folders(paths, output)
+    ReaderOptions.from_mapping(reader_options or {})
     report = BatchReport()
     for path, run in runs.items():
         try:
@@ -102,6 +105,8 @@ def track_recordings(
             first = not report.done
             summary = track_recording(recording, tracker, run, resume=resume, warm_up=first, progress=progress)
         except DepthMocapError as error:
+            if len(runs) == 1:
+                raise
             report.failed[path] = str(error)
             continue
         report.done.append(summary)
