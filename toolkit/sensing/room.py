@@ -184,8 +184,8 @@ class RoomSegmenter:
             return [int(people[np.argmin(away)])] if away.min() <= FOUND_AGAIN else []
         if self._subject == "only" and len(people) > 1:
             raise SegmentationError(
-                f"{len(people)} things of a person's size are in view; set subject to 'nearest' or 'largest', or segment to "
-                "'seed:U,V' (a pixel of the person)"
+                f"{len(people)} things of a person's size are in view; set subject to 'nearest' or 'largest', or "
+                "segment to 'seed:U,V' (a pixel of the person)"
             )
         if self._subject == "nearest":
             distance = [np.median(coarse[surfaces.labels == k + 1]) for k in people]
@@ -201,8 +201,6 @@ class RoomSegmenter:
             )
         rows = slice(max(v - SEED_RADIUS, 0), v + SEED_RADIUS + 1)
         around = surfaces.labels[rows, max(u - SEED_RADIUS, 0) : u + SEED_RADIUS + 1]
-            max(v - SEED_RADIUS, 0) : v + SEED_RADIUS + 1, max(u - SEED_RADIUS, 0) : u + SEED_RADIUS + 1
-        ]
         votes = np.bincount(around[around > 0], minlength=1)
         if not votes.any():
             raise SegmentationError(f"there is no surface at the seed {self._seed}; give U,V of a pixel of the person")

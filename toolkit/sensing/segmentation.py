@@ -159,7 +159,7 @@ class Segmenter:
         )  # fmt: skip
         if self._mode.name == "auto" and count > (1 - EMPTY_SHARE) * depth.size:
             raise SegmentationError(
-                f"{count / depth.size:.0%} of the image is measured, so the person is not cut out of it; {HOW_TO_SEGMENT}"
+                f"{count / depth.size:.0%} of the image is measured, so nobody is cut out of it yet; {HOW_TO_SEGMENT}"
             )
         if count == 0 or not self._choose_person():
             return self._padded, None
