@@ -56,7 +56,7 @@ def retarget(clip: Clip, body: Body, rig: Rig | None = None) -> PoseClip:
     """
     source = Source.of(clip, rig or load_rig(clip))
     chain = _Chain(body, source.frames)
-    chain.turn("root", source.rotations["root"])
+    chain.turn("root", _pelvis(source))
     for joint in ("lumbar", "thorax"):
         chain.turn(joint, source.rotations.get(joint, chain.world[chain.parent(joint)]))
     chain.turn("cervical", _head(source))
@@ -104,9 +104,22 @@ class _Chain:
         kept = np.zeros_like(vectors)
         kept[:, axes] = np.clip(vectors[:, axes], low, high)
         self.poses[:, entries] = kept[:, axes]
-        self.clamped[entries] = (kept[:, axes] != vectors[:, axes]).mean(axis=0)
+        self.clamped[entries] = (np.abs(kept - vectors)[:, axes] > 1e-6).mean(axis=0)
         local = matrices(kept)
         self.world[joint] = local if joint == "root" else self.world[self.parent(joint)] @ local
+
+
+def _pelvis(source: Source) -> np.ndarray:
+    """World rotations of the pelvis: the source's, tilted by what its lumbar spine bends beyond our limits.
+
+    So a deep bend keeps its depth: CMU and HDM05 bend at the level of the hips, which is more than a lumbar spine can.
+    """
+    if "lumbar" not in source.rotations:
+        return source.rotations["root"]
+    lumbar = source.rotations["lumbar"]
+    low, high = skeleton.POSE_LIMITS[3 + np.flatnonzero(skeleton.DOF_JOINT == skeleton.JOINT_NAMES.index("lumbar"))].T
+    bend = np.clip(vectors_of(transposed(source.rotations["root"]) @ lumbar), low, high)
+    return lumbar @ transposed(matrices(bend))
 
 
 def _head(source: Source) -> np.ndarray:
