@@ -22,8 +22,10 @@ CURVE = np.arange(0.0, 0.301, 0.005)
 """Thresholds t at which the accuracy curve A(t) is sampled, metres."""
 HANDS_AND_FEET = np.array([i for i, name in enumerate(skeleton.REPORTED) if name.split("_")[-1] in ("hand", "foot")])
 """Indices of the two hands and two feet among the reported joints."""
-SURFACE_REACH = 0.15
-"""How far a joint's centre may lie from the measured surface along z and still be seen, metres."""
+TRUNK = ("pelvis", "spine", "neck", "head", "left_hip", "right_hip")
+SURFACE_REACH = np.array([0.2 if name in TRUNK else 0.12 for name in skeleton.REPORTED])
+"""How far each joint's centre may lie from the measured surface along z and still be seen, metres: those of the trunk
+lie up to 14 cm inside an average adult, those of the limbs up to 7 cm."""
 SURFACE_WINDOW = 2
 """Pixels to each side of a joint's projection that are searched for that surface."""
 
@@ -102,5 +104,5 @@ def visible_joints(joints_camera: np.ndarray, depth_m: np.ndarray, camera: Camer
             max(0, row - SURFACE_WINDOW) : row + SURFACE_WINDOW + 1,
             max(0, column - SURFACE_WINDOW) : column + SURFACE_WINDOW + 1,
         ]
-        seen[j] = bool(((window > 0) & (np.abs(window - joints_camera[j, 2]) < SURFACE_REACH)).any())
+        seen[j] = bool(((window > 0) & (np.abs(window - joints_camera[j, 2]) < SURFACE_REACH[j])).any())
     return seen

@@ -1,0 +1,101 @@
+"""Evaluation that looks at every depth frame: a body that is known exactly, drawn into a recording."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from toolkit.body import skeleton
+from toolkit.body.body import Body
+from toolkit.body.raycast import render_depth
+from toolkit.body.shape import load_body
+from toolkit.evaluation.evaluate import evaluate_runs
+from toolkit.evaluation.extrema import all_free
+from toolkit.evaluation.joints import visible_joints
+from toolkit.evaluation.scores import RunScores
+from toolkit.files import sha256_of
+from toolkit.landmarks.settings import LandmarkSettings
+from toolkit.sensing.camera import Camera, level_rotation
+from toolkit.sensing.cloud import Cloud
+from toolkit.sensing.recording import save_recording
+from toolkit.track import TRACKED, FrameResult, RunInfo, TrackWriter
+
+CAMERA = Camera(285.6, 285.6, 159.5, 119.5, 320, 240)
+ROTATION = level_rotation(np.array([0.0, -1.0, 0.0]))
+FRAMES = 3
+
+
+@pytest.fixture(scope="module")
+def body() -> Body:
+    return load_body("neutral")
+
+
+def pose(**angles: float) -> np.ndarray:
+    """A T-pose 2.8 m before the camera with some entries changed."""
+    made = np.zeros(skeleton.POSE_SIZE)
+    made[2] = -2.8
+    for name, value in angles.items():
+        made[skeleton.POSE_NAMES.index(name)] = value
+    return made
+
+
+def joints_of(body: Body, at: np.ndarray) -> np.ndarray:
+    return (body.joint_positions(at) @ ROTATION).astype(np.float32)
+
+
+def evaluated(folder: Path, body: Body, true: np.ndarray, found: np.ndarray) -> RunScores:
+    """Scores of a run that found one pose where another is true, in every frame."""
+    depth = (1000 * render_depth(body, true, CAMERA, ROTATION)).round().astype(np.uint16)
+    recording, run, times = folder / "take.npz", folder / "run", np.arange(FRAMES) / 30
+    save_recording(
+        recording, depth=np.repeat(depth[None], FRAMES, 0), camera=CAMERA, timestamps=times, up_camera=(0, -1, 0),
+        joints=np.repeat(joints_of(body, true)[None], FRAMES, 0),
+    )  # fmt: skip
+    writer = TrackWriter(run, ("fit",), ("local",))
+    for time in times:
+        ones = np.ones(20, np.float32)
+        writer.append(FrameResult(found, joints_of(body, found), ones, TRACKED, 0, np.ones(1, np.float32)), time)
+    writer.finish()
+    RunInfo(
+        str(recording), sha256_of(recording), {}, skeleton.fingerprint(), body.shape.tolist(), body.scale, "",
+        ROTATION.ravel().tolist(), {}, "0.1.0",
+    ).save(run)  # fmt: skip
+    return evaluate_runs([run]).rows[0]
+
+
+def test_the_true_pose_explains_its_depth_image(tmp_path: Path, body: Body) -> None:
+    row = evaluated(tmp_path, body, pose(), pose())
+    assert row.overlap is not None and row.overlap > 0.95
+    assert row.residual_mm is not None and row.residual_mm < 2
+    assert row.error_mm == row.visible_mm == row.pose_error_mm == 0.0
+    assert row.hidden_mm is None
+    assert row.extrema == row.extrema_free == 1.0
+
+
+def test_a_displaced_pose_shows_in_overlap_and_residual(tmp_path: Path, body: Body) -> None:
+    aside, behind = pose(root_tx=0.1), pose(root_tz=-2.9)
+    assert (evaluated(tmp_path, body, pose(), aside).overlap or 1.0) < 0.8
+    row = evaluated(tmp_path / "behind", body, pose(), behind)
+    assert row.residual_mm == pytest.approx(100, abs=5)
+    assert row.pose_error_mm == pytest.approx(100, abs=0.1) and row.pose_error_std_mm == pytest.approx(0, abs=0.1)
+
+
+def test_a_joint_behind_the_body_is_hidden_and_its_error_shown_apart(tmp_path: Path, body: Body) -> None:
+    sideways = pose(root_ry=np.pi / 2)  # the right side is seen, the left arm is behind the body
+    depth = render_depth(body, sideways, CAMERA, ROTATION)
+    seen = visible_joints(joints_of(body, sideways), depth, CAMERA)
+    assert not seen[skeleton.REPORTED.index("left_hand")] and seen[skeleton.REPORTED.index("right_hand")]
+    raised = sideways.copy()
+    raised[skeleton.POSE_NAMES.index("left_shoulder_rz")] = 0.6
+    row = evaluated(tmp_path, body, sideways, raised)
+    assert row.hidden_mm is not None and row.visible_mm is not None and row.hidden_mm > 10 * row.visible_mm
+    assert row.extrema is None
+
+
+def test_a_hand_at_the_hip_is_not_free_of_the_body(body: Body) -> None:
+    for angles, free in (({}, True), ({"left_shoulder_rz": -1.65, "right_shoulder_rz": 1.65}, False)):
+        depth = render_depth(body, pose(**angles), CAMERA, ROTATION)
+        cloud = Cloud.from_depth(depth, CAMERA, ROTATION)
+        assert all_free(cloud, body.joint_positions(pose(**angles)), LandmarkSettings()) is free
