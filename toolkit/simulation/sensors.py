@@ -1,0 +1,186 @@
+"""Depth sensor models: what a time-of-flight camera and a Kinect v1 make of the exact surface.
+
+A frame is an instant: motion blur is not modelled.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Protocol
+
+import numpy as np
+
+from toolkit.errors import UsageError
+from toolkit.sensing.camera import Camera
+
+
+@dataclass(frozen=True)
+class Surface:
+    """What the rays of a camera meet.
+
+    Attributes
+    ----------
+    depth : float32 (H, W), metres along z, 0 where nothing is hit
+    normals : float32 (H, W, 3), unit, camera frame
+    subject : bool (H, W), whether the hit is on the subject
+    """
+
+    depth: np.ndarray
+    normals: np.ndarray
+    subject: np.ndarray
+
+
+class Sensor(Protocol):
+    """A depth camera: where its rays go, and what it measures on a surface."""
+
+    @property
+    def name(self) -> str: ...
+    @property
+    def camera(self) -> Camera: ...
+    @property
+    def rays_per_side(self) -> int:
+        """Rays along each side of a pixel: `measure` expects the surface seen by `camera.scaled(rays_per_side)`."""
+        ...
+
+    def measure(self, surface: Surface, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
+        """Measured depth, uint16 (H, W) millimetres along z with 0 = none, and bool (H, W): is it the subject."""
+        ...
+
+
+def _cosines(surface: Surface, rays: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Cosine between ray and surface normal, and length of each ray of unit depth: (H, W) each."""
+    length = np.sqrt(1.0 + (rays**2).sum(axis=-1))
+    towards = -(surface.normals[..., :2] * rays).sum(axis=-1) - surface.normals[..., 2]
+    return np.clip(towards / length, 0.0, 1.0), length
+
+
+def _millimetres(depth: np.ndarray, valid: np.ndarray, nearest: float, farthest: float) -> np.ndarray:
+    inside = valid & (depth >= nearest) & (depth <= farthest)
+    return np.where(inside, np.rint(1e3 * np.where(inside, depth, 0.0)), 0.0).astype(np.uint16)
+
+
+@dataclass(frozen=True)
+class TimeOfFlight:
+    """A time-of-flight camera of 176 x 144 pixels (Baak 2013, 5.2.1), 44 by 35 degrees of view.
+
+    Light returns with an amplitude of cos(angle of incidence) / distance^2; the noise of the range is the inverse of the
+    amplitude, so it grows with distance and grazing angle. A pixel is the amplitude-weighted mean of the ranges in it, so that
+    at edges it lies between front and back (mixed pixels).
+    """
+
+    camera: Camera = field(default_factory=lambda: Camera(217.0, 217.0, 87.5, 71.5, 176, 144))
+    noise_at_3m: float = 0.010
+    """Standard deviation in metres at 3 m, seen frontally."""
+    dimmest: float = 0.08
+    """Amplitude, relative to a frontal surface at 3 m, below which there is no measurement."""
+    farthest: float = 8.0
+    name: str = "tof"
+    rays_per_side: int = 3
+
+    def measure(self, surface: Surface, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
+        """See `Sensor.measure`."""
+        fine = self.camera.scaled(self.rays_per_side)
+        cosine, length = _cosines(surface, fine.rays())
+        distance = surface.depth * length
+        hit = surface.depth > 0
+        amplitude = np.where(hit, cosine / np.where(hit, distance, 1.0) ** 2, 0.0)
+        total = self._pixels(amplitude)
+        mean = self._pixels(amplitude * distance) / np.maximum(total, 1e-12)
+        strength = total * 9.0
+        noise = self.noise_at_3m / np.maximum(strength, self.dimmest) * rng.standard_normal(total.shape)
+        slopes = self.camera.rays()
+        depth = (mean + noise) / np.sqrt(1.0 + (slopes**2).sum(axis=-1))
+        subject = self._pixels(surface.subject.astype(np.float32)) >= 0.5
+        return _millimetres(depth, strength >= self.dimmest, 0.3, self.farthest), subject
+
+    def _pixels(self, values: np.ndarray) -> np.ndarray:
+        side = self.rays_per_side
+        return values.reshape(self.camera.height, side, self.camera.width, side).mean(axis=(1, 3))
+
+
+@dataclass(frozen=True)
+class KinectV1:
+    """A Kinect v1 at 320 x 240 pixels: structured light, triangulated over a baseline (Baak 2013, 5.2.2).
+
+    Inverse depth is what it measures: with noise that neighbours share (the matching window), in steps of 2.5 cm at 3 m.
+    Silhouettes are ragged by about a pixel; what the projector, 7.5 cm to the right, does not light is a hole (the shadow to the
+    left of a person), and so are surfaces seen at a grazing angle and pixels torn out of the edges.
+    """
+
+    camera: Camera = field(default_factory=lambda: Camera(285.63, 285.63, 159.5, 119.5, 320, 240))
+    step: float = 0.025 / 3.0**2
+    """1/m: quantum of the inverse depth; a depth step is `step * z^2`."""
+    noise: float = 0.5
+    """Standard deviation of the inverse depth in quanta."""
+    window: float = 0.8
+    """Pixels: width over which the noise is shared."""
+    ragged: float = 0.6
+    """Pixels: standard deviation of the sideways displacement of a measurement."""
+    baseline: float = 0.075
+    """Metres from the camera to the projector, to the right."""
+    grazing: float = 0.12
+    """Cosine of incidence below which all surfaces are holes; up to twice of it, some are."""
+    torn: float = 0.25
+    """Share of the pixels at depth edges that give no measurement."""
+    farthest: float = 8.0
+    name: str = "kinect"
+    rays_per_side: int = 1
+
+    def measure(self, surface: Surface, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
+        """See `Sensor.measure`."""
+        cosine, _ = _cosines(surface, self.camera.rays())
+        rows, columns = self._displaced(rng)
+        depth, cosine = surface.depth[rows, columns], cosine[rows, columns]
+        lit = self._lit(surface.depth)[rows, columns]
+        hit = depth > 0
+        inverse = 1.0 / np.where(hit, depth, 1.0)
+        quanta = np.rint(inverse / self.step + self.noise * self._shared_noise(rng))
+        holes = rng.random(depth.shape) < np.clip(2.0 - cosine / self.grazing, 0.0, 1.0)
+        edge = self._at_edges(surface.depth) & (rng.random(depth.shape) < self.torn)
+        valid = hit & lit & ~holes & ~edge & (quanta >= 1)
+        measured = 1.0 / (self.step * np.maximum(quanta, 1.0))
+        return _millimetres(measured, valid, 0.45, self.farthest), surface.subject[rows, columns]
+
+    def _displaced(self, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
+        """Pixels from which each pixel takes its measurement."""
+        height, width = self.camera.shape
+        shift = np.rint(self.ragged * rng.standard_normal((2, height, width))).astype(np.int64)
+        rows = np.clip(np.arange(height)[:, None] + shift[0], 0, height - 1)
+        return rows, np.clip(np.arange(width) + shift[1], 0, width - 1)
+
+    def _lit(self, depth: np.ndarray) -> np.ndarray:
+        """Bool (H, W): is the point seen by the projector.
+
+        Seen from there a point lies at column `u - fx b / z`; where a point further right in the image lies at a smaller one,
+        it stands between the projector and this point.
+        """
+        seen = np.where(depth > 0, depth, np.inf)
+        column = np.arange(self.camera.width) - self.camera.fx * self.baseline / seen
+        blocking = np.minimum.accumulate(column[:, ::-1], axis=1)[:, ::-1]
+        return column <= blocking + 0.5
+
+    def _shared_noise(self, rng: np.random.Generator) -> np.ndarray:
+        from scipy.ndimage import gaussian_filter
+
+        noise = gaussian_filter(rng.standard_normal(self.camera.shape), self.window, mode="wrap")
+        return noise / noise.std()
+
+    def _at_edges(self, depth: np.ndarray) -> np.ndarray:
+        """Bool (H, W): pixels whose 3 x 3 neighbourhood spans more than 10 cm."""
+        from scipy.ndimage import maximum_filter, minimum_filter
+
+        return maximum_filter(depth, 3) - minimum_filter(depth, 3) > 0.1
+
+
+def make_sensor(name: str) -> Sensor:
+    """The sensor called `tof` or `kinect`.
+
+    Raises
+    ------
+    UsageError
+        There is no sensor of this name.
+    """
+    sensors: dict[str, type[TimeOfFlight] | type[KinectV1]] = {"tof": TimeOfFlight, "kinect": KinectV1}
+    if name not in sensors:
+        raise UsageError(f"no sensor is called {name!r}; use one of {', '.join(sensors)}")
+    return sensors[name]()
