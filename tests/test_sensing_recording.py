@@ -1,0 +1,270 @@
+"""Recordings as NPZ: there and back, streaming, and every kind of bad file."""
+
+from __future__ import annotations
+
+import tracemalloc
+import zipfile
+
+import numpy as np
+import pytest
+
+from tests.sensing_scenes import TOF, person_alone
+from toolkit.errors import OutputError, RecordingError, UsageError
+from toolkit.sensing.camera import Camera
+from toolkit.sensing.recording import RecordingWriter, open_recording, save_recording
+
+
+def write(path, compressed=True, **changes):
+    """An NPZ recording of two frames with some of its arrays replaced, or left out where the change is None."""
+    arrays = {
+        "depth": np.stack([person_alone(TOF), person_alone(TOF, 0.1)]),
+        "intrinsics": TOF.intrinsics,
+        "timestamps": np.array([0.0, 0.1]),
+    }
+    arrays = {k: v for k, v in {**arrays, **changes}.items() if v is not None}
+    (np.savez_compressed if compressed else np.savez)(path, **arrays)
+    return path
+
+
+def test_a_recording_comes_back_as_it_was_saved(tmp_path):
+    rng = np.random.default_rng(0)
+    depth = rng.integers(500, 5000, (5, *TOF.shape)).astype(np.uint16)
+    color = rng.integers(0, 255, (5, *TOF.shape, 3)).astype(np.uint8)
+    joints = rng.normal(size=(5, 20, 3)).astype(np.float32)
+    joints[2, 3] = np.nan
+    camera = Camera(*TOF.intrinsics, TOF.width, TOF.height, (0.1, 0.0, 0.001, 0.0, 0.0))
+    path = tmp_path / "take.npz"
+    save_recording(
+        path, depth=iter(depth), camera=camera, timestamps=np.arange(5) / 25, background=depth[0], color=iter(color),
+        up_camera=(0, -0.8, -0.6), joints=joints, reference_joints=joints + 1,
+    )  # fmt: skip
+    back = open_recording(path)
+    assert back.name == "take"
+    assert len(back) == 5
+    assert back.camera == camera
+    assert back.options == {}
+    np.testing.assert_array_equal(np.stack(list(back.frames())), depth)
+    for i in (3, 4, 0, 2):
+        np.testing.assert_array_equal(back.depth(i), depth[i])
+        np.testing.assert_array_equal(back.color(i), color[i])
+    np.testing.assert_array_equal(back.background, depth[0])
+    np.testing.assert_array_equal(back.joints, joints)
+    np.testing.assert_array_equal(back.reference_joints, joints + 1)
+    np.testing.assert_allclose(back.up_camera, (0, -0.8, -0.6))
+    np.testing.assert_allclose(back.timestamps, np.arange(5) / 25)
+
+
+def test_numpy_reads_what_the_writer_wrote(tmp_path):
+    save_recording(tmp_path / "a.npz", depth=[person_alone(TOF)], camera=TOF, timestamps=[0.0])
+    with np.load(tmp_path / "a.npz") as stored:
+        assert set(stored.files) == {"depth", "intrinsics", "timestamps"}
+        np.testing.assert_array_equal(stored["depth"][0], person_alone(TOF))
+
+
+@pytest.mark.parametrize("compressed", [True, False])
+def test_a_long_recording_is_never_held_in_memory(tmp_path, compressed):
+    count, image = 400, np.random.default_rng(0).integers(500, 4000, TOF.shape).astype(np.uint16)
+    path = tmp_path / "long.npz"
+    if compressed:
+        tracemalloc.start()
+        save_recording(path, depth=(image for _ in range(count)), camera=TOF, timestamps=np.arange(count) / 30)
+        written = tracemalloc.get_traced_memory()[1]
+        tracemalloc.stop()
+        assert written < 10 * image.nbytes + 4e6, "writing holds a few frames and zlib's window"
+    else:
+        write(path, compressed=False, depth=np.repeat(image[None], count, axis=0), timestamps=np.arange(count) / 30)
+    tracemalloc.start()
+    recording = open_recording(path)
+    total = sum(int(frame[0, 0]) for frame in recording.frames())
+    recording.depth(count - 1)
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert total == count * int(image[0, 0])
+    assert peak < 10 * image.nbytes + 1e6, f"{peak} bytes for frames of {image.nbytes}"
+
+
+def test_a_one_frame_recording_works(tmp_path):
+    recording = open_recording(write(tmp_path / "a.npz", depth=person_alone(TOF)[None], timestamps=np.zeros(1)))
+    assert len(list(recording.frames())) == 1
+
+
+def test_a_mirrored_recording_is_flipped_with_all_that_belongs_to_it(tmp_path):
+    joints = np.zeros((2, 20, 3), dtype=np.float32)
+    joints[:, :, 0] = 0.4
+    path = write(
+        tmp_path / "a.npz", joints=joints, up_camera=np.array([0.6, -0.8, 0.0]),
+        background=np.tile(np.arange(1000, 1176, dtype=np.uint16), (144, 1)),
+    )  # fmt: skip
+    plain, flipped = open_recording(path), open_recording(path, mirrored=True)
+    np.testing.assert_array_equal(flipped.depth(1), plain.depth(1)[:, ::-1])
+    np.testing.assert_array_equal(flipped.background, plain.background[:, ::-1])
+    np.testing.assert_allclose(flipped.joints[..., 0], -0.4)
+    np.testing.assert_allclose(flipped.up_camera, (-0.6, -0.8, 0.0))
+    assert flipped.camera.cx == TOF.width - 1 - TOF.cx
+    assert flipped.options == {"mirrored": True}
+
+
+def test_distance_images_become_depth_images(tmp_path):
+    depth = person_alone(TOF)
+    distance = np.rint(depth * np.sqrt(1 + (TOF.rays() ** 2).sum(-1))).astype(np.uint16)
+    recording = open_recording(write(tmp_path / "a.npz", depth=np.stack([distance] * 2)), radial=True)
+    assert np.abs(recording.depth(0).astype(int) - depth).max() <= 1
+
+
+def test_depth_in_metres_is_an_error_that_names_the_unit(tmp_path):
+    path = write(tmp_path / "a.npz", depth=np.stack([person_alone(TOF)] * 2).astype(np.float32) / 1000)
+    with pytest.raises(RecordingError, match="set depth_unit to 'm'"):
+        open_recording(path).depth(0)
+    np.testing.assert_array_equal(open_recording(path, depth_unit="m").depth(0), person_alone(TOF))
+
+
+def test_millimetres_called_metres_are_an_error_too(tmp_path):
+    with pytest.raises(RecordingError, match="set depth_unit to 'mm'"):
+        open_recording(write(tmp_path / "a.npz"), depth_unit="m").depth(0)
+
+
+def test_fifth_millimetres_are_read_with_their_unit(tmp_path):
+    path = write(tmp_path / "a.npz", depth=np.stack([person_alone(TOF)] * 2) * np.uint16(5))
+    np.testing.assert_array_equal(open_recording(path, depth_unit=0.0002).depth(0), person_alone(TOF))
+
+
+def test_nan_and_infinite_depth_is_no_measurement(tmp_path):
+    depth = np.stack([person_alone(TOF)] * 2).astype(np.float64)
+    depth[0, :10], depth[0, 10:20], depth[0, 20:30], depth[0, 30] = np.nan, np.inf, -np.inf, -5.0
+    recording = open_recording(write(tmp_path / "a.npz", depth=depth))
+    expected = person_alone(TOF)
+    expected[:31] = 0
+    np.testing.assert_array_equal(recording.depth(0), expected)
+
+
+def test_frames_without_any_measurement_are_zero(tmp_path):
+    depth = np.full((2, *TOF.shape), np.nan)
+    assert not open_recording(write(tmp_path / "a.npz", depth=depth)).depth(1).any()
+
+
+@pytest.mark.parametrize(
+    ("changes", "part"),
+    [
+        ({"depth": None}, "has no 'depth'"),
+        ({"intrinsics": None}, "no intrinsics; give the option intrinsics"),
+        ({"intrinsics": np.zeros(4)}, "absurd"),
+        ({"intrinsics": np.full(4, np.nan)}, "not finite"),
+        ({"intrinsics": np.zeros(3)}, "3 numbers"),
+        ({"depth": np.zeros((4, 4), np.uint16)}, r"shape \(4, 4\)"),
+        ({"depth": np.zeros((0, *TOF.shape), np.uint16), "timestamps": np.zeros(0)}, "no frame"),
+        ({"timestamps": np.zeros(3)}, "one per frame"),
+        ({"timestamps": np.array([1.0, 0.0])}, "run backwards"),
+        ({"timestamps": np.array([np.nan, 0.0])}, "not finite"),
+        ({"joints": np.zeros((2, 19, 3))}, r"joints .* shape \(2, 19, 3\)"),
+        ({"reference_joints": np.zeros((1, 20, 3))}, "reference_joints"),
+        ({"background": np.zeros((4, 4), np.uint16)}, "background"),
+        ({"color": np.zeros((2, 4, 4, 3), np.uint8)}, "color"),
+        ({"distortion": np.zeros(3)}, "five finite numbers"),
+    ],
+)
+def test_a_wrong_array_is_named(tmp_path, changes, part):
+    with pytest.raises(RecordingError, match=part):
+        open_recording(write(tmp_path / "a.npz", **changes))
+
+
+def test_an_up_vector_of_length_zero_is_an_error(tmp_path):
+    with pytest.raises(RecordingError, match="no direction"):
+        _ = open_recording(write(tmp_path / "a.npz", up_camera=np.zeros(3))).up_camera
+
+
+def test_intrinsics_can_be_given_where_the_file_has_none(tmp_path):
+    path = write(tmp_path / "a.npz", intrinsics=None)
+    assert open_recording(path, intrinsics="220,220,87.5,71.5").camera == TOF
+    assert open_recording(path, intrinsics=[220, 220, 87.5, 71.5]).options == {"intrinsics": (220.0, 220.0, 87.5, 71.5)}
+
+
+def test_text_instead_of_depth_is_an_error(tmp_path):
+    with pytest.raises(RecordingError, match="must be numbers"):
+        open_recording(write(tmp_path / "a.npz", depth=np.full((2, *TOF.shape), "x"))).depth(0)
+
+
+def test_a_missing_file_is_an_error(tmp_path):
+    with pytest.raises(RecordingError, match="no recording at"):
+        open_recording(tmp_path / "nothing.npz")
+
+
+def test_a_file_that_is_no_archive_is_an_error(tmp_path):
+    (tmp_path / "a.npz").write_bytes(b"not a zip file")
+    with pytest.raises(RecordingError, match="truncated or no NPZ"):
+        open_recording(tmp_path / "a.npz")
+
+
+@pytest.mark.parametrize("share", [0.1, 0.5, 0.95])
+def test_a_truncated_file_is_an_error(tmp_path, share):
+    path = write(tmp_path / "a.npz")
+    path.write_bytes(path.read_bytes()[: int(share * path.stat().st_size)])
+    with pytest.raises(RecordingError, match="truncated"):
+        open_recording(path)
+
+
+@pytest.mark.parametrize("compressed", [True, False])
+def test_damaged_frames_are_an_error_when_they_are_read(tmp_path, compressed):
+    path = write(tmp_path / "a.npz", compressed=compressed)
+    with zipfile.ZipFile(path) as archive:
+        middle = archive.getinfo("depth.npy").header_offset + archive.getinfo("depth.npy").compress_size // 2
+    data = bytearray(path.read_bytes())
+    data[middle : middle + 200] = bytes(200 * [255])
+    path.write_bytes(data)
+    with pytest.raises(RecordingError, match="damaged"):
+        for _ in open_recording(path).frames():
+            pass
+
+
+def test_an_unknown_option_lists_the_known_ones(tmp_path):
+    with pytest.raises(UsageError, match="unknown reader option 'mirror'; there are: format, mirrored"):
+        open_recording(write(tmp_path / "a.npz"), mirror=True)
+
+
+def test_an_unknown_format_lists_the_known_ones(tmp_path):
+    with pytest.raises(UsageError, match="npz, utd_mhad, png, cloud, raw"):
+        open_recording(write(tmp_path / "a.npz"), format="oni")
+
+
+@pytest.mark.parametrize(
+    "options", [{"depth_unit": "inch"}, {"frame_rate": 0}, {"axes": "east"}, {"size": "3"}, {"up_camera": "a,b,c"}]
+)
+def test_an_option_out_of_range_is_an_error(tmp_path, options):
+    with pytest.raises(UsageError):
+        open_recording(write(tmp_path / "a.npz"), **options)
+
+
+def test_a_frame_that_is_not_there_is_an_error(tmp_path):
+    with pytest.raises(RecordingError, match="frames 0 to 1"):
+        open_recording(write(tmp_path / "a.npz")).depth(2)
+
+
+def test_nothing_is_left_of_a_recording_that_failed(tmp_path):
+    with pytest.raises(RuntimeError), RecordingWriter(tmp_path / "a.npz", TOF) as writer:
+        writer.append(person_alone(TOF), 0.0)
+        raise RuntimeError("the simulator broke")
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_recording_without_frames_is_not_written(tmp_path):
+    with pytest.raises(RecordingError, match="at least one"):
+        save_recording(tmp_path / "a.npz", depth=[], camera=TOF, timestamps=[])
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_colour_for_some_frames_only_is_an_error(tmp_path):
+    color = np.zeros((*TOF.shape, 3), dtype=np.uint8)
+    with pytest.raises(RecordingError, match="all or for none"), RecordingWriter(tmp_path / "a.npz", TOF) as writer:
+        writer.append(person_alone(TOF), 0.0, color=color)
+        writer.append(person_alone(TOF), 0.1)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_frame_of_another_size_is_not_written(tmp_path):
+    with pytest.raises(RecordingError, match="expected uint16"):
+        save_recording(tmp_path / "a.npz", depth=[np.zeros((3, 3), np.uint16)], camera=TOF, timestamps=[0.0])
+
+
+def test_a_recording_without_a_place_is_an_output_error(tmp_path):
+    (tmp_path / "file").write_text("in the way")
+    with pytest.raises(OutputError, match="cannot write"):
+        save_recording(tmp_path / "file" / "a.npz", depth=[person_alone(TOF)], camera=TOF, timestamps=[0.0])
