@@ -8,7 +8,7 @@ import pickle
 import signal
 import threading
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass, field, replace
 from importlib.metadata import version
@@ -19,13 +19,16 @@ from typing import Any
 import numpy as np
 
 from toolkit.body import skeleton
-from toolkit.config import save_settings, settings_text
+from toolkit.config import load_settings, save_settings, settings_text
+from toolkit.database.database import PoseDatabase
 from toolkit.errors import DepthMocapError, OutputError, TrackError, UsageError
 from toolkit.files import atomic_path, sha256_of
 from toolkit.sensing.camera import level_rotation
 from toolkit.sensing.recording import ReaderOptions, Recording, open_recording
 from toolkit.track import PARTIAL_FILE, RUN_FILE, TRACK_FILE, RunInfo, Track, TrackWriter
+from toolkit.tracking.hybrid import HybridTracker
 from toolkit.tracking.protocol import Tracker
+from toolkit.tracking.settings import HybridSettings
 
 Progress = Callable[[str, str, int, int], None]
 """Called with a recording's name, what is being done ("compiling" or "tracking"), the frames done and all frames."""
@@ -62,6 +65,13 @@ class RunSummary:
         """Stopped before the last frame; `resume` continues it."""
         return self.frames < self.recorded_frames
 
+    def text(self) -> str:
+        """One line for people."""
+        stages = ", ".join(f"{name} {ms:.1f}" for name, ms in self.stage_ms.items())
+        count = f"{self.frames} of {self.recorded_frames}" if self.interrupted else f"{self.frames}"
+        hint = "; continue with --resume" if self.interrupted else ""
+        return f"{self.run}: {count} frames, {sum(self.stage_ms.values()):.1f} ms a frame ({stages}){hint}"
+
 
 @dataclass
 class BatchReport:
@@ -74,6 +84,35 @@ class BatchReport:
     def interrupted(self) -> bool:
         """Whether the batch was stopped before its end."""
         return any(summary.interrupted for summary in self.done)
+
+
+def hybrid_tracker(
+    database: str | Path,
+    config: str | Path | None = None,
+    overrides: Mapping[str, Any] | None = None,
+    *,
+    max_poses: int | None = None,
+) -> HybridTracker:
+    """The hybrid tracker of Baak 2013 on a pose database.
+
+    Parameters
+    ----------
+    database : file of the pose database
+    config, overrides : settings, see `config.load_settings`
+    max_poses : use only the first poses of the database
+
+    Raises
+    ------
+    DatabaseError
+        The database cannot be read or belongs to another body or format version.
+    SettingsError
+        A setting is unknown or wrong.
+    """
+    settings = load_settings(HybridSettings, config, overrides)
+    poses = PoseDatabase.load(database)
+    if max_poses is not None:
+        poses = poses.limited(max_poses)
+    return HybridTracker(poses, settings, database_path=str(database))
 
 
 def track_recordings(

@@ -18,8 +18,11 @@ from typing import Any, BinaryIO
 import numpy as np
 
 from toolkit.body import skeleton
-from toolkit.errors import OutputError, TrackError, UsageError
-from toolkit.files import save_json, save_npz
+from toolkit.body.body import Body
+from toolkit.body.shape import ShapeSpace
+from toolkit.errors import OutputError, RecordingError, TrackError, UsageError
+from toolkit.files import save_json, save_npz, sha256_of
+from toolkit.sensing.recording import Recording, open_recording
 
 TRACKED, LOST, EMPTY = 0, 1, 2
 """States of a frame: followed; somebody is there but not explained; nobody is there."""
@@ -82,6 +85,25 @@ class RunInfo:
     def R_level_camera(self) -> np.ndarray:
         """Float64 (3, 3): turns points from the camera frame into the level frame."""
         return np.array(self.level_rotation, dtype=np.float64).reshape(3, 3)
+
+    def body(self) -> Body:
+        """The body as it was fitted."""
+        return ShapeSpace.load().body(self.shape, scale=self.scale)
+
+    def open_recording(self, path: str | Path | None = None) -> Recording:
+        """The recording, as it was when it was tracked; `path` says where it has been moved to.
+
+        Raises
+        ------
+        RecordingError
+            It is gone or has changed.
+        """
+        found = Path(path or self.recording)
+        if not found.exists():
+            raise RecordingError(f"the recording {found} is gone; put it back there")
+        if sha256_of(found) != self.recording_sha256:
+            raise RecordingError(f"the recording {found} has changed since it was tracked; track it again")
+        return open_recording(found, **self.reader_options)
 
     def save(self, run: str | Path) -> None:
         """Write `run.json` into the run folder."""

@@ -9,21 +9,18 @@ from typing import Any
 
 import numpy as np
 
-from toolkit.body.body import Body
-from toolkit.body.shape import ShapeSpace
 from toolkit.body.skeleton import REPORTED
-from toolkit.errors import RecordingError, TrackError
+from toolkit.errors import TrackError
 from toolkit.evaluation import joints as metrics
 from toolkit.evaluation.agreement import UTD_SUBJECT, agreement, agreement_with_offsets, subject_of
 from toolkit.evaluation.extrema import TIPS, all_free, extrema_found
 from toolkit.evaluation.reference import Reference, find_reference
 from toolkit.evaluation.scores import EvaluationTable, RunScores
 from toolkit.evaluation.surface import depth_residual, silhouette_overlap
-from toolkit.files import sha256_of
 from toolkit.landmarks.settings import LandmarkSettings
 from toolkit.sensing.cleaning import Cleaner, SensingSettings
 from toolkit.sensing.cloud import Cloud
-from toolkit.sensing.recording import Recording, open_recording
+from toolkit.sensing.recording import Recording
 from toolkit.track import PARTIAL_FILE, STATE_NAMES, TRACK_FILE, TRACKED, RunInfo, Track
 
 Progress = Callable[[str, int, int], None]
@@ -93,7 +90,7 @@ def find_runs(paths: Sequence[str | Path]) -> list[Path]:
 
 def _evaluate(run: Path, references: list[Path], surface: bool) -> _Evaluated:
     info, track = RunInfo.load(run), Track.load(run)
-    recording = open_tracked(info)
+    recording = info.open_recording()
     if len(track) > len(recording):
         raise TrackError(f"{run} has {len(track)} rows, its recording {len(recording)} frames; track it again")
     reference = find_reference(recording, references, len(track))
@@ -111,27 +108,6 @@ def _evaluate(run: Path, references: list[Path], surface: bool) -> _Evaluated:
     if surface:
         scores = replace(scores, **_frame_figures(track, info, recording, reference))
     return _Evaluated(scores, track.joints, reference)
-
-
-def open_tracked(info: RunInfo) -> Recording:
-    """The recording of a run, as it was when it was tracked.
-
-    Raises
-    ------
-    RecordingError
-        It is gone or has changed.
-    """
-    path = Path(info.recording)
-    if not path.exists():
-        raise RecordingError(f"the recording {path} is gone; put it back there")
-    if sha256_of(path) != info.recording_sha256:
-        raise RecordingError(f"the recording {path} has changed since it was tracked; track it again")
-    return open_recording(path, **info.reader_options)
-
-
-def fitted_body(info: RunInfo) -> Body:
-    """The body that a run fitted, from its shape coefficients and scale."""
-    return ShapeSpace.load().body(info.shape, scale=info.scale)
 
 
 def _selection(track: Track) -> dict[str, Any]:
@@ -180,7 +156,7 @@ def _frame_figures(track: Track, info: RunInfo, recording: Recording, reference:
 
     # Full resolution whatever the tracker used, so that runs at both resolutions are measured alike.
     cleaner = Cleaner.for_recording(recording, replace(SensingSettings(**info.sensing), half_resolution=False))
-    body, rotation = fitted_body(info), info.R_level_camera
+    body, rotation = info.body(), info.R_level_camera
     visible = np.zeros((len(track), len(REPORTED)), dtype=bool)
     overlap, residual = np.full(len(track), np.nan), np.full(len(track), np.nan)
     found: list[tuple[bool, bool]] = []
