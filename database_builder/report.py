@@ -81,7 +81,7 @@ def plot_coverage(database: PoseDatabase, path: str | Path) -> None:
             axis.plot(column[:, across], column[:, up], ".", ms=2, alpha=0.4, color=COLOURS[name], label=name)
         axis.set(title=title, xlabel=across_label, ylabel=up_label, aspect="equal")
         axis.grid(alpha=0.3)
-    axes[0].legend(markerscale=6, loc="upper right")
+    figure.legend(*axes[0].get_legend_handles_labels(), markerscale=6, loc="outside lower center", ncols=5)
     for name, column in zip(skeleton.END_EFFECTORS, np.moveaxis(points, 1, 0), strict=True):
         axes[3].hist(column[:, 1], bins=60, histtype="step", color=COLOURS[name], label=name)
     axes[3].set(title="height above the centre", xlabel="y (m)", ylabel="poses")

@@ -1,0 +1,82 @@
+"""Poses, databases and small BVH files for the database tests."""
+
+from __future__ import annotations
+
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+
+from toolkit.body import skeleton
+from toolkit.body.body import Body
+from toolkit.body.shape import load_body
+from toolkit.database.canonical import canonicalise
+from toolkit.database.database import PoseDatabase
+from toolkit.mocap.clip import PoseClip
+
+
+def neutral() -> Body:
+    """The body of all these tests."""
+    return load_body("neutral")
+
+
+def random_poses(rng: np.random.Generator, count: int, reach: float = 0.4) -> np.ndarray:
+    """Poses within `reach` times the limits, anywhere in a room, facing anywhere, float64 (count, P)."""
+    limits = skeleton.POSE_LIMITS.copy()
+    limits[skeleton.ROOT_POSITION] = (-3.0, 3.0)
+    limits[skeleton.ROOT_ROTATION] = (-0.5, 0.5)
+    poses = reach * rng.uniform(limits[:, 0], limits[:, 1], (count, skeleton.POSE_SIZE))
+    poses[:, 4] += rng.uniform(-np.pi, np.pi, count)
+    return poses
+
+
+def moving_clip(name: str, seed: int, frames: int = 60) -> PoseClip:
+    """A smooth random motion at 30 frames a second."""
+    rng = np.random.default_rng(seed)
+    keys = random_poses(rng, 4)
+    keys[:, skeleton.ROOT_ROTATION] *= 0.1
+    times = np.linspace(0, len(keys) - 1, frames)
+    poses = np.stack([np.interp(times, np.arange(len(keys)), column) for column in keys.T], axis=1)
+    return PoseClip(name, poses, 30.0, name)
+
+
+@cache
+def small_database(count: int = 200, seed: int = 0) -> PoseDatabase:
+    """Random canonical poses with the offsets that a camera sees."""
+    poses = canonicalise(random_poses(np.random.default_rng(seed), count))[0]
+    return PoseDatabase.of_poses(
+        poses, neutral(), sources=["random"], hashes=["0"], pose_source=np.zeros(count), pose_frame=np.arange(count),
+        mirrored=np.zeros(count),
+    )  # fmt: skip
+
+
+def write_bvh(path: Path, seed: int, frames: int = 30) -> None:
+    """A BVH of our own joint tree (metres, rotations z, x, y) whose joints all sway."""
+    body = neutral()
+    lines = ["HIERARCHY"]
+
+    def joint(number: int, depth: int) -> None:
+        pad = "  " * depth
+        parent = skeleton.PARENTS[number]
+        offset = body.joints[number] - (body.joints[parent] if parent >= 0 else 0.0)
+        lines.append(f"{pad}{'ROOT' if depth == 0 else 'JOINT'} {skeleton.JOINT_NAMES[number]}")
+        lines.append(f"{pad}{{\n{pad}  OFFSET {offset[0]:.5f} {offset[1]:.5f} {offset[2]:.5f}")
+        order.append(number)
+        rotations = "Zrotation Xrotation Yrotation"
+        lines.append(f"{pad}  CHANNELS " + (f"6 Xposition Yposition Zposition {rotations}" if depth == 0 else f"3 {rotations}"))
+        for child in np.flatnonzero(skeleton.PARENTS == number):
+            joint(int(child), depth + 1)
+        for site in np.flatnonzero(skeleton.SITE_PARENTS == number):
+            x, y, z = body.sites[site] - body.joints[number]
+            lines.append(f"{pad}  End Site\n{pad}  {{\n{pad}    OFFSET {x:.5f} {y:.5f} {z:.5f}\n{pad}  }}")
+        lines.append(f"{pad}}}")
+
+    order: list[int] = []
+    joint(0, 0)
+    rng = np.random.default_rng(seed)
+    reach, phase = rng.uniform(2, 25, (len(order), 3)), rng.uniform(0, 6, (len(order), 3))
+    lines += ["MOTION", f"Frames: {frames}", "Frame Time: 0.033333"]
+    for frame in range(frames):
+        angles = reach * np.sin(phase + 0.2 * frame)
+        lines.append(" ".join(f"{value:.4f}" for value in [0.01 * frame, 0.9, 0.0, *angles.ravel()]))
+    path.write_text("\n".join(lines) + "\n")

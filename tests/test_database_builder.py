@@ -1,0 +1,207 @@
+"""The builder end to end: mocap in, one file out, and what bad mocap and bad outputs do."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from database_builder import reading
+from database_builder.build import build_database
+from database_builder.report import database_text, plot_coverage
+from database_builder.sampling import farthest_first, pose_distance
+from tests.database_helpers import moving_clip, neutral, write_bvh
+from toolkit.body import skeleton
+from toolkit.database.canonical import canonicalise, mirrored
+from toolkit.database.database import PoseDatabase
+from toolkit.errors import MocapError, OutputError, UsageError
+from toolkit.mocap.read import read_clip
+from toolkit.mocap.retarget import retarget
+
+CLIPS = [moving_clip("a", 1), moving_clip("b", 2)]
+
+
+@pytest.fixture
+def mocap(tmp_path: Path) -> Path:
+    folder = tmp_path / "mocap"
+    (folder / "deep").mkdir(parents=True)
+    write_bvh(folder / "walk.bvh", 1)
+    write_bvh(folder / "deep" / "jump.bvh", 2)
+    return folder
+
+
+def test_a_database_of_clips_holds_the_plain_selection_of_their_canonical_poses(tmp_path: Path) -> None:
+    report = build_database(CLIPS, tmp_path / "poses.npz", threshold=0.02)
+    read = PoseDatabase.load(tmp_path / "poses.npz")
+    poses = canonicalise(np.concatenate([clip.poses for clip in CLIPS]))[0].astype(np.float32)
+    joints = neutral().joint_positions(poses).astype(np.float32)
+    chosen = farthest_first(joints, 0.02)
+    assert 5 < len(chosen) < len(poses) == report.poses_read
+    np.testing.assert_array_equal(read.poses, poses[chosen])
+    np.testing.assert_array_equal(read.joints, joints[chosen])
+    np.testing.assert_array_equal(60 * read.pose_source + read.pose_frame, chosen)
+    assert read.sources == ("a", "b") and not read.mirrored.any() and read.threshold == 0.02
+    assert list(tmp_path.iterdir()) == [tmp_path / "poses.npz"]
+
+
+def test_files_are_read_in_sorted_order_and_named_with_their_hashes(mocap: Path, tmp_path: Path) -> None:
+    report = build_database([mocap], tmp_path / "poses.npz", threshold=0.005)
+    assert report.database.sources == ("deep/jump.bvh", "walk.bvh")
+    assert all(len(digest) == 64 for digest in report.database.hashes)
+    first = retarget(read_clip(mocap / "deep" / "jump.bvh"), neutral()).poses[0]
+    np.testing.assert_array_equal(report.database.poses[0], canonicalise(first)[0].astype(np.float32))
+    assert (report.database.pose_source[0], report.database.pose_frame[0]) == (0, 0)
+
+
+def test_mirroring_adds_the_mirror_image_of_every_pose(tmp_path: Path) -> None:
+    report = build_database(CLIPS, tmp_path / "poses.npz", threshold=0.015, mirror=True)
+    database = report.database
+    assert report.poses_read == 240 and 0 < database.mirrored.sum() < len(database)
+    for row in np.flatnonzero(database.mirrored)[:5]:
+        frame = CLIPS[database.pose_source[row]].poses[database.pose_frame[row]]
+        np.testing.assert_allclose(database.poses[row], mirrored(canonicalise(frame)[0]), atol=1e-6)
+
+
+def test_a_maximum_count_stops_the_selection(tmp_path: Path) -> None:
+    database = build_database(CLIPS, tmp_path / "poses.npz", threshold=0.0, max_poses=17).database
+    assert len(database) == 17
+    pairs = pose_distance(database.joints[:, None], database.joints[None])
+    assert pairs[~np.eye(17, dtype=bool)].min() > 0
+
+
+def test_the_result_does_not_depend_on_the_number_of_processes(
+    mocap: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("database_builder.build.MANY_FILES", 1)
+    monkeypatch.setattr("database_builder.build.MANY_POSES", 1)
+    one = build_database([mocap], tmp_path / "one.npz", threshold=0.005, workers=1).database
+    two = build_database([mocap], tmp_path / "two.npz", threshold=0.005, workers=2).database
+    for name in ("poses", "joints", "features", "offsets", "pose_source", "pose_frame"):
+        np.testing.assert_array_equal(getattr(one, name), getattr(two, name))
+
+
+def test_a_bad_file_is_named_skipped_and_counted(mocap: Path, tmp_path: Path) -> None:
+    (mocap / "broken.bvh").write_text("HIERARCHY\nROOT hips\n{")
+    (mocap / "empty.amc").write_text("")
+    report = build_database([mocap], tmp_path / "poses.npz")
+    assert [name for name, _ in report.skipped] == ["broken.bvh", "empty.amc"]
+    assert report.database.sources == ("deep/jump.bvh", "walk.bvh")
+    assert "skipped broken.bvh" in report.text()
+    assert [name for name, _ in PoseDatabase.load(report.path).notes["skipped"]] == ["broken.bvh", "empty.amc"]
+
+
+def test_a_bad_file_is_fatal_when_strict_and_nothing_is_written(mocap: Path, tmp_path: Path) -> None:
+    (mocap / "broken.bvh").write_text("HIERARCHY\nROOT hips\n{")
+    with pytest.raises(MocapError, match="broken.bvh cannot be used"):
+        build_database([mocap], tmp_path / "poses.npz", strict=True)
+    assert not (tmp_path / "poses.npz").exists()
+
+
+def test_only_bad_files_is_an_error(tmp_path: Path) -> None:
+    (tmp_path / "broken.bvh").write_text("nothing")
+    with pytest.raises(MocapError, match="broken.bvh cannot be used .*1 of 1"):
+        build_database([tmp_path], tmp_path / "out" / "poses.npz")
+
+
+def test_an_interrupted_build_goes_on_where_it_was(
+    mocap: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def interrupted(stage: str, done: int, total: int) -> None:
+        if (stage, done) == ("read", 1):
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        build_database([mocap], tmp_path / "poses.npz", progress=interrupted)
+    assert not (tmp_path / "poses.npz").exists()
+    assert len(list((tmp_path / "poses.work").iterdir())) == 1
+    opened: list[str] = []
+
+    def watched(path: Path) -> object:
+        opened.append(path.name)
+        return read_clip(path)
+
+    monkeypatch.setattr(reading, "read_clip", watched)
+    resumed = build_database([mocap], tmp_path / "poses.npz").database
+    assert opened == ["walk.bvh"]
+    assert not (tmp_path / "poses.work").exists()
+    np.testing.assert_array_equal(resumed.poses, build_database([mocap], tmp_path / "again.npz").database.poses)
+
+
+def test_a_kept_file_is_read_again_when_the_mocap_or_the_body_changed(mocap: Path, tmp_path: Path) -> None:
+    first = build_database([mocap], tmp_path / "poses.npz", keep_work=True).database
+    write_bvh(mocap / "walk.bvh", 7)
+    second = build_database([mocap], tmp_path / "poses.npz", keep_work=True).database
+    assert first.hashes[0] == second.hashes[0] and first.hashes[1] != second.hashes[1]
+    tall = replace(neutral().scaled(1.2), name="tall")
+    third = build_database([mocap], tmp_path / "poses.npz", body=tall).database
+    assert third.body_name == "tall" and third.torso_length == pytest.approx(1.2 * second.torso_length)
+    np.testing.assert_allclose(third.joints, tall.joint_positions(third.poses), atol=1e-5)
+
+
+def test_progress_names_every_stage_and_ends_complete(mocap: Path, tmp_path: Path) -> None:
+    seen: list[tuple[str, int, int]] = []
+    build_database([mocap], tmp_path / "poses.npz", progress=lambda *step: seen.append(step))
+    assert [stage for stage, done, total in seen if done == total] == ["read", "sample", "look"]
+
+
+def test_an_empty_folder_is_an_error(tmp_path: Path) -> None:
+    (tmp_path / "nothing").mkdir()
+    with pytest.raises(MocapError, match="no motion file"):
+        build_database([tmp_path / "nothing"], tmp_path / "poses.npz")
+    with pytest.raises(MocapError, match="check the path"):
+        build_database([tmp_path / "missing"], tmp_path / "poses.npz")
+    with pytest.raises(UsageError, match="no source"):
+        build_database([], tmp_path / "poses.npz")
+
+
+@pytest.mark.skipif(os.geteuid() == 0, reason="root may write everywhere")
+def test_a_folder_without_permission_is_an_error(tmp_path: Path) -> None:
+    (tmp_path / "locked").mkdir(mode=0o500)
+    with pytest.raises(OutputError, match="cannot write"):
+        build_database(CLIPS, tmp_path / "locked" / "poses.npz")
+
+
+def test_an_output_that_cannot_be_written_is_an_error_before_work_starts(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("")
+    with pytest.raises(OutputError, match="cannot write"):
+        build_database(CLIPS, tmp_path / "file" / "poses.npz")
+    for name in ("poses.json", "poses"):
+        with pytest.raises(UsageError, match=r"one \.npz file"):
+            build_database(CLIPS, tmp_path / name)
+
+
+@pytest.mark.parametrize("options", [{"threshold": -0.1}, {"max_poses": 0}, {"workers": 0}])
+def test_options_that_cannot_work_are_refused(tmp_path: Path, options: dict[str, float]) -> None:
+    with pytest.raises(UsageError):
+        build_database(CLIPS, tmp_path / "poses.npz", **options)  # type: ignore[arg-type]
+
+
+def test_the_report_says_what_the_database_covers(tmp_path: Path) -> None:
+    database = build_database(CLIPS, tmp_path / "poses.npz").database
+    text = database_text(database)
+    for words in (f"poses      {len(database)}", "18.00 mm", "80 mm root mean square", "left_hand", "bias", "  a"):
+        assert words in text
+    plot_coverage(database, tmp_path / "coverage.png")
+    assert (tmp_path / "coverage.png").read_bytes().startswith(b"\x89PNG")
+
+
+@pytest.mark.shared_data
+def test_real_mocap_becomes_a_database_with_plausible_people(shared_data: Path, tmp_path: Path) -> None:
+    folder = shared_data / "mocap"
+    files = [
+        folder / "cmu" / "02_01.bvh",
+        folder / "cmu" / "49_02.bvh",
+        folder / "hdm05" / "HDM_bd_depositFloorR_001_120.amc",
+    ]
+    database = build_database(files, tmp_path / "poses.npz", threshold=0.01, strict=True).database
+    assert set(database.pose_source) == {0, 1, 2} and len(database) > 50
+    low, high = skeleton.POSE_LIMITS.T
+    assert (database.poses >= low - 1e-4).all() and (database.poses <= high + 1e-4).all()
+    names = skeleton.REPORTED.index
+    lateral = database.joints[:, names("left_shoulder"), 0] - database.joints[:, names("right_shoulder"), 0]
+    assert (lateral > 0.1).mean() > 0.95
+    entry = next(e for e in database.notes["residual"] if e["yaw_degrees"] == pytest.approx(20))
+    assert entry["centre_mm"] < 50 and entry["facing_degrees"] < 12

@@ -1,0 +1,129 @@
+"""The database file: there and back, and what is said of a bad one."""
+
+from __future__ import annotations
+
+import time
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from tests.database_helpers import neutral, small_database
+from toolkit.body.shape import load_body
+from toolkit.database.database import PoseDatabase
+from toolkit.errors import DatabaseError, OutputError
+
+ARRAYS = ("poses", "joints", "features", "offsets", "pose_source", "pose_frame", "mirrored", "body_shape")
+
+
+def changed(path: Path, **values: Any) -> Path:
+    """The file at `path` with other values; None removes one."""
+    with np.load(path) as archive:
+        data = {**{name: archive[name] for name in archive.files}, **values}
+    np.savez(path, **{name: value for name, value in data.items() if value is not None})
+    return path
+
+
+@pytest.fixture
+def saved(tmp_path: Path) -> Path:
+    path = tmp_path / "poses.npz"
+    small_database().save(path)
+    return path
+
+
+def test_a_database_read_back_equals_the_one_written(saved: Path) -> None:
+    original, read = small_database(), PoseDatabase.load(saved)
+    for name in ARRAYS:
+        np.testing.assert_array_equal(getattr(read, name), getattr(original, name))
+        assert getattr(read, name).dtype == getattr(original, name).dtype
+    for name in ("sources", "hashes", "threshold", "body_name", "body_scale", "torso_length", "notes"):
+        assert getattr(read, name) == getattr(original, name)
+    assert [p.name for p in saved.parent.iterdir()] == ["poses.npz"]
+
+
+def test_a_database_file_needs_no_pickle(saved: Path) -> None:
+    with np.load(saved, allow_pickle=False) as archive:
+        assert all(archive[name].dtype != object for name in archive.files)
+        assert archive["joint_names"].tolist()[0] == "pelvis" and len(archive["pose_names"]) == 43
+
+
+@pytest.mark.parametrize(
+    ("values", "words"),
+    [
+        ({"fingerprint": "0123456789abcdef"}, "another body"),
+        ({"format_version": 99}, "format version 99"),
+        ({"format": "something"}, "not a pose database"),
+        ({"features": None}, "lacks features"),
+        ({"features": np.zeros((3, 15), np.float32)}, "has shape"),
+        ({"joints": np.full((200, 20, 3), np.nan, np.float32)}, "not finite"),
+        ({"notes": "{"}, "damaged"),
+    ],
+)
+def test_a_file_that_does_not_fit_is_refused_with_the_reason(saved: Path, values: dict[str, Any], words: str) -> None:
+    with pytest.raises(DatabaseError, match=words):
+        PoseDatabase.load(changed(saved, **values))
+
+
+@pytest.mark.parametrize("share", [0.0, 0.01, 0.5, 0.95, 0.999])
+def test_a_truncated_file_is_refused(saved: Path, share: float) -> None:
+    content = saved.read_bytes()
+    saved.write_bytes(content[: int(share * len(content))])
+    with pytest.raises(DatabaseError, match="build it again"):
+        PoseDatabase.load(saved)
+
+
+def test_a_missing_file_is_named(tmp_path: Path) -> None:
+    with pytest.raises(DatabaseError, match="no pose database .*nothing.npz"):
+        PoseDatabase.load(tmp_path / "nothing.npz")
+
+
+def test_a_folder_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(DatabaseError, match="no readable pose database"):
+        PoseDatabase.load(tmp_path)
+
+
+def test_a_database_is_not_written_below_a_file(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("")
+    with pytest.raises(OutputError, match="cannot write"):
+        small_database().save(tmp_path / "file" / "poses.npz")
+
+
+def test_another_body_gets_its_own_joints_and_features() -> None:
+    database, child = small_database(), load_body("child")
+    theirs = database.for_body(child)
+    np.testing.assert_allclose(theirs.joints, child.joint_positions(database.poses), atol=1e-5)
+    np.testing.assert_array_equal(theirs.poses, database.poses)
+    assert theirs.body_name == "child" and theirs.torso_length < 0.85 * database.torso_length
+    ratio = np.linalg.norm(theirs.features, axis=1) / np.linalg.norm(database.features, axis=1)
+    assert 0.5 < np.median(ratio) < 0.9
+
+
+def test_a_body_of_twice_the_size_has_twice_the_features() -> None:
+    database = small_database()
+    doubled = database.for_body(neutral().scaled(2.0))
+    np.testing.assert_allclose(doubled.features, 2.0 * database.features, atol=1e-5)
+    back = doubled.for_body(neutral())
+    np.testing.assert_allclose(back.features, database.features, atol=1e-5)
+
+
+def test_another_body_for_25000_poses_takes_less_than_a_second() -> None:
+    small = small_database()
+    rows = np.resize(np.arange(len(small)), 25000)
+    names = ("poses", "joints", "features", "offsets", "pose_source", "pose_frame", "mirrored")
+    large = PoseDatabase(
+        **{name: getattr(small, name)[rows] for name in names}, sources=small.sources, hashes=small.hashes,
+        threshold=0.0, body_name=small.body_name, body_shape=small.body_shape, body_scale=1.0,
+        torso_length=small.torso_length,
+    )  # fmt: skip
+    started = time.process_time()
+    large.for_body(load_body("child"))
+    assert time.process_time() - started < 1.0
+
+
+def test_the_first_poses_are_a_database_of_their_own() -> None:
+    few = small_database().limited(10)
+    np.testing.assert_array_equal(few.features, small_database().features[:10])
+    assert few.query(few.features, 100)[1].shape == (10, 10)
+    with pytest.raises(DatabaseError, match="at least 1"):
+        few.limited(0)
