@@ -1,9 +1,11 @@
-"""A plain figure of boxes before a camera, for the tests of the landmarks."""
+"""A plain figure of boxes and drawn bodies before a camera, for the tests of the landmarks."""
 
 from __future__ import annotations
 
 import numpy as np
 
+from toolkit.body.body import Body
+from toolkit.kernels import raster
 from toolkit.sensing.camera import Camera
 from toolkit.sensing.cloud import Cloud
 
@@ -34,3 +36,13 @@ def figure(z: float = 2.6) -> np.ndarray:
     paint(depth, (0.06, -0.95), (0.19, -0.35), z)  # left leg
     paint(depth, (-0.19, -0.95), (-0.06, -0.35), z)
     return depth
+
+
+def body_cloud(body: Body, pose: np.ndarray) -> Cloud:
+    """Cloud of a body in a pose (P,), level frame, as `CAMERA` sees it without noise."""
+    vertices_camera = body.vertex_positions(pose) @ LEVEL
+    projected = np.empty_like(vertices_camera)
+    raster.project(vertices_camera, np.asarray(CAMERA.intrinsics, dtype=np.float64), projected)
+    inverse = np.empty((CAMERA.height, CAMERA.width))
+    raster.rasterise(projected, body.faces, inverse, np.empty(inverse.shape, dtype=np.int32))
+    return cloud_of(np.divide(1.0, inverse, out=np.zeros_like(inverse), where=inverse > 0))

@@ -33,29 +33,35 @@ def camera_yaw(centre: np.ndarray) -> float:
 def estimate_facing(
     points: np.ndarray, centre: np.ndarray, settings: LandmarkSettings | None = None, scale: float = 1.0
 ) -> FacingEstimate:
-    """Facing of a cloud from the plane through the points near its centre.
+    """Facing of a cloud from the plane through the points on its chest.
 
-    The normal is the eigenvector of the smallest eigenvalue of their covariance, turned to the camera and projected
-    onto the ground. Where an arm occludes the torso, the patch is curved (the smallest eigenvalue is relatively large)
-    or not round (the other two differ), and the weight falls linearly between the settings' bounds; a normal that
-    stands upright has no horizontal direction, and the weight falls with its horizontal part.
+    The plane's normal is the eigenvector of the smallest eigenvalue of their covariance, turned to the camera and
+    projected onto the ground. A chest is rounded and its visible part lies towards the camera, so its normal turns less
+    than the body: the angle between the normal and the direction to the camera is multiplied by `turn_gain`.
+
+    Where an arm occludes the torso, the patch is curved (the smallest eigenvalue is relatively large) or not round (the
+    other two differ), and the weight falls linearly between the settings' bounds; a normal that stands upright has no
+    horizontal direction, and the weight falls with its horizontal part. Holds for turns of up to about 60 degrees from
+    the camera: a torso seen from the side has no front.
 
     Parameters
     ----------
     points : float32 (N, 3), metres, level frame
     centre : (3,), metres, level frame, from `cloud_centre`
-    settings : radius of the patch and bounds of the eigenvalue tests
-    scale : size of the person against an adult, multiplies the radius
+    settings : place and radius of the patch, gain and bounds of the eigenvalue tests
+    scale : size of the person against an adult, multiplies height and radius
     """
     settings = settings or LandmarkSettings()
     centre = np.asarray(centre, dtype=np.float64)
     mean, covariance = np.empty(3), np.empty((3, 3))
-    count = torso.ball_moments(points, centre, scale * settings.torso_radius, mean, covariance)
+    chest = centre + [0.0, scale * settings.chest_height, 0.0]
+    count = torso.ball_moments(points, chest, scale * settings.torso_radius, mean, covariance)
+    towards_camera = camera_yaw(centre)
     if count < settings.smallest_torso:
-        return FacingEstimate(camera_yaw(centre), 0.0)
+        return FacingEstimate(towards_camera, 0.0)
     values, vectors = np.linalg.eigh(covariance)
     if values[2] <= 0.0:
-        return FacingEstimate(camera_yaw(centre), 0.0)
+        return FacingEstimate(towards_camera, 0.0)
     normal = vectors[:, 0]
     if normal @ centre > 0.0:
         normal = -normal
@@ -64,7 +70,13 @@ def estimate_facing(
     flat = _ramp(curvature, settings.curved_curvature, settings.flat_curvature)
     round_ = _ramp(circularity, settings.long_circularity, settings.round_circularity)
     horizontal = float(np.hypot(normal[0], normal[2]))
-    return FacingEstimate(float(np.arctan2(normal[0], normal[2])), flat * round_ * horizontal)
+    turn = settings.turn_gain * _wrapped(float(np.arctan2(normal[0], normal[2])) - towards_camera)
+    return FacingEstimate(_wrapped(towards_camera + turn), flat * round_ * horizontal)
+
+
+def _wrapped(angle: float) -> float:
+    """The same angle in (-pi, pi]."""
+    return float(np.arctan2(np.sin(angle), np.cos(angle)))
 
 
 def _ramp(value: float, zero: float, one: float) -> float:

@@ -13,12 +13,16 @@ class LandmarkSettings:
 
     Attributes
     ----------
-    neighbour_distance : tau, edges of the graph are shorter than this. Above the depth steps of a Kinect at 3.5 m (3.5
-        cm), below the gap between an arm and the torso that it hides
-    smallest_component : components of fewer nodes are noise
+    neighbour_distance : tau, edges of the graph are shorter than this. Just above the depth steps of a Kinect at 4 m
+        (4.5 cm), and below the gap between an arm and the torso that it hides
+    smallest_component : components of fewer nodes are noise; a hand at 4 m has 30 at half of a Kinect's resolution
     bridge_distance : components farther than this from the largest one stay unconnected (0.5 m in the paper)
-    centre_width, centre_height : half axes of the mean-shift ellipsoid, horizontal and vertical
-    torso_radius : points nearer than this to the centre are taken for the torso (0.15 m in the paper)
+    centre_width, centre_height : half axes of the mean-shift ellipsoid, horizontal and vertical. It reaches from the
+        chest to the thighs: a smaller one slides along the torso, where nothing holds it
+    torso_radius : points nearer than this to the middle of the chest are taken for the torso (0.15 m in the paper)
+    chest_height : the middle of the chest lies this far above the centre. 0 in the paper; but a belly is round, and its
+        plane turns by 0.4 of the body's turn and by 0.1 for heavy people, a chest's by 0.6 and by 0.4
+    turn_gain : the turn of the chest's plane away from the camera times this is the body's turn (1 in the paper)
     flat_curvature, curved_curvature : share of the smallest eigenvalue in the sum of the three, at and below which a
         torso counts as flat and from which its normal is ignored
     round_circularity, long_circularity : ratio of the two larger eigenvalues, at and above which the torso's patch
@@ -33,17 +37,19 @@ class LandmarkSettings:
     centre_width: float = 0.35
     centre_height: float = 0.5
     torso_radius: float = 0.15
-    flat_curvature: float = 0.02
+    chest_height: float = 0.28
+    turn_gain: float = 1.6
+    flat_curvature: float = 0.03
     curved_curvature: float = 0.08
-    round_circularity: float = 0.7
-    long_circularity: float = 0.3
+    round_circularity: float = 0.65
+    long_circularity: float = 0.35
     smallest_torso: int = 30
     facing_time: float = 0.15
 
     def __post_init__(self) -> None:
         for field in fields(self):
             value = getattr(self, field.name)
-            if not value > 0:
+            if not (value > 0 or (value == 0 and field.name == "chest_height")):
                 raise SettingsError(f"landmarks.{field.name} is {value}; it must be above 0")
         if self.neighbour_distance > 10 or self.bridge_distance > 10:
             raise SettingsError(
