@@ -1,4 +1,4 @@
-"""Small synthetic motions for the retrieval tests: a standing figure that faces +z (left at +x), and random movement."""
+"""Small synthetic motions for the retrieval tests: a standing figure that faces +z (left at +x), or moves at random."""
 
 from __future__ import annotations
 

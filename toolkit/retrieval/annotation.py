@@ -137,7 +137,7 @@ class Annotator:
         """
         unknown = sorted(set(intervals or ()) - set(self.labels))
         if unknown:
-            raise RetrievalError(f"intervals for unknown class {unknown[0]!r}; the classes are {', '.join(self.labels)}")
+            raise RetrievalError(f"intervals for unknown class {unknown[0]!r}; the classes: {', '.join(self.labels)}")
         shortest = [min(template.shortest for template in templates) for templates in self._templates]
         if len(features) < min(shortest):
             raise RetrievalError(

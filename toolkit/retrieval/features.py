@@ -1,4 +1,4 @@
-"""The 40 relational features: boolean relations between a body's joints (thesis 2.2, Table 2.1; Mueller and Roeder 2006).
+"""The 40 relational features: boolean relations between joints (thesis 2.2, Table 2.1; Mueller and Roeder 2006).
 
 `FEATURES` is the specification as a table. Every feature is a real-valued quantity, a comparison, and a loose and a
 strict threshold joined by hysteresis; lengths are in units of the actor's own body, measured in the first frame. World
@@ -191,7 +191,8 @@ class Geometry:
 def smoothed_velocity(positions: np.ndarray, rate: float, smoothing_ms: float) -> np.ndarray:
     """Velocity (..., T) of positions (..., T): forward difference, last value repeated, then a box average.
 
-    The window has `ceil(smoothing_ms * rate)` frames, the ends are mirrored. An odd window is centred on the frame, an even one reaches one value further into the future.
+    The window has `ceil(smoothing_ms * rate)` frames, the ends are mirrored. An odd window is centred on the frame, an
+    even one reaches one value further into the future.
     """
     velocity = np.zeros_like(positions)
     if positions.shape[-1] > 1:

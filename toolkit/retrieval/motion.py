@@ -128,38 +128,52 @@ def from_joints(joints: np.ndarray, frame_rate: float, name: str) -> Motion:
     joints = np.asarray(joints, dtype=np.float64)
     if joints.ndim != 3 or joints.shape[1:] != (len(skeleton.REPORTED), 3):
         raise RigError(f"joints of {name!r} have shape {joints.shape}; give (frames, {len(skeleton.REPORTED)}, 3)")
-    return Motion(name, _gather(dict(zip(skeleton.REPORTED, joints.transpose(1, 0, 2), strict=True)), name), frame_rate)
+    points = dict(zip(skeleton.REPORTED, joints.transpose(1, 0, 2), strict=True))
+    trunk = points["neck"] - points["pelvis"]
+    across = points["left_hip"] - points["right_hip"]
+    forward = np.cross(across, trunk)
+    length = np.linalg.norm(forward, axis=-1, keepdims=True)
+    forward *= np.linalg.norm(trunk, axis=-1, keepdims=True) / np.where(length > 0, length, 1.0)
+    return Motion(name, _gather(points | {"pelvis.back": points["pelvis"] - forward}, name), frame_rate)
 
 
 def from_poses(poses: np.ndarray, body: Body, frame_rate: float, name: str) -> Motion:
     """The named joints from a body's poses (T, P) in any frame with y up.
 
-    The 20 reported joints do not suffice: the spine's joints come from the chain, finger tips, toe tips and the top of
-    the head from the end-effector vertices. The base of the neck is the chain's midpoint of the clavicles.
+    The 20 reported joints do not suffice: points of the trunk, the finger tips, the toes and the top of the head come
+    from the chain and from the end-effector vertices.
     """
     poses = np.ascontiguousarray(np.atleast_2d(skeleton.check_pose(poses)))
+    extras = _carried_points(body)
+    joints = np.zeros((len(extras), body.skin_joints.shape[1]), dtype=np.int64)
+    joints[:, 0] = [joint for joint, _ in extras.values()]
+    weights = np.zeros(joints.shape)
+    weights[:, 0] = 1.0
     tips = body.end_effectors
     centres = np.empty((len(poses), len(skeleton.JOINTS), 3))
-    moved = np.empty((len(poses), len(tips), 3))
+    moved = np.empty((len(poses), len(tips) + len(extras), 3))
     kinematics.key_points(
-        poses, skeleton.PARENTS, body.joints, skeleton.DOF_JOINT, skeleton.DOF_AXIS, body.vertices[tips],
-        body.skin_joints[tips], body.skin_weights[tips], centres, moved,
+        poses, skeleton.PARENTS, body.joints, skeleton.DOF_JOINT, skeleton.DOF_AXIS,
+        np.concatenate([body.vertices[tips], [place for _, place in extras.values()]]),
+        np.concatenate([body.skin_joints[tips], joints]), np.concatenate([body.skin_weights[tips], weights]),
+        centres, moved,
     )  # fmt: skip
-    chain = dict(zip(skeleton.JOINT_NAMES, centres.transpose(1, 0, 2), strict=True))
-    tip = dict(zip(skeleton.END_EFFECTORS, moved.transpose(1, 0, 2), strict=True))
-    neck = 0.5 * (chain["left_clavicle"] + chain["right_clavicle"])
-    points = {
-        "root": chain["root"], "belly": chain["lumbar"], "chest": chain["thorax"], "neck": neck,
-        "head": chain["cervical"], "headtop": tip["head"],
-    }  # fmt: skip
-    for side in SIDES:
-        points[f"{side}_clavicle"] = neck
-        points[f"{side}_fingers"] = tip[f"{side}_hand"]
-        points[f"{side}_toes"] = tip[f"{side}_foot"]
-        for joint in ("shoulder", "elbow", "wrist", "hip", "knee", "ankle"):
-            points[f"{side}_{joint}"] = chain[f"{side}_{joint}"]
+    names = (*skeleton.JOINT_NAMES, *(f"{tip}.end" for tip in skeleton.END_EFFECTORS), *extras)
+    points = dict(zip(names, np.concatenate([centres, moved], axis=1).transpose(1, 0, 2), strict=True))
     axis = Rotation.from_rotvec(poses[:, skeleton.ROOT_ROTATION]).as_matrix()[:, :, 0]
-    return Motion(name, np.stack([points[joint] for joint in NAMED_JOINTS], axis=1), frame_rate, axis)
+    return Motion(name, _gather(points, name), frame_rate, axis)
+
+
+def _carried_points(body: Body) -> dict[str, tuple[int, np.ndarray]]:
+    """Points beside the joint centres: name -> the joint that carries it and its rest position (3,), metres."""
+    joints = dict(zip(skeleton.JOINT_NAMES, body.joints, strict=True))
+    shoulders = 0.5 * (joints["left_shoulder"] + joints["right_shoulder"])
+    trunk = float(np.linalg.norm(shoulders - joints["root"]))
+    site = skeleton.SITES.index(("head", "cervical"))
+    points = {"head": (int(skeleton.SITE_PARENTS[site]), body.sites[site])}
+    for joint in ("root", "thorax"):
+        points[f"{joint}.back"] = (skeleton.JOINT_NAMES.index(joint), joints[joint] - [0.0, 0.0, trunk])
+    return points
 
 
 def from_track(track: Track, body: Body, name: str) -> Motion:

@@ -1,0 +1,275 @@
+"""Annotation: distance functions against the written recursion, class decision, extension, measures, bad inputs."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from tests.retrieval_motions import random_motion
+from toolkit.errors import RetrievalError
+from toolkit.kernels import dtw
+from toolkit.retrieval.annotation import (
+    Annotator,
+    MotionClass,
+    PreparedTemplate,
+    decide,
+    distance_function,
+    extend,
+    runs,
+)
+from toolkit.retrieval.documents import assemble, shuffled_parts
+from toolkit.retrieval.features import FeatureMatrix, relational_features
+from toolkit.retrieval.measures import (
+    Scores,
+    Segment,
+    check_truth,
+    confusion,
+    frame_scores,
+    label_frames,
+    segment_scores,
+)
+from toolkit.retrieval.templates import WILDCARD, MotionTemplate, QuantisedTemplate
+
+INF = np.inf
+
+
+def plain_distance(template: QuantisedTemplate, document: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Equations 5.1 to 5.3 cell by cell: cheapest alignment ending in each frame, and the earliest start on it."""
+    n, length = len(template), document.shape[1]
+    cost = np.full((n, length), INF)
+    start = np.full((n, length), -1)
+    for i in range(n):
+        column = template.values[:, i]
+        known = column != WILDCARD
+        for j in range(length):
+            cell = np.mean(column[known] != document[known, j]) if known.any() else 0.0
+            cell *= (template.weights[i] + 1) / 2 / n
+            if i == 0:
+                cost[i, j], start[i, j] = cell, j
+                continue
+            for di, dj, weight in ((1, 1, 1), (1, 2, 1), (2, 1, 2)):
+                if i >= di and j >= dj and cost[i - di, j - dj] + weight * cell < cost[i, j] - 1e-12:
+                    cost[i, j], start[i, j] = cost[i - di, j - dj] + weight * cell, start[i - di, j - dj]
+    return cost[-1], start[-1]
+
+
+def random_template(rng: np.random.Generator, length: int, name: str = "class") -> QuantisedTemplate:
+    values = rng.choice([0, 1, WILDCARD], size=(40, length)).astype(np.int8)
+    if length > 2:
+        values[:, 1] = WILDCARD
+    return QuantisedTemplate(name, values, np.ones(length))
+
+
+def noisy_class(label: str, seed: int) -> tuple[MotionClass, FeatureMatrix]:
+    """A class learnt from three noisy copies of a movement, and the movement."""
+    clean = relational_features(random_motion(seed))
+    rng = np.random.default_rng(seed)
+    copies = [FeatureMatrix(f"{label} {i}", clean.values ^ (rng.random(clean.values.shape) < 0.01)) for i in range(3)]
+    return MotionClass(label, (MotionTemplate().fit(copies).quantised(label),), 0.04), clean
+
+
+@given(st.integers(0, 10_000), st.integers(1, 9), st.integers(1, 25))
+@settings(max_examples=60, deadline=None)
+def test_the_compiled_distance_function_is_the_written_recursion(seed: int, n: int, length: int) -> None:
+    rng = np.random.default_rng(seed)
+    template = random_template(rng, n)
+    document = rng.random((40, length)) < 0.5
+    cost, start = distance_function(template, FeatureMatrix("document", document))
+    expected, expected_start = plain_distance(template, document)
+    np.testing.assert_allclose(cost, expected, atol=1e-12)
+    assert ((start == -1) == np.isinf(expected)).all()
+    assert (start[np.isfinite(cost)] <= np.flatnonzero(np.isfinite(cost))).all()
+    del expected_start  # equal costs have several starts
+
+
+def test_a_column_of_wildcards_costs_nothing_and_a_known_one_its_share_of_mismatches() -> None:
+    values = np.full((40, 2), WILDCARD, dtype=np.int8)
+    values[:4, 1] = [1, 1, 0, 0]
+    document = np.zeros((40, 2), dtype=bool)
+    cost, start = distance_function(QuantisedTemplate("x", values, np.ones(2)), FeatureMatrix("d", document))
+    np.testing.assert_allclose(cost, [INF, 0.5 / 2])
+    assert start.tolist() == [-1, 0]
+
+
+def test_a_motion_within_a_document_is_found_where_it_is_at_half_and_double_speed() -> None:
+    rng = np.random.default_rng(4)
+    values = np.repeat(rng.random((40, 12)) < 0.5, 4, axis=1)
+    template = QuantisedTemplate("x", values.astype(np.int8), np.ones(48))
+    noise = rng.random((40, 40)) < 0.5
+    for columns in (np.arange(48), np.arange(0, 48, 2), np.repeat(np.arange(48), 2)):
+        document = np.concatenate([noise, values[:, columns], noise], axis=1)
+        cost, start = distance_function(template, FeatureMatrix("d", document))
+        end = int(cost.argmin())
+        assert cost[end] < 0.06
+        block = 4 * len(columns) / 48  # an alignment may leave out most of the first and of the last block
+        assert abs(end - (40 + len(columns) - 1)) < block and abs(start[end] - 40) < block
+
+
+def test_a_hit_writes_its_cost_over_its_frames_and_the_cheaper_hit_wins() -> None:
+    cost = np.array([INF, 0.3, 0.05, 0.1, 0.2, 0.02, 0.3])
+    start = np.array([-1, 0, 0, 1, 2, 2, 5])
+    modified = dtw.spread_hits(cost, start, 0.13)
+    np.testing.assert_allclose(modified, [INF, INF, 0.02, 0.02, 0.02, 0.02, INF])
+    modified = dtw.spread_hits(np.array([0.5, 0.05, 0.2, 0.02]), np.array([0, 0, 1, 1]), 0.13)
+    np.testing.assert_allclose(modified, [INF, 0.02, 0.02, 0.02])
+    modified = dtw.spread_hits(np.array([0.5, 0.02, 0.2, 0.05]), np.array([0, 0, 1, 1]), 0.13)
+    np.testing.assert_allclose(modified, [0.02, 0.02, 0.05, 0.05])
+
+
+def test_the_cheapest_class_wins_and_the_first_one_on_ties() -> None:
+    distances = np.array([[0.1, 0.2, INF, 0.1], [0.05, 0.2, INF, 0.2]])
+    assert decide(distances).tolist() == [1, 0, -1, 0]
+
+
+def test_a_run_grows_while_its_distance_does_not_rise_away_from_it() -> None:
+    first = np.array([INF, 0.05, 0.05, 0.10, 0.10, 0.10, 0.12, 0.02, INF])
+    second = np.array([INF, INF, 0.20, 0.01, 0.09, 0.05, 0.01, INF, INF])
+    distances = np.stack([first, second])
+    decided = np.array([-1, 0, 0, 1, 1, 1, 1, 0, -1])
+    frames = extend(decided, distances)
+    assert runs(frames[0]) == [(1, 3), (7, 8)]
+    assert runs(frames[1]) == [(3, 7)]
+    decided[3:6] = -1, 0, -1
+    assert runs(extend(decided, distances)[0]) == [(1, 6), (7, 8)]
+
+
+def test_two_movements_in_a_document_get_their_labels() -> None:
+    (first, a), (second, b) = noisy_class("swing", 1), noisy_class("bow", 2)
+    noise = np.random.default_rng(0).random((40, 30)) < 0.5
+    document = FeatureMatrix("both", np.concatenate([noise, a.values, noise, b.values, noise], axis=1))
+    annotation = Annotator([first, second]).annotate(document)
+    assert [segment.label for segment in annotation.segments] == ["swing", "bow"]
+    assert annotation.segments[0].start == pytest.approx(1.0, abs=0.2)
+    assert annotation.segments[1].end == pytest.approx((60 + len(a) + len(b)) / 30.0, abs=0.3)
+    assert all(segment.score > 0.9 for segment in annotation.segments)
+
+
+def test_intervals_restrict_a_class_to_their_frames_and_classes_without_any_are_not_searched() -> None:
+    (first, a), (second, _) = noisy_class("swing", 1), noisy_class("bow", 2)
+    gap = np.random.default_rng(0).random((40, 20)) < 0.5
+    document = FeatureMatrix("twice", np.concatenate([a.values, gap, a.values], axis=1))
+    annotator = Annotator([first, second])
+    everywhere = annotator.annotate(document)
+    restricted = annotator.annotate(document, {"swing": [(len(a) + 20, len(document))]})
+    assert len(everywhere.segments) == 2
+    assert restricted.segments == everywhere.segments[1:]
+
+
+def test_subclasses_are_combined_by_their_cheapest_template() -> None:
+    (first, a), (second, b) = noisy_class("swing", 1), noisy_class("bow", 2)
+    either = MotionClass("either", first.templates + second.templates)
+    document = FeatureMatrix("both", np.concatenate([a.values, b.values], axis=1))
+    assert Annotator([either]).annotate(document).frames.mean() > 0.95
+
+
+def test_a_document_shorter_than_every_template_is_refused_and_than_some_is_noted() -> None:
+    rng = np.random.default_rng(0)
+    classes = [MotionClass(f"c{n}", (random_template(rng, n),)) for n in (21, 61)]
+    with pytest.raises(RetrievalError, match=r"'short' has 10 frames.*needs 11"):
+        Annotator(classes).annotate(FeatureMatrix("short", np.zeros((40, 10), dtype=bool)))
+    assert Annotator(classes).annotate(FeatureMatrix("fits", np.zeros((40, 11), dtype=bool))).too_long == ("c61",)
+
+
+@pytest.mark.parametrize("length", [1, 2, 3, 8, 9])
+def test_the_shortest_document_of_a_template_has_an_alignment_and_a_shorter_one_has_none(length: int) -> None:
+    template = PreparedTemplate(random_template(np.random.default_rng(0), length))
+    assert np.isfinite(template.distance(np.zeros(template.shortest, dtype=np.uint64))[0][-1])
+    if template.shortest > 1:
+        assert np.isinf(template.distance(np.zeros(template.shortest - 1, dtype=np.uint64))[0]).all()
+
+
+def test_classes_without_templates_or_with_one_label_twice_are_refused() -> None:
+    with pytest.raises(RetrievalError, match="'empty' has no template"):
+        MotionClass("empty", ())
+    motion_class, _ = noisy_class("swing", 1)
+    with pytest.raises(RetrievalError, match="different labels"):
+        Annotator([motion_class, motion_class])
+    with pytest.raises(RetrievalError, match=r"threshold 0.0 of class 'x'"):
+        MotionClass("x", motion_class.templates, 0.0)
+
+
+def test_intervals_of_an_unknown_class_are_refused() -> None:
+    motion_class, clip = noisy_class("swing", 1)
+    with pytest.raises(RetrievalError, match="unknown class 'jump'"):
+        Annotator([motion_class]).annotate(clip, {"jump": [(0, 5)]})
+
+
+# The example of Fig. 5.3: the thesis states class 1 in full, and of class 2 what makes the totals 10 true and 13 found
+# frames, 3 true and 4 found segments. Frames count from 1 there.
+TRUE = [Segment(1, 4, "class1"), Segment(7, 10, "class1"), Segment(3, 7, "class2")]
+FOUND = [Segment(0, 3, "class1"), Segment(5, 7, "class1"), Segment(2, 7, "class2"), Segment(8, 11, "class2")]
+
+
+def test_the_worked_example_has_its_frame_measures() -> None:
+    labels = ("class1", "class2")
+    scores = frame_scores(label_frames(TRUE, labels, 12, 1.0), label_frames(FOUND, labels, 12, 1.0))
+    assert scores == Scores(6, 13, 6, 10)
+    assert (round(scores.precision, 2), round(scores.recall, 2)) == (0.46, 0.60)
+    assert scores.f == pytest.approx(2 * (6 / 13) * 0.6 / (6 / 13 + 0.6))
+
+
+def test_the_worked_example_has_its_segment_measures() -> None:
+    scores = segment_scores(TRUE, FOUND)
+    assert scores == Scores(2, 4, 2, 3)
+    assert (scores.precision, round(scores.recall, 2)) == (0.50, 0.67)
+
+
+def test_scores_of_documents_add_up_and_nothing_found_among_nothing_is_perfect() -> None:
+    assert Scores(1, 2, 1, 3) + Scores(2, 2, 2, 2) == Scores(3, 4, 3, 5)
+    assert Scores(0, 0, 0, 0).f == 1.0
+    assert Scores(0, 0, 0, 4).f == 0.0
+    assert Scores(0, 3, 0, 0).precision == 0.0
+
+
+def test_the_confusion_matrix_counts_frames_by_true_and_found_class() -> None:
+    true = np.array([[True, True, False, False], [False, False, True, False]])
+    table = confusion(true, np.array([0, 1, -1, 0]))
+    assert table.tolist() == [[1, 1, 0], [0, 0, 1], [1, 0, 0]]
+
+
+def test_true_segments_that_overlap_or_end_before_they_start_are_refused() -> None:
+    check_truth(TRUE, "fine")
+    with pytest.raises(RetrievalError, match=r"'squat' of doc overlap \(0 to 2 s and 1 to 3 s\)"):
+        check_truth([Segment(0, 2, "squat"), Segment(1, 3, "squat")], "doc")
+    with pytest.raises(RetrievalError, match="from 2.0 s to 1.0 s"):
+        check_truth([Segment(2.0, 1.0, "squat")], "doc")
+
+
+def test_an_unknown_label_is_named_with_the_known_ones() -> None:
+    with pytest.raises(RetrievalError, match="'hop' is not one of the classes squat, kick"):
+        label_frames([Segment(0, 1, "hop")], ("squat", "kick"), 30, 30.0)
+
+
+def test_documents_keep_their_clips_whole_and_join_them_without_a_jump() -> None:
+    parts = [(random_motion(i, reach=0.1), f"c{i}" if i != 1 else None) for i in range(3)]
+    document = assemble("doc", parts)
+    assert [segment.label for segment in document.segments] == ["c0", "c2"]
+    motion = document.motion
+    for (part, _), segment in zip(parts[::2], document.segments, strict=True):
+        first, stop = segment.frames(motion.frame_rate)
+        assert stop - first == len(part)
+        kept = relational_features(motion.sliced(first, stop)).values
+        assert np.mean(kept != relational_features(part).values) < 0.01
+    step = np.linalg.norm(np.diff(motion.joints, axis=0), axis=-1).max() * motion.frame_rate
+    inside = max(np.linalg.norm(np.diff(p.joints, axis=0), axis=-1).max() * p.frame_rate for p, _ in parts)
+    assert step < max(inside * 1.2, 3.0)
+    assert motion.joints[..., 1].min() > -1e-9
+
+
+def test_shuffled_parts_hold_every_clip_once_and_filler_between() -> None:
+    clips = [(random_motion(i), f"c{i}") for i in range(12)]
+    fillers = [random_motion(10, seconds=8.0)]
+    parts = shuffled_parts(clips, fillers, np.random.default_rng(0))
+    assert {label for _, label in parts if label} == {f"c{i}" for i in range(12)}
+    assert any(label is None for _, label in parts)
+    again = shuffled_parts(clips, fillers, np.random.default_rng(0))
+    assert [label for _, label in parts] == [label for _, label in again]
+
+
+def test_a_document_of_nothing_or_of_mixed_frame_rates_is_refused() -> None:
+    with pytest.raises(RetrievalError, match="one frame rate"):
+        assemble("none", [])
+    with pytest.raises(RetrievalError, match=r"\[60.0, 120.0\]"):
+        assemble("mixed", [(random_motion(0), None), (random_motion(0, rate=60.0), None)])

@@ -1,0 +1,136 @@
+"""Named joints from clips, poses and reported joints, and the sentences for skeletons that do not fit."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tests.retrieval_motions import random_motion, standing, still
+from toolkit.body import skeleton
+from toolkit.body.shape import load_body
+from toolkit.errors import MocapError, RigError
+from toolkit.mocap.clip import Clip
+from toolkit.mocap.read import find_clips, read_clip
+from toolkit.mocap.retarget import retarget
+from toolkit.retrieval.features import BodyLengths, relational_features
+from toolkit.retrieval.motion import NAMED_JOINTS, Motion, from_clip, from_joints, from_poses, joint_maps
+
+FILES = {"asf": "mocap/hdm05/HDM_bd_squat1Reps_001_120.amc", "cmu_bvh": "mocap/cmu/02_01.bvh"}
+
+
+def place(motion: Motion, joint: str, frame: int = -1) -> np.ndarray:
+    return motion.joints[frame, NAMED_JOINTS.index(joint)]
+
+
+def small_clip(names: tuple[str, ...]) -> Clip:
+    count = len(names)
+    return Clip(
+        name="small",
+        joint_names=names,
+        parents=np.arange(count) - 1,
+        offsets=np.ones((count, 3)),
+        rotations=np.tile(np.eye(3), (2, count, 1, 1)),
+        root_positions=np.zeros((2, 3)),
+        frame_rate=30.0,
+        end_sites={names[-1]: np.array([0.0, 2.0, 0.0])},
+    )
+
+
+def test_every_map_names_all_joints_and_weighs_each_to_one() -> None:
+    for table in joint_maps().values():
+        assert set(table) == set(NAMED_JOINTS)
+        for parts in table.values():
+            assert sum(parts.values()) == pytest.approx(1.0)
+
+
+def test_a_skeleton_without_the_joints_is_refused_with_their_names() -> None:
+    with pytest.raises(RigError, match=r"'small' lacks .*rfemur\.end.*joints\.yaml"):
+        from_clip(small_clip(("root", "lhipjoint", "lfemur", "lowerback")))
+
+
+def test_a_joint_that_is_not_finite_is_named_with_its_frame() -> None:
+    motion = still(standing())
+    joints = motion.joints.copy()
+    joints[5, 3] = np.nan
+    with pytest.raises(MocapError, match="frame 5"):
+        Motion("broken", joints, 120.0)
+
+
+@pytest.mark.parametrize("rate", [0.0, -30.0, np.nan])
+def test_an_impossible_frame_rate_is_refused(rate: float) -> None:
+    with pytest.raises(MocapError, match="frame rate"):
+        Motion("odd", still(standing()).joints, rate)
+
+
+def test_a_motion_without_frames_is_refused() -> None:
+    with pytest.raises(MocapError, match="at least one frame"):
+        Motion("empty", np.zeros((0, 24, 3)), 30.0)
+
+
+def test_a_motion_mirrored_twice_is_the_motion() -> None:
+    motion = random_motion(0)
+    twice = motion.mirrored().mirrored()
+    np.testing.assert_array_equal(twice.joints, motion.joints)
+    np.testing.assert_array_equal(twice.root_axis, motion.root_axis)
+
+
+def test_the_rest_pose_of_the_body_is_a_person_whose_hands_are_above_the_base_of_the_neck() -> None:
+    body = load_body("neutral")
+    motion = from_poses(np.zeros((4, skeleton.POSE_SIZE)), body, 30.0, "rest")
+    assert place(motion, "left_wrist")[0] > 0.4 and place(motion, "right_wrist")[0] < -0.4
+    assert place(motion, "left_toes")[2] > place(motion, "left_ankle")[2] + 0.05
+    heights = [place(motion, joint)[1] for joint in ("root", "belly", "chest", "neck", "head", "headtop")]
+    assert heights == sorted(heights)
+    assert -0.05 < place(motion, "neck")[1] - place(motion, "left_shoulder")[1] < 0.0
+    raised = np.zeros(skeleton.POSE_SIZE)
+    raised[skeleton.POSE_NAMES.index("left_shoulder_rz")] = 0.6
+    held = relational_features(from_poses(np.tile(raised, (4, 1)), body, 30.0, "raised")).values[:, -1]
+    found = {int(i) + 1 for i in np.flatnonzero(held)}
+    assert {4, 27, 28} <= found and not {1, 2, 5, 6, 13, 14, 20, 21, 37} & found
+
+
+def test_reported_joints_give_the_same_features_as_the_poses_they_come_from_but_for_the_tips() -> None:
+    body = load_body("neutral")
+    rng = np.random.default_rng(1)
+    poses = np.zeros((240, skeleton.POSE_SIZE))
+    swing = np.sin(np.arange(240)[:, None] / 30.0 * rng.uniform(1, 5, skeleton.POSE_SIZE - 6))
+    poses[:, 6:] = 0.25 * swing * np.ptp(np.clip(skeleton.POSE_LIMITS[6:], -2, 2), axis=1)
+    full = relational_features(from_poses(poses, body, 30.0, "full"))
+    reported = relational_features(from_joints(body.joint_positions(poses), 30.0, "reported"))
+    assert np.mean(full.values != reported.values) < 0.06
+
+
+def test_joints_of_another_count_are_refused() -> None:
+    with pytest.raises(RigError, match=r"\(7, 25, 3\)"):
+        from_joints(np.zeros((7, 25, 3)), 30.0, "kinect two")
+
+
+@pytest.mark.shared_data
+def test_retargeting_changes_few_entries_and_using_only_the_reported_joints_few_more(shared_data: Path) -> None:
+    body = load_body("neutral")
+    by_poses, by_joints = [], []
+    for path in find_clips(shared_data / "mocap" / "hdm05")[::16]:
+        clip = read_clip(path)
+        poses = retarget(clip, body)
+        original = relational_features(from_clip(clip)).values
+        posed = relational_features(from_poses(poses.poses, body, poses.frame_rate, clip.name)).values
+        joints = body.joint_positions(poses.poses)
+        reported = relational_features(from_joints(joints, poses.frame_rate, clip.name)).values
+        by_poses.append((posed != original[:, -posed.shape[1] :]).mean(axis=1))
+        by_joints.append((reported != posed).mean(axis=1))
+    assert np.mean(by_poses) < 0.04
+    assert np.mean(by_joints) < 0.03
+
+
+@pytest.mark.shared_data
+@pytest.mark.parametrize("rig", FILES)
+def test_real_skeletons_have_human_proportions_left_at_positive_x_when_facing_z(shared_data: Path, rig: str) -> None:
+    motion = from_clip(read_clip(shared_data / FILES[rig]))
+    lengths = BodyLengths.of(motion)
+    assert 1.2 < lengths.body < 1.9 and 0.2 < lengths.humerus_left < 0.4 and 0.2 < lengths.shoulders < 0.5
+    across = place(motion, "left_hip") - place(motion, "right_hip")
+    forward = place(motion, "left_toes") - place(motion, "left_ankle")
+    assert np.cross(across, [0.0, 1.0, 0.0]) @ forward > 0.0
+    assert motion.root_axis is not None and motion.root_axis[-1] @ across > 0.0

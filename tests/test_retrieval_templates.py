@@ -1,0 +1,194 @@
+"""Motion templates: the compiled alignment against plain recursions, the steps of the estimator, quantisation."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from sklearn.base import clone
+
+from tests.retrieval_motions import random_motion
+from toolkit.errors import RetrievalError
+from toolkit.kernels import dtw
+from toolkit.retrieval.features import FeatureMatrix, relational_features
+from toolkit.retrieval.templates import (
+    WILDCARD,
+    MotionTemplate,
+    QuantisedTemplate,
+    contract,
+    expand,
+    pack,
+    plot_template,
+    spread_evenly,
+)
+
+
+def clips(count: int = 5, seed: int = 0) -> list[FeatureMatrix]:
+    """Feature matrices of one random movement at different speeds, each with some entries turned over."""
+    rng = np.random.default_rng(seed)
+    base = relational_features(random_motion(seed)).values
+    found = []
+    for number in range(count):
+        length = int(rng.integers(40, 80))
+        values = base[:, np.rint(np.linspace(0, base.shape[1] - 1, length)).astype(int)]
+        found.append(FeatureMatrix(f"clip {number}", values ^ (rng.random(values.shape) < 0.02)))
+    return found
+
+
+def plain_align(x: np.ndarray, wx: np.ndarray, y: np.ndarray, wy: np.ndarray) -> tuple[float, list[tuple[int, int]]]:
+    """The recursion as written, on Python floats; ties: diagonal, then the warped sequence alone."""
+    n, m = x.shape[1], y.shape[1]
+    total = np.full((n, m), np.inf)
+    step: dict[tuple[int, int], tuple[int, int]] = {}
+    for i in range(n):
+        for j in range(m):
+            cell = np.mean(np.abs(x[:, i] - y[:, j])) * (wx[i] + wy[j]) / 2
+            options = [(i - 1, j - 1), (i, j - 1), (i - 1, j)]
+            options = [(a, b) for a, b in options if a >= 0 and b >= 0]
+            if not options:
+                total[i, j] = cell
+                continue
+            step[i, j] = min(options, key=lambda o: total[o])
+            total[i, j] = total[step[i, j]] + cell
+    path = [(n - 1, m - 1)]
+    while path[0] in step:
+        path.insert(0, step[path[0]])
+    return float(total[-1, -1]), path
+
+
+@given(st.integers(0, 10_000), st.integers(1, 12), st.integers(1, 12))
+@settings(max_examples=60, deadline=None)
+def test_the_compiled_alignment_is_the_plain_recursion(seed: int, n: int, m: int) -> None:
+    rng = np.random.default_rng(seed)
+    x, y = rng.integers(0, 5, (8, n)) / 4.0, rng.integers(0, 5, (8, m)) / 4.0  # eighths: sums are exact, ties are real
+    wx, wy = rng.integers(1, 4, n) / 2.0, rng.integers(1, 4, m) / 2.0
+    cost, path = dtw.align(x, wx, y, wy)
+    expected, expected_path = plain_align(x, wx, y, wy)
+    assert cost == pytest.approx(expected, abs=1e-12)
+    assert [tuple(p) for p in path.tolist()] == expected_path
+
+
+def test_warping_shares_out_the_weight_of_a_column_that_is_matched_twice() -> None:
+    path = np.array([[0, 0], [1, 0], [2, 1], [2, 2]])
+    values, weights = dtw.warp(path, np.array([[0.0, 1.0, 0.0]]), np.array([1.0, 3.0, 1.0]), 3)
+    np.testing.assert_allclose(values, [[0.0, 0.0, 0.75]])
+    np.testing.assert_allclose(weights, [0.5, 0.5, 4.0])
+
+
+def test_warping_keeps_the_total_weight_where_groups_do_not_overlap() -> None:
+    rng = np.random.default_rng(2)
+    x, y = rng.random((40, 20)), rng.random((40, 31))
+    _, path = dtw.align(x, np.ones(20), y, np.ones(31))
+    _, weights = dtw.warp(path, y, np.ones(31), 20)
+    assert weights.sum() == pytest.approx(31.0, rel=0.1)
+
+
+@given(st.lists(st.floats(0.05, 4.0), min_size=1, max_size=30))
+def test_time_adaptation_keeps_the_weight_and_ends_with_columns_of_about_one_frame(weights: list[float]) -> None:
+    columns = np.random.default_rng(0).random((3, len(weights)))
+    values, adapted = expand(columns, np.array(weights))
+    values, adapted = contract(values, adapted, 0.75)
+    assert adapted.sum() == pytest.approx(sum(weights))
+    np.testing.assert_allclose((values * adapted).sum(axis=1), (columns * weights).sum(axis=1))
+    if sum(weights) >= 0.75:
+        assert adapted.min() >= 0.75 - 1e-12
+
+
+def test_a_light_remainder_at_the_end_joins_the_column_before_it() -> None:
+    values, weights = contract(np.array([[0.0, 1.0, 1.0, 0.0]]), np.array([0.5, 0.5, 1.0, 0.25]), 0.75)
+    np.testing.assert_allclose(weights, [1.0, 1.25])
+    np.testing.assert_allclose(values, [[0.5, 0.8]])
+
+
+def test_a_heavy_column_is_repeated_as_often_as_its_rounded_weight() -> None:
+    values, weights = expand(np.array([[1.0, 0.0, 1.0]]), np.array([2.5, 0.3, 1.0]))
+    np.testing.assert_allclose(weights, [2.5 / 3] * 3 + [0.3, 1.0])
+    np.testing.assert_allclose(values, [[1.0, 1.0, 1.0, 0.0, 1.0]])
+
+
+def test_equal_clips_are_their_own_template() -> None:
+    clip = clips(1)[0]
+    template = MotionTemplate().fit([clip, clip, clip])
+    np.testing.assert_array_equal(template.values_, clip.values)
+    np.testing.assert_array_equal(template.weights_, np.ones(len(clip)))
+
+
+def test_a_template_is_about_as_long_as_its_clips_on_average_and_shows_what_they_share() -> None:
+    training = clips(6)
+    template = MotionTemplate().fit(training)
+    assert template.weights_.sum() == pytest.approx(np.mean([len(clip) for clip in training]), rel=0.05)
+    assert template.spread_[-1] < template.spread_[0] / 5
+    assert template.n_clips_ == 6
+    shared = np.abs(template.values_ - 0.5) > 0.3
+    assert shared.mean() > 0.8
+
+
+def test_the_strict_variant_keeps_only_what_all_clips_agree_on() -> None:
+    training = clips(4)
+    strict = MotionTemplate(strict=True).fit(training)
+    assert set(np.unique(strict.values_)) <= {0.0, 0.5, 1.0}
+    loose = MotionTemplate().fit(training).quantised(delta=0.05)
+    assert strict.quantised(delta=0.0).wildcards.mean() > loose.wildcards.mean()
+
+
+def test_quantising_keeps_values_at_the_threshold() -> None:
+    template = MotionTemplate().fit(clips(1))
+    template.values_ = np.full((40, 3), [0.05, 0.95, 0.5])
+    template.weights_ = np.ones(3)
+    quantised = template.quantised("class", 0.05)
+    assert quantised.values[0].tolist() == [0, 1, WILDCARD] and len(quantised) == 3
+
+
+@pytest.mark.parametrize("delta", [-0.1, 0.5, 0.8])
+def test_a_quantisation_threshold_outside_its_range_is_refused(delta: float) -> None:
+    with pytest.raises(RetrievalError, match=str(delta)):
+        MotionTemplate().fit(clips(1)).quantised(delta=delta)
+
+
+def test_a_class_without_clips_is_refused() -> None:
+    with pytest.raises(RetrievalError, match="without clips"):
+        MotionTemplate().fit([])
+
+
+def test_a_clip_without_frames_is_named() -> None:
+    with pytest.raises(RetrievalError, match="'nothing'"):
+        MotionTemplate().fit([FeatureMatrix("nothing", np.zeros((40, 0), dtype=bool))])
+
+
+def test_the_estimator_can_be_cloned_and_tells_its_parameters() -> None:
+    copy = clone(MotionTemplate(strict=True, max_rounds=3))
+    assert copy.get_params() == {"strict": True, "max_rounds": 3, "tolerance": 0.005, "contract_below": 0.75}
+
+
+@pytest.mark.parametrize(("count", "size"), [(1, 1), (2, 2), (3, 2), (4, 2), (5, 3), (18, 9)])
+def test_the_training_half_is_rounded_up_and_spread_over_the_list(count: int, size: int) -> None:
+    chosen = spread_evenly(count)
+    assert len(chosen) == size and chosen[0] == 0 and chosen[-1] == count - 1 or count == 1
+
+
+def test_packing_puts_feature_i_into_bit_i() -> None:
+    values = np.random.default_rng(0).random((40, 9)) < 0.5
+    words = pack(values)
+    unpacked = (words[None] >> np.arange(40, dtype=np.uint64)[:, None]) & np.uint64(1)
+    np.testing.assert_array_equal(unpacked.astype(bool), values)
+    assert [int(dtw.ones(word)) for word in words] == values.sum(axis=0).tolist()
+
+
+def test_a_template_is_drawn_with_its_features_as_rows() -> None:
+    import matplotlib
+
+    matplotlib.use("Agg")
+    from matplotlib import pyplot
+
+    template = MotionTemplate().fit(clips(3))
+    figure, (left, right) = pyplot.subplots(1, 2)
+    plot_template(template, left, features=(5, 6, 15, 16))
+    plot_template(template.quantised("class"), right)
+    assert [label.get_text() for label in left.get_yticklabels()] == ["F5", "F6", "F15", "F16"]
+    assert right.images[0].get_array().mask.any()
+    pyplot.close(figure)
+
+
+def test_a_quantised_template_counts_its_columns() -> None:
+    assert len(QuantisedTemplate("x", np.zeros((40, 7), dtype=np.int8), np.ones(7))) == 7
