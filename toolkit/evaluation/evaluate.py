@@ -67,6 +67,8 @@ def evaluate_runs(
         if progress is not None:
             progress(folder.name, i, len(folders))
         evaluated.append(_evaluate(folder, paths, surface))
+    if progress is not None:
+        progress("", len(folders), len(folders))
     return _with_offsets(evaluated, subject_pattern)
 
 

@@ -13,6 +13,7 @@ import numpy as np
 
 from toolkit.evaluation.joints import CURVE
 from toolkit.files import save_json, save_text
+from toolkit.track import STATE_NAMES, TRACKED
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -77,6 +78,11 @@ class RunScores:
     frame_error_mm: np.ndarray = field(default_factory=lambda: np.empty(0), repr=False)
     timestamps: np.ndarray = field(default_factory=lambda: np.empty(0), repr=False)
 
+    @property
+    def tracked(self) -> float | None:
+        """Share of frames in which the tracker says that it follows the person."""
+        return self.states.get(STATE_NAMES[TRACKED])
+
     def flat(self) -> dict[str, Any]:
         """Every figure by name, nested ones as `states.lost`; without the arrays."""
         row: dict[str, Any] = {}
@@ -102,6 +108,7 @@ COLUMNS: tuple[tuple[str, str, str], ...] = (
     ("pose_error_mm", "Eq. 5.10 mm", ".0f"),
     ("pose_error_std_mm", "± mm", ".0f"),
     ("lost", "lost %", "%"),
+    ("tracked", "tracked %", "%"),
     ("extrema", "extrema %", "%"),
     ("extrema_free", "free extrema %", "%"),
     ("agreement", "agreement %", "%"),
@@ -152,11 +159,11 @@ class EvaluationTable:
         """The table for a terminal, one line per run and their mean."""
         from rich.table import Table
 
-        shown = [column for column in COLUMNS if np.isfinite(self.figures(column[0])).any()]
+        shown = [c for c in COLUMNS if any(_known(getattr(row, c[0])) for row in self.rows)]
         sources = list(dict.fromkeys(name for row in self.rows for name in row.sources))
         table = Table(title=title)
         table.add_column("recording", overflow="fold")
-        for heading in [*(column[1] for column in shown), *(f"{name} %" for name in sources)]:
+        for heading in [*(column[1] for column in shown), *(f"by {name} %" for name in sources)]:
             table.add_column(heading, justify="right")
         mean = [self.mean()] if len(self) > 1 else []
         for row in [*self.rows, *mean]:
@@ -190,12 +197,16 @@ def _number(value: Any) -> float:
 
 
 def _mean(values: list[float | None]) -> float | None:
-    held = [value for value in values if value is not None and np.isfinite(value)]
+    held = [value for value in values if value is not None and _known(value)]
     return float(np.mean(held)) if held else None
 
 
+def _known(value: float | None) -> bool:
+    return value is not None and bool(np.isfinite(value))
+
+
 def _cell(value: float | None, style: str) -> str:
-    if value is None or not np.isfinite(value):
+    if value is None or not _known(value):
         return "-"
     return f"{100 * value:.1f}" if style == "%" else format(value, style)
 

@@ -1,0 +1,176 @@
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from tests.fake_tracker import FakeTracker, write_recording
+from toolkit import pipeline
+from toolkit.cli import bench
+from toolkit.cli.main import main
+from toolkit.cli.options import numbers
+from toolkit.errors import UsageError
+from toolkit.track import Track
+
+VERBS = ("demo", "database", "simulate", "track", "evaluate", "render", "export", "bench")
+
+
+def run(*arguments: str | Path) -> int:
+    """Exit code of the command."""
+    with pytest.raises(SystemExit) as stop:
+        main([str(argument) for argument in arguments])
+    return int(stop.value.code or 0)
+
+
+@pytest.fixture
+def fake(monkeypatch: pytest.MonkeyPatch) -> FakeTracker:
+    """A fake tracker in the place of the hybrid one; what it was asked for stands in `asked`."""
+    tracker = FakeTracker()
+    tracker.asked = None  # type: ignore[attr-defined]
+
+    def made(*arguments: object, **named: object) -> FakeTracker:
+        tracker.asked = (arguments, named)  # type: ignore[attr-defined]
+        return tracker
+
+    monkeypatch.setattr(pipeline, "hybrid_tracker", made)
+    return tracker
+
+
+def test_help_answers_at_once_and_names_every_verb() -> None:
+    command = [sys.executable, "-m", "toolkit.cli.main", "--help"]
+    times = []
+    for _ in range(3):
+        start = time.perf_counter()
+        answer = subprocess.run(command, capture_output=True, text=True, check=True)
+        times.append(time.perf_counter() - start)
+    assert min(times) < 1.0
+    assert all(f" {verb} " in answer.stdout for verb in VERBS)
+
+
+def test_help_loads_no_array_library() -> None:
+    script = "import sys, toolkit.cli.main; print([m for m in ('numpy', 'open3d', 'numba', 'cv2') if m in sys.modules])"
+    answer = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
+    assert answer.stdout.strip() == "[]"
+
+
+@pytest.mark.parametrize("verb", VERBS)
+def test_every_verb_explains_itself(verb: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(verb, "--help") == 0
+    assert capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ["fly"],
+        ["track"],
+        ["track", "a.npz", "--database", "d.npz"],
+        ["track", "a.npz", "--database", "d.npz", "--output", "o", "--no-such-option"],
+        ["track", "a.npz", "--database", "d.npz", "--output", "o", "--max-poses", "many"],
+        ["track", "a.npz", "--database", "d.npz", "--output", "o", "--set", "nothing"],
+        ["track", "a.npz", "--database", "d.npz", "--output", "o", "--set", "sensing.nothing=1"],
+        ["track", "a.npz", "--database", "d.npz", "--output", "o", "--config", "no_such_settings"],
+        ["track", "a.npz", "--database", "d.npz", "--output", "o", "--up", "1,2"],
+        ["track", "a.npz", "--database", "d.npz", "--output", "o", "--size", "wide"],
+        ["bench", "no_such_benchmark"],
+        ["evaluate"],
+        ["export", "run"],
+    ],
+)
+def test_wrong_use_is_exit_code_2(arguments: list[str], capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(*arguments) == 2
+    assert "Traceback" not in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["database", "info", "absent.npz"], "absent.npz"),
+        (["evaluate", "absent"], "absent"),
+        (["export", "absent", "--output", "a.csv"], "absent"),
+        (["render", "absent", "--output", "a.mp4"], "absent"),
+        (["track", "a.npz", "--database", "absent.npz", "--output", "o"], "absent.npz"),
+    ],
+)
+def test_a_failure_is_exit_code_1_and_one_sentence(
+    arguments: list[str], words: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run(*arguments) == 1
+    lines = [line for line in capsys.readouterr().err.splitlines() if line.strip()]
+    assert len(lines) == 1 and lines[0].startswith("depthmocap: ") and words in lines[0]
+
+
+def test_track_writes_a_run_and_says_so(tmp_path: Path, fake: FakeTracker, capsys: pytest.CaptureFixture[str]) -> None:
+    recording = write_recording(tmp_path / "take.npz")
+    main_arguments = ["track", recording, "--database", "d.npz", "--output", tmp_path / "run", "--half-resolution"]
+    assert run(*main_arguments, "--set", "extrema=10", "--segment", "person", "--max-poses", "7") == 0
+    assert "12 frames" in capsys.readouterr().out
+    assert len(Track.load(tmp_path / "run")) == 12
+    assert fake.asked == (  # type: ignore[attr-defined]
+        (Path("d.npz"), "baak2013", {"sensing.segment": "person", "sensing.half_resolution": True, "extrema": 10}),
+        {"max_poses": 7},
+    )
+
+
+def test_several_recordings_go_to_folders_by_stem_and_a_failure_is_named(
+    tmp_path: Path, fake: FakeTracker, capsys: pytest.CaptureFixture[str]
+) -> None:
+    good = write_recording(tmp_path / "good.npz")
+    (tmp_path / "bad.npz").write_bytes(b"nothing")
+    output = tmp_path / "runs"
+    assert run("track", tmp_path / "bad.npz", good, "--database", "d.npz", "--output", output) == 1
+    assert len(Track.load(output / "good")) == 12
+    assert "bad.npz: " in capsys.readouterr().err
+
+
+def test_reader_options_reach_the_recording_and_the_run(tmp_path: Path, fake: FakeTracker) -> None:
+    recording = write_recording(tmp_path / "take.npz")
+    options = ["--up", "0,-0.9,-0.1", "--mirrored", "--depth-unit", "mm"]
+    assert run("track", recording, "--database", "d", "--output", tmp_path / "run", *options) == 0
+    read = json.loads((tmp_path / "run" / "run.json").read_text())["reader_options"]
+    assert read["mirrored"] is True and read["up_camera"] == [0.0, -0.9, -0.1]
+
+
+def test_evaluate_prints_one_table_and_writes_files(
+    tmp_path: Path, fake: FakeTracker, capsys: pytest.CaptureFixture[str]
+) -> None:
+    recordings = [write_recording(tmp_path / f"{name}.npz") for name in ("one", "two")]
+    assert run("track", *recordings, "--database", "d", "--output", tmp_path / "runs") == 0
+    capsys.readouterr()
+    assert run("evaluate", tmp_path / "runs", "--no-surface", "--output", tmp_path / "eval") == 0
+    printed = capsys.readouterr().out
+    assert "one" in printed and "mean of 2" in printed
+    assert sorted(p.name for p in (tmp_path / "eval").iterdir()) == ["table.csv", "table.json"]
+
+
+def test_a_track_is_exported_by_the_suffix_of_the_output(tmp_path: Path, fake: FakeTracker) -> None:
+    recording = write_recording(tmp_path / "take.npz")
+    assert run("track", recording, "--database", "d", "--output", tmp_path / "run") == 0
+    for suffix, first in (("csv", "time_s,pelvis_x_m"), ("bvh", "HIERARCHY")):
+        assert run("export", tmp_path / "run", "--output", tmp_path / f"track.{suffix}") == 0
+        assert (tmp_path / f"track.{suffix}").read_text().startswith(first)
+    assert run("export", tmp_path / "run", "--output", tmp_path / "track.txt") == 2
+
+
+def test_numbers_on_the_command_line_are_counted() -> None:
+    assert numbers("1,2.5", 2, "--x") == (1.0, 2.5)
+    for text in ("1", "1,2,3", "a,b", ""):
+        with pytest.raises(UsageError, match="--x is"):
+            numbers(text, 2, "--x")
+
+
+def test_a_benchmark_runs_with_its_own_arguments(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "speed.py").write_text("import sys\nif __name__ == '__main__':\n    print('measured', sys.argv[1:])\n")
+    monkeypatch.setattr(bench, "FOLDER", tmp_path)
+    monkeypatch.setattr(sys, "argv", sys.argv)
+    monkeypatch.setattr(sys, "path", list(sys.path))
+    assert run("bench", "speed", "--frames", "3") == 0
+    assert capsys.readouterr().out.strip() == "measured ['--frames', '3']"
+    assert run("bench") == 0
+    assert capsys.readouterr().out.strip() == "speed"

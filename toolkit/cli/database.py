@@ -1,0 +1,66 @@
+"""`depthmocap database build` and `info`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from toolkit.cli.options import Output
+
+app = typer.Typer(help="Build a pose database from motion capture, or show what is in one.", no_args_is_help=True)
+
+
+@app.command()
+def build(
+    sources: Annotated[
+        list[Path] | None,
+        typer.Argument(
+            metavar="MOCAP...", help="BVH and AMC files, or folders of them; the bundled motions without any."
+        ),
+    ] = None,
+    output: Output = Path("poses.npz"),
+    threshold: Annotated[
+        float | None,
+        typer.Option(help="Distance in metres (Baak 2013, Eq. 5.1) at which sampling stops.", show_default="0.018"),
+    ] = None,
+    max_poses: Annotated[int | None, typer.Option(help="Stop at so many poses.")] = None,
+    body: Annotated[str, typer.Option(help="Name of the body whose poses they become.")] = "neutral",
+    mirror: Annotated[bool, typer.Option("--mirror", help="Add the mirror image of every pose.")] = False,
+    workers: Annotated[int | None, typer.Option(help="Processes.", show_default="one per processor")] = None,
+    strict: Annotated[bool, typer.Option("--strict", help="A file that cannot be used is an error.")] = False,
+) -> None:
+    """Read motion capture, sample it evenly and write one pose database."""
+    from database_builder.build import THRESHOLD, build_database
+    from toolkit.body.shape import load_body
+    from toolkit.cli.terminal import progress_bars
+
+    with progress_bars() as bars:
+        report = build_database(
+            sources or None,
+            output,
+            threshold=THRESHOLD if threshold is None else threshold,
+            max_poses=max_poses,
+            body=load_body(body),
+            mirror=mirror,
+            workers=workers,
+            strict=strict,
+            progress=bars,
+        )
+    print(report.text())
+
+
+@app.command()
+def info(
+    database: Annotated[Path, typer.Argument(metavar="DATABASE", help="A pose database.", show_default=False)],
+    plot: Annotated[Path | None, typer.Option(help="Write a picture of what it covers.")] = None,
+) -> None:
+    """Print what a pose database holds and covers."""
+    from database_builder.report import database_text, plot_coverage
+    from toolkit.database.database import PoseDatabase
+
+    loaded = PoseDatabase.load(database)
+    print(database_text(loaded))
+    if plot is not None:
+        plot_coverage(loaded, plot)

@@ -1,0 +1,54 @@
+"""`depthmocap evaluate`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+
+def evaluate(
+    runs: Annotated[
+        list[Path], typer.Argument(metavar="RUN...", help="Run folders, or folders of them.", show_default=False)
+    ],
+    references: Annotated[
+        list[Path] | None,
+        typer.Option(
+            "--reference", "-r", help="File, or folder matched by stem; each run's own recording without. Repeatable."
+        ),
+    ] = None,
+    output: Annotated[
+        Path | None,
+        typer.Option("--output", "-o", help="Folder for table.csv, table.json, accuracy.png and error.png."),
+    ] = None,
+    surface: Annotated[
+        bool,
+        typer.Option("--surface/--no-surface", help="Also look at every depth frame: overlap, hidden joints, extrema."),
+    ] = True,
+    subject_pattern: Annotated[
+        str | None,
+        typer.Option(
+            help="Regular expression whose group is the subject in a recording's name.", show_default="UTD-MHAD"
+        ),
+    ] = None,
+) -> None:
+    """Compare tracks with the truth or another skeleton, and fitted bodies with the depth: one table for all runs."""
+    from toolkit.cli.terminal import print_table, progress_bars
+    from toolkit.evaluation.agreement import UTD_SUBJECT
+    from toolkit.evaluation.evaluate import evaluate_runs
+
+    with progress_bars() as bars:
+        table = evaluate_runs(
+            runs,
+            references,
+            surface=surface,
+            subject_pattern=subject_pattern or UTD_SUBJECT,
+            progress=lambda name, done, total: bars("evaluating", done, total),
+        )
+    print_table(table.to_rich())
+    if output is not None:
+        from toolkit.evaluation.report import write_evaluation
+
+        for path in write_evaluation(table, output):
+            print(path)

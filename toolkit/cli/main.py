@@ -1,0 +1,61 @@
+"""The command `depthmocap`: one thin verb per stage of work.
+
+Nothing but the option parser is imported here and at the top of the verbs' modules, so that `--help` answers at once.
+"""
+
+from __future__ import annotations
+
+import sys
+from typing import Annotated
+
+import typer
+
+from toolkit.cli import bench, database, evaluate, export, simulate, track
+from toolkit.errors import DepthMocapError, UsageError
+
+app = typer.Typer(
+    name="depthmocap",
+    help="Tracks a person's full-body motion in depth recordings, stabilised by a database of mocap poses.",
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+    context_settings={"help_option_names": ["-h", "--help"]},
+)
+
+
+def _version(asked: bool) -> None:
+    if asked:
+        from importlib.metadata import version
+
+        print(version("depthmocap"))
+        raise typer.Exit
+
+
+@app.callback()
+def _root(
+    version: Annotated[
+        bool, typer.Option("--version", callback=_version, is_eager=True, help="Print the version.")
+    ] = False,
+) -> None:
+    """Where the options stand that belong to no verb."""
+
+
+app.add_typer(database.app, name="database")
+app.command()(simulate.simulate)
+app.command()(track.track)
+app.command()(evaluate.evaluate)
+app.command()(export.export)
+app.command(context_settings=bench.CONTEXT)(bench.bench)
+
+
+def main(arguments: list[str] | None = None) -> None:
+    """Run the command: exit code 0 is done, 1 failed, 2 wrong use; an error is printed as one sentence."""
+    try:
+        app(args=arguments, prog_name="depthmocap")
+    except DepthMocapError as error:
+        print(f"depthmocap: {error}", file=sys.stderr)
+        sys.exit(2 if isinstance(error, UsageError) else 1)
+
+
+if __name__ == "__main__":
+    main()

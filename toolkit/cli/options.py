@@ -1,0 +1,42 @@
+"""Options that several verbs share."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from toolkit.errors import UsageError
+
+Run = Annotated[
+    Path, typer.Argument(metavar="RUN", help="Run folder that `depthmocap track` wrote.", show_default=False)
+]
+Output = Annotated[Path, typer.Option("--output", "-o", help="What is written.", show_default=False)]
+Seed = Annotated[int, typer.Option(help="Seed of everything random.")]
+SettingOption = Annotated[
+    list[str] | None,
+    typer.Option("--set", metavar="NAME=VALUE", help="A setting by its dotted name, such as sensing.segment=person."),
+]
+
+
+def numbers(text: str, count: int, option: str) -> tuple[float, ...]:
+    """`count` numbers separated by commas.
+
+    Raises
+    ------
+    UsageError
+        There are more, fewer, or something else.
+    """
+    try:
+        values = tuple(float(part) for part in text.split(","))
+    except ValueError:
+        values = ()
+    if len(values) != count:
+        raise UsageError(f"{option} is {text!r}; give {count} numbers separated by commas")
+    return values
+
+
+def given(**options: Any) -> dict[str, Any]:
+    """The options that were given: those that are not None."""
+    return {name: value for name, value in options.items() if value is not None}

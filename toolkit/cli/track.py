@@ -1,0 +1,100 @@
+"""`depthmocap track`."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from toolkit.cli.options import SettingOption, given, numbers
+
+HELP = {
+    "format": "npz, utd_mhad, png, raw or cloud; guessed from the path.",
+    "intrinsics": "fx,fy,cx,cy in pixels, or a JSON file that holds them.",
+    "mirrored": "The source shows the scene as a mirror does; its images are flipped.",
+    "radial": "Pixels hold the distance to the camera instead of the depth along z.",
+    "unit": "mm, m, or the metres of one unit.",
+    "size": "Width,height in pixels of raw files.",
+    "rate": "Frames per second of a source without timestamps.",
+    "up": "The vertical x,y,z in the camera frame.",
+    "background": "16-bit PNG of the empty scene.",
+    "skeleton": "File or folder of a reference skeleton.",
+    "axes": "camera (x right, y down, z forward) or graphics (y up, z backward), for clouds.",
+    "segment": "How to cut the person out: segmented, background, empty-frames:N, range:NEAR,FAR, person, seed:U,V.",
+    "subject": "Who is meant among several people: only, largest or nearest.",
+}
+READING = "How to read the recording"
+
+
+def track(
+    recordings: Annotated[list[Path], typer.Argument(metavar="RECORDING...", show_default=False)],
+    database: Annotated[Path, typer.Option("--database", "-d", help="Pose database.", show_default=False)],
+    output: Annotated[
+        Path,
+        typer.Option("--output", "-o", help="Run folder; several recordings go to OUTPUT/<stem>.", show_default=False),
+    ],
+    config: Annotated[str, typer.Option(help="Settings: a YAML file or the name of a shipped one.")] = "baak2013",
+    settings: SettingOption = None,
+    max_poses: Annotated[int | None, typer.Option(help="Use only the first poses of the database.")] = None,
+    half_resolution: Annotated[bool, typer.Option("--half-resolution", help="Keep every second pixel.")] = False,
+    segment: Annotated[str | None, typer.Option(help=HELP["segment"], show_default="auto")] = None,
+    subject: Annotated[str | None, typer.Option(help=HELP["subject"], show_default="only")] = None,
+    resume: Annotated[bool, typer.Option("--resume", help="Continue a killed or interrupted run.")] = False,
+    format_: Annotated[str | None, typer.Option("--format", help=HELP["format"], rich_help_panel=READING)] = None,
+    intrinsics: Annotated[str | None, typer.Option(help=HELP["intrinsics"], rich_help_panel=READING)] = None,
+    mirrored: Annotated[
+        bool | None, typer.Option("--mirrored/--not-mirrored", help=HELP["mirrored"], rich_help_panel=READING)
+    ] = None,
+    radial: Annotated[bool | None, typer.Option("--radial", help=HELP["radial"], rich_help_panel=READING)] = None,
+    depth_unit: Annotated[str | None, typer.Option(help=HELP["unit"], rich_help_panel=READING)] = None,
+    size: Annotated[str | None, typer.Option(help=HELP["size"], rich_help_panel=READING)] = None,
+    frame_rate: Annotated[float | None, typer.Option(help=HELP["rate"], rich_help_panel=READING)] = None,
+    up: Annotated[str | None, typer.Option(help=HELP["up"], rich_help_panel=READING)] = None,
+    background: Annotated[str | None, typer.Option(help=HELP["background"], rich_help_panel=READING)] = None,
+    skeleton: Annotated[str | None, typer.Option(help=HELP["skeleton"], rich_help_panel=READING)] = None,
+    axes: Annotated[str | None, typer.Option(help=HELP["axes"], rich_help_panel=READING)] = None,
+) -> None:
+    """Track the person in depth recordings and write what was found into run folders."""
+    from toolkit.cli.terminal import progress_bars
+    from toolkit.config import parse_overrides
+    from toolkit.pipeline import hybrid_tracker, track_recordings
+
+    reading = given(
+        format=format_,
+        intrinsics=_intrinsics(intrinsics),
+        mirrored=mirrored,
+        radial=radial,
+        depth_unit=_unit(depth_unit),
+        size=None if size is None else tuple(int(n) for n in numbers(size, 2, "--size")),
+        frame_rate=frame_rate,
+        up_camera=None if up is None else numbers(up, 3, "--up"),
+        background=background,
+        skeleton=skeleton,
+        axes=axes,
+    )
+    sensing = given(segment=segment, subject=subject, half_resolution=half_resolution or None)
+    overrides = {f"sensing.{name}": value for name, value in sensing.items()} | parse_overrides(settings or [])
+    tracker = hybrid_tracker(database, config, overrides, max_poses=max_poses)
+    with progress_bars() as bars:
+        report = track_recordings(
+            recordings, tracker, output, reader_options=reading, resume=resume, progress=bars.of_recording
+        )
+    for summary in report.done:
+        print(summary.text())
+    for path, reason in report.failed.items():
+        print(f"depthmocap: {path}: {reason}", file=sys.stderr)
+    if report.failed or report.interrupted:
+        raise typer.Exit(1)
+
+
+def _intrinsics(text: str | None) -> str | tuple[float, ...] | None:
+    return numbers(text, 4, "--intrinsics") if text and "," in text else text
+
+
+def _unit(text: str | None) -> str | float | None:
+    try:
+        return text if text is None else float(text)
+    except ValueError:
+        return text
