@@ -25,6 +25,9 @@ of a bent limb's far points."""
 BEND = np.sin(np.radians(12.0)) ** 2
 """Squared sine of the bend at which a far point counts half: a smaller one may as well be an overstretched elbow."""
 
+REAIMS = 3
+"""Rounds of swinging a limb's first joint back to its bone's direction and clamping it again."""
+
 X, Y = 0, 1
 DOWN: np.ndarray = np.array([0.0, -1.0, 0.0])
 
@@ -91,6 +94,16 @@ class _Chain:
         """Give a joint the world rotations (T, 3, 3), as far as its free axes and limits allow."""
         self.set(joint, vectors_of(world if joint == "root" else transposed(self.world[self.parent(joint)]) @ world))
 
+    def aim(self, joint: str, world: np.ndarray, bone: np.ndarray, now: np.ndarray) -> None:
+        """As `turn`, and where the limits change the rotation swing it so that `bone` (3,) comes as near to `now` (T, 3) as
+        they allow: alternating projections, which give up twist rather than the direction of the bone."""
+        self.turn(joint, world)
+        clamped = self.clamped.copy()
+        for _ in range(REAIMS):
+            reached = self.world[joint]
+            self.turn(joint, swing(apply(reached, bone), now) @ reached)
+        self.clamped = clamped
+
     def hinge(self, joint: str, axis: int, angles: np.ndarray) -> None:
         """Bend a hinge by `angles` (T,), as far as its limits allow."""
         self.set(joint, angles[:, None] * np.eye(3)[axis])
@@ -146,7 +159,7 @@ def _arm(chain: _Chain, source: Source, side: str) -> None:
     _, fore_now = source.bone(elbow, wrist)
     flexion = hinge_angles(upper, fore, Y, (upper_now * fore_now).sum(axis=1), -1.0 if side == "left" else 1.0)
     bent = apply(_about(Y, flexion), fore)
-    chain.turn(shoulder, _aimed(chain, source, shoulder, elbow, [(lever, bent, fore_now)]))
+    chain.aim(shoulder, _aimed(chain, source, shoulder, elbow, [(lever, bent, fore_now)]), upper, upper_now)
     chain.hinge(elbow, Y, flexion)
     if not source.has(hand):
         chain.set(wrist, np.zeros((source.frames, 3)))
@@ -169,7 +182,7 @@ def _leg(chain: _Chain, source: Source, side: str) -> None:
         _, sole_now = source.bone(ankle, foot)
         pitch = hinge_angles(shin, sole, X, (shin_now * sole_now).sum(axis=1), 0.0)
         levers.append((sole_lever, apply(bent @ _about(X, pitch), sole), sole_now))
-    chain.turn(hip, _aimed(chain, source, hip, knee, levers))
+    chain.aim(hip, _aimed(chain, source, hip, knee, levers), thigh, thigh_now)
     chain.hinge(knee, X, flexion)
     turned = source.rotations[ankle]
     if source.has(foot):
