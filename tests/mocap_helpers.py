@@ -16,7 +16,12 @@ LEFT_REST = {
     "knee": (0.10, -0.42, 0.02),
     "ankle": (0.11, -0.84, -0.02),
 }
-SPINE_REST = {"root": (0.0, 0.0, 0.0), "lumbar": (0.0, 0.1, -0.02), "thorax": (0.0, 0.25, -0.02), "cervical": (0.0, 0.5, -0.01)}
+SPINE_REST = {
+    "root": (0.0, 0.0, 0.0),
+    "lumbar": (0.0, 0.1, -0.02),
+    "thorax": (0.0, 0.25, -0.02),
+    "cervical": (0.0, 0.5, -0.01),
+}
 SITES_REST = {
     "head": (0.0, 0.66, 0.02),
     "left_hand": (0.80, 0.45, 0.01),
@@ -37,7 +42,9 @@ def stick_body() -> Body:
     tips = [SITES_REST[name] for name in skeleton.END_EFFECTORS]
     carriers = {name: skeleton.JOINT_NAMES.index(parent) for name, parent in skeleton.SITES}
     vertices = np.array([np.add(tip, step) for tip in tips for step in 0.01 * np.vstack([np.zeros(3), np.eye(3)])])
-    faces = np.array([[4 * i + a for a in face] for i in range(5) for face in ((0, 2, 1), (0, 1, 3), (0, 3, 2), (1, 2, 3))])
+    faces = np.array(
+        [[4 * i + a for a in face] for i in range(5) for face in ((0, 2, 1), (0, 1, 3), (0, 3, 2), (1, 2, 3))]
+    )
     skin = np.repeat([carriers[name] for name in skeleton.END_EFFECTORS], 4)[:, None]
     return Body(
         name="stick",

@@ -51,8 +51,8 @@ def read_asf(path: str | Path, *, unit: float | None = None) -> AsfSkeleton:
     Parameters
     ----------
     path : the file
-    unit : metres of one file unit; None takes inches divided by the file's own `length` (0.0254 / length), and where that
-        makes no person the guess of `units.metres_per_unit`
+    unit : metres of one file unit; None takes inches divided by the file's own `length` (0.0254 / length), and where
+        that makes no person the guess of `units.metres_per_unit`
 
     Raises
     ------
@@ -65,7 +65,9 @@ def read_asf(path: str | Path, *, unit: float | None = None) -> AsfSkeleton:
         if needed not in sections:
             raise MocapError(f"{file.name} has no :{needed} section; it is truncated or not an ASF skeleton")
     try:
-        units = {line.split()[0].lower(): line.split()[1] for line in sections.get("units", []) if len(line.split()) > 1}
+        units = {
+            line.split()[0].lower(): line.split()[1] for line in sections.get("units", []) if len(line.split()) > 1
+        }
         degrees = units.get("angle", "deg").lower().startswith("deg")
         bones = {ROOT: _root_bone(sections["root"], degrees)}
         for block in _blocks(sections["bonedata"], file.name):
@@ -87,12 +89,16 @@ def read_asf(path: str | Path, *, unit: float | None = None) -> AsfSkeleton:
 
 
 def read_amc(
-    path: str | Path, asf: str | Path | AsfSkeleton | None = None, *, unit: float | None = None, rate: float | None = None
+    path: str | Path,
+    asf: str | Path | AsfSkeleton | None = None,
+    *,
+    unit: float | None = None,
+    rate: float | None = None,
 ) -> Clip:
     """Read an AMC motion together with its ASF skeleton.
 
-    A bone's rotation relative to its parent is `C M C^-1`, with its rest frame `C` and `M` composed of its own degrees of
-    freedom, the first one applied first. Each joint of the clip is the beginning of the bone whose name it has.
+    A bone's rotation relative to its parent is `C M C^-1`, with its rest frame `C` and `M` composed of its own degrees
+    of freedom, the first one applied first. Each joint of the clip is the beginning of the bone whose name it has.
 
     Parameters
     ----------
@@ -119,7 +125,7 @@ def read_amc(
 
 
 def find_asf(amc: str | Path) -> Path:
-    """The skeleton of an AMC file: in its folder, the one whose stem is the longest prefix of the file's, or the only one.
+    """The skeleton of an AMC file: in its folder the one whose stem is the longest prefix of the file's, or the only.
 
     Raises
     ------
@@ -264,7 +270,9 @@ def _amc_table(body: str, skeleton: AsfSkeleton, name: str) -> dict[str, np.ndar
     if left:
         raise MocapError(f"{name} stops within frame {frames + 1}, or a frame has other columns than frame 1")
     if tokens[::stride] != [str(i + 1) for i in range(frames)]:
-        raise MocapError(f"{name} does not count its frames from 1 to {frames}; frames are missing or have other columns")
+        raise MocapError(
+            f"{name} does not count its frames from 1 to {frames}; frames are missing or have other columns"
+        )
     table = {}
     column = 1
     for bone in layout:

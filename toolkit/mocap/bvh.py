@@ -1,4 +1,4 @@
-"""Biovision hierarchy files (BVH): a joint tree with its own channels and rotation order per joint, and a table of frames."""
+"""Biovision hierarchy files (BVH): a joint tree, channels and rotation order per joint, and a table of frames."""
 
 from __future__ import annotations
 
@@ -31,8 +31,8 @@ class _Tree:
 def read_bvh(path: str | Path, *, unit: float | None = None) -> Clip:
     """Read a BVH file.
 
-    The channels of a joint turn it in the order in which they are listed (`Zrotation Yrotation Xrotation` is Rz Ry Rx); a
-    position channel of any joint replaces that axis of its OFFSET, as other readers do. Degrees in the file.
+    The channels of a joint turn it in the order in which they are listed (`Zrotation Yrotation Xrotation` is Rz Ry Rx);
+    a position channel of any joint replaces that axis of its OFFSET, as other readers do. Degrees in the file.
 
     Parameters
     ----------
@@ -42,8 +42,8 @@ def read_bvh(path: str | Path, *, unit: float | None = None) -> Clip:
     Raises
     ------
     MocapError
-        The file is missing, empty, truncated, has another number of frames or columns than it announces, holds values that
-        are not finite, uses unknown words, or its unit cannot be guessed.
+        The file is missing, empty, truncated, has another number of frames or columns than it announces, holds values
+        that are not finite, uses unknown words, or its unit cannot be guessed.
     """
     file = Path(path)
     head, motion = _sections(file)
@@ -151,8 +151,8 @@ def _parse_motion(motion: str, columns: int, name: str) -> tuple[np.ndarray, flo
         raise MocapError(f"{name} has no frames; remove the file or export it again")
     if len(values) != frames * columns:
         raise MocapError(
-            f"{name} announces {frames} frames of {columns} columns, {frames * columns} numbers, but holds {len(values)}; "
-            "the file is truncated or its header is wrong"
+            f"{name} announces {frames} frames of {columns} columns, but holds {len(values)} numbers and not "
+            f"{frames * columns}; the file is truncated or its header is wrong"
         )
     first_line = len(body.split("\n", 1)[0].split())
     if first_line != columns:

@@ -29,8 +29,8 @@ class Clip:
     rotations : float64 (T, J, 3, 3), each joint's rotation relative to its parent
     root_positions : float64 (T, 3), world position of the root joint
     frame_rate : frames a second
-    translations : float64 (T, J, 3), positions relative to the parent that replace `offsets`, or None (the root's row is
-        ignored)
+    translations : float64 (T, J, 3), positions relative to the parent that replace `offsets`, or None (the root's row
+        is ignored)
     end_sites : joint name -> offset (3,) from that joint to the tip of its bone
     """
 

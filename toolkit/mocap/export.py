@@ -47,7 +47,9 @@ def export_bvh(path: str | Path, body: Body, poses: np.ndarray, frame_rate: floa
     order: list[int] = []
     _write_joint(body, 0, 0, lines, order)
     lines += ["MOTION", f"Frames: {len(poses)}", f"Frame Time: {1.0 / frame_rate:.9f}"]
-    table = np.concatenate([poses[:, skeleton.ROOT_POSITION] * BVH_UNITS_PER_METRE, _euler_degrees(poses, order)], axis=1)
+    table = np.concatenate(
+        [poses[:, skeleton.ROOT_POSITION] * BVH_UNITS_PER_METRE, _euler_degrees(poses, order)], axis=1
+    )
     rows = io.StringIO()
     np.savetxt(rows, table, fmt="%.5f")
     save_text(path, "\n".join(lines) + "\n" + rows.getvalue())
@@ -72,7 +74,9 @@ def export_csv(path: str | Path, joints: np.ndarray, timestamps: np.ndarray) -> 
     joints, times = np.asarray(joints, dtype=np.float64), np.asarray(timestamps, dtype=np.float64)
     expected = (len(times), len(skeleton.REPORTED), 3)
     if times.ndim != 1 or joints.shape != expected:
-        raise BodyError(f"cannot export joints of shape {joints.shape} at {times.shape} timestamps; expected {expected}")
+        raise BodyError(
+            f"cannot export joints of shape {joints.shape} at {times.shape} timestamps; expected {expected}"
+        )
     header = ["time_s", *(f"{name}_{axis}_m" for name in skeleton.REPORTED for axis in "xyz")]
     rows = np.concatenate([times[:, None], joints.reshape(len(times), -1)], axis=1)
     lines = [",".join("" if np.isnan(value) else f"{value:.6f}" for value in row) for row in rows.tolist()]

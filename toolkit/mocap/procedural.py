@@ -1,7 +1,8 @@
 """Motions made by rule, so that a pose database and a test subject need no motion capture data.
 
-A motion is a cycle of key poses in a few named controls (`choreography`), played several times with another tempo, width and
-small wobble each time. Feet stay on the floor: the supporting foot does not slide and the lowest sole point is at y = 0.
+A motion is a cycle of key poses in a few named controls (`choreography`), played several times with another tempo,
+width and small wobble each time. Feet stay on the floor: the supporting foot does not slide and the lowest sole point
+is at y = 0.
 """
 
 from __future__ import annotations
@@ -110,9 +111,9 @@ def poses_from_controls(controls: np.ndarray) -> np.ndarray:
     """Poses (T, P) of control values (T, len(CONTROLS)), within the limits of the joints, root position zero.
 
     Angles are anatomical. Arms: `lift` from hanging (0) to overhead (180) in the vertical plane `plane` (0 sideways, 90
-    forward), `roll` turns the elbow's bend upwards, `elbow` bends it. Legs: `flex` forward, `open` sideways, `toe` outwards,
-    `knee`, and `point` of the foot from level. Torso: `bend` forward, `lean` to the left, `turn` to the left; head: `nod`,
-    `tilt`, `look` likewise; `yaw` and `pitch` of the whole body.
+    forward), `roll` turns the elbow's bend upwards, `elbow` bends it. Legs: `flex` forward, `open` sideways, `toe`
+    outwards, `knee`, and `point` of the foot from level. Torso: `bend` forward, `lean` to the left, `turn` to the left;
+    head: `nod`, `tilt`, `look` likewise; `yaw` and `pitch` of the whole body.
     """
     from scipy.spatial.transform import Rotation
 
@@ -212,9 +213,9 @@ def _wobble(moments: np.ndarray, rng: np.random.Generator) -> np.ndarray:
         if name in ("hop", "pitch") or name.endswith(("_open", "_point")):
             continue
         rates, phases = rng.uniform(0.1, 0.9, 3), rng.uniform(0.0, 2.0 * np.pi, 3)
-        noise[:, column] = WOBBLE_DEGREES * np.sqrt(2.0 / 3.0) * np.sin(
-            2.0 * np.pi * rates * moments[:, None] + phases
-        ).sum(axis=1)
+        noise[:, column] = (
+            WOBBLE_DEGREES * np.sqrt(2.0 / 3.0) * np.sin(2.0 * np.pi * rates * moments[:, None] + phases).sum(axis=1)
+        )
     return noise
 
 

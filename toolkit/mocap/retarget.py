@@ -1,8 +1,8 @@
-"""From a foreign skeleton to poses of our body: bone rotations relative to the T-pose, limbs aimed by their bone directions.
+"""From a foreign skeleton to poses of our body: bone rotations relative to the T-pose, limbs by bone direction.
 
-Torso and head take the source's rotations relative to its rest pose. A limb takes the directions of its bones, because rigs
-differ in their rest poses and in where they put twist: our elbow and knee are hinges, so the plane in which a limb is bent
-sets the twist of its shoulder or hip, and where the limb is straight the source's own twist does.
+Torso and head take the source's rotations relative to its rest pose. A limb takes the directions of its bones, because
+rigs differ in their rest poses and in where they put twist: our elbow and knee are hinges, so the plane in which a limb
+is bent sets the twist of its shoulder or hip, and where the limb is straight the source's own twist does.
 """
 
 from __future__ import annotations
@@ -14,13 +14,21 @@ from toolkit.body.body import Body
 from toolkit.mocap.clip import Clip, PoseClip
 from toolkit.mocap.rig import Rig, load_rig
 from toolkit.mocap.rotations import (
-    apply, hinge_angles, matrices, swing, transposed, unit, unwrapped, vectors_of, without_twist,
+    apply,
+    hinge_angles,
+    matrices,
+    swing,
+    transposed,
+    unit,
+    unwrapped,
+    vectors_of,
+    without_twist,
 )  # fmt: skip
 from toolkit.mocap.source import Source
 
 TWIST_PRIOR = 0.0015
-"""Square metres: how much the source's own twist, and as much again a relaxed limb's, count against the squared levers (m)
-of a bent limb's far points."""
+"""Square metres: how much the source's own twist, and as much again a relaxed limb's, count against the squared levers
+(m) of a bent limb's far points."""
 
 BEND = np.sin(np.radians(12.0)) ** 2
 """Squared sine of the bend at which a far point counts half: a smaller one may as well be an overstretched elbow."""
@@ -32,15 +40,16 @@ X, Y = 0, 1
 DOWN: np.ndarray = np.array([0.0, -1.0, 0.0])
 
 Lever = tuple[float, np.ndarray, np.ndarray]
-"""A far point of a limb: its lever (m), its direction in the limb's frame (T, 3) or (3,), the source's direction (T, 3)."""
+"""A far point of a limb: its lever (m), its direction in the limb's frame (T, 3) or (3,), the source's direction (T,
+3)."""
 
 
 def retarget(clip: Clip, body: Body, rig: Rig | None = None) -> PoseClip:
     """Poses of `body` that move as `clip` does.
 
-    The world stays the clip's own (turned to y up where its skeleton stands along another axis). The root is the midpoint of
-    the hips, scaled by the ratio of the leg lengths and lifted by a constant so that the feet keep their mean height over the
-    floor y = 0. Leading calibration frames are dropped (`source.calibration_frames`).
+    The world stays the clip's own (turned to y up where its skeleton stands along another axis). The root is the
+    midpoint of the hips, scaled by the ratio of the leg lengths and lifted by a constant so that the feet keep their
+    mean height over the floor y = 0. Leading calibration frames are dropped (`source.calibration_frames`).
 
     Parameters
     ----------
@@ -95,8 +104,8 @@ class _Chain:
         self.set(joint, vectors_of(world if joint == "root" else transposed(self.world[self.parent(joint)]) @ world))
 
     def aim(self, joint: str, world: np.ndarray, bone: np.ndarray, now: np.ndarray) -> None:
-        """As `turn`, and where the limits change the rotation swing it so that `bone` (3,) comes as near to `now` (T, 3) as
-        they allow: alternating projections, which give up twist rather than the direction of the bone."""
+        """As `turn`, and where the limits change the rotation swing it so that `bone` (3,) comes as near to `now` (T,
+        3) as they allow: alternating projections, which give up twist rather than the direction of the bone."""
         self.turn(joint, world)
         clamped = self.clamped.copy()
         for _ in range(REAIMS):
@@ -199,8 +208,8 @@ def _aimed(chain: _Chain, source: Source, start: str, stop: str, levers: list[Le
 
     The twist is the one that brings the far points of the limb nearest to the source's, in the sense of least squares
     (a planar Procrustes problem). Priors of weight `TWIST_PRIOR` keep a straight limb from spinning and winding up: the
-    source's own twist, corrected by its constant offset from the bend planes of the whole clip, and a relaxed limb, half as
-    if swung straight from the T-pose and half as if swung from hanging down.
+    source's own twist, corrected by its constant offset from the bend planes of the whole clip, and a relaxed limb,
+    half as if swung straight from the T-pose and half as if swung from hanging down.
     """
     bone, _ = chain.bone(start, stop)
     rest, now = source.bone(start, stop)
@@ -244,5 +253,7 @@ def _root_positions(source: Source, body: Body, poses: np.ndarray) -> np.ndarray
 
 def _leg_length(rest: dict[str, np.ndarray]) -> float:
     """Mean length of both legs, hip to ankle along the bones, metres."""
-    bones = [(f"{side}_{a}", f"{side}_{b}") for side in ("left", "right") for a, b in (("hip", "knee"), ("knee", "ankle"))]
+    bones = [
+        (f"{side}_{a}", f"{side}_{b}") for side in ("left", "right") for a, b in (("hip", "knee"), ("knee", "ankle"))
+    ]
     return sum(float(np.linalg.norm(rest[b] - rest[a])) for a, b in bones) / 2.0

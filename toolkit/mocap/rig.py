@@ -39,15 +39,15 @@ def load_rig(source: Clip | str, *, rig: str | None = None) -> Rig:
 
     Parameters
     ----------
-    source : a clip, for which the map that fits most of its joint names is taken; or a map's name, with each key's first
-        alternative
+    source : a clip, for which the map that fits most of its joint names is taken; or a map's name, with each key's
+        first alternative
     rig : name of a map in `configs/rigs` or path of a YAML file like those; None guesses
 
     Raises
     ------
     RigError
-        No map fits: the message names the nearest one and the joints that the skeleton lacks for it. Or a map is unknown
-        or broken.
+        No map fits: the message names the nearest one and the joints that the skeleton lacks for it. Or a map is
+        unknown or broken.
     """
     if isinstance(source, str):
         maps = _load_map(source)
@@ -57,9 +57,11 @@ def load_rig(source: Clip | str, *, rig: str | None = None) -> Rig:
     name, joints = max(fits, key=lambda fit: (not _missing(fit[1]), len(fit[1])))
     if missing := _missing(joints):
         wanted = dict(tried)[name]
-        lacking = ", ".join(f"{key} ({' or '.join(wanted[key]) if key in wanted else 'not in the map'})" for key in missing)
+        lacking = ", ".join(
+            f"{key} ({' or '.join(wanted[key]) if key in wanted else 'not in the map'})" for key in missing
+        )
         raise RigError(
-            f"no joint map fits the skeleton of {source.name!r}; for the nearest one, {Path(name).stem}, it lacks {lacking}; "
+            f"no joint map fits the skeleton of {source.name!r}; the nearest, {Path(name).stem}, lacks {lacking}; "
             "write a map like those in configs/rigs and name it as `rig`"
         )
     return Rig(Path(name).stem, joints)
@@ -84,7 +86,9 @@ def _load_map(name: str) -> dict[str, list[str]]:
     except OSError as error:
         raise RigError(f"cannot read the joint map {path}: {error.strerror or error}") from error
     except (yaml.YAMLError, KeyError, TypeError, AttributeError) as error:
-        raise RigError(f"the joint map {path.name} is not `joints:` with a name or a list of names per joint") from error
+        raise RigError(
+            f"the joint map {path.name} is not `joints:` with a name or a list of names per joint"
+        ) from error
     if unknown := sorted(set(maps) - set(KEYS)):
         raise RigError(f"the joint map {path.name} has the unknown joint {unknown[0]!r}; known are {', '.join(KEYS)}")
     return maps

@@ -57,15 +57,15 @@ def swing(start: np.ndarray, stop: np.ndarray) -> np.ndarray:
 
 
 def without_twist(rotations: np.ndarray, axis: int) -> np.ndarray:
-    """The swing S of each rotation R = S T, T a turn about coordinate axis 0, 1 or 2: its rotation vector has no such entry."""
+    """The swing S of each rotation R = S T, T a turn about coordinate axis 0, 1 or 2 (zero in the vector of S)."""
     return swing(np.eye(3)[axis], rotations[..., axis])
 
 
 def hinge_angles(first: np.ndarray, second: np.ndarray, axis: int, cosines: np.ndarray, sign: float) -> np.ndarray:
     """Angles (T,) of a hinge at which two rest directions make the wanted angles.
 
-    Solves `first . R(axis, angle) second = cosine`. Of the two solutions the one on the side of `sign` (1 or -1) is taken,
-    for `sign` 0 the one nearer to zero. An angle that the hinge cannot reach gives the nearest it can.
+    Solves `first . R(axis, angle) second = cosine`. Of the two solutions the one on the side of `sign` (1 or -1) is
+    taken, for `sign` 0 the one nearer to zero. An angle that the hinge cannot reach gives the nearest it can.
 
     Parameters
     ----------
@@ -92,8 +92,8 @@ def wrapped(angles: np.ndarray) -> np.ndarray:
 def unwrapped(vectors: np.ndarray) -> np.ndarray:
     """Rotation vectors (T, 3) of the same rotations that do not jump by a turn, as far as they stay within 2 pi.
 
-    Each one is taken as `w` or `w - 2 pi w / |w|`, whichever is nearer to its predecessor. Where the second becomes a nearly
-    full turn, and so has no stable axis, it falls back to the first.
+    Each one is taken as `w` or `w - 2 pi w / |w|`, whichever is nearer to its predecessor. Where the second becomes a
+    nearly full turn, and so has no stable axis, it falls back to the first.
     """
     angles = np.linalg.norm(vectors, axis=1)
     other = vectors * (1.0 - 2.0 * np.pi / np.where(angles > 1e-9, angles, 1.0))[:, None]

@@ -52,10 +52,16 @@ class Source:
             source.positions[key] = placed[:, j] @ upright.T
             source.rotations[key] = upright @ turned[:, j] @ axes
             source.rest[key] = clip.rest[j] @ axes
-        source.positions.setdefault("cervical", 0.5 * (source.positions["left_shoulder"] + source.positions["right_shoulder"]))
+        source.positions.setdefault(
+            "cervical", 0.5 * (source.positions["left_shoulder"] + source.positions["right_shoulder"])
+        )
         source.rest.setdefault("cervical", 0.5 * (source.rest["left_shoulder"] + source.rest["right_shoulder"]))
         tips = [("skull", "head", 0.5)]
-        tips += [(f"{s}_{tip}", f"{s}_{end}", 1.0) for s in ("left", "right") for tip, end in (("hand", "wrist"), ("foot", "ankle"))]
+        tips += [
+            (f"{s}_{tip}", f"{s}_{end}", 1.0)
+            for s in ("left", "right")
+            for tip, end in (("hand", "wrist"), ("foot", "ankle"))
+        ]
         for tip, carrier, share in tips:
             if tip in source.rest:
                 continue
@@ -122,7 +128,8 @@ def rest_axes(clip: Clip, rig: Rig) -> np.ndarray:
 def upright_world(root_rotations: np.ndarray, up_at_rest: np.ndarray) -> np.ndarray:
     """The rotation (3, 3) that turns a file's world to y up.
 
-    The world's vertical is +y or the rest pose's own upward axis, whichever the root's upward axis is nearer to on average.
+    The world's vertical is +y or the rest pose's own upward axis, whichever the root's upward axis is nearer to on
+    average.
     """
     mean = (root_rotations @ up_at_rest).mean(axis=0)
     if mean @ up_at_rest <= mean[1]:

@@ -27,7 +27,8 @@ def metres_per_unit(size: float, unit: float | None, name: str) -> float:
     """The unit of a skeleton that is `size` file units large, in metres.
 
     `unit` wins where it is given. Otherwise the first of `GUESSES` that makes the skeleton 0.9 to 2.3 m large:
-    0.9 to 2.3 units are metres, 16 to 40.7 CMU units, 40.8 to 90 inches, 90 to 230 centimetres, 900 to 2,300 millimetres.
+    0.9 to 2.3 units are metres, 16 to 40.7 CMU units, 40.8 to 90 inches, 90 to 230 centimetres, 900 to 2,300
+    millimetres.
 
     Raises
     ------
