@@ -185,7 +185,7 @@ def test_every_mesh_is_closed_with_its_faces_outward(name: str) -> None:
         assert len(forward) == 3 * len(body.faces), "no edge is walked twice in one direction"
         assert all((b, a) in forward for a, b in forward), "each edge has a face on both sides"
         assert len(body.vertices) - len(forward) // 2 + len(body.faces) == 2, "one closed surface without handles"
-        assert 0.015 < volume(body.vertices, body.faces) < 0.12, "litres of a person, faces counter-clockwise from outside"
+        assert 0.015 < volume(body.vertices, body.faces) < 0.12, "a person in cubic metres, faces outward"
 
 
 @pytest.mark.parametrize("name", body_names())

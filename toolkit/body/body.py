@@ -11,12 +11,11 @@ from toolkit.body import skeleton
 from toolkit.errors import BodyError
 from toolkit.kernels import kinematics
 
-
 BONE_AXIS: dict[str, int] = {
     "root": 0, "lumbar": 1, "thorax": 1, "cervical": 1, "clavicle": 0, "shoulder": 0, "elbow": 0, "wrist": 0,
     "hip": 1, "knee": 1, "ankle": 2,
 }  # fmt: skip
-"""Axis (0 = x, 1 = y, 2 = z) along which the bone below each joint points in the rest pose; below the root, the hips' width."""
+"""Axis (0 = x, 1 = y, 2 = z) of the bone below each joint in the rest pose; below the root it is the hips' width."""
 
 
 @dataclass(frozen=True)
@@ -30,7 +29,7 @@ class PlacedJoints:
 
 @dataclass(frozen=True, eq=False)
 class Body:
-    """A closed mesh in the T-pose with its skinning, in the body frame (metres, y up, facing +z), root joint at the origin.
+    """A closed mesh in the T-pose with its skinning, in the body frame (metres, y up, facing +z), root at the origin.
 
     Attributes
     ----------
@@ -100,9 +99,9 @@ class Body:
     def stretched(self, factors: dict[str, float]) -> Body:
         """The same body with other bone lengths, both sides alike.
 
-        `factors` (> 0) are keyed by the joint at the upper end without its side: `{"shoulder": 1.05}` makes both upper arms
-        5 % longer, and what hangs below moves along. Each bone is stretched along its axis in the rest pose (`BONE_AXIS`)
-        and vertices follow by their skinning weights, so positions stay linear in the factors of one chain.
+        `factors` (> 0) are keyed by the joint at the upper end without its side: `{"shoulder": 1.05}` makes both upper
+        arms 5 % longer, and what hangs below moves along. Each bone is stretched along its axis in the rest pose
+        (`BONE_AXIS`), vertices follow by their skinning weights, and all positions are linear in the factors.
 
         Raises
         ------
@@ -111,7 +110,8 @@ class Body:
         """
         for name, factor in factors.items():
             if name not in BONE_AXIS or not factor > 0:
-                raise BodyError(f"cannot stretch {name!r} by {factor}; use a positive factor for one of {', '.join(BONE_AXIS)}")
+                known = ", ".join(BONE_AXIS)
+                raise BodyError(f"cannot stretch {name!r} by {factor}; use a positive factor for one of {known}")
         stretch = np.ones((len(skeleton.JOINTS), 3))
         for j, name in enumerate(skeleton.JOINT_NAMES):
             key = name.removeprefix("left_").removeprefix("right_")
@@ -170,11 +170,13 @@ class Body:
         moved = np.empty((len(flat), len(points), 3))
         kinematics.key_points(
             flat, skeleton.PARENTS, self.joints, skeleton.DOF_JOINT, skeleton.DOF_AXIS, points,
-            np.concatenate([site_joints, self.skin_joints[tips]]), np.concatenate([site_weights, self.skin_weights[tips]]),
+            np.concatenate([site_joints, self.skin_joints[tips]]),
+            np.concatenate([site_weights, self.skin_weights[tips]]),
             joints, moved,
         )  # fmt: skip
         sites = len(self.sites)
-        reported = np.einsum("rk,nkc->nrc", skeleton.REPORTED_FROM_POINTS, np.concatenate([joints, moved[:, :sites]], 1))
+        sources = np.concatenate([joints, moved[:, :sites]], axis=1)
+        reported = np.einsum("rk,nkc->nrc", skeleton.REPORTED_FROM_POINTS, sources)
         lead = poses.shape[:-1]
         return reported.reshape(*lead, -1, 3), moved[:, sites:].reshape(*lead, -1, 3)
 
@@ -188,9 +190,8 @@ class Body:
         pose = skeleton.check_pose(pose)
         points = np.concatenate([self.joints, self.sites])
         carriers = np.concatenate([np.arange(len(self.joints)), skeleton.SITE_PARENTS])[:, None]
-        return np.einsum(
-            "rk,kcp->rcp", skeleton.REPORTED_FROM_POINTS, self._jacobian(pose, points, carriers, np.ones(carriers.shape))
-        )
+        jacobian = self._jacobian(pose, points, carriers, np.ones(carriers.shape))
+        return np.einsum("rk,kcp->rcp", skeleton.REPORTED_FROM_POINTS, jacobian)
 
     def _jacobian(self, pose: np.ndarray, points: np.ndarray, joints: np.ndarray, weights: np.ndarray) -> np.ndarray:
         placed = self.place(pose)

@@ -48,14 +48,16 @@ def cast(vertices_camera: np.ndarray, faces: np.ndarray, camera: Camera) -> Hits
         np.zeros((*camera.shape, 3), dtype=np.float32),
     )
     slopes = camera.rays()
-    window = _window(vertices_camera, slopes)
+    window = _window(vertices_camera, camera)
     seen = slopes[window]
     if seen.size == 0:
         return hits
     rays = np.zeros((*seen.shape[:2], 6), dtype=np.float32)
     rays[..., 3:5], rays[..., 5] = seen, 1.0
     scene = RaycastingScene()
-    scene.add_triangles(Tensor.from_numpy(vertices_camera.astype(np.float32)), Tensor.from_numpy(faces.astype(np.uint32)))
+    scene.add_triangles(
+        Tensor.from_numpy(vertices_camera.astype(np.float32)), Tensor.from_numpy(faces.astype(np.uint32))
+    )
     answer = scene.cast_rays(Tensor.from_numpy(rays))
     distance = answer["t_hit"].numpy()
     hit = np.isfinite(distance)
@@ -88,15 +90,12 @@ def render_depth(body: Body, pose_level: np.ndarray, camera: Camera, R_level_cam
     return cast_body(body, pose_level, camera, R_level_camera).depth
 
 
-def _window(vertices_camera: np.ndarray, slopes: np.ndarray) -> tuple[slice, slice]:
-    """Rows and columns whose rays can meet the mesh; the whole image if a vertex lies beside or behind the camera."""
-    height, width = slopes.shape[:2]
-    z = vertices_camera[:, 2]
-    if (z <= 0.01).any():
-        return slice(0, height), slice(0, width)
-    reach = vertices_camera[:, :2] / z[:, None]
-    inside = ((slopes >= reach.min(axis=0)) & (slopes <= reach.max(axis=0))).all(axis=-1)
-    rows, columns = np.flatnonzero(inside.any(axis=1)), np.flatnonzero(inside.any(axis=0))
-    if len(rows) == 0:
-        return slice(0, 0), slice(0, 0)
-    return slice(int(rows[0]), int(rows[-1]) + 1), slice(int(columns[0]), int(columns[-1]) + 1)
+def _window(vertices_camera: np.ndarray, camera: Camera) -> tuple[slice, slice]:
+    """Rows and columns that can see the mesh: all if a vertex is beside the camera or the lens bends the rays."""
+    if camera.distortion is not None or (vertices_camera[:, 2] <= 0.01).any():
+        return slice(0, camera.height), slice(0, camera.width)
+    pixels = camera.project(vertices_camera)
+    limit = (camera.width, camera.height)
+    low = np.clip(np.floor(pixels.min(axis=0)), 0, limit).astype(int)
+    high = np.clip(np.ceil(pixels.max(axis=0)) + 1, 0, limit).astype(int)
+    return slice(low[1], high[1]), slice(low[0], high[0])

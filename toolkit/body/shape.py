@@ -1,8 +1,8 @@
 """Shape space of the body and the bodies made from it.
 
-People drawn over MakeHuman's gender, age (from six years), weight, muscle, height and proportions were brought into the T-pose; a principal
-component analysis of tracker vertices, joints and sites together gives K = 10 components (`scripts/make_body_assets.py`). Size is
-part of the space: the first component is mostly body height.
+People drawn over MakeHuman's gender, age (from about eight years), weight, muscle, height and proportions were brought
+into the T-pose; a principal component analysis of tracker vertices, joints and sites together gives K = 10 components
+(`scripts/make_body_assets.py`). Size is part of the space: the first component is mostly body height.
 """
 
 from __future__ import annotations
@@ -79,14 +79,14 @@ class ShapeSpace:
         """
         shape = _padded(coefficients, self.size)
         points = self.mean + np.tensordot(shape, self.basis, axes=1)
+        vertices, joints, sites = _split(points)
         body = Body(
-            name, *_split(points, len(self.skin_joints), self.faces, self.skin_joints, self.skin_weights),
-            end_effectors=self.end_effectors, shape=shape,
-        )  # fmt: skip
+            name, vertices, self.faces, self.skin_joints, self.skin_weights, joints, sites, self.end_effectors, shape
+        )
         return body if scale == 1.0 else body.scaled(scale)
 
     def project(self, body: Body) -> np.ndarray:
-        """Coefficients (K,) of the body of this space that is nearest to `body`, in the least squares of all its points.
+        """Coefficients (K,) of the body of this space that is nearest to `body`, by least squares over all points.
 
         Raises
         ------
@@ -130,9 +130,9 @@ def subject_body(
 ) -> Body:
     """A person to be recorded: MakeHuman's whole skin (13,380 vertices) with the weights of its own finest rig.
 
-    A subject follows 20 components, of which the tracker's space holds the first 10. With a `seed` it also gets local
-    deformations that no shape space knows: MakeHuman's own (belly, shoulders, hips, calves, limb lengths, ...) by random
-    amounts, and smooth bumps of up to 12 mm as clothes make them.
+    A subject follows 20 components, of which the tracker's space holds the first 10. With a `seed` it also gets
+    local deformations that no shape space knows: MakeHuman's own (belly, shoulders, hips, calves, limb lengths, ...)
+    by random amounts, and smooth bumps of up to 12 mm as clothes make them.
 
     Parameters
     ----------
@@ -156,17 +156,23 @@ def subject_body(
         rng = np.random.default_rng(seed)
         points += quantum * np.tensordot(rng.uniform(-0.5, 0.6, len(data["local"])), data["local"], axes=1)
         points[:count] += _bumps(points[:count], faces, rng)
-    skin_joints = data["skin_joints"].astype(np.int64)
-    label = name or (shape if isinstance(shape, str) else "subject")
+    vertices, joints, sites = _split(points)
     body = Body(
-        label, *_split(points, count, faces, skin_joints, _unit_rows(data["skin_weights"])),
-        end_effectors=_tips(points[:count], points[-len(skeleton.SITES) :]), shape=coefficients,
-    )  # fmt: skip
+        name or (shape if isinstance(shape, str) else "subject"),
+        vertices,
+        faces,
+        data["skin_joints"].astype(np.int64),
+        _unit_rows(data["skin_weights"]),
+        joints,
+        sites,
+        _tips(vertices, sites),
+        coefficients,
+    )
     return body if scale == 1.0 else body.scaled(scale)
 
 
 def _bumps(skin: np.ndarray, faces: np.ndarray, rng: np.random.Generator, count: int = 40) -> np.ndarray:
-    """Offsets (V, 3) along the normals: Gaussian bumps and dents of 4 to 12 cm width at random places below the neck."""
+    """Offsets (V, 3) along the normals: Gaussian bumps and dents, 4 to 12 cm wide, at random places below the neck."""
     corners = skin[faces]
     face_normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     normals = np.zeros_like(skin)
@@ -196,13 +202,11 @@ def _tips(skin: np.ndarray, sites: np.ndarray) -> np.ndarray:
     )
 
 
-def _split(
-    points: np.ndarray, count: int, faces: np.ndarray, skin_joints: np.ndarray, skin_weights: np.ndarray
-) -> tuple[np.ndarray, ...]:
-    joints_end = count + len(skeleton.JOINTS)
-    joints = points[count:joints_end].copy()
+def _split(points: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Vertices, joints (the root exactly at the origin) and sites of one row of a shape space."""
+    vertices, joints, sites = np.split(points, [-len(skeleton.JOINTS) - len(skeleton.SITES), -len(skeleton.SITES)])
     joints[0] = 0.0
-    return points[:count], faces, skin_joints, skin_weights, joints, points[joints_end:]
+    return vertices, joints, sites
 
 
 def _unit_rows(weights: np.ndarray) -> np.ndarray:

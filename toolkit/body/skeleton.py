@@ -1,8 +1,8 @@
 """The kinematic chain: joints, their free axes and limits, and the names of the pose vector.
 
 Every joint frame is aligned with the body frame in the rest pose (a T-pose: y up, facing +z, the subject's left at +x).
-A joint's rotation is `exp(w)`, its exponential coordinates `w` restricted to the joint's free axes: a hinge has one, a wrist
-two (a pure swing), a ball joint three (Baak 2013, 5.3.2; thesis 6.2.1).
+A joint's rotation is `exp(w)`, its exponential coordinates `w` restricted to the joint's free axes: a hinge has one, a
+wrist two (a pure swing), a ball joint three (Baak 2013, 5.3.2; thesis 6.2.1).
 """
 
 from __future__ import annotations
@@ -55,7 +55,7 @@ JOINTS: tuple[Joint, ...] = (
 """The 18 articulated joints, parents before children; only the root is free in space."""
 
 JOINT_NAMES: tuple[str, ...] = tuple(joint.name for joint in JOINTS)
-PARENTS: np.ndarray = np.array([-1 if j.parent is None else JOINT_NAMES.index(j.parent) for j in JOINTS], dtype=np.int64)
+PARENTS: np.ndarray = np.array([JOINT_NAMES.index(j.parent) if j.parent else -1 for j in JOINTS], dtype=np.int64)
 
 ROOT_POSITION = slice(0, 3)
 """Where the root's position (metres) stands in a pose vector."""

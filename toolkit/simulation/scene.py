@@ -106,5 +106,6 @@ def room(reach_level: np.ndarray, floor: float) -> tuple[np.ndarray, np.ndarray]
 def _box(low: tuple[float, ...], high: tuple[float, ...]) -> tuple[np.ndarray, np.ndarray]:
     """Corners (8, 3) and outward triangles (12, 3) of an upright box."""
     bits = np.array([[k >> 2 & 1, k >> 1 & 1, k & 1] for k in range(8)])
-    quads = np.array([[0, 1, 3, 2], [4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 4], [1, 5, 7, 3]], dtype=np.int32)
-    return np.where(bits == 0, low, high), np.concatenate([quads[:, [0, 1, 2]], quads[:, [0, 2, 3]]])
+    quads = np.array([[0, 1, 3, 2], [4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 4], [1, 5, 7, 3]])
+    triangles = np.concatenate([quads[:, [0, 1, 2]], quads[:, [0, 2, 3]]]).astype(np.int32)
+    return np.where(bits == 0, low, high), triangles

@@ -6,6 +6,7 @@ A frame is an instant: motion blur is not modelled.
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Protocol
 
 import numpy as np
@@ -21,12 +22,12 @@ class Surface:
     Attributes
     ----------
     depth : float32 (H, W), metres along z, 0 where nothing is hit
-    normals : float32 (H, W, 3), unit, camera frame
+    cosine : float32 (H, W), cosine between ray and surface normal, in [0, 1]
     subject : bool (H, W), whether the hit is on the subject
     """
 
     depth: np.ndarray
-    normals: np.ndarray
+    cosine: np.ndarray
     subject: np.ndarray
 
 
@@ -34,9 +35,15 @@ class Sensor(Protocol):
     """A depth camera: where its rays go, and what it measures on a surface."""
 
     @property
-    def name(self) -> str: ...
+    def name(self) -> str:
+        """What it is called on the command line."""
+        ...
+
     @property
-    def camera(self) -> Camera: ...
+    def camera(self) -> Camera:
+        """Of the depth image."""
+        ...
+
     @property
     def rays_per_side(self) -> int:
         """Rays along each side of a pixel: `measure` expects the surface seen by `camera.scaled(rays_per_side)`."""
@@ -47,11 +54,9 @@ class Sensor(Protocol):
         ...
 
 
-def _cosines(surface: Surface, rays: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Cosine between ray and surface normal, and length of each ray of unit depth: (H, W) each."""
-    length = np.sqrt(1.0 + (rays**2).sum(axis=-1))
-    towards = -(surface.normals[..., :2] * rays).sum(axis=-1) - surface.normals[..., 2]
-    return np.clip(towards / length, 0.0, 1.0), length
+def _ray_lengths(camera: Camera) -> np.ndarray:
+    """Length of the ray of unit depth through each pixel, (H, W)."""
+    return np.sqrt(1.0 + (camera.rays() ** 2).sum(axis=-1))
 
 
 def _millimetres(depth: np.ndarray, valid: np.ndarray, nearest: float, farthest: float) -> np.ndarray:
@@ -61,11 +66,11 @@ def _millimetres(depth: np.ndarray, valid: np.ndarray, nearest: float, farthest:
 
 @dataclass(frozen=True)
 class TimeOfFlight:
-    """A time-of-flight camera of 176 x 144 pixels (Baak 2013, 5.2.1), 44 by 35 degrees of view.
+    """A time-of-flight camera of 176 x 144 pixels (Baak 2013, 5.3.1), 44 by 35 degrees of view.
 
-    Light returns with an amplitude of cos(angle of incidence) / distance^2; the noise of the range is the inverse of the
-    amplitude, so it grows with distance and grazing angle. A pixel is the amplitude-weighted mean of the ranges in it, so that
-    at edges it lies between front and back (mixed pixels).
+    Light returns with an amplitude of cos(angle of incidence) / distance^2. Photons are counted, so the noise of the
+    range goes with the inverse root of the amplitude: it grows with distance and grazing angle. A pixel is the
+    amplitude-weighted mean of the ranges in it, so that at edges it lies between front and back (mixed pixels).
     """
 
     camera: Camera = field(default_factory=lambda: Camera(217.0, 217.0, 87.5, 71.5, 176, 144))
@@ -79,32 +84,34 @@ class TimeOfFlight:
 
     def measure(self, surface: Surface, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
         """See `Sensor.measure`."""
-        fine = self.camera.scaled(self.rays_per_side)
-        cosine, length = _cosines(surface, fine.rays())
-        distance = surface.depth * length
+        distance = surface.depth * self._fine_lengths
         hit = surface.depth > 0
-        amplitude = np.where(hit, cosine / np.where(hit, distance, 1.0) ** 2, 0.0)
+        amplitude = np.where(hit, surface.cosine / np.where(hit, distance, 1.0) ** 2, 0.0)
         total = self._pixels(amplitude)
         mean = self._pixels(amplitude * distance) / np.maximum(total, 1e-12)
         strength = total * 9.0
-        noise = self.noise_at_3m / np.maximum(strength, self.dimmest) * rng.standard_normal(total.shape)
-        slopes = self.camera.rays()
-        depth = (mean + noise) / np.sqrt(1.0 + (slopes**2).sum(axis=-1))
+        noise = self.noise_at_3m / np.sqrt(np.maximum(strength, self.dimmest)) * rng.standard_normal(total.shape)
+        depth = (mean + noise) / _ray_lengths(self.camera)
         subject = self._pixels(surface.subject.astype(np.float32)) >= 0.5
         return _millimetres(depth, strength >= self.dimmest, 0.3, self.farthest), subject
 
+    @cached_property
+    def _fine_lengths(self) -> np.ndarray:
+        return _ray_lengths(self.camera.scaled(self.rays_per_side)).astype(np.float32)
+
     def _pixels(self, values: np.ndarray) -> np.ndarray:
+        """Mean over the rays of each pixel."""
         side = self.rays_per_side
-        return values.reshape(self.camera.height, side, self.camera.width, side).mean(axis=(1, 3))
+        return sum(values[i::side, j::side] for i in range(side) for j in range(side)) / np.float32(side**2)
 
 
 @dataclass(frozen=True)
 class KinectV1:
-    """A Kinect v1 at 320 x 240 pixels: structured light, triangulated over a baseline (Baak 2013, 5.2.2).
+    """A Kinect v1 at 320 x 240 pixels: structured light, triangulated over a baseline (Baak 2013, 5.3.1).
 
-    Inverse depth is what it measures: with noise that neighbours share (the matching window), in steps of 2.5 cm at 3 m.
-    Silhouettes are ragged by about a pixel; what the projector, 7.5 cm to the right, does not light is a hole (the shadow to the
-    left of a person), and so are surfaces seen at a grazing angle and pixels torn out of the edges.
+    Inverse depth is what it measures: with noise that neighbours share (the matching window), in steps of 2.5 cm at
+    3 m. Silhouettes are ragged by about a pixel; what the projector, 7.5 cm to the right, does not light is a hole (the
+    shadow to the left of a person), and so are surfaces seen at a grazing angle and pixels torn out of the edges.
     """
 
     camera: Camera = field(default_factory=lambda: Camera(285.63, 285.63, 159.5, 119.5, 320, 240))
@@ -128,9 +135,8 @@ class KinectV1:
 
     def measure(self, surface: Surface, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
         """See `Sensor.measure`."""
-        cosine, _ = _cosines(surface, self.camera.rays())
         rows, columns = self._displaced(rng)
-        depth, cosine = surface.depth[rows, columns], cosine[rows, columns]
+        depth, cosine = surface.depth[rows, columns], surface.cosine[rows, columns]
         lit = self._lit(surface.depth)[rows, columns]
         hit = depth > 0
         inverse = 1.0 / np.where(hit, depth, 1.0)
@@ -151,8 +157,8 @@ class KinectV1:
     def _lit(self, depth: np.ndarray) -> np.ndarray:
         """Bool (H, W): is the point seen by the projector.
 
-        Seen from there a point lies at column `u - fx b / z`; where a point further right in the image lies at a smaller one,
-        it stands between the projector and this point.
+        Seen from there a point lies at column `u - fx b / z`; where a point further right in the image lies at a
+        smaller one, it stands between the projector and this point.
         """
         seen = np.where(depth > 0, depth, np.inf)
         column = np.arange(self.camera.width) - self.camera.fx * self.baseline / seen

@@ -17,6 +17,7 @@ from toolkit.errors import UsageError
 from toolkit.mocap.clip import PoseClip
 from toolkit.mocap.read import read_clip
 from toolkit.mocap.retarget import retarget
+from toolkit.sensing.camera import Camera
 from toolkit.sensing.recording import Recording, open_recording
 from toolkit.sensing.writer import RecordingWriter
 from toolkit.simulation.scene import View, place_camera, room
@@ -56,7 +57,7 @@ class Simulation:
     clip : its poses in the clip's world frame, at the recording's frame rate
     view : the camera's place
     sensor : the camera and its noise
-    furnished : True: the depth shows the room and `background` is the empty room. False: all that is not the subject is 0
+    furnished : True: the depth shows a room, `background` the empty room. False: all that is not the subject is 0
     seed : of all noise
     """
 
@@ -68,20 +69,26 @@ class Simulation:
     seed: int = 0
 
     @cached_property
-    def _room(self) -> Hits:
-        """The room without the subject, seen by the sensor's rays."""
+    def _rays(self) -> Camera:
+        """The camera of the sensor's rays, of which a pixel may have several."""
+        return self.sensor.camera.scaled(self.sensor.rays_per_side)
+
+    @cached_property
+    def _room(self) -> Surface:
+        """The room without the subject."""
         joints = self.view.to_level(self.body.joint_positions(self.clip.poses)).reshape(-1, 3)
         floor = self.view.to_level(np.array([0.0, floor_of(self.body, self.clip), 0.0]))[1]
         vertices, faces = room(np.array([joints.min(axis=0), joints.max(axis=0)]), float(floor))
-        return cast(vertices @ self.view.R_level_camera, faces, self.sensor.camera.scaled(self.sensor.rays_per_side))
+        hits = cast(vertices @ self.view.R_level_camera, faces, self._rays)
+        nothing = np.zeros(hits.depth.shape, dtype=bool)
+        return Surface(hits.depth, self._cosines(hits, ~nothing).reshape(nothing.shape), nothing)
 
     def background(self) -> np.ndarray | None:
-        """Depth of the empty room, uint16 (H, W) millimetres, the median of a few noisy frames; None if not furnished."""
+        """Depth of the empty room, uint16 (H, W) millimetres, median of a few noisy frames; None if not furnished."""
         if not self.furnished:
             return None
         rng = np.random.default_rng([self.seed, 1])
-        surface = Surface(self._room.depth, self._room.normals, np.zeros(self._room.depth.shape, dtype=bool))
-        frames = [self.sensor.measure(surface, rng)[0] for _ in range(EMPTY_FRAMES)]
+        frames = [self.sensor.measure(self._room, rng)[0] for _ in range(EMPTY_FRAMES)]
         return np.median(frames, axis=0).astype(np.uint16)
 
     def frames(self) -> Iterator[SimulatedFrame]:
@@ -96,18 +103,23 @@ class Simulation:
 
     def _surface(self, pose: np.ndarray) -> Surface:
         vertices = self.view.to_camera(self.body.vertex_positions(pose))
-        hits = cast(vertices, self.body.faces, self.sensor.camera.scaled(self.sensor.rays_per_side))
+        hits = cast(vertices, self.body.faces, self._rays)
         behind = self._room
         subject = (hits.depth > 0) & ((behind.depth == 0) | (hits.depth <= behind.depth))
-        return Surface(
-            np.where(subject, hits.depth, behind.depth),
-            np.where(subject[..., None], hits.normals, behind.normals),
-            subject,
-        )
+        depth, cosine = behind.depth.copy(), behind.cosine.copy()
+        depth[subject] = hits.depth[subject]
+        cosine[subject] = self._cosines(hits, subject)
+        return Surface(depth, cosine, subject)
+
+    def _cosines(self, hits: Hits, where: np.ndarray) -> np.ndarray:
+        """Cosines between rays and normals at the pixels `where` (N,): float32, negative ones as 0."""
+        rays, normals = self._rays.rays()[where], hits.normals[where]
+        towards = -(normals[:, :2] * rays).sum(axis=1) - normals[:, 2]
+        return np.clip(towards / np.sqrt(1.0 + (rays**2).sum(axis=1)), 0.0, 1.0).astype(np.float32)
 
 
 def floor_of(body: Body, clip: PoseClip) -> float:
-    """Height of the floor in a clip's world (metres): the lowest point that the body reaches, over at most 100 frames."""
+    """Height of the floor in a clip's world (metres): the lowest point of the body in at most 100 of its frames."""
     rows = np.linspace(0, len(clip) - 1, min(len(clip), 100)).astype(int)
     return min(float(body.vertex_positions(clip.poses[row])[:, 1].min()) for row in rows)
 

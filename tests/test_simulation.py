@@ -1,0 +1,240 @@
+"""Simulated recordings: exact truth, sensor models, camera placement, and what is written."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from toolkit.body import skeleton
+from toolkit.body.raycast import cast, render_depth
+from toolkit.body.shape import load_body
+from toolkit.errors import BodyError, UsageError
+from toolkit.mocap.clip import PoseClip
+from toolkit.sensing.camera import Camera, level_rotation
+from toolkit.sensing.recording import open_recording
+from toolkit.simulation.scene import place_camera
+from toolkit.simulation.sensors import KinectV1, Sensor, Surface, TimeOfFlight, make_sensor
+from toolkit.simulation.simulate import Simulation, prepare, simulate_recording
+
+
+def entry(name: str) -> int:
+    return skeleton.POSE_NAMES.index(name)
+
+
+def waving(frames: int = 6, facing: float = 0.0) -> PoseClip:
+    """Stands, right arm down, raises the left arm."""
+    poses = np.zeros((frames, skeleton.POSE_SIZE))
+    poses[:, 1] = 0.9
+    poses[:, entry("root_ry")] = facing
+    poses[:, entry("right_shoulder_rz")] = 1.2
+    poses[:, entry("left_shoulder_rz")] = np.linspace(-1.2, 0.8, frames)
+    return PoseClip("waving", poses, 30.0, "test")
+
+
+def wall(sensor: Sensor, depth: float, cosine: float = 1.0) -> Surface:
+    """A wall parallel to the image with a given cosine of incidence everywhere."""
+    shape = sensor.camera.scaled(sensor.rays_per_side).shape
+    return Surface(np.full(shape, depth, np.float32), np.full(shape, cosine, np.float32), np.zeros(shape, bool))
+
+
+def step_edge(sensor: Sensor, front: float, back: float) -> Surface:
+    """A near surface on the right half of the image before a far wall."""
+    surface = wall(sensor, back)
+    middle = surface.depth.shape[1] // 2 + 1
+    surface.depth[:, middle:] = front
+    surface.subject[:, middle:] = True
+    return surface
+
+
+def test_a_ray_through_an_integer_pixel_meets_a_plane_where_the_convention_says() -> None:
+    camera = Camera(50.0, 60.0, 20.0, 15.0, 41, 31)
+    corners = np.array([[-9.0, -9, 2], [9, -9, 4], [9, 9, 4], [-9, 9, 2]])  # z = 3 + x / 9
+    hits = cast(corners, np.array([[0, 2, 1], [0, 3, 2]], dtype=np.int32), camera)
+    slope = (np.arange(41) - 20.0) / 50.0
+    np.testing.assert_allclose(hits.depth, np.broadcast_to(3 / (1 - slope / 9), (31, 41)), rtol=1e-5)
+    assert (hits.normals[..., 2] < 0).all()
+
+
+def test_a_rendered_body_is_where_its_vertices_project() -> None:
+    body, camera = load_body(), Camera(285.63, 285.63, 159.0, 120.0, 320, 240)
+    rotation = level_rotation(np.array([0.0, -0.95, -0.3]))
+    pose = waving().poses[-1].copy()
+    pose[:3] = rotation @ [0.1, 0.0, 2.7]
+    depth = render_depth(body, pose, camera, rotation)
+    vertices = body.vertex_positions(pose) @ rotation
+    pixels = np.rint(camera.project(vertices)).astype(int)
+    seen = depth[pixels[:, 1], pixels[:, 0]]
+    visible = (seen > 0) & (np.abs(seen - vertices[:, 2]) < 0.02)
+    assert visible.mean() > 0.3 and (seen > 0).mean() > 0.85
+    assert (vertices[seen > 0, 2] > seen[seen > 0] - 0.05).all(), "nothing lies before what is seen"
+
+
+def test_a_camera_inside_or_facing_away_from_the_mesh_gives_an_image_nonetheless() -> None:
+    body, camera = load_body(), Camera(100.0, 100.0, 31.5, 31.5, 64, 64)
+    pose = np.zeros(skeleton.POSE_SIZE)
+    assert render_depth(body, pose, camera, np.diag([1.0, -1, -1])).shape == (64, 64)
+    pose[2] = 5.0
+    assert not render_depth(body, pose, camera, np.diag([1.0, -1, -1])).any()
+
+
+@pytest.mark.parametrize("sensor", ["tof", "kinect"])
+@pytest.mark.parametrize(("yaw", "tilt", "height"), [(0.0, None, 1.0), (60.0, 20.0, 1.9), (-90.0, None, 0.5)])
+def test_true_joints_lie_inside_the_silhouette_just_behind_the_surface(
+    sensor: str, yaw: float, tilt: float | None, height: float
+) -> None:
+    simulation = prepare(
+        waving(), body="slim_female", sensor=sensor, yaw=yaw, tilt=tilt, height=height, furnished=False, subject_seed=3
+    )
+    for frame in simulation.frames():
+        pixels = np.rint(simulation.sensor.camera.project(frame.joints)).astype(int)
+        window = [frame.subject[max(v - 1, 0) : v + 2, max(u - 1, 0) : u + 2] for u, v in pixels]
+        assert sum(area.any() for area in window) >= 18
+        behind = [
+            joint[2] > 1e-3 * frame.depth[v, u] - 0.05
+            for joint, (u, v) in zip(frame.joints, pixels, strict=True)
+            if frame.subject[v, u]
+        ]
+        assert len(behind) >= 12 and sum(behind) >= len(behind) - 1, "joints lie under the skin, but for mixed pixels"
+
+
+def test_the_left_hand_of_a_person_facing_the_camera_is_at_positive_x() -> None:
+    for facing in (0.0, 2.0):
+        frame = next(prepare(waving(facing=facing), furnished=False).frames())
+        joints = dict(zip(skeleton.REPORTED, frame.joints, strict=True))
+        assert joints["left_hand"][0] > 0.1 > -0.1 > joints["right_hand"][0]
+        assert joints["left_foot"][2] < joints["left_ankle"][2], "the toes point at the camera"
+
+
+def test_a_positive_yaw_turns_the_subject_to_its_left() -> None:
+    frame = next(prepare(waving(), yaw=90.0, furnished=False).frames())
+    joints = dict(zip(skeleton.REPORTED, frame.joints, strict=True))
+    assert joints["left_foot"][0] > joints["left_ankle"][0] + 0.05, "it looks to the right of the image"
+    assert joints["left_shoulder"][2] > joints["right_shoulder"][2] + 0.2
+
+
+@pytest.mark.parametrize("tilt", [-0.3, 0.0, 0.6])
+def test_the_vertical_that_is_written_gives_back_the_level_frame(tilt: float) -> None:
+    view = place_camera(np.array([1.0, 0.2, 3.0]), 0.7, distance=2.5, height=1.4, tilt=tilt, yaw=0.3)
+    np.testing.assert_allclose(level_rotation(view.up_camera), view.R_level_camera, atol=1e-12)
+    np.testing.assert_allclose(view.to_level(np.array([1.0, 0.2, 3.0])), [0.0, -1.4, -2.5], atol=1e-12)
+    np.testing.assert_allclose(np.linalg.det(view.R_level_world), 1.0)
+    forward = view.R_level_camera @ np.array([0.0, 0.0, 1.0])
+    assert np.sign(forward[1]) == -np.sign(tilt) or tilt == 0.0, "positive looks down"
+
+
+def test_the_kinect_resolves_two_and_a_half_centimetres_at_three_metres() -> None:
+    sensor = KinectV1(noise=0.0)
+    values = []
+    for depth in np.arange(2.9, 3.1, 0.001):
+        measured, _ = sensor.measure(wall(sensor, depth), np.random.default_rng(0))
+        values.append(np.median(measured[measured > 0]))
+    steps = np.diff(np.unique(values))
+    assert np.all((steps > 22) & (steps < 28))
+    fine = [np.median(sensor.measure(wall(sensor, z), np.random.default_rng(0))[0]) for z in (1.5, 1.504, 1.508, 1.512)]
+    assert np.ptp(fine) >= 5, "steps shrink with the square of the distance"
+
+
+def test_time_of_flight_noise_grows_with_distance_and_grazing_angle() -> None:
+    sensor, spread = TimeOfFlight(), {}
+    for depth, cosine in ((1.5, 1.0), (3.0, 1.0), (3.0, 0.5)):
+        measured, _ = sensor.measure(wall(sensor, depth, cosine), np.random.default_rng(0))
+        centre = measured[60:84, 70:106].astype(float)
+        spread[depth, cosine] = centre.std()
+        assert abs(centre.mean() - 1e3 * depth) < 2.0, "the noise has no bias"
+    assert spread[3.0, 1.0] == pytest.approx(10.0, rel=0.15)
+    assert spread[1.5, 1.0] == pytest.approx(5.0, rel=0.15)
+    assert spread[3.0, 0.5] == pytest.approx(14.1, rel=0.15)
+
+
+def test_time_of_flight_mixes_front_and_back_at_edges() -> None:
+    sensor = TimeOfFlight(noise_at_3m=0.0)
+    measured, subject = sensor.measure(step_edge(sensor, 2.0, 4.0), np.random.default_rng(0))
+    row = measured[72]
+    mixed = (row > 2100) & (row < 3900)
+    assert 1 <= mixed.sum() <= 2, "flying pixels stand at the edge only"
+    assert subject.sum(axis=1).min() > 80
+
+
+def test_the_kinect_casts_a_shadow_to_the_left_of_what_is_near() -> None:
+    sensor = KinectV1(ragged=0.0, torn=0.0)
+    measured, _ = sensor.measure(step_edge(sensor, 2.0, 4.0), np.random.default_rng(0))
+    expected = 285.63 * 0.075 * (1 / 2.0 - 1 / 4.0)
+    holes = (measured[100:140, 100:161] == 0).sum(axis=1)
+    np.testing.assert_allclose(holes, expected, atol=1.5)
+    assert (measured[100:140, 165:] > 0).all(), "no shadow on the right"
+
+
+def test_kinect_silhouettes_are_ragged_and_torn() -> None:
+    sensor = KinectV1()
+    measured, subject = sensor.measure(step_edge(sensor, 2.0, 4.0), np.random.default_rng(0))
+    first = subject.argmax(axis=1)
+    assert np.ptp(first) >= 2
+    assert 0.05 < (measured[:, 161:163] == 0).mean() < 0.6
+    assert (measured[:, 200:] == 0).mean() < 0.01, "surfaces away from edges have no holes"
+
+
+def frames_of(simulation: Simulation) -> np.ndarray:
+    return np.array([frame.depth for frame in simulation.frames()])
+
+
+@pytest.mark.parametrize("sensor", ["tof", "kinect"])
+def test_the_same_seed_gives_the_same_recording_and_another_gives_other_noise(sensor: str) -> None:
+    first, again, other = (prepare(waving(2), sensor=sensor, seed=seed) for seed in (5, 5, 6))
+    np.testing.assert_array_equal(frames_of(first), frames_of(again))
+    np.testing.assert_array_equal(first.background(), again.background())
+    assert (frames_of(first) != frames_of(other)).mean() > 0.3
+
+
+def test_a_furnished_recording_differs_from_its_background_where_the_subject_is() -> None:
+    simulation = prepare(waving(2), furnished=True)
+    background = simulation.background()
+    assert background is not None and (background > 0).mean() > 0.9
+    frame = next(simulation.frames())
+    change = np.abs(frame.depth.astype(int) - background) > 60
+    assert (change & frame.subject).sum() > 0.9 * frame.subject.sum()
+    assert (change & ~frame.subject).mean() < 0.02
+
+
+@pytest.mark.parametrize("furnished", [True, False])
+def test_what_is_written_is_read_back(tmp_path: Path, furnished: bool) -> None:
+    done: list[tuple[int, int]] = []
+    recording = simulate_recording(
+        waving(3), tmp_path / "take.npz", body="child", sensor="kinect", tilt=10.0, seed=2, furnished=furnished,
+        progress=lambda i, n: done.append((i, n)),
+    )  # fmt: skip
+    assert done == [(1, 3), (2, 3), (3, 3)]
+    again = open_recording(tmp_path / "take.npz")
+    simulation = prepare(waving(3), body="child", sensor="kinect", tilt=10.0, seed=2, furnished=furnished)
+    for i, frame in enumerate(simulation.frames()):
+        np.testing.assert_array_equal(again.depth(i), frame.depth)
+        np.testing.assert_array_equal(again.joints[i], frame.joints)
+    np.testing.assert_allclose(again.timestamps, [0.0, 1 / 30, 2 / 30])
+    np.testing.assert_allclose(again.up_camera, [0.0, -np.cos(np.deg2rad(10)), -np.sin(np.deg2rad(10))], atol=1e-12)
+    assert (recording.background is not None) == furnished
+
+
+@pytest.mark.shared_data
+def test_a_clip_file_is_resampled_to_the_recording_s_frame_rate(shared_data: Path, tmp_path: Path) -> None:
+    from toolkit.mocap.read import find_clips, read_clip
+
+    path = next(p for p in find_clips(shared_data / "mocap") if p.suffix == ".bvh")
+    simulation = prepare(path, body="neutral", frame_rate=30.0)
+    assert simulation.clip.frame_rate == pytest.approx(30.0)
+    assert len(simulation.clip) <= 30 * read_clip(path).duration + 2
+
+
+@pytest.mark.parametrize(
+    ("call", "error", "words"),
+    [
+        (lambda: make_sensor("lidar"), UsageError, "tof, kinect"),
+        (lambda: prepare(waving(1), body="giant"), BodyError, "neutral"),
+        (lambda: prepare(waving(1), body="1,x"), UsageError, "numbers"),
+        (lambda: prepare(waving(1), distance=0.0), UsageError, "positive"),
+        (lambda: prepare(waving(1), yaw=np.nan), UsageError, "finite"),
+    ],
+)
+def test_a_bad_argument_is_named_with_the_way_out(call: object, error: type[Exception], words: str) -> None:
+    with pytest.raises(error, match=words):
+        call()  # type: ignore[operator]
