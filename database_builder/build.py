@@ -26,6 +26,7 @@ from toolkit.database.database import PoseDatabase
 from toolkit.database.origin import View, observed_offsets
 from toolkit.errors import MocapError, OutputError, UsageError
 from toolkit.mocap.clip import PoseClip
+from toolkit.mocap.procedural import procedural_clips
 
 THRESHOLD = 0.018
 """Metres in the unit of Eq. 5.1: the paper's 1.8 cm, 8 cm root mean square per joint."""
@@ -121,7 +122,7 @@ def build_database(
     work = target.with_name(f"{target.stem}.work")
     clock = _Clock()
 
-    read = _read(_bundled() if sources is None else sources, work, body, mirror, processes, report)
+    read = _read(procedural_clips(body=body) if sources is None else sources, work, body, mirror, processes, report)
     skipped = tuple((one.name, one.error) for one in read if one.error)
     if skipped and (strict or len(skipped) == len(read)):
         raise MocapError(f"{skipped[0][0]} cannot be used ({skipped[0][1]}); {len(skipped)} of {len(read)} such")
@@ -231,12 +232,6 @@ class _Clock:
 
 def _silent(stage: str, done: int, total: int) -> None:
     pass
-
-
-def _bundled() -> list[PoseClip]:
-    from toolkit.mocap.procedural import procedural_clips
-
-    return procedural_clips()
 
 
 def _read(

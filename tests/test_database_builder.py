@@ -65,6 +65,11 @@ def test_mirroring_adds_the_mirror_image_of_every_pose(tmp_path: Path) -> None:
         np.testing.assert_allclose(database.poses[row], mirrored(canonicalise(frame)[0]), atol=1e-6)
 
 
+def test_the_bundled_motions_are_the_source_when_none_is_given(tmp_path: Path) -> None:
+    database = build_database(None, tmp_path / "poses.npz", threshold=0.018).database
+    assert len(database) > 100 and len(database.sources) > 10
+
+
 def test_a_maximum_count_stops_the_selection(tmp_path: Path) -> None:
     database = build_database(CLIPS, tmp_path / "poses.npz", threshold=0.0, max_poses=17).database
     assert len(database) == 17
