@@ -1,0 +1,308 @@
+"""The local optimisation from NumPy and SciPy alone: the measure of the compiled one (Baak 2013, 5.4.1)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from scipy.linalg import LinAlgError, cho_factor, cho_solve
+from scipy.spatial import cKDTree
+from scipy.spatial.transform import Rotation
+
+from toolkit.body import skeleton
+from toolkit.body.body import BELOW
+from toolkit.fitting.fitter import Fitter, _wrap_root
+from toolkit.fitting.posed import NormalSystem, PosedBody
+from toolkit.fitting.scene import Scene
+from toolkit.fitting.terms import CloudTerm, PairTerm, SurfaceTerm
+from toolkit.sensing.cloud import Cloud
+
+
+class ScipyNeighbours:
+    """SciPy's kd-tree over the measured points, camera frame."""
+
+    def __init__(self, points_camera: np.ndarray) -> None:
+        self._points = points_camera
+        self._tree = cKDTree(points_camera)
+
+    def medians(self, points: np.ndarray, wanted: np.ndarray, reach: float, count: int, out: np.ndarray) -> None:
+        """See `Neighbours.medians`."""
+        out[:] = np.nan
+        rows = np.flatnonzero(wanted)
+        if len(rows) == 0:
+            return
+        nearest = self._tree.query(points[rows], k=count, distance_upper_bound=reach)[1].reshape(len(rows), count)
+        padded = np.concatenate([self._points, np.full((1, 3), np.nan)])
+        any_found = nearest[:, 0] < len(self._points)
+        out[rows[any_found]] = np.nanmedian(padded[nearest[any_found]], axis=1)
+
+
+class PlainScene(Scene):
+    """A scene searched by SciPy's kd-tree."""
+
+    def __init__(self, cloud: Cloud, extrema_level: np.ndarray, samples: int) -> None:
+        super().__init__(cloud, extrema_level, samples)
+        self.neighbours = ScipyNeighbours(back_projected(self.depth, self.intrinsics)[0])
+
+
+def back_projected(depth: np.ndarray, intrinsics: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Points (N, 3) of the pixels with depth (H, W) > 0, camera frame, metres, and their flat indices (N,)."""
+    v, u = np.nonzero(depth > 0)
+    z = depth[v, u].astype(np.float64)
+    fx, fy, cx, cy = intrinsics
+    return np.stack([(u - cx) * z / fx, (v - cy) * z / fy, z], axis=1), v * depth.shape[1] + u
+
+
+class PlainPosedBody(PosedBody):
+    """A posed body that is placed and drawn by vectorised NumPy."""
+
+    def place(self, pose: np.ndarray) -> None:
+        """See `PosedBody.place`."""
+        vectors = np.zeros((len(skeleton.JOINTS), 3))
+        vectors[skeleton.DOF_JOINT, skeleton.DOF_AXIS] = pose[3:]
+        local = Rotation.from_rotvec(vectors).as_matrix()
+        rotations, origins = np.empty_like(local), np.empty_like(vectors)
+        parents = np.broadcast_to(np.eye(3), local.shape).copy()
+        for j, p in enumerate(skeleton.PARENTS):
+            if p < 0:
+                rotations[j], origins[j] = local[j], pose[:3]
+            else:
+                parents[j] = rotations[p]
+                rotations[j] = rotations[p] @ local[j]
+                origins[j] = origins[p] + rotations[p] @ (self.body.joints[j] - self.body.joints[p])
+        turned = parents @ left_jacobians(vectors)
+        axes = turned[skeleton.DOF_JOINT, :, skeleton.DOF_AXIS]
+        self.rotations[:] = self.from_level @ rotations
+        self.origins[:] = origins @ self.from_level.T
+        self.axes[:] = axes @ self.from_level.T
+        body = self.body
+        joints, weights = body.skin_joints, body.skin_weights
+        carried = self.rotations[joints] @ (body.vertices[:, None] - body.joints[joints])[..., None]
+        self.vertices[:] = (weights[..., None] * (carried[..., 0] + self.origins[joints])).sum(axis=1)
+        normals = (weights[..., None] * (self.rotations[joints] @ self.rest_normals[:, None, :, None])[..., 0]).sum(
+            axis=1
+        )
+        self.normals[:] = normals / np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-12)
+
+    def draw(self) -> None:
+        """See `PosedBody.draw`: every pixel of every triangle's box at once, the nearest triangle of a pixel wins."""
+        fx, fy, cx, cy = self.intrinsics
+        height, width = self.depth.shape
+        x, y, z = self.vertices.T
+        behind = z <= 0.05
+        safe = np.where(behind, 1.0, z)
+        corners = np.stack([fx * x / safe + cx, fy * y / safe + cy, 1.0 / safe], axis=1)[self.faces]
+        edge_b, edge_c = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
+        area = edge_b[:, 0] * edge_c[:, 1] - edge_b[:, 1] * edge_c[:, 0]
+        low = np.maximum(np.ceil(corners[..., :2].min(axis=1)), 0).astype(int)
+        high = np.minimum(np.floor(corners[..., :2].max(axis=1)), [width - 1, height - 1]).astype(int)
+        sides = np.maximum(high - low + 1, 0)
+        drawn = np.flatnonzero((area < -1e-12) & ~behind[self.faces].any(axis=1) & (sides.min(axis=1) > 0))
+        counts = sides[drawn].prod(axis=1)
+        face = np.repeat(drawn, counts)
+        place = np.arange(len(face)) - np.repeat(np.cumsum(counts) - counts, counts)
+        u = low[face, 0] + place % sides[face, 0]
+        v = low[face, 1] + place // sides[face, 0]
+        du, dv = u - corners[face, 0, 0], v - corners[face, 0, 1]
+        beta = (du * edge_c[face, 1] - dv * edge_c[face, 0]) / area[face]
+        gamma = (dv * edge_b[face, 0] - du * edge_b[face, 1]) / area[face]
+        inside = (beta >= -1e-9) & (gamma >= -1e-9) & (beta + gamma <= 1.0 + 1e-9)
+        face, pixel = face[inside], (v * width + u)[inside]
+        inverse = corners[face, 0, 2] + beta[inside] * edge_b[face, 2] + gamma[inside] * edge_c[face, 2]
+        order = np.lexsort((face, -inverse))
+        pixels, nearest = np.unique(pixel[order], return_index=True)
+        self.depth[:] = 0.0
+        self.triangle[:] = -1
+        self.depth.reshape(-1)[pixels] = 1.0 / inverse[order][nearest]
+        self.triangle.reshape(-1)[pixels] = face[order][nearest]
+
+    def find_visible(self, facing: float, tolerance: float) -> np.ndarray:
+        """See `PosedBody.find_visible`."""
+        fx, fy, cx, cy = self.intrinsics
+        height, width = self.depth.shape
+        points = self.vertices[self.chosen]
+        z = points[:, 2]
+        cosine = -(self.normals[self.chosen] * points).sum(axis=1) / np.linalg.norm(points, axis=1)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            u = np.rint(fx * points[:, 0] / z + cx)
+            v = np.rint(fy * points[:, 1] / z + cy)
+        within = (u >= 0) & (u < width) & (v >= 0) & (v < height) & (z > 0.05)
+        front = np.zeros(len(points))
+        front[within] = self.depth[v[within].astype(int), u[within].astype(int)]
+        hidden = (front > 0.0) & (front < z - tolerance)
+        self.visible = (z > 0.05) & (cosine >= facing) & ~hidden
+        return self.visible
+
+
+def left_jacobians(vectors: np.ndarray) -> np.ndarray:
+    """Left Jacobians (J, 3, 3) of the exponential map at rotation vectors (J, 3)."""
+    squared = (vectors**2).sum(axis=1)
+    small = squared < 1e-8
+    angle = np.sqrt(np.where(small, 1.0, squared))
+    b = np.where(small, 0.5 - squared / 24.0, (1.0 - np.cos(angle)) / angle**2)
+    c = np.where(small, 1.0 / 6.0 - squared / 120.0, (angle - np.sin(angle)) / angle**3)
+    x, y, z = vectors.T
+    zero = np.zeros_like(x)
+    cross = np.stack([zero, -z, y, z, zero, -x, -y, x, zero], axis=1).reshape(-1, 3, 3)
+    return np.eye(3) + b[:, None, None] * cross + c[:, None, None] * (cross @ cross)
+
+
+class PlainSystem(NormalSystem):
+    """Normal equations from one dense Jacobian of all pairs."""
+
+    def reset(self, reference: np.ndarray) -> None:
+        """See `NormalSystem.reset`."""
+        super().reset(reference)
+        self._rows: list[tuple[np.ndarray, ...]] = []
+
+    def gather(
+        self,
+        posed: PosedBody,
+        vertex: np.ndarray,
+        points: np.ndarray,
+        residual: np.ndarray,
+        weight: np.ndarray,
+        plane: float,
+        point: float,
+    ) -> None:
+        """Add pairs: `points` (N, 3) that move with mesh vertices (N,), residuals (N, 3), robust weights (N,)."""
+        shares = posed.body.skin_weights[vertex]
+        row, slot = np.nonzero(shares > 0.0)
+        weights = shares[row, slot] * weight[row]
+        joints = posed.body.skin_joints[vertex[row], slot]
+        self._rows.append(
+            (joints, points[row], posed.normals[vertex[row]], residual[row], plane * weights, point * weights)
+        )
+
+    def assemble(self, posed: PosedBody) -> None:
+        """See `NormalSystem.assemble`."""
+        joints, points, normals, residual, plane, point = (
+            np.concatenate(part) for part in zip(*self._rows, strict=True)
+        )
+        jacobian = np.zeros((len(joints), 3, skeleton.POSE_SIZE))
+        jacobian[:, :, :3] = posed.from_level
+        levers = points[:, None] - posed.origins[skeleton.DOF_JOINT]
+        moves = np.cross(np.broadcast_to(posed.axes, levers.shape), levers)
+        moves *= BELOW[skeleton.DOF_JOINT][:, joints].T[..., None]
+        jacobian[:, :, 3:] = moves.transpose(0, 2, 1)
+        along = np.sqrt(plane)[:, None] * np.einsum("na,nap->np", normals, jacobian)
+        along_residual = np.sqrt(plane) * np.einsum("na,na->n", normals, residual)
+        full = (np.sqrt(point)[:, None, None] * jacobian).reshape(-1, skeleton.POSE_SIZE)
+        full_residual = (np.sqrt(point)[:, None] * residual).ravel()
+        self.matrix[:] = along.T @ along + full.T @ full
+        self.vector[:] = along.T @ along_residual + full.T @ full_residual
+
+
+class PlainSurfaceTerm(SurfaceTerm):
+    """Adds its pairs to a `PlainSystem`."""
+
+    def add(self, system: PlainSystem, posed: PosedBody, scene: Scene) -> None:
+        """See `PairTerm.add`."""
+        found = self.pairs(posed, scene)
+        points = posed.vertices[found.vertex]
+        system.gather(posed, found.vertex, points, found.residual, found.weight, self.plane, self.point)
+
+
+class PlainCloudTerm(CloudTerm):
+    """Finds the drawn body's points by SciPy's kd-tree and adds its pairs to a `PlainSystem`."""
+
+    def nearest(self, posed: PosedBody, scene: Scene) -> tuple[np.ndarray, np.ndarray]:
+        """See `CloudTerm.nearest`."""
+        points = np.full_like(scene.samples, np.nan)
+        vertex_of = np.full(len(points), -1, dtype=np.int64)
+        drawn, pixels = back_projected(posed.depth, posed.intrinsics)
+        if len(drawn) == 0:
+            return points, vertex_of
+        row = cKDTree(drawn).query(scene.samples, distance_upper_bound=self.reach)[1]
+        found = row < len(drawn)
+        points[found] = drawn[row[found]]
+        corners = posed.faces[posed.triangle.reshape(-1)[pixels[row[found]]]]
+        nearest = np.linalg.norm(posed.vertices[corners] - points[found][:, None], axis=2).argmin(axis=1)
+        vertex_of[found] = corners[np.arange(len(corners)), nearest]
+        return points, vertex_of
+
+    def add(self, system: PlainSystem, posed: PosedBody, scene: Scene) -> None:
+        """See `PairTerm.add`."""
+        points, vertex_of = self.nearest(posed, scene)
+        found = vertex_of >= 0
+        residual = points[found] - scene.samples[found]
+        weights = np.ones(len(scene.samples))
+        weights[scene.plain_samples :] = self.extremum_weight
+        robust = weights[found] * (1.0 + (residual**2).sum(axis=1) / self.sigma**2) ** -2
+        system.gather(posed, vertex_of[found], points[found], residual, robust, self.plane, self.point)
+
+
+def bounded_step(
+    matrix: np.ndarray, vector: np.ndarray, pose: np.ndarray, limits: np.ndarray, damping: np.ndarray
+) -> np.ndarray:
+    """Damped least squares within limits by an active set that only grows; see `twists.bounded_step`."""
+    step = np.zeros_like(vector)
+    fixed = np.zeros(len(vector), dtype=bool)
+    low, high = limits[:, 0] - pose, limits[:, 1] - pose
+    damped = matrix + np.diag(damping)
+    for _ in range(3):
+        free = ~fixed
+        right = -vector[free] - matrix[np.ix_(free, fixed)] @ step[fixed]
+        try:
+            step[free] = cho_solve(cho_factor(damped[np.ix_(free, free)]), right)
+        except LinAlgError:
+            return np.zeros_like(vector)
+        outside = (step < low) | (step > high)
+        step = np.clip(step, low, high)
+        if not (outside & free).any():
+            break
+        fixed |= outside
+    return step
+
+
+class PlainFitter(Fitter):
+    """A fitter of the same settings whose every step is NumPy or SciPy."""
+
+    def __init__(self, fitter: Fitter) -> None:
+        self.__dict__.update(fitter.__dict__)
+        posed = fitter.posed
+        self.posed = PlainPosedBody(posed.body, posed.camera, posed.from_level.T)
+        self._system = PlainSystem()
+        self.surface = PlainSurfaceTerm(**vars(fitter.surface))
+        self.cloud = PlainCloudTerm(**vars(fitter.cloud))
+        self._pair_terms = [self.surface, self.cloud] if self.settings.cloud_samples else [self.surface]
+
+    def refine(
+        self,
+        pose: np.ndarray,
+        scene: Scene,
+        *,
+        pair_terms: Sequence[PairTerm] = (),
+        iterations: int | None = None,
+    ) -> np.ndarray:
+        """See `Fitter.refine`."""
+        pose = pose.copy()
+        system, posed = self._system, self.posed
+        for _ in range(iterations or self.settings.iterations):
+            posed.place(pose)
+            posed.draw()
+            system.reset(posed.origins[0])
+            for term in (*self._pair_terms, *pair_terms):
+                term.add(system, posed, scene)
+            system.assemble(posed)
+            for prior in self._pose_terms:
+                prior.add(system, pose)
+            pose += bounded_step(system.matrix, system.vector, pose, skeleton.POSE_LIMITS, self._damping)
+            _wrap_root(pose)
+        return pose
+
+    def sparse_distance(self, pose: np.ndarray, scene: Scene) -> float:
+        """See `Fitter.sparse_distance`."""
+        posed, s = self.posed, self.settings
+        posed.place(pose)
+        posed.draw()
+        visible = posed.find_visible(s.facing, s.hidden_tolerance)
+        points = posed.vertices[posed.chosen]
+        nearest = np.empty_like(points)
+        scene.neighbours.medians(points, visible, s.reach, 1, nearest)
+        distances = np.linalg.norm(points - nearest, axis=1)[visible]
+        mesh_to_cloud = np.where(np.isnan(distances), s.reach, distances).sum() / max(int(visible.sum()), 1)
+        if len(scene.extrema) == 0:
+            return float(mesh_to_cloud)
+        cloud_to_mesh = np.linalg.norm(scene.extrema[:, None] - posed.vertices, axis=2).min(axis=1)
+        return float(mesh_to_cloud + np.minimum(cloud_to_mesh, s.reach).mean())

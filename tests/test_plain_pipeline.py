@@ -1,0 +1,88 @@
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from benchmarks._plain_fitting import PlainFitter, PlainPosedBody, PlainScene, bounded_step
+from benchmarks._plain_landmarks import plain_centre, plain_extrema, plain_graph, plain_source
+from benchmarks._subjects import LEVEL, camera_for, draw, moving_poses
+from toolkit.body import skeleton
+from toolkit.body.shape import load_body
+from toolkit.fitting.fitter import Fitter, FittingSettings
+from toolkit.fitting.posed import PosedBody
+from toolkit.fitting.scene import Scene
+from toolkit.kernels import twists
+from toolkit.landmarks.centre import cloud_centre
+from toolkit.landmarks.extrema import extrema_of_graph, source_node
+from toolkit.landmarks.graph import grid_graph
+from toolkit.landmarks.settings import LandmarkSettings
+from toolkit.sensing.cloud import Cloud
+
+BODY = load_body("neutral")
+CAMERA = camera_for(2500)
+
+
+def frame(seed: int) -> tuple[np.ndarray, Cloud]:
+    """A pose (P,) and the cloud of the body in it."""
+    rng = np.random.default_rng(seed)
+    pose = moving_poses(20, rng)[seed]
+    return pose, Cloud.from_depth(draw(BODY, pose, CAMERA, rng), CAMERA, LEVEL)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_plain_and_compiled_landmarks_are_the_same(seed: int) -> None:
+    settings = LandmarkSettings()
+    _, cloud = frame(seed)
+    centre = cloud_centre(cloud.points, None, settings)
+    assert plain_centre(cloud.points, None, settings, 1.0) == pytest.approx(centre, abs=1e-6)
+    graph = grid_graph(cloud, settings)
+    matrix, largest = plain_graph(cloud, settings)
+    assert (matrix != graph.matrix()).nnz == 0
+    source = source_node(graph, cloud.points, centre)
+    assert plain_source(cloud.points, largest, centre) == source
+    fast, plain = extrema_of_graph(graph, cloud.points, 20, source), plain_extrema(matrix, cloud.points, source, 20)
+    for name in ("nodes", "points", "distances", "source_distances", "visited"):
+        assert np.array_equal(getattr(fast, name), getattr(plain, name))
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_plainly_posed_body_is_the_compiled_one(seed: int) -> None:
+    pose, _ = frame(seed)
+    fast, plain = (kind(BODY, CAMERA, LEVEL) for kind in (PosedBody, PlainPosedBody))
+    for posed in (fast, plain):
+        posed.place(pose)
+        posed.draw()
+    for name in ("vertices", "normals", "rotations", "origins", "axes", "depth"):
+        assert getattr(plain, name) == pytest.approx(getattr(fast, name), abs=1e-9), name
+    assert (plain.triangle == fast.triangle).mean() > 0.9999
+    assert np.array_equal(plain.find_visible(0.1, 0.03), fast.find_visible(0.1, 0.03))
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_the_plain_bounded_step_is_the_compiled_one(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    half = rng.normal(size=(60, skeleton.POSE_SIZE))
+    matrix, vector = half.T @ half, 60 * rng.normal(size=skeleton.POSE_SIZE)
+    damping = np.full(skeleton.POSE_SIZE, 0.5)
+    pose, step = np.zeros(skeleton.POSE_SIZE), np.empty(skeleton.POSE_SIZE)
+    twists.bounded_step(matrix, vector, pose, skeleton.POSE_LIMITS, damping, step)
+    assert bounded_step(matrix, vector, pose, skeleton.POSE_LIMITS, damping) == pytest.approx(step, abs=1e-9)
+    assert (step[6:] == skeleton.POSE_LIMITS[6:, 0]).any()
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_the_plain_fitter_finds_the_pose_of_the_compiled_one(seed: int) -> None:
+    pose, cloud = frame(seed)
+    settings = replace(FittingSettings(), cloud_samples=200)
+    fitter = Fitter(BODY, CAMERA, LEVEL, settings)
+    plain = PlainFitter(fitter)
+    extrema = cloud.points[:: len(cloud) // 20].astype(np.float64)
+    scene, plain_scene = Scene(cloud, extrema, 200), PlainScene(cloud, extrema, 200)
+    start = pose + np.random.default_rng(seed).normal(0.0, 0.05, len(pose))
+    start = np.clip(start, *skeleton.POSE_LIMITS.T)
+    found, again = fitter.refine(start, scene), plain.refine(start, plain_scene)
+    joints = BODY.joint_positions(np.stack([found, again]))
+    assert np.linalg.norm(joints[0] - joints[1], axis=1).max() < 1e-3
+    assert plain.sparse_distance(pose, plain_scene) == pytest.approx(fitter.sparse_distance(pose, scene), abs=1e-9)
