@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
@@ -11,8 +10,8 @@ if TYPE_CHECKING:
     from rich.progress import Progress
     from rich.table import Table
 
-TABLE_WIDTH = 200
-"""Columns of a table that goes into a file or a pipe."""
+WIDEST = 400
+"""Characters: no table is wider."""
 
 
 class Bars:
@@ -30,8 +29,12 @@ class Bars:
 
     def of_recording(self, name: str, doing: str, done: int, total: int) -> None:
         """The same for a recording, whose name is shown; compilation is named as such."""
-        words = "compiling, the first time only" if doing == "compiling" else doing
-        self(f"{name}: {words}", done, total)
+        self(f"{name}: {doing_words(doing)}", done, total)
+
+
+def doing_words(doing: str) -> str:
+    """What the pipeline is doing, in words for people."""
+    return "compiling, once per installation" if doing == "compiling" else doing
 
 
 @contextmanager
@@ -49,4 +52,7 @@ def print_table(table: Table) -> None:
     """A table on the standard output."""
     from rich.console import Console
 
-    Console(width=None if sys.stdout.isatty() else TABLE_WIDTH).print(table)
+    console = Console()
+    natural = console.measure(table, options=console.options.update(width=WIDEST)).maximum
+    # A narrow terminal breaks long lines, which is better than columns of single letters.
+    Console(width=max(natural, console.width)).print(table, crop=False, soft_wrap=True)

@@ -156,8 +156,11 @@ def _frame_figures(track: Track, info: RunInfo, recording: Recording, reference:
     """Figures that need every depth frame: what the camera sees, and how well the fitted body explains it."""
     from toolkit.body.raycast import render_depth
 
-    # Full resolution whatever the tracker used, so that runs at both resolutions are measured alike.
-    cleaner = Cleaner.for_recording(recording, replace(SensingSettings(**info.sensing), half_resolution=False))
+    # Full resolution whatever the tracker used, so that runs at both resolutions are measured alike. The silhouette is
+    # that of the person as measured: cleaning takes away its contour, a tenth of its pixels.
+    settings = replace(SensingSettings(**info.sensing), half_resolution=False)
+    cleaner = Cleaner.for_recording(recording, settings)
+    cutter = Cleaner.for_recording(recording, replace(settings, contour="keep", median=False))
     body, rotation = info.body(), info.R_level_camera
     visible = np.zeros((len(track), len(REPORTED)), dtype=bool)
     overlap, residual = np.full(len(track), np.nan), np.full(len(track), np.nan)
@@ -167,7 +170,8 @@ def _frame_figures(track: Track, info: RunInfo, recording: Recording, reference:
         if not depth.any():
             continue
         rendered = render_depth(body, track.pose[i], cleaner.camera, rotation)
-        overlap[i], residual[i] = silhouette_overlap(depth, rendered), depth_residual(depth, rendered)
+        overlap[i] = silhouette_overlap(cutter.clean(raw), rendered)
+        residual[i] = depth_residual(depth, rendered)
         if reference is None:
             continue
         truth = np.asarray(reference.joints[i], dtype=np.float64)

@@ -106,7 +106,7 @@ COLUMNS: tuple[tuple[str, str, str], ...] = (
     ("a100", "A(100) %", "%"),
     ("a100_hands_feet", "hands, feet %", "%"),
     ("pose_error_mm", "Eq. 5.10 mm", ".0f"),
-    ("pose_error_std_mm", "± mm", ".0f"),
+    ("pose_error_std_mm", "its std mm", ".0f"),
     ("lost", "lost %", "%"),
     ("tracked", "tracked %", "%"),
     ("extrema", "extrema %", "%"),
@@ -160,9 +160,9 @@ class EvaluationTable:
         from rich.table import Table
 
         shown = [c for c in COLUMNS if any(_known(getattr(row, c[0])) for row in self.rows)]
-        sources = list(dict.fromkeys(name for row in self.rows for name in row.sources))
+        sources = list(dict.fromkeys(name for row in self.rows for name, share in row.sources.items() if share > 0))
         table = Table(title=title)
-        table.add_column("recording", overflow="fold")
+        table.add_column("recording", no_wrap=True)
         for heading in [*(column[1] for column in shown), *(f"by {name} %" for name in sources)]:
             table.add_column(heading, justify="right")
         mean = [self.mean()] if len(self) > 1 else []

@@ -28,24 +28,35 @@ class Tracker(Protocol):
 
     Attributes
     ----------
-    stage_names : names of the timed stages, in the order of `FrameResult.stage_ms`
-    source_names : names of the hypotheses that can win, indexed by `FrameResult.source`
-    settings : what it was made with, written beside its results
-    database : path of the pose database it uses, empty for none
-    body : the body as fitted so far, with its shape and scale; known from `start` on
     memory : everything that the next step depends on besides the depth image, picklable; setting it after `start`
         continues an interrupted run exactly
     """
 
-    stage_names: tuple[str, ...]
-    source_names: tuple[str, ...]
-    settings: TrackerSettings
-    database: str
     memory: Any
 
     @property
+    def stage_names(self) -> tuple[str, ...]:
+        """Names of the timed stages, in the order of `FrameResult.stage_ms`."""
+        ...
+
+    @property
+    def source_names(self) -> tuple[str, ...]:
+        """Names of the hypotheses that can win, indexed by `FrameResult.source`."""
+        ...
+
+    @property
+    def settings(self) -> TrackerSettings:
+        """What it was made with, written beside its results."""
+        ...
+
+    @property
+    def database(self) -> str:
+        """Path of the pose database it uses, empty for none."""
+        ...
+
+    @property
     def body(self) -> Body:
-        """The body as fitted so far."""
+        """The body as fitted so far, with its shape and scale; known from `start` on."""
         ...
 
     def start(self, recording: Recording) -> None:

@@ -1,0 +1,129 @@
+"""`depthmocap demo`: the main job on what is bundled, from motions to a film."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+if TYPE_CHECKING:
+    from toolkit.evaluation.scores import EvaluationTable
+    from toolkit.mocap.clip import PoseClip
+    from toolkit.pipeline import RunSummary
+    from toolkit.sensing.recording import Recording
+
+Show = Callable[[str, int, int], None]
+"""Called with what is being done, the steps done and all steps."""
+
+SUBJECT, SUBJECT_SEED = "slim_male", 7
+"""Whose body is simulated, and the seed of what makes it unlike every body that a tracker can fit."""
+MOTIONS = 3
+"""Motions of the recording; none of them is in the database."""
+SECONDS = 5.0
+"""Of each motion."""
+BLEND = 6
+"""Frames between the end of one motion and the beginning of the next."""
+
+
+@dataclass(frozen=True)
+class DemoResult:
+    """What the demo made: scores, times, the files in their order and the seconds it took."""
+
+    table: EvaluationTable
+    summary: RunSummary
+    files: tuple[Path, ...]
+    seconds: float
+
+
+def run_demo(output: str | Path, *, seed: int = 0, show: Show | None = None) -> DemoResult:
+    """Build a database of bundled motions, record a different body in other motions, track it, score it and draw it.
+
+    Parameters
+    ----------
+    output : folder of everything that is written; an earlier demo in it is replaced
+    seed : of the motions, the noise of the sensor and the subject's variation
+    show : told what is going on
+
+    Raises
+    ------
+    OutputError
+        The folder cannot be written.
+    """
+    from database_builder.build import build_database
+    from toolkit.cli.terminal import doing_words
+    from toolkit.evaluation.evaluate import evaluate_runs
+    from toolkit.evaluation.report import write_evaluation
+    from toolkit.pipeline import hybrid_tracker, track_recording
+
+    show = show or _silent
+    start, folder = time.monotonic(), Path(output)
+    database, run = folder / "poses.npz", folder / "run"
+    (run / "track.partial").unlink(missing_ok=True)
+
+    build_database(
+        None, database, progress=lambda stage, done, total: show(f"building the database: {stage}", done, total)
+    )
+    recording = _record(folder / "take.npz", seed, show)
+    tracker = hybrid_tracker(database, "baak2013")
+    summary = track_recording(
+        recording, tracker, run, progress=lambda name, doing, done, total: show(doing_words(doing), done, total)
+    )
+    table = evaluate_runs([run], progress=lambda name, done, total: show("evaluating", done, total))
+    files = [database, recording.path, run, *write_evaluation(table, folder)]
+    return DemoResult(table, summary, tuple(files), time.monotonic() - start)
+
+
+def _silent(doing: str, done: int, total: int) -> None:
+    """Progress that nobody watches."""
+
+
+def _record(path: Path, seed: int, show: Show) -> Recording:
+    """A depth recording of somebody unlike the tracker's body, doing what is in no database."""
+    from toolkit.body.shape import subject_body
+    from toolkit.mocap.procedural import SUBJECT_MOTIONS, procedural_clips
+    from toolkit.simulation.simulate import simulate_recording
+
+    subject = subject_body(SUBJECT, seed=SUBJECT_SEED)
+    clips = procedural_clips(SUBJECT_MOTIONS[:MOTIONS], body=subject, variations=1, seed=seed)
+    return simulate_recording(
+        _joined(clips), path, body=subject, sensor="tof", yaw=10.0, seed=seed,
+        progress=lambda done, total: show("simulating a recording", done, total),
+    )  # fmt: skip
+
+
+def _joined(clips: list[PoseClip]) -> PoseClip:
+    """The first seconds of clips, one after the other: each begins where the one before ended, over a short blend."""
+    import numpy as np
+
+    from toolkit.body.skeleton import ROOT_POSITION
+
+    frames = int(SECONDS * clips[0].frame_rate)
+    poses = clips[0].poses[:frames]
+    for clip in clips[1:]:
+        following = clip.poses[:frames].copy()
+        following[:, ROOT_POSITION] += (poses[-1] - following[0])[ROOT_POSITION] * (1.0, 0.0, 1.0)
+        share = np.linspace(0.0, 1.0, BLEND + 2)[1:-1, None]
+        poses = np.concatenate([poses, (1 - share) * poses[-1] + share * following[0], following])
+    return replace(clips[0], name="+".join(clip.name for clip in clips), poses=poses)
+
+
+def demo(
+    output: Annotated[Path, typer.Option("--output", "-o", help="Folder of everything that is written.")] = Path(
+        "demo"
+    ),
+    seed: Annotated[int, typer.Option(help="Seed of everything random.")] = 0,
+) -> None:
+    """Do the main job on bundled motions: database, simulated recording, track, table, film."""
+    from toolkit.cli.terminal import print_table, progress_bars
+
+    with progress_bars() as bars:
+        result = run_demo(output, seed=seed, show=bars)
+    print_table(result.table.to_rich("simulated recording, compared with its exact truth"))
+    print("milliseconds a frame (median): ", result.summary.text())
+    for path in result.files:
+        print(path)
+    print(f"{result.seconds:.0f} seconds")

@@ -1,0 +1,124 @@
+"""`depthmocap index`, `search` and `learn`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from toolkit.cli.options import Output, Seed
+
+if TYPE_CHECKING:
+    from toolkit.retrieval.workflow import SearchReport
+
+Index = Annotated[
+    Path, typer.Argument(metavar="INDEX", help="Index that `depthmocap index` wrote.", show_default=False)
+]
+Clips = Annotated[
+    list[Path],
+    typer.Argument(metavar="MOTION...", help="BVH and AMC files, run folders, folders of clips.", show_default=False),
+]
+
+
+def index(
+    motions: Clips,
+    output: Output,
+    add: Annotated[bool, typer.Option("--add", help="Add to the index OUTPUT instead of writing a new one.")] = False,
+) -> None:
+    """Index motions by their relational features, for `depthmocap search`."""
+    from toolkit.cli.terminal import progress_bars
+    from toolkit.retrieval.workflow import index_motions
+
+    with progress_bars() as bars:
+        made = index_motions(motions, output, add=add, progress=bars)
+    print(f"{output}: {len(made)} motions, {made.duration / 60:.1f} minutes, {made.frames} frames at 30 Hz")
+
+
+def search(
+    index: Index,
+    queries: Annotated[
+        Path | None, typer.Option(help="Query file: learned by `depthmocap learn`, or written by hand.")
+    ] = None,
+    label: Annotated[list[str] | None, typer.Option(help="Only these queries of the file.")] = None,
+    by_example: Annotated[Path | None, typer.Option(help="A clip to search for, instead of a query file.")] = None,
+    start: Annotated[float, typer.Option("--from", help="Start of the example, seconds.")] = 0.0,
+    end: Annotated[
+        float | None, typer.Option("--to", help="End of the example, seconds.", show_default="its end")
+    ] = None,
+    threshold: Annotated[
+        float, typer.Option(help="Largest cost of a result by example: mean share of features that differ.")
+    ] = 0.3,
+    limit: Annotated[int, typer.Option(help="Results shown per query.")] = 20,
+    output: Annotated[Path | None, typer.Option("--output", "-o", help="Write all results (.csv or .json).")] = None,
+) -> None:
+    """Find motions in an index: by learned or written keyframes, or by an example."""
+    from toolkit.errors import UsageError
+    from toolkit.retrieval.index import KeyframeIndex
+    from toolkit.retrieval.query_file import choose_labels, load_queries
+    from toolkit.retrieval.workflow import Query, query_by_example, save_matches
+    from toolkit.retrieval.workflow import search as search_index
+
+    if (queries is None) == (by_example is None):
+        raise UsageError("search needs one of --queries and --by-example; give exactly one")
+    opened = KeyframeIndex.open(index)
+    if by_example is not None:
+        wanted = [query_by_example(by_example, start, end)]
+    else:
+        wanted = [Query(query) for query in choose_labels(load_queries(queries or Path()), label)]
+    reports = [search_index(opened, query, threshold) for query in wanted]
+    if output is not None:
+        save_matches(output, reports)
+    for report in reports:
+        _show(report, limit)
+
+
+def _show(report: SearchReport, limit: int) -> None:
+    from rich.table import Table
+
+    from toolkit.cli.terminal import print_table
+
+    title = (
+        f"{report.label or 'query'}: {len(report.matches)} results; keyframe search {report.milliseconds:.2f} ms, "
+        f"{100 * report.share:.1f} % of the data left"
+    )
+    table = Table("motion", "from", "to", "cost", title=title, title_justify="left")
+    for match in report.matches[:limit]:
+        table.add_row(match.document, f"{match.start:.2f} s", f"{match.end:.2f} s", f"{match.cost:.3f}")
+    print_table(table)
+
+
+def learn(
+    clips: Clips,
+    output: Output,
+    pattern: Annotated[
+        str | None, typer.Option(help="Regular expression for clip names with a group (?P<label>...).")
+    ] = None,
+    labels: Annotated[Path | None, typer.Option(help="CSV file with the columns clip and label.")] = None,
+    label: Annotated[list[str] | None, typer.Option(help="Only these classes; the others are counterexamples.")] = None,
+    others: Annotated[list[Path] | None, typer.Option(help="Clips of no class: more counterexamples.")] = None,
+    runs: Annotated[int, typer.Option(help="Genetic runs per class.", min=1)] = 100,
+    seed: Seed = 0,
+    workers: Annotated[int, typer.Option(help="Processes; they do not change the result.", min=1)] = 1,
+) -> None:
+    """Learn a keyframe query per motion class from cut clips; the class is the clip's folder unless told otherwise."""
+    import numpy as np
+    from rich.table import Table
+
+    from toolkit.cli.terminal import print_table, progress_bars
+    from toolkit.retrieval.learning import LearningSettings
+    from toolkit.retrieval.workflow import find_motions, labels_of, learn_queries
+
+    classes = labels_of(find_motions(clips), pattern, labels)
+    with progress_bars() as bars:
+        learned = learn_queries(
+            classes, output, np.random.default_rng(seed), labels=label, others=others or (),
+            settings=LearningSettings(runs=runs), workers=workers,
+            progress=lambda _, done, total: bars("genetic runs", done, total),
+        )  # fmt: skip
+    table = Table("class", "keyframes", "precision", "recall", "F (beta 2)", title=f"{output}: on the training clips")
+    for name, result in learned.items():
+        quality = result.training
+        numbers = (f"{value:.3f}" for value in (quality.precision, quality.recall, quality.fitness))
+        table.add_row(name, str(len(result.individual.positions)), *numbers)
+    print_table(table)
