@@ -36,7 +36,7 @@ class FittingSettings:
     cloud_plane: float = 1.0
     cloud_point: float = 0.3
     extremum_weight: float = 3.0
-    prior_weight: float = 0.0
+    prior_weight: float = 0.001
     angle_damping: float = 1.0
     root_damping: float = 0.1
     search: str = "pixels"
@@ -53,8 +53,16 @@ class FittingSettings:
 class Fitter:
     """Refines poses of one body in front of one camera."""
 
-    def __init__(self, body: Body, camera: Camera, level_rotation: np.ndarray, settings: FittingSettings) -> None:
+    def __init__(
+        self,
+        body: Body,
+        camera: Camera,
+        level_rotation: np.ndarray,
+        settings: FittingSettings,
+        pose_terms: Sequence[PoseTerm] = (),
+    ) -> None:
         self.settings = settings
+        self._pose_terms = tuple(pose_terms)
         self.posed = PosedBody(body, camera, level_rotation)
         self._system = NormalSystem()
         self._damping = np.full(skeleton.POSE_SIZE, settings.angle_damping)
@@ -72,10 +80,9 @@ class Fitter:
         scene: Scene,
         *,
         pair_terms: Sequence[PairTerm] = (),
-        pose_terms: Sequence[PoseTerm] = (),
         iterations: int | None = None,
     ) -> np.ndarray:
-        """Refine `pose` (P,), level frame, against the frame; further terms may be handed in. Returns a new pose (P,)."""
+        """Refine `pose` (P,), level frame, against the frame; further pairs may be handed in. Returns a new pose (P,)."""
         pose = pose.copy()
         step = np.empty_like(pose)
         system, posed = self._system, self.posed
@@ -86,7 +93,7 @@ class Fitter:
             for term in (*self._pair_terms, *pair_terms):
                 term.add(system, posed, scene)
             system.assemble(posed)
-            for prior in pose_terms:
+            for prior in self._pose_terms:
                 prior.add(system, pose)
             twists.bounded_step(
                 system.matrix, system.vector, pose, skeleton.POSE_LIMITS, self._damping, step

@@ -165,6 +165,10 @@ def _robust(residual: np.ndarray, sigma: float) -> np.ndarray:
     return (1.0 + np.einsum("nc,nc->n", residual, residual) / sigma**2) ** -2
 
 
+SPREAD = 0.1
+"""Radians: spread that the pose prior adds to every angle."""
+
+
 @dataclass(frozen=True)
 class GaussianPrior:
     """Joint angles near a mean: `1/2 weight (pose - mean)' precision (pose - mean)` over the entries after the root's.
@@ -175,6 +179,14 @@ class GaussianPrior:
     weight: float
     mean: np.ndarray
     precision: np.ndarray
+
+    @classmethod
+    def of_poses(cls, poses: np.ndarray, weight: float) -> GaussianPrior:
+        """The prior of a sample of poses (N, P); `SPREAD` keeps angles that the sample never moves from being frozen."""
+        angles = np.asarray(poses, dtype=np.float64)[:, 6:]
+        covariance = np.cov(angles.T) + SPREAD**2 * np.eye(angles.shape[1])
+        mean = np.concatenate([np.zeros(6), angles.mean(axis=0)])
+        return cls(weight, mean, np.linalg.inv(covariance))
 
     def add(self, system: NormalSystem, pose: np.ndarray) -> None:
         """See `PoseTerm.add`."""

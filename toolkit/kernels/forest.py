@@ -71,7 +71,7 @@ def vote(
     leaves: np.ndarray,
     leaf_offsets: np.ndarray,
     leaf_weights: np.ndarray,
-    scale: float,
+    voters: int,
     bandwidth: float,
     rounds: int,
     joints: np.ndarray,
@@ -79,53 +79,53 @@ def vote(
 ) -> None:
     """Modes of the joint votes by mean shift: fills `joints` (J, 3) and `confidence` (J,) in [0, 1].
 
-    Pixel i votes for joint j at `points[i] + scale * leaf_offsets[leaf, j]` with `leaf_weights[leaf, j]`. The search starts
-    at the weighted mean with a wide Gaussian kernel that narrows to `bandwidth`. Confidence is the share of the total
-    weight that the mode holds.
+    Pixel i votes for joint j at `points[i] + leaf_offsets[leaf, j]` with `leaf_weights[leaf, j]`; only the `voters` surest
+    votes for a joint count. The search starts at their weighted mean with a wide Gaussian kernel that narrows to
+    `bandwidth`. Confidence is the mean weight of these votes times the share of it that the mode holds.
     """
-    count = leaf_offsets.shape[1]
-    for j in range(count):
-        joints[j] = 0.0
-    totals = np.zeros(count)
-    for i in range(points.shape[0]):
-        for t in range(leaves.shape[1]):
-            leaf = leaves[i, t]
-            for j in range(count):
-                w = leaf_weights[leaf, j]
-                totals[j] += w
-                for a in range(3):
-                    joints[j, a] += w * (points[i, a] + scale * leaf_offsets[leaf, j, a])
-    for j in range(count):
-        for a in range(3):
-            joints[j, a] /= max(totals[j], 1e-12)
-    moved = np.empty((count, 3))
-    for step in range(rounds):
-        width = bandwidth * (1.0 + 2.0 * (rounds - 1 - step) / max(rounds - 1, 1))
-        factor = 0.5 / (width * width)
-        moved[:] = 0.0
-        confidence[:] = 0.0
-        for i in range(points.shape[0]):
-            for t in range(leaves.shape[1]):
-                leaf = leaves[i, t]
-                for j in range(count):
-                    x = points[i, 0] + scale * leaf_offsets[leaf, j, 0]
-                    y = points[i, 1] + scale * leaf_offsets[leaf, j, 1]
-                    z = points[i, 2] + scale * leaf_offsets[leaf, j, 2]
-                    dx, dy, dz = x - joints[j, 0], y - joints[j, 1], z - joints[j, 2]
-                    e = factor * (dx * dx + dy * dy + dz * dz)
-                    if e > 6.0:
-                        continue
-                    w = leaf_weights[leaf, j] / (1.0 + e + 0.5 * e * e)
-                    confidence[j] += w
-                    moved[j, 0] += w * x
-                    moved[j, 1] += w * y
-                    moved[j, 2] += w * z
-        for j in range(count):
-            if confidence[j] > 0.0:
-                for a in range(3):
-                    joints[j, a] = moved[j, a] / confidence[j]
-    for j in range(count):
-        confidence[j] /= max(totals[j], 1e-12)
+    pixels, trees = leaves.shape
+    total = pixels * trees
+    weights = np.empty(total)
+    chosen = np.empty((total, 4))
+    for j in range(leaf_offsets.shape[1]):
+        for i in range(pixels):
+            for t in range(trees):
+                weights[i * trees + t] = leaf_weights[leaves[i, t], j]
+        least = np.partition(weights, total - voters)[total - voters] if voters < total else 0.0
+        count = 0
+        mass = 0.0
+        x = y = z = 0.0
+        for n in range(total):
+            w = weights[n]
+            if w < least or count == total:
+                continue
+            i, leaf = n // trees, leaves[n // trees, n % trees]
+            chosen[count, 0] = points[i, 0] + leaf_offsets[leaf, j, 0]
+            chosen[count, 1] = points[i, 1] + leaf_offsets[leaf, j, 1]
+            chosen[count, 2] = points[i, 2] + leaf_offsets[leaf, j, 2]
+            chosen[count, 3] = w
+            x += w * chosen[count, 0]
+            y += w * chosen[count, 1]
+            z += w * chosen[count, 2]
+            mass += w
+            count += 1
+        x, y, z = x / max(mass, 1e-12), y / max(mass, 1e-12), z / max(mass, 1e-12)
+        held = 0.0
+        for step in range(rounds):
+            width = bandwidth * (1.0 + 2.0 * (rounds - 1 - step) / max(rounds - 1, 1))
+            factor = 0.5 / (width * width)
+            mx = my = mz = held = 0.0
+            for n in range(count):
+                dx, dy, dz = chosen[n, 0] - x, chosen[n, 1] - y, chosen[n, 2] - z
+                w = chosen[n, 3] * np.exp(-factor * (dx * dx + dy * dy + dz * dz))
+                mx += w * chosen[n, 0]
+                my += w * chosen[n, 1]
+                mz += w * chosen[n, 2]
+                held += w
+            if held > 0.0:
+                x, y, z = mx / held, my / held, mz / held
+        joints[j, 0], joints[j, 1], joints[j, 2] = x, y, z
+        confidence[j] = held / max(count, 1)
 
 
 @njit(cache=True)

@@ -19,6 +19,8 @@ from toolkit.sensing.cloud import Cloud
 BANDWIDTH = 0.06
 """Metres: width of the mean-shift kernel at its end, about half the width of a limb plus the spread of one leaf."""
 ROUNDS = 4
+VOTERS = 80
+"""Surest votes that count for a joint: about what a forearm gives in three trees."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,7 +42,7 @@ class JointForest:
     children : int32 (nodes, 2), a negative child is leaf `-1 - child`
     roots : int32 (trees,), first node of each tree
     leaf_offsets : float16 (leaves, 20, 3), metres, level frame, from the pixel's point to the joints, for an adult
-    leaf_weights : float16 (leaves, 20), inverse variance of these offsets, 1 for a standard deviation of 3 cm or less
+    leaf_weights : float16 (leaves, 20), how sure these offsets are: (3 cm / standard deviation)^4, at most 1
     """
 
     offsets: np.ndarray
@@ -73,6 +75,7 @@ class JointForest:
         joints = np.empty((len(skeleton.REPORTED), 3))
         confidence = np.empty(len(skeleton.REPORTED))
         forest.vote(
-            cloud.points[rows], leaves, self._leaf_offsets, self._leaf_weights, 1.0, BANDWIDTH, ROUNDS, joints, confidence
-        )
+            cloud.points[rows], leaves, self._leaf_offsets, self._leaf_weights, VOTERS, BANDWIDTH, ROUNDS,
+            joints, confidence,
+        )  # fmt: skip
         return JointEstimate(joints, confidence)

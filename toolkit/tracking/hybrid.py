@@ -14,6 +14,7 @@ from toolkit.database.database import PoseDatabase
 from toolkit.fitting.fitter import Fitter
 from toolkit.fitting.scene import Scene
 from toolkit.fitting.shape import ShapeEstimator
+from toolkit.fitting.terms import GaussianPrior
 from toolkit.landmarks.centre import cloud_centre
 from toolkit.landmarks.extrema import extrema_of_graph, source_node
 from toolkit.landmarks.facing import FacingFilter, estimate_facing
@@ -67,6 +68,8 @@ class HybridTracker:
         self._first_body = body or load_body("neutral")
         self._personal = body is None
         self._forest = forest if "joints" in self.settings.hypotheses else None
+        weight = self.settings.fitting.prior_weight
+        self._priors = [GaussianPrior.of_poses(database.poses, weight)] if weight > 0.0 else []
         self._proposers: dict[str, Proposer] = {}
         if "extrema" in self.settings.hypotheses:
             self._proposers["extrema"] = ExtremaProposer(database, self.settings.lookup)
@@ -84,7 +87,7 @@ class HybridTracker:
         self.level_rotation = level_rotation(recording.up_camera)
         self.memory: Memory = Memory(cleaner, FacingFilter(self.settings.landmarks), None, self._first_body)
         small = cleaner.camera.subsampled(2) if cleaner.camera.width > 200 else cleaner.camera
-        self._fitter = Fitter(self._first_body, small, self.level_rotation, self.settings.fitting)
+        self._fitter = Fitter(self._first_body, small, self.level_rotation, self.settings.fitting, self._priors)
         self._workspace = Workspace()
 
     def step(self, depth_mm: np.ndarray, timestamp: float) -> FrameResult:

@@ -58,13 +58,13 @@ class ExtremaProposer:
         flat = indices.ravel()
         joints = previous_joints = None
         if previous is not None:
-            joints = canonical.normalise(self._database.joints[flat], self._database.origins[flat, :3], self._database.origins[flat, 3])
+            joints = canonical.normalise(self._database.joints[flat], self._database.offsets[flat, :3], self._database.offsets[flat, 3])
             previous_joints = canonical.normalise(previous.joints, view.centre, view.yaw) / size
         scores = score_candidates(
             distances.ravel(), joints, previous_joints, self._settings.balance
         )
         best = flat[np.argsort(scores, kind="stable")[:count]]
-        return _placed(self._database, best, self._database.origins[best], view.centre, view.yaw, size)
+        return _placed(self._database, best, self._database.offsets[best], view.centre, view.yaw, size)
 
 
 class JointsProposer:
