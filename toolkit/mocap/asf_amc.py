@@ -254,14 +254,16 @@ def _amc_table(body: str, skeleton: AsfSkeleton, name: str) -> dict[str, np.ndar
     width = {bone.name: len(bone.channels) for bone in skeleton.bones}
     layout: list[str] = []
     place = 1
-    while place < len(tokens) and tokens[place] != "2":
+    while place < len(tokens) and not (layout and tokens[place + 1 : place + 2] == layout[:1]):
         bone = tokens[place]
         if bone not in width:
+            if layout and _is_number(bone):
+                raise MocapError(
+                    f"{name} gives bone {layout[-1]!r} more values than the {width[layout[-1]]} of its skeleton"
+                )
             raise MocapError(f"{name} moves the bone {bone!r}, which its skeleton {skeleton.name} does not have")
         layout.append(bone)
         place += 1 + width[bone]
-        if place < len(tokens) and tokens[place] != "2" and _is_number(tokens[place]):
-            raise MocapError(f"{name} gives bone {bone!r} more values than the {width[bone]} of its skeleton")
     missing = [bone.name for bone in skeleton.bones if bone.channels and bone.name not in layout]
     if missing:
         raise MocapError(f"{name} does not move {', '.join(missing)} of its skeleton {skeleton.name} in frame 1")

@@ -40,8 +40,7 @@ X, Y = 0, 1
 DOWN: np.ndarray = np.array([0.0, -1.0, 0.0])
 
 Lever = tuple[float, np.ndarray, np.ndarray]
-"""A far point of a limb: its lever (m), its direction in the limb's frame (T, 3) or (3,), the source's direction (T,
-3)."""
+"""A far point of a limb: lever (m), direction in the limb's frame (T, 3) or (3,), direction in the source (T, 3)."""
 
 
 def retarget(clip: Clip, body: Body, rig: Rig | None = None) -> PoseClip:
