@@ -5,10 +5,14 @@
 CLIP is a BVH or AMC file; without it a bundled motion is taken that is in no database. Writes output/take.npz.
 """
 
+from __future__ import annotations
+
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 from toolkit.body.shape import subject_body
+from toolkit.mocap.clip import PoseClip
 from toolkit.mocap.procedural import SUBJECT_MOTIONS, procedural_clips
 from toolkit.sensing.cleaning import Cleaner
 from toolkit.simulation.simulate import simulate_recording
@@ -20,7 +24,12 @@ def main() -> None:
     # The seed adds what lies outside every shape space: other limb lengths, a belly, the folds of clothes.
     subject = subject_body("slim_male", seed=7)
     print(f"the subject is {subject.height:.2f} m tall")
-    clip = sys.argv[1] if len(sys.argv) > 1 else procedural_clips(SUBJECT_MOTIONS[:1], body=subject, variations=1)[0]
+    clip: str | PoseClip
+    if len(sys.argv) > 1:
+        clip = sys.argv[1]
+    else:
+        whole = procedural_clips(SUBJECT_MOTIONS[:1], body=subject, variations=1)[0]
+        clip = replace(whole, poses=whole.poses[:60])  # two seconds show how it works
 
     recording = simulate_recording(
         clip, OUTPUT / "take.npz", body=subject, sensor="tof", distance=3.0, yaw=10.0, seed=1

@@ -10,7 +10,7 @@ from typing import Annotated
 
 import typer
 
-from toolkit.cli import bench, database, evaluate, export, simulate, track
+from toolkit.cli import bench, database, demo, evaluate, export, simulate, track
 from toolkit.errors import DepthMocapError, UsageError
 
 app = typer.Typer(
@@ -40,6 +40,7 @@ def _root(
     """Where the options stand that belong to no verb."""
 
 
+app.command()(demo.demo)
 app.add_typer(database.app, name="database")
 app.command()(simulate.simulate)
 app.command()(track.track)

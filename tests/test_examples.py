@@ -1,0 +1,45 @@
+"""The examples run as a newcomer runs them: one after the other, in a folder of their own."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+EXAMPLES = sorted((Path(__file__).parents[1] / "examples").glob("0*.py"))
+
+WRITTEN = {
+    "01_build_database": ("poses.npz", "coverage.png"),
+    "02_simulate": ("take.npz",),
+    "03_track": ("run/track.npz", "run/run.json"),
+    "04_evaluate": ("evaluation/table.csv", "evaluation/table.json", "evaluation/accuracy.png", "evaluation/error.png"),
+    "05_render": ("film.mp4", "contact_sheet.png"),
+}
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return tmp_path_factory.mktemp("examples")
+
+
+def test_there_are_five_examples_each_a_page() -> None:
+    assert [path.stem for path in EXAMPLES] == list(WRITTEN)
+    assert all(len(path.read_text().splitlines()) <= 60 for path in EXAMPLES)
+
+
+@pytest.mark.parametrize("example", EXAMPLES, ids=lambda path: path.stem)
+def test_an_example_writes_what_it_promises(example: Path, folder: Path) -> None:
+    done = subprocess.run(
+        [sys.executable, str(example)],
+        cwd=folder,
+        capture_output=True,
+        text=True,
+        env={**os.environ, "OMP_NUM_THREADS": "1"},
+    )
+    assert done.returncode == 0, done.stderr
+    assert done.stdout
+    for name in WRITTEN[example.stem]:
+        assert (folder / "output" / name).stat().st_size > 0
