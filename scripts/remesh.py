@@ -1,4 +1,4 @@
-"""The tracker's mesh: a closed, evenly sampled, mirror-symmetric surface of about 1,200 vertices on MakeHuman's skin."""
+"""The tracker's mesh: a closed, even, mirror-symmetric surface of about 1,200 vertices on MakeHuman's skin."""
 
 from __future__ import annotations
 
@@ -25,8 +25,8 @@ REGIONS: tuple[tuple[str, tuple[float, ...]], ...] = (
 )
 """Edge lengths (metres), coarser step by step: everything; all but the hand; all but hand, forearm, ankle and foot.
 
-Regions are in the A-pose of the average adult, in pymeshlab's syntax for the first corner of a face. Thin parts need shorter
-edges to be round at all; hands and feet are what a tracker finds hardest.
+Regions are in the A-pose of the average adult, in pymeshlab's syntax for the first corner of a face. Thin parts need
+shorter edges to be round at all; hands and feet are what a tracker finds hardest.
 """
 
 
@@ -48,7 +48,7 @@ class TrackerMesh:
 
 
 def tracker_mesh(skin_a: np.ndarray, faces: np.ndarray) -> TrackerMesh:
-    """Remesh the A-pose skin (13380, 3): close the gaps between fingers, halve, coarsen evenly, mirror, tie to the skin."""
+    """Remesh the A-pose skin (13380, 3): close gaps between fingers, halve, coarsen evenly, mirror, tie to the skin."""
     half, half_faces = _coarse_half(*_closed(skin_a, faces))
     middle = np.flatnonzero(half[:, 0] == 0.0)
     count = len(half)
@@ -86,7 +86,7 @@ def _closed(vertices: np.ndarray, faces: np.ndarray) -> tuple[Surface, Surface]:
 
 
 def _coarse_half(grown: Surface, true: Surface) -> Surface:
-    """The half x >= 0 with isotropic triangles; every step is drawn back onto the fine surface so that nothing shrinks."""
+    """The half x >= 0 with isotropic triangles, drawn back onto the fine surface each time so that nothing shrinks."""
     import open3d as o3d
     import pymeshlab
 
@@ -138,8 +138,8 @@ def _border(faces: np.ndarray) -> np.ndarray:
 def _affine_shares(points: np.ndarray, skin: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Shares (V, 12) of the nearest skin vertices that sum to 1 and reproduce each point exactly.
 
-    Of all such shares the ones closest to a smooth average (weights falling with distance) are taken, so that a point over
-    the gap between two fingers follows both, and morph targets and weights transfer smoothly.
+    Of all such shares the ones closest to a smooth average (weights falling with distance) are taken, so that a point
+    over the gap between two fingers follows both, and morph targets and weights transfer smoothly.
     """
     distance, index = cKDTree(skin).query(points, k=NEAREST)
     smooth = np.exp(-((distance / distance[:, -1:]) ** 2) * 2.0)

@@ -13,7 +13,7 @@ from toolkit.body import skeleton
 
 @dataclass(frozen=True)
 class Rest:
-    """One person in the T-pose: skin (13380, 3), joints (18, 3) and sites (5, 3), metres, the mid-hips at the origin."""
+    """One person in the T-pose: skin (13380, 3), joints (18, 3) and sites (5, 3), metres, mid-hips at the origin."""
 
     skin: np.ndarray
     joints: np.ndarray
@@ -44,7 +44,7 @@ class Straightening:
         return np.einsum("vj,jab->vab", weights, self.turns), weights @ offsets
 
     def undo(self, points_a: np.ndarray, weights: np.ndarray) -> np.ndarray:
-        """T-pose points that skinning takes exactly to `points_a`: the bodies look as modelled with the arms at 45 degrees."""
+        """T-pose points that skinning takes exactly to `points_a`: with arms at 45 degrees a body looks as modelled."""
         matrices, offsets = self.blended(weights)
         return np.linalg.solve(matrices, (points_a - offsets)[..., None])[..., 0]
 
@@ -52,8 +52,8 @@ class Straightening:
 def straightening(source: MakeHuman, mesh: np.ndarray) -> tuple[Straightening, dict[str, np.ndarray]]:
     """Motions that straighten one person, and the A-pose centres of all joints, hands and feet.
 
-    Arms come to lie exactly along +-x and legs along -y, each bone turned by the smallest rotation relative to its parent;
-    trunk and feet keep their orientation, so the soles stay flat.
+    Arms come to lie exactly along +-x and legs along -y, each bone turned by the smallest rotation relative to its
+    parent; trunk and feet keep their orientation, so the soles stay flat.
     """
     names = [*skeleton.JOINT_NAMES[1:], "left_hand", "right_hand", "left_foot", "right_foot"]
     centres = {name: source.centre(mesh, name) for name in names}

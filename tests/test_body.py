@@ -222,6 +222,14 @@ def test_shape_coefficients_come_back_from_their_body(coefficients: list[float])
     np.testing.assert_allclose(space.project(space.body(coefficients)), coefficients, atol=1e-5)
 
 
+def test_the_first_ten_components_explain_the_population() -> None:
+    space = ShapeSpace.load()
+    assert space.variance.sum() > 0.99 and (np.diff(space.variance) <= 0).all()
+    flat = space.basis.reshape(space.size, -1)
+    gram = flat @ flat.T
+    np.testing.assert_allclose(gram - np.diag(np.diag(gram)), 0.0, atol=1e-4)
+
+
 def test_named_bodies_differ_as_their_names_say() -> None:
     volumes = {name: volume(load_body(name).vertices, load_body(name).faces) for name in body_names()}
     heights = {name: load_body(name).height for name in body_names()}

@@ -233,6 +233,7 @@ def test_a_clip_file_is_resampled_to_the_recording_s_frame_rate(shared_data: Pat
         (lambda: prepare(waving(1), body="1,x"), UsageError, "numbers"),
         (lambda: prepare(waving(1), distance=0.0), UsageError, "positive"),
         (lambda: prepare(waving(1), yaw=np.nan), UsageError, "finite"),
+        (lambda: prepare(waving(1), frame_rate=0.0), UsageError, "frames a second"),
     ],
 )
 def test_a_bad_argument_is_named_with_the_way_out(call: object, error: type[Exception], words: str) -> None:

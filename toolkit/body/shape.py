@@ -30,6 +30,7 @@ class ShapeSpace:
     mean : float64 (V + 18 + 5, 3), metres: vertices, joints, sites
     basis : float64 (K, V + 18 + 5, 3), metres per standard deviation; components are orthogonal
     faces, skin_joints, skin_weights, end_effectors : as in `Body`
+    variance : float64 (K,), share of the population's variance that each component explains
     named : coefficients (K,) of each named body
     """
 
@@ -39,6 +40,7 @@ class ShapeSpace:
     skin_joints: np.ndarray
     skin_weights: np.ndarray
     end_effectors: np.ndarray
+    variance: np.ndarray
     named: dict[str, np.ndarray]
 
     @staticmethod
@@ -59,6 +61,7 @@ class ShapeSpace:
             skin_joints=data["skin_joints"].astype(np.int64),
             skin_weights=_unit_rows(data["skin_weights"]),
             end_effectors=data["end_effectors"],
+            variance=data["variance"],
             named=dict(zip(data["names"].tolist(), data["shapes"], strict=True)),
         )
 
@@ -165,10 +168,29 @@ def subject_body(
         _unit_rows(data["skin_weights"]),
         joints,
         sites,
-        _tips(vertices, sites),
+        tip_vertices(vertices, sites),
         coefficients,
     )
     return body if scale == 1.0 else body.scaled(scale)
+
+
+def tip_vertices(vertices: np.ndarray, sites: np.ndarray) -> np.ndarray:
+    """Vertices at the fingertips, toe tips and crown, int64 (5,), ordered as `skeleton.END_EFFECTORS`.
+
+    `vertices` (V, 3) and `sites` (5, 3) are those of a T-pose, metres.
+    """
+    x, y, z = vertices.T
+    below = y < sites[3, 1] + 0.1
+    return np.array(
+        [
+            np.argmax(x),
+            np.argmax(-x),
+            np.argmax(np.where(below & (x > 0), z, -np.inf)),
+            np.argmax(np.where(below & (x < 0), z, -np.inf)),
+            np.argmax(y),
+        ],
+        dtype=np.int64,
+    )
 
 
 def _bumps(skin: np.ndarray, faces: np.ndarray, rng: np.random.Generator, count: int = 40) -> np.ndarray:
@@ -184,22 +206,6 @@ def _bumps(skin: np.ndarray, faces: np.ndarray, rng: np.random.Generator, count:
     width, height = rng.uniform(0.02, 0.06, count), rng.uniform(-0.006, 0.012, count)
     distance = np.linalg.norm(skin[:, None] - centres, axis=2)
     return (np.exp(-0.5 * (distance / width) ** 2) @ height).clip(-0.008, 0.012)[:, None] * normals
-
-
-def _tips(skin: np.ndarray, sites: np.ndarray) -> np.ndarray:
-    """Fingertips, toe tips and crown of a T-pose mesh, ordered as `skeleton.END_EFFECTORS`."""
-    x, y, z = skin.T
-    below = y < sites[3, 1] + 0.1
-    return np.array(
-        [
-            np.argmax(x),
-            np.argmax(-x),
-            np.argmax(np.where(below & (x > 0), z, -np.inf)),
-            np.argmax(np.where(below & (x < 0), z, -np.inf)),
-            np.argmax(y),
-        ],
-        dtype=np.int64,
-    )
 
 
 def _split(points: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

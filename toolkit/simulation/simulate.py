@@ -165,6 +165,8 @@ def prepare(
     subject_seed: int | None = None,
 ) -> Simulation:
     """Everything placed, nothing simulated yet. Arguments as in `simulate_recording`."""
+    if not 0 < frame_rate < np.inf:
+        raise UsageError(f"a frame rate of {frame_rate} is impossible; give frames a second, for example 30")
     subject = subject_of(body, subject_seed)
     if isinstance(clip, PoseClip):
         poses = clip.every(frame_rate)
