@@ -1,11 +1,14 @@
 from __future__ import annotations
 
 import json
+import os
+import signal
 import subprocess
 import sys
 import time
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from tests.fake_tracker import FakeTracker, write_recording
@@ -14,7 +17,7 @@ from toolkit.cli import bench
 from toolkit.cli.main import main
 from toolkit.cli.options import numbers
 from toolkit.errors import UsageError
-from toolkit.track import Track
+from toolkit.track import FrameResult, Track
 
 VERBS = ("demo", "database", "simulate", "track", "evaluate", "render", "export", "bench")
 
@@ -134,6 +137,34 @@ def test_reader_options_reach_the_recording_and_the_run(tmp_path: Path, fake: Fa
     assert run("track", recording, "--database", "d", "--output", tmp_path / "run", *options) == 0
     read = json.loads((tmp_path / "run" / "run.json").read_text())["reader_options"]
     assert read["mirrored"] is True and read["up_camera"] == [0.0, -0.9, -0.1]
+
+
+def test_ctrl_c_is_exit_code_1_and_says_how_to_go_on(
+    tmp_path: Path, fake: FakeTracker, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    recording, output = write_recording(tmp_path / "take.npz"), tmp_path / "run"
+    step = FakeTracker.step
+
+    def interrupted(self: FakeTracker, depth_mm: np.ndarray, timestamp: float) -> FrameResult:
+        if self.memory[0] == 7:
+            os.kill(os.getpid(), signal.SIGINT)
+        return step(self, depth_mm, timestamp)
+
+    monkeypatch.setattr(FakeTracker, "step", interrupted)
+    command = ["track", recording, "--database", "d", "--output", output]
+    assert run(*command) == 1
+    assert "8 of 12 frames" in (said := capsys.readouterr().out) and "--resume" in said
+    monkeypatch.setattr(FakeTracker, "step", step)
+    assert run(*command) == 2  # an unfinished track is not overwritten
+    assert run(*command, "--resume") == 0 and len(Track.load(output)) == 12
+
+
+def test_an_output_that_cannot_be_written_is_exit_code_1(
+    tmp_path: Path, fake: FakeTracker, capsys: pytest.CaptureFixture[str]
+) -> None:
+    recording = write_recording(tmp_path / "take.npz")
+    assert run("track", recording, "--database", "d", "--output", recording / "run") == 1
+    assert "choose a folder that can be written" in capsys.readouterr().err
 
 
 def test_evaluate_prints_one_table_and_writes_files(

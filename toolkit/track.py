@@ -119,10 +119,12 @@ class RunInfo:
             There is no such file, it is not JSON, or a key is missing.
         """
         path = Path(run) / RUN_FILE
+        if not path.exists():
+            raise TrackError(f"{run} holds no {RUN_FILE}; name a run folder that `depthmocap track` wrote")
         try:
             values = json.loads(path.read_text(encoding="utf-8"))
         except (OSError, ValueError) as error:
-            raise TrackError(f"cannot read {path}: {error}; name a run folder that `depthmocap track` wrote") from error
+            raise TrackError(f"cannot read {path}: {error}; track the recording again") from error
         names = [f.name for f in fields(cls)]
         if missing := [name for name in names if name not in values]:
             raise TrackError(f"{path} lacks {', '.join(missing)}; track the recording again")
