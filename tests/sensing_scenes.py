@@ -1,29 +1,62 @@
-"""Depth images of people made of ellipsoids, in a room or alone, by analytic ray casting."""
+"""Depth images of people, in a room or alone: the body by ray casting, floor and wall by analytic geometry."""
 
 from __future__ import annotations
 
+from functools import lru_cache
+
 import numpy as np
 
+from toolkit.body.body import Body
+from toolkit.body.raycast import render_depth
+from toolkit.body.shape import load_body
+from toolkit.body.skeleton import POSE_NAMES, POSE_SIZE
 from toolkit.sensing.camera import Camera, level_rotation
 
 TOF = Camera(220.0, 220.0, 87.5, 71.5, 176, 144)
 KINECT = Camera(285.63, 285.63, 159.5, 119.5, 320, 240)
+ARMS_DOWN = 1.2  # rad below the T-pose
 
-# Centre and half axes, metres, y up from the floor, x to the person's left, z to its front.
-PERSON = (
-    ((0.0, 1.15, 0.0), (0.17, 0.33, 0.11)),
-    ((0.0, 1.62, 0.0), (0.085, 0.13, 0.1)),
-    ((0.0, 1.45, 0.0), (0.06, 0.1, 0.06)),
-    ((0.25, 1.15, 0.03), (0.045, 0.33, 0.045)),
-    ((-0.25, 1.15, 0.03), (0.045, 0.33, 0.045)),
-    ((0.1, 0.47, 0.0), (0.07, 0.5, 0.07)),
-    ((-0.1, 0.47, 0.0), (0.07, 0.5, 0.07)),
-)
+
+@lru_cache(maxsize=1)
+def neutral() -> tuple[Body, float]:
+    """The neutral body and the height of its hips above the floor, metres."""
+    body = load_body("neutral")
+    return body, -float(body.vertices[:, 1].min())
+
+
+def standing(x: float, distance: float, height: float) -> np.ndarray:
+    """A pose in the level frame of a camera `height` metres above the floor, facing it, with the arms down."""
+    pose = np.zeros(POSE_SIZE)
+    pose[:3] = x, neutral()[1] - height, -distance
+    pose[POSE_NAMES.index("left_shoulder_rz")] = -ARMS_DOWN
+    pose[POSE_NAMES.index("right_shoulder_rz")] = ARMS_DOWN
+    return pose
 
 
 def up_of_tilt(tilt: float) -> np.ndarray:
     """The vertical in the frame of a camera tilted downwards by `tilt` radians."""
     return np.array([0.0, -np.cos(tilt), -np.sin(tilt)])
+
+
+@lru_cache(maxsize=64)
+def _scene(
+    camera: Camera, people: tuple[tuple[float, float], ...], tilt: float, height: float, wall: float | None, floor: bool
+) -> tuple[np.ndarray, np.ndarray]:
+    rotation = level_rotation(up_of_tilt(tilt))
+    rays = np.dstack([camera.rays(), np.ones(camera.shape)]) @ rotation.T  # level frame, per metre of z
+    depth = np.full(camera.shape, np.inf)
+    who = np.zeros(camera.shape, dtype=int)
+    planes = ([((0.0, 1.0, 0.0), -height)] if floor else []) + ([((0.0, 0.0, 1.0), -wall)] if wall else [])
+    for normal, offset in planes:
+        with np.errstate(divide="ignore"):
+            t = offset / (rays @ np.array(normal))
+        depth = np.where((t > 0) & (t < depth), t, depth)
+    for k, (x, distance) in enumerate(people, start=1):
+        seen = render_depth(neutral()[0], standing(x, distance, height), camera, rotation)
+        hit = (seen > 0) & (seen < depth)
+        depth, who = np.where(hit, seen, depth), np.where(hit, k, who)
+    depth = np.where(np.isfinite(depth) & (depth < 60), depth, 0.0)
+    return np.rint(depth * 1000).astype(np.uint16), who
 
 
 def scene(
@@ -39,25 +72,8 @@ def scene(
 
     `people` stand at (x, distance) in front of a camera `height` metres above the floor; the wall is at a distance too.
     """
-    rotation = level_rotation(up_of_tilt(tilt))
-    rays = np.dstack([camera.rays(), np.ones(camera.shape)]) @ rotation.T  # level frame, per metre of z
-    depth = np.full(camera.shape, np.inf)
-    who = np.zeros(camera.shape, dtype=int)
-    planes = ([((0.0, 1.0, 0.0), -height)] if floor else []) + ([((0.0, 0.0, 1.0), -wall)] if wall else [])
-    with np.errstate(divide="ignore", invalid="ignore"):
-        for normal, offset in planes:
-            t = offset / (rays @ np.array(normal))
-            depth = np.where((t > 0) & (t < depth), t, depth)
-        for k, (x, distance) in enumerate(people, start=1):
-            for centre, axes in PERSON:
-                c = (np.array(centre) + (x, -height, -distance)) / axes
-                r = rays / np.array(axes)
-                a, b, e = (r**2).sum(-1), r @ c, (c**2).sum() - 1
-                t = (b - np.sqrt(b * b - a * e)) / a
-                hit = (t > 0) & (t < depth)
-                depth, who = np.where(hit, t, depth), np.where(hit, k, who)
-    depth = np.where(np.isfinite(depth) & (depth < 60), depth, 0.0)
-    return np.rint(depth * 1000).astype(np.uint16), who
+    depth, who = _scene(camera, people, tilt, height, wall, floor)
+    return depth.copy(), who.copy()
 
 
 def person_alone(camera: Camera, x: float = 0.0, distance: float = 3.0) -> np.ndarray:

@@ -60,19 +60,19 @@ def label_components(
     count = 0
     for v in range(v0, v1):
         for u in range(u0, u1):
-            z = int(depth[v, u])
+            z = np.int64(depth[v, u])
             if z == 0:
                 labels[v, u] = 0
                 continue
             left = 0
             if u > u0 and labels[v, u - 1] > 0:
-                other = int(depth[v, u - 1])
+                other = np.int64(depth[v, u - 1])
                 near = min(z, other) * 1e-3
                 if abs(z - other) <= jump_mm + jump_per_m2 * near * near:
                     left = labels[v, u - 1]
             above = 0
             if v > v0 and labels[v - 1, u] > 0:
-                other = int(depth[v - 1, u])
+                other = np.int64(depth[v - 1, u])
                 near = min(z, other) * 1e-3
                 if abs(z - other) <= jump_mm + jump_per_m2 * near * near:
                     above = labels[v - 1, u]
@@ -197,7 +197,7 @@ def take_foreground(
     for v in range(height):
         first, last = -1, -1
         for u in range(width):
-            z = int(depth[v, u])
+            z = np.int64(depth[v, u])
             keep = near_mm <= z <= far_mm
             if keep and background[v, u] > 0:
                 b = float(background[v, u])
@@ -231,7 +231,7 @@ def delete_contour(
     height, width = padded.shape
     for v in range(box[0], box[1]):
         for u in range(box[2], box[3]):
-            z = int(padded[v, u])
+            z = np.int64(padded[v, u])
             if z == 0:
                 out[v, u] = 0
                 continue
@@ -239,17 +239,17 @@ def delete_contour(
             supported = 0
             for dv in range(-1, 2):
                 for du in range(-1, 2):
-                    other = int(padded[v + dv, u + du])
+                    other = np.int64(padded[v + dv, u + du])
                     if other > 0 and abs(other - z) <= tolerance:
                         supported += 1
             if supported <= support:  # the pixel supports itself
                 for dv in range(-1, 2):
                     for du in range(-1, 2):
-                        other = int(padded[v + dv, u + du])
+                        other = np.int64(padded[v + dv, u + du])
                         vv, uu = v + 2 * dv, u + 2 * du
                         if other == 0 or abs(other - z) <= tolerance or vv < 0 or uu < 0 or vv >= height or uu >= width:
                             continue
-                        behind = int(padded[vv, uu])
+                        behind = np.int64(padded[vv, uu])
                         if behind > 0 and abs(2 * other - behind - z) <= tolerance:
                             supported += 1
             out[v, u] = padded[v, u] if supported > support else 0
@@ -362,13 +362,13 @@ def refine_mask(
     for v in range(height):
         for u in range(width):
             padded[v + 1, u + 1] = 0
-            z = int(depth[v, u])
+            z = np.int64(depth[v, u])
             if z == 0:
                 continue
             keep = False
             for r in range(v // step, min(v // step + 2, rows)):
                 for c in range(u // step, min(u // step + 2, columns)):
-                    m = int(coarse[r, c])
+                    m = np.int64(coarse[r, c])
                     if m > 0 and abs(m - z) <= tolerance_mm:
                         keep = True
             if keep:
@@ -395,3 +395,34 @@ def z_buffer(points: np.ndarray, intrinsics: np.ndarray, image: np.ndarray) -> N
         v = int(np.floor(points[n, 1] / z * fy + cy + 0.5))
         if 0 <= u < width and 0 <= v < height and (image[v, u] == 0 or z < image[v, u]):
             image[v, u] = z
+
+
+@njit(cache=True)
+def grow_labels(padded: np.ndarray, jump_mm: float, jump_per_m2: float, labels: np.ndarray, queue: np.ndarray) -> None:
+    """Spread `labels` over a padded depth image, one ring of pixels after the other, until they meet or depth jumps.
+
+    A pixel with depth and label 0 takes the label of the 4-neighbour that reaches it first, in the order of the pixels,
+    if their depths differ by at most `jump_mm + jump_per_m2 * z^2`. `queue` is a work array of the image's size.
+    """
+    height, width = padded.shape
+    flat, marks = padded.reshape(-1), labels.reshape(-1)
+    tail = 0
+    for p in range(height * width):
+        if marks[p] > 0:
+            queue[tail] = p
+            tail += 1
+    head = 0
+    while head < tail:
+        p = queue[head]
+        head += 1
+        z = np.int64(flat[p])
+        for side in range(4):
+            q = p + (-width if side == 0 else -1 if side == 1 else 1 if side == 2 else width)
+            other = np.int64(flat[q])
+            if other == 0 or marks[q] > 0:
+                continue
+            near = min(z, other) * 1e-3
+            if abs(other - z) <= jump_mm + jump_per_m2 * near * near:
+                marks[q] = marks[p]
+                queue[tail] = q
+                tail += 1

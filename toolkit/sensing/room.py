@@ -17,14 +17,19 @@ from toolkit.sensing.floor import Floor, find_floor
 
 COARSE_WIDTH = 320  # pixels: finer images show the steps of the sensor, not of the scene
 SURFACE_GAP = 0.03  # m between neighbouring coarse pixels of one surface, on top of the quantisation
+EDGE = 0.015  # m by which a pixel lies behind its nearest neighbour where one surface ends and the next begins
+BRIDGE = 0.022  # m: half the width of a bridge between two surfaces, at `USUAL_DISTANCE`
+USUAL_DISTANCE = 2.5  # m
+CORE_AREA = 0.008  # m^2: a hand's core
 FLOOR_CLEARANCE = 0.06  # m: above the floor's noise, below the ankle
 SPECK_AREA = 0.003  # m^2: half a hand
 SEED_AREA = (0.12, 1.4)  # m^2 seen head on: half a child to a wide adult
 SEED_HEIGHT = (0.5, 2.2)  # m
 SEED_WIDTH = 2.2  # m
-SEED_DEPTH = 1.3  # m
+SEED_DEPTH = 1.8  # m: an arm's length before and behind, and a stray pixel
+THINNEST = 0.025  # m of standard deviation across a seed's best plane; a person who faces the camera has 0.05
 UPRIGHT = 0.8  # height over width of a seed: a sofa lies, a person stands or sits
-LIMB_AREA = 0.1  # m^2: a leg, an arm with its hand
+LIMB_AREA = 0.06  # m^2: an arm with its hand
 PART_AREA = 0.3  # m^2: half a body, where the other half's column holds it
 COLUMN = np.array(
     [0.05, 0.35, 0.15]
@@ -32,10 +37,12 @@ COLUMN = np.array(
 CONTACT_REACH = 0.1  # m between a limb's edge and the body before or behind it
 CONTACT_RADIUS = 3  # coarse pixels
 CONTACTS = 100  # pairs of pixels: a wrist's width; furniture that is brushed against has fewer
-FOUND_AGAIN = 1.0  # m from where the person was last seen
+FOUND_AGAIN = 0.6  # m from where the person was last seen
 SEED_RADIUS = 4  # coarse pixels: a seed may fall into a gap
 FOLLOWED_OVERLAP = 0.5  # share of a surface's pixels that lay on the person in the frame before
-FOLLOWED_TRIES = 3  # the person may have merged with the wall for a frame
+FOLLOWED_SHARE = 0.3  # of the person's pixels that are still the same surface
+GROWTH = 1.3  # of a person's area at once; more is a wall that it touched
+LASTING_GROWTH = 1.02  # a frame, for a person who comes closer into view
 FOLLOWED_DEPTH = 0.25  # m it may have moved along z since then
 
 
@@ -93,11 +100,13 @@ class RoomSegmenter:
         self._floor: Floor | None = None
         self._slopes: np.ndarray | None = None
         self._last: np.ndarray | None = None
+        self._area = 0.0
         self._place: np.ndarray | None = None
         shape = (self._coarse.height + 2, self._coarse.width + 2)
         self._padded = np.zeros(shape, dtype=np.uint16)
         self._labels = np.zeros(shape, dtype=np.int32)
-        self._parents = np.zeros(self._coarse.height * self._coarse.width + 2, dtype=np.int32)
+        self._bridge = int(np.clip(round(BRIDGE * self._coarse.fx / USUAL_DISTANCE), 1, 4))
+        self._parents = np.zeros(shape[0] * shape[1], dtype=np.int32)
 
     def find(self, depth: np.ndarray, padded: np.ndarray, box: np.ndarray) -> int:
         """Write the person in `depth` (uint16 (H, W), millimetres) to `padded` and its window to `box`.
@@ -116,10 +125,13 @@ class RoomSegmenter:
         coarse = np.ascontiguousarray(depth[:: self._step, :: self._step])
         self._remove_floor(coarse)
         surfaces = self._surfaces(coarse)
-        members = self._followed(surfaces, coarse) or self._chosen(surfaces, coarse)
+        surfaces, members = self._followed(surfaces, coarse)
+        members = members or self._chosen(surfaces, coarse)
         if not members:
             return 0
         person = self._with_limbs(surfaces, coarse, members)
+        area = float(surfaces.areas[members[0]])
+        self._area = min(area, LASTING_GROWTH * self._area) if self._area > 0 else area
         self._place = (surfaces.low + surfaces.high)[members[0]] / 2
         mask = np.isin(surfaces.labels, np.asarray(person) + 1)
         self._last = np.where(mask, coarse, 0).astype(np.uint16)
@@ -138,31 +150,89 @@ class RoomSegmenter:
             coarse[self._slopes * coarse * 1e-3 + self._floor.height < FLOOR_CLEARANCE] = 0
 
     def _surfaces(self, coarse: np.ndarray) -> Surfaces:
+        """Surfaces grown from their cores: what is left of them away from edges and narrow bridges."""
+        self._label(self._cores(coarse))
+        cores = self._labels.copy()
+        self._padded[1:-1, 1:-1] = coarse
+        gap = (1000 * SURFACE_GAP, 1000 * self._quantisation)
+        kernels.grow_labels(self._padded, *gap, cores, self._parents)
+        self._padded[cores > 0] = 0
+        rest = self._label(None)
+        labels = np.where(self._labels > 0, self._labels, np.where(cores > 0, cores + rest, 0)).astype(np.int32)
+        return self._large(coarse, labels)
+
+    def _cores(self, coarse: np.ndarray) -> np.ndarray:
+        """Depth of the pixels that lie inside a surface: not behind an edge, and away from the border of what is
+        left.
+        """
+        import cv2
+
+        far = np.where(coarse == 0, np.uint16(65535), coarse)
+        behind = coarse - np.minimum(cv2.erode(far, np.ones((3, 3), np.uint8)), coarse)
+        inside = (coarse > 0) & (behind <= 1000 * EDGE + 1000 * self._quantisation * (coarse * 1e-3) ** 2)
+        disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * self._bridge + 1, 2 * self._bridge + 1))
+        core = cv2.erode(inside.astype(np.uint8), disc, borderType=cv2.BORDER_CONSTANT, borderValue=1)
+        return np.where(core > 0, coarse, np.uint16(0))
+
+    def _label(self, depth: np.ndarray | None) -> int:
+        """Components of `depth`, or of the work image as it is, in `self._labels`; those of cores that are too small
+        go.
+        """
+        if depth is not None:
+            self._padded[1:-1, 1:-1] = depth
+        box = np.array([1, self._coarse.height + 1, 1, self._coarse.width + 1])
+        count = int(
+            kernels.label_components(
+                self._padded, box, 1000 * SURFACE_GAP, 1000 * self._quantisation, self._labels, self._parents
+            )
+        )
+        if depth is not None:
+            areas = np.bincount(self._labels.ravel(), (self._padded.ravel() * 1e-3) ** 2, minlength=count + 1)
+            small = areas < CORE_AREA * self._coarse.fx * self._coarse.fy
+            self._labels[small[self._labels]] = 0
+        return count
+
+    def _large(self, coarse: np.ndarray, labels: np.ndarray) -> Surfaces:
+        """Size and extent of the labelled surfaces, numbered anew without the specks."""
         self._padded[1:-1, 1:-1] = coarse
         box = np.array([1, coarse.shape[0] + 1, 1, coarse.shape[1] + 1])
-        count = kernels.label_components(
-            self._padded, box, 1000 * SURFACE_GAP, 1000 * self._quantisation, self._labels, self._parents
-        )
+        count = int(labels.max())
         sizes, extents = np.empty((count, 2)), np.empty((count, 3, 2))
         kernels.component_extents(
-            self._padded, box, self._labels, count, self._coarse.intrinsics, self._rotation, sizes, extents
+            self._padded, box, labels, count, self._coarse.intrinsics, self._rotation, sizes, extents
         )
         large = sizes[:, 1] >= SPECK_AREA
         renumbered = np.zeros(count + 1, dtype=np.int32)
         renumbered[1:][large] = np.arange(1, large.sum() + 1)
-        labels = renumbered[self._labels[1:-1, 1:-1]]
-        return Surfaces(labels, sizes[large, 1], extents[large, :, 0], extents[large, :, 1])
+        return Surfaces(renumbered[labels[1:-1, 1:-1]], sizes[large, 1], extents[large, :, 0], extents[large, :, 1])
 
-    def _followed(self, surfaces: Surfaces, coarse: np.ndarray) -> list[int]:
-        """The surface that covers most of where the person was; its limbs are found anew, so that nothing piles up."""
+    def _followed(self, surfaces: Surfaces, coarse: np.ndarray) -> tuple[Surfaces, list[int]]:
+        """The surface that covers most of where the person was; its limbs are found anew, so that nothing piles up.
+
+        One that has merged with the room for a while is cut back to where the person was last seen apart.
+        """
         if self._last is None:
-            return []
+            return surfaces, []
         near = (self._last > 0) & (np.abs(coarse.astype(np.int32) - self._last) <= 1000 * FOLLOWED_DEPTH)
-        shared = np.bincount(surfaces.labels[near], minlength=len(surfaces.areas) + 1)[1:]
-        for k in np.argsort(-shared, kind="stable")[:FOLLOWED_TRIES]:
-            if shared[k] >= FOLLOWED_OVERLAP * np.count_nonzero(surfaces.labels == k + 1) and surfaces.fits([int(k)]):
-                return [int(k)] if surfaces.areas[k] >= SEED_AREA[0] / 2 else []
-        return []
+        count = len(surfaces.areas)
+        shared = np.bincount(surfaces.labels[near], minlength=count + 1)[1:]
+        if not shared.any() or shared.max() < FOLLOWED_SHARE * np.count_nonzero(self._last):
+            return surfaces, []
+        k = int(np.argmax(shared))
+        apart = shared[k] >= FOLLOWED_OVERLAP * np.count_nonzero(surfaces.labels == k + 1)
+        if apart and surfaces.fits([k]) and surfaces.areas[k] <= GROWTH * self._area:
+            return surfaces, [k]
+        outside = (surfaces.labels == k + 1) & ~self._around_last()
+        cut = self._large(coarse, np.pad(np.where(outside, 0, surfaces.labels), 1).astype(np.int32))
+        # Specks are gone from both alike, so the numbers stay unless the cut piece itself is one.
+        mostly = shared[k] >= FOLLOWED_OVERLAP * np.count_nonzero(cut.labels == k + 1)
+        return (cut, [k]) if len(cut.areas) == count and mostly and cut.fits([k]) else (surfaces, [])
+
+    def _around_last(self) -> np.ndarray:
+        import cv2
+
+        reach = 2 * self._bridge * 3 + 1
+        return cv2.dilate((self._last > 0).astype(np.uint8), np.ones((reach, reach), np.uint8)) > 0
 
     def _chosen(self, surfaces: Surfaces, coarse: np.ndarray) -> list[int]:
         """The surface to start from: at the seed pixel, or of a person's size."""
@@ -177,6 +247,7 @@ class RoomSegmenter:
             & (width <= SEED_WIDTH)
             & (length <= SEED_DEPTH)
         )
+        people = np.array([k for k in people if not self._flat(surfaces, coarse, int(k))], dtype=np.int64)
         if not len(people):
             return []
         if self._place is not None:
@@ -191,6 +262,14 @@ class RoomSegmenter:
             distance = [np.median(coarse[surfaces.labels == k + 1]) for k in people]
             return [int(people[np.argmin(distance)])]
         return [int(people[np.argmax(surfaces.areas[people])])]
+
+    def _flat(self, surfaces: Surfaces, coarse: np.ndarray, k: int) -> bool:
+        """Whether a surface is a plane, as walls and doors are and people are not."""
+        v, u = np.nonzero(surfaces.labels == k + 1)
+        z = coarse[v, u] * 1e-3
+        points = np.column_stack([self._coarse.rays()[v, u] * z[:, None], z])
+        thickness = np.linalg.eigvalsh(np.cov(points.T))[0]
+        return bool(thickness < THINNEST**2)
 
     def _at_seed(self, surfaces: Surfaces) -> list[int]:
         u, v = (int(round(s / self._step)) for s in self._seed or ())

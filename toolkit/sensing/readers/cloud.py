@@ -26,7 +26,9 @@ GRID_RESIDUAL = 0.5  # pixels by which points may miss the pixel they claim to b
 GRID_POINTS = 100  # that a fit of four intrinsics needs at the least
 LARGEST_SIDE = 640  # pixels of a virtual camera
 SPACING_SAMPLES = 2000
-MARGIN = 2  # pixels around the cloud
+FIELD = np.array(
+    [0.56, 0.42]
+)  # slopes that a virtual camera covers at least, a Kinect's: people move after the first frame
 
 
 def matches(path: Path) -> bool:
@@ -132,10 +134,10 @@ def virtual_camera(points: np.ndarray) -> Camera:
     usual, wide = np.quantile(gaps, (0.5, 0.9))
     # On a grid all gaps are equal and a little more than one gap will do; at random, twice the mean leaves 2 % holes.
     pitch = 1.2 * wide * (wide / usual if usual > 0 else 1.0)
-    low, high = np.minimum(slopes.min(axis=0), 0.0), np.maximum(slopes.max(axis=0), 0.0)
-    pitch = max(float(pitch), float((high - low).max()) / (LARGEST_SIDE - 2 * MARGIN), 1e-4)
-    width, height = (int(s) for s in np.ceil((high - low) / pitch) + 1 + 2 * MARGIN)
-    cx, cy = (float(c) for c in MARGIN - low / pitch)
+    low, high = np.minimum(slopes.min(axis=0), -FIELD), np.maximum(slopes.max(axis=0), FIELD)
+    pitch = max(float(pitch), float((high - low).max()) / (LARGEST_SIDE - 1))
+    width, height = (int(s) for s in np.ceil((high - low) / pitch) + 1)
+    cx, cy = (float(c) for c in -low / pitch)
     return Camera(1 / pitch, 1 / pitch, cx, cy, width, height)
 
 

@@ -1,0 +1,316 @@
+"""Cleaning and segmentation: who is cut out of what, and what becomes of the pixels."""
+
+from __future__ import annotations
+
+import time
+
+import numpy as np
+import pytest
+
+from tests.sensing_scenes import KINECT, TOF, person_alone, scene
+from toolkit.errors import RecordingError, SegmentationError, SettingsError
+from toolkit.sensing.camera import Camera
+from toolkit.sensing.cleaning import Cleaner, SensingSettings
+from toolkit.sensing.recording import open_recording
+from toolkit.sensing.segmentation import median_background
+
+
+def overlap(mask, truth):
+    """Intersection over union of two masks."""
+    return (mask & truth).sum() / max((mask | truth).sum(), 1)
+
+
+def clean(depth, camera=KINECT, background=None, **options):
+    return Cleaner(camera, background, SensingSettings(**options)).clean(depth)
+
+
+def test_a_segmented_person_stays_whole_and_in_metres():
+    depth = person_alone(KINECT)
+    cleaned = clean(depth)
+    assert cleaned.dtype == np.float32
+    assert overlap(cleaned > 0, depth > 0) > 0.97
+    both = (cleaned > 0) & (depth > 0)
+    assert np.median(np.abs(cleaned[both] - depth[both] / 1000)) < 0.002
+
+
+def test_the_frame_itself_is_not_changed():
+    depth = person_alone(KINECT)
+    before = depth.copy()
+    clean(depth)
+    np.testing.assert_array_equal(depth, before)
+
+
+@pytest.mark.parametrize("noise", [0.0, 15.0])
+def test_background_subtraction_cuts_the_person_out(noise):
+    rng = np.random.default_rng(0)
+    background, _ = scene(KINECT, (), tilt=0.2, height=1.6, wall=4.0, floor=True)
+    frame, who = scene(KINECT, ((0.2, 2.8),), tilt=0.2, height=1.6, wall=4.0, floor=True)
+    noisy = (frame + np.rint(rng.normal(scale=noise, size=frame.shape))).astype(np.uint16)
+    assert overlap(clean(noisy, background=background) > 0, who == 1) > 0.9
+
+
+def test_the_background_can_be_learnt_from_empty_frames():
+    rng = np.random.default_rng(0)
+    empty, _ = scene(TOF, (), height=1.2, wall=4.0, floor=True)
+    frame, who = scene(TOF, ((0.2, 2.8),), height=1.2, wall=4.0, floor=True)
+    cleaner = Cleaner(TOF, None, SensingSettings(segment="empty-frames:5"))
+    for _ in range(5):
+        holes = rng.random(TOF.shape) < 0.2
+        assert not cleaner.clean(np.where(holes, 0, empty).astype(np.uint16)).any()
+    assert overlap(cleaner.clean(frame) > 0, who == 1) > 0.9
+
+
+def test_a_learnt_background_is_the_median_of_what_was_measured():
+    rng = np.random.default_rng(0)
+    frames = [rng.integers(0, 3, (6, 7)).astype(np.uint16) * 1000 for _ in range(9)]
+    stack = np.where(np.stack(frames) == 0, np.nan, np.stack(frames))
+    with np.errstate(all="ignore"):
+        expected = np.nan_to_num(np.nanquantile(stack, 0.5, axis=0, method="higher"))
+    np.testing.assert_array_equal(median_background(frames), expected)
+
+
+def test_a_range_cuts_the_person_out():
+    frame, who = scene(KINECT, ((0.0, 2.5),), wall=4.0)
+    assert overlap(clean(frame, segment="range:1.5,3.2") > 0, who == 1) > 0.95
+
+
+def test_a_room_without_background_is_an_error_that_names_the_option():
+    frame, _ = scene(KINECT, wall=4.0, floor=True)
+    with pytest.raises(SegmentationError, match="set segment to 'person'"):
+        clean(frame)
+
+
+def test_a_room_with_many_holes_is_not_taken_for_a_person():
+    frame, _ = scene(KINECT, wall=4.0, floor=True)
+    frame[:, :80] = 0
+    with pytest.raises(SegmentationError, match="larger than a person; set segment"):
+        clean(frame)
+
+
+@pytest.mark.parametrize("tilt", [0.0, 0.35])
+def test_a_person_is_found_in_a_room_and_followed(tilt):
+    cleaner = None
+    for step in range(8):
+        frame, who = scene(KINECT, ((-0.3 + 0.05 * step, 2.6),), tilt=tilt, height=1.5, wall=4.2, floor=True)
+        cleaner = cleaner or Cleaner(KINECT, None, SensingSettings(segment="person"))
+        found = cleaner.clean(frame) > 0
+        above = who == 1
+        assert overlap(found, above) > 0.85, "all but the soles"
+        assert (found & ~above).sum() < 0.02 * above.sum(), "no floor, no wall"
+
+
+def test_the_nearest_of_two_people_in_a_room_is_followed_past_the_other():
+    cleaner = Cleaner(KINECT, None, SensingSettings(segment="person", subject="nearest"))
+    for step in range(6):
+        people = ((-0.5 + 0.05 * step, 2.2 + 0.1 * step), (0.7, 2.5))
+        frame, who = scene(KINECT, people, wall=5.0, floor=True)
+        found = cleaner.clean(frame) > 0
+        assert overlap(found, who == 1) > 0.85, f"step {step}"
+
+
+def test_two_people_in_a_room_are_an_error_unless_one_is_meant():
+    frame, who = scene(KINECT, ((-0.6, 2.4), (0.6, 3.0)), wall=5.0, floor=True)
+    with pytest.raises(SegmentationError, match="2 things of a person's size .* set subject"):
+        clean(frame, segment="person")
+    v, u = np.argwhere(who == 2)[len(np.argwhere(who == 2)) // 2]
+    assert overlap(clean(frame, segment=f"seed:{u},{v}") > 0, who == 2) > 0.85
+
+
+def test_a_seed_beside_everybody_is_an_error():
+    depth = person_alone(KINECT)
+    with pytest.raises(SegmentationError, match="no surface at the seed"):
+        clean(depth, segment="seed:10,10")
+    with pytest.raises(SegmentationError, match="outside the image"):
+        clean(depth, segment="seed:1000,10")
+
+
+def test_two_segmented_people_are_an_error_unless_one_is_meant():
+    frame, who = scene(KINECT, ((-0.5, 2.4), (0.5, 3.4)))
+    with pytest.raises(SegmentationError, match="2 people are in view; set subject to 'nearest' or 'largest'"):
+        clean(frame)
+    assert overlap(clean(frame, subject="nearest") > 0, who == 1) > 0.95
+    frame[:, :95] = 0  # the nearer one cut in half
+    assert overlap(clean(frame, subject="largest") > 0, who == 2) > 0.95
+
+
+def test_who_was_there_first_is_followed_when_a_second_person_comes():
+    cleaner = Cleaner(KINECT)
+    cleaner.clean(scene(KINECT, ((0.4, 3.2),))[0])
+    frame, who = scene(KINECT, ((0.4, 3.2), (-0.6, 2.2)))
+    assert overlap(cleaner.clean(frame) > 0, who == 1) > 0.9
+
+
+def test_limbs_in_front_of_the_body_belong_to_it():
+    depth = person_alone(KINECT, distance=3.0)
+    depth[115:135, 130:190] = 2550  # both forearms, 0.4 m before the chest, cut the body in two
+    cleaned = clean(depth)
+    assert (cleaned[115:135, 130:190] > 0).mean() > 0.95
+    assert overlap(cleaned > 0, depth > 0) > 0.95
+
+
+def test_a_limb_that_points_at_the_camera_is_not_taken_for_mixed_pixels():
+    depth = person_alone(KINECT)
+    for i in range(8):  # 8 cm a pixel, 5 pixels wide
+        depth[100 + i, 157:162] = 2850 - 80 * i
+    cleaned = clean(depth)
+    assert (cleaned[100:107, 157:162] > 0).all(), "only the tip's last row has nothing to lean on"
+    assert (cleaned[100:108, 157:162] > 0).mean() > 0.8
+
+
+def test_mixed_pixels_go_and_thin_limbs_stay():
+    depth = np.zeros(TOF.shape, np.uint16)
+    depth[40:120, 60:110] = 3000
+    depth[20:40, 84:87] = 3000  # three pixels wide, as a forearm at 176x144
+    mixed = depth.copy()
+    rng = np.random.default_rng(0)
+    mixed[40:120, 110] = rng.integers(3150, 3900, 80)
+    kept = clean(mixed, TOF) > 0
+    assert kept[42:118, 110].mean() < 0.05
+    assert kept[20:40, 84:87].all()
+    assert kept[41:119, 61:109].all()
+
+
+def test_deleting_the_contour_is_an_option():
+    depth = np.zeros(TOF.shape, np.uint16)
+    depth[40:120, 60:110] = 3000
+    for contour, pixels in (("delete", 78 * 48), ("mixed", 80 * 50), ("keep", 80 * 50)):
+        assert (clean(depth, TOF, contour=contour) > 0).sum() == pixels
+
+
+def test_half_resolution_keeps_every_second_pixel_and_says_so_in_its_camera():
+    cleaner = Cleaner(KINECT, None, SensingSettings(half_resolution=True))
+    half, full = cleaner.clean(person_alone(KINECT)), clean(person_alone(KINECT))
+    np.testing.assert_array_equal(half, full[::2, ::2])
+    assert half.shape == cleaner.camera.shape
+    np.testing.assert_allclose(cleaner.camera.rays(), KINECT.rays()[::2, ::2])
+
+
+def test_lens_distortion_is_removed():
+    import cv2
+
+    bent = Camera(*KINECT.intrinsics, 320, 240, (0.3, -0.1, 0.002, 0.002, 0.0))
+    straight = person_alone(KINECT, 0.7, 3.2)
+    rays = bent.rays()  # an undistorted ray per pixel: look the straight image up there
+    u, v = rays[..., 0] * KINECT.fx + KINECT.cx, rays[..., 1] * KINECT.fy + KINECT.cy
+    seen = cv2.remap(straight, u.astype(np.float32), v.astype(np.float32), cv2.INTER_NEAREST)
+    assert overlap(seen > 0, straight > 0) < 0.97, "the lens bends the picture"
+    cleaner = Cleaner(bent)
+    assert cleaner.camera == KINECT
+    cleaned = cleaner.clean(seen)
+    assert overlap(cleaned > 0, straight > 0) > 0.92, "a pixel of rounding each way along a thin outline"
+    v, u = np.nonzero(cleaned)
+    np.testing.assert_allclose((u.mean(), v.mean()), np.argwhere(straight)[:, ::-1].mean(axis=0), atol=0.5)
+
+
+@pytest.mark.parametrize("options", [{}, {"segment": "person"}, {"segment": "range:1,5"}, {"half_resolution": True}])
+def test_an_empty_frame_is_empty_and_the_next_one_is_not(options):
+    cleaner = Cleaner(KINECT, None, SensingSettings(**options))
+    assert not cleaner.clean(np.zeros(KINECT.shape, np.uint16)).any()
+    assert cleaner.clean(person_alone(KINECT)).any()
+    assert not cleaner.clean(np.zeros(KINECT.shape, np.uint16)).any()
+    assert cleaner.clean(person_alone(KINECT, 0.1)).any()
+
+
+def test_specks_without_a_person_are_an_empty_frame():
+    rng = np.random.default_rng(0)
+    depth = np.where(rng.random(KINECT.shape) < 0.002, 2000, 0).astype(np.uint16)
+    assert not clean(depth).any()
+
+
+@pytest.mark.parametrize("x", [-1.45, 1.45])
+@pytest.mark.parametrize("options", [{}, {"half_resolution": True}, {"segment": "person"}])
+def test_a_person_cut_off_by_the_border_is_kept_up_to_it(x, options):
+    depth = person_alone(KINECT, x, 2.6)
+    cleaned = clean(depth, **options)
+    edge = cleaned[:, 0] if x < 0 else cleaned[:, -1]
+    assert depth[:, 0 if x < 0 else -1].any()
+    if options.get("half_resolution") and x > 0:
+        assert cleaned.any()
+    else:
+        assert edge.any()
+
+
+def test_a_person_that_fills_the_image_is_an_error_that_names_the_option():
+    with pytest.raises(SegmentationError, match="100% of the image"):
+        clean(np.full(KINECT.shape, 700, np.uint16))
+    assert clean(np.full(KINECT.shape, 700, np.uint16), segment="segmented").all()
+
+
+@pytest.mark.parametrize("frame", [np.zeros((3, 3), np.uint16), np.zeros(KINECT.shape, np.float32)])
+def test_a_frame_of_another_size_or_type_is_an_error(frame):
+    with pytest.raises(RecordingError, match="expected uint16"):
+        clean(frame)
+
+
+def test_a_background_that_is_not_there_is_an_error():
+    with pytest.raises(SegmentationError, match="'background' and the recording has none"):
+        clean(person_alone(KINECT), segment="background")
+
+
+@pytest.mark.parametrize(
+    "options",
+    [
+        {"segment": "magic"}, {"segment": "range:3,1"}, {"segment": "range:a,b"}, {"segment": "seed:1"},
+        {"segment": "empty-frames:0"}, {"segment": "empty-frames:2.5"}, {"subject": "tallest"}, {"contour": "soft"},
+        {"near": 3.0, "far": 1.0}, {"background_margin": -1.0}, {"quantisation": float("nan")},
+    ],
+)  # fmt: skip
+def test_a_setting_out_of_range_is_an_error(options):
+    with pytest.raises(SettingsError):
+        SensingSettings(**options)
+
+
+def test_cleaning_a_kinect_frame_takes_under_two_milliseconds():
+    depth = person_alone(KINECT, distance=2.5)
+    cleaner = Cleaner(KINECT)
+    cleaner.clean(depth)
+    times = []
+    for _ in range(50):
+        start = time.process_time()
+        cleaner.clean(depth)
+        times.append(time.process_time() - start)
+    assert np.median(times) < 2e-3  # 0.5 ms alone; a loaded machine is slower
+
+
+@pytest.mark.shared_data
+def test_real_segmented_recordings_keep_their_pixels(shared_data):
+    for name in ("a27_s7_t1", "a21_s1_t1"):
+        recording = open_recording(shared_data / "depth" / "utd_mhad" / f"{name}_depth.mat")
+        cleaner = Cleaner.for_recording(recording)
+        for frame in recording.frames():
+            assert (cleaner.clean(frame) > 0).sum() > 0.95 * (frame > 0).sum()
+
+
+@pytest.mark.shared_data
+def test_the_second_person_of_a_real_recording_is_left_out(shared_data):
+    recording = open_recording(shared_data / "depth" / "skeltrack", intrinsics=(575, 575, 320, 240))
+    frame = recording.depth(7)
+    with pytest.raises(SegmentationError, match="2 people"):
+        Cleaner.for_recording(recording).clean(frame)
+    cleaned = Cleaner.for_recording(recording, SensingSettings(subject="nearest")).clean(frame)
+    assert cleaned.max() < 1.6 < frame.max() / 1000
+
+
+@pytest.mark.shared_data
+def test_one_of_five_real_people_is_cut_out(shared_data):
+    recording = open_recording(shared_data / "depth" / "pcl" / "five_people.pcd")
+    frame = recording.depth(0)
+    with pytest.raises(SegmentationError, match="set segment"):
+        Cleaner.for_recording(recording).clean(frame)
+    with pytest.raises(SegmentationError, match="set subject"):
+        Cleaner.for_recording(recording, SensingSettings(segment="person")).clean(frame)
+    cleaned = Cleaner.for_recording(recording, SensingSettings(segment="person", subject="nearest")).clean(frame)
+    v, u = np.nonzero(cleaned)
+    assert u.min() > 440 and v.max() - v.min() > 380, "the one on the right, from head to feet"
+    area = (cleaned**2).sum() / (recording.camera.fx * recording.camera.fy)
+    assert 0.35 < area < 0.8
+
+
+@pytest.mark.shared_data
+def test_a_real_person_in_a_cluttered_room_is_followed(shared_data):
+    recording = open_recording(shared_data / "depth" / "realsense" / "images_n40")
+    cleaner = Cleaner.for_recording(recording, SensingSettings(segment="seed:450,200"))
+    for frame in recording.frames():
+        v, u = np.nonzero(cleaner.clean(frame))
+        assert abs(np.median(u) - 440) < 60, "the one who stands on the right"
+        assert np.ptp(v) > 280

@@ -1,0 +1,180 @@
+"""The compiled loops on depth images against plain NumPy, SciPy and OpenCV."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy import ndimage
+from scipy.sparse import coo_matrix
+from scipy.sparse.csgraph import connected_components
+
+from tests.sensing_scenes import TOF
+from toolkit.kernels import depth as kernels
+
+
+def blobs(seed, hole=0.3, shape=(40, 60)):
+    """A smooth random depth image with holes and steps, uint16 millimetres, and the same with a border of zeros."""
+    rng = np.random.default_rng(seed)
+    image = 2000 + 300 * ndimage.gaussian_filter(rng.normal(size=shape), 3) + 400 * (rng.random(shape) < 0.2)
+    image[ndimage.gaussian_filter(rng.random(shape), 2) < np.quantile(rng.random(1000), 0.5) * hole + 0.35] = 0
+    image[rng.random(shape) < hole / 3] = 0
+    image = image.astype(np.uint16)
+    return image, np.pad(image, 1)
+
+
+def whole(image):
+    return np.array([1, image.shape[0] + 1, 1, image.shape[1] + 1])
+
+
+def neighbours(padded, dv, du):
+    return padded[1 + dv : padded.shape[0] - 1 + dv, 1 + du : padded.shape[1] - 1 + du].astype(int)
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_components_are_those_of_the_pixel_graph(seed):
+    image, padded = blobs(seed)
+    labels, parents = np.zeros(padded.shape, np.int32), np.zeros(padded.size, np.int32)
+    count = kernels.label_components(padded, whole(image), 40.0, 2.8, labels, parents)
+    index = np.arange(image.size).reshape(image.shape)
+    pairs = []
+    for a, b, i, j in (
+        (image[:, :-1], image[:, 1:], index[:, :-1], index[:, 1:]),
+        (image[:-1], image[1:], index[:-1], index[1:]),
+    ):
+        near = np.minimum(a, b) / 1000.0
+        joined = (a > 0) & (b > 0) & (np.abs(a.astype(int) - b) <= 40 + 2.8 * near**2)
+        pairs.append((i[joined], j[joined]))
+    i, j = (np.concatenate(p) for p in zip(*pairs, strict=True))
+    graph = coo_matrix((np.ones(len(i)), (i, j)), shape=(image.size, image.size))
+    expected = connected_components(graph, directed=False)[1].reshape(image.shape)[image > 0]
+    ours = labels[1:-1, 1:-1][image > 0]
+    assert count == len(np.unique(expected)) == ours.max()
+    assert len(np.unique(np.column_stack([ours, expected]), axis=0)) == count
+    assert (labels[1:-1, 1:-1][image == 0] == 0).all()
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_component_extents_are_those_of_their_points(seed):
+    image, padded = blobs(seed, shape=TOF.shape)
+    labels, parents = np.zeros(padded.shape, np.int32), np.zeros(padded.size, np.int32)
+    count = kernels.label_components(padded, whole(image), 40.0, 2.8, labels, parents)
+    rotation = np.linalg.qr(np.random.default_rng(seed).normal(size=(3, 3)))[0]
+    sizes, extents = np.empty((count, 2)), np.empty((count, 3, 2))
+    kernels.component_extents(padded, whole(image), labels, count, TOF.intrinsics, rotation, sizes, extents)
+    z = image / 1000.0
+    points = np.dstack([TOF.rays() * z[..., None], z]) @ rotation.T
+    for k in np.random.default_rng(0).integers(0, count, 10):
+        mask = labels[1:-1, 1:-1] == k + 1
+        assert sizes[k, 0] == mask.sum()
+        assert sizes[k, 1] == pytest.approx((z[mask] ** 2).sum() / (TOF.fx * TOF.fy))
+        np.testing.assert_allclose(extents[k], np.column_stack([points[mask].min(0), points[mask].max(0)]))
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_foreground_lies_before_the_background_and_in_range(seed):
+    rng = np.random.default_rng(seed)
+    depth = rng.integers(0, 6000, (30, 40)).astype(np.uint16)
+    background = rng.integers(0, 6000, (30, 40)).astype(np.uint16) * (rng.random((30, 40)) < 0.8).astype(np.uint16)
+    padded, box = np.full((32, 42), 7, np.uint16) * 0, np.zeros(4, np.int64)
+    count = kernels.take_foreground(depth, background, 30.0, 2.8, 400, 5000, padded, box)
+    gap = background.astype(float) - depth
+    keep = (depth >= 400) & (depth <= 5000) & ((background == 0) | (gap > 30 + 2.8 * (background / 1000.0) ** 2))
+    np.testing.assert_array_equal(padded[1:-1, 1:-1], np.where(keep, depth, 0))
+    v, u = np.nonzero(keep)
+    assert count == keep.sum()
+    assert tuple(box) == (v.min() + 1, v.max() + 2, u.min() + 1, u.max() + 2)
+
+
+@pytest.mark.parametrize("support", [0, 3, 8])
+def test_contour_deletion_counts_supporting_neighbours(support):
+    image, padded = blobs(3)
+    out = np.zeros_like(padded)
+    kernels.delete_contour(padded, whole(image), 30.0, 2.8, support, out)
+    deep = np.pad(image, 2).astype(int)
+    z = image.astype(int)
+    tolerance = 30 + 2.8 * z**2 * 1e-6
+    supported = np.zeros(image.shape, int)
+    for dv in (-1, 0, 1):
+        for du in (-1, 0, 1):
+            if dv == du == 0:
+                continue
+            near = deep[2 + dv : deep.shape[0] - 2 + dv, 2 + du : deep.shape[1] - 2 + du]
+            behind = deep[2 + 2 * dv : deep.shape[0] - 2 + 2 * dv, 2 + 2 * du : deep.shape[1] - 2 + 2 * du]
+            flat = np.abs(near - z) <= tolerance
+            sloped = (behind > 0) & (np.abs(2 * near - behind - z) <= tolerance)
+            supported += (near > 0) & (flat | sloped)
+    np.testing.assert_array_equal(out[1:-1, 1:-1], np.where(supported >= support, image, 0))
+
+
+def test_deleting_the_contour_of_a_flat_thing_is_erosion():
+    import cv2
+
+    image = np.zeros((40, 60), np.uint16)
+    cv2.ellipse(image, (30, 20), (20, 12), 20, 0, 360, 2000, -1)
+    out = np.zeros((42, 62), np.uint16)
+    kernels.delete_contour(np.pad(image, 1), whole(image), 30.0, 2.8, 8, out)
+    np.testing.assert_array_equal(out[1:-1, 1:-1], cv2.erode(image, np.ones((3, 3), np.uint8)))
+
+
+@pytest.mark.parametrize("step", [1, 2])
+def test_the_median_is_opencv_s_inside_and_the_lower_middle_at_edges(step):
+    import cv2
+
+    image, padded = blobs(5)
+    out = np.zeros((-(-40 // step), -(-60 // step)), np.float32)
+    kernels.median_to_metres(padded, whole(image), step, True, out)
+    expected = np.zeros(image.shape)
+    for v, u in zip(*np.nonzero(image), strict=True):
+        values = padded[v : v + 3, u : u + 3]
+        values = np.sort(values[values > 0])
+        expected[v, u] = values[(len(values) - 1) // 2] / 1000
+    np.testing.assert_allclose(out, expected[::step, ::step], rtol=1e-6)
+    inside = ndimage.minimum_filter(image, 3) > 0
+    inside[[0, -1]] = inside[:, [0, -1]] = False
+    np.testing.assert_allclose(
+        out[inside[::step, ::step]], cv2.medianBlur(image, 3)[::step, ::step][inside[::step, ::step]] / 1000, rtol=1e-6
+    )
+
+
+def test_a_mask_found_on_every_second_pixel_comes_back_at_full_size():
+    image = np.zeros((41, 61), np.uint16)
+    image[10:31, 20:41] = 2000
+    image[:, 50:] = 2020
+    coarse = np.where(np.arange(31)[None] < 24, image[::2, ::2], 0).astype(np.uint16)
+    padded, box = np.zeros((43, 63), np.uint16), np.zeros(4, np.int64)
+    count = kernels.refine_mask(image, coarse, 2, 30.0, padded, box)
+    expected = np.where(np.arange(61)[None] < 48, image, 0)
+    np.testing.assert_array_equal(padded[1:-1, 1:-1], expected)
+    assert count == (expected > 0).sum()
+    assert tuple(box) == (11, 32, 21, 42)
+
+
+def test_contacts_are_close_pairs_of_pixels():
+    from scipy.spatial.distance import cdist
+
+    rng = np.random.default_rng(0)
+    depth = rng.integers(1900, 2100, (12, 14)).astype(np.uint16)
+    labels = rng.integers(0, 4, (12, 14)).astype(np.int32)
+    camera = np.array([100.0, 100.0, 6.0, 5.0])
+    contacts = np.zeros((4, 4), np.int64)
+    kernels.contacts_between(depth, labels, 2, 0.06, camera, contacts)
+    v, u = (grid.ravel() for grid in np.mgrid[:12, :14])
+    z = depth.ravel() / 1000
+    points = np.column_stack([(u - 6) * z / 100, (v - 5) * z / 100, z])
+    window = (np.abs(v[:, None] - v) <= 2) & (np.abs(u[:, None] - u) <= 2)
+    close = window & (cdist(points, points) <= 0.06)
+    flat = labels.ravel()
+    for a in range(1, 4):
+        for b in range(1, 4):
+            expected = 0 if a == b else close[np.ix_(flat == a, flat == b)].sum()
+            assert contacts[a, b] == expected
+
+
+def test_overlap_and_selection_follow_the_labels():
+    labels = np.pad(np.array([[1, 1, 2], [0, 2, 2]], np.int32), 1)
+    depth = np.pad(np.array([[5, 0, 5], [5, 5, 0]], np.uint16), 1)
+    box, overlap = np.array([1, 3, 1, 4]), np.empty(2, np.int64)
+    kernels.label_overlap(labels, box, 2, depth, overlap)
+    assert overlap.tolist() == [1, 2]
+    kernels.keep_labels(depth, box, labels, np.array([False, True, False]))
+    assert depth[1:-1, 1:-1].tolist() == [[5, 0, 0], [5, 0, 0]]
