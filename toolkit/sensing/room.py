@@ -222,17 +222,17 @@ class RoomSegmenter:
         apart = shared[k] >= FOLLOWED_OVERLAP * np.count_nonzero(surfaces.labels == k + 1)
         if apart and surfaces.fits([k]) and surfaces.areas[k] <= GROWTH * self._area:
             return surfaces, [k]
-        outside = (surfaces.labels == k + 1) & ~self._around_last()
+        outside = (surfaces.labels == k + 1) & ~self._around(self._last)
         cut = self._large(coarse, np.pad(np.where(outside, 0, surfaces.labels), 1).astype(np.int32))
         # Specks are gone from both alike, so the numbers stay unless the cut piece itself is one.
         mostly = shared[k] >= FOLLOWED_OVERLAP * np.count_nonzero(cut.labels == k + 1)
         return (cut, [k]) if len(cut.areas) == count and mostly and cut.fits([k]) else (surfaces, [])
 
-    def _around_last(self) -> np.ndarray:
+    def _around(self, mask: np.ndarray) -> np.ndarray:
         import cv2
 
         reach = 2 * self._bridge * 3 + 1
-        return cv2.dilate((self._last > 0).astype(np.uint8), np.ones((reach, reach), np.uint8)) > 0
+        return cv2.dilate((mask > 0).astype(np.uint8), np.ones((reach, reach), np.uint8)) > 0
 
     def _chosen(self, surfaces: Surfaces, coarse: np.ndarray) -> list[int]:
         """The surface to start from: at the seed pixel, or of a person's size."""
