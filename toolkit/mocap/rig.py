@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 
 import yaml
@@ -77,17 +78,27 @@ def _missing(joints: dict[str, str]) -> list[str]:
 
 
 def _load_map(name: str) -> dict[str, list[str]]:
-    if not name.endswith((".yaml", ".yml")) and name not in rig_names():
+    if name.endswith((".yaml", ".yml")):
+        return _read_map(Path(name))
+    if name not in rig_names():
         raise RigError(f"there is no joint map {name!r}; there are {', '.join(rig_names())}, or give a YAML file")
-    path = Path(name) if name.endswith((".yaml", ".yml")) else shipped("rigs", f"{name}.yaml")
+    return _shipped_map(name)
+
+
+@cache
+def _shipped_map(name: str) -> dict[str, list[str]]:
+    return _read_map(shipped("rigs", f"{name}.yaml"))
+
+
+def _read_map(path: Path) -> dict[str, list[str]]:
     try:
         joints = yaml.safe_load(path.read_text(encoding="utf-8"))["joints"]
         maps = {key: [names] if isinstance(names, str) else list(names) for key, names in joints.items()}
     except OSError as error:
-        raise RigError(f"cannot read the joint map {path}: {error.strerror or error}") from error
+        raise RigError(f"cannot read the joint map {path}: {error.strerror or error}; check the path") from error
     except (yaml.YAMLError, KeyError, TypeError, AttributeError) as error:
         raise RigError(
-            f"the joint map {path.name} is not `joints:` with a name or a list of names per joint"
+            f"the joint map {path.name} is not understood; write `joints:` with a name or a list of names per joint"
         ) from error
     if unknown := sorted(set(maps) - set(KEYS)):
         raise RigError(f"the joint map {path.name} has the unknown joint {unknown[0]!r}; known are {', '.join(KEYS)}")

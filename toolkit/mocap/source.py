@@ -9,7 +9,7 @@ import numpy as np
 from toolkit.errors import RigError
 from toolkit.mocap.clip import Clip
 from toolkit.mocap.rig import Rig
-from toolkit.mocap.rotations import apply, transposed, unit
+from toolkit.mocap.rotations import apply, swing, transposed, unit
 
 CALIBRATION_FRAMES = 5
 """How many leading frames may be a calibration pose."""
@@ -134,8 +134,6 @@ def upright_world(root_rotations: np.ndarray, up_at_rest: np.ndarray) -> np.ndar
     mean = (root_rotations @ up_at_rest).mean(axis=0)
     if mean @ up_at_rest <= mean[1]:
         return np.eye(3)
-    from toolkit.mocap.rotations import swing
-
     return swing(up_at_rest, np.array([0.0, 1.0, 0.0]))[0]
 
 
