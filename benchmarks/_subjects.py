@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 
 from toolkit.body import skeleton
@@ -10,6 +12,7 @@ from toolkit.body.shape import subject_body
 from toolkit.kernels import raster
 from toolkit.sensing.camera import Camera
 from toolkit.sensing.cloud import Cloud
+from toolkit.sensing.recording import save_recording
 
 LEVEL = np.diag([1.0, -1.0, -1.0])
 """`R_level_camera` of a camera that looks horizontally."""
@@ -61,3 +64,14 @@ def moving_clouds(pixels: float, count: int, seed: int = 0) -> list[Cloud]:
     body = subject_body("neutral", seed=seed)
     camera = camera_for(pixels)
     return [Cloud.from_depth(draw(body, pose, camera, rng), camera, LEVEL) for pose in moving_poses(count, rng)]
+
+
+def write_recording(path: Path, pixels: float, count: int, seed: int = 0) -> None:
+    """Write the frames of `moving_clouds` as a recording with the true joints."""
+    rng = np.random.default_rng(seed)
+    body = subject_body("neutral", seed=seed)
+    camera = camera_for(pixels)
+    poses = moving_poses(count, rng)
+    frames = (np.rint(1000 * draw(body, pose, camera, rng)).astype(np.uint16) for pose in poses)
+    joints = (body.joint_positions(poses) @ LEVEL).astype(np.float32)
+    save_recording(path, depth=frames, camera=camera, timestamps=np.arange(count) / 30.0, joints=joints)

@@ -7,7 +7,9 @@ import pytest
 
 from benchmarks._plain_fitting import PlainFitter, PlainPosedBody, PlainScene, bounded_step
 from benchmarks._plain_landmarks import plain_centre, plain_extrema, plain_graph, plain_source
-from benchmarks._subjects import LEVEL, camera_for, draw, moving_poses
+from benchmarks._subjects import LEVEL, camera_for, draw, moving_poses, write_recording
+from benchmarks.plain_pipeline import compare
+from tests.database_helpers import small_database
 from toolkit.body import skeleton
 from toolkit.body.shape import load_body
 from toolkit.fitting.fitter import Fitter, FittingSettings
@@ -19,6 +21,8 @@ from toolkit.landmarks.extrema import extrema_of_graph, source_node
 from toolkit.landmarks.graph import grid_graph
 from toolkit.landmarks.settings import LandmarkSettings
 from toolkit.sensing.cloud import Cloud
+from toolkit.sensing.recording import open_recording
+from toolkit.tracking.settings import HybridSettings
 
 BODY = load_body("neutral")
 CAMERA = camera_for(2500)
@@ -86,3 +90,11 @@ def test_the_plain_fitter_finds_the_pose_of_the_compiled_one(seed: int) -> None:
     joints = BODY.joint_positions(np.stack([found, again]))
     assert np.linalg.norm(joints[0] - joints[1], axis=1).max() < 1e-3
     assert plain.sparse_distance(pose, plain_scene) == pytest.approx(fitter.sparse_distance(pose, scene), abs=1e-9)
+
+
+def test_the_plain_tracker_finds_the_poses_of_the_hybrid_tracker(tmp_path) -> None:
+    path = tmp_path / "rendered.npz"
+    write_recording(path, 2500, 8)
+    row = compare(open_recording(path), small_database(), HybridSettings(hypotheses=("local", "extrema")), frames=8)
+    assert row["apart_mm"]["max"] < 1.0
+    assert row["equal_sources"] == 1.0

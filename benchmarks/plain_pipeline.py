@@ -1,0 +1,141 @@
+"""The whole frame against the plain pipeline: the same algorithm from SciPy's Dijkstra, SciPy's kd-tree and NumPy.
+
+    python -m benchmarks.plain_pipeline DATABASE [RECORDING ...] [--frames 150]
+
+Both trackers get the same frames in turn and follow their own past. Plain are the landmarks, the correspondences, the
+solver, the drawn body and the lookup; cleaning and the joint regressor are the compiled ones in both. Without a
+recording a rendered subject is tracked at 3,000, 6,000 and 16,000 foreground pixels. Times leave out the first frames,
+in which code is compiled and the subject's shape is learnt.
+"""
+
+from __future__ import annotations
+
+import argparse
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from benchmarks._plain_fitting import PlainFitter, PlainScene
+from benchmarks._plain_landmarks import plain_centre, plain_extrema, plain_graph, plain_source
+from benchmarks._record import save_figures
+from benchmarks._subjects import write_recording
+from benchmarks._timing import percentiles, pin_to_one_processor
+from toolkit.database.database import PoseDatabase
+from toolkit.landmarks.facing import estimate_facing
+from toolkit.sensing.cloud import Cloud
+from toolkit.sensing.recording import Recording, open_recording
+from toolkit.tracking.hybrid import HybridTracker
+from toolkit.tracking.settings import HybridSettings
+from toolkit.tracking.view import View
+
+SIZES = (3_000, 6_000, 16_000)
+WARM_UP = 50
+"""Frames without times: the shape is learnt from 45."""
+
+
+class PlainTracker(HybridTracker):
+    """The hybrid tracker, from NumPy and SciPy alone."""
+
+    def __init__(self, database: PoseDatabase, settings: HybridSettings | None = None) -> None:
+        super().__init__(database.with_search("scipy"), settings)
+
+    def start(self, recording: Recording) -> None:
+        """See `Tracker.start`."""
+        super().start(recording)
+        self._fitter = PlainFitter(self._fitter)
+
+    def _view(self, cloud: Cloud, timestamp: float) -> View:
+        memory, settings = self.memory, self.settings
+        scale = memory.body.height / 1.7
+        centre = plain_centre(cloud.points, memory.centre, settings.landmarks, scale)
+        dt = 1 / 30 if memory.timestamp is None else timestamp - memory.timestamp
+        yaw = memory.facing.update(estimate_facing(cloud.points, centre, settings.landmarks, scale), dt, centre)
+        matrix, largest = plain_graph(cloud, settings.landmarks)
+        source = plain_source(cloud.points, largest, centre)
+        extrema = plain_extrema(matrix, cloud.points, source, settings.extrema)
+        votes = None if self._forest is None else self._forest.estimate(cloud, settings.vote_samples)
+        scene = PlainScene(cloud, extrema.points.astype(np.float64), settings.fitting.cloud_samples)
+        memory.centre, memory.timestamp = centre, timestamp
+        return View(cloud, centre, yaw, extrema, votes, scene)
+
+
+def compare(recording: Recording, database: PoseDatabase, settings: HybridSettings, frames: int) -> dict[str, Any]:
+    """Figures of one recording: times of both trackers and how far apart their joints are."""
+    trackers = (HybridTracker(database, settings), PlainTracker(database, settings))
+    for tracker in trackers:
+        tracker.start(recording)
+    pixels, results = [], []
+    for i in range(min(frames, len(recording))):
+        depth = recording.depth(i)
+        pixels.append(int((depth > 0).sum()))
+        results.append([tracker.step(depth, float(recording.timestamps[i])) for tracker in trackers])
+    stage_ms = np.array([[result.stage_ms for result in pair] for pair in results])[min(WARM_UP, len(results) // 2) :]
+    joints = np.array([[result.joints for result in pair] for pair in results], dtype=np.float64)
+    apart = 1000.0 * np.linalg.norm(joints[:, 0] - joints[:, 1], axis=2).max(axis=1)
+    total = stage_ms.sum(axis=2)
+    return {
+        "recording": recording.name,
+        "frames": len(results),
+        "pixels": float(np.mean(pixels)),
+        "compiled": percentiles(total[:, 0]),
+        "plain": percentiles(total[:, 1]),
+        "faster": float(np.median(total[:, 1]) / np.median(total[:, 0])),
+        "stages_ms": {
+            name: np.round(np.median(stage_ms[:, :, s], axis=0), 3).tolist()
+            for s, name in enumerate(trackers[0].stage_names)
+        },
+        "apart_mm": {
+            "median": float(np.median(apart)),
+            "p99": float(np.percentile(apart, 99)),
+            "max": float(apart.max()),
+        },
+        "within_1_mm": float((apart < 1.0).mean()),
+        "equal_sources": float(np.mean([a.source == b.source for a, b in results])),
+    }
+
+
+@contextmanager
+def rendered(frames: int) -> Iterator[list[Recording]]:
+    """Recordings of a rendered subject, one per size."""
+    with tempfile.TemporaryDirectory() as folder:
+        paths = [Path(folder) / f"rendered_{size}.npz" for size in SIZES]
+        for path, size in zip(paths, SIZES, strict=True):
+            write_recording(path, size, frames)
+        yield [open_recording(path) for path in paths]
+
+
+def main() -> None:
+    """Track with both, print one line per recording, write JSON."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("database", type=Path)
+    parser.add_argument("recordings", type=Path, nargs="*")
+    parser.add_argument("--frames", type=int, default=150)
+    parser.add_argument("--max-poses", type=int, default=25_000)
+    options = parser.parse_args()
+    pin_to_one_processor()
+    database = PoseDatabase.load(options.database)
+    database = database.limited(min(options.max_poses, len(database)))
+    settings = HybridSettings()
+    if options.recordings:
+        rows = [compare(open_recording(p), database, settings, options.frames) for p in options.recordings]
+    else:
+        with rendered(options.frames) as recordings:
+            rows = [compare(recording, database, settings, options.frames) for recording in recordings]
+    print(f"{'recording':<20} {'pixels':>7} {'compiled':>22} {'plain':>10} {'faster':>7} {'apart: median, max':>20}")
+    for row in rows:
+        print(
+            f"{row['recording']:<20} {row['pixels']:7.0f}"
+            f" {row['compiled']['median_ms']:8.2f} ms, p99 {row['compiled']['p99_ms']:6.2f}"
+            f" {row['plain']['median_ms']:7.1f} ms {row['faster']:6.1f}x"
+            f" {row['apart_mm']['median']:9.4f}, {row['apart_mm']['max']:.3f} mm"
+        )
+    print("written:", save_figures("plain_pipeline", rows, asdict(settings) | {"poses": len(database)}))
+
+
+if __name__ == "__main__":
+    main()
