@@ -12,9 +12,10 @@ import pytest
 from tests.mocap_helpers import stick_body
 from toolkit.body import skeleton
 from toolkit.errors import BodyError, OutputError, UsageError
-from toolkit.mocap.export import export_bvh, export_csv
+from toolkit.mocap.export import export_bvh, export_csv, export_track
 from toolkit.mocap.read import read_clip
 from toolkit.mocap.retarget import retarget
+from toolkit.track import TRACKED, FrameResult, RunInfo, TrackWriter
 
 
 def random_poses(count: int) -> np.ndarray:
@@ -101,3 +102,25 @@ def test_a_csv_needs_one_time_per_frame_and_a_writable_folder(tmp_path: Path) ->
     (tmp_path / "file").write_text("x")
     with pytest.raises(OutputError, match="cannot write"):
         export_csv(tmp_path / "file" / "joints.csv", np.zeros((3, 20, 3)), np.zeros(3))
+
+
+def test_an_exported_track_has_the_fitted_body_and_the_tracks_own_times(tmp_path: Path) -> None:
+    turn = np.diag([1.0, -1.0, -1.0])
+    info = RunInfo("/r.npz", "ab", {}, skeleton.fingerprint(), [0.5], 1.1, "", turn.ravel().tolist(), {}, "0")
+    info.save(tmp_path)
+    body, poses = info.body(), random_poses(6)
+    joints = (body.joint_positions(poses) @ turn).astype(np.float32)
+    writer = TrackWriter(tmp_path, ("fit",), ("local",))
+    for i, pose in enumerate(poses):
+        writer.append(FrameResult(pose, joints[i], np.ones(20, np.float32), TRACKED, 0, np.ones(1)), i / 25.0)
+    writer.finish()
+    export_track(tmp_path, tmp_path / "track.bvh")
+    clip = read_clip(tmp_path / "track.bvh")
+    assert clip.frame_rate == pytest.approx(25.0)
+    for name in ("left_elbow", "right_knee", "left_wrist"):
+        found = clip.world()[0][:, clip.index(name)] @ turn
+        np.testing.assert_allclose(found, joints[:, skeleton.REPORTED.index(name)], atol=1e-3)
+    export_track(tmp_path, tmp_path / "track.csv")
+    assert len((tmp_path / "track.csv").read_text().splitlines()) == 7
+    with pytest.raises(UsageError, match=r"neither .bvh nor .csv"):
+        export_track(tmp_path, tmp_path / "track.txt")

@@ -15,8 +15,10 @@ CALIBRATION_FRAMES = 5
 """How many leading frames may be a calibration pose."""
 CALIBRATION_ANGLE = 0.4
 """Radians by which a limb bone of a calibration frame may differ from the T-pose and from the file's rest pose."""
-CALIBRATION_JUMP = 0.17
-"""Radians: a limb bone that turns by more in one frame jumps out of a calibration pose (20 rad/s at 120 Hz)."""
+CALIBRATION_SPEED = 20.0
+"""Radians a second: a limb bone that turns faster jumps out of a calibration pose."""
+CALIBRATION_JUMP = 0.7
+"""Radians: a limb bone that turns by more in one frame jumps at any frame rate."""
 
 LIMB_BONES: tuple[tuple[str, str], ...] = tuple(
     (f"{side}_{start}", f"{side}_{stop}")
@@ -71,7 +73,7 @@ class Source:
             local = np.zeros(3) if offset is None else share * offset @ axes
             source.rest[tip] = source.rest[carrier] + local
             source.positions[tip] = source.positions[carrier] + source.rotations[carrier] @ local
-        return source._from(calibration_frames(source))
+        return source._from(calibration_frames(source, clip.frame_rate))
 
     @property
     def frames(self) -> int:
@@ -137,7 +139,7 @@ def upright_world(root_rotations: np.ndarray, up_at_rest: np.ndarray) -> np.ndar
     return swing(up_at_rest, np.array([0.0, 1.0, 0.0]))[0]
 
 
-def calibration_frames(source: Source) -> int:
+def calibration_frames(source: Source, frame_rate: float) -> int:
     """How many leading frames are a calibration pose and no motion (CMU BVH: one, rarely two).
 
     In all of them each limb bone is near the T-pose or the file's rest pose, and after them at least one jumps.
@@ -145,6 +147,7 @@ def calibration_frames(source: Source) -> int:
     head = min(CALIBRATION_FRAMES + 1, source.frames)
     still, jumps = np.ones(head, dtype=bool), np.zeros(head, dtype=bool)
     root = transposed(source.rotations["root"][:head])
+    least_jump = min(CALIBRATION_SPEED / frame_rate, CALIBRATION_JUMP)
     for start, stop in LIMB_BONES:
         rest, now = source.bone(start, stop)
         now = now[:head]
@@ -153,7 +156,7 @@ def calibration_frames(source: Source) -> int:
             straight = np.array([1.0 if start.startswith("left") else -1.0, 0.0, 0.0])
         own = apply(root, now)
         still &= np.maximum(own @ straight, own @ rest) > np.cos(CALIBRATION_ANGLE)
-        jumps[:-1] |= (now[1:] * now[:-1]).sum(axis=1) < np.cos(CALIBRATION_JUMP)
+        jumps[:-1] |= (now[1:] * now[:-1]).sum(axis=1) < np.cos(least_jump)
     return max((t + 1 for t in range(head) if jumps[t] and still[: t + 1].all()), default=0)
 
 
