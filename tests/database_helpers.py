@@ -63,7 +63,9 @@ def write_bvh(path: Path, seed: int, frames: int = 30) -> None:
         lines.append(f"{pad}{{\n{pad}  OFFSET {offset[0]:.5f} {offset[1]:.5f} {offset[2]:.5f}")
         order.append(number)
         rotations = "Zrotation Xrotation Yrotation"
-        lines.append(f"{pad}  CHANNELS " + (f"6 Xposition Yposition Zposition {rotations}" if depth == 0 else f"3 {rotations}"))
+        lines.append(
+            f"{pad}  CHANNELS " + (f"6 Xposition Yposition Zposition {rotations}" if depth == 0 else f"3 {rotations}")
+        )
         for child in np.flatnonzero(skeleton.PARENTS == number):
             joint(int(child), depth + 1)
         for site in np.flatnonzero(skeleton.SITE_PARENTS == number):

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import os
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from database_builder import reading
-from database_builder.build import build_database
+from database_builder import build, reading
 from database_builder.report import database_text, plot_coverage
 from database_builder.sampling import farthest_first, pose_distance
 from tests.database_helpers import moving_clip, neutral, write_bvh
@@ -22,6 +22,7 @@ from toolkit.mocap.read import read_clip
 from toolkit.mocap.retarget import retarget
 
 CLIPS = [moving_clip("a", 1), moving_clip("b", 2)]
+build_database = partial(build.build_database, mirror=False, parts=None)
 
 
 @pytest.fixture
