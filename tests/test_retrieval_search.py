@@ -105,7 +105,7 @@ def searches(draw: st.DrawFn) -> Case:
     return lists, bounds, document_starts
 
 
-@settings(max_examples=1500, deadline=None)
+@settings(max_examples=500, deadline=None)
 @given(searches())
 def test_the_search_finds_the_union_of_all_hit_relevant_ranges(
     case: tuple[list[Segments], list[tuple[int, int]], list[int]],

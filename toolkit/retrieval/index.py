@@ -19,19 +19,12 @@ from toolkit.files import atomic_path
 from toolkit.kernels.keyframe_search import keyframe_list, runs_of
 from toolkit.retrieval.features import FEATURE_RATE, FEATURE_SETS, FEATURES, FeatureMatrix, feature_fingerprint
 from toolkit.retrieval.keyframes import Keyframe
+from toolkit.retrieval.templates import pack
 
 INDEX_VERSION: int = 1
 
 _MAGIC = b"depthmocap index\n"
 _ALIGNMENT = 64
-
-
-def pack(rows: np.ndarray) -> np.ndarray:
-    """Boolean columns (n, T), n <= 64, as integers uint64 (T,): bit i is row i."""
-    words = np.zeros(rows.shape[1], np.uint64)
-    for i, row in enumerate(rows):
-        words |= row.astype(np.uint64) << np.uint64(i)
-    return words
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,9 +35,9 @@ class RunLists:
     ----------
     run_starts : int32 (R + 1,), first frame of each run, counted through all documents; the last entry is the number of
         frames
-    run_vectors : uint16 (R,), feature vector of each run
+    run_vectors : unsigned (R,), feature vector of each run, bit i being feature i of the set
     document_runs : int32 (D + 1,), first run of each document; the last entry is R
-    vectors : uint16 (U,), the feature vectors that occur, ascending
+    vectors : unsigned (U,), the feature vectors that occur, ascending
     list_offsets : int64 (U + 1,), the list of `vectors[u]` is `list_runs[list_offsets[u] : list_offsets[u + 1]]`
     list_runs : int32 (R,), run numbers, ascending within each list
     """
@@ -58,7 +51,7 @@ class RunLists:
 
     @classmethod
     def of(cls, vectors: np.ndarray, document_starts: np.ndarray) -> RunLists:
-        """Runs and lists of the frames' feature vectors, uint16 (N,), of documents from `document_starts` (D + 1,)."""
+        """Runs and lists of the frames' feature vectors (N,), of documents from `document_starts` (D + 1,)."""
         return cls.from_runs(*runs_of(vectors, document_starts))
 
     @classmethod
@@ -93,7 +86,7 @@ class RunLists:
         )  # fmt: skip
 
     def frames(self, start: int, stop: int) -> np.ndarray:
-        """Feature vectors of the frames start to stop - 1, uint16."""
+        """Feature vectors of the frames start to stop - 1."""
         first = int(np.searchsorted(self.run_starts, start, side="right")) - 1
         last = int(np.searchsorted(self.run_starts, stop, side="left"))
         edges = np.clip(self.run_starts[first : last + 1], start, stop)

@@ -11,6 +11,7 @@ import numpy as np
 
 from toolkit.errors import RetrievalError
 from toolkit.retrieval.features import FEATURE_SETS
+from toolkit.retrieval.templates import WILDCARD
 
 SET_FEATURES: dict[str, tuple[str, ...]] = {
     name: tuple(f"F{row + 1}" for row in rows) for name, rows in FEATURE_SETS.items()
@@ -19,9 +20,6 @@ SET_FEATURES: dict[str, tuple[str, ...]] = {
 
 SET_OF: dict[str, str] = {feature: name for name, features in SET_FEATURES.items() for feature in features}
 """Feature set of each feature, F1 to F40."""
-
-WILDCARD: int = -1
-"""Entry of a keyframe column that leaves a feature open."""
 
 _ROUNDING = 1e-9
 """Slack of the roundings in Eq. 4.5 and 4.6, so that 0.7 * 10 counts as 7."""

@@ -1,0 +1,290 @@
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from toolkit.errors import RetrievalError, SettingsError
+from toolkit.retrieval.features import FeatureMatrix, relational_features
+from toolkit.retrieval.genetic import (
+    Breeder,
+    GeneticSettings,
+    Individual,
+    Quality,
+    Scored,
+    TrainingSet,
+    evolve,
+    sampled_universally,
+    with_best_distances,
+)
+from toolkit.retrieval.index import KeyframeIndex
+from toolkit.retrieval.learning import (
+    LearningSettings,
+    bits_of,
+    column_of,
+    frequent_keyframes,
+    learn,
+    query_of,
+    votes_of,
+)
+from toolkit.retrieval.search import find
+from toolkit.retrieval.templates import WILDCARD, MotionTemplate, QuantisedTemplate
+from toolkit.retrieval.workflow import load_motion
+
+QUICK = GeneticSettings(population=12, generations=15, parents=4)
+KINDS = ("left", "right", "both")
+
+
+def clip(kind: str, rng: np.random.Generator, name: str = "clip") -> FeatureMatrix:
+    """A made-up motion: F1 rises in the middle, for "both" F2 after it, for "right" F2 alone; the rest is noise."""
+    frames = int(rng.integers(24, 40))
+    values = np.zeros((40, frames), dtype=bool)
+    values[20:24] = np.repeat(rng.random((4, frames // 4 + 1)) < 0.3, 4, axis=1)[:, :frames]
+    third = frames // 3
+    first, second = {"left": (0, None), "right": (1, None), "both": (0, 1)}[kind]
+    values[first, third : third + 6] = True
+    if second is not None:
+        values[second, 2 * third : 2 * third + 5] = True
+    return FeatureMatrix(name, values)
+
+
+def clips(per_kind: int, seed: int = 0) -> dict[str, list[FeatureMatrix]]:
+    rng = np.random.default_rng(seed)
+    return {kind: [clip(kind, rng, f"{kind}{i}") for i in range(per_kind)] for kind in KINDS}
+
+
+def training_of(classes: dict[str, list[FeatureMatrix]], label: str) -> TrainingSet:
+    documents = [document for members in classes.values() for document in members]
+    return TrainingSet(documents, [name == label for name, members in classes.items() for _ in members])
+
+
+def strict_template(members: list[FeatureMatrix], label: str = "") -> QuantisedTemplate:
+    return MotionTemplate(strict=True).fit(members).quantised(label, 0.0)
+
+
+@pytest.fixture
+def breeder() -> Breeder:
+    return Breeder(strict_template(clips(4)["both"]), QUICK, np.random.default_rng(1))
+
+
+def check(individual: Individual) -> None:
+    count = len(individual.positions)
+    assert count >= 2 and list(individual.positions) == sorted(set(individual.positions))
+    assert len(individual.masks) == len(individual.values) == count
+    assert len(individual.minimum) == len(individual.maximum) == count - 1
+    assert all(mask > 0 and value & ~mask == 0 for mask, value in zip(individual.masks, individual.values, strict=True))
+    assert all(0 <= a <= b for a, b in zip(individual.minimum, individual.maximum, strict=True))
+
+
+@settings(max_examples=60, deadline=None)
+@given(st.integers(0, 999999))
+def test_every_operation_makes_a_valid_individual(seed: int) -> None:
+    breeder = Breeder(strict_template(clips(3)["both"]), QUICK, np.random.default_rng(seed))
+    a, b = breeder.individual(), breeder.individual()
+    check(a)
+    for _ in range(6):
+        a = breeder.recombined(a, b)
+        check(a)
+        for operation in (breeder.with_other_keyframes, breeder.with_other_entry, breeder.with_other_distances):
+            a = operation(a)
+            check(a)
+
+
+def test_first_individuals_are_columns_of_the_template(breeder: Breeder) -> None:
+    for _ in range(20):
+        assert all(breeder.columns[n] == (mask, value) for n, mask, value in breeder.individual().keyframes)
+
+
+def test_tolerances_surround_half_the_distance_of_the_template(breeder: Breeder) -> None:
+    bounds = np.array([breeder.tolerance(21) for _ in range(500)])
+    assert bounds[:, 0].min() == 0 and bounds[:, 0].max() == 10
+    assert bounds[:, 1].min() == 11 and bounds[:, 1].max() == 32
+    assert breeder.tolerance(0) == (0, 0)
+
+
+def test_an_offspring_has_keyframes_of_both_parents(breeder: Breeder) -> None:
+    a, b = breeder.individual(), breeder.individual()
+    for _ in range(20):
+        assert set(breeder.recombined(a, b).keyframes) <= set(a.keyframes) | set(b.keyframes)
+
+
+def test_removing_a_keyframe_between_two_others_adds_their_distances(breeder: Breeder) -> None:
+    individual = Individual((1, 4, 9), (1, 2, 4), (1, 0, 4), (2, 3), (5, 7))
+    assert breeder._without(individual, 1) == Individual((1, 9), (1, 4), (1, 4), (5,), (12,))
+    assert breeder._without(individual, 0) == Individual((4, 9), (2, 4), (0, 4), (3,), (7,))
+    assert breeder._without(individual, 2) == Individual((1, 4), (1, 2), (1, 0), (2,), (5,))
+
+
+def test_adding_a_keyframe_leaves_the_other_distances(breeder: Breeder) -> None:
+    n = breeder._positions[len(breeder._positions) // 2]
+    individual = Individual((n - 3, n - 1, n + 2), (1, 2, 4), (1, 0, 4), (2, 3), (5, 7))
+    grown = breeder._with(individual, n)
+    assert grown.positions == (n - 3, n - 1, n, n + 2) and grown.keyframes[2] == (n, *breeder.columns[n])
+    assert (grown.minimum[0], grown.maximum[0]) == (2, 5)
+
+
+def test_distances_do_not_grow_beyond_twice_the_templates(breeder: Breeder) -> None:
+    individual = Individual((0, 8), (1, 1), (1, 1), (0,), (8,))
+    for _ in range(200):
+        individual = breeder.with_other_distances(individual)
+        assert individual.maximum[0] <= 16
+
+
+def test_fitness_is_the_f_measure_of_the_text() -> None:
+    retrieved = np.array([1, 1, 1, 0, 0, 0], dtype=bool)
+    relevant = np.array([1, 1, 0, 1, 0, 0], dtype=bool)
+    quality = Quality.of(retrieved, relevant, beta=2.0)
+    assert quality.precision == quality.recall == pytest.approx(2 / 3)
+    assert Quality.of(np.array([True] * 4), np.array([True, False, False, False])).fitness == pytest.approx(5 / 8)
+    assert Quality.of(~relevant, relevant) == Quality(0.0, 0.0, 0.0)
+
+
+def test_among_equally_fit_individuals_the_more_general_is_better() -> None:
+    narrow = Individual((0, 5), (0b111, 1), (1, 1), (2,), (4,))
+    general, wide = replace(narrow, masks=(1, 1)), replace(narrow, maximum=(6,))
+    assert sorted([Scored(narrow, 0.8), Scored(general, 0.8), Scored(wide, 0.8), Scored(narrow, 0.9)]) == [
+        Scored(narrow, 0.9),
+        Scored(general, 0.8),
+        Scored(wide, 0.8),
+        Scored(narrow, 0.8),
+    ]
+
+
+def test_universal_sampling_takes_each_in_proportion_to_its_fitness() -> None:
+    rng = np.random.default_rng(0)
+    counts = np.bincount(
+        np.concatenate([sampled_universally(np.array([0.5, 0.25, 0.0, 0.25]), 4, rng) for _ in range(50)])
+    )
+    assert counts.tolist() == [100, 50, 0, 50]
+    assert set(sampled_universally(np.zeros(3), 300, rng)) == {0, 1, 2}
+
+
+def test_documents_found_while_learning_are_those_of_the_index(breeder: Breeder) -> None:
+    classes = clips(6, seed=3)
+    documents = [document for members in classes.values() for document in members]
+    training, index = training_of(classes, "both"), KeyframeIndex.build(documents)
+    found = 0
+    for _ in range(60):
+        individual = breeder.mutated(breeder.individual())
+        hits = find(index, query_of(individual, 32, "both"))
+        assert np.array_equal(np.flatnonzero(training.retrieved(individual)), np.unique(hits.documents))
+        found += len(hits) > 0
+    assert 5 < found
+
+
+def test_a_query_in_several_sets_keeps_its_place_in_the_motion() -> None:
+    individual = Individual((4, 10), (1 | 1 << 20, 1 << 30), (1, 1 << 30), (3,), (9,))
+    query = query_of(individual, 31, "kick")
+    assert [k.feature_set for k in query.keyframes] == ["upper", "lower", "mixed"]
+    assert query.bounds == ((0, 0), (3, 9))
+    assert (query.lead, query.tail, query.label) == (4, 20, "kick")
+
+
+@given(st.integers(0, 2**40 - 1), st.integers(0, 2**40 - 1))
+def test_bits_and_columns_are_two_forms_of_one_keyframe(mask: int, value: int) -> None:
+    column = column_of(mask, value & mask)
+    assert bits_of(column) == (mask, value & mask)
+    assert np.count_nonzero(column == WILDCARD) == 40 - bin(mask).count("1")
+
+
+def test_a_population_grows_fitter_until_the_class_is_told_apart() -> None:
+    classes = clips(5)
+    training = training_of(classes, "both")
+    means: list[float] = []
+
+    def observe(generation: int, population: Sequence[Individual]) -> None:
+        assert generation == len(means) and len(population) == QUICK.population
+        means.append(float(np.mean([training.quality(individual, 2.0).fitness for individual in population])))
+
+    best = evolve(training, strict_template(classes["both"]), QUICK, np.random.default_rng(2), observe)
+    assert len(means) == QUICK.generations
+    assert means == sorted(means) and means[0] < means[-1]
+    assert training.quality(best, 2.0).fitness == 1.0
+
+
+@pytest.mark.shared_data
+def test_keyframes_learned_from_two_actors_find_the_third(shared_data: Path) -> None:
+    kinds = ("squat1Reps", "elbowToKnee1RepsLelbowStart", "kickLFront1Reps", "rotateArmsBothBackward1Reps")
+    seen: dict[str, list[FeatureMatrix]] = {kind: [] for kind in kinds}
+    unseen: dict[str, list[FeatureMatrix]] = {kind: [] for kind in kinds}
+    for kind in kinds:
+        for path in sorted((shared_data / "mocap" / "hdm05").glob(f"*_{kind}_*.amc")):
+            (unseen if "_bk_" in path.name else seen)[kind].append(relational_features(load_motion(path)))
+    learned = learn(seen, LearningSettings(runs=6), np.random.default_rng(0), labels=["squat1Reps"])["squat1Reps"]
+    assert learned.training.fitness == 1.0
+    assert training_of(unseen, "squat1Reps").quality(learned.individual, 2.0).fitness > 0.9
+
+
+def test_distances_of_fixed_keyframes_are_fitted() -> None:
+    classes = clips(5)
+    training = training_of(classes, "both")
+    breeder = Breeder(strict_template(classes["both"]), QUICK, np.random.default_rng(0))
+    scored = with_best_distances(training, breeder, [(10, 1, 1), (21, 2, 2)], QUICK)
+    assert scored.fitness == 1.0 and scored.individual.masks == (1, 2)
+
+
+def test_the_most_frequent_keyframes_stand_out() -> None:
+    often = Individual((5, 20), (0b11, 0b100), (0b01, 0b100), (5,), (15,))
+    beside = replace(often, positions=(6, 19))
+    odd = Individual((12, 28), (1 << 30, 1 << 31), (0, 0), (5,), (15,))
+    votes, counts = votes_of([often, often, odd], 30)
+    assert counts[5] == 2 and votes[1, 0, 5] == 2 and votes[0, 1, 5] == 2
+    settings = LearningSettings(most_keyframes=2, shares=(0.5,))
+    (keyframes,) = frequent_keyframes([often, often, beside, odd], 30, settings)
+    assert [(mask, value) for _, mask, value in keyframes] == [(0b11, 0b01), (0b100, 0b100)]
+    assert abs(keyframes[0][0] - 5) <= 2 and abs(keyframes[1][0] - 20) <= 2
+
+
+def test_learning_gives_the_same_queries_for_any_number_of_workers() -> None:
+    classes = clips(4)
+    settings = LearningSettings(genetic=QUICK, runs=3)
+    told: list[tuple[str, int, int]] = []
+    alone = learn(
+        classes, settings, np.random.default_rng(5), labels=["both", "left"], progress=lambda *step: told.append(step)
+    )
+    together = learn(classes, settings, np.random.default_rng(5), labels=["both", "left"], workers=2)
+    assert list(alone) == ["both", "left"]
+    for label in alone:
+        assert alone[label].query == together[label].query
+        assert alone[label].solutions == together[label].solutions
+    assert told[0] == ("both", 1, 6) and told[-1] == ("left", 6, 6)
+    assert alone["both"].training.fitness == 1.0 and alone["both"].query.label == "both"
+    assert alone["both"].accumulated.shape == (40, len(alone["both"].template))
+    other = learn(classes, settings, np.random.default_rng(6), labels=["both"])
+    assert other["both"].solutions != alone["both"].solutions
+
+
+def test_training_data_that_cannot_teach_anything_is_refused() -> None:
+    classes, rng = clips(2), np.random.default_rng(0)
+    quick = LearningSettings(genetic=QUICK, runs=1)
+    with pytest.raises(RetrievalError, match="unknown label 'kick'; the clips have both, left, right"):
+        learn(classes, quick, rng, labels=["kick"])
+    with pytest.raises(RetrievalError, match="class 'left' has no clips"):
+        learn({**classes, "left": []}, quick, rng)
+    with pytest.raises(RetrievalError, match="has no other document"):
+        learn({"both": classes["both"]}, quick, rng)
+    with pytest.raises(RetrievalError, match="one each"):
+        TrainingSet(classes["both"], [True])
+    wild = QuantisedTemplate("wild", np.full((40, 9), WILDCARD, np.int8), np.ones(9))
+    with pytest.raises(RetrievalError, match="'wild' agree in fewer than 2 columns"):
+        Breeder(wild, QUICK, rng)
+
+
+@pytest.mark.parametrize(
+    "make",
+    [
+        lambda: GeneticSettings(population=1),
+        lambda: GeneticSettings(parents=60),
+        lambda: GeneticSettings(beta=0.0),
+        lambda: LearningSettings(runs=0),
+        lambda: LearningSettings(shares=()),
+    ],
+)
+def test_settings_out_of_range_are_refused(make: object) -> None:
+    with pytest.raises(SettingsError):
+        make()  # type: ignore[operator]

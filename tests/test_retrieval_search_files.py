@@ -1,0 +1,265 @@
+from __future__ import annotations
+
+import csv
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from toolkit.cli.retrieval import index as index_verb
+from toolkit.cli.retrieval import learn as learn_verb
+from toolkit.cli.retrieval import search as search_verb
+from toolkit.errors import RetrievalError, UsageError
+from toolkit.retrieval import query_file
+from toolkit.retrieval.automatic import ChoiceSettings, choose_query, steady_entries, template_of
+from toolkit.retrieval.features import FeatureMatrix
+from toolkit.retrieval.index import KeyframeIndex
+from toolkit.retrieval.keyframes import Keyframe, KeyframeQuery
+from toolkit.retrieval.query_file import choose_labels, load_queries, save_queries
+from toolkit.retrieval.templates import WILDCARD, QuantisedTemplate
+from toolkit.retrieval.workflow import (
+    Query,
+    index_motions,
+    labels_of,
+    load_motion,
+    query_by_example,
+    save_matches,
+    search,
+)
+
+KICK = KeyframeQuery(
+    (Keyframe("upper", (("F1", 1),)), Keyframe("lower", (("F21", 1),)), Keyframe("mixed", (("F40", 0),))),
+    ((0, 0), (2, None)),
+    lead=3,
+    tail=8,
+    label="kick",
+)
+
+
+def documents(seed: int = 0) -> list[FeatureMatrix]:
+    """Three documents of slowly changing features."""
+    rng = np.random.default_rng(seed)
+    return [FeatureMatrix(f"doc{i}", np.repeat(rng.random((40, 20)) < 0.4, 5, axis=1)) for i in range(3)]
+
+
+# the automatic choice
+
+
+def test_entries_near_a_change_become_wildcards() -> None:
+    values = np.zeros((40, 9), np.int8)
+    values[3, 4:] = 1
+    steady = steady_entries(values, 1)
+    assert steady[3].tolist() == [0, 0, 0, WILDCARD, WILDCARD, 1, 1, 1, 1]
+    assert not (steady[2] == WILDCARD).any()
+
+
+def test_the_column_with_most_ones_away_from_the_ends_is_chosen() -> None:
+    values = np.zeros((40, 50), np.int8)
+    values[14:20, 21:26] = 1
+    values[14:24, 0:3] = 1
+    query = choose_query(QuantisedTemplate("a", values, np.ones(50)), ChoiceSettings(most=1), "a")
+    lower = next(k for k in query.keyframes if k.feature_set == "lower")
+    assert dict(lower.values) == {f"F{n}": int(n <= 20) for n in range(15, 27)}
+    assert query.lead + query.tail < 50 and query.label == "a"
+
+
+def test_keyframes_of_one_set_stand_apart() -> None:
+    values = np.zeros((40, 60), np.int8)
+    values[14:24, 20:24], values[14:24, 27:29], values[14:22, 40:44] = 1, 1, 1
+    query = choose_query(QuantisedTemplate("a", values, np.ones(60)), ChoiceSettings(most=2, least_score=1.1))
+    assert [k.feature_set for k in query.keyframes] == ["lower", "lower"]
+    assert query.bounds[0][0] >= 0.5 * (40 - 24) - 1
+
+
+def test_a_template_of_wildcards_has_no_keyframes() -> None:
+    wild = QuantisedTemplate("wild", np.full((40, 30), WILDCARD, np.int8), np.ones(30))
+    with pytest.raises(RetrievalError, match="no column of 'wild'"):
+        choose_query(wild, ChoiceSettings())
+
+
+def test_an_example_finds_itself_and_its_slower_copy() -> None:
+    original = documents()[0]
+    slower = FeatureMatrix("slower", np.repeat(original.values, 2, axis=1))
+    index = KeyframeIndex.build([*documents(1), FeatureMatrix("same", original.values), slower])
+    template = template_of(original.sliced(20, 60))
+    report = search(index, Query(choose_query(template, ChoiceSettings(least_score=0.2)), template))
+    assert [match.document for match in report.matches[:2]] == ["same", "slower"]
+    best = report.matches[0]
+    assert (best.cost, best.start, best.end) == (0.0, pytest.approx(20 / 30, abs=0.2), pytest.approx(2.0, abs=0.2))
+    assert 0.0 < report.share <= report.searched < 0.5
+
+
+# files
+
+
+def test_queries_come_back_from_their_file(tmp_path: Path) -> None:
+    other = KeyframeQuery((Keyframe("lower", (("F15", 0), ("F16", 1))),), label="wait")
+    save_queries(tmp_path / "queries.json", [KICK, other])
+    loaded = load_queries(tmp_path / "queries.json")
+    assert loaded == [KICK, other] and [query.label for query in loaded] == ["kick", "wait"]
+    assert choose_labels(loaded, ["wait"]) == [other] and choose_labels(loaded, None) == loaded
+
+
+def test_a_query_written_by_hand_may_mix_sets(tmp_path: Path) -> None:
+    path = tmp_path / "mine.json"
+    keyframes = [{"F21": 1, "F1": 1}, {"F40": 0}]
+    path.write_text(json.dumps({"version": 1, "queries": [{"keyframes": keyframes, "distances": [[2, None]]}]}))
+    (query,) = load_queries(path)
+    assert (query.keyframes, query.bounds, query.lead) == (KICK.keyframes, KICK.bounds, 0)
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("nothing like it", "no query file"),
+        ("[1, 2]", "no list of queries"),
+        ('{"version": 9, "queries": []}', "version 9, not 1"),
+        ('{"version": 1, "features": "abc", "queries": []}', "other feature definitions .abc"),
+        ('{"version": 1, "queries": [{"keyframes": [{"F77": 1}]}]}', "unknown feature 'F77'"),
+        ('{"version": 1, "queries": [{"keyframes": [{"F1": 3}]}]}', "has the value 3"),
+        ('{"version": 1, "queries": [{"frames": []}]}', "incomplete"),
+        ('{"version": 1, "queries": [{"keyframes": ["F1"]}]}', "incomplete"),
+        ('{"version": 1, "queries": [{"keyframes": [{"F1": 1}], "distances": [["a", 1]]}]}', "incomplete"),
+        ('{"version": 1, "queries": [{"keyframes": [{"F1": 1}, {"F2": 1}]}]}', "2 keyframes and 0 distances"),
+        ('{"version": 1, "queries": [{"keyframes": [{"F1": 1}, {}], "distances": [[0, 1]]}]}', "no empty keyframe"),
+        ('{"version": 1, "queries": [{"keyframes": [{"F1": 1}, {"F2": 1}], "distances": [[3, 1]]}]}', "from 3 to 1"),
+    ],
+)
+def test_a_query_file_that_cannot_be_used_is_refused(text: str, message: str, tmp_path: Path) -> None:
+    path = tmp_path / "queries.json"
+    path.write_text(text)
+    with pytest.raises(RetrievalError, match=message) as caught:
+        load_queries(path)
+    assert "\n" not in str(caught.value)
+
+
+def test_a_missing_query_file_or_label_is_named(tmp_path: Path) -> None:
+    with pytest.raises(RetrievalError, match="cannot read the queries"):
+        load_queries(tmp_path / "none.json")
+    with pytest.raises(RetrievalError, match="no query for the label 'punch'; there are: kick"):
+        choose_labels([KICK], ["punch"])
+    assert query_file.QUERY_VERSION == 1
+
+
+def test_results_are_written_as_csv_or_json(tmp_path: Path) -> None:
+    query = KeyframeQuery((Keyframe("upper", (("F1", 1),)),), label="up")
+    report = search(KeyframeIndex.build(documents()), Query(query))
+    assert report.refined_milliseconds == 0.0 and len(report.matches) == len(report.ranges) > 3
+    save_matches(tmp_path / "hits.csv", [report])
+    save_matches(tmp_path / "hits.json", [report])
+    rows = list(csv.DictReader((tmp_path / "hits.csv").read_text().splitlines()))
+    entries = json.loads((tmp_path / "hits.json").read_text())
+    assert [row["document"] for row in rows] == [entry["document"] for entry in entries]
+    assert float(rows[0]["end"]) == pytest.approx(entries[0]["end"], abs=1e-4) and rows[0]["label"] == "up"
+    with pytest.raises(UsageError, match="'hits.txt'"):
+        save_matches(tmp_path / "hits.txt", [report])
+
+
+def test_documents_shorter_than_the_template_are_refused() -> None:
+    index = KeyframeIndex.build([FeatureMatrix("short", np.zeros((40, 10), dtype=bool))])
+    template = template_of(FeatureMatrix("long example", np.zeros((40, 90), dtype=bool)))
+    with pytest.raises(RetrievalError, match="longest document of the index has 10 frames .* 'long example' needs 46"):
+        search(index, Query(choose_query(template, ChoiceSettings()), template))
+
+
+# labels
+
+
+def test_labels_come_from_folders_names_or_a_table(tmp_path: Path) -> None:
+    files = [tmp_path / "kick" / "bd_kick_1.bvh", tmp_path / "wave" / "bd_wave_7.bvh"]
+    assert list(labels_of(files).values()) == ["kick", "wave"]
+    assert list(labels_of(files, r"bd_(?P<label>\w+)_\d").values()) == ["kick", "wave"]
+    table = tmp_path / "labels.csv"
+    table.write_text("clip,label\nbd_kick_1,foot\nbd_wave_7,hand\n")
+    assert list(labels_of(files, table=table).values()) == ["foot", "hand"]
+
+
+def test_labels_that_cannot_be_told_are_refused(tmp_path: Path) -> None:
+    files, table = [tmp_path / "bd_kick_1.bvh"], tmp_path / "labels.csv"
+    with pytest.raises(RetrievalError, match="bd_kick_1.bvh has no label by pattern"):
+        labels_of(files, r"(?P<label>wave).*")
+    with pytest.raises(UsageError, match="no group named label"):
+        labels_of(files, r"bd_(\w+)")
+    with pytest.raises(UsageError, match="no regular expression"):
+        labels_of(files, r"bd_(")
+    with pytest.raises(UsageError, match="not from both"):
+        labels_of(files, r"(?P<label>.*)", table)
+    with pytest.raises(RetrievalError, match="cannot read the labels"):
+        labels_of(files, table=table)
+    table.write_text("name,class\nx,y\n")
+    with pytest.raises(RetrievalError, match="no columns clip and label"):
+        labels_of(files, table=table)
+    table.write_text("clip,label\nother,y\n")
+    with pytest.raises(RetrievalError, match="bd_kick_1.bvh has no label in"):
+        labels_of(files, table=table)
+
+
+# real motions and the commands
+
+
+@pytest.fixture(scope="module")
+def squats(shared_data: Path) -> list[Path]:
+    folder = shared_data / "mocap" / "hdm05"
+    return sorted(folder.glob("HDM_bd_squat1Reps_00*.amc"))[:4] + sorted(folder.glob("HDM_bd_kickLFront*.amc"))[:4]
+
+
+@pytest.mark.shared_data
+def test_an_index_grows_by_the_clips_that_are_added(squats: list[Path], tmp_path: Path) -> None:
+    path = tmp_path / "motions.index"
+    index_motions(squats[:2], path)
+    steps: list[tuple[str, int, int]] = []
+    grown = index_motions(squats[2:4], path, add=True, progress=lambda *step: steps.append(step))
+    assert grown.names == tuple(file.stem for file in squats[:4]) == KeyframeIndex.open(path).names
+    assert steps[-1] == ("features", 2, 2)
+    with pytest.raises(RetrievalError, match="two documents have the name 'HDM_bd_squat"):
+        index_motions(squats[:1], path, add=True)
+    assert len(KeyframeIndex.open(path)) == 4
+
+
+@pytest.mark.shared_data
+def test_an_example_from_a_clip_ranks_its_own_class_first(squats: list[Path], tmp_path: Path) -> None:
+    index = index_motions(squats, tmp_path / "motions.index")
+    duration = load_motion(squats[0]).duration
+    report = search(index, query_by_example(squats[0], 0.1, duration - 0.1))
+    assert report.matches[0].document == squats[0].stem
+    assert all("squat" in match.document for match in report.matches)
+    assert {match.document for match in report.matches} == {file.stem for file in squats[:4]}
+
+
+@pytest.mark.shared_data
+def test_an_example_outside_of_its_clip_is_refused(squats: list[Path]) -> None:
+    with pytest.raises(UsageError, match="0.5 to 900 s is no stretch of 'HDM_bd_squat1Reps_001_120'"):
+        query_by_example(squats[0], 0.5, 900.0)
+    with pytest.raises(UsageError, match="1 to 0.5 s"):
+        query_by_example(squats[0], 1.0, 0.5)
+    with pytest.raises(RetrievalError, match="0.10 s is too short"):
+        query_by_example(squats[0], 0.5, 0.6)
+
+
+@pytest.mark.shared_data
+def test_the_commands_index_learn_and_search(squats: list[Path], tmp_path: Path) -> None:
+    import typer
+
+    app = typer.Typer()
+    for name, verb in (("index", index_verb), ("search", search_verb), ("learn", learn_verb)):
+        app.command(name)(verb)
+
+    def run(*arguments: object) -> str:
+        result = CliRunner().invoke(app, [str(argument) for argument in arguments])
+        if result.exception is not None and not isinstance(result.exception, SystemExit):
+            raise result.exception
+        assert result.exit_code == 0, result.output
+        return result.output
+
+    index, queries, hits = tmp_path / "motions.index", tmp_path / "queries.json", tmp_path / "hits.csv"
+    assert "8 motions" in run("index", *squats, "--output", index)
+    pattern = r"HDM_\w\w_(?P<label>\w+)_\d+_\d+"
+    assert "1.000" in run("learn", *squats, "--pattern", pattern, "--runs", 2, "--output", queries)
+    assert "squat1Reps" in run("search", index, "--queries", queries, "--label", "squat1Reps", "--output", hits)
+    rows = list(csv.DictReader(hits.read_text().splitlines()))
+    assert {row["document"] for row in rows} >= {file.stem for file in squats[:4]}
+    assert squats[0].stem in run("search", index, "--by-example", squats[0], "--from", 0.1, "--to", 0.9)
+    with pytest.raises(UsageError, match="exactly one"):
+        run("search", index)

@@ -1,0 +1,358 @@
+"""One run of the genetic algorithm that learns a keyframe query from examples (thesis, Sections 4.1 to 4.4)."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from itertools import combinations, pairwise
+
+import numpy as np
+
+from toolkit.errors import RetrievalError, SettingsError
+from toolkit.kernels.keyframe_search import keyframe_search
+from toolkit.retrieval.features import FEATURES, FeatureMatrix
+from toolkit.retrieval.index import RunLists
+from toolkit.retrieval.templates import QuantisedTemplate, pack
+
+FEWEST_KEYFRAMES: int = 2
+LONGEST_DISTANCE: int = 2
+"""Greatest admissible distance of two keyframes that mutation reaches, in units of the template's."""
+CACHED_LISTS: int = 1024
+"""Inverted keyframe lists that a training set keeps before it starts anew."""
+
+
+@dataclass(frozen=True)
+class GeneticSettings:
+    """Settings of the genetic algorithm; the defaults are the thesis's.
+
+    Attributes
+    ----------
+    population : M, individuals that survive a generation
+    generations : G
+    parents : r, individuals recombined pairwise, giving r (r - 1) / 2 offspring per generation
+    beta : weight of recall against precision in the fitness
+    mean_keyframes, keyframes_deviation : of the normal distribution that the first individuals' numbers of keyframes
+    come from
+    """
+
+    population: int = 50
+    generations: int = 100
+    parents: int = 5
+    beta: float = 2.0
+    mean_keyframes: float = 3.0
+    keyframes_deviation: float = 2.0
+
+    def __post_init__(self) -> None:
+        for name, least in (("population", 2), ("generations", 1), ("parents", 2)):
+            if getattr(self, name) < least:
+                raise SettingsError(f"{name} {getattr(self, name)} is too small; give {least} or more")
+        if self.parents > self.population:
+            raise SettingsError(f"{self.parents} parents are more than the population of {self.population}; give fewer")
+        if not (self.beta > 0 and self.keyframes_deviation >= 0):
+            raise SettingsError(f"beta {self.beta} and deviation {self.keyframes_deviation} have to be above 0")
+
+
+PlacedKeyframe = tuple[int, int, int]
+"""(template column, mask, value): bits of the features that are not wildcards, and of those that have to be 1."""
+
+
+@dataclass(frozen=True)
+class Individual:
+    """A keyframe query in the learner's form (V, d'), Eq. 4.1 and 4.3; a keyframe spans all 40 features.
+
+    Attributes
+    ----------
+    positions : template column that each of the K keyframes came from, ascending, from 0
+    masks : per keyframe, bits of the features that are not wildcards, never 0
+    values : per keyframe, bits of the features that have to be 1
+    minimum, maximum : admissible distances in frames of neighbouring keyframes, K - 1 each
+    """
+
+    positions: tuple[int, ...]
+    masks: tuple[int, ...]
+    values: tuple[int, ...]
+    minimum: tuple[int, ...]
+    maximum: tuple[int, ...]
+
+    @classmethod
+    def of(cls, keyframes: Sequence[PlacedKeyframe], bounds: Sequence[tuple[int, ...]]) -> Individual:
+        """An individual of keyframes in order and (least, greatest) distances between them."""
+        positions, masks, values = zip(*keyframes, strict=True)
+        minimum, maximum = zip(*bounds, strict=True)
+        return cls(positions, masks, values, minimum, maximum)
+
+    @property
+    def generality(self) -> tuple[int, int]:
+        """How little is asked for: minus the entries other than wildcards, then the freedom in all distances."""
+        entries = sum(mask.bit_count() for mask in self.masks)
+        return -entries, sum(self.maximum) - sum(self.minimum)
+
+    @property
+    def keyframes(self) -> tuple[PlacedKeyframe, ...]:
+        """The keyframes with their places."""
+        return tuple(zip(self.positions, self.masks, self.values, strict=True))
+
+
+@dataclass(frozen=True)
+class Quality:
+    """Precision, recall and F-measure of a query over documents, Eq. 4.9 to 4.11; all 0 where nothing relevant is
+    found."""
+
+    precision: float
+    recall: float
+    fitness: float
+
+    @classmethod
+    def of(cls, retrieved: np.ndarray, relevant: np.ndarray, beta: float = 2.0) -> Quality:
+        """Compare two boolean arrays (D,)."""
+        true = int(np.count_nonzero(retrieved & relevant))
+        if true == 0:
+            return cls(0.0, 0.0, 0.0)
+        precision, recall = true / int(np.count_nonzero(retrieved)), true / int(np.count_nonzero(relevant))
+        return cls(precision, recall, (1 + beta**2) * precision * recall / (beta**2 * precision + recall))
+
+
+class TrainingSet:
+    """Documents with the class to learn marked; answers which of them an individual retrieves.
+
+    Inverted keyframe lists are kept for a while, since offspring share most of their keyframes with their parents.
+    """
+
+    def __init__(self, documents: Sequence[FeatureMatrix], relevant: Sequence[bool]) -> None:
+        """Index the documents.
+
+        Parameters
+        ----------
+        documents : positive and negative examples T
+        relevant : bool per document, True for the examples T+ of the class
+
+        Raises
+        ------
+        RetrievalError
+            No positive or no negative example.
+        """
+        self.relevant = np.asarray(relevant, dtype=bool)
+        if self.relevant.shape != (len(documents),):
+            raise RetrievalError(f"{len(documents)} documents came with {self.relevant.size} marks; give one each")
+        if not self.relevant.any() or self.relevant.all():
+            kind = "relevant" if not self.relevant.any() else "other"
+            raise RetrievalError(f"the training set has no {kind} document; keyframes are learned from both kinds")
+        self.document_starts = np.cumsum([0, *(len(document) for document in documents)])
+        vectors = np.concatenate([pack(document.values) for document in documents])
+        self._lists = RunLists.of(vectors, self.document_starts)
+        self._cache: dict[tuple[int, int], tuple[np.ndarray, np.ndarray]] = {}
+
+    @property
+    def frames(self) -> int:
+        """Number of frames of all documents."""
+        return int(self.document_starts[-1])
+
+    def retrieved(self, individual: Individual) -> np.ndarray:
+        """Documents with at least one hit (Algorithm 1), bool (D,)."""
+        lists = [self._segments(mask, value) for mask, value in zip(individual.masks, individual.values, strict=True)]
+        found = np.zeros(len(self.relevant), dtype=bool)
+        ranges = keyframe_search(
+            np.concatenate([starts for starts, _ in lists]),
+            np.concatenate([ends for _, ends in lists]),
+            np.cumsum([0, *(len(starts) for starts, _ in lists)]),
+            np.array(individual.minimum, np.int64),
+            np.array(individual.maximum, np.int64),
+            self.document_starts,
+        )
+        found[np.searchsorted(self.document_starts, ranges[:, 0], side="right") - 1] = True
+        return found
+
+    def quality(self, individual: Individual, beta: float) -> Quality:
+        """Precision, recall and fitness of an individual on these documents."""
+        return Quality.of(self.retrieved(individual), self.relevant, beta)
+
+    def _segments(self, mask: int, value: int) -> tuple[np.ndarray, np.ndarray]:
+        if (mask, value) not in self._cache:
+            if len(self._cache) >= CACHED_LISTS:
+                self._cache.clear()
+            starts, ends, _ = self._lists.segments(mask, value)
+            self._cache[mask, value] = starts, ends
+        return self._cache[mask, value]
+
+
+class Breeder:
+    """The operations that make individuals from a strict template, each with randomness from one generator."""
+
+    def __init__(self, template: QuantisedTemplate, settings: GeneticSettings, rng: np.random.Generator) -> None:
+        """Prepare the template's columns.
+
+        Raises
+        ------
+        RetrievalError
+            Fewer than two columns have an entry other than the wildcard.
+        """
+        self.settings, self.rng = settings, rng
+        masks, ones = pack(~template.wildcards), pack(template.values == 1)
+        self.columns = {n: (int(masks[n]), int(ones[n])) for n in range(len(template)) if masks[n]}
+        if len(self.columns) < FEWEST_KEYFRAMES:
+            raise RetrievalError(
+                f"the clips of class {template.name!r} agree in fewer than {FEWEST_KEYFRAMES} columns of their "
+                "template; give clips of one kind of motion"
+            )
+        self._positions = list(self.columns)
+
+    def individual(self) -> Individual:
+        """Algorithm 2: K random columns of the template with random tolerances of their distances."""
+        wanted = round(self.rng.normal(self.settings.mean_keyframes, self.settings.keyframes_deviation))
+        count = min(max(FEWEST_KEYFRAMES, wanted), len(self._positions))
+        chosen = sorted(self.rng.choice(self._positions, count, replace=False).tolist())
+        return self.assembled([(n, *self.columns[n]) for n in chosen])
+
+    def assembled(self, keyframes: Sequence[PlacedKeyframe]) -> Individual:
+        """An individual of keyframes in order, with new admissible distances (Algorithm 2, line 7)."""
+        return Individual.of(keyframes, [self.tolerance(b[0] - a[0]) for a, b in pairwise(keyframes)])
+
+    def tolerance(self, distance: int) -> tuple[int, int]:
+        """Random admissible distances around one of the template (Algorithm 2, lines 8 to 10), rounded outwards."""
+        half = distance / 2
+        down, up = self.rng.uniform(0.0, 2.0, 2)
+        return max(0, int(np.floor(half - round(half * down)))), int(np.ceil(half + round(half * up)))
+
+    def recombined(self, a: Individual, b: Individual) -> Individual:
+        """Some keyframes of each parent in the order of their columns; at equal columns the first parent's is taken."""
+        merged = {keyframe[0]: keyframe for parent in (b, a) for keyframe in self._some(parent.keyframes)}
+        while len(merged) < FEWEST_KEYFRAMES:
+            keyframe = a.keyframes[self.rng.integers(len(a.keyframes))]
+            merged[keyframe[0]] = keyframe
+        return self.assembled([merged[n] for n in sorted(merged)])
+
+    def _some(self, keyframes: Sequence[PlacedKeyframe]) -> list[PlacedKeyframe]:
+        count = self.rng.integers(1, len(keyframes), endpoint=True)
+        return [keyframes[i] for i in self.rng.permutation(len(keyframes))[:count]]
+
+    def mutated(self, individual: Individual) -> Individual:
+        """One of the three mutations, chosen at random."""
+        return (self.with_other_keyframes, self.with_other_entry, self.with_other_distances)[self.rng.integers(3)](
+            individual
+        )
+
+    def with_other_keyframes(self, individual: Individual) -> Individual:
+        """Add a random column of the template or remove a random keyframe."""
+        count = len(individual.positions)
+        free = [n for n in self._positions if n not in individual.positions]
+        if count > FEWEST_KEYFRAMES and (not free or self.rng.random() < 0.5):
+            return self._without(individual, int(self.rng.integers(count)))
+        return self._with(individual, free[self.rng.integers(len(free))]) if free else individual
+
+    def _without(self, individual: Individual, k: int) -> Individual:
+        """Remove keyframe k; where it stood between two others, their distances add up."""
+        keyframes = [*individual.keyframes[:k], *individual.keyframes[k + 1 :]]
+        bounds = list(zip(individual.minimum, individual.maximum, strict=True))
+        around = bounds[max(k - 1, 0) : k + 1]
+        joined = [tuple(map(sum, zip(*around, strict=True)))] if 0 < k < len(bounds) else []
+        return Individual.of(keyframes, [*bounds[: max(k - 1, 0)], *joined, *bounds[k + 1 :]])
+
+    def _with(self, individual: Individual, position: int) -> Individual:
+        """Add a column of the template; the gaps beside it get new distances."""
+        k = sum(n < position for n in individual.positions)
+        keyframes = [*individual.keyframes[:k], (position, *self.columns[position]), *individual.keyframes[k:]]
+        gaps = [b[0] - a[0] for a, b in pairwise(keyframes[max(k - 1, 0) : k + 2])]
+        bounds = list(zip(individual.minimum, individual.maximum, strict=True))
+        return Individual.of(keyframes, [*bounds[: max(k - 1, 0)], *map(self.tolerance, gaps), *bounds[k:]])
+
+    def with_other_entry(self, individual: Individual) -> Individual:
+        """Generalise some entries of a random keyframe to wildcards, or specialise one wildcard to 0 or 1."""
+        k = int(self.rng.integers(len(individual.masks)))
+        mask, value = individual.masks[k], individual.values[k]
+        known = [i for i in range(len(FEATURES)) if mask >> i & 1]
+        free = [i for i in range(len(FEATURES)) if not mask >> i & 1]
+        if len(known) > 1 and (not free or self.rng.random() < 0.5):
+            count = self.rng.integers(1, len(known))
+            bits = sum(1 << known[i] for i in self.rng.permutation(len(known))[:count])
+            mask, value = mask & ~bits, value & ~bits
+        else:
+            bit = 1 << free[self.rng.integers(len(free))]
+            mask, value = mask | bit, value | (bit if self.rng.random() < 0.5 else 0)
+        return replace(
+            individual,
+            masks=(*individual.masks[:k], mask, *individual.masks[k + 1 :]),
+            values=(*individual.values[:k], value, *individual.values[k + 1 :]),
+        )
+
+    def with_other_distances(self, individual: Individual) -> Individual:
+        """Move every admissible distance by up to a quarter of the template's, at least one frame, up or down.
+
+        None grows beyond `LONGEST_DISTANCE` times the template's distance: cut clips end before it would cost anything,
+        long documents do not.
+        """
+        gaps = np.diff(individual.positions)
+        reach = np.maximum(1, np.rint(gaps / 4)).astype(np.int64)
+        low, high = self.rng.integers(-reach, reach, size=(2, len(gaps)), endpoint=True)
+        minimum = np.clip(individual.minimum + low, 0, LONGEST_DISTANCE * gaps)
+        maximum = np.clip(individual.maximum + high, minimum, np.maximum(minimum, LONGEST_DISTANCE * gaps))
+        return replace(individual, minimum=tuple(minimum.tolist()), maximum=tuple(maximum.tolist()))
+
+
+def sampled_universally(fitness: np.ndarray, count: int, rng: np.random.Generator) -> np.ndarray:
+    """Stochastic universal sampling (Baker 1987): `count` indices, each expected in proportion to its fitness."""
+    total = np.cumsum(fitness)
+    if total[-1] <= 0.0:
+        return rng.integers(len(fitness), size=count)
+    pointers = (rng.random() + np.arange(count)) * (total[-1] / count)
+    return np.minimum(np.searchsorted(total, pointers, side="right"), len(fitness) - 1)
+
+
+Observer = Callable[[int, Sequence[Individual]], None]
+"""Called with the number of the generation, from 0, and its population, the best first."""
+
+
+@dataclass(frozen=True)
+class Scored:
+    """An individual and its fitness; the smaller in order, the better.
+
+    Among equally fit individuals the more general one is better: training data soon cannot tell them apart, and what
+    one of them asks for beyond the other is no more than a chance to miss another actor. This order goes beyond the
+    thesis.
+    """
+
+    individual: Individual
+    fitness: float
+
+    def __lt__(self, other: Scored) -> bool:
+        if self.fitness != other.fitness:
+            return self.fitness > other.fitness
+        return self.individual.generality > other.individual.generality
+
+
+def evolve(
+    training: TrainingSet,
+    template: QuantisedTemplate,
+    settings: GeneticSettings,
+    rng: np.random.Generator,
+    observe: Observer | None = None,
+) -> Individual:
+    """Algorithm 3: the best individual after all generations."""
+    breeder = Breeder(template, settings, rng)
+
+    def scored(individual: Individual) -> Scored:
+        return Scored(individual, training.quality(individual, settings.beta).fitness)
+
+    population = sorted(scored(breeder.individual()) for _ in range(settings.population))
+    for generation in range(settings.generations):
+        if observe is not None:
+            observe(generation, [member.individual for member in population])
+        fitness = np.array([member.fitness for member in population])
+        parents = [population[i].individual for i in sampled_universally(fitness, settings.parents, rng)]
+        offspring = [breeder.mutated(breeder.recombined(a, b)) for a, b in combinations(parents, 2)]
+        population = sorted([*population, *map(scored, offspring)])[: settings.population]
+    return population[0].individual
+
+
+def with_best_distances(
+    training: TrainingSet, breeder: Breeder, keyframes: Sequence[PlacedKeyframe], settings: GeneticSettings
+) -> Scored:
+    """Fixed keyframes with distances found in the same manner: Algorithm 2 for a start, then only their mutation."""
+
+    def scored(individual: Individual) -> Scored:
+        return Scored(individual, training.quality(individual, settings.beta).fitness)
+
+    survivors = sorted(scored(breeder.assembled(keyframes)) for _ in range(settings.population))[: settings.parents]
+    for _ in range(settings.generations):
+        offspring = [breeder.with_other_distances(member.individual) for member in survivors]
+        survivors = sorted([*survivors, *map(scored, offspring)])[: settings.parents]
+    return survivors[0]

@@ -1,0 +1,302 @@
+"""Keyframe queries learned from many runs of the genetic algorithm (thesis, Section 4.4)."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import astuple, dataclass, field, replace
+
+import numpy as np
+
+from toolkit.errors import RetrievalError, SettingsError
+from toolkit.retrieval.features import FEATURES, BodyLengths, FeatureMatrix, relational_features
+from toolkit.retrieval.genetic import (
+    FEWEST_KEYFRAMES,
+    Breeder,
+    GeneticSettings,
+    Individual,
+    PlacedKeyframe,
+    Quality,
+    Scored,
+    TrainingSet,
+    evolve,
+    with_best_distances,
+)
+from toolkit.retrieval.keyframes import Keyframe, KeyframeQuery, keyframes_of_column
+from toolkit.retrieval.motion import Motion
+from toolkit.retrieval.templates import WILDCARD, MotionTemplate, QuantisedTemplate
+
+Progress = Callable[[str, int, int], None]
+"""Called with the label being learned, the genetic runs done and the runs asked for, over all labels."""
+
+
+@dataclass(frozen=True)
+class LearningSettings:
+    """How keyframes are learned.
+
+    Attributes
+    ----------
+    genetic : settings of one run
+    runs : genetic runs per class; the thesis uses 100 to 500
+    proportions : every clip is learned from once more per factor, as if its actor's own lengths were longer by that
+    factor
+    reach : keyframes at most this many template columns apart count as the same one
+    most_keyframes : largest number of keyframes extracted
+    shares : an entry is extracted if at least this share of the runs' keyframes around its column have it; the best
+    share is kept
+    """
+
+    genetic: GeneticSettings = field(default_factory=GeneticSettings)
+    runs: int = 100
+    proportions: tuple[float, ...] = (0.8, 1.25)
+    reach: int = 2
+    most_keyframes: int = 3
+    shares: tuple[float, ...] = (0.6, 0.5, 0.4, 0.3, 0.2, 0.1)
+
+    def __post_init__(self) -> None:
+        if self.runs < 1 or self.reach < 0 or self.most_keyframes < FEWEST_KEYFRAMES or not self.shares:
+            raise SettingsError(
+                f"{self.runs} runs, reach {self.reach}, {self.most_keyframes} keyframes and {len(self.shares)} shares "
+                f"learn nothing; give at least 1, 0, {FEWEST_KEYFRAMES} and 1"
+            )
+
+
+@dataclass(frozen=True, eq=False)
+class LearnedQuery:
+    """What was learned about one class.
+
+    Attributes
+    ----------
+    query : the keyframe query, labelled
+    individual : the same in the learner's form
+    training : its quality on the training set
+    template : the strict template that the runs began with
+    solutions : the best individual of each run
+    """
+
+    query: KeyframeQuery
+    individual: Individual
+    training: Quality
+    template: QuantisedTemplate
+    solutions: tuple[Individual, ...]
+
+    @property
+    def accumulated(self) -> np.ndarray:
+        """The runs' keyframes added up per template column, float64 (40, N), 0.5 for wildcards (Fig. 4.2a)."""
+        votes, _ = votes_of(self.solutions, len(self.template))
+        return 0.5 + 0.5 * (votes[1] - votes[0]) / len(self.solutions)
+
+
+def with_other_proportions(motion: Motion, factors: Sequence[float]) -> list[FeatureMatrix]:
+    """Features of a motion, and once more for each factor on the actor's own units of length.
+
+    All thresholds on lengths and speeds move by that factor, as they would for another actor or another style; angles
+    stay. A few clips of few actors show too little of this, and keyframes learned from them alone ask for too much.
+    """
+    lengths = BodyLengths.of(motion)
+    matrices = [relational_features(motion, lengths)]
+    for factor in factors:
+        scaled = relational_features(motion, BodyLengths(*(factor * length for length in astuple(lengths))))
+        matrices.append(replace(scaled, name=f"{motion.name} (lengths x {factor:g})"))
+    return matrices
+
+
+def learn(
+    classes: Mapping[str, Sequence[FeatureMatrix]],
+    settings: LearningSettings,
+    rng: np.random.Generator,
+    *,
+    labels: Sequence[str] | None = None,
+    others: Sequence[FeatureMatrix] = (),
+    workers: int = 1,
+    progress: Progress | None = None,
+) -> dict[str, LearnedQuery]:
+    """Learn one keyframe query per class, with the documents of all other classes as counterexamples.
+
+    The result depends on `rng` alone, not on the number of workers.
+
+    Parameters
+    ----------
+    classes : label -> cut clips of that class, at 30 Hz
+    settings : how
+    rng : source of all randomness
+    labels : classes to learn; all by default
+    others : further counterexamples without a label
+    workers : processes
+    progress : told after each genetic run
+
+    Raises
+    ------
+    RetrievalError
+        An unknown label, a class without clips, or nothing to tell the class from.
+    """
+    labels = list(classes) if labels is None else list(labels)
+    for label in labels:
+        if label not in classes:
+            raise RetrievalError(f"unknown label {label!r}; the clips have {', '.join(sorted(classes)) or 'none'}")
+    empty = [label for label, clips in classes.items() if not clips]
+    if empty:
+        raise RetrievalError(f"class {empty[0]!r} has no clips; give it at least one or leave it out")
+    documents = [document for clips in classes.values() for document in clips] + list(others)
+    owners = np.array([label for label, clips in classes.items() for _ in clips] + [""] * len(others), dtype=object)
+    training = {label: TrainingSet(documents, owners == label) for label in labels}
+    templates = {
+        label: MotionTemplate(strict=True).fit(list(classes[label])).quantised(label, delta=0.0) for label in labels
+    }
+    tasks = [(label, int(seed)) for label in labels for seed in rng.integers(2**63, size=settings.runs)]
+    solutions: dict[str, list[Individual]] = {label: [] for label in labels}
+    runs = _runs(tasks, _Evolution(training, templates, settings.genetic), workers)
+    for done, ((label, _), individual) in enumerate(zip(tasks, runs, strict=True), start=1):
+        solutions[label].append(individual)
+        if progress is not None:
+            progress(label, done, len(tasks))
+    return {
+        label: _learned(label, training[label], templates[label], solutions[label], settings, rng) for label in labels
+    }
+
+
+@dataclass(frozen=True, eq=False)
+class _Evolution:
+    """One genetic run as a task for a worker process."""
+
+    training: Mapping[str, TrainingSet]
+    templates: Mapping[str, QuantisedTemplate]
+    settings: GeneticSettings
+
+    def __call__(self, task: tuple[str, int]) -> Individual:
+        label, seed = task
+        return evolve(self.training[label], self.templates[label], self.settings, np.random.default_rng(seed))
+
+
+_evolution: _Evolution
+
+
+def _prepare_worker(evolution: _Evolution) -> None:
+    """Keep the training data in the worker process, so that it is sent once and not with every run."""
+    global _evolution
+    _evolution = evolution
+
+
+def _run_in_worker(task: tuple[str, int]) -> Individual:
+    return _evolution(task)
+
+
+def _runs(tasks: Sequence[tuple[str, int]], evolution: _Evolution, workers: int) -> Iterator[Individual]:
+    """Results of all runs in the order of the tasks."""
+    if workers <= 1:
+        yield from map(evolution, tasks)
+        return
+    with ProcessPoolExecutor(workers, initializer=_prepare_worker, initargs=(evolution,)) as pool:
+        yield from pool.map(_run_in_worker, tasks)
+
+
+def _learned(
+    label: str,
+    training: TrainingSet,
+    template: QuantisedTemplate,
+    solutions: Sequence[Individual],
+    settings: LearningSettings,
+    rng: np.random.Generator,
+) -> LearnedQuery:
+    """Extract the most frequent keyframes of the runs in several ways and keep the best on the training set."""
+    breeder = Breeder(template, settings.genetic, rng)
+    best = min(
+        (
+            with_best_distances(training, breeder, keyframes, settings.genetic)
+            for keyframes in frequent_keyframes(solutions, len(template), settings)
+        ),
+        default=min(Scored(s, training.quality(s, settings.genetic.beta).fitness) for s in solutions),
+    )
+    individual = best.individual
+    quality = training.quality(individual, settings.genetic.beta)
+    return LearnedQuery(query_of(individual, len(template), label), individual, quality, template, tuple(solutions))
+
+
+def votes_of(solutions: Sequence[Individual], length: int) -> tuple[np.ndarray, np.ndarray]:
+    """How often each entry and each column of the template occurs among the keyframes of the runs.
+
+    Returns
+    -------
+    votes : float64 (2, 40, N), number of keyframes from a column that ask for feature value 0 and 1
+    counts : float64 (N,), number of keyframes from a column
+    """
+    votes, counts = np.zeros((2, len(FEATURES), length)), np.zeros(length)
+    for individual in solutions:
+        for position, mask, value in individual.keyframes:
+            column = column_of(mask, value)
+            votes[0, :, position] += column == 0
+            votes[1, :, position] += column == 1
+            counts[position] += 1
+    return votes, counts
+
+
+def frequent_keyframes(
+    solutions: Sequence[Individual], length: int, settings: LearningSettings
+) -> Iterator[list[PlacedKeyframe]]:
+    """The most frequent keyframes of the runs (Fig. 4.2b): candidates of two and more, each with several shares of
+    votes.
+
+    Keyframes are taken at the columns around which most runs have one, apart from each other; such a keyframe has the
+    entries that the given share of the runs' keyframes around it agree on.
+    """
+    box = np.ones(2 * settings.reach + 1)
+    votes, counts = votes_of(solutions, length)
+    votes = np.apply_along_axis(np.convolve, -1, votes, box, "same")[..., :length]
+    counts = np.convolve(counts, box, "same")[:length]
+    for wanted in range(FEWEST_KEYFRAMES, settings.most_keyframes + 1):
+        apart = max(settings.reach + 1, length // (3 * wanted))
+        positions = _peaks(counts, wanted, apart)
+        for share in settings.shares:
+            keyframes = []
+            for n in positions:
+                column = np.where(votes[1, :, n] > votes[0, :, n], 1, 0)
+                column[votes[:, :, n].max(axis=0) < share * counts[n]] = WILDCARD
+                mask, value = bits_of(column)
+                if mask:
+                    keyframes.append((n, mask, value))
+            if len(keyframes) >= FEWEST_KEYFRAMES:
+                yield keyframes
+
+
+def _peaks(counts: np.ndarray, wanted: int, apart: int) -> list[int]:
+    """Up to `wanted` columns of highest count, more than `apart` columns from each other, in order."""
+    counts = counts.copy()
+    positions: list[int] = []
+    while len(positions) < wanted and counts.max() > 0:
+        n = int(counts.argmax())
+        positions.append(n)
+        counts[max(0, n - apart) : n + apart + 1] = 0
+    return sorted(positions)
+
+
+def column_of(mask: int, value: int) -> np.ndarray:
+    """A keyframe's bits as a template column, int8 (40,)."""
+    bits = np.arange(len(FEATURES))
+    return np.where(mask >> bits & 1, value >> bits & 1, WILDCARD).astype(np.int8)
+
+
+def bits_of(column: np.ndarray) -> tuple[int, int]:
+    """Inverse of `column_of`: mask and value."""
+    mask = sum(1 << int(row) for row in np.flatnonzero(column != WILDCARD))
+    return mask, sum(1 << int(row) for row in np.flatnonzero(column == 1))
+
+
+def query_of(individual: Individual, length: int, label: str) -> KeyframeQuery:
+    """An individual as a query of the index: each keyframe split into one per feature set, at distance 0.
+
+    Parameters
+    ----------
+    individual : learned from a template
+    length : number of the template's columns, which gives the frames before and behind the keyframes
+    label : the motion class
+    """
+    keyframes: list[Keyframe] = []
+    bounds: list[tuple[int, int | None]] = []
+    for k, (_, mask, value) in enumerate(individual.keyframes):
+        group = keyframes_of_column(column_of(mask, value))
+        if k > 0:
+            bounds.append((individual.minimum[k - 1], individual.maximum[k - 1]))
+        bounds.extend([(0, 0)] * (len(group) - 1))
+        keyframes.extend(group)
+    lead, tail = individual.positions[0], length - 1 - individual.positions[-1]
+    return KeyframeQuery(tuple(keyframes), tuple(bounds), lead, tail, label)

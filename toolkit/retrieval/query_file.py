@@ -1,0 +1,103 @@
+"""Keyframe queries as JSON: short enough to read, and to write by hand."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from toolkit.errors import RetrievalError
+from toolkit.files import save_json
+from toolkit.retrieval.features import feature_fingerprint
+from toolkit.retrieval.keyframes import KeyframeQuery, keyframes_at_once
+
+QUERY_VERSION: int = 1
+
+
+def save_queries(path: str | Path, queries: Sequence[KeyframeQuery]) -> None:
+    """Write queries with the fingerprint of the features that they are about.
+
+    A query is `{"label", "keyframes": [{"F20": 1, ...}, ...], "distances": [[least, greatest or null], ...], "lead",
+    "tail"}`, distances, lead and tail in frames at 30 Hz.
+    """
+    content = [
+        {
+            "label": query.label,
+            "keyframes": [dict(keyframe.values) for keyframe in query.keyframes],
+            "distances": [list(bounds) for bounds in query.bounds],
+            "lead": query.lead,
+            "tail": query.tail,
+        }
+        for query in queries
+    ]
+    save_json(path, {"version": QUERY_VERSION, "features": feature_fingerprint(), "queries": content})
+
+
+def load_queries(path: str | Path) -> list[KeyframeQuery]:
+    """Read queries; a keyframe may name features of several sets, and `features` may be missing in a file written by
+    hand.
+
+    Raises
+    ------
+    RetrievalError
+        The file is missing, no query file, of another version, about other features, or names unknown features.
+    """
+    path = Path(path)
+    try:
+        content = json.loads(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise RetrievalError(f"cannot read the queries {path}: {error.strerror or error}; check the path") from error
+    except ValueError as error:
+        raise RetrievalError(f"{path} is no query file ({error}); write one with `depthmocap learn`") from error
+    if not isinstance(content, dict) or not isinstance(content.get("queries"), list):
+        raise RetrievalError(f"{path} has no list of queries; write one with `depthmocap learn`")
+    if content.get("version") != QUERY_VERSION:
+        raise RetrievalError(
+            f"{path} has queries of version {content.get('version')}, not {QUERY_VERSION}; make them again"
+        )
+    if content.get("features", feature_fingerprint()) != feature_fingerprint():
+        raise RetrievalError(
+            f"{path} has queries about other feature definitions ({content['features']}, here {feature_fingerprint()})"
+            "; learn them again"
+        )
+    return [_query(entry, path) for entry in content["queries"]]
+
+
+def _query(entry: dict[str, Any], path: Path) -> KeyframeQuery:
+    try:
+        groups = [keyframes_at_once(dict(keyframe)) for keyframe in entry["keyframes"]]
+        distances = [(int(a), None if b is None else int(b)) for a, b in entry.get("distances", [])]
+        lead, tail, label = int(entry.get("lead", 0)), int(entry.get("tail", 0)), str(entry.get("label", ""))
+    except (KeyError, TypeError, ValueError, AttributeError) as error:
+        raise RetrievalError(
+            f"a query in {path} is incomplete ({error!r}); give keyframes as feature: value and "
+            "distances as [least, greatest]"
+        ) from error
+    if len(distances) != len(groups) - 1 or not all(groups):
+        raise RetrievalError(
+            f"query {label!r} in {path} has {len(groups)} keyframes and {len(distances)} distances; "
+            "give one distance less than keyframes, and no empty keyframe"
+        )
+    bounds: list[tuple[int, int | None]] = []
+    for k, group in enumerate(groups):
+        bounds.extend([distances[k - 1]] if k else [])
+        bounds.extend([(0, 0)] * (len(group) - 1))
+    return KeyframeQuery(tuple(keyframe for group in groups for keyframe in group), tuple(bounds), lead, tail, label)
+
+
+def choose_labels(queries: Sequence[KeyframeQuery], labels: Sequence[str] | None) -> list[KeyframeQuery]:
+    """The queries of these labels, in their order; all where none is asked for.
+
+    Raises
+    ------
+    RetrievalError
+        A label that no query has.
+    """
+    if not labels:
+        return list(queries)
+    known = {query.label: query for query in queries}
+    for label in labels:
+        if label not in known:
+            raise RetrievalError(f"no query for the label {label!r}; there are: {', '.join(sorted(known)) or 'none'}")
+    return [known[label] for label in labels]
