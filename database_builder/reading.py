@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import hashlib
 import os
+import signal
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
 from dataclasses import dataclass
 from multiprocessing import get_context
@@ -17,7 +19,7 @@ import numpy as np
 from toolkit.body import skeleton
 from toolkit.body.body import Body
 from toolkit.database.canonical import canonicalise, mirrored
-from toolkit.errors import DepthMocapError
+from toolkit.errors import DatabaseError, DepthMocapError
 from toolkit.files import save_npz, sha256_of
 from toolkit.mocap.clip import PoseClip
 from toolkit.mocap.read import find_clips, read_clip
@@ -142,16 +144,26 @@ def process_pool(workers: int) -> Iterator[Callable[..., Iterator[Any]]]:
     """Yield a `map` in order over `workers` processes, or the built-in one for a single worker.
 
     New processes are spawned, not forked, because numerical libraries keep threads and locks that a fork would break.
+
+    Raises
+    ------
+    DatabaseError
+        A process was killed.
     """
     if workers <= 1:
         yield map
         return
-    with ProcessPoolExecutor(workers, mp_context=get_context("spawn")) as pool:
+    # Ctrl-C is handled here alone: a process that is reading finishes its file, which is kept.
+    ignore = (signal.SIGINT, signal.SIG_IGN)
+    with ProcessPoolExecutor(workers, get_context("spawn"), signal.signal, ignore) as pool:
         try:
             yield pool.map
-        except BaseException:
+        except BrokenProcessPool as error:
+            raise DatabaseError(
+                "a process of the build was killed, by lack of memory perhaps; use fewer workers"
+            ) from error
+        finally:
             pool.shutdown(wait=True, cancel_futures=True)
-            raise
 
 
 def usable_processors() -> int:

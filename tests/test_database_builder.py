@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import time
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -17,7 +18,7 @@ from tests.database_helpers import moving_clip, neutral, write_bvh
 from toolkit.body import skeleton
 from toolkit.database.canonical import canonicalise, mirrored
 from toolkit.database.database import PoseDatabase
-from toolkit.errors import MocapError, OutputError, UsageError
+from toolkit.errors import DatabaseError, MocapError, OutputError, UsageError
 from toolkit.mocap.read import read_clip
 from toolkit.mocap.retarget import retarget
 
@@ -134,6 +135,19 @@ def test_an_interrupted_build_goes_on_where_it_was(
     assert opened == ["walk.bvh"]
     assert not (tmp_path / "poses.work").exists()
     np.testing.assert_array_equal(resumed.poses, build_database([mocap], tmp_path / "again.npz").database.poses)
+
+
+def test_a_killed_process_is_an_error_in_one_sentence() -> None:
+    with pytest.raises(DatabaseError, match="was killed"), reading.process_pool(2) as mapped:
+        list(mapped(os._exit, [1, 1]))
+
+
+def test_an_interrupt_leaves_a_pool_at_once() -> None:
+    started = time.perf_counter()
+    with pytest.raises(KeyboardInterrupt), reading.process_pool(2) as mapped:
+        for _ in mapped(time.sleep, [0.0] + [0.2] * 500):
+            raise KeyboardInterrupt
+    assert time.perf_counter() - started < 20
 
 
 def test_a_kept_file_is_read_again_when_the_mocap_or_the_body_changed(mocap: Path, tmp_path: Path) -> None:
