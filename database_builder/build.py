@@ -11,6 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
+from database_builder.parts import PartsSettings, train_forest
 from database_builder.reading import (
     CanonicalPoses,
     find_sources,
@@ -80,7 +81,8 @@ def build_database(
     threshold: float = THRESHOLD,
     max_poses: int | None = None,
     body: Body | None = None,
-    mirror: bool = False,
+    mirror: bool = True,
+    parts: PartsSettings | None = PartsSettings(),
     workers: int | None = None,
     strict: bool = False,
     keep_work: bool = False,
@@ -99,6 +101,7 @@ def build_database(
     max_poses : alternative stop; None = no limit
     body : whose poses, joints and features they become; None = the neutral adult
     mirror : add the mirror image of every pose, because a tracker meets left-handed people too
+    parts : how to train the joint regressor; None = without one
     workers : processes; None = as many as there are processors
     strict : a file that cannot be used is an error; otherwise it is skipped and named in the report
     keep_work : keep the intermediate files, for another build from the same mocap
@@ -144,9 +147,13 @@ def build_database(
         "poses_read": len(pool.poses), "mirror": mirror, "max_poses": max_poses, "skipped": [list(s) for s in skipped],
         "residual": residual(body, poses, offsets),
     }  # fmt: skip
+    forest = None
+    if parts is not None:
+        forest = train_forest(poses, parts, workers=processes, progress=partial(report, "train"))
+        clock.lap("train")
     database = PoseDatabase.of_poses(
         poses, body, offsets=offsets, sources=pool.names, hashes=pool.digests, pose_source=source, pose_frame=frame,
-        mirrored=mirrored, threshold=threshold, notes=notes,
+        mirrored=mirrored, threshold=threshold, notes=notes, forest=forest,
     )  # fmt: skip
     database.save(target)
     if not keep_work:

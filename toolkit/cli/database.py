@@ -27,12 +27,14 @@ def build(
     ] = None,
     max_poses: Annotated[int | None, typer.Option(help="Stop at so many poses.")] = None,
     body: Annotated[str, typer.Option(help="Name of the body whose poses they become.")] = "neutral",
-    mirror: Annotated[bool, typer.Option("--mirror", help="Add the mirror image of every pose.")] = False,
+    mirror: Annotated[bool, typer.Option(help="Add the mirror image of every pose.")] = True,
+    parts: Annotated[bool, typer.Option(help="Train the joint regressor on the poses.")] = True,
     workers: Annotated[int | None, typer.Option(help="Processes.", show_default="one per processor")] = None,
     strict: Annotated[bool, typer.Option("--strict", help="A file that cannot be used is an error.")] = False,
 ) -> None:
     """Read motion capture, sample it evenly and write one pose database."""
     from database_builder.build import THRESHOLD, build_database
+    from database_builder.parts import PartsSettings
     from toolkit.body.shape import load_body
     from toolkit.cli.terminal import progress_bars
 
@@ -44,6 +46,7 @@ def build(
             max_poses=max_poses,
             body=load_body(body),
             mirror=mirror,
+            parts=PartsSettings() if parts else None,
             workers=workers,
             strict=strict,
             progress=bars,

@@ -20,6 +20,7 @@ from toolkit.database.origin import observed_offsets
 from toolkit.database.search import DEFAULT_SEARCH, FEATURE_SIZE, NearestNeighbours, make_search
 from toolkit.errors import DatabaseError
 from toolkit.files import save_npz
+from toolkit.landmarks.parts import JointForest
 
 FORMAT_VERSION = 1
 """Raised whenever the meaning of a stored array changes."""
@@ -42,6 +43,7 @@ class PoseDatabase:
     threshold : metres in the unit of Eq. 5.1: every two poses are farther apart (0: stopped by a maximum count only)
     body_name, body_shape, body_scale, torso_length : the body of the joints and features; the last in metres
     notes : JSON-able facts about how it was built (poses read, files skipped, residual of the offsets, settings)
+    forest : the joint regressor trained on these poses, or None
     """
 
     poses: np.ndarray
@@ -59,6 +61,7 @@ class PoseDatabase:
     body_scale: float
     torso_length: float
     notes: dict[str, Any] = field(default_factory=dict)
+    forest: JointForest | None = None
     search: str = DEFAULT_SEARCH
 
     def __post_init__(self) -> None:
@@ -98,6 +101,7 @@ class PoseDatabase:
         offsets: np.ndarray | None = None,
         threshold: float = 0.0,
         notes: dict[str, Any] | None = None,
+        forest: JointForest | None = None,
     ) -> PoseDatabase:
         """Database of canonical poses (N, P) of `body`, with joints and features; fields as in the class.
 
@@ -123,6 +127,7 @@ class PoseDatabase:
             body_scale=body.scale,
             torso_length=torso_length(body),
             notes=notes or {},
+            forest=forest,
         ).for_body(body)
 
     @cached_property
@@ -210,6 +215,8 @@ class PoseDatabase:
         """
         arrays = {name: getattr(self, name) for name in _STORED}
         arrays["notes"] = json.dumps(self.notes)
+        if self.forest is not None:
+            arrays |= {_FOREST + name: array for name, array in self.forest.arrays().items()}
         save_npz(path, {**arrays, **_identity()})
 
     @staticmethod
@@ -246,6 +253,7 @@ class PoseDatabase:
                 body_scale=float(stored["body_scale"]),
                 torso_length=float(stored["torso_length"]),
                 notes=json.loads(str(stored["notes"])),
+                forest=_stored_forest(stored),
                 search=search,
             )
         except (DatabaseError, ValueError, TypeError) as error:
@@ -253,7 +261,13 @@ class PoseDatabase:
 
 
 _ARRAYS = ("poses", "joints", "features", "offsets", "pose_source", "pose_frame", "mirrored")
-_STORED = tuple(item.name for item in fields(PoseDatabase) if item.name != "search")
+_STORED = tuple(item.name for item in fields(PoseDatabase) if item.name not in ("search", "forest"))
+_FOREST = "forest_"
+
+
+def _stored_forest(stored: dict[str, np.ndarray]) -> JointForest | None:
+    arrays = {name.removeprefix(_FOREST): array for name, array in stored.items() if name.startswith(_FOREST)}
+    return JointForest(**arrays) if arrays else None
 
 
 def _identity() -> dict[str, Any]:

@@ -16,6 +16,9 @@ from toolkit.fitting.terms import CloudTerm, PairTerm, PoseTerm, SurfaceTerm
 from toolkit.kernels import pairs, twists
 from toolkit.sensing.camera import Camera
 
+SUPPORT = 0.04
+"""Metres from a measured point at which a vertex no longer supports its joint."""
+
 
 @dataclass(frozen=True)
 class FittingSettings:
@@ -95,9 +98,7 @@ class Fitter:
             system.assemble(posed)
             for prior in self._pose_terms:
                 prior.add(system, pose)
-            twists.bounded_step(
-                system.matrix, system.vector, pose, skeleton.POSE_LIMITS, self._damping, step
-            )
+            twists.bounded_step(system.matrix, system.vector, pose, skeleton.POSE_LIMITS, self._damping, step)
             pose += step
             _wrap_root(pose)
         return pose
@@ -120,6 +121,24 @@ class Fitter:
         seen = max(int(visible.sum()), 1)
         mesh_to_cloud = (distances.sum() + s.reach * (visible.sum() - len(distances))) / seen
         return float(mesh_to_cloud + pairs.mean_nearest(scene.extrema, posed.vertices, s.reach))
+
+    def confidence(self, pose: np.ndarray, scene: Scene) -> np.ndarray:
+        """How well the frame supports each reported joint of a pose: float64 (20,), in [0, 1].
+
+        Of the chosen vertices around a joint, the share that the camera sees times how near they lie to measured points.
+        """
+        posed, s = self.posed, self.settings
+        posed.place(pose)
+        posed.draw()
+        visible = posed.find_visible(s.facing, s.hidden_tolerance)
+        points = posed.vertices[posed.chosen]
+        nearest = np.empty_like(points)
+        scene.neighbours.medians(points, visible, s.reach, 1, nearest)
+        found = np.flatnonzero(~np.isnan(nearest[:, 0]))
+        squared = ((points[found] - nearest[found]) ** 2).sum(axis=1)
+        support = np.zeros(len(points))
+        support[found] = np.exp(-squared / (2.0 * SUPPORT**2))
+        return np.clip(2.0 * (posed.around_joints @ support), 0.0, 1.0)
 
 
 def _wrap_root(pose: np.ndarray) -> None:

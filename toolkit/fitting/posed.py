@@ -39,6 +39,16 @@ def choose_vertices(body: Body) -> np.ndarray:
     return np.array(sorted(chosen), dtype=np.int64)
 
 
+def chosen_around_joints(body: Body, chosen: np.ndarray, count: int = 16) -> np.ndarray:
+    """Weights (20, C) that average over the `count` chosen vertices nearest to each reported joint in the rest pose."""
+    joints = body.joint_positions(np.zeros(skeleton.POSE_SIZE))
+    distances = np.linalg.norm(joints[:, None] - body.vertices[chosen][None], axis=2)
+    rows = np.argsort(distances, axis=1, kind="stable")[:, :count]
+    weights = np.zeros(distances.shape)
+    np.put_along_axis(weights, rows, 1.0 / count, axis=1)
+    return weights
+
+
 class PosedBody:
     """Everything that depends on one pose, in the camera frame, kept in arrays that are reused.
 
@@ -65,6 +75,7 @@ class PosedBody:
         self.triangle = np.empty((camera.height, camera.width), dtype=np.int32)
         self.faces = body.faces.astype(np.int64)
         self.chosen = choose_vertices(body)
+        self.around_joints = chosen_around_joints(body, self.chosen)
         self.set_body(body)
 
     def set_body(self, body: Body) -> None:
@@ -81,11 +92,16 @@ class PosedBody:
         rotations, origins, axes = self._level
         body = self.body
         kinematics.forward_kinematics(
-            pose, skeleton.PARENTS, body.joints, skeleton.DOF_JOINT, skeleton.DOF_AXIS, self._vectors, rotations, origins
+            pose,
+            skeleton.PARENTS,
+            body.joints,
+            skeleton.DOF_JOINT,
+            skeleton.DOF_AXIS,
+            self._vectors,
+            rotations,
+            origins,
         )
-        kinematics.world_axes(
-            skeleton.PARENTS, self._vectors, rotations, skeleton.DOF_JOINT, skeleton.DOF_AXIS, axes
-        )
+        kinematics.world_axes(skeleton.PARENTS, self._vectors, rotations, skeleton.DOF_JOINT, skeleton.DOF_AXIS, axes)
         pairs.to_camera(self.from_level, rotations, origins, axes, self.rotations, self.origins, self.axes)
         kinematics.skin(
             body.vertices, body.skin_joints, body.skin_weights, body.joints, self.rotations, self.origins, self.vertices

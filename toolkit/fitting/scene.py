@@ -63,13 +63,13 @@ class Scene:
     neighbours : search among the measured points
     """
 
-    def __init__(
-        self, cloud: Cloud, extrema_level: np.ndarray, samples: int, neighbours: str = "pixels"
-    ) -> None:
+    def __init__(self, cloud: Cloud, extrema_level: np.ndarray, samples: int, neighbours: str = "pixels") -> None:
         self.depth = cloud.depth
         self.intrinsics = np.array(cloud.camera.intrinsics, dtype=np.float64)
         count = len(cloud.points)
-        rows = np.unique(np.linspace(0, count - 1, min(samples, count)).astype(np.int64)) if samples else np.empty(0, int)
+        rows = (
+            np.unique(np.linspace(0, count - 1, min(samples, count)).astype(np.int64)) if samples else np.empty(0, int)
+        )
         to_camera = cloud.rotation.T
         self.extrema = extrema_level @ to_camera.T
         self.plain_samples = len(rows)

@@ -13,8 +13,8 @@ import numpy as np
 from toolkit.body.body import Body
 from toolkit.body.shape import ShapeSpace
 from toolkit.fitting.posed import PosedBody
-from toolkit.fitting.terms import CloudTerm, SurfaceTerm
 from toolkit.fitting.scene import Scene
+from toolkit.fitting.terms import CloudTerm, SurfaceTerm
 
 
 @dataclass(frozen=True)
@@ -23,13 +23,14 @@ class ShapeSettings:
 
     Attributes
     ----------
-    frames : tracked frames that take part; the shape is fixed afterwards. 0 keeps the first body
+    frames : frames at the beginning of a recording that take part, every `stride`-th; 0 keeps the first body
     prior : weight of the population's mean against one correspondence of one frame at 1 cm
     forgetting : factor on the equations of earlier frames, per frame
     limit : standard deviations that a coefficient may reach
     """
 
     frames: int = 45
+    stride: int = 2
     prior: float = 3.0
     forgetting: float = 0.97
     limit: float = 3.0
@@ -52,12 +53,6 @@ class ShapeEstimator:
         self.coefficients = np.array(body.shape, dtype=np.float64)
         self._matrix = np.zeros((size, size))
         self._vector = np.zeros(size)
-        self.frames = 0
-
-    @property
-    def certain(self) -> bool:
-        """Whether the shape is fixed."""
-        return self.frames >= self._settings.frames
 
     def observe(self, posed: PosedBody, pose: np.ndarray, scene: Scene) -> Body:
         """Take in a tracked frame whose final `pose` (P,) is placed and drawn in `posed`; returns the new body."""
@@ -79,7 +74,6 @@ class ShapeEstimator:
         forget = self._settings.forgetting
         self._matrix = forget * self._matrix + weighted.T @ columns
         self._vector = forget * self._vector + weighted.T @ (columns @ self.coefficients - along)
-        self.frames += 1
         prior = self._settings.prior * np.eye(len(self.coefficients))
         limit = self._settings.limit
         self.coefficients = np.clip(np.linalg.solve(self._matrix + prior, self._vector), -limit, limit)

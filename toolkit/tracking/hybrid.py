@@ -19,19 +19,28 @@ from toolkit.landmarks.centre import cloud_centre
 from toolkit.landmarks.extrema import extrema_of_graph, source_node
 from toolkit.landmarks.facing import FacingFilter, estimate_facing
 from toolkit.landmarks.graph import Workspace, grid_graph
-from toolkit.landmarks.parts import JointForest
 from toolkit.sensing.camera import level_rotation
 from toolkit.sensing.cleaning import Cleaner
 from toolkit.sensing.cloud import Cloud
 from toolkit.sensing.recording import Recording
 from toolkit.track import EMPTY, LOST, TRACKED, FrameResult
 from toolkit.tracking.clock import StageClock
+from toolkit.tracking.lookup import EFFECTORS
 from toolkit.tracking.proposals import ExtremaProposer, JointsProposer, Previous, Proposer
 from toolkit.tracking.settings import HybridSettings
 from toolkit.tracking.view import View
 
-STAGES = ("prepare", "landmarks", "local", "lookup", "select", "shape")
+STAGES = ("prepare", "landmarks", "local", "lookup", "select")
 SOURCES = ("local", "extrema", "joints", "predicted")
+
+LARGE_IMAGE = 200
+"""Pixels of width above which the body is drawn at half the resolution of the image."""
+ADULT_HEIGHT = 1.7
+"""Metres: the landmarks' lengths are those of a body this tall."""
+FIRST_STEP = 1.0 / 30.0
+"""Seconds between the first frame and the one before that there never was."""
+UNSEEN = (0.0, 0.0, -3.0)
+"""Metres, level frame: where the root is said to be before anybody was seen."""
 
 
 @dataclass
@@ -40,16 +49,25 @@ class Memory:
 
     cleaner: Cleaner
     facing: FacingFilter
-    shape: ShapeEstimator | None
     body: Body
+    sized: bool
     previous: Previous | None = None
+    pose: np.ndarray | None = None
     centre: np.ndarray | None = None
     timestamp: float | None = None
-    joints: np.ndarray | None = None
+    lost: int = 0
 
 
 class HybridTracker:
-    """Tracks one person; see `Tracker` for the attributes."""
+    """Tracks one person; see `Tracker` for the attributes.
+
+    Parameters
+    ----------
+    database : poses to look up, with or without a joint regressor
+    settings : see `HybridSettings`
+    body : the person's own body, if it is known; otherwise it is learnt from the recording
+    database_path : where the database came from, for `run.json`
+    """
 
     stage_names = STAGES
     source_names = SOURCES
@@ -59,7 +77,6 @@ class HybridTracker:
         database: PoseDatabase,
         settings: HybridSettings | None = None,
         *,
-        forest: JointForest | None = None,
         body: Body | None = None,
         database_path: str = "",
     ) -> None:
@@ -67,7 +84,7 @@ class HybridTracker:
         self.database = database_path
         self._first_body = body or load_body("neutral")
         self._personal = body is None
-        self._forest = forest if "joints" in self.settings.hypotheses else None
+        self._forest = database.forest if "joints" in self.settings.hypotheses else None
         weight = self.settings.fitting.prior_weight
         self._priors = [GaussianPrior.of_poses(database.poses, weight)] if weight > 0.0 else []
         self._proposers: dict[str, Proposer] = {}
@@ -82,59 +99,82 @@ class HybridTracker:
         return self.memory.body
 
     def start(self, recording: Recording) -> None:
-        """See `Tracker.start`."""
+        """See `Tracker.start`.
+
+        The person's shape is learnt here: the first frames are tracked once for it, and `step` then tracks all of them with
+        that one body, so that bone lengths do not change within a track.
+        """
+        self._begin(recording, self._first_body, sized=not self._personal)
+        shape = self.settings.shape
+        if self._personal and shape.frames:
+            body = self._learnt_body(recording)
+            self._begin(recording, body, sized=True)
+
+    def _begin(self, recording: Recording, body: Body, *, sized: bool) -> None:
+        """Get ready for a first frame with a body whose size is right (`sized`) or has to be found."""
         cleaner = Cleaner.for_recording(recording, self.settings.sensing)
         self.level_rotation = level_rotation(recording.up_camera)
-        self.memory: Memory = Memory(cleaner, FacingFilter(self.settings.landmarks), None, self._first_body)
-        small = cleaner.camera.subsampled(2) if cleaner.camera.width > 200 else cleaner.camera
-        self._fitter = Fitter(self._first_body, small, self.level_rotation, self.settings.fitting, self._priors)
+        self.memory: Memory = Memory(cleaner, FacingFilter(self.settings.landmarks), body, sized)
+        small = cleaner.camera.subsampled(2) if cleaner.camera.width > LARGE_IMAGE else cleaner.camera
+        self._fitter = Fitter(body, small, self.level_rotation, self.settings.fitting, self._priors)
         self._workspace = Workspace()
 
+    def _learnt_body(self, recording: Recording) -> Body:
+        """Personal shape from the recording's first frames."""
+        shape = self.settings.shape
+        estimator: ShapeEstimator | None = None
+        for frame in range(0, min(shape.frames * shape.stride, len(recording)), shape.stride):
+            result, view = self._track(recording.depth(frame), float(recording.timestamps[frame]), StageClock(STAGES))
+            if view is None or result.state != TRACKED:
+                continue
+            estimator = estimator or ShapeEstimator(self.memory.body, shape, self._fitter.surface, self._fitter.cloud)
+            self._fitter.posed.place(result.pose)
+            self._fitter.posed.draw()
+            self.memory.body = estimator.observe(self._fitter.posed, result.pose, view.scene)
+        return self.memory.body
+
     def step(self, depth_mm: np.ndarray, timestamp: float) -> FrameResult:
-        """See `Tracker.step`. Reads like Baak 2013, 5.4: prepare, landmarks, two hypotheses, selection."""
-        memory, clock = self.memory, StageClock(STAGES)
+        """See `Tracker.step`."""
+        return self._track(depth_mm, timestamp, StageClock(STAGES))[0]
+
+    def _track(self, depth_mm: np.ndarray, timestamp: float, clock: StageClock) -> tuple[FrameResult, View | None]:
+        """One frame, as Baak 2013, 5.4 has it: prepare, landmarks, hypotheses, selection."""
+        memory = self.memory
         self._fitter.posed.set_body(memory.body)
 
         depth = memory.cleaner.clean(depth_mm)
         cloud = Cloud.from_depth(depth, memory.cleaner.camera, self.level_rotation)
         clock.lap("prepare")
         if len(cloud) < self.settings.smallest_person:
-            return self._predicted(EMPTY, timestamp, clock)
+            return self._predicted(EMPTY, timestamp, clock), None
 
         view = self._view(cloud, timestamp)
         clock.lap("landmarks")
 
+        hypotheses: dict[str, np.ndarray] = {}
         if memory.previous is None:
             hypotheses = self._first_hypotheses(view)
-            clock.lap("lookup")
-        else:
-            hypotheses = {}
-            if "local" in self.settings.hypotheses:
-                hypotheses["local"] = self._fitter.refine(memory.previous.pose, view.scene)
-                clock.lap("local")
+        elif "local" in self.settings.hypotheses:
+            hypotheses["local"] = self._fitter.refine(memory.previous.pose, view.scene)
+            clock.lap("local")
+        if memory.previous is not None:
             hypotheses |= self._retrieved(view)
-            clock.lap("lookup")
+        clock.lap("lookup")
         if not hypotheses:
-            return self._predicted(LOST, timestamp, clock)
+            return self._predicted(LOST, timestamp, clock), None
 
         distances = {name: self._fitter.sparse_distance(pose, view.scene) for name, pose in hypotheses.items()}
         winner = min(distances, key=distances.__getitem__)
-        pose = hypotheses[winner]
-        state = TRACKED if distances[winner] < self.settings.lost_distance else LOST
-        result = self._result(pose, view, state, winner, timestamp)
+        found = self._found(hypotheses[winner], winner, distances[winner], view)
         clock.lap("select")
-
-        if state == TRACKED:
-            self._learn_shape(pose, view)
-            clock.lap("shape")
-        return FrameResult(**result, stage_ms=clock.milliseconds)
+        return FrameResult(**found, stage_ms=clock.milliseconds), view
 
     def _view(self, cloud: Cloud, timestamp: float) -> View:
         """Centre, facing, extrema and votes of a cloud (Baak 2013, 5.3.4 and 5.4.2)."""
         memory, settings = self.memory, self.settings
-        scale = memory.body.height / 1.7
+        scale = memory.body.height / ADULT_HEIGHT
         centre = cloud_centre(cloud.points, memory.centre, settings.landmarks, scale)
-        dt = 1 / 30 if memory.timestamp is None else timestamp - memory.timestamp
+        dt = FIRST_STEP if memory.timestamp is None else timestamp - memory.timestamp
         estimate = estimate_facing(cloud.points, centre, settings.landmarks, scale)
         yaw = memory.facing.update(estimate, dt, centre)
         graph = grid_graph(cloud, settings.landmarks, self._workspace)
@@ -160,10 +200,10 @@ class HybridTracker:
         return hypotheses
 
     def _first_hypotheses(self, view: View) -> dict[str, np.ndarray]:
-        """Hypotheses without a previous pose, for every size of the body on the very first frame; sets that size."""
+        """Hypotheses without a previous pose; for a person of unknown size in every size, which then is known."""
         memory, settings = self.memory, self.settings
         bodies = [memory.body]
-        if self._personal and memory.shape is None:
+        if not memory.sized:
             space, shape = ShapeSpace.load(), self._first_body.shape
             bodies = [space.body(np.concatenate([[size], shape[1:]])) for size in settings.sizes]
         best: dict[str, tuple[float, np.ndarray, Body]] = {}
@@ -176,21 +216,27 @@ class HybridTracker:
                     if name not in best or distance < best[name][0]:
                         best[name] = (distance, pose, body)
         if best:
-            memory.body = min(best.values(), key=lambda entry: entry[0])[2]
+            memory.body, memory.sized = min(best.values(), key=lambda entry: entry[0])[2], True
             self._fitter.posed.set_body(memory.body)
         return {name: pose for name, (_, pose, body) in best.items() if body is memory.body}
 
-    def _result(self, pose: np.ndarray, view: View, state: int, source: str, timestamp: float) -> dict[str, Any]:
+    def _found(self, pose: np.ndarray, source: str, distance: float, view: View) -> dict[str, Any]:
         """Remember the winner and report it."""
         memory = self.memory
+        state = TRACKED if distance < self.settings.lost_distance else LOST
         joints = memory.body.joint_positions(pose)
         effectors = memory.body.end_effector_positions(pose)
-        extrema = view.extrema.points[:5].astype(np.float64)
-        memory.previous = Previous(pose, joints, effectors, extrema if len(extrema) == 5 else None)
+        extrema = view.extrema.points[:EFFECTORS].astype(np.float64)
+        memory.pose = pose
+        memory.previous = Previous(pose, joints, effectors, extrema if len(extrema) == EFFECTORS else None)
+        memory.lost = 0 if state == TRACKED else memory.lost + 1
+        if memory.lost >= self.settings.patience:
+            memory.previous, memory.lost = None, 0
+        confidence = self._fitter.confidence(pose, view.scene)
         return {
             "pose": pose,
             "joints": (joints @ self.level_rotation).astype(np.float32),
-            "confidence": np.full(len(joints), 1.0 if state == TRACKED else 0.0, dtype=np.float32),
+            "confidence": confidence.astype(np.float32),
             "state": state,
             "source": SOURCES.index(source),
         }
@@ -199,22 +245,11 @@ class HybridTracker:
         """The last known pose, or a standing one before there was any, for a frame that shows nobody."""
         memory = self.memory
         pose = np.zeros(skeleton.POSE_SIZE)
-        pose[2] = -3.0
-        if memory.previous is not None:
-            pose = memory.previous.pose
-        memory.timestamp = timestamp
+        pose[skeleton.ROOT_POSITION] = UNSEEN
+        if memory.pose is not None:
+            pose = memory.pose
+        # Whoever comes back may stand anywhere, in any pose.
+        memory.previous, memory.timestamp = None, timestamp
         joints = (memory.body.joint_positions(pose) @ self.level_rotation).astype(np.float32)
         none = np.zeros(len(joints), dtype=np.float32)
         return FrameResult(pose, joints, none, state, SOURCES.index("predicted"), clock.milliseconds)
-
-    def _learn_shape(self, pose: np.ndarray, view: View) -> None:
-        """Personal shape from the first tracked frames, then fixed."""
-        memory = self.memory
-        if not self._personal or self.settings.shape.frames == 0:
-            return
-        if memory.shape is None:
-            memory.shape = ShapeEstimator(memory.body, self.settings.shape, self._fitter.surface, self._fitter.cloud)
-        if not memory.shape.certain:
-            self._fitter.posed.place(pose)
-            self._fitter.posed.draw()
-            memory.body = memory.shape.observe(self._fitter.posed, pose, view.scene)

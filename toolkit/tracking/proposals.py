@@ -58,11 +58,11 @@ class ExtremaProposer:
         flat = indices.ravel()
         joints = previous_joints = None
         if previous is not None:
-            joints = canonical.normalise(self._database.joints[flat], self._database.offsets[flat, :3], self._database.offsets[flat, 3])
+            joints = canonical.normalise(
+                self._database.joints[flat], self._database.offsets[flat, :3], self._database.offsets[flat, 3]
+            )
             previous_joints = canonical.normalise(previous.joints, view.centre, view.yaw) / size
-        scores = score_candidates(
-            distances.ravel(), joints, previous_joints, self._settings.balance
-        )
+        scores = score_candidates(distances.ravel(), joints, previous_joints, self._settings.balance)
         best = flat[np.argsort(scores, kind="stable")[:count]]
         return _placed(self._database, best, self._database.offsets[best], view.centre, view.yaw, size)
 
@@ -92,7 +92,11 @@ class JointsProposer:
 
 
 _QUERIED: np.ndarray = np.array(
-    [i for i, n in enumerate(skeleton.REPORTED) if n.split("_")[-1] in ("head", "elbow", "wrist", "knee", "ankle", "shoulder", "hip")]
+    [
+        i
+        for i, n in enumerate(skeleton.REPORTED)
+        if n.split("_")[-1] in ("head", "elbow", "wrist", "knee", "ankle", "shoulder", "hip")
+    ]
 )
 _PELVIS = skeleton.REPORTED.index("pelvis")
 
