@@ -56,7 +56,7 @@ class PlainTracker(HybridTracker):
         dt = 1 / 30 if memory.timestamp is None else timestamp - memory.timestamp
         yaw = memory.facing.update(estimate_facing(cloud.points, centre, settings.landmarks, scale), dt, centre)
         matrix, largest = plain_graph(cloud, settings.landmarks)
-        source = plain_source(cloud.points, largest, centre)
+        source = plain_source(cloud.points, largest, centre, settings.landmarks)
         extrema = plain_extrema(matrix, cloud.points, source, settings.extrema)
         votes = None if self._forest is None else self._forest.estimate(cloud, settings.vote_samples)
         scene = PlainScene(cloud, extrema.points.astype(np.float64), settings.fitting.cloud_samples)

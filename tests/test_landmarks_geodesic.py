@@ -329,15 +329,16 @@ def test_a_workspace_that_saw_other_clouds_changes_nothing() -> None:
             assert np.array_equal(getattr(kept, name), getattr(fresh, name))
 
 
-def test_the_source_lies_on_the_torso_and_not_on_a_hand_before_it() -> None:
+def test_the_source_lies_at_the_hips_and_not_on_a_hand_before_them() -> None:
     depth = figure()
-    paint(depth, (-0.05, -0.05), (0.05, 0.05), 2.3)
+    paint(depth, (-0.05, -0.35), (0.05, -0.25), 2.3)
     cloud = cloud_of(depth)
     graph = grid_graph(cloud, SETTINGS)
     centre = np.array([0.0, 0.0, -2.3])
     source = source_node(graph, cloud.points, centre)
     torso = np.flatnonzero(cloud.points[:, 2] < -2.5)
-    assert source == torso[np.linalg.norm(cloud.points[torso] - centre, axis=1).argmin()]
+    hips = centre - [0.0, SETTINGS.source_drop, 0.0]
+    assert source == torso[np.linalg.norm(cloud.points[torso] - hips, axis=1).argmin()]
 
 
 def test_an_unorganised_cloud_gives_the_extrema_of_the_same_cloud_on_the_grid() -> None:

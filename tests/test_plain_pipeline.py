@@ -45,7 +45,7 @@ def test_plain_and_compiled_landmarks_are_the_same(seed: int) -> None:
     matrix, largest = plain_graph(cloud, settings)
     assert (matrix != graph.matrix()).nnz == 0
     source = source_node(graph, cloud.points, centre)
-    assert plain_source(cloud.points, largest, centre) == source
+    assert plain_source(cloud.points, largest, centre, settings) == source
     fast, plain = extrema_of_graph(graph, cloud.points, 20, source), plain_extrema(matrix, cloud.points, source, 20)
     for name in ("nodes", "points", "distances", "source_distances", "visited"):
         assert np.array_equal(getattr(fast, name), getattr(plain, name))

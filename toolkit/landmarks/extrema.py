@@ -67,17 +67,22 @@ def geodesic_extrema(
     workspace = workspace or Workspace()
     graph = grid_graph(cloud, settings, workspace)
     if source is None:
-        source = source_node(graph, cloud.points, cloud_centre(cloud.points, None, settings))
+        source = source_node(graph, cloud.points, cloud_centre(cloud.points, None, settings), settings)
     return extrema_of_graph(graph, cloud.points, count, source, workspace)
 
 
-def source_node(graph: Graph, points: np.ndarray, centre: np.ndarray) -> int:
-    """Node of the largest component nearest to a centre (3,), the lowest of equally near ones.
+def source_node(
+    graph: Graph, points: np.ndarray, centre: np.ndarray, settings: LandmarkSettings | None = None, scale: float = 1.0
+) -> int:
+    """The node to measure from: the one at the hips, `source_drop` below a centre (3,) in the level frame.
 
-    The middle of the torso is about as far from one limb as from another and moves little from frame to frame. Only the
-    largest component counts as torso, so a hand in front of the belly is not taken.
+    Of the largest component it is the nearest node, the lowest of equally near ones. Only that component counts as
+    torso, so a hand before the belly is not taken. `scale` is the size of the person against an adult.
     """
-    return int(geodesic.nearest_in_component(points, graph.roots, graph.trunk, np.asarray(centre, dtype=np.float64)))
+    settings = settings or LandmarkSettings()
+    hips = np.array(centre, dtype=np.float64)
+    hips[1] -= scale * settings.source_drop
+    return int(geodesic.nearest_in_component(points, graph.roots, graph.trunk, hips))
 
 
 def extrema_of_graph(
