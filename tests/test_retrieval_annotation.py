@@ -118,6 +118,22 @@ def test_a_hit_writes_its_cost_over_its_frames_and_the_cheaper_hit_wins() -> Non
     np.testing.assert_allclose(modified, [0.02, 0.02, 0.05, 0.05])
 
 
+def test_frames_on_the_slope_behind_a_minimum_are_no_hits() -> None:
+    modified = dtw.spread_hits(np.array([0.5, 0.02, 0.04, 0.06, 0.5]), np.array([0, 0, 0, 0, 0]), 0.13)
+    np.testing.assert_allclose(modified, [0.02, 0.02, INF, INF, INF])
+
+
+@given(st.lists(st.integers(0, 3), min_size=1, max_size=30))
+def test_local_minima_are_the_plateaus_below_both_sides(values: list[int]) -> None:
+    padded = [9, *values, 9]
+    expected = []
+    for i in range(1, len(values) + 1):
+        left = next(v for v in padded[i::-1] if v != padded[i])
+        right = next(v for v in padded[i:] if v != padded[i])
+        expected.append(left > padded[i] and right > padded[i])
+    assert dtw.local_minima(np.array(values, dtype=float)).tolist() == expected
+
+
 def test_the_cheapest_class_wins_and_the_first_one_on_ties() -> None:
     distances = np.array([[0.1, 0.2, INF, 0.1], [0.05, 0.2, INF, 0.2]])
     assert decide(distances).tolist() == [1, 0, -1, 0]

@@ -147,11 +147,27 @@ def distance_function(
 
 
 @njit(cache=True)
+def local_minima(values: np.ndarray) -> np.ndarray:
+    """Bool (L,): all frames of the plateaus (of one frame or more) that lie lower than what is beside them."""
+    minima = np.zeros(values.shape[0], dtype=np.bool_)
+    first = 0
+    for j in range(1, values.shape[0] + 1):
+        if j < values.shape[0] and values[j] == values[first]:
+            continue
+        falls_to = first == 0 or values[first - 1] > values[first]
+        rises_from = j == values.shape[0] or values[j] > values[first]
+        if falls_to and rises_from:
+            minima[first:j] = True
+        first = j
+    return minima
+
+
+@njit(cache=True)
 def spread_hits(cost: np.ndarray, start: np.ndarray, threshold: float) -> np.ndarray:
     """Modified distance function (thesis 5.2): each hit's cost over all frames of its alignment.
 
-    Ends are taken from the cheapest up while below the threshold (the earlier on ties). Each writes its cost over those
-    of its frames that are still unset, and no later hit may end within it.
+    Hits end in local minima below the threshold and are taken from the cheapest up (the earlier on ties). Each writes
+    its cost over those of its frames that are still unset, and no later hit may end within it.
 
     Parameters
     ----------
@@ -163,7 +179,7 @@ def spread_hits(cost: np.ndarray, start: np.ndarray, threshold: float) -> np.nda
     float64 (L,), infinite outside all hits
     """
     modified = np.full(cost.shape[0], np.inf)
-    candidates = np.flatnonzero(cost < threshold)
+    candidates = np.flatnonzero((cost < threshold) & local_minima(cost))
     for end in candidates[np.argsort(cost[candidates], kind="mergesort")]:
         if modified[end] < np.inf:
             continue

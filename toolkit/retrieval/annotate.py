@@ -1,0 +1,122 @@
+"""Annotation from files to files: motion files and run folders in, one report folder per motion out."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from toolkit.errors import RetrievalError, UsageError
+from toolkit.retrieval.annotation import THRESHOLD, Annotation, Annotator, MotionClass
+from toolkit.retrieval.classes import learn_classes
+from toolkit.retrieval.features import FeatureMatrix, relational_features
+from toolkit.retrieval.keyframes import KeyframeQuery
+from toolkit.retrieval.measures import Scores
+from toolkit.retrieval.preselection import preselect_in
+from toolkit.retrieval.report import read_segments, write_report
+from toolkit.retrieval.workflow import find_motions, load_motion
+
+Progress = Callable[[str, int, int], None]
+"""Called with what is done, how much of it, and how much there is."""
+
+
+@dataclass(frozen=True, eq=False)
+class AnnotatedFile:
+    """One annotated motion: its annotation, its report folder, and its scores if the truth was given."""
+
+    annotation: Annotation
+    folder: Path
+    scores: dict[str, Scores]
+
+
+def classes_from_clips(
+    clips: Mapping[Path, str],
+    *,
+    delta: float = 0.05,
+    threshold: float = THRESHOLD,
+    progress: Progress | None = None,
+) -> list[MotionClass]:
+    """Learn motion classes from cut clips.
+
+    Parameters
+    ----------
+    clips : motion file -> label
+    delta : quantisation threshold, in [0, 0.5)
+    threshold : largest cost of a hit
+    progress : told after each file
+    """
+    matrices: dict[str, list[FeatureMatrix]] = {}
+    for number, (path, label) in enumerate(clips.items(), start=1):
+        matrices.setdefault(label, []).append(relational_features(load_motion(path)))
+        if progress is not None:
+            progress("learning classes", number, len(clips))
+    return learn_classes(matrices, delta=delta, threshold=threshold)
+
+
+def annotate_motions(
+    sources: Sequence[str | Path],
+    classes: Sequence[MotionClass],
+    output: str | Path,
+    *,
+    queries: Sequence[KeyframeQuery] = (),
+    truth: str | Path | None = None,
+    threshold: float | None = None,
+    progress: Progress | None = None,
+) -> list[AnnotatedFile]:
+    """Label motions and write a report for each: one motion into `output` itself, several into `output`/<stem>.
+
+    Parameters
+    ----------
+    sources : motion files, run folders, folders of motion files
+    classes : what to look for
+    output : folder
+    queries : learned keyframe queries that narrow the search down
+    truth : CSV with true segments (start, end, label); for several motions a folder with <stem>.csv
+    threshold : in place of the classes' own
+    progress : told after each motion
+
+    Raises
+    ------
+    UsageError
+        Two motions have one stem, or a single file of true segments comes with several motions.
+    RetrievalError
+        A motion is too short, or the true segments do not fit.
+    """
+    files = find_motions(sources)
+    _check_stems(files)
+    truths = _truth_files(files, truth)
+    if threshold is not None:
+        classes = [replace(motion_class, threshold=threshold) for motion_class in classes]
+    annotator = Annotator(classes)
+    done = []
+    for number, file in enumerate(files, start=1):
+        features = relational_features(load_motion(file))
+        intervals = preselect_in([features], queries, annotator.labels)[0] if queries else None
+        annotation = annotator.annotate(features, intervals)
+        folder = Path(output) if len(files) == 1 else Path(output) / file.stem
+        true = read_segments(truths[file]) if file in truths else None
+        done.append(AnnotatedFile(annotation, folder, write_report(annotation, classes, folder, true)))
+        if progress is not None:
+            progress("annotating", number, len(files))
+    return done
+
+
+def _check_stems(files: Sequence[Path]) -> None:
+    twice = [stem for stem, count in Counter(file.stem for file in files).items() if count > 1]
+    if twice:
+        raise UsageError(f"two motions are called {twice[0]!r}, and so would be their reports; rename one")
+
+
+def _truth_files(files: Sequence[Path], truth: str | Path | None) -> dict[Path, Path]:
+    if truth is None:
+        return {}
+    path = Path(truth)
+    if path.is_dir():
+        found = {file: path / f"{file.stem}.csv" for file in files if (path / f"{file.stem}.csv").is_file()}
+        if not found:
+            raise RetrievalError(f"{path} holds no true segments for {files[0].stem}; name them {files[0].stem}.csv")
+        return found
+    if len(files) > 1:
+        raise UsageError(f"one file of true segments, {path.name}, cannot serve {len(files)} motions; give a folder")
+    return {files[0]: path}

@@ -1,0 +1,126 @@
+"""Motion classes learned from labelled clips, and the file that keeps them."""
+
+from __future__ import annotations
+
+import json
+import zipfile
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+import numpy as np
+
+from toolkit.errors import RetrievalError
+from toolkit.files import save_npz
+from toolkit.retrieval.annotation import THRESHOLD, Annotator, MotionClass
+from toolkit.retrieval.features import FeatureMatrix, feature_fingerprint
+from toolkit.retrieval.measures import Segment, label_frames
+from toolkit.retrieval.templates import MotionTemplate, QuantisedTemplate
+
+CLASSES_VERSION = 1
+THRESHOLDS: np.ndarray = np.round(np.arange(0.02, 0.15, 0.01), 3)
+"""Thresholds that `learn_threshold` chooses from."""
+
+
+def learn_classes(
+    clips: Mapping[str, Sequence[FeatureMatrix]], *, delta: float = 0.05, threshold: float = THRESHOLD
+) -> list[MotionClass]:
+    """One motion class per label from cut clips, a single template each (thesis 2.3), sorted by label.
+
+    Parameters
+    ----------
+    clips : label -> feature matrices of its clips
+    delta : quantisation threshold, in [0, 0.5)
+    threshold : `tau`, costs at or above it are no hits
+
+    Raises
+    ------
+    RetrievalError
+        No labels, or a label without clips.
+    """
+    if not clips:
+        raise RetrievalError("there are no labelled clips to learn classes from; give at least one")
+    empty = sorted(label for label, matrices in clips.items() if not matrices)
+    if empty:
+        raise RetrievalError(f"class {empty[0]!r} has no clips; give it at least one or leave it out")
+    return [
+        MotionClass(label, (MotionTemplate().fit(clips[label]).quantised(label, delta),), threshold)
+        for label in sorted(clips)
+    ]
+
+
+def learn_threshold(
+    folds: Sequence[tuple[Sequence[MotionClass], Sequence[tuple[FeatureMatrix, Sequence[Segment]]]]],
+) -> float:
+    """The threshold, common to all classes, with the best F over frames on documents of actors that were left out.
+
+    Parameters
+    ----------
+    folds : classes learned from some actors, and documents with true segments of an actor that they do not know
+
+    Returns
+    -------
+    One of `THRESHOLDS`, the smallest among equals.
+    """
+    found, right, true = (np.zeros(len(THRESHOLDS)) for _ in range(3))
+    for classes, documents in folds:
+        for number, threshold in enumerate(THRESHOLDS):
+            annotator = Annotator([MotionClass(c.label, c.templates, float(threshold)) for c in classes])
+            for features, segments in documents:
+                frames = annotator.annotate(features).frames
+                labels = label_frames(segments, annotator.labels, len(features), features.frame_rate)
+                found[number] += frames.sum()
+                right[number] += (frames & labels).sum()
+                true[number] += labels.sum()
+    return float(THRESHOLDS[int((2.0 * right / (found + true)).argmax())])
+
+
+def save_classes(path: str | Path, classes: Sequence[MotionClass]) -> None:
+    """Write motion classes as one NPZ file, whole or not at all, with the fingerprint of the features."""
+    arrays: dict[str, np.ndarray] = {}
+    table = []
+    for number, motion_class in enumerate(classes):
+        for part, template in enumerate(motion_class.templates):
+            arrays[f"values_{number}_{part}"] = template.values
+            arrays[f"weights_{number}_{part}"] = template.weights
+        names = [template.name for template in motion_class.templates]
+        table.append({"label": motion_class.label, "threshold": motion_class.threshold, "templates": names})
+    header = {"version": CLASSES_VERSION, "features": feature_fingerprint(), "classes": table}
+    save_npz(path, {"header": np.array(json.dumps(header)), **arrays})
+
+
+def load_classes(path: str | Path) -> list[MotionClass]:
+    """Read what `save_classes` wrote.
+
+    Raises
+    ------
+    RetrievalError
+        The file is missing, no class file, of another version, or made with other features.
+    """
+    try:
+        with np.load(path, allow_pickle=False) as stored:
+            arrays = {name: stored[name] for name in stored.files}
+            header = json.loads(str(arrays["header"]))
+    except FileNotFoundError as error:
+        raise RetrievalError(f"there is no class file {path}; learn one from labelled clips") from error
+    except (OSError, KeyError, ValueError, zipfile.BadZipFile) as error:
+        raise RetrievalError(f"{path} is not a class file; learn one from labelled clips") from error
+    if header.get("version") != CLASSES_VERSION:
+        raise RetrievalError(
+            f"{path} has classes of version {header.get('version')}, not {CLASSES_VERSION}; learn them again"
+        )
+    if header.get("features") != feature_fingerprint():
+        raise RetrievalError(
+            f"{path} was learned with other features ({header.get('features')}, here {feature_fingerprint()}); "
+            "learn it again"
+        )
+    return [
+        MotionClass(
+            entry["label"],
+            tuple(
+                QuantisedTemplate(name, arrays[f"values_{number}_{part}"], arrays[f"weights_{number}_{part}"])
+                for part, name in enumerate(entry["templates"])
+            ),
+            entry["threshold"],
+        )
+        for number, entry in enumerate(header["classes"])
+    ]

@@ -1,0 +1,65 @@
+"""Keyframe-based preselection: the frames of a collection in which each class can occur at all (thesis 5.3)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from toolkit.errors import RetrievalError
+from toolkit.retrieval.features import FeatureMatrix
+from toolkit.retrieval.index import KeyframeIndex
+from toolkit.retrieval.keyframes import KeyframeQuery
+from toolkit.retrieval.search import find, pieces
+
+EXTENSION = 2.0
+"""How far hits are widened for annotation: this many times the query's frames before its first and behind its last
+keyframe."""
+
+
+def preselect(
+    index: KeyframeIndex, queries: Sequence[KeyframeQuery], labels: Sequence[str]
+) -> list[dict[str, list[tuple[int, int]]]]:
+    """Frames to search per document and class, as `Annotator.annotate` takes them.
+
+    Parameters
+    ----------
+    index : of the documents
+    queries : learned keyframe queries, labelled; several of one label are alternatives
+    labels : all classes; one without a query is searched everywhere
+
+    Returns
+    -------
+    Per document of the index: label -> disjoint intervals (first frame, one after the last), ascending.
+
+    Raises
+    ------
+    RetrievalError
+        A query's label is no class.
+    """
+    unknown = sorted({query.label for query in queries} - set(labels))
+    if unknown:
+        raise RetrievalError(f"keyframes for unknown class {unknown[0]!r}; the classes are {', '.join(labels)}")
+    lengths = [int(stop - start) for start, stop in zip(index.document_starts, index.document_starts[1:], strict=False)]
+    without = [label for label in labels if label not in {query.label for query in queries}]
+    intervals: list[dict[str, list[tuple[int, int]]]] = [{label: [(0, n)] for label in without} for n in lengths]
+    for query in queries:
+        searched = pieces(index, query, find(index, query), EXTENSION)
+        for document, start, stop in zip(searched.documents, searched.starts, searched.stops, strict=True):
+            intervals[document].setdefault(query.label, []).append((int(start), int(stop)))
+    return [{label: _joined(found) for label, found in document.items()} for document in intervals]
+
+
+def preselect_in(
+    documents: Sequence[FeatureMatrix], queries: Sequence[KeyframeQuery], labels: Sequence[str]
+) -> list[dict[str, list[tuple[int, int]]]]:
+    """`preselect` on documents that are not indexed yet."""
+    return preselect(KeyframeIndex.build(documents), queries, labels)
+
+
+def _joined(intervals: list[tuple[int, int]]) -> list[tuple[int, int]]:
+    joined: list[tuple[int, int]] = []
+    for start, stop in sorted(intervals):
+        if joined and start <= joined[-1][1]:
+            joined[-1] = (joined[-1][0], max(joined[-1][1], stop))
+        else:
+            joined.append((start, stop))
+    return joined

@@ -1,0 +1,217 @@
+"""An annotation as files: segments as CSV and JSON, a picture as in the thesis's Fig. 5.2, and a page for people."""
+
+from __future__ import annotations
+
+import base64
+import csv
+import io
+from collections.abc import Sequence
+from html import escape
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from toolkit.errors import RetrievalError
+from toolkit.files import atomic_path, save_json, save_text
+from toolkit.retrieval.annotation import Annotation, MotionClass
+from toolkit.retrieval.measures import (
+    Scores,
+    Segment,
+    check_truth,
+    frame_scores,
+    label_frames,
+    segment_scores,
+)
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+COLUMNS = ("start", "end", "label", "score")
+SEGMENTS_CSV, SEGMENTS_JSON, PICTURE, PAGE = "segments.csv", "segments.json", "annotation.png", "report.html"
+
+_STYLE = """body{font:15px/1.5 sans-serif;max-width:70em;margin:2em auto;padding:0 1em;color:#222}
+table{border-collapse:collapse;margin:1em 0}td,th{padding:.25em .8em;border-bottom:1px solid #ccc;text-align:left}
+td.n,th.n{text-align:right;font-variant-numeric:tabular-nums}img{max-width:100%}
+.ok{color:#060}.no{color:#a00}"""
+
+
+def write_report(
+    annotation: Annotation,
+    classes: Sequence[MotionClass],
+    folder: str | Path,
+    truth: Sequence[Segment] | None = None,
+) -> dict[str, Scores]:
+    """Write segments.csv, segments.json, annotation.png and report.html into a folder.
+
+    Parameters
+    ----------
+    annotation : what was found
+    classes : the classes that were searched, for their thresholds
+    folder : made where it is missing
+    truth : true segments, if they are known
+
+    Returns
+    -------
+    Scores over "frames" and over "segments"; empty without truth.
+
+    Raises
+    ------
+    RetrievalError
+        True segments that overlap, are empty, or bear an unknown label.
+    """
+    folder = Path(folder)
+    scores = {} if truth is None else score(annotation, truth)
+    _save_csv(folder / SEGMENTS_CSV, annotation.segments)
+    save_json(folder / SEGMENTS_JSON, _as_json(annotation, classes, scores))
+    threshold = max(motion_class.threshold for motion_class in classes)
+    figure = plot_annotation(annotation, truth, threshold)
+    picture = io.BytesIO()
+    figure.savefig(picture, dpi=110, format="png")
+    with atomic_path(folder / PICTURE) as temporary:
+        temporary.write_bytes(picture.getvalue())
+    save_text(folder / PAGE, _page(annotation, truth, scores, threshold, picture.getvalue()))
+    return scores
+
+
+def score(annotation: Annotation, truth: Sequence[Segment]) -> dict[str, Scores]:
+    """Scores over "frames" and over "segments" against true segments (thesis 5.4)."""
+    check_truth(truth, annotation.name)
+    true = label_frames(truth, annotation.labels, annotation.frames.shape[1], annotation.frame_rate)
+    return {
+        "frames": frame_scores(true, annotation.frames),
+        "segments": segment_scores(truth, annotation.segments),
+    }
+
+
+def read_segments(path: str | Path) -> list[Segment]:
+    """True segments from a CSV file with the columns start, end (seconds) and label.
+
+    Raises
+    ------
+    RetrievalError
+        The file is missing, has other columns, or a number cannot be read; the message names the line.
+    """
+    file = Path(path)
+    try:
+        rows = list(csv.DictReader(io.StringIO(file.read_text(encoding="utf-8-sig"))))
+    except (OSError, UnicodeDecodeError) as error:
+        raise RetrievalError(f"cannot read true segments from {file}: {error}") from error
+    segments = []
+    for line, row in enumerate(rows, start=2):
+        try:
+            segments.append(Segment(float(row["start"]), float(row["end"]), row["label"].strip()))
+        except (KeyError, TypeError, ValueError, AttributeError) as error:
+            raise RetrievalError(
+                f"{file.name}, line {line}: expected numbers in the columns start and end and a label, got {row}"
+            ) from error
+    return segments
+
+
+def plot_annotation(annotation: Annotation, truth: Sequence[Segment] | None, threshold: float) -> Figure:
+    """The picture of Fig. 5.2: modified distance functions in colour, below them found and true segments."""
+    from matplotlib.figure import Figure
+
+    classes, length = annotation.distances.shape
+    seconds = length / annotation.frame_rate
+    height = 0.24 * classes + 1.0
+    figure = Figure(figsize=(11.0, 2 * height), layout="constrained")
+    above, below = figure.subplots(2, 1, sharex=True)
+    visible = np.where(np.isfinite(annotation.distances), annotation.distances, np.nan)
+    image = above.imshow(
+        visible, aspect="auto", interpolation="nearest", cmap="viridis", vmin=0.0, vmax=threshold,
+        extent=(0.0, seconds, classes - 0.5, -0.5),
+    )  # fmt: skip
+    above.set_title(f"{annotation.name}: distance to each class (white: above the threshold)", fontsize=10)
+    figure.colorbar(image, ax=above, label="cost")
+    below.set_title("annotation: found (red)" + (" and true (black)" if truth is not None else ""), fontsize=10)
+    for row, label in enumerate(annotation.labels):
+        _bars(below, annotation.segments, label, row - 0.2, "tab:red")
+        _bars(below, truth or (), label, row + 0.2, "black")
+    for axes in (above, below):
+        axes.set_yticks(range(classes), annotation.labels, fontsize=8)
+        axes.set_ylim(classes - 0.5, -0.5)
+        axes.set_yticks(np.arange(classes - 1) + 0.5, minor=True)
+        axes.grid(which="minor", axis="y", linewidth=0.3)
+        axes.tick_params(which="minor", length=0)
+    below.set_xlim(0.0, seconds)
+    below.set_xlabel("time (s)")
+    return figure
+
+
+def _bars(axes: Any, segments: Sequence[Segment], label: str, centre: float, colour: str) -> None:
+    spans = [(segment.start, segment.end - segment.start) for segment in segments if segment.label == label]
+    axes.broken_barh(spans, (centre - 0.18, 0.36), color=colour)
+
+
+def _save_csv(path: Path, segments: Sequence[Segment]) -> None:
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(COLUMNS)
+    writer.writerows([f"{s.start:.3f}", f"{s.end:.3f}", s.label, f"{s.score:.4f}"] for s in segments)
+    save_text(path, text.getvalue())
+
+
+def _as_json(annotation: Annotation, classes: Sequence[MotionClass], scores: dict[str, Scores]) -> dict[str, Any]:
+    return {
+        "name": annotation.name,
+        "seconds": annotation.frames.shape[1] / annotation.frame_rate,
+        "frame_rate": annotation.frame_rate,
+        "thresholds": {motion_class.label: motion_class.threshold for motion_class in classes},
+        "segments": [
+            {"start": s.start, "end": s.end, "label": s.label, "score": s.score} for s in annotation.segments
+        ],
+        "too_long": list(annotation.too_long),
+        "scores": {
+            name: {"precision": value.precision, "recall": value.recall, "f": value.f}
+            for name, value in scores.items()
+        },
+    }
+
+
+def _page(
+    annotation: Annotation, truth: Sequence[Segment] | None, scores: dict[str, Scores], threshold: float, picture: bytes
+) -> str:
+    """The page: what was found in words, the picture, the segments, and how to read them."""
+    name = escape(annotation.name)
+    seconds = annotation.frames.shape[1] / annotation.frame_rate
+    labelled = 100.0 * annotation.frames.any(axis=0).mean()
+    parts = [
+        f"<!doctype html><html lang='en'><head><meta charset='utf-8'><title>{name}</title><style>{_STYLE}</style>",
+        f"</head><body><h1>{name}</h1>",
+        f"<p>{seconds:.1f} seconds were searched for {len(annotation.labels)} motion classes. "
+        f"{len(annotation.segments)} segments were found; they cover {labelled:.0f} % of the time.</p>",
+    ]
+    if annotation.too_long:
+        parts.append(f"<p>Too long for this motion, and so not searched: {escape(', '.join(annotation.too_long))}.</p>")
+    if scores:
+        parts.append(_table(
+            ("compared with the true segments", "precision", "recall", "F"),
+            [(f"over {name}", f"{s.precision:.2f}", f"{s.recall:.2f}", f"{s.f:.2f}") for name, s in scores.items()],
+        ))  # fmt: skip
+    encoded = base64.b64encode(picture).decode("ascii")
+    parts.append(f"<img alt='distance functions and segments over time' src='data:image/png;base64,{encoded}'>")
+    parts.append(_table(("from (s)", "to (s)", "motion", "score"), [_row(s, truth) for s in annotation.segments]))
+    parts.append(
+        "<p>The score is the share of body features that agree with the class's motion template along the segment; "
+        f"below {1.0 - threshold:.2f} nothing is reported. A stretch may bear several labels where motions overlap.</p>"
+    )
+    return "\n".join(parts) + "</body></html>\n"
+
+
+def _row(segment: Segment, truth: Sequence[Segment] | None) -> tuple[str, str, str, str]:
+    mark = ""
+    if truth is not None:
+        right = segment_scores(truth, [segment]).right_found
+        mark = " <span class='ok'>right</span>" if right else " <span class='no'>not in the truth</span>"
+    return f"{segment.start:.2f}", f"{segment.end:.2f}", escape(segment.label) + mark, f"{segment.score:.3f}"
+
+
+def _table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+    def cell(tag: str, text: str) -> str:
+        number = text.replace(".", "").isdigit() or text in ("precision", "recall", "F", "score") or "(s)" in text
+        return f"<{tag}{' class=n' if number else ''}>{text}</{tag}>"
+
+    lines = ["<table><tr>" + "".join(cell("th", text) for text in head) + "</tr>"]
+    lines += ["<tr>" + "".join(cell("td", text) for text in row) + "</tr>" for row in rows]
+    return "\n".join(lines) + "</table>"
