@@ -8,7 +8,9 @@ from numba import njit
 
 @njit(cache=True)
 def project(points: np.ndarray, intrinsics: np.ndarray, out: np.ndarray) -> None:
-    """Pixel coordinates and inverse depth (u, v, 1/z) of camera-frame points (N, 3); 1/z is 0 at or behind the camera."""
+    """Pixel coordinates and inverse depth (u, v, 1/z) of camera-frame points (N, 3); 1/z is 0 at or behind the
+    camera.
+    """
     fx, fy, cx, cy = intrinsics[0], intrinsics[1], intrinsics[2], intrinsics[3]
     for n in range(points.shape[0]):
         z = points[n, 2]
@@ -24,8 +26,9 @@ def project(points: np.ndarray, intrinsics: np.ndarray, out: np.ndarray) -> None
 def rasterise(projected: np.ndarray, faces: np.ndarray, inverse_depth: np.ndarray, triangle: np.ndarray) -> None:
     """Draw front-facing triangles: fills `inverse_depth` (H, W), 0 where nothing is, and `triangle` (H, W), -1 there.
 
-    `projected` (V, 3) comes from `project`. Counter-clockwise faces seen from outside are clockwise in image coordinates
-    (v grows downwards) when they face the camera. Inverse depth is linear in the image, so its interpolation is exact.
+    `projected` (V, 3) comes from `project`. Counter-clockwise faces seen from outside are clockwise in image
+    coordinates (v grows downwards) when they face the camera. Inverse depth is linear in the image, so its
+    interpolation is exact.
     """
     height, width = inverse_depth.shape
     inverse_depth[:] = 0.0

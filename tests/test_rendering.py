@@ -1,0 +1,270 @@
+"""Pictures of a track: left is left, every view agrees with the others, films can be read back."""
+
+from __future__ import annotations
+
+import time
+
+import numpy as np
+import pytest
+
+from tests.sensing_scenes import KINECT, neutral, person_alone, standing
+from toolkit.body import skeleton
+from toolkit.body.raycast import cast_body
+from toolkit.body.skeleton import POSE_NAMES, REPORTED
+from toolkit.errors import OutputError, SettingsError, TrackError, UsageError
+from toolkit.files import sha256_of
+from toolkit.rendering import style
+from toolkit.rendering.film import FilmWriter, contact_sheet, render_run, render_track, save_png
+from toolkit.rendering.mesh import draw_mesh, part_colors
+from toolkit.rendering.overlay import color_depth, draw_skeleton
+from toolkit.rendering.painter import FramePainter, RenderSettings
+from toolkit.rendering.views import side_view_of, window_on
+from toolkit.sensing.camera import level_rotation
+from toolkit.sensing.recording import open_recording, save_recording
+from toolkit.track import EMPTY, LOST, RunInfo, Track
+
+LEVEL = level_rotation(np.array([0.0, -1.0, 0.0]))
+HEIGHT = 1.2
+
+
+@pytest.fixture(scope="module")
+def take(tmp_path_factory):
+    """A recording of four frames with an empty one, and its true track."""
+    body = neutral()[0]
+    places = [-0.1, 0.0, None, 0.1]
+    depth = [np.zeros(KINECT.shape, np.uint16) if x is None else person_alone(KINECT, x, 2.8) for x in places]
+    path = tmp_path_factory.mktemp("take") / "take.npz"
+    save_recording(path, depth=depth, camera=KINECT, timestamps=np.arange(4) / 20, up_camera=(0, -1, 0))
+    poses = np.stack([standing(x or 0.0, 2.8, HEIGHT) for x in places])
+    return open_recording(path), track_of(poses), body
+
+
+def track_of(poses, state=(0, LOST, EMPTY, 0)):
+    joints = neutral()[0].joint_positions(poses) @ LEVEL
+    return Track(
+        joints=joints.astype(np.float32), pose=poses, confidence=np.ones((len(poses), 20), np.float32),
+        state=np.array(state, np.uint8), source=np.zeros(len(poses), np.uint8), timestamps=np.arange(len(poses)) / 20,
+        stage_ms=np.zeros((len(poses), 1), np.float32), source_names=("local",), stage_names=("all",),
+    )  # fmt: skip
+
+
+def share_of(image, color, tolerance=40):
+    """Mean column of the pixels whose hue is that of `color`, as a share of the width, and their number."""
+    pixels = image.astype(float)
+    bright = pixels.max(axis=2) > 60
+    normed = pixels / np.maximum(pixels.max(axis=2, keepdims=True), 1)
+    near = bright & (np.abs(normed - np.array(color) / max(color)).max(axis=2) < tolerance / 255)
+    return np.nonzero(near)[1].mean() / image.shape[1], near.sum()
+
+
+def test_the_left_of_a_person_who_faces_the_camera_is_at_the_right_of_the_picture(take):
+    recording, track, body = take
+    for panel in ("depth", "body"):
+        settings = RenderSettings(panels=(panel,), extrema=0)
+        image = FramePainter(track, recording, body, settings=settings).paint(1, recording.depth(1))
+        image = image[40:-40]  # without the legend
+        left, lefts = share_of(image, style.LEFT)
+        right, rights = share_of(image, style.RIGHT)
+        assert lefts > 300 and rights > 300
+        assert left > 0.5 > right
+
+
+def test_a_drawn_body_lies_on_the_depth_image(take):
+    recording, track, body = take
+    painter = FramePainter(track, recording, body, settings=RenderSettings(panels=("body",)))
+    image = painter.paint(0, recording.depth(0))[32:-32]
+    depth_only = FramePainter(
+        track_of(np.asarray(track.pose), state=[EMPTY] * 4), recording, body, settings=RenderSettings(panels=("body",))
+    ).paint(0, recording.depth(0))[32:-32]
+    drawn = (np.abs(image.astype(int) - depth_only).max(axis=2) > 20)[40:]
+    measured = (depth_only.max(axis=2) > 60)[40:]
+    assert (drawn & measured).sum() / (drawn | measured).sum() > 0.85
+
+
+def test_a_drawn_mesh_has_the_depth_that_ray_casting_gives():
+    body = neutral()[0]
+    pose = standing(0.2, 2.5, HEIGHT)
+    pose[POSE_NAMES.index("left_elbow_ry")] = -1.2
+    image = np.zeros((*KINECT.shape, 3), np.uint8)
+    depth = draw_mesh(image, body.vertex_positions(pose) @ LEVEL, body.faces, part_colors(body), KINECT)
+    expected = cast_body(body, pose, KINECT, LEVEL).depth
+    drawn, hit = np.isfinite(depth), expected > 0
+    assert (drawn & hit).sum() / (drawn | hit).sum() > 0.99
+    assert np.quantile(np.abs(depth - expected)[drawn & hit], 0.999) < 0.002
+    assert (image[drawn].max(axis=1) > 0).all()
+    assert not image[~drawn].any()
+
+
+def test_a_mesh_around_the_camera_is_left_out_and_does_not_crash():
+    body = neutral()[0]
+    image = np.zeros((*KINECT.shape, 3), np.uint8)
+    draw_mesh(image, body.vertices, body.faces, part_colors(body), KINECT)
+    draw_mesh(image, body.vertices - (0, 0, 9), body.faces, part_colors(body), KINECT)
+    assert image.shape == (*KINECT.shape, 3)
+
+
+def test_a_window_shows_a_pixel_where_its_camera_projects_it():
+    joints = np.array([[[-0.4, -0.8, 2.5], [0.5, 0.9, 2.5]]])
+    window = window_on(joints, KINECT, (640, 480))
+    source = np.zeros((*KINECT.shape, 3), np.uint8)
+    u, v = 150, 100
+    source[v, u] = 255
+    shown = np.argwhere(window.cut(source, (0, 0, 0))[..., 0]).mean(axis=0)[::-1]
+    ray = np.append(KINECT.rays()[v, u], 1.0)
+    np.testing.assert_allclose(shown, window.camera.project(ray), atol=1.0)
+    inside = window.camera.project(joints)
+    assert (inside > 0).all() and (inside < (640, 480)).all()
+
+
+def test_the_side_view_has_the_camera_at_the_left_and_up_above():
+    joints = np.array([[0.0, 0.0, -3.0], [0.0, 1.0, -3.0], [0.0, 0.0, -2.5], [0.4, 0.0, -3.0]])
+    view = side_view_of(joints, (360, 480))
+    origin, above, nearer, left = view.camera.project(view.to_camera(joints))
+    assert above[1] < origin[1]
+    assert nearer[0] < origin[0]
+    assert view.to_camera(joints)[3, 2] < view.to_camera(joints)[0, 2], "the subject's left is nearer"
+    assert abs(left[0] - origin[0]) < 20
+
+
+def test_depth_is_lighter_nearer_dimmer_beside_the_person_and_dark_where_nothing_is():
+    depth = np.array([[1000, 2000, 3000, 0, 2000]], np.uint16)
+    image = color_depth(depth, np.array([[True, True, True, False, False]]), 1.0, 3.0).astype(int).sum(axis=2)[0]
+    assert image[0] > image[1] > image[2]
+    assert image[4] < image[1]
+    assert image[3] == sum(style.PAPER)
+
+
+def test_joints_that_are_not_known_are_not_drawn():
+    image = np.zeros((100, 100, 3), np.uint8)
+    draw_skeleton(image, np.full((20, 2), np.nan))
+    assert not image.any()
+    pixels = np.full((20, 2), np.nan)
+    pixels[REPORTED.index("left_hand")] = 50
+    draw_skeleton(image, pixels)
+    assert tuple(image[50, 50]) == style.LEFT
+
+
+@pytest.mark.parametrize("suffix", [".mp4", ".avi"])
+def test_a_film_can_be_read_back(take, tmp_path, suffix):
+    import cv2
+
+    seen = []
+    path = render_track(
+        *arranged(take), tmp_path / f"film{suffix}", progress=lambda done, total: seen.append((done, total))
+    )
+    film = cv2.VideoCapture(str(path))
+    assert film.get(cv2.CAP_PROP_FRAME_COUNT) == 4
+    assert film.get(cv2.CAP_PROP_FPS) == pytest.approx(20.0)
+    assert (film.get(cv2.CAP_PROP_FRAME_WIDTH), film.get(cv2.CAP_PROP_FRAME_HEIGHT)) == (1640, 544)
+    assert film.read()[1].mean() > 10
+    assert seen == [(1, 4), (2, 4), (3, 4), (4, 4)]
+    assert [p.name for p in tmp_path.iterdir()] == [path.name]
+
+
+def arranged(take):
+    recording, track, body = take
+    return track, recording, body
+
+
+def test_a_contact_sheet_and_single_pictures_are_png(take, tmp_path):
+    import cv2
+
+    sheet = cv2.imread(str(render_track(*arranged(take), tmp_path / "sheet.png")))
+    assert sheet.shape == (2 * 340 + 6, 2 * 1025 + 6, 3)
+    folder = render_track(*arranged(take), tmp_path / "pictures", frames=range(1, 4, 2))
+    assert sorted(p.name for p in folder.iterdir()) == ["00001.png", "00003.png"]
+
+
+def test_a_run_is_drawn_from_its_folder(take, tmp_path):
+    recording, track, body = take
+    run = tmp_path / "run"
+    run.mkdir()
+    track.save(run)
+    RunInfo(
+        recording=str(recording.path), recording_sha256=sha256_of(recording.path), reader_options={},
+        body_fingerprint=skeleton.fingerprint(), shape=list(body.shape), scale=1.0, database="",
+        level_rotation=LEVEL.ravel().tolist(), sensing={"median": False}, version="0",
+    ).save(run)  # fmt: skip
+    assert render_run(run, tmp_path / "film.mp4").stat().st_size > 1000
+
+
+def test_a_half_resolution_run_is_drawn(take):
+    from toolkit.sensing.cleaning import SensingSettings
+
+    recording, track, body = take
+    painter = FramePainter(track, recording, body, sensing=SensingSettings(half_resolution=True))
+    assert painter.paint(0, recording.depth(0)).shape == (544, 1640, 3)
+
+
+def test_a_track_of_another_length_is_an_error(take, tmp_path):
+    recording, track, body = take
+    with pytest.raises(TrackError, match="4"):
+        render_track(track_of(np.asarray(track.pose)[:3], (0, 0, 0)), recording, body, tmp_path / "a.mp4")
+
+
+def test_an_unknown_output_or_range_is_an_error(take, tmp_path):
+    with pytest.raises(UsageError, match=r"\*.mp4"):
+        render_track(*arranged(take), tmp_path / "film.gif")
+    for frames in (range(0), range(2, 9), range(-1, 2)):
+        with pytest.raises(UsageError, match="4 frames"):
+            render_track(*arranged(take), tmp_path / "film.mp4", frames=frames)
+    with pytest.raises(UsageError):
+        FilmWriter(tmp_path / "film.txt", 25)
+    with pytest.raises(UsageError, match="at least one"):
+        contact_sheet([])
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_missing_codec_names_another_way_and_leaves_nothing(take, tmp_path, monkeypatch):
+    import cv2
+
+    class NoWriter:
+        fourcc = staticmethod(lambda *letters: 0)
+
+        def __init__(self, *arguments):
+            pass
+
+        def isOpened(self):  # noqa: N802
+            return False
+
+        def release(self):
+            pass
+
+    monkeypatch.setattr(cv2, "VideoWriter", NoWriter)
+    with pytest.raises(OutputError, match=r"cannot encode .mp4 films here .* name the output \*.avi"):
+        render_track(*arranged(take), tmp_path / "film.mp4")
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_picture_without_a_place_is_an_output_error(tmp_path):
+    (tmp_path / "file").write_text("in the way")
+    with pytest.raises(OutputError):
+        save_png(tmp_path / "file" / "a.png", np.zeros((4, 4, 3), np.uint8))
+
+
+@pytest.mark.parametrize(
+    "options", [{"panels": ()}, {"panels": ("top",)}, {"height": 50}, {"height": 301}, {"extrema": -1}]
+)
+def test_a_setting_out_of_range_is_an_error(options):
+    with pytest.raises(SettingsError):
+        RenderSettings(**options)
+
+
+def test_text_is_cut_at_the_border_of_a_picture():
+    image = np.zeros((20, 20, 3), np.uint8)
+    style.write(image, "a long line of text", 5, 4, 16)
+    style.write(image, "outside", 30, 30, 16)
+    assert image[4:, 5:].any()
+
+
+def test_fifteen_pictures_a_second_at_640x480(take):
+    recording, track, body = take
+    painter = FramePainter(track, recording, body)
+    frame = recording.depth(0)
+    painter.paint(0, frame)
+    times = []
+    for _ in range(10):
+        start = time.process_time()
+        painter.paint(0, frame)
+        times.append(time.process_time() - start)
+    assert np.median(times) < 1 / 15

@@ -1,0 +1,204 @@
+"""A track as a film, a contact sheet or single pictures, off-screen."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from toolkit.body.body import Body
+from toolkit.errors import OutputError, UsageError
+from toolkit.files import atomic_path
+from toolkit.rendering import style
+from toolkit.rendering.painter import FramePainter, RenderSettings
+from toolkit.sensing.cleaning import SensingSettings
+from toolkit.sensing.recording import Recording
+from toolkit.track import RunInfo, Track
+
+Progress = Callable[[int, int], None]
+"""Called with the frames done and all frames."""
+
+CODECS = {".mp4": ("mp4v", "avc1"), ".avi": ("MJPG", "XVID"), ".webm": ("VP80",)}
+"""Codecs of a film by its suffix, the one that OpenCV's wheels always bring first."""
+DEFAULT_RATE = 25.0  # frames per second of a recording whose timestamps say nothing
+SHEET_COLUMNS, SHEET_FRAMES, SHEET_HEIGHT = 2, 12, 300
+"""Of a contact sheet: pictures side by side, pictures, and the height of their panels unless set."""
+
+
+class FilmWriter:
+    """Writes RGB pictures to a film file; nothing is left under the final name unless all went well.
+
+    Parameters
+    ----------
+    path : its suffix, .mp4, .avi or .webm, chooses the codec
+    rate : frames per second
+
+    Raises
+    ------
+    UsageError
+        The suffix is none of these.
+    OutputError
+        The file cannot be written, or OpenCV has no codec for it.
+    """
+
+    def __init__(self, path: str | Path, rate: float) -> None:
+        self._path, self._rate = Path(path), rate
+        if self._path.suffix not in CODECS:
+            raise UsageError(f"{path} is no film; name it {' or '.join('*' + suffix for suffix in CODECS)}")
+
+    def write(self, pictures: Iterator[np.ndarray]) -> None:
+        """Write all pictures, uint8 (H, W, 3), all of one size."""
+        with atomic_path(self._path) as temporary:
+            writer = None
+            try:
+                for picture in pictures:
+                    if writer is None:
+                        writer = self._open(temporary, picture.shape[1], picture.shape[0])
+                    writer.write(np.ascontiguousarray(picture[:, :, ::-1]))
+            finally:
+                if writer is not None:
+                    writer.release()
+            if writer is None or temporary.stat().st_size == 0:
+                raise OutputError(f"nothing was written to {self._path}; check the space left on its disk")
+
+    def _open(self, path: Path, width: int, height: int) -> Any:
+        import cv2
+
+        for codec in CODECS[self._path.suffix]:
+            writer = cv2.VideoWriter(str(path), cv2.VideoWriter.fourcc(*codec), self._rate, (width, height))
+            if writer.isOpened():
+                return writer
+            writer.release()
+        raise OutputError(
+            f"OpenCV cannot encode {self._path.suffix} films here (tried {', '.join(CODECS[self._path.suffix])}); "
+            f"name the output *.avi, or *.png for a contact sheet"
+        )
+
+
+def render_track(
+    track: Track,
+    recording: Recording,
+    body: Body,
+    output: str | Path,
+    *,
+    rotation: np.ndarray | None = None,
+    sensing: SensingSettings | None = None,
+    settings: RenderSettings | None = None,
+    frames: range | None = None,
+    rate: float | None = None,
+    progress: Progress | None = None,
+) -> Path:
+    """Draw a track: a film for .mp4, .avi and .webm, a contact sheet for .png, or one PNG per frame into a folder.
+
+    Parameters
+    ----------
+    track, recording, body, rotation, sensing, settings : see `FramePainter`
+    output : the file to write; a name without suffix is a folder
+    frames : which ones; all by default
+    rate : frames per second of the film; by default the recording's own
+    progress : told after every frame
+
+    Raises
+    ------
+    TrackError
+        The track does not belong to the recording.
+    UsageError
+        The output's suffix is unknown or there are no frames to draw.
+    OutputError
+        The output cannot be written.
+    """
+    target = Path(output)
+    chosen = range(len(track)) if frames is None else frames
+    if not len(chosen) or chosen.start < 0 or max(chosen) >= len(track):
+        raise UsageError(f"frames {chosen} are not some of the {len(track)} frames of the track")
+    if target.suffix and target.suffix not in (".png", *CODECS):
+        raise UsageError(f"cannot draw to {target}; name it {', '.join('*' + s for s in CODECS)}, *.png or a folder")
+    if settings is None and target.suffix == ".png":
+        settings = RenderSettings(height=SHEET_HEIGHT)
+    painter = FramePainter(track, recording, body, rotation=rotation, sensing=sensing, settings=settings)
+    if target.suffix == ".png":
+        wanted = [chosen[k] for k in np.linspace(0, len(chosen) - 1, min(SHEET_FRAMES, len(chosen))).astype(int)]
+        save_png(target, contact_sheet(list(_pictures(painter, recording, wanted, progress))))
+    elif target.suffix in CODECS:
+        FilmWriter(target, rate or _rate(track)).write(_pictures(painter, recording, chosen, progress))
+    else:
+        for i, picture in zip(chosen, _pictures(painter, recording, chosen, progress), strict=True):
+            save_png(target / f"{i:05d}.png", picture)
+    return target
+
+
+def render_run(
+    run: str | Path,
+    output: str | Path,
+    *,
+    recording: str | Path | None = None,
+    settings: RenderSettings | None = None,
+    frames: range | None = None,
+    rate: float | None = None,
+    progress: Progress | None = None,
+) -> Path:
+    """Draw the track of a run folder; its recording, body and sensing settings come from `run.json`.
+
+    `recording` is where the recording has been moved to. The rest is as in `render_track`.
+    """
+    info = RunInfo.load(run)
+    return render_track(
+        Track.load(run),
+        info.open_recording(recording),
+        info.body(),
+        output,
+        rotation=info.R_level_camera,
+        sensing=SensingSettings(**info.sensing),
+        settings=settings,
+        frames=frames,
+        rate=rate,
+        progress=progress,
+    )
+
+
+def contact_sheet(pictures: list[np.ndarray], columns: int = SHEET_COLUMNS, gap: int = 6) -> np.ndarray:
+    """Pictures, RGB uint8 (H, W, 3) of one size, side by side and row by row as one RGB picture."""
+    if not pictures:
+        raise UsageError("a contact sheet needs at least one picture")
+    columns = min(columns, len(pictures))
+    height, width = pictures[0].shape[:2]
+    rows = -(-len(pictures) // columns)
+    sheet = np.full((rows * (height + gap) - gap, columns * (width + gap) - gap, 3), style.PAPER, dtype=np.uint8)
+    for k, picture in enumerate(pictures):
+        v, u = (k // columns) * (height + gap), (k % columns) * (width + gap)
+        sheet[v : v + height, u : u + width] = picture
+    return sheet
+
+
+def save_png(path: str | Path, picture: np.ndarray) -> None:
+    """Write an RGB picture as PNG, whole or not at all."""
+    import cv2
+
+    with atomic_path(path) as temporary:
+        if not cv2.imwrite(str(temporary), np.ascontiguousarray(picture[:, :, ::-1])):
+            raise OutputError(f"cannot write {path}; choose a folder that can be written")
+
+
+def _pictures(
+    painter: FramePainter, recording: Recording, wanted: range | list[int], progress: Progress | None
+) -> Iterator[np.ndarray]:
+    """Pictures of the wanted frames in order; frames between are read, since segmentation follows the person."""
+    chosen, last, done = set(wanted), max(wanted), 0
+    for i, depth in enumerate(recording.frames()):
+        if i in chosen:
+            yield painter.paint(i, depth)
+            done += 1
+            if progress is not None:
+                progress(done, len(chosen))
+        else:
+            painter.skip(depth)
+        if i == last:
+            return
+
+
+def _rate(track: Track) -> float:
+    steps = np.diff(track.timestamps)
+    usual = float(np.median(steps)) if len(steps) else 0.0
+    return float(np.clip(1 / usual, 1, 120)) if usual > 0 else DEFAULT_RATE

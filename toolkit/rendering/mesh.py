@@ -1,0 +1,55 @@
+"""A shaded body without GL and without a display: smooth normals, left and right in their colours."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from toolkit.body.body import Body
+from toolkit.kernels import shading
+from toolkit.rendering.style import PART_COLORS
+from toolkit.sensing.camera import Camera
+
+KEY_LIGHT = np.array([-0.45, -0.65, -0.6]) / np.linalg.norm([-0.45, -0.65, -0.6])
+"""Towards the brightest light, camera frame: from the upper left, before the body."""
+LIGHTS = np.array([0.28, 0.5, 0.3])
+"""Shares of ambient light, of the key light and of a light at the camera."""
+
+
+def draw_mesh(
+    image: np.ndarray, vertices_camera: np.ndarray, faces: np.ndarray, colors: np.ndarray, camera: Camera
+) -> np.ndarray:
+    """Draw a closed mesh, seen by an undistorted `camera`, over an RGB image, uint8 (H, W, 3).
+
+    Parameters
+    ----------
+    vertices_camera : (V, 3), metres, camera frame
+    faces : int (F, 3), counter-clockwise seen from outside
+    colors : (V, 3), RGB from 0 to 255
+
+    Returns
+    -------
+    The depth of what was drawn, float32 (H, W), metres along z, infinite beside the mesh.
+    """
+    vertices = np.ascontiguousarray(vertices_camera, dtype=np.float64)
+    depth = np.full(camera.shape, np.inf, dtype=np.float32)
+    shading.shade_triangles(
+        vertices, vertex_normals(vertices, faces), np.ascontiguousarray(colors, dtype=np.float64), faces,
+        camera.intrinsics, LIGHTS, KEY_LIGHT, depth, image,
+    )  # fmt: skip
+    return depth
+
+
+def part_colors(body: Body) -> np.ndarray:
+    """Colour of every vertex, mixed by its skinning weights: float64 (V, 3)."""
+    return np.asarray((body.skin_weights[..., None] * PART_COLORS[body.skin_joints]).sum(axis=1), dtype=np.float64)
+
+
+def vertex_normals(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
+    """Mean of the adjacent faces' normals, weighted by their area: float64 (V, 3), of any length."""
+    a, b, c = (vertices[faces[:, k]] for k in range(3))
+    across = np.cross(b - a, c - a)
+    normals = np.zeros(vertices.shape)
+    for k in range(3):
+        for axis in range(3):
+            normals[:, axis] += np.bincount(faces[:, k], across[:, axis], minlength=len(vertices))
+    return normals

@@ -1,0 +1,185 @@
+"""One picture per frame of a track: depth with skeleton and extrema, fitted body, side view."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from toolkit.body.body import Body
+from toolkit.errors import SegmentationError, SettingsError, TrackError
+from toolkit.landmarks.extrema import geodesic_extrema
+from toolkit.rendering import style
+from toolkit.rendering.mesh import draw_mesh, part_colors
+from toolkit.rendering.overlay import color_depth, draw_extrema, draw_points, draw_skeleton
+from toolkit.rendering.views import side_view_of, window_on
+from toolkit.sensing.camera import level_rotation
+from toolkit.sensing.cleaning import Cleaner, SensingSettings
+from toolkit.sensing.cloud import Cloud
+from toolkit.sensing.recording import Recording
+from toolkit.track import EMPTY, LOST, STATE_NAMES, Track
+
+PANELS = ("depth", "body", "side")
+TITLES = {"depth": "depth, skeleton, extrema", "body": "fitted body", "side": "seen from the subject's left"}
+NEAR_SHARE, FAR_SHARE = 0.4, 0.8  # m before and behind the person that the colours of depth reach
+BEHIND_BODY = 2  # times darker is the depth image behind the fitted body
+
+
+@dataclass(frozen=True)
+class RenderSettings:
+    """How a track is drawn.
+
+    Attributes
+    ----------
+    panels : which of "depth", "body" and "side", from left to right
+    height : of a panel, pixels; "depth" and "body" are 4/3 as wide, "side" 3/4
+    extrema : how many geodesic extrema to mark; 0 for none
+    """
+
+    panels: tuple[str, ...] = PANELS
+    height: int = 480
+    extrema: int = 20
+
+    def __post_init__(self) -> None:
+        if not self.panels or any(panel not in PANELS for panel in self.panels):
+            raise SettingsError(f"panels {self.panels} are not some of: {', '.join(PANELS)}")
+        if not 120 <= self.height <= 2160 or self.height % 4:
+            raise SettingsError(f"height {self.height} is no multiple of 4 between 120 and 2160")
+        if not 0 <= self.extrema <= 100:
+            raise SettingsError(f"extrema {self.extrema} is out of range; give 0 to 100")
+
+    def size(self, panel: str) -> tuple[int, int]:
+        """Width and height of a panel in pixels."""
+        return (self.height * 3 // 4 if panel == "side" else self.height * 4 // 3, self.height)
+
+
+class FramePainter:
+    """Paints the frames of one track; views are fixed, so that a film does not shake.
+
+    Parameters
+    ----------
+    track, recording : with the same number of frames
+    body : as it was fitted
+    rotation : (3, 3), R_level_camera of the run; by default that of the recording's vertical
+    sensing : with which the depth was cleaned; decides what counts as the person
+    settings : what to draw
+
+    Raises
+    ------
+    TrackError
+        Track and recording have different numbers of frames.
+    """
+
+    def __init__(
+        self,
+        track: Track,
+        recording: Recording,
+        body: Body,
+        *,
+        rotation: np.ndarray | None = None,
+        sensing: SensingSettings | None = None,
+        settings: RenderSettings | None = None,
+    ) -> None:
+        if len(track) != len(recording):
+            raise TrackError(
+                f"the track has {len(track)} frames and the recording {recording.name} has {len(recording)}; "
+                "name the recording that was tracked"
+            )
+        self.settings = settings or RenderSettings()
+        self._track, self._name, self._body = track, recording.name, body
+        self._rotation = level_rotation(recording.up_camera) if rotation is None else np.asarray(rotation)
+        self._cleaner = Cleaner(recording.camera, recording.background, sensing, recording.up_camera)
+        self._colors = part_colors(body)
+        seen = track.joints[track.state != EMPTY]
+        joints = np.asarray(seen if len(seen) else track.joints, dtype=np.float64)
+        self._window = window_on(joints, recording.camera.undistorted(), self.settings.size("depth"))
+        self._side = side_view_of(joints @ self._rotation.T, self.settings.size("side"))
+        depths = joints[:, 0, 2]
+        self._near = float(np.percentile(depths, 5)) - NEAR_SHARE
+        self._far = float(np.percentile(depths, 95)) + FAR_SHARE
+
+    def paint(self, i: int, depth_mm: np.ndarray) -> np.ndarray:
+        """Picture of frame `i` from its depth, uint16 (H, W) millimetres: RGB, uint8. Frames are painted in order."""
+        cloud = self._cloud(depth_mm)
+        draw = {"depth": self._draw_depth, "body": self._draw_body, "side": self._draw_side}
+        backdrop = self._colored(depth_mm, cloud) if set(self.settings.panels) & {"depth", "body"} else None
+        panels = []
+        for panel in self.settings.panels:
+            image = self._blank(panel, backdrop)
+            draw[panel](image, i, cloud)
+            style.write(image, TITLES[panel], 10, 8, self._text)
+            panels.append(image)
+        return np.vstack([self._head(i, sum(p.shape[1] for p in panels)), np.hstack(panels), self._legend(panels)])
+
+    def skip(self, depth_mm: np.ndarray) -> None:
+        """Look at a frame that is not painted, so that the person is followed."""
+        self._cloud(depth_mm)
+
+    @property
+    def _text(self) -> int:
+        return max(9, self.settings.height // 30)
+
+    def _cloud(self, depth_mm: np.ndarray) -> Cloud:
+        try:
+            cleaned = self._cleaner.clean(depth_mm)
+        except SegmentationError:  # the picture is drawn all the same; the track says that the frame is lost
+            cleaned = np.zeros(self._cleaner.camera.shape, dtype=np.float32)
+        return Cloud.from_depth(cleaned, self._cleaner.camera, self._rotation)
+
+    def _colored(self, depth_mm: np.ndarray, cloud: Cloud) -> np.ndarray:
+        person = cloud.depth > 0
+        if person.shape != depth_mm.shape:  # cleaned at half resolution
+            person = np.repeat(np.repeat(person, 2, axis=0), 2, axis=1)[: depth_mm.shape[0], : depth_mm.shape[1]]
+        return self._window.cut(color_depth(depth_mm, person, self._near, self._far), style.PAPER)
+
+    def _blank(self, panel: str, backdrop: np.ndarray | None) -> np.ndarray:
+        if panel == "side" or backdrop is None:
+            width, height = self.settings.size(panel)
+            return np.full((height, width, 3), style.PAPER, dtype=np.uint8)
+        return backdrop.copy() if panel == "depth" else backdrop // BEHIND_BODY
+
+    def _draw_depth(self, image: np.ndarray, i: int, cloud: Cloud) -> None:
+        if self._track.state[i] != EMPTY:
+            draw_skeleton(image, self._window.camera.project(self._track.joints[i]), self._track.confidence[i])
+        if self.settings.extrema and len(cloud):
+            extrema = geodesic_extrema(cloud, self.settings.extrema)
+            draw_extrema(image, self._window.camera.project(extrema.points @ self._rotation))
+
+    def _draw_body(self, image: np.ndarray, i: int, cloud: Cloud) -> None:
+        if self._track.state[i] != EMPTY:
+            vertices = self._body.vertex_positions(self._track.pose[i]) @ self._rotation
+            draw_mesh(image, vertices, self._body.faces, self._colors, self._window.camera)
+
+    def _draw_side(self, image: np.ndarray, i: int, cloud: Cloud) -> None:
+        if self._track.state[i] != EMPTY:
+            vertices = self._side.to_camera(self._body.vertex_positions(self._track.pose[i]))
+            draw_mesh(image, vertices, self._body.faces, self._colors, self._side.camera)
+        draw_points(image, self._side.camera.project(self._side.to_camera(cloud.points)), style.CLOUD)
+        place = (10, image.shape[0] - 2 * self._text)
+        style.write(image, "camera at the left", *place, max(8, self._text - 4), style.FAINT)
+
+    def _head(self, i: int, width: int) -> np.ndarray:
+        track, size = self._track, self._text
+        bar = np.full((2 * size, width, 3), style.BAR, dtype=np.uint8)
+        x = style.write(bar, f"{self._name}   frame {i + 1}/{len(track)}", 10, size // 3, size)
+        x = style.write(bar, f"{track.timestamps[i]:.2f} s", x + 2 * size, size // 3, size, style.FAINT)
+        state = int(track.state[i])
+        color = style.ALARM if state == LOST else style.INK if state != EMPTY else style.FAINT
+        x = style.write(bar, STATE_NAMES[state], x + 2 * size, size // 3, size, color)
+        if state != EMPTY and len(track.source_names):
+            style.write(bar, track.source_names[int(track.source[i])], x + 2 * size, size // 3, size, style.FAINT)
+        return bar
+
+    def _legend(self, panels: list[np.ndarray]) -> np.ndarray:
+        size = self._text
+        bar = np.full((2 * size, sum(p.shape[1] for p in panels), 3), style.BAR, dtype=np.uint8)
+        entries = [("subject's left", style.LEFT), ("subject's right", style.RIGHT), ("trunk, head", style.MIDDLE)]
+        if "depth" in self.settings.panels and self.settings.extrema:
+            entries.append(("geodesic extrema (the first five larger)", style.EXTREMUM))
+        if "side" in self.settings.panels:
+            entries.append(("measured points", style.CLOUD))
+        x = 10
+        for text, color in entries:
+            bar[size // 2 : 3 * size // 2, x : x + size] = color
+            x = style.write(bar, text, x + size + size // 2, size // 3, size) + 2 * size
+        return bar

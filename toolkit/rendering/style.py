@@ -1,0 +1,65 @@
+"""Colours and text of every picture. Colours are RGB; `left` and `right` are the subject's."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from pathlib import Path
+
+import numpy as np
+
+from toolkit.body.skeleton import JOINT_NAMES, PARENTS, REPORTED
+
+LEFT = (255, 145, 40)
+RIGHT = (60, 150, 255)
+MIDDLE = (225, 225, 225)
+EXTREMUM = (255, 60, 160)
+CLOUD = (150, 230, 190)
+ALARM = (255, 80, 70)
+INK = (235, 238, 242)
+FAINT = (150, 156, 166)
+PAPER = (20, 22, 28)
+BAR = (32, 35, 43)
+
+BONES: tuple[tuple[str, str], ...] = (
+    ("pelvis", "spine"), ("spine", "neck"), ("neck", "head"),
+    *((a.format(s), b.format(s)) for s in ("left", "right") for a, b in (
+        ("neck", "{}_shoulder"), ("{}_shoulder", "{}_elbow"), ("{}_elbow", "{}_wrist"), ("{}_wrist", "{}_hand"),
+        ("pelvis", "{}_hip"), ("{}_hip", "{}_knee"), ("{}_knee", "{}_ankle"), ("{}_ankle", "{}_foot"),
+    )),
+)  # fmt: skip
+"""Pairs of reported joints that a drawn skeleton connects."""
+
+
+def side_color(name: str) -> tuple[int, int, int]:
+    """Colour of a joint by the side in its name."""
+    return LEFT if name.startswith("left") else RIGHT if name.startswith("right") else MIDDLE
+
+
+BONE_ROWS: np.ndarray = np.array([[REPORTED.index(a), REPORTED.index(b)] for a, b in BONES])
+"""Int (19, 2): the bones as rows of a track's joints."""
+BONE_COLORS: tuple[tuple[int, int, int], ...] = tuple(side_color(b) for _, b in BONES)
+JOINT_COLORS: tuple[tuple[int, int, int], ...] = tuple(side_color(name) for name in REPORTED)
+PART_COLORS: np.ndarray = np.array([side_color(name) for name in JOINT_NAMES], dtype=np.float32)
+"""Float32 (18, 3): colour of the mesh by the joint that carries it."""
+assert len(PART_COLORS) == len(PARENTS)
+
+
+@lru_cache(maxsize=256)
+def text_mask(text: str, size: int) -> np.ndarray:
+    """A line of text as float32 (h, w) in [0, 1], `size` pixels high."""
+    import matplotlib
+    from PIL import Image, ImageDraw, ImageFont
+
+    font = ImageFont.truetype(str(Path(matplotlib.get_data_path()) / "fonts" / "ttf" / "DejaVuSans.ttf"), size)
+    width = int(font.getlength(text)) + 2
+    image = Image.new("L", (width, size + size // 2))
+    ImageDraw.Draw(image).text((0, 0), text, font=font, fill=255)
+    return np.asarray(image, dtype=np.float32) / 255.0
+
+
+def write(image: np.ndarray, text: str, x: int, y: int, size: int = 16, color: tuple[int, int, int] = INK) -> int:
+    """Write a line on an RGB image with its upper left corner at (x, y), cut at the border; the x where it ends."""
+    mask = text_mask(text, size)[: max(image.shape[0] - y, 0), : max(image.shape[1] - x, 0)]
+    area = image[y : y + mask.shape[0], x : x + mask.shape[1]]
+    area[:] = (area + (np.array(color, dtype=np.float32) - area) * mask[..., None]).astype(np.uint8)
+    return x + mask.shape[1]

@@ -1,0 +1,97 @@
+"""Where a film looks from: a window on the recording's image, and a camera at the subject's left."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from toolkit.sensing.camera import Camera
+
+MARGIN = 0.18  # of the person's extent, around it
+LEAST_WINDOW = 0.35  # of the image's height
+SIDE_DISTANCE = 8.0  # m: far enough that near and far limbs keep their proportions
+LEAST_SPAN = 2.0  # m of height in the side view
+
+R_LEVEL_SIDE = np.array([[0.0, 0.0, -1.0], [0.0, -1.0, 0.0], [-1.0, 0.0, 0.0]])
+"""Takes the frame of the side camera to the level frame: it looks along -x; towards the depth camera is left."""
+
+
+@dataclass(frozen=True)
+class Window:
+    """A part of the recording's image, enlarged.
+
+    Attributes
+    ----------
+    camera : of the enlarged picture
+    u, v : upper left corner in the recording's image, pixels (may lie outside)
+    scale : pixels of the picture per pixel of the image
+    """
+
+    camera: Camera
+    u: float
+    v: float
+    scale: float
+
+    def cut(self, image: np.ndarray, beyond: tuple[int, int, int]) -> np.ndarray:
+        """The part of an RGB image (H, W, 3), enlarged without smoothing; the colour `beyond` outside of it."""
+        import cv2
+
+        # Pixel centres are integers: picture pixel p shows image pixel (p + 0.5) / scale - 0.5 + corner.
+        shift = 0.5 / self.scale - 0.5
+        back = np.array([[1 / self.scale, 0, self.u + shift], [0, 1 / self.scale, self.v + shift]])
+        size = (self.camera.width, self.camera.height)
+        flags = cv2.INTER_NEAREST | cv2.WARP_INVERSE_MAP
+        return np.asarray(cv2.warpAffine(image, back, size, flags=flags, borderValue=beyond))
+
+
+def window_on(joints: np.ndarray, camera: Camera, size: tuple[int, int]) -> Window:
+    """The window of `size` (width, height) pixels that shows all of the joints (..., 3), metres, camera frame."""
+    pixels = camera.project(joints).reshape(-1, 2)
+    pixels = pixels[np.isfinite(pixels).all(axis=1)]
+    if not len(pixels):
+        pixels = np.array([[0.0, 0.0], [camera.width, camera.height]])
+    low, high = np.percentile(pixels, (0.5, 99.5), axis=0)
+    low, high = np.clip(low, 0, (camera.width, camera.height)), np.clip(high, 0, (camera.width, camera.height))
+    extent = (high - low) * (1 + 2 * MARGIN)
+    height = max(extent[1], extent[0] * size[1] / size[0], LEAST_WINDOW * camera.height)
+    scale = size[1] / height
+    u, v = (low + high) / 2 - np.array(size) / scale / 2
+    picture = Camera(
+        camera.fx * scale,
+        camera.fy * scale,
+        (camera.cx - u + 0.5) * scale - 0.5,
+        (camera.cy - v + 0.5) * scale - 0.5,
+        *size,
+    )
+    return Window(picture, float(u), float(v), float(scale))
+
+
+@dataclass(frozen=True)
+class SideView:
+    """A camera at the subject's left.
+
+    Attributes
+    ----------
+    camera : of the picture
+    centre : float64 (3,), its position, metres, level frame
+    """
+
+    camera: Camera
+    centre: np.ndarray
+
+    def to_camera(self, points_level: np.ndarray) -> np.ndarray:
+        """Points (..., 3) of the level frame in the frame of the side camera."""
+        return (points_level - self.centre) @ R_LEVEL_SIDE
+
+
+def side_view_of(joints_level: np.ndarray, size: tuple[int, int]) -> SideView:
+    """The side view of `size` (width, height) pixels that shows all of the joints (..., 3), metres, level frame."""
+    points = joints_level.reshape(-1, 3)
+    low, high = np.percentile(points, (0.5, 99.5), axis=0)
+    middle = (low + high) / 2
+    extent = (high - low) * (1 + 2 * MARGIN)
+    span = max(extent[1], extent[2] * size[1] / size[0], LEAST_SPAN)
+    focal = size[1] * SIDE_DISTANCE / span
+    camera = Camera(focal, focal, (size[0] - 1) / 2, (size[1] - 1) / 2, *size)
+    return SideView(camera, middle + np.array([SIDE_DISTANCE, 0.0, 0.0]))
