@@ -51,7 +51,7 @@ class PartsSettings:
 
 
 FOCAL = 150.0
-"""Pixels: the drawn images have half the resolution of a Kinect; questions are in metres, so any other serves as well."""
+"""Pixels: half the resolution of a Kinect; questions are in metres, so any other serves as well."""
 MARGIN = 2
 BALANCE = 0.7
 """Exponent that evens out the parts among an image's training pixels: 0 as they are seen, 1 all parts alike."""
@@ -99,7 +99,9 @@ def draw_images(
     intrinsics = np.array([FOCAL, FOCAL, 0.0, 0.0])
     count = len(skeleton.JOINTS)
     vectors, rotations, origins = np.empty((count, 3)), np.empty((count, 3, 3)), np.empty((count, 3))
-    crops, shapes, columns = [], [], []
+    crops: list[np.ndarray] = []
+    shapes: list[tuple[int, int]] = []
+    columns: list[tuple[np.ndarray, ...]] = []
     for image in range(settings.images):
         if image % 500 == 0:
             progress(image, settings.images)
@@ -196,7 +198,7 @@ def _grow_trees(
 
 
 def grow_tree(data: TrainingImages, settings: PartsSettings, rng: np.random.Generator) -> Tree:
-    """One tree by greedy splits of least label entropy: probe offsets, thresholds, children, and the rows of each leaf."""
+    """One tree by greedy splits of least label entropy: probe offsets, thresholds, children, the rows of each leaf."""
     offsets: list[np.ndarray] = []
     thresholds: list[float] = []
     children: list[list[int]] = []
@@ -269,7 +271,9 @@ def train_forest(
     offsets: list[np.ndarray] = []
     thresholds: list[float] = []
     children: list[list[int]] = []
-    roots, means, weights = [], [], []
+    roots: list[int] = []
+    means: list[np.ndarray] = []
+    weights: list[np.ndarray] = []
     for number, grown in enumerate(_grow_trees(data, settings, streams[1:], workers)):
         tree_offsets, tree_thresholds, tree_children, leaves = grown
         report(number + 1, settings.trees)

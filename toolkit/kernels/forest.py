@@ -1,8 +1,8 @@
 """Regression forest on depth images: its questions, its votes and its training, compiled.
 
-A question at pixel u of depth z compares the depth at two probes, `u + f a / z` and `u + f b / z`, with offsets a and b in
-metres, so that the answer depends neither on the distance nor on the sensor's resolution (Shotton 2011, Eq. 1). Depth
-differences to z are clipped to one `REACH`; a probe that meets no measurement counts as `REACH` behind.
+A question at pixel u of depth z compares the depth at two probes, `u + f a / z` and `u + f b / z`, with offsets a and b
+in metres, so that the answer depends neither on the distance nor on the sensor's resolution (Shotton 2011, Eq. 1).
+Depth differences to z are clipped to one `REACH`; a probe that meets no measurement counts as `REACH` behind.
 """
 
 from __future__ import annotations
@@ -79,9 +79,10 @@ def vote(
 ) -> None:
     """Modes of the joint votes by mean shift: fills `joints` (J, 3) and `confidence` (J,) in [0, 1].
 
-    Pixel i votes for joint j at `points[i] + leaf_offsets[leaf, j]` with `leaf_weights[leaf, j]`; only the `voters` surest
-    votes for a joint count. The search starts at their weighted mean with a wide Gaussian kernel that narrows to
-    `bandwidth`. Confidence is the mean weight of these votes times the share of it that the mode holds.
+    Pixel i votes for joint j at `points[i] + leaf_offsets[leaf, j]` with `leaf_weights[leaf, j]`; only the `voters`
+    surest votes for a joint count, and those as sure as the last of them. The search starts at their weighted mean
+    with a Gaussian kernel three times as wide as `bandwidth`, in metres, which narrows to it. Confidence is the mean
+    weight of these votes times the share of it that the mode holds.
     """
     pixels, trees = leaves.shape
     total = pixels * trees

@@ -84,7 +84,7 @@ def visible_vertices(
     tolerance: float,
     out: np.ndarray,
 ) -> None:
-    """Which chosen vertices the camera sees: facing it, inside the image or beyond its border, not behind the body itself.
+    """Which chosen vertices the camera sees: facing it, in the image or beyond its border, not behind the body itself.
 
     A vertex faces the camera when the cosine between its normal and the direction to the camera exceeds `facing`; it is
     hidden when the drawn body lies nearer by more than `tolerance` metres. Fills `out` (C,) bool.

@@ -1,8 +1,10 @@
 """Exact nearest-neighbour search on a pixel grid: rings around the projection, stopped by a lower bound, compiled.
 
-A point seen in a pixel r pixels away from the projection of q lies on another viewing ray; its distance to q is at least
-`z (r - 1/2) / (f |d|)`, with |d| the length of the longest ray with unit z. Once that bound passes the best distance found,
-no farther ring can hold a nearer point, so the answer equals that of a tree over all points, and no tree has to be built.
+A pixel on ring r around the pixel of q is at least r - 1/2 pixels away from the projection of q, in the image or
+outside of it. A point p seen there lies on the ray d = (x, y, 1), and its distance to q is at least that of q to this
+ray, `|q x d| / |d| >= z (r - 1/2) / (f |d|)`, with z the depth of q, f the larger focal length and |d| at most the
+length of the longest ray of the image. Once that bound passes the best distance found, no farther ring can hold a
+nearer point: the answer equals that of a tree over all points, and no tree has to be built.
 """
 
 from __future__ import annotations
@@ -34,10 +36,11 @@ def nearest_pixels(
     squared: np.ndarray,
     pixels: np.ndarray,
 ) -> int:
-    """The `wanted` measured points nearest to (x, y, z), all in the camera frame, within `reach` metres.
+    """The `wanted` measured points nearest to (x, y, z), all in the camera frame, nearer than `reach` metres.
 
     Fills `squared` and `pixels` (flat index), nearest first, and returns how many were found. Ties go to the pixel met
-    first (inner ring first, then row by row). `depth` (H, W) holds z, 0 where nothing was measured.
+    first (inner ring first, then row by row). `depth` (H, W) holds z, 0 where nothing was measured; `ray` comes from
+    `longest_ray`. A point less than 5 cm in front of the camera, or behind it, has no projection and finds nothing.
     """
     height, width = depth.shape
     fx, fy, cx, cy = intrinsics[0], intrinsics[1], intrinsics[2], intrinsics[3]

@@ -8,8 +8,9 @@ from numba import njit
 
 @njit(cache=True)
 def project(points: np.ndarray, intrinsics: np.ndarray, out: np.ndarray) -> None:
-    """Pixel coordinates and inverse depth (u, v, 1/z) of camera-frame points (N, 3); 1/z is 0 at or behind the
-    camera.
+    """Pixel coordinates and inverse depth (u, v, 1/z) of camera-frame points (N, 3).
+
+    All three are 0 for points less than 5 cm in front of the camera, or behind it.
     """
     fx, fy, cx, cy = intrinsics[0], intrinsics[1], intrinsics[2], intrinsics[3]
     for n in range(points.shape[0]):

@@ -1,9 +1,9 @@
 """Normal equations of an articulated body, gathered per joint as 6x6 twist quadratics, compiled.
 
-A pair (point p carried by joint j, residual e, metric M) costs `(e + B x)' M (e + B x)` for a small motion `x = (omega, tau)`
-of joint j, with `B = [-[p]x, I]`. Pairs add to the quadratic of their joint; quadratics of joints below are summed into
-their parents (the composite rigid bodies of articulated dynamics); a pose entry with twist `s` then reads its row from the
-composite of its joint. Assembling costs joints times entries, however many pairs there are.
+A pair (point p carried by joint j, residual e, metric M) costs `(e + B x)' M (e + B x)` for a small motion `x =
+(omega, tau)` of joint j, with `B = [-[p]x, I]`. Pairs add to the quadratic of their joint; quadratics of joints below
+are summed into their parents (the composite rigid bodies of articulated dynamics); a pose entry with twist `s` then
+reads its row from the composite of its joint. Assembling costs joints times entries, however many pairs there are.
 """
 
 from __future__ import annotations
@@ -108,8 +108,9 @@ def assemble(
 ) -> None:
     """Sum joint quadratics up the tree and read off `matrix` (P, P) = J'MJ and `vector` (P,) = J'Me.
 
-    `origins` and the pairs' points are relative to `reference`, about which the twists are taken; `translation` (3, 3) holds
-    the directions of the three root translations as columns. `hessian` and `gradient` are overwritten by the composites.
+    The twists are taken about `reference`, from which the pairs' points count; `origins` are absolute. `translation`
+    (3, 3) holds the directions of the three root translations as columns. `hessian` and `gradient` are overwritten by
+    the composites.
     """
     joints = parents.shape[0]
     for j in range(joints - 1, -1, -1):
@@ -149,7 +150,7 @@ def assemble(
         vector[k] = total
         for other in range(k + 1):
             value = 0.0
-            # Entries of one joint or of an ancestor share the composite of the deeper joint, which is k's (parents first).
+            # Entries of one joint or of an ancestor share the composite of the deeper joint, k's: parents come first.
             if below[joint_of[other], j]:
                 for a in range(6):
                     value += row[a] * twists[other, a]
@@ -166,10 +167,11 @@ def bounded_step(
     damping: np.ndarray,
     step: np.ndarray,
 ) -> None:
-    """Damped least squares within joint limits: minimise the quadratic plus `damping` times the step squared.
+    """Damped least squares within joint limits: the x of least `x' (matrix + diag(damping)) x / 2 + vector' x`.
 
-    Entries that would leave their limits are fixed at the limit and the rest is solved again (an active set that only grows,
-    three rounds); what still leaves is clamped. Fills `step` (P,). A matrix that is not positive definite gives no step.
+    Entries that would leave their limits are fixed at the limit and the rest is solved again (an active set that only
+    grows, three rounds); what still leaves is clamped. Fills `step` (P,). A matrix that is not positive definite gives
+    no step.
     """
     size = vector.shape[0]
     fixed = np.zeros(size, dtype=np.bool_)

@@ -1,8 +1,9 @@
 """Joint regressor: every pixel votes for every joint, so that joints are found where extrema merge with the body.
 
-The next step that Baak 2013, 5.5.5 names. A regression forest sends a few hundred pixels of a cleaned depth image down its
-trees (questions of Shotton 2011); the leaves hold mean offsets to the 20 reported joints and how sure they are (Girshick 2011).
-Trained offline on depth drawn from the poses of a database (`database_builder.parts`) and kept in the database's file.
+The next step that Baak 2013, 5.5.5 names. A regression forest sends a few hundred pixels of a cleaned depth image down
+its trees (questions of Shotton 2011); the leaves hold mean offsets to the 20 reported joints and how sure they are
+(Girshick 2011). Trained offline on depth drawn from the poses of a database (`database_builder.parts`) and kept in the
+database's file.
 """
 
 from __future__ import annotations
@@ -25,7 +26,10 @@ VOTERS = 80
 
 @dataclass(frozen=True, eq=False)
 class JointEstimate:
-    """Joints as the pixels vote for them: points float64 (20, 3), metres, level frame; confidence float64 (20,), 0 to 1."""
+    """Joints as the pixels vote for them.
+
+    points : float64 (20, 3), metres, level frame; confidence : float64 (20,), 0 to 1
+    """
 
     points: np.ndarray
     confidence: np.ndarray
