@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -58,6 +59,7 @@ def run_demo(output: str | Path, *, seed: int = 0, show: Show | None = None) -> 
     from toolkit.evaluation.evaluate import evaluate_runs
     from toolkit.evaluation.report import write_evaluation
     from toolkit.pipeline import hybrid_tracker, track_recording
+    from toolkit.rendering.film import render_run
 
     show = show or _silent
     start, folder = time.monotonic(), Path(output)
@@ -74,6 +76,9 @@ def run_demo(output: str | Path, *, seed: int = 0, show: Show | None = None) -> 
     )
     table = evaluate_runs([run], progress=lambda name, done, total: show("evaluating", done, total))
     files = [database, recording.path, run, *write_evaluation(table, folder)]
+    for name in ("film.mp4", "contact_sheet.png"):
+        doing = f"drawing the {Path(name).stem.replace('_', ' ')}"
+        files.append(render_run(run, folder / name, progress=partial(show, doing)))
     return DemoResult(table, summary, tuple(files), time.monotonic() - start)
 
 

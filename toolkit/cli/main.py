@@ -10,7 +10,7 @@ from typing import Annotated
 
 import typer
 
-from toolkit.cli import bench, database, demo, evaluate, export, simulate, track
+from toolkit.cli import annotate, bench, database, demo, evaluate, export, render, retrieval, simulate, track
 from toolkit.errors import DepthMocapError, UsageError
 
 app = typer.Typer(
@@ -45,6 +45,11 @@ app.add_typer(database.app, name="database")
 app.command()(simulate.simulate)
 app.command()(track.track)
 app.command()(evaluate.evaluate)
+app.command()(render.render)
+app.command()(retrieval.index)
+app.command()(retrieval.search)
+app.command()(retrieval.learn)
+app.command()(annotate.annotate)
 app.command()(export.export)
 app.command(context_settings=bench.CONTEXT)(bench.bench)
 

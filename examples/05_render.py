@@ -1,0 +1,38 @@
+"""Draw a track: a film, a contact sheet and one picture.
+
+    python examples/05_render.py [RUN]
+
+Needs output/run of example 03. Writes output/film.mp4, output/contact_sheet.png and output/fitted_depth.png.
+"""
+
+import sys
+from pathlib import Path
+
+import numpy as np
+
+from toolkit.body.raycast import render_depth
+from toolkit.rendering.film import render_run, save_png
+from toolkit.track import RunInfo, Track
+
+OUTPUT = Path("output")
+
+
+def main() -> None:
+    run = Path(sys.argv[1]) if len(sys.argv) > 1 else OUTPUT / "run"
+
+    # The suffix chooses what is drawn. The recording and the body are found through the run folder.
+    print(render_run(run, OUTPUT / "film.mp4"))
+    print(render_run(run, OUTPUT / "contact_sheet.png"))
+
+    # The body can be drawn by hand as well: here the depth that the fitted body would show in the last frame.
+    info, track = RunInfo.load(run), Track.load(run)
+    camera = info.open_recording().camera.undistorted()
+    depth = render_depth(info.body(), track.pose[-1], camera, info.R_level_camera)
+    near, far = depth[depth > 0].min(), depth.max()
+    grey = np.where(depth > 0, 255 - 200 * (depth - near) / (far - near), 0).astype(np.uint8)
+    save_png(OUTPUT / "fitted_depth.png", np.repeat(grey[..., None], 3, axis=2))
+    print(OUTPUT / "fitted_depth.png")
+
+
+if __name__ == "__main__":
+    main()
