@@ -1,0 +1,123 @@
+"""Clips and documents for the benchmarks of keyframe search and learning, made from HDM05 and CMU motions.
+
+HDM05 has 188 cut clips of 11 classes by 3 actors, about 6 minutes. Larger corpora are put together from them: clips are
+mirrored, sped up and slowed down, and joined with filler by eased straight lines. Every table says so.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+
+from toolkit.mocap.read import find_clips
+from toolkit.retrieval.documents import assemble
+from toolkit.retrieval.features import FEATURE_RATE, FeatureMatrix, relational_features
+from toolkit.retrieval.motion import Motion
+from toolkit.retrieval.workflow import load_motion
+
+ACTORS = ("bd", "bk", "dg")
+SYMMETRIC = frozenset(
+    ("hopBothLegs1hops", "lieDownFloor", "rotateArmsBothBackward1Reps", "squat1Reps", "throwBasketball")
+)
+"""Classes that a mirror does not change; the mirror image of any other class belongs to no class."""
+SPEEDS = (0.8, 1.25)
+"""Slowest and fastest speed of a clip in a document, its own being 1."""
+PARTS = 12
+"""Parts of a document, filler included."""
+FILLER_SHARE = 0.5
+"""Share of a document's parts that are excerpts of CMU motions."""
+FILLER_SECONDS = (2.0, 6.0)
+HOW = (
+    "documents put together from cut HDM05 clips (half of them mirrored, speed 0.8 to 1.25) and excerpts of CMU "
+    "motions, joined by eased straight lines; mirror images of one-sided classes and CMU motions bear no label"
+)
+
+
+@dataclass(frozen=True, eq=False)
+class Example:
+    """A cut clip, its actor and its class."""
+
+    motion: Motion
+    actor: str
+    label: str
+
+    @cached_property
+    def features(self) -> FeatureMatrix:
+        """Its relational features."""
+        return relational_features(self.motion)
+
+
+@dataclass(frozen=True, eq=False)
+class LabelledDocument:
+    """Features of a document and its true segments: (first frame, frame after the last, label) at 30 Hz."""
+
+    features: FeatureMatrix
+    actor: str
+    segments: tuple[tuple[int, int, str], ...]
+
+
+def load_examples(data: Path) -> list[Example]:
+    """All HDM05 clips, sorted by name."""
+    examples = []
+    for file in find_clips(data / "mocap" / "hdm05"):
+        _, actor, label, *_ = file.stem.split("_")
+        examples.append(Example(load_motion(file), actor, label))
+    return examples
+
+
+def load_filler(data: Path) -> list[Motion]:
+    """All CMU motions, sorted by name, without the T-pose that each begins with."""
+    motions = (load_motion(file) for file in find_clips(data / "mocap" / "cmu"))
+    return [motion.sliced(1, len(motion)) for motion in motions]
+
+
+def at_speed(motion: Motion, factor: float) -> Motion:
+    """The motion `factor` times as fast, at the same frame rate, positions linear between frames."""
+    places = np.arange(0.0, len(motion) - 1, factor)
+    low = places.astype(np.int64)
+    share = (places - low)[:, None]
+    axis = motion.root_axis
+    return replace(
+        motion,
+        joints=motion.joints[low] + share[..., None] * (motion.joints[low + 1] - motion.joints[low]),
+        root_axis=None if axis is None else axis[low] + share * (axis[low + 1] - axis[low]),
+    )
+
+
+def make_documents(
+    examples: Sequence[Example], filler: Sequence[Motion], frames: int, rng: np.random.Generator
+) -> list[LabelledDocument]:
+    """Documents of one actor, with at least `frames` frames at 30 Hz together."""
+    documents: list[LabelledDocument] = []
+    done = 0
+    while done < frames:
+        name = f"{examples[0].actor}_{len(documents):04d}"
+        made = assemble(name, [_part(examples, filler, rng) for _ in range(PARTS)])
+        features = relational_features(made.motion)
+        segments = tuple((round(s.start * FEATURE_RATE), round(s.end * FEATURE_RATE), s.label) for s in made.segments)
+        documents.append(LabelledDocument(features, examples[0].actor, segments))
+        done += len(features)
+    return documents
+
+
+def _part(examples: Sequence[Example], filler: Sequence[Motion], rng: np.random.Generator) -> tuple[Motion, str | None]:
+    if rng.random() < FILLER_SHARE:
+        motion = filler[rng.integers(len(filler))]
+        length = min(len(motion), int(rng.uniform(*FILLER_SECONDS) * motion.frame_rate))
+        start = int(rng.integers(len(motion) - length + 1))
+        return motion.sliced(start, start + length), None
+    example = examples[rng.integers(len(examples))]
+    motion = at_speed(example.motion, float(np.exp(rng.uniform(*np.log(SPEEDS)))))
+    if rng.random() < 0.5:
+        return motion, example.label
+    return motion.mirrored(), example.label if example.label in SYMMETRIC else None
+
+
+def counterexamples(examples: Sequence[Example], filler: Sequence[Motion]) -> list[FeatureMatrix]:
+    """What belongs to no class: mirror images of one-sided classes, and filler."""
+    mirrored = [example.motion.mirrored() for example in examples if example.label not in SYMMETRIC]
+    return [relational_features(motion) for motion in (*mirrored, *filler)]
