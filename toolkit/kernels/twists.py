@@ -1,9 +1,9 @@
 """Normal equations of an articulated body, gathered per joint as 6x6 twist quadratics, compiled.
 
-A pair (point p carried by joint j, residual e, metric M) costs `(e + B x)' M (e + B x)` for a small motion `x =
-(omega, tau)` of joint j, with `B = [-[p]x, I]`. Pairs add to the quadratic of their joint; quadratics of joints below
-are summed into their parents (the composite rigid bodies of articulated dynamics); a pose entry with twist `s` then
-reads its row from the composite of its joint. Assembling costs joints times entries, however many pairs there are.
+A pair (point p carried by joint j, residual e, metric M) costs `(e + B x)' M (e + B x)` for a small motion
+`x = (omega, tau)` of joint j, with `B = [-[p]x, I]`. Pairs add to the quadratic of their joint; quadratics of joints
+below are summed into their parents (the composite rigid bodies of articulated dynamics); a pose entry with twist `s`
+then reads its row from the composite of its joint. Assembling costs joints times entries, however many pairs there are.
 """
 
 from __future__ import annotations
