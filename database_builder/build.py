@@ -31,6 +31,8 @@ from toolkit.mocap.procedural import procedural_clips
 
 THRESHOLD = 0.018
 """Metres in the unit of Eq. 5.1: the paper's 1.8 cm, 8 cm root mean square per joint."""
+PARTS = PartsSettings()
+"""How the joint regressor is trained unless told otherwise."""
 CHUNK = 500
 """Poses that a process looks at in one go, about a quarter of a second."""
 MANY_FILES, MANY_POSES = 16, 4000
@@ -82,7 +84,7 @@ def build_database(
     max_poses: int | None = None,
     body: Body | None = None,
     mirror: bool = True,
-    parts: PartsSettings | None = PartsSettings(),
+    parts: PartsSettings | None = PARTS,
     workers: int | None = None,
     strict: bool = False,
     keep_work: bool = False,
@@ -92,6 +94,7 @@ def build_database(
 
     Files that were read are kept in a folder beside `output` (`<stem>.work`) until the database is written, so that a
     killed build goes on where it was. The result does not depend on the number of processes.
+    They are spawned, so a script that calls this needs the usual `if __name__ == "__main__":`.
 
     Parameters
     ----------

@@ -44,6 +44,7 @@ class PoseDatabase:
     body_name, body_shape, body_scale, torso_length : the body of the joints and features; the last in metres
     notes : JSON-able facts about how it was built (poses read, files skipped, residual of the offsets, settings)
     forest : the joint regressor trained on these poses, or None
+    search : provider of the nearest neighbours, see `search.SEARCHES`
     """
 
     poses: np.ndarray
