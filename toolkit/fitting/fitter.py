@@ -107,38 +107,50 @@ class Fitter:
         """The sparse symmetric distance of a pose to a frame, metres (Baak 2013, Eq. 5.7 to 5.9).
 
         The mean distance of the visible chosen vertices to the measured points, plus the mean distance of the geodesic
-        extrema (as many as there are) to the nearest mesh vertex. Distances beyond the reach count as the reach.
+        extrema (as many as there are) to the nearest mesh vertex, plus, where the fit uses them, the mean distance of the
+        samples to the drawn body: a body that hides a limb behind itself leaves what the camera saw of it unexplained.
+        Distances beyond the reach count as the reach.
         """
+        posed, reach = self.posed, self.settings.reach
+        visible, nearest = self._nearest_measured(pose, scene)
+        to_cloud = _mean_capped(posed.vertices[posed.chosen[visible]] - nearest[visible], reach)
+        to_mesh = pairs.mean_nearest(scene.extrema, posed.vertices, reach)
+        if not scene.plain_samples:
+            return to_cloud + to_mesh
+        points, vertex_of = self.cloud.nearest(posed, scene)
+        gaps = np.where((vertex_of >= 0)[:, None], points - scene.samples, np.nan)[: scene.plain_samples]
+        return to_cloud + to_mesh + _mean_capped(gaps, reach)
+
+    def _nearest_measured(self, pose: np.ndarray, scene: Scene) -> tuple[np.ndarray, np.ndarray]:
+        """Place and draw a pose; which chosen vertices are visible, and their nearest measured points (C, 3) or NaN."""
         posed, s = self.posed, self.settings
         posed.place(pose)
         posed.draw()
         visible = posed.find_visible(s.facing, s.hidden_tolerance)
-        points = posed.vertices[posed.chosen]
-        nearest = np.empty_like(points)
-        scene.neighbours.medians(points, visible, s.reach, 1, nearest)
-        found = ~np.isnan(nearest[:, 0])
-        distances = np.linalg.norm(points[found] - nearest[found], axis=1)
-        seen = max(int(visible.sum()), 1)
-        mesh_to_cloud = (distances.sum() + s.reach * (visible.sum() - len(distances))) / seen
-        return float(mesh_to_cloud + pairs.mean_nearest(scene.extrema, posed.vertices, s.reach))
+        nearest = np.full((len(posed.chosen), 3), np.nan)
+        scene.neighbours.medians(posed.vertices[posed.chosen], visible, s.reach, 1, nearest)
+        return visible, nearest
 
     def confidence(self, pose: np.ndarray, scene: Scene) -> np.ndarray:
         """How well the frame supports each reported joint of a pose: float64 (20,), in [0, 1].
 
         Of the chosen vertices around a joint, the share that the camera sees times how near they lie to measured points.
         """
-        posed, s = self.posed, self.settings
-        posed.place(pose)
-        posed.draw()
-        visible = posed.find_visible(s.facing, s.hidden_tolerance)
+        posed = self.posed
+        _, nearest = self._nearest_measured(pose, scene)
         points = posed.vertices[posed.chosen]
-        nearest = np.empty_like(points)
-        scene.neighbours.medians(points, visible, s.reach, 1, nearest)
         found = np.flatnonzero(~np.isnan(nearest[:, 0]))
         squared = ((points[found] - nearest[found]) ** 2).sum(axis=1)
         support = np.zeros(len(points))
         support[found] = np.exp(-squared / (2.0 * SUPPORT**2))
         return np.clip(2.0 * (posed.around_joints @ support), 0.0, 1.0)
+
+
+def _mean_capped(gaps: np.ndarray, cap: float) -> float:
+    """Mean length of gaps (N, 3), each at most `cap`; NaN in column 0 counts as the cap, no gaps at all as well."""
+    lengths = np.sqrt(np.einsum("nc,nc->n", gaps, gaps))
+    lengths[np.isnan(gaps[:, 0])] = cap
+    return float(np.minimum(lengths, cap).mean()) if len(gaps) else cap
 
 
 def _wrap_root(pose: np.ndarray) -> None:

@@ -14,7 +14,7 @@ from toolkit.database.database import PoseDatabase
 from toolkit.fitting.fitter import Fitter
 from toolkit.fitting.scene import Scene
 from toolkit.fitting.shape import ShapeEstimator
-from toolkit.fitting.terms import GaussianPrior
+from toolkit.fitting.terms import GaussianPrior, JointTerm
 from toolkit.landmarks.centre import cloud_centre
 from toolkit.landmarks.extrema import extrema_of_graph, source_node
 from toolkit.landmarks.facing import FacingFilter, estimate_facing
@@ -37,6 +37,10 @@ LARGE_IMAGE = 200
 """Pixels of width above which the body is drawn at half the resolution of the image."""
 ADULT_HEIGHT = 1.7
 """Metres: the landmarks' lengths are those of a body this tall."""
+VOTE_SIGMA = 0.3
+"""Metres at which a regressed joint loses its pull: the spread of an uncertain vote."""
+PULLED_ITERATIONS = 2
+"""Iterations in which the regressed joints pull; the depth image has the last word."""
 FIRST_STEP = 1.0 / 30.0
 """Seconds between the first frame and the one before that there never was."""
 UNSEEN = (0.0, 0.0, -3.0)
@@ -179,7 +183,11 @@ class HybridTracker:
         yaw = memory.facing.update(estimate, dt, centre)
         graph = grid_graph(cloud, settings.landmarks, self._workspace)
         extrema = extrema_of_graph(
-            graph, cloud.points, settings.extrema, source_node(graph, cloud.points, centre), self._workspace
+            graph,
+            cloud.points,
+            settings.extrema,
+            source_node(graph, cloud.points, centre, settings.landmarks, scale),
+            self._workspace,
         )
         votes = None if self._forest is None else self._forest.estimate(cloud, settings.vote_samples)
         fitting = settings.fitting
@@ -196,8 +204,19 @@ class HybridTracker:
                 distances = [self._fitter.sparse_distance(pose, view.scene) for pose in candidates]
                 candidates = candidates[[int(np.argmin(distances))]]
             if len(candidates):
-                hypotheses[name] = self._fitter.refine(candidates[0], view.scene)
+                hypotheses[name] = self._refined(name, candidates[0], view)
         return hypotheses
+
+    def _refined(self, name: str, pose: np.ndarray, view: View, rounds: int = 1) -> np.ndarray:
+        """A retrieved pose refined; one that the regressor asked for is first drawn to the joints that it saw."""
+        iterations = rounds * self.settings.fitting.iterations
+        if name == "joints" and view.votes is not None and self.settings.vote_pull > 0.0:
+            targets = view.votes.points @ self.level_rotation
+            # A vote's weight is the fourth power of its certainty; a least squares weight is the second.
+            pull = JointTerm(targets, self.settings.vote_pull * np.sqrt(view.votes.confidence), VOTE_SIGMA)
+            pose = self._fitter.refine(pose, view.scene, pair_terms=[pull], iterations=rounds * PULLED_ITERATIONS)
+            iterations -= PULLED_ITERATIONS
+        return self._fitter.refine(pose, view.scene, iterations=max(iterations, 1))
 
     def _first_hypotheses(self, view: View) -> dict[str, np.ndarray]:
         """Hypotheses without a previous pose; for a person of unknown size in every size, which then is known."""
@@ -211,7 +230,7 @@ class HybridTracker:
             self._fitter.posed.set_body(body)
             for name, proposer in self._proposers.items():
                 for candidate in proposer.propose(view, None, body, settings.starts):
-                    pose = self._fitter.refine(candidate, view.scene, iterations=2 * settings.fitting.iterations)
+                    pose = self._refined(name, candidate, view, rounds=2)
                     distance = self._fitter.sparse_distance(pose, view.scene)
                     if name not in best or distance < best[name][0]:
                         best[name] = (distance, pose, body)

@@ -26,6 +26,7 @@ class HybridSettings:
     sizes : first coefficients of the shape space (standard deviations of height, tall to small) tried on the first frame
     smallest_person : measured points below which a frame counts as empty
     lost_distance : sparse distance (metres) of the winner above which a frame counts as lost
+    vote_pull : weight of the regressed joints against one correspondence while their hypothesis is refined; 0 = none
     patience : lost frames in a row after which the next one is treated as a first frame
     vote_samples : points that vote for the joints
     """
@@ -37,6 +38,7 @@ class HybridSettings:
     sizes: tuple[float, ...] = (-1.6, -0.6, 0.4, 1.5, 2.7)
     smallest_person: int = 300
     lost_distance: float = 0.25
+    vote_pull: float = 30.0
     patience: int = 5
     vote_samples: int = 300
     sensing: SensingSettings = field(default_factory=SensingSettings)
