@@ -1,4 +1,4 @@
-"""The compiled loops of the local optimisation: z-buffer, pixel search, correspondences, normal equations, bounded step."""
+"""Compiled loops of the local optimisation: z-buffer, pixel search, correspondences, normal equations, bounded step."""
 
 from __future__ import annotations
 
@@ -105,7 +105,7 @@ def test_of_two_surfaces_the_nearer_one_is_drawn_in_any_order() -> None:
 
 @st.composite
 def searches(draw: st.DrawFn) -> tuple[np.ndarray, np.ndarray, np.ndarray, float, int]:
-    """Depth image, intrinsics, query, reach and number wanted; wide angles, odd cameras and queries outside included."""
+    """Depth image, intrinsics, query, reach and number wanted; also wide angles, odd cameras, queries out of the image."""
     height, width = draw(st.integers(1, 24)), draw(st.integers(1, 30))
     rng = np.random.default_rng(draw(st.integers(0, 2**32 - 1)))
     fx, fy = (size * np.exp(rng.uniform(np.log(0.1), np.log(20.0))) for size in (width, height))
@@ -113,11 +113,12 @@ def searches(draw: st.DrawFn) -> tuple[np.ndarray, np.ndarray, np.ndarray, float
     intrinsics = np.array([fx, fy, cx, cy])
     depth = rng.uniform(0.3, 4.0, (height, width))
     if draw(st.booleans()):
-        depth = 2.0 + 0.05 * rng.standard_normal((height, width))
+        depth = 2.0 + draw(st.sampled_from([0.0, 0.001, 0.05])) * rng.standard_normal((height, width))
     depth[rng.random(depth.shape) < draw(st.sampled_from([0.0, 0.5, 0.95]))] = 0.0
     depth = depth.astype(np.float32)
-    spread = draw(st.sampled_from([0.0, 0.05, 0.5, 2.0]))
+    spread = draw(st.sampled_from([0.0, 0.005, 0.5, 2.0]))
     u, v, z = rng.uniform(-0.3, 1.3) * width, rng.uniform(-0.3, 1.3) * height, rng.uniform(0.2, 4.0)
+    z = draw(st.sampled_from([2.0, z]))
     query = np.array([(u - cx) / fx * z, (v - cy) / fy * z, z]) + spread * rng.standard_normal(3)
     query[2] = max(query[2], 0.06)
     return depth, intrinsics, query, draw(st.sampled_from([0.02, 0.5, 3.0, 50.0])), draw(st.integers(1, 9))
@@ -295,9 +296,7 @@ def rigid_jacobians(posed: PosedBody, points: np.ndarray, joints: np.ndarray) ->
 def blended_jacobians(posed: PosedBody, points: np.ndarray, vertices: np.ndarray) -> np.ndarray:
     """Derivative (N, 3, P) of points (N, 3) that move as a blend of the joints that carry mesh `vertices` (N,)."""
     weights, joints = posed.body.skin_weights[vertices], posed.body.skin_joints[vertices]
-    return sum(
-        weights[:, s, None, None] * rigid_jacobians(posed, points, joints[:, s]) for s in range(joints.shape[1])
-    )
+    return sum(weights[:, s, None, None] * rigid_jacobians(posed, points, joints[:, s]) for s in range(joints.shape[1]))
 
 
 def dense(jacobians: np.ndarray, residuals: np.ndarray, metrics: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -335,7 +334,8 @@ def test_rigid_vertices_give_the_dense_normal_equations(body: Body, seed: int) -
     residuals = np.random.default_rng(seed).normal(0.0, 0.03, (len(chosen), 3))
     system = surface_system(posed, chosen, residuals, 0.1)
     jacobians = np.einsum("ab,nbp->nap", posed.from_level, body.vertex_jacobian(pose, chosen))
-    matrix, vector = dense(jacobians, residuals, metrics_of(residuals, posed.normals[chosen], np.ones(len(chosen)), 0.1))
+    metrics = metrics_of(residuals, posed.normals[chosen], np.ones(len(chosen)), 0.1)
+    matrix, vector = dense(jacobians, residuals, metrics)
     assert system.matrix == pytest.approx(matrix, abs=1e-9 * np.abs(matrix).max())
     assert system.vector == pytest.approx(vector, abs=1e-9 * np.abs(vector).max())
 
@@ -447,7 +447,7 @@ def test_the_bounded_step_is_feasible_and_optimal_where_it_is_free(problem) -> N
     if settled and (slope[step == low] >= 0).all() and (slope[step == high] <= 0).all():
         root = np.linalg.cholesky(damped).T
         target = np.linalg.solve(root.T, -vector)
-        assert step == pytest.approx(lsq_linear(root, target, (low - 1e-15, high + 1e-15), tol=1e-13).x, abs=1e-4)
+        assert step == pytest.approx(lsq_linear(root, target, (low - 1e-15, high + 1e-15), tol=1e-13).x, abs=1e-7)
 
 
 def test_a_single_limit_in_the_way_is_solved_exactly() -> None:
