@@ -23,6 +23,7 @@ def main() -> None:
         OUTPUT / "poses.npz",
         threshold=0.018,
         max_poses=2000,
+        parts=None,  # the joint regressor, which the command trains as well, takes minutes
         progress=lambda stage, done, total: print(f"\r{stage} {done}/{total}", end="", file=sys.stderr),
     )
     print(file=sys.stderr)

@@ -127,7 +127,7 @@ def test_track_writes_a_run_and_says_so(tmp_path: Path, fake: FakeTracker, capsy
     assert "12 frames" in capsys.readouterr().out
     assert len(Track.load(tmp_path / "run")) == 12
     assert fake.asked == (  # type: ignore[attr-defined]
-        (Path("d.npz"), "baak2013", {"sensing.segment": "person", "sensing.half_resolution": True, "extrema": 10}),
+        (Path("d.npz"), "hybrid", {"sensing.segment": "person", "sensing.half_resolution": True, "extrema": 10}),
         {"max_poses": 7},
     )
 

@@ -23,7 +23,7 @@ def build(
     output: Output = Path("poses.npz"),
     threshold: Annotated[
         float | None,
-        typer.Option(help="Distance in metres (Baak 2013, Eq. 5.1) at which sampling stops.", show_default="0.018"),
+        typer.Option(help="Distance in metres (Baak 2013, Eq. 5.1) at which sampling stops.", show_default="0.009"),
     ] = None,
     max_poses: Annotated[int | None, typer.Option(help="Stop at so many poses.")] = None,
     body: Annotated[str, typer.Option(help="Name of the body whose poses they become.")] = "neutral",

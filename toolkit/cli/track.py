@@ -35,7 +35,7 @@ def track(
         Path,
         typer.Option("--output", "-o", help="Run folder; several recordings go to OUTPUT/<stem>.", show_default=False),
     ],
-    config: Annotated[str, typer.Option(help="Settings: a YAML file or the name of a shipped one.")] = "baak2013",
+    config: Annotated[str, typer.Option(help="Settings: a YAML file or the name of a shipped one.")] = "hybrid",
     settings: SettingOption = None,
     max_poses: Annotated[int | None, typer.Option(help="Use only the first poses of the database.")] = None,
     half_resolution: Annotated[bool, typer.Option("--half-resolution", help="Keep every second pixel.")] = False,

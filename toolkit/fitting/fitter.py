@@ -85,7 +85,7 @@ class Fitter:
         pair_terms: Sequence[PairTerm] = (),
         iterations: int | None = None,
     ) -> np.ndarray:
-        """Refine `pose` (P,), level frame, against the frame; further pairs may be handed in. Returns a new pose (P,)."""
+        """Refine `pose` (P,), level frame, against the frame, with further pairs if given; returns a new pose (P,)."""
         pose = pose.copy()
         step = np.empty_like(pose)
         system, posed = self._system, self.posed
@@ -134,7 +134,7 @@ class Fitter:
     def confidence(self, pose: np.ndarray, scene: Scene) -> np.ndarray:
         """How well the frame supports each reported joint of a pose: float64 (20,), in [0, 1].
 
-        Of the chosen vertices around a joint, the share that the camera sees times how near they lie to measured points.
+        Of the chosen vertices around a joint, the share that the camera sees times how near measured points are.
         """
         posed = self.posed
         _, nearest = self._nearest_measured(pose, scene)

@@ -138,7 +138,7 @@ class NormalSystem:
         self.reference = np.empty(3)
 
     def reset(self, reference: np.ndarray) -> None:
-        """Forget all pairs; `reference` (3,) is the point about which twists are taken (near the body: conditioning)."""
+        """Forget all pairs; twists are taken about `reference` (3,), near the body for the conditioning."""
         self.hessian[:] = 0.0
         self.gradient[:] = 0.0
         self.reference[:] = reference

@@ -1,7 +1,7 @@
 """Personal shape: coefficients of the shape space estimated from the recording itself, frame by frame.
 
-The mesh is linear in the coefficients for a fixed pose, so each frame gives linear equations in them; they are summed with
-a slow forgetting, because the pose that a frame was linearised at was itself fitted with an earlier shape.
+The mesh is linear in the coefficients for a fixed pose, so each frame gives linear equations in them; they are summed
+with a slow forgetting, because the pose that a frame was linearised at was itself fitted with an earlier shape.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ class ShapeSettings:
 
 
 STEP = 0.25
-"""Standard deviations: the finite difference of the mesh in each coefficient (exact up to the skinning of moved joints)."""
+"""Standard deviations: the finite difference of the mesh in each coefficient, in which it is linear."""
 NOISE = 0.01
 """Metres: the residual that counts as one standard deviation."""
 

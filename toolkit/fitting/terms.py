@@ -15,7 +15,7 @@ from toolkit.kernels import pairs, twists
 
 @dataclass(frozen=True, eq=False)
 class Pairs:
-    """Correspondences: vertex int64 (N,), residual float64 (N, 3) mesh minus measurement in metres, robust weight (N,)."""
+    """Correspondences: vertex int64 (N,), residual float64 (N, 3), mesh minus measurement, metres, and weight (N,)."""
 
     vertex: np.ndarray
     residual: np.ndarray
@@ -182,7 +182,7 @@ class GaussianPrior:
 
     @classmethod
     def of_poses(cls, poses: np.ndarray, weight: float) -> GaussianPrior:
-        """The prior of a sample of poses (N, P); `SPREAD` keeps angles that the sample never moves from being frozen."""
+        """The prior of a sample of poses (N, P); `SPREAD` keeps angles that it never moves from being frozen."""
         angles = np.asarray(poses, dtype=np.float64)[:, 6:]
         covariance = np.cov(angles.T) + SPREAD**2 * np.eye(angles.shape[1])
         mean = np.concatenate([np.zeros(6), angles.mean(axis=0)])

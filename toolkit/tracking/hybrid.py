@@ -11,6 +11,7 @@ from toolkit.body import skeleton
 from toolkit.body.body import Body
 from toolkit.body.shape import ShapeSpace, load_body
 from toolkit.database.database import PoseDatabase
+from toolkit.database.origin import ADULT_HEIGHT
 from toolkit.fitting.fitter import Fitter
 from toolkit.fitting.scene import Scene
 from toolkit.fitting.shape import ShapeEstimator
@@ -35,8 +36,6 @@ SOURCES = ("local", "extrema", "joints", "predicted")
 
 LARGE_IMAGE = 200
 """Pixels of width above which the body is drawn at half the resolution of the image."""
-ADULT_HEIGHT = 1.7
-"""Metres: the landmarks' lengths are those of a body this tall."""
 VOTE_SIGMA = 0.3
 """Metres at which a regressed joint loses its pull: the spread of an uncertain vote."""
 PULLED_ITERATIONS = 2
@@ -105,8 +104,8 @@ class HybridTracker:
     def start(self, recording: Recording) -> None:
         """See `Tracker.start`.
 
-        The person's shape is learnt here: the first frames are tracked once for it, and `step` then tracks all of them with
-        that one body, so that bone lengths do not change within a track.
+        The person's shape is learnt here: the first frames are tracked once for it, and `step` then tracks all of them
+        with that one body, so that bone lengths do not change within a track.
         """
         self._begin(recording, self._first_body, sized=not self._personal)
         shape = self.settings.shape

@@ -1,4 +1,4 @@
-"""Database lookup: which labelings of the extrema to ask for, and which retrieved pose to believe (Baak 2013, 5.4.3)."""
+"""Database lookup: which labelings of the extrema to ask for, and how to score what comes back (Baak 2013, 5.4.3)."""
 
 from __future__ import annotations
 
@@ -27,12 +27,15 @@ class LookupSettings:
     label_distance : mu of Eq. 5.4
     jump_distance : an extremum that is farther than this from every extremum of the frame before has jumped
     balance : lambda of Eq. 5.6
+    candidate_distance : an extremum within this of a regressed end effector is a candidate for it; 0 = the first five
+        extrema alone are asked for, as in the paper
     """
 
     neighbours: int = 5
     label_distance: float = 0.5
     jump_distance: float = 0.2
     balance: float = 0.5
+    candidate_distance: float = 0.25
 
     def __post_init__(self) -> None:
         if self.neighbours < 1:
@@ -72,23 +75,39 @@ def extrema_jumped(extrema: np.ndarray, previous: np.ndarray | None, jump_distan
 def labelings(
     extrema: np.ndarray, effectors: np.ndarray | None, previous_extrema: np.ndarray | None, settings: LookupSettings
 ) -> np.ndarray:
-    """All labelings to query, without repetition: Eq. 5.4, and the 12 extra ones when the extrema jump. int64 (S, 5)."""
+    """Labelings to query, each once: Eq. 5.4, and the 12 extra ones when the extrema jump; int64 (S, 5)."""
     rows = [] if effectors is None else [admissible_labelings(extrema, effectors, settings.label_distance)]
     if effectors is None or extrema_jumped(extrema, previous_extrema, settings.jump_distance):
         rows.append(feet_below_labelings(extrema))
     return np.unique(np.concatenate(rows), axis=0)
 
 
-def score_candidates(
-    feature_distances: np.ndarray, joints: np.ndarray, previous_joints: np.ndarray | None, balance: float
-) -> np.ndarray:
-    """Eq. 5.6 for each candidate: `lambda delta + (1 - lambda) d_P`, metres; without a previous pose only delta counts.
+def label_candidates(extrema: np.ndarray, expected: np.ndarray, reach: float) -> tuple[np.ndarray, np.ndarray]:
+    """Which of all extrema are the end effectors, given where these are expected.
 
-    feature_distances : float64 (C,), Euclidean distances of the 15-vectors; Eq. 5.5 divides them by 5
+    Pairs of an expected end effector and an extremum are taken nearest first, each of both once, up to `reach` metres. End
+    effectors that merge with the body have no extremum near them and stay unlabelled: the query leaves them out.
+
+    extrema : float64 (E, 3), expected : float64 (5, 3), metres, the same frame
+    Returns float64 (5, 3) points (0 where absent) and bool (5,), which are present.
+    """
+    points, present = np.zeros((EFFECTORS, 3)), np.zeros(EFFECTORS, dtype=np.bool_)
+    gaps = np.linalg.norm(expected[:, None] - extrema[None], axis=2)
+    for _ in range(min(EFFECTORS, len(extrema))):
+        effector, extremum = np.unravel_index(int(gaps.argmin()), gaps.shape)
+        if gaps[effector, extremum] > reach:
+            break
+        points[effector], present[effector] = extrema[extremum], True
+        gaps[effector, :] = np.inf
+        gaps[:, extremum] = np.inf
+    return points, present
+
+
+def fused_scores(delta: np.ndarray, joints: np.ndarray, previous_joints: np.ndarray, balance: float) -> np.ndarray:
+    """Eq. 5.6 for each candidate: `lambda delta + (1 - lambda) d_P`, metres, float64 (C,).
+
+    delta : float64 (C,), Eq. 5.5
     joints : float64 (C, 20, 3), previous_joints : float64 (20, 3), the same frame; Eq. 5.1 divides by 20
     """
-    delta = feature_distances / EFFECTORS
-    if previous_joints is None:
-        return delta
     difference = (joints - previous_joints).reshape(len(joints), -1)
     return balance * delta + (1.0 - balance) * np.linalg.norm(difference, axis=1) / len(skeleton.REPORTED)

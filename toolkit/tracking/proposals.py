@@ -11,13 +11,13 @@ from toolkit.body import skeleton
 from toolkit.body.body import Body
 from toolkit.database import canonical
 from toolkit.database.database import PoseDatabase
-from toolkit.tracking.lookup import EFFECTORS, LookupSettings, labelings, score_candidates
+from toolkit.tracking.lookup import EFFECTORS, LookupSettings, fused_scores, label_candidates, labelings
 from toolkit.tracking.view import View
 
 
 @dataclass(frozen=True, eq=False)
 class Previous:
-    """The frame before: its final pose (P,), joints (20, 3), end effectors (5, 3) and extrema (5, 3) or None; level frame."""
+    """The frame before, level frame: pose (P,), joints (20, 3), end effectors (5, 3) and extrema (5, 3) or None."""
 
     pose: np.ndarray
     joints: np.ndarray
@@ -33,7 +33,10 @@ class Proposer(Protocol):
 
 
 class ExtremaProposer:
-    """The lookup of Baak 2013, 5.4.3: the first five extrema, in every admissible labeling, query the database."""
+    """The lookup of Baak 2013, 5.4.3: the first five extrema, in every admissible labeling, query the database.
+
+    Where a regressor says about where the end effectors are, one more query asks with those of all extrema that lie there.
+    """
 
     def __init__(self, database: PoseDatabase, settings: LookupSettings) -> None:
         self._database = database
@@ -41,34 +44,44 @@ class ExtremaProposer:
 
     def propose(self, view: View, previous: Previous | None, body: Body, count: int) -> np.ndarray:
         """See `Proposer.propose`."""
-        extrema = view.extrema.points[:EFFECTORS].astype(np.float64)
-        if len(extrema) < EFFECTORS:
+        points, present = self._queries(view, previous)
+        if len(points) == 0:
             return np.empty((0, skeleton.POSE_SIZE))
-        rows = labelings(
-            extrema,
-            None if previous is None else previous.effectors,
-            None if previous is None else previous.extrema,
-            self._settings,
-        )
-        if len(rows) == 0:
-            return np.empty((0, skeleton.POSE_SIZE))
-        size = canonical.torso_length(body) / self._database.torso_length
-        features = canonical.normalise(extrema[rows], view.centre, view.yaw).reshape(len(rows), -1) / size
-        distances, indices = self._database.query(features, self._settings.neighbours)
+        database = self._database
+        size = canonical.torso_length(body) / database.torso_length
+        centre = canonical.frontal_centre(view.centre, view.yaw, size)
+        features = canonical.normalise(points, centre, view.yaw).reshape(len(points), -1) / size
+        distances, indices = database.query(features, self._settings.neighbours, present)
         flat = indices.ravel()
-        joints = previous_joints = None
+        # Eq. 5.5; where end effectors are missing, as if they were as far off as those that are there.
+        scores = (distances * np.sqrt(EFFECTORS / present.sum(axis=1))[:, None]).ravel() / EFFECTORS
         if previous is not None:
-            joints = canonical.normalise(
-                self._database.joints[flat], self._database.offsets[flat, :3], self._database.offsets[flat, 3]
-            )
-            previous_joints = canonical.normalise(previous.joints, view.centre, view.yaw) / size
-        scores = score_candidates(distances.ravel(), joints, previous_joints, self._settings.balance)
+            offsets = database.offsets[flat]
+            joints = canonical.normalise(database.joints[flat], offsets[:, :3], offsets[:, 3])
+            before = canonical.normalise(previous.joints, centre, view.yaw) / size
+            scores = fused_scores(scores, joints, before, self._settings.balance)
         best = flat[np.argsort(scores, kind="stable")[:count]]
-        return _placed(self._database, best, self._database.offsets[best], view.centre, view.yaw, size)
+        return _placed(database, best, database.offsets[best], centre, view.yaw, size)
+
+    def _queries(self, view: View, previous: Previous | None) -> tuple[np.ndarray, np.ndarray]:
+        """Labelled end effectors (M, 5, 3), level frame, and which of them are present (M, 5)."""
+        settings = self._settings
+        extrema = view.extrema.points.astype(np.float64)
+        points, present = np.empty((0, EFFECTORS, 3)), np.empty((0, EFFECTORS), dtype=np.bool_)
+        if len(extrema) >= EFFECTORS:
+            effectors = None if previous is None else previous.effectors
+            before = None if previous is None else previous.extrema
+            points = extrema[labelings(extrema[:EFFECTORS], effectors, before, settings)]
+            present = np.ones(points.shape[:2], dtype=np.bool_)
+        if view.votes is not None and settings.candidate_distance > 0.0:
+            found, known = label_candidates(extrema, view.votes.points[_TIPS], settings.candidate_distance)
+            if known.sum() >= FEWEST_KNOWN:
+                points, present = np.concatenate([points, found[None]]), np.concatenate([present, known[None]])
+        return points, present
 
 
 class JointsProposer:
-    """The regressor's joints query the database: the poses whose joints lie nearest to the votes, weighted by confidence."""
+    """The regressor's joints query the database: the poses whose joints lie nearest to the votes, by confidence."""
 
     def __init__(self, database: PoseDatabase) -> None:
         self._database = database
@@ -93,11 +106,14 @@ class JointsProposer:
 
 _QUERIED: np.ndarray = np.array(
     [
-        i
-        for i, n in enumerate(skeleton.REPORTED)
-        if n.split("_")[-1] in ("head", "elbow", "wrist", "knee", "ankle", "shoulder", "hip")
+        row
+        for row, name in enumerate(skeleton.REPORTED)
+        if name.split("_")[-1] in ("head", "shoulder", "elbow", "wrist", "hip", "knee", "ankle")
     ]
 )
+_TIPS: np.ndarray = np.array([skeleton.REPORTED.index(name) for name in skeleton.END_EFFECTORS])
+FEWEST_KNOWN = 3
+"""End effectors that a partial query needs: with two, any pose fits."""
 _PELVIS = skeleton.REPORTED.index("pelvis")
 
 

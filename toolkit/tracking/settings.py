@@ -18,12 +18,13 @@ class HybridSettings:
 
     Attributes
     ----------
-    hypotheses : which hypotheses compete: "local", "extrema" (lookup by geodesic extrema), "joints" (lookup by regressed
-        joints)
+    hypotheses : which hypotheses compete: "local", "extrema" (lookup by geodesic extrema), "joints" (lookup by
+        regressed joints)
     extrema : geodesic extrema per frame (20 in the paper)
     candidates : retrieved poses that are compared before one of them is refined; 1 takes the best by Eq. 5.6 unseen
     starts : poses refined on a first frame or after a loss, per size of the body
-    sizes : first coefficients of the shape space (standard deviations of height, tall to small) tried on the first frame
+    sizes : first coefficients of the shape space (standard deviations of height, tall to small) tried on the first
+        frame
     smallest_person : measured points below which a frame counts as empty
     lost_distance : sparse distance (metres) of the winner above which a frame counts as lost
     vote_pull : weight of the regressed joints against one correspondence while their hypothesis is refined; 0 = none
