@@ -170,7 +170,7 @@ def test_a_contact_sheet_and_single_pictures_are_png(take, tmp_path):
     import cv2
 
     sheet = cv2.imread(str(render_track(*arranged(take), tmp_path / "sheet.png")))
-    assert sheet.shape == (2 * 340 + 6, 2 * 1025 + 6, 3)
+    assert sheet.shape == (2 * 340 + 6, 2 * (270 + 270 + 224) + 6, 3)
     folder = render_track(*arranged(take), tmp_path / "pictures", frames=range(1, 4, 2))
     assert sorted(p.name for p in folder.iterdir()) == ["00001.png", "00003.png"]
 
@@ -243,7 +243,7 @@ def test_a_picture_without_a_place_is_an_output_error(tmp_path):
 
 
 @pytest.mark.parametrize(
-    "options", [{"panels": ()}, {"panels": ("top",)}, {"height": 50}, {"height": 301}, {"extrema": -1}]
+    "options", [{"panels": ()}, {"panels": ("top",)}, {"height": 50}, {"height": 301}, {"aspect": 9}, {"extrema": -1}]
 )
 def test_a_setting_out_of_range_is_an_error(options):
     with pytest.raises(SettingsError):

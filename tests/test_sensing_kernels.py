@@ -9,6 +9,7 @@ from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 
 from tests.sensing_scenes import TOF
+from toolkit.kernels import components
 from toolkit.kernels import depth as kernels
 
 
@@ -34,7 +35,7 @@ def neighbours(padded, dv, du):
 def test_components_are_those_of_the_pixel_graph(seed):
     image, padded = blobs(seed)
     labels, parents = np.zeros(padded.shape, np.int32), np.zeros(padded.size, np.int32)
-    count = kernels.label_components(padded, whole(image), 40.0, 2.8, labels, parents)
+    count = components.label_components(padded, whole(image), 40.0, 2.8, labels, parents)
     index = np.arange(image.size).reshape(image.shape)
     pairs = []
     for a, b, i, j in (
@@ -57,10 +58,10 @@ def test_components_are_those_of_the_pixel_graph(seed):
 def test_component_extents_are_those_of_their_points(seed):
     image, padded = blobs(seed, shape=TOF.shape)
     labels, parents = np.zeros(padded.shape, np.int32), np.zeros(padded.size, np.int32)
-    count = kernels.label_components(padded, whole(image), 40.0, 2.8, labels, parents)
+    count = components.label_components(padded, whole(image), 40.0, 2.8, labels, parents)
     rotation = np.linalg.qr(np.random.default_rng(seed).normal(size=(3, 3)))[0]
     sizes, extents = np.empty((count, 2)), np.empty((count, 3, 2))
-    kernels.component_extents(padded, whole(image), labels, count, TOF.intrinsics, rotation, sizes, extents)
+    components.component_extents(padded, whole(image), labels, count, TOF.intrinsics, rotation, sizes, extents)
     z = image / 1000.0
     points = np.dstack([TOF.rays() * z[..., None], z]) @ rotation.T
     for k in np.random.default_rng(0).integers(0, count, 10):
@@ -142,7 +143,7 @@ def test_a_mask_found_on_every_second_pixel_comes_back_at_full_size():
     image[:, 50:] = 2020
     coarse = np.where(np.arange(31)[None] < 24, image[::2, ::2], 0).astype(np.uint16)
     padded, box = np.zeros((43, 63), np.uint16), np.zeros(4, np.int64)
-    count = kernels.refine_mask(image, coarse, 2, 30.0, padded, box)
+    count = components.refine_mask(image, coarse, 2, 30.0, padded, box)
     expected = np.where(np.arange(61)[None] < 48, image, 0)
     np.testing.assert_array_equal(padded[1:-1, 1:-1], expected)
     assert count == (expected > 0).sum()
@@ -157,7 +158,7 @@ def test_contacts_are_close_pairs_of_pixels():
     labels = rng.integers(0, 4, (12, 14)).astype(np.int32)
     camera = np.array([100.0, 100.0, 6.0, 5.0])
     contacts = np.zeros((4, 4), np.int64)
-    kernels.contacts_between(depth, labels, 2, 0.06, camera, contacts)
+    components.contacts_between(depth, labels, 2, 0.06, camera, contacts)
     v, u = (grid.ravel() for grid in np.mgrid[:12, :14])
     z = depth.ravel() / 1000
     points = np.column_stack([(u - 6) * z / 100, (v - 5) * z / 100, z])
@@ -174,7 +175,7 @@ def test_overlap_and_selection_follow_the_labels():
     labels = np.pad(np.array([[1, 1, 2], [0, 2, 2]], np.int32), 1)
     depth = np.pad(np.array([[5, 0, 5], [5, 5, 0]], np.uint16), 1)
     box, overlap = np.array([1, 3, 1, 4]), np.empty(2, np.int64)
-    kernels.label_overlap(labels, box, 2, depth, overlap)
+    components.label_overlap(labels, box, 2, depth, overlap)
     assert overlap.tolist() == [1, 2]
-    kernels.keep_labels(depth, box, labels, np.array([False, True, False]))
+    components.keep_labels(depth, box, labels, np.array([False, True, False]))
     assert depth[1:-1, 1:-1].tolist() == [[5, 0, 0], [5, 0, 0]]

@@ -23,8 +23,10 @@ Progress = Callable[[int, int], None]
 CODECS = {".mp4": ("mp4v", "avc1"), ".avi": ("MJPG", "XVID"), ".webm": ("VP80",)}
 """Codecs of a film by its suffix, the one that OpenCV's wheels always bring first."""
 DEFAULT_RATE = 25.0  # frames per second of a recording whose timestamps say nothing
-SHEET_COLUMNS, SHEET_FRAMES, SHEET_HEIGHT = 2, 12, 300
-"""Of a contact sheet: pictures side by side, pictures, and the height of their panels unless set."""
+SHEET_COLUMNS, SHEET_FRAMES = 2, 12
+"""Of a contact sheet: pictures side by side, and all pictures."""
+SHEET_SETTINGS = RenderSettings(height=300, aspect=0.9)
+"""Of a contact sheet, unless others are given."""
 
 
 class FilmWriter:
@@ -116,7 +118,7 @@ def render_track(
     if target.suffix and target.suffix not in (".png", *CODECS):
         raise UsageError(f"cannot draw to {target}; name it {', '.join('*' + s for s in CODECS)}, *.png or a folder")
     if settings is None and target.suffix == ".png":
-        settings = RenderSettings(height=SHEET_HEIGHT)
+        settings = SHEET_SETTINGS
     painter = FramePainter(track, recording, body, rotation=rotation, sensing=sensing, settings=settings)
     if target.suffix == ".png":
         wanted = [chosen[k] for k in np.linspace(0, len(chosen) - 1, min(SHEET_FRAMES, len(chosen))).astype(int)]

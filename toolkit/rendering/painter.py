@@ -32,12 +32,14 @@ class RenderSettings:
     Attributes
     ----------
     panels : which of "depth", "body" and "side", from left to right
-    height : of a panel, pixels; "depth" and "body" are 4/3 as wide, "side" 3/4
+    height : of a panel, pixels
+    aspect : width of the panels "depth" and "body" over their height; "side" is 3/4 as wide as high
     extrema : how many geodesic extrema to mark; 0 for none
     """
 
     panels: tuple[str, ...] = PANELS
     height: int = 480
+    aspect: float = 4 / 3
     extrema: int = 20
 
     def __post_init__(self) -> None:
@@ -45,12 +47,15 @@ class RenderSettings:
             raise SettingsError(f"panels {self.panels} are not some of: {', '.join(PANELS)}")
         if not 120 <= self.height <= 2160 or self.height % 4:
             raise SettingsError(f"height {self.height} is no multiple of 4 between 120 and 2160")
+        if not 0.5 <= self.aspect <= 3:
+            raise SettingsError(f"aspect {self.aspect} is out of range; give 0.5 to 3")
         if not 0 <= self.extrema <= 100:
             raise SettingsError(f"extrema {self.extrema} is out of range; give 0 to 100")
 
     def size(self, panel: str) -> tuple[int, int]:
         """Width and height of a panel in pixels."""
-        return (self.height * 3 // 4 if panel == "side" else self.height * 4 // 3, self.height)
+        width = self.height * (0.75 if panel == "side" else self.aspect)
+        return (2 * round(width / 2), self.height)  # even, as film codecs want it
 
 
 class FramePainter:

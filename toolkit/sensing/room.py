@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from toolkit.errors import SegmentationError
-from toolkit.kernels import depth as kernels
+from toolkit.kernels import components
 from toolkit.sensing.camera import Camera, level_rotation
 from toolkit.sensing.floor import Floor, find_floor
 
@@ -24,11 +24,15 @@ CORE_AREA = 0.008  # m^2: a hand's core
 FLOOR_CLEARANCE = 0.06  # m: above the floor's noise, below the ankle
 SPECK_AREA = 0.003  # m^2: half a hand
 SEED_AREA = (0.12, 1.4)  # m^2 seen head on: half a child to a wide adult
-SEED_HEIGHT = (0.5, 2.2)  # m
+SEED_HEIGHT = (0.6, 2.2)  # m
 SEED_WIDTH = 2.2  # m
-SEED_DEPTH = 1.8  # m: an arm's length before and behind, and a stray pixel
-THINNEST = 0.025  # m of standard deviation across a seed's best plane; a person who faces the camera has 0.05
-UPRIGHT = 0.8  # height over width of a seed: a sofa lies, a person stands or sits
+SEED_DEPTH = 1.3  # m
+LONGEST_DEPTH = 1.8  # m: a followed person with an arm stretched out, and a stray pixel
+CORE_OF_PERSON = 0.08  # m^2: the largest surface of a person, torso or coat
+PLANE_SHARE = 0.72  # of a surface in one plane; people have 0.3 to 0.7, furniture 0.75 to 1
+PLANE_DISTANCE = 0.02  # m, on top of half the quantisation
+PLANE_SAMPLES, PLANE_ITERATIONS = 1500, 500
+UPRIGHT = 1.0  # height over width of a seed: a sofa lies, a person stands or sits
 LIMB_AREA = 0.06  # m^2: an arm with its hand
 PART_AREA = 0.3  # m^2: half a body, where the other half's column holds it
 COLUMN = np.array(
@@ -62,6 +66,10 @@ class Surfaces:
     low: np.ndarray
     high: np.ndarray
 
+    def centre(self, k: int) -> np.ndarray:
+        """Middle of a surface's extent, float64 (3,), metres, level frame."""
+        return np.asarray(self.low[k] + self.high[k]) / 2
+
     def fits(self, members: list[int]) -> bool:
         """Whether these surfaces together (indices from 0) are not larger than a person."""
         size = self.high[members].max(axis=0) - self.low[members].min(axis=0)
@@ -69,7 +77,7 @@ class Surfaces:
             self.areas[members].sum() <= SEED_AREA[1]
             and size[0] <= SEED_WIDTH
             and size[1] <= SEED_HEIGHT[1]
-            and size[2] <= SEED_DEPTH
+            and size[2] <= LONGEST_DEPTH
         )
 
 
@@ -132,10 +140,10 @@ class RoomSegmenter:
         person = self._with_limbs(surfaces, coarse, members)
         area = float(surfaces.areas[members[0]])
         self._area = min(area, LASTING_GROWTH * self._area) if self._area > 0 else area
-        self._place = (surfaces.low + surfaces.high)[members[0]] / 2
+        self._place = surfaces.centre(members[0])
         mask = np.isin(surfaces.labels, np.asarray(person) + 1)
         self._last = np.where(mask, coarse, 0).astype(np.uint16)
-        return int(kernels.refine_mask(depth, self._last, self._step, 1000 * SURFACE_GAP, padded, box))
+        return int(components.refine_mask(depth, self._last, self._step, 1000 * SURFACE_GAP, padded, box))
 
     def _learn_floor(self, depth: np.ndarray) -> None:
         self._floor = find_floor(depth, self._camera)
@@ -155,7 +163,7 @@ class RoomSegmenter:
         cores = self._labels.copy()
         self._padded[1:-1, 1:-1] = coarse
         gap = (1000 * SURFACE_GAP, 1000 * self._quantisation)
-        kernels.grow_labels(self._padded, *gap, cores, self._parents)
+        components.grow_labels(self._padded, *gap, cores, self._parents)
         self._padded[cores > 0] = 0
         rest = self._label(None)
         labels = np.where(self._labels > 0, self._labels, np.where(cores > 0, cores + rest, 0)).astype(np.int32)
@@ -167,8 +175,9 @@ class RoomSegmenter:
         """
         import cv2
 
-        far = np.where(coarse == 0, np.uint16(65535), coarse)
-        behind = coarse - np.minimum(cv2.erode(far, np.ones((3, 3), np.uint8)), coarse)
+        smooth = np.where(coarse > 0, cv2.medianBlur(coarse, 3), np.uint16(0))
+        far = np.where(smooth == 0, np.uint16(65535), smooth)
+        behind = smooth - np.minimum(cv2.erode(far, np.ones((3, 3), np.uint8)), smooth)
         inside = (coarse > 0) & (behind <= 1000 * EDGE + 1000 * self._quantisation * (coarse * 1e-3) ** 2)
         disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * self._bridge + 1, 2 * self._bridge + 1))
         core = cv2.erode(inside.astype(np.uint8), disc, borderType=cv2.BORDER_CONSTANT, borderValue=1)
@@ -182,7 +191,7 @@ class RoomSegmenter:
             self._padded[1:-1, 1:-1] = depth
         box = np.array([1, self._coarse.height + 1, 1, self._coarse.width + 1])
         count = int(
-            kernels.label_components(
+            components.label_components(
                 self._padded, box, 1000 * SURFACE_GAP, 1000 * self._quantisation, self._labels, self._parents
             )
         )
@@ -198,7 +207,7 @@ class RoomSegmenter:
         box = np.array([1, coarse.shape[0] + 1, 1, coarse.shape[1] + 1])
         count = int(labels.max())
         sizes, extents = np.empty((count, 2)), np.empty((count, 3, 2))
-        kernels.component_extents(
+        components.component_extents(
             self._padded, box, labels, count, self._coarse.intrinsics, self._rotation, sizes, extents
         )
         large = sizes[:, 1] >= SPECK_AREA
@@ -235,41 +244,57 @@ class RoomSegmenter:
         return cv2.dilate((mask > 0).astype(np.uint8), np.ones((reach, reach), np.uint8)) > 0
 
     def _chosen(self, surfaces: Surfaces, coarse: np.ndarray) -> list[int]:
-        """The surface to start from: at the seed pixel, or of a person's size."""
+        """The surface to start from: at the seed pixel, or the largest one of the person that is meant."""
         if self._seed is not None and self._last is None:
             return self._at_seed(surfaces)
-        height, width, length = (surfaces.high - surfaces.low)[:, [1, 0, 2]].T
-        people = np.flatnonzero(
-            (surfaces.areas >= SEED_AREA[0])
-            & (surfaces.areas <= SEED_AREA[1])
-            & (height >= np.maximum(SEED_HEIGHT[0], UPRIGHT * width))
-            & (height <= SEED_HEIGHT[1])
-            & (width <= SEED_WIDTH)
-            & (length <= SEED_DEPTH)
-        )
-        people = np.array([k for k in people if not self._flat(surfaces, coarse, int(k))], dtype=np.int64)
-        if not len(people):
+        people = self._people(surfaces, coarse)
+        if not people:
             return []
         if self._place is not None:
-            away = np.linalg.norm((surfaces.low + surfaces.high)[people] / 2 - self._place, axis=1)
-            return [int(people[np.argmin(away)])] if away.min() <= FOUND_AGAIN else []
+            away = [float(np.linalg.norm(surfaces.centre(p[0]) - self._place)) for p in people]
+            return people[int(np.argmin(away))][:1] if min(away) <= FOUND_AGAIN else []
         if self._subject == "only" and len(people) > 1:
             raise SegmentationError(
                 f"{len(people)} things of a person's size are in view; set subject to 'nearest' or 'largest', or "
                 "segment to 'seed:U,V' (a pixel of the person)"
             )
         if self._subject == "nearest":
-            distance = [np.median(coarse[surfaces.labels == k + 1]) for k in people]
-            return [int(people[np.argmin(distance)])]
-        return [int(people[np.argmax(surfaces.areas[people])])]
+            return min(people, key=lambda p: float(np.median(coarse[surfaces.labels == p[0] + 1])))[:1]
+        return max(people, key=lambda p: float(surfaces.areas[p].sum()))[:1]
 
-    def _flat(self, surfaces: Surfaces, coarse: np.ndarray, k: int) -> bool:
-        """Whether a surface is a plane, as walls and doors are and people are not."""
+    def _people(self, surfaces: Surfaces, coarse: np.ndarray) -> list[list[int]]:
+        """Surfaces with their limbs that have a person's size and are no furniture, the largest surface of each
+        first.
+        """
+        people: list[list[int]] = []
+        taken: set[int] = set()
+        for k in (int(k) for k in np.argsort(-surfaces.areas, kind="stable")):
+            if surfaces.areas[k] < CORE_OF_PERSON:
+                break
+            if k in taken or not surfaces.fits([k]) or self._furniture(surfaces, coarse, k):
+                continue
+            group = self._with_limbs(surfaces, coarse, [k])
+            width, height, length = surfaces.high[group].max(axis=0) - surfaces.low[group].min(axis=0)
+            upright = height >= max(SEED_HEIGHT[0], UPRIGHT * width) and length <= SEED_DEPTH
+            if upright and surfaces.areas[group].sum() >= SEED_AREA[0]:
+                people.append(group)
+                taken.update(group)
+        return people
+
+    def _furniture(self, surfaces: Surfaces, coarse: np.ndarray, k: int) -> bool:
+        """Whether most of a surface lies in one plane, as walls, doors and cupboards do and people do not."""
+        import open3d as o3d
+
         v, u = np.nonzero(surfaces.labels == k + 1)
+        picked = np.linspace(0, len(v) - 1, min(PLANE_SAMPLES, len(v))).astype(np.int64)
+        v, u = v[picked], u[picked]
         z = coarse[v, u] * 1e-3
         points = np.column_stack([self._coarse.rays()[v, u] * z[:, None], z])
-        thickness = np.linalg.eigvalsh(np.cov(points.T))[0]
-        return bool(thickness < THINNEST**2)
+        tolerance = PLANE_DISTANCE + self._quantisation * float(np.median(z)) ** 2 / 2
+        o3d.utility.random.seed(0)
+        cloud = o3d.geometry.PointCloud(o3d.utility.Vector3dVector(points))
+        _, members = cloud.segment_plane(tolerance, ransac_n=3, num_iterations=PLANE_ITERATIONS)
+        return len(members) > PLANE_SHARE * len(points)
 
     def _at_seed(self, surfaces: Surfaces) -> list[int]:
         u, v = (int(round(s / self._step)) for s in self._seed or ())
@@ -290,15 +315,16 @@ class RoomSegmenter:
         head behind a raised arm), as long as the whole stays a person's size."""
         count = len(surfaces.areas)
         contacts = np.zeros((count + 1, count + 1), dtype=np.int64)
-        kernels.contacts_between(
+        components.contacts_between(
             coarse, surfaces.labels, CONTACT_RADIUS, CONTACT_REACH, self._coarse.intrinsics, contacts
         )
+        low, high = surfaces.low[members[0]], surfaces.high[members[0]]
         centres = (surfaces.low + surfaces.high) / 2
-        low, high = surfaces.low[members].min(axis=0), surfaces.high[members].max(axis=0)
-        column = ((centres >= low - COLUMN * (1, 0, 1)) & (centres <= high + COLUMN)).all(axis=1)
+        beside = (centres >= low - COLUMN) & (centres <= high + COLUMN)
+        column = beside.all(axis=1) & (centres[:, 1] >= low[1])
         contacts[1:, members[0] + 1] += CONTACTS * column
         person = list(members)
-        refused = surfaces.areas > np.where(column, PART_AREA, LIMB_AREA)
+        refused = surfaces.areas > np.where(beside[:, [0, 2]].all(axis=1), PART_AREA, LIMB_AREA)
         while True:
             touching = contacts[1:, np.asarray(person) + 1].sum(axis=1)
             touching[refused] = 0

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from toolkit.errors import SegmentationError, SettingsError
+from toolkit.kernels import components
 from toolkit.kernels import depth as kernels
 from toolkit.sensing.camera import Camera, level_rotation
 from toolkit.sensing.room import RoomSegmenter
@@ -178,41 +179,41 @@ class Segmenter:
 
     def _choose_person(self) -> bool:
         """Drop from the foreground all that is not the person; whether anybody is left."""
-        components = self._components()
-        if components.areas.sum() < SMALLEST_AREA:
+        parts = self._components()
+        if parts.areas.sum() < SMALLEST_AREA:
             return False
-        if self._mode.name == "auto" and not self._seen and components.too_large():
+        if self._mode.name == "auto" and not self._seen and parts.too_large():
             raise SegmentationError(f"what is measured is larger than a person; {HOW_TO_SEGMENT}")
-        groups = self._people(components)
-        kept = np.ones(len(components.areas), dtype=bool)
+        groups = self._people(parts)
+        kept = np.ones(len(parts.areas), dtype=bool)
         if groups:
-            person = groups[0] if len(groups) == 1 else self._one_of(groups, components)
-            gaps = components.gaps(person)
+            person = groups[0] if len(groups) == 1 else self._one_of(groups, parts)
+            gaps = parts.gaps(person)
             kept &= gaps <= PART_GAP
             for other in groups:
                 if other is not person:
-                    kept &= gaps <= components.gaps(other)
+                    kept &= gaps <= parts.gaps(other)
             kept[person] = True
             self._seen = True
         if not kept.all():
-            kernels.keep_labels(self._padded, self._box, self._labels, np.concatenate([[False], kept]))
+            components.keep_labels(self._padded, self._box, self._labels, np.concatenate([[False], kept]))
         self._remember()
         return True
 
     def _components(self) -> Components:
-        count = kernels.label_components(
+        count = components.label_components(
             self._padded, self._box, 1000 * SURFACE_GAP, 1000 * self._settings.quantisation, self._labels, self._parents
         )
         sizes, extents = np.empty((count, 2)), np.empty((count, 3, 2))
-        kernels.component_extents(
+        components.component_extents(
             self._padded, self._box, self._labels, count, self._camera.intrinsics, self._rotation, sizes, extents
         )
         return Components(sizes[:, 0], sizes[:, 1], extents)
 
-    def _people(self, components: Components) -> list[list[int]]:
+    def _people(self, parts: Components) -> list[list[int]]:
         """Large components, those that belong to one person (cut apart by its own arm) together."""
         groups: list[list[int]] = []
-        for k in components.large():
+        for k in parts.large():
             near = [g for g in groups if self._distance(g, int(k)) <= OCCLUDED_GAP]
             groups = [g for g in groups if g not in near]
             groups.append([int(k), *(member for g in near for member in g)])
@@ -234,11 +235,11 @@ class Segmenter:
         camera = self._camera
         return np.column_stack([(u + u0 - 1 - camera.cx) * z / camera.fx, (v + v0 - 1 - camera.cy) * z / camera.fy, z])
 
-    def _one_of(self, groups: list[list[int]], components: Components) -> list[int]:
+    def _one_of(self, groups: list[list[int]], parts: Components) -> list[int]:
         """The person that was followed so far, else the one that the setting `subject` means."""
         if self._seen:
-            shared = np.empty(len(components.areas), dtype=np.int64)
-            kernels.label_overlap(self._labels, self._box, len(shared), self._last, shared)
+            shared = np.empty(len(parts.areas), dtype=np.int64)
+            components.label_overlap(self._labels, self._box, len(shared), self._last, shared)
             return max(groups, key=lambda g: int(shared[g].sum()))
         if self._settings.subject == "only":
             raise SegmentationError(
@@ -247,7 +248,7 @@ class Segmenter:
             )
         if self._settings.subject == "nearest":
             return min(groups, key=lambda g: float(np.median(self._points(g)[:, 2])))
-        return max(groups, key=lambda g: float(components.areas[g].sum()))
+        return max(groups, key=lambda g: float(parts.areas[g].sum()))
 
     def _remember(self) -> None:
         v0, v1, u0, u1 = self._last_box

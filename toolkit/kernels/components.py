@@ -1,0 +1,232 @@
+"""Connected surfaces of padded depth images, compiled: label, measure, grow, keep."""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+
+@njit(cache=True)
+def label_components(
+    depth: np.ndarray, box: np.ndarray, jump_mm: float, jump_per_m2: float, labels: np.ndarray, parents: np.ndarray
+) -> int:
+    """Connected components of a padded depth image, in the window `box` (v0, v1, u0, u1, ends excluded).
+
+    Two 4-neighbours belong together if their depths differ by at most `jump_mm + jump_per_m2 * z^2` (z in metres,
+    the nearer one). Fills `labels` (as `depth`) with 1..n in the order of each component's first pixel, 0 where
+    depth is 0, inside the window only. `parents` is a work array of at least the window's size / 2 + 2.
+
+    Returns
+    -------
+    The number n of components.
+    """
+    v0, v1, u0, u1 = box[0], box[1], box[2], box[3]
+    count = 0
+    for v in range(v0, v1):
+        for u in range(u0, u1):
+            z = np.int64(depth[v, u])
+            if z == 0:
+                labels[v, u] = 0
+                continue
+            left = 0
+            if u > u0 and labels[v, u - 1] > 0:
+                other = np.int64(depth[v, u - 1])
+                near = min(z, other) * 1e-3
+                if abs(z - other) <= jump_mm + jump_per_m2 * near * near:
+                    left = labels[v, u - 1]
+            above = 0
+            if v > v0 and labels[v - 1, u] > 0:
+                other = np.int64(depth[v - 1, u])
+                near = min(z, other) * 1e-3
+                if abs(z - other) <= jump_mm + jump_per_m2 * near * near:
+                    above = labels[v - 1, u]
+            if left == 0 and above == 0:
+                count += 1
+                parents[count] = count
+                labels[v, u] = count
+            elif left == 0 or above == 0 or left == above:
+                labels[v, u] = left if left > 0 else above
+            else:
+                a, b = _root(parents, left), _root(parents, above)
+                low, high = min(a, b), max(a, b)
+                parents[high] = low
+                labels[v, u] = low
+    # Roots are the lowest labels of their sets, so one pass in order renumbers them.
+    n = 0
+    for k in range(1, count + 1):
+        if parents[k] == k:
+            n += 1
+            parents[k] = n
+        else:
+            parents[k] = parents[parents[k]]
+    for v in range(v0, v1):
+        for u in range(u0, u1):
+            if labels[v, u] > 0:
+                labels[v, u] = parents[labels[v, u]]
+    return n
+
+
+@njit(cache=True)
+def _root(parents: np.ndarray, k: int) -> int:
+    while parents[k] != k:
+        parents[k] = parents[parents[k]]
+        k = parents[k]
+    return k
+
+
+@njit(cache=True)
+def component_extents(
+    depth: np.ndarray,
+    box: np.ndarray,
+    labels: np.ndarray,
+    count: int,
+    intrinsics: np.ndarray,
+    rotation: np.ndarray,
+    sizes: np.ndarray,
+    extents: np.ndarray,
+) -> None:
+    """Pixels, area and extent of every component in the window `box` of a padded image.
+
+    Fills `sizes` (n, 2): pixels, and the area in m^2 that they cover at their depth, seen head on; and `extents` (n,
+    3, 2): lowest and highest x, y, z after turning by `rotation` (3, 3), metres.
+    """
+    fx, fy, cx, cy = intrinsics[0], intrinsics[1], intrinsics[2], intrinsics[3]
+    sizes[:count] = 0.0
+    for k in range(count):
+        for a in range(3):
+            extents[k, a, 0] = np.inf
+            extents[k, a, 1] = -np.inf
+    for v in range(box[0], box[1]):
+        for u in range(box[2], box[3]):
+            k = labels[v, u] - 1
+            if k < 0:
+                continue
+            z = depth[v, u] * 1e-3
+            x = (u - 1 - cx) * z / fx
+            y = (v - 1 - cy) * z / fy
+            sizes[k, 0] += 1.0
+            sizes[k, 1] += z * z / (fx * fy)
+            for a in range(3):
+                p = rotation[a, 0] * x + rotation[a, 1] * y + rotation[a, 2] * z
+                extents[k, a, 0] = min(extents[k, a, 0], p)
+                extents[k, a, 1] = max(extents[k, a, 1], p)
+
+
+@njit(cache=True)
+def keep_labels(depth: np.ndarray, box: np.ndarray, labels: np.ndarray, kept: np.ndarray) -> None:
+    """Set depth to 0 in the window `box` wherever the component's entry of `kept` (n + 1, bool, entry 0 unused) is
+    False.
+    """
+    for v in range(box[0], box[1]):
+        for u in range(box[2], box[3]):
+            if labels[v, u] > 0 and not kept[labels[v, u]]:
+                depth[v, u] = 0
+
+
+@njit(cache=True)
+def label_overlap(labels: np.ndarray, box: np.ndarray, count: int, depth: np.ndarray, overlap: np.ndarray) -> None:
+    """Pixels of every component that are also set in `depth`, of the same padded shape; fills `overlap` (n,)."""
+    overlap[:count] = 0
+    for v in range(box[0], box[1]):
+        for u in range(box[2], box[3]):
+            if labels[v, u] > 0 and depth[v, u] > 0:
+                overlap[labels[v, u] - 1] += 1
+
+
+@njit(cache=True)
+def contacts_between(
+    depth: np.ndarray, labels: np.ndarray, radius: int, reach: float, intrinsics: np.ndarray, contacts: np.ndarray
+) -> None:
+    """Count where components come close: fills the symmetric `contacts` (n + 1, n + 1) with pairs of pixels.
+
+    A pair counts if the pixels, at most `radius` apart in the image, lie within `reach` metres of each other. `depth`
+    (millimetres) and `labels` are (H, W), not padded.
+    """
+    height, width = depth.shape
+    fx, fy, cx, cy = intrinsics[0], intrinsics[1], intrinsics[2], intrinsics[3]
+    contacts[:] = 0
+    for v in range(height):
+        for u in range(width):
+            a = labels[v, u]
+            if a == 0:
+                continue
+            z = depth[v, u] * 1e-3
+            for dv in range(0, radius + 1):
+                for du in range(-radius, radius + 1):
+                    if (dv == 0 and du <= 0) or v + dv >= height or u + du < 0 or u + du >= width:
+                        continue
+                    b = labels[v + dv, u + du]
+                    if b == 0 or b == a:
+                        continue
+                    other = depth[v + dv, u + du] * 1e-3
+                    dx = (u + du - cx) * other / fx - (u - cx) * z / fx
+                    dy = (v + dv - cy) * other / fy - (v - cy) * z / fy
+                    if dx * dx + dy * dy + (other - z) * (other - z) <= reach * reach:
+                        contacts[a, b] += 1
+                        contacts[b, a] += 1
+
+
+@njit(cache=True)
+def refine_mask(
+    depth: np.ndarray, coarse: np.ndarray, step: int, tolerance_mm: float, padded: np.ndarray, box: np.ndarray
+) -> int:
+    """Bring a mask found on `depth[::step, ::step]` back to full resolution.
+
+    `coarse` holds the depth of the mask's pixels, 0 elsewhere. A pixel of `depth` (H, W) is kept if one of the mask's
+    pixels around it has its depth within `tolerance_mm`. Fills `padded` (H + 2, W + 2) and the window `box` as
+    `take_foreground` does; returns the number of pixels kept.
+    """
+    height, width = depth.shape
+    rows, columns = coarse.shape
+    v_low, v_high, u_low, u_high = height, -1, width, -1
+    total = 0
+    for v in range(height):
+        for u in range(width):
+            padded[v + 1, u + 1] = 0
+            z = np.int64(depth[v, u])
+            if z == 0:
+                continue
+            keep = False
+            for r in range(v // step, min(v // step + 2, rows)):
+                for c in range(u // step, min(u // step + 2, columns)):
+                    m = np.int64(coarse[r, c])
+                    if m > 0 and abs(m - z) <= tolerance_mm:
+                        keep = True
+            if keep:
+                padded[v + 1, u + 1] = depth[v, u]
+                total += 1
+                v_low, v_high = min(v_low, v), max(v_high, v)
+                u_low, u_high = min(u_low, u), max(u_high, u)
+    box[0], box[1], box[2], box[3] = v_low + 1, v_high + 2, u_low + 1, u_high + 2
+    return total
+
+
+@njit(cache=True)
+def grow_labels(padded: np.ndarray, jump_mm: float, jump_per_m2: float, labels: np.ndarray, queue: np.ndarray) -> None:
+    """Spread `labels` over a padded depth image, one ring of pixels after the other, until they meet or depth jumps.
+
+    A pixel with depth and label 0 takes the label of the 4-neighbour that reaches it first, in the order of the pixels,
+    if their depths differ by at most `jump_mm + jump_per_m2 * z^2`. `queue` is a work array of the image's size.
+    """
+    height, width = padded.shape
+    flat, marks = padded.reshape(-1), labels.reshape(-1)
+    tail = 0
+    for p in range(height * width):
+        if marks[p] > 0:
+            queue[tail] = p
+            tail += 1
+    head = 0
+    while head < tail:
+        p = queue[head]
+        head += 1
+        z = np.int64(flat[p])
+        for side in range(4):
+            q = p + (-width if side == 0 else -1 if side == 1 else 1 if side == 2 else width)
+            other = np.int64(flat[q])
+            if other == 0 or marks[q] > 0:
+                continue
+            near = min(z, other) * 1e-3
+            if abs(other - z) <= jump_mm + jump_per_m2 * near * near:
+                marks[q] = marks[p]
+                queue[tail] = q
+                tail += 1
