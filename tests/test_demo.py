@@ -23,6 +23,7 @@ def test_motions_are_joined_without_a_jump() -> None:
 
 def test_the_demo_does_the_main_job_from_motions_to_a_film(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(demo, "SECONDS", 0.7)
+    monkeypatch.setattr(demo, "TRAINING_IMAGES", 60)
     doing: list[str] = []
     result = demo.run_demo(tmp_path / "demo", show=lambda what, done, total: doing.append(what))
     row = result.table.rows[0]
