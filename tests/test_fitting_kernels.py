@@ -105,7 +105,7 @@ def test_of_two_surfaces_the_nearer_one_is_drawn_in_any_order() -> None:
 
 @st.composite
 def searches(draw: st.DrawFn) -> tuple[np.ndarray, np.ndarray, np.ndarray, float, int]:
-    """Depth image, intrinsics, query, reach and number wanted; also wide angles, odd cameras, queries out of the image."""
+    """Depth image, intrinsics, query, reach and number wanted; also wide angles and queries out of the image."""
     height, width = draw(st.integers(1, 24)), draw(st.integers(1, 30))
     rng = np.random.default_rng(draw(st.integers(0, 2**32 - 1)))
     fx, fy = (size * np.exp(rng.uniform(np.log(0.1), np.log(20.0))) for size in (width, height))
