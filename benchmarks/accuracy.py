@@ -1,0 +1,277 @@
+"""Accuracy on the simulated suite, with ablations: `depthmocap bench accuracy [--split report] [--rows hybrid,local]`.
+
+The suite is described in `benchmarks/_suite.py`, the rows in `benchmarks/_rows.py`. Every tracker gets the recording
+and the database, no true pose and no true shape. Figures as `depthmocap evaluate` defines them: averaged over the
+frames of a recording, then over recordings. The gain is the mean error of the local hypothesis minus that of the result,
+over the frames in which a database hypothesis won. Rows are compared by a paired bootstrap over recordings. What is
+measured on a part of the suite is written to files of their own, ending in `_part`.
+"""
+
+from __future__ import annotations
+
+import argparse
+import shutil
+from collections.abc import Sequence
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from benchmarks._record import RESULTS, save_figures
+from benchmarks._rows import ROWS, WatchedTracker, make_tracker, settings_of
+from benchmarks._suite import GROUPS, LONGEST, WORK, Take, chosen_takes, database, has_mocap, record, takes
+from database_builder.build import THRESHOLD
+from database_builder.parts import PartsSettings
+from toolkit.config import parse_overrides
+from toolkit.database.database import PoseDatabase
+from toolkit.evaluation.bootstrap import paired_bootstrap
+from toolkit.evaluation.evaluate import evaluate_runs
+from toolkit.evaluation.joints import NEAR, frame_errors, joint_errors
+from toolkit.evaluation.scores import EvaluationTable, RunScores
+from toolkit.files import atomic_path
+from toolkit.pipeline import track_recording
+from toolkit.sensing.recording import open_recording
+from toolkit.track import TRACKED, Track
+
+COLUMNS = (
+    ("error_mm", "error", 1.0),
+    ("visible_mm", "visible", 1.0),
+    ("hidden_mm", "hidden", 1.0),
+    ("a100", "A(100) %", 100.0),
+    ("a100_hands_feet", "ends %", 100.0),
+    ("lost", "lost %", 100.0),
+    ("overlap", "IoU %", 100.0),
+    ("extrema", "five %", 100.0),
+    ("extrema_free", "free %", 100.0),
+)
+"""Figure, heading and factor of the printed tables."""
+BINS = np.linspace(0.0, 1.0, 11)
+"""Of the confidence."""
+
+
+class Row:
+    """One tracker on all takes."""
+
+    def __init__(self, name: str, takes: Sequence[Take], table: EvaluationTable) -> None:
+        self.name = name
+        self.groups = {group: [i for i, take in enumerate(takes) if take.group == group] for group in GROUPS}
+        self.groups = {group: rows for group, rows in self.groups.items() if rows}
+        self.table = table
+
+    def means(self) -> dict[str, RunScores]:
+        """Mean over the recordings of each group, and overall."""
+        parts = {group: EvaluationTable([self.table.rows[i] for i in rows]) for group, rows in self.groups.items()}
+        return {**{group: part.mean() for group, part in parts.items()}, "overall": self.table.mean()}
+
+    def figures(self) -> dict[str, Any]:
+        """As JSON."""
+        return {
+            "means": {group: _known(mean.flat()) for group, mean in self.means().items()},
+            "recordings": {scores.recording: _known(scores.flat()) for scores in self.table},
+        }
+
+
+def run_row(
+    name: str, paths: Sequence[Path], poses: PoseDatabase, poses_path: Path, overrides: dict[str, Any], work: Path
+) -> tuple[list[Path], list[dict[str, Any]]]:
+    """Track all recordings: run folders, and per recording what the local hypothesis was worth (`hybrid` only)."""
+    tracker = make_tracker(name, poses, overrides, str(poses_path))
+    runs, gains = [], []
+    for i, path in enumerate(paths):
+        run = work / "runs" / name.replace(" ", "_") / path.stem
+        shutil.rmtree(run, ignore_errors=True)
+        recording = open_recording(path)
+        track_recording(recording, tracker, run, warm_up=i == 0)
+        runs.append(run)
+        if isinstance(tracker, WatchedTracker):
+            gains.append(gain(Track.load(run), tracker.local_joints, recording.joints))
+        print(f"\r{name}: {i + 1} of {len(paths)} tracked", end="", flush=True)
+    print()
+    return runs, gains
+
+
+def gain(track: Track, local: Sequence[np.ndarray | None], truth: np.ndarray) -> dict[str, Any]:
+    """Frames in which database and local hypotheses competed, those that the database won, and what it gained (mm)."""
+    both = [i for i, joints in enumerate(local) if joints is not None and track.state[i] == TRACKED]
+    won = [i for i in both if track.source_names[track.source[i]] != "local"]
+    if not won:
+        return {"frames": len(both), "won": 0, "gains_mm": []}
+    rivals = np.array([local[i] for i in won])
+    gained = frame_errors(joint_errors(rivals, truth[won])) - frame_errors(joint_errors(track.joints[won], truth[won]))
+    return {"frames": len(both), "won": len(won), "gains_mm": (1000 * gained).tolist()}
+
+
+def summary_of_gains(gains: Sequence[dict[str, Any]]) -> dict[str, float | None]:
+    """Share of the frames that a database hypothesis won, and its mean gain, over all frames of these recordings."""
+    frames, won = (sum(entry[key] for entry in gains) for key in ("frames", "won"))
+    gained = [value for entry in gains for value in entry["gains_mm"]]
+    return {"won": won / frames if frames else None, "gain_mm": float(np.mean(gained)) if gained else None}
+
+
+def confidence_bins(runs: Sequence[Path], paths: Sequence[Path]) -> list[dict[str, Any]]:
+    """Errors of the joints whose confidence falls into each bin."""
+    tracks, truths = [Track.load(run) for run in runs], [open_recording(path).joints for path in paths]
+    errors = np.concatenate([joint_errors(t.joints, truth[: len(t)]) for t, truth in zip(tracks, truths, strict=True)])
+    confidence = np.concatenate([track.confidence for track in tracks])
+    number = np.clip(np.digitize(confidence, BINS) - 1, 0, len(BINS) - 2)
+    bins = []
+    for i in range(len(BINS) - 1):
+        inside = errors[number == i]
+        known = len(inside) > 0
+        bins.append(
+            {
+                "confidence": [float(BINS[i]), float(BINS[i + 1])],
+                "joints": len(inside),
+                "median_mm": 1000 * float(np.median(inside)) if known else None,
+                "p90_mm": 1000 * float(np.percentile(inside, 90)) if known else None,
+                "a100": float((inside <= NEAR).mean()) if known else None,
+            }
+        )
+    return bins
+
+
+def print_row(row: Row, gains: Sequence[dict[str, Any]]) -> None:
+    """The table of one tracker, a line per group."""
+    print(
+        f"\n{row.name}\n{'group':<9}{'clips':>6}{'frames':>7}", *(f"{heading:>8}" for _, heading, _ in COLUMNS), end=""
+    )
+    print(f"{'won %':>8}{'gain':>7}  won by" if gains else "")
+    for group, mean in row.means().items():
+        members = row.groups.get(group, range(len(row.table)))
+        values = [(getattr(mean, name), factor) for name, _, factor in COLUMNS]
+        cells = [f"{'-':>8}" if value is None else f"{factor * value:8.1f}" for value, factor in values]
+        print(f"{group:<9}{len(members):6d}{mean.frames:7d}", *cells, end="")
+        if gains:
+            of_group = summary_of_gains([gains[i] for i in members])
+            won, gained = of_group["won"], of_group["gain_mm"]
+            print(
+                f"{'-' if won is None else f'{100 * won:.1f}':>8}{'-' if gained is None else f'{gained:.1f}':>7}",
+                end="",
+            )
+        print("  " + ", ".join(f"{name} {100 * share:.0f}" for name, share in mean.sources.items() if share))
+
+
+def compare(rows: dict[str, Row]) -> dict[str, Any]:
+    """The hybrid row against every other one: error of the other minus its own, millimetres, overall and per group."""
+    rng = np.random.default_rng(0)
+    own = rows["hybrid"].table.figures("error_mm")
+    found = {}
+    for name, row in rows.items():
+        if name == "hybrid":
+            continue
+        other = row.table.figures("error_mm")
+        difference = paired_bootstrap(other, own, rng)
+        groups = {group: float((other - own)[members].mean()) for group, members in row.groups.items()}
+        found[name] = {**asdict(difference), "groups": groups}
+        print(
+            f"hybrid better than {name} by {difference.mean:.1f} mm [{difference.low:.1f}, {difference.high:.1f}]; "
+            + ", ".join(f"{group} {value:+.1f}" for group, value in groups.items())
+        )
+    return found
+
+
+def plot_rows(rows: dict[str, Row], path: Path) -> None:
+    """Error per recording as bars, as in Fig. 5.12."""
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(12, 4.6), layout="constrained")
+    axes = figure.add_subplot()
+    shown = [name for name in ("local", "lookup", "hybrid") if name in rows]
+    names = [scores.recording for scores in rows[shown[-1]].table]
+    colours = {"local": "#7f9fc6", "lookup": "#e0a458", "hybrid": "#2b2b2b"}
+    for k, name in enumerate(shown):
+        places = np.arange(len(names)) + (k - (len(shown) - 1) / 2) * 0.8 / len(shown)
+        axes.bar(places, rows[name].table.figures("error_mm"), 0.8 / len(shown), label=name, color=colours[name])
+    axes.set_xticks(range(len(names)), [n.rsplit("_", 1)[0] for n in names], rotation=60, ha="right", fontsize=7)
+    axes.set(ylabel="mean error, mm", xlim=(-0.6, len(names) - 0.4))
+    axes.legend(frameon=False)
+    with atomic_path(path) as temporary:
+        figure.savefig(temporary, dpi=120)
+
+
+def plot_confidence(bins: Sequence[dict[str, Any]], path: Path) -> None:
+    """Error, and share of joints within 100 mm, against confidence."""
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(9, 3.6), layout="constrained")
+    left, right = figure.subplots(1, 2)
+    filled = [entry for entry in bins if entry["joints"]]
+    middle = [np.mean(entry["confidence"]) for entry in filled]
+    left.plot(middle, [entry["median_mm"] for entry in filled], "o-", color="black", label="median")
+    left.plot(middle, [entry["p90_mm"] for entry in filled], "o--", color="0.5", label="90th percentile")
+    left.set(xlabel="confidence", ylabel="error of the joint, mm", xlim=(0, 1), ylim=(0, None))
+    left.legend(frameon=False)
+    share = np.array([entry["joints"] for entry in filled]) / sum(entry["joints"] for entry in filled)
+    right.bar(middle, 100 * share, 0.09, color="0.85", label="share of all joints")
+    right.plot(middle, [100 * entry["a100"] for entry in filled], "o-", color="black", label="within 100 mm")
+    right.plot([0, 1], [0, 100], ":", color="0.5")
+    right.set(xlabel="confidence", ylabel="%", xlim=(0, 1), ylim=(0, 101))
+    right.legend(frameon=False)
+    with atomic_path(path) as temporary:
+        figure.savefig(temporary, dpi=120)
+
+
+def _known(figures: dict[str, Any]) -> dict[str, Any]:
+    """Figures without NaN, which JSON does not know."""
+    return {
+        name: None if isinstance(value, float) and not np.isfinite(value) else value for name, value in figures.items()
+    }
+
+
+def parse() -> argparse.Namespace:
+    """The command line."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--split", choices=("tune", "report"), default="tune", help="report is not for tuning")
+    parser.add_argument("--rows", default=",".join(ROWS), help="comma-separated, out of: " + ", ".join(ROWS))
+    parser.add_argument("--groups", default=",".join(GROUPS), help="comma-separated, out of: " + ", ".join(GROUPS))
+    parser.add_argument("--takes", type=int, help="at most so many takes of each group")
+    parser.add_argument("--frames", type=int, default=LONGEST, help="at most so many frames of each take")
+    parser.add_argument("--database", type=Path, help="another database than the suite's own")
+    parser.add_argument("--threshold", type=float, default=THRESHOLD, help="of the suite's own database, Eq. 5.1")
+    parser.add_argument("--images", type=int, default=PartsSettings.images, help="that train its joint regressor")
+    parser.add_argument("--set", action="append", default=[], metavar="NAME=VALUE", help="setting of all trackers")
+    parser.add_argument(
+        "--no-surface", dest="surface", action="store_false", help="without what needs every depth frame"
+    )
+    parser.add_argument("--work", type=Path, default=WORK)
+    return parser.parse_args()
+
+
+def main() -> None:
+    """Make what is missing, track, evaluate, print, write JSON and plots."""
+    options = parse()
+    chosen = chosen_takes(options.split, options.groups.split(","), options.takes)
+    print(f"{len(chosen)} takes of the {options.split} split, from {'mocap' if has_mocap() else 'bundled motions'}")
+    paths = [record(take, options.work, options.frames) for take in chosen]
+    poses_path = options.database or database(options.work, options.threshold, PartsSettings(images=options.images))
+    poses = PoseDatabase.load(poses_path)
+    overrides = parse_overrides(options.set)
+    rows, gains, bins = {}, [], []
+    for name in options.rows.split(","):
+        runs, found = run_row(name, paths, poses, poses_path, overrides, options.work)
+        rows[name] = Row(name, chosen, evaluate_runs(runs, surface=options.surface))
+        if found:
+            gains, bins = found, confidence_bins(runs, paths)
+        print_row(rows[name], found)
+    figures = {"rows": {name: row.figures() for name, row in rows.items()}, "confidence": bins}
+    figures["gains"] = {path.stem: entry for path, entry in zip(paths, gains, strict=False)}
+    if "hybrid" in rows:
+        figures["compared"] = compare(rows)
+    settings = {name: asdict(settings_of(name, overrides)) for name in rows}
+    whole = len(chosen) == len(takes(options.split)) and options.frames >= LONGEST and not options.set
+    stem = f"accuracy_{options.split}{'' if whole else '_part'}"
+    described = {
+        "takes": [asdict(take) for take in chosen],
+        "mocap": has_mocap(),
+        "poses": len(poses),
+        "rows": settings,
+    }
+    print("written:", save_figures(stem, figures, described))
+    if bins:
+        plot_confidence(bins, RESULTS / f"{stem}_confidence.png")
+        plot_rows(rows, RESULTS / f"{stem}.png")
+
+
+if __name__ == "__main__":
+    main()
