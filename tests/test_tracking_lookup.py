@@ -1,0 +1,257 @@
+"""Database lookup: labelings, scores, and the poses that the proposers bring back (Baak 2013, 5.4.3)."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from itertools import permutations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from tests.database_helpers import small_database
+from tests.landmark_helpers import body_cloud
+from toolkit.body import skeleton
+from toolkit.body.body import Body
+from toolkit.body.shape import load_body
+from toolkit.database import canonical
+from toolkit.errors import SettingsError
+from toolkit.fitting.scene import Scene
+from toolkit.landmarks.centre import cloud_centre
+from toolkit.landmarks.extrema import Extrema
+from toolkit.landmarks.facing import FacingFilter, camera_yaw, estimate_facing
+from toolkit.landmarks.parts import JointEstimate
+from toolkit.tracking.lookup import (
+    LookupSettings,
+    admissible_labelings,
+    extrema_jumped,
+    feet_below_labelings,
+    fused_scores,
+    label_candidates,
+    labelings,
+)
+from toolkit.tracking.proposals import ExtremaProposer, JointsProposer, Previous, facing_of_joints
+from toolkit.tracking.view import View
+
+# A person with the left hand beside the head: left hand, right hand, left foot, right foot, head.
+STANDING = np.array([[0.2, 0.5, 0.0], [-0.7, 0.3, 0.0], [0.15, -0.9, 0.1], [-0.15, -0.9, 0.1], [0.0, 0.6, 0.0]])
+
+
+def as_set(rows: np.ndarray) -> set[tuple[int, ...]]:
+    return {tuple(row) for row in rows.tolist()}
+
+
+# Labelings
+
+
+@settings(max_examples=60, deadline=None)
+@given(st.integers(0, 2**32 - 1), st.sampled_from([0.05, 0.3, 0.8]))
+def test_the_labelings_of_eq_5_4_are_those_of_a_loop_over_all_permutations(seed: int, spread: float) -> None:
+    rng = np.random.default_rng(seed)
+    effectors = STANDING + rng.normal(0.0, 0.1, (5, 3))
+    extrema = effectors[rng.permutation(5)] + rng.normal(0.0, spread, (5, 3))
+    expected = set()
+    for sigma in permutations(range(5)):
+        if all(np.linalg.norm(extrema[sigma[n]] - effectors[n]) < 0.5 for n in range(5)):
+            expected.add(sigma)
+    found = admissible_labelings(extrema, effectors, 0.5)
+    assert as_set(found) == expected and len(found) == len(expected)
+
+
+def test_a_labeling_gives_each_end_effector_its_extremum() -> None:
+    order = np.array([3, 0, 4, 1, 2])
+    extrema = STANDING[order]  # extremum k is end effector order[k]
+    (sigma,) = admissible_labelings(extrema, STANDING, 0.1)
+    assert np.array_equal(extrema[sigma], STANDING)
+
+
+def test_jumping_extrema_add_the_twelve_labelings_with_the_lowest_two_as_feet() -> None:
+    extrema = STANDING[[4, 2, 0, 3, 1]]  # the feet are extrema 1 and 3
+    expected = {s for s in permutations(range(5)) if {s[2], s[3]} == {1, 3}}
+    assert len(expected) == 12
+    assert as_set(feet_below_labelings(extrema)) == expected
+
+
+def test_extra_labelings_come_only_with_a_jump_and_each_labeling_once() -> None:
+    settings = LookupSettings(label_distance=0.5, jump_distance=0.2)
+    admissible = as_set(admissible_labelings(STANDING, STANDING, 0.5))
+    extra = as_set(feet_below_labelings(STANDING))
+    assert admissible & extra and admissible - extra == set() and len(extra) > len(admissible)
+    calm = labelings(STANDING, STANDING, STANDING[::-1] + 0.05, settings)
+    jumped = STANDING + [[0.0, 0.0, 0.0], [0.0, 0.0, 0.25], [0, 0, 0], [0, 0, 0], [0, 0, 0]]
+    assert as_set(calm) == admissible
+    for rows in (
+        labelings(STANDING, STANDING, jumped, settings),
+        labelings(STANDING, STANDING, None, settings),
+        labelings(STANDING, None, None, settings),
+    ):
+        assert as_set(rows) == extra
+        assert len(rows) == 12
+
+
+def test_no_admissible_labeling_and_no_jump_ask_for_nothing() -> None:
+    rows = labelings(STANDING, STANDING + 3.0, STANDING, LookupSettings())
+    assert rows.shape == (0, 5)
+
+
+def test_an_extremum_has_jumped_when_it_is_far_from_all_those_before() -> None:
+    assert not extrema_jumped(STANDING, STANDING[[1, 0, 2, 3, 4]], 0.2)
+    assert extrema_jumped(STANDING + [[0, 0, 0], [0, 0, 0], [0, 0, 0], [0, 0, 0], [0, 0.3, 0]], STANDING, 0.2)
+    assert extrema_jumped(STANDING, None, 0.2)
+
+
+def test_candidates_are_labelled_nearest_first_and_each_once() -> None:
+    extrema = np.array([[0.0, 0.0, 0.0], [0.1, 0.0, 0.0], [5.0, 0.0, 0.0]])
+    expected = np.array([[0.02, 0.0, 0.0], [0.04, 0.0, 0.0], [5.2, 0, 0], [9.0, 0, 0], [0.2, 0.0, 0.0]])
+    points, present = label_candidates(extrema, expected, 0.25)
+    # Extremum 0 goes to the first, so the second has to take extremum 1, and the last is left with none.
+    assert present.tolist() == [True, True, True, False, False]
+    assert points[:3].tolist() == extrema.tolist()
+    assert not points[3:].any()
+    assert label_candidates(extrema[:0], expected, 0.25)[1].sum() == 0
+
+
+# Scores
+
+
+def test_candidates_are_scored_as_in_eq_5_5_and_5_6() -> None:
+    rng = np.random.default_rng(0)
+    candidates, before = rng.normal(size=(7, 20, 3)), rng.normal(size=(20, 3))
+    delta = rng.random(7)
+    scores = fused_scores(delta, candidates, before, 0.3)
+    for c in range(7):
+        stacked = np.concatenate([candidates[c, j] - before[j] for j in range(20)])
+        assert scores[c] == pytest.approx(0.3 * delta[c] + 0.7 * np.sqrt((stacked**2).sum()) / 20)
+
+
+@pytest.mark.parametrize("values", [{"neighbours": 0}, {"balance": 1.5}, {"balance": -0.1}])
+def test_settings_out_of_range_are_named(values: dict[str, float]) -> None:
+    with pytest.raises(SettingsError, match=next(iter(values))):
+        LookupSettings(**values)
+
+
+# Proposers
+
+
+@pytest.fixture(scope="module")
+def body() -> Body:
+    return load_body("neutral")
+
+
+def view_of(body: Body, pose: np.ndarray, order: np.ndarray) -> View:
+    """What a camera sees of a pose (P,), its true end effectors in any order as the extrema."""
+    cloud = body_cloud(body, pose)
+    scale = body.height / 1.7
+    centre = cloud_centre(cloud.points, scale=scale)
+    yaw = FacingFilter().update(estimate_facing(cloud.points, centre, scale=scale), 1 / 30, centre)
+    tips = body.end_effector_positions(pose)[order].astype(np.float32)
+    none = np.zeros(5)
+    extrema = Extrema(none.astype(np.int32), tips, none, none, none.astype(np.int32), 0)
+    return View(cloud, centre, yaw, extrema, None, Scene(cloud, tips.astype(np.float64), 0))
+
+
+def standing_at(row: int, yaw: float = 0.0) -> np.ndarray:
+    """Pose `row` of the small database, 2.8 m before the camera, turned by `yaw` from it."""
+    place = np.array([0.15, -0.05, -2.8])
+    return canonical.place(small_database().poses[row].astype(np.float64), np.zeros(4), place, camera_yaw(place) + yaw)
+
+
+@pytest.mark.parametrize("row", [3, 41, 77, 120, 199])
+def test_a_pose_of_the_database_that_a_camera_sees_comes_back_in_its_place(body: Body, row: int) -> None:
+    pose = standing_at(row)
+    view = view_of(body, pose, np.random.default_rng(row).permutation(5))
+    proposer = ExtremaProposer(small_database(), LookupSettings())
+    # The labels of a first frame are not known, so the best of a few labelings has to be the pose.
+    candidates = proposer.propose(view, None, body, 4)
+    assert candidates.shape == (4, skeleton.POSE_SIZE)
+    errors = np.linalg.norm(body.joint_positions(candidates) - body.joint_positions(pose), axis=2).mean(axis=1)
+    assert errors.min() < 0.03
+    assert np.array_equal(proposer.propose(view, None, body, 1), candidates[:1])
+
+
+@pytest.mark.parametrize("row", [3, 41, 77])
+@pytest.mark.parametrize("turn", [-20.0, 0.0, 20.0])
+def test_with_the_frame_before_the_pose_is_the_first_to_come_back(body: Body, row: int, turn: float) -> None:
+    pose = standing_at(row, np.deg2rad(turn))
+    view = view_of(body, pose, np.random.default_rng(row).permutation(5))
+    if turn:  # a filtered facing knows the turn that one frame only hints at
+        facing = float(canonical.body_facing(pose)) + float(small_database().offsets[row, 3])
+        view = replace(view, yaw=facing)
+    earlier = pose + np.random.default_rng(row).normal(0.0, 0.02, skeleton.POSE_SIZE)
+    tips = body.end_effector_positions(earlier)
+    previous = Previous(earlier, body.joint_positions(earlier), tips, tips)
+    (found,) = ExtremaProposer(small_database(), LookupSettings()).propose(view, previous, body, 1)
+    assert found[6:] == pytest.approx(pose[6:], abs=1e-6)
+    error = np.linalg.norm(body.joint_positions(found) - body.joint_positions(pose), axis=1).mean()
+    assert error < (0.03 if turn == 0.0 else 0.06)
+
+
+def test_a_larger_person_gets_the_pose_in_the_right_place(body: Body) -> None:
+    tall = body.scaled(1.15)
+    pose = standing_at(41)
+    (found,) = ExtremaProposer(small_database(), LookupSettings()).propose(
+        view_of(tall, pose, np.arange(5)),
+        Previous(
+            pose, tall.joint_positions(pose), tall.end_effector_positions(pose), tall.end_effector_positions(pose)
+        ),
+        tall,
+        1,
+    )
+    assert found[6:] == pytest.approx(pose[6:], abs=1e-6)
+    assert np.linalg.norm(tall.joint_positions(found) - tall.joint_positions(pose), axis=1).mean() < 0.03
+
+
+def test_fewer_than_five_extrema_without_a_regressor_propose_nothing(body: Body) -> None:
+    view = view_of(body, standing_at(3), np.arange(5))
+    few = replace(view.extrema, points=view.extrema.points[:4])
+    proposer = ExtremaProposer(small_database(), LookupSettings())
+    assert proposer.propose(replace(view, extrema=few), None, body, 3).shape == (0, skeleton.POSE_SIZE)
+
+
+def test_three_labelled_end_effectors_are_enough_with_a_regressor(body: Body) -> None:
+    pose = standing_at(77)
+    view = view_of(body, pose, np.arange(5))
+    few = replace(view.extrema, points=view.extrema.points[[4, 1, 2]])
+    votes = JointEstimate(body.joint_positions(pose), np.ones(20))
+    proposer = ExtremaProposer(small_database(), LookupSettings(candidate_distance=0.25))
+    found = proposer.propose(replace(view, extrema=few, votes=votes), None, body, 3)
+    errors = np.linalg.norm(body.joint_positions(found) - body.joint_positions(pose), axis=2).mean(axis=1)
+    assert errors.min() < 0.03
+    silent = ExtremaProposer(small_database(), LookupSettings(candidate_distance=0.0))
+    assert len(silent.propose(replace(view, extrema=few, votes=votes), None, body, 3)) == 0
+
+
+@pytest.mark.parametrize("turn", [-120.0, 0.0, 60.0])
+def test_the_joints_of_a_pose_bring_it_back_whichever_way_it_faces(body: Body, turn: float) -> None:
+    pose = standing_at(120, np.deg2rad(turn))
+    votes = JointEstimate(body.joint_positions(pose), np.ones(20))
+    view = replace(view_of(body, pose, np.arange(5)), votes=votes)
+    found = JointsProposer(small_database()).propose(view, None, body, 3)
+    assert found.shape == (3, skeleton.POSE_SIZE)
+    assert found[0, 6:] == pytest.approx(pose[6:], abs=1e-6)
+    # Hips and shoulders of a twisted body disagree about its facing.
+    assert np.linalg.norm(body.joint_positions(found[0]) - votes.points, axis=1).mean() < 0.03
+
+
+def test_joints_without_certainty_do_not_count(body: Body) -> None:
+    pose = standing_at(120)
+    points, confidence = body.joint_positions(pose), np.ones(20)
+    for name in ("left_elbow", "left_wrist", "left_hand"):
+        points[skeleton.REPORTED.index(name)] += 2.0
+        confidence[skeleton.REPORTED.index(name)] = 0.0
+    view = replace(view_of(body, pose, np.arange(5)), votes=JointEstimate(points, confidence))
+    (found,) = JointsProposer(small_database()).propose(view, None, body, 1)
+    assert found[6:] == pytest.approx(pose[6:], abs=1e-6)
+
+
+def test_without_votes_there_is_nothing_to_ask_by_joints(body: Body) -> None:
+    view = view_of(body, standing_at(3), np.arange(5))
+    assert JointsProposer(small_database()).propose(view, None, body, 3).shape == (0, skeleton.POSE_SIZE)
+
+
+@pytest.mark.parametrize("yaw", [-3.0, -1.0, 0.0, 0.5, 2.0])
+def test_the_facing_of_joints_is_that_of_the_body(body: Body, yaw: float) -> None:
+    pose = np.zeros(skeleton.POSE_SIZE)
+    pose[4] = yaw
+    assert facing_of_joints(body.joint_positions(pose)) == pytest.approx(yaw)
