@@ -130,6 +130,30 @@ def vote(
 
 
 @njit(cache=True)
+def _stored_probe(
+    images: np.ndarray,
+    start: int,
+    height: int,
+    width: int,
+    u: int,
+    v: int,
+    z: float,
+    focal: float,
+    x: float,
+    y: float,
+) -> float:
+    """`probe` in the crop of a training image, with its offset (x, y) in metres."""
+    iu = int(np.rint(u + focal / z * x))
+    iv = int(np.rint(v + focal / z * y))
+    if iu < 0 or iv < 0 or iv >= height or iu >= width:
+        return REACH
+    d = images[start + iv * width + iu]
+    if d == 0:
+        return REACH
+    return min(max(d * 0.001 - z, -REACH), REACH)
+
+
+@njit(cache=True)
 def answers(
     images: np.ndarray,
     starts: np.ndarray,
@@ -149,21 +173,12 @@ def answers(
     for n in range(rows.shape[0]):
         s = rows[n]
         k = sample_image[s]
-        height, width = shapes[k, 0], shapes[k, 1]
-        start = starts[k]
+        height, width, start = shapes[k, 0], shapes[k, 1], starts[k]
         u, v = sample_u[s], sample_v[s]
         z = images[start + v * width + u] * 0.001
-        value = 0.0
-        for side in range(2):
-            iu = int(np.rint(u + focal / z * offsets[2 * side]))
-            iv = int(np.rint(v + focal / z * offsets[2 * side + 1]))
-            difference = REACH
-            if iu >= 0 and iv >= 0 and iv < height and iu < width:
-                d = images[start + iv * width + iu]
-                if d > 0:
-                    difference = min(max(d * 0.001 - z, -REACH), REACH)
-            value += difference if side == 0 else -difference
-        out[n] = value
+        first = _stored_probe(images, start, height, width, u, v, z, focal, offsets[0], offsets[1])
+        second = _stored_probe(images, start, height, width, u, v, z, focal, offsets[2], offsets[3])
+        out[n] = first - second
 
 
 @njit(cache=True)
@@ -187,26 +202,36 @@ def best_split(
     Entropy is summed over the samples, in nats; -1 as candidate where no question separates them.
     """
     count = rows.shape[0]
-    out = np.empty(count, dtype=np.float32)
-    best, best_threshold, best_entropy = -1, 0.0, np.inf
-    histogram = np.empty((bins, classes), dtype=np.int64)
-    below = np.empty(classes, dtype=np.int64)
-    total = np.zeros(classes, dtype=np.int64)
-    for n in range(count):
-        total[labels[rows[n]]] += 1
+    questions = candidates.shape[0]
     low, width = -0.5 * REACH, REACH / bins
-    for q in range(candidates.shape[0]):
-        answers(images, starts, shapes, focal, sample_image, sample_u, sample_v, rows, candidates[q], out)
-        histogram[:] = 0
-        for n in range(count):
-            b = int((out[n] - low) / width)
-            histogram[min(max(b, 0), bins - 1), labels[rows[n]]] += 1
+    histogram = np.zeros((questions, bins, classes), dtype=np.int32)
+    total = np.zeros(classes, dtype=np.int64)
+    # All questions are put to one sample before the next: its image then stays in the cache.
+    for n in range(count):
+        s = rows[n]
+        label = labels[s]
+        total[label] += 1
+        k = sample_image[s]
+        height, stride, start = shapes[k, 0], shapes[k, 1], starts[k]
+        z = images[start + sample_v[s] * stride + sample_u[s]] * 0.001
+        for q in range(questions):
+            first = _stored_probe(
+                images, start, height, stride, sample_u[s], sample_v[s], z, focal, candidates[q, 0], candidates[q, 1]
+            )
+            second = _stored_probe(
+                images, start, height, stride, sample_u[s], sample_v[s], z, focal, candidates[q, 2], candidates[q, 3]
+            )
+            b = int(np.floor((np.float32(first - second) - low) / width))
+            histogram[q, min(max(b, 0), bins - 1), label] += 1
+    best, best_threshold, best_entropy = -1, 0.0, np.inf
+    below = np.empty(classes, dtype=np.int64)
+    for q in range(questions):
         below[:] = 0
         under = 0
         for b in range(bins - 1):
             for c in range(classes):
-                below[c] += histogram[b, c]
-                under += histogram[b, c]
+                below[c] += histogram[q, b, c]
+                under += histogram[q, b, c]
             if under == 0 or under == count:
                 continue
             entropy = under * np.log(under) + (count - under) * np.log(count - under)
