@@ -179,3 +179,4 @@ def test_overlap_and_selection_follow_the_labels():
     assert overlap.tolist() == [1, 2]
     components.keep_labels(depth, box, labels, np.array([False, True, False]))
     assert depth[1:-1, 1:-1].tolist() == [[5, 0, 0], [5, 0, 0]]
+    assert box.tolist() == [1, 2, 1, 3]

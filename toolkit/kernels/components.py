@@ -115,12 +115,19 @@ def component_extents(
 @njit(cache=True)
 def keep_labels(depth: np.ndarray, box: np.ndarray, labels: np.ndarray, kept: np.ndarray) -> None:
     """Set depth to 0 in the window `box` wherever the component's entry of `kept` (n + 1, bool, entry 0 unused) is
-    False.
+    False, and shrink the window to what is left (at least one pixel must be).
     """
+    v_low, v_high, u_low, u_high = box[1], box[0], box[3], box[2]
     for v in range(box[0], box[1]):
         for u in range(box[2], box[3]):
-            if labels[v, u] > 0 and not kept[labels[v, u]]:
+            if labels[v, u] == 0:
+                continue
+            if kept[labels[v, u]]:
+                v_low, v_high = min(v_low, v), max(v_high, v)
+                u_low, u_high = min(u_low, u), max(u_high, u)
+            else:
                 depth[v, u] = 0
+    box[0], box[1], box[2], box[3] = v_low, v_high + 1, u_low, u_high + 1
 
 
 @njit(cache=True)
