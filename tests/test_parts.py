@@ -1,0 +1,338 @@
+"""The joint regressor: questions, leaves, votes, splits, and a small forest trained on a few poses."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from database_builder.parts import PartsSettings, body_labels, draw_images, grow_tree, train_forest
+from tests.landmark_helpers import CAMERA, LEVEL, body_cloud
+from toolkit.body import skeleton
+from toolkit.body.shape import ShapeSpace, load_body
+from toolkit.database import canonical
+from toolkit.errors import SettingsError
+from toolkit.kernels import forest
+from toolkit.landmarks.parts import JointForest
+from toolkit.sensing.camera import Camera
+from toolkit.sensing.cloud import Cloud
+
+SMALL = PartsSettings(images=60, pixels=60, trees=2, depth=6, smallest_leaf=20, questions=20, bins=8, node_samples=500)
+
+
+def some_depth(rng: np.random.Generator) -> np.ndarray:
+    depth = rng.uniform(1.5, 3.5, (30, 40)).astype(np.float32)
+    depth[rng.random(depth.shape) < 0.3] = 0.0
+    return depth
+
+
+def plain_probe(depth: np.ndarray, u: float, v: float, z: float) -> float:
+    iu, iv = round(u), round(v)
+    if not (0 <= iv < depth.shape[0] and 0 <= iu < depth.shape[1]) or depth[iv, iu] == 0:
+        return 1.0
+    return max(-1.0, min(1.0, float(depth[iv, iu]) - z))
+
+
+def plain_question(depth: np.ndarray, u: float, v: float, f: tuple[float, float], offsets: np.ndarray) -> float:
+    z = float(depth[v, u])
+    ax, ay, bx, by = (float(x) for x in offsets)
+    first = plain_probe(depth, u + f[0] * ax / z, v + f[1] * ay / z, z)
+    return first - plain_probe(depth, u + f[0] * bx / z, v + f[1] * by / z, z)
+
+
+def random_forest(rng: np.random.Generator, trees: int = 3, levels: int = 3, leaves_apart: float = 0.5) -> JointForest:
+    """Complete trees of random questions, whose leaves are numbered as they are met."""
+    offsets, thresholds, children, roots = [], [], [], []
+    count = 0
+
+    def grow(level: int) -> int:
+        nonlocal count
+        if level == levels:
+            count += 1
+            return -count
+        here = len(offsets)
+        offsets.append(rng.uniform(-0.5, 0.5, 4))
+        thresholds.append(rng.uniform(-0.3, 0.3))
+        children.append([0, 0])
+        children[here] = [grow(level + 1), grow(level + 1)]
+        return here
+
+    for _ in range(trees):
+        roots.append(grow(0))
+    return JointForest(
+        np.array(offsets, dtype=np.float32), np.array(thresholds, dtype=np.float32),
+        np.array(children, dtype=np.int32), np.array(roots, dtype=np.int32),
+        rng.normal(0.0, leaves_apart, (count, 20, 3)).astype(np.float16), rng.random((count, 20)).astype(np.float16),
+    )  # fmt: skip
+
+
+# Questions and leaves
+
+
+def test_a_question_is_the_clipped_difference_of_two_probes_in_metres() -> None:
+    rng = np.random.default_rng(0)
+    depth = some_depth(rng)
+    measured = np.argwhere(depth > 0)
+    answers = []
+    for v, u in measured[rng.integers(len(measured), size=300)]:
+        offsets = rng.uniform(-0.8, 0.8, 4)
+        answer = forest.question(depth, u, v, depth[v, u], 25.0, 35.0, offsets)
+        assert answer == pytest.approx(plain_question(depth, u, v, (25.0, 35.0), offsets), abs=1e-6)
+        answers.append(answer)
+    assert np.std(answers) > 0.3 and np.max(answers) <= 2.0
+
+
+def test_a_question_has_the_same_answer_at_twice_the_distance_and_twice_the_resolution() -> None:
+    near = np.zeros((41, 41), dtype=np.float32)
+    near[10:31, 10:31] = 2.0
+    offsets = np.array([0.24, 0.0, 0.0, -0.1])
+    far = np.where(near > 0, 4.0, 0.0).astype(np.float32)
+    once = forest.question(near, 20, 20, 2.0, 100.0, 100.0, offsets)
+    assert once == 1.0  # 0.24 m to the right there is nothing any more, 0.1 m above there is
+    assert forest.question(far, 20, 20, 4.0, 200.0, 200.0, offsets) == once
+    assert forest.question(np.kron(near, np.ones((2, 2), np.float32)), 40, 40, 2.0, 200.0, 200.0, offsets) == once
+
+
+def test_pixels_reach_the_leaves_that_a_plain_walk_reaches() -> None:
+    rng = np.random.default_rng(1)
+    depth, trained = some_depth(rng), random_forest(rng)
+    pixels = np.flatnonzero(depth.ravel())[::3]
+    intrinsics = np.array([25.0, 35.0, 20.0, 15.0])
+    leaves = np.empty((len(pixels), 3), dtype=np.int64)
+    forest.find_leaves(
+        depth, pixels, intrinsics, trained.offsets, trained.thresholds, trained.children, trained.roots, leaves
+    )
+    for row, pixel in enumerate(pixels):
+        for tree in range(3):
+            node = trained.roots[tree]
+            while node >= 0:
+                answer = plain_question(depth, pixel % 40, pixel // 40, (25.0, 35.0), trained.offsets[node])
+                node = trained.children[node][int(answer >= trained.thresholds[node])]
+            assert leaves[row, tree] == -1 - node
+    assert len(np.unique(leaves)) == 24
+
+
+# Votes
+
+
+def plain_vote(
+    points: np.ndarray, leaves: np.ndarray, trained: JointForest, voters: int, bandwidth: float, rounds: int
+) -> tuple[np.ndarray, np.ndarray]:
+    joints, confidence = np.empty((20, 3)), np.empty(20)
+    for j in range(20):
+        weights = trained.leaf_weights[leaves, j].astype(np.float64).ravel()
+        votes = (points[:, None] + trained.leaf_offsets[leaves, j].astype(np.float64)).reshape(-1, 3)
+        kept = weights >= np.sort(weights)[-min(voters, len(weights))]
+        weights, votes = weights[kept], votes[kept]
+        mode = np.average(votes, axis=0, weights=weights)
+        for step in range(rounds):
+            width = bandwidth * (1 + 2 * (rounds - 1 - step) / (rounds - 1))
+            kernel = weights * np.exp(-((votes - mode) ** 2).sum(axis=1) / (2 * width**2))
+            mode = np.average(votes, axis=0, weights=kernel)
+        joints[j], confidence[j] = mode, kernel.sum() / len(votes)
+    return joints, confidence
+
+
+@pytest.mark.parametrize("voters", [10, 80, 1000])
+def test_votes_end_at_the_modes_of_a_plain_mean_shift(voters: int) -> None:
+    rng = np.random.default_rng(voters)
+    trained = random_forest(rng, leaves_apart=0.1)
+    points = rng.normal(0.0, 0.1, (120, 3)).astype(np.float32)
+    leaves = rng.integers(0, len(trained.leaf_weights), (120, 3))
+    joints, confidence = np.empty((20, 3)), np.empty(20)
+    forest.vote(
+        points, leaves, trained.leaf_offsets.astype(np.float32), trained.leaf_weights.astype(np.float32), voters, 0.06,
+        4, joints, confidence,
+    )  # fmt: skip
+    expected, sure = plain_vote(points.astype(np.float64), leaves, trained, voters, 0.06, 4)
+    assert joints == pytest.approx(expected, abs=1e-5)
+    assert confidence == pytest.approx(sure, abs=1e-5)
+    assert (confidence > 0).all() and (confidence <= 1).all()
+
+
+def test_the_larger_group_of_votes_wins_and_a_divided_vote_is_less_sure() -> None:
+    weights, joints, confidence = np.ones((2, 1), dtype=np.float32), np.empty((1, 3)), np.empty(1)
+    offsets = np.array([[[0.0, 0.0, 0.0]], [[1.0, 0.0, 0.0]]], dtype=np.float32)
+    points = np.zeros((10, 3), dtype=np.float32)
+    sure = []
+    for many in (10, 8):
+        leaves = (np.arange(10) >= many).astype(np.int64)[:, None]
+        forest.vote(points, leaves, offsets, weights, 100, 0.06, 8, joints, confidence)
+        assert joints[0] == pytest.approx([0.0, 0.0, 0.0], abs=0.01)
+        sure.append(confidence[0])
+    assert sure == pytest.approx([1.0, 0.8], abs=0.01)
+
+
+def test_a_cloud_of_no_or_one_point_gives_finite_joints() -> None:
+    trained = random_forest(np.random.default_rng(2))
+    depth = np.zeros((CAMERA.height, CAMERA.width), dtype=np.float32)
+    nobody = trained.estimate(Cloud.from_depth(depth, CAMERA, LEVEL), 100)
+    depth[100, 100] = 2.0
+    speck = trained.estimate(Cloud.from_depth(depth, CAMERA, LEVEL), 100)
+    for estimate in (nobody, speck):
+        assert estimate.points.shape == (20, 3) and np.isfinite(estimate.points).all()
+        assert ((estimate.confidence >= 0) & (estimate.confidence <= 1)).all()
+    assert not nobody.confidence.any()
+
+
+# Training
+
+
+def entropy(labels: np.ndarray) -> float:
+    """Label entropy summed over samples, nats."""
+    share = np.bincount(labels) / len(labels)
+    share = share[share > 0]
+    return float(-len(labels) * (share * np.log(share)).sum())
+
+
+def test_the_best_split_is_that_of_a_scan_over_all_questions_and_thresholds() -> None:
+    rng = np.random.default_rng(3)
+    shapes = np.array([[20, 24], [30, 18]])
+    images = rng.integers(1500, 3500, int(shapes.prod(axis=1).sum()), dtype=np.uint16)
+    images[rng.random(len(images)) < 0.2] = 0
+    starts = np.array([0, 480])
+    image = rng.integers(0, 2, 200).astype(np.int32)
+    u = (rng.random(200) * shapes[image, 1]).astype(np.int32)
+    v = (rng.random(200) * shapes[image, 0]).astype(np.int32)
+    images[starts[image] + v * shapes[image, 1] + u] = 2000
+    candidates = rng.uniform(-0.5, 0.5, (6, 4))
+    labels = rng.integers(0, 4, 200)
+    rows = np.sort(rng.choice(200, 150, replace=False))
+    # One question tells the labels apart a little, so that there is something to find.
+    answers = np.empty((6, 200))
+    for q in range(6):
+        for n in range(200):
+            k = image[n]
+            picture = images[starts[k] : starts[k] + shapes[k].prod()].reshape(shapes[k]).astype(np.float64) * 0.001
+            answers[q, n] = plain_question(picture, u[n], v[n], (60.0, 60.0), candidates[q])
+    labels[answers[4] > 0.2] = 1
+    bins = 10
+    best = (np.inf, -1, 0.0)
+    for q in range(6):
+        for b in range(1, bins):
+            threshold = -0.5 + b / bins
+            low, high = (labels[rows][side] for side in (answers[q, rows] < threshold, answers[q, rows] >= threshold))
+            if len(low) and len(high):
+                best = min(best, (entropy(low) + entropy(high), q, threshold))
+    found = forest.best_split(images, starts, shapes, 60.0, image, u, v, labels, rows, candidates, bins, 4)
+    assert found[0] == best[1] == 4
+    assert found[2] == pytest.approx(best[0], rel=1e-6)
+    below = answers[4, rows] < found[1]  # several thresholds may part the samples in the same way
+    assert entropy(labels[rows][below]) + entropy(labels[rows][~below]) == pytest.approx(best[0], rel=1e-6)
+    kernel = np.empty(150, dtype=np.float32)
+    forest.answers(images, starts, shapes, 60.0, image, u, v, rows, candidates[4], kernel)
+    assert kernel == pytest.approx(answers[4, rows], abs=1e-5)
+
+
+def test_where_no_question_separates_the_samples_there_is_no_split() -> None:
+    images, zero = np.full(100, 2000, dtype=np.uint16), np.zeros(5, dtype=np.int32)
+    found = forest.best_split(
+        images, np.array([0]), np.array([[10, 10]]), 60.0, zero, zero + 5, zero + 5, np.arange(5), np.arange(5),
+        np.zeros((3, 4)), 8, 5,
+    )  # fmt: skip
+    assert found[0] == -1
+
+
+def a_few_poses() -> np.ndarray:
+    """Canonical poses (40, P): standing, arms anywhere."""
+    rng = np.random.default_rng(7)
+    poses = np.zeros((40, skeleton.POSE_SIZE))
+    for side, down in (("left", -1.0), ("right", 1.0)):
+        shoulder = skeleton.POSE_NAMES.index(f"{side}_shoulder_rz")
+        poses[:, shoulder] = down * rng.uniform(-0.3, 1.4, 40)
+        poses[:, skeleton.POSE_NAMES.index(f"{side}_elbow_ry")] = down * rng.uniform(0.0, 1.0, 40)
+    return canonical.canonicalise(poses)[0]
+
+
+def test_training_images_show_people_with_their_joints() -> None:
+    data = draw_images(a_few_poses(), SMALL, np.random.default_rng(0), lambda done, total: None)
+    assert len(data.shapes) == SMALL.images
+    assert len(data.labels) == SMALL.images * SMALL.pixels
+    assert len(data.depth) == data.shapes.prod(axis=1).sum()
+    z = data.depth[data.starts[data.sample_image] + data.sample_v * data.shapes[data.sample_image, 1] + data.sample_u]
+    assert (z > 900).all() and (z < 5500).all()
+    head, foot = data.offsets[:, 3].astype(float), data.offsets[:, 15].astype(float)
+    # The level frame has y up: heads are above feet, and nobody is larger than a tall adult.
+    assert ((head - foot)[:, 1] > 0.8).all()
+    assert np.linalg.norm(data.offsets.astype(float), axis=2).max() < 2.2
+    left, right = (data.offsets[:, skeleton.REPORTED.index(f"{s}_hip")].astype(float) for s in ("left", "right"))
+    assert ((left - right)[:, 0] > 0).mean() > 0.6  # most face the camera
+    # Hip to hip is one body's width in all of its pixels.
+    width = np.linalg.norm(left - right, axis=1).reshape(SMALL.images, -1)
+    assert np.ptp(width, axis=1).max() < 0.005
+
+
+def test_parts_have_two_labels_each_on_both_sides() -> None:
+    body = ShapeSpace.load().body()
+    labels = body_labels(body)
+    assert set(labels // 2) == set(body.part)
+    for name in ("root", "cervical"):
+        joint = skeleton.JOINT_NAMES.index(name)
+        assert (body.vertices[labels == 2 * joint, 0] <= 0).all() and (
+            body.vertices[labels == 2 * joint + 1, 0] > 0
+        ).all()
+    joint = skeleton.JOINT_NAMES.index("left_elbow")
+    near, far = (np.linalg.norm(body.vertices[labels == 2 * joint + k] - body.joints[joint], axis=1) for k in (0, 1))
+    assert near.max() <= far.min()
+
+
+@pytest.fixture(scope="module")
+def trained() -> JointForest:
+    settings = replace(
+        SMALL, images=500, trees=2, depth=10, smallest_leaf=15, questions=40, node_samples=1000, turned=0
+    )
+    return train_forest(a_few_poses(), settings, seed=1)
+
+
+@pytest.mark.parametrize("yaw", [-20.0, 0.0, 25.0])
+def test_a_small_forest_finds_head_and_hips_in_a_view_that_it_has_not_seen(trained: JointForest, yaw: float) -> None:
+    body = load_body("slim_male")
+    pose = canonical.place(a_few_poses()[11], np.zeros(4), np.array([0.2, -0.1, -2.6]), np.deg2rad(yaw))
+    estimate = trained.estimate(body_cloud(body, pose), 300)
+    errors = np.linalg.norm(estimate.points - body.joint_positions(pose), axis=1)
+    for name in ("head", "neck", "left_hip", "right_hip", "left_shoulder", "right_shoulder"):
+        assert errors[skeleton.REPORTED.index(name)] < 0.1, name
+    assert (estimate.confidence <= 1).all() and estimate.confidence[skeleton.REPORTED.index("head")] > 0.05
+    hips = [estimate.points[skeleton.REPORTED.index(f"{side}_hip")] for side in ("left", "right")]
+    assert hips[0][0] > hips[1][0]
+
+
+def test_another_camera_sees_the_same_joints(trained: JointForest) -> None:
+    body = load_body("neutral")
+    pose = canonical.place(a_few_poses()[5], np.zeros(4), np.array([0.0, 0.0, -2.5]), 0.0)
+    cloud = body_cloud(body, pose)
+    coarse = Camera(CAMERA.fx / 2, CAMERA.fy / 2, CAMERA.cx / 2, CAMERA.cy / 2, CAMERA.width // 2, CAMERA.height // 2)
+    half = Cloud.from_depth(cloud.depth[::2, ::2], coarse, LEVEL)
+    fine, rough = trained.estimate(cloud, 300), trained.estimate(half, 300)
+    assert np.linalg.norm(fine.points - rough.points, axis=1)[[0, 3, 12, 16]].max() < 0.04
+
+
+def test_a_forest_does_not_depend_on_the_number_of_workers() -> None:
+    alone, together = (train_forest(a_few_poses(), SMALL, seed=4, workers=workers) for workers in (1, 2))
+    assert len(alone.roots) == SMALL.trees and len(alone.thresholds) > 10
+    for name, array in alone.arrays().items():
+        assert np.array_equal(array, together.arrays()[name]), name
+    other = train_forest(a_few_poses(), SMALL, seed=5)
+    assert not np.array_equal(alone.leaf_offsets[:5], other.leaf_offsets[:5])
+
+
+def test_leaves_hold_the_mean_offset_of_their_samples_and_how_sure_it_is() -> None:
+    settings = replace(SMALL, trees=1)
+    streams = np.random.default_rng(4).spawn(2)
+    data = draw_images(a_few_poses(), settings, streams[0], lambda done, total: None)
+    leaves = grow_tree(data, settings, streams[1])[3]
+    trained = train_forest(a_few_poses(), settings, seed=4)
+    assert len(leaves) == len(trained.leaf_offsets)
+    assert np.array_equal(np.sort(np.concatenate(leaves)), np.arange(len(data.labels)))
+    for leaf, rows in enumerate(leaves):
+        votes = data.offsets[rows].astype(np.float64)
+        deviation = np.sqrt(((votes - votes.mean(axis=0)) ** 2).sum(axis=2).mean(axis=0))
+        assert trained.leaf_offsets[leaf] == pytest.approx(votes.mean(axis=0), abs=2e-3)
+        assert trained.leaf_weights[leaf] == pytest.approx(np.minimum((0.03 / deviation) ** 4, 1.0), rel=2e-2, abs=1e-5)
+
+
+@pytest.mark.parametrize("values", [{"images": 0}, {"trees": 0}, {"bins": 1}])
+def test_impossible_training_settings_are_refused(values: dict[str, int]) -> None:
+    with pytest.raises(SettingsError, match="parts"):
+        PartsSettings(**values)
