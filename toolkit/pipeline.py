@@ -88,12 +88,12 @@ class BatchReport:
 
 def hybrid_tracker(
     database: str | Path,
-    config: str | Path | None = None,
+    config: str | Path | None = "hybrid",
     overrides: Mapping[str, Any] | None = None,
     *,
     max_poses: int | None = None,
 ) -> HybridTracker:
-    """The hybrid tracker of Baak 2013 on a pose database.
+    """The hybrid tracker on a pose database: with what is shipped as `hybrid`, or as in the paper with `baak2013`.
 
     Parameters
     ----------
