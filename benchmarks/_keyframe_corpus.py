@@ -16,6 +16,7 @@ import numpy as np
 from toolkit.mocap.read import find_clips
 from toolkit.retrieval.documents import assemble
 from toolkit.retrieval.features import FEATURE_RATE, FeatureMatrix, relational_features
+from toolkit.retrieval.learning import with_other_proportions
 from toolkit.retrieval.motion import Motion
 from toolkit.retrieval.workflow import load_motion
 
@@ -67,6 +68,14 @@ def load_examples(data: Path) -> list[Example]:
         _, actor, label, *_ = file.stem.split("_")
         examples.append(Example(load_motion(file), actor, label))
     return examples
+
+
+def by_label(examples: Sequence[Example], proportions: Sequence[float]) -> dict[str, list[FeatureMatrix]]:
+    """Features of the clips of each class."""
+    classes: dict[str, list[FeatureMatrix]] = {label: [] for label in sorted({e.label for e in examples})}
+    for example in examples:
+        classes[example.label].extend(with_other_proportions(example.motion, proportions))
+    return classes
 
 
 def load_filler(data: Path) -> list[Motion]:

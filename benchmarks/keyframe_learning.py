@@ -17,25 +17,17 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks._keyframe_corpus import ACTORS, Example, at_speed, load_examples
+from benchmarks._keyframe_corpus import ACTORS, Example, at_speed, by_label, load_examples
 from benchmarks._record import RESULTS, save_figures
 from toolkit.retrieval.features import FeatureMatrix, relational_features
 from toolkit.retrieval.genetic import GeneticSettings, Individual, Quality, TrainingSet, evolve
-from toolkit.retrieval.learning import LearningSettings, learn, with_other_proportions
+from toolkit.retrieval.learning import LearningSettings, learn
 from toolkit.retrieval.templates import MotionTemplate
 
 THESIS_FRAMES, THESIS_EXAMPLES = 42_586, 9
 """Training set of the thesis: frames at 30 Hz, clips per class."""
 GENERATION_STEP = 5
 PARTS_OF_QUALITY = ("precision", "recall", "fitness")
-
-
-def by_label(examples: Sequence[Example], proportions: Sequence[float]) -> dict[str, list[FeatureMatrix]]:
-    """Features of the clips of each class."""
-    classes: dict[str, list[FeatureMatrix]] = {label: [] for label in sorted({e.label for e in examples})}
-    for example in examples:
-        classes[example.label].extend(with_other_proportions(example.motion, proportions))
-    return classes
 
 
 def set_of(examples: Sequence[Example], label: str) -> TrainingSet:

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from itertools import combinations, pairwise
+from functools import cached_property
+from itertools import accumulate, combinations, pairwise
+from math import ceil, floor
 
 import numpy as np
 
@@ -154,7 +156,7 @@ class TrainingSet:
         ranges = keyframe_search(
             np.concatenate([starts for starts, _ in lists]),
             np.concatenate([ends for _, ends in lists]),
-            np.cumsum([0, *(len(starts) for starts, _ in lists)]),
+            np.array([0, *accumulate(len(starts) for starts, _ in lists)]),
             np.array(individual.minimum, np.int64),
             np.array(individual.maximum, np.int64),
             self.document_starts,
@@ -210,8 +212,8 @@ class Breeder:
     def tolerance(self, distance: int) -> tuple[int, int]:
         """Random admissible distances around one of the template (Algorithm 2, lines 8 to 10), rounded outwards."""
         half = distance / 2
-        down, up = self.rng.uniform(0.0, 2.0, 2)
-        return max(0, int(np.floor(half - round(half * down)))), int(np.ceil(half + round(half * up)))
+        down, up = 2.0 * self.rng.random(), 2.0 * self.rng.random()
+        return max(0, floor(half - round(half * down))), ceil(half + round(half * up))
 
     def recombined(self, a: Individual, b: Individual) -> Individual:
         """Some keyframes of each parent in the order of their columns; at equal columns the first parent's is taken."""
@@ -313,10 +315,12 @@ class Scored:
     individual: Individual
     fitness: float
 
+    @cached_property
+    def _merit(self) -> tuple[float, int, int]:
+        return self.fitness, *self.individual.generality
+
     def __lt__(self, other: Scored) -> bool:
-        if self.fitness != other.fitness:
-            return self.fitness > other.fitness
-        return self.individual.generality > other.individual.generality
+        return self._merit > other._merit
 
 
 def evolve(

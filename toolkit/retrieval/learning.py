@@ -243,6 +243,7 @@ def frequent_keyframes(
     votes, counts = votes_of(solutions, length)
     votes = np.apply_along_axis(np.convolve, -1, votes, box, "same")[..., :length]
     counts = np.convolve(counts, box, "same")[:length]
+    tried = set()
     for wanted in range(FEWEST_KEYFRAMES, settings.most_keyframes + 1):
         apart = max(settings.reach + 1, length // (3 * wanted))
         positions = _peaks(counts, wanted, apart)
@@ -254,7 +255,8 @@ def frequent_keyframes(
                 mask, value = bits_of(column)
                 if mask:
                     keyframes.append((n, mask, value))
-            if len(keyframes) >= FEWEST_KEYFRAMES:
+            if len(keyframes) >= FEWEST_KEYFRAMES and tuple(keyframes) not in tried:
+                tried.add(tuple(keyframes))
                 yield keyframes
 
 
