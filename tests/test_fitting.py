@@ -1,0 +1,354 @@
+"""Local optimisation: terms, refinement, sparse distance, confidence, personal shape (Baak 2013, 5.4.1 and 5.4.4)."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.spatial import cKDTree
+
+from toolkit.body import skeleton
+from toolkit.body.body import Body
+from toolkit.body.raycast import render_depth
+from toolkit.body.shape import ShapeSpace, load_body
+from toolkit.errors import SettingsError
+from toolkit.fitting.fitter import Fitter, FittingSettings
+from toolkit.fitting.posed import NormalSystem, PosedBody, choose_vertices
+from toolkit.fitting.scene import Scene
+from toolkit.fitting.shape import ShapeEstimator, ShapeSettings
+from toolkit.fitting.terms import GaussianPrior, JointTerm
+from toolkit.sensing.camera import Camera, level_rotation
+from toolkit.sensing.cloud import Cloud
+
+CAMERA = Camera(190.0, 190.0, 87.5, 71.5, 176, 144)
+HORIZONTAL = np.diag([1.0, -1.0, -1.0])
+TILTED = level_rotation(np.array([0.05, -0.95, -0.25]))
+SETTINGS = FittingSettings()
+
+
+def entry(name: str) -> int:
+    return skeleton.POSE_NAMES.index(name)
+
+
+def standing(**angles: float) -> np.ndarray:
+    """A person 2.7 m before the camera with the arms half raised, whose other angles (radians) are given."""
+    pose = np.zeros(skeleton.POSE_SIZE)
+    pose[:3] = 0.05, -0.05, -2.7
+    angles = {"left_shoulder_rz": -0.6, "right_shoulder_rz": 0.5, "left_elbow_ry": -0.5, "right_elbow_ry": 0.7} | angles
+    for name, angle in angles.items():
+        pose[entry(name)] = angle
+    return pose
+
+
+def cloud_of(body: Body, pose: np.ndarray, rotation: np.ndarray = HORIZONTAL) -> Cloud:
+    return Cloud.from_depth(render_depth(body, pose, CAMERA, rotation), CAMERA, rotation)
+
+
+def scene_of(body: Body, pose: np.ndarray, rotation: np.ndarray = HORIZONTAL, settings=SETTINGS) -> Scene:
+    """What the camera sees of a pose; the end effectors stand for the extrema."""
+    cloud = cloud_of(body, pose, rotation)
+    tips = body.end_effector_positions(pose)
+    near = cKDTree(cloud.points).query(tips)[1]
+    return Scene(cloud, cloud.points[near].astype(np.float64), settings.cloud_samples, settings.search)
+
+
+def joint_error(body: Body, pose: np.ndarray, truth: np.ndarray) -> float:
+    """Mean distance of the reported joints, metres."""
+    return float(np.linalg.norm(body.joint_positions(pose) - body.joint_positions(truth), axis=1).mean())
+
+
+def perturbed(pose: np.ndarray, seed: int, angle: float = 0.1, shift: float = 0.03) -> np.ndarray:
+    rng = np.random.default_rng(seed)
+    out = pose + angle * rng.standard_normal(len(pose))
+    out[:3] = pose[:3] + shift * rng.standard_normal(3)
+    return np.clip(out, *skeleton.POSE_LIMITS.T)
+
+
+@pytest.fixture(scope="module")
+def body() -> Body:
+    return load_body("neutral")
+
+
+@pytest.fixture(scope="module")
+def fitter(body: Body) -> Fitter:
+    return Fitter(body, CAMERA, HORIZONTAL, SETTINGS)
+
+
+# Terms
+
+
+def test_the_prior_is_the_gaussian_of_its_poses() -> None:
+    rng = np.random.default_rng(0)
+    poses = rng.normal(0.0, 0.2, (500, skeleton.POSE_SIZE)) + np.linspace(-0.3, 0.3, skeleton.POSE_SIZE)
+    poses[:, 20] = 0.4  # never moves
+    prior = GaussianPrior.of_poses(poses, 2.0)
+    system = NormalSystem()
+    system.matrix[:], system.vector[:] = 0.0, 0.0
+    pose = rng.normal(size=skeleton.POSE_SIZE)
+    prior.add(system, pose)
+    covariance = np.cov(poses[:, 6:].T)
+    mean = poses[:, 6:].mean(axis=0)
+
+    def energy(angles: np.ndarray) -> float:
+        spread = covariance + 0.1**2 * np.eye(len(covariance))
+        return float((angles - mean) @ np.linalg.solve(spread, angles - mean))  # 1/2 weight = 1
+
+    steps = 1e-5 * np.eye(len(mean))
+    slope = [(energy(pose[6:] + step) - energy(pose[6:] - step)) / 2e-5 for step in steps]
+    assert system.vector[6:] == pytest.approx(np.array(slope), rel=1e-5, abs=1e-5)
+    assert system.matrix[6:, 6:] @ pose[6:] - system.vector[6:] == pytest.approx(system.matrix[6:, 6:] @ mean)
+    assert not system.vector[:6].any() and not system.matrix[:6].any()
+    assert np.isfinite(system.matrix).all()
+
+
+@pytest.mark.parametrize("seed", range(2))
+def test_joint_targets_have_the_gradient_of_their_robust_energy(body: Body, seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    pose = perturbed(standing(), seed, 0.3)
+    targets = body.joint_positions(pose) @ TILTED + rng.normal(0.0, 0.15, (20, 3))
+    weights = rng.uniform(0.0, 2.0, 20)
+    weights[5] = 0.0
+    sigma = 0.3
+    posed, system = PosedBody(body, CAMERA, TILTED), NormalSystem()
+    posed.place(pose)
+    system.reset(posed.origins[0])
+    JointTerm(targets, weights, sigma).add(system, posed, scene_of(body, pose, TILTED))
+    system.assemble(posed)
+    derived = [skeleton.REPORTED.index(name) for name in ("pelvis", "spine", "neck")]
+
+    def energy(pose: np.ndarray) -> float:
+        squared = ((body.joint_positions(pose) @ TILTED - targets) ** 2).sum(axis=1) / sigma**2
+        parts = 0.5 * weights * sigma**2 * squared / (1.0 + squared)  # Geman-McClure
+        return float(np.delete(parts, derived).sum())
+
+    steps = 1e-6 * np.eye(len(pose))
+    slope = np.array([(energy(pose + step) - energy(pose - step)) / 2e-6 for step in steps])
+    assert system.vector == pytest.approx(slope, abs=1e-6)
+    assert np.abs(slope).max() > 0.05
+
+
+def test_chosen_vertices_cover_every_part_and_all_tips(body: Body) -> None:
+    chosen = choose_vertices(body)
+    assert (np.diff(chosen) > 0).all()
+    assert set(body.end_effectors) <= set(chosen)
+    # The clavicles carry the smallest part of the skin.
+    assert np.bincount(body.part[chosen], minlength=len(skeleton.JOINTS)).min() >= 5
+    limbs = [skeleton.JOINT_NAMES.index(f"{s}_{j}") for s in ("left", "right") for j in ("elbow", "wrist", "knee")]
+    share_of_skin = np.isin(body.part, limbs).mean()
+    assert len(chosen) < len(body.vertices) / 2
+    assert np.isin(body.part[chosen], limbs).mean() > 0.8 * share_of_skin
+    # Spread out: wherever on the body, a chosen vertex is near.
+    assert cKDTree(body.vertices[chosen]).query(body.vertices)[0].max() < 0.12
+
+
+# Refinement
+
+
+@pytest.mark.parametrize("rotation", [HORIZONTAL, TILTED], ids=["horizontal", "tilted"])
+@pytest.mark.parametrize("seed", range(3))
+def test_refining_a_disturbed_pose_brings_back_the_one_in_the_image(
+    body: Body, seed: int, rotation: np.ndarray
+) -> None:
+    truth = perturbed(standing(), 100 + seed, 0.15)
+    truth[:3] = rotation @ np.array([0.05, 0.05, 2.7])
+    start = perturbed(truth, seed)
+    fitter = Fitter(body, CAMERA, rotation, SETTINGS)
+    before = start.copy()
+    found = fitter.refine(start, scene_of(body, truth, rotation), iterations=15)
+    assert joint_error(body, start, truth) > 0.03
+    assert joint_error(body, found, truth) < 0.01
+    assert np.array_equal(start, before)
+
+
+def test_both_kinds_of_neighbour_search_lead_to_the_same_pose(body: Body, fitter: Fitter) -> None:
+    truth = standing()
+    start = perturbed(truth, 5)
+    reference = replace(SETTINGS, search="open3d")
+    assert fitter.refine(start, scene_of(body, truth)) == pytest.approx(
+        fitter.refine(start, scene_of(body, truth, settings=reference)), abs=1e-6
+    )
+
+
+def test_refinement_gives_the_same_bits_again(body: Body, fitter: Fitter) -> None:
+    truth = standing(left_hip_rx=-0.5, left_knee_rx=0.8)
+    start = perturbed(truth, 6)
+    scene = scene_of(body, truth)
+    first = fitter.refine(start, scene)
+    fitter.refine(perturbed(truth, 7), scene)
+    assert np.array_equal(first, fitter.refine(start, scene))
+    assert np.array_equal(first, Fitter(body, CAMERA, HORIZONTAL, SETTINGS).refine(start, scene_of(body, truth)))
+
+
+def test_joints_stay_within_their_limits_even_where_the_image_does_not(body: Body, fitter: Fitter) -> None:
+    impossible = standing(left_elbow_ry=0.6, right_knee_rx=-0.5, cervical_rz=1.0)
+    found = fitter.refine(standing(left_elbow_ry=0.0, right_elbow_ry=0.7), scene_of(body, impossible), iterations=10)
+    low, high = skeleton.POSE_LIMITS.T
+    assert (found >= low - 1e-12).all() and (found <= high + 1e-12).all()
+    assert found[entry("left_elbow_ry")] == pytest.approx(high[entry("left_elbow_ry")])
+    assert found[entry("right_knee_rx")] == pytest.approx(low[entry("right_knee_rx")])
+
+
+def test_the_root_turns_on_beyond_half_a_turn(body: Body, fitter: Fitter) -> None:
+    truth = standing()
+    truth[4] = 3.1
+    start = truth.copy()
+    start[4] = -3.1  # 0.08 radians further on
+    found = fitter.refine(start, scene_of(body, truth), iterations=15)
+    assert joint_error(body, found, truth) < 0.01
+    assert np.linalg.norm(found[3:6]) <= np.pi
+
+
+def test_regressed_joints_pull_an_arm_out_of_a_wrong_pose(body: Body, fitter: Fitter) -> None:
+    truth = standing(left_shoulder_rz=0.9, left_elbow_ry=-0.3)
+    wrong = standing(left_shoulder_rz=-1.3, left_elbow_ry=-0.3)
+    scene = scene_of(body, truth)
+    pull = JointTerm(body.joint_positions(truth) @ HORIZONTAL, np.full(20, 30.0), 0.3)
+    drawn = fitter.refine(wrong, scene, pair_terms=[pull], iterations=20)
+    alone = fitter.refine(wrong, scene, iterations=20)
+    wrist = skeleton.REPORTED.index("left_wrist")
+    where = body.joint_positions(np.stack([truth, drawn, alone]))[:, wrist]
+    assert np.linalg.norm(where[1] - where[0]) < 0.03
+    assert np.linalg.norm(where[2] - where[0]) > 0.2
+
+
+def test_a_prior_holds_what_the_image_does_not_show(body: Body) -> None:
+    truth = standing()
+    hidden = entry("left_wrist_ry")
+    start = truth.copy()
+    start[hidden] += 0.5
+    mean = np.tile(truth, (2, 1))
+    scene = Scene(Cloud.from_depth(np.zeros(CAMERA.shape, np.float32), CAMERA, HORIZONTAL), np.zeros((0, 3)), 0)
+    pulled = Fitter(body, CAMERA, HORIZONTAL, SETTINGS, [GaussianPrior.of_poses(mean, 1.0)])
+    assert abs(pulled.refine(start, scene, iterations=30)[hidden] - truth[hidden]) < 0.01
+    assert Fitter(body, CAMERA, HORIZONTAL, SETTINGS).refine(start, scene) == pytest.approx(start)
+
+
+# Distance and confidence
+
+
+def test_the_sparse_distance_is_that_of_the_equations(body: Body) -> None:
+    settings = replace(SETTINGS, cloud_samples=0)
+    fitter = Fitter(body, CAMERA, HORIZONTAL, settings)
+    truth = standing()
+    cloud = cloud_of(body, truth)
+    extrema = cloud.points[:: len(cloud) // 20][:20].astype(np.float64)
+    scene = Scene(cloud, extrema, 0)
+    pose = perturbed(truth, 3)
+    found = fitter.sparse_distance(pose, scene)
+    fitter.posed.place(pose)
+    fitter.posed.draw()
+    seen = fitter.posed.find_visible(settings.facing, settings.hidden_tolerance)
+    mesh = body.vertex_positions(pose)
+    to_cloud = cKDTree(cloud.points).query(mesh[fitter.posed.chosen[seen]])[0]
+    to_mesh = cKDTree(mesh).query(extrema)[0]
+    expected = np.minimum(to_cloud, settings.reach).mean() + np.minimum(to_mesh, settings.reach).mean()
+    assert found == pytest.approx(expected, abs=1e-6)
+
+
+def test_samples_that_no_pose_explains_count_against_it(body: Body) -> None:
+    truth = standing(left_shoulder_rz=0.3)
+    arm_hidden = standing(left_shoulder_rz=-1.5, left_elbow_ry=-0.1)
+    cloud = cloud_of(body, truth)
+    distances = []
+    for samples in (0, 400):
+        fitter = Fitter(body, CAMERA, HORIZONTAL, replace(SETTINGS, cloud_samples=samples))
+        scene = Scene(cloud, np.zeros((0, 3)), samples)
+        distances.append(fitter.sparse_distance(arm_hidden, scene) - fitter.sparse_distance(truth, scene))
+    assert distances[1] > distances[0] + 0.005
+
+
+def test_the_true_pose_is_nearest_to_its_image(body: Body, fitter: Fitter) -> None:
+    truth = standing()
+    scene = scene_of(body, truth)
+    right = fitter.sparse_distance(truth, scene)
+    assert right < 0.04
+    rising = []
+    for shift in (0.05, 0.15, 0.5):
+        away = truth.copy()
+        away[0] += shift
+        rising.append(fitter.sparse_distance(away, scene))
+    assert [right, *rising] == sorted([right, *rising]) and rising[0] > right + 0.01
+    for wrong in (standing(left_shoulder_rz=1.2), standing(left_knee_rx=1.5), perturbed(truth, 1, 0.4)):
+        assert fitter.sparse_distance(wrong, scene) > right + 0.01
+
+
+def test_confidence_lies_in_its_range_and_is_low_for_hidden_joints(body: Body, fitter: Fitter) -> None:
+    left, right = (skeleton.REPORTED.index(f"{side}_hand") for side in ("left", "right"))
+    behind = standing(left_shoulder_rx=1.6, left_shoulder_ry=0.6, left_shoulder_rz=-1.3, left_elbow_ry=-1.6)
+    hand = body.joint_positions(behind)[left]
+    assert hand[2] < behind[2] - 0.05 and abs(hand[0] - behind[0]) < 0.2  # behind the back
+    confidence = fitter.confidence(behind, scene_of(body, behind))
+    assert confidence.shape == (20,)
+    assert ((confidence >= 0) & (confidence <= 1)).all()
+    assert confidence[left] < 0.1 < 0.5 < confidence[right]
+
+
+def test_joints_that_the_image_contradicts_are_not_believed(body: Body, fitter: Fitter) -> None:
+    scene = scene_of(body, standing())
+    wrong = standing(left_shoulder_rz=1.2)
+    wrist = skeleton.REPORTED.index("left_wrist")
+    assert fitter.confidence(wrong, scene)[wrist] < 0.1 < 0.5 < fitter.confidence(standing(), scene)[wrist]
+
+
+@pytest.mark.parametrize("points", [0, 1, 7])
+def test_almost_empty_images_leave_everything_finite(body: Body, fitter: Fitter, points: int) -> None:
+    depth = np.zeros(CAMERA.shape, dtype=np.float32)
+    depth.ravel()[np.linspace(10000, 12000, points).astype(int)] = 2.6
+    cloud = Cloud.from_depth(depth, CAMERA, HORIZONTAL)
+    for search in ("pixels", "open3d") if points else ("pixels",):
+        scene = Scene(cloud, cloud.points.astype(np.float64), SETTINGS.cloud_samples, search)
+        found = fitter.refine(standing(), scene)
+        assert np.isfinite(found).all()
+        assert 0.0 <= fitter.sparse_distance(found, scene) <= 3 * SETTINGS.reach + 1e-9
+        assert (fitter.confidence(found, scene) <= 1.0).all()
+
+
+def test_a_body_behind_the_camera_or_beside_the_image_is_survived(body: Body, fitter: Fitter) -> None:
+    scene = scene_of(body, standing())
+    for place in ((0.0, 0.0, 2.0), (6.0, 0.0, -2.5), (0.0, 0.0, -0.1)):
+        lost = standing()
+        lost[:3] = place
+        assert np.isfinite(fitter.refine(lost, scene)).all()
+        assert fitter.sparse_distance(lost, scene) > 0.3
+
+
+def test_samples_are_spread_over_the_cloud_with_the_extrema_last(body: Body) -> None:
+    cloud = cloud_of(body, standing(), TILTED)
+    extrema = cloud.points[[5, 900]].astype(np.float64)
+    scene = Scene(cloud, extrema, 300)
+    assert scene.samples.shape == (302, 3) and scene.plain_samples == 300
+    assert scene.samples[300:] == pytest.approx(cloud.points_camera[[5, 900]], abs=1e-6)
+    assert cKDTree(cloud.points_camera).query(scene.samples)[0].max() < 1e-6
+    assert cKDTree(scene.samples[:300]).query(cloud.points_camera)[0].max() < 0.15
+    assert len(Scene(cloud, extrema, 10**6).samples) == len(cloud) + 2
+    assert len(Scene(cloud, extrema, 0).samples) == 2
+
+
+# Shape
+
+
+@pytest.mark.parametrize("size", [-1.3, 1.3], ids=["short or tall", "tall or short"])
+def test_the_learnt_body_comes_near_the_height_of_the_person(size: float) -> None:
+    space = ShapeSpace.load()
+    person, neutral = space.body([size, 0.4, -0.3]), space.body()
+    assert abs(person.height - neutral.height) > 0.08
+    poses = [standing(), standing(left_hip_rx=-0.6, left_knee_rx=0.6), standing(root_ry=0.4, right_shoulder_rz=0.0)]
+    fitter = Fitter(neutral, CAMERA, HORIZONTAL, SETTINGS)
+    estimator = ShapeEstimator(neutral, ShapeSettings(), fitter.surface, fitter.cloud)
+    body, pose = neutral, perturbed(poses[0], 0, 0.03)
+    for truth in poses * 3:
+        scene = scene_of(person, truth)
+        pose = fitter.refine(perturbed(truth, 1, 0.03), scene)
+        fitter.posed.place(pose)
+        fitter.posed.draw()
+        body = estimator.observe(fitter.posed, pose, scene)
+    assert abs(body.height - person.height) < 0.5 * abs(neutral.height - person.height)
+    assert (np.abs(body.shape) <= ShapeSettings().limit).all()
+    assert fitter.posed.body is body
+
+
+@pytest.mark.parametrize("values", [{"iterations": 0}, {"neighbours": 0}, {"neighbours": 10}, {"search": "octree"}])
+def test_settings_out_of_range_are_named(values: dict[str, object]) -> None:
+    with pytest.raises(SettingsError, match=str(next(iter(values.values())))):
+        FittingSettings(**values)
