@@ -19,7 +19,7 @@ OUTPUT = Path("output")
 
 def main() -> None:
     recording = open_recording(sys.argv[1] if len(sys.argv) > 1 else OUTPUT / "take.npz")
-    # Settings come from configs/hybrid.yaml; configs/baak2013.yaml is the plain paper. Each can be set by its dotted name.
+    # Settings: configs/hybrid.yaml (configs/baak2013.yaml is the plain paper); any can be set by its dotted name.
     tracker = hybrid_tracker(OUTPUT / "poses.npz", "hybrid", {"sensing.half_resolution": False})
 
     # Nothing but depth goes in: no first pose, no body shape. Rows are on disk as soon as they are found.

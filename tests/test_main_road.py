@@ -1,0 +1,58 @@
+"""From bundled motions to the table of real recordings, at the command line."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from database_builder.build import build_database
+from toolkit.body.skeleton import REPORTED
+from toolkit.cli.main import main
+from toolkit.evaluation.evaluate import evaluate_runs
+from toolkit.track import TRACKED, RunInfo, Track
+
+pytestmark = pytest.mark.shared_data
+
+NAMES = ("a1_s1_t1_depth", "a3_s3_t1_depth")
+
+
+@pytest.fixture(scope="module")
+def runs(shared_data: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Run folders of two real recordings, tracked with a database that has seen neither mocap nor depth."""
+    folder = tmp_path_factory.mktemp("road")
+    build_database(None, folder / "poses.npz", parts=None, workers=1)
+    recordings = [str(shared_data / "depth" / "utd_mhad" / f"{name}.mat") for name in NAMES]
+    with pytest.raises(SystemExit) as stop:
+        main(["track", *recordings, "--database", str(folder / "poses.npz"), "--output", str(folder / "runs")])
+    assert not stop.value.code
+    return folder / "runs"
+
+
+def test_every_frame_of_a_real_recording_has_a_row(runs: Path) -> None:
+    for name in NAMES:
+        track = Track.load(runs / name)
+        assert len(track) == len(RunInfo.load(runs / name).open_recording())
+        assert (track.state == TRACKED).mean() > 0.9
+
+
+def test_the_subject_faces_the_camera_with_the_left_hand_at_positive_x(runs: Path) -> None:
+    for name in NAMES:
+        joints = Track.load(runs / name).joints
+        for part in ("shoulder", "hip", "foot"):
+            left, right = (joints[:, REPORTED.index(f"{side}_{part}"), 0] for side in ("left", "right"))
+            assert np.median(left - right) > 0.1
+        ankle, foot = (joints[:, REPORTED.index(f"left_{part}"), 2] for part in ("ankle", "foot"))
+        assert np.median(ankle - foot) > 0.03  # toes towards the camera
+
+
+def test_one_table_compares_real_recordings_with_the_sdk_of_their_folder(runs: Path, shared_data: Path) -> None:
+    table = evaluate_runs([runs], [shared_data / "depth" / "utd_mhad"])
+    assert [row.recording for row in table] == list(NAMES)
+    mean = table.mean()
+    assert mean.error_mm is None  # another system's estimate is no truth
+    assert mean.agreement is not None and mean.agreement > 0.6
+    assert mean.agreement_offsets is not None and mean.agreement_offsets > 0.6
+    assert mean.overlap is not None and mean.overlap > 0.7
+    assert mean.residual_mm is not None and mean.residual_mm < 30
