@@ -1,0 +1,205 @@
+"""Keyframe search over 3.5 hours: `depthmocap bench keyframe_search DATA [--frames 378000] [--runs 20]`.
+
+Documents are made from HDM05 clips and CMU motions (see `benchmarks/_keyframe_corpus.py`), a third of them per actor.
+For each actor, queries for the 11 classes are learned from the cut clips of the other two, with mirror images of
+one-sided classes and half of the CMU motions as further counterexamples; the other half of the CMU motions is the
+filler. Every query searches the whole index; recall and data left are counted on the documents of the actor left out.
+"""
+
+from __future__ import annotations
+
+import argparse
+import tempfile
+import time
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from benchmarks._keyframe_corpus import (
+    ACTORS,
+    HOW,
+    LabelledDocument,
+    by_label,
+    counterexamples,
+    load_examples,
+    load_filler,
+    make_documents,
+)
+from benchmarks._record import RESULTS, save_figures
+from benchmarks._timing import pin_to_one_processor
+from toolkit.retrieval.genetic import Breeder
+from toolkit.retrieval.index import KeyframeIndex
+from toolkit.retrieval.keyframes import KeyframeQuery, in_sequence
+from toolkit.retrieval.learning import LearnedQuery, LearningSettings, learn, query_of
+from toolkit.retrieval.search import HitRanges, find, pieces
+
+REPEATS = 20
+"""Searches per query; the median counts."""
+UNSPECIFIC = 8
+"""Queries of random template columns per class, which process many more segments than learned ones."""
+
+
+def timed(index: KeyframeIndex, query: KeyframeQuery) -> dict[str, Any]:
+    """Median time of a search and the number of segments in its inverted lists."""
+    milliseconds = []
+    for _ in range(REPEATS):
+        begin = time.perf_counter()
+        ranges = find(index, query)
+        milliseconds.append(1000 * (time.perf_counter() - begin))
+    median = float(np.median(milliseconds))
+    return {"milliseconds": median, "segments": ranges.processed, "keyframes": len(query.keyframes)}
+
+
+def quality(
+    ranges: HitRanges, documents: Sequence[LabelledDocument], chosen: Sequence[int], label: str
+) -> tuple[float, float]:
+    """Share of the chosen documents' frames left, and share of the true segments of which at least half is left."""
+    left = {number: np.zeros(len(documents[number].features), dtype=bool) for number in chosen}
+    for document, start, stop in zip(ranges.documents, ranges.starts, ranges.stops, strict=True):
+        if int(document) in left:
+            left[int(document)][start:stop] = True
+    found = [
+        left[number][start:stop].mean() >= 0.5
+        for number in chosen
+        for start, stop, name in documents[number].segments
+        if name == label
+    ]
+    return float(np.concatenate(list(left.values())).mean()), float(np.mean(found))
+
+
+def relevant_share(documents: Sequence[LabelledDocument], chosen: Sequence[int], label: str) -> float:
+    """Share of the chosen documents' frames that lie in true segments of the class."""
+    true = sum(b - a for number in chosen for a, b, name in documents[number].segments if name == label)
+    return true / sum(len(documents[number].features) for number in chosen)
+
+
+def judged(
+    index: KeyframeIndex, documents: Sequence[LabelledDocument], actor: str, result: LearnedQuery
+) -> dict[str, Any]:
+    """Everything about one learned query."""
+    query = result.query
+    chosen = [number for number, document in enumerate(documents) if document.actor == actor]
+    ranges = find(index, query)
+    row: dict[str, Any] = {"label": query.label, "left_out": actor, **timed(index, query)}
+    row["relevant"] = relevant_share(documents, chosen, query.label)
+    for name, factor in (("hits", 0.0), ("motions", 1.0), ("refined_search", 3.0)):
+        row[f"left_{name}"], row[f"recall_{name}"] = quality(
+            pieces(index, query, ranges, factor), documents, chosen, query.label
+        )
+    return row
+
+
+def sequences(learned: dict[str, LearnedQuery], rng: np.random.Generator, count: int = 9) -> list[KeyframeQuery]:
+    """Queries for two or three different actions in a row (Section 3.6.2)."""
+    queries = [result.query for result in learned.values()]
+    chosen = [rng.permutation(len(queries))[: 2 + i % 2] for i in range(count)]
+    return [
+        in_sequence([queries[i] for i in order], [60] * (len(order) - 1), [0.2] * (len(order) - 1)) for order in chosen
+    ]
+
+
+def plot_times(entries: dict[str, list[dict[str, Any]]], slope: float, path: Path) -> None:
+    """Time against processed segments on logarithmic axes, as Fig. 3.10."""
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(6, 4.2), layout="constrained")
+    axes = figure.subplots()
+    for name, rows in entries.items():
+        axes.loglog([r["segments"] for r in rows], [r["milliseconds"] for r in rows], ".", label=name)
+    span = np.array([100.0, max(r["segments"] for rows in entries.values() for r in rows)])
+    axes.loglog(span, slope * span, color="0.6", linewidth=1, label=f"{1e6 * slope:.1f} ns per segment", zorder=0)
+    axes.set(xlabel="segments in the inverted lists", ylabel="keyframe search, ms")
+    axes.grid(alpha=0.3, which="both")
+    axes.legend()
+    figure.savefig(path, dpi=120)
+
+
+def through_file(documents: Sequence[LabelledDocument]) -> tuple[KeyframeIndex, dict[str, Any]]:
+    """The index as the command uses it: written, opened again, mapped."""
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "motions.index"
+        begin = time.perf_counter()
+        KeyframeIndex.build([document.features for document in documents]).save(path)
+        middle = time.perf_counter()
+        index = KeyframeIndex.open(path)
+        end = time.perf_counter()
+        runs = {name: len(lists.run_vectors) for name, lists in index.sets.items()}
+        size = path.stat().st_size
+    return index, {
+        "documents": len(index), "frames": index.frames, "minutes": index.duration / 60, "bytes": size, "runs": runs,
+        "build_seconds": middle - begin, "open_milliseconds": 1000 * (end - middle),
+    }  # fmt: skip
+
+
+def line_through_origin(rows: Sequence[dict[str, Any]]) -> tuple[float, float]:
+    """Slope (ms per segment) of time over segments, and the correlation of the two."""
+    segments = np.array([row["segments"] for row in rows], dtype=float)
+    times = np.array([row["milliseconds"] for row in rows])
+    return float(segments @ times / (segments @ segments)), float(np.corrcoef(segments, times)[0, 1])
+
+
+def main() -> None:
+    """Parse the command line, measure, print and store the figures."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("data", type=Path, help="the shared data folder")
+    parser.add_argument("--frames", type=int, default=378_000, help="frames of the corpus at 30 Hz")
+    parser.add_argument("--runs", type=int, default=20, help="genetic runs per class")
+    parser.add_argument("--seed", type=int, default=0)
+    options = parser.parse_args()
+
+    rng = np.random.default_rng(options.seed)
+    examples, filler = load_examples(options.data), load_filler(options.data)
+    documents: list[LabelledDocument] = []
+    for actor in ACTORS:
+        own = [example for example in examples if example.actor == actor]
+        documents.extend(make_documents(own, filler[1::2], options.frames // len(ACTORS), rng))
+    index, size = through_file(documents)
+    print(f"{size['documents']} documents, {size['frames']} frames, {size['minutes']:.0f} minutes", flush=True)
+
+    settings = LearningSettings(runs=options.runs)
+    entries: dict[str, list[dict[str, Any]]] = {"learned": [], "sequences": [], "random columns": []}
+    pin_to_one_processor()
+    for actor in ACTORS:
+        seen = [example for example in examples if example.actor != actor]
+        others = counterexamples(seen, filler[0::2])
+        learned = learn(by_label(seen, settings.proportions), settings, rng, others=others)
+        for label, result in learned.items():
+            row = judged(index, documents, actor, result)
+            entries["learned"].append(row)
+            shown = (label, actor, *(f"{row[k]:.3g}" for k in ("milliseconds", "segments", "relevant", "left_motions")))
+            print("  ".join(shown), f"recall {row['recall_motions']:.3f}", flush=True)
+            breeder = Breeder(result.template, settings.genetic, rng)
+            random = [query_of(breeder.individual(), len(result.template), label) for _ in range(UNSPECIFIC)]
+            entries["random columns"].extend(timed(index, query) for query in random)
+        entries["sequences"].extend(timed(index, query) for query in sequences(learned, rng))
+
+    rows = entries["learned"]
+    slope, correlation = line_through_origin([row for part in entries.values() for row in part])
+    figures = {
+        "index": size,
+        "mean_milliseconds": float(np.mean([row["milliseconds"] for row in rows])),
+        "worst_milliseconds": float(np.max([row["milliseconds"] for row in rows])),
+        "mean_milliseconds_of_sequences": float(np.mean([row["milliseconds"] for row in entries["sequences"]])),
+        "nanoseconds_per_segment": 1e6 * slope,
+        "correlation_of_time_and_segments": correlation,
+        "means": {
+            key: float(np.mean([row[key] for row in rows]))
+            for key in rows[0]
+            if key.startswith(("left_h", "left_m", "left_r", "recall", "relevant"))
+        },
+        "left_over_relevant": float(
+            np.mean([r["left_motions"] for r in rows]) / np.mean([r["relevant"] for r in rows])
+        ),
+        "queries": entries,
+    }
+    plot_times(entries, slope, RESULTS / "keyframe_search.png")
+    for key in ("mean_milliseconds", "worst_milliseconds", "nanoseconds_per_segment", "left_over_relevant"):
+        print(f"{key} {figures[key]:.3g}")
+    print(figures["means"])
+    print(save_figures("keyframe_search", figures, {**vars(options), "corpus": HOW}))
+
+
+if __name__ == "__main__":
+    main()
