@@ -9,6 +9,7 @@ import numpy as np
 
 from toolkit.config import load_settings
 from toolkit.database.database import PoseDatabase
+from toolkit.evaluation.scores import RunScores
 from toolkit.sensing.recording import Recording
 from toolkit.track import FrameResult
 from toolkit.tracking.hybrid import HybridTracker
@@ -77,3 +78,10 @@ def make_tracker(
     """The tracker of a row; the overrides apply to it unless the row itself says otherwise."""
     kind = {"hybrid": WatchedTracker, "local": LocalTracker}.get(row, HybridTracker)
     return kind(database, settings_of(row, overrides), database_path=path)
+
+
+def figures_of(scores: RunScores) -> dict[str, Any]:
+    """Figures by name for JSON, which does not know NaN."""
+    figures = scores.flat()
+    unknown = {name for name, value in figures.items() if isinstance(value, float) and not np.isfinite(value)}
+    return {name: None if name in unknown else value for name, value in figures.items()}

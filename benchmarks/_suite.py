@@ -222,7 +222,7 @@ def performed(take: Take, body: Body, frames: int) -> PoseClip:
     floor_path = poses[:, [0, 2]]
     if np.ptp(floor_path, axis=0).max() > TREADMILL:
         poses[:, [0, 2]] -= gaussian_filter1d(floor_path, SLOW * RATE, axis=0, mode="nearest")
-    turns = Rotation.from_euler("y", np.linspace(0.0, take.spin, len(poses)), degrees=True)
+    turns = Rotation.from_euler("y", np.linspace(0.0, take.spin, len(poses))[:, None], degrees=True)
     middle = poses[:, :3].mean(axis=0) * [1.0, 0.0, 1.0]
     poses[:, :3] = turns.apply(poses[:, :3] - middle) + middle
     poses[:, skeleton.ROOT_ROTATION] = (turns * Rotation.from_rotvec(poses[:, skeleton.ROOT_ROTATION])).as_rotvec()

@@ -2,7 +2,7 @@
 
 The suite is described in `benchmarks/_suite.py`, the rows in `benchmarks/_rows.py`. Every tracker gets the recording
 and the database, no true pose and no true shape. Figures as `depthmocap evaluate` defines them: averaged over the
-frames of a recording, then over recordings. The gain is the mean error of the local hypothesis minus that of the result,
+frames of a recording, then over recordings. The gain is the mean error of the local hypothesis minus the result's,
 over the frames in which a database hypothesis won. Rows are compared by a paired bootstrap over recordings. What is
 measured on a part of the suite is written to files of their own, ending in `_part`.
 """
@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 
 from benchmarks._record import RESULTS, save_figures
-from benchmarks._rows import ROWS, WatchedTracker, make_tracker, settings_of
+from benchmarks._rows import ROWS, WatchedTracker, figures_of, make_tracker, settings_of
 from benchmarks._suite import GROUPS, LONGEST, WORK, Take, chosen_takes, database, has_mocap, record, takes
 from database_builder.build import THRESHOLD
 from database_builder.parts import PartsSettings
@@ -67,8 +67,8 @@ class Row:
     def figures(self) -> dict[str, Any]:
         """As JSON."""
         return {
-            "means": {group: _known(mean.flat()) for group, mean in self.means().items()},
-            "recordings": {scores.recording: _known(scores.flat()) for scores in self.table},
+            "means": {group: figures_of(mean) for group, mean in self.means().items()},
+            "recordings": {scores.recording: figures_of(scores) for scores in self.table},
         }
 
 
@@ -210,13 +210,6 @@ def plot_confidence(bins: Sequence[dict[str, Any]], path: Path) -> None:
     right.legend(frameon=False)
     with atomic_path(path) as temporary:
         figure.savefig(temporary, dpi=120)
-
-
-def _known(figures: dict[str, Any]) -> dict[str, Any]:
-    """Figures without NaN, which JSON does not know."""
-    return {
-        name: None if isinstance(value, float) and not np.isfinite(value) else value for name, value in figures.items()
-    }
 
 
 def parse() -> argparse.Namespace:

@@ -1,0 +1,130 @@
+"""The hybrid tracker on real Kinect recordings: `depthmocap bench real [--stride 4] [--rows hybrid,local]`.
+
+All recordings of UTD-MHAD (27 actions by 4 people), tracked with the database of `depthmocap bench accuracy`. The
+Kinect SDK's skeleton beside each is a reference and no truth, so figures are how well the fitted body explains the
+depth image, whether its bones keep their lengths, and agreement within 100 mm without hands and feet: plain, and with
+an offset per joint that was fitted on the other people. Results of a part of it go to a file ending in `_part`.
+"""
+
+from __future__ import annotations
+
+import argparse
+import shutil
+from collections.abc import Sequence
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from benchmarks._record import save_figures
+from benchmarks._rows import ROWS, figures_of, make_tracker, settings_of
+from benchmarks._suite import ROOT, WORK, database
+from database_builder.build import THRESHOLD
+from database_builder.parts import PartsSettings
+from toolkit.body.skeleton import END_EFFECTORS
+from toolkit.config import parse_overrides
+from toolkit.database.database import PoseDatabase
+from toolkit.evaluation.evaluate import evaluate_runs
+from toolkit.evaluation.extrema import BONES, OWNERS
+from toolkit.evaluation.scores import EvaluationTable
+from toolkit.pipeline import track_recordings
+from toolkit.sensing.recording import open_recording
+from toolkit.track import RunInfo, Track
+
+RECORDINGS = ROOT.parent / "shared" / "data" / "depth" / "utd_mhad"
+LIMB_BONES = BONES[(OWNERS >= 0) & (OWNERS < END_EFFECTORS.index("head"))]
+"""Of arms and legs: the reported neck lies between the shoulders, so that neck and head have no bone between them."""
+
+COLUMNS = (
+    ("overlap", "IoU %", 100.0),
+    ("residual_mm", "residual mm", 1.0),
+    ("agreement", "agreement %", 100.0),
+    ("agreement_offsets", "with offsets %", 100.0),
+    ("extrema", "five extrema %", 100.0),
+    ("tracked", "tracked %", 100.0),
+    ("frame_ms", "ms/frame", 1.0),
+)
+WORST = 10
+
+
+def bone_variation(joints: np.ndarray) -> float:
+    """Largest relative standard deviation over time of the length of a bone, of joints (T, 20, 3)."""
+    lengths = np.linalg.norm(joints[:, LIMB_BONES[:, 0]] - joints[:, LIMB_BONES[:, 1]], axis=2)
+    return float((np.nanstd(lengths, axis=0) / np.nanmean(lengths, axis=0)).max())
+
+
+def anatomy(runs: Sequence[Path], paths: Sequence[Path]) -> dict[str, dict[str, float]]:
+    """Per recording: variation of bone lengths, that of the Kinect SDK's skeleton, and the fitted stature in metres."""
+    found = {}
+    for run, path in zip(runs, paths, strict=True):
+        found[path.stem] = {
+            "bone_variation": bone_variation(Track.load(run).joints),
+            "bone_variation_of_reference": bone_variation(open_recording(path).reference_joints),
+            "stature_m": RunInfo.load(run).body().height,
+        }
+    return found
+
+
+def run_row(row: str, paths: Sequence[Path], poses_path: Path, overrides: dict[str, Any], work: Path) -> list[Path]:
+    """Track all recordings with a tracker; its run folders in the same order."""
+    output = work / "runs" / "real" / row.replace(" ", "_")
+    shutil.rmtree(output, ignore_errors=True)
+    tracker = make_tracker(row, PoseDatabase.load(poses_path), overrides, str(poses_path))
+    report = track_recordings(paths, tracker, output)
+    for path, reason in report.failed.items():
+        print(f"{path.name} failed: {reason}")
+    return [summary.run for summary in report.done]
+
+
+def print_row(row: str, table: EvaluationTable, bones: dict[str, dict[str, float]]) -> None:
+    """Means over the recordings, and the worst of them."""
+    mean = table.mean()
+    print(f"\n{row}: {len(table)} recordings, {mean.frames} frames")
+    for name, heading, factor in COLUMNS:
+        value = getattr(mean, name)
+        print(f"  {heading:<16}", "-" if value is None else f"{factor * value:.1f}")
+    variation = max(entry["bone_variation"] for entry in bones.values())
+    reference = np.median([entry["bone_variation_of_reference"] for entry in bones.values()])
+    statures = [entry["stature_m"] for entry in bones.values()]
+    print(
+        f"  bone lengths vary by {100 * variation:.3f} % at most; those of the SDK by {100 * reference:.1f} % (median)"
+    )
+    print(f"  fitted statures {min(statures):.2f} to {max(statures):.2f} m")
+    print("  won by", ", ".join(f"{name} {100 * share:.1f} %" for name, share in mean.sources.items()))
+    worst = sorted(table, key=lambda scores: scores.agreement if scores.agreement is not None else 1.0)[:WORST]
+    print("  least agreement:", ", ".join(f"{s.recording} {100 * (s.agreement or 0):.0f}" for s in worst))
+
+
+def main() -> None:
+    """Track, evaluate, print, write JSON."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--recordings", type=Path, default=RECORDINGS, help="folder of UTD-MHAD")
+    parser.add_argument("--stride", type=int, default=1, help="every so many recordings")
+    parser.add_argument("--rows", default="hybrid", help="comma-separated, out of: " + ", ".join(ROWS))
+    parser.add_argument("--database", type=Path, help="another database than that of the simulated suite")
+    parser.add_argument("--threshold", type=float, default=THRESHOLD, help="of the suite's database, Eq. 5.1")
+    parser.add_argument("--images", type=int, default=PartsSettings.images, help="that train its joint regressor")
+    parser.add_argument("--set", action="append", default=[], metavar="NAME=VALUE", help="setting of all trackers")
+    parser.add_argument("--work", type=Path, default=WORK)
+    options = parser.parse_args()
+    paths = sorted(options.recordings.glob("*_depth.mat"))[:: options.stride]
+    if not paths:
+        parser.error(f"{options.recordings} holds no recording of UTD-MHAD; name its folder with --recordings")
+    overrides = parse_overrides(options.set)
+    poses = options.database or database(options.work, options.threshold, PartsSettings(images=options.images))
+    figures, settings = {}, {}
+    for row in options.rows.split(","):
+        runs = run_row(row, paths, poses, overrides, options.work)
+        table = evaluate_runs(runs)
+        bones = anatomy(runs, [Path(RunInfo.load(run).recording) for run in runs])
+        print_row(row, table, bones)
+        recordings = {scores.recording: figures_of(scores) | bones[scores.recording] for scores in table}
+        figures[row] = {"mean": figures_of(table.mean()), "recordings": recordings}
+        settings[row] = asdict(settings_of(row, overrides))
+    whole = options.stride == 1 and not options.set and options.recordings == RECORDINGS
+    print("written:", save_figures("real" if whole else "real_part", figures, settings))
+
+
+if __name__ == "__main__":
+    main()

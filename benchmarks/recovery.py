@@ -1,0 +1,194 @@
+"""How soon a wrong pose is left again: `depthmocap bench recovery [--split report] [--starts 50]`.
+
+The recordings of the simulated suite are tracked, and at random frames, in which the result is right, the tracker's
+memory of the frame before is made wrong, with facing and centre to match: a random database pose in the same place;
+left and right swapped; the body turned by 180 degrees; the arms swapped; the body shifted by 1 m in a random horizontal
+direction. Then the frames are counted until 18 of 20 joints are within 150 mm of the truth, the first one counts 1.
+Recordings that end before are played on backwards. A start counts only if the wrong pose is wrong by that measure. A
+tracker that has not recovered after 90 frames counts as 90; undisturbed frames that miss the measure are counted too.
+"""
+
+from __future__ import annotations
+
+import argparse
+import pickle
+from collections.abc import Iterator
+from dataclasses import asdict, replace
+from itertools import cycle, islice
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from benchmarks._record import save_figures
+from benchmarks._rows import ROWS, make_tracker, settings_of
+from benchmarks._suite import LONGEST, WORK, chosen_takes, database, record
+from database_builder.build import THRESHOLD
+from database_builder.parts import PartsSettings
+from toolkit.body import skeleton
+from toolkit.config import parse_overrides
+from toolkit.database.canonical import body_facing, canonicalise, mirrored, place
+from toolkit.database.database import PoseDatabase
+from toolkit.evaluation.joints import joint_errors
+from toolkit.sensing.recording import Recording, open_recording
+from toolkit.tracking.hybrid import HybridTracker, Memory
+
+KINDS = ("random pose", "left and right", "turned", "arms", "shifted")
+ENOUGH, WITHIN = 18, 0.15
+CAP = 90
+"""Frames after which nobody waits any longer."""
+ARMS: np.ndarray = np.array(
+    [
+        i
+        for i, n in enumerate(skeleton.POSE_NAMES)
+        if any(part in n for part in ("clavicle", "shoulder", "elbow", "wrist"))
+    ]
+)
+"""Pose entries of both arms."""
+
+
+def is_right(joints: np.ndarray, truth: np.ndarray) -> bool:
+    """Whether 18 of the 20 joints (20, 3) are within 150 mm."""
+    return int((joint_errors(joints[None], truth[None]) < WITHIN).sum()) >= ENOUGH
+
+
+def wrong_pose(kind: str, pose: np.ndarray, poses: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+    """A wrong version of `pose` (P,), level frame; `poses` (N, P) are those of the database."""
+    own, position, yaw = canonicalise(pose)
+    nowhere = np.zeros(4)
+    if kind == "random pose":
+        return place(poses[rng.integers(len(poses))].astype(np.float64), nowhere, position, yaw)
+    if kind == "left and right":
+        return place(mirrored(own), nowhere, position, yaw)
+    if kind == "turned":
+        return place(own, nowhere, position, yaw + np.pi)
+    wrong = pose.copy()
+    if kind == "arms":
+        wrong[ARMS] = mirrored(own)[ARMS]
+    else:
+        angle = rng.uniform(-np.pi, np.pi)
+        wrong[skeleton.ROOT_POSITION] += [np.sin(angle), 0.0, np.cos(angle)]
+    return wrong
+
+
+def misled(memory: Memory, wrong: np.ndarray) -> Memory:
+    """A copy of the memory as if `wrong` (P,) had been the result of the frame before."""
+    memory = pickle.loads(pickle.dumps(memory))
+    shift = wrong[skeleton.ROOT_POSITION] - memory.pose[skeleton.ROOT_POSITION]
+    memory.previous = replace(
+        memory.previous,
+        pose=wrong,
+        joints=memory.body.joint_positions(wrong),
+        effectors=memory.body.end_effector_positions(wrong),
+    )
+    memory.pose, memory.centre = wrong, memory.centre + shift
+    memory.facing.reset(float(body_facing(wrong)))
+    return memory
+
+
+def frames_from(start: int, total: int) -> Iterator[int]:
+    """Frame numbers after `start`, to the end, back to the beginning, and so on."""
+    there_and_back = [*range(total), *range(total - 2, 0, -1)]
+    return islice(cycle(there_and_back), start + 1, None)
+
+
+def recovery(tracker: HybridTracker, recording: Recording, start: int, wrong: np.ndarray) -> int | None:
+    """Frames that it takes after frame `start`, None if it is more than `CAP`; the tracker's memory stays as it is."""
+    undisturbed = tracker.memory
+    tracker.memory = misled(undisturbed, wrong)
+    timestamp = float(recording.timestamps[start])
+    step = float(np.median(np.diff(recording.timestamps)))
+    taken = None
+    for count, i in enumerate(islice(frames_from(start, len(recording)), CAP), start=1):
+        timestamp += step
+        if is_right(tracker.step(recording.depth(i), timestamp).joints, recording.joints[i]):
+            taken = count
+            break
+    tracker.memory = undisturbed
+    return taken
+
+
+def run(
+    tracker: HybridTracker, recordings: list[Recording], poses: np.ndarray, starts: int, rng: np.random.Generator
+) -> tuple[list[dict[str, Any]], float]:
+    """All starts, spread evenly over the recordings, and the share of undisturbed frames that are right."""
+    found: list[dict[str, Any]] = []
+    right: list[bool] = []
+    for number, recording in enumerate(recordings):
+        due = [kind for k, kind in enumerate(KINDS) for _ in range(_share(starts, len(recordings), number, k))]
+        rng.shuffle(due)
+        # Each start has a frame before which it does not begin; it begins at the next one that allows it.
+        waiting = sorted(zip(rng.integers(2, len(recording), len(due)).tolist(), due, strict=True))
+        tracker.start(recording)
+        for i in range(len(recording)):
+            result = tracker.step(recording.depth(i), float(recording.timestamps[i]))
+            right.append(is_right(result.joints, recording.joints[i]))
+            if not right[-1] or tracker.memory.previous is None:
+                continue
+            for entry in [entry for entry in waiting if entry[0] <= i]:
+                kind = entry[1]
+                wrong = wrong_pose(kind, tracker.memory.pose, poses, rng)
+                joints = tracker.body.joint_positions(wrong) @ tracker.level_rotation
+                if is_right(joints, recording.joints[i]):
+                    continue
+                waiting.remove(entry)
+                taken = recovery(tracker, recording, i, wrong)
+                found.append({"kind": kind, "recording": recording.name, "frame": i, "frames": taken})
+        print(f"\r{number + 1} of {len(recordings)} recordings, {len(found)} starts", end="", flush=True)
+    print()
+    return found, float(np.mean(right))
+
+
+def _share(starts: int, recordings: int, number: int, kind: int) -> int:
+    """How many of a kind's starts fall to a recording; the remainder falls to other recordings for each kind."""
+    each, rest = divmod(starts, recordings)
+    return each + ((number + kind * rest) % recordings < rest)
+
+
+def summary(found: list[dict[str, Any]]) -> dict[str, Any]:
+    """Median and 95th percentile of the frames, and how many did not recover."""
+    frames = [CAP if entry["frames"] is None else entry["frames"] for entry in found]
+    return {
+        "starts": len(found),
+        "median": float(np.median(frames)) if frames else None,
+        "p95": float(np.percentile(frames, 95)) if frames else None,
+        "not_recovered": sum(entry["frames"] is None for entry in found),
+    }
+
+
+def main() -> None:
+    """Measure, print one line per kind, write JSON."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--split", choices=("tune", "report"), default="tune", help="report is not for tuning")
+    parser.add_argument("--starts", type=int, default=50, help="of each kind")
+    parser.add_argument("--row", choices=ROWS, default="hybrid")
+    parser.add_argument("--takes", type=int, help="at most so many takes of each group")
+    parser.add_argument("--frames", type=int, default=LONGEST, help="at most so many frames of each take")
+    parser.add_argument("--database", type=Path, help="another database than the suite's own")
+    parser.add_argument("--threshold", type=float, default=THRESHOLD, help="of the suite's own database, Eq. 5.1")
+    parser.add_argument("--images", type=int, default=PartsSettings.images, help="that train its joint regressor")
+    parser.add_argument("--set", action="append", default=[], metavar="NAME=VALUE", help="setting of the tracker")
+    parser.add_argument("--work", type=Path, default=WORK)
+    options = parser.parse_args()
+    takes = chosen_takes(options.split, count=options.takes)
+    recordings = [open_recording(record(take, options.work, options.frames)) for take in takes]
+    parts = PartsSettings(images=options.images)
+    poses = PoseDatabase.load(options.database or database(options.work, options.threshold, parts))
+    overrides = parse_overrides(options.set)
+    tracker = make_tracker(options.row, poses, overrides)
+    found, right = run(tracker, recordings, poses.poses, options.starts, np.random.default_rng(0))
+    kinds = {kind: summary([entry for entry in found if entry["kind"] == kind]) for kind in KINDS}
+    kinds["all"] = summary(found)
+    print(f"{'wrong start':<16}{'starts':>7}{'median':>8}{'p95':>6}{'not recovered':>15}")
+    for kind, row in kinds.items():
+        if row["starts"]:
+            print(f"{kind:<16}{row['starts']:7d}{row['median']:8.0f}{row['p95']:6.0f}{row['not_recovered']:15d}")
+    print(f"undisturbed frames that are right: {100 * right:.1f} %")
+    whole = options.takes is None and options.frames >= LONGEST and not options.set and options.row == "hybrid"
+    figures = {"kinds": kinds, "starts": found, "undisturbed_right": right}
+    settings = asdict(settings_of(options.row, overrides)) | {"poses": len(poses), "cap": CAP}
+    print("written:", save_figures(f"recovery_{options.split}{'' if whole else '_part'}", figures, settings))
+
+
+if __name__ == "__main__":
+    main()
