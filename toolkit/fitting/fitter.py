@@ -42,6 +42,7 @@ class FittingSettings:
     prior_weight: float = 0.001
     angle_damping: float = 1.0
     root_damping: float = 0.1
+    converged: float = 0.002
     search: str = "pixels"
 
     def __post_init__(self) -> None:
@@ -101,14 +102,16 @@ class Fitter:
             twists.bounded_step(system.matrix, system.vector, pose, skeleton.POSE_LIMITS, self._damping, step)
             pose += step
             _wrap_root(pose)
+            if np.abs(step).max() < self.settings.converged:
+                break
         return pose
 
     def sparse_distance(self, pose: np.ndarray, scene: Scene) -> float:
         """The sparse symmetric distance of a pose to a frame, metres (Baak 2013, Eq. 5.7 to 5.9).
 
         The mean distance of the visible chosen vertices to the measured points, plus the mean distance of the geodesic
-        extrema (as many as there are) to the nearest mesh vertex, plus, where the fit uses them, the mean distance of the
-        samples to the drawn body: a body that hides a limb behind itself leaves what the camera saw of it unexplained.
+        extrema (as many as there are) to the nearest mesh vertex, plus, where the fit uses them, the mean distance of
+        the samples to the drawn body: a body that hides a limb behind itself leaves what was seen of it unexplained.
         Distances beyond the reach count as the reach.
         """
         posed, reach = self.posed, self.settings.reach

@@ -195,16 +195,14 @@ class HybridTracker:
         return View(cloud, centre, yaw, extrema, votes, scene)
 
     def _retrieved(self, view: View) -> dict[str, np.ndarray]:
-        """One refined hypothesis per proposer: of its best candidates the one nearest to the frame (5.4.3)."""
-        hypotheses = {}
+        """The database hypothesis (5.4.3): of all retrieved poses the one nearest to the frame, refined."""
+        nearest, source, pose = np.inf, "", None
         for name, proposer in self._proposers.items():
-            candidates = proposer.propose(view, self.memory.previous, self.memory.body, self.settings.candidates)
-            if len(candidates) > 1:
-                distances = [self._fitter.sparse_distance(pose, view.scene) for pose in candidates]
-                candidates = candidates[[int(np.argmin(distances))]]
-            if len(candidates):
-                hypotheses[name] = self._refined(name, candidates[0], view)
-        return hypotheses
+            for candidate in proposer.propose(view, self.memory.previous, self.memory.body, self.settings.candidates):
+                distance = self._fitter.sparse_distance(candidate, view.scene)
+                if distance < nearest:
+                    nearest, source, pose = distance, name, candidate
+        return {} if pose is None else {source: self._refined(source, pose, view)}
 
     def _refined(self, name: str, pose: np.ndarray, view: View, rounds: int = 1) -> np.ndarray:
         """A retrieved pose refined; one that the regressor asked for is first drawn to the joints that it saw."""

@@ -85,8 +85,8 @@ def labelings(
 def label_candidates(extrema: np.ndarray, expected: np.ndarray, reach: float) -> tuple[np.ndarray, np.ndarray]:
     """Which of all extrema are the end effectors, given where these are expected.
 
-    Pairs of an expected end effector and an extremum are taken nearest first, each of both once, up to `reach` metres. End
-    effectors that merge with the body have no extremum near them and stay unlabelled: the query leaves them out.
+    Pairs of an expected end effector and an extremum are taken nearest first, each of both once, up to `reach` metres.
+    End effectors that merge with the body have no extremum near them and stay unlabelled: the query leaves them out.
 
     extrema : float64 (E, 3), expected : float64 (5, 3), metres, the same frame
     Returns float64 (5, 3) points (0 where absent) and bool (5,), which are present.

@@ -11,6 +11,7 @@ from toolkit.body import skeleton
 from toolkit.body.body import Body
 from toolkit.database import canonical
 from toolkit.database.database import PoseDatabase
+from toolkit.kernels import nearest
 from toolkit.tracking.lookup import EFFECTORS, LookupSettings, fused_scores, label_candidates, labelings
 from toolkit.tracking.view import View
 
@@ -35,7 +36,7 @@ class Proposer(Protocol):
 class ExtremaProposer:
     """The lookup of Baak 2013, 5.4.3: the first five extrema, in every admissible labeling, query the database.
 
-    Where a regressor says about where the end effectors are, one more query asks with those of all extrema that lie there.
+    Where a regressor says roughly where the end effectors are, one more query asks with the extrema that lie there.
     """
 
     def __init__(self, database: PoseDatabase, settings: LookupSettings) -> None:
@@ -85,36 +86,26 @@ class JointsProposer:
 
     def __init__(self, database: PoseDatabase) -> None:
         self._database = database
+        joints = database.joints[:, _QUERIED] - database.joints[:, [_PELVIS]]
+        self._columns = np.ascontiguousarray(joints.reshape(len(joints), -1).T)
+        self._squares = np.empty(len(joints), dtype=np.float32)
 
     def propose(self, view: View, previous: Previous | None, body: Body, count: int) -> np.ndarray:
         """See `Proposer.propose`."""
         if view.votes is None:
             return np.empty((0, skeleton.POSE_SIZE))
-        points, confidence = view.votes.points, view.votes.confidence
+        points = view.votes.points
         size = canonical.torso_length(body) / self._database.torso_length
-        yaw = facing_of_joints(points)
-        pelvis = points[_PELVIS]
+        yaw, pelvis = facing_of_joints(points), points[_PELVIS]
         query = canonical.normalise(points, pelvis, yaw)[_QUERIED] / size
-        root = self._database.joints[:, _PELVIS]
-        difference = self._database.joints[:, _QUERIED] - root[:, None] - query.astype(np.float32)
-        distances = np.einsum("njc,njc,j->n", difference, difference, confidence[_QUERIED].astype(np.float32))
-        best = np.argpartition(distances, count)[:count] if count < len(distances) else np.arange(len(distances))
-        best = best[np.argsort(distances[best], kind="stable")]
-        origins = np.zeros((len(best), 4))
-        return _placed(self._database, best, origins, pelvis, yaw, size)
-
-
-_QUERIED: np.ndarray = np.array(
-    [
-        row
-        for row, name in enumerate(skeleton.REPORTED)
-        if name.split("_")[-1] in ("head", "shoulder", "elbow", "wrist", "hip", "knee", "ankle")
-    ]
-)
-_TIPS: np.ndarray = np.array([skeleton.REPORTED.index(name) for name in skeleton.END_EFFECTORS])
-FEWEST_KNOWN = 3
-"""End effectors that a partial query needs: with two, any pose fits."""
-_PELVIS = skeleton.REPORTED.index("pelvis")
+        weights = np.repeat(view.votes.confidence[_QUERIED], 3)
+        nearest.weighted_squares(
+            query.ravel().astype(np.float32), weights.astype(np.float32), self._columns, self._squares
+        )
+        count = min(count, len(self._squares))
+        best = np.argpartition(self._squares, count - 1)[:count]
+        best = best[np.lexsort((best, self._squares[best]))]
+        return _placed(self._database, best, np.zeros((count, 4)), pelvis, yaw, size)
 
 
 def facing_of_joints(joints: np.ndarray) -> float:
@@ -134,3 +125,16 @@ def _placed(
     scaled = np.array(origins, dtype=np.float64)
     scaled[:, :3] *= size
     return canonical.place(database.poses[rows].astype(np.float64), scaled, centre, yaw)
+
+
+_QUERIED: np.ndarray = np.array(
+    [
+        row
+        for row, name in enumerate(skeleton.REPORTED)
+        if name.split("_")[-1] in ("head", "shoulder", "elbow", "wrist", "hip", "knee", "ankle")
+    ]
+)
+_TIPS: np.ndarray = np.array([skeleton.REPORTED.index(name) for name in skeleton.END_EFFECTORS])
+FEWEST_KNOWN = 3
+"""End effectors that a partial query needs: with two, any pose fits."""
+_PELVIS = skeleton.REPORTED.index("pelvis")
