@@ -29,6 +29,7 @@ from toolkit.tracking.clock import StageClock
 from toolkit.tracking.lookup import EFFECTORS
 from toolkit.tracking.proposals import ExtremaProposer, JointsProposer, Previous, Proposer
 from toolkit.tracking.settings import HybridSettings
+from toolkit.tracking.smoothing import PoseSmoother
 from toolkit.tracking.view import View
 
 STAGES = ("prepare", "landmarks", "local", "lookup", "select")
@@ -52,6 +53,7 @@ class Memory:
 
     cleaner: Cleaner
     facing: FacingFilter
+    smoother: PoseSmoother
     body: Body
     sized: bool
     previous: Previous | None = None
@@ -117,7 +119,8 @@ class HybridTracker:
         """Get ready for a first frame with a body whose size is right (`sized`) or has to be found."""
         cleaner = Cleaner.for_recording(recording, self.settings.sensing)
         self.level_rotation = level_rotation(recording.up_camera)
-        self.memory: Memory = Memory(cleaner, FacingFilter(self.settings.landmarks), body, sized)
+        smoother = PoseSmoother(self.settings.smoothing)
+        self.memory: Memory = Memory(cleaner, FacingFilter(self.settings.landmarks), smoother, body, sized)
         small = cleaner.camera.subsampled(2) if cleaner.camera.width > LARGE_IMAGE else cleaner.camera
         self._fitter = Fitter(body, small, self.level_rotation, self.settings.fitting, self._priors)
         self._workspace = Workspace()
@@ -168,7 +171,7 @@ class HybridTracker:
 
         distances = {name: self._fitter.sparse_distance(pose, view.scene) for name, pose in hypotheses.items()}
         winner = min(distances, key=distances.__getitem__)
-        found = self._found(hypotheses[winner], winner, distances[winner], view)
+        found = self._found(hypotheses[winner], winner, distances[winner], view, timestamp)
         clock.lap("select")
         return FrameResult(**found, stage_ms=clock.milliseconds), view
 
@@ -236,7 +239,7 @@ class HybridTracker:
             self._fitter.posed.set_body(memory.body)
         return {name: pose for name, (_, pose, body) in best.items() if body is memory.body}
 
-    def _found(self, pose: np.ndarray, source: str, distance: float, view: View) -> dict[str, Any]:
+    def _found(self, pose: np.ndarray, source: str, distance: float, view: View, timestamp: float) -> dict[str, Any]:
         """Remember the winner and report it."""
         memory = self.memory
         state = TRACKED if distance < self.settings.lost_distance else LOST
@@ -249,8 +252,11 @@ class HybridTracker:
         if memory.lost >= self.settings.patience:
             memory.previous, memory.lost = None, 0
         confidence = self._fitter.confidence(pose, view.scene)
+        reported = memory.smoother.update(pose, timestamp)
+        if reported is not pose:
+            joints = memory.body.joint_positions(reported)
         return {
-            "pose": pose,
+            "pose": reported,
             "joints": (joints @ self.level_rotation).astype(np.float32),
             "confidence": confidence.astype(np.float32),
             "state": state,
@@ -266,6 +272,7 @@ class HybridTracker:
             pose = memory.pose
         # Whoever comes back may stand anywhere, in any pose.
         memory.previous, memory.timestamp = None, timestamp
+        memory.smoother.reset()
         joints = (memory.body.joint_positions(pose) @ self.level_rotation).astype(np.float32)
         none = np.zeros(len(joints), dtype=np.float32)
         return FrameResult(pose, joints, none, state, SOURCES.index("predicted"), clock.milliseconds)

@@ -29,6 +29,7 @@ class HybridSettings:
     lost_distance : sparse distance (metres) of the winner above which a frame counts as lost
     vote_pull : weight of the regressed joints against one correspondence while their hypothesis is refined; 0 = none
     patience : lost frames in a row after which the next one is treated as a first frame
+    smoothing : seconds by which the reported poses are smoothed and lag; 0 = not at all
     vote_samples : points that vote for the joints
     """
 
@@ -41,6 +42,7 @@ class HybridSettings:
     lost_distance: float = 0.25
     vote_pull: float = 30.0
     patience: int = 5
+    smoothing: float = 0.0
     vote_samples: int = 300
     sensing: SensingSettings = field(default_factory=SensingSettings)
     landmarks: LandmarkSettings = field(default_factory=LandmarkSettings)

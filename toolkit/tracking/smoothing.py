@@ -1,0 +1,60 @@
+"""Smoothing of reported poses over time, off by default; what the tracker itself goes on from stays as it was found."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from toolkit.body import skeleton
+from toolkit.errors import SettingsError
+
+
+class PoseSmoother:
+    """First-order low-pass of a pose with a time constant in seconds.
+
+    A step of dt seconds moves the output by the share `1 - exp(-dt / time)` of the way, so the frame rate does not matter.
+    A steady motion is followed with a lag of `time` seconds (to within half a frame), and no more.
+
+    Parameters
+    ----------
+    time : seconds, at least 0; 0 = no smoothing
+
+    Raises
+    ------
+    SettingsError
+        `time` is negative or not finite.
+    """
+
+    def __init__(self, time: float) -> None:
+        if not (np.isfinite(time) and time >= 0.0):
+            raise SettingsError(f"smoothing is {time} s; give a time constant of at least 0")
+        self._time = time
+        self._pose: np.ndarray | None = None
+        self._timestamp = 0.0
+
+    def update(self, pose: np.ndarray, timestamp: float) -> np.ndarray:
+        """Smoothed pose (P,) after `pose` (P,) at `timestamp` seconds; the first one is returned as it is."""
+        if self._time == 0.0:
+            return pose
+        if self._pose is None:
+            self._pose, self._timestamp = pose.copy(), timestamp
+            return self._pose.copy()
+        share = 1.0 - np.exp(-max(timestamp - self._timestamp, 0.0) / self._time)
+        smoothed = self._pose + share * (pose - self._pose)
+        smoothed[skeleton.ROOT_ROTATION] = _between(
+            self._pose[skeleton.ROOT_ROTATION], pose[skeleton.ROOT_ROTATION], share
+        )
+        self._pose, self._timestamp = smoothed, timestamp
+        return smoothed.copy()
+
+    def reset(self) -> None:
+        """Forget the past, after an empty or lost stretch."""
+        self._pose = None
+
+
+def _between(start: np.ndarray, end: np.ndarray, share: float) -> np.ndarray:
+    """Rotation vector a `share` of the shortest way from one rotation vector to another, all (3,)."""
+    from scipy.spatial.transform import Rotation
+
+    first = Rotation.from_rotvec(start)
+    way = (Rotation.from_rotvec(end) * first.inv()).as_rotvec()
+    return (Rotation.from_rotvec(share * way) * first).as_rotvec()
