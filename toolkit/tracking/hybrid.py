@@ -270,8 +270,9 @@ class HybridTracker:
         pose[skeleton.ROOT_POSITION] = UNSEEN
         if memory.pose is not None:
             pose = memory.pose
-        # Whoever comes back may stand anywhere, in any pose.
-        memory.previous, memory.timestamp = None, timestamp
+        # Whoever comes back may stand anywhere, in any pose, facing anywhere.
+        memory.previous, memory.centre, memory.timestamp = None, None, timestamp
+        memory.facing.reset()
         memory.smoother.reset()
         joints = (memory.body.joint_positions(pose) @ self.level_rotation).astype(np.float32)
         none = np.zeros(len(joints), dtype=np.float32)
