@@ -12,6 +12,8 @@ from toolkit.body import skeleton
 from toolkit.body.shape import load_body
 from toolkit.errors import MocapError, RigError
 from toolkit.mocap.clip import Clip
+from toolkit.mocap.export import export_bvh
+from toolkit.mocap.procedural import procedural_clips
 from toolkit.mocap.read import find_clips, read_clip
 from toolkit.mocap.retarget import retarget
 from toolkit.retrieval.features import BodyLengths, relational_features
@@ -48,6 +50,16 @@ def test_every_map_names_all_joints_and_weighs_each_to_one() -> None:
 def test_a_skeleton_without_the_joints_is_refused_with_their_names() -> None:
     with pytest.raises(RigError, match=r"'small' lacks .*rfemur\.end.*joints\.yaml"):
         from_clip(small_clip(("root", "lhipjoint", "lfemur", "lowerback")))
+
+
+def test_a_skeleton_that_only_retargeting_knows_gives_the_features_of_its_poses(tmp_path: Path) -> None:
+    body = load_body("neutral")
+    clip = procedural_clips(["squat"], 60.0, body=body, variations=1)[0]
+    export_bvh(tmp_path / "squat.bvh", body, clip.poses, clip.frame_rate)
+    exported = from_clip(read_clip(tmp_path / "squat.bvh"))
+    assert len(exported) == len(clip)
+    original = relational_features(from_poses(clip.poses, body, clip.frame_rate, "squat"))
+    assert np.mean(relational_features(exported).values != original.values) < 0.02
 
 
 def test_a_joint_that_is_not_finite_is_named_with_its_frame() -> None:

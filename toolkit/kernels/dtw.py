@@ -187,3 +187,32 @@ def spread_hits(cost: np.ndarray, start: np.ndarray, threshold: float) -> np.nda
             if modified[frame] == np.inf:
                 modified[frame] = cost[end]
     return modified
+
+
+@njit(cache=True)
+def search_pieces(
+    bits: np.ndarray,
+    mask: np.ndarray,
+    scale: np.ndarray,
+    document: np.ndarray,
+    pieces: np.ndarray,
+    threshold: float,
+    modified: np.ndarray,
+) -> None:
+    """Lower `modified` (L,) to the modified distance function of a template, computed on some pieces of a document only.
+
+    Parameters
+    ----------
+    bits, mask, scale, document : as for `distance_function`
+    pieces : int64 (P, 2), first frame and the one after the last, within the document
+    threshold : as for `spread_hits`
+    modified : float64 (L,), changed in place
+    """
+    for p in range(pieces.shape[0]):
+        first, stop = pieces[p, 0], pieces[p, 1]
+        if stop <= first:
+            continue
+        cost, start = distance_function(bits, mask, scale, document[first:stop])
+        hits = spread_hits(cost, start, threshold)
+        for frame in range(first, stop):
+            modified[frame] = min(modified[frame], hits[frame - first])

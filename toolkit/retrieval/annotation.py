@@ -91,6 +91,10 @@ class PreparedTemplate:
         """Distance function and start frames (L,) of packed document columns, uint64 (L,) (Equation 5.3)."""
         return dtw.distance_function(self.bits, self.mask, self.scale, document)
 
+    def lower(self, modified: np.ndarray, document: np.ndarray, pieces: np.ndarray, threshold: float) -> None:
+        """Lower a modified distance function (L,) to that of this template on pieces (P, 2) of a document."""
+        dtw.search_pieces(self.bits, self.mask, self.scale, document, pieces, threshold, modified)
+
 
 def distance_function(template: QuantisedTemplate, features: FeatureMatrix) -> tuple[np.ndarray, np.ndarray]:
     """Cost of the cheapest alignment that ends in each frame, and the frame where it starts (thesis 5.2, Equation 5.3).
@@ -156,16 +160,13 @@ class Annotator:
     def _distances(self, features: FeatureMatrix, intervals: Intervals | None) -> np.ndarray:
         """Modified distance functions (P, L): the minimum over a class's templates, on its intervals only."""
         words = pack(features.values)
+        whole = [(0, len(words))]
         distances = np.full((len(self.classes), len(words)), np.inf)
         for row, (motion_class, templates) in enumerate(zip(self.classes, self._templates, strict=True)):
-            pieces = [(0, len(words))] if intervals is None else intervals.get(motion_class.label, ())
-            for start, stop in pieces:
-                piece = words[max(start, 0) : stop]
-                target = distances[row, max(start, 0) : stop]
-                for template in templates:
-                    if len(piece) >= template.shortest:
-                        hits = dtw.spread_hits(*template.distance(piece), motion_class.threshold)
-                        np.minimum(target, hits, out=target)
+            wanted = whole if intervals is None else intervals.get(motion_class.label, ())
+            pieces = np.clip(np.array(wanted, dtype=np.int64).reshape(-1, 2), 0, len(words))
+            for template in templates:
+                template.lower(distances[row], words, pieces, motion_class.threshold)
         return distances
 
 

@@ -17,9 +17,12 @@ from scipy.spatial.transform import Rotation
 
 from toolkit.body import skeleton
 from toolkit.body.body import Body
+from toolkit.body.shape import load_body
 from toolkit.errors import MocapError, RigError
 from toolkit.files import shipped
 from toolkit.kernels import kinematics
+from toolkit.mocap.retarget import retarget
+from toolkit.mocap.rig import load_rig
 
 if TYPE_CHECKING:
     from toolkit.mocap.clip import Clip
@@ -111,16 +114,34 @@ def joint_maps() -> dict[str, dict[str, dict[str, float]]]:
 
 
 def from_clip(clip: Clip) -> Motion:
-    """The named joints of a motion capture clip, by the first joint map whose joints it has (world frame, metres).
+    """The named joints of a motion capture clip (world frame, metres).
+
+    They are taken by the first joint map whose joints the clip has. A skeleton that none of these fits, but that can be
+    retargeted, is retargeted to the neutral body.
 
     Raises
     ------
     RigError
-        No map fits; the message lists what the nearest map misses.
+        Neither is possible; the message lists what the nearest map misses.
     """
     positions, rotations = clip.world()
-    points = _clip_points(clip, positions, rotations)
-    return Motion(clip.name, _gather(points, clip.name), float(clip.frame_rate), np.asarray(rotations[:, 0, :, 0]))
+    try:
+        joints = _gather(_clip_points(clip, positions, rotations), clip.name)
+    except RigError as missing:
+        return _retargeted(clip, missing)
+    return Motion(clip.name, joints, float(clip.frame_rate), np.asarray(rotations[:, 0, :, 0]))
+
+
+def _retargeted(clip: Clip, missing: RigError) -> Motion:
+    """A clip on the neutral body, as long as the clip: calibration frames that retargeting drops hold the first
+    pose.""" try:
+        rig = load_rig(clip)
+    except RigError:
+        raise missing from None
+    body = load_body("neutral")
+    poses = retarget(clip, body, rig).poses
+    poses = np.concatenate([np.repeat(poses[:1], len(clip) - len(poses), axis=0), poses])
+    return from_poses(poses, body, float(clip.frame_rate), clip.name)
 
 
 def from_joints(joints: np.ndarray, frame_rate: float, name: str) -> Motion:

@@ -180,8 +180,10 @@ def _align_all(clips: list[tuple[np.ndarray, np.ndarray]]) -> tuple[dict[tuple[i
 
 def pack(values: np.ndarray) -> np.ndarray:
     """Columns of a boolean matrix (up to 64, T) as bit words: uint64 (T,), row i is bit i."""
-    powers = np.left_shift(np.uint64(1), np.arange(len(values), dtype=np.uint64))
-    return (values.astype(np.uint64) * powers[:, None]).sum(axis=0, dtype=np.uint64)
+    packed = np.packbits(values, axis=0, bitorder="little")
+    columns = np.zeros((values.shape[1], 8), dtype=np.uint8)
+    columns[:, : len(packed)] = packed.T
+    return columns.view("<u8")[:, 0].astype(np.uint64)
 
 
 def plot_template(

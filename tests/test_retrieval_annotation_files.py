@@ -1,0 +1,210 @@
+"""Annotation from files to files: classes that are learned and kept, keyframe preselection, reports, bad inputs."""
+
+from __future__ import annotations
+
+import csv
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from toolkit.body.shape import load_body
+from toolkit.errors import RetrievalError, UsageError
+from toolkit.mocap.export import export_bvh
+from toolkit.mocap.procedural import procedural_clips
+from toolkit.retrieval.annotate import annotate_motions, classes_from_clips
+from toolkit.retrieval.annotation import Annotator, MotionClass
+from toolkit.retrieval.classes import THRESHOLDS, learn_classes, learn_threshold, load_classes, save_classes
+from toolkit.retrieval.features import FeatureMatrix, relational_features
+from toolkit.retrieval.keyframes import Keyframe, KeyframeQuery
+from toolkit.retrieval.measures import Segment
+from toolkit.retrieval.motion import from_poses
+from toolkit.retrieval.preselection import preselect_in
+from toolkit.retrieval.report import read_segments, score, write_report
+from toolkit.retrieval.templates import WILDCARD
+
+NAMES = ("squat", "kick_front", "wave")
+
+
+@pytest.fixture(scope="module")
+def matrices() -> dict[str, list[FeatureMatrix]]:
+    """Features of four variations each of three procedural motions."""
+    body = load_body("neutral")
+    return {
+        name: [
+            replace(relational_features(from_poses(clip.poses, body, clip.frame_rate, clip.name)), name=f"{name} {i}")
+            for i, clip in enumerate(procedural_clips([name], body=body, variations=4, seed=1))
+        ]
+        for name in NAMES
+    }
+
+
+@pytest.fixture(scope="module")
+def classes(matrices: dict[str, list[FeatureMatrix]]) -> list[MotionClass]:
+    return learn_classes({name: clips[:-1] for name, clips in matrices.items()}, threshold=0.08)
+
+
+@pytest.fixture(scope="module")
+def document(matrices: dict[str, list[FeatureMatrix]]) -> tuple[FeatureMatrix, list[Segment]]:
+    """The last variation of each motion, one after the other, with half a second of noise between."""
+    rng = np.random.default_rng(0)
+    columns, segments, now = [], [], 0
+    for name, clips in matrices.items():
+        columns += [rng.random((40, 15)) < 0.5, clips[-1].values]
+        segments.append(Segment((now + 15) / 30.0, (now + 15 + len(clips[-1])) / 30.0, name))
+        now += 15 + len(clips[-1])
+    return FeatureMatrix("document", np.concatenate(columns, axis=1)), segments
+
+
+@pytest.fixture(scope="module")
+def files(tmp_path_factory: pytest.TempPathFactory) -> dict[Path, str]:
+    """Two variations each of two motions as BVH files."""
+    folder, body = tmp_path_factory.mktemp("clips"), load_body("neutral")
+    written = {}
+    for name in NAMES[:2]:
+        for i, clip in enumerate(procedural_clips([name], body=body, variations=2)):
+            export_bvh(path := folder / f"{name}_{i}.bvh", body, clip.poses, clip.frame_rate)
+            written[path] = name
+    return written
+
+
+def test_held_out_motions_are_labelled(
+    classes: list[MotionClass], document: tuple[FeatureMatrix, list[Segment]]
+) -> None:
+    features, truth = document
+    annotation = Annotator(classes).annotate(features)
+    scores = score(annotation, truth)
+    assert scores["segments"].recall == 1.0 and scores["frames"].f > 0.8
+
+
+def test_classes_are_read_as_they_were_written(classes: list[MotionClass], tmp_path: Path) -> None:
+    save_classes(tmp_path / "classes.npz", classes)
+    for read, written in zip(load_classes(tmp_path / "classes.npz"), classes, strict=True):
+        assert (read.label, read.threshold) == (written.label, written.threshold)
+        np.testing.assert_array_equal(read.templates[0].values, written.templates[0].values)
+        np.testing.assert_array_equal(read.templates[0].weights, written.templates[0].weights)
+
+
+@pytest.mark.parametrize(("key", "value", "words"), [("version", 99, "version 99"), ("features", "abc", "features")])
+def test_classes_of_another_version_or_other_features_are_refused(
+    classes: list[MotionClass], tmp_path: Path, key: str, value: object, words: str
+) -> None:
+    path = tmp_path / "classes.npz"
+    save_classes(path, classes)
+    with np.load(path) as stored:
+        arrays = dict(stored)
+    header = {**json.loads(str(arrays["header"])), key: value}
+    np.savez(path, **{**arrays, "header": np.array(json.dumps(header))})
+    with pytest.raises(RetrievalError, match=words):
+        load_classes(path)
+
+
+def test_a_file_that_holds_no_classes_or_does_not_exist_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(RetrievalError, match="there is no class file"):
+        load_classes(tmp_path / "none.npz")
+    (tmp_path / "text.npz").write_text("hello")
+    with pytest.raises(RetrievalError, match="not a class file"):
+        load_classes(tmp_path / "text.npz")
+
+
+def test_a_class_without_clips_is_refused_by_name(matrices: dict[str, list[FeatureMatrix]]) -> None:
+    with pytest.raises(RetrievalError, match="'jump' has no clips"):
+        learn_classes({**matrices, "jump": []})
+    with pytest.raises(RetrievalError, match="no labelled clips"):
+        learn_classes({})
+
+
+def test_the_learned_threshold_finds_the_motions_and_leaves_the_rest(
+    matrices: dict[str, list[FeatureMatrix]], document: tuple[FeatureMatrix, list[Segment]]
+) -> None:
+    some = learn_classes({name: clips[:2] for name, clips in matrices.items()})
+    threshold = learn_threshold([(some, [document])])
+    assert threshold in THRESHOLDS.tolist()
+    annotated = Annotator([replace(c, threshold=threshold) for c in some]).annotate(document[0])
+    assert score(annotated, document[1])["frames"].f > 0.7
+
+
+def test_preselection_keeps_the_widened_hits_of_a_query_and_all_frames_of_a_class_without_one() -> None:
+    values = np.zeros((40, 50), dtype=bool)
+    values[19, 20:23] = True
+    query = KeyframeQuery((Keyframe("lower", (("F20", 1),)),), (), 2, 3, "squat")
+    intervals = preselect_in([FeatureMatrix("d", values)], [query, query], ("squat", "wave"))
+    assert intervals == [{"squat": [(16, 29)], "wave": [(0, 50)]}]
+    with pytest.raises(RetrievalError, match="unknown class 'squat'"):
+        preselect_in([FeatureMatrix("d", values)], [query], ("wave",))
+
+
+def test_preselection_by_a_true_keyframe_changes_no_label_within_it(
+    classes: list[MotionClass], document: tuple[FeatureMatrix, list[Segment]]
+) -> None:
+    features, truth = document
+    squat = next(c for c in classes if c.label == "squat").templates[0]
+    column = int((squat.values != WILDCARD).sum(axis=0).argmax())
+    rows = [row for row in range(14, 26) if squat.values[row, column] != WILDCARD]
+    keyframe = Keyframe("lower", tuple((f"F{row + 1}", int(squat.values[row, column])) for row in rows))
+    query = KeyframeQuery((keyframe,), (), column, len(squat) - 1 - column, "squat")
+    annotator = Annotator(classes)
+    narrowed = annotator.annotate(features, preselect_in([features], [query], annotator.labels)[0])
+    first, stop = truth[0].frames(30.0)
+    assert narrowed.frames[annotator.labels.index("squat"), first:stop].mean() > 0.8
+
+
+def test_a_report_holds_table_picture_and_page(
+    classes: list[MotionClass], document: tuple[FeatureMatrix, list[Segment]], tmp_path: Path
+) -> None:
+    features, truth = document
+    annotation = Annotator(classes).annotate(features)
+    scores = write_report(annotation, classes, tmp_path, truth)
+    rows = list(csv.DictReader((tmp_path / "segments.csv").read_text().splitlines()))
+    assert list(rows[0]) == ["start", "end", "label", "score"] and len(rows) == len(annotation.segments)
+    stored = json.loads((tmp_path / "segments.json").read_text())
+    assert stored["segments"][0]["label"] == rows[0]["label"]
+    assert stored["scores"]["frames"]["f"] == pytest.approx(scores["frames"].f)
+    assert (tmp_path / "annotation.png").read_bytes()[:4] == b"\x89PNG"
+    page = (tmp_path / "report.html").read_text()
+    assert all(word in page for word in ("squat", "over frames", "data:image/png;base64", "right"))
+    read = read_segments(tmp_path / "segments.csv")
+    assert [(s.label, round(s.start, 2)) for s in read] == [(s.label, round(s.start, 2)) for s in annotation.segments]
+
+
+def test_overlapping_or_unknown_true_segments_write_no_report(
+    classes: list[MotionClass], document: tuple[FeatureMatrix, list[Segment]], tmp_path: Path
+) -> None:
+    annotation = Annotator(classes).annotate(document[0])
+    with pytest.raises(RetrievalError, match="overlap"):
+        write_report(annotation, classes, tmp_path, [Segment(0, 2, "squat"), Segment(1, 3, "squat")])
+    with pytest.raises(RetrievalError, match="'hop' is not one of the classes"):
+        write_report(annotation, classes, tmp_path, [Segment(0, 2, "hop")])
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize("text", ["start,end,label\n0,x,a\n", "from,to,label\n0,1,a\n", "start,end,label\n0,1\n"])
+def test_a_line_of_true_segments_that_cannot_be_read_is_named(tmp_path: Path, text: str) -> None:
+    (tmp_path / "truth.csv").write_text(text)
+    with pytest.raises(RetrievalError, match=r"truth.csv, line 2"):
+        read_segments(tmp_path / "truth.csv")
+
+
+def test_motion_files_become_report_folders(files: dict[Path, str], tmp_path: Path) -> None:
+    classes = classes_from_clips(files)
+    paths = list(files)
+    several = annotate_motions(paths, classes, tmp_path / "all")
+    assert sorted(folder.name for folder in (tmp_path / "all").iterdir()) == sorted(path.stem for path in paths)
+    for path, done in zip(paths, several, strict=True):
+        assert files[path] in {segment.label for segment in done.annotation.segments}
+    (tmp_path / "truth.csv").write_text(f"start,end,label\n0,1,{files[paths[0]]}\n")
+    one = annotate_motions(paths[:1], classes, tmp_path / "one", truth=tmp_path / "truth.csv", threshold=0.1)
+    assert (tmp_path / "one" / "segments.csv").is_file() and one[0].scores["segments"].recall == 1.0
+
+
+def test_one_truth_for_several_motions_and_equal_stems_are_refused(files: dict[Path, str], tmp_path: Path) -> None:
+    classes, paths = classes_from_clips(files), list(files)
+    (tmp_path / "truth.csv").write_text("start,end,label\n")
+    with pytest.raises(UsageError, match="cannot serve 4 motions"):
+        annotate_motions(paths, classes, tmp_path, truth=tmp_path / "truth.csv")
+    with pytest.raises(UsageError, match="two motions are called"):
+        annotate_motions([paths[0], paths[0]], classes, tmp_path)
+    with pytest.raises(RetrievalError, match="holds no true segments"):
+        annotate_motions(paths, classes, tmp_path, truth=tmp_path)
