@@ -199,7 +199,7 @@ def search_pieces(
     threshold: float,
     modified: np.ndarray,
 ) -> None:
-    """Lower `modified` (L,) to the modified distance function of a template, computed on some pieces of a document only.
+    """Lower `modified` (L,) to the modified distance function of a template, computed on pieces of a document only.
 
     Parameters
     ----------

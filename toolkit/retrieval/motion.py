@@ -133,8 +133,8 @@ def from_clip(clip: Clip) -> Motion:
 
 
 def _retargeted(clip: Clip, missing: RigError) -> Motion:
-    """A clip on the neutral body, as long as the clip: calibration frames that retargeting drops hold the first
-    pose.""" try:
+    """A clip on the neutral body, as long as the clip: frames that retargeting drops hold the first pose."""
+    try:
         rig = load_rig(clip)
     except RigError:
         raise missing from None
