@@ -16,15 +16,15 @@ from toolkit.tracking.hybrid import HybridTracker
 from toolkit.tracking.settings import HybridSettings
 from toolkit.tracking.view import View
 
-ROWS: dict[str, tuple[str | None, dict[str, Any]]] = {
-    "hybrid": (None, {}),
-    "local": (None, {"patience": 1_000_000}),
-    "lookup": (None, {"hypotheses": ["extrema", "joints"]}),
+ROWS: dict[str, tuple[str, dict[str, Any]]] = {
+    "hybrid": ("hybrid", {}),
+    "local": ("hybrid", {"patience": 1_000_000}),
+    "lookup": ("hybrid", {"hypotheses": ["extrema", "joints"]}),
     "baak2013": ("baak2013", {}),
-    "no shape": (None, {"shape.frames": 0}),
-    "no prior": (None, {"fitting.prior_weight": 0.0}),
-    "no regressor": (None, {"hypotheses": ["local", "extrema"]}),
-    "no cloud": (None, {"fitting.cloud_samples": 0}),
+    "no shape": ("hybrid", {"shape.frames": 0}),
+    "no prior": ("hybrid", {"fitting.prior_weight": 0.0}),
+    "no regressor": ("hybrid", {"hypotheses": ["local", "extrema"]}),
+    "no cloud": ("hybrid", {"fitting.cloud_samples": 0}),
 }
 """Name of the row, shipped settings that it starts from, and overrides.
 
