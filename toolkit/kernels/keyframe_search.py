@@ -11,6 +11,8 @@ from numba import njit
 
 UNBOUNDED: int = 1 << 40
 """Largest admissible distance of two keyframes that have no upper bound, in frames."""
+STRIDE: int = 16
+"""Runs passed in one step on the way to the next window."""
 
 
 @njit(cache=True)
@@ -80,6 +82,81 @@ def keyframe_list(
             ends[count - 1] = run_starts[run + 1] - 1
             previous = run
     return starts[:count], ends[:count], processed
+
+
+@njit(cache=True)
+def listed_runs(codes: np.ndarray, list_offsets: np.ndarray, mask: int, value: int) -> int:
+    """Number of runs in the inverted lists of a keyframe."""
+    count = 0
+    for u in range(codes.size):
+        if (codes[u] & mask) == value:
+            count += list_offsets[u + 1] - list_offsets[u]
+    return count
+
+
+@njit(cache=True)
+def windows_around(
+    starts: np.ndarray, ends: np.ndarray, least: int, greatest: int, document_starts: np.ndarray
+) -> tuple[np.ndarray, int]:
+    """Frames at a distance of `least` to `greatest` from segments in order, inside each one's document.
+
+    Returns first and last frames of disjoint windows in order, int64 (W, 2), and the number of frames in them.
+    """
+    windows = np.empty((starts.size, 2), np.int64)
+    count = 0
+    document = 0
+    total = 0
+    for i in range(starts.size):
+        while document_starts[document + 1] <= starts[i]:
+            document += 1
+        first = max(starts[i] + least, document_starts[document])
+        last = min(ends[i] + greatest, document_starts[document + 1] - 1)
+        if last < first:
+            continue
+        if count > 0 and first <= windows[count - 1, 1]:
+            total += last - windows[count - 1, 1]
+            windows[count - 1, 1] = last
+        else:
+            total += last - first + 1
+            windows[count, 0] = first
+            windows[count, 1] = last
+            count += 1
+    return windows[:count].copy(), total
+
+
+@njit(cache=True)
+def keyframe_list_near(
+    windows: np.ndarray, run_vectors: np.ndarray, run_starts: np.ndarray, mask: int, value: int, capacity: int
+) -> tuple[np.ndarray, np.ndarray, int]:
+    """The parts of the segments of `keyframe_list` that lie in disjoint `windows` in order, read from the runs there.
+
+    No window crosses a document's end. `capacity` is the number of frames in the windows. Returns first and last frames
+    of the parts and the number of runs looked at.
+    """
+    starts = np.empty(capacity, np.int64)
+    ends = np.empty(capacity, np.int64)
+    count = 0
+    looked = 0
+    run = 0
+    for i in range(windows.shape[0]):
+        while run + STRIDE < run_vectors.size and run_starts[run + STRIDE] <= windows[i, 0]:
+            run += STRIDE
+        while run_starts[run + 1] <= windows[i, 0]:
+            run += 1
+        open_part = False
+        while run < run_vectors.size and run_starts[run] <= windows[i, 1]:
+            looked += 1
+            if (run_vectors[run] & mask) == value:
+                if not open_part:
+                    starts[count] = max(run_starts[run], windows[i, 0])
+                    count += 1
+                ends[count - 1] = min(run_starts[run + 1] - 1, windows[i, 1])
+                open_part = True
+            else:
+                open_part = False
+            run += 1
+        run -= 1
+    return starts[:count], ends[:count], looked
 
 
 @njit(cache=True)

@@ -16,7 +16,7 @@ import numpy as np
 
 from toolkit.errors import RetrievalError
 from toolkit.files import atomic_path
-from toolkit.kernels.keyframe_search import keyframe_list, runs_of
+from toolkit.kernels.keyframe_search import keyframe_list, keyframe_list_near, listed_runs, runs_of
 from toolkit.retrieval.features import FEATURE_RATE, FEATURE_SETS, FEATURES, FeatureMatrix, feature_fingerprint
 from toolkit.retrieval.keyframes import Keyframe
 from toolkit.retrieval.templates import pack
@@ -84,6 +84,18 @@ class RunLists:
             self.vectors, self.list_offsets, self.list_runs, self.run_starts, self.document_runs,
             self.vectors.dtype.type(mask), self.vectors.dtype.type(value),
         )  # fmt: skip
+
+    def count(self, keyframe: Keyframe) -> int:
+        """Number of runs in the inverted lists of a keyframe of this set."""
+        kind = self.vectors.dtype.type
+        return int(listed_runs(self.vectors, self.list_offsets, kind(keyframe.mask), kind(keyframe.value)))
+
+    def segments_near(self, windows: np.ndarray, frames: int, keyframe: Keyframe) -> tuple[np.ndarray, np.ndarray, int]:
+        """The parts of a keyframe's `segments` in disjoint windows [first, last], int64 (W, 2), and runs looked at."""
+        kind = self.vectors.dtype.type
+        return keyframe_list_near(
+            windows, self.run_vectors, self.run_starts, kind(keyframe.mask), kind(keyframe.value), frames
+        )
 
     def frames(self, start: int, stop: int) -> np.ndarray:
         """Feature vectors of the frames start to stop - 1."""

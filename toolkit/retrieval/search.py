@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from toolkit.errors import RetrievalError
-from toolkit.kernels.keyframe_search import UNBOUNDED, keyframe_search
+from toolkit.kernels.keyframe_search import UNBOUNDED, keyframe_search, windows_around
 from toolkit.retrieval.features import FEATURE_RATE, FeatureMatrix
 from toolkit.retrieval.index import KeyframeIndex
-from toolkit.retrieval.keyframes import KeyframeQuery
+from toolkit.retrieval.keyframes import Keyframe, KeyframeQuery
 
 DistanceFunction = Callable[[FeatureMatrix], tuple[np.ndarray, np.ndarray]]
 """Refined comparison of one piece: cost of the best alignment that ends in each frame, and its first frame."""
@@ -26,7 +26,7 @@ class HitRanges:
     documents : int64 (H,), number of the document
     starts : int64 (H,), first frame in the document, from 0, at 30 Hz
     stops : int64 (H,), frame after the last one
-    processed : number of runs in the inverted lists that were merged to find them
+    processed : number of runs that were merged or looked at to find them
     """
 
     documents: np.ndarray
@@ -77,15 +77,44 @@ def find(index: KeyframeIndex, query: KeyframeQuery) -> HitRanges:
     A query is a hit at frames n_1 <= ... <= n_K of one document if frame n_k matches keyframe k and every distance
     n_(k+1) - n_k lies within the query's bounds (Eq. 3.2 and 3.3).
     """
-    lists = [index.keyframe_list(keyframe) for keyframe in query.keyframes]
-    offsets = np.cumsum([0, *(len(starts) for starts, _, _ in lists)])
     minimum = np.array([least for least, _ in query.bounds], np.int64)
     maximum = np.array([UNBOUNDED if greatest is None else greatest for _, greatest in query.bounds], np.int64)
+    lists = keyframe_lists(index, query.keyframes, minimum, maximum)
+    offsets = np.cumsum([0, *(len(starts) for starts, _, _ in lists)])
     starts, ends = (np.concatenate([part[i] for part in lists]) for i in (0, 1))
     ranges = keyframe_search(starts, ends, offsets, minimum, maximum, index.document_starts)
     documents = np.searchsorted(index.document_starts, ranges[:, 0], side="right") - 1
     first = index.document_starts[documents]
     return HitRanges(documents, ranges[:, 0] - first, ranges[:, 1] + 1 - first, sum(count for _, _, count in lists))
+
+
+def keyframe_lists(
+    index: KeyframeIndex, keyframes: Sequence[Keyframe], minimum: np.ndarray, maximum: np.ndarray
+) -> list[tuple[np.ndarray, np.ndarray, int]]:
+    """Inverted keyframe lists without frames that cannot be part of a hit.
+
+    The rarest keyframe's list is merged first. From there on, in both directions, a hit has the next keyframe at a
+    bounded distance from a segment of the last one, so it is read from the runs there wherever that is less work than
+    merging its own list. What is left out is in no hit, and the parts of a segment that belong to one match stay together.
+    """
+    counts = [index.sets[keyframe.feature_set].count(keyframe) for keyframe in keyframes]
+    rarest = int(np.argmin(counts))
+    lists = {rarest: index.keyframe_list(keyframes[rarest])}
+
+    def add(k: int, neighbour: int, least: int, greatest: int) -> None:
+        starts, ends, _ = lists[neighbour]
+        runs = index.sets[keyframes[k].feature_set]
+        windows, frames = windows_around(starts, ends, least, greatest, index.document_starts)
+        if frames * len(runs.run_vectors) < counts[k] * index.frames:
+            lists[k] = runs.segments_near(windows, frames, keyframes[k])
+        else:
+            lists[k] = index.keyframe_list(keyframes[k])
+
+    for k in range(rarest + 1, len(keyframes)):
+        add(k, k - 1, minimum[k - 1], maximum[k - 1])
+    for k in range(rarest - 1, -1, -1):
+        add(k, k + 1, -maximum[k], -minimum[k])
+    return [lists[k] for k in range(len(keyframes))]
 
 
 def pieces(index: KeyframeIndex, query: KeyframeQuery, ranges: HitRanges, factor: float = 3.0) -> HitRanges:
