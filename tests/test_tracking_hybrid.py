@@ -1,0 +1,374 @@
+"""The hybrid tracker on short simulated recordings (Baak 2013, 5.4)."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import pickle
+import subprocess
+import sys
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from time import perf_counter
+
+import numpy as np
+import pytest
+
+from toolkit.body import skeleton
+from toolkit.body.shape import load_body, subject_body
+from toolkit.database import canonical
+from toolkit.database.database import PoseDatabase
+from toolkit.errors import SettingsError
+from toolkit.fitting.shape import ShapeSettings
+from toolkit.mocap.clip import PoseClip
+from toolkit.mocap.procedural import perform, procedural_clips
+from toolkit.sensing.recording import Recording, open_recording, save_recording
+from toolkit.simulation.simulate import simulate_recording
+from toolkit.track import EMPTY, LOST, TRACKED, FrameResult
+from toolkit.tracking.hybrid import SOURCES, STAGES, HybridTracker
+from toolkit.tracking.settings import HybridSettings
+
+MOTIONS = ("idle", "raise_sideways", "raise_forward", "arm_circles", "march", "wave", "twist")
+SETTINGS = HybridSettings(hypotheses=("local", "extrema"))
+FRAMES = 20
+
+Record = Callable[..., Recording]
+
+
+def entry(name: str) -> int:
+    return skeleton.POSE_NAMES.index(name)
+
+
+def run(tracker: HybridTracker, recording: Recording, stop: int | None = None) -> list[FrameResult]:
+    tracker.start(recording)
+    return [tracker.step(recording.depth(i), recording.timestamps[i]) for i in range(stop or len(recording))]
+
+
+def joints_of(results: list[FrameResult]) -> np.ndarray:
+    return np.stack([result.joints for result in results])
+
+
+def errors(results: list[FrameResult], recording: Recording) -> np.ndarray:
+    """Distances (T, 20) of the joints to the true ones, metres."""
+    return np.linalg.norm(joints_of(results) - recording.joints[: len(results)], axis=2)
+
+
+def digest(results: list[FrameResult]) -> str:
+    """Names the bits of a track, its times left out."""
+    found = hashlib.sha256()
+    for r in results:
+        for array in (r.pose, r.joints, r.confidence, np.array([r.state, r.source])):
+            found.update(np.ascontiguousarray(array).tobytes())
+    return found.hexdigest()
+
+
+def check_sound(results: list[FrameResult]) -> None:
+    """Whatever happens, a result is finite, in its range and within the limits of the joints."""
+    low, high = skeleton.POSE_LIMITS.T
+    for r in results:
+        assert r.pose.shape == (skeleton.POSE_SIZE,) and r.joints.shape == (20, 3) and r.confidence.shape == (20,)
+        assert np.isfinite(r.pose).all() and np.isfinite(r.joints).all()
+        assert (r.pose >= low - 1e-9).all() and (r.pose <= high + 1e-9).all()
+        assert ((r.confidence >= 0) & (r.confidence <= 1)).all()
+        assert r.state in (TRACKED, LOST, EMPTY) and 0 <= r.source < len(SOURCES)
+        assert r.stage_ms.shape == (len(STAGES),) and (r.stage_ms >= 0).all()
+
+
+@pytest.fixture(scope="module")
+def database() -> PoseDatabase:
+    """A few hundred poses of seven motions and their mirror images."""
+    poses = np.concatenate([clip.poses for clip in procedural_clips(MOTIONS, 4.0, variations=1, seed=5)])
+    poses = canonical.canonicalise(poses)[0]
+    poses = np.concatenate([poses, canonical.mirrored(poses)])
+    count = len(poses)
+    return PoseDatabase.of_poses(
+        poses, load_body("neutral"), sources=["procedural"], hashes=["0"], pose_source=np.zeros(count),
+        pose_frame=np.arange(count), mirrored=np.arange(count) >= count // 2,
+    )  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def clip() -> PoseClip:
+    """A motion that is not in the database, facing the camera."""
+    whole = perform("semaphore", load_body("neutral"), 30.0)
+    return PoseClip("semaphore", whole.poses[30 : 30 + FRAMES], 30.0, "procedural")
+
+
+@pytest.fixture(scope="module")
+def record(tmp_path_factory: pytest.TempPathFactory, clip: PoseClip) -> Record:
+    folder = tmp_path_factory.mktemp("recordings")
+
+    def make(name: str, motion: PoseClip = clip, **options: object) -> Recording:
+        given = {"body": "neutral", "sensor": "tof", "furnished": False, "distance": 2.9} | options
+        return simulate_recording(motion, folder / f"{name}.npz", **given)
+
+    return make
+
+
+@pytest.fixture(scope="module")
+def recording(record: Record) -> Recording:
+    return record("plain")
+
+
+@pytest.fixture(scope="module")
+def results(database: PoseDatabase, recording: Recording) -> list[FrameResult]:
+    return run(known(database), recording)
+
+
+def known(database: PoseDatabase, settings: HybridSettings = SETTINGS) -> HybridTracker:
+    """A tracker that knows the person's body."""
+    return HybridTracker(database, settings, body=load_body("neutral"))
+
+
+def saved(path: Path, like: Recording, frames: list[np.ndarray], **changes: object) -> Recording:
+    """Other frames of the same camera."""
+    given = {
+        "depth": iter(frames), "camera": like.camera, "timestamps": np.arange(len(frames)) / 30.0,
+        "up_camera": like.up_camera,
+    } | changes  # fmt: skip
+    save_recording(path, **given)
+    return open_recording(path)
+
+
+# Following
+
+
+def test_the_first_frame_is_found_without_a_pose(results: list[FrameResult], recording: Recording) -> None:
+    assert results[0].state == TRACKED
+    assert SOURCES[results[0].source] == "extrema"
+    assert errors(results[:1], recording).mean() < 0.03
+
+
+def test_a_motion_that_is_not_in_the_database_is_followed(results: list[FrameResult], recording: Recording) -> None:
+    check_sound(results)
+    assert all(result.state == TRACKED for result in results)
+    assert errors(results, recording).mean() < 0.02
+    assert "local" in {SOURCES[result.source] for result in results}
+
+
+def test_joints_are_those_of_the_pose_in_the_camera_frame(
+    database: PoseDatabase, results: list[FrameResult], recording: Recording
+) -> None:
+    tracker = known(database)
+    tracker.start(recording)
+    for result in results[::5]:
+        expected = tracker.body.joint_positions(result.pose) @ tracker.level_rotation
+        assert result.joints == pytest.approx(expected, abs=1e-5)
+        assert result.joints.dtype == np.float32 and result.joints[:, 2].min() > 2.0
+
+
+def test_bones_keep_their_lengths(results: list[FrameResult]) -> None:
+    joints = joints_of(results)
+    row = skeleton.REPORTED.index
+    for upper, lower in (("shoulder", "elbow"), ("elbow", "wrist"), ("hip", "knee"), ("knee", "ankle")):
+        for side in ("left", "right"):
+            bone = np.linalg.norm(joints[:, row(f"{side}_{upper}")] - joints[:, row(f"{side}_{lower}")], axis=1)
+            assert np.ptp(bone) < 1e-5 and 0.2 < bone[0] < 0.5
+
+
+def test_stages_add_up_to_the_time_of_a_step(database: PoseDatabase, recording: Recording) -> None:
+    tracker = known(database)
+    tracker.start(recording)
+    shares = []
+    for i in range(10):
+        depth = recording.depth(i)
+        start = perf_counter()
+        result = tracker.step(depth, recording.timestamps[i])
+        shares.append(result.stage_ms.sum() / (1000 * (perf_counter() - start)))
+    assert max(shares) <= 1.001
+    assert np.median(shares) > 0.9
+
+
+def test_a_camera_that_looks_down_sees_the_same_person(database: PoseDatabase, record: Record) -> None:
+    tilted = record("tilted", height=2.1, tilt=24.0)
+    assert tilted.up_camera[2] < -0.3
+    found = run(known(database), tilted, 10)
+    check_sound(found)
+    assert errors(found, tilted).mean() < 0.025
+    assert np.abs([result.pose[[3, 5]] for result in found]).max() < 0.3  # upright in the level frame
+
+
+def test_a_furnished_room_is_taken_away(database: PoseDatabase, record: Record) -> None:
+    furnished = record("furnished", furnished=True)
+    assert furnished.background is not None
+    assert errors(run(known(database), furnished, 8), furnished).mean() < 0.025
+
+
+def test_a_mirrored_recording_gives_mirrored_joints(
+    database: PoseDatabase, results: list[FrameResult], recording: Recording, tmp_path: Path
+) -> None:
+    frames = [np.ascontiguousarray(recording.depth(i)[:, ::-1]) for i in range(len(recording))]
+    mirrored = saved(
+        tmp_path / "mirrored.npz", recording, frames, camera=recording.camera.mirrored(),
+        up_camera=recording.up_camera * [-1, 1, 1],
+    )  # fmt: skip
+    found = joints_of(run(known(database), mirrored))
+    swap = {"left": "right", "right": "left"}
+    other = []
+    for name in skeleton.REPORTED:
+        side, _, rest = name.partition("_")
+        other.append(skeleton.REPORTED.index(f"{swap[side]}_{rest}" if side in swap else name))
+    expected = joints_of(results)[:, other] * [-1, 1, 1]
+    apart = np.linalg.norm(found - expected, axis=2)
+    assert apart.mean() < 0.02
+    assert np.linalg.norm(found - joints_of(results) * [-1, 1, 1], axis=2).mean() > 0.2  # sides without the swap
+
+
+# Interruptions
+
+
+def test_an_empty_frame_is_called_empty_and_keeps_the_last_pose(
+    database: PoseDatabase, recording: Recording, tmp_path: Path
+) -> None:
+    nothing = np.zeros(recording.camera.shape, dtype=np.uint16)
+    speck = nothing.copy()
+    speck[70:75, 80:85] = 2500
+    frames = [nothing, recording.depth(0), nothing, speck, recording.depth(3)]
+    found = run(known(database), saved(tmp_path / "gaps.npz", recording, frames))
+    check_sound(found)
+    assert [result.state for result in found] == [EMPTY, TRACKED, EMPTY, EMPTY, TRACKED]
+    assert [SOURCES[found[i].source] for i in (0, 2, 3)] == ["predicted"] * 3
+    assert np.array_equal(found[2].pose, found[1].pose) and np.array_equal(found[3].joints, found[1].joints)
+    assert not found[2].confidence.any()
+    assert found[0].joints[:, 2].min() > 0.5
+
+
+def test_who_comes_back_elsewhere_facing_elsewhere_is_tracked_at_once(
+    database: PoseDatabase, clip: PoseClip, record: Record, tmp_path: Path
+) -> None:
+    before, after = (
+        record(f"turned by {yaw}", PoseClip("part", clip.poses[:4], 30.0, "procedural"), distance=distance, yaw=yaw)
+        for yaw, distance in ((40.0, 2.9), (-40.0, 2.2))
+    )
+    nothing = np.zeros(before.camera.shape, dtype=np.uint16)
+    frames = [*before.frames(), nothing, nothing, *after.frames()]
+    found = run(known(database), saved(tmp_path / "return.npz", before, frames))
+    check_sound(found)
+    assert [result.state for result in found] == [TRACKED] * 4 + [EMPTY] * 2 + [TRACKED] * 4
+    assert SOURCES[found[6].source] == "extrema"
+    assert errors(found[:4], before).mean() < 0.03
+    assert errors(found[6:], after).mean() < 0.03
+
+
+def test_a_recording_of_one_frame_is_tracked(database: PoseDatabase, recording: Recording, tmp_path: Path) -> None:
+    single = saved(tmp_path / "one.npz", recording, [recording.depth(0)])
+    settings = replace(SETTINGS, shape=ShapeSettings(frames=3), starts=1)
+    found = run(HybridTracker(database, settings), single)
+    check_sound(found)
+    assert found[0].state == TRACKED
+    assert errors(found, recording).mean() < 0.03
+
+
+def test_a_person_cut_off_by_the_border_is_survived(database: PoseDatabase, record: Record) -> None:
+    near = record("near", distance=1.3)
+    assert near.depth(0)[-1].any()
+    found = run(known(database), near, 6)
+    check_sound(found)
+    assert errors(found, near)[:, skeleton.REPORTED.index("neck")].max() < 0.25
+
+
+def test_clouds_of_a_few_points_are_survived(database: PoseDatabase, recording: Recording, tmp_path: Path) -> None:
+    frames = []
+    for size in (1, 2, 5, 12):
+        depth = np.zeros(recording.camera.shape, dtype=np.uint16)
+        depth[70 : 70 + size, 80 : 80 + size] = 2500
+        frames.append(depth)
+    frames += [recording.depth(0), frames[2]]
+    check_sound(
+        run(known(database, replace(SETTINGS, smallest_person=1)), saved(tmp_path / "few.npz", recording, frames))
+    )
+
+
+def test_frames_that_no_pose_explains_are_lost_and_the_search_begins_anew(
+    database: PoseDatabase, recording: Recording
+) -> None:
+    settings = replace(SETTINGS, lost_distance=1e-6, patience=2)
+    found = run(known(database, settings), recording, 6)
+    check_sound(found)
+    assert {result.state for result in found} == {LOST}
+    # After two lost frames there is no previous pose that could be refined.
+    assert all(SOURCES[found[i].source] == "extrema" for i in (0, 2, 4))
+
+
+# The same again
+
+
+def test_a_second_run_gives_the_same_bits(
+    database: PoseDatabase, recording: Recording, results: list[FrameResult]
+) -> None:
+    tracker = known(database)
+    assert digest(run(tracker, recording)) == digest(results)
+    assert digest(run(tracker, recording, 5)) == digest(results[:5])  # `start` forgets everything
+
+
+def test_the_number_of_threads_does_not_change_a_bit(
+    database: PoseDatabase, recording: Recording, results: list[FrameResult], tmp_path: Path
+) -> None:
+    database.save(tmp_path / "database.npz")
+    code = (
+        "import sys\n"
+        "from tests.test_tracking_hybrid import PoseDatabase, digest, known, open_recording, run\n"
+        "print(digest(run(known(PoseDatabase.load(sys.argv[1])), open_recording(sys.argv[2]), 8)))\n"
+    )
+    found = set()
+    for threads in ("1", "2"):
+        names = ("NUMBA_NUM_THREADS", "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS")
+        finished = subprocess.run(
+            [sys.executable, "-c", code, str(tmp_path / "database.npz"), str(recording.path)],
+            env=os.environ | dict.fromkeys(names, threads), cwd=Path(__file__).parents[1],
+            capture_output=True, text=True, check=False,
+        )  # fmt: skip
+        assert finished.returncode == 0, finished.stderr
+        found.add(finished.stdout.strip())
+    assert found == {digest(results[:8])}
+
+
+def test_memory_taken_out_in_the_middle_continues_exactly(database: PoseDatabase, recording: Recording) -> None:
+    settings = replace(SETTINGS, shape=ShapeSettings(frames=3), starts=1)
+    whole = HybridTracker(database, settings)
+    expected = run(whole, recording, 12)
+    first, second = HybridTracker(database, settings), HybridTracker(database, settings)
+    found = run(first, recording, 5)
+    kept = pickle.dumps(first.memory)
+    first.step(recording.depth(9), recording.timestamps[9])  # must not reach into what was kept
+    second.start(recording)
+    second.memory = pickle.loads(kept)
+    found += [second.step(recording.depth(i), recording.timestamps[i]) for i in range(5, 12)]
+    assert digest(found) == digest(expected)
+    assert np.array_equal(second.body.shape, whole.body.shape)
+
+
+# Bodies
+
+
+@pytest.mark.parametrize("name", ["child", "slim_male"])
+def test_the_body_of_the_person_is_learnt_from_the_recording(
+    database: PoseDatabase, clip: PoseClip, record: Record, name: str
+) -> None:
+    person = subject_body(name)
+    motion = PoseClip(name, clip.poses[:8], 30.0, "procedural")
+    film = record(name, motion, body=person)
+    tracker = HybridTracker(database, replace(SETTINGS, shape=ShapeSettings(frames=8, stride=1), starts=1))
+    tracker.start(film)
+    learnt = tracker.body
+    neutral = load_body("neutral").height
+    assert abs(learnt.height - person.height) < 0.6 * abs(neutral - person.height)
+    found = [tracker.step(film.depth(i), film.timestamps[i]) for i in range(len(film))]
+    assert tracker.body is learnt
+    assert errors(found, film).mean() < 0.03
+
+
+def test_a_body_that_is_given_is_kept(database: PoseDatabase, recording: Recording) -> None:
+    body = load_body("slim_male")
+    tracker = HybridTracker(database, SETTINGS, body=body, database_path="poses.npz")
+    run(tracker, recording, 2)
+    assert tracker.body is body and tracker.database == "poses.npz"
+
+
+@pytest.mark.parametrize(
+    "values", [{"hypotheses": ()}, {"hypotheses": ("local", "magic")}, {"extrema": 4}, {"sizes": ()}, {"starts": 0}]
+)
+def test_impossible_settings_are_refused(values: dict[str, object]) -> None:
+    with pytest.raises(SettingsError):
+        HybridSettings(**values)
