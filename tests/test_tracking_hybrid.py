@@ -15,6 +15,7 @@ from time import perf_counter
 import numpy as np
 import pytest
 
+from database_builder.parts import PartsSettings, train_forest
 from toolkit.body import skeleton
 from toolkit.body.shape import load_body, subject_body
 from toolkit.database import canonical
@@ -213,6 +214,20 @@ def test_a_mirrored_recording_gives_mirrored_joints(
     apart = np.linalg.norm(found - expected, axis=2)
     assert apart.mean() < 0.02
     assert np.linalg.norm(found - joints_of(results) * [-1, 1, 1], axis=2).mean() > 0.2  # sides without the swap
+
+
+def test_a_small_regressor_alone_finds_and_follows_the_person(database: PoseDatabase, recording: Recording) -> None:
+    small = PartsSettings(images=250, pixels=60, trees=2, depth=9, smallest_leaf=15, questions=30, turned=0.0)
+    regressed = replace(database, forest=train_forest(database.poses, small))
+    found = run(known(regressed, replace(SETTINGS, hypotheses=("joints",))), recording, 8)
+    check_sound(found)
+    assert {SOURCES[result.source] for result in found} == {"joints"}
+    assert errors(found, recording).mean() < 0.06
+    with_all = run(known(regressed, replace(SETTINGS, hypotheses=("local", "extrema", "joints"))), recording, 8)
+    assert errors(with_all, recording).mean() < 0.02
+    # Without a regressor in the database its hypothesis is left out.
+    without = run(known(database, replace(SETTINGS, hypotheses=("local", "extrema", "joints"))), recording, 3)
+    assert digest(without) == digest(run(known(database), recording, 3))
 
 
 # Interruptions
