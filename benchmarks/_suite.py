@@ -197,7 +197,7 @@ def chosen_takes(split: str, groups: Sequence[str] = (), count: int | None = Non
 
 def record(take: Take, work: Path, frames: int = LONGEST) -> Path:
     """The take as a recording of at most `frames` frames in `work`, made if it is not there yet."""
-    made_by = (performed, _motion, distance_needed)
+    made_by = (performed, _motion, motion_files, distance_needed)
     digest = _digest(made_by, ["toolkit/simulation", "toolkit/mocap", "toolkit/body"], take, frames)
     path = work / "recordings" / f"{take.name}_{digest}.npz"
     if not path.exists():
@@ -230,19 +230,25 @@ def performed(take: Take, body: Body, frames: int) -> PoseClip:
 
 
 def _motion(take: Take, body: Body) -> PoseClip:
-    actor, _, rest = take.motion.partition("_")
-    if actor == "bundled":
+    kind, _, name = take.motion.partition("_")
+    if kind == "bundled":
         # Fast means one and a half times as fast.
         rate = RATE / 1.5 if take.group == "fast" else RATE
-        return procedural_clips([rest], rate=rate, body=body, seed=take.seed)[0]
-    if actor.isdigit():
-        clip = read_clip(MOCAP / "cmu" / f"{take.motion}.bvh")
-        clip = clip.sliced(1, len(clip))  # the first frame is a T-pose and no motion
-    else:
-        motion, _, number = rest.partition("_")
-        (path,) = MOCAP.glob(f"hdm05/HDM_{actor}_{motion}*_{number}_120.amc")
-        clip = read_clip(path)
+        return procedural_clips([name], rate=rate, body=body, seed=take.seed)[0]
+    (path,) = motion_files(take.motion)
+    clip = read_clip(path)
+    if kind.isdigit():
+        clip = clip.sliced(1, len(clip))  # the first frame of CMU clips is a T-pose and no motion
     return retarget(clip.resampled(RATE), body)
+
+
+def motion_files(motion: str) -> list[Path]:
+    """Files that `bk_squat_013` or `02_05` may mean; it should be one."""
+    actor, _, rest = motion.partition("_")
+    if actor.isdigit():
+        return list(MOCAP.glob(f"cmu/{motion}.bvh"))
+    name, _, number = rest.partition("_")
+    return list(MOCAP.glob(f"hdm05/HDM_{actor}_{name}*_{number}_120.amc"))
 
 
 def distance_needed(take: Take, body: Body, clip: PoseClip, camera: Camera) -> float:
@@ -272,7 +278,7 @@ def database(
     made_from = ["database_builder", "toolkit/mocap", "toolkit/body", "toolkit/landmarks", "toolkit/database"]
     path = work / "databases" / f"poses_{_digest([database_sources], made_from, threshold, parts)}.npz"
     if not path.exists():
-        build_database(database_sources(), path, threshold=threshold, parts=parts, workers=1, progress=progress)
+        build_database(database_sources(), path, threshold=threshold, parts=parts, progress=progress)
     return path
 
 

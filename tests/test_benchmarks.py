@@ -1,0 +1,144 @@
+"""The benchmarks run, on a suite of a few frames."""
+
+from __future__ import annotations
+
+import json
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from benchmarks import _record, _suite, accuracy, real, recovery, speed
+from benchmarks._suite import GROUPS, REPORT, TUNE, chosen_takes, performed, record, takes
+from database_builder.build import build_database
+from database_builder.parts import PartsSettings
+from toolkit.body.shape import subject_body
+from toolkit.mocap.procedural import procedural_clips
+from toolkit.sensing.recording import open_recording
+from toolkit.simulation.simulate import facing_of
+
+
+@pytest.fixture(scope="module")
+def small_database(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("database") / "poses.npz"
+    clips = procedural_clips(["wave", "squat", "walk"])
+    parts = PartsSettings(images=60, trees=1, depth=8)
+    build_database(clips, path, threshold=0.03, parts=parts, workers=1)
+    return path
+
+
+@pytest.fixture
+def bundled(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Path:
+    """The suite of bundled motions, with results in a temporary folder, which is returned."""
+    monkeypatch.setattr(_suite, "MOCAP", tmp_path / "absent")
+    for module in (_record, accuracy):
+        monkeypatch.setattr(module, "RESULTS", tmp_path)
+    return tmp_path
+
+
+def run(module: object, *arguments: object, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(sys, "argv", ["bench", *map(str, arguments)])
+    module.main()  # type: ignore[attr-defined]
+
+
+def test_every_split_has_at_least_24_takes_in_five_groups_with_names_of_their_own(bundled: Path) -> None:
+    for split in (TUNE, REPORT, takes("tune"), takes("report")):
+        assert len(split) >= 24
+        assert {take.group for take in split} == set(GROUPS)
+        assert len({take.name for take in split}) == len(split)
+
+
+def test_no_actor_of_a_take_is_in_the_database_or_in_the_other_split() -> None:
+    actors = [{take.motion.split("_")[0] for take in split} for split in (TUNE, REPORT)]
+    assert actors == [{"bk"}, {"dg", "02", "49"}]
+
+
+@pytest.mark.shared_data
+def test_the_database_is_made_of_other_actors(shared_data: Path) -> None:
+    names = [path.stem for path in _suite.database_sources() or []]
+    assert names and not any(name.startswith(("02_", "49_", "HDM_bk", "HDM_dg")) for name in names)
+
+
+@pytest.mark.shared_data
+def test_every_motion_of_the_suite_exists(shared_data: Path) -> None:
+    for take in (*TUNE, *REPORT):
+        assert len(_suite.motion_files(take.motion)) == 1, take.motion
+
+
+def test_a_turning_subject_turns_by_the_angle_that_the_take_says(bundled: Path) -> None:
+    take = next(take for take in takes("tune") if take.group == "turn" and take.spin == 360)
+    body = subject_body(take.body, seed=take.seed)
+    still = performed(_suite.replace(take, spin=0.0), body, 60)
+    turned = performed(take, body, 60)
+    yaws = [np.unwrap([facing_of(pose) for pose in clip.poses]) for clip in (still, turned)]
+    np.testing.assert_allclose(np.degrees(yaws[1] - yaws[0])[[0, -1]], [0.0, 360.0], atol=1e-6)
+
+
+def test_the_whole_subject_stays_in_the_image(bundled: Path) -> None:
+    take = chosen_takes("tune", ["fast"], 1)[0]
+    recording = open_recording(record(take, bundled, frames=12))
+    pixels = recording.camera.project(recording.joints)
+    assert (pixels > 0).all()
+    assert (pixels < [recording.camera.width - 1, recording.camera.height - 1]).all()
+
+
+def test_accuracy_compares_trackers_and_writes_figures_and_plots(
+    bundled: Path, small_database: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    arguments = ["--rows", "hybrid,local", "--groups", "basic,turn", "--takes", 1, "--frames", 6]
+    run(accuracy, *arguments, "--database", small_database, "--work", bundled, monkeypatch=monkeypatch)
+    figures = json.loads((bundled / "accuracy_tune_part.json").read_text())["figures"]
+    assert list(figures["rows"]) == ["hybrid", "local"]
+    assert set(figures["rows"]["hybrid"]["means"]) == {"basic", "turn", "overall"}
+    assert sum(entry["joints"] for entry in figures["confidence"]) == 2 * 6 * 20
+    assert (bundled / "accuracy_tune_part.png").exists()
+    assert (bundled / "accuracy_tune_part_confidence.png").exists()
+
+
+def test_recovery_counts_frames_until_the_pose_is_right(
+    bundled: Path, small_database: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(recovery, "CAP", 3)
+    monkeypatch.setattr(recovery, "WITHIN", 0.5)
+    arguments = ["--takes", 1, "--frames", 4, "--starts", 5, "--database", small_database, "--work", bundled]
+    run(recovery, *arguments, monkeypatch=monkeypatch)
+    kinds = json.loads((bundled / "recovery_tune_part.json").read_text())["figures"]["kinds"]
+    assert kinds["shifted"]["starts"] > 0
+    assert 1 <= kinds["shifted"]["median"] <= 3
+
+
+def test_a_turned_pose_and_a_shifted_one_are_wrong_by_180_degrees_and_by_a_metre() -> None:
+    rng = np.random.default_rng(0)
+    pose = procedural_clips(["wave"])[0].poses[20]
+    turned = recovery.wrong_pose("turned", pose, pose[None], rng)
+    assert abs(np.degrees(facing_of(turned) - facing_of(pose))) == pytest.approx(180.0)
+    np.testing.assert_allclose(turned[:3], pose[:3], atol=1e-9)
+    shifted = recovery.wrong_pose("shifted", pose, pose[None], rng)
+    assert np.linalg.norm(shifted[:3] - pose[:3]) == pytest.approx(1.0)
+    assert shifted[1] == pose[1]
+
+
+def test_frames_are_played_on_backwards_at_the_end() -> None:
+    numbers = recovery.frames_from(2, 5)
+    assert [next(numbers) for _ in range(8)] == [3, 4, 3, 2, 1, 0, 1, 2]
+
+
+def test_speed_times_every_stage_at_full_and_half_resolution(
+    bundled: Path, small_database: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(speed, "SIZES", (3_000,))
+    arguments = ["--frames", 6, "--plain-frames", 0, "--memory-frames", "--max-poses", 300]
+    run(speed, small_database, *arguments, monkeypatch=monkeypatch)
+    full, half = json.loads((bundled / "speed_part.json").read_text())["figures"]["times"]
+    assert (full["half_resolution"], half["half_resolution"]) == (False, True)
+    assert set(full["stages"]) == {"prepare", "landmarks", "local", "lookup", "select"}
+
+
+@pytest.mark.shared_data
+def test_real_recordings_are_measured(
+    shared_data: Path, bundled: Path, small_database: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    run(real, "--stride", 108, "--database", small_database, "--work", bundled, monkeypatch=monkeypatch)
+    mean = json.loads((bundled / "real_part.json").read_text())["figures"]["hybrid"]["mean"]
+    assert 0 < mean["overlap"] <= 1
