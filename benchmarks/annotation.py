@@ -22,7 +22,7 @@ from typing import Any
 import numpy as np
 from scipy.io import loadmat
 
-from benchmarks._keyframe_corpus import ACTORS, Example, counterexamples, load_examples, load_filler
+from benchmarks._keyframe_corpus import ACTORS, Example, load_examples, load_filler
 from benchmarks._record import RESULTS, save_figures
 from toolkit.retrieval.annotation import Annotator, MotionClass, distance_function
 from toolkit.retrieval.classes import learn_classes, learn_threshold
@@ -37,6 +37,7 @@ from toolkit.retrieval.motion import Motion, from_joints
 from toolkit.retrieval.preselection import preselect
 from toolkit.retrieval.query_file import load_queries, save_queries
 from toolkit.retrieval.report import plot_annotation
+from toolkit.retrieval.templates import MotionTemplate, plot_matrix, plot_template
 from toolkit.sensing.readers.utd_mhad import joints_from_kinect
 
 CLIPS_PER_DOCUMENT = 12
@@ -46,17 +47,23 @@ LAST_TRAINING_SUBJECT = 8
 """CMU subjects up to this one give the filler of training, the others that of the documents reported."""
 HOW = (
     "documents put together from cut HDM05 clips of one actor (12 each), joined by eased straight lines of 0.25 to "
-    "1.5 s, with excerpts of CMU walks, punches and swordplay before every second clip; joins and filler bear no label"
+    "1.5 s, with excerpts of CMU walks, punches and swordplay before every second clip; joins and filler bear no "
+    "label; 'without joins' leaves the frames of the joins out of the count"
 )
+RELEVANT_SHARE = 0.1
+"""Share of labelled frames in the second corpus that is timed."""
 NEGATIVE_SECONDS = 4.0
 """Filler is cut into pieces of about this length before keyframes are learned from it as counterexamples."""
+DRAWN_CLASS, DRAWN_FEATURES = "kickLFront1Reps", (6, 13, 14, 15, 16, 18, 20, 21, 25, 26, 30)
+"""What the picture of a motion template shows."""
 KINECT_RATE = 30.0
 KINECT_DELTAS = {"unanimous": 0.05, "majority": 0.34}
 """Quantisation thresholds for UTD-MHAD, where a class has three training clips: all agree, or two of three decide."""
 TOLD_APART = 0.75
 """Share of an action's clips that have to be right."""
 
-Labelled = tuple[FeatureMatrix, tuple[Segment, ...]]
+Labelled = tuple[FeatureMatrix, tuple[Segment, ...], tuple[tuple[float, float], ...]]
+"""A document's features, its true segments and its joins."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,7 +84,7 @@ def make_documents(examples: Sequence[Example], filler: Sequence[Motion], seed: 
             groups.append([])
         groups[-1].append(part)
     documents = [assemble(f"{examples[0].actor} {i}", group) for i, group in enumerate(groups, start=1)]
-    return [(relational_features(document.motion), document.segments) for document in documents]
+    return [(relational_features(d.motion), d.segments, d.joins) for d in documents]
 
 
 def classes_of(examples: Sequence[Example]) -> dict[str, list[FeatureMatrix]]:
@@ -100,12 +107,13 @@ def train(examples: Sequence[Example], filler: Sequence[Motion], options: argpar
     folds = []
     for actor in sorted({example.actor for example in examples}):
         seen, unseen = ([e for e in examples if (e.actor == actor) == out] for out in (False, True))
-        folds.append((learn_classes(classes_of(seen)), make_documents(unseen, filler, options.seed)))
+        unknown = [(features, segments) for features, segments, _ in make_documents(unseen, filler, options.seed)]
+        folds.append((learn_classes(classes_of(seen)), unknown))
     threshold = learn_threshold(folds)
     clips = classes_of(examples)
     if not kept.exists():
         settings = LearningSettings(genetic=GeneticSettings(generations=options.generations), runs=options.runs)
-        others = counterexamples(examples, [piece for motion in filler for piece in cut(motion, NEGATIVE_SECONDS)])
+        others = [relational_features(piece) for motion in filler for piece in cut(motion, NEGATIVE_SECONDS)]
         learned = learn(clips, settings, np.random.default_rng(options.seed), others=others)
         save_queries(kept, [result.query for result in learned.values()])
     return Trained(Annotator(learn_classes(clips, threshold=threshold)), load_queries(kept), threshold)
@@ -114,20 +122,23 @@ def train(examples: Sequence[Example], filler: Sequence[Motion], options: argpar
 def measured(trained: Trained, documents: Sequence[Labelled]) -> dict[str, Any]:
     """Scores, confusion matrix and the share searched, without and with keyframes, over the documents of one actor."""
     annotator, labels = trained.annotator, trained.annotator.labels
-    index = KeyframeIndex.build([features for features, _ in documents])
+    index = KeyframeIndex.build([features for features, _, _ in documents])
     intervals = preselect(index, trained.queries, labels)
-    frames = sum(len(features) for features, _ in documents)
+    frames = sum(len(features) for features, _, _ in documents)
     result: dict[str, Any] = {"threshold": trained.threshold, "minutes": frames / 1800.0}
     searched = sum(stop - start for found in intervals for pieces in found.values() for start, stop in pieces)
     result["share_searched"] = searched / (frames * len(labels))
     for name in ("without keyframes", "with keyframes"):
-        totals = {"frames": Scores(0, 0, 0, 0), "segments": Scores(0, 0, 0, 0)}
+        totals = dict.fromkeys(("frames", "frames without joins", "segments"), Scores(0, 0, 0, 0))
         table = np.zeros((len(labels) + 1, len(labels) + 1), dtype=np.int64)
         annotations = []
-        for number, (features, segments) in enumerate(documents):
+        for number, (features, segments, joins) in enumerate(documents):
             found = annotator.annotate(features, intervals[number] if name == "with keyframes" else None)
             true = label_frames(segments, labels, len(features), features.frame_rate)
+            joined = [Segment(start, end, "join") for start, end in joins]
+            counted = ~label_frames(joined, ("join",), len(features), features.frame_rate)[0]
             totals["frames"] += frame_scores(true, found.frames)
+            totals["frames without joins"] += frame_scores(true[:, counted], found.frames[:, counted])
             totals["segments"] += segment_scores(segments, found.segments)
             table += confusion(true, found.decided)
             annotations.append((frame_scores(true, found.frames).f, found, segments))
@@ -135,9 +146,9 @@ def measured(trained: Trained, documents: Sequence[Labelled]) -> dict[str, Any]:
     return result
 
 
-def speed(trained: Trained, documents: Sequence[Labelled], minutes: float) -> dict[str, float]:
-    """CPU seconds to annotate one document of about `minutes`, the given documents over and over, and the speed-up."""
-    values = np.concatenate([features.values for features, _ in documents], axis=1)
+def speed(trained: Trained, parts: Sequence[FeatureMatrix], minutes: float) -> dict[str, float]:
+    """CPU seconds to annotate one document of about `minutes`, the given parts over and over, and the speed-up."""
+    values = np.concatenate([features.values for features in parts], axis=1)
     repeats = max(1, round(minutes * 1800.0 / values.shape[1]))
     features = FeatureMatrix("all", np.tile(values, (1, repeats)))
     index = KeyframeIndex.build([features])
@@ -149,6 +160,15 @@ def speed(trained: Trained, documents: Sequence[Labelled], minutes: float) -> di
         "minutes": len(features) / 1800.0, "seconds_without_keyframes": without, "seconds_with_keyframes": both,
         "seconds_of_the_keyframe_search": search, "speed_up": without / both,
     }  # fmt: skip
+
+
+def diluted(documents: Sequence[Labelled], filler: Sequence[Motion]) -> list[FeatureMatrix]:
+    """The documents and so much filler that labelled frames are `RELEVANT_SHARE` of all."""
+    labelled = sum(segment.end - segment.start for _, segments, _ in documents for segment in segments)
+    total = sum(features.duration for features, _, _ in documents)
+    matrices = [relational_features(motion) for motion in filler]
+    wanted = (labelled / RELEVANT_SHARE - total) / sum(matrix.duration for matrix in matrices)
+    return [*(features for features, _, _ in documents), *matrices * max(0, round(wanted))]
 
 
 def _cpu_seconds(run: Callable[[], object], repeats: int = 5) -> float:
@@ -175,8 +195,13 @@ def hdm05(options: argparse.Namespace) -> dict[str, Any]:
         trained = train(seen, training, options, kept)
         documents = make_documents(unseen, reporting, options.seed + 1)
         rotations[actor] = measured(trained, documents)
-        speeds[actor] = speed(trained, documents, options.minutes)
+        dense = [features for features, _, _ in documents]
+        speeds[actor] = {
+            "documents": speed(trained, dense, options.minutes),
+            "with more filler": speed(trained, diluted(documents, reporting), options.minutes),
+        }
         _print_rotation(actor, rotations[actor], speeds[actor])
+    plot_class(classes_of(examples)[DRAWN_CLASS][:4], DRAWN_FEATURES, RESULTS / "annotation_template.png")
     labels = list(trained.annotator.labels)
     both = ("without keyframes", "with keyframes")
     totals = {name: _summed([rotations[a][name]["scores"] for a in ACTORS]) for name in both}
@@ -197,7 +222,9 @@ def hdm05(options: argparse.Namespace) -> dict[str, Any]:
             }
             for actor, r in rotations.items()
         },
-        "speed_up": float(np.mean([s["speed_up"] for s in speeds.values()])),
+        "speed_up": {
+            name: float(np.mean([found[name]["speed_up"] for found in speeds.values()])) for name in speeds[ACTORS[0]]
+        },
         "confusion": {"labels": [*labels, "no class"], **tables},
     }  # fmt: skip
 
@@ -241,6 +268,25 @@ def _best(motion_class: MotionClass, features: FeatureMatrix) -> float:
     return min(float(distance_function(template, features)[0].min()) for template in motion_class.templates)
 
 
+def plot_class(clips: Sequence[FeatureMatrix], features: Sequence[int], path: Path) -> None:
+    """Draw some clips of a class, their template and the quantised template (Fig. 2.5 and 2.6)."""
+    from matplotlib.figure import Figure
+
+    template = MotionTemplate().fit(list(clips))
+    figure = Figure(figsize=(12, 5), layout="constrained")
+    axes = figure.subplots(2, max(len(clips), 2))
+    for place, clip in zip(axes[0], clips, strict=False):
+        plot_matrix(clip.values, place, features)
+        place.set_title(clip.name, fontsize=8)
+    plot_template(template, axes[1, 0], features)
+    plot_template(template.quantised(), axes[1, 1], features)
+    for place, title in zip(axes[1], ("template", "quantised, delta 0.05"), strict=False):
+        place.set_title(title, fontsize=8)
+    for unused in axes[1, 2:]:
+        unused.set_axis_off()
+    figure.savefig(path, dpi=110)
+
+
 def plot_confusion(table: np.ndarray, labels: Sequence[str], path: Path, title: str) -> None:
     """Draw a confusion matrix, rows true, columns found, each row as shares."""
     from matplotlib.figure import Figure
@@ -273,16 +319,17 @@ def _line(scores: dict[str, Scores]) -> str:
     return ", ".join(f"{key} P {s.precision:.2f} R {s.recall:.2f} F {s.f:.3f}" for key, s in scores.items())
 
 
-def _print_rotation(actor: str, rotation: dict[str, Any], timing: dict[str, float]) -> None:
+def _print_rotation(actor: str, rotation: dict[str, Any], timings: dict[str, dict[str, float]]) -> None:
     print(f"{actor} left out ({rotation['minutes']:.1f} minutes, threshold {rotation['threshold']:g})")
     for name in ("without keyframes", "with keyframes"):
         print(f"  {name}: {_line(rotation[name]['scores'])}")
-    print(
-        f"  {100 * rotation['share_searched']:.1f} % searched; {timing['minutes']:.0f} minutes in "
-        f"{timing['seconds_without_keyframes']:.3f} s without and {timing['seconds_with_keyframes']:.3f} s with "
-        f"keyframes: {timing['speed_up']:.1f} times faster",
-        flush=True,
-    )
+    print(f"  {100 * rotation['share_searched']:.1f} % searched")
+    for name, timing in timings.items():
+        print(
+            f"  {name}, {timing['minutes']:.0f} minutes: {timing['seconds_without_keyframes']:.3f} s without and "
+            f"{timing['seconds_with_keyframes']:.3f} s with keyframes, {timing['speed_up']:.1f} times faster",
+            flush=True,
+        )
 
 
 def main() -> None:

@@ -262,6 +262,7 @@ def test_documents_keep_their_clips_whole_and_join_them_without_a_jump() -> None
     parts = [(random_motion(i, reach=0.1), f"c{i}" if i != 1 else None) for i in range(3)]
     document = assemble("doc", parts)
     assert [segment.label for segment in document.segments] == ["c0", "c2"]
+    assert document.joins[0][0] == document.segments[0].end and document.joins[1][1] == document.segments[1].start
     motion = document.motion
     for (part, _), segment in zip(parts[::2], document.segments, strict=True):
         first, stop = segment.frames(motion.frame_rate)

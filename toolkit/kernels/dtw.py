@@ -216,3 +216,37 @@ def search_pieces(
         hits = spread_hits(cost, start, threshold)
         for frame in range(first, stop):
             modified[frame] = min(modified[frame], hits[frame - first])
+
+
+@njit(cache=True)
+def cheapest(distances: np.ndarray) -> np.ndarray:
+    """Row of the smallest value in each column of (P, L), the first on ties, -1 where all are infinite: int64 (L,)."""
+    best = np.full(distances.shape[1], np.inf)
+    rows = np.full(distances.shape[1], -1, dtype=np.int64)
+    for p in range(distances.shape[0]):
+        for j in range(distances.shape[1]):
+            if distances[p, j] < best[j]:
+                best[j] = distances[p, j]
+                rows[j] = p
+    return rows
+
+
+@njit(cache=True)
+def widen_runs(decided: np.ndarray, distances: np.ndarray) -> np.ndarray:
+    """Bool (P, L): the runs of each class in `decided` (L,), widened while its `distances` (P, L) do not rise."""
+    classes, length = distances.shape
+    frames = np.zeros((classes, length), dtype=np.bool_)
+    start = 0
+    while start < length:
+        row, stop = decided[start], start + 1
+        while stop < length and decided[stop] == row:
+            stop += 1
+        if row >= 0:
+            first, last = start, stop - 1
+            while first > 0 and distances[row, first - 1] <= distances[row, first]:
+                first -= 1
+            while last + 1 < length and distances[row, last + 1] <= distances[row, last]:
+                last += 1
+            frames[row, first : last + 1] = True
+        start = stop
+    return frames

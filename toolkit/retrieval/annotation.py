@@ -172,8 +172,7 @@ class Annotator:
 
 def decide(distances: np.ndarray) -> np.ndarray:
     """Class of smallest modified distance per frame: int64 (L,), -1 where all are infinite (Equation 5.6)."""
-    best = distances.argmin(axis=0)
-    return np.where(np.isfinite(distances[best, np.arange(distances.shape[1])]), best, -1)
+    return dtw.cheapest(distances)
 
 
 def extend(decided: np.ndarray, distances: np.ndarray) -> np.ndarray:
@@ -188,16 +187,7 @@ def extend(decided: np.ndarray, distances: np.ndarray) -> np.ndarray:
     -------
     bool (P, L): the labels of each frame, several where extended runs overlap
     """
-    frames = np.zeros(distances.shape, dtype=bool)
-    for row, distance in enumerate(distances):
-        falls, rises = distance[1:] < distance[:-1], distance[1:] > distance[:-1]
-        left_ends = np.concatenate([[0], np.flatnonzero(falls) + 1])
-        right_ends = np.concatenate([np.flatnonzero(rises), [len(distance) - 1]])
-        for start, stop in runs(decided == row):
-            first = left_ends[np.searchsorted(left_ends, start, side="right") - 1]
-            last = right_ends[np.searchsorted(right_ends, stop - 1)]
-            frames[row, first : last + 1] = True
-    return frames
+    return dtw.widen_runs(decided, distances)
 
 
 def runs(flags: np.ndarray) -> list[tuple[int, int]]:

@@ -22,10 +22,18 @@ _LEFT_HIP, _RIGHT_HIP, _ROOT = (NAMED_JOINTS.index(name) for name in ("left_hip"
 
 @dataclass(frozen=True, eq=False)
 class Document:
-    """A long motion with its true segments (seconds)."""
+    """A long motion that was put together.
+
+    Attributes
+    ----------
+    motion : the whole
+    segments : true segments, seconds
+    joins : (start, end) of the joins between parts, seconds; nobody performed them, and they bear no label
+    """
 
     motion: Motion
     segments: tuple[Segment, ...]
+    joins: tuple[tuple[float, float], ...]
 
 
 def assemble(name: str, parts: Sequence[tuple[Motion, str | None]]) -> Document:
@@ -52,18 +60,20 @@ def assemble(name: str, parts: Sequence[tuple[Motion, str | None]]) -> Document:
     size = BodyLengths.of(parts[0][0]).body
     pieces: list[tuple[np.ndarray, np.ndarray]] = []
     segments: list[Segment] = []
+    joins: list[tuple[float, float]] = []
     frames = 0
     for motion, label in parts:
         piece = _placed(motion, size, pieces[-1] if pieces else None)
         if pieces:
             pieces.append(_join(pieces[-1], piece, rate))
+            joins.append((frames / rate, (frames + len(pieces[-1][0])) / rate))
             frames += len(pieces[-1][0])
         if label is not None:
             segments.append(Segment(frames / rate, (frames + len(motion)) / rate, label))
         pieces.append(piece)
         frames += len(motion)
     joints, axes = (np.concatenate(arrays) for arrays in zip(*pieces, strict=True))
-    return Document(Motion(name, joints, rate, axes), tuple(segments))
+    return Document(Motion(name, joints, rate, axes), tuple(segments), tuple(joins))
 
 
 def shuffled_parts(
