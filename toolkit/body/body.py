@@ -72,12 +72,7 @@ class Body:
     @cached_property
     def normals(self) -> np.ndarray:
         """float64 (V, 3): outward unit normals of the rest mesh, area-weighted over the faces at a vertex."""
-        corners = self.vertices[self.faces]
-        areas = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-        normals = np.zeros_like(self.vertices)
-        for corner in range(3):
-            np.add.at(normals, self.faces[:, corner], areas)
-        return normals / np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-12)
+        return vertex_normals(self.vertices, self.faces)
 
     @cached_property
     def height(self) -> float:
@@ -205,6 +200,16 @@ class Body:
             skeleton.DOF_JOINT, BELOW, out,
         )  # fmt: skip
         return out
+
+
+def vertex_normals(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
+    """Outward unit normals (V, 3) of a mesh, area-weighted over the faces at a vertex."""
+    corners = vertices[faces]
+    areas = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    normals = np.zeros_like(vertices)
+    for corner in range(3):
+        np.add.at(normals, faces[:, corner], areas)
+    return normals / np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-12)
 
 
 def _below() -> np.ndarray:

@@ -15,10 +15,13 @@ from pathlib import Path
 import numpy as np
 
 from toolkit.body import skeleton
-from toolkit.body.body import Body
+from toolkit.body.body import Body, vertex_normals
 from toolkit.errors import BodyError
 
 ASSETS = Path(__file__).parent / "assets"
+CLOTHING = 0.01
+"""Metres per standard deviation: the population of the shape space is naked, and people who are recorded seldom are."""
+BARE = ("cervical", "left_wrist", "right_wrist", "left_ankle", "right_ankle")
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,7 +31,8 @@ class ShapeSpace:
     Attributes
     ----------
     mean : float64 (V + 18 + 5, 3), metres: vertices, joints, sites
-    basis : float64 (K, V + 18 + 5, 3), metres per standard deviation; components are orthogonal
+    basis : float64 (K, V + 18 + 5, 3), metres per standard deviation: orthogonal components of the population, then
+        clothing, the surface of trunk and limbs moved outwards by `CLOTHING`, joints where they are
     faces, skin_joints, skin_weights, end_effectors : as in `Body`
     variance : float64 (K,), share of the population's variance that each component explains
     named : coefficients (K,) of each named body
@@ -54,14 +58,17 @@ class ShapeSpace:
             The assets are missing or were made for another joint tree.
         """
         data = _read_asset("tracker.npz")
+        mean, faces = data["mean"].astype(np.float64), data["faces"].astype(np.int32)
+        skin_joints, skin_weights = data["skin_joints"].astype(np.int64), _unit_rows(data["skin_weights"])
+        clothing = _clothing(mean, faces, skin_joints, skin_weights)
         return ShapeSpace(
-            mean=data["mean"].astype(np.float64),
-            basis=data["basis"].astype(np.float64),
-            faces=data["faces"].astype(np.int32),
-            skin_joints=data["skin_joints"].astype(np.int64),
-            skin_weights=_unit_rows(data["skin_weights"]),
+            mean=mean,
+            basis=np.concatenate([data["basis"].astype(np.float64), clothing[None]]),
+            faces=faces,
+            skin_joints=skin_joints,
+            skin_weights=skin_weights,
             end_effectors=data["end_effectors"],
-            variance=data["variance"],
+            variance=np.append(data["variance"], 0.0),
             named=dict(zip(data["names"].tolist(), data["shapes"], strict=True)),
         )
 
@@ -102,8 +109,16 @@ class ShapeSpace:
                 "project a body that was made by ShapeSpace.body"
             )
         change = np.concatenate([body.vertices, body.joints, body.sites]) - self.mean
-        flat = self.basis.reshape(self.size, -1)
-        return flat @ change.ravel() / np.einsum("kd,kd->k", flat, flat)
+        return np.linalg.lstsq(self.basis.reshape(self.size, -1).T, change.ravel(), rcond=None)[0]
+
+
+def _clothing(mean: np.ndarray, faces: np.ndarray, skin_joints: np.ndarray, skin_weights: np.ndarray) -> np.ndarray:
+    """The component of clothing, (V + 18 + 5, 3): outwards along the normals, but not on head, hands and feet."""
+    bare = [skeleton.JOINT_NAMES.index(name) for name in BARE]
+    covered = 1.0 - (skin_weights * np.isin(skin_joints, bare)).sum(axis=1)
+    out = np.zeros_like(mean)
+    out[: len(skin_joints)] = CLOTHING * covered[:, None] * vertex_normals(mean[: len(skin_joints)], faces)
+    return out
 
 
 @cache
@@ -197,10 +212,7 @@ def _bumps(skin: np.ndarray, faces: np.ndarray, rng: np.random.Generator, count:
     """Offsets (V, 3) along the normals: Gaussian bumps and dents, 4 to 12 cm wide, at random places below the neck."""
     corners = skin[faces]
     face_normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    normals = np.zeros_like(skin)
-    for corner in range(3):
-        np.add.at(normals, faces[:, corner], face_normals)
-    normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-12)
+    normals = vertex_normals(skin, faces)
     area = np.linalg.norm(face_normals, axis=1) * (corners[..., 1].mean(axis=1) < np.quantile(skin[:, 1], 0.95) - 0.3)
     centres = corners[rng.choice(len(faces), count, p=area / area.sum())].mean(axis=1)
     width, height = rng.uniform(0.02, 0.06, count), rng.uniform(-0.006, 0.012, count)
