@@ -212,8 +212,12 @@ def hdm05(options: argparse.Namespace) -> dict[str, Any]:
     ranked = sorted((a for r in rotations.values() for a in r[both[1]]["annotations"]), key=lambda item: item[0])
     for name, (_, found, segments) in (("bad", ranked[0]), ("good", ranked[-1])):
         plot_annotation(found, segments, 0.13).savefig(RESULTS / f"annotation_{name}.png", dpi=110)
+    feature_seconds = _cpu_seconds(lambda: [relational_features(e.motion) for e in examples], repeats=2)
+    feature_seconds *= options.minutes * 60.0 / sum(e.motion.duration for e in examples)
+    print(f"relational features of {options.minutes:.0f} minutes at 120 Hz: {feature_seconds:.1f} s")
     return {
         "documents": HOW,
+        "features": {"minutes": options.minutes, "cpu_seconds": feature_seconds},
         "all_actors": {name: _scores(total) for name, total in totals.items()},
         "by_actor_left_out": {
             actor: {

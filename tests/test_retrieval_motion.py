@@ -17,7 +17,8 @@ from toolkit.mocap.procedural import procedural_clips
 from toolkit.mocap.read import find_clips, read_clip
 from toolkit.mocap.retarget import retarget
 from toolkit.retrieval.features import BodyLengths, relational_features
-from toolkit.retrieval.motion import NAMED_JOINTS, Motion, from_clip, from_joints, from_poses, joint_maps
+from toolkit.retrieval.motion import NAMED_JOINTS, Motion, from_clip, from_joints, from_poses, from_track, joint_maps
+from toolkit.track import Track
 
 FILES = {"asf": "mocap/hdm05/HDM_bd_squat1Reps_001_120.amc", "cmu_bvh": "mocap/cmu/02_01.bvh"}
 
@@ -60,6 +61,22 @@ def test_a_skeleton_that_only_retargeting_knows_gives_the_features_of_its_poses(
     assert len(exported) == len(clip)
     original = relational_features(from_poses(clip.poses, body, clip.frame_rate, "squat"))
     assert np.mean(relational_features(exported).values != original.values) < 0.02
+
+
+def test_a_track_has_the_features_of_its_poses_at_the_rate_of_its_time_stamps() -> None:
+    body = load_body("neutral")
+    clip = procedural_clips(["wave"], 30.0, body=body, variations=1)[0]
+    frames = len(clip)
+    track = Track(
+        joints=body.joint_positions(clip.poses).astype(np.float32), pose=clip.poses,
+        confidence=np.ones((frames, 20), np.float32), state=np.zeros(frames, np.uint8),
+        source=np.zeros(frames, np.uint8), timestamps=np.arange(frames) / 30.0,
+        stage_ms=np.zeros((frames, 1), np.float32), source_names=("local",), stage_names=("all",),
+    )  # fmt: skip
+    motion = from_track(track, body, "run")
+    assert motion.frame_rate == pytest.approx(30.0)
+    assert relational_features(motion).values[2:4].any()  # a hand waves above the neck
+    np.testing.assert_array_equal(motion.joints, from_poses(clip.poses, body, 30.0, "run").joints)
 
 
 def test_a_joint_that_is_not_finite_is_named_with_its_frame() -> None:
