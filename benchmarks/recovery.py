@@ -118,7 +118,7 @@ def run(
         due = [kind for k, kind in enumerate(KINDS) for _ in range(_share(starts, len(recordings), number, k))]
         rng.shuffle(due)
         # Each start has a frame before which it does not begin; it begins at the next one that allows it.
-        waiting = sorted(zip(rng.integers(2, int(0.7 * len(recording)), len(due)).tolist(), due, strict=True))
+        waiting = sorted(zip(rng.integers(1, max(2, int(0.7 * len(recording))), len(due)).tolist(), due, strict=True))
         tracker.start(recording)
         for i in range(len(recording)):
             result = tracker.step(recording.depth(i), float(recording.timestamps[i]))
