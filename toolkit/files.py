@@ -33,14 +33,16 @@ def atomic_path(path: str | Path) -> Iterator[Path]:
         handle, name = tempfile.mkstemp(prefix=f".{target.stem}-", suffix=target.suffix, dir=target.parent)
         os.close(handle)
     except OSError as error:
-        raise OutputError(f"cannot write {target}: {error.strerror or error}; choose a folder that can be written") from error
+        reason = error.strerror or error
+        raise OutputError(f"cannot write {target}: {reason}; choose a folder that can be written") from error
     temporary = Path(name)
     try:
         yield temporary
         os.chmod(temporary, 0o666 & ~_umask())
         os.replace(temporary, target)
     except OSError as error:
-        raise OutputError(f"cannot write {target}: {error.strerror or error}; free some space or choose another folder") from error
+        reason = error.strerror or error
+        raise OutputError(f"cannot write {target}: {reason}; free some space or choose another folder") from error
     finally:
         temporary.unlink(missing_ok=True)
 

@@ -1,7 +1,7 @@
 """Forward kinematics, linear blend skinning and their analytic Jacobians, compiled.
 
-Rotations are exponential coordinates; `rotations[j]` and `origins[j]` place joint j's frame, which is aligned with the body
-frame in the rest pose, so a point p of joint j moves to `rotations[j] @ (p - rest[j]) + origins[j]`.
+Rotations are exponential coordinates; `rotations[j]` and `origins[j]` place joint j's frame, which is aligned with the
+body frame in the rest pose, so a point p of joint j moves to `rotations[j] @ (p - rest[j]) + origins[j]`.
 """
 
 from __future__ import annotations
@@ -166,8 +166,8 @@ def skin_jacobian(
 ) -> None:
     """Derivative of the skinned points with respect to the pose: fills `out` (V, 3, 3 + D).
 
-    `below[i, j]` is True where joint j is i or hangs below it. Per skinning joint the point moves rigidly, so entry k adds
-    `weight * axes[k] x (moved point - origin of k's joint)`.
+    `below[i, j]` is True where joint j is i or hangs below it. Per skinning joint the point moves rigidly, so entry k
+    adds `weight * axes[k] x (moved point - origin of k's joint)`.
     """
     out[:] = 0.0
     for v in range(points.shape[0]):
