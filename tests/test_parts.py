@@ -280,7 +280,7 @@ def test_parts_have_two_labels_each_on_both_sides() -> None:
 @pytest.fixture(scope="module")
 def trained() -> JointForest:
     settings = replace(
-        SMALL, images=500, trees=2, depth=10, smallest_leaf=15, questions=40, node_samples=1000, turned=0
+        SMALL, images=800, trees=2, depth=10, smallest_leaf=15, questions=40, node_samples=1000, turned=0
     )
     return train_forest(a_few_poses(), settings, seed=1)
 
@@ -293,7 +293,9 @@ def test_a_small_forest_finds_head_and_hips_in_a_view_that_it_has_not_seen(train
     errors = np.linalg.norm(estimate.points - body.joint_positions(pose), axis=1)
     for name in ("head", "neck", "left_hip", "right_hip", "left_shoulder", "right_shoulder"):
         assert errors[skeleton.REPORTED.index(name)] < 0.1, name
-    assert (estimate.confidence <= 1).all() and estimate.confidence[skeleton.REPORTED.index("head")] > 0.05
+    assert (estimate.confidence <= 1).all()
+    sure = estimate.confidence[[skeleton.REPORTED.index(name) for name in ("head", "left_hand", "right_hand")]]
+    assert sure[0] > 2 * sure[1:].max()  # hands are small and go anywhere
     hips = [estimate.points[skeleton.REPORTED.index(f"{side}_hip")] for side in ("left", "right")]
     assert hips[0][0] > hips[1][0]
 

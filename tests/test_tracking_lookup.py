@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from itertools import permutations
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -187,19 +188,26 @@ def test_with_the_frame_before_the_pose_is_the_first_to_come_back(body: Body, ro
     assert error < (0.03 if turn == 0.0 else 0.06)
 
 
-def test_a_larger_person_gets_the_pose_in_the_right_place(body: Body) -> None:
-    tall = body.scaled(1.15)
-    pose = standing_at(41)
-    (found,) = ExtremaProposer(small_database(), LookupSettings()).propose(
-        view_of(tall, pose, np.arange(5)),
-        Previous(
-            pose, tall.joint_positions(pose), tall.end_effector_positions(pose), tall.end_effector_positions(pose)
-        ),
-        tall,
-        1,
-    )
+@pytest.mark.parametrize("size", [0.7, 1.3])
+@pytest.mark.parametrize("row", [41, 77, 120])
+def test_a_person_of_another_size_gets_the_pose_in_the_right_place(body: Body, row: int, size: float) -> None:
+    person, pose = body.scaled(size), standing_at(row)
+    view = view_of(person, pose, np.arange(5))
+    tips = person.end_effector_positions(pose)
+    previous = Previous(pose, person.joint_positions(pose), tips, tips)
+    database = small_database()
+    (found,) = ExtremaProposer(database, LookupSettings()).propose(view, previous, person, 1)
     assert found[6:] == pytest.approx(pose[6:], abs=1e-6)
-    assert np.linalg.norm(tall.joint_positions(found) - tall.joint_positions(pose), axis=1).mean() < 0.03
+    assert np.linalg.norm(person.joint_positions(found) - person.joint_positions(pose), axis=1).mean() < 0.03 * size
+    # The query is that of the database's own person in this pose.
+    asked = []
+    recorder = SimpleNamespace(
+        poses=database.poses, joints=database.joints, offsets=database.offsets, torso_length=database.torso_length,
+        query=lambda features, *rest: asked.append(features) or database.query(features, *rest),
+    )  # fmt: skip
+    ExtremaProposer(recorder, LookupSettings()).propose(view, previous, person, 1)
+    nearest = np.linalg.norm(asked[0] - database.features[row], axis=1).min()
+    assert nearest < 0.1
 
 
 def test_fewer_than_five_extrema_without_a_regressor_propose_nothing(body: Body) -> None:
