@@ -11,7 +11,7 @@ from toolkit.errors import SettingsError
 class PoseSmoother:
     """First-order low-pass of a pose with a time constant in seconds.
 
-    A step of dt seconds moves the output by the share `1 - exp(-dt / time)` of the way, so the frame rate does not matter.
+    A step of dt seconds moves the output by the share `1 - exp(-dt / time)` of the way, whatever the frame rate.
     A steady motion is followed with a lag of `time` seconds (to within half a frame), and no more.
 
     Parameters
