@@ -18,6 +18,9 @@ from toolkit.mocap.procedural import procedural_clips
 from toolkit.sensing.recording import open_recording
 from toolkit.simulation.simulate import facing_of
 
+QUICK = ("--set", "shape.frames=2")
+"""The shape is learnt from two frames only."""
+
 
 @pytest.fixture(scope="module")
 def small_database(tmp_path_factory: pytest.TempPathFactory) -> Path:
@@ -102,7 +105,7 @@ def test_recovery_counts_frames_until_the_pose_is_right(
     monkeypatch.setattr(recovery, "CAP", 3)
     monkeypatch.setattr(recovery, "WITHIN", 0.5)
     arguments = ["--takes", 1, "--frames", 4, "--starts", 5, "--database", small_database, "--work", bundled]
-    run(recovery, *arguments, monkeypatch=monkeypatch)
+    run(recovery, *arguments, *QUICK, monkeypatch=monkeypatch)
     kinds = json.loads((bundled / "recovery_tune_part.json").read_text())["figures"]["kinds"]
     assert kinds["shifted"]["starts"] > 0
     assert 1 <= kinds["shifted"]["median"] <= 3
@@ -139,6 +142,6 @@ def test_speed_times_every_stage_at_full_and_half_resolution(
 def test_real_recordings_are_measured(
     shared_data: Path, bundled: Path, small_database: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    run(real, "--stride", 108, "--database", small_database, "--work", bundled, monkeypatch=monkeypatch)
+    run(real, "--stride", 108, "--database", small_database, "--work", bundled, *QUICK, monkeypatch=monkeypatch)
     mean = json.loads((bundled / "real_part.json").read_text())["figures"]["hybrid"]["mean"]
     assert 0 < mean["overlap"] <= 1
