@@ -32,6 +32,8 @@ PARTS = 12
 FILLER_SHARE = 0.5
 """Share of a document's parts that are excerpts of CMU motions."""
 FILLER_SECONDS = (2.0, 6.0)
+PIECE, SHORTEST_PIECE = 90, 15
+"""Frames at 30 Hz of a counterexample cut out of a document."""
 HOW = (
     "documents put together from cut HDM05 clips (half of them mirrored, speed 0.8 to 1.25) and excerpts of CMU "
     "motions, joined by eased straight lines; mirror images of one-sided classes and CMU motions bear no label"
@@ -70,11 +72,16 @@ def load_examples(data: Path) -> list[Example]:
     return examples
 
 
-def by_label(examples: Sequence[Example], proportions: Sequence[float]) -> dict[str, list[FeatureMatrix]]:
-    """Features of the clips of each class."""
+def by_label(
+    examples: Sequence[Example], proportions: Sequence[float], speeds: Sequence[float] = ()
+) -> dict[str, list[FeatureMatrix]]:
+    """Features of the clips of each class, also under other proportions of the actor and at other speeds."""
     classes: dict[str, list[FeatureMatrix]] = {label: [] for label in sorted({e.label for e in examples})}
     for example in examples:
         classes[example.label].extend(with_other_proportions(example.motion, proportions))
+        for factor in speeds:
+            matrix = relational_features(at_speed(example.motion, factor))
+            classes[example.label].append(replace(matrix, name=f"{matrix.name} at speed {factor:g}"))
     return classes
 
 
@@ -126,7 +133,14 @@ def _part(examples: Sequence[Example], filler: Sequence[Motion], rng: np.random.
     return motion.mirrored(), example.label if example.label in SYMMETRIC else None
 
 
-def counterexamples(examples: Sequence[Example], filler: Sequence[Motion]) -> list[FeatureMatrix]:
-    """What belongs to no class: mirror images of one-sided classes, and filler."""
-    mirrored = [example.motion.mirrored() for example in examples if example.label not in SYMMETRIC]
-    return [relational_features(motion) for motion in (*mirrored, *filler)]
+def unlabelled_pieces(documents: Sequence[LabelledDocument]) -> list[FeatureMatrix]:
+    """Filler, joins and mirror images of one-sided classes, cut out of documents into pieces of up to 3 seconds."""
+    pieces = []
+    for document in documents:
+        edges = [0, *(edge for start, stop, _ in document.segments for edge in (start, stop)), len(document.features)]
+        for first, last in zip(edges[::2], edges[1::2], strict=True):
+            for start in range(first, last, PIECE):
+                piece = document.features.sliced(start, min(start + PIECE, last))
+                if len(piece) >= SHORTEST_PIECE:
+                    pieces.append(replace(piece, name=f"{document.features.name} from {start}"))
+    return pieces

@@ -95,7 +95,8 @@ def keyframe_lists(
 
     The rarest keyframe's list is merged first. From there on, in both directions, a hit has the next keyframe at a
     bounded distance from a segment of the last one, so it is read from the runs there wherever that is less work than
-    merging its own list. What is left out is in no hit, and the parts of a segment that belong to one match stay together.
+    merging its own list. What is left out is in no hit, and the parts of a segment that belong to one match stay
+    together.
     """
     counts = [index.sets[keyframe.feature_set].count(keyframe) for keyframe in keyframes]
     rarest = int(np.argmin(counts))
