@@ -141,7 +141,7 @@ def measured(trained: Trained, documents: Sequence[Labelled]) -> dict[str, Any]:
             totals["frames without joins"] += frame_scores(true[:, counted], found.frames[:, counted])
             totals["segments"] += segment_scores(segments, found.segments)
             table += confusion(true, found.decided)
-            annotations.append((frame_scores(true, found.frames).f, found, segments))
+            annotations.append((frame_scores(true, found.frames).f, found, segments, trained.threshold))
         result[name] = {"scores": totals, "confusion": table, "annotations": annotations}
     return result
 
@@ -210,8 +210,8 @@ def hdm05(options: argparse.Namespace) -> dict[str, Any]:
     tables = {name: sum(rotations[a][name]["confusion"] for a in ACTORS) for name in both}
     plot_confusion(tables[both[1]], [*labels, "no class"], RESULTS / "annotation_confusion.png", "HDM05, frames")
     ranked = sorted((a for r in rotations.values() for a in r[both[1]]["annotations"]), key=lambda item: item[0])
-    for name, (_, found, segments) in (("bad", ranked[0]), ("good", ranked[-1])):
-        plot_annotation(found, segments, 0.13).savefig(RESULTS / f"annotation_{name}.png", dpi=110)
+    for name, (_, found, segments, threshold) in (("bad", ranked[0]), ("good", ranked[-1])):
+        plot_annotation(found, segments, threshold).savefig(RESULTS / f"annotation_{name}.png", dpi=110)
     feature_seconds = _cpu_seconds(lambda: [relational_features(e.motion) for e in examples], repeats=2)
     feature_seconds *= options.minutes * 60.0 / sum(e.motion.duration for e in examples)
     print(f"relational features of {options.minutes:.0f} minutes at 120 Hz: {feature_seconds:.1f} s")
@@ -302,8 +302,9 @@ def plot_confusion(table: np.ndarray, labels: Sequence[str], path: Path, title: 
     image = axes.imshow(shares, cmap="Blues", vmin=0.0, vmax=1.0)
     for row, column in zip(*np.nonzero(shares >= 0.01), strict=True):
         text = f"{100 * shares[row, column]:.0f}"
-        axes.text(column, row, text, ha="center", va="center", fontsize=7, color="w" if shares[row, column] > 0.5 else
-        "k")
+        axes.text(
+            column, row, text, ha="center", va="center", fontsize=7, color="w" if shares[row, column] > 0.5 else "k"
+        )
     axes.set_xticks(range(len(labels)), labels, rotation=90, fontsize=8)
     axes.set_yticks(range(len(labels)), labels, fontsize=8)
     axes.set(xlabel="found", ylabel="true", title=f"{title}: percent of the true class")

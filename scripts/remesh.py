@@ -112,9 +112,7 @@ def _drawn_onto(surface: Surface, points: np.ndarray, faces: np.ndarray) -> np.n
     import open3d as o3d
 
     scene = o3d.t.geometry.RaycastingScene()
-    scene.add_triangles(
-        o3d.core.Tensor(surface[0].astype(np.float32)), o3d.core.Tensor(surface[1].astype(np.uint32))
-    )
+    scene.add_triangles(o3d.core.Tensor(surface[0].astype(np.float32)), o3d.core.Tensor(surface[1].astype(np.uint32)))
     nearest = scene.compute_closest_points(o3d.core.Tensor(points.astype(np.float32)))["points"].numpy().astype(float)
     nearest[:, 0] = np.maximum(nearest[:, 0], 1e-4)
     nearest[_border(faces), 0] = 0.0

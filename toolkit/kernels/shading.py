@@ -22,7 +22,7 @@ def shade_triangles(
 ) -> None:
     """Draw the triangles that face the camera, nearest first kept, with interpolated normals and colours.
 
-    `vertices`, `normals` (V, 3) in the camera frame, `colors` (V, 3), `faces` (F, 3) counter-clockwise seen from outside,
+    `vertices`, `normals` (V, 3) in the camera frame, `colors` (V, 3), `faces` (F, 3) counter-clockwise from outside,
     `lights` the shares of ambient, key and head light, `key` (3,) the direction towards the key light. `depth` (H, W)
     comes filled with infinity where nothing is drawn yet; `image` (H, W, 3) uint8.
     """

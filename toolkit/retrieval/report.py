@@ -158,13 +158,10 @@ def _as_json(annotation: Annotation, classes: Sequence[MotionClass], scores: dic
         "seconds": annotation.frames.shape[1] / annotation.frame_rate,
         "frame_rate": annotation.frame_rate,
         "thresholds": {motion_class.label: motion_class.threshold for motion_class in classes},
-        "segments": [
-            {"start": s.start, "end": s.end, "label": s.label, "score": s.score} for s in annotation.segments
-        ],
+        "segments": [{"start": s.start, "end": s.end, "label": s.label, "score": s.score} for s in annotation.segments],
         "too_long": list(annotation.too_long),
         "scores": {
-            name: {"precision": value.precision, "recall": value.recall, "f": value.f}
-            for name, value in scores.items()
+            name: {"precision": value.precision, "recall": value.recall, "f": value.f} for name, value in scores.items()
         },
     }
 
