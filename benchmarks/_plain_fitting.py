@@ -287,8 +287,11 @@ class PlainFitter(Fitter):
             system.assemble(posed)
             for prior in self._pose_terms:
                 prior.add(system, pose)
-            pose += bounded_step(system.matrix, system.vector, pose, skeleton.POSE_LIMITS, self._damping)
+            step = bounded_step(system.matrix, system.vector, pose, skeleton.POSE_LIMITS, self._damping)
+            pose += step
             _wrap_root(pose)
+            if np.abs(step).max() < self.settings.converged:
+                break
         return pose
 
     def sparse_distance(self, pose: np.ndarray, scene: Scene) -> float:
@@ -301,8 +304,15 @@ class PlainFitter(Fitter):
         nearest = np.empty_like(points)
         scene.neighbours.medians(points, visible, s.reach, 1, nearest)
         distances = np.linalg.norm(points - nearest, axis=1)[visible]
-        mesh_to_cloud = np.where(np.isnan(distances), s.reach, distances).sum() / max(int(visible.sum()), 1)
-        if len(scene.extrema) == 0:
-            return float(mesh_to_cloud)
-        cloud_to_mesh = np.linalg.norm(scene.extrema[:, None] - posed.vertices, axis=2).min(axis=1)
-        return float(mesh_to_cloud + np.minimum(cloud_to_mesh, s.reach).mean())
+        mesh_to_cloud = _mean_capped(distances, s.reach)
+        to_extrema = np.linalg.norm(scene.extrema[:, None] - posed.vertices, axis=2)
+        extrema_to_mesh = _mean_capped(to_extrema.min(axis=1), s.reach)
+        if not scene.plain_samples:
+            return mesh_to_cloud + extrema_to_mesh
+        to_samples = np.linalg.norm(self.cloud.nearest(posed, scene)[0] - scene.samples, axis=1)
+        return mesh_to_cloud + extrema_to_mesh + _mean_capped(to_samples[: scene.plain_samples], s.reach)
+
+
+def _mean_capped(distances: np.ndarray, cap: float) -> float:
+    """Mean of distances (N,) of which NaN and what exceeds the cap count as the cap; the cap for none at all."""
+    return float(np.minimum(np.where(np.isnan(distances), cap, distances), cap).mean()) if len(distances) else cap

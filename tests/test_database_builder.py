@@ -202,7 +202,7 @@ def test_options_that_cannot_work_are_refused(tmp_path: Path, options: dict[str,
 def test_the_report_says_what_the_database_covers(tmp_path: Path) -> None:
     database = build_database(CLIPS, tmp_path / "poses.npz").database
     text = database_text(database)
-    for words in (f"poses      {len(database)}", "18.00 mm", "80 mm root mean square", "left_hand", "bias", "  a"):
+    for words in (f"poses      {len(database)}", "9.00 mm", "40 mm root mean square", "left_hand", "bias", "  a"):
         assert words in text
     plot_coverage(database, tmp_path / "coverage.png")
     assert (tmp_path / "coverage.png").read_bytes().startswith(b"\x89PNG")
