@@ -8,10 +8,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tests.retrieval_motions import random_motion
-from toolkit.errors import RetrievalError
+from toolkit.errors import RetrievalError, SettingsError
 from toolkit.kernels import dtw
 from toolkit.retrieval.annotation import (
     Annotator,
+    DecisionSettings,
     MotionClass,
     PreparedTemplate,
     decide,
@@ -107,31 +108,44 @@ def test_a_motion_within_a_document_is_found_where_it_is_at_half_and_double_spee
         assert abs(end - (40 + len(columns) - 1)) < block and abs(start[end] - 40) < block
 
 
-def test_a_hit_writes_its_cost_over_its_frames_and_the_cheaper_hit_wins() -> None:
+def test_every_hit_writes_its_cost_over_its_frames_as_published_and_the_cheaper_one_wins() -> None:
     cost = np.array([INF, 0.3, 0.05, 0.1, 0.2, 0.02, 0.3])
     start = np.array([-1, 0, 0, 1, 2, 2, 5])
-    modified = dtw.spread_hits(cost, start, 0.13)
-    np.testing.assert_allclose(modified, [INF, INF, 0.02, 0.02, 0.02, 0.02, INF])
-    modified = dtw.spread_hits(np.array([0.5, 0.05, 0.2, 0.02]), np.array([0, 0, 1, 1]), 0.13)
+    modified = dtw.spread_hits(cost, start, 0.13, 1.0)
+    np.testing.assert_allclose(modified, [0.05, 0.05, 0.02, 0.02, 0.02, 0.02, INF])
+    modified = dtw.spread_hits(np.array([0.5, 0.05, 0.2, 0.02]), np.array([0, 0, 1, 1]), 0.13, 1.0)
     np.testing.assert_allclose(modified, [INF, 0.02, 0.02, 0.02])
-    modified = dtw.spread_hits(np.array([0.5, 0.02, 0.2, 0.05]), np.array([0, 0, 1, 1]), 0.13)
+    modified = dtw.spread_hits(np.array([0.5, 0.02, 0.2, 0.05]), np.array([0, 0, 1, 1]), 0.13, 1.0)
     np.testing.assert_allclose(modified, [0.02, 0.02, 0.05, 0.05])
 
 
+def test_a_hit_mostly_within_cheaper_ones_is_the_same_motion() -> None:
+    cost = np.array([0.5, 0.5, 0.02, 0.2, 0.05, 0.5, 0.04])
+    start = np.array([0, 0, 0, 1, 1, 4, 4])
+    both = dtw.spread_hits(cost, start, 0.13, 0.5)
+    np.testing.assert_allclose(both, [0.02, 0.02, 0.02, INF, 0.04, 0.04, 0.04])
+    np.testing.assert_allclose(dtw.spread_hits(cost, start, 0.13, 0.8)[3], 0.05)
+    start[6] = 2
+    np.testing.assert_allclose(dtw.spread_hits(cost, start, 0.13, 0.0)[3:], INF)
+    np.testing.assert_allclose(dtw.spread_hits(cost, start, 0.13, 0.2)[3:], 0.04)
+
+
 def test_frames_on_the_slope_behind_a_minimum_are_no_hits() -> None:
-    modified = dtw.spread_hits(np.array([0.5, 0.02, 0.04, 0.06, 0.5]), np.array([0, 0, 0, 0, 0]), 0.13)
+    modified = dtw.spread_hits(np.array([0.5, 0.02, 0.04, 0.06, 0.5]), np.array([0, 0, 0, 0, 0]), 0.13, 1.0)
     np.testing.assert_allclose(modified, [0.02, 0.02, INF, INF, INF])
 
 
-@given(st.lists(st.integers(0, 3), min_size=1, max_size=30))
-def test_local_minima_are_the_plateaus_below_both_sides(values: list[int]) -> None:
+@given(st.lists(st.integers(0, 3), min_size=1, max_size=30), st.integers(0, 4))
+def test_minima_are_the_last_frames_of_plateaus_below_both_sides_and_the_threshold(
+    values: list[int], threshold: int
+) -> None:
     padded = [9, *values, 9]
     expected = []
     for i in range(1, len(values) + 1):
         left = next(v for v in padded[i::-1] if v != padded[i])
-        right = next(v for v in padded[i:] if v != padded[i])
-        expected.append(left > padded[i] and right > padded[i])
-    assert dtw.local_minima(np.array(values, dtype=float)).tolist() == expected
+        if left > padded[i] and padded[i + 1] > padded[i] and padded[i] < threshold:
+            expected.append(i - 1)
+    assert dtw.minima_below(np.array(values, dtype=float), float(threshold)).tolist() == expected
 
 
 def test_the_cheapest_class_wins_and_the_first_one_on_ties() -> None:
@@ -144,11 +158,26 @@ def test_a_run_grows_while_its_distance_does_not_rise_away_from_it() -> None:
     second = np.array([INF, INF, 0.20, 0.01, 0.09, 0.05, 0.01, INF, INF])
     distances = np.stack([first, second])
     decided = np.array([-1, 0, 0, 1, 1, 1, 1, 0, -1])
-    frames = extend(decided, distances)
+    frames = extend(decided, distances, 0.0)
     assert runs(frames[0]) == [(1, 3), (7, 8)]
     assert runs(frames[1]) == [(3, 7)]
     decided[3:6] = -1, 0, -1
-    assert runs(extend(decided, distances)[0]) == [(1, 6), (7, 8)]
+    assert runs(extend(decided, distances, 0.0)[0]) == [(1, 6), (7, 8)]
+
+
+def test_what_is_left_of_a_hit_beside_a_cheaper_one_of_another_class_is_no_motion() -> None:
+    first = np.array([INF, 0.05, 0.05, 0.05, 0.05, INF])
+    second = np.array([INF, INF, 0.01, 0.01, 0.01, 0.01])
+    distances = np.stack([first, second])
+    decided = decide(distances)
+    assert runs(extend(decided, distances, 0.25)[0]) == [(1, 5)]
+    frames = extend(decided, distances, 0.5)
+    assert runs(frames[0]) == [] and runs(frames[1]) == [(2, 6)]
+
+
+def test_decision_settings_are_shares() -> None:
+    with pytest.raises(SettingsError, match="visible 1.5 is no share"):
+        DecisionSettings(visible=1.5)
 
 
 def test_two_movements_in_a_document_get_their_labels() -> None:

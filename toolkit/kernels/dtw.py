@@ -147,41 +147,43 @@ def distance_function(
 
 
 @njit(cache=True)
-def local_minima(values: np.ndarray) -> np.ndarray:
-    """Bool (L,): all frames of the plateaus (of one frame or more) that lie lower than what is beside them."""
-    minima = np.zeros(values.shape[0], dtype=np.bool_)
-    first = 0
-    for j in range(1, values.shape[0] + 1):
-        if j < values.shape[0] and values[j] == values[first]:
-            continue
-        falls_to = first == 0 or values[first - 1] > values[first]
-        rises_from = j == values.shape[0] or values[j] > values[first]
-        if falls_to and rises_from:
-            minima[first:j] = True
-        first = j
-    return minima
+def minima_below(values: np.ndarray, threshold: float) -> np.ndarray:
+    """Last frames of the plateaus (of one frame or more) that lie below `threshold` and what is beside them: int64."""
+    found = np.empty(values.shape[0], dtype=np.int64)
+    count, falling = 0, True
+    for j in range(values.shape[0]):
+        if j > 0 and values[j] != values[j - 1]:
+            falling = values[j] < values[j - 1]
+        if falling and values[j] < threshold and (j + 1 == values.shape[0] or values[j] < values[j + 1]):
+            found[count] = j
+            count += 1
+    return found[:count]
 
 
 @njit(cache=True)
-def spread_hits(cost: np.ndarray, start: np.ndarray, threshold: float) -> np.ndarray:
+def spread_hits(cost: np.ndarray, start: np.ndarray, threshold: float, overlap: float) -> np.ndarray:
     """Modified distance function (thesis 5.2): each hit's cost over all frames of its alignment.
 
-    Hits end in local minima below the threshold and are taken from the cheapest up (the earlier on ties). Each writes
-    its cost over those of its frames that are still unset, and no later hit may end within it.
+    Hits end in local minima below the threshold, at a plateau's last frame, and are taken from the cheapest up (the
+    earlier on ties). Each writes its cost over those of its frames that are still unset.
 
     Parameters
     ----------
     cost, start : float64 and int64 (L,), from `distance_function`
     threshold : costs at or above it are no hits
+    overlap : a hit of which a greater share is set already is left out; the thesis leaves out none, which is 1
 
     Returns
     -------
     float64 (L,), infinite outside all hits
     """
     modified = np.full(cost.shape[0], np.inf)
-    candidates = np.flatnonzero((cost < threshold) & local_minima(cost))
+    candidates = minima_below(cost, threshold)
     for end in candidates[np.argsort(cost[candidates], kind="mergesort")]:
-        if modified[end] < np.inf:
+        covered = 0
+        for frame in range(start[end], end + 1):
+            covered += modified[frame] < np.inf
+        if covered > overlap * (end + 1 - start[end]):
             continue
         for frame in range(start[end], end + 1):
             if modified[frame] == np.inf:
@@ -197,6 +199,7 @@ def search_pieces(
     document: np.ndarray,
     pieces: np.ndarray,
     threshold: float,
+    overlap: float,
     modified: np.ndarray,
 ) -> None:
     """Lower `modified` (L,) to the modified distance function of a template, computed on pieces of a document only.
@@ -205,7 +208,7 @@ def search_pieces(
     ----------
     bits, mask, scale, document : as for `distance_function`
     pieces : int64 (P, 2), first frame and the one after the last, within the document
-    threshold : as for `spread_hits`
+    threshold, overlap : as for `spread_hits`
     modified : float64 (L,), changed in place
     """
     for p in range(pieces.shape[0]):
@@ -213,7 +216,7 @@ def search_pieces(
         if stop <= first:
             continue
         cost, start = distance_function(bits, mask, scale, document[first:stop])
-        hits = spread_hits(cost, start, threshold)
+        hits = spread_hits(cost, start, threshold, overlap)
         for frame in range(first, stop):
             modified[frame] = min(modified[frame], hits[frame - first])
 
@@ -232,8 +235,11 @@ def cheapest(distances: np.ndarray) -> np.ndarray:
 
 
 @njit(cache=True)
-def widen_runs(decided: np.ndarray, distances: np.ndarray) -> np.ndarray:
-    """Bool (P, L): the runs of each class in `decided` (L,), widened while its `distances` (P, L) do not rise."""
+def widen_runs(decided: np.ndarray, distances: np.ndarray, visible: float) -> np.ndarray:
+    """Bool (P, L): the runs of each class in `decided` (L,), widened while its `distances` (P, L) do not rise.
+
+    A widened run in which less than the share `visible` of the frames is decided for its class is left out.
+    """
     classes, length = distances.shape
     frames = np.zeros((classes, length), dtype=np.bool_)
     start = 0
@@ -247,6 +253,10 @@ def widen_runs(decided: np.ndarray, distances: np.ndarray) -> np.ndarray:
                 first -= 1
             while last + 1 < length and distances[row, last + 1] <= distances[row, last]:
                 last += 1
-            frames[row, first : last + 1] = True
+            seen = 0
+            for frame in range(first, last + 1):
+                seen += decided[frame] == row
+            if seen >= visible * (last + 1 - first):
+                frames[row, first : last + 1] = True
         start = stop
     return frames

@@ -2,6 +2,9 @@
 
 Every class is a set of quantised motion templates. Subsequence DTW gives a distance function per class, its hits a
 modified distance function; per frame the cheapest class wins, and the resulting runs are extended to whole motions.
+
+Two rules go beyond the thesis, which counts every local minimum as a hit and keeps every run: one motion is one hit,
+and a run of which other classes explain most is no motion (`DecisionSettings`).
 """
 
 from __future__ import annotations
@@ -11,7 +14,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from toolkit.errors import RetrievalError
+from toolkit.errors import RetrievalError, SettingsError
 from toolkit.kernels import dtw
 from toolkit.retrieval.features import FeatureMatrix
 from toolkit.retrieval.measures import Segment
@@ -22,6 +25,31 @@ THRESHOLD = 0.13
 
 Intervals = Mapping[str, Sequence[tuple[int, int]]]
 """Class label -> frames that may hold it, as (first, one after the last); from a keyframe search."""
+
+
+@dataclass(frozen=True)
+class DecisionSettings:
+    """What counts as a motion, among hits that overlap.
+
+    Attributes
+    ----------
+    overlap : largest share of a hit that cheaper hits of its class may cover, in [0, 1]. Neighbouring local minima of a
+        distance function are the same motion with more or less of what is before and behind it
+    visible : smallest share of an extended run that has to be decided for its class, in [0, 1]. What is left of a hit
+        beside a cheaper one of another class is no motion of its own
+    """
+
+    overlap: float = 0.1
+    visible: float = 0.75
+
+    def __post_init__(self) -> None:
+        for name in ("overlap", "visible"):
+            if not 0.0 <= getattr(self, name) <= 1.0:
+                raise SettingsError(f"{name} {getattr(self, name)} is no share; give a value in [0, 1]")
+
+
+AS_PUBLISHED = DecisionSettings(overlap=1.0, visible=0.0)
+"""The thesis's rules: every local minimum is a hit, every run is kept."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,9 +119,11 @@ class PreparedTemplate:
         """Distance function and start frames (L,) of packed document columns, uint64 (L,) (Equation 5.3)."""
         return dtw.distance_function(self.bits, self.mask, self.scale, document)
 
-    def lower(self, modified: np.ndarray, document: np.ndarray, pieces: np.ndarray, threshold: float) -> None:
+    def lower(
+        self, modified: np.ndarray, document: np.ndarray, pieces: np.ndarray, threshold: float, overlap: float
+    ) -> None:
         """Lower a modified distance function (L,) to that of this template on pieces (P, 2) of a document."""
-        dtw.search_pieces(self.bits, self.mask, self.scale, document, pieces, threshold, modified)
+        dtw.search_pieces(self.bits, self.mask, self.scale, document, pieces, threshold, overlap, modified)
 
 
 def distance_function(template: QuantisedTemplate, features: FeatureMatrix) -> tuple[np.ndarray, np.ndarray]:
@@ -110,7 +140,7 @@ def distance_function(template: QuantisedTemplate, features: FeatureMatrix) -> t
 class Annotator:
     """Annotates documents with fixed classes; the templates are prepared once."""
 
-    def __init__(self, classes: Sequence[MotionClass]) -> None:
+    def __init__(self, classes: Sequence[MotionClass], settings: DecisionSettings | None = None) -> None:
         """Prepare the classes.
 
         Raises
@@ -123,6 +153,7 @@ class Annotator:
             raise RetrievalError(f"annotation needs classes with different labels, got: {', '.join(labels) or 'none'}")
         self.classes = tuple(classes)
         self.labels = tuple(labels)
+        self.settings = settings or DecisionSettings()
         self._templates = [[PreparedTemplate(template) for template in c.templates] for c in classes]
 
     def annotate(self, features: FeatureMatrix, intervals: Intervals | None = None) -> Annotation:
@@ -150,7 +181,7 @@ class Annotator:
             )
         distances = self._distances(features, intervals)
         decided = decide(distances)
-        frames = extend(decided, distances)
+        frames = extend(decided, distances, self.settings.visible)
         return Annotation(
             features.name, self.labels, features.frame_rate, distances, decided, frames,
             tuple(segments_of(frames, distances, self.labels, features.frame_rate)),
@@ -166,7 +197,7 @@ class Annotator:
             wanted = whole if intervals is None else intervals.get(motion_class.label, ())
             pieces = np.clip(np.array(wanted, dtype=np.int64).reshape(-1, 2), 0, len(words))
             for template in templates:
-                template.lower(distances[row], words, pieces, motion_class.threshold)
+                template.lower(distances[row], words, pieces, motion_class.threshold, self.settings.overlap)
         return distances
 
 
@@ -175,19 +206,20 @@ def decide(distances: np.ndarray) -> np.ndarray:
     return dtw.cheapest(distances)
 
 
-def extend(decided: np.ndarray, distances: np.ndarray) -> np.ndarray:
+def extend(decided: np.ndarray, distances: np.ndarray, visible: float) -> np.ndarray:
     """Widen each run of a class as long as its modified distance does not rise away from the run (thesis 5.2).
 
     Parameters
     ----------
     decided : int64 (L,), class per frame, -1 for none
     distances : float64 (P, L), modified distance functions
+    visible : smallest share of a widened run that has to be decided for its class; others are left out
 
     Returns
     -------
     bool (P, L): the labels of each frame, several where extended runs overlap
     """
-    return dtw.widen_runs(decided, distances)
+    return dtw.widen_runs(decided, distances, visible)
 
 
 def runs(flags: np.ndarray) -> list[tuple[int, int]]:
