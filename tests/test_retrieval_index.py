@@ -9,10 +9,9 @@ from hypothesis import strategies as st
 
 from toolkit.errors import OutputError, RetrievalError
 from toolkit.retrieval import index as index_module
-from toolkit.retrieval.features import FEATURE_SETS, FeatureMatrix
+from toolkit.retrieval.features import FEATURE_SETS, FeatureMatrix, pack
 from toolkit.retrieval.index import KeyframeIndex, RunLists
 from toolkit.retrieval.keyframes import Keyframe
-from toolkit.retrieval.templates import pack
 
 
 def random_document(rng: np.random.Generator, name: str, frames: int) -> FeatureMatrix:

@@ -11,14 +11,13 @@ from sklearn.base import clone
 from tests.retrieval_motions import random_motion
 from toolkit.errors import RetrievalError
 from toolkit.kernels import dtw
-from toolkit.retrieval.features import FeatureMatrix, relational_features
+from toolkit.retrieval.features import FeatureMatrix, pack, relational_features
 from toolkit.retrieval.templates import (
     WILDCARD,
     MotionTemplate,
     QuantisedTemplate,
     contract,
     expand,
-    pack,
     plot_template,
     spread_evenly,
 )

@@ -16,9 +16,9 @@ import numpy as np
 
 from toolkit.errors import RetrievalError, SettingsError
 from toolkit.kernels import dtw
-from toolkit.retrieval.features import FeatureMatrix
+from toolkit.retrieval.features import FeatureMatrix, pack
 from toolkit.retrieval.measures import Segment
-from toolkit.retrieval.templates import QuantisedTemplate, expand, pack
+from toolkit.retrieval.templates import QuantisedTemplate, expand
 
 THRESHOLD = 0.13
 """Largest cost of a hit, `tau` (thesis 5.2): mean share of mismatching features along the alignment."""
@@ -134,7 +134,7 @@ def distance_function(template: QuantisedTemplate, features: FeatureMatrix) -> t
     cost : float64 (L,), per template column, infinite where no alignment ends
     start : int64 (L,), -1 where no alignment ends
     """
-    return PreparedTemplate(template).distance(pack(features.values))
+    return PreparedTemplate(template).distance(features.words)
 
 
 class Annotator:
@@ -190,7 +190,7 @@ class Annotator:
 
     def _distances(self, features: FeatureMatrix, intervals: Intervals | None) -> np.ndarray:
         """Modified distance functions (P, L): the minimum over a class's templates, on its intervals only."""
-        words = pack(features.values)
+        words = features.words
         whole = [(0, len(words))]
         distances = np.full((len(self.classes), len(words)), np.inf)
         for row, (motion_class, templates) in enumerate(zip(self.classes, self._templates, strict=True)):

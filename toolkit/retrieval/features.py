@@ -11,7 +11,7 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
-from functools import lru_cache, partial
+from functools import cached_property, lru_cache, partial
 from itertools import combinations
 
 import numpy as np
@@ -54,6 +54,11 @@ class FeatureMatrix:
         """Seconds."""
         return len(self) / self.frame_rate
 
+    @cached_property
+    def words(self) -> np.ndarray:
+        """The columns as bit words, uint64 (T,): what templates and the index are compared with, packed once."""
+        return pack(self.values)
+
     def rows(self, feature_set: str) -> np.ndarray:
         """Bool (n, T): the features of one set of `FEATURE_SETS`."""
         return self.values[FEATURE_SETS[feature_set]]
@@ -65,6 +70,14 @@ class FeatureMatrix:
     def mirrored(self) -> FeatureMatrix:
         """The matrix with right and left features exchanged."""
         return replace(self, values=self.values[MIRROR])
+
+
+def pack(values: np.ndarray) -> np.ndarray:
+    """Columns of a boolean matrix (up to 64, T) as bit words: uint64 (T,), row i is bit i."""
+    words = np.zeros(values.shape[1], dtype=np.uint64)
+    for i, row in enumerate(values):
+        words |= row.astype(np.uint64) << np.uint64(i)
+    return words
 
 
 @dataclass(frozen=True)

@@ -12,9 +12,9 @@ import numpy as np
 
 from toolkit.errors import RetrievalError, SettingsError
 from toolkit.kernels.keyframe_search import keyframe_search
-from toolkit.retrieval.features import FEATURES, FeatureMatrix
+from toolkit.retrieval.features import FEATURES, FeatureMatrix, pack
 from toolkit.retrieval.index import RunLists
-from toolkit.retrieval.templates import QuantisedTemplate, pack
+from toolkit.retrieval.templates import QuantisedTemplate
 
 FEWEST_KEYFRAMES: int = 2
 LONGEST_DISTANCE: int = 2
@@ -140,7 +140,7 @@ class TrainingSet:
             kind = "relevant" if not self.relevant.any() else "other"
             raise RetrievalError(f"the training set has no {kind} document; keyframes are learned from both kinds")
         self.document_starts = np.cumsum([0, *(len(document) for document in documents)])
-        vectors = np.concatenate([pack(document.values) for document in documents])
+        vectors = np.concatenate([document.words for document in documents])
         self._lists = RunLists.of(vectors, self.document_starts)
         self._cache: dict[tuple[int, int], tuple[np.ndarray, np.ndarray]] = {}
 

@@ -19,7 +19,6 @@ from toolkit.files import atomic_path
 from toolkit.kernels.keyframe_search import keyframe_list, keyframe_list_near, listed_runs, runs_of
 from toolkit.retrieval.features import FEATURE_RATE, FEATURE_SETS, FEATURES, FeatureMatrix, feature_fingerprint
 from toolkit.retrieval.keyframes import Keyframe
-from toolkit.retrieval.templates import pack
 
 INDEX_VERSION: int = 1
 
@@ -138,9 +137,10 @@ class KeyframeIndex:
                 raise RetrievalError(f"document {document.name!r} has no frame; leave it out of the index")
         starts = np.concatenate([[0], np.cumsum([len(document) for document in documents])]).astype(np.int64)
         sets = {}
+        words = np.concatenate([document.words for document in documents])
         for name, rows in FEATURE_SETS.items():
-            vectors = np.concatenate([pack(document.values[rows]) for document in documents]).astype(np.uint16)
-            sets[name] = RunLists.of(vectors, starts)
+            vectors = words >> np.uint64(rows[0]) & np.uint64((1 << len(rows)) - 1)
+            sets[name] = RunLists.of(vectors.astype(np.uint16), starts)
         return cls(names, starts, sets)
 
     def added(self, documents: Iterable[FeatureMatrix]) -> KeyframeIndex:

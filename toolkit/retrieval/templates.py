@@ -178,14 +178,6 @@ def _align_all(clips: list[tuple[np.ndarray, np.ndarray]]) -> tuple[dict[tuple[i
     return paths, largest
 
 
-def pack(values: np.ndarray) -> np.ndarray:
-    """Columns of a boolean matrix (up to 64, T) as bit words: uint64 (T,), row i is bit i."""
-    packed = np.packbits(values, axis=0, bitorder="little")
-    columns = np.zeros((values.shape[1], 8), dtype=np.uint8)
-    columns[:, : len(packed)] = packed.T
-    return columns.view("<u8")[:, 0].astype(np.uint64)
-
-
 def plot_template(
     template: MotionTemplate | QuantisedTemplate, axes: Axes, features: Sequence[int] | None = None
 ) -> None:
