@@ -14,7 +14,7 @@ from toolkit.body.body import Body
 from toolkit.body.shape import ShapeSpace
 from toolkit.errors import SettingsError
 from toolkit.kernels import forest, kinematics, raster
-from toolkit.landmarks.parts import JointForest
+from toolkit.landmarks.parts import OFFSET_UNIT, JointForest, sureness
 from toolkit.sensing.camera import level_rotation
 
 Progress = Callable[[int, int], None]
@@ -35,15 +35,15 @@ class PartsSettings:
     turned : share of the images that show the person from any side; the others from within 60 degrees of the front
     """
 
-    images: int = 16000
+    images: int = 24000
     pixels: int = 120
     trees: int = 3
-    depth: int = 15
-    smallest_leaf: int = 40
+    depth: int = 22
+    smallest_leaf: int = 30
     questions: int = 120
     bins: int = 24
-    node_samples: int = 4000
-    turned: float = 0.4
+    node_samples: int = 1000
+    turned: float = 0.5
 
     def __post_init__(self) -> None:
         if min(self.images, self.pixels, self.trees, self.depth, self.questions) < 1 or self.bins < 2:
@@ -273,7 +273,7 @@ def train_forest(
     children: list[list[int]] = []
     roots: list[int] = []
     means: list[np.ndarray] = []
-    weights: list[np.ndarray] = []
+    sure: list[np.ndarray] = []
     for number, grown in enumerate(_grow_trees(data, settings, streams[1:], workers)):
         tree_offsets, tree_thresholds, tree_children, leaves = grown
         report(number + 1, settings.trees)
@@ -286,13 +286,13 @@ def train_forest(
             votes = data.offsets[rows].astype(np.float32)
             mean = votes.mean(axis=0)
             variance = ((votes - mean) ** 2).sum(axis=2).mean(axis=0)
-            means.append(mean)
-            weights.append((0.03**2 / np.maximum(variance, 0.03**2)) ** 2)
+            means.append(np.clip(np.rint(mean / OFFSET_UNIT), -127, 127))
+            sure.append(sureness(variance))
     return JointForest(
         np.array(offsets, dtype=np.float32).reshape(-1, 4),
         np.array(thresholds, dtype=np.float32),
         np.array(children, dtype=np.int32).reshape(-1, 2),
         np.array(roots, dtype=np.int32),
-        np.array(means, dtype=np.float16),
-        np.array(weights, dtype=np.float16),
+        np.array(means, dtype=np.int8),
+        np.array(sure, dtype=np.uint8),
     )

@@ -19,6 +19,7 @@ from toolkit.sensing.camera import Camera
 from toolkit.sensing.cloud import Cloud
 
 SMALL = PartsSettings(images=60, pixels=60, trees=2, depth=6, smallest_leaf=20, questions=20, bins=8, node_samples=500)
+WEIGHTS = (np.arange(256) / 255.0) ** 4
 
 
 def some_depth(rng: np.random.Generator) -> np.ndarray:
@@ -63,7 +64,7 @@ def random_forest(rng: np.random.Generator, trees: int = 3, levels: int = 3, lea
     return JointForest(
         np.array(offsets, dtype=np.float32), np.array(thresholds, dtype=np.float32),
         np.array(children, dtype=np.int32), np.array(roots, dtype=np.int32),
-        rng.normal(0.0, leaves_apart, (count, 20, 3)).astype(np.float16), rng.random((count, 20)).astype(np.float16),
+        (100 * rng.normal(0.0, leaves_apart, (count, 20, 3))).clip(-127, 127).astype(np.int8), rng.integers(1, 256, (count, 20), dtype=np.uint8),
     )  # fmt: skip
 
 
@@ -77,7 +78,8 @@ def test_a_question_is_the_clipped_difference_of_two_probes_in_metres() -> None:
     answers = []
     for v, u in measured[rng.integers(len(measured), size=300)]:
         offsets = rng.uniform(-0.8, 0.8, 4)
-        answer = forest.question(depth, u, v, depth[v, u], 25.0, 35.0, offsets)
+        z = depth[v, u]
+        answer = forest.question(depth, u, v, z, 25.0 / z, 35.0 / z, offsets)
         assert answer == pytest.approx(plain_question(depth, u, v, (25.0, 35.0), offsets), abs=1e-6)
         answers.append(answer)
     assert np.std(answers) > 0.3 and np.max(answers) <= 2.0
@@ -88,10 +90,10 @@ def test_a_question_has_the_same_answer_at_twice_the_distance_and_twice_the_reso
     near[10:31, 10:31] = 2.0
     offsets = np.array([0.24, 0.0, 0.0, -0.1])
     far = np.where(near > 0, 4.0, 0.0).astype(np.float32)
-    once = forest.question(near, 20, 20, 2.0, 100.0, 100.0, offsets)
+    once = forest.question(near, 20, 20, 2.0, 50.0, 50.0, offsets)
     assert once == 1.0  # 0.24 m to the right there is nothing any more, 0.1 m above there is
-    assert forest.question(far, 20, 20, 4.0, 200.0, 200.0, offsets) == once
-    assert forest.question(np.kron(near, np.ones((2, 2), np.float32)), 40, 40, 2.0, 200.0, 200.0, offsets) == once
+    assert forest.question(far, 20, 20, 4.0, 50.0, 50.0, offsets) == once
+    assert forest.question(np.kron(near, np.ones((2, 2), np.float32)), 40, 40, 2.0, 100.0, 100.0, offsets) == once
 
 
 def test_pixels_reach_the_leaves_that_a_plain_walk_reaches() -> None:
@@ -100,9 +102,7 @@ def test_pixels_reach_the_leaves_that_a_plain_walk_reaches() -> None:
     pixels = np.flatnonzero(depth.ravel())[::3]
     intrinsics = np.array([25.0, 35.0, 20.0, 15.0])
     leaves = np.empty((len(pixels), 3), dtype=np.int64)
-    forest.find_leaves(
-        depth, pixels, intrinsics, trained.offsets, trained.thresholds, trained.children, trained.roots, leaves
-    )
+    forest.find_leaves(depth, pixels, intrinsics, trained.nodes, trained.roots, leaves)
     for row, pixel in enumerate(pixels):
         for tree in range(3):
             node = trained.roots[tree]
@@ -121,8 +121,8 @@ def plain_vote(
 ) -> tuple[np.ndarray, np.ndarray]:
     joints, confidence = np.empty((20, 3)), np.empty(20)
     for j in range(20):
-        weights = trained.leaf_weights[leaves, j].astype(np.float64).ravel()
-        votes = (points[:, None] + trained.leaf_offsets[leaves, j].astype(np.float64)).reshape(-1, 3)
+        weights = ((trained.leaf_sureness[leaves, j] / 255.0) ** 4).ravel()
+        votes = (points[:, None] + 0.01 * trained.leaf_offsets[leaves, j]).reshape(-1, 3)
         kept = weights >= np.sort(weights)[-min(voters, len(weights))]
         weights, votes = weights[kept], votes[kept]
         mode = np.average(votes, axis=0, weights=weights)
@@ -130,7 +130,8 @@ def plain_vote(
             width = bandwidth * (1 + 2 * (rounds - 1 - step) / (rounds - 1))
             kernel = weights * np.exp(-((votes - mode) ** 2).sum(axis=1) / (2 * width**2))
             mode = np.average(votes, axis=0, weights=kernel)
-        joints[j], confidence[j] = mode, kernel.sum() / len(votes)
+        held = weights * np.exp(-((votes - mode) ** 2).sum(axis=1) / (2 * bandwidth**2))
+        joints[j], confidence[j] = mode, held.sum() / len(votes)
     return joints, confidence
 
 
@@ -139,11 +140,11 @@ def test_votes_end_at_the_modes_of_a_plain_mean_shift(voters: int) -> None:
     rng = np.random.default_rng(voters)
     trained = random_forest(rng, leaves_apart=0.1)
     points = rng.normal(0.0, 0.1, (120, 3)).astype(np.float32)
-    leaves = rng.integers(0, len(trained.leaf_weights), (120, 3))
+    leaves = rng.integers(0, len(trained.leaf_sureness), (120, 3))
     joints, confidence = np.empty((20, 3)), np.empty(20)
     forest.vote(
-        points, leaves, trained.leaf_offsets.astype(np.float32), trained.leaf_weights.astype(np.float32), voters, 0.06,
-        4, joints, confidence,
+        points, leaves, trained.leaf_offsets, 0.01, trained.leaf_sureness, WEIGHTS, voters, 0.06, 4,
+        joints, confidence,
     )  # fmt: skip
     expected, sure = plain_vote(points.astype(np.float64), leaves, trained, voters, 0.06, 4)
     assert joints == pytest.approx(expected, abs=1e-5)
@@ -152,13 +153,13 @@ def test_votes_end_at_the_modes_of_a_plain_mean_shift(voters: int) -> None:
 
 
 def test_the_larger_group_of_votes_wins_and_a_divided_vote_is_less_sure() -> None:
-    weights, joints, confidence = np.ones((2, 1), dtype=np.float32), np.empty((1, 3)), np.empty(1)
-    offsets = np.array([[[0.0, 0.0, 0.0]], [[1.0, 0.0, 0.0]]], dtype=np.float32)
+    sure_leaves, joints, confidence = np.full((2, 1), 255, dtype=np.uint8), np.empty((1, 3)), np.empty(1)
+    offsets = np.array([[[0, 0, 0]], [[100, 0, 0]]], dtype=np.int8)
     points = np.zeros((10, 3), dtype=np.float32)
     sure = []
     for many in (10, 8):
         leaves = (np.arange(10) >= many).astype(np.int64)[:, None]
-        forest.vote(points, leaves, offsets, weights, 100, 0.06, 8, joints, confidence)
+        forest.vote(points, leaves, offsets, 0.01, sure_leaves, WEIGHTS, 100, 0.06, 8, joints, confidence)
         assert joints[0] == pytest.approx([0.0, 0.0, 0.0], abs=0.01)
         sure.append(confidence[0])
     assert sure == pytest.approx([1.0, 0.8], abs=0.01)
@@ -330,8 +331,8 @@ def test_leaves_hold_the_mean_offset_of_their_samples_and_how_sure_it_is() -> No
     for leaf, rows in enumerate(leaves):
         votes = data.offsets[rows].astype(np.float64)
         deviation = np.sqrt(((votes - votes.mean(axis=0)) ** 2).sum(axis=2).mean(axis=0))
-        assert trained.leaf_offsets[leaf] == pytest.approx(votes.mean(axis=0), abs=2e-3)
-        assert trained.leaf_weights[leaf] == pytest.approx(np.minimum((0.03 / deviation) ** 4, 1.0), rel=2e-2, abs=1e-5)
+        assert 0.01 * trained.leaf_offsets[leaf] == pytest.approx(votes.mean(axis=0).clip(-1.27, 1.27), abs=6e-3)
+        assert trained.leaf_sureness[leaf] == pytest.approx(255 * np.minimum(0.03 / deviation, 1.0), abs=0.6)
 
 
 @pytest.mark.parametrize("values", [{"images": 0}, {"trees": 0}, {"bins": 1}])

@@ -20,8 +20,16 @@ from toolkit.errors import BodyError
 
 ASSETS = Path(__file__).parent / "assets"
 CLOTHING = 0.01
-"""Metres per standard deviation: the population of the shape space is naked, and people who are recorded seldom are."""
-BARE = ("cervical", "left_wrist", "right_wrist", "left_ankle", "right_ankle")
+"""Metres per standard deviation: the population of the shape space is naked and bald; who is recorded seldom is."""
+CLOTHES = (
+    ("cervical",),
+    ("root", "lumbar", "thorax", "left_clavicle", "right_clavicle"),
+    ("left_shoulder", "right_shoulder", "left_elbow", "right_elbow"),
+    ("left_hip", "right_hip"),
+    ("left_knee", "right_knee"),
+    ("left_ankle", "right_ankle"),
+)
+"""What hair, shirts, sleeves, trousers and shoes cover, each a component: the skin that these joints carry."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,7 +40,7 @@ class ShapeSpace:
     ----------
     mean : float64 (V + 18 + 5, 3), metres: vertices, joints, sites
     basis : float64 (K, V + 18 + 5, 3), metres per standard deviation: orthogonal components of the population, then
-        clothing, the surface of trunk and limbs moved outwards by `CLOTHING`, joints where they are
+        the surface under each of `CLOTHES` moved outwards by `CLOTHING`, joints where they are
     faces, skin_joints, skin_weights, end_effectors : as in `Body`
     variance : float64 (K,), share of the population's variance that each component explains
     named : coefficients (K,) of each named body
@@ -60,15 +68,15 @@ class ShapeSpace:
         data = _read_asset("tracker.npz")
         mean, faces = data["mean"].astype(np.float64), data["faces"].astype(np.int32)
         skin_joints, skin_weights = data["skin_joints"].astype(np.int64), _unit_rows(data["skin_weights"])
-        clothing = _clothing(mean, faces, skin_joints, skin_weights)
+        clothes = _clothes(mean, faces, skin_joints, skin_weights)
         return ShapeSpace(
             mean=mean,
-            basis=np.concatenate([data["basis"].astype(np.float64), clothing[None]]),
+            basis=np.concatenate([data["basis"].astype(np.float64), clothes]),
             faces=faces,
             skin_joints=skin_joints,
             skin_weights=skin_weights,
             end_effectors=data["end_effectors"],
-            variance=np.append(data["variance"], 0.0),
+            variance=np.concatenate([data["variance"], np.zeros(len(clothes))]),
             named=dict(zip(data["names"].tolist(), data["shapes"], strict=True)),
         )
 
@@ -112,12 +120,14 @@ class ShapeSpace:
         return np.linalg.lstsq(self.basis.reshape(self.size, -1).T, change.ravel(), rcond=None)[0]
 
 
-def _clothing(mean: np.ndarray, faces: np.ndarray, skin_joints: np.ndarray, skin_weights: np.ndarray) -> np.ndarray:
-    """The component of clothing, (V + 18 + 5, 3): outwards along the normals, but not on head, hands and feet."""
-    bare = [skeleton.JOINT_NAMES.index(name) for name in BARE]
-    covered = 1.0 - (skin_weights * np.isin(skin_joints, bare)).sum(axis=1)
-    out = np.zeros_like(mean)
-    out[: len(skin_joints)] = CLOTHING * covered[:, None] * vertex_normals(mean[: len(skin_joints)], faces)
+def _clothes(mean: np.ndarray, faces: np.ndarray, skin_joints: np.ndarray, skin_weights: np.ndarray) -> np.ndarray:
+    """The components of clothing, (6, V + 18 + 5, 3): outwards along the normals, hands bare."""
+    normals = vertex_normals(mean[: len(skin_joints)], faces)
+    out = np.zeros((len(CLOTHES), *mean.shape))
+    for component, names in zip(out, CLOTHES, strict=True):
+        carriers = [skeleton.JOINT_NAMES.index(name) for name in names]
+        covered = (skin_weights * np.isin(skin_joints, carriers)).sum(axis=1)
+        component[: len(skin_joints)] = CLOTHING * covered[:, None] * normals
     return out
 
 

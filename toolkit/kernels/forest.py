@@ -16,24 +16,25 @@ REACH = 1.0
 
 @njit(cache=True)
 def probe(depth: np.ndarray, u: float, v: float, z: float) -> float:
-    """Clipped depth difference at image position (u, v) of `depth` (H, W), metres, to a pixel of depth z."""
+    """Clipped depth difference at image position (u, v) of `depth` float32 (H, W), metres, to a pixel of depth z."""
     iu = int(np.rint(u))
     iv = int(np.rint(v))
-    if iu < 0 or iv < 0 or iv >= depth.shape[0] or iu >= depth.shape[1]:
-        return REACH
-    d = depth[iv, iu]
-    if d <= 0.0:
-        return REACH
-    return min(max(d - z, -REACH), REACH)
+    far = np.float32(REACH)
+    if iu < 0 or iv < 0 or iv >= depth.shape[0] or iu >= depth.shape[1] or depth[iv, iu] <= 0.0:
+        return far
+    return min(max(depth[iv, iu] - z, -far), far)
 
 
 @njit(cache=True)
-def question(depth: np.ndarray, u: float, v: float, z: float, fx: float, fy: float, offsets: np.ndarray) -> float:
-    """Answer of one question with probe `offsets` (4,) = a_x, a_y, b_x, b_y, metres."""
-    sx, sy = fx / z, fy / z
+def question(depth: np.ndarray, u: float, v: float, z: float, sx: float, sy: float, offsets: np.ndarray) -> float:
+    """Answer of one question with probe offsets a_x, a_y, b_x, b_y, metres, of which one covers (sx, sy) pixels."""
     return probe(depth, u + sx * offsets[0], v + sy * offsets[1], z) - probe(
         depth, u + sx * offsets[2], v + sy * offsets[3], z
     )
+
+
+BLOCK = 16
+"""Pixels that walk down a tree side by side, so that the memory waits of one are filled with the steps of the others."""
 
 
 @njit(cache=True)
@@ -41,28 +42,41 @@ def find_leaves(
     depth: np.ndarray,
     pixels: np.ndarray,
     intrinsics: np.ndarray,
-    offsets: np.ndarray,
-    thresholds: np.ndarray,
-    children: np.ndarray,
+    nodes: np.ndarray,
     roots: np.ndarray,
     leaves: np.ndarray,
 ) -> None:
     """Leaf that each pixel reaches in each tree: fills `leaves` (N, trees).
 
-    `pixels` (N,) are flat indices; `children` (nodes, 2): a negative child is leaf `-1 - child`; an answer below the
-    node's threshold goes to child 0.
+    `pixels` (N,) are flat indices; `nodes` float32 (nodes, 7) hold a question's probe offsets, its threshold and both
+    children in a row, of which a negative one is leaf `-1 - child`; an answer below the threshold goes to the first.
     """
     width = depth.shape[1]
-    for i in range(pixels.shape[0]):
-        u = pixels[i] % width
-        v = pixels[i] // width
-        z = depth[v, u]
+    at = np.empty(BLOCK, dtype=np.int64)
+    u, v, z, sx, sy = np.empty((5, BLOCK), dtype=np.float32)
+    for start in range(0, pixels.shape[0], BLOCK):
+        block = min(BLOCK, pixels.shape[0] - start)
+        for k in range(block):
+            pixel = pixels[start + k]
+            u[k], v[k], z[k] = pixel % width, pixel // width, depth[pixel // width, pixel % width]
+            sx[k], sy[k] = intrinsics[0] / z[k], intrinsics[1] / z[k]
         for t in range(roots.shape[0]):
-            node = roots[t]
-            while node >= 0:
-                answer = question(depth, u, v, z, intrinsics[0], intrinsics[1], offsets[node])
-                node = children[node, 0 if answer < thresholds[node] else 1]
-            leaves[i, t] = -1 - node
+            at[:] = roots[t]
+            walking = roots[t] >= 0
+            while walking:
+                walking = False
+                for k in range(block):
+                    if at[k] >= 0:
+                        node = nodes[at[k]]
+                        child = node[5] if question(depth, u[k], v[k], z[k], sx[k], sy[k], node) < node[4] else node[6]
+                        at[k] = int(child)
+                        walking |= child >= 0
+            for k in range(block):
+                leaves[start + k, t] = -1 - at[k]
+
+
+SURE = 256
+"""Steps in which leaves say how sure they are of a joint."""
 
 
 @njit(cache=True)
@@ -70,7 +84,9 @@ def vote(
     points: np.ndarray,
     leaves: np.ndarray,
     leaf_offsets: np.ndarray,
-    leaf_weights: np.ndarray,
+    unit: float,
+    leaf_sureness: np.ndarray,
+    weight_of: np.ndarray,
     voters: int,
     bandwidth: float,
     rounds: int,
@@ -79,54 +95,85 @@ def vote(
 ) -> None:
     """Modes of the joint votes by mean shift: fills `joints` (J, 3) and `confidence` (J,) in [0, 1].
 
-    Pixel i votes for joint j at `points[i] + leaf_offsets[leaf, j]` with `leaf_weights[leaf, j]`; only the `voters`
-    surest votes for a joint count, and those as sure as the last of them. The search starts at their weighted mean
-    with a Gaussian kernel three times as wide as `bandwidth`, in metres, which narrows to it. Confidence is the mean
-    weight of these votes times the share of it that the mode holds.
+    Pixel i votes for joint j at `points[i] + unit * leaf_offsets[leaf, j]` with the weight `weight_of[leaf_sureness[leaf, j]]`
+    (SURE,), which rises; only the `voters` surest votes for a joint count, and those as sure as the last of them. The
+    search starts at their weighted mean with a Gaussian kernel three times as wide as `bandwidth`, in metres, which
+    narrows to it. Confidence is the mean weight of these votes times the share of it that the mode holds.
     """
     pixels, trees = leaves.shape
-    total = pixels * trees
-    weights = np.empty(total)
-    chosen = np.empty((total, 4))
-    for j in range(leaf_offsets.shape[1]):
-        for i in range(pixels):
-            for t in range(trees):
-                weights[i * trees + t] = leaf_weights[leaves[i, t], j]
-        least = np.partition(weights, total - voters)[total - voters] if voters < total else 0.0
-        count = 0
-        mass = 0.0
-        x = y = z = 0.0
-        for n in range(total):
-            w = weights[n]
-            if w < least or count == total:
-                continue
-            i, leaf = n // trees, leaves[n // trees, n % trees]
-            chosen[count, 0] = points[i, 0] + leaf_offsets[leaf, j, 0]
-            chosen[count, 1] = points[i, 1] + leaf_offsets[leaf, j, 1]
-            chosen[count, 2] = points[i, 2] + leaf_offsets[leaf, j, 2]
-            chosen[count, 3] = w
-            x += w * chosen[count, 0]
-            y += w * chosen[count, 1]
-            z += w * chosen[count, 2]
-            mass += w
-            count += 1
-        x, y, z = x / max(mass, 1e-12), y / max(mass, 1e-12), z / max(mass, 1e-12)
-        held = 0.0
-        for step in range(rounds):
-            width = bandwidth * (1.0 + 2.0 * (rounds - 1 - step) / max(rounds - 1, 1))
-            factor = 0.5 / (width * width)
-            mx = my = mz = held = 0.0
-            for n in range(count):
-                dx, dy, dz = chosen[n, 0] - x, chosen[n, 1] - y, chosen[n, 2] - z
-                w = chosen[n, 3] * np.exp(-factor * (dx * dx + dy * dy + dz * dz))
-                mx += w * chosen[n, 0]
-                my += w * chosen[n, 1]
-                mz += w * chosen[n, 2]
-                held += w
-            if held > 0.0:
-                x, y, z = mx / held, my / held, mz / held
-        joints[j, 0], joints[j, 1], joints[j, 2] = x, y, z
-        confidence[j] = held / max(count, 1)
+    count_of_joints = leaf_offsets.shape[1]
+    # One pass over the leaves counts for all joints how many votes are how sure, so that nothing has to be sorted.
+    histogram = np.zeros((count_of_joints, SURE), dtype=np.int32)
+    for i in range(pixels):
+        for t in range(trees):
+            leaf = leaves[i, t]
+            for j in range(count_of_joints):
+                histogram[j, leaf_sureness[leaf, j]] += 1
+    least = np.zeros(count_of_joints, dtype=np.int64)
+    counts = np.zeros(count_of_joints, dtype=np.int64)
+    most = 0
+    for j in range(count_of_joints):
+        for level in range(SURE - 1, -1, -1):
+            counts[j] += histogram[j, level]
+            if counts[j] >= voters:
+                least[j] = level
+                break
+        most = max(most, counts[j])
+    chosen = np.empty((count_of_joints, most, 4))
+    counts[:] = 0
+    for i in range(pixels):
+        for t in range(trees):
+            leaf = leaves[i, t]
+            for j in range(count_of_joints):
+                sure = leaf_sureness[leaf, j]
+                if sure >= least[j]:
+                    n = counts[j]
+                    chosen[j, n, 0] = points[i, 0] + unit * leaf_offsets[leaf, j, 0]
+                    chosen[j, n, 1] = points[i, 1] + unit * leaf_offsets[leaf, j, 1]
+                    chosen[j, n, 2] = points[i, 2] + unit * leaf_offsets[leaf, j, 2]
+                    chosen[j, n, 3] = weight_of[sure]
+                    counts[j] = n + 1
+    for j in range(count_of_joints):
+        _mode(chosen[j, : counts[j]], bandwidth, rounds, joints[j])
+        confidence[j] = _held(chosen[j, : counts[j]], bandwidth, joints[j]) / max(counts[j], 1)
+
+
+@njit(cache=True)
+def _mode(votes: np.ndarray, bandwidth: float, rounds: int, mode: np.ndarray) -> None:
+    """Mean shift from the weighted mean of `votes` (N, 4), position and weight, to a mode: fills `mode` (3,)."""
+    x = y = z = mass = 0.0
+    for n in range(votes.shape[0]):
+        w = votes[n, 3]
+        x += w * votes[n, 0]
+        y += w * votes[n, 1]
+        z += w * votes[n, 2]
+        mass += w
+    x, y, z = x / max(mass, 1e-12), y / max(mass, 1e-12), z / max(mass, 1e-12)
+    for step in range(rounds):
+        width = bandwidth * (1.0 + 2.0 * (rounds - 1 - step) / max(rounds - 1, 1))
+        factor = 0.5 / (width * width)
+        mx = my = mz = held = 0.0
+        for n in range(votes.shape[0]):
+            dx, dy, dz = votes[n, 0] - x, votes[n, 1] - y, votes[n, 2] - z
+            w = votes[n, 3] * np.exp(-factor * (dx * dx + dy * dy + dz * dz))
+            mx += w * votes[n, 0]
+            my += w * votes[n, 1]
+            mz += w * votes[n, 2]
+            held += w
+        if held > 0.0:
+            x, y, z = mx / held, my / held, mz / held
+    mode[0], mode[1], mode[2] = x, y, z
+
+
+@njit(cache=True)
+def _held(votes: np.ndarray, bandwidth: float, mode: np.ndarray) -> float:
+    """Weight of `votes` (N, 4) under the kernel at a mode (3,)."""
+    factor = 0.5 / (bandwidth * bandwidth)
+    held = 0.0
+    for n in range(votes.shape[0]):
+        dx, dy, dz = votes[n, 0] - mode[0], votes[n, 1] - mode[1], votes[n, 2] - mode[2]
+        held += votes[n, 3] * np.exp(-factor * (dx * dx + dy * dy + dz * dz))
+    return held
 
 
 @njit(cache=True)
@@ -204,12 +251,23 @@ def best_split(
     count = rows.shape[0]
     questions = candidates.shape[0]
     low, width = -0.5 * REACH, REACH / bins
-    histogram = np.zeros((questions, bins, classes), dtype=np.int32)
-    total = np.zeros(classes, dtype=np.int64)
+    # Nodes near the leaves hold few classes: only those are counted. Logarithms are looked up, not taken.
+    number = np.full(classes, -1, dtype=np.int64)
+    present = 0
+    for n in range(count):
+        label = labels[rows[n]]
+        if number[label] < 0:
+            number[label] = present
+            present += 1
+    scaled_log = np.zeros(count + 1)
+    for n in range(2, count + 1):
+        scaled_log[n] = n * np.log(n)
+    histogram = np.zeros((questions, bins, present), dtype=np.int32)
+    total = np.zeros(present, dtype=np.int64)
     # All questions are put to one sample before the next: its image then stays in the cache.
     for n in range(count):
         s = rows[n]
-        label = labels[s]
+        label = number[labels[s]]
         total[label] += 1
         k = sample_image[s]
         height, stride, start = shapes[k, 0], shapes[k, 1], starts[k]
@@ -224,23 +282,20 @@ def best_split(
             b = int(np.floor((np.float32(first - second) - low) / width))
             histogram[q, min(max(b, 0), bins - 1), label] += 1
     best, best_threshold, best_entropy = -1, 0.0, np.inf
-    below = np.empty(classes, dtype=np.int64)
+    below = np.empty(present, dtype=np.int64)
     for q in range(questions):
         below[:] = 0
         under = 0
         for b in range(bins - 1):
-            for c in range(classes):
+            before = under
+            for c in range(present):
                 below[c] += histogram[q, b, c]
                 under += histogram[q, b, c]
-            if under == 0 or under == count:
+            if under == before or under == count:
                 continue
-            entropy = under * np.log(under) + (count - under) * np.log(count - under)
-            for c in range(classes):
-                if below[c] > 0:
-                    entropy -= below[c] * np.log(below[c])
-                over = total[c] - below[c]
-                if over > 0:
-                    entropy -= over * np.log(over)
+            entropy = scaled_log[under] + scaled_log[count - under]
+            for c in range(present):
+                entropy -= scaled_log[below[c]] + scaled_log[total[c] - below[c]]
             if entropy < best_entropy:
                 best, best_threshold, best_entropy = q, low + (b + 1) * width, entropy
     return best, best_threshold, best_entropy

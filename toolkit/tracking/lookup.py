@@ -27,8 +27,8 @@ class LookupSettings:
     label_distance : mu of Eq. 5.4
     jump_distance : an extremum that is farther than this from every extremum of the frame before has jumped
     balance : lambda of Eq. 5.6
-    candidate_distance : an extremum within this of a regressed end effector is a candidate for it; 0 = the first five
-        extrema alone are asked for, as in the paper
+    candidate_distance : an extremum within this of where an end effector is expected is a candidate for it; 0 = the
+        first five extrema alone are asked for, as in the paper
     """
 
     neighbours: int = 5

@@ -36,7 +36,8 @@ class Proposer(Protocol):
 class ExtremaProposer:
     """The lookup of Baak 2013, 5.4.3: the first five extrema, in every admissible labeling, query the database.
 
-    Where a regressor says roughly where the end effectors are, one more query asks with the extrema that lie there.
+    Two more queries ask with those of all extrema that lie where a regressor, and where the previous pose, expect the
+    end effectors.
     """
 
     def __init__(self, database: PoseDatabase, settings: LookupSettings) -> None:
@@ -74,8 +75,10 @@ class ExtremaProposer:
             before = None if previous is None else previous.extrema
             points = extrema[labelings(extrema[:EFFECTORS], effectors, before, settings)]
             present = np.ones(points.shape[:2], dtype=np.bool_)
-        if view.votes is not None and settings.candidate_distance > 0.0:
-            found, known = label_candidates(extrema, view.votes.points[_TIPS], settings.candidate_distance)
+        expected = [] if view.votes is None else [view.votes.points[_TIPS]]
+        expected += [] if previous is None else [previous.effectors]
+        for effectors in expected if settings.candidate_distance > 0.0 else ():
+            found, known = label_candidates(extrema, effectors, settings.candidate_distance)
             if known.sum() >= FEWEST_KNOWN:
                 points, present = np.concatenate([points, found[None]]), np.concatenate([present, known[None]])
         return points, present

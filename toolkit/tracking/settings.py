@@ -43,7 +43,7 @@ class HybridSettings:
     vote_pull: float = 30.0
     patience: int = 5
     smoothing: float = 0.0
-    vote_samples: int = 300
+    vote_samples: int = 800
     sensing: SensingSettings = field(default_factory=SensingSettings)
     landmarks: LandmarkSettings = field(default_factory=LandmarkSettings)
     lookup: LookupSettings = field(default_factory=LookupSettings)
