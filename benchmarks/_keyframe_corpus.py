@@ -16,7 +16,7 @@ import numpy as np
 from toolkit.mocap.read import find_clips
 from toolkit.retrieval.documents import assemble
 from toolkit.retrieval.features import FEATURE_RATE, FeatureMatrix, relational_features
-from toolkit.retrieval.learning import with_other_proportions
+from toolkit.retrieval.learning import LearnedQuery, LearningSettings, learn, training_clips
 from toolkit.retrieval.motion import Motion
 from toolkit.retrieval.workflow import load_motion
 
@@ -72,16 +72,11 @@ def load_examples(data: Path) -> list[Example]:
     return examples
 
 
-def by_label(
-    examples: Sequence[Example], proportions: Sequence[float], speeds: Sequence[float] = ()
-) -> dict[str, list[FeatureMatrix]]:
-    """Features of the clips of each class, also under other proportions of the actor and at other speeds."""
-    classes: dict[str, list[FeatureMatrix]] = {label: [] for label in sorted({e.label for e in examples})}
+def by_label(examples: Sequence[Example]) -> dict[str, list[Motion]]:
+    """The clips of each class."""
+    classes: dict[str, list[Motion]] = {label: [] for label in sorted({e.label for e in examples})}
     for example in examples:
-        classes[example.label].extend(with_other_proportions(example.motion, proportions))
-        for factor in speeds:
-            matrix = relational_features(at_speed(example.motion, factor))
-            classes[example.label].append(replace(matrix, name=f"{matrix.name} at speed {factor:g}"))
+        classes[example.label].append(example.motion)
     return classes
 
 
@@ -89,19 +84,6 @@ def load_filler(data: Path) -> list[Motion]:
     """All CMU motions, sorted by name, without the T-pose that each begins with."""
     motions = (load_motion(file) for file in find_clips(data / "mocap" / "cmu"))
     return [motion.sliced(1, len(motion)) for motion in motions]
-
-
-def at_speed(motion: Motion, factor: float) -> Motion:
-    """The motion `factor` times as fast, at the same frame rate, positions linear between frames."""
-    places = np.arange(0.0, len(motion) - 1, factor)
-    low = places.astype(np.int64)
-    share = (places - low)[:, None]
-    axis = motion.root_axis
-    return replace(
-        motion,
-        joints=motion.joints[low] + share[..., None] * (motion.joints[low + 1] - motion.joints[low]),
-        root_axis=None if axis is None else axis[low] + share * (axis[low + 1] - axis[low]),
-    )
 
 
 def make_documents(
@@ -127,10 +109,21 @@ def _part(examples: Sequence[Example], filler: Sequence[Motion], rng: np.random.
         start = int(rng.integers(len(motion) - length + 1))
         return motion.sliced(start, start + length), None
     example = examples[rng.integers(len(examples))]
-    motion = at_speed(example.motion, float(np.exp(rng.uniform(*np.log(SPEEDS)))))
+    motion = example.motion.at_speed(float(np.exp(rng.uniform(*np.log(SPEEDS)))))
     if rng.random() < 0.5:
         return motion, example.label
     return motion.mirrored(), example.label if example.label in SYMMETRIC else None
+
+
+def learned_from(
+    examples: Sequence[Example],
+    documents: Sequence[LabelledDocument],
+    settings: LearningSettings,
+    rng: np.random.Generator,
+) -> dict[str, LearnedQuery]:
+    """Queries for all classes; what is unlabelled in documents made of the same clips serves as counterexamples."""
+    classes, checks = training_clips(by_label(examples), settings)
+    return learn(classes, settings, rng, others=unlabelled_pieces(documents), checks=checks)
 
 
 def unlabelled_pieces(documents: Sequence[LabelledDocument]) -> list[FeatureMatrix]:

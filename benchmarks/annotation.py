@@ -22,16 +22,16 @@ from typing import Any
 import numpy as np
 from scipy.io import loadmat
 
-from benchmarks._keyframe_corpus import ACTORS, Example, load_examples, load_filler
+from benchmarks._keyframe_corpus import ACTORS, Example, LabelledDocument, learned_from, load_examples, load_filler
 from benchmarks._record import RESULTS, save_figures
-from toolkit.retrieval.annotation import Annotator, MotionClass, distance_function
+from toolkit.retrieval.annotation import AS_PUBLISHED, Annotator, DecisionSettings, MotionClass, distance_function
 from toolkit.retrieval.classes import learn_classes, learn_threshold
 from toolkit.retrieval.documents import assemble, shuffled_parts
-from toolkit.retrieval.features import FeatureMatrix, relational_features
+from toolkit.retrieval.features import FEATURE_RATE, FeatureMatrix, relational_features
 from toolkit.retrieval.genetic import GeneticSettings
 from toolkit.retrieval.index import KeyframeIndex
 from toolkit.retrieval.keyframes import KeyframeQuery
-from toolkit.retrieval.learning import LearningSettings, learn
+from toolkit.retrieval.learning import LearningSettings
 from toolkit.retrieval.measures import Scores, Segment, confusion, frame_scores, label_frames, segment_scores
 from toolkit.retrieval.motion import Motion, from_joints
 from toolkit.retrieval.preselection import preselect
@@ -50,10 +50,19 @@ HOW = (
     "1.5 s, with excerpts of CMU walks, punches and swordplay before every second clip; joins and filler bear no "
     "label; 'without joins' leaves the frames of the joins out of the count"
 )
+COUNTEREXAMPLES = 3
+"""How often a training actor's clips are put together into documents, whose unlabelled parts are counterexamples."""
+ALTERNATIVES = 2
+"""Keyframe queries per class."""
+VARIANTS: dict[str, tuple[bool, DecisionSettings]] = {
+    "without keyframes": (False, DecisionSettings()),
+    "with keyframes": (True, DecisionSettings()),
+    "without keyframes, rules as published": (False, AS_PUBLISHED),
+    "with keyframes, rules as published": (True, AS_PUBLISHED),
+}
+"""Name -> whether keyframes narrow the search down, and which overlapping hits count."""
 RELEVANT_SHARE = 0.1
 """Share of labelled frames in the second corpus that is timed."""
-NEGATIVE_SECONDS = 4.0
-"""Filler is cut into pieces of about this length before keyframes are learned from it as counterexamples."""
 DRAWN_CLASS, DRAWN_FEATURES = "kickLFront1Reps", (6, 13, 14, 15, 16, 18, 20, 21, 25, 26, 30)
 """What the picture of a motion template shows."""
 KINECT_RATE = 30.0
@@ -95,13 +104,6 @@ def classes_of(examples: Sequence[Example]) -> dict[str, list[FeatureMatrix]]:
     return found
 
 
-def cut(motion: Motion, seconds: float) -> list[Motion]:
-    """A motion in pieces of equal length, about so many seconds each."""
-    count = max(1, round(motion.duration / seconds))
-    edges = np.linspace(0, len(motion), count + 1).astype(int)
-    return [motion.sliced(start, stop) for start, stop in zip(edges, edges[1:], strict=False)]
-
-
 def train(examples: Sequence[Example], filler: Sequence[Motion], options: argparse.Namespace, kept: Path) -> Trained:
     """Templates, threshold and keyframes from the clips of some actors and from filler of the training subjects."""
     folds = []
@@ -113,27 +115,35 @@ def train(examples: Sequence[Example], filler: Sequence[Motion], options: argpar
     clips = classes_of(examples)
     if not kept.exists():
         settings = LearningSettings(genetic=GeneticSettings(generations=options.generations), runs=options.runs)
-        others = [relational_features(piece) for motion in filler for piece in cut(motion, NEGATIVE_SECONDS)]
-        learned = learn(clips, settings, np.random.default_rng(options.seed), others=others)
-        save_queries(kept, [result.query for result in learned.values()])
+        made = []
+        for actor in sorted({example.actor for example in examples}):
+            own = [example for example in examples if example.actor == actor]
+            for number in range(COUNTEREXAMPLES):
+                made.extend(
+                    LabelledDocument(features, actor, tuple((*s.frames(FEATURE_RATE), s.label) for s in segments))
+                    for features, segments, _ in make_documents(own, filler, options.seed + 100 + number)
+                )
+        learned = learned_from(examples, made, settings, np.random.default_rng(options.seed))
+        save_queries(kept, [query for result in learned.values() for query in result.alternatives(ALTERNATIVES)])
     return Trained(Annotator(learn_classes(clips, threshold=threshold)), load_queries(kept), threshold)
 
 
 def measured(trained: Trained, documents: Sequence[Labelled]) -> dict[str, Any]:
     """Scores, confusion matrix and the share searched, without and with keyframes, over the documents of one actor."""
-    annotator, labels = trained.annotator, trained.annotator.labels
+    labels = trained.annotator.labels
     index = KeyframeIndex.build([features for features, _, _ in documents])
     intervals = preselect(index, trained.queries, labels)
     frames = sum(len(features) for features, _, _ in documents)
     result: dict[str, Any] = {"threshold": trained.threshold, "minutes": frames / 1800.0}
     searched = sum(stop - start for found in intervals for pieces in found.values() for start, stop in pieces)
     result["share_searched"] = searched / (frames * len(labels))
-    for name in ("without keyframes", "with keyframes"):
+    for name, (narrowed, rules) in VARIANTS.items():
+        annotator = Annotator(trained.annotator.classes, rules)
         totals = dict.fromkeys(("frames", "frames without joins", "segments"), Scores(0, 0, 0, 0))
         table = np.zeros((len(labels) + 1, len(labels) + 1), dtype=np.int64)
         annotations = []
         for number, (features, segments, joins) in enumerate(documents):
-            found = annotator.annotate(features, intervals[number] if name == "with keyframes" else None)
+            found = annotator.annotate(features, intervals[number] if narrowed else None)
             true = label_frames(segments, labels, len(features), features.frame_rate)
             joined = [Segment(start, end, "join") for start, end in joins]
             counted = ~label_frames(joined, ("join",), len(features), features.frame_rate)[0]
@@ -203,13 +213,14 @@ def hdm05(options: argparse.Namespace) -> dict[str, Any]:
         _print_rotation(actor, rotations[actor], speeds[actor])
     plot_class(classes_of(examples)[DRAWN_CLASS][:4], DRAWN_FEATURES, RESULTS / "annotation_template.png")
     labels = list(trained.annotator.labels)
-    both = ("without keyframes", "with keyframes")
-    totals = {name: _summed([rotations[a][name]["scores"] for a in ACTORS]) for name in both}
-    for name in both:
+    totals = {name: _summed([rotations[a][name]["scores"] for a in ACTORS]) for name in VARIANTS}
+    for name in VARIANTS:
         print(f"all actors, {name}: {_line(totals[name])}")
-    tables = {name: sum(rotations[a][name]["confusion"] for a in ACTORS) for name in both}
-    plot_confusion(tables[both[1]], [*labels, "no class"], RESULTS / "annotation_confusion.png", "HDM05, frames")
-    ranked = sorted((a for r in rotations.values() for a in r[both[1]]["annotations"]), key=lambda item: item[0])
+    tables = {name: sum(rotations[a][name]["confusion"] for a in ACTORS) for name in list(VARIANTS)[:2]}
+    names = [*labels, "no class"]
+    plot_confusion(tables["with keyframes"], names, RESULTS / "annotation_confusion.png", "HDM05, frames")
+    done = [annotation for r in rotations.values() for annotation in r["with keyframes"]["annotations"]]
+    ranked = sorted(done, key=lambda item: item[0])
     for name, (_, found, segments, threshold) in (("bad", ranked[0]), ("good", ranked[-1])):
         plot_annotation(found, segments, threshold).savefig(RESULTS / f"annotation_{name}.png", dpi=110)
     feature_seconds = _cpu_seconds(lambda: [relational_features(e.motion) for e in examples], repeats=2)
@@ -222,14 +233,14 @@ def hdm05(options: argparse.Namespace) -> dict[str, Any]:
         "by_actor_left_out": {
             actor: {
                 "threshold": r["threshold"], "minutes": r["minutes"], "share_searched": r["share_searched"],
-                **{name: _scores(r[name]["scores"]) for name in both}, "speed": speeds[actor],
+                **{name: _scores(r[name]["scores"]) for name in VARIANTS}, "speed": speeds[actor],
             }
             for actor, r in rotations.items()
         },
         "speed_up": {
             name: float(np.mean([found[name]["speed_up"] for found in speeds.values()])) for name in speeds[ACTORS[0]]
         },
-        "confusion": {"labels": [*labels, "no class"], **tables},
+        "confusion": {"labels": names, **tables},
     }  # fmt: skip
 
 
@@ -326,7 +337,7 @@ def _line(scores: dict[str, Scores]) -> str:
 
 def _print_rotation(actor: str, rotation: dict[str, Any], timings: dict[str, dict[str, float]]) -> None:
     print(f"{actor} left out ({rotation['minutes']:.1f} minutes, threshold {rotation['threshold']:g})")
-    for name in ("without keyframes", "with keyframes"):
+    for name in VARIANTS:
         print(f"  {name}: {_line(rotation[name]['scores'])}")
     print(f"  {100 * rotation['share_searched']:.1f} % searched")
     for name, timing in timings.items():
@@ -350,7 +361,8 @@ def main() -> None:
 
     print(HOW)
     figures = {"hdm05": hdm05(options), "utd_mhad": utd_mhad(options.data)}
-    print(save_figures("annotation", figures, vars(options)))
+    settings = {name: value for name, value in vars(options).items() if name not in ("data", "queries")}
+    print(save_figures("annotation", figures, settings))
 
 
 if __name__ == "__main__":

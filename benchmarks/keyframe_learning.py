@@ -17,11 +17,11 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks._keyframe_corpus import ACTORS, Example, at_speed, by_label, load_examples
+from benchmarks._keyframe_corpus import ACTORS, Example, by_label, load_examples
 from benchmarks._record import RESULTS, save_figures
 from toolkit.retrieval.features import FeatureMatrix, relational_features
 from toolkit.retrieval.genetic import GeneticSettings, Individual, Quality, TrainingSet, evolve
-from toolkit.retrieval.learning import LearningSettings, learn
+from toolkit.retrieval.learning import LearningSettings, learn, training_clips
 from toolkit.retrieval.templates import MotionTemplate
 
 THESIS_FRAMES, THESIS_EXAMPLES = 42_586, 9
@@ -41,7 +41,8 @@ def tables(examples: Sequence[Example], settings: LearningSettings, seed: int) -
     for actor in ACTORS:
         seen, unseen = ([e for e in examples if (e.actor == actor) == out] for out in (False, True))
         begin = time.process_time()
-        learned = learn(by_label(seen, settings.proportions), settings, np.random.default_rng(seed))
+        classes, checks = training_clips(by_label(seen), settings)
+        learned = learn(classes, settings, np.random.default_rng(seed), checks=checks)
         seconds = time.process_time() - begin
         for label, result in learned.items():
             verification = set_of(unseen, label)
@@ -69,9 +70,9 @@ def curves(examples: Sequence[Example], runs: int) -> dict[str, Any]:
     populations = 0
     for actor in ACTORS:
         seen, unseen = ([e for e in examples if (e.actor == actor) == out] for out in (False, True))
-        for label, clips in by_label(seen, ()).items():
+        for label, clips in by_label(seen).items():
             sets = {"training": set_of(seen, label), "verification": set_of(unseen, label)}
-            template = MotionTemplate(strict=True).fit(clips).quantised(label, 0.0)
+            template = MotionTemplate(strict=True).fit([relational_features(c) for c in clips]).quantised(label, 0.0)
 
             def observe(generation: int, population: Sequence[Individual], sets: dict[str, TrainingSet] = sets) -> None:
                 if generation % GENERATION_STEP == 0:
@@ -114,7 +115,7 @@ def timed_run(examples: Sequence[Example], repeats: int) -> dict[str, Any]:
         for motion in (e.motion for e in examples if e.label != label):
             for mirrored in (False, True):
                 if frames < THESIS_FRAMES:
-                    changed = at_speed(motion, factor)
+                    changed = motion.at_speed(factor)
                     features = relational_features(changed.mirrored() if mirrored else changed)
                     negative.append(replace(features, name=f"{features.name} x {factor}"))
                     frames += len(features)
@@ -146,12 +147,12 @@ def main() -> None:
     run = timed_run(examples, 10)
     print(f"one run on {run['frames']} frames: {run['median_cpu_seconds']:.3f} s", flush=True)
     figures: dict[str, Any] = {"one_run": run}
-    for name, proportions in (
-        ("clips as they are", ()),
-        ("also under other proportions", LearningSettings().proportions),
+    for name, learning in (
+        ("clips as they are", LearningSettings(runs=options.runs, proportions=(), speeds=())),
+        ("also under other proportions and speeds", LearningSettings(runs=options.runs)),
     ):
         print(name, flush=True)
-        rows = tables(examples, LearningSettings(runs=options.runs, proportions=proportions), options.seed)
+        rows = tables(examples, learning, options.seed)
         means = {actor: float(np.mean([r["fitness"] for r in rows if r["left_out"] == actor])) for actor in ACTORS}
         figures[name] = {
             "fitness_by_actor_left_out": means,

@@ -21,47 +21,28 @@ import numpy as np
 from benchmarks._keyframe_corpus import (
     ACTORS,
     HOW,
-    SPEEDS,
-    Example,
     LabelledDocument,
-    by_label,
+    learned_from,
     load_examples,
     load_filler,
     make_documents,
-    unlabelled_pieces,
 )
 from benchmarks._record import RESULTS, save_figures
 from benchmarks._timing import pin_to_one_processor
 from toolkit.retrieval.genetic import Breeder
 from toolkit.retrieval.index import KeyframeIndex
 from toolkit.retrieval.keyframes import KeyframeQuery, in_sequence
-from toolkit.retrieval.learning import LearnedQuery, LearningSettings, learn, query_of
-from toolkit.retrieval.motion import Motion
+from toolkit.retrieval.learning import LearnedQuery, LearningSettings, query_of
 from toolkit.retrieval.search import HitRanges, find, pieces
 
 COUNTEREXAMPLES = 30_000
 """Frames of the documents from which counterexamples are cut."""
+ALTERNATIVES = (1, 2, 3)
+"""Queries per class that are tried together, a hit of any counting."""
 REPEATS = 20
 """Searches per query; the median counts."""
 UNSPECIFIC = 8
 """Queries of random template columns per class, which process many more segments than learned ones."""
-
-
-def learned_without(
-    actor: str,
-    examples: Sequence[Example],
-    filler: Sequence[Motion],
-    settings: LearningSettings,
-    rng: np.random.Generator,
-) -> dict[str, LearnedQuery]:
-    """Queries for all classes from the other two actors' clips, and pieces of documents made of them."""
-    seen = [example for example in examples if example.actor != actor]
-    made: list[LabelledDocument] = []
-    for other in ACTORS:
-        if other != actor:
-            own = [example for example in seen if example.actor == other]
-            made.extend(make_documents(own, filler, COUNTEREXAMPLES // 2, rng))
-    return learn(by_label(seen, settings.proportions, SPEEDS), settings, rng, others=unlabelled_pieces(made))
 
 
 def timed(index: KeyframeIndex, query: KeyframeQuery) -> dict[str, Any]:
@@ -76,13 +57,14 @@ def timed(index: KeyframeIndex, query: KeyframeQuery) -> dict[str, Any]:
 
 
 def quality(
-    ranges: HitRanges, documents: Sequence[LabelledDocument], chosen: Sequence[int], label: str
+    found: Sequence[HitRanges], documents: Sequence[LabelledDocument], chosen: Sequence[int], label: str
 ) -> tuple[float, float, float]:
     """Share of the chosen documents' frames left; shares of the true segments touched, and at least half left."""
     left = {number: np.zeros(len(documents[number].features), dtype=bool) for number in chosen}
-    for document, start, stop in zip(ranges.documents, ranges.starts, ranges.stops, strict=True):
-        if int(document) in left:
-            left[int(document)][start:stop] = True
+    for ranges in found:
+        for document, start, stop in zip(ranges.documents, ranges.starts, ranges.stops, strict=True):
+            if int(document) in left:
+                left[int(document)][start:stop] = True
     covered = np.array(
         [
             left[number][start:stop].mean()
@@ -102,19 +84,30 @@ def relevant_share(documents: Sequence[LabelledDocument], chosen: Sequence[int],
 
 
 def judged(
-    index: KeyframeIndex, documents: Sequence[LabelledDocument], actor: str, result: LearnedQuery
+    index: KeyframeIndex, documents: Sequence[LabelledDocument], actor: str, result: LearnedQuery, count: int
 ) -> dict[str, Any]:
-    """Everything about one learned query."""
-    query = result.query
+    """Everything about the learned queries of a class, `count` of them taken together."""
+    queries = result.alternatives(count)
     chosen = [number for number, document in enumerate(documents) if document.actor == actor]
-    ranges = find(index, query)
-    row: dict[str, Any] = {"label": query.label, "left_out": actor, **timed(index, query)}
-    row["relevant"] = relevant_share(documents, chosen, query.label)
+    timings = [timed(index, query) for query in queries]
+    row: dict[str, Any] = {"label": result.label, "left_out": actor, "queries": len(queries)}
+    row |= {key: sum(timing[key] for timing in timings) for key in timings[0]}
+    row["relevant"] = relevant_share(documents, chosen, result.label)
     for name, factor in (("hits", 0.0), ("motions", 1.0), ("refined_search", 3.0)):
         row[f"left_{name}"], row[f"touched_{name}"], row[f"half_{name}"] = quality(
-            pieces(index, query, ranges, factor), documents, chosen, query.label
+            [pieces(index, query, find(index, query), factor) for query in queries], documents, chosen, result.label
         )
     return row
+
+
+def summary(rows: Sequence[dict[str, Any]]) -> dict[str, float]:
+    """Means over classes and actors, the worst time, and data left as a multiple of what is relevant."""
+    keys = [key for key, value in rows[0].items() if isinstance(value, float)]
+    means = {key: float(np.mean([row[key] for row in rows])) for key in keys}
+    means["worst_milliseconds"] = float(np.max([row["milliseconds"] for row in rows]))
+    means["left_hits_over_relevant"] = means["left_hits"] / means["relevant"]
+    means["left_motions_over_relevant"] = means["left_motions"] / means["relevant"]
+    return means
 
 
 def sequences(learned: dict[str, LearnedQuery], rng: np.random.Generator, count: int = 9) -> list[KeyframeQuery]:
@@ -186,50 +179,44 @@ def main() -> None:
 
     settings = LearningSettings(runs=options.runs)
     entries: dict[str, list[dict[str, Any]]] = {"learned": [], "sequences": [], "random columns": []}
+    together: dict[int, list[dict[str, Any]]] = {count: [] for count in ALTERNATIVES}
     pin_to_one_processor()
     for actor in ACTORS:
-        learned = learned_without(actor, examples, filler[0::2], settings, rng)
+        seen = [example for example in examples if example.actor != actor]
+        made: list[LabelledDocument] = []
+        for other in sorted({example.actor for example in seen}):
+            own = [example for example in seen if example.actor == other]
+            made.extend(make_documents(own, filler[0::2], COUNTEREXAMPLES // 2, rng))
+        learned = learned_from(seen, made, settings, rng)
         for label, result in learned.items():
-            row = judged(index, documents, actor, result)
-            entries["learned"].append(row)
-            shown = (
-                "milliseconds",
-                "segments",
-                "relevant",
-                "left_hits",
-                "touched_hits",
-                "left_motions",
-                "half_motions",
-            )
-            print(f"{label:28s} {actor}", *(f"{row[key]:.3g}" for key in shown), sep="  ", flush=True)
+            for count in ALTERNATIVES:
+                row = judged(index, documents, actor, result, count)
+                together[count].append(row)
+                shown = ("queries", "milliseconds", "segments", "relevant", "left_hits", "touched_hits", "half_motions")
+                print(f"{label:28s} {actor}", *(f"{row[key]:.3g}" for key in shown), sep="  ", flush=True)
+            entries["learned"].extend(timed(index, query) for query in result.alternatives(1))
             breeder = Breeder(result.template, settings.genetic, rng)
             random = [query_of(breeder.individual(), len(result.template), label) for _ in range(UNSPECIFIC)]
             entries["random columns"].extend(timed(index, query) for query in random)
         entries["sequences"].extend(timed(index, query) for query in sequences(learned, rng))
 
-    rows = entries["learned"]
     slope, correlation = line_through_origin([row for part in entries.values() for row in part])
     figures = {
         "index": size,
-        "mean_milliseconds": float(np.mean([row["milliseconds"] for row in rows])),
-        "worst_milliseconds": float(np.max([row["milliseconds"] for row in rows])),
+        "together": {f"{count} per class": summary(rows) for count, rows in together.items()},
         "mean_milliseconds_of_sequences": float(np.mean([row["milliseconds"] for row in entries["sequences"]])),
         "nanoseconds_per_segment": 1e6 * slope,
         "correlation_of_time_and_segments": correlation,
-        "means": {
-            key: float(np.mean([row[key] for row in rows]))
-            for key in rows[0]
-            if key.startswith(("left_h", "left_m", "left_r", "touched", "half", "relevant"))
-        },
-        "left_over_relevant": float(
-            np.mean([r["left_motions"] for r in rows]) / np.mean([r["relevant"] for r in rows])
-        ),
-        "queries": entries,
+        "classes": [row for rows in together.values() for row in rows],
+        "timed": entries,
     }
     plot_times(entries, slope, RESULTS / "keyframe_search.png")
-    for key in ("mean_milliseconds", "worst_milliseconds", "nanoseconds_per_segment", "left_over_relevant", "means"):
+    for name, means in figures["together"].items():
+        print(name, *(f"{key} {value:.3f}" for key, value in means.items()), sep="  ")
+    for key in ("mean_milliseconds_of_sequences", "nanoseconds_per_segment", "correlation_of_time_and_segments"):
         print(key, figures[key])
-    print(save_figures("keyframe_search", figures, {**vars(options), "corpus": HOW}))
+    chosen = {"frames": options.frames, "runs": options.runs, "seed": options.seed, "corpus": HOW}
+    print(save_figures("keyframe_search", figures, chosen))
 
 
 if __name__ == "__main__":

@@ -30,8 +30,10 @@ from toolkit.retrieval.learning import (
     frequent_keyframes,
     learn,
     query_of,
+    training_clips,
     votes_of,
 )
+from toolkit.retrieval.motion import Motion
 from toolkit.retrieval.search import find
 from toolkit.retrieval.templates import WILDCARD, MotionTemplate, QuantisedTemplate
 from toolkit.retrieval.workflow import load_motion
@@ -210,12 +212,18 @@ def test_a_population_grows_fitter_until_the_class_is_told_apart() -> None:
 @pytest.mark.shared_data
 def test_keyframes_learned_from_two_actors_find_the_third(shared_data: Path) -> None:
     kinds = ("squat1Reps", "elbowToKnee1RepsLelbowStart", "kickLFront1Reps", "rotateArmsBothBackward1Reps")
-    seen: dict[str, list[FeatureMatrix]] = {kind: [] for kind in kinds}
+    seen: dict[str, list[Motion]] = {kind: [] for kind in kinds}
     unseen: dict[str, list[FeatureMatrix]] = {kind: [] for kind in kinds}
     for kind in kinds:
         for path in sorted((shared_data / "mocap" / "hdm05").glob(f"*_{kind}_*.amc")):
-            (unseen if "_bk_" in path.name else seen)[kind].append(relational_features(load_motion(path)))
-    learned = learn(seen, LearningSettings(runs=6), np.random.default_rng(0), labels=["squat1Reps"])["squat1Reps"]
+            motion = load_motion(path)
+            if "_bk_" in path.name:
+                unseen[kind].append(relational_features(motion))
+            else:
+                seen[kind].append(motion)
+    settings = LearningSettings(runs=6)
+    classes, checks = training_clips(seen, settings)
+    learned = learn(classes, settings, np.random.default_rng(0), labels=["squat1Reps"], checks=checks)["squat1Reps"]
     assert learned.training.fitness == 1.0
     assert training_of(unseen, "squat1Reps").quality(learned.individual, 2.0).fitness > 0.9
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -63,13 +64,13 @@ class Keyframe:
         ordered = sorted(dict(self.values).items(), key=lambda item: names.index(item[0]))
         object.__setattr__(self, "values", tuple((name, int(value)) for name, value in ordered))
 
-    @property
+    @cached_property
     def mask(self) -> int:
         """Bits of the features that are not wildcards."""
         names = SET_FEATURES[self.feature_set]
         return sum(1 << names.index(name) for name, _ in self.values)
 
-    @property
+    @cached_property
     def value(self) -> int:
         """Bits of the features that have to be 1."""
         names = SET_FEATURES[self.feature_set]

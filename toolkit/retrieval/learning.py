@@ -40,6 +40,7 @@ class LearningSettings:
     runs : genetic runs per class; the thesis uses 100 to 500
     proportions : every clip is learned from once more per factor, as if its actor's own lengths were longer by that
     factor
+    speeds : every clip is learned from once more per factor, that many times as fast
     reach : keyframes at most this many template columns apart count as the same one
     most_keyframes : largest number of keyframes extracted
     shares : an entry is extracted if at least this share of the runs' keyframes around its column have it; the best
@@ -49,6 +50,7 @@ class LearningSettings:
     genetic: GeneticSettings = field(default_factory=GeneticSettings)
     runs: int = 100
     proportions: tuple[float, ...] = (0.8, 1.25)
+    speeds: tuple[float, ...] = (0.8, 1.25)
     reach: int = 2
     most_keyframes: int = 3
     shares: tuple[float, ...] = (0.6, 0.5, 0.4, 0.3, 0.2, 0.1)
@@ -67,18 +69,32 @@ class LearnedQuery:
 
     Attributes
     ----------
-    query : the keyframe query, labelled
-    individual : the same in the learner's form
-    training : its quality on the training set
+    label : the class
+    ranked : what was extracted from all runs and what each run found, the best first
+    training : quality of the best on the training set
     template : the strict template that the runs began with
     solutions : the best individual of each run
     """
 
-    query: KeyframeQuery
-    individual: Individual
+    label: str
+    ranked: tuple[Individual, ...]
     training: Quality
     template: QuantisedTemplate
     solutions: tuple[Individual, ...]
+
+    @property
+    def individual(self) -> Individual:
+        """The best in the learner's form."""
+        return self.ranked[0]
+
+    @property
+    def query(self) -> KeyframeQuery:
+        """The best as a labelled keyframe query."""
+        return query_of(self.individual, len(self.template), self.label)
+
+    def alternatives(self, count: int) -> list[KeyframeQuery]:
+        """The best `count` as labelled queries; together they miss less and leave more data than the best alone."""
+        return [query_of(individual, len(self.template), self.label) for individual in self.ranked[:count]]
 
     @property
     def accumulated(self) -> np.ndarray:
@@ -87,18 +103,50 @@ class LearnedQuery:
         return 0.5 + 0.5 * (votes[1] - votes[0]) / len(self.solutions)
 
 
-def with_other_proportions(motion: Motion, factors: Sequence[float]) -> list[FeatureMatrix]:
-    """Features of a motion, and once more for each factor on the actor's own units of length.
+def variations(motion: Motion, proportions: Sequence[float], speeds: Sequence[float]) -> list[FeatureMatrix]:
+    """Features of a motion for each factor on the actor's own units of length, and for each factor on its speed.
 
-    All thresholds on lengths and speeds move by that factor, as they would for another actor or another style; angles
-    stay. A few clips of few actors show too little of this, and keyframes learned from them alone ask for too much.
+    With the lengths all thresholds on lengths and speeds move by that factor, as they would for another actor or
+    another style; angles stay. A few clips of few actors show too little of this, and keyframes learned from them alone
+    ask for too much.
     """
     lengths = BodyLengths.of(motion)
-    matrices = [relational_features(motion, lengths)]
-    for factor in factors:
+    matrices = []
+    for factor in proportions:
         scaled = relational_features(motion, BodyLengths(*(factor * length for length in astuple(lengths))))
         matrices.append(replace(scaled, name=f"{motion.name} (lengths x {factor:g})"))
-    return matrices
+    return [*matrices, *(relational_features(motion.at_speed(factor)) for factor in speeds)]
+
+
+def training_clips(
+    motions: Mapping[str, Sequence[Motion]], settings: LearningSettings
+) -> tuple[dict[str, list[FeatureMatrix]], dict[str, list[FeatureMatrix]]]:
+    """What `learn` learns from and what it checks on.
+
+    Parameters
+    ----------
+    motions : label -> cut clips
+    settings : proportions and speeds
+
+    Returns
+    -------
+    classes : per label every clip as it is and in the variations asked for
+    checks : per label every clip in variations twice as far away (the squares of the factors)
+    """
+    classes = {
+        label: [
+            matrix
+            for clip in clips
+            for matrix in (relational_features(clip), *variations(clip, settings.proportions, settings.speeds))
+        ]
+        for label, clips in motions.items()
+    }
+    proportions, speeds = ([factor * factor for factor in part] for part in (settings.proportions, settings.speeds))
+    checks = {
+        label: [matrix for clip in clips for matrix in variations(clip, proportions, speeds)]
+        for label, clips in motions.items()
+    }
+    return classes, checks
 
 
 def learn(
@@ -108,6 +156,7 @@ def learn(
     *,
     labels: Sequence[str] | None = None,
     others: Sequence[FeatureMatrix] = (),
+    checks: Mapping[str, Sequence[FeatureMatrix]] | None = None,
     workers: int = 1,
     progress: Progress | None = None,
 ) -> dict[str, LearnedQuery]:
@@ -122,6 +171,7 @@ def learn(
     rng : source of all randomness
     labels : classes to learn; all by default
     others : further counterexamples without a label
+    checks : label -> clips that the runs do not learn from; candidates are compared on them as well
     workers : processes
     progress : told after each genetic run
 
@@ -140,6 +190,11 @@ def learn(
     documents = [document for clips in classes.values() for document in clips] + list(others)
     owners = np.array([label for label, clips in classes.items() for _ in clips] + [""] * len(others), dtype=object)
     training = {label: TrainingSet(documents, owners == label) for label in labels}
+    judges = training
+    if checks:
+        documents = [*documents, *(document for clips in checks.values() for document in clips)]
+        owners = np.append(owners, np.array([label for label, clips in checks.items() for _ in clips], dtype=object))
+        judges = {label: TrainingSet(documents, owners == label) for label in labels}
     templates = {
         label: MotionTemplate(strict=True).fit(list(classes[label])).quantised(label, delta=0.0) for label in labels
     }
@@ -151,7 +206,8 @@ def learn(
         if progress is not None:
             progress(label, done, len(tasks))
     return {
-        label: _learned(label, training[label], templates[label], solutions[label], settings, rng) for label in labels
+        label: _learned(label, training[label], judges[label], templates[label], solutions[label], settings, rng)
+        for label in labels
     }
 
 
@@ -193,23 +249,22 @@ def _runs(tasks: Sequence[tuple[str, int]], evolution: _Evolution, workers: int)
 def _learned(
     label: str,
     training: TrainingSet,
+    judge: TrainingSet,
     template: QuantisedTemplate,
     solutions: Sequence[Individual],
     settings: LearningSettings,
     rng: np.random.Generator,
 ) -> LearnedQuery:
-    """Extract the most frequent keyframes of the runs in several ways and keep the best on the training set."""
-    breeder = Breeder(template, settings.genetic, rng)
-    best = min(
-        (
-            with_best_distances(training, breeder, keyframes, settings.genetic)
-            for keyframes in frequent_keyframes(solutions, len(template), settings)
-        ),
-        default=min(Scored(s, training.quality(s, settings.genetic.beta).fitness) for s in solutions),
-    )
-    individual = best.individual
-    quality = training.quality(individual, settings.genetic.beta)
-    return LearnedQuery(query_of(individual, len(template), label), individual, quality, template, tuple(solutions))
+    """Extract the most frequent keyframes of the runs in several ways; rank these and the runs' own by the judge."""
+    breeder, beta = Breeder(template, settings.genetic, rng), settings.genetic.beta
+    extracted = [
+        with_best_distances(training, breeder, keyframes, settings.genetic).individual
+        for keyframes in frequent_keyframes(solutions, len(template), settings)
+    ]
+    candidates = dict.fromkeys([*extracted, *solutions])
+    order = sorted(Scored(candidate, judge.quality(candidate, beta).fitness) for candidate in candidates)
+    ranked = tuple(scored.individual for scored in order)
+    return LearnedQuery(label, ranked, training.quality(ranked[0], beta), template, tuple(solutions))
 
 
 def votes_of(solutions: Sequence[Individual], length: int) -> tuple[np.ndarray, np.ndarray]:

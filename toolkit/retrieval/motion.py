@@ -93,6 +93,29 @@ class Motion:
         axis = None if self.root_axis is None else self.root_axis[start:stop]
         return replace(self, joints=self.joints[start:stop], root_axis=axis)
 
+    def at_speed(self, factor: float) -> Motion:
+        """The motion `factor` times as fast at the same frame rate, positions linear between frames.
+
+        Raises
+        ------
+        MocapError
+            The factor is not above 0.
+        """
+        if not (np.isfinite(factor) and factor > 0):
+            raise MocapError(f"motion {self.name!r} cannot be played {factor} times as fast; give a factor above 0")
+        if len(self) == 1:
+            return self
+        places = np.arange(0.0, len(self) - 1, factor)
+        low = np.minimum(places.astype(np.int64), len(self) - 2)
+        share = (places - low)[:, None]
+        axis = self.root_axis
+        return replace(
+            self,
+            name=f"{self.name} (speed {factor:g})",
+            joints=self.joints[low] + share[..., None] * (self.joints[low + 1] - self.joints[low]),
+            root_axis=None if axis is None else axis[low] + share * (axis[low + 1] - axis[low]),
+        )
+
     def mirrored(self) -> Motion:
         """The motion seen in a mirror: x changes sign, left and right change names.
 

@@ -10,9 +10,9 @@ from toolkit.retrieval.index import KeyframeIndex
 from toolkit.retrieval.keyframes import KeyframeQuery
 from toolkit.retrieval.search import find, pieces
 
-EXTENSION = 2.0
+EXTENSION = 1.5
 """How far hits are widened for annotation: this many times the query's frames before its first and behind its last
-keyframe."""
+keyframe. The authors' 2 leaves a sixth more to search and finds the same."""
 
 
 def preselect(

@@ -96,8 +96,8 @@ def choose_labels(queries: Sequence[KeyframeQuery], labels: Sequence[str] | None
     """
     if not labels:
         return list(queries)
-    known = {query.label: query for query in queries}
+    known = {query.label for query in queries}
     for label in labels:
         if label not in known:
             raise RetrievalError(f"no query for the label {label!r}; there are: {', '.join(sorted(known)) or 'none'}")
-    return [known[label] for label in labels]
+    return [query for label in labels for query in queries if query.label == label]

@@ -93,14 +93,24 @@ def keyframe_lists(
 ) -> list[tuple[np.ndarray, np.ndarray, int]]:
     """Inverted keyframe lists without frames that cannot be part of a hit.
 
-    The rarest keyframe's list is merged first. From there on, in both directions, a hit has the next keyframe at a
-    bounded distance from a segment of the last one, so it is read from the runs there wherever that is less work than
-    merging its own list. What is left out is in no hit, and the parts of a segment that belong to one match stay
-    together.
+    The rarest keyframe's list is merged first, and cut down to the frames that also match the keyframes meant for the
+    same frame. From there on, in both directions, a hit has the next keyframe at a bounded distance from a segment of
+    the last one, so it is read from the runs there wherever that is less work than merging its own list. What is left
+    out is in no hit, and the parts of a segment that belong to one match stay together.
     """
     counts = [index.sets[keyframe.feature_set].count(keyframe) for keyframe in keyframes]
-    rarest = int(np.argmin(counts))
-    lists = {rarest: index.keyframe_list(keyframes[rarest])}
+    first = last = rarest = int(np.argmin(counts))
+    while first > 0 and maximum[first - 1] == 0:
+        first -= 1
+    while last + 1 < len(keyframes) and maximum[last] == 0:
+        last += 1
+    starts, ends, processed = index.keyframe_list(keyframes[rarest])
+    for k in range(first, last + 1):
+        if k != rarest:
+            windows, frames = windows_around(starts, ends, 0, 0, index.document_starts)
+            starts, ends, looked = index.sets[keyframes[k].feature_set].segments_near(windows, frames, keyframes[k])
+            processed += looked
+    lists = {k: (starts, ends, processed if k == rarest else 0) for k in range(first, last + 1)}
 
     def add(k: int, neighbour: int, least: int, greatest: int) -> None:
         starts, ends, _ = lists[neighbour]
@@ -111,9 +121,9 @@ def keyframe_lists(
         else:
             lists[k] = index.keyframe_list(keyframes[k])
 
-    for k in range(rarest + 1, len(keyframes)):
+    for k in range(last + 1, len(keyframes)):
         add(k, k - 1, minimum[k - 1], maximum[k - 1])
-    for k in range(rarest - 1, -1, -1):
+    for k in range(first - 1, -1, -1):
         add(k, k + 1, -maximum[k], -minimum[k])
     return [lists[k] for k in range(len(keyframes))]
 
@@ -122,7 +132,7 @@ def pieces(index: KeyframeIndex, query: KeyframeQuery, ranges: HitRanges, factor
     """What the refined search looks at: `factor` times the query's lead to the left, `factor` times its tail to the
     right.
 
-    The authors used 3 for retrieval and 2 for annotation.
+    The authors used 3 for retrieval; annotation has its own (`preselection.EXTENSION`).
     """
     return ranges.extended(index, round(factor * query.lead), round(factor * query.tail))
 

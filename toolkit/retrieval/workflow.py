@@ -17,10 +17,10 @@ from toolkit.files import save_json, save_text
 from toolkit.mocap.read import find_clips, read_clip
 from toolkit.retrieval.annotation import distance_function
 from toolkit.retrieval.automatic import ChoiceSettings, choose_query, steady_entries, template_of
-from toolkit.retrieval.features import FEATURE_RATE, FeatureMatrix, relational_features
+from toolkit.retrieval.features import FEATURE_RATE, relational_features
 from toolkit.retrieval.index import KeyframeIndex
 from toolkit.retrieval.keyframes import KeyframeQuery
-from toolkit.retrieval.learning import LearnedQuery, LearningSettings, Progress, learn, with_other_proportions
+from toolkit.retrieval.learning import LearnedQuery, LearningSettings, Progress, learn, training_clips
 from toolkit.retrieval.motion import Motion, from_clip, from_track
 from toolkit.retrieval.query_file import save_queries
 from toolkit.retrieval.search import HitRanges, Match, find, pieces, rank
@@ -270,11 +270,14 @@ def learn_queries(
     workers : processes; they do not change the result
     progress : told after each genetic run
     """
-    classes: dict[str, list[FeatureMatrix]] = {label: [] for label in sorted(set(clips.values()))}
+    motions: dict[str, list[Motion]] = {label: [] for label in sorted(set(clips.values()))}
     settings = settings or LearningSettings()
     for file, label in clips.items():
-        classes[label].extend(with_other_proportions(load_motion(file), settings.proportions))
+        motions[label].append(load_motion(file))
+    classes, checks = training_clips(motions, settings)
     more = [relational_features(load_motion(file)) for file in find_motions(others)]
-    learned = learn(classes, settings, rng, labels=labels, others=more, workers=workers, progress=progress)
+    learned = learn(
+        classes, settings, rng, labels=labels, others=more, checks=checks, workers=workers, progress=progress
+    )
     save_queries(output, [result.query for result in learned.values()])
     return learned
