@@ -66,6 +66,13 @@ RELEVANT_SHARE = 0.1
 DRAWN_CLASS, DRAWN_FEATURES = "kickLFront1Reps", (6, 13, 14, 15, 16, 18, 20, 21, 25, 26, 30)
 """What the picture of a motion template shows."""
 KINECT_RATE = 30.0
+KINECT_ACTIONS = (
+    "swipe left", "swipe right", "wave", "clap", "throw", "cross arms", "basketball shoot", "draw x",
+    "draw circle (clockwise)", "draw circle (counter-clockwise)", "draw triangle", "bowling", "boxing",
+    "baseball swing", "tennis forehand", "arm curl", "tennis serve", "two-hand push", "knock", "catch",
+    "pick up and throw", "jog in place", "walk in place", "sit to stand", "stand to sit", "lunge", "squat",
+)  # fmt: skip
+"""Actions 1 to 27 of UTD-MHAD."""
 KINECT_DELTAS = {"unanimous": 0.05, "majority": 0.34}
 """Quantisation thresholds for UTD-MHAD, where a class has three training clips: all agree, or two of three decide."""
 TOLD_APART = 0.75
@@ -220,7 +227,8 @@ def hdm05(options: argparse.Namespace) -> dict[str, Any]:
     names = [*labels, "no class"]
     plot_confusion(tables["with keyframes"], names, RESULTS / "annotation_confusion.png", "HDM05, frames")
     done = [annotation for r in rotations.values() for annotation in r["with keyframes"]["annotations"]]
-    ranked = sorted(done, key=lambda item: item[0])
+    whole = [annotation for annotation in done if len(annotation[2]) == CLIPS_PER_DOCUMENT]
+    ranked = sorted(whole, key=lambda item: item[0])
     for name, (_, found, segments, threshold) in (("bad", ranked[0]), ("good", ranked[-1])):
         plot_annotation(found, segments, threshold).savefig(RESULTS / f"annotation_{name}.png", dpi=110)
     feature_seconds = _cpu_seconds(lambda: [relational_features(e.motion) for e in examples], repeats=2)
@@ -264,7 +272,7 @@ def utd_mhad(data: Path) -> dict[str, Any]:
         found[name] = {"delta": delta, "accuracy": accuracy, "actions_told_apart": apart, "confusion": table}
         print(f"UTD-MHAD, {name}: {100 * accuracy:.1f} % of {len(clips)} clips right; told apart: {apart}")
         picture = RESULTS / f"annotation_confusion_utd_mhad_{name}.png"
-        plot_confusion(table, [f"a{a}" for a in actions], picture, f"UTD-MHAD, clips, {name}")
+        plot_confusion(table, [f"{a} {KINECT_ACTIONS[a - 1]}" for a in actions], picture, f"UTD-MHAD, clips, {name}")
     return found
 
 

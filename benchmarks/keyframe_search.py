@@ -1,4 +1,4 @@
-"""Keyframe search over 3.5 hours: `depthmocap bench keyframe_search DATA [--frames 378000] [--runs 12]`.
+"""Keyframe search over 3.5 hours: `depthmocap bench keyframe_search DATA [--frames 378000] [--runs 24]`.
 
 Documents are made from HDM05 clips and CMU motions (see `benchmarks/_keyframe_corpus.py`), a third of them per actor.
 For each actor, queries for the 11 classes are learned from the cut clips of the other two, at three speeds and three
@@ -127,7 +127,8 @@ def plot_times(entries: dict[str, list[dict[str, Any]]], slope: float, path: Pat
     axes = figure.subplots()
     for name, rows in entries.items():
         axes.loglog([r["segments"] for r in rows], [r["milliseconds"] for r in rows], ".", label=name)
-    span = np.array([100.0, max(r["segments"] for rows in entries.values() for r in rows)])
+    segments = [row["segments"] for rows in entries.values() for row in rows]
+    span = np.array([min(segments), max(segments)], dtype=float)
     axes.loglog(span, slope * span, color="0.6", linewidth=1, label=f"{1e6 * slope:.1f} ns per segment", zorder=0)
     axes.set(xlabel="segments in the inverted lists", ylabel="keyframe search, ms")
     axes.grid(alpha=0.3, which="both")
@@ -164,7 +165,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("data", type=Path, help="the shared data folder")
     parser.add_argument("--frames", type=int, default=378_000, help="frames of the corpus at 30 Hz")
-    parser.add_argument("--runs", type=int, default=12, help="genetic runs per class")
+    parser.add_argument("--runs", type=int, default=24, help="genetic runs per class")
     parser.add_argument("--seed", type=int, default=0)
     options = parser.parse_args()
 

@@ -129,9 +129,9 @@ def test_the_learned_threshold_finds_the_motions_and_leaves_the_rest(
 def test_preselection_keeps_the_widened_hits_of_a_query_and_all_frames_of_a_class_without_one() -> None:
     values = np.zeros((40, 50), dtype=bool)
     values[19, 20:23] = True
-    query = KeyframeQuery((Keyframe("lower", (("F20", 1),)),), (), 2, 3, "squat")
+    query = KeyframeQuery((Keyframe("lower", (("F20", 1),)),), (), 2, 4, "squat")
     intervals = preselect_in([FeatureMatrix("d", values)], [query, query], ("squat", "wave"))
-    assert intervals == [{"squat": [(16, 29)], "wave": [(0, 50)]}]
+    assert intervals == [{"squat": [(17, 29)], "wave": [(0, 50)]}]
     with pytest.raises(RetrievalError, match="unknown class 'squat'"):
         preselect_in([FeatureMatrix("d", values)], [query], ("wave",))
 

@@ -97,6 +97,9 @@ def learn(
     labels: Annotated[Path | None, typer.Option(help="CSV file with the columns clip and label.")] = None,
     label: Annotated[list[str] | None, typer.Option(help="Only these classes; the others are counterexamples.")] = None,
     others: Annotated[list[Path] | None, typer.Option(help="Clips of no class: more counterexamples.")] = None,
+    alternatives: Annotated[
+        int, typer.Option(help="Queries per class; a motion has to fit one. 2 for `depthmocap annotate`.", min=1)
+    ] = 1,
     runs: Annotated[int, typer.Option(help="Genetic runs per class.", min=1)] = 100,
     seed: Seed = 0,
     workers: Annotated[int, typer.Option(help="Processes; they do not change the result.", min=1)] = 1,
@@ -113,7 +116,7 @@ def learn(
     with progress_bars() as bars:
         learned = learn_queries(
             classes, output, np.random.default_rng(seed), labels=label, others=others or (),
-            settings=LearningSettings(runs=runs), workers=workers,
+            settings=LearningSettings(runs=runs), alternatives=alternatives, workers=workers,
             progress=lambda _, done, total: bars("genetic runs", done, total),
         )  # fmt: skip
     table = Table("class", "keyframes", "precision", "recall", "F (beta 2)", title=f"{output}: on the training clips")

@@ -254,10 +254,11 @@ def learn_queries(
     labels: Sequence[str] | None = None,
     others: Sequence[str | Path] = (),
     settings: LearningSettings | None = None,
+    alternatives: int = 1,
     workers: int = 1,
     progress: Progress | None = None,
 ) -> dict[str, LearnedQuery]:
-    """Learn one keyframe query per motion class and write them as one file.
+    """Learn keyframe queries for motion classes and write them as one file.
 
     Parameters
     ----------
@@ -267,6 +268,7 @@ def learn_queries(
     labels : classes to learn; all by default
     others : clips and folders of clips that belong to no class
     settings : how
+    alternatives : queries written per class, the best first
     workers : processes; they do not change the result
     progress : told after each genetic run
     """
@@ -279,5 +281,5 @@ def learn_queries(
     learned = learn(
         classes, settings, rng, labels=labels, others=more, checks=checks, workers=workers, progress=progress
     )
-    save_queries(output, [result.query for result in learned.values()])
+    save_queries(output, [query for result in learned.values() for query in result.alternatives(alternatives)])
     return learned
