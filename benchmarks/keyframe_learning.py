@@ -1,9 +1,9 @@
-"""Learned keyframes on actors not trained on: `depthmocap bench keyframe_learning DATA [--runs 50]`.
+"""Learned keyframes on actors not trained on: `depthmocap bench keyframe_learning DATA [--runs 24]`.
 
 For each of the actors bd, bk and dg, keyframes of the 11 HDM05 classes are learned from the cut clips of the other two
 and tried on all clips of this one: F-measure with beta 2 over documents, as in Eq. 4.11. Learned once from the clips
-as they are, and once from each clip also under other proportions of its actor. Fig. 4.3 (quality over generations) is
-drawn from a few runs, and one run is timed on a training set of the size of the thesis's.
+as they are, and once from each clip also under other proportions of its actor and at other speeds. Fig. 4.3 (quality
+over generations) is drawn from a few runs, and one run is timed on a training set of the size of the thesis's.
 """
 
 from __future__ import annotations
@@ -138,7 +138,7 @@ def main() -> None:
     """Parse the command line, measure, print and store the figures."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("data", type=Path, help="the shared data folder")
-    parser.add_argument("--runs", type=int, default=50, help="genetic runs per class")
+    parser.add_argument("--runs", type=int, default=24, help="genetic runs per class")
     parser.add_argument("--curve-runs", type=int, default=2)
     parser.add_argument("--seed", type=int, default=0)
     options = parser.parse_args()

@@ -31,6 +31,7 @@ from toolkit.retrieval.learning import (
     learn,
     query_of,
     training_clips,
+    variations,
     votes_of,
 )
 from toolkit.retrieval.motion import Motion
@@ -248,6 +249,38 @@ def test_the_most_frequent_keyframes_stand_out() -> None:
     assert abs(keyframes[0][0] - 5) <= 2 and abs(keyframes[1][0] - 20) <= 2
 
 
+def test_candidates_are_compared_on_the_checks_and_the_best_come_first() -> None:
+    classes = clips(4)
+    learned = learn(
+        classes,
+        LearningSettings(genetic=QUICK, runs=4),
+        np.random.default_rng(0),
+        labels=["both"],
+        checks=clips(6, seed=9),
+    )["both"]
+    documents = [clip for part in (classes, clips(6, seed=9)) for members in part.values() for clip in members]
+    owners = [kind == "both" for part in (4, 6) for kind in KINDS for _ in range(part)]
+    judge = TrainingSet(documents, owners)
+    fitness = [judge.quality(candidate, 2.0).fitness for candidate in learned.ranked]
+    assert fitness == sorted(fitness, reverse=True) and set(learned.solutions) <= set(learned.ranked)
+    assert learned.individual == learned.ranked[0]
+    assert [query.label for query in learned.alternatives(2)] == ["both", "both"]
+    assert learned.alternatives(2)[0] == learned.query
+
+
+@pytest.mark.shared_data
+def test_checks_lie_twice_as_far_from_the_clips_as_what_is_learned_from(shared_data: Path) -> None:
+    motion = load_motion(shared_data / "mocap" / "hdm05" / "HDM_bd_squat1Reps_001_120.amc")
+    classes, checks = training_clips({"squat": [motion]}, LearningSettings(proportions=(0.8,), speeds=(1.25,)))
+    assert [len(classes["squat"]), len(checks["squat"])] == [3, 2]
+    assert [matrix.name for matrix in checks["squat"]] == [
+        f"{motion.name} (lengths x 0.64)", f"{motion.name} (speed 1.5625)",
+    ]  # fmt: skip
+    own, longer, faster = classes["squat"]
+    assert len(longer) == len(own) and len(faster) == pytest.approx(len(own) / 1.25, abs=2)
+    assert variations(motion, (), ()) == []
+
+
 def test_learning_gives_the_same_queries_for_any_number_of_workers() -> None:
     classes = clips(4)
     settings = LearningSettings(genetic=QUICK, runs=3)
@@ -274,8 +307,10 @@ def test_training_data_that_cannot_teach_anything_is_refused() -> None:
         learn(classes, quick, rng, labels=["kick"])
     with pytest.raises(RetrievalError, match="class 'left' has no clips"):
         learn({**classes, "left": []}, quick, rng)
-    with pytest.raises(RetrievalError, match="has no other document"):
+    with pytest.raises(RetrievalError, match="all clips have the label 'both'"):
         learn({"both": classes["both"]}, quick, rng)
+    with pytest.raises(RetrievalError, match="has no other document"):
+        TrainingSet(classes["both"], [True, True])
     with pytest.raises(RetrievalError, match="one each"):
         TrainingSet(classes["both"], [True])
     wild = QuantisedTemplate("wild", np.full((40, 9), WILDCARD, np.int8), np.ones(9))

@@ -98,6 +98,20 @@ def test_a_motion_without_frames_is_refused() -> None:
         Motion("empty", np.zeros((0, 24, 3)), 30.0)
 
 
+def test_a_motion_at_another_speed_passes_through_the_same_places() -> None:
+    motion = random_motion(3)
+    slow = motion.at_speed(0.5)
+    assert len(slow) == 2 * (len(motion) - 1)
+    np.testing.assert_allclose(slow.joints[::2], motion.joints[:-1])
+    np.testing.assert_allclose(slow.joints[1::2], (motion.joints[1:] + motion.joints[:-1]) / 2)
+    for factor in (1.4, 0.7, 1.25):
+        assert len(motion.at_speed(factor)) == pytest.approx((len(motion) - 1) / factor, abs=1.01)
+    one = motion.sliced(0, 1)
+    assert one.at_speed(2.0) is one
+    with pytest.raises(MocapError, match="0 times as fast"):
+        motion.at_speed(0)
+
+
 def test_a_motion_mirrored_twice_is_the_motion() -> None:
     motion = random_motion(0)
     twice = motion.mirrored().mirrored()

@@ -127,6 +127,8 @@ def test_leaving_out_segments_far_from_the_rarest_keyframe_changes_no_hit(seed: 
         keyframes.append(Keyframe(name, tuple((str(feature), int(rng.integers(2))) for feature in chosen)))
         least = int(rng.integers(4))
         bounds.append((least, None if rng.random() < 0.2 else least + int(rng.integers(7))))
+        if rng.random() < 0.4:
+            bounds[-1] = (0, 0)
     query = KeyframeQuery(tuple(keyframes), tuple(bounds[1:]))
     lists = [index.keyframe_list(keyframe)[:2] for keyframe in keyframes]
     whole = [list(zip(starts.tolist(), ends.tolist(), strict=True)) for starts, ends in lists]

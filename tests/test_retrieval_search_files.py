@@ -143,6 +143,12 @@ def test_a_missing_query_file_or_label_is_named(tmp_path: Path) -> None:
     assert query_file.QUERY_VERSION == 1
 
 
+def test_a_label_stands_for_all_its_alternatives() -> None:
+    first, second = (KeyframeQuery((Keyframe("upper", ((name, 1),)),), label="hop") for name in ("F1", "F2"))
+    other = KeyframeQuery((Keyframe("upper", (("F3", 1),)),), label="kick")
+    assert choose_labels([first, other, second], ["hop"]) == [first, second]
+
+
 def test_results_are_written_as_csv_or_json(tmp_path: Path) -> None:
     query = KeyframeQuery((Keyframe("upper", (("F1", 1),)),), label="up")
     report = search(KeyframeIndex.build(documents()), Query(query))

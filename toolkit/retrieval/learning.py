@@ -187,6 +187,11 @@ def learn(
     empty = [label for label, clips in classes.items() if not clips]
     if empty:
         raise RetrievalError(f"class {empty[0]!r} has no clips; give it at least one or leave it out")
+    if len(classes) == 1 and not others:
+        raise RetrievalError(
+            f"all clips have the label {labels[0]!r}, so there is nothing to tell it from; give clips of other "
+            "classes, or of none (a clip's label is its folder unless a pattern or a table says otherwise)"
+        )
     documents = [document for clips in classes.values() for document in clips] + list(others)
     owners = np.array([label for label, clips in classes.items() for _ in clips] + [""] * len(others), dtype=object)
     training = {label: TrainingSet(documents, owners == label) for label in labels}

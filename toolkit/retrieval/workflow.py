@@ -8,6 +8,7 @@ import re
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass
+from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
@@ -17,14 +18,14 @@ from toolkit.files import save_json, save_text
 from toolkit.mocap.read import find_clips, read_clip
 from toolkit.retrieval.annotation import distance_function
 from toolkit.retrieval.automatic import ChoiceSettings, choose_query, steady_entries, template_of
-from toolkit.retrieval.features import FEATURE_RATE, relational_features
+from toolkit.retrieval.features import FEATURE_RATE, FEATURES, FeatureMatrix, relational_features
 from toolkit.retrieval.index import KeyframeIndex
-from toolkit.retrieval.keyframes import KeyframeQuery
+from toolkit.retrieval.keyframes import KeyframeQuery, keyframes_of_column
 from toolkit.retrieval.learning import LearnedQuery, LearningSettings, Progress, learn, training_clips
 from toolkit.retrieval.motion import Motion, from_clip, from_track
 from toolkit.retrieval.query_file import save_queries
 from toolkit.retrieval.search import HitRanges, Match, find, pieces, rank
-from toolkit.retrieval.templates import QuantisedTemplate
+from toolkit.retrieval.templates import WILDCARD, QuantisedTemplate
 from toolkit.track import RunInfo, Track
 
 EXAMPLE_CHOICE = ChoiceSettings(least_score=0.3, most=1, steady=9)
@@ -166,6 +167,7 @@ def search(index: KeyframeIndex, query: Query, threshold: float = np.inf) -> Sea
             f"the longest document of the index has {longest} frames at 30 Hz, but {template.name!r} needs {need}; "
             "use a shorter example"
         )
+    _load_search()
     begin = time.perf_counter()
     ranges = find(index, query.keyframes)
     middle = time.perf_counter()
@@ -180,6 +182,18 @@ def search(index: KeyframeIndex, query: Query, threshold: float = np.inf) -> Sea
         query.keyframes.label, ranges, tuple(matches), ranges.frames / index.frames, searched.frames / index.frames,
         1000 * (middle - begin), 1000 * (end - middle) if template is not None else 0.0,
     )  # fmt: skip
+
+
+@lru_cache(maxsize=1)
+def _load_search() -> None:
+    """Search a few frames, so that loading or compiling the code is not timed with the first search."""
+    values = np.zeros((len(FEATURES), 6), dtype=bool)
+    values[0], values[14] = True, [False, True, True, False, True, False]
+    column = np.full(len(FEATURES), WILDCARD, dtype=np.int8)
+    column[[0, 14]] = 1
+    moment = keyframes_of_column(column)
+    query = KeyframeQuery.from_positions([(0, moment), (1, moment)], 2, 0.5)
+    find(KeyframeIndex.build([FeatureMatrix("warm-up", values)]), query)
 
 
 def save_matches(path: str | Path, reports: Sequence[SearchReport]) -> None:

@@ -1,0 +1,82 @@
+"""The counting behind the retrieval benchmarks, on made-up documents."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from benchmarks import _keyframe_corpus as corpus
+from benchmarks import annotation, keyframe_search
+from tests.retrieval_motions import random_motion
+from toolkit.retrieval.features import FeatureMatrix
+from toolkit.retrieval.search import HitRanges
+
+
+def document(name: str, frames: int, *segments: tuple[int, int, str]) -> corpus.LabelledDocument:
+    return corpus.LabelledDocument(FeatureMatrix(name, np.zeros((40, frames), dtype=bool)), "bd", segments)
+
+
+def hits(*ranges: tuple[int, int, int]) -> HitRanges:
+    return HitRanges(*np.array(ranges, dtype=np.int64).reshape(-1, 3).T)
+
+
+def test_alternatives_are_judged_by_what_any_of_them_leaves() -> None:
+    documents = [document("a", 100, (10, 20, "hop"), (50, 60, "hop")), document("b", 100, (0, 10, "kick"))]
+    found = [hits((0, 10, 20), (1, 0, 100)), hits((0, 15, 25), (0, 58, 63))]
+    share, touched, half = keyframe_search.quality(found, documents, [0], "hop")
+    assert (share, touched, half) == (0.2, 1.0, 0.5)
+    assert keyframe_search.quality(found[:1], documents, [0], "hop") == (0.1, 0.5, 0.5)
+    assert keyframe_search.relevant_share(documents, [0], "hop") == 0.2
+
+
+def test_the_summary_sets_data_left_against_what_is_relevant() -> None:
+    rows = [
+        {"label": "hop", "queries": 2, "milliseconds": ms, "relevant": 0.1, "left_hits": left, "left_motions": 0.4}
+        for ms, left in ((1.0, 0.1), (3.0, 0.3))
+    ]
+    means = keyframe_search.summary(rows)
+    assert (means["milliseconds"], means["worst_milliseconds"]) == (2.0, 3.0)
+    assert means["left_hits_over_relevant"] == pytest.approx(2.0)
+    assert means["left_motions_over_relevant"] == pytest.approx(4.0)
+
+
+def test_the_line_through_the_origin_is_the_time_per_segment() -> None:
+    slope, correlation = keyframe_search.line_through_origin(
+        [{"segments": n, "milliseconds": 0.01 * n} for n in (100, 500, 2000)]
+    )
+    assert slope == pytest.approx(0.01) and correlation == pytest.approx(1.0)
+
+
+def test_counterexamples_hold_no_labelled_frame_and_are_long_enough() -> None:
+    made = document("a", 300, (20, 60, "hop"), (70, 100, "kick"))
+    marked = FeatureMatrix("a", np.zeros((40, 300), dtype=bool))
+    marked.values[0, 20:60] = marked.values[0, 70:100] = True
+    pieces = corpus.unlabelled_pieces([corpus.LabelledDocument(marked, "bd", made.segments)])
+    assert not any(piece.values.any() for piece in pieces)
+    assert [len(piece) for piece in pieces] == [20, 90, 90, 20]
+    assert len({piece.name for piece in pieces}) == 4
+
+
+def test_documents_hold_the_clips_of_one_actor_and_name_their_frames() -> None:
+    examples = [corpus.Example(random_motion(seed), "bd", label) for seed, label in enumerate(("squat1Reps", "kick"))]
+    documents = corpus.make_documents(examples, [random_motion(9, seconds=8.0)], 200, np.random.default_rng(0))
+    assert sum(len(made.features) for made in documents) >= 200
+    for made in documents:
+        assert made.actor == "bd"
+        for first, stop, label in made.segments:
+            assert 0 <= first < stop <= len(made.features) and label in ("squat1Reps", "kick")
+
+
+def test_annotated_documents_hold_every_clip_once() -> None:
+    examples = [corpus.Example(random_motion(seed), "bk", "kick") for seed in range(14)]
+    documents = annotation.make_documents(examples, [random_motion(99, seconds=8.0)], 0)
+    assert [len(segments) for _, segments, _ in documents] == [annotation.CLIPS_PER_DOCUMENT, 2]
+    assert all(len(joins) >= len(segments) - 1 for _, segments, joins in documents)
+
+
+def test_a_confusion_matrix_is_drawn(tmp_path: Path) -> None:
+    path = tmp_path / "confusion.png"
+    annotation.plot_confusion(np.array([[3, 1], [0, 0]]), ["hop", "no class"], path, "made up")
+    assert path.stat().st_size > 1000
