@@ -294,7 +294,7 @@ class PlainFitter(Fitter):
                 break
         return pose
 
-    def sparse_distance(self, pose: np.ndarray, scene: Scene) -> float:
+    def sparse_distance(self, pose: np.ndarray, scene: Scene, bound: float = np.inf) -> float:
         """See `Fitter.sparse_distance`."""
         posed, s = self.posed, self.settings
         posed.place(pose)
@@ -302,15 +302,16 @@ class PlainFitter(Fitter):
         visible = posed.find_visible(s.facing, s.hidden_tolerance)
         points = posed.vertices[posed.chosen]
         nearest = np.empty_like(points)
-        scene.neighbours.medians(points, visible, s.reach, 1, nearest)
-        distances = np.linalg.norm(points - nearest, axis=1)[visible]
-        mesh_to_cloud = _mean_capped(distances, s.reach)
-        to_extrema = np.linalg.norm(scene.extrema[:, None] - posed.vertices, axis=2)
-        extrema_to_mesh = _mean_capped(to_extrema.min(axis=1), s.reach)
-        if not scene.plain_samples:
-            return mesh_to_cloud + extrema_to_mesh
-        to_samples = np.linalg.norm(self.cloud.nearest(posed, scene)[0] - scene.samples, axis=1)
-        return mesh_to_cloud + extrema_to_mesh + _mean_capped(to_samples[: scene.plain_samples], s.reach)
+        scene.neighbours.medians(points, visible, s.unexplained, 1, nearest)
+        gaps = [
+            np.linalg.norm(points - nearest, axis=1)[visible],
+            np.linalg.norm(scene.extrema[:, None] - posed.vertices, axis=2).min(axis=1),
+        ]
+        if scene.plain_samples:
+            explained = self.cloud.nearest(posed, scene)[0]
+            gaps.append(np.linalg.norm(explained - scene.samples, axis=1)[: scene.plain_samples])
+        distance = sum(_mean_capped(part, s.unexplained) for part in gaps)
+        return distance if distance <= bound else np.inf
 
 
 def _mean_capped(distances: np.ndarray, cap: float) -> float:

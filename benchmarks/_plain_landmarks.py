@@ -79,9 +79,11 @@ def plain_extrema(matrix: csr_matrix, points: np.ndarray, source: int, count: in
     return Extrema(rows, points[rows], np.array(reach), first[rows], np.array(visited, dtype=np.int32), source)
 
 
-def plain_source(points: np.ndarray, largest: np.ndarray, centre: np.ndarray, settings: LandmarkSettings) -> int:
+def plain_source(
+    points: np.ndarray, largest: np.ndarray, centre: np.ndarray, settings: LandmarkSettings, scale: float
+) -> int:
     """Node of the largest component nearest to the hips; see `source_node`."""
-    squared = ((points - (centre - [0.0, settings.source_drop, 0.0])) ** 2).sum(axis=1)
+    squared = ((points - (centre - [0.0, scale * settings.source_drop, 0.0])) ** 2).sum(axis=1)
     return int(np.where(largest, squared, np.inf).argmin())
 
 

@@ -52,17 +52,17 @@ class WatchedTracker(HybridTracker):
         self.local_joints.append(self._local)
         return result
 
-    def _retrieved(self, view: View) -> dict[str, np.ndarray]:
+    def _retrieved(self, view: View, bound: float) -> dict[str, np.ndarray]:
         # The same refinement as that of the frame step, which does not hand it out.
         local = self._fitter.refine(self.memory.previous.pose, view.scene)
         self._local = self.memory.body.joint_positions(local) @ self.level_rotation
-        return super()._retrieved(view)
+        return super()._retrieved(view, bound)
 
 
 class LocalTracker(HybridTracker):
     """Local optimisation alone, after a first pose from the lookup."""
 
-    def _retrieved(self, view: View) -> dict[str, np.ndarray]:
+    def _retrieved(self, view: View, bound: float) -> dict[str, np.ndarray]:
         return {}
 
 

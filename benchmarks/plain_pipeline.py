@@ -26,6 +26,7 @@ from benchmarks._record import save_figures
 from benchmarks._subjects import write_recording
 from benchmarks._timing import percentiles, pin_to_one_processor
 from toolkit.database.database import PoseDatabase
+from toolkit.database.origin import ADULT_HEIGHT
 from toolkit.landmarks.facing import estimate_facing
 from toolkit.sensing.cloud import Cloud
 from toolkit.sensing.recording import Recording, open_recording
@@ -45,18 +46,20 @@ class PlainTracker(HybridTracker):
         super().__init__(database.with_search("scipy"), settings)
 
     def start(self, recording: Recording) -> None:
-        """See `Tracker.start`."""
+        """See `Tracker.start`. The body is learnt by the compiled code, so that both track with the same one."""
         super().start(recording)
         self._fitter = PlainFitter(self._fitter)
 
     def _view(self, cloud: Cloud, timestamp: float) -> View:
+        if not isinstance(self._fitter, PlainFitter):
+            return super()._view(cloud, timestamp)
         memory, settings = self.memory, self.settings
-        scale = memory.body.height / 1.7
+        scale = memory.body.height / ADULT_HEIGHT
         centre = plain_centre(cloud.points, memory.centre, settings.landmarks, scale)
         dt = 1 / 30 if memory.timestamp is None else timestamp - memory.timestamp
         yaw = memory.facing.update(estimate_facing(cloud.points, centre, settings.landmarks, scale), dt, centre)
         matrix, largest = plain_graph(cloud, settings.landmarks)
-        source = plain_source(cloud.points, largest, centre, settings.landmarks)
+        source = plain_source(cloud.points, largest, centre, settings.landmarks, scale)
         extrema = plain_extrema(matrix, cloud.points, source, settings.extrema)
         votes = None if self._forest is None else self._forest.estimate(cloud, settings.vote_samples)
         scene = PlainScene(cloud, extrema.points.astype(np.float64), settings.fitting.cloud_samples)

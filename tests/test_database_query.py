@@ -104,3 +104,17 @@ def test_a_query_that_cannot_work_is_refused(
 def test_an_unknown_provider_is_named_with_the_known_ones() -> None:
     with pytest.raises(SettingsError, match="compiled, open3d, scipy"):
         make_search("ann", np.zeros((1, 15)))
+
+
+@pytest.mark.parametrize("rows", [5, 1024, 2500])
+def test_the_weighted_nearest_rows_are_those_of_a_sort(rows: int) -> None:
+    rng = np.random.default_rng(rows)
+    # Whole numbers, so that there are ties and float32 is exact.
+    columns = rng.integers(-3, 4, (4, rows)).astype(np.float32)
+    query, weights = rng.integers(-3, 4, 4).astype(np.float32), np.array([1, 0, 2, 1], dtype=np.float32)
+    distances, indices = np.empty(5, dtype=np.float32), np.empty(5, dtype=np.int64)
+    nearest.weighted_nearest(query, weights, columns, distances, indices)
+    squares = (weights[:, None] * (columns - query[:, None]) ** 2).sum(axis=0)
+    expected = np.lexsort((np.arange(rows), squares))[:5]
+    assert indices.tolist() == expected.tolist()
+    assert distances.tolist() == squares[expected].tolist()

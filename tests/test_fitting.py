@@ -242,7 +242,7 @@ def test_the_sparse_distance_is_that_of_the_equations(body: Body) -> None:
     mesh = body.vertex_positions(pose)
     to_cloud = cKDTree(cloud.points).query(mesh[fitter.posed.chosen[seen]])[0]
     to_mesh = cKDTree(mesh).query(extrema)[0]
-    expected = np.minimum(to_cloud, settings.reach).mean() + np.minimum(to_mesh, settings.reach).mean()
+    expected = np.minimum(to_cloud, settings.unexplained).mean() + np.minimum(to_mesh, settings.unexplained).mean()
     assert found == pytest.approx(expected, abs=1e-6)
 
 

@@ -39,13 +39,14 @@ def frame(seed: int) -> tuple[np.ndarray, Cloud]:
 def test_plain_and_compiled_landmarks_are_the_same(seed: int) -> None:
     settings = LandmarkSettings()
     _, cloud = frame(seed)
-    centre = cloud_centre(cloud.points, None, settings)
-    assert plain_centre(cloud.points, None, settings, 1.0) == pytest.approx(centre, abs=1e-6)
+    scale = (0.8, 1.0, 1.1, 1.2)[seed]
+    centre = cloud_centre(cloud.points, None, settings, scale)
+    assert plain_centre(cloud.points, None, settings, scale) == pytest.approx(centre, abs=1e-6)
     graph = grid_graph(cloud, settings)
     matrix, largest = plain_graph(cloud, settings)
     assert (matrix != graph.matrix()).nnz == 0
-    source = source_node(graph, cloud.points, centre)
-    assert plain_source(cloud.points, largest, centre, settings) == source
+    source = source_node(graph, cloud.points, centre, settings, scale)
+    assert plain_source(cloud.points, largest, centre, settings, scale) == source
     fast, plain = extrema_of_graph(graph, cloud.points, 20, source), plain_extrema(matrix, cloud.points, source, 20)
     for name in ("nodes", "points", "distances", "source_distances", "visited"):
         assert np.array_equal(getattr(fast, name), getattr(plain, name))

@@ -222,7 +222,7 @@ def test_a_small_regressor_alone_finds_and_follows_the_person(database: PoseData
     found = run(known(regressed, replace(SETTINGS, hypotheses=("joints",))), recording, 8)
     check_sound(found)
     assert {SOURCES[result.source] for result in found} == {"joints"}
-    assert errors(found, recording).mean() < 0.06
+    assert np.median(errors(found, recording)) < 0.03  # so small a forest knows no arm
     with_all = run(known(regressed, replace(SETTINGS, hypotheses=("local", "extrema", "joints"))), recording, 8)
     assert errors(with_all, recording).mean() < 0.02
     # Without a regressor in the database its hypothesis is left out.

@@ -12,7 +12,7 @@ from toolkit.body.body import Body
 from toolkit.errors import SettingsError
 from toolkit.fitting.posed import NormalSystem, PosedBody
 from toolkit.fitting.scene import Scene
-from toolkit.fitting.terms import CloudTerm, PairTerm, PoseTerm, SurfaceTerm
+from toolkit.fitting.terms import CloudTerm, PairTerm, PoseTerm, SurfaceTerm, nearest_drawn
 from toolkit.kernels import pairs, twists
 from toolkit.sensing.camera import Camera
 
@@ -30,6 +30,7 @@ class FittingSettings:
     iterations: int = 5
     neighbours: int = 3
     reach: float = 0.5
+    unexplained: float = 0.2
     sigma: float = 0.12
     facing: float = 0.1
     hidden_tolerance: float = 0.03
@@ -106,32 +107,34 @@ class Fitter:
                 break
         return pose
 
-    def sparse_distance(self, pose: np.ndarray, scene: Scene) -> float:
+    def sparse_distance(self, pose: np.ndarray, scene: Scene, bound: float = np.inf) -> float:
         """The sparse symmetric distance of a pose to a frame, metres (Baak 2013, Eq. 5.7 to 5.9).
 
-        The mean distance of the visible chosen vertices to the measured points, plus the mean distance of the geodesic
-        extrema (as many as there are) to the nearest mesh vertex, plus, where the fit uses them, the mean distance of
-        the samples to the drawn body: a body that hides a limb behind itself leaves what was seen of it unexplained.
-        Distances beyond the reach count as the reach.
+        The mean distance of the geodesic extrema (as many as there are) to the nearest mesh vertex, plus the mean
+        distance of the visible chosen vertices to the measured points, plus, where the fit uses them, the mean distance
+        of the samples to the drawn body: a body that hides a limb behind itself leaves what was seen of it unexplained.
+        Distances count `unexplained` at most. As soon as the sum is known to exceed `bound`, infinity is returned.
         """
-        posed, reach = self.posed, self.settings.reach
-        visible, nearest = self._nearest_measured(pose, scene)
-        to_cloud = _mean_capped(posed.vertices[posed.chosen[visible]] - nearest[visible], reach)
-        to_mesh = pairs.mean_nearest(scene.extrema, posed.vertices, reach)
-        if not scene.plain_samples:
-            return to_cloud + to_mesh
-        points, vertex_of = self.cloud.nearest(posed, scene)
-        gaps = np.where((vertex_of >= 0)[:, None], points - scene.samples, np.nan)[: scene.plain_samples]
-        return to_cloud + to_mesh + _mean_capped(gaps, reach)
-
-    def _nearest_measured(self, pose: np.ndarray, scene: Scene) -> tuple[np.ndarray, np.ndarray]:
-        """Place and draw a pose; which chosen vertices are visible, and their nearest measured points (C, 3) or NaN."""
-        posed, s = self.posed, self.settings
+        posed, cap = self.posed, self.settings.unexplained
         posed.place(pose)
+        distance = pairs.mean_nearest(scene.extrema, posed.vertices, cap)
+        if distance > bound:
+            return np.inf
         posed.draw()
+        visible, nearest = self._nearest_measured(scene)
+        distance += _mean_capped(posed.vertices[posed.chosen[visible]] - nearest[visible], cap)
+        if distance > bound or not scene.plain_samples:
+            return distance if distance <= bound else np.inf
+        samples = scene.samples[: scene.plain_samples]
+        points, vertex_of = nearest_drawn(posed, samples, cap)
+        return distance + _mean_capped(np.where((vertex_of >= 0)[:, None], points - samples, np.nan), cap)
+
+    def _nearest_measured(self, scene: Scene) -> tuple[np.ndarray, np.ndarray]:
+        """Which chosen vertices of the drawn pose are visible, and their nearest measured points (C, 3) or NaN."""
+        posed, s = self.posed, self.settings
         visible = posed.find_visible(s.facing, s.hidden_tolerance)
         nearest = np.full((len(posed.chosen), 3), np.nan)
-        scene.neighbours.medians(posed.vertices[posed.chosen], visible, s.reach, 1, nearest)
+        scene.neighbours.medians(posed.vertices[posed.chosen], visible, s.unexplained, 1, nearest)
         return visible, nearest
 
     def confidence(self, pose: np.ndarray, scene: Scene) -> np.ndarray:
@@ -140,7 +143,9 @@ class Fitter:
         Of the chosen vertices around a joint, the share that the camera sees times how near measured points are.
         """
         posed = self.posed
-        _, nearest = self._nearest_measured(pose, scene)
+        posed.place(pose)
+        posed.draw()
+        _, nearest = self._nearest_measured(scene)
         points = posed.vertices[posed.chosen]
         found = np.flatnonzero(~np.isnan(nearest[:, 0]))
         squared = ((points[found] - nearest[found]) ** 2).sum(axis=1)

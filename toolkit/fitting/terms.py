@@ -89,13 +89,7 @@ class CloudTerm:
 
     def nearest(self, posed: PosedBody, scene: Scene) -> tuple[np.ndarray, np.ndarray]:
         """Nearest visible surface point (N, 3) and its mesh vertex (N,), -1 for none, of every sample."""
-        points = np.empty_like(scene.samples)
-        vertex_of = np.empty(len(points), dtype=np.int64)
-        pairs.nearest_model_points(
-            scene.samples, posed.depth, posed.triangle, posed.intrinsics, posed.faces, posed.vertices,
-            self.reach, points, vertex_of,
-        )  # fmt: skip
-        return points, vertex_of
+        return nearest_drawn(posed, scene.samples, self.reach)
 
     def pairs(self, posed: PosedBody, scene: Scene) -> Pairs:
         """The correspondences themselves."""
@@ -114,6 +108,19 @@ class CloudTerm:
             samples, points, vertex_of, weights, posed.normals, posed.body.skin_joints, posed.body.skin_weights,
             system.reference, self.sigma, self.plane, self.point, system.hessian, system.gradient,
         )  # fmt: skip
+
+
+def nearest_drawn(posed: PosedBody, samples: np.ndarray, reach: float) -> tuple[np.ndarray, np.ndarray]:
+    """Of the surface that the camera sees, the point nearest to each of `samples` (N, 3), camera frame, metres.
+
+    Returns float64 (N, 3) points and int64 (N,) their mesh vertices, -1 where there is nothing within `reach`.
+    """
+    points = np.empty_like(samples)
+    vertex_of = np.empty(len(points), dtype=np.int64)
+    pairs.nearest_model_points(
+        samples, posed.depth, posed.triangle, posed.intrinsics, posed.faces, posed.vertices, reach, points, vertex_of
+    )
+    return points, vertex_of
 
 
 @dataclass(frozen=True)

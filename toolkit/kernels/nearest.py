@@ -110,17 +110,31 @@ def nearest(
                     _insert(squares[i], row, distances[m], indices[m])
 
 
-@njit(cache=True)
-def weighted_squares(query: np.ndarray, weights: np.ndarray, columns: np.ndarray, out: np.ndarray) -> None:
-    """Weighted squared distance of every row of `columns` (D, N) to `query` (D,); fills `out` (N,), float32.
+BLOCK = 1024
+"""Rows at a time, 4 KB of squares."""
 
-    Column after column, so that each pass runs with vector instructions over memory that stays in the cache.
+
+@njit(cache=True)
+def weighted_nearest(
+    query: np.ndarray, weights: np.ndarray, columns: np.ndarray, distances: np.ndarray, indices: np.ndarray
+) -> None:
+    """The rows of `columns` (D, N) of the least weighted squared distances to `query` (D,), all of them looked at.
+
+    Fills `distances` (K,), squared, and `indices` (K,), K at most N, nearest first, ties to the lower row. Block by
+    block and column after column, so that each pass runs with vector instructions over memory that stays in the cache.
     """
-    out[:] = 0.0
-    for d in range(columns.shape[0]):
-        w = weights[d]
-        value = query[d]
-        column = columns[d]
-        for n in range(out.shape[0]):
-            difference = column[n] - value
-            out[n] += w * difference * difference
+    distances[:] = np.inf
+    squares = np.empty(BLOCK, dtype=np.float32)
+    total = columns.shape[1]
+    for begin in range(0, total, BLOCK):
+        size = min(BLOCK, total - begin)
+        squares[:size] = 0.0
+        for d in range(columns.shape[0]):
+            w, value = weights[d], query[d]
+            column = columns[d, begin : begin + size]
+            for n in range(size):
+                difference = column[n] - value
+                squares[n] += w * difference * difference
+        for n in range(size):
+            if squares[n] < distances[-1]:
+                _insert(squares[n], begin + n, distances, indices)

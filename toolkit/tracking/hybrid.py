@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from toolkit.body import skeleton
 from toolkit.body.body import Body
@@ -58,6 +59,7 @@ class Memory:
     sized: bool
     previous: Previous | None = None
     pose: np.ndarray | None = None
+    before: np.ndarray | None = None
     centre: np.ndarray | None = None
     timestamp: float | None = None
     lost: int = 0
@@ -158,18 +160,21 @@ class HybridTracker:
         clock.lap("landmarks")
 
         hypotheses: dict[str, np.ndarray] = {}
+        distances: dict[str, float] = {}
         if memory.previous is None:
             hypotheses = self._first_hypotheses(view)
         elif "local" in self.settings.hypotheses:
-            hypotheses["local"] = self._fitter.refine(memory.previous.pose, view.scene)
+            hypotheses["local"] = self._fitter.refine(self._expected(), view.scene)
+            distances["local"] = self._fitter.sparse_distance(hypotheses["local"], view.scene)
             clock.lap("local")
         if memory.previous is not None:
-            hypotheses |= self._retrieved(view)
+            hypotheses |= self._retrieved(view, self.settings.promising * distances.get("local", np.inf))
         clock.lap("lookup")
         if not hypotheses:
             return self._predicted(LOST, timestamp, clock), None
 
-        distances = {name: self._fitter.sparse_distance(pose, view.scene) for name, pose in hypotheses.items()}
+        for name in hypotheses.keys() - distances.keys():
+            distances[name] = self._fitter.sparse_distance(hypotheses[name], view.scene)
         winner = min(distances, key=distances.__getitem__)
         found = self._found(hypotheses[winner], winner, distances[winner], view, timestamp)
         clock.lap("select")
@@ -197,12 +202,27 @@ class HybridTracker:
         memory.centre, memory.timestamp = centre, timestamp
         return View(cloud, centre, yaw, extrema, votes, scene)
 
-    def _retrieved(self, view: View) -> dict[str, np.ndarray]:
-        """The database hypothesis (5.4.3): of all retrieved poses the one nearest to the frame, refined."""
-        nearest, source, pose = np.inf, "", None
+    def _expected(self) -> np.ndarray:
+        """Where the local optimisation starts: the previous pose, moved on by a part of the step that led to it."""
+        memory, momentum = self.memory, self.settings.momentum
+        pose = memory.previous.pose
+        if memory.before is None or momentum == 0.0:
+            return pose
+        expected = pose + momentum * (pose - memory.before)
+        turn = Rotation.from_rotvec(pose[skeleton.ROOT_ROTATION])
+        step = turn * Rotation.from_rotvec(memory.before[skeleton.ROOT_ROTATION]).inv()
+        expected[skeleton.ROOT_ROTATION] = (step**momentum * turn).as_rotvec()
+        return np.clip(expected, *skeleton.POSE_LIMITS.T)
+
+    def _retrieved(self, view: View, bound: float) -> dict[str, np.ndarray]:
+        """The database hypothesis (5.4.3): of all retrieved poses the one nearest to the frame, refined.
+
+        None where all are farther than `bound`, so that no refinement could make them win.
+        """
+        nearest, source, pose = bound, "", None
         for name, proposer in self._proposers.items():
             for candidate in proposer.propose(view, self.memory.previous, self.memory.body, self.settings.candidates):
-                distance = self._fitter.sparse_distance(candidate, view.scene)
+                distance = self._fitter.sparse_distance(candidate, view.scene, nearest)
                 if distance < nearest:
                     nearest, source, pose = distance, name, candidate
         return {} if pose is None else {source: self._refined(source, pose, view)}
@@ -246,6 +266,7 @@ class HybridTracker:
         joints = memory.body.joint_positions(pose)
         effectors = memory.body.end_effector_positions(pose)
         extrema = view.extrema.points[:EFFECTORS].astype(np.float64)
+        memory.before = memory.previous.pose if memory.previous is not None and source == "local" else None
         memory.pose = pose
         memory.previous = Previous(pose, joints, effectors, extrema if len(extrema) == EFFECTORS else None)
         memory.lost = 0 if state == TRACKED else memory.lost + 1

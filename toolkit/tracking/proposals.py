@@ -91,7 +91,6 @@ class JointsProposer:
         self._database = database
         joints = database.joints[:, _QUERIED] - database.joints[:, [_PELVIS]]
         self._columns = np.ascontiguousarray(joints.reshape(len(joints), -1).T)
-        self._squares = np.empty(len(joints), dtype=np.float32)
 
     def propose(self, view: View, previous: Previous | None, body: Body, count: int) -> np.ndarray:
         """See `Proposer.propose`."""
@@ -102,12 +101,11 @@ class JointsProposer:
         yaw, pelvis = facing_of_joints(points), points[_PELVIS]
         query = canonical.normalise(points, pelvis, yaw)[_QUERIED] / size
         weights = np.repeat(view.votes.confidence[_QUERIED], 3)
-        nearest.weighted_squares(
-            query.ravel().astype(np.float32), weights.astype(np.float32), self._columns, self._squares
+        count = min(count, len(self._database))
+        distances, best = np.empty(count, dtype=np.float32), np.empty(count, dtype=np.int64)
+        nearest.weighted_nearest(
+            query.ravel().astype(np.float32), weights.astype(np.float32), self._columns, distances, best
         )
-        count = min(count, len(self._squares))
-        best = np.argpartition(self._squares, count - 1)[:count]
-        best = best[np.lexsort((best, self._squares[best]))]
         return _placed(self._database, best, np.zeros((count, 4)), pelvis, yaw, size)
 
 

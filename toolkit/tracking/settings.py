@@ -22,6 +22,8 @@ class HybridSettings:
         regressed joints)
     extrema : geodesic extrema per frame (20 in the paper)
     candidates : retrieved poses that are compared before one of them is refined; 1 takes the best by Eq. 5.6 unseen
+    promising : the best retrieved pose is refined if its distance is at most this times that of the local hypothesis
+    momentum : share of the previous step by which the local optimisation expects the pose to move on, in [0, 1]
     starts : poses refined on a first frame or after a loss, per size of the body
     sizes : first coefficients of the shape space (standard deviations of height, tall to small) tried on the first
         frame
@@ -35,15 +37,17 @@ class HybridSettings:
 
     hypotheses: tuple[str, ...] = ("local", "extrema", "joints")
     extrema: int = 20
-    candidates: int = 4
+    candidates: int = 2
+    promising: float = 2.5
     starts: int = 3
+    momentum: float = 0.7
     sizes: tuple[float, ...] = (-1.6, -0.6, 0.4, 1.5, 2.7)
     smallest_person: int = 300
     lost_distance: float = 0.25
     vote_pull: float = 30.0
     patience: int = 5
     smoothing: float = 0.0
-    vote_samples: int = 800
+    vote_samples: int = 500
     sensing: SensingSettings = field(default_factory=SensingSettings)
     landmarks: LandmarkSettings = field(default_factory=LandmarkSettings)
     lookup: LookupSettings = field(default_factory=LookupSettings)
@@ -56,5 +60,7 @@ class HybridSettings:
             raise SettingsError(f"hypotheses {unknown} are unknown; choose from {', '.join(known)}")
         if not self.hypotheses:
             raise SettingsError(f"a tracker needs a hypothesis; choose from {', '.join(known)}")
+        if not 0.0 <= self.momentum <= 1.0:
+            raise SettingsError(f"momentum is {self.momentum}; it is a share and lies in [0, 1]")
         if self.extrema < 5 or self.candidates < 1 or self.starts < 1 or not self.sizes:
             raise SettingsError("extrema is at least 5; candidates, starts and the number of sizes at least 1")
