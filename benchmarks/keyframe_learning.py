@@ -62,22 +62,26 @@ def tables(examples: Sequence[Example], settings: LearningSettings, seed: int) -
     return rows
 
 
-def curves(examples: Sequence[Example], runs: int) -> dict[str, Any]:
+def curves(examples: Sequence[Example], learning: LearningSettings, runs: int) -> dict[str, Any]:
     """Mean precision, recall and fitness of the populations over the generations (Fig. 4.3)."""
-    settings = GeneticSettings()
+    settings = learning.genetic
     steps = list(range(0, settings.generations, GENERATION_STEP))
     sums = {part: np.zeros((len(steps), len(PARTS_OF_QUALITY))) for part in ("training", "verification")}
     populations = 0
     for actor in ACTORS:
         seen, unseen = ([e for e in examples if (e.actor == actor) == out] for out in (False, True))
-        for label, clips in by_label(seen).items():
-            sets = {"training": set_of(seen, label), "verification": set_of(unseen, label)}
-            template = MotionTemplate(strict=True).fit([relational_features(c) for c in clips]).quantised(label, 0.0)
+        classes, _ = training_clips(by_label(seen), learning)
+        documents = [document for clips in classes.values() for document in clips]
+        owners = [name for name, clips in classes.items() for _ in clips]
+        for label, clips in classes.items():
+            training = TrainingSet(documents, [owner == label for owner in owners])
+            sets = {"training": training, "verification": set_of(unseen, label)}
+            template = MotionTemplate(strict=True).fit(clips).quantised(label, 0.0)
 
             def observe(generation: int, population: Sequence[Individual], sets: dict[str, TrainingSet] = sets) -> None:
                 if generation % GENERATION_STEP == 0:
-                    for part, documents in sets.items():
-                        found = [documents.quality(individual, settings.beta) for individual in population]
+                    for part, judge in sets.items():
+                        found = [judge.quality(individual, settings.beta) for individual in population]
                         means = [np.mean([getattr(q, name) for q in found]) for name in PARTS_OF_QUALITY]
                         sums[part][generation // GENERATION_STEP] += means
 
@@ -158,9 +162,11 @@ def main() -> None:
             "fitness_by_actor_left_out": means,
             "fitness": float(np.mean(list(means.values()))),
             "classes": rows,
+            "curves": curves(examples, learning, options.curve_runs),
         }
-    figures["curves"] = curves(examples, options.curve_runs)
-    plot_curves(figures["curves"], RESULTS / "keyframe_learning.png")
+        population = figures[name]["curves"]["verification"]["fitness"][-1]
+        print(f"  mean {figures[name]['fitness']:.3f}, mean of the last populations {population:.3f}", flush=True)
+    plot_curves(figures[name]["curves"], RESULTS / "keyframe_learning.png")
     settings = {"runs": options.runs, "curve_runs": options.curve_runs, "seed": options.seed, "clips": len(examples)}
     settings["training_set_of_the_timed_run"] = (
         "HDM05 clips, mirrored and at speeds 0.8 to 1.25, up to the thesis's size"
