@@ -27,7 +27,7 @@ from toolkit.mocap.procedural import perform, procedural_clips
 from toolkit.sensing.recording import Recording, open_recording, save_recording
 from toolkit.simulation.simulate import simulate_recording
 from toolkit.track import EMPTY, LOST, TRACKED, FrameResult
-from toolkit.tracking.hybrid import SOURCES, STAGES, HybridTracker
+from toolkit.tracking.hybrid import SOURCES, STAGES, HybridTracker, least_turn
 from toolkit.tracking.settings import HybridSettings
 
 MOTIONS = ("idle", "raise_sideways", "raise_forward", "arm_circles", "march", "wave", "twist")
@@ -228,6 +228,30 @@ def test_a_small_regressor_alone_finds_and_follows_the_person(database: PoseData
     # Without a regressor in the database its hypothesis is left out.
     without = run(known(database, replace(SETTINGS, hypotheses=("local", "extrema", "joints"))), recording, 3)
     assert digest(without) == digest(run(known(database), recording, 3))
+
+
+# Momentum
+
+
+def test_the_least_turn_goes_the_short_way_round() -> None:
+    assert least_turn(np.array([0.0, 3.1, 0.0]), np.array([0.0, -3.1, 0.0])) == pytest.approx([0, 2 * np.pi - 6.2, 0])
+    assert least_turn(np.array([0.0, 0.5, 0.0]), np.array([0.0, 0.7, 0.0])) == pytest.approx([0, 0.2, 0])
+    assert least_turn(np.zeros(3), np.array([0.1, 0.0, 0.2])) == pytest.approx([0.1, 0, 0.2])
+
+
+def test_momentum_follows_what_is_too_fast_without_it(database: PoseDatabase, recording: Recording) -> None:
+    frames = range(0, len(recording), 3)  # three times as fast
+    means = []
+    for momentum in (0.0, 0.7):
+        one_step = replace(SETTINGS.fitting, iterations=2)
+        tracker = known(
+            database,
+            replace(SETTINGS, momentum=momentum, hypotheses=("local", "extrema"), promising=0.0, fitting=one_step),
+        )
+        tracker.start(recording)
+        joints = np.array([tracker.step(recording.depth(i), float(recording.timestamps[i])).joints for i in frames])
+        means.append(np.linalg.norm(joints - recording.joints[frames], axis=2)[3:].mean())
+    assert means[1] < 0.95 * means[0]
 
 
 # Interruptions

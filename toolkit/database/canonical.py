@@ -7,6 +7,7 @@ Facing yaw is the angle about +y from +z.
 
 from __future__ import annotations
 
+from functools import lru_cache
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -135,6 +136,7 @@ def mirrored(poses: np.ndarray) -> np.ndarray:
     return poses[..., _MIRROR_SOURCE] * _MIRROR_SIGN
 
 
+@lru_cache(maxsize=4)
 def torso_length(body: Body) -> float:
     """Distance of neck and pelvis in the rest pose, metres: the scale of offsets between bodies."""
     joints = body.joint_positions(np.zeros(skeleton.POSE_SIZE))

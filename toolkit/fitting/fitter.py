@@ -43,7 +43,7 @@ class FittingSettings:
     prior_weight: float = 0.001
     angle_damping: float = 1.0
     root_damping: float = 0.1
-    converged: float = 0.002
+    converged: float = 0.01
     search: str = "pixels"
 
     def __post_init__(self) -> None:

@@ -67,9 +67,7 @@ class Scene:
         self.depth = cloud.depth
         self.intrinsics = np.array(cloud.camera.intrinsics, dtype=np.float64)
         count = len(cloud.points)
-        rows = (
-            np.unique(np.linspace(0, count - 1, min(samples, count)).astype(np.int64)) if samples else np.empty(0, int)
-        )
+        rows = np.linspace(0, count - 1, min(samples, count)).astype(np.int64) if samples else np.empty(0, int)
         to_camera = cloud.rotation.T
         self.extrema = extrema_level @ to_camera.T
         self.plain_samples = len(rows)

@@ -95,10 +95,11 @@ def vote(
 ) -> None:
     """Modes of the joint votes by mean shift: fills `joints` (J, 3) and `confidence` (J,) in [0, 1].
 
-    Pixel i votes for joint j at `points[i] + unit * leaf_offsets[leaf, j]` with the weight `weight_of[leaf_sureness[leaf, j]]`
-    (SURE,), which rises; only the `voters` surest votes for a joint count, and those as sure as the last of them. The
-    search starts at their weighted mean with a Gaussian kernel three times as wide as `bandwidth`, in metres, which
-    narrows to it. Confidence is the mean weight of these votes times the share of it that the mode holds.
+    Pixel i votes for joint j at `points[i] + unit * leaf_offsets[leaf, j]` with weight
+    `weight_of[leaf_sureness[leaf, j]]`, (SURE,), rising; only the `voters` surest votes for a joint count, and those as
+    sure as the last of them. The search starts at their weighted mean with a Gaussian kernel three times as wide as
+    `bandwidth`, in metres, which narrows to it. Confidence is the mean weight of these votes times the share of it that
+    the mode holds.
     """
     pixels, trees = leaves.shape
     count_of_joints = leaf_offsets.shape[1]

@@ -80,7 +80,7 @@ class JointForest:
 
     def estimate(self, cloud: Cloud, samples: int) -> JointEstimate:
         """Joints of a cloud from about `samples` of its points, evenly spread in scan order."""
-        rows = np.unique(np.linspace(0, len(cloud) - 1, min(samples, len(cloud))).astype(np.int64))
+        rows = np.linspace(0, len(cloud) - 1, min(samples, len(cloud))).astype(np.int64)
         leaves = np.empty((len(rows), len(self.roots)), dtype=np.int64)
         intrinsics = np.array(cloud.camera.intrinsics)
         forest.find_leaves(cloud.depth, cloud.pixels[rows], intrinsics, self.nodes, self.roots, leaves)

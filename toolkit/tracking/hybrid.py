@@ -6,7 +6,6 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from toolkit.body import skeleton
 from toolkit.body.body import Body
@@ -164,7 +163,7 @@ class HybridTracker:
         if memory.previous is None:
             hypotheses = self._first_hypotheses(view)
         elif "local" in self.settings.hypotheses:
-            hypotheses["local"] = self._fitter.refine(self._expected(), view.scene)
+            hypotheses["local"] = self._fitter.refine(self._expected(memory.previous.pose), view.scene)
             distances["local"] = self._fitter.sparse_distance(hypotheses["local"], view.scene)
             clock.lap("local")
         if memory.previous is not None:
@@ -202,17 +201,14 @@ class HybridTracker:
         memory.centre, memory.timestamp = centre, timestamp
         return View(cloud, centre, yaw, extrema, votes, scene)
 
-    def _expected(self) -> np.ndarray:
-        """Where the local optimisation starts: the previous pose, moved on by a part of the step that led to it."""
-        memory, momentum = self.memory, self.settings.momentum
-        pose = memory.previous.pose
-        if memory.before is None or momentum == 0.0:
+    def _expected(self, pose: np.ndarray) -> np.ndarray:
+        """Where the local optimisation starts: the previous pose (P,), moved on by a part of the step that led to it."""
+        before = self.memory.before
+        if before is None or self.settings.momentum == 0.0:
             return pose
-        expected = pose + momentum * (pose - memory.before)
-        turn = Rotation.from_rotvec(pose[skeleton.ROOT_ROTATION])
-        step = turn * Rotation.from_rotvec(memory.before[skeleton.ROOT_ROTATION]).inv()
-        expected[skeleton.ROOT_ROTATION] = (step**momentum * turn).as_rotvec()
-        return np.clip(expected, *skeleton.POSE_LIMITS.T)
+        step = pose - before
+        step[skeleton.ROOT_ROTATION] = least_turn(before[skeleton.ROOT_ROTATION], pose[skeleton.ROOT_ROTATION])
+        return np.clip(pose + self.settings.momentum * step, *skeleton.POSE_LIMITS.T)
 
     def _retrieved(self, view: View, bound: float) -> dict[str, np.ndarray]:
         """The database hypothesis (5.4.3): of all retrieved poses the one nearest to the frame, refined.
@@ -298,3 +294,11 @@ class HybridTracker:
         joints = (memory.body.joint_positions(pose) @ self.level_rotation).astype(np.float32)
         none = np.zeros(len(joints), dtype=np.float32)
         return FrameResult(pose, joints, none, state, SOURCES.index("predicted"), clock.milliseconds)
+
+
+def least_turn(before: np.ndarray, after: np.ndarray) -> np.ndarray:
+    """Difference (3,) of two rotation vectors, the first written as its turn the other way round if that is nearer."""
+    angle = float(np.sqrt(before @ before))
+    other = before * (1.0 - 2.0 * np.pi / angle) if angle > 0.0 else before
+    near, far = after - before, after - other
+    return near if near @ near <= far @ far else far

@@ -14,6 +14,8 @@ EFFECTORS = len(skeleton.END_EFFECTORS)
 PERMUTATIONS: np.ndarray = np.array(list(permutations(range(EFFECTORS))), dtype=np.int64)
 """The symmetric group S_5, int64 (120, 5): row sigma gives, per end effector n, the extremum sigma(n)."""
 
+_DIGITS: np.ndarray = EFFECTORS ** np.arange(EFFECTORS)[::-1]
+"""Makes a number of a permutation, in the order of the permutations."""
 _LEFT_FOOT, _RIGHT_FOOT = skeleton.END_EFFECTORS.index("left_foot"), skeleton.END_EFFECTORS.index("right_foot")
 
 
@@ -79,7 +81,10 @@ def labelings(
     rows = [] if effectors is None else [admissible_labelings(extrema, effectors, settings.label_distance)]
     if effectors is None or extrema_jumped(extrema, previous_extrema, settings.jump_distance):
         rows.append(feet_below_labelings(extrema))
-    return np.unique(np.concatenate(rows), axis=0)
+    if len(rows) == 1:
+        return rows[0]
+    both = np.concatenate(rows)
+    return both[np.unique(both @ _DIGITS, return_index=True)[1]]
 
 
 def label_candidates(extrema: np.ndarray, expected: np.ndarray, reach: float) -> tuple[np.ndarray, np.ndarray]:
