@@ -37,8 +37,8 @@ from toolkit.retrieval.search import HitRanges, find, pieces
 
 COUNTEREXAMPLES = 30_000
 """Frames of the documents from which counterexamples are cut."""
-ALTERNATIVES = (1, 2, 3)
-"""Queries per class that are tried together, a hit of any counting."""
+ALTERNATIVES = ((1, False), (2, False), (1, True), (2, True), (3, True), (5, True))
+"""Queries per class that are tried together, a hit of any counting, and whether their distances are tightened."""
 REPEATS = 20
 """Searches per query; the median counts."""
 UNSPECIFIC = 8
@@ -84,13 +84,18 @@ def relevant_share(documents: Sequence[LabelledDocument], chosen: Sequence[int],
 
 
 def judged(
-    index: KeyframeIndex, documents: Sequence[LabelledDocument], actor: str, result: LearnedQuery, count: int
+    index: KeyframeIndex,
+    documents: Sequence[LabelledDocument],
+    actor: str,
+    result: LearnedQuery,
+    count: int,
+    tight: bool,
 ) -> dict[str, Any]:
-    """Everything about the learned queries of a class, `count` of them taken together."""
-    queries = result.alternatives(count)
+    """Everything about `count` learned queries of a class taken together."""
+    queries = result.alternatives(count, tight)
     chosen = [number for number, document in enumerate(documents) if document.actor == actor]
     timings = [timed(index, query) for query in queries]
-    row: dict[str, Any] = {"label": result.label, "left_out": actor, "queries": len(queries)}
+    row: dict[str, Any] = {"label": result.label, "left_out": actor, "queries": len(queries), "tight": tight}
     row |= {key: sum(timing[key] for timing in timings) for key in timings[0]}
     row["relevant"] = relevant_share(documents, chosen, result.label)
     for name, factor in (("hits", 0.0), ("motions", 1.0), ("refined_search", 3.0)):
@@ -180,7 +185,7 @@ def main() -> None:
 
     settings = LearningSettings(runs=options.runs)
     entries: dict[str, list[dict[str, Any]]] = {"learned": [], "sequences": [], "random columns": []}
-    together: dict[int, list[dict[str, Any]]] = {count: [] for count in ALTERNATIVES}
+    together: dict[tuple[int, bool], list[dict[str, Any]]] = {chosen: [] for chosen in ALTERNATIVES}
     pin_to_one_processor()
     for actor in ACTORS:
         seen = [example for example in examples if example.actor != actor]
@@ -190,10 +195,19 @@ def main() -> None:
             made.extend(make_documents(own, filler[0::2], COUNTEREXAMPLES // 2, rng))
         learned = learned_from(seen, made, settings, rng)
         for label, result in learned.items():
-            for count in ALTERNATIVES:
-                row = judged(index, documents, actor, result, count)
-                together[count].append(row)
-                shown = ("queries", "milliseconds", "segments", "relevant", "left_hits", "touched_hits", "half_motions")
+            for count, tight in ALTERNATIVES:
+                row = judged(index, documents, actor, result, count, tight)
+                together[count, tight].append(row)
+                shown = (
+                    "queries",
+                    "tight",
+                    "milliseconds",
+                    "segments",
+                    "relevant",
+                    "left_hits",
+                    "touched_hits",
+                    "half_motions",
+                )
                 print(f"{label:28s} {actor}", *(f"{row[key]:.3g}" for key in shown), sep="  ", flush=True)
             entries["learned"].extend(timed(index, query) for query in result.alternatives(1))
             breeder = Breeder(result.template, settings.genetic, rng)
@@ -204,11 +218,17 @@ def main() -> None:
     slope, correlation = line_through_origin([row for part in entries.values() for row in part])
     figures = {
         "index": size,
-        "together": {f"{count} per class": summary(rows) for count, rows in together.items()},
+        "together": {
+            f"{count} per class{', tight' if tight else ''}": summary(rows) for (count, tight), rows in together.items()
+        },
         "mean_milliseconds_of_sequences": float(np.mean([row["milliseconds"] for row in entries["sequences"]])),
         "nanoseconds_per_segment": 1e6 * slope,
         "correlation_of_time_and_segments": correlation,
-        "classes": [row for rows in together.values() for row in rows],
+        "classes": [
+            {key: value for key, value in row.items() if not key.endswith("refined_search")}
+            for rows in together.values()
+            for row in rows
+        ],
         "timed": entries,
     }
     plot_times(entries, slope, RESULTS / "keyframe_search.png")

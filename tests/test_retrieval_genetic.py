@@ -20,6 +20,7 @@ from toolkit.retrieval.genetic import (
     TrainingSet,
     evolve,
     sampled_universally,
+    tightened,
     with_best_distances,
 )
 from toolkit.retrieval.index import KeyframeIndex
@@ -266,6 +267,18 @@ def test_candidates_are_compared_on_the_checks_and_the_best_come_first() -> None
     assert learned.individual == learned.ranked[0]
     assert [query.label for query in learned.alternatives(2)] == ["both", "both"]
     assert learned.alternatives(2)[0] == learned.query
+    assert learned.alternatives(1, tight=True) == [query_of(learned.tight[0], len(learned.template), "both")]
+
+
+def test_tightened_distances_find_as_much_and_are_no_greater_than_needed() -> None:
+    training = training_of(clips(5), "both")
+    loose = Individual((8, 16), (1, 2), (1, 2), (0,), (60,))
+    tight = tightened(training, loose)
+    assert (tight.masks, tight.minimum) == (loose.masks, loose.minimum) and tight.maximum[0] < 30
+    recall = training.quality(loose, 2.0).recall
+    assert training.quality(tight, 2.0).recall == recall
+    narrower = Individual((8, 16), (1, 2), (1, 2), (0,), (tight.maximum[0] - 1,))
+    assert training.quality(narrower, 2.0).recall < recall
 
 
 @pytest.mark.shared_data

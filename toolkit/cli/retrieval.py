@@ -100,6 +100,9 @@ def learn(
     alternatives: Annotated[
         int, typer.Option(help="Queries per class; a motion has to fit one. 2 for `depthmocap annotate`.", min=1)
     ] = 1,
+    tight: Annotated[
+        bool, typer.Option("--tight", help="For `depthmocap search`: leave less data; hits mark a motion's middle.")
+    ] = False,
     runs: Annotated[int, typer.Option(help="Genetic runs per class.", min=1)] = 100,
     seed: Seed = 0,
     workers: Annotated[int, typer.Option(help="Processes; they do not change the result.", min=1)] = 1,
@@ -116,7 +119,7 @@ def learn(
     with progress_bars() as bars:
         learned = learn_queries(
             classes, output, np.random.default_rng(seed), labels=label, others=others or (),
-            settings=LearningSettings(runs=runs), alternatives=alternatives, workers=workers,
+            settings=LearningSettings(runs=runs), alternatives=alternatives, tight=tight, workers=workers,
             progress=lambda _, done, total: bars("genetic runs", done, total),
         )  # fmt: skip
     table = Table("class", "keyframes", "precision", "recall", "F (beta 2)", title=f"{output}: on the training clips")

@@ -347,6 +347,30 @@ def evolve(
     return population[0].individual
 
 
+def tightened(documents: TrainingSet, individual: Individual) -> Individual:
+    """The same keyframes at greatest distances as small as finding as many relevant documents allows.
+
+    Of equally fit individuals evolution prefers the freer ones. What is free beyond need makes hits begin long before
+    the motion; it loses nothing on cut clips, but in long documents.
+    """
+    recall = documents.quality(individual, 1.0).recall
+    for k, least in enumerate(individual.minimum):
+        low, high = least, individual.maximum[k]
+        while low < high:
+            middle = (low + high) // 2
+            if documents.quality(_with_greatest(individual, k, middle), 1.0).recall >= recall:
+                high = middle
+            else:
+                low = middle + 1
+        individual = _with_greatest(individual, k, high)
+    return individual
+
+
+def _with_greatest(individual: Individual, k: int, greatest: int) -> Individual:
+    """The individual with another greatest distance between its keyframes k and k + 1."""
+    return replace(individual, maximum=(*individual.maximum[:k], greatest, *individual.maximum[k + 1 :]))
+
+
 def with_best_distances(
     training: TrainingSet, breeder: Breeder, keyframes: Sequence[PlacedKeyframe], settings: GeneticSettings
 ) -> Scored:

@@ -20,6 +20,7 @@ from toolkit.retrieval.genetic import (
     Scored,
     TrainingSet,
     evolve,
+    tightened,
     with_best_distances,
 )
 from toolkit.retrieval.keyframes import Keyframe, KeyframeQuery, keyframes_of_column
@@ -71,6 +72,8 @@ class LearnedQuery:
     ----------
     label : the class
     ranked : what was extracted from all runs and what each run found, the best first
+    tight : the same with distances no greater than needed, the best first: they leave less of long documents, but their
+        hits hold the middle of a motion rather than most of it
     training : quality of the best on the training set
     template : the strict template that the runs began with
     solutions : the best individual of each run
@@ -78,6 +81,7 @@ class LearnedQuery:
 
     label: str
     ranked: tuple[Individual, ...]
+    tight: tuple[Individual, ...]
     training: Quality
     template: QuantisedTemplate
     solutions: tuple[Individual, ...]
@@ -92,9 +96,10 @@ class LearnedQuery:
         """The best as a labelled keyframe query."""
         return query_of(self.individual, len(self.template), self.label)
 
-    def alternatives(self, count: int) -> list[KeyframeQuery]:
+    def alternatives(self, count: int, tight: bool = False) -> list[KeyframeQuery]:
         """The best `count` as labelled queries; together they miss less and leave more data than the best alone."""
-        return [query_of(individual, len(self.template), self.label) for individual in self.ranked[:count]]
+        best = (self.tight if tight else self.ranked)[:count]
+        return [query_of(individual, len(self.template), self.label) for individual in best]
 
     @property
     def accumulated(self) -> np.ndarray:
@@ -266,10 +271,16 @@ def _learned(
         with_best_distances(training, breeder, keyframes, settings.genetic).individual
         for keyframes in frequent_keyframes(solutions, len(template), settings)
     ]
-    candidates = dict.fromkeys([*extracted, *solutions])
-    order = sorted(Scored(candidate, judge.quality(candidate, beta).fitness) for candidate in candidates)
-    ranked = tuple(scored.individual for scored in order)
-    return LearnedQuery(label, ranked, training.quality(ranked[0], beta), template, tuple(solutions))
+    ranked = _ranked([*extracted, *solutions], judge, beta)
+    tight = _ranked([tightened(judge, candidate) for candidate in ranked], judge, beta)
+    return LearnedQuery(label, ranked, tight, training.quality(ranked[0], beta), template, tuple(solutions))
+
+
+def _ranked(candidates: Sequence[Individual], judge: TrainingSet, beta: float) -> tuple[Individual, ...]:
+    """Different candidates, the best first."""
+    different = dict.fromkeys(candidates)
+    scored = sorted(Scored(candidate, judge.quality(candidate, beta).fitness) for candidate in different)
+    return tuple(member.individual for member in scored)
 
 
 def votes_of(solutions: Sequence[Individual], length: int) -> tuple[np.ndarray, np.ndarray]:

@@ -269,6 +269,7 @@ def learn_queries(
     others: Sequence[str | Path] = (),
     settings: LearningSettings | None = None,
     alternatives: int = 1,
+    tight: bool = False,
     workers: int = 1,
     progress: Progress | None = None,
 ) -> dict[str, LearnedQuery]:
@@ -283,6 +284,7 @@ def learn_queries(
     others : clips and folders of clips that belong to no class
     settings : how
     alternatives : queries written per class, the best first
+    tight : write those with tightened distances (`LearnedQuery.tight`)
     workers : processes; they do not change the result
     progress : told after each genetic run
     """
@@ -295,5 +297,5 @@ def learn_queries(
     learned = learn(
         classes, settings, rng, labels=labels, others=more, checks=checks, workers=workers, progress=progress
     )
-    save_queries(output, [query for result in learned.values() for query in result.alternatives(alternatives)])
+    save_queries(output, [query for result in learned.values() for query in result.alternatives(alternatives, tight)])
     return learned
