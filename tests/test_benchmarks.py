@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from benchmarks import _record, _suite, accuracy, real, recovery, speed
+from benchmarks import _record, _suite, accuracy, candidates, real, recovery, speed
 from benchmarks._suite import GROUPS, REPORT, TUNE, chosen_takes, performed, record, takes
 from database_builder.build import build_database
 from database_builder.parts import PartsSettings
@@ -145,3 +145,18 @@ def test_real_recordings_are_measured(
     run(real, "--stride", 108, "--database", small_database, "--work", bundled, *QUICK, monkeypatch=monkeypatch)
     mean = json.loads((bundled / "real_part.json").read_text())["figures"]["hybrid"]["mean"]
     assert 0 < mean["overlap"] <= 1
+
+
+def test_candidates_are_counted_in_frames_with_free_end_effectors(
+    bundled: Path, small_database: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    run(
+        candidates, "--takes", 1, "--frames", 12, "--database", small_database, "--recordings", bundled,
+        "--work", bundled / "work", monkeypatch=monkeypatch,
+    )  # fmt: skip
+    figures = json.loads((bundled / "candidates_tune_part.json").read_text())["figures"]
+    assert figures["real"] == {"frames": 0, "first_five": None, "all_extrema": None, "queries": None}
+    row = figures["simulated"]
+    assert 0 < row["frames"] == sum(figures[group]["frames"] for group in GROUPS) <= 5 * 3
+    assert 0.0 <= row["first_five"] <= row["all_extrema"] <= 1.0
+    assert 0.0 <= row["queries"] <= 1.0

@@ -64,7 +64,8 @@ def random_forest(rng: np.random.Generator, trees: int = 3, levels: int = 3, lea
     return JointForest(
         np.array(offsets, dtype=np.float32), np.array(thresholds, dtype=np.float32),
         np.array(children, dtype=np.int32), np.array(roots, dtype=np.int32),
-        (100 * rng.normal(0.0, leaves_apart, (count, 20, 3))).clip(-127, 127).astype(np.int8), rng.integers(1, 256, (count, 20), dtype=np.uint8),
+        (100 * rng.normal(0.0, leaves_apart, (count, 20, 3))).clip(-127, 127).astype(np.int8),
+        rng.integers(1, 256, (count, 20), dtype=np.uint8),
     )  # fmt: skip
 
 

@@ -34,7 +34,7 @@ def question(depth: np.ndarray, u: float, v: float, z: float, sx: float, sy: flo
 
 
 BLOCK = 16
-"""Pixels that walk down a tree side by side, so that the memory waits of one are filled with the steps of the others."""
+"""Pixels that walk down a tree side by side, so that one steps while another waits for memory."""
 
 
 @njit(cache=True)

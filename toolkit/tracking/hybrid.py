@@ -202,7 +202,7 @@ class HybridTracker:
         return View(cloud, centre, yaw, extrema, votes, scene)
 
     def _expected(self, pose: np.ndarray) -> np.ndarray:
-        """Where the local optimisation starts: the previous pose (P,), moved on by a part of the step that led to it."""
+        """Where the local optimisation starts: the previous pose (P,), moved on by a part of the step before it."""
         before = self.memory.before
         if before is None or self.settings.momentum == 0.0:
             return pose

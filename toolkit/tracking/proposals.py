@@ -46,7 +46,7 @@ class ExtremaProposer:
 
     def propose(self, view: View, previous: Previous | None, body: Body, count: int) -> np.ndarray:
         """See `Proposer.propose`."""
-        points, present = self._queries(view, previous)
+        points, present = self.queries(view, previous)
         if len(points) == 0:
             return np.empty((0, skeleton.POSE_SIZE))
         database = self._database
@@ -65,7 +65,7 @@ class ExtremaProposer:
         best = flat[np.argsort(scores, kind="stable")[:count]]
         return _placed(database, best, database.offsets[best], centre, view.yaw, size)
 
-    def _queries(self, view: View, previous: Previous | None) -> tuple[np.ndarray, np.ndarray]:
+    def queries(self, view: View, previous: Previous | None) -> tuple[np.ndarray, np.ndarray]:
         """Labelled end effectors (M, 5, 3), level frame, and which of them are present (M, 5)."""
         settings = self._settings
         extrema = view.extrema.points.astype(np.float64)

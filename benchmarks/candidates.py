@@ -1,0 +1,141 @@
+"""Do the lookup's queries name all five end effectors rightly? `depthmocap bench candidates [--split report]`.
+
+The hybrid tracker runs over the simulated suite and over every so many real recordings. In every fifth frame three
+things are asked: whether the first five geodesic extrema are the five end effectors (within 0.2 m); whether they are
+among all extrema; and whether one of the queries that the lookup asks the database with holds all five under their
+names. Of simulated frames those count in which all five are visible and free of the body by 0.25 m of geodesic
+distance; of real frames all, against the skeleton of the Kinect SDK.
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from benchmarks._record import save_figures
+from benchmarks._suite import GROUPS, LONGEST, WORK, chosen_takes, database, record
+from benchmarks.real import RECORDINGS
+from toolkit.database.database import PoseDatabase
+from toolkit.evaluation.extrema import FOUND, TIPS, all_found, all_free
+from toolkit.evaluation.joints import visible_joints
+from toolkit.sensing.cloud import Cloud
+from toolkit.sensing.recording import Recording, open_recording
+from toolkit.tracking.hybrid import HybridTracker
+from toolkit.tracking.proposals import ExtremaProposer, Previous
+from toolkit.tracking.settings import HybridSettings
+from toolkit.tracking.view import View
+
+EVERY = 5
+"""Frames of a recording that are looked at; all are tracked."""
+
+
+class WatchedProposer(ExtremaProposer):
+    """Keeps the frame that it was asked about, and its queries.
+
+    Attributes
+    ----------
+    view : the last frame, if it was asked about
+    asked : its labelled end effectors (M, 5, 3), level frame, NaN where absent
+    """
+
+    view: View | None = None
+
+    def queries(self, view: View, previous: Previous | None) -> tuple[np.ndarray, np.ndarray]:
+        """See `ExtremaProposer.queries`."""
+        points, present = super().queries(view, previous)
+        self.view, self.asked = view, np.where(present[:, :, None], points, np.nan)
+        return points, present
+
+
+class WatchedTracker(HybridTracker):
+    """The hybrid tracker with a proposer that can be looked into."""
+
+    def __init__(self, poses: PoseDatabase, settings: HybridSettings) -> None:
+        super().__init__(poses, settings)
+        self.watched = WatchedProposer(poses, settings.lookup)
+        self._proposers["extrema"] = self.watched
+
+
+def hits_of(
+    tracker: WatchedTracker, recording: Recording, reference: np.ndarray, every_frame: bool
+) -> list[list[bool]]:
+    """Per frame that counts: first five, all extrema, a query. `reference` (T, 20, 3), camera frame."""
+    tracker.start(recording)
+    hits = []
+    for i, depth in enumerate(recording.frames()):
+        tracker.watched.view = None
+        tracker.step(depth, float(recording.timestamps[i]))
+        view = tracker.watched.view
+        truth = reference[i].astype(np.float64) @ tracker.level_rotation.T
+        ends = truth[TIPS]
+        if i % EVERY or view is None or not np.isfinite(ends).all():
+            continue
+        if not every_frame and not counts(view.cloud, truth, reference[i], tracker):
+            continue
+        extrema = view.extrema.points.astype(np.float64)
+        gaps = np.linalg.norm(tracker.watched.asked - ends, axis=2)
+        hits.append([all_found(extrema[:5], ends), all_found(extrema, ends), bool((gaps < FOUND).all(axis=1).any())])
+    return hits
+
+
+def counts(cloud: Cloud, truth: np.ndarray, joints: np.ndarray, tracker: HybridTracker) -> bool:
+    """Whether all five end effectors are visible and free; truth (20, 3) level frame, joints the same, camera frame."""
+    seen = visible_joints(joints, cloud.depth, cloud.camera)[TIPS].all()
+    return bool(seen) and all_free(cloud, truth, tracker.settings.landmarks)
+
+
+def shares(hits: Sequence[Sequence[bool]]) -> dict[str, Any]:
+    """As JSON."""
+    means = np.mean(np.array(hits, dtype=float), axis=0) if hits else [None] * 3
+    return {
+        "frames": len(hits),
+        **dict(zip(("first_five", "all_extrema", "queries"), map(_number, means), strict=True)),
+    }
+
+
+def _number(value: Any) -> float | None:
+    return None if value is None else float(value)
+
+
+def main() -> None:
+    """Track, count, print, write JSON."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--split", choices=("tune", "report"), default="tune", help="report is not for tuning")
+    parser.add_argument("--takes", type=int, help="at most so many takes of each group")
+    parser.add_argument("--frames", type=int, default=LONGEST, help="at most so many frames of each take")
+    parser.add_argument("--stride", type=int, default=4, help="every so many real recordings")
+    parser.add_argument("--recordings", type=Path, default=RECORDINGS, help="folder of UTD-MHAD")
+    parser.add_argument("--database", type=Path, help="another database than that of the simulated suite")
+    parser.add_argument("--work", type=Path, default=WORK)
+    options = parser.parse_args()
+    poses = PoseDatabase.load(options.database or database(options.work))
+    tracker = WatchedTracker(poses, HybridSettings())
+    figures: dict[str, Any] = {}
+    for group in GROUPS:
+        takes = [
+            record(take, options.work, options.frames) for take in chosen_takes(options.split, [group], options.takes)
+        ]
+        recordings = [open_recording(path) for path in takes]
+        hits = [hit for recording in recordings for hit in hits_of(tracker, recording, recording.joints, False)]
+        figures[group] = hits
+    figures["simulated"] = [hit for hits in figures.values() for hit in hits]
+    real = [open_recording(path) for path in sorted(options.recordings.glob("*_depth.mat"))[:: options.stride]]
+    figures["real"] = [hit for r in real for hit in hits_of(tracker, r, r.reference_joints, True)]
+    rows = {name: shares(hits) for name, hits in figures.items()}
+    print(f"{'':<10}{'frames':>7}{'first five %':>14}{'all extrema %':>14}{'a query %':>11}")
+    for name, row in rows.items():
+        cells = (
+            "-" if row[key] is None else f"{100 * row[key]:.1f}" for key in ("first_five", "all_extrema", "queries")
+        )
+        print(f"{name:<10}{row['frames']:7d}", "{:>13}{:>14}{:>11}".format(*cells))
+    whole = options.takes is None and options.frames >= LONGEST
+    settings = {"split": options.split, "every": EVERY, "stride": options.stride}
+    print("written:", save_figures(f"candidates_{options.split}{'' if whole else '_part'}", rows, settings))
+
+
+if __name__ == "__main__":
+    main()
