@@ -62,6 +62,7 @@ class Memory:
     centre: np.ndarray | None = None
     timestamp: float | None = None
     lost: int = 0
+    turn: int = 0
 
 
 class HybridTracker:
@@ -213,11 +214,17 @@ class HybridTracker:
     def _retrieved(self, view: View, bound: float) -> dict[str, np.ndarray]:
         """The database hypothesis (5.4.3): of all retrieved poses the one nearest to the frame, refined.
 
-        None where all are farther than `bound`, so that no refinement could make them win.
+        None where all are farther than `bound`, so that no refinement could make them win. Sources of poses take turns
+        while the person is tracked.
         """
+        memory = self.memory
+        asked = list(self._proposers)
+        if asked and memory.lost == 0:
+            asked = [asked[memory.turn % len(asked)]]
+            memory.turn += 1
         nearest, source, pose = bound, "", None
-        for name, proposer in self._proposers.items():
-            for candidate in proposer.propose(view, self.memory.previous, self.memory.body, self.settings.candidates):
+        for name in asked:
+            for candidate in self._proposers[name].propose(view, memory.previous, memory.body, self.settings.candidates):
                 distance = self._fitter.sparse_distance(candidate, view.scene, nearest)
                 if distance < nearest:
                     nearest, source, pose = distance, name, candidate
