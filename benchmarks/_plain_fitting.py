@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 
 from toolkit.body import skeleton
 from toolkit.body.body import BELOW
-from toolkit.fitting.fitter import Fitter, _wrap_root
+from toolkit.fitting.fitter import WORSE, Comparison, Fitter, _wrap_root
 from toolkit.fitting.posed import NormalSystem, PosedBody
 from toolkit.fitting.scene import Scene
 from toolkit.fitting.terms import CloudTerm, PairTerm, SurfaceTerm
@@ -294,8 +294,8 @@ class PlainFitter(Fitter):
                 break
         return pose
 
-    def sparse_distance(self, pose: np.ndarray, scene: Scene, bound: float = np.inf) -> float:
-        """See `Fitter.sparse_distance`."""
+    def compare(self, pose: np.ndarray, scene: Scene, bound: float = np.inf) -> Comparison:
+        """See `Fitter.compare`."""
         posed, s = self.posed, self.settings
         posed.place(pose)
         posed.draw()
@@ -303,15 +303,13 @@ class PlainFitter(Fitter):
         points = posed.vertices[posed.chosen]
         nearest = np.empty_like(points)
         scene.neighbours.medians(points, visible, s.unexplained, 1, nearest)
-        gaps = [
-            np.linalg.norm(points - nearest, axis=1)[visible],
-            np.linalg.norm(scene.extrema[:, None] - posed.vertices, axis=2).min(axis=1),
-        ]
+        gaps = np.linalg.norm(points - nearest, axis=1)
+        parts = [gaps[visible], np.linalg.norm(scene.extrema[:, None] - posed.vertices, axis=2).min(axis=1)]
         if scene.plain_samples:
             explained = self.cloud.nearest(posed, scene)[0]
-            gaps.append(np.linalg.norm(explained - scene.samples, axis=1)[: scene.plain_samples])
-        distance = sum(_mean_capped(part, s.unexplained) for part in gaps)
-        return distance if distance <= bound else np.inf
+            parts.append(np.linalg.norm(explained - scene.samples, axis=1)[: scene.plain_samples])
+        distance = sum(_mean_capped(part, s.unexplained) for part in parts)
+        return Comparison(distance, gaps) if distance <= bound else WORSE
 
 
 def _mean_capped(distances: np.ndarray, cap: float) -> float:

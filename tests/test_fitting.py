@@ -246,6 +246,18 @@ def test_the_sparse_distance_is_that_of_the_equations(body: Body) -> None:
     assert found == pytest.approx(expected, abs=1e-6)
 
 
+@pytest.mark.parametrize("samples", [0, 400])
+def test_a_pose_beyond_the_bound_is_given_up_and_no_other(body: Body, samples: int) -> None:
+    fitter = Fitter(body, CAMERA, HORIZONTAL, replace(SETTINGS, cloud_samples=samples))
+    cloud = cloud_of(body, standing())
+    scene = Scene(cloud, cloud.points[:: len(cloud) // 20][:20].astype(np.float64), samples)
+    pose = perturbed(standing(), 3)
+    distance = fitter.sparse_distance(pose, scene)
+    assert fitter.compare(pose, scene, 1.001 * distance).distance == distance
+    for bound in (0.0, 0.3 * distance, 0.7 * distance, 0.999 * distance):
+        assert fitter.compare(pose, scene, bound).distance == np.inf
+
+
 def test_samples_that_no_pose_explains_count_against_it(body: Body) -> None:
     truth = standing(left_shoulder_rz=0.3)
     arm_hidden = standing(left_shoulder_rz=-1.5, left_elbow_ry=-0.1)
@@ -278,7 +290,7 @@ def test_confidence_lies_in_its_range_and_is_low_for_hidden_joints(body: Body, f
     behind = standing(left_shoulder_rx=1.6, left_shoulder_ry=0.6, left_shoulder_rz=-1.3, left_elbow_ry=-1.6)
     hand = body.joint_positions(behind)[left]
     assert hand[2] < behind[2] - 0.05 and abs(hand[0] - behind[0]) < 0.2  # behind the back
-    confidence = fitter.confidence(behind, scene_of(body, behind))
+    confidence = fitter.confidence(fitter.compare(behind, scene_of(body, behind)))
     assert confidence.shape == (20,)
     assert ((confidence >= 0) & (confidence <= 1)).all()
     assert confidence[left] < 0.1 < 0.5 < confidence[right]
@@ -288,7 +300,12 @@ def test_joints_that_the_image_contradicts_are_not_believed(body: Body, fitter: 
     scene = scene_of(body, standing())
     wrong = standing(left_shoulder_rz=1.2)
     wrist = skeleton.REPORTED.index("left_wrist")
-    assert fitter.confidence(wrong, scene)[wrist] < 0.1 < 0.5 < fitter.confidence(standing(), scene)[wrist]
+    assert (
+        fitter.confidence(fitter.compare(wrong, scene))[wrist]
+        < 0.1
+        < 0.5
+        < fitter.confidence(fitter.compare(standing(), scene))[wrist]
+    )
 
 
 @pytest.mark.parametrize("points", [0, 1, 7])
@@ -301,7 +318,7 @@ def test_almost_empty_images_leave_everything_finite(body: Body, fitter: Fitter,
         found = fitter.refine(standing(), scene)
         assert np.isfinite(found).all()
         assert 0.0 <= fitter.sparse_distance(found, scene) <= 3 * SETTINGS.reach + 1e-9
-        assert (fitter.confidence(found, scene) <= 1.0).all()
+        assert (fitter.confidence(fitter.compare(found, scene)) <= 1.0).all()
 
 
 def test_a_body_behind_the_camera_or_beside_the_image_is_survived(body: Body, fitter: Fitter) -> None:

@@ -55,6 +55,25 @@ class FittingSettings:
             raise SettingsError(f"fitting.search is 'pixels' or 'open3d', not {self.search!r}")
 
 
+@dataclass(frozen=True, eq=False)
+class Comparison:
+    """How far a pose is from a frame.
+
+    Attributes
+    ----------
+    distance : metres, infinite for one that was given up
+    gaps : float64 (C,), metres, from each chosen vertex that the camera sees to the nearest measured point; NaN for
+        those that it does not see or that have none
+    """
+
+    distance: float
+    gaps: np.ndarray
+
+
+WORSE = Comparison(np.inf, np.empty(0))
+"""A pose that was given up because it is farther than asked for."""
+
+
 class Fitter:
     """Refines poses of one body in front of one camera."""
 
@@ -107,58 +126,53 @@ class Fitter:
                 break
         return pose
 
-    def sparse_distance(self, pose: np.ndarray, scene: Scene, bound: float = np.inf) -> float:
-        """The sparse symmetric distance of a pose to a frame, metres (Baak 2013, Eq. 5.7 to 5.9).
+    def compare(self, pose: np.ndarray, scene: Scene, bound: float = np.inf) -> Comparison:
+        """A pose against a frame by the sparse symmetric distance (Baak 2013, Eq. 5.7 to 5.9).
 
         The mean distance of the geodesic extrema (as many as there are) to the nearest mesh vertex, plus the mean
         distance of the visible chosen vertices to the measured points, plus, where the fit uses them, the mean distance
         of the samples to the drawn body: a body that hides a limb behind itself leaves what was seen of it unexplained.
-        Distances count `unexplained` at most. As soon as the sum is known to exceed `bound`, infinity is returned.
+        Distances count `unexplained` at most. As soon as the sum is known to exceed `bound`, the pose is `WORSE`.
         """
-        posed, cap = self.posed, self.settings.unexplained
-        posed.place(pose)
-        distance = pairs.mean_nearest(scene.extrema, posed.vertices, cap)
-        if distance > bound:
-            return np.inf
-        posed.draw()
-        visible, nearest = self._nearest_measured(scene)
-        distance += _mean_capped(posed.vertices[posed.chosen[visible]] - nearest[visible], cap)
-        if distance > bound or not scene.plain_samples:
-            return distance if distance <= bound else np.inf
-        samples = scene.samples[: scene.plain_samples]
-        points, vertex_of = nearest_drawn(posed, samples, cap)
-        return distance + _mean_capped(np.where((vertex_of >= 0)[:, None], points - samples, np.nan), cap)
-
-    def _nearest_measured(self, scene: Scene) -> tuple[np.ndarray, np.ndarray]:
-        """Which chosen vertices of the drawn pose are visible, and their nearest measured points (C, 3) or NaN."""
         posed, s = self.posed, self.settings
+        posed.place(pose)
+        distance = pairs.mean_nearest(scene.extrema, posed.vertices, s.unexplained)
+        if distance > bound:
+            return WORSE
+        posed.draw()
         visible = posed.find_visible(s.facing, s.hidden_tolerance)
-        nearest = np.full((len(posed.chosen), 3), np.nan)
-        scene.neighbours.medians(posed.vertices[posed.chosen], visible, s.unexplained, 1, nearest)
-        return visible, nearest
+        points = posed.vertices[posed.chosen]
+        nearest = np.full((len(points), 3), np.nan)
+        scene.neighbours.medians(points, visible, s.unexplained, 1, nearest)
+        gaps = _lengths(points - nearest)
+        distance += _mean_capped(gaps[visible], s.unexplained)
+        if distance <= bound and scene.plain_samples:
+            samples = scene.samples[: scene.plain_samples]
+            drawn, vertex_of = nearest_drawn(posed, samples, s.unexplained)
+            distance += _mean_capped(np.where(vertex_of >= 0, _lengths(drawn - samples), np.nan), s.unexplained)
+        return Comparison(distance, gaps) if distance <= bound else WORSE
 
-    def confidence(self, pose: np.ndarray, scene: Scene) -> np.ndarray:
-        """How well the frame supports each reported joint of a pose: float64 (20,), in [0, 1].
+    def sparse_distance(self, pose: np.ndarray, scene: Scene, bound: float = np.inf) -> float:
+        """The distance of `compare` alone, metres."""
+        return self.compare(pose, scene, bound).distance
+
+    def confidence(self, comparison: Comparison) -> np.ndarray:
+        """How well the frame supports each reported joint of a compared pose: float64 (20,), in [0, 1].
 
         Of the chosen vertices around a joint, the share that the camera sees times how near measured points are.
         """
-        posed = self.posed
-        posed.place(pose)
-        posed.draw()
-        _, nearest = self._nearest_measured(scene)
-        points = posed.vertices[posed.chosen]
-        found = np.flatnonzero(~np.isnan(nearest[:, 0]))
-        squared = ((points[found] - nearest[found]) ** 2).sum(axis=1)
-        support = np.zeros(len(points))
-        support[found] = np.exp(-squared / (2.0 * SUPPORT**2))
-        return np.clip(2.0 * (posed.around_joints @ support), 0.0, 1.0)
+        support = np.exp(-(np.nan_to_num(comparison.gaps, nan=np.inf) ** 2) / (2.0 * SUPPORT**2))
+        return np.clip(2.0 * (self.posed.around_joints @ support), 0.0, 1.0)
 
 
-def _mean_capped(gaps: np.ndarray, cap: float) -> float:
-    """Mean length of gaps (N, 3), each at most `cap`; NaN in column 0 counts as the cap, no gaps at all as well."""
-    lengths = np.sqrt(np.einsum("nc,nc->n", gaps, gaps))
-    lengths[np.isnan(gaps[:, 0])] = cap
-    return float(np.minimum(lengths, cap).mean()) if len(gaps) else cap
+def _lengths(vectors: np.ndarray) -> np.ndarray:
+    """Length of each of `vectors` (N, 3); NaN stays NaN."""
+    return np.sqrt(np.einsum("nc,nc->n", vectors, vectors))
+
+
+def _mean_capped(lengths: np.ndarray, cap: float) -> float:
+    """Mean of `lengths` (N,), each at most `cap`; NaN counts as the cap, no lengths at all as well."""
+    return float(np.fmin(lengths, cap).mean()) if len(lengths) else cap
 
 
 def _wrap_root(pose: np.ndarray) -> None:

@@ -12,7 +12,7 @@ from toolkit.body.body import Body
 from toolkit.body.shape import ShapeSpace, load_body
 from toolkit.database.database import PoseDatabase
 from toolkit.database.origin import ADULT_HEIGHT
-from toolkit.fitting.fitter import Fitter
+from toolkit.fitting.fitter import Comparison, Fitter
 from toolkit.fitting.scene import Scene
 from toolkit.fitting.shape import ShapeEstimator
 from toolkit.fitting.terms import GaussianPrior, JointTerm
@@ -160,23 +160,24 @@ class HybridTracker:
         clock.lap("landmarks")
 
         hypotheses: dict[str, np.ndarray] = {}
-        distances: dict[str, float] = {}
+        compared: dict[str, Comparison] = {}
         if memory.previous is None:
             hypotheses = self._first_hypotheses(view)
         elif "local" in self.settings.hypotheses:
             hypotheses["local"] = self._fitter.refine(self._expected(memory.previous.pose), view.scene)
-            distances["local"] = self._fitter.sparse_distance(hypotheses["local"], view.scene)
+            compared["local"] = self._fitter.compare(hypotheses["local"], view.scene)
             clock.lap("local")
         if memory.previous is not None:
-            hypotheses |= self._retrieved(view, self.settings.promising * distances.get("local", np.inf))
+            bound = self.settings.promising * compared["local"].distance if "local" in compared else np.inf
+            hypotheses |= self._retrieved(view, bound)
         clock.lap("lookup")
         if not hypotheses:
             return self._predicted(LOST, timestamp, clock), None
 
-        for name in hypotheses.keys() - distances.keys():
-            distances[name] = self._fitter.sparse_distance(hypotheses[name], view.scene)
-        winner = min(distances, key=distances.__getitem__)
-        found = self._found(hypotheses[winner], winner, distances[winner], view, timestamp)
+        for name, pose in hypotheses.items():
+            compared[name] = compared.get(name) or self._fitter.compare(pose, view.scene)
+        winner = min(compared, key=lambda name: compared[name].distance)
+        found = self._found(hypotheses[winner], winner, compared[winner], view, timestamp)
         clock.lap("select")
         return FrameResult(**found, stage_ms=clock.milliseconds), view
 
@@ -224,7 +225,9 @@ class HybridTracker:
             memory.turn += 1
         nearest, source, pose = bound, "", None
         for name in asked:
-            for candidate in self._proposers[name].propose(view, memory.previous, memory.body, self.settings.candidates):
+            for candidate in self._proposers[name].propose(
+                view, memory.previous, memory.body, self.settings.candidates
+            ):
                 distance = self._fitter.sparse_distance(candidate, view.scene, nearest)
                 if distance < nearest:
                     nearest, source, pose = distance, name, candidate
@@ -262,10 +265,12 @@ class HybridTracker:
             self._fitter.posed.set_body(memory.body)
         return {name: pose for name, (_, pose, body) in best.items() if body is memory.body}
 
-    def _found(self, pose: np.ndarray, source: str, distance: float, view: View, timestamp: float) -> dict[str, Any]:
+    def _found(
+        self, pose: np.ndarray, source: str, compared: Comparison, view: View, timestamp: float
+    ) -> dict[str, Any]:
         """Remember the winner and report it."""
         memory = self.memory
-        state = TRACKED if distance < self.settings.lost_distance else LOST
+        state = TRACKED if compared.distance < self.settings.lost_distance else LOST
         joints = memory.body.joint_positions(pose)
         effectors = memory.body.end_effector_positions(pose)
         extrema = view.extrema.points[:EFFECTORS].astype(np.float64)
@@ -275,7 +280,7 @@ class HybridTracker:
         memory.lost = 0 if state == TRACKED else memory.lost + 1
         if memory.lost >= self.settings.patience:
             memory.previous, memory.lost = None, 0
-        confidence = self._fitter.confidence(pose, view.scene)
+        confidence = self._fitter.confidence(compared)
         reported = memory.smoother.update(pose, timestamp)
         if reported is not pose:
             joints = memory.body.joint_positions(reported)
