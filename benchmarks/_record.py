@@ -22,8 +22,8 @@ def save_figures(name: str, figures: Any, settings: dict[str, Any]) -> Path:
         path,
         {
             "figures": figures,
-            "settings": settings,
-            "command": " ".join([Path(sys.argv[0]).name, *sys.argv[1:]]),
+            "settings": {name: _portable(value) for name, value in settings.items()},
+            "command": " ".join([Path(sys.argv[0]).name, *map(_portable, sys.argv[1:])]),
             "machine": {
                 "processor": _processor(),
                 "processors": os.cpu_count(),
@@ -36,6 +36,11 @@ def save_figures(name: str, figures: Any, settings: dict[str, Any]) -> Path:
         },
     )
     return path
+
+
+def _portable(value: Any) -> Any:
+    """A path from the root of this machine without its folders; anything else as it is."""
+    return Path(value).name if isinstance(value, (str, Path)) and Path(value).is_absolute() else value
 
 
 def _processor() -> str:

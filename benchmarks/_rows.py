@@ -81,7 +81,8 @@ def make_tracker(
 
 
 def figures_of(scores: RunScores) -> dict[str, Any]:
-    """Figures by name for JSON, which does not know NaN."""
+    """Figures by name for JSON, which does not know NaN; where the run lies on this machine is none of them."""
     figures = scores.flat()
+    del figures["run"]
     unknown = {name for name, value in figures.items() if isinstance(value, float) and not np.isfinite(value)}
     return {name: None if name in unknown else value for name, value in figures.items()}
