@@ -33,6 +33,7 @@ class PartsSettings:
     questions, bins : questions tried per node, and thresholds per question
     node_samples : pixels of a node that judge the questions, at most
     turned : share of the images that show the person from any side; the others from within 60 degrees of the front
+    cut : share of the images that show the person from the waist, the thighs or the knees up only
     """
 
     images: int = 24000
@@ -44,6 +45,7 @@ class PartsSettings:
     bins: int = 24
     node_samples: int = 1000
     turned: float = 0.5
+    cut: float = 0.2
 
     def __post_init__(self) -> None:
         if min(self.images, self.pixels, self.trees, self.depth, self.questions) < 1 or self.bins < 2:
@@ -53,6 +55,8 @@ class PartsSettings:
 FOCAL = 150.0
 """Pixels: half the resolution of a Kinect; questions are in metres, so any other serves as well."""
 MARGIN = 2
+CUT = (0.4, 0.8)
+"""Share of the person's height in the image above which the rest is beyond the border, where it is cut off."""
 BALANCE = 0.7
 """Exponent that evens out the parts among an image's training pixels: 0 as they are seen, 1 all parts alike."""
 
@@ -127,6 +131,8 @@ def draw_images(
         inverse, triangle = np.empty((height, width)), np.empty((height, width), dtype=np.int32)
         raster.rasterise(projected, faces, inverse, triangle)
         depth = _sensed(inverse, rng)
+        if rng.random() < settings.cut:
+            depth[int(rng.uniform(*CUT) * height) :] = 0
         v, u = np.nonzero(depth)
         if len(v) < settings.pixels:
             continue

@@ -18,7 +18,9 @@ from toolkit.landmarks.parts import JointForest
 from toolkit.sensing.camera import Camera
 from toolkit.sensing.cloud import Cloud
 
-SMALL = PartsSettings(images=60, pixels=60, trees=2, depth=6, smallest_leaf=20, questions=20, bins=8, node_samples=500)
+SMALL = PartsSettings(
+    images=60, pixels=60, trees=2, depth=6, smallest_leaf=20, questions=20, bins=8, node_samples=500, cut=0.0
+)
 WEIGHTS = (np.arange(256) / 255.0) ** 4
 
 
@@ -263,6 +265,20 @@ def test_training_images_show_people_with_their_joints() -> None:
     # Hip to hip is one body's width in all of its pixels.
     width = np.linalg.norm(left - right, axis=1).reshape(SMALL.images, -1)
     assert np.ptp(width, axis=1).max() < 0.005
+
+
+def test_people_are_cut_off_below_in_the_share_that_is_asked_for() -> None:
+    silent = lambda done, total: None  # noqa: E731
+    whole, cut = (
+        draw_images(a_few_poses(), replace(SMALL, cut=share), np.random.default_rng(0), silent) for share in (0.0, 1.0)
+    )
+    for data, least, most in ((whole, 0.9, 1.0), (cut, 0.35, 0.8)):
+        seen = []
+        for start, (height, width) in zip(data.starts, data.shapes, strict=True):
+            rows = data.depth[start : start + height * width].reshape(height, width).any(axis=1)
+            seen.append(np.flatnonzero(rows).max() / height)
+        assert least <= min(seen) and max(seen) <= most
+    assert cut.sample_v.max() < whole.sample_v.max()
 
 
 def test_parts_have_two_labels_each_on_both_sides() -> None:
