@@ -32,7 +32,7 @@ from toolkit.tracking.lookup import (
     label_candidates,
     labelings,
 )
-from toolkit.tracking.proposals import ExtremaProposer, JointsProposer, Previous, facing_of_joints, within_image
+from toolkit.tracking.proposals import ExtremaProposer, JointsProposer, Previous, facing_of_joints
 from toolkit.tracking.view import View
 
 # A person with the left hand beside the head: left hand, right hand, left foot, right foot, head.
@@ -212,7 +212,7 @@ def test_a_person_of_another_size_gets_the_pose_in_the_right_place(body: Body, r
 
 def test_fewer_than_five_extrema_without_a_regressor_propose_nothing(body: Body) -> None:
     view = view_of(body, standing_at(3), np.arange(5))
-    few = replace(view.extrema, points=view.extrema.points[:4], nodes=view.extrema.nodes[:4])
+    few = replace(view.extrema, points=view.extrema.points[:4])
     proposer = ExtremaProposer(small_database(), LookupSettings())
     assert proposer.propose(replace(view, extrema=few), None, body, 3).shape == (0, skeleton.POSE_SIZE)
 
@@ -220,7 +220,7 @@ def test_fewer_than_five_extrema_without_a_regressor_propose_nothing(body: Body)
 def test_three_labelled_end_effectors_are_enough_with_a_regressor(body: Body) -> None:
     pose = standing_at(77)
     view = view_of(body, pose, np.arange(5))
-    few = replace(view.extrema, points=view.extrema.points[[4, 1, 2]], nodes=view.extrema.nodes[:3])
+    few = replace(view.extrema, points=view.extrema.points[[4, 1, 2]])
     votes = JointEstimate(body.joint_positions(pose), np.ones(20))
     proposer = ExtremaProposer(small_database(), LookupSettings(candidate_distance=0.25))
     found = proposer.propose(replace(view, extrema=few, votes=votes), None, body, 3)
@@ -263,17 +263,3 @@ def test_the_facing_of_joints_is_that_of_the_body(body: Body, yaw: float) -> Non
     pose = np.zeros(skeleton.POSE_SIZE)
     pose[4] = yaw
     assert facing_of_joints(body.joint_positions(pose)) == pytest.approx(yaw)
-
-
-def test_where_the_image_cuts_a_person_off_there_is_no_end_effector(body: Body) -> None:
-    pose = standing_at(3)
-    pose[skeleton.ROOT_POSITION] += [0.0, -0.9, 0.0]
-    view = view_of(body, pose, np.arange(5))
-    height, width = view.cloud.depth.shape
-    rows = view.cloud.pixels // width
-    assert rows.max() == height - 1
-    nodes = np.array([rows.argmin(), rows.argmax(), rows.argmin(), rows.argmax(), rows.argmin()], dtype=np.int32)
-    view = replace(view, extrema=replace(view.extrema, nodes=nodes))
-    assert within_image(view).tolist() == [True, False, True, False, True]
-    points, _ = ExtremaProposer(small_database(), LookupSettings()).queries(view, None)
-    assert len(points) == 0  # three extrema are no five end effectors

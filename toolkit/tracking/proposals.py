@@ -68,7 +68,7 @@ class ExtremaProposer:
     def queries(self, view: View, previous: Previous | None) -> tuple[np.ndarray, np.ndarray]:
         """Labelled end effectors (M, 5, 3), level frame, and which of them are present (M, 5)."""
         settings = self._settings
-        extrema = view.extrema.points[within_image(view)].astype(np.float64)
+        extrema = view.extrema.points.astype(np.float64)
         points, present = np.empty((0, EFFECTORS, 3)), np.empty((0, EFFECTORS), dtype=np.bool_)
         if len(extrema) >= EFFECTORS:
             effectors = None if previous is None else previous.effectors
@@ -128,15 +128,6 @@ def _placed(
     return canonical.place(database.poses[rows].astype(np.float64), scaled, centre, yaw)
 
 
-def within_image(view: View) -> np.ndarray:
-    """Which geodesic extrema (E,) are no places where the border of the image cuts the person off."""
-    height, width = view.cloud.depth.shape
-    v, u = np.divmod(view.cloud.pixels[view.extrema.nodes], width)
-    return (np.minimum(u, width - 1 - u) >= BORDER) & (np.minimum(v, height - 1 - v) >= BORDER)
-
-
-BORDER = 4
-"""Pixels from the border of the image within which a person is cut off by it; cleaning takes the first one or two."""
 _QUERIED: np.ndarray = np.array(
     [
         row
