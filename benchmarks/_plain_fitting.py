@@ -175,7 +175,8 @@ class PlainSystem(NormalSystem):
         )
 
     def assemble(self, posed: PosedBody) -> None:
-        """See `NormalSystem.assemble`."""
+        """See `NormalSystem.assemble`, which brings in the pairs of a `JointTerm`."""
+        super().assemble(posed)
         joints, points, normals, residual, plane, point = (
             np.concatenate(part) for part in zip(*self._rows, strict=True)
         )
@@ -189,8 +190,8 @@ class PlainSystem(NormalSystem):
         along_residual = np.sqrt(plane) * np.einsum("na,na->n", normals, residual)
         full = (np.sqrt(point)[:, None, None] * jacobian).reshape(-1, skeleton.POSE_SIZE)
         full_residual = (np.sqrt(point)[:, None] * residual).ravel()
-        self.matrix[:] = along.T @ along + full.T @ full
-        self.vector[:] = along.T @ along_residual + full.T @ full_residual
+        self.matrix += along.T @ along + full.T @ full
+        self.vector += along.T @ along_residual + full.T @ full_residual
 
 
 class PlainSurfaceTerm(SurfaceTerm):

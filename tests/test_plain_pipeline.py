@@ -15,6 +15,7 @@ from toolkit.body.shape import load_body
 from toolkit.fitting.fitter import Fitter, FittingSettings
 from toolkit.fitting.posed import PosedBody
 from toolkit.fitting.scene import Scene
+from toolkit.fitting.terms import JointTerm
 from toolkit.kernels import twists
 from toolkit.landmarks.centre import cloud_centre
 from toolkit.landmarks.extrema import extrema_of_graph, source_node
@@ -87,9 +88,11 @@ def test_the_plain_fitter_finds_the_pose_of_the_compiled_one(seed: int) -> None:
     scene, plain_scene = Scene(cloud, extrema, 200), PlainScene(cloud, extrema, 200)
     start = pose + np.random.default_rng(seed).normal(0.0, 0.05, len(pose))
     start = np.clip(start, *skeleton.POSE_LIMITS.T)
-    found, again = fitter.refine(start, scene), plain.refine(start, plain_scene)
-    joints = BODY.joint_positions(np.stack([found, again]))
-    assert np.linalg.norm(joints[0] - joints[1], axis=1).max() < 1e-3
+    pull = JointTerm(BODY.joint_positions(pose) @ LEVEL, np.full(20, 5.0), 0.3)
+    for terms in ([], [pull]):
+        found, again = (f.refine(start, s, pair_terms=terms) for f, s in ((fitter, scene), (plain, plain_scene)))
+        joints = BODY.joint_positions(np.stack([found, again]))
+        assert np.linalg.norm(joints[0] - joints[1], axis=1).max() < 1e-3
     assert plain.sparse_distance(pose, plain_scene) == pytest.approx(fitter.sparse_distance(pose, scene), abs=1e-9)
 
 
