@@ -52,11 +52,10 @@ class WatchedTracker(HybridTracker):
         self.local_joints.append(self._local)
         return result
 
-    def _retrieved(self, view: View, bound: float) -> dict[str, np.ndarray]:
-        # The same refinement as that of the frame step, which does not hand it out.
-        local = self._fitter.refine(self.memory.previous.pose, view.scene)
+    def _refined_locally(self, pose: np.ndarray, view: View) -> np.ndarray:
+        local = super()._refined_locally(pose, view)
         self._local = self.memory.body.joint_positions(local) @ self.level_rotation
-        return super()._retrieved(view, bound)
+        return local
 
 
 class LocalTracker(HybridTracker):

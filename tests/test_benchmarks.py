@@ -10,10 +10,12 @@ import numpy as np
 import pytest
 
 from benchmarks import _record, _suite, accuracy, candidates, real, recovery, speed
+from benchmarks._rows import WatchedTracker
 from benchmarks._suite import GROUPS, REPORT, TUNE, chosen_takes, performed, record, takes
 from database_builder.build import build_database
 from database_builder.parts import PartsSettings
 from toolkit.body.shape import subject_body
+from toolkit.database.database import PoseDatabase
 from toolkit.mocap.procedural import procedural_clips
 from toolkit.sensing.recording import open_recording
 from toolkit.simulation.simulate import facing_of
@@ -160,3 +162,15 @@ def test_candidates_are_counted_in_frames_with_free_end_effectors(
     assert 0 < row["frames"] == sum(figures[group]["frames"] for group in GROUPS) <= 5 * 3
     assert 0.0 <= row["first_five"] <= row["all_extrema"] <= 1.0
     assert 0.0 <= row["queries"] <= 1.0
+
+
+def test_the_watched_local_hypothesis_is_the_one_that_competes(bundled: Path, small_database: Path) -> None:
+    path = record(chosen_takes("tune", ["fast"], 1)[0], bundled / "work", 20)
+    recording = open_recording(path)
+    tracker = WatchedTracker(PoseDatabase.load(small_database))
+    tracker.start(recording)
+    results = [tracker.step(depth, float(t)) for depth, t in zip(recording.frames(), recording.timestamps, strict=True)]
+    won = [i for i, result in enumerate(results) if tracker.source_names[result.source] == "local"]
+    assert len(won) > 5
+    for i in won:
+        assert np.array_equal(tracker.local_joints[i].astype(np.float32), results[i].joints)

@@ -164,7 +164,7 @@ class HybridTracker:
         if memory.previous is None:
             hypotheses = self._first_hypotheses(view)
         elif "local" in self.settings.hypotheses:
-            hypotheses["local"] = self._fitter.refine(self._expected(memory.previous.pose), view.scene)
+            hypotheses["local"] = self._refined_locally(memory.previous.pose, view)
             compared["local"] = self._fitter.compare(hypotheses["local"], view.scene)
             clock.lap("local")
         if memory.previous is not None:
@@ -203,14 +203,14 @@ class HybridTracker:
         memory.centre, memory.timestamp = centre, timestamp
         return View(cloud, centre, yaw, extrema, votes, scene)
 
-    def _expected(self, pose: np.ndarray) -> np.ndarray:
-        """Where the local optimisation starts: the previous pose (P,), moved on by a part of the step before it."""
+    def _refined_locally(self, pose: np.ndarray, view: View) -> np.ndarray:
+        """The local hypothesis (5.4.1): the previous pose (P,), moved on by a part of the step before it, refined."""
         before = self.memory.before
-        if before is None or self.settings.momentum == 0.0:
-            return pose
-        step = pose - before
-        step[skeleton.ROOT_ROTATION] = least_turn(before[skeleton.ROOT_ROTATION], pose[skeleton.ROOT_ROTATION])
-        return np.clip(pose + self.settings.momentum * step, *skeleton.POSE_LIMITS.T)
+        if before is not None and self.settings.momentum > 0.0:
+            step = pose - before
+            step[skeleton.ROOT_ROTATION] = least_turn(before[skeleton.ROOT_ROTATION], pose[skeleton.ROOT_ROTATION])
+            pose = np.clip(pose + self.settings.momentum * step, *skeleton.POSE_LIMITS.T)
+        return self._fitter.refine(pose, view.scene)
 
     def _retrieved(self, view: View, bound: float) -> dict[str, np.ndarray]:
         """The database hypothesis (5.4.3): of all retrieved poses the one nearest to the frame, refined.
