@@ -18,11 +18,10 @@ from typing import Any
 
 import numpy as np
 
+from benchmarks._options import add_database_options, add_take_options, poses_of
 from benchmarks._record import RESULTS, save_figures
 from benchmarks._rows import ROWS, WatchedTracker, figures_of, make_tracker, settings_of
-from benchmarks._suite import GROUPS, LONGEST, WORK, Take, chosen_takes, database, has_mocap, record, takes
-from database_builder.build import THRESHOLD
-from database_builder.parts import PartsSettings
+from benchmarks._suite import GROUPS, LONGEST, Take, chosen_takes, has_mocap, record, takes
 from toolkit.config import parse_overrides
 from toolkit.database.database import PoseDatabase
 from toolkit.evaluation.bootstrap import paired_bootstrap
@@ -215,19 +214,13 @@ def plot_confidence(bins: Sequence[dict[str, Any]], path: Path) -> None:
 def parse() -> argparse.Namespace:
     """The command line."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--split", choices=("tune", "report"), default="tune", help="report is not for tuning")
+    add_take_options(parser)
     parser.add_argument("--rows", default=",".join(ROWS), help="comma-separated, out of: " + ", ".join(ROWS))
     parser.add_argument("--groups", default=",".join(GROUPS), help="comma-separated, out of: " + ", ".join(GROUPS))
-    parser.add_argument("--takes", type=int, help="at most so many takes of each group")
-    parser.add_argument("--frames", type=int, default=LONGEST, help="at most so many frames of each take")
-    parser.add_argument("--database", type=Path, help="another database than the suite's own")
-    parser.add_argument("--threshold", type=float, default=THRESHOLD, help="of the suite's own database, Eq. 5.1")
-    parser.add_argument("--images", type=int, default=PartsSettings.images, help="that train its joint regressor")
-    parser.add_argument("--set", action="append", default=[], metavar="NAME=VALUE", help="setting of all trackers")
+    add_database_options(parser)
     parser.add_argument(
         "--no-surface", dest="surface", action="store_false", help="without what needs every depth frame"
     )
-    parser.add_argument("--work", type=Path, default=WORK)
     return parser.parse_args()
 
 
@@ -237,7 +230,7 @@ def main() -> None:
     chosen = chosen_takes(options.split, options.groups.split(","), options.takes)
     print(f"{len(chosen)} takes of the {options.split} split, from {'mocap' if has_mocap() else 'bundled motions'}")
     paths = [record(take, options.work, options.frames) for take in chosen]
-    poses_path = options.database or database(options.work, options.threshold, PartsSettings(images=options.images))
+    poses_path = poses_of(options)
     poses = PoseDatabase.load(poses_path)
     overrides = parse_overrides(options.set)
     rows, gains, bins = {}, [], []

@@ -11,14 +11,18 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Sequence
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from benchmarks._options import add_database_options, add_take_options, poses_of
 from benchmarks._record import save_figures
-from benchmarks._suite import GROUPS, LONGEST, WORK, chosen_takes, database, record
+from benchmarks._rows import settings_of
+from benchmarks._suite import GROUPS, LONGEST, chosen_takes, record
 from benchmarks.real import RECORDINGS
+from toolkit.config import parse_overrides
 from toolkit.database.database import PoseDatabase
 from toolkit.evaluation.extrema import FOUND, TIPS, all_found, all_free
 from toolkit.evaluation.joints import visible_joints
@@ -104,16 +108,14 @@ def _number(value: Any) -> float | None:
 def main() -> None:
     """Track, count, print, write JSON."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--split", choices=("tune", "report"), default="tune", help="report is not for tuning")
-    parser.add_argument("--takes", type=int, help="at most so many takes of each group")
-    parser.add_argument("--frames", type=int, default=LONGEST, help="at most so many frames of each take")
+    add_take_options(parser)
     parser.add_argument("--stride", type=int, default=4, help="every so many real recordings")
     parser.add_argument("--recordings", type=Path, default=RECORDINGS, help="folder of UTD-MHAD")
-    parser.add_argument("--database", type=Path, help="another database than that of the simulated suite")
-    parser.add_argument("--work", type=Path, default=WORK)
+    add_database_options(parser)
     options = parser.parse_args()
-    poses = PoseDatabase.load(options.database or database(options.work))
-    tracker = WatchedTracker(poses, HybridSettings())
+    poses = PoseDatabase.load(poses_of(options))
+    settings = settings_of("hybrid", parse_overrides(options.set))
+    tracker = WatchedTracker(poses, settings)
     figures: dict[str, Any] = {}
     for group in GROUPS:
         takes = [
@@ -132,9 +134,9 @@ def main() -> None:
             "-" if row[key] is None else f"{100 * row[key]:.1f}" for key in ("first_five", "all_extrema", "queries")
         )
         print(f"{name:<10}{row['frames']:7d}", "{:>13}{:>14}{:>11}".format(*cells))
-    whole = options.takes is None and options.frames >= LONGEST
-    settings = {"split": options.split, "every": EVERY, "stride": options.stride}
-    print("written:", save_figures(f"candidates_{options.split}{'' if whole else '_part'}", rows, settings))
+    whole = options.takes is None and options.frames >= LONGEST and not options.set
+    described = {"split": options.split, "every": EVERY, "stride": options.stride, "tracker": asdict(settings)}
+    print("written:", save_figures(f"candidates_{options.split}{'' if whole else '_part'}", rows, described))
 
 
 if __name__ == "__main__":

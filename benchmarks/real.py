@@ -17,11 +17,10 @@ from typing import Any
 
 import numpy as np
 
+from benchmarks._options import add_database_options, poses_of
 from benchmarks._record import save_figures
 from benchmarks._rows import ROWS, figures_of, make_tracker, settings_of
-from benchmarks._suite import ROOT, WORK, database
-from database_builder.build import THRESHOLD
-from database_builder.parts import PartsSettings
+from benchmarks._suite import ROOT
 from toolkit.body.skeleton import END_EFFECTORS
 from toolkit.config import parse_overrides
 from toolkit.database.database import PoseDatabase
@@ -102,17 +101,13 @@ def main() -> None:
     parser.add_argument("--recordings", type=Path, default=RECORDINGS, help="folder of UTD-MHAD")
     parser.add_argument("--stride", type=int, default=1, help="every so many recordings")
     parser.add_argument("--rows", default="hybrid", help="comma-separated, out of: " + ", ".join(ROWS))
-    parser.add_argument("--database", type=Path, help="another database than that of the simulated suite")
-    parser.add_argument("--threshold", type=float, default=THRESHOLD, help="of the suite's database, Eq. 5.1")
-    parser.add_argument("--images", type=int, default=PartsSettings.images, help="that train its joint regressor")
-    parser.add_argument("--set", action="append", default=[], metavar="NAME=VALUE", help="setting of all trackers")
-    parser.add_argument("--work", type=Path, default=WORK)
+    add_database_options(parser)
     options = parser.parse_args()
     paths = sorted(options.recordings.glob("*_depth.mat"))[:: options.stride]
     if not paths:
         parser.error(f"{options.recordings} holds no recording of UTD-MHAD; name its folder with --recordings")
     overrides = parse_overrides(options.set)
-    poses = options.database or database(options.work, options.threshold, PartsSettings(images=options.images))
+    poses = poses_of(options)
     figures, settings = {}, {}
     for row in options.rows.split(","):
         runs = run_row(row, paths, poses, overrides, options.work)

@@ -15,16 +15,14 @@ import pickle
 from collections.abc import Iterator
 from dataclasses import asdict, replace
 from itertools import cycle, islice
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from benchmarks._options import add_database_options, add_take_options, poses_of
 from benchmarks._record import save_figures
 from benchmarks._rows import ROWS, make_tracker, settings_of
-from benchmarks._suite import LONGEST, WORK, chosen_takes, database, record
-from database_builder.build import THRESHOLD
-from database_builder.parts import PartsSettings
+from benchmarks._suite import LONGEST, chosen_takes, record
 from toolkit.body import skeleton
 from toolkit.config import parse_overrides
 from toolkit.database.canonical import body_facing, canonicalise, mirrored, place
@@ -159,21 +157,14 @@ def summary(found: list[dict[str, Any]]) -> dict[str, Any]:
 def main() -> None:
     """Measure, print one line per kind, write JSON."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--split", choices=("tune", "report"), default="tune", help="report is not for tuning")
+    add_take_options(parser)
     parser.add_argument("--starts", type=int, default=50, help="of each kind")
     parser.add_argument("--row", choices=ROWS, default="hybrid")
-    parser.add_argument("--takes", type=int, help="at most so many takes of each group")
-    parser.add_argument("--frames", type=int, default=LONGEST, help="at most so many frames of each take")
-    parser.add_argument("--database", type=Path, help="another database than the suite's own")
-    parser.add_argument("--threshold", type=float, default=THRESHOLD, help="of the suite's own database, Eq. 5.1")
-    parser.add_argument("--images", type=int, default=PartsSettings.images, help="that train its joint regressor")
-    parser.add_argument("--set", action="append", default=[], metavar="NAME=VALUE", help="setting of the tracker")
-    parser.add_argument("--work", type=Path, default=WORK)
+    add_database_options(parser)
     options = parser.parse_args()
     takes = chosen_takes(options.split, count=options.takes)
     recordings = [open_recording(record(take, options.work, options.frames)) for take in takes]
-    parts = PartsSettings(images=options.images)
-    poses = PoseDatabase.load(options.database or database(options.work, options.threshold, parts))
+    poses = PoseDatabase.load(poses_of(options))
     overrides = parse_overrides(options.set)
     tracker = make_tracker(options.row, poses, overrides)
     found, right = run(tracker, recordings, poses.poses, options.starts, np.random.default_rng(0))
