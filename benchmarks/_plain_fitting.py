@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import numpy as np
 from scipy.linalg import LinAlgError, cho_factor, cho_solve
 from scipy.spatial import cKDTree
@@ -11,10 +9,10 @@ from scipy.spatial.transform import Rotation
 
 from toolkit.body import skeleton
 from toolkit.body.body import BELOW
-from toolkit.fitting.fitter import WORSE, Comparison, Fitter, _wrap_root
+from toolkit.fitting.fitter import WORSE, Comparison, Fitter
 from toolkit.fitting.posed import NormalSystem, PosedBody
 from toolkit.fitting.scene import Scene
-from toolkit.fitting.terms import CloudTerm, PairTerm, SurfaceTerm
+from toolkit.fitting.terms import CloudTerm, SurfaceTerm
 from toolkit.sensing.cloud import Cloud
 
 
@@ -268,32 +266,9 @@ class PlainFitter(Fitter):
         self.cloud = PlainCloudTerm(**vars(fitter.cloud))
         self._pair_terms = [self.surface, self.cloud] if self.settings.cloud_samples else [self.surface]
 
-    def refine(
-        self,
-        pose: np.ndarray,
-        scene: Scene,
-        *,
-        pair_terms: Sequence[PairTerm] = (),
-        iterations: int | None = None,
-    ) -> np.ndarray:
-        """See `Fitter.refine`."""
-        pose = pose.copy()
-        system, posed = self._system, self.posed
-        for _ in range(iterations or self.settings.iterations):
-            posed.place(pose)
-            posed.draw()
-            system.reset(posed.origins[0])
-            for term in (*self._pair_terms, *pair_terms):
-                term.add(system, posed, scene)
-            system.assemble(posed)
-            for prior in self._pose_terms:
-                prior.add(system, pose)
-            step = bounded_step(system.matrix, system.vector, pose, skeleton.POSE_LIMITS, self._damping)
-            pose += step
-            _wrap_root(pose)
-            if np.abs(step).max() < self.settings.converged:
-                break
-        return pose
+    def _solve(self, pose: np.ndarray, step: np.ndarray) -> None:
+        system = self._system
+        step[:] = bounded_step(system.matrix, system.vector, pose, skeleton.POSE_LIMITS, self._damping)
 
     def compare(self, pose: np.ndarray, scene: Scene, bound: float = np.inf) -> Comparison:
         """See `Fitter.compare`."""

@@ -119,12 +119,17 @@ class Fitter:
             system.assemble(posed)
             for prior in self._pose_terms:
                 prior.add(system, pose)
-            twists.bounded_step(system.matrix, system.vector, pose, skeleton.POSE_LIMITS, self._damping, step)
+            self._solve(pose, step)
             pose += step
             _wrap_root(pose)
             if np.abs(step).max() < self.settings.converged:
                 break
         return pose
+
+    def _solve(self, pose: np.ndarray, step: np.ndarray) -> None:
+        """Fill `step` (P,) from the assembled normal equations: damped, and within the limits of `pose` (P,)."""
+        system = self._system
+        twists.bounded_step(system.matrix, system.vector, pose, skeleton.POSE_LIMITS, self._damping, step)
 
     def compare(self, pose: np.ndarray, scene: Scene, bound: float = np.inf) -> Comparison:
         """A pose against a frame by the sparse symmetric distance (Baak 2013, Eq. 5.7 to 5.9).
