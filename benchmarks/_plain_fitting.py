@@ -173,7 +173,7 @@ class PlainSystem(NormalSystem):
         )
 
     def assemble(self, posed: PosedBody) -> None:
-        """See `NormalSystem.assemble`, which brings in the pairs of a `JointTerm`."""
+        """See `NormalSystem.assemble`, which brings in the pairs of the terms that are not plain."""
         super().assemble(posed)
         joints, points, normals, residual, plane, point = (
             np.concatenate(part) for part in zip(*self._rows, strict=True)
@@ -264,7 +264,8 @@ class PlainFitter(Fitter):
         self._system = PlainSystem()
         self.surface = PlainSurfaceTerm(**vars(fitter.surface))
         self.cloud = PlainCloudTerm(**vars(fitter.cloud))
-        self._pair_terms = [self.surface, self.cloud] if self.settings.cloud_samples else [self.surface]
+        plain = {SurfaceTerm: self.surface, CloudTerm: self.cloud}
+        self._pair_terms = [plain.get(type(term), term) for term in fitter._pair_terms]
 
     def _solve(self, pose: np.ndarray, step: np.ndarray) -> None:
         system = self._system
@@ -281,11 +282,16 @@ class PlainFitter(Fitter):
         scene.neighbours.medians(points, visible, s.unexplained, 1, nearest)
         gaps = np.linalg.norm(points - nearest, axis=1)
         parts = [gaps[visible], np.linalg.norm(scene.extrema[:, None] - posed.vertices, axis=2).min(axis=1)]
+        explained, drawn = self.cloud.nearest(posed, scene)
+        explained, drawn = explained[: scene.plain_samples], drawn[: scene.plain_samples]
+        sample_gaps = np.linalg.norm(explained - scene.samples[: scene.plain_samples], axis=1)
+        far = ~(sample_gaps < s.unexplained)
+        sample_gaps[far], drawn[far] = s.unexplained, -1
         if scene.plain_samples:
-            explained = self.cloud.nearest(posed, scene)[0]
-            parts.append(np.linalg.norm(explained - scene.samples, axis=1)[: scene.plain_samples])
+            parts.append(sample_gaps)
         distance = sum(_mean_capped(part, s.unexplained) for part in parts)
-        return Comparison(distance, gaps) if distance <= bound else WORSE
+        energy = sum(term.energy(pose) for term in self._pose_terms)
+        return Comparison(distance, gaps, sample_gaps, drawn, energy) if distance <= bound else WORSE
 
 
 def _mean_capped(distances: np.ndarray, cap: float) -> float:

@@ -23,8 +23,10 @@ ROWS: dict[str, tuple[str, dict[str, Any]]] = {
     "baak2013": ("baak2013", {}),
     "no shape": ("hybrid", {"shape.frames": 0}),
     "no prior": ("hybrid", {"fitting.prior_weight": 0.0}),
-    "no regressor": ("hybrid", {"hypotheses": ["local", "extrema"]}),
+    "no regressor": ("hybrid", {"hypotheses": ["local", "extrema", "arms"]}),
     "no cloud": ("hybrid", {"fitting.cloud_samples": 0}),
+    "no arms": ("hybrid", {"hypotheses": ["local", "extrema", "joints"]}),
+    "no contact": ("hybrid", {"fitting.contact_weight": 0.0}),
 }
 """Name of the row, shipped settings that it starts from, and overrides.
 
@@ -61,7 +63,7 @@ class WatchedTracker(HybridTracker):
 class LocalTracker(HybridTracker):
     """Local optimisation alone, after a first pose from the lookup."""
 
-    def _retrieved(self, view: View, bound: float) -> dict[str, np.ndarray]:
+    def _retrieved(self, view: View, bound: float, asked: set[str]) -> dict[str, np.ndarray]:
         return {}
 
 

@@ -26,9 +26,10 @@ from toolkit.config import parse_overrides
 from toolkit.database.database import PoseDatabase
 from toolkit.evaluation.bootstrap import paired_bootstrap
 from toolkit.evaluation.evaluate import evaluate_runs
-from toolkit.evaluation.joints import NEAR, frame_errors, joint_errors
+from toolkit.evaluation.joints import frame_errors, joint_errors
 from toolkit.evaluation.scores import EvaluationTable, RunScores
 from toolkit.files import atomic_path
+from toolkit.fitting.fitter import WITHIN
 from toolkit.pipeline import track_recording
 from toolkit.sensing.recording import open_recording
 from toolkit.track import TRACKED, Track
@@ -45,7 +46,7 @@ COLUMNS = (
     ("extrema_free", "free %", 100.0),
 )
 """Figure, heading and factor of the printed tables."""
-BINS = np.linspace(0.0, 1.0, 11)
+BINS = np.linspace(0.0, 1.0, 21)
 """Of the confidence."""
 
 
@@ -122,9 +123,10 @@ def confidence_bins(runs: Sequence[Path], paths: Sequence[Path]) -> list[dict[st
             {
                 "confidence": [float(BINS[i]), float(BINS[i + 1])],
                 "joints": len(inside),
+                "mean": float(confidence[number == i].mean()) if known else None,
                 "median_mm": 1000 * float(np.median(inside)) if known else None,
                 "p90_mm": 1000 * float(np.percentile(inside, 90)) if known else None,
-                "a100": float((inside <= NEAR).mean()) if known else None,
+                "within": float((inside <= WITHIN).mean()) if known else None,
             }
         )
     return bins
@@ -190,20 +192,20 @@ def plot_rows(rows: dict[str, Row], path: Path) -> None:
 
 
 def plot_confidence(bins: Sequence[dict[str, Any]], path: Path) -> None:
-    """Error, and share of joints within 100 mm, against confidence."""
+    """Error, and share of joints that are as near as the confidence says, against confidence."""
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(9, 3.6), layout="constrained")
     left, right = figure.subplots(1, 2)
     filled = [entry for entry in bins if entry["joints"]]
-    middle = [np.mean(entry["confidence"]) for entry in filled]
+    middle = [entry["mean"] for entry in filled]
     left.plot(middle, [entry["median_mm"] for entry in filled], "o-", color="black", label="median")
     left.plot(middle, [entry["p90_mm"] for entry in filled], "o--", color="0.5", label="90th percentile")
     left.set(xlabel="confidence", ylabel="error of the joint, mm", xlim=(0, 1), ylim=(0, None))
     left.legend(frameon=False)
     share = np.array([entry["joints"] for entry in filled]) / sum(entry["joints"] for entry in filled)
-    right.bar(middle, 100 * share, 0.09, color="0.85", label="share of all joints")
-    right.plot(middle, [100 * entry["a100"] for entry in filled], "o-", color="black", label="within 100 mm")
+    right.bar(middle, 100 * share, 0.02, color="0.85", label="share of all joints")
+    right.plot(middle, [100 * entry["within"] for entry in filled], "o-", color="black", label="within 50 mm")
     right.plot([0, 1], [0, 100], ":", color="0.5")
     right.set(xlabel="confidence", ylabel="%", xlim=(0, 1), ylim=(0, 101))
     right.legend(frameon=False)

@@ -3,7 +3,8 @@
     python -m benchmarks.plain_pipeline DATABASE [RECORDING ...] [--frames 150]
 
 Both trackers get the same frames in turn and follow their own past. Plain are the landmarks, the correspondences, the
-solver, the drawn body and the lookup; cleaning and the joint regressor are the compiled ones in both. Without a
+solver, the drawn body and the lookup; cleaning, the joint regressor and the arms' chains of balls are the compiled ones
+in both. Without a
 recording a rendered subject is tracked at 3,000, 6,000 and 16,000 foreground pixels. Times leave out the first frames,
 in which code is compiled and the subject's shape is learnt.
 """
@@ -50,9 +51,9 @@ class PlainTracker(HybridTracker):
         super().start(recording)
         self._fitter = PlainFitter(self._fitter)
 
-    def _view(self, cloud: Cloud, timestamp: float) -> View:
+    def _view(self, cloud: Cloud, timestamp: float, *, votes: bool) -> View:
         if not isinstance(self._fitter, PlainFitter):
-            return super()._view(cloud, timestamp)
+            return super()._view(cloud, timestamp, votes=votes)
         memory, settings = self.memory, self.settings
         scale = memory.body.height / ADULT_HEIGHT
         centre = plain_centre(cloud.points, memory.centre, settings.landmarks, scale)
@@ -61,10 +62,10 @@ class PlainTracker(HybridTracker):
         matrix, largest = plain_graph(cloud, settings.landmarks)
         source = plain_source(cloud.points, largest, centre, settings.landmarks, scale)
         extrema = plain_extrema(matrix, cloud.points, source, settings.extrema)
-        votes = None if self._forest is None else self._forest.estimate(cloud, settings.vote_samples)
+        joints = self._forest.estimate(cloud, settings.vote_samples) if self._forest and votes else None
         scene = PlainScene(cloud, extrema.points.astype(np.float64), settings.fitting.cloud_samples)
         memory.centre, memory.timestamp = centre, timestamp
-        return View(cloud, centre, yaw, extrema, votes, scene)
+        return View(cloud, centre, yaw, extrema, joints, scene)
 
 
 def compare(recording: Recording, database: PoseDatabase, settings: HybridSettings, frames: int) -> dict[str, Any]:

@@ -39,7 +39,7 @@ class FrameResult:
     ----------
     pose : float64 (P,), level frame (see `docs/architecture.md`), named by `skeleton.POSE_NAMES`
     joints : float32 (20, 3), camera frame, metres at true scale, always finite
-    confidence : float32 (20,), in [0, 1]
+    confidence : float32 (20,), in [0, 1]: probability that the joint is within 5 cm, 0 where nothing is known
     state : `TRACKED`, `LOST` or `EMPTY`
     source : index into the tracker's `source_names`, the hypothesis that won
     stage_ms : float32 (S,), milliseconds per stage of the tracker's `stage_names`, disjoint
@@ -139,7 +139,7 @@ class Track:
     ----------
     joints : float32 (T, 20, 3), camera frame, metres
     pose : float64 (T, P), level frame
-    confidence : float32 (T, 20), in [0, 1]
+    confidence : float32 (T, 20), in [0, 1], as in `FrameResult`
     state, source : uint8 (T,), indices into `STATE_NAMES` and `source_names`
     timestamps : float64 (T,), seconds
     stage_ms : float32 (T, S), milliseconds, without reading the file

@@ -6,6 +6,7 @@ import numpy as np
 
 from toolkit.body import skeleton
 from toolkit.body.body import BELOW, Body
+from toolkit.fitting.balls import Balls
 from toolkit.kernels import kinematics, pairs, raster, twists
 from toolkit.sensing.camera import Camera
 
@@ -15,6 +16,19 @@ QUOTAS: dict[str, int] = {
     "hip": 26, "knee": 24, "ankle": 14,
 }  # fmt: skip
 """Chosen vertices per body part: limbs get more than their share of the surface (Baak 2013, 5.4.1)."""
+
+
+def spread_rows(points: np.ndarray, count: int) -> np.ndarray:
+    """Rows of `points` (N, D) that lie as far apart as can be: farthest first, from the one farthest from the mean.
+
+    Returns int64 (min(count, N),), in the order of choice.
+    """
+    nearest = np.linalg.norm(points - points.mean(axis=0), axis=1) if len(points) else np.empty(0)
+    chosen: list[int] = []
+    for _ in range(min(count, len(points))):
+        chosen.append(int(nearest.argmax()))
+        nearest = np.minimum(nearest, np.linalg.norm(points - points[chosen[-1]], axis=1))
+    return np.array(chosen, dtype=np.int64)
 
 
 def choose_vertices(body: Body) -> np.ndarray:
@@ -28,14 +42,7 @@ def choose_vertices(body: Body) -> np.ndarray:
     for joint, name in enumerate(skeleton.JOINT_NAMES):
         members = np.flatnonzero(body.part == joint)
         quota = min(QUOTAS[name.split("_")[-1]], len(members))
-        if quota == 0:
-            continue
-        points = body.vertices[members]
-        nearest = np.linalg.norm(points - points.mean(axis=0), axis=1)
-        for _ in range(quota):
-            pick = int(nearest.argmax())
-            chosen.add(int(members[pick]))
-            nearest = np.minimum(nearest, np.linalg.norm(points - points[pick], axis=1))
+        chosen.update(members[spread_rows(body.vertices[members], quota)].tolist())
     return np.array(sorted(chosen), dtype=np.int64)
 
 
@@ -55,6 +62,7 @@ class PosedBody:
     Attributes
     ----------
     vertices, normals : float64 (V, 3), camera frame, metres
+    balls : the body as balls
     rotations, origins, axes : placed joints and rotation axes, camera frame
     depth, triangle : float64 and int32 (h, w), the drawn body; 0 and -1 where it is not
     camera : the camera of that small image
@@ -81,6 +89,7 @@ class PosedBody:
     def set_body(self, body: Body) -> None:
         """Exchange the body for another of the same topology; the pose has to be placed again."""
         self.body = body
+        self.balls = Balls.of_body(body)
         self.rest_normals = body.normals
         self.vertices = np.empty_like(body.vertices)
         self.normals = np.empty_like(body.vertices)

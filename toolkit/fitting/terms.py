@@ -35,6 +35,9 @@ class PoseTerm(Protocol):
     def add(self, system: NormalSystem, pose: np.ndarray) -> None:
         """Add this term's quadratic in the pose."""
 
+    def energy(self, pose: np.ndarray) -> float:
+        """What the term costs at `pose` (P,), at least 0."""
+
 
 @dataclass(frozen=True)
 class SurfaceTerm:
@@ -151,6 +154,21 @@ class JointTerm:
             )  # fmt: skip
 
 
+@dataclass(frozen=True)
+class ContactTerm:
+    """No self-penetration: balls of the body that overlap push each other apart."""
+
+    weight: float
+
+    def add(self, system: NormalSystem, posed: PosedBody, scene: Scene) -> None:
+        """See `PairTerm.add`."""
+        balls = posed.balls
+        pairs.add_contacts(
+            balls.apart, balls.joint, balls.offset, balls.radius, posed.rotations, posed.origins, system.reference,
+            SOFT, self.weight, system.hessian, system.gradient,
+        )  # fmt: skip
+
+
 def _carriers() -> list[tuple[int, int]]:
     """Articulated joint and site (-1 for none) of each reported joint; -1, -1 for the derived ones."""
     sites = [name for name, _ in skeleton.SITES]
@@ -172,6 +190,8 @@ def _robust(residual: np.ndarray, sigma: float) -> np.ndarray:
     return (1.0 + np.einsum("nc,nc->n", residual, residual) / sigma**2) ** -2
 
 
+SOFT = 0.8
+"""Share of the sum of two balls' radii within which they penetrate: flesh gives way, and trunks are no balls."""
 SPREAD = 0.1
 """Radians: spread that the pose prior adds to every angle."""
 
@@ -200,3 +220,8 @@ class GaussianPrior:
         free = slice(6, skeleton.POSE_SIZE)
         system.matrix[free, free] += self.weight * self.precision
         system.vector[free] += self.weight * (self.precision @ (pose[free] - self.mean[free]))
+
+    def energy(self, pose: np.ndarray) -> float:
+        """See `PoseTerm.energy`."""
+        away = (pose - self.mean)[6:]
+        return 0.5 * self.weight * float(away @ self.precision @ away)

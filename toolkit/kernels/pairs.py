@@ -269,6 +269,54 @@ def add_cloud_pairs(
 
 
 @njit(cache=True)
+def add_contacts(
+    contacts: np.ndarray,
+    ball_joint: np.ndarray,
+    ball_offset: np.ndarray,
+    radii: np.ndarray,
+    rotations: np.ndarray,
+    origins: np.ndarray,
+    reference: np.ndarray,
+    soft: float,
+    weight: float,
+    hessian: np.ndarray,
+    gradient: np.ndarray,
+) -> None:
+    """Push apart the balls of each of `contacts` (K, 2) that are nearer than `soft` times the sum of their radii.
+
+    Each of the two takes the whole way, as if the other stood still. Ball b is carried by joint `ball_joint[b]` at
+    `ball_offset[b]` from it; `rotations` (J, 3, 3) and `origins` (J, 3) place the joints.
+    """
+    count = ball_joint.shape[0]
+    centres = np.empty((count, 3))
+    for b in range(count):
+        j = ball_joint[b]
+        for a in range(3):
+            centres[b, a] = origins[j, a]
+            for k in range(3):
+                centres[b, a] += rotations[j, a, k] * ball_offset[b, k]
+    for n in range(contacts.shape[0]):
+        first, second = contacts[n, 0], contacts[n, 1]
+        reach = soft * (radii[first] + radii[second])
+        dx = centres[first, 0] - centres[second, 0]
+        dy = centres[first, 1] - centres[second, 1]
+        dz = centres[first, 2] - centres[second, 2]
+        squared = dx * dx + dy * dy + dz * dz
+        if squared >= reach * reach or squared < 1e-12:
+            continue
+        distance = np.sqrt(squared)
+        # The residual is the overlap, along the line from the second ball to the first.
+        nx, ny, nz = dx / distance, dy / distance, dz / distance
+        overlap = distance - reach
+        for ball, sign in ((first, 1.0), (second, -1.0)):
+            add_pair(
+                hessian, gradient, ball_joint[ball],
+                centres[ball, 0] - reference[0], centres[ball, 1] - reference[1], centres[ball, 2] - reference[2],
+                nx, ny, nz, sign * overlap * nx, sign * overlap * ny, sign * overlap * nz, weight, 0.0,
+            )  # fmt: skip
+
+
+@njit(cache=True)
 def mean_nearest(points: np.ndarray, vertices: np.ndarray, cap: float) -> float:
     """Mean over `points` (N, 3) of the distance to the nearest of `vertices` (V, 3), each capped; 0 without points."""
     total = 0.0

@@ -35,6 +35,10 @@ def color_depth(depth_mm: np.ndarray, person: np.ndarray, near: float, far: floa
     return np.take(_depth_table(), entry, axis=0)
 
 
+SURE = 0.8
+"""Confidence of a joint below which it is drawn as a ring."""
+
+
 @lru_cache(maxsize=1)
 def _depth_table() -> np.ndarray:
     bright = depth_palette()
@@ -56,7 +60,7 @@ def draw_skeleton(image: np.ndarray, joints: np.ndarray, confidence: np.ndarray 
         if point is None:
             continue
         radius = int((thickness + 1.5) * 2**SHIFT)
-        sure = confidence is None or confidence[k] >= 0.5
+        sure = confidence is None or confidence[k] >= SURE
         cv2.circle(image, point, radius + 2**SHIFT, PAPER, -1, cv2.LINE_AA, SHIFT)
         cv2.circle(image, point, radius, JOINT_COLORS[k], -1 if sure else 1, cv2.LINE_AA, SHIFT)
 

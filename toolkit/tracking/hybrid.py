@@ -12,6 +12,7 @@ from toolkit.body.body import Body
 from toolkit.body.shape import ShapeSpace, load_body
 from toolkit.database.database import PoseDatabase
 from toolkit.database.origin import ADULT_HEIGHT
+from toolkit.fitting.arms import ArmSearch
 from toolkit.fitting.fitter import Comparison, Fitter
 from toolkit.fitting.scene import Scene
 from toolkit.fitting.shape import ShapeEstimator
@@ -33,7 +34,7 @@ from toolkit.tracking.smoothing import PoseSmoother
 from toolkit.tracking.view import View
 
 STAGES = ("prepare", "landmarks", "local", "lookup", "select")
-SOURCES = ("local", "extrema", "joints", "predicted")
+SOURCES = ("local", "extrema", "joints", "arms", "predicted")
 
 LARGE_IMAGE = 200
 """Pixels of width above which the body is drawn at half the resolution of the image."""
@@ -99,6 +100,13 @@ class HybridTracker:
             self._proposers["extrema"] = ExtremaProposer(database, self.settings.lookup)
         if self._forest is not None:
             self._proposers["joints"] = JointsProposer(database)
+        self._arms: ArmSearch | None = None
+        if {"local", "arms"} <= set(self.settings.hypotheses):
+            self._arms = ArmSearch(database.poses, self._first_body, self.settings.arms)
+        # While a person is tracked, whole poses are retrieved every other frame, from each source in turn.
+        self._turns = (
+            [name for source in self._proposers for name in (source, "")] if self._arms else list(self._proposers)
+        )
 
     @property
     def body(self) -> Body:
@@ -148,7 +156,8 @@ class HybridTracker:
     def _track(self, depth_mm: np.ndarray, timestamp: float, clock: StageClock) -> tuple[FrameResult, View | None]:
         """One frame, as Baak 2013, 5.4 has it: prepare, landmarks, hypotheses, selection."""
         memory = self.memory
-        self._fitter.posed.set_body(memory.body)
+        if self._fitter.posed.body is not memory.body:
+            self._fitter.posed.set_body(memory.body)
 
         depth = memory.cleaner.clean(depth_mm)
         cloud = Cloud.from_depth(depth, memory.cleaner.camera, self.level_rotation)
@@ -156,7 +165,8 @@ class HybridTracker:
         if len(cloud) < self.settings.smallest_person:
             return self._predicted(EMPTY, timestamp, clock), None
 
-        view = self._view(cloud, timestamp)
+        asked = self._asked()
+        view = self._view(cloud, timestamp, votes=not asked.isdisjoint(self._proposers))
         clock.lap("landmarks")
 
         hypotheses: dict[str, np.ndarray] = {}
@@ -167,9 +177,15 @@ class HybridTracker:
             hypotheses["local"] = self._refined_locally(memory.previous.pose, view)
             compared["local"] = self._fitter.compare(hypotheses["local"], view.scene)
             clock.lap("local")
+            if self._arms is not None:
+                self._arms.set_body(memory.body)
+                better = self._arms.improve(hypotheses["local"], compared["local"], self._fitter, view.scene)
+                if better is not None:
+                    hypotheses, compared = {"arms": better[0]}, {"arms": better[1]}
+                clock.lap("lookup")
         if memory.previous is not None:
-            bound = self.settings.promising * compared["local"].distance if "local" in compared else np.inf
-            hypotheses |= self._retrieved(view, bound)
+            bound = self.settings.promising * min((c.distance for c in compared.values()), default=np.inf)
+            hypotheses |= self._retrieved(view, bound, asked)
         clock.lap("lookup")
         if not hypotheses:
             return self._predicted(LOST, timestamp, clock), None
@@ -181,8 +197,16 @@ class HybridTracker:
         clock.lap("select")
         return FrameResult(**found, stage_ms=clock.milliseconds), view
 
-    def _view(self, cloud: Cloud, timestamp: float) -> View:
-        """Centre, facing, extrema and votes of a cloud (Baak 2013, 5.3.4 and 5.4.2)."""
+    def _asked(self) -> set[str]:
+        """Sources of hypotheses that are asked in this frame: one in turn while the person is tracked, else all."""
+        memory = self.memory
+        if memory.previous is None or memory.lost or not self._turns:
+            return set(self._turns)
+        memory.turn += 1
+        return {self._turns[memory.turn % len(self._turns)]}
+
+    def _view(self, cloud: Cloud, timestamp: float, *, votes: bool) -> View:
+        """Centre, facing, extrema and, if asked for, votes of a cloud (Baak 2013, 5.3.4 and 5.4.2)."""
         memory, settings = self.memory, self.settings
         scale = memory.body.height / ADULT_HEIGHT
         centre = cloud_centre(cloud.points, memory.centre, settings.landmarks, scale)
@@ -197,11 +221,11 @@ class HybridTracker:
             source_node(graph, cloud.points, centre, settings.landmarks, scale),
             self._workspace,
         )
-        votes = None if self._forest is None else self._forest.estimate(cloud, settings.vote_samples)
+        joints = self._forest.estimate(cloud, settings.vote_samples) if self._forest and votes else None
         fitting = settings.fitting
         scene = Scene(cloud, extrema.points.astype(np.float64), fitting.cloud_samples, fitting.search)
         memory.centre, memory.timestamp = centre, timestamp
-        return View(cloud, centre, yaw, extrema, votes, scene)
+        return View(cloud, centre, yaw, extrema, joints, scene)
 
     def _refined_locally(self, pose: np.ndarray, view: View) -> np.ndarray:
         """The local hypothesis (5.4.1): the previous pose (P,), moved on by a part of the step before it, refined."""
@@ -212,22 +236,17 @@ class HybridTracker:
             pose = np.clip(pose + self.settings.momentum * step, *skeleton.POSE_LIMITS.T)
         return self._fitter.refine(pose, view.scene)
 
-    def _retrieved(self, view: View, bound: float) -> dict[str, np.ndarray]:
+    def _retrieved(self, view: View, bound: float, asked: set[str]) -> dict[str, np.ndarray]:
         """The database hypothesis (5.4.3): of all retrieved poses the one nearest to the frame, refined.
 
-        None where all are farther than `bound`, so that no refinement could make them win. Sources of poses take turns
-        while the person is tracked.
+        None where all are farther than `bound`, so that no refinement could make them win.
         """
         memory = self.memory
-        asked = list(self._proposers)
-        if asked and memory.lost == 0:
-            asked = [asked[memory.turn % len(asked)]]
-            memory.turn += 1
         nearest, source, pose = bound, "", None
-        for name in asked:
-            for candidate in self._proposers[name].propose(
-                view, memory.previous, memory.body, self.settings.candidates
-            ):
+        for name, proposer in self._proposers.items():
+            if name not in asked:
+                continue
+            for candidate in proposer.propose(view, memory.previous, memory.body, self.settings.candidates):
                 distance = self._fitter.sparse_distance(candidate, view.scene, nearest)
                 if distance < nearest:
                     nearest, source, pose = distance, name, candidate
@@ -280,7 +299,7 @@ class HybridTracker:
         memory.lost = 0 if state == TRACKED else memory.lost + 1
         if memory.lost >= self.settings.patience:
             memory.previous, memory.lost = None, 0
-        confidence = self._fitter.confidence(compared)
+        confidence = self._fitter.confidence(compared) if state == TRACKED else np.zeros(len(joints))
         reported = memory.smoother.update(pose, timestamp)
         if reported is not pose:
             joints = memory.body.joint_positions(reported)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 from toolkit.errors import SettingsError
+from toolkit.fitting.arms import ArmSettings
 from toolkit.fitting.fitter import FittingSettings
 from toolkit.fitting.shape import ShapeSettings
 from toolkit.landmarks.settings import LandmarkSettings
@@ -19,7 +20,7 @@ class HybridSettings:
     Attributes
     ----------
     hypotheses : which hypotheses compete: "local", "extrema" (lookup by geodesic extrema), "joints" (lookup by
-        regressed joints)
+        regressed joints), "arms" (the local one with arms of other poses)
     extrema : geodesic extrema per frame (20 in the paper)
     candidates : retrieved poses that are compared before one of them is refined; 1 takes the best by Eq. 5.6 unseen
     promising : the best retrieved pose is refined if its distance is at most this times that of the local hypothesis
@@ -35,7 +36,7 @@ class HybridSettings:
     vote_samples : points that vote for the joints
     """
 
-    hypotheses: tuple[str, ...] = ("local", "extrema", "joints")
+    hypotheses: tuple[str, ...] = ("local", "extrema", "joints", "arms")
     extrema: int = 20
     candidates: int = 2
     promising: float = 2.5
@@ -51,11 +52,12 @@ class HybridSettings:
     sensing: SensingSettings = field(default_factory=SensingSettings)
     landmarks: LandmarkSettings = field(default_factory=LandmarkSettings)
     lookup: LookupSettings = field(default_factory=LookupSettings)
+    arms: ArmSettings = field(default_factory=ArmSettings)
     fitting: FittingSettings = field(default_factory=FittingSettings)
     shape: ShapeSettings = field(default_factory=ShapeSettings)
 
     def __post_init__(self) -> None:
-        known = ("local", "extrema", "joints")
+        known = ("local", "extrema", "joints", "arms")
         if unknown := [name for name in self.hypotheses if name not in known]:
             raise SettingsError(f"hypotheses {unknown} are unknown; choose from {', '.join(known)}")
         if not self.hypotheses:

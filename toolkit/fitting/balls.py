@@ -1,0 +1,74 @@
+"""The body as balls along its bones: coarse, but quick to hold against a depth image and against itself."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from toolkit.body import skeleton
+from toolkit.body.body import Body
+
+_ALONG: dict[str, tuple[float, ...]] = {
+    "root": (0.3,), "lumbar": (0.0, 0.6), "thorax": (0.1, 0.6), "cervical": (0.5,),
+    "shoulder": (0.0, 0.35, 0.7), "elbow": (0.0, 0.35, 0.7), "wrist": (0.0, 0.6, 1.1),
+    "hip": (0.1, 0.4, 0.7), "knee": (0.0, 0.35, 0.7), "ankle": (0.0, 0.5),
+}  # fmt: skip
+"""Where the balls of each joint lie along the bone below it; 1.1 is the fingers."""
+
+
+def _end(joint: int) -> tuple[bool, int] | None:
+    """Whether the bone below a joint ends at a site, and which site or joint it is; None where there is no bone."""
+    sites = np.flatnonzero(skeleton.SITE_PARENTS == joint)
+    if len(sites):
+        return True, int(sites[0])
+    below = np.flatnonzero(skeleton.PARENTS == joint)
+    return (False, int(below[0])) if len(below) else None
+
+
+@dataclass(frozen=True, eq=False)
+class Balls:
+    """Balls of one body in its rest pose.
+
+    Attributes
+    ----------
+    joint : int64 (B,), which joint carries each
+    offset : float64 (B, 3), from that joint, metres
+    radius : float64 (B,), metres: the median distance of the joint's skin from the bone
+    """
+
+    joint: np.ndarray
+    offset: np.ndarray
+    radius: np.ndarray
+    _rest: np.ndarray
+
+    @classmethod
+    def of_body(cls, body: Body) -> Balls:
+        """Balls for every joint that has a bone."""
+        joint, offset, radius = [], [], []
+        for j, name in enumerate(skeleton.JOINT_NAMES):
+            end = _end(j)
+            along = _ALONG.get(name.split("_")[-1], ())
+            if end is None or not along:
+                continue
+            bone = (body.sites if end[0] else body.joints)[end[1]] - body.joints[j]
+            axis = bone / np.linalg.norm(bone)
+            skin = body.vertices[body.part == j] - body.joints[j]
+            around = np.median(np.linalg.norm(skin - np.outer(skin @ axis, axis), axis=1))
+            for share in along:
+                joint.append(j)
+                offset.append(share * bone)
+                radius.append(around)
+        rows = np.array(joint, dtype=np.int64)
+        return cls(rows, np.array(offset), np.array(radius), body.joints[rows])
+
+    @cached_property
+    def apart(self) -> np.ndarray:
+        """Pairs of balls that a pose can bring together, int64 (K, 2): apart at rest, not of neighbouring joints."""
+        centres = self._rest + self.offset
+        first, second = np.triu_indices(len(self.joint), 1)
+        gap = np.linalg.norm(centres[first] - centres[second], axis=1) - self.radius[first] - self.radius[second]
+        parents = skeleton.PARENTS[self.joint]
+        near = (parents[first] == self.joint[second]) | (parents[second] == self.joint[first])
+        return np.stack([first, second], axis=1)[(gap > 0.0) & ~near & (self.joint[first] != self.joint[second])]
