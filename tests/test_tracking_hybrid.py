@@ -31,7 +31,7 @@ from toolkit.tracking.hybrid import SOURCES, STAGES, HybridTracker, least_turn
 from toolkit.tracking.settings import HybridSettings
 
 MOTIONS = ("idle", "raise_sideways", "raise_forward", "arm_circles", "march", "wave", "twist")
-SETTINGS = HybridSettings(hypotheses=("local", "extrema"))
+SETTINGS = HybridSettings(hypotheses=("local", "extrema", "arms"))
 FRAMES = 20
 
 Record = Callable[..., Recording]
@@ -231,6 +231,30 @@ def test_a_small_regressor_alone_finds_and_follows_the_person(database: PoseData
 
 
 # Momentum
+
+
+def test_an_arm_that_went_wrong_comes_back(database: PoseDatabase, recording: Recording) -> None:
+    elbow = skeleton.REPORTED.index("left_elbow")
+    kept, arms = 6, {}
+    for hypotheses in (("local", "extrema"), SETTINGS.hypotheses):
+        tracker = known(database, replace(SETTINGS, hypotheses=hypotheses))
+        right = run(tracker, recording, kept)[-1].pose
+        wrong = right.copy()
+        wrong[[entry("left_shoulder_rx"), entry("left_shoulder_ry"), entry("left_shoulder_rz")]] = 0.5, -1.6, -1.5
+        memory = tracker.memory
+        memory.before, memory.pose = None, wrong
+        memory.previous = replace(
+            memory.previous, pose=wrong, joints=tracker.body.joint_positions(wrong),
+            effectors=tracker.body.end_effector_positions(wrong),
+        )  # fmt: skip
+        results = [tracker.step(recording.depth(i), recording.timestamps[i]) for i in range(kept, kept + 4)]
+        arms[hypotheses] = np.linalg.norm(joints_of(results) - recording.joints[kept : kept + 4], axis=2)[-1, elbow:][
+            :3
+        ]
+        sources = {SOURCES[result.source] for result in results}
+    assert "arms" in sources
+    assert arms[SETTINGS.hypotheses].max() < 0.1
+    assert arms[SETTINGS.hypotheses].mean() < 0.5 * arms["local", "extrema"].mean()
 
 
 def test_the_least_turn_goes_the_short_way_round() -> None:

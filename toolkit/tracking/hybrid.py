@@ -103,10 +103,8 @@ class HybridTracker:
         self._arms: ArmSearch | None = None
         if {"local", "arms"} <= set(self.settings.hypotheses):
             self._arms = ArmSearch(database.poses, self._first_body, self.settings.arms)
-        # While a person is tracked, whole poses are retrieved every other frame, from each source in turn.
-        self._turns = (
-            [name for source in self._proposers for name in (source, "")] if self._arms else list(self._proposers)
-        )
+        # While all is well, whole poses come from one source at a time, and where arms are searched every other frame.
+        self._turns = [name for source in self._proposers for name in ((source, "") if self._arms else (source,))]
 
     @property
     def body(self) -> Body:
@@ -173,17 +171,16 @@ class HybridTracker:
         compared: dict[str, Comparison] = {}
         if memory.previous is None:
             hypotheses = self._first_hypotheses(view)
-        elif "local" in self.settings.hypotheses:
-            hypotheses["local"] = self._refined_locally(memory.previous.pose, view)
-            compared["local"] = self._fitter.compare(hypotheses["local"], view.scene)
-            clock.lap("local")
+        else:
+            if "local" in self.settings.hypotheses:
+                hypotheses["local"] = self._refined_locally(memory.previous.pose, view)
+                compared["local"] = self._fitter.compare(hypotheses["local"], view.scene)
+                clock.lap("local")
             if self._arms is not None:
                 self._arms.set_body(memory.body)
                 better = self._arms.improve(hypotheses["local"], compared["local"], self._fitter, view.scene)
                 if better is not None:
                     hypotheses, compared = {"arms": better[0]}, {"arms": better[1]}
-                clock.lap("lookup")
-        if memory.previous is not None:
             bound = self.settings.promising * min((c.distance for c in compared.values()), default=np.inf)
             hypotheses |= self._retrieved(view, bound, asked)
         clock.lap("lookup")
@@ -198,7 +195,7 @@ class HybridTracker:
         return FrameResult(**found, stage_ms=clock.milliseconds), view
 
     def _asked(self) -> set[str]:
-        """Sources of hypotheses that are asked in this frame: one in turn while the person is tracked, else all."""
+        """Sources of retrieved poses that are asked in this frame: one or none in turn while all is well, else all."""
         memory = self.memory
         if memory.previous is None or memory.lost or not self._turns:
             return set(self._turns)
