@@ -18,7 +18,7 @@ from toolkit.tracking.view import View
 
 ROWS: dict[str, tuple[str, dict[str, Any]]] = {
     "hybrid": ("hybrid", {}),
-    "local": ("hybrid", {"patience": 1_000_000}),
+    "local": ("hybrid", {"patience": 1_000_000, "hypotheses": ["local", "extrema", "joints"]}),
     "lookup": ("hybrid", {"hypotheses": ["extrema", "joints"]}),
     "baak2013": ("baak2013", {}),
     "no shape": ("hybrid", {"shape.frames": 0}),

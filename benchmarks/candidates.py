@@ -1,10 +1,10 @@
 """Do the lookup's queries name all five end effectors rightly? `depthmocap bench candidates [--split report]`.
 
-The hybrid tracker runs over the simulated suite and over every so many real recordings. In every fifth frame three
-things are asked: whether the first five geodesic extrema are the five end effectors (within 0.2 m); whether they are
-among all extrema; and whether one of the queries that the lookup asks the database with holds all five under their
-names. Of simulated frames those count in which all five are visible and free of the body by 0.25 m of geodesic
-distance; of real frames all, against the skeleton of the Kinect SDK.
+The hybrid tracker runs over the simulated suite and over every so many real recordings. In the frames in which extrema
+query the database, three things are asked: whether the first five geodesic extrema are the five end effectors (within
+0.2 m); whether they are among all extrema; and whether one of the queries holds all five under their names. Of
+simulated frames those count in which all five are visible and free of the body by 0.25 m of geodesic distance; of real
+frames all, against the skeleton of the Kinect SDK.
 """
 
 from __future__ import annotations
@@ -32,9 +32,6 @@ from toolkit.tracking.hybrid import HybridTracker
 from toolkit.tracking.proposals import ExtremaProposer, Previous
 from toolkit.tracking.settings import HybridSettings
 from toolkit.tracking.view import View
-
-EVERY = 5
-"""Frames of a recording that are looked at; all are tracked."""
 
 
 class WatchedProposer(ExtremaProposer):
@@ -76,7 +73,7 @@ def hits_of(
         view = tracker.watched.view
         truth = reference[i].astype(np.float64) @ tracker.level_rotation.T
         ends = truth[TIPS]
-        if i % EVERY or view is None or not np.isfinite(ends).all():
+        if view is None or not np.isfinite(ends).all():
             continue
         if not every_frame and not counts(view.cloud, truth, reference[i], tracker):
             continue
@@ -135,7 +132,7 @@ def main() -> None:
         )
         print(f"{name:<10}{row['frames']:7d}", "{:>13}{:>14}{:>11}".format(*cells))
     whole = options.takes is None and options.frames >= LONGEST and not options.set
-    described = {"split": options.split, "every": EVERY, "stride": options.stride, "tracker": asdict(settings)}
+    described = {"split": options.split, "stride": options.stride, "tracker": asdict(settings)}
     print("written:", save_figures(f"candidates_{options.split}{'' if whole else '_part'}", rows, described))
 
 

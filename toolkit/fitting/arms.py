@@ -25,11 +25,13 @@ JOINTS = ("clavicle", "shoulder", "elbow", "wrist")
 SIGMA = 0.12
 """Metres: as `FittingSettings.sigma`."""
 DAMPING = 5e-4
-"""Square metres per square radian: ten samples that are a forearm's length from the joint outweigh it by far."""
+"""Square metres per square radian: a third of what ten samples at a forearm's length from the joint weigh."""
 ITERATIONS = 2
 """Of the refinement of a pose of which only one arm is new."""
 FARTHER = 1.2
 """By how much the sparse distance may grow: beyond it the new arm is in the way of what was measured."""
+COARSE = 3
+"""Every third sample will do to find the cheapest arms."""
 DIFFERENT = 0.2
 """Radians: arms of which no angle differs by more are one candidate."""
 
@@ -129,7 +131,7 @@ class Arm:
         if own <= settings.margin:
             return []
         costs = np.empty(len(self.angles))
-        coarse = measured._replace(samples=measured.samples[::3].copy(), share=3 * measured.share)
+        coarse = measured._replace(samples=measured.samples[::COARSE].copy(), share=COARSE * measured.share)
         kernel.limb_costs(self._balls, self._chain.radii, coarse, costs)
         cheapest = np.argsort(costs, kind="stable")[: settings.fitted]
         angles, costs = self._fitted(self.angles[cheapest], measured, settings)
