@@ -52,7 +52,7 @@ class WatchedProposer(ExtremaProposer):
         return points, present
 
 
-class WatchedTracker(HybridTracker):
+class WatchedLookupTracker(HybridTracker):
     """The hybrid tracker with a proposer that can be looked into."""
 
     def __init__(self, poses: PoseDatabase, settings: HybridSettings) -> None:
@@ -62,7 +62,7 @@ class WatchedTracker(HybridTracker):
 
 
 def hits_of(
-    tracker: WatchedTracker, recording: Recording, reference: np.ndarray, every_frame: bool
+    tracker: WatchedLookupTracker, recording: Recording, reference: np.ndarray, every_frame: bool
 ) -> list[list[bool]]:
     """Per frame that counts: first five, all extrema, a query. `reference` (T, 20, 3), camera frame."""
     tracker.start(recording)
@@ -112,7 +112,7 @@ def main() -> None:
     options = parser.parse_args()
     poses = PoseDatabase.load(poses_of(options))
     settings = settings_of("hybrid", parse_overrides(options.set))
-    tracker = WatchedTracker(poses, settings)
+    tracker = WatchedLookupTracker(poses, settings)
     figures: dict[str, Any] = {}
     for group in GROUPS:
         takes = [
