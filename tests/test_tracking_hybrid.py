@@ -15,6 +15,7 @@ from time import perf_counter
 import numpy as np
 import pytest
 
+from benchmarks.recovery import misled
 from database_builder.parts import PartsSettings, train_forest
 from toolkit.body import skeleton
 from toolkit.body.shape import load_body, subject_body
@@ -230,7 +231,7 @@ def test_a_small_regressor_alone_finds_and_follows_the_person(database: PoseData
     assert digest(without) == digest(run(known(database), recording, 3))
 
 
-# Momentum
+# Arms
 
 
 def test_an_arm_that_went_wrong_comes_back(database: PoseDatabase, recording: Recording) -> None:
@@ -241,20 +242,18 @@ def test_an_arm_that_went_wrong_comes_back(database: PoseDatabase, recording: Re
         right = run(tracker, recording, kept)[-1].pose
         wrong = right.copy()
         wrong[[entry("left_shoulder_rx"), entry("left_shoulder_ry"), entry("left_shoulder_rz")]] = 0.5, -1.6, -1.5
-        memory = tracker.memory
-        memory.before, memory.pose = None, wrong
-        memory.previous = replace(
-            memory.previous, pose=wrong, joints=tracker.body.joint_positions(wrong),
-            effectors=tracker.body.end_effector_positions(wrong),
-        )  # fmt: skip
+        tracker.memory = misled(tracker.memory, wrong)
+        tracker.memory.before = None
         results = [tracker.step(recording.depth(i), recording.timestamps[i]) for i in range(kept, kept + 4)]
-        arms[hypotheses] = np.linalg.norm(joints_of(results) - recording.joints[kept : kept + 4], axis=2)[-1, elbow:][
-            :3
-        ]
+        gaps = np.linalg.norm(joints_of(results) - recording.joints[kept : kept + 4], axis=2)
+        arms[hypotheses] = gaps[-1, elbow : elbow + 3]
         sources = {SOURCES[result.source] for result in results}
     assert "arms" in sources
     assert arms[SETTINGS.hypotheses].max() < 0.1
     assert arms[SETTINGS.hypotheses].mean() < 0.5 * arms["local", "extrema"].mean()
+
+
+# Momentum
 
 
 def test_the_least_turn_goes_the_short_way_round() -> None:

@@ -82,26 +82,25 @@ class Arm:
     angles : float64 (C, D), the arms of the database, radians, as different from each other as can be
     """
 
-    def __init__(self, side: str, body: Body, poses: np.ndarray, count: int) -> None:
+    def __init__(self, side: str, body: Body, balls: Balls, poses: np.ndarray, count: int) -> None:
         self._joints = [skeleton.JOINT_NAMES.index(name) for name in (CARRIER, *(f"{side}_{n}" for n in JOINTS))]
         dofs = np.flatnonzero(np.isin(skeleton.DOF_JOINT, self._joints[1:]))
         self.entries = 3 + dofs
         places = [self._joints.index(joint) for joint in skeleton.DOF_JOINT[dofs]]
         self._dof_joint = np.array([0, 0, 0, *places])
         self._dof_axis = np.concatenate([[0, 1, 2], skeleton.DOF_AXIS[dofs]])
-        chain = self._chain_of(body)
+        self._chain = self._chain_of(body, balls)
         angles = np.ascontiguousarray(poses[:, self.entries], dtype=np.float64)
-        self.angles = angles[spread_rows(_placed(angles, chain).reshape(len(angles), -1), count)]
-        self.set_body(body)
+        self.angles = angles[spread_rows(_placed(angles, self._chain).reshape(len(angles), -1), count)]
+        self.set_body(body, balls)
 
-    def set_body(self, body: Body) -> None:
-        """Exchange the body."""
-        self._chain = self._chain_of(body)
+    def set_body(self, body: Body, balls: Balls) -> None:
+        """Exchange the body, whose `balls` these are."""
+        self._chain = self._chain_of(body, balls)
         self._balls = _placed(self.angles, self._chain)
         self._of_vertex = np.isin(body.part, self._joints[1:])
 
-    def _chain_of(self, body: Body) -> kernel.Chain:
-        balls = Balls.of_body(body)
+    def _chain_of(self, body: Body, balls: Balls) -> kernel.Chain:
         mine = np.isin(balls.joint, self._joints[1:])
         joints = body.joints[self._joints]
         return kernel.Chain(
@@ -166,14 +165,15 @@ class ArmSearch:
     def __init__(self, poses: np.ndarray, body: Body, settings: ArmSettings) -> None:
         self.settings = settings
         self._body = body
-        self._arms = [Arm(side, body, poses, settings.count) for side in ("left", "right")]
+        balls = Balls.of_body(body)
+        self._arms = [Arm(side, body, balls, poses, settings.count) for side in ("left", "right")]
 
     def set_body(self, body: Body) -> None:
         """Exchange the body."""
         if body is not self._body:
-            self._body = body
+            self._body, balls = body, Balls.of_body(body)
             for arm in self._arms:
-                arm.set_body(body)
+                arm.set_body(body, balls)
 
     def improve(
         self, pose: np.ndarray, compared: Comparison, fitter: Fitter, scene: Scene

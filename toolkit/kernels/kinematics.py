@@ -122,6 +122,17 @@ def world_axes(
 
 
 @njit(cache=True)
+def carry(joint: np.ndarray, offset: np.ndarray, rotations: np.ndarray, origins: np.ndarray, out: np.ndarray) -> None:
+    """Points that joints carry: point n at `offset[n]` from joint `joint[n]` in the rest pose; fills `out` (N, 3)."""
+    for n in range(joint.shape[0]):
+        j = joint[n]
+        for a in range(3):
+            out[n, a] = origins[j, a]
+            for k in range(3):
+                out[n, a] += rotations[j, a, k] * offset[n, k]
+
+
+@njit(cache=True)
 def skin(
     points: np.ndarray,
     skin_joints: np.ndarray,

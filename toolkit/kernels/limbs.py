@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from toolkit.kernels.kinematics import forward_kinematics, world_axes
+from toolkit.kernels.kinematics import carry, forward_kinematics, world_axes
 from toolkit.kernels.twists import bounded_step
 
 
@@ -112,12 +112,7 @@ def _place(
 ) -> None:
     """Joints and balls (B, 3) of `pose` (6 + D,), whose first six entries are 0."""
     forward_kinematics(pose, chain.parents, chain.rest, chain.dof_joint, chain.dof_axis, vectors, rotations, origins)
-    for b in range(balls.shape[0]):
-        j = chain.ball_joint[b]
-        for a in range(3):
-            balls[b, a] = origins[j, a]
-            for k in range(3):
-                balls[b, a] += rotations[j, a, k] * chain.ball_offset[b, k]
+    carry(chain.ball_joint, chain.ball_offset, rotations, origins, balls)
 
 
 @njit(cache=True)

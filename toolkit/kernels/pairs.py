@@ -9,6 +9,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
+from toolkit.kernels.kinematics import carry
 from toolkit.kernels.pixel_search import longest_ray, nearest_pixels
 from toolkit.kernels.twists import add_pair
 
@@ -287,14 +288,8 @@ def add_contacts(
     Each of the two takes the whole way, as if the other stood still. Ball b is carried by joint `ball_joint[b]` at
     `ball_offset[b]` from it; `rotations` (J, 3, 3) and `origins` (J, 3) place the joints.
     """
-    count = ball_joint.shape[0]
-    centres = np.empty((count, 3))
-    for b in range(count):
-        j = ball_joint[b]
-        for a in range(3):
-            centres[b, a] = origins[j, a]
-            for k in range(3):
-                centres[b, a] += rotations[j, a, k] * ball_offset[b, k]
+    centres = np.empty(ball_offset.shape)
+    carry(ball_joint, ball_offset, rotations, origins, centres)
     for n in range(contacts.shape[0]):
         first, second = contacts[n, 0], contacts[n, 1]
         reach = soft * (radii[first] + radii[second])
