@@ -14,11 +14,11 @@ from pathlib import Path
 import numpy as np
 
 from toolkit.mocap.read import find_clips
-from toolkit.retrieval.documents import assemble
-from toolkit.retrieval.features import FEATURE_RATE, FeatureMatrix, relational_features
-from toolkit.retrieval.learning import LearnedQuery, LearningSettings, learn, training_clips
-from toolkit.retrieval.motion import Motion
-from toolkit.retrieval.workflow import load_motion
+from toolkit.retrieval.annotation.documents import assemble
+from toolkit.retrieval.features.motion import Motion
+from toolkit.retrieval.features.relational import FEATURE_RATE, FeatureMatrix, relational_features
+from toolkit.retrieval.learning.queries import LearnedQuery, LearningSettings, learn, training_clips
+from toolkit.retrieval.workflow.motions import load_motion
 
 ACTORS = ("bd", "bk", "dg")
 SYMMETRIC = frozenset(

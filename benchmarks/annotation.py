@@ -24,20 +24,27 @@ from scipy.io import loadmat
 
 from benchmarks._keyframe_corpus import ACTORS, Example, LabelledDocument, learned_from, load_examples, load_filler
 from benchmarks._record import RESULTS, save_figures
-from toolkit.retrieval.annotation import AS_PUBLISHED, Annotator, DecisionSettings, MotionClass, distance_function
-from toolkit.retrieval.classes import learn_classes, learn_threshold
-from toolkit.retrieval.documents import assemble, shuffled_parts
-from toolkit.retrieval.features import FEATURE_RATE, FeatureMatrix, relational_features
-from toolkit.retrieval.genetic import GeneticSettings
-from toolkit.retrieval.index import KeyframeIndex
-from toolkit.retrieval.keyframes import KeyframeQuery
-from toolkit.retrieval.learning import LearningSettings
-from toolkit.retrieval.measures import Scores, Segment, confusion, frame_scores, label_frames, segment_scores
-from toolkit.retrieval.motion import Motion, from_joints
-from toolkit.retrieval.preselection import preselect
-from toolkit.retrieval.query_file import load_queries, save_queries
-from toolkit.retrieval.report import plot_annotation
-from toolkit.retrieval.templates import MotionTemplate, plot_matrix, plot_template
+from toolkit.retrieval.annotation.annotator import (
+    AS_PUBLISHED,
+    Annotator,
+    DecisionSettings,
+    MotionClass,
+    distance_function,
+)
+from toolkit.retrieval.annotation.classes import learn_classes, learn_threshold
+from toolkit.retrieval.annotation.documents import assemble, shuffled_parts
+from toolkit.retrieval.annotation.measures import Scores, Segment, confusion, frame_scores, label_frames, segment_scores
+from toolkit.retrieval.annotation.preselection import preselect
+from toolkit.retrieval.annotation.report import plot_annotation
+from toolkit.retrieval.features.motion import Motion, from_joints
+from toolkit.retrieval.features.relational import FEATURE_RATE, FeatureMatrix, relational_features
+from toolkit.retrieval.index.keyframe_index import KeyframeIndex
+from toolkit.retrieval.keyframes.query import KeyframeQuery
+from toolkit.retrieval.keyframes.query_file import load_queries, save_queries
+from toolkit.retrieval.learning.genetic import GeneticSettings
+from toolkit.retrieval.learning.queries import LearningSettings
+from toolkit.retrieval.templates.picture import plot_matrix, plot_template
+from toolkit.retrieval.templates.template import MotionTemplate
 from toolkit.sensing.readers.utd_mhad import joints_from_kinect
 
 CLIPS_PER_DOCUMENT = 12

@@ -19,10 +19,10 @@ import numpy as np
 
 from benchmarks._keyframe_corpus import ACTORS, Example, by_label, load_examples
 from benchmarks._record import RESULTS, save_figures
-from toolkit.retrieval.features import FeatureMatrix, relational_features
-from toolkit.retrieval.genetic import GeneticSettings, Individual, Quality, TrainingSet, evolve
-from toolkit.retrieval.learning import LearningSettings, learn, training_clips
-from toolkit.retrieval.templates import MotionTemplate
+from toolkit.retrieval.features.relational import FeatureMatrix, relational_features
+from toolkit.retrieval.learning.genetic import GeneticSettings, Individual, Quality, TrainingSet, evolve
+from toolkit.retrieval.learning.queries import LearningSettings, learn, training_clips
+from toolkit.retrieval.templates.template import MotionTemplate
 
 THESIS_FRAMES, THESIS_EXAMPLES = 42_586, 9
 """Training set of the thesis: frames at 30 Hz, clips per class."""

@@ -29,11 +29,11 @@ from benchmarks._keyframe_corpus import (
 )
 from benchmarks._record import RESULTS, save_figures
 from benchmarks._timing import pin_to_one_processor
-from toolkit.retrieval.genetic import Breeder
-from toolkit.retrieval.index import KeyframeIndex
-from toolkit.retrieval.keyframes import KeyframeQuery, in_sequence
-from toolkit.retrieval.learning import LearnedQuery, LearningSettings, query_of
-from toolkit.retrieval.search import HitRanges, find, pieces
+from toolkit.retrieval.index.keyframe_index import KeyframeIndex
+from toolkit.retrieval.keyframes.query import KeyframeQuery, in_sequence
+from toolkit.retrieval.learning.genetic import Breeder
+from toolkit.retrieval.learning.queries import LearnedQuery, LearningSettings, query_of
+from toolkit.retrieval.search.find import HitRanges, find, pieces
 
 COUNTEREXAMPLES = 30_000
 """Frames of the documents from which counterexamples are cut."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from toolkit.retrieval.motion import NAMED_JOINTS, Motion
+from toolkit.retrieval.features.motion import NAMED_JOINTS, Motion
 
 _SPINE = {
     "root": (0.0, 1.0, 0.0), "belly": (0.0, 1.12, 0.0), "chest": (0.0, 1.26, 0.0), "neck": (0.0, 1.4, 0.0),

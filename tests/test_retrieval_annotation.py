@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from tests.retrieval_motions import random_motion
 from toolkit.errors import RetrievalError, SettingsError
 from toolkit.kernels import dtw
-from toolkit.retrieval.annotation import (
+from toolkit.retrieval.annotation.annotator import (
     Annotator,
     DecisionSettings,
     MotionClass,
@@ -20,9 +20,8 @@ from toolkit.retrieval.annotation import (
     extend,
     runs,
 )
-from toolkit.retrieval.documents import assemble, shuffled_parts
-from toolkit.retrieval.features import FeatureMatrix, relational_features
-from toolkit.retrieval.measures import (
+from toolkit.retrieval.annotation.documents import assemble, shuffled_parts
+from toolkit.retrieval.annotation.measures import (
     Scores,
     Segment,
     check_truth,
@@ -31,7 +30,9 @@ from toolkit.retrieval.measures import (
     label_frames,
     segment_scores,
 )
-from toolkit.retrieval.templates import WILDCARD, MotionTemplate, QuantisedTemplate
+from toolkit.retrieval.features.relational import FeatureMatrix, relational_features
+from toolkit.retrieval.templates.quantised import WILDCARD, QuantisedTemplate
+from toolkit.retrieval.templates.template import MotionTemplate
 
 INF = np.inf
 

@@ -14,16 +14,16 @@ from toolkit.body.shape import load_body
 from toolkit.errors import RetrievalError, UsageError
 from toolkit.mocap.export import export_bvh
 from toolkit.mocap.procedural import procedural_clips
-from toolkit.retrieval.annotate import annotate_motions, classes_from_clips
-from toolkit.retrieval.annotation import Annotator, MotionClass
-from toolkit.retrieval.classes import THRESHOLDS, learn_classes, learn_threshold, load_classes, save_classes
-from toolkit.retrieval.features import FeatureMatrix, relational_features
-from toolkit.retrieval.keyframes import Keyframe, KeyframeQuery
-from toolkit.retrieval.measures import Segment
-from toolkit.retrieval.motion import from_poses
-from toolkit.retrieval.preselection import preselect_in
-from toolkit.retrieval.report import read_segments, score, write_report
-from toolkit.retrieval.templates import WILDCARD
+from toolkit.retrieval.annotation.annotator import Annotator, MotionClass
+from toolkit.retrieval.annotation.classes import THRESHOLDS, learn_classes, learn_threshold, load_classes, save_classes
+from toolkit.retrieval.annotation.measures import Segment
+from toolkit.retrieval.annotation.preselection import preselect_in
+from toolkit.retrieval.annotation.report import read_segments, score, write_report
+from toolkit.retrieval.features.motion import from_poses
+from toolkit.retrieval.features.relational import FeatureMatrix, relational_features
+from toolkit.retrieval.keyframes.query import Keyframe, KeyframeQuery
+from toolkit.retrieval.templates.quantised import WILDCARD
+from toolkit.retrieval.workflow.annotate import annotate_motions, classes_from_clips
 
 NAMES = ("squat", "kick_front", "wave")
 

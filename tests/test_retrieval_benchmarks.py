@@ -10,8 +10,8 @@ import pytest
 from benchmarks import _keyframe_corpus as corpus
 from benchmarks import annotation, keyframe_search
 from tests.retrieval_motions import random_motion
-from toolkit.retrieval.features import FeatureMatrix
-from toolkit.retrieval.search import HitRanges
+from toolkit.retrieval.features.relational import FeatureMatrix
+from toolkit.retrieval.search.find import HitRanges
 
 
 def document(name: str, frames: int, *segments: tuple[int, int, str]) -> corpus.LabelledDocument:

@@ -13,18 +13,17 @@ from hypothesis import strategies as st
 from tests.retrieval_motions import random_motion, standing, still
 from toolkit.errors import RetrievalError
 from toolkit.mocap.read import find_clips, read_clip
-from toolkit.retrieval.features import (
+from toolkit.retrieval.features.geometry import BodyLengths, smoothed_velocity
+from toolkit.retrieval.features.motion import NAMED_JOINTS, Motion, from_clip
+from toolkit.retrieval.features.relational import (
     FEATURE_SETS,
     FEATURES,
     MIRROR,
-    BodyLengths,
     FeatureMatrix,
     hysteresis,
     native_features,
     relational_features,
-    smoothed_velocity,
 )
-from toolkit.retrieval.motion import NAMED_JOINTS, Motion, from_clip
 
 SEEDS = st.integers(0, 10_000)
 

@@ -10,8 +10,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from toolkit.errors import RetrievalError, SettingsError
-from toolkit.retrieval.features import FeatureMatrix, relational_features
-from toolkit.retrieval.genetic import (
+from toolkit.retrieval.features.motion import Motion
+from toolkit.retrieval.features.relational import FeatureMatrix, relational_features
+from toolkit.retrieval.index.keyframe_index import KeyframeIndex
+from toolkit.retrieval.learning.genetic import (
     Breeder,
     GeneticSettings,
     Individual,
@@ -23,8 +25,7 @@ from toolkit.retrieval.genetic import (
     tightened,
     with_best_distances,
 )
-from toolkit.retrieval.index import KeyframeIndex
-from toolkit.retrieval.learning import (
+from toolkit.retrieval.learning.queries import (
     LearningSettings,
     bits_of,
     column_of,
@@ -35,10 +36,10 @@ from toolkit.retrieval.learning import (
     variations,
     votes_of,
 )
-from toolkit.retrieval.motion import Motion
-from toolkit.retrieval.search import find
-from toolkit.retrieval.templates import WILDCARD, MotionTemplate, QuantisedTemplate
-from toolkit.retrieval.workflow import load_motion
+from toolkit.retrieval.search.find import find
+from toolkit.retrieval.templates.quantised import WILDCARD, QuantisedTemplate
+from toolkit.retrieval.templates.template import MotionTemplate
+from toolkit.retrieval.workflow.motions import load_motion
 
 QUICK = GeneticSettings(population=12, generations=15, parents=4)
 KINDS = ("left", "right", "both")

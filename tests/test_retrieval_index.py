@@ -8,10 +8,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from toolkit.errors import OutputError, RetrievalError
-from toolkit.retrieval import index as index_module
-from toolkit.retrieval.features import FEATURE_SETS, FeatureMatrix, pack
-from toolkit.retrieval.index import KeyframeIndex, RunLists
-from toolkit.retrieval.keyframes import Keyframe
+from toolkit.kernels.keyframe_search import keyframe_list
+from toolkit.retrieval.features.relational import FEATURE_SETS, FeatureMatrix, pack
+from toolkit.retrieval.index import keyframe_index as index_module
+from toolkit.retrieval.index.keyframe_index import KeyframeIndex
+from toolkit.retrieval.index.runs import RunLists
+from toolkit.retrieval.keyframes.query import Keyframe
 
 
 def random_document(rng: np.random.Generator, name: str, frames: int) -> FeatureMatrix:
@@ -75,7 +77,7 @@ def test_a_keyframe_list_holds_the_frames_that_match(seed: int, name: str, mask:
     lists = KeyframeIndex.build(documents).sets[name]
     mask &= 2 ** len(FEATURE_SETS[name]) - 1
     value &= mask
-    starts, ends, processed = index_module.keyframe_list(
+    starts, ends, processed = keyframe_list(
         lists.vectors,
         lists.list_offsets,
         lists.list_runs,

@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from toolkit.errors import RetrievalError
-from toolkit.retrieval.keyframes import (
+from toolkit.retrieval.keyframes.query import (
     Keyframe,
     KeyframeQuery,
     admissible,

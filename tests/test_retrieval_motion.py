@@ -16,8 +16,17 @@ from toolkit.mocap.export import export_bvh
 from toolkit.mocap.procedural import procedural_clips
 from toolkit.mocap.read import find_clips, read_clip
 from toolkit.mocap.retarget import retarget
-from toolkit.retrieval.features import BodyLengths, relational_features
-from toolkit.retrieval.motion import NAMED_JOINTS, Motion, from_clip, from_joints, from_poses, from_track, joint_maps
+from toolkit.retrieval.features.geometry import BodyLengths
+from toolkit.retrieval.features.motion import (
+    NAMED_JOINTS,
+    Motion,
+    from_clip,
+    from_joints,
+    from_poses,
+    from_track,
+    joint_maps,
+)
+from toolkit.retrieval.features.relational import relational_features
 from toolkit.track import Track
 
 FILES = {"asf": "mocap/hdm05/HDM_bd_squat1Reps_001_120.amc", "cmu_bvh": "mocap/cmu/02_01.bvh"}

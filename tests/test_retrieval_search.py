@@ -9,10 +9,11 @@ from hypothesis import strategies as st
 
 from toolkit.errors import RetrievalError
 from toolkit.kernels.keyframe_search import UNBOUNDED, keyframe_search
-from toolkit.retrieval.features import FeatureMatrix
-from toolkit.retrieval.index import KeyframeIndex
-from toolkit.retrieval.keyframes import SET_FEATURES, Keyframe, KeyframeQuery, in_sequence, keyframes_of_column
-from toolkit.retrieval.search import HitRanges, Match, find, pick, pieces, rank
+from toolkit.retrieval.features.relational import FeatureMatrix
+from toolkit.retrieval.index.keyframe_index import KeyframeIndex
+from toolkit.retrieval.keyframes.query import SET_FEATURES, Keyframe, KeyframeQuery, in_sequence, keyframes_of_column
+from toolkit.retrieval.search.find import HitRanges, find, pieces
+from toolkit.retrieval.search.rank import Match, pick, rank
 
 Segments = list[tuple[int, int]]
 EXAMPLE: list[Segments] = [

@@ -12,22 +12,16 @@ from toolkit.cli.retrieval import index as index_verb
 from toolkit.cli.retrieval import learn as learn_verb
 from toolkit.cli.retrieval import search as search_verb
 from toolkit.errors import RetrievalError, UsageError
-from toolkit.retrieval import query_file
-from toolkit.retrieval.automatic import ChoiceSettings, choose_query, steady_entries, template_of
-from toolkit.retrieval.features import FeatureMatrix
-from toolkit.retrieval.index import KeyframeIndex
-from toolkit.retrieval.keyframes import Keyframe, KeyframeQuery
-from toolkit.retrieval.query_file import choose_labels, load_queries, save_queries
-from toolkit.retrieval.templates import WILDCARD, QuantisedTemplate
-from toolkit.retrieval.workflow import (
-    Query,
-    index_motions,
-    labels_of,
-    load_motion,
-    query_by_example,
-    save_matches,
-    search,
-)
+from toolkit.retrieval.features.relational import FeatureMatrix
+from toolkit.retrieval.index.keyframe_index import KeyframeIndex
+from toolkit.retrieval.keyframes import query_file
+from toolkit.retrieval.keyframes.automatic import ChoiceSettings, choose_query, steady_entries, template_of
+from toolkit.retrieval.keyframes.query import Keyframe, KeyframeQuery
+from toolkit.retrieval.keyframes.query_file import choose_labels, load_queries, save_queries
+from toolkit.retrieval.templates.quantised import WILDCARD, QuantisedTemplate
+from toolkit.retrieval.workflow.index import index_motions
+from toolkit.retrieval.workflow.motions import labels_of, load_motion
+from toolkit.retrieval.workflow.search import Query, query_by_example, save_matches, search
 
 KICK = KeyframeQuery(
     (Keyframe("upper", (("F1", 1),)), Keyframe("lower", (("F21", 1),)), Keyframe("mixed", (("F40", 0),))),

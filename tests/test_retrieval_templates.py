@@ -11,16 +11,10 @@ from sklearn.base import clone
 from tests.retrieval_motions import random_motion
 from toolkit.errors import RetrievalError
 from toolkit.kernels import dtw
-from toolkit.retrieval.features import FeatureMatrix, pack, relational_features
-from toolkit.retrieval.templates import (
-    WILDCARD,
-    MotionTemplate,
-    QuantisedTemplate,
-    contract,
-    expand,
-    plot_template,
-    spread_evenly,
-)
+from toolkit.retrieval.features.relational import FeatureMatrix, pack, relational_features
+from toolkit.retrieval.templates.picture import plot_template
+from toolkit.retrieval.templates.quantised import WILDCARD, QuantisedTemplate, expand
+from toolkit.retrieval.templates.template import MotionTemplate, contract, spread_evenly
 
 
 def clips(count: int = 5, seed: int = 0) -> list[FeatureMatrix]:

@@ -47,10 +47,10 @@ def annotate(
 
     from toolkit.cli.terminal import print_table, progress_bars
     from toolkit.errors import UsageError
-    from toolkit.retrieval.annotate import annotate_motions, classes_from_clips
-    from toolkit.retrieval.classes import load_classes, save_classes
-    from toolkit.retrieval.query_file import load_queries
-    from toolkit.retrieval.workflow import find_motions, labels_of
+    from toolkit.retrieval.annotation.classes import load_classes, save_classes
+    from toolkit.retrieval.keyframes.query_file import load_queries
+    from toolkit.retrieval.workflow.annotate import annotate_motions, classes_from_clips
+    from toolkit.retrieval.workflow.motions import find_motions, labels_of
 
     if (classes is None) == (examples is None):
         raise UsageError("annotate needs one of --classes and --examples; give exactly one")

@@ -10,7 +10,7 @@ import typer
 from toolkit.cli.options import Output, Seed
 
 if TYPE_CHECKING:
-    from toolkit.retrieval.workflow import SearchReport
+    from toolkit.retrieval.workflow.search import SearchReport
 
 Index = Annotated[
     Path, typer.Argument(metavar="INDEX", help="Index that `depthmocap index` wrote.", show_default=False)
@@ -28,7 +28,7 @@ def index(
 ) -> None:
     """Index motions by their relational features, for `depthmocap search`."""
     from toolkit.cli.terminal import progress_bars
-    from toolkit.retrieval.workflow import index_motions
+    from toolkit.retrieval.workflow.index import index_motions
 
     with progress_bars() as bars:
         made = index_motions(motions, output, add=add, progress=bars)
@@ -54,10 +54,10 @@ def search(
 ) -> None:
     """Find motions in an index: by learned or written keyframes, or by an example."""
     from toolkit.errors import UsageError
-    from toolkit.retrieval.index import KeyframeIndex
-    from toolkit.retrieval.query_file import choose_labels, load_queries
-    from toolkit.retrieval.workflow import Query, query_by_example, save_matches
-    from toolkit.retrieval.workflow import search as search_index
+    from toolkit.retrieval.index.keyframe_index import KeyframeIndex
+    from toolkit.retrieval.keyframes.query_file import choose_labels, load_queries
+    from toolkit.retrieval.workflow.search import Query, query_by_example, save_matches
+    from toolkit.retrieval.workflow.search import search as search_index
 
     if (queries is None) == (by_example is None):
         raise UsageError("search needs one of --queries and --by-example; give exactly one")
@@ -112,8 +112,9 @@ def learn(
     from rich.table import Table
 
     from toolkit.cli.terminal import print_table, progress_bars
-    from toolkit.retrieval.learning import LearningSettings
-    from toolkit.retrieval.workflow import find_motions, labels_of, learn_queries
+    from toolkit.retrieval.learning.queries import LearningSettings
+    from toolkit.retrieval.workflow.learn import learn_queries
+    from toolkit.retrieval.workflow.motions import find_motions, labels_of
 
     classes = labels_of(find_motions(clips), pattern, labels)
     with progress_bars() as bars:

@@ -7,47 +7,16 @@ values in between vary among them and become wildcards when the template is quan
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 from sklearn.base import BaseEstimator
 
 from toolkit.errors import RetrievalError
 from toolkit.kernels import dtw
-from toolkit.retrieval.features import FEATURES, FeatureMatrix
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
-WILDCARD = -1
-"""Entry of a quantised template that leaves the feature open."""
+from toolkit.retrieval.features.relational import FeatureMatrix
+from toolkit.retrieval.templates.quantised import WILDCARD, QuantisedTemplate, expand
 
 _UNDECIDED = 0.5
-
-
-@dataclass(frozen=True, eq=False)
-class QuantisedTemplate:
-    """A template of zeros, ones and wildcards (thesis 2.3).
-
-    Attributes
-    ----------
-    name : motion class
-    values : int8 (40, N), 0, 1 or `WILDCARD`
-    weights : float64 (N,), how many frames of an average training clip a column stands for, about 1
-    """
-
-    name: str
-    values: np.ndarray
-    weights: np.ndarray
-
-    def __len__(self) -> int:
-        return self.values.shape[1]
-
-    @property
-    def wildcards(self) -> np.ndarray:
-        """Bool (40, N): the open entries."""
-        return self.values == WILDCARD
 
 
 class MotionTemplate(BaseEstimator):
@@ -136,12 +105,6 @@ class MotionTemplate(BaseEstimator):
         return np.where((values > 0.0) & (values < 1.0), _UNDECIDED, values) if self.strict else values
 
 
-def expand(values: np.ndarray, weights: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Replace a column of weight w by max(1, round(w)) equal columns that share its weight."""
-    copies = np.maximum(1, np.floor(weights + 0.5)).astype(np.int64)
-    return np.ascontiguousarray(np.repeat(values, copies, axis=1)), np.repeat(weights / copies, copies)
-
-
 def contract(values: np.ndarray, weights: np.ndarray, least: float) -> tuple[np.ndarray, np.ndarray]:
     """Merge from the left columns lighter than `least` with their right neighbours until they reach it.
 
@@ -176,34 +139,3 @@ def _align_all(clips: list[tuple[np.ndarray, np.ndarray]]) -> tuple[dict[tuple[i
                 cost, paths[i, j] = dtw.align(reference, reference_weights, warped, warped_weights)
                 largest = max(largest, cost)
     return paths, largest
-
-
-def plot_template(
-    template: MotionTemplate | QuantisedTemplate, axes: Axes, features: Sequence[int] | None = None
-) -> None:
-    """Draw a template as in the thesis's Fig. 2.6: black 0, white 1, colours what varies, grey wildcards.
-
-    Parameters
-    ----------
-    template : fitted or quantised
-    axes : matplotlib axes
-    features : feature numbers (1 to 40) to show; all by default
-    """
-    if isinstance(template, QuantisedTemplate):
-        plot_matrix(np.where(template.wildcards, np.nan, template.values), axes, features)
-    else:
-        plot_matrix(template.values_, axes, features)
-
-
-def plot_matrix(values: np.ndarray, axes: Axes, features: Sequence[int] | None = None) -> None:
-    """Draw feature values (40, T) in [0, 1] as in Fig. 2.5: black 0, white 1, NaN grey, 30 columns a second."""
-    import matplotlib
-
-    numbers = list(features) if features is not None else [feature.number for feature in FEATURES]
-    colours = matplotlib.colormaps["hot"].with_extremes(bad="0.6")
-    axes.imshow(
-        np.asarray(values, dtype=float)[[n - 1 for n in numbers]], aspect="auto", interpolation="nearest",
-        cmap=colours, vmin=0.0, vmax=1.0, extent=(0.5, values.shape[1] + 0.5, len(numbers) + 0.5, 0.5),
-    )  # fmt: skip
-    axes.set_yticks(range(1, len(numbers) + 1), [f"F{n}" for n in numbers], fontsize=6)
-    axes.set_xlabel("frame (30 Hz)")

@@ -14,8 +14,8 @@ import numpy as np
 
 from toolkit.errors import RetrievalError
 from toolkit.files import atomic_path, save_json, save_text
-from toolkit.retrieval.annotation import Annotation, MotionClass
-from toolkit.retrieval.measures import (
+from toolkit.retrieval.annotation.annotator import Annotation, MotionClass
+from toolkit.retrieval.annotation.measures import (
     Scores,
     Segment,
     check_truth,

@@ -16,92 +16,20 @@ import numpy as np
 
 from toolkit.errors import RetrievalError
 from toolkit.files import atomic_path
-from toolkit.kernels.keyframe_search import keyframe_list, keyframe_list_near, listed_runs, runs_of
-from toolkit.retrieval.features import FEATURE_RATE, FEATURE_SETS, FEATURES, FeatureMatrix, feature_fingerprint
-from toolkit.retrieval.keyframes import Keyframe
+from toolkit.retrieval.features.relational import (
+    FEATURE_RATE,
+    FEATURE_SETS,
+    FEATURES,
+    FeatureMatrix,
+    feature_fingerprint,
+)
+from toolkit.retrieval.index.runs import RunLists
+from toolkit.retrieval.keyframes.query import Keyframe
 
 INDEX_VERSION: int = 1
 
 _MAGIC = b"depthmocap index\n"
 _ALIGNMENT = 64
-
-
-@dataclass(frozen=True, eq=False)
-class RunLists:
-    """Runs of equal feature vectors of one feature set, and for each vector the inverted list of its runs.
-
-    Attributes
-    ----------
-    run_starts : int32 (R + 1,), first frame of each run, counted through all documents; the last entry is the number of
-        frames
-    run_vectors : unsigned (R,), feature vector of each run, bit i being feature i of the set
-    document_runs : int32 (D + 1,), first run of each document; the last entry is R
-    vectors : unsigned (U,), the feature vectors that occur, ascending
-    list_offsets : int64 (U + 1,), the list of `vectors[u]` is `list_runs[list_offsets[u] : list_offsets[u + 1]]`
-    list_runs : int32 (R,), run numbers, ascending within each list
-    """
-
-    run_starts: np.ndarray
-    run_vectors: np.ndarray
-    document_runs: np.ndarray
-    vectors: np.ndarray
-    list_offsets: np.ndarray
-    list_runs: np.ndarray
-
-    @classmethod
-    def of(cls, vectors: np.ndarray, document_starts: np.ndarray) -> RunLists:
-        """Runs and lists of the frames' feature vectors (N,), of documents from `document_starts` (D + 1,)."""
-        return cls.from_runs(*runs_of(vectors, document_starts))
-
-    @classmethod
-    def from_runs(cls, run_starts: np.ndarray, run_vectors: np.ndarray, document_runs: np.ndarray) -> RunLists:
-        """Sort the runs into inverted lists."""
-        order = np.argsort(run_vectors, kind="stable").astype(np.int32)
-        vectors, first = np.unique(run_vectors[order], return_index=True)
-        offsets = np.append(first, len(order)).astype(np.int64)
-        return cls(run_starts, run_vectors, document_runs, vectors, offsets, order)
-
-    def joined(self, other: RunLists) -> RunLists:
-        """These documents followed by those of `other`."""
-        starts = np.concatenate([self.run_starts[:-1], other.run_starts + self.run_starts[-1]])
-        runs = np.concatenate([self.document_runs[:-1], other.document_runs + self.document_runs[-1]])
-        return RunLists.from_runs(starts, np.concatenate([self.run_vectors, other.run_vectors]), runs)
-
-    def inverted_list(self, vector: int) -> np.ndarray:
-        """The inverted list of a feature vector: (document, number of the run in it) per entry, int64 (L, 2), in
-        order."""
-        u = int(np.searchsorted(self.vectors, vector))
-        if u == len(self.vectors) or self.vectors[u] != vector:
-            return np.empty((0, 2), np.int64)
-        runs = np.asarray(self.list_runs[self.list_offsets[u] : self.list_offsets[u + 1]], np.int64)
-        documents = np.searchsorted(self.document_runs, runs, side="right") - 1
-        return np.stack([documents, runs - self.document_runs[documents]], axis=1)
-
-    def segments(self, mask: int, value: int) -> tuple[np.ndarray, np.ndarray, int]:
-        """Maximal segments of frames whose vector v has `v & mask == value`: first and last frames, and runs listed."""
-        return keyframe_list(
-            self.vectors, self.list_offsets, self.list_runs, self.run_starts, self.document_runs,
-            self.vectors.dtype.type(mask), self.vectors.dtype.type(value),
-        )  # fmt: skip
-
-    def count(self, keyframe: Keyframe) -> int:
-        """Number of runs in the inverted lists of a keyframe of this set."""
-        kind = self.vectors.dtype.type
-        return int(listed_runs(self.vectors, self.list_offsets, kind(keyframe.mask), kind(keyframe.value)))
-
-    def segments_near(self, windows: np.ndarray, frames: int, keyframe: Keyframe) -> tuple[np.ndarray, np.ndarray, int]:
-        """The parts of a keyframe's `segments` in disjoint windows [first, last], int64 (W, 2), and runs looked at."""
-        kind = self.vectors.dtype.type
-        return keyframe_list_near(
-            windows, self.run_vectors, self.run_starts, kind(keyframe.mask), kind(keyframe.value), frames
-        )
-
-    def frames(self, start: int, stop: int) -> np.ndarray:
-        """Feature vectors of the frames start to stop - 1."""
-        first = int(np.searchsorted(self.run_starts, start, side="right")) - 1
-        last = int(np.searchsorted(self.run_starts, stop, side="left"))
-        edges = np.clip(self.run_starts[first : last + 1], start, stop)
-        return np.repeat(self.run_vectors[first:last], np.diff(edges))
 
 
 @dataclass(frozen=True, eq=False)

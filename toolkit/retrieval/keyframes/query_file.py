@@ -9,8 +9,8 @@ from typing import Any
 
 from toolkit.errors import RetrievalError
 from toolkit.files import save_json
-from toolkit.retrieval.features import feature_fingerprint
-from toolkit.retrieval.keyframes import KeyframeQuery, keyframes_at_once
+from toolkit.retrieval.features.relational import feature_fingerprint
+from toolkit.retrieval.keyframes.query import KeyframeQuery, keyframes_at_once
 
 QUERY_VERSION: int = 1
 

@@ -13,7 +13,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import yaml
-from scipy.spatial.transform import Rotation
 
 from toolkit.body import skeleton
 from toolkit.body.body import Body
@@ -204,6 +203,8 @@ def from_poses(poses: np.ndarray, body: Body, frame_rate: float, name: str) -> M
     )  # fmt: skip
     names = (*skeleton.JOINT_NAMES, *(f"{tip}.end" for tip in skeleton.END_EFFECTORS), *extras)
     points = dict(zip(names, np.concatenate([centres, moved], axis=1).transpose(1, 0, 2), strict=True))
+    from scipy.spatial.transform import Rotation
+
     axis = Rotation.from_rotvec(poses[:, skeleton.ROOT_ROTATION]).as_matrix()[:, :, 0]
     return Motion(name, _gather(points, name), frame_rate, axis)
 

@@ -16,9 +16,9 @@ import numpy as np
 
 from toolkit.errors import RetrievalError, SettingsError
 from toolkit.kernels import dtw
-from toolkit.retrieval.features import FeatureMatrix, pack
-from toolkit.retrieval.measures import Segment
-from toolkit.retrieval.templates import QuantisedTemplate, expand
+from toolkit.retrieval.annotation.measures import Segment
+from toolkit.retrieval.features.relational import FeatureMatrix, pack
+from toolkit.retrieval.templates.quantised import QuantisedTemplate, expand
 
 THRESHOLD = 0.13
 """Largest cost of a hit, `tau` (thesis 5.2): mean share of mismatching features along the alignment."""
@@ -71,7 +71,9 @@ class MotionClass:
         if not self.templates:
             raise RetrievalError(f"motion class {self.label!r} has no template; give it at least one training clip")
         if not 0.0 < self.threshold <= 1.0:
-            raise RetrievalError(f"threshold {self.threshold} of class {self.label!r} is not in (0, 1];  {THRESHOLD}")
+            raise RetrievalError(
+                f"threshold {self.threshold} of class {self.label!r} is not in (0, 1]; try {THRESHOLD}"
+            )
 
 
 @dataclass(frozen=True, eq=False)

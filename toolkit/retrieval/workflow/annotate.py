@@ -8,14 +8,14 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from toolkit.errors import RetrievalError, UsageError
-from toolkit.retrieval.annotation import THRESHOLD, Annotation, Annotator, MotionClass
-from toolkit.retrieval.classes import learn_classes
-from toolkit.retrieval.features import FeatureMatrix, relational_features
-from toolkit.retrieval.keyframes import KeyframeQuery
-from toolkit.retrieval.measures import Scores
-from toolkit.retrieval.preselection import preselect_in
-from toolkit.retrieval.report import read_segments, write_report
-from toolkit.retrieval.workflow import find_motions, load_motion
+from toolkit.retrieval.annotation.annotator import THRESHOLD, Annotation, Annotator, MotionClass
+from toolkit.retrieval.annotation.classes import learn_classes
+from toolkit.retrieval.annotation.measures import Scores
+from toolkit.retrieval.annotation.preselection import preselect_in
+from toolkit.retrieval.annotation.report import read_segments, write_report
+from toolkit.retrieval.features.relational import FeatureMatrix, relational_features
+from toolkit.retrieval.keyframes.query import KeyframeQuery
+from toolkit.retrieval.workflow.motions import find_motions, load_motion
 
 Progress = Callable[[str, int, int], None]
 """Called with what is done, how much of it, and how much there is."""

@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from toolkit.errors import RetrievalError
-from toolkit.retrieval.features import FeatureMatrix
-from toolkit.retrieval.index import KeyframeIndex
-from toolkit.retrieval.keyframes import KeyframeQuery
-from toolkit.retrieval.search import find, pieces
+from toolkit.retrieval.features.relational import FeatureMatrix
+from toolkit.retrieval.index.keyframe_index import KeyframeIndex
+from toolkit.retrieval.keyframes.query import KeyframeQuery
+from toolkit.retrieval.search.find import find, pieces
 
 EXTENSION = 1.5
 """How far hits are widened for annotation: this many times the query's frames before its first and behind its last

@@ -8,9 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from toolkit.errors import RetrievalError
-from toolkit.retrieval.features import BodyLengths
-from toolkit.retrieval.measures import Segment
-from toolkit.retrieval.motion import NAMED_JOINTS, Motion
+from toolkit.retrieval.annotation.measures import Segment
+from toolkit.retrieval.features.geometry import BodyLengths
+from toolkit.retrieval.features.motion import NAMED_JOINTS, Motion
 
 JOIN_SPEED = 1.5
 """Metres per second of the joint that moves farthest in a join."""

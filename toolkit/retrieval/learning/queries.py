@@ -9,8 +9,11 @@ from dataclasses import astuple, dataclass, field, replace
 import numpy as np
 
 from toolkit.errors import RetrievalError, SettingsError
-from toolkit.retrieval.features import FEATURES, BodyLengths, FeatureMatrix, relational_features
-from toolkit.retrieval.genetic import (
+from toolkit.retrieval.features.geometry import BodyLengths
+from toolkit.retrieval.features.motion import Motion
+from toolkit.retrieval.features.relational import FEATURES, FeatureMatrix, relational_features
+from toolkit.retrieval.keyframes.query import Keyframe, KeyframeQuery, keyframes_of_column
+from toolkit.retrieval.learning.genetic import (
     FEWEST_KEYFRAMES,
     Breeder,
     GeneticSettings,
@@ -23,9 +26,8 @@ from toolkit.retrieval.genetic import (
     tightened,
     with_best_distances,
 )
-from toolkit.retrieval.keyframes import Keyframe, KeyframeQuery, keyframes_of_column
-from toolkit.retrieval.motion import Motion
-from toolkit.retrieval.templates import WILDCARD, MotionTemplate, QuantisedTemplate
+from toolkit.retrieval.templates.quantised import WILDCARD, QuantisedTemplate
+from toolkit.retrieval.templates.template import MotionTemplate
 
 Progress = Callable[[str, int, int], None]
 """Called with the label being learned, the genetic runs done and the runs asked for, over all labels."""

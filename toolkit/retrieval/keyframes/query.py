@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 
 from toolkit.errors import RetrievalError
-from toolkit.retrieval.features import FEATURE_SETS
-from toolkit.retrieval.templates import WILDCARD
+from toolkit.retrieval.features.relational import FEATURE_SETS
+from toolkit.retrieval.templates.quantised import WILDCARD
 
 SET_FEATURES: dict[str, tuple[str, ...]] = {
     name: tuple(f"F{row + 1}" for row in rows) for name, rows in FEATURE_SETS.items()

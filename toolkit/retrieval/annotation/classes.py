@@ -11,10 +11,11 @@ import numpy as np
 
 from toolkit.errors import RetrievalError
 from toolkit.files import save_npz
-from toolkit.retrieval.annotation import THRESHOLD, Annotator, MotionClass
-from toolkit.retrieval.features import FeatureMatrix, feature_fingerprint
-from toolkit.retrieval.measures import Segment, label_frames
-from toolkit.retrieval.templates import MotionTemplate, QuantisedTemplate
+from toolkit.retrieval.annotation.annotator import THRESHOLD, Annotator, MotionClass
+from toolkit.retrieval.annotation.measures import Segment, label_frames
+from toolkit.retrieval.features.relational import FeatureMatrix, feature_fingerprint
+from toolkit.retrieval.templates.quantised import QuantisedTemplate
+from toolkit.retrieval.templates.template import MotionTemplate
 
 CLASSES_VERSION = 1
 THRESHOLDS: np.ndarray = np.round(np.arange(0.02, 0.15, 0.01), 3)

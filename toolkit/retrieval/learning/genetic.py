@@ -12,9 +12,9 @@ import numpy as np
 
 from toolkit.errors import RetrievalError, SettingsError
 from toolkit.kernels.keyframe_search import keyframe_search
-from toolkit.retrieval.features import FEATURES, FeatureMatrix, pack
-from toolkit.retrieval.index import RunLists
-from toolkit.retrieval.templates import QuantisedTemplate
+from toolkit.retrieval.features.relational import FEATURES, FeatureMatrix, pack
+from toolkit.retrieval.index.runs import RunLists
+from toolkit.retrieval.templates.quantised import QuantisedTemplate
 
 FEWEST_KEYFRAMES: int = 2
 LONGEST_DISTANCE: int = 2

@@ -5,12 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.ndimage import maximum_filter1d, minimum_filter1d
 
 from toolkit.errors import RetrievalError, SettingsError
-from toolkit.retrieval.features import FEATURE_SETS, FEATURES, FeatureMatrix
-from toolkit.retrieval.keyframes import Keyframe, KeyframeQuery, keyframes_of_column
-from toolkit.retrieval.templates import WILDCARD, QuantisedTemplate
+from toolkit.retrieval.features.relational import FEATURE_SETS, FEATURES, FeatureMatrix
+from toolkit.retrieval.keyframes.query import Keyframe, KeyframeQuery, keyframes_of_column
+from toolkit.retrieval.templates.quantised import WILDCARD, QuantisedTemplate
 
 FADED_SHARE = 0.2
 """Share of the columns at each end over which scores fade out."""
@@ -78,9 +77,9 @@ def choose_query(template: QuantisedTemplate, settings: ChoiceSettings, label: s
 
 def steady_entries(values: np.ndarray, reach: int) -> np.ndarray:
     """Entries int8 (40, N) that keep their value `reach` columns before and behind; others become wildcards."""
-    size = 2 * reach + 1
-    lowest, highest = (f(values, size, axis=1, mode="nearest") for f in (minimum_filter1d, maximum_filter1d))
-    return np.where(lowest == highest, values, WILDCARD)
+    padded = np.pad(values, [(0, 0), (reach, reach)], mode="edge")
+    around = np.lib.stride_tricks.sliding_window_view(padded, 2 * reach + 1, axis=1)
+    return np.where((around == values[..., None]).all(axis=-1), values, WILDCARD)
 
 
 def _fade(length: int) -> np.ndarray:

@@ -1,0 +1,158 @@
+"""From files to files: motions into an index, clips into learned queries, queries into results."""
+
+from __future__ import annotations
+
+import csv
+import io
+import time
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from functools import lru_cache
+from pathlib import Path
+
+import numpy as np
+
+from toolkit.errors import RetrievalError, UsageError
+from toolkit.files import save_json, save_text
+from toolkit.retrieval.annotation.annotator import distance_function
+from toolkit.retrieval.features.relational import FEATURE_RATE, FEATURES, FeatureMatrix, relational_features
+from toolkit.retrieval.index.keyframe_index import KeyframeIndex
+from toolkit.retrieval.keyframes.automatic import ChoiceSettings, choose_query, steady_entries, template_of
+from toolkit.retrieval.keyframes.query import KeyframeQuery, keyframes_of_column
+from toolkit.retrieval.search.find import HitRanges, find, pieces
+from toolkit.retrieval.search.rank import Match, rank
+from toolkit.retrieval.templates.quantised import WILDCARD, QuantisedTemplate
+from toolkit.retrieval.workflow.motions import load_motion
+
+EXAMPLE_CHOICE = ChoiceSettings(least_score=0.3, most=1, steady=9)
+"""Keyframes from a single example: entries steady for 0.3 s on both sides, one keyframe per set."""
+EXAMPLE_STEADY = 3
+"""Columns on both sides over which an entry of an example has to be steady to count in the refined search."""
+SHORTEST_EXAMPLE = 0.3
+"""Seconds."""
+
+
+@dataclass(frozen=True, eq=False)
+class Query:
+    """A keyframe query, and the template of the refined search if there is one."""
+
+    keyframes: KeyframeQuery
+    template: QuantisedTemplate | None = None
+
+
+def query_by_example(
+    clip: str | Path, start: float, end: float | None, choice: ChoiceSettings = EXAMPLE_CHOICE
+) -> Query:
+    """A query from a stretch of a clip, `start` to `end` in seconds; None is the clip's end.
+
+    Raises
+    ------
+    UsageError
+        The stretch lies outside the clip.
+    RetrievalError
+        The stretch is too short, or nothing in it is characteristic.
+    """
+    features = relational_features(load_motion(clip))
+    end = features.duration if end is None else end
+    if not 0.0 <= start < end or end > features.duration + 0.5 / FEATURE_RATE:
+        raise UsageError(
+            f"{start:g} to {end:g} s is no stretch of {features.name!r}, which lasts {features.duration:.2f} s; "
+            "give a start and a later end inside it"
+        )
+    if end - start < SHORTEST_EXAMPLE:
+        raise RetrievalError(
+            f"the example of {end - start:.2f} s is too short for keyframes; give at least {SHORTEST_EXAMPLE} s"
+        )
+    example = features.sliced(round(start * FEATURE_RATE), round(end * FEATURE_RATE))
+    template = template_of(example)
+    refined = QuantisedTemplate(template.name, steady_entries(template.values, EXAMPLE_STEADY), template.weights)
+    return Query(choose_query(template, choice, label=example.name), refined)
+
+
+@dataclass(frozen=True, eq=False)
+class SearchReport:
+    """What a query found.
+
+    Attributes
+    ----------
+    label : of the query
+    ranges : hit ranges of the keyframe search
+    matches : the results: alignments of the refined search, cheapest first, or the hit ranges at cost 0
+    share : part of all frames left after the keyframe search
+    searched : part of all frames left for the refined search, after extension
+    milliseconds : time of the keyframe search
+    refined_milliseconds : time of the refined search, 0 without one
+    """
+
+    label: str
+    ranges: HitRanges
+    matches: tuple[Match, ...]
+    share: float
+    searched: float
+    milliseconds: float
+    refined_milliseconds: float
+
+
+def search(index: KeyframeIndex, query: Query, threshold: float = np.inf) -> SearchReport:
+    """Keyframe search, then the refined search on the extended hits if the query has a template.
+
+    Parameters
+    ----------
+    index : what to search
+    query : keyframes and perhaps a template
+    threshold : results of the refined search have to cost less, in mean share of mismatching features
+
+    Raises
+    ------
+    RetrievalError
+        No document of the index is long enough for the template.
+    """
+    template = query.template
+    longest = int(np.diff(index.document_starts).max())
+    if template is not None and longest < (need := 1 + len(template) // 2):
+        raise RetrievalError(
+            f"the longest document of the index has {longest} frames at 30 Hz, but {template.name!r} needs {need}; "
+            "use a shorter example"
+        )
+    _load_search()
+    begin = time.perf_counter()
+    ranges = find(index, query.keyframes)
+    middle = time.perf_counter()
+    searched = pieces(index, query.keyframes, ranges)
+    if template is None:
+        spans = zip(ranges.documents, ranges.starts, ranges.stops, strict=True)
+        matches = [Match(index.names[d], a / FEATURE_RATE, b / FEATURE_RATE, 0.0) for d, a, b in spans]
+    else:
+        matches = rank(index, searched, lambda piece: distance_function(template, piece), threshold)
+    end = time.perf_counter()
+    return SearchReport(
+        query.keyframes.label, ranges, tuple(matches), ranges.frames / index.frames, searched.frames / index.frames,
+        1000 * (middle - begin), 1000 * (end - middle) if template is not None else 0.0,
+    )  # fmt: skip
+
+
+@lru_cache(maxsize=1)
+def _load_search() -> None:
+    """Search a few frames, so that loading or compiling the code is not timed with the first search."""
+    values = np.zeros((len(FEATURES), 6), dtype=bool)
+    values[0], values[14] = True, [False, True, True, False, True, False]
+    column = np.full(len(FEATURES), WILDCARD, dtype=np.int8)
+    column[[0, 14]] = 1
+    moment = keyframes_of_column(column)
+    query = KeyframeQuery.from_positions([(0, moment), (1, moment)], 2, 0.5)
+    find(KeyframeIndex.build([FeatureMatrix("warm-up", values)]), query)
+
+
+def save_matches(path: str | Path, reports: Sequence[SearchReport]) -> None:
+    """Write results as CSV (label, document, start, end, cost; seconds) or, by the suffix, as JSON."""
+    rows = [{"label": report.label, **asdict(match)} for report in reports for match in report.matches]
+    if Path(path).suffix.lower() == ".json":
+        save_json(path, rows)
+        return
+    if Path(path).suffix.lower() != ".csv":
+        raise UsageError(f"results cannot be written as {Path(path).name!r}; give a name that ends in .csv or .json")
+    stream = io.StringIO()
+    writer = csv.DictWriter(stream, ["label", "document", "start", "end", "cost"], lineterminator="\n")
+    writer.writeheader()
+    writer.writerows({key: f"{v:.4f}" if isinstance(v, float) else v for key, v in row.items()} for row in rows)
+    save_text(path, stream.getvalue())
