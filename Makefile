@@ -5,7 +5,7 @@ SHELL := /bin/bash
 VENV := .venv
 BIN := $(VENV)/bin
 
-.PHONY: demo test environment lint clean
+.PHONY: demo test environment lint node clean
 
 environment:
 	@scripts/check_system_libraries.sh
@@ -20,7 +20,10 @@ lint: environment
 	$(BIN)/mypy
 	$(BIN)/lint-imports
 
-test: lint
+node:
+	@scripts/install_node_packages.sh
+
+test: lint node
 	$(BIN)/pytest
 
 clean:

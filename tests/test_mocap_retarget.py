@@ -12,8 +12,8 @@ from tests.mocap_helpers import in_world, renamed, stick_body, with_rest_pose
 from toolkit.body import skeleton
 from toolkit.body.shape import load_body
 from toolkit.errors import RigError
+from toolkit.export.bvh import export_bvh
 from toolkit.mocap.clip import Clip, PoseClip
-from toolkit.mocap.export import export_bvh
 from toolkit.mocap.procedural import perform
 from toolkit.mocap.read import find_clips, read_clip
 from toolkit.mocap.retarget import retarget

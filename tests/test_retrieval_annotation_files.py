@@ -12,7 +12,7 @@ import pytest
 
 from toolkit.body.shape import load_body
 from toolkit.errors import RetrievalError, UsageError
-from toolkit.mocap.export import export_bvh
+from toolkit.export.bvh import export_bvh
 from toolkit.mocap.procedural import procedural_clips
 from toolkit.retrieval.annotation.annotator import Annotator, MotionClass
 from toolkit.retrieval.annotation.classes import THRESHOLDS, learn_classes, learn_threshold, load_classes, save_classes

@@ -11,8 +11,8 @@ from tests.retrieval_motions import random_motion, standing, still
 from toolkit.body import skeleton
 from toolkit.body.shape import load_body
 from toolkit.errors import MocapError, RigError
+from toolkit.export.bvh import export_bvh
 from toolkit.mocap.clip import Clip
-from toolkit.mocap.export import export_bvh
 from toolkit.mocap.procedural import procedural_clips
 from toolkit.mocap.read import find_clips, read_clip
 from toolkit.mocap.retarget import retarget

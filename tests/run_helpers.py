@@ -1,0 +1,48 @@
+"""Run folders of made-up tracks, of one person or of several."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from toolkit.body import skeleton
+from toolkit.runs import PersonSummary, save_people
+from toolkit.track import EMPTY, TRACKED, FrameResult, RunInfo, TrackWriter
+
+TURN = np.diag([1.0, -1.0, -1.0])
+"""R_level_camera of a camera that looks horizontally, its own inverse."""
+
+
+def write_run(
+    run: Path, poses: np.ndarray, *, shape: float = 0.5, absent: int = 0, rate: float = 25.0, recording: str = "/r.npz"
+) -> Path:
+    """A finished run of these poses (T, P); in the first `absent` frames nobody is there."""
+    turn = TURN.ravel().tolist()
+    info = RunInfo(recording, "ab", {}, skeleton.fingerprint(), [shape], 1.1, "", turn, {}, "0")
+    joints = (info.body().joint_positions(poses) @ TURN).astype(np.float32)
+    writer = TrackWriter(run, ("fit",), ("local",))
+    for i, pose in enumerate(poses):
+        state, confidence = (EMPTY, 0.0) if i < absent else (TRACKED, 0.9)
+        row = FrameResult(pose, joints[i], np.full(20, confidence, np.float32), state, 0, np.ones(1))
+        writer.append(row, 1.0 + i / rate)
+    writer.finish()
+    info.save(run)
+    return run
+
+
+def write_people(run: Path, poses: np.ndarray) -> Path:
+    """A run of two people of other shapes who do the same a metre apart; the second comes after the first frame."""
+    beside = poses.copy()
+    beside[:, 0] += 1.0
+    write_run(run / "person_01", poses)
+    write_run(run / "person_02", beside, shape=-1.0, absent=1)
+    last = len(poses) - 1
+    save_people(
+        run,
+        [
+            PersonSummary(1, "person_01", 0, last, 1.8, 1.0, 0.0, 0.0),
+            PersonSummary(2, "person_02", 1, last, 1.7, 1.0, 0.0, 0.0),
+        ],
+    )
+    return run

@@ -1,0 +1,262 @@
+"""Exported poses come back: through our reader, through pybvh, through a table."""
+
+from __future__ import annotations
+
+import csv
+import json
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pybvh
+import pytest
+
+from tests.mocap_helpers import stick_body
+from tests.run_helpers import TURN, write_people, write_run
+from toolkit.body import skeleton
+from toolkit.errors import BodyError, OutputError, RigError, TrackError, UsageError
+from toolkit.export.bvh import export_bvh
+from toolkit.export.person import load_persons
+from toolkit.export.run import export_run
+from toolkit.export.tables import export_csv
+from toolkit.files import shipped
+from toolkit.mocap.procedural import perform
+from toolkit.mocap.read import read_clip
+from toolkit.mocap.retarget import retarget
+from toolkit.mocap.rig import load_rig
+from toolkit.runs import load_people, person_runs, save_people
+from toolkit.track import EMPTY, Track
+
+
+def random_poses(count: int) -> np.ndarray:
+    rng = np.random.default_rng(5)
+    low, high = np.clip(skeleton.POSE_LIMITS, -3.0, 3.0).T
+    return rng.uniform(0.8 * low, 0.8 * high, (count, skeleton.POSE_SIZE))
+
+
+@pytest.fixture(scope="module")
+def runs(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A run of two people, six frames at 25 a second; the second one comes after the first frame."""
+    return write_people(tmp_path_factory.mktemp("runs") / "run", random_poses(6))
+
+
+def placed_joints(poses: np.ndarray) -> np.ndarray:
+    body = stick_body()
+    return np.array([body.place(pose).origins for pose in poses])
+
+
+def test_an_exported_bvh_is_read_back_within_a_millimetre(tmp_path: Path) -> None:
+    body, poses = stick_body(), random_poses(40)
+    export_bvh(tmp_path / "track.bvh", body, poses, 29.97)
+    clip = read_clip(tmp_path / "track.bvh")
+    columns = [clip.index(name) for name in skeleton.JOINT_NAMES]
+    np.testing.assert_allclose(clip.world()[0][:, columns], placed_joints(poses), atol=1e-5)
+    assert clip.frame_rate == pytest.approx(29.97, abs=1e-3)
+    np.testing.assert_allclose(clip.rest[columns], body.joints, atol=1e-6)
+
+
+def test_pybvh_reads_the_exported_joints_within_a_millimetre(tmp_path: Path) -> None:
+    poses = random_poses(40)
+    export_bvh(tmp_path / "track.bvh", stick_body(), poses, 30.0)
+    oracle = pybvh.read_bvh_file(tmp_path / "track.bvh")
+    names = [node.name for node in oracle.nodes]
+    found = oracle.node_positions()[:, [names.index(name) for name in skeleton.JOINT_NAMES]] / 100.0
+    np.testing.assert_allclose(found, placed_joints(poses), atol=1e-5)
+
+
+def test_the_end_sites_of_an_exported_bvh_are_the_reported_tips(tmp_path: Path) -> None:
+    body, poses = stick_body(), random_poses(10)
+    export_bvh(tmp_path / "track.bvh", body, poses, 30.0)
+    clip = read_clip(tmp_path / "track.bvh")
+    positions, rotations = clip.world()
+    joints = body.joint_positions(poses)
+    for site, carrier in skeleton.SITES:
+        j = clip.index(carrier)
+        tip = positions[:, j] + rotations[:, j] @ clip.end_sites[carrier]
+        np.testing.assert_allclose(tip, joints[:, skeleton.REPORTED.index(site)], atol=1e-5)
+
+
+def test_an_exported_track_retargets_to_itself(tmp_path: Path) -> None:
+    body = stick_body()
+    poses = perform("boxing", body).poses
+    export_bvh(tmp_path / "track.bvh", body, poses, 30.0)
+    again = retarget(read_clip(tmp_path / "track.bvh"), body)
+    error = np.linalg.norm(body.joint_positions(again.poses) - body.joint_positions(poses), axis=2)
+    assert error.max() < 0.03
+    assert error.mean() < 0.005
+
+
+def test_one_pose_is_a_track_too_and_none_is_refused(tmp_path: Path) -> None:
+    body = stick_body()
+    export_bvh(tmp_path / "one.bvh", body, np.zeros(skeleton.POSE_SIZE), 30.0)
+    assert len(read_clip(tmp_path / "one.bvh")) == 1
+    with pytest.raises(UsageError, match="0 poses"):
+        export_bvh(tmp_path / "none.bvh", body, np.zeros((0, skeleton.POSE_SIZE)), 30.0)
+    with pytest.raises(BodyError, match="43 entries"):
+        export_bvh(tmp_path / "none.bvh", body, np.zeros((2, 10)), 30.0)
+    assert not (tmp_path / "none.bvh").exists()
+
+
+def test_the_csv_of_joints_is_read_back_and_unknown_joints_stay_empty(tmp_path: Path) -> None:
+    joints = stick_body().joint_positions(random_poses(6)).astype(np.float32)
+    joints[2, 5] = np.nan
+    export_csv(tmp_path / "joints.csv", joints, np.arange(6) / 30.0)
+    with (tmp_path / "joints.csv").open(newline="") as stream:
+        rows = list(csv.DictReader(stream))
+    assert rows[2]["left_elbow_x_m"] == ""
+    assert float(rows[1]["time_s"]) == pytest.approx(1 / 30.0, abs=1e-6)
+    for i, name in enumerate(skeleton.REPORTED):
+        found = [float(rows[4][f"{name}_{axis}_m"]) for axis in "xyz"]
+        np.testing.assert_allclose(found, joints[4, i], atol=1e-6)
+
+
+def test_a_csv_needs_one_time_per_frame_and_a_writable_folder(tmp_path: Path) -> None:
+    with pytest.raises(BodyError, match="timestamps"):
+        export_csv(tmp_path / "joints.csv", np.zeros((3, 20, 3)), np.zeros(4))
+    (tmp_path / "file").write_text("x")
+    with pytest.raises(OutputError, match="cannot write"):
+        export_csv(tmp_path / "file" / "joints.csv", np.zeros((3, 20, 3)), np.zeros(3))
+
+
+@pytest.mark.parametrize("rig", ["mixamo", "cmu", "classic"])
+def test_a_rig_is_known_again_by_its_names_and_moves_as_the_body_does(tmp_path: Path, rig: str) -> None:
+    body, poses = stick_body(), random_poses(12)
+    export_bvh(tmp_path / "track.bvh", body, poses, 30.0, rig=rig)
+    clip = read_clip(tmp_path / "track.bvh")
+    known = load_rig(clip)
+    assert known.name.removesuffix("_bvh") == rig
+    positions, placed = clip.world()[0], placed_joints(poses)
+    ours = {*skeleton.JOINT_NAMES} - {"lumbar"}  # a rig with two joints below the chest may name either
+    for name in ours & set(known.joints):
+        found = positions[:, clip.index(known.joints[name])]
+        np.testing.assert_allclose(found, placed[:, skeleton.JOINT_NAMES.index(name)], atol=1e-5)
+
+
+def test_a_motion_exported_for_a_rig_retargets_to_itself(tmp_path: Path) -> None:
+    body = stick_body()
+    poses = perform("boxing", body).poses
+    export_bvh(tmp_path / "track.bvh", body, poses, 30.0, rig="mixamo")
+    again = retarget(read_clip(tmp_path / "track.bvh"), body)
+    error = np.linalg.norm(body.joint_positions(again.poses) - body.joint_positions(poses), axis=2)
+    assert error.mean() < 0.01
+
+
+def test_a_rig_of_ones_own_is_read_from_a_file_and_a_broken_one_is_refused(tmp_path: Path) -> None:
+    body, poses = stick_body(), random_poses(2)
+    rows = shipped("rigs", "mixamo.yaml").read_text().replace("mixamorig:", "my_")
+    (tmp_path / "mine.yaml").write_text(rows)
+    export_bvh(tmp_path / "track.bvh", body, poses, 30.0, rig=str(tmp_path / "mine.yaml"))
+    assert "my_LeftForeArm" in read_clip(tmp_path / "track.bvh").joint_names
+    breaks = {
+        "parents stand before": ('["my_Hips", lumbar]', '["my_Neck", lumbar]'),
+        "exactly once": ("left_knee]", "left_hip]"),
+        "use one or two": ("left_foot]", "left_wing]"),
+        "the body has it below": ('["my_LeftArm", left_elbow]', '["my_Spine", left_elbow]'),
+        "not understood": ("export:", "exports:"),
+    }
+    for reason, (before, after) in breaks.items():
+        (tmp_path / "broken.yaml").write_text(rows.replace(before, after))
+        with pytest.raises(RigError, match=reason):
+            export_bvh(tmp_path / "none.bvh", body, poses, 30.0, rig=str(tmp_path / "broken.yaml"))
+    with pytest.raises(RigError, match="cmu, mixamo"):
+        export_bvh(tmp_path / "none.bvh", body, poses, 30.0, rig="puppet")
+
+
+def test_a_trc_holds_the_markers_of_the_level_frame(runs: Path, tmp_path: Path) -> None:
+    run = runs / "person_02"
+    export_run(run, tmp_path / "track.trc")
+    lines = [line.split("\t") for line in (tmp_path / "track.trc").read_text().splitlines()]
+    assert lines[0] == ["PathFileType", "4", "(X/Y/Z)", "track.trc"]
+    header = dict(zip(lines[1], lines[2], strict=True))
+    assert (header["DataRate"], header["NumFrames"], header["NumMarkers"], header["Units"]) == ("25", "6", "20", "m")
+    assert [name for name in lines[3][2:] if name] == list(skeleton.REPORTED)
+    rows = lines[6:]
+    assert [len(row) for row in rows] == [2 + 3 * 20] * 6
+    person = load_persons(run)[0]
+    assert set(rows[0][2:]) == {""}, "nobody is there in the first frame"
+    assert float(rows[3][1]) == pytest.approx(3 / 25)
+    found = np.array(rows[3][2:], dtype=float).reshape(20, 3)
+    np.testing.assert_allclose(found, person.body.joint_positions(person.track.pose[3]), atol=1e-5)
+    assert found[skeleton.REPORTED.index("head"), 1] > found[skeleton.REPORTED.index("pelvis"), 1] - 2
+
+
+def test_a_c3d_holds_everybody_and_marks_who_is_absent(runs: Path, tmp_path: Path) -> None:
+    ezc3d = pytest.importorskip("ezc3d")
+    assert export_run(runs, tmp_path / "track.c3d") == (tmp_path / "track.c3d",)
+    file = ezc3d.c3d(str(tmp_path / "track.c3d"))
+    labels = file["parameters"]["POINT"]["LABELS"]["value"]
+    assert labels[:2] == ["person_01:pelvis", "person_01:spine"] and len(labels) == 40
+    assert file["header"]["points"]["frame_rate"] == pytest.approx(25.0)
+    points = file["data"]["points"][:3].transpose(2, 1, 0) / 1000
+    for k, person in enumerate(load_persons(runs)):
+        np.testing.assert_allclose(points[1:, 20 * k : 20 * k + 20], person.joints_level[1:], atol=1e-6)
+    assert np.isnan(points[0, 20:]).all() and np.isfinite(points[0, :20]).all()
+
+
+def test_c3d_without_its_package_names_the_extra(runs: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "ezc3d", None)
+    with pytest.raises(UsageError, match=r"depthmocap\[c3d\]"):
+        export_run(runs, tmp_path / "track.c3d")
+    assert not (tmp_path / "track.c3d").exists()
+
+
+def test_a_json_says_everything_that_the_track_says(runs: Path, tmp_path: Path) -> None:
+    export_run(runs, tmp_path / "track.json")
+    document = json.loads((tmp_path / "track.json").read_text())
+    assert document["joint_names"] == list(skeleton.REPORTED)
+    for found, person in zip(document["people"], load_persons(runs), strict=True):
+        there = person.track.state != EMPTY
+        assert found["name"] == person.name
+        assert [row is None for row in found["joints"]] == [not here for here in there]
+        for key in ("joints", "pose", "confidence"):
+            kept = np.array([row for row in found[key] if row is not None])
+            np.testing.assert_allclose(kept, getattr(person.track, key)[there], atol=1e-5)
+    assert document["people"][1]["state"][0] == "empty"
+
+
+def test_a_run_of_several_people_becomes_a_file_each_where_a_format_holds_one(runs: Path, tmp_path: Path) -> None:
+    for suffix in (".bvh", ".trc", ".csv"):
+        written = export_run(runs, tmp_path / f"track{suffix}")
+        assert [path.name for path in written] == [f"track_person_01{suffix}", f"track_person_02{suffix}"]
+        assert all(path.stat().st_size > 100 for path in written)
+
+
+def test_an_exported_track_has_the_fitted_body_and_the_tracks_own_times(runs: Path, tmp_path: Path) -> None:
+    run = runs / "person_01"
+    assert export_run(run, tmp_path / "track.bvh") == (tmp_path / "track.bvh",)
+    clip, track = read_clip(tmp_path / "track.bvh"), Track.load(run)
+    assert clip.frame_rate == pytest.approx(25.0)
+    for name in ("left_elbow", "right_knee", "left_wrist"):
+        found = clip.world()[0][:, clip.index(name)] @ TURN
+        np.testing.assert_allclose(found, track.joints[:, skeleton.REPORTED.index(name)], atol=1e-3)
+    export_run(run, tmp_path / "track.csv")
+    assert len((tmp_path / "track.csv").read_text().splitlines()) == 7
+
+
+def test_an_unknown_suffix_and_a_rig_for_a_table_are_refused(runs: Path, tmp_path: Path) -> None:
+    with pytest.raises(UsageError, match=r"\.glb, \.bvh"):
+        export_run(runs, tmp_path / "track.txt")
+    with pytest.raises(UsageError, match="--rig mixamo is for .glb, .bvh"):
+        export_run(runs, tmp_path / "track.csv", rig="mixamo")
+
+
+def test_a_single_frame_has_no_rate_and_says_so(tmp_path: Path) -> None:
+    write_run(tmp_path / "run", random_poses(1))
+    with pytest.raises(UsageError, match="export it as .csv or .json"):
+        export_run(tmp_path / "run", tmp_path / "track.bvh")
+    export_run(tmp_path / "run", tmp_path / "track.json")
+
+
+@pytest.mark.parametrize("folder", ["..", "/etc", "a/b", ""])
+def test_people_json_names_nothing_outside_its_run(runs: Path, tmp_path: Path, folder: str) -> None:
+    save_people(tmp_path, [replace(load_people(runs)[0], folder=folder)])
+    with pytest.raises(TrackError, match="plain names"):
+        person_runs(tmp_path)
+
+
+@pytest.mark.parametrize("text", ["", "[]", "{}", '{"people": [{"id": 1}]}', '{"people": []}', "\x00"])
+def test_a_damaged_people_json_is_an_error_of_the_track(tmp_path: Path, text: str) -> None:
+    (tmp_path / "people.json").write_text(text)
+    with pytest.raises(TrackError, match="people.json"):
+        person_runs(tmp_path)

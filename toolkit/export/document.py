@@ -1,0 +1,64 @@
+"""JSON: everything that a track says, for programs that bring their own skeleton."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from toolkit.body import skeleton
+from toolkit.export.person import Person
+from toolkit.files import save_text
+from toolkit.track import EMPTY, STATE_NAMES
+
+DECIMALS = 5
+"""Of metres and radians: a hundredth of a millimetre."""
+
+
+def export_json(path: str | Path, people: Sequence[Person]) -> None:
+    """Write tracks as JSON: joints of the camera frame in metres, poses in the level frame, confidences, states.
+
+    Where nobody is there (`"empty"`) joints, pose and confidence are null.
+
+    Raises
+    ------
+    OutputError
+        The file cannot be written.
+    """
+    document = {
+        "format": "depthmocap track",
+        "units": {"length": "m", "angle": "rad", "time": "s"},
+        "frames": {
+            "joints": "camera: x right, y down, z forward",
+            "pose": "level: origin at the camera, y up, z towards the camera",
+        },
+        "joint_names": skeleton.REPORTED,
+        "pose_names": skeleton.POSE_NAMES,
+        "people": [_person(person) for person in people],
+    }
+    save_text(path, json.dumps(document, allow_nan=False) + "\n")
+
+
+def _person(person: Person) -> dict[str, Any]:
+    track = person.track
+    there = track.state != EMPTY
+
+    def rows(values: np.ndarray) -> list[Any]:
+        rounded = np.round(values.astype(np.float64), DECIMALS).tolist()
+        return [row if here else None for row, here in zip(rounded, there, strict=True)]
+
+    return {
+        "name": person.name,
+        "stature": round(person.body.height, DECIMALS),
+        "rest_joints": np.round(person.body.joints, DECIMALS).tolist(),
+        "R_level_camera": person.R_level_camera.tolist(),
+        "timestamps": track.timestamps.tolist(),
+        "state": [STATE_NAMES[state] for state in track.state],
+        "source": [track.source_names[source] if track.source_names else "" for source in track.source],
+        "joints": rows(track.joints),
+        "pose": rows(track.pose),
+        "confidence": rows(track.confidence),
+    }
