@@ -2,7 +2,7 @@
 
     python examples/05_render.py [RUN]
 
-Needs output/run of example 03. Writes output/film.mp4, output/contact_sheet.png and output/fitted_depth.png.
+Needs output/run of example 03. Writes output/film.webm, output/contact_sheet.png and output/fitted_depth.png.
 """
 
 import sys
@@ -21,7 +21,7 @@ def main() -> None:
     run = Path(sys.argv[1]) if len(sys.argv) > 1 else OUTPUT / "run"
 
     # The suffix chooses what is drawn. The recording and the body are found through the run folder.
-    print(render_run(run, OUTPUT / "film.mp4"))
+    print(render_run(run, OUTPUT / "film.webm"))
     print(render_run(run, OUTPUT / "contact_sheet.png"))
 
     # The body can be drawn by hand as well: here the depth that the fitted body would show in the last frame.

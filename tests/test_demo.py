@@ -33,5 +33,5 @@ def test_the_demo_does_the_main_job_from_motions_to_a_film(tmp_path: Path, monke
     assert set(result.summary.stage_ms) == set(row.stages_ms)
     assert all(path.exists() for path in result.files)
     suffixes = {path.suffix for path in result.files}
-    assert {".npz", ".csv", ".json", ".png", ".mp4"} <= suffixes
+    assert {".npz", ".csv", ".json", ".png", ".webm"} <= suffixes
     assert len({what.split(":")[0] for what in doing}) >= 5

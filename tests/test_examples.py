@@ -16,7 +16,7 @@ WRITTEN = {
     "02_simulate": ("take.npz",),
     "03_track": ("run/track.npz", "run/run.json"),
     "04_evaluate": ("evaluation/table.csv", "evaluation/table.json", "evaluation/accuracy.png", "evaluation/error.png"),
-    "05_render": ("film.mp4", "contact_sheet.png", "fitted_depth.png"),
+    "05_render": ("film.webm", "contact_sheet.png", "fitted_depth.png"),
 }
 
 

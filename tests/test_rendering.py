@@ -2,18 +2,17 @@
 
 from __future__ import annotations
 
-import time
-
 import numpy as np
 import pytest
 
+from tests.chromium import browser
 from tests.sensing_scenes import KINECT, neutral, person_alone, standing
 from toolkit.body import skeleton
 from toolkit.body.raycast import cast_body
 from toolkit.body.skeleton import POSE_NAMES, REPORTED
 from toolkit.errors import OutputError, SettingsError, TrackError, UsageError
 from toolkit.files import sha256_of
-from toolkit.rendering import style
+from toolkit.rendering import encoders, style
 from toolkit.rendering.film import FilmWriter, contact_sheet, render_run, render_track, save_png
 from toolkit.rendering.mesh import draw_mesh, part_colors
 from toolkit.rendering.overlay import color_depth, draw_skeleton
@@ -144,9 +143,12 @@ def test_joints_that_are_not_known_are_not_drawn():
     assert tuple(image[50, 50]) == style.LEFT
 
 
-@pytest.mark.parametrize("suffix", [".mp4", ".avi"])
+@pytest.mark.parametrize("suffix", [".mp4", ".webm", ".avi"])
 def test_a_film_can_be_read_back(take, tmp_path, suffix):
     import cv2
+
+    if suffix == ".mp4":
+        pytest.importorskip("av")
 
     seen = []
     path = render_track(
@@ -231,9 +233,50 @@ def test_a_missing_codec_names_another_way_and_leaves_nothing(take, tmp_path, mo
             pass
 
     monkeypatch.setattr(cv2, "VideoWriter", NoWriter)
-    with pytest.raises(OutputError, match=r"cannot encode .mp4 films here .* name the output \*.avi"):
+    with pytest.raises(OutputError, match=r"cannot encode MJPG here; name the output \*.png"):
+        render_track(*arranged(take), tmp_path / "film.avi")
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_without_the_package_av_a_film_is_vp8_and_h264_names_the_extra(take, tmp_path, monkeypatch):
+    import cv2
+
+    monkeypatch.setattr(encoders, "has_av", lambda: False)
+    with pytest.raises(UsageError, match=r"depthmocap\[film\].* \*.webm"):
         render_track(*arranged(take), tmp_path / "film.mp4")
     assert list(tmp_path.iterdir()) == []
+    film = cv2.VideoCapture(str(render_track(*arranged(take), tmp_path / "film.webm")))
+    code = int(film.get(cv2.CAP_PROP_FOURCC))
+    assert code.to_bytes(4, "little") == b"VP80"
+
+
+def test_a_film_of_odd_pictures_loses_its_last_row_and_column(tmp_path):
+    import cv2
+
+    FilmWriter(tmp_path / "film.webm", 25).write(iter([np.full((65, 81, 3), 90, np.uint8)] * 3))
+    assert cv2.VideoCapture(str(tmp_path / "film.webm")).read()[1].shape == (64, 80, 3)
+
+
+def test_a_browser_plays_the_films(take, tmp_path, monkeypatch):
+    films = ["vp8.webm"]
+    with monkeypatch.context() as patch:
+        patch.setattr(encoders, "has_av", lambda: False)
+        render_track(*arranged(take), tmp_path / films[0])
+    if encoders.has_av():
+        films += ["h264.mp4", "vp9.webm"]
+    for name in films[1:]:
+        render_track(*arranged(take), tmp_path / name)
+    with browser() as page:
+        for name in films:
+            (tmp_path / "page.html").write_text(f"<video muted src='{name}'></video>")
+            page.open((tmp_path / "page.html").as_uri())
+            width, height, seconds, error = page.evaluate(
+                "new Promise((done) => { const v = document.querySelector('video');"
+                "const say = () => done([v.videoWidth, v.videoHeight, v.currentTime, v.error && v.error.message]);"
+                "v.onended = say; v.onerror = say; v.play().catch(say); })"
+            )
+            assert (width, height, error) == (1640, 544, None), name
+            assert seconds == pytest.approx(0.2, abs=0.06), name
 
 
 def test_a_picture_without_a_place_is_an_output_error(tmp_path):
@@ -255,16 +298,3 @@ def test_text_is_cut_at_the_border_of_a_picture():
     style.write(image, "a long line of text", 5, 4, 16)
     style.write(image, "outside", 30, 30, 16)
     assert image[4:, 5:].any()
-
-
-def test_fifteen_pictures_a_second_at_640x480(take):
-    recording, track, body = take
-    painter = FramePainter(track, recording, body)
-    frame = recording.depth(0)
-    painter.paint(0, frame)
-    times = []
-    for _ in range(10):
-        start = time.process_time()
-        painter.paint(0, frame)
-        times.append(time.process_time() - start)
-    assert np.median(times) < 1 / 15

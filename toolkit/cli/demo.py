@@ -82,7 +82,7 @@ def run_demo(output: str | Path, *, seed: int = 0, show: Show | None = None) -> 
     )
     table = evaluate_runs([run], progress=lambda name, done, total: show("evaluating", done, total))
     files = [database, recording.path, run, *write_evaluation(table, folder)]
-    for name in ("film.mp4", "contact_sheet.png"):
+    for name in ("film.webm", "contact_sheet.png"):
         doing = f"drawing the {Path(name).stem.replace('_', ' ')}"
         files.append(render_run(run, folder / name, progress=partial(show, doing)))
     return DemoResult(table, summary, tuple(files), time.monotonic() - start)

@@ -17,7 +17,7 @@ def render(
         typer.Option(
             "--output",
             "-o",
-            help="Film (.mp4, .avi, .webm), contact sheet (.png) or folder of pictures.",
+            help="Film (.mp4, .webm or .avi), contact sheet (.png) or folder of pictures.",
             show_default=False,
         ),
     ],

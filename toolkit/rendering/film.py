@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -12,6 +11,7 @@ from toolkit.body.body import Body
 from toolkit.errors import OutputError, UsageError
 from toolkit.files import atomic_path
 from toolkit.rendering import style
+from toolkit.rendering.encoders import FILM_SUFFIXES, open_encoder
 from toolkit.rendering.painter import FramePainter, RenderSettings
 from toolkit.sensing.cleaning import SensingSettings
 from toolkit.sensing.recording import Recording
@@ -20,8 +20,6 @@ from toolkit.track import RunInfo, Track
 Progress = Callable[[int, int], None]
 """Called with the frames done and all frames."""
 
-CODECS = {".mp4": ("mp4v", "avc1"), ".avi": ("MJPG", "XVID"), ".webm": ("VP80",)}
-"""Codecs of a film by its suffix, the one that OpenCV's wheels always bring first."""
 DEFAULT_RATE = 25.0  # frames per second of a recording whose timestamps say nothing
 SHEET_COLUMNS, SHEET_FRAMES = 2, 12
 """Of a contact sheet: pictures side by side, and all pictures."""
@@ -34,49 +32,38 @@ class FilmWriter:
 
     Parameters
     ----------
-    path : its suffix, .mp4, .avi or .webm, chooses the codec
+    path : its suffix, one of `encoders.FILM_SUFFIXES`, chooses the codec
     rate : frames per second
 
     Raises
     ------
     UsageError
-        The suffix is none of these.
+        The suffix is none of these, or needs a package that is not installed.
     OutputError
-        The file cannot be written, or OpenCV has no codec for it.
+        The file cannot be written.
     """
 
     def __init__(self, path: str | Path, rate: float) -> None:
         self._path, self._rate = Path(path), rate
-        if self._path.suffix not in CODECS:
-            raise UsageError(f"{path} is no film; name it {' or '.join('*' + suffix for suffix in CODECS)}")
+        if self._path.suffix not in FILM_SUFFIXES:
+            raise UsageError(f"{path} is no film; name it {' or '.join('*' + suffix for suffix in FILM_SUFFIXES)}")
 
     def write(self, pictures: Iterator[np.ndarray]) -> None:
-        """Write all pictures, uint8 (H, W, 3), all of one size."""
+        """Write all pictures, uint8 (H, W, 3), all of one size; an odd last row or column is left out."""
         with atomic_path(self._path) as temporary:
-            writer = None
+            encoder = None
             try:
                 for picture in pictures:
-                    if writer is None:
-                        writer = self._open(temporary, picture.shape[1], picture.shape[0])
-                    writer.write(np.ascontiguousarray(picture[:, :, ::-1]))
+                    even = picture[: picture.shape[0] // 2 * 2, : picture.shape[1] // 2 * 2]
+                    if encoder is None:
+                        height, width = even.shape[:2]
+                        encoder = open_encoder(temporary, self._path.suffix, self._rate, width, height)
+                    encoder.write(even)
             finally:
-                if writer is not None:
-                    writer.release()
-            if writer is None or temporary.stat().st_size == 0:
+                if encoder is not None:
+                    encoder.close()
+            if encoder is None or temporary.stat().st_size == 0:
                 raise OutputError(f"nothing was written to {self._path}; check the space left on its disk")
-
-    def _open(self, path: Path, width: int, height: int) -> Any:
-        import cv2
-
-        for codec in CODECS[self._path.suffix]:
-            writer = cv2.VideoWriter(str(path), cv2.VideoWriter.fourcc(*codec), self._rate, (width, height))
-            if writer.isOpened():
-                return writer
-            writer.release()
-        raise OutputError(
-            f"OpenCV cannot encode {self._path.suffix} films here (tried {', '.join(CODECS[self._path.suffix])}); "
-            f"name the output *.avi, or *.png for a contact sheet"
-        )
 
 
 def render_track(
@@ -92,7 +79,7 @@ def render_track(
     rate: float | None = None,
     progress: Progress | None = None,
 ) -> Path:
-    """Draw a track: a film for .mp4, .avi and .webm, a contact sheet for .png, or one PNG per frame into a folder.
+    """Draw a track: a film for .mp4, .webm and .avi, a contact sheet for .png, or one PNG per frame into a folder.
 
     Parameters
     ----------
@@ -115,15 +102,16 @@ def render_track(
     chosen = range(len(track)) if frames is None else frames
     if not len(chosen) or chosen.start < 0 or max(chosen) >= len(track):
         raise UsageError(f"frames {chosen} are not some of the {len(track)} frames of the track")
-    if target.suffix and target.suffix not in (".png", *CODECS):
-        raise UsageError(f"cannot draw to {target}; name it {', '.join('*' + s for s in CODECS)}, *.png or a folder")
+    if target.suffix and target.suffix not in (".png", *FILM_SUFFIXES):
+        films = ", ".join(f"*{suffix}" for suffix in FILM_SUFFIXES)
+        raise UsageError(f"cannot draw to {target}; name it {films}, *.png or a folder")
     if settings is None and target.suffix == ".png":
         settings = SHEET_SETTINGS
     painter = FramePainter(track, recording, body, rotation=rotation, sensing=sensing, settings=settings)
     if target.suffix == ".png":
         wanted = [chosen[k] for k in np.linspace(0, len(chosen) - 1, min(SHEET_FRAMES, len(chosen))).astype(int)]
         save_png(target, contact_sheet(list(_pictures(painter, recording, wanted, progress))))
-    elif target.suffix in CODECS:
+    elif target.suffix in FILM_SUFFIXES:
         FilmWriter(target, rate or _rate(track)).write(_pictures(painter, recording, chosen, progress))
     else:
         for i, picture in zip(chosen, _pictures(painter, recording, chosen, progress), strict=True):

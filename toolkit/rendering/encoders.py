@@ -1,0 +1,103 @@
+"""Pictures into films that browsers play: H.264 and VP9 by the optional package av, VP8 and MJPG by OpenCV."""
+
+from __future__ import annotations
+
+import importlib.util
+from collections.abc import Callable
+from fractions import Fraction
+from pathlib import Path
+from typing import Any, Protocol
+
+import numpy as np
+
+from toolkit.errors import OutputError, UsageError
+
+FILM_SUFFIXES = (".mp4", ".webm", ".avi")
+"""Of films: H.264 or VP9 in the first two, motion JPEG in the last, which editors cut but browsers do not play."""
+CODECS = {
+    ".mp4": ("libx264", {"preset": "veryfast", "crf": "23"}),
+    ".webm": ("libvpx-vp9", {"deadline": "realtime", "cpu-used": "8", "crf": "34", "b": "0"}),
+}
+"""Encoder and its options: constant quality, fast."""
+INDEX_FIRST = {"movflags": "+faststart"}
+"""Of the container: a film plays while it is still loaded."""
+RATE_DENOMINATOR = 1001
+"""Frame rates become fractions with at most this denominator: 30000/1001 is television's."""
+
+
+class Encoder(Protocol):
+    """Takes pictures one by one; `close` completes the file."""
+
+    def write(self, picture: np.ndarray) -> None:
+        """Append an RGB picture, uint8 (H, W, 3), H and W even."""
+
+    def close(self) -> None:
+        """Complete the file."""
+
+
+def open_encoder(path: Path, suffix: str, rate: float, width: int, height: int) -> Encoder:
+    """The encoder for a film of this suffix, one of `FILM_SUFFIXES`.
+
+    Raises
+    ------
+    UsageError
+        The suffix needs a package that is not installed.
+    OutputError
+        OpenCV has no codec for it.
+    """
+    if suffix == ".avi":
+        return _OpenCvEncoder(path, "MJPG", rate, width, height)
+    if has_av():
+        return _AvEncoder(path, suffix, rate, width, height)
+    if suffix == ".webm":
+        return _OpenCvEncoder(path, "VP80", rate, width, height)
+    raise UsageError(
+        f"a {suffix} film (H.264) needs the package av; type `pip install depthmocap[film]`, "
+        "or name the output *.webm, *.png for a contact sheet, or a folder for one picture per frame"
+    )
+
+
+def has_av() -> bool:
+    """Whether the optional package av is installed."""
+    return importlib.util.find_spec("av") is not None
+
+
+class _AvEncoder:
+    def __init__(self, path: Path, suffix: str, rate: float, width: int, height: int) -> None:
+        import av
+
+        codec, options = CODECS[suffix]
+        self._to_frame: Callable[..., Any] = av.VideoFrame.from_ndarray
+        file: Any = av.open(str(path), "w", options=INDEX_FIRST if suffix == ".mp4" else {})
+        self._file = file
+        exact = Fraction(rate).limit_denominator(RATE_DENOMINATOR)
+        stream: Any = file.add_stream(codec, rate=exact, options=options)
+        stream.width, stream.height, stream.pix_fmt = width, height, "yuv420p"
+        stream.codec_context.gop_size = max(1, round(rate))  # a second between pictures to jump to
+        self._stream: Any = stream
+
+    def write(self, picture: np.ndarray) -> None:
+        frame = self._to_frame(np.ascontiguousarray(picture), format="rgb24")
+        self._file.mux(self._stream.encode(frame))
+
+    def close(self) -> None:
+        self._file.mux(self._stream.encode())
+        self._file.close()
+
+
+class _OpenCvEncoder:
+    def __init__(self, path: Path, codec: str, rate: float, width: int, height: int) -> None:
+        import cv2
+
+        self._writer = cv2.VideoWriter(str(path), cv2.VideoWriter.fourcc(*codec), rate, (width, height))
+        if not self._writer.isOpened():
+            raise OutputError(
+                f"OpenCV cannot encode {codec} here; name the output *.png for a contact sheet, "
+                "or a folder for one picture per frame"
+            )
+
+    def write(self, picture: np.ndarray) -> None:
+        self._writer.write(np.ascontiguousarray(picture[:, :, ::-1]))
+
+    def close(self) -> None:
+        self._writer.release()
