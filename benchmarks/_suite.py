@@ -36,9 +36,10 @@ from toolkit.mocap.procedural import SUBJECT_MOTIONS, procedural_clips
 from toolkit.mocap.read import read_clip
 from toolkit.mocap.retarget import retarget
 from toolkit.sensing.camera import Camera
+from toolkit.simulation.person import Person, prepare_person
 from toolkit.simulation.scene import place_camera
 from toolkit.simulation.sensors import make_sensor
-from toolkit.simulation.simulate import MIDDLE, facing_of, floor_of, simulate_recording
+from toolkit.simulation.simulate import MIDDLE, simulate_recording
 
 ROOT = Path(__file__).resolve().parents[1]
 MOCAP = ROOT.parent / "shared" / "data" / "mocap"
@@ -253,14 +254,11 @@ def motion_files(motion: str) -> list[Path]:
 
 def distance_needed(take: Take, body: Body, clip: PoseClip, camera: Camera) -> float:
     """Smallest distance in metres, in steps of 10 cm, at which all of the motion is in the image."""
-    floor = floor_of(body, clip)
-    centre = clip.poses[:, :3].mean(axis=0) * [1.0, 0.0, 1.0] + [0.0, floor, 0.0]
-    joints = body.joint_positions(clip.poses).reshape(-1, 3)
+    person = prepare_person(Person(clip, body, yaw=take.yaw), RATE, np.random.default_rng(0))
+    joints = body.joint_positions(person.poses).reshape(-1, 3)
     for distance in np.arange(1.8, 7.0, 0.1):
-        view = place_camera(
-            centre, facing_of(clip.poses[0]), distance=distance, height=take.height,
-            tilt=float(np.arctan2(take.height - MIDDLE * body.height, distance)), yaw=float(np.radians(take.yaw)),
-        )  # fmt: skip
+        tilt = float(np.arctan2(take.height - MIDDLE * body.height, distance))
+        view = place_camera(distance=float(distance), height=take.height, tilt=tilt)
         seen = view.to_camera(joints)
         border = camera.fx * MARGIN / np.maximum(seen[:, 2], 1e-3)
         pixels = camera.project(seen)

@@ -18,7 +18,7 @@ from toolkit.body.shape import subject_body
 from toolkit.database.database import PoseDatabase
 from toolkit.mocap.procedural import procedural_clips
 from toolkit.sensing.recording import open_recording
-from toolkit.simulation.simulate import facing_of
+from toolkit.simulation.person import facing_of
 
 QUICK = ("--set", "shape.frames=2")
 """The shape is learnt from two frames only."""

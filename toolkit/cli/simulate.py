@@ -2,53 +2,144 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, TypeVar
 
 import typer
 
-from toolkit.cli.options import Output
+from toolkit.cli.options import Output, numbers
+from toolkit.errors import UsageError
+
+PEOPLE = "People (given once it holds for everybody, otherwise once for each CLIP)"
+ROOM = "Room"
+BOXES = (".yaml", ".yml")
+
+T = TypeVar("T")
 
 
 def simulate(
-    clip: Annotated[Path, typer.Argument(metavar="CLIP", help="A BVH or AMC file.", show_default=False)],
     output: Output,
-    body: Annotated[str, typer.Option(help="Name of a body, or shape coefficients such as 1.0,-0.5.")] = "neutral",
+    clips: Annotated[
+        list[Path] | None,
+        typer.Argument(metavar="[CLIP]...", help="BVH or AMC files, one per person; none: an empty room."),
+    ] = None,
     sensor: Annotated[str, typer.Option(help="tof (176x144) or kinect (320x240).")] = "tof",
     distance: Annotated[float, typer.Option(help="Metres from the camera to the subject.")] = 3.0,
     height: Annotated[float, typer.Option(help="Metres of the camera above the floor.")] = 1.0,
     tilt: Annotated[
         float | None, typer.Option(help="Degrees downwards.", show_default="aims at the middle of the body")
     ] = None,
-    yaw: Annotated[float, typer.Option(help="Degrees by which the subject is turned to its left.")] = 0.0,
     seed: Annotated[int, typer.Option(help="Seed of the sensor's noise.")] = 0,
     frame_rate: Annotated[float, typer.Option(help="Frames per second.")] = 30.0,
-    furnished: Annotated[
-        bool, typer.Option("--furnished/--empty", help="Show a room and hold its background, or the subject only.")
-    ] = True,
-    subject_seed: Annotated[
-        int | None, typer.Option(help="Seed of what makes the subject unlike every body of the shape space.")
+    body: Annotated[
+        list[str] | None,
+        typer.Option(help="Name of a body, or shape coefficients such as 1.0,-0.5.", rich_help_panel=PEOPLE),
     ] = None,
+    at: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="X,Z",
+            help="Mean place: metres to the right in the image and towards the camera.",
+            show_default="in a row, a metre apart",
+            rich_help_panel=PEOPLE,
+        ),
+    ] = None,
+    yaw: Annotated[
+        list[float] | None,
+        typer.Option(help="Degrees by which somebody is turned to their left.", rich_help_panel=PEOPLE),
+    ] = None,
+    stature: Annotated[
+        list[float] | None,
+        typer.Option(help="Metres; below 1.25 with a small child's proportions.", rich_help_panel=PEOPLE),
+    ] = None,
+    enters: Annotated[
+        list[float] | None, typer.Option(help="Seconds after which somebody appears.", rich_help_panel=PEOPLE)
+    ] = None,
+    clothes: Annotated[
+        list[str] | None,
+        typer.Option(help="skirt, dress, coat, wide_trousers or none; several with commas.", rich_help_panel=PEOPLE),
+    ] = None,
+    furniture: Annotated[
+        list[str] | None,
+        typer.Option(
+            help="chair, stool, desk, table, crate or none, several with commas; or a YAML file of boxes.",
+            rich_help_panel=PEOPLE,
+        ),
+    ] = None,
+    subject_seed: Annotated[
+        list[int] | None,
+        typer.Option(help="Seed of what makes a subject unlike every body of the shape space.", rich_help_panel=PEOPLE),
+    ] = None,
+    seated: Annotated[
+        bool, typer.Option("--seated", help="Everybody does what their clip shows sitting.", rich_help_panel=PEOPLE)
+    ] = False,
+    furnished: Annotated[
+        bool,
+        typer.Option("--furnished/--empty", help="Show a room, or the people only.", rich_help_panel=ROOM),
+    ] = True,
+    background: Annotated[
+        bool,
+        typer.Option("--background/--no-background", help="Hold the depth of the empty room.", rich_help_panel=ROOM),
+    ] = True,
+    seconds: Annotated[float, typer.Option(help="Length of an empty room.", rich_help_panel=ROOM)] = 3.0,
 ) -> None:
-    """Simulate a depth recording with exact truth from a motion, a body and a camera."""
+    """Simulate a depth recording with exact truth from motions, bodies, furniture and a camera."""
     from toolkit.cli.terminal import progress_bars
-    from toolkit.simulation.simulate import simulate_recording
+    from toolkit.simulation.furniture import read_boxes
+    from toolkit.simulation.person import Person
+    from toolkit.simulation.simulate import Shot, simulate_scene
 
+    paths = clips or []
+    count = len(paths)
+    row = [(float(i) - 0.5 * (count - 1), 0.0) for i in range(count)]
+    files = [Path(text) for text in furniture or [] if text.endswith(BOXES)]
+    kinds = [text for text in furniture or [] if not text.endswith(BOXES)]
+    columns = zip(
+        paths,
+        each(body, count, "--body", "neutral"),
+        row if at is None else each([_place(text) for text in at], count, "--at", (0.0, 0.0)),
+        each(yaw, count, "--yaw", 0.0),
+        each(stature, count, "--stature", None),
+        each(kinds, count, "--furniture", ""),
+        each(clothes, count, "--clothes", ""),
+        each(enters, count, "--enters", 0.0),
+        each(subject_seed, count, "--subject-seed", None),
+        strict=True,
+    )
+    people = [
+        Person(clip, build, place, turn, tall, seated, _words(pieces), _words(worn), start, number)
+        for clip, build, place, turn, tall, pieces, worn, start, number in columns
+    ]
+    boxes = tuple(box for file in files for box in read_boxes(file))
+    shot = Shot(sensor, distance, height, tilt, frame_rate, furnished, background, boxes, seconds, seed)
     with progress_bars() as bars:
-        recording = simulate_recording(
-            clip,
-            output,
-            body=body,
-            sensor=sensor,
-            distance=distance,
-            height=height,
-            tilt=tilt,
-            yaw=yaw,
-            seed=seed,
-            frame_rate=frame_rate,
-            furnished=furnished,
-            subject_seed=subject_seed,
-            progress=lambda done, total: bars("simulating", done, total),
-        )
+        recording = simulate_scene(people, output, shot, progress=lambda done, total: bars("simulating", done, total))
     size = f"{recording.camera.width}x{recording.camera.height}"
     print(f"{output}: {len(recording)} frames of {size} pixels")
+
+
+def each(values: Sequence[T] | None, count: int, option: str, default: T) -> list[T]:
+    """One value per person: the default, one value for everybody, or all as they were given.
+
+    Raises
+    ------
+    UsageError
+        There are neither one nor `count` values.
+    """
+    if not values:
+        return [default] * count
+    if len(values) == 1:
+        return list(values) * count
+    if len(values) != count:
+        raise UsageError(f"{option} was given {len(values)} times for {count} people; give it once, or once for each")
+    return list(values)
+
+
+def _place(text: str) -> tuple[float, float]:
+    x, z = numbers(text, 2, "--at")
+    return x, z
+
+
+def _words(text: str) -> tuple[str, ...]:
+    return tuple(word for word in text.split(",") if word and word != "none")

@@ -22,10 +22,13 @@ def check_timestamps(timestamps: np.ndarray, count: int, path: Path) -> np.ndarr
 
 
 def check_joints(joints: np.ndarray | None, count: int, key: str, path: Path) -> np.ndarray | None:
-    """A copy as float32 (count, 20, 3) (NaN = unknown), or RecordingError for another shape."""
+    """A copy as float32 (count, 20, 3), or (N, count, 20, 3) of N people (NaN = unknown), or RecordingError."""
     if joints is None:
         return None
     array = np.array(joints, dtype=np.float32)
-    if array.shape != (count, JOINT_COUNT, 3):
-        raise RecordingError(f"{key} of {path} has shape {array.shape}; expected ({count}, {JOINT_COUNT}, 3)")
+    expected = (count, JOINT_COUNT, 3)
+    if array.shape != expected and not (array.ndim == 4 and array.shape[1:] == expected):
+        raise RecordingError(
+            f"{key} of {path} has shape {array.shape}; expected {expected}, or one such array for each of N people"
+        )
     return np.where(np.isfinite(array), array, np.float32(np.nan))

@@ -45,7 +45,8 @@ class Recording(Protocol):
     up_camera : float64 (3,), the vertical in the camera frame
     timestamps : float64 (T,), seconds
     background : uint16 (H, W), depth of the empty scene, or None
-    joints : float32 (T, 20, 3), true joints, metres, camera frame, NaN = unknown, or None
+    joints : float32 (T, 20, 3), true joints, metres, camera frame, NaN = unknown, or None; of several people (or of
+        nobody) (N, T, 20, 3), NaN while absent
     reference_joints : the same, another system's estimate, or None
     options : the reader options it was opened with, fit for JSON
     """

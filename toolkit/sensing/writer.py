@@ -77,7 +77,8 @@ class RecordingWriter:
         depth : uint16 (H, W), millimetres along z, 0 = no measurement
         timestamp : seconds
         color : uint8 (H, W, 3), RGB registered to depth; for all frames or for none
-        joints, reference_joints : (20, 3), metres, camera frame, NaN = unknown; for all frames or for none
+        joints, reference_joints : (20, 3), or (N, 20, 3) of N people, metres, camera frame, NaN = unknown; for all
+            frames or for none
 
         Raises
         ------
@@ -97,10 +98,11 @@ class RecordingWriter:
         self._count += 1
 
     def set_joints(self, joints: np.ndarray | None, reference_joints: np.ndarray | None) -> None:
-        """Joints of all frames at once, (T, 20, 3) each or None, instead of frame by frame."""
+        """Joints of all frames at once, (T, 20, 3) or (N, T, 20, 3) each or None, instead of frame by frame."""
         for key, value in (("joints", joints), ("reference_joints", reference_joints)):
             if value is not None:
-                self._rows[key] = list(np.asarray(value, dtype=np.float32))
+                array = np.asarray(value, dtype=np.float32)
+                self._rows[key] = list(array.swapaxes(0, 1) if array.ndim == 4 else array)
 
     def close(self) -> None:
         """Write the file.
@@ -147,7 +149,10 @@ class RecordingWriter:
         arrays = dict(self._fixed)
         arrays["timestamps"] = check_timestamps(np.array(self._rows["timestamps"]), self._count, self._path)
         for key in ("joints", "reference_joints"):
-            joints = check_joints(np.array(self._rows[key]) if self._rows[key] else None, self._count, key, self._path)
+            rows = np.array(self._rows[key]) if self._rows[key] else None
+            if rows is not None and rows.ndim == 4:
+                rows = rows.swapaxes(0, 1)  # people first in the file
+            joints = check_joints(rows, self._count, key, self._path)
             if joints is not None:
                 arrays[key] = joints
         return arrays
@@ -201,6 +206,7 @@ def save_recording(
     depth : uint16 (T, H, W) or an iterable of (H, W), millimetres along z, 0 = no measurement
     timestamps : (T,), seconds
     background, color, up_camera, joints, reference_joints : see `RecordingWriter`; the joints float32 (T, 20, 3)
+        or (N, T, 20, 3)
 
     Raises
     ------

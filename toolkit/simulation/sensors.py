@@ -23,12 +23,12 @@ class Surface:
     ----------
     depth : float32 (H, W), metres along z, 0 where nothing is hit
     cosine : float32 (H, W), cosine between ray and surface normal, in [0, 1]
-    subject : bool (H, W), whether the hit is on the subject
+    person : int8 (H, W), number of the person who is hit, -1 for everything else
     """
 
     depth: np.ndarray
     cosine: np.ndarray
-    subject: np.ndarray
+    person: np.ndarray
 
 
 class Sensor(Protocol):
@@ -50,7 +50,7 @@ class Sensor(Protocol):
         ...
 
     def measure(self, surface: Surface, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
-        """Measured depth, uint16 (H, W) millimetres along z with 0 = none, and bool (H, W): is it the subject."""
+        """Measured depth, uint16 (H, W) millimetres along z with 0 = none, and int8 (H, W): of whom, -1 = nobody."""
         ...
 
 
@@ -92,8 +92,13 @@ class TimeOfFlight:
         strength = total * 9.0
         noise = self.noise_at_3m / np.sqrt(np.maximum(strength, self.dimmest)) * rng.standard_normal(total.shape)
         depth = (mean + noise) / _ray_lengths(self.camera)
-        subject = self._pixels(surface.subject.astype(np.float32)) >= 0.5
-        return _millimetres(depth, strength >= self.dimmest, 0.3, self.farthest), subject
+        return _millimetres(depth, strength >= self.dimmest, 0.3, self.farthest), self._owners(surface.person)
+
+    def _owners(self, person: np.ndarray) -> np.ndarray:
+        """The person who fills most of a pixel, int8 (H, W); -1 where people fill less than half of it."""
+        people = max(int(person.max()) + 1, 1)
+        shares = np.stack([self._pixels((person == i).astype(np.float32)) for i in range(people)])
+        return np.where(shares.sum(axis=0) >= 0.5, shares.argmax(axis=0), -1).astype(np.int8)
 
     @cached_property
     def _fine_lengths(self) -> np.ndarray:
@@ -145,7 +150,7 @@ class KinectV1:
         edge = self._at_edges(surface.depth) & (rng.random(depth.shape) < self.torn)
         valid = hit & lit & ~holes & ~edge & (quanta >= 1)
         measured = 1.0 / (self.step * np.maximum(quanta, 1.0))
-        return _millimetres(measured, valid, 0.45, self.farthest), surface.subject[rows, columns]
+        return _millimetres(measured, valid, 0.45, self.farthest), surface.person[rows, columns]
 
     def _displaced(self, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
         """Pixels from which each pixel takes its measurement."""

@@ -1,4 +1,4 @@
-"""Depth recordings with exact truth: any clip, any body, any camera, two sensors."""
+"""Depth recordings with exact truth: any clips, any bodies, any camera, two sensors, furniture."""
 
 from __future__ import annotations
 
@@ -6,20 +6,20 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from toolkit.body import skeleton
 from toolkit.body.body import Body
 from toolkit.body.raycast import Hits, cast
-from toolkit.body.shape import subject_body
 from toolkit.errors import UsageError
 from toolkit.mocap.clip import PoseClip
-from toolkit.mocap.read import read_clip
-from toolkit.mocap.retarget import retarget
 from toolkit.sensing.camera import Camera
 from toolkit.sensing.recording import Recording, open_recording
 from toolkit.sensing.writer import RecordingWriter
+from toolkit.simulation.furniture import Box, Mesh, boxes_mesh, joined
+from toolkit.simulation.person import Performer, Person, check_apart, furniture_of, prepare_person
 from toolkit.simulation.scene import View, place_camera, room
 from toolkit.simulation.sensors import Sensor, Surface, make_sensor
 
@@ -27,6 +27,49 @@ EMPTY_FRAMES = 9
 """Frames of the empty room whose median becomes the recorded background."""
 MIDDLE = 0.52
 """Share of the subject's height at which an untilted choice of the camera aims: the middle of the body."""
+NOBODY_HEIGHT, NOBODY_REACH = 1.7, np.array([[-0.8, 0.0, -0.5], [0.8, 1.8, 0.5]])
+"""Whom an empty room is recorded for: a stature in metres, and the corners of the space they would use."""
+
+
+@dataclass(frozen=True)
+class Shot:
+    """How a scene is recorded.
+
+    Attributes
+    ----------
+    sensor : `tof` (176 x 144), `kinect` (320 x 240), or a sensor of your own
+    distance : metres, horizontally, from the camera to the origin of the floor plan
+    height : metres of the camera above the floor
+    tilt : degrees downwards; None aims at the middle of the first person's body
+    frame_rate : frames a second of the recording; mocap is resampled, poses are thinned out
+    furnished : whether the recording shows the room, or the people only (already cut out)
+    background : whether a furnished recording holds the depth of its room without people
+    boxes : furniture of the room, on the floor plan
+    seconds : length of a recording without people
+    seed : of the sensor's noise and of how somebody sits
+
+    Raises
+    ------
+    UsageError
+        Frame rate or length is impossible.
+    """
+
+    sensor: str | Sensor = "tof"
+    distance: float = 3.0
+    height: float = 1.0
+    tilt: float | None = None
+    frame_rate: float = 30.0
+    furnished: bool = True
+    background: bool = True
+    boxes: tuple[Box, ...] = ()
+    seconds: float = 3.0
+    seed: int = 0
+
+    def __post_init__(self) -> None:
+        if not 0 < self.frame_rate < np.inf:
+            raise UsageError(f"a frame rate of {self.frame_rate} is impossible; give frames a second, for example 30")
+        if not 0 < self.seconds < np.inf:
+            raise UsageError(f"a recording of {self.seconds} seconds is impossible; give a positive number")
 
 
 @dataclass(frozen=True)
@@ -36,35 +79,39 @@ class SimulatedFrame:
     Attributes
     ----------
     depth : uint16 (H, W), millimetres along z, 0 = no measurement
-    joints : float32 (20, 3), true reported joints, metres, camera frame
-    subject : bool (H, W), pixels that measure the subject
+    joints : float32 (N, 20, 3), true reported joints, metres, camera frame; NaN for who is absent
+    person : int8 (H, W), number of the person whom a pixel measures, -1 = nobody
     timestamp : seconds
     """
 
     depth: np.ndarray
     joints: np.ndarray
-    subject: np.ndarray
+    person: np.ndarray
     timestamp: float
 
 
 @dataclass(frozen=True, eq=False)
 class Simulation:
-    """A subject that moves before a sensor.
+    """People who move before a sensor.
 
     Attributes
     ----------
-    body : the subject
-    clip : its poses in the clip's world frame, at the recording's frame rate
+    performers : the people on the floor plan
+    furniture : around them
     view : the camera's place
     sensor : the camera and its noise
-    furnished : True: the depth shows a room, `background` the empty room. False: all that is not the subject is 0
+    frames_in_all : length of the recording
+    frame_rate : frames a second
+    furnished : True: the depth shows a room. False: all that is not a person is 0
     seed : of all noise
     """
 
-    body: Body
-    clip: PoseClip
+    performers: tuple[Performer, ...]
+    furniture: Mesh
     view: View
     sensor: Sensor
+    frames_in_all: int
+    frame_rate: float
     furnished: bool = True
     seed: int = 0
 
@@ -75,13 +122,14 @@ class Simulation:
 
     @cached_property
     def _room(self) -> Surface:
-        """The room without the subject."""
-        joints = self.view.to_level(self.body.joint_positions(self.clip.poses)).reshape(-1, 3)
-        floor = self.view.to_level(np.array([0.0, floor_of(self.body, self.clip), 0.0]))[1]
-        vertices, faces = room(np.array([joints.min(axis=0), joints.max(axis=0)]), float(floor))
-        hits = cast(vertices @ self.view.R_level_camera, faces, self._rays)
-        nothing = np.zeros(hits.depth.shape, dtype=bool)
-        return Surface(hits.depth, self._cosines(hits, ~nothing).reshape(nothing.shape), nothing)
+        """The room without people."""
+        used = [p.body.joint_positions(p.poses).reshape(-1, 3) for p in self.performers] or [NOBODY_REACH]
+        points = np.concatenate([*used, self.furniture.vertices])
+        mesh = joined([room(np.array([points.min(axis=0), points.max(axis=0)]), self.view.position), self.furniture])
+        hits = cast(self.view.to_camera(mesh.vertices), mesh.faces, self._rays)
+        everywhere = np.ones(hits.depth.shape, dtype=bool)
+        cosines = self._cosines(hits, everywhere).reshape(everywhere.shape)
+        return Surface(hits.depth, cosines, np.full(everywhere.shape, -1, dtype=np.int8))
 
     def background(self) -> np.ndarray | None:
         """Depth of the empty room, uint16 (H, W) millimetres, median of a few noisy frames; None if not furnished."""
@@ -94,129 +142,83 @@ class Simulation:
     def frames(self) -> Iterator[SimulatedFrame]:
         """Frame after frame, always the same for the same seed."""
         rng = np.random.default_rng([self.seed, 0])
-        joints = self.view.to_camera(self.body.joint_positions(self.clip.poses)).astype(np.float32)
-        for i, (pose, truth) in enumerate(zip(self.clip.poses, joints, strict=True)):
-            depth, subject = self.sensor.measure(self._surface(pose), rng)
+        joints = self.joints()
+        for i in range(self.frames_in_all):
+            depth, person = self.sensor.measure(self._surface(i), rng)
             if not self.furnished:
-                depth = np.where(subject, depth, 0).astype(np.uint16)
-            yield SimulatedFrame(depth, truth, subject & (depth > 0), i / self.clip.frame_rate)
+                depth = np.where(person >= 0, depth, 0).astype(np.uint16)
+            measured = np.where(depth > 0, person, -1).astype(np.int8)
+            yield SimulatedFrame(depth, joints[:, i], measured, i / self.frame_rate)
 
-    def _surface(self, pose: np.ndarray) -> Surface:
-        vertices = self.view.to_camera(self.body.vertex_positions(pose))
-        hits = cast(vertices, self.body.faces, self._rays)
+    def joints(self) -> np.ndarray:
+        """True joints of everybody, float32 (N, T, 20, 3), metres, camera frame, NaN while absent."""
+        joints = np.full((len(self.performers), self.frames_in_all, len(skeleton.REPORTED), 3), np.nan, np.float32)
+        for own, (body, poses, first) in zip(joints, self.performers, strict=True):
+            own[first : first + len(poses)] = self.view.to_camera(body.joint_positions(poses))
+        return joints
+
+    def _surface(self, frame: int) -> Surface:
+        """What the rays meet in a frame: the nearest of all people who are there, or the room."""
+        present = [(i, p) for i, p in enumerate(self.performers) if p.first <= frame < p.end]
         behind = self._room
-        subject = (hits.depth > 0) & ((behind.depth == 0) | (hits.depth <= behind.depth))
-        depth, cosine = behind.depth.copy(), behind.cosine.copy()
-        depth[subject] = hits.depth[subject]
-        cosine[subject] = self._cosines(hits, subject)
-        return Surface(depth, cosine, subject)
+        depth, cosine, person = behind.depth.copy(), behind.cosine.copy(), behind.person.copy()
+        for i, performer in present:
+            vertices = performer.body.vertex_positions(performer.poses[frame - performer.first])
+            hits = cast(self.view.to_camera(vertices), performer.body.faces, self._rays)
+            nearer = (hits.depth > 0) & ((depth == 0) | (hits.depth <= depth))
+            depth[nearer] = hits.depth[nearer]
+            cosine[nearer] = self._cosines(hits, nearer)
+            person[nearer] = i
+        return Surface(depth, cosine, person)
 
     def _cosines(self, hits: Hits, where: np.ndarray) -> np.ndarray:
-        """Cosines between rays and normals at the pixels `where` (N,): float32, negative ones as 0."""
+        """Cosines between rays and normals at the pixels `where` (N,): float32; cloth has two sides."""
         rays, normals = self._rays.rays()[where], hits.normals[where]
-        towards = -(normals[:, :2] * rays).sum(axis=1) - normals[:, 2]
+        towards = np.abs((normals[:, :2] * rays).sum(axis=1) + normals[:, 2])
         return np.clip(towards / np.sqrt(1.0 + (rays**2).sum(axis=1)), 0.0, 1.0).astype(np.float32)
 
 
-def floor_of(body: Body, clip: PoseClip) -> float:
-    """Height of the floor in a clip's world (metres): the lowest point of the body in at most 100 of its frames."""
-    rows = np.linspace(0, len(clip) - 1, min(len(clip), 100)).astype(int)
-    return min(float(body.vertex_positions(clip.poses[row])[:, 1].min()) for row in rows)
-
-
-def facing_of(pose: np.ndarray) -> float:
-    """Yaw of a pose's facing about +y from +z, radians."""
-    from scipy.spatial.transform import Rotation
-
-    facing = Rotation.from_rotvec(pose[skeleton.ROOT_ROTATION]).as_matrix()[:, 2]
-    return float(np.arctan2(facing[0], facing[2]))
-
-
-def subject_of(body: str | Sequence[float] | Body, subject_seed: int | None = None) -> Body:
-    """The subject that `--body NAME|SHAPE` means: a name, coefficients (also as text with commas), or a body as it is.
-
-    Raises
-    ------
-    BodyError
-        The name is unknown or the coefficients do not fit.
-    """
-    if isinstance(body, Body):
-        return body
-    if isinstance(body, str) and "," in body:
-        try:
-            body = [float(word) for word in body.split(",")]
-        except ValueError:
-            raise UsageError(f"the shape {body!r} is no list of numbers; write for example 1.0,-0.5") from None
-    return subject_body(body, seed=subject_seed)
-
-
-def prepare(
-    clip: str | Path | PoseClip,
-    *,
-    body: str | Sequence[float] | Body = "neutral",
-    sensor: str | Sensor = "tof",
-    distance: float = 3.0,
-    height: float = 1.0,
-    tilt: float | None = None,
-    yaw: float = 0.0,
-    seed: int = 0,
-    frame_rate: float = 30.0,
-    furnished: bool = True,
-    subject_seed: int | None = None,
-) -> Simulation:
-    """Everything placed, nothing simulated yet. Arguments as in `simulate_recording`."""
-    if not 0 < frame_rate < np.inf:
-        raise UsageError(f"a frame rate of {frame_rate} is impossible; give frames a second, for example 30")
-    subject = subject_of(body, subject_seed)
-    if isinstance(clip, PoseClip):
-        poses = clip.every(frame_rate)
-    else:
-        poses = retarget(read_clip(clip).resampled(frame_rate), subject)
-    floor = floor_of(subject, poses)
-    centre = np.array([*np.mean(poses.poses[:, :3], axis=0)])
-    centre[1] = floor
-    if tilt is None:
-        pitch = float(np.arctan2(height - MIDDLE * subject.height, distance))
-    else:
-        pitch = float(np.deg2rad(tilt))
-    view = place_camera(
-        centre, facing_of(poses.poses[0]), distance=distance, height=height, tilt=pitch, yaw=float(np.deg2rad(yaw))
+def prepare(people: Sequence[Person], shot: Shot | None = None) -> Simulation:
+    """Everything placed, nothing simulated yet. Arguments and errors as in `simulate_scene`."""
+    shot = shot or Shot()
+    rate = min([shot.frame_rate, *(p.clip.frame_rate for p in people if isinstance(p.clip, PoseClip))])
+    performers = tuple(
+        prepare_person(person, rate, np.random.default_rng([shot.seed, 2, i])) for i, person in enumerate(people)
     )
-    return Simulation(subject, poses, view, make_sensor(sensor) if isinstance(sensor, str) else sensor, furnished, seed)
+    check_apart(performers)
+    pieces = [furniture_of(person, performer) for person, performer in zip(people, performers, strict=True)]
+    stature = performers[0].body.height if performers else NOBODY_HEIGHT
+    aimed = np.arctan2(shot.height - MIDDLE * stature, shot.distance)
+    return Simulation(
+        performers,
+        joined([*pieces, boxes_mesh(shot.boxes)]),
+        place_camera(
+            distance=shot.distance,
+            height=shot.height,
+            tilt=float(aimed if shot.tilt is None else np.deg2rad(shot.tilt)),
+        ),
+        make_sensor(shot.sensor) if isinstance(shot.sensor, str) else shot.sensor,
+        max((p.end for p in performers), default=max(1, round(shot.seconds * rate))),
+        rate,
+        shot.furnished,
+        shot.seed,
+    )
 
 
-def simulate_recording(
-    clip: str | Path | PoseClip,
+def simulate_scene(
+    people: Sequence[Person],
     output: str | Path,
+    shot: Shot | None = None,
     *,
-    body: str | Sequence[float] | Body = "neutral",
-    sensor: str | Sensor = "tof",
-    distance: float = 3.0,
-    height: float = 1.0,
-    tilt: float | None = None,
-    yaw: float = 0.0,
-    seed: int = 0,
-    frame_rate: float = 30.0,
-    furnished: bool = True,
-    subject_seed: int | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> Recording:
     """Simulate a depth recording with exact joints and write it as NPZ (`depthmocap simulate`).
 
     Parameters
     ----------
-    clip : a mocap file, or poses of the subject
+    people : nobody, one person or several; the true joints are (20, 3) a frame for one and (N, 20, 3) otherwise
     output : the NPZ file to write
-    body : name or shape coefficients of a full-resolution subject, or any body
-    sensor : `tof` (176 x 144), `kinect` (320 x 240), or a sensor of your own
-    distance : metres, horizontally, from the camera to the mean place of the subject
-    height : metres of the camera above the floor
-    tilt : degrees downwards; None aims at the middle of the body
-    yaw : degrees by which the subject is turned to its left in the first frame; 0 faces the camera
-    seed : of the sensor's noise
-    frame_rate : frames a second of the recording; mocap is resampled, poses are thinned out
-    furnished : whether the recording shows a room (and holds its empty background) or the subject only
-    subject_seed : seed of local deformations of the subject outside the shape space; None for none
+    shot : how they are recorded
     progress : called with the number of frames done and the number of all frames
 
     Returns
@@ -226,21 +228,36 @@ def simulate_recording(
     Raises
     ------
     MocapError
-        The clip cannot be read or retargeted.
+        A clip cannot be read or retargeted.
     BodyError, UsageError
-        An argument is unknown or out of range.
+        An argument is unknown or out of range, or somebody stands inside somebody else.
     OutputError
         The file cannot be written.
     """
-    simulation = prepare(
-        clip, body=body, sensor=sensor, distance=distance, height=height, tilt=tilt, yaw=yaw, seed=seed,
-        frame_rate=frame_rate, furnished=furnished, subject_seed=subject_seed,
-    )  # fmt: skip
+    shot = shot or Shot()
+    simulation = prepare(people, shot)
+    background = simulation.background() if shot.background else None
     with RecordingWriter(
-        output, simulation.sensor.camera, background=simulation.background(), up_camera=simulation.view.up_camera
+        output, simulation.sensor.camera, background=background, up_camera=simulation.view.up_camera
     ) as writer:
         for i, frame in enumerate(simulation.frames()):
-            writer.append(frame.depth, frame.timestamp, joints=frame.joints)
+            joints = frame.joints[0] if len(people) == 1 else frame.joints
+            writer.append(frame.depth, frame.timestamp, joints=joints)
             if progress is not None:
-                progress(i + 1, len(simulation.clip))
+                progress(i + 1, simulation.frames_in_all)
     return open_recording(output)
+
+
+def simulate_recording(
+    clip: str | Path | PoseClip,
+    output: str | Path,
+    *,
+    body: str | Sequence[float] | Body = "neutral",
+    yaw: float = 0.0,
+    subject_seed: int | None = None,
+    progress: Callable[[int, int], None] | None = None,
+    **shot: Any,
+) -> Recording:
+    """Simulate one person alone: arguments of `Person` and, as keywords, of `Shot`; otherwise as `simulate_scene`."""
+    person = Person(clip, body=body, yaw=yaw, subject_seed=subject_seed)
+    return simulate_scene([person], output, Shot(**shot), progress=progress)

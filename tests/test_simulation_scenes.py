@@ -1,0 +1,255 @@
+"""Simulated scenes: several people, seats and furniture, clothes, small children, rooms without people."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from toolkit.body import skeleton
+from toolkit.body.shape import subject_body
+from toolkit.cli.main import main
+from toolkit.cli.simulate import each
+from toolkit.errors import RecordingError, UsageError
+from toolkit.mocap.clip import PoseClip
+from toolkit.mocap.export import export_bvh
+from toolkit.sensing.recording import open_recording, save_recording
+from toolkit.simulation.clothes import GARMENTS, dressed
+from toolkit.simulation.furniture import OBSTACLES, SEATS, Box, box_mesh, read_boxes
+from toolkit.simulation.person import CHESTS, Person, floor_of, grown_to
+from toolkit.simulation.seating import seat_height, seated
+from toolkit.simulation.simulate import Shot, SimulatedFrame, prepare, simulate_scene
+
+
+def standing(frames: int = 2, travel: float = 0.0) -> PoseClip:
+    """Stands with arms down, and glides sideways by `travel` metres in all."""
+    poses = np.zeros((frames, skeleton.POSE_SIZE))
+    poses[:, 0] = np.linspace(0.0, travel, frames)
+    poses[:, 1] = 0.9
+    for side, angle in (("left", -1.2), ("right", 1.2)):
+        poses[:, skeleton.POSE_NAMES.index(f"{side}_shoulder_rz")] = angle
+    return PoseClip("standing", poses, 30.0, "test")
+
+
+def first_frame(*people: Person, **shot: object) -> SimulatedFrame:
+    return next(prepare(people, Shot(**shot)).frames())  # type: ignore[arg-type]
+
+
+def joint(name: str) -> int:
+    return skeleton.REPORTED.index(name)
+
+
+def test_people_stand_where_the_floor_plan_says() -> None:
+    simulation = prepare([Person(standing(), at=(-0.7, 0.3)), Person(standing(), "child", at=(0.6, -0.5))])
+    pelvis = simulation.joints()[:, 0, joint("pelvis")]
+    np.testing.assert_allclose(pelvis[:, 0], [-0.7, 0.6], atol=1e-6)
+    level = pelvis @ simulation.view.R_level_camera.T
+    np.testing.assert_allclose(level[:, 2] + 3.0, [0.3, -0.5], atol=1e-5)
+
+
+def test_the_nearer_of_two_people_hides_the_other() -> None:
+    near, far = Person(standing(), at=(0.0, 0.5)), Person(standing(), at=(0.0, -0.5))
+    alone, both = first_frame(far, furnished=False), first_frame(near, far, furnished=False)
+    shown = [(both.person == i).sum() for i in range(2)]
+    assert shown[1] < 0.2 * (alone.person == 0).sum() < shown[0]
+    assert np.median(both.depth[both.person == 0]) < 2700 < np.median(alone.depth[alone.person == 0])
+
+
+def test_who_has_not_entered_or_has_left_is_not_a_number_and_not_in_the_image() -> None:
+    people = [Person(standing(4), at=(-0.6, 0)), Person(standing(2), at=(0.6, 0), enters=1 / 30)]
+    simulation = prepare(people, Shot(furnished=False))
+    frames = list(simulation.frames())
+    present = [np.isfinite(frame.joints).all(axis=(1, 2)).tolist() for frame in frames]
+    assert present == [[True, False], [True, True], [True, True], [True, False]]
+    assert [bool((frame.person == 1).any()) for frame in frames] == [False, True, True, False]
+
+
+@pytest.mark.parametrize("number", [0, 2])
+def test_the_truth_of_several_people_and_of_nobody_is_read_back(tmp_path: Path, number: int) -> None:
+    people = [Person(standing(3), at=(0.8 * i, 0), enters=i / 30) for i in range(number)]
+    recording = simulate_scene(people, tmp_path / "scene.npz", Shot(seconds=0.1))
+    truth = prepare(people, Shot(seconds=0.1)).joints()
+    assert recording.joints is not None and recording.joints.shape == (number, len(recording), 20, 3)
+    np.testing.assert_array_equal(recording.joints, truth)
+    save_recording(
+        tmp_path / "again.npz", depth=recording.frames(), camera=recording.camera, timestamps=recording.timestamps,
+        joints=recording.joints,
+    )  # fmt: skip
+    np.testing.assert_array_equal(open_recording(tmp_path / "again.npz").joints, truth)
+
+
+def test_joints_of_another_number_of_frames_are_refused(tmp_path: Path) -> None:
+    recording = simulate_scene([Person(standing(2))], tmp_path / "scene.npz")
+    with pytest.raises(RecordingError, match="each of N people"):
+        save_recording(
+            tmp_path / "bad.npz", depth=recording.frames(), camera=recording.camera, timestamps=recording.timestamps,
+            joints=np.zeros((2, 5, 20, 3)),
+        )  # fmt: skip
+
+
+def test_a_recording_without_its_empty_scene_shows_the_same_room() -> None:
+    with_room, cut = first_frame(Person(standing())), first_frame(Person(standing()), furnished=False)
+    assert (with_room.depth > 0).mean() > 0.9
+    np.testing.assert_array_equal(with_room.depth[with_room.person == 0], cut.depth[cut.person == 0])
+    assert not cut.depth[cut.person < 0].any()
+
+
+def test_whoever_is_placed_inside_somebody_is_refused_and_whoever_touches_is_not() -> None:
+    with pytest.raises(UsageError, match="person 2 is inside person 1 in frame 0"):
+        prepare([Person(standing()), Person(standing(), at=(0.1, 0.0))])
+    gap = 2.0 * CHESTS * subject_body("neutral").height + 0.01
+    prepare([Person(standing()), Person(standing(), at=(gap, 0.0))])
+
+
+def test_whoever_walks_through_somebody_is_refused() -> None:
+    with pytest.raises(UsageError, match="in frame 5"):
+        prepare([Person(standing(11, travel=2.0)), Person(standing(11))])
+    prepare([Person(standing(11, travel=2.0)), Person(standing(11), enters=1.0)])
+
+
+@pytest.mark.parametrize("stature", [0.75, 1.0, 1.4, 2.1])
+def test_a_body_grows_to_its_stature_and_the_small_have_larger_heads_and_shorter_legs(stature: float) -> None:
+    body, whole = subject_body("child"), grown_to(subject_body("child"), stature)
+    assert whole.height == pytest.approx(stature)
+
+    def legs(of: object) -> float:
+        ankle = skeleton.JOINT_NAMES.index("left_ankle")
+        return -of.joints[ankle, 1] / of.height  # type: ignore[attr-defined]
+
+    assert (legs(whole) < legs(body) - 0.01) == (stature < 1.25)
+
+
+@pytest.mark.parametrize("name", ["tall_male", "child"])
+@pytest.mark.parametrize("seed", [0, 1, 2])
+def test_who_sits_rests_on_the_seat_with_feet_on_the_floor(name: str, seed: int) -> None:
+    body = subject_body(name)
+    poses = seated(standing(3).poses, body, np.random.default_rng(seed))
+    joints = dict(zip(skeleton.REPORTED, body.joint_positions(poses[0]), strict=True))
+    assert seat_height(body) < joints["pelvis"][1] < seat_height(body) + 0.1 * body.height
+    for side in ("left", "right"):
+        knee, hip, foot = (joints[f"{side}_{part}"] for part in ("knee", "hip", "foot"))
+        assert knee[2] - hip[2] > 0.18 * body.height, "thighs point forwards"
+        assert abs(knee[1] - hip[1]) < 0.06 * body.height, "and are level"
+        assert 0.0 < foot[1] < 0.05 * body.height
+    assert abs(floor_of(body, poses)) < 0.03
+
+
+def test_a_sitter_keeps_what_the_arms_do() -> None:
+    clip = standing(3)
+    poses = seated(clip.poses, subject_body("neutral"), np.random.default_rng(0))
+    arms = [i for i, n in enumerate(skeleton.POSE_NAMES) if "shoulder" in n or "elbow" in n]
+    np.testing.assert_array_equal(poses[:, arms], clip.poses[:, arms])
+
+
+def test_whoever_sits_without_a_seat_gets_a_chair() -> None:
+    sitter = Person(standing(), seated=True)
+    chair, stool = (
+        len(prepare([Person(standing(), seated=True, furniture=f)]).furniture.faces) for f in ((), ("stool",))
+    )
+    assert chair == 12 * len(SEATS["chair"](0.45)) and stool == 12 * len(SEATS["stool"](0.45))
+    assert len(prepare([sitter]).performers) == 1
+
+
+@pytest.mark.parametrize("kind", OBSTACLES)
+def test_an_obstacle_hides_the_legs_and_touches_nobody(kind: str) -> None:
+    free, behind = (first_frame(Person(standing(), furniture=f), height=1.3) for f in ((), (kind,)))
+    hidden = (free.person == 0) & (behind.person < 0)
+    assert hidden.sum() > 0.1 * (free.person == 0).sum()
+    assert np.median(np.nonzero(hidden)[0]) > np.median(np.nonzero(free.person == 0)[0])
+    assert (behind.depth[hidden].astype(int) < free.depth[hidden] - 50).mean() > 0.9
+    np.testing.assert_array_equal(free.joints, behind.joints)
+
+
+@pytest.mark.parametrize("garment", GARMENTS)
+def test_clothes_cover_more_than_the_skin_and_leave_the_joints_where_they_are(garment: str) -> None:
+    body = subject_body("average_female")
+    worn = dressed(body, [garment])
+    np.testing.assert_array_equal(worn.joint_positions(standing(1).poses), body.joint_positions(standing(1).poses))
+    shown = [(first_frame(Person(standing(), body, clothes=c)).person == 0).sum() for c in ((), (garment,))]
+    assert 1.03 * shown[0] < shown[1] < 2.0 * shown[0]
+
+
+def test_a_room_without_people_lasts_as_long_as_it_is_told() -> None:
+    simulation = prepare([], Shot(seconds=0.5))
+    frames = list(simulation.frames())
+    assert len(frames) == 15 and all((frame.person == -1).all() for frame in frames)
+    assert frames[0].joints.shape == (0, 20, 3)
+
+
+def test_a_box_is_closed_and_faces_outwards() -> None:
+    vertices, faces = box_mesh(Box((0.0, 0.0, 0.0), (1.0, 2.0, 3.0)))
+    corners = vertices[faces]
+    volume = np.einsum("fi,fi->f", corners[:, 0], np.cross(corners[:, 1], corners[:, 2])).sum() / 6
+    assert volume == pytest.approx(6.0)
+
+
+def test_boxes_are_read_from_a_file(tmp_path: Path) -> None:
+    file = tmp_path / "room.yaml"
+    file.write_text("boxes:\n  - {low: [-1, 0, 0.2], high: [1, 0.8, 0.6]}\n")
+    assert read_boxes(file) == (Box((-1.0, 0.0, 0.2), (1.0, 0.8, 0.6)),)
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("boxes:\n  - {low: [0, 1, 0], high: [1, 0.5, 1]}", "crossed corners: its low y 1 is not below its high y 0.5"),
+        ("boxes:\n  - {low: [0, 1], high: [1, 0.5]}", "three numbers"),
+        ("boxes:\n  - {low: [0, a, 0], high: [1, 1, 1]}", "three numbers"),
+        ("boxes:\n  - {low: [0, 0, 0]}", "no list of boxes"),
+        ("desk", "no list of boxes"),
+        ("a: [", "no list of boxes"),
+    ],
+)
+def test_a_furniture_file_that_makes_no_sense_is_refused(tmp_path: Path, text: str, words: str) -> None:
+    file = tmp_path / "room.yaml"
+    file.write_text(text)
+    with pytest.raises(UsageError, match=words):
+        read_boxes(file)
+
+
+@pytest.mark.parametrize(
+    ("person", "words"),
+    [
+        (Person(standing(), furniture=("throne",)), "chair, stool, desk, table, crate"),
+        (Person(standing(), clothes=("armour",)), "skirt, dress, coat"),
+        (Person(standing(), stature=0.3), "nobody is 0.3 m tall"),
+        (Person(standing(), enters=-1.0), "cannot be placed"),
+        (Person(standing(), at=(np.nan, 0.0)), "cannot be placed"),
+    ],
+)
+def test_what_nobody_can_be_is_refused(person: Person, words: str) -> None:
+    with pytest.raises(UsageError, match=words):
+        prepare([person])
+
+
+def test_a_value_holds_for_everybody_or_for_one_each() -> None:
+    assert each(None, 2, "--yaw", 0.0) == [0.0, 0.0]
+    assert each([5.0], 2, "--yaw", 0.0) == [5.0, 5.0]
+    assert each([5.0, 6.0], 2, "--yaw", 0.0) == [5.0, 6.0]
+    with pytest.raises(UsageError, match="--yaw was given 2 times for 3 people"):
+        each([5.0, 6.0], 3, "--yaw", 0.0)
+
+
+def test_the_command_records_an_empty_room_with_boxes(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    file, output = tmp_path / "room.yaml", tmp_path / "room.npz"
+    file.write_text("boxes:\n  - {low: [-0.4, 0, 0], high: [0.4, 1.6, 0.3]}\n")
+    with pytest.raises(SystemExit) as stopped:
+        main(["simulate", "--output", str(output), "--seconds", "0.1", "--furniture", str(file), "--no-background"])
+    assert not stopped.value.code
+    recording = open_recording(output)
+    assert "3 frames of 176x144" in capsys.readouterr().out
+    assert recording.background is None
+    assert np.median(recording.depth(0)[65:80, 80:95]) == pytest.approx(2700, abs=40)
+
+
+def test_the_command_says_in_a_sentence_that_people_stand_in_each_other(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    clip = tmp_path / "still.bvh"
+    export_bvh(clip, subject_body("neutral"), standing(3).poses, 30.0)
+    with pytest.raises(SystemExit) as stopped:
+        main(["simulate", str(clip), str(clip), "-o", str(tmp_path / "x.npz"), "--at", "0,0", "--at", "0.05,0"])
+    assert stopped.value.code == 2
+    assert "person 2 is inside person 1" in capsys.readouterr().err
+    assert not (tmp_path / "x.npz").exists()

@@ -1,0 +1,166 @@
+"""Furniture made of upright boxes: beside a person, or listed in a file."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from toolkit.errors import UsageError
+
+SEAT_HEIGHT = 0.26
+"""Height of a seat over the sitter's stature: 0.45 m for an adult of 1.75 m, and a child gets a child's chair."""
+
+
+class Box(NamedTuple):
+    """An upright box: its lowest and highest corner (x, y, z), metres, y = 0 on the floor."""
+
+    low: tuple[float, float, float]
+    high: tuple[float, float, float]
+
+
+class Mesh(NamedTuple):
+    """Vertices float64 (V, 3), metres, and outward triangles int32 (F, 3)."""
+
+    vertices: np.ndarray
+    faces: np.ndarray
+
+
+def chair(seat: float) -> tuple[Box, ...]:
+    """A chair whose seat is `seat` metres high, for somebody whose hips are above the origin and who faces +z."""
+    return (
+        Box((-0.22, seat - 0.05, -0.20), (0.22, seat, 0.26)),
+        Box((-0.22, seat, -0.25), (0.22, seat + 0.45, -0.20)),
+        *_legs(0.22, (-0.25, 0.26), seat - 0.05),
+    )
+
+
+def stool(seat: float) -> tuple[Box, ...]:
+    """A stool on one post, as `chair`."""
+    return (
+        Box((-0.17, seat - 0.04, -0.17), (0.17, seat, 0.17)),
+        Box((-0.03, 0.03, -0.03), (0.03, seat - 0.04, 0.03)),
+        Box((-0.2, 0.0, -0.2), (0.2, 0.03, 0.2)),
+    )
+
+
+def table(height: float) -> tuple[Box, ...]:
+    """A table `height` metres high, from the origin towards +z."""
+    return (
+        Box((-0.7, height - 0.04, 0.0), (0.7, height, 0.7)),
+        *_legs(0.7, (0.0, 0.7), height - 0.04),
+    )
+
+
+def desk(height: float) -> tuple[Box, ...]:
+    """A table with a panel before the legs and a screen at the far left."""
+    return (
+        *table(height),
+        Box((-0.66, 0.3 * height, 0.62), (0.66, height - 0.04, 0.65)),
+        Box((0.2, height, 0.45), (0.65, height + 0.38, 0.5)),
+    )
+
+
+def crate(height: float) -> tuple[Box, ...]:
+    """A crate as high as a table, from the origin towards +z."""
+    return (Box((-0.3, 0.0, 0.0), (0.3, height, 0.4)),)
+
+
+def _legs(half: float, depth: tuple[float, float], height: float) -> tuple[Box, ...]:
+    """Four legs 4 cm thick below the corners of a top `2 half` wide."""
+    near, far = depth
+    return tuple(
+        Box((x, 0.0, z), (x + 0.04, height, z + 0.04)) for x in (-half, half - 0.04) for z in (near, far - 0.04)
+    )
+
+
+SEATS = {"chair": chair, "stool": stool}
+"""What somebody sits on, as functions of the seat's height."""
+OBSTACLES = {"desk": desk, "table": table, "crate": crate}
+"""What somebody stands or sits behind, as functions of its height."""
+HEIGHTS = {"desk": 0.42, "table": 0.42, "crate": 0.33}
+"""Heights of obstacles over the stature of whoever they belong to."""
+
+
+def check_kinds(kinds: Sequence[str]) -> tuple[str, ...]:
+    """The kinds of furniture as they are.
+
+    Raises
+    ------
+    UsageError
+        One is unknown; the message lists the known ones.
+    """
+    known = (*SEATS, *OBSTACLES)
+    for kind in kinds:
+        if kind not in known:
+            raise UsageError(f"no furniture is called {kind!r}; use {', '.join(known)} or a YAML file of boxes")
+    return tuple(kinds)
+
+
+def read_boxes(path: str | Path) -> tuple[Box, ...]:
+    """Boxes of a YAML file: `boxes:`, a list of `low: [x, y, z]` and `high: [x, y, z]`.
+
+    Metres on the floor plan of the recording: x to the right in the image, y up from the floor, z towards the camera,
+    the origin at the distance at which the camera stands.
+
+    Raises
+    ------
+    UsageError
+        The file is missing or not of this form, or a box has crossed corners.
+    """
+    import yaml
+
+    try:
+        content = yaml.safe_load(Path(path).read_text(encoding="utf-8"))
+        entries = [(entry["low"], entry["high"]) for entry in content["boxes"]]
+    except OSError as error:
+        raise UsageError(f"cannot read furniture from {path}: {error.strerror}; check the path") from error
+    except (yaml.YAMLError, UnicodeDecodeError, TypeError, KeyError) as error:
+        raise UsageError(
+            f"{path} is no list of boxes; write `boxes:` and entries such as {{low: [0, 0, 0], high: [1, 0.7, 0.5]}}"
+        ) from error
+    return tuple(_checked_box(low, high, i + 1, path) for i, (low, high) in enumerate(entries))
+
+
+def _checked_box(low: object, high: object, number: int, path: str | Path) -> Box:
+    try:
+        corners = np.array([low, high], dtype=np.float64)
+    except (TypeError, ValueError):
+        corners = np.empty(0)
+    if corners.shape != (2, 3) or not np.isfinite(corners).all():
+        raise UsageError(f"box {number} of {path} has corners {low} and {high}; give three numbers each, metres")
+    for axis, lowest, highest in zip("xyz", *corners, strict=True):
+        if lowest >= highest:
+            raise UsageError(
+                f"box {number} of {path} has crossed corners: its low {axis} {lowest:g} is not below its high {axis} "
+                f"{highest:g}; swap them"
+            )
+    first, second = corners.tolist()
+    return Box(tuple(first), tuple(second))
+
+
+def box_mesh(box: Box) -> Mesh:
+    """Corners (8, 3) and outward triangles (12, 3) of a box."""
+    bits = np.array([[k >> 2 & 1, k >> 1 & 1, k & 1] for k in range(8)])
+    quads = np.array([[0, 1, 3, 2], [4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 4], [1, 5, 7, 3]])
+    triangles = np.concatenate([quads[:, [0, 1, 2]], quads[:, [0, 2, 3]]]).astype(np.int32)
+    return Mesh(np.where(bits == 0, box.low, box.high), triangles)
+
+
+def joined(meshes: Sequence[Mesh]) -> Mesh:
+    """All meshes as one; of none an empty one."""
+    if not meshes:
+        return Mesh(np.zeros((0, 3)), np.zeros((0, 3), dtype=np.int32))
+    starts = np.cumsum([0, *(len(mesh.vertices) for mesh in meshes[:-1])])
+    faces = [mesh.faces + start for mesh, start in zip(meshes, starts, strict=True)]
+    return Mesh(np.concatenate([mesh.vertices for mesh in meshes]), np.concatenate(faces).astype(np.int32))
+
+
+def boxes_mesh(boxes: Sequence[Box], yaw: float = 0.0, at: tuple[float, float] = (0.0, 0.0)) -> Mesh:
+    """Boxes turned by `yaw` (radians, about +y from +z) and moved to `at` (x, z), as one mesh."""
+    mesh = joined([box_mesh(box) for box in boxes])
+    cosine, sine = np.cos(yaw), np.sin(yaw)
+    turn = np.array([[cosine, 0.0, sine], [0.0, 1.0, 0.0], [-sine, 0.0, cosine]])
+    return Mesh(mesh.vertices @ turn.T + [at[0], 0.0, at[1]], mesh.faces)

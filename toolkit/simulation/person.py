@@ -1,0 +1,228 @@
+"""Who is recorded: a motion, a body, clothes and a place on the floor."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from toolkit.body import skeleton
+from toolkit.body.body import Body
+from toolkit.body.shape import subject_body
+from toolkit.errors import UsageError
+from toolkit.mocap.clip import PoseClip
+from toolkit.mocap.read import read_clip
+from toolkit.mocap.retarget import retarget
+from toolkit.simulation.clothes import dressed
+from toolkit.simulation.furniture import HEIGHTS, OBSTACLES, SEATS, Mesh, boxes_mesh, check_kinds, joined
+from toolkit.simulation.seating import seat_height, seated
+
+TALL, SMALL = 1.25, 0.75
+"""Statures in metres between which a child's limbs grow from short to those of the shape space's children."""
+SHORT_LEGS, SHORT_ARMS = 0.8, 0.9
+"""Lengths of a toddler's leg and arm bones relative to those of an older child of the same stature, before scaling:
+the sitting height falls from 0.60 to 0.53 of the stature (Fredriks 2005, Arch. Dis. Child. 90, 807)."""
+CLEARANCE = 0.12
+"""Metres from the legs and trunk of a person to the obstacle before them."""
+CHESTS = 0.075
+"""Radius of the core of a trunk over the stature: two cores never overlap, however closely people embrace."""
+
+
+@dataclass(frozen=True)
+class Person:
+    """Somebody to be recorded.
+
+    Attributes
+    ----------
+    clip : a mocap file, or poses of the subject
+    body : name or shape coefficients (also as text with commas) of a full-resolution subject, or any body
+    at : x and z of the mean place on the floor plan, metres: to the right in the image, and towards the camera
+    yaw : degrees by which they are turned to their left in their first frame; 0 faces the camera
+    stature : metres to which the body is scaled; below 1.25 m limbs get shorter in proportion. None leaves it
+    seated : whether they do what the clip shows sitting, on a chair unless `furniture` holds another seat
+    furniture : kinds of furniture beside or before them, out of `furniture.SEATS` and `furniture.OBSTACLES`
+    clothes : out of `clothes.GARMENTS`
+    enters : seconds after the beginning of the recording at which they appear; they are gone when their clip ends
+    subject_seed : seed of local deformations of the body outside the shape space; None for none
+    """
+
+    clip: str | Path | PoseClip
+    body: str | Sequence[float] | Body = "neutral"
+    at: tuple[float, float] = (0.0, 0.0)
+    yaw: float = 0.0
+    stature: float | None = None
+    seated: bool = False
+    furniture: tuple[str, ...] = ()
+    clothes: tuple[str, ...] = ()
+    enters: float = 0.0
+    subject_seed: int | None = None
+
+
+class Performer(NamedTuple):
+    """A person in place.
+
+    Attributes
+    ----------
+    body : in clothes
+    poses : float64 (T, P) on the floor plan: x right in the image, y up from the floor, z towards the camera
+    first : frame of the recording that shows the first pose
+    """
+
+    body: Body
+    poses: np.ndarray
+    first: int
+
+    @property
+    def end(self) -> int:
+        """The frame after the last pose."""
+        return self.first + len(self.poses)
+
+
+def subject_of(body: str | Sequence[float] | Body, subject_seed: int | None = None) -> Body:
+    """The subject that `--body NAME|SHAPE` means: a name, coefficients (also as text with commas), or a body as it is.
+
+    Raises
+    ------
+    BodyError, UsageError
+        The name is unknown or the coefficients do not fit.
+    """
+    if isinstance(body, Body):
+        return body
+    if isinstance(body, str) and "," in body:
+        try:
+            body = [float(word) for word in body.split(",")]
+        except ValueError:
+            raise UsageError(f"the shape {body!r} is no list of numbers; write for example 1.0,-0.5") from None
+    return subject_body(body, seed=subject_seed)
+
+
+def grown_to(body: Body, stature: float) -> Body:
+    """The body scaled to a stature in metres, with the proportions of a small child below 1.25 m.
+
+    Raises
+    ------
+    UsageError
+        Nobody is of this stature.
+    """
+    if not 0.5 <= stature <= 2.3:
+        raise UsageError(f"nobody is {stature} m tall; give a stature from 0.5 to 2.3 m")
+    young = float(np.clip((TALL - stature) / (TALL - SMALL), 0.0, 1.0))
+    if young > 0:
+        legs, arms = 1.0 - young * (1.0 - SHORT_LEGS), 1.0 - young * (1.0 - SHORT_ARMS)
+        body = body.stretched({"hip": legs, "knee": legs, "shoulder": arms, "elbow": arms})
+    return body.scaled(stature / body.height)
+
+
+def prepare_person(person: Person, frame_rate: float, rng: np.random.Generator) -> Performer:
+    """Body and poses of a person on the floor plan; `rng` draws how somebody sits."""
+    numbers = (*person.at, person.yaw, person.enters)
+    if not np.isfinite(numbers).all() or person.enters < 0:
+        raise UsageError(
+            f"somebody at {person.at} with a yaw of {person.yaw} who enters after {person.enters} s cannot be placed; "
+            "give finite numbers, and seconds from 0 on"
+        )
+    naked = subject_of(person.body, person.subject_seed)
+    if person.stature is not None:
+        naked = grown_to(naked, person.stature)
+    if isinstance(person.clip, PoseClip):
+        poses = person.clip.every(frame_rate).poses
+    else:
+        poses = retarget(read_clip(person.clip).resampled(frame_rate), naked).poses
+    if person.seated:
+        poses = seated(poses, naked, rng)
+    else:
+        poses = poses - np.eye(skeleton.POSE_SIZE)[1] * floor_of(naked, poses)
+    placed = _placed(poses, person.at, float(np.deg2rad(person.yaw)))
+    return Performer(dressed(naked, person.clothes), placed, round(person.enters * frame_rate))
+
+
+def _placed(poses: np.ndarray, at: tuple[float, float], yaw: float) -> np.ndarray:
+    """Poses turned about the vertical so that the first one faces `yaw`, with their mean place at `at`."""
+    from scipy.spatial.transform import Rotation
+
+    turn = Rotation.from_euler("y", yaw - facing_of(poses[0]))
+    middle = poses[:, skeleton.ROOT_POSITION].mean(axis=0) * [1.0, 0.0, 1.0]
+    result = poses.copy()
+    result[:, skeleton.ROOT_POSITION] = turn.apply(poses[:, skeleton.ROOT_POSITION] - middle) + [at[0], 0.0, at[1]]
+    result[:, skeleton.ROOT_ROTATION] = (turn * Rotation.from_rotvec(poses[:, skeleton.ROOT_ROTATION])).as_rotvec()
+    return result
+
+
+def floor_of(body: Body, poses: np.ndarray) -> float:
+    """Height of the floor below poses (T, P), metres: the lowest point of the body in at most 100 of them."""
+    rows = np.linspace(0, len(poses) - 1, min(len(poses), 100)).astype(int)
+    return min(float(body.vertex_positions(poses[row])[:, 1].min()) for row in rows)
+
+
+def facing_of(pose: np.ndarray) -> float:
+    """Yaw of a pose's facing about +y from +z, radians."""
+    from scipy.spatial.transform import Rotation
+
+    facing = Rotation.from_rotvec(pose[skeleton.ROOT_ROTATION]).as_matrix()[:, 2]
+    return float(np.arctan2(facing[0], facing[2]))
+
+
+def furniture_of(person: Person, performer: Performer) -> Mesh:
+    """What belongs to a person: seats under the hips, a desk before a sitter, other obstacles towards the camera."""
+    kinds = check_kinds(person.furniture)
+    if person.seated and not any(kind in SEATS for kind in kinds):
+        kinds = ("chair", *kinds)
+    body, poses = performer.body, performer.poses
+    facing, at = facing_of(poses[0]), person.at
+    meshes = []
+    for kind in kinds:
+        if kind in SEATS:
+            meshes.append(boxes_mesh(SEATS[kind](seat_height(body)), facing, at))
+            continue
+        yaw = facing if person.seated else 0.0
+        forward = np.array([np.sin(yaw), np.cos(yaw)])
+        reach = _reach(body, poses, at, forward, over_knees=person.seated and kind != "crate") + CLEARANCE
+        boxes = OBSTACLES[kind](HEIGHTS[kind] * body.height)
+        meshes.append(boxes_mesh(boxes, yaw, (at[0] + reach * forward[0], at[1] + reach * forward[1])))
+    return joined(meshes)
+
+
+def _reach(body: Body, poses: np.ndarray, at: tuple[float, float], forward: np.ndarray, *, over_knees: bool) -> float:
+    """How far trunk and legs (the trunk only, where a table stands over the knees) come forward, metres."""
+    named = [
+        i
+        for i, name in enumerate(skeleton.REPORTED)
+        if name in ("pelvis", "spine", "neck") or (not over_knees and name.split("_")[-1] in ("knee", "ankle", "foot"))
+    ]
+    joints = body.joint_positions(poses)[:, named]
+    return float(((joints[..., [0, 2]] - at) @ forward).max()) + CHESTS * body.height
+
+
+def check_apart(performers: Sequence[Performer]) -> None:
+    """Refuse people who stand in each other.
+
+    Raises
+    ------
+    UsageError
+        In some frame the trunks of two people are nearer than two bodies can be.
+    """
+    for i, first in enumerate(performers):
+        for j, second in enumerate(performers[:i]):
+            start, end = max(first.first, second.first), min(first.end, second.end)
+            if start >= end:
+                continue
+            gaps = np.linalg.norm(
+                _trunk(first, start, end)[:, :, None] - _trunk(second, start, end)[:, None], axis=-1
+            ).min(axis=(1, 2))
+            needed = CHESTS * (first.body.height + second.body.height)
+            if gaps.min() < needed:
+                frame = start + int(gaps.argmin())
+                raise UsageError(
+                    f"person {i + 1} is inside person {j + 1} in frame {frame}: their trunks are {gaps.min():.2f} m "
+                    f"apart and need {needed:.2f}; place them elsewhere"
+                )
+
+
+def _trunk(performer: Performer, start: int, end: int) -> np.ndarray:
+    """Points along the trunk in frames `start` to `end`: float64 (end - start, 5, 3)."""
+    joints = performer.body.joint_positions(performer.poses[start - performer.first : end - performer.first])
+    pelvis, neck = (joints[:, skeleton.REPORTED.index(name)][:, None] for name in ("pelvis", "neck"))
+    return pelvis + np.linspace(0.0, 1.0, 5)[:, None] * (neck - pelvis)
