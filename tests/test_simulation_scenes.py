@@ -12,8 +12,8 @@ from toolkit.body.shape import subject_body
 from toolkit.cli.main import main
 from toolkit.cli.simulate import each
 from toolkit.errors import RecordingError, UsageError
+from toolkit.export.bvh import export_bvh
 from toolkit.mocap.clip import PoseClip
-from toolkit.mocap.export import export_bvh
 from toolkit.sensing.recording import open_recording, save_recording
 from toolkit.simulation.clothes import GARMENTS, dressed
 from toolkit.simulation.furniture import OBSTACLES, SEATS, Box, box_mesh, read_boxes
