@@ -5,9 +5,9 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from benchmarks._suite import LONGEST, WORK, database
 from database_builder.build import THRESHOLD
 from database_builder.parts import PartsSettings
+from toolkit.testing.suite import LONGEST, WORK, database
 
 
 def add_take_options(parser: argparse.ArgumentParser) -> None:

@@ -1,8 +1,8 @@
 """Accuracy on the simulated suite, with ablations: `depthmocap bench accuracy [--split report] [--rows hybrid,local]`.
 
-The suite is described in `benchmarks/_suite.py`, the rows in `benchmarks/_rows.py`. Every tracker gets the recording
-and the database, no true pose and no true shape. Figures as `depthmocap evaluate` defines them: averaged over the
-frames of a recording, then over recordings. The gain is the mean error of the local hypothesis minus the result's,
+The suite is described in `toolkit/testing/suite.py`, the rows in `benchmarks/_rows.py`. Every tracker gets the
+recording and the database, no true pose and no true shape. Figures as `depthmocap evaluate` defines them: averaged over
+the frames of a recording, then over recordings. The gain is the mean error of the local hypothesis minus the result's,
 over the frames in which a database hypothesis won. Rows are compared by a paired bootstrap over recordings. What is
 measured on a part of the suite is written to files of their own, ending in `_part`.
 """
@@ -21,7 +21,6 @@ import numpy as np
 from benchmarks._options import add_database_options, add_take_options, poses_of
 from benchmarks._record import RESULTS, save_figures
 from benchmarks._rows import ROWS, WatchedTracker, figures_of, make_tracker, settings_of
-from benchmarks._suite import GROUPS, LONGEST, Take, chosen_takes, has_mocap, record, takes
 from toolkit.config import parse_overrides
 from toolkit.database.database import PoseDatabase
 from toolkit.evaluation.bootstrap import paired_bootstrap
@@ -32,6 +31,7 @@ from toolkit.files import atomic_path
 from toolkit.fitting.fitter import WITHIN
 from toolkit.pipeline import track_recording
 from toolkit.sensing.recording import open_recording
+from toolkit.testing.suite import GROUPS, LONGEST, Take, chosen_takes, has_mocap, record, takes
 from toolkit.track import TRACKED, Track
 
 COLUMNS = (

@@ -20,7 +20,6 @@ import numpy as np
 from benchmarks._options import add_database_options, add_take_options, poses_of
 from benchmarks._record import save_figures
 from benchmarks._rows import settings_of
-from benchmarks._suite import GROUPS, LONGEST, chosen_takes, record
 from benchmarks.real import RECORDINGS
 from toolkit.config import parse_overrides
 from toolkit.database.database import PoseDatabase
@@ -28,6 +27,7 @@ from toolkit.evaluation.extrema import FOUND, TIPS, all_found, all_free
 from toolkit.evaluation.joints import visible_joints
 from toolkit.sensing.cloud import Cloud
 from toolkit.sensing.recording import Recording, open_recording
+from toolkit.testing.suite import GROUPS, LONGEST, chosen_takes, record
 from toolkit.tracking.hybrid import HybridTracker
 from toolkit.tracking.proposals import ExtremaProposer, Previous
 from toolkit.tracking.settings import HybridSettings

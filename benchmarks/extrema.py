@@ -19,7 +19,6 @@ from scipy.sparse import csr_matrix
 from scipy.sparse.csgraph import dijkstra
 
 from benchmarks._record import RESULTS, save_figures
-from benchmarks._subjects import moving_clouds
 from benchmarks._timing import percentiles, pin_to_one_processor
 from toolkit.files import atomic_path
 from toolkit.landmarks.centre import cloud_centre
@@ -27,6 +26,7 @@ from toolkit.landmarks.extrema import Extrema, extrema_of_graph, source_node
 from toolkit.landmarks.graph import Workspace, grid_graph
 from toolkit.landmarks.settings import LandmarkSettings
 from toolkit.sensing.cloud import Cloud
+from toolkit.testing.subjects import moving_clouds
 
 PIXELS = (3_000, 6_000, 16_000)
 REPEATS = 5

@@ -24,13 +24,13 @@ import numpy as np
 from benchmarks._plain_fitting import PlainFitter, PlainScene
 from benchmarks._plain_landmarks import plain_centre, plain_extrema, plain_graph, plain_source
 from benchmarks._record import save_figures
-from benchmarks._subjects import write_recording
 from benchmarks._timing import percentiles, pin_to_one_processor
 from toolkit.database.database import PoseDatabase
 from toolkit.database.origin import ADULT_HEIGHT
 from toolkit.landmarks.facing import estimate_facing
 from toolkit.sensing.cloud import Cloud
 from toolkit.sensing.recording import Recording, open_recording
+from toolkit.testing.subjects import write_recording
 from toolkit.tracking.hybrid import HybridTracker
 from toolkit.tracking.settings import HybridSettings
 from toolkit.tracking.view import View

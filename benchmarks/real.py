@@ -20,7 +20,6 @@ import numpy as np
 from benchmarks._options import add_database_options, poses_of
 from benchmarks._record import save_figures
 from benchmarks._rows import ROWS, figures_of, make_tracker, settings_of
-from benchmarks._suite import ROOT
 from toolkit.body.skeleton import END_EFFECTORS
 from toolkit.config import parse_overrides
 from toolkit.database.database import PoseDatabase
@@ -29,6 +28,7 @@ from toolkit.evaluation.extrema import BONES, OWNERS
 from toolkit.evaluation.scores import EvaluationTable
 from toolkit.pipeline import track_recordings
 from toolkit.sensing.recording import open_recording
+from toolkit.testing.suite import ROOT
 from toolkit.track import RunInfo, Track
 
 RECORDINGS = ROOT.parent / "shared" / "data" / "depth" / "utd_mhad"

@@ -11,9 +11,8 @@ tracker that has not recovered after 90 frames counts as 90; undisturbed frames 
 from __future__ import annotations
 
 import argparse
-import pickle
 from collections.abc import Iterator
-from dataclasses import asdict, replace
+from dataclasses import asdict
 from itertools import cycle, islice
 from typing import Any
 
@@ -22,66 +21,22 @@ import numpy as np
 from benchmarks._options import add_database_options, add_take_options, poses_of
 from benchmarks._record import save_figures
 from benchmarks._rows import ROWS, make_tracker, settings_of
-from benchmarks._suite import LONGEST, chosen_takes, record
-from toolkit.body import skeleton
 from toolkit.config import parse_overrides
-from toolkit.database.canonical import body_facing, canonicalise, mirrored, place
 from toolkit.database.database import PoseDatabase
 from toolkit.evaluation.joints import joint_errors
 from toolkit.sensing.recording import Recording, open_recording
-from toolkit.tracking.hybrid import HybridTracker, Memory
+from toolkit.testing.misled import KINDS, misled, wrong_pose
+from toolkit.testing.suite import LONGEST, chosen_takes, record
+from toolkit.tracking.hybrid import HybridTracker
 
-KINDS = ("random pose", "left and right", "turned", "arms", "shifted")
 ENOUGH, WITHIN = 18, 0.15
 CAP = 90
 """Frames after which nobody waits any longer."""
-ARMS: np.ndarray = np.array(
-    [
-        i
-        for i, n in enumerate(skeleton.POSE_NAMES)
-        if any(part in n for part in ("clavicle", "shoulder", "elbow", "wrist"))
-    ]
-)
-"""Pose entries of both arms."""
 
 
 def is_right(joints: np.ndarray, truth: np.ndarray) -> bool:
     """Whether 18 of the 20 joints (20, 3) are within 150 mm."""
     return int((joint_errors(joints[None], truth[None]) < WITHIN).sum()) >= ENOUGH
-
-
-def wrong_pose(kind: str, pose: np.ndarray, poses: np.ndarray, rng: np.random.Generator) -> np.ndarray:
-    """A wrong version of `pose` (P,), level frame; `poses` (N, P) are those of the database."""
-    own, position, yaw = canonicalise(pose)
-    nowhere = np.zeros(4)
-    if kind == "random pose":
-        return place(poses[rng.integers(len(poses))].astype(np.float64), nowhere, position, yaw)
-    if kind == "left and right":
-        return place(mirrored(own), nowhere, position, yaw)
-    if kind == "turned":
-        return place(own, nowhere, position, yaw + np.pi)
-    wrong = pose.copy()
-    if kind == "arms":
-        wrong[ARMS] = mirrored(own)[ARMS]
-    else:
-        angle = rng.uniform(-np.pi, np.pi)
-        wrong[skeleton.ROOT_POSITION] += [np.sin(angle), 0.0, np.cos(angle)]
-    return wrong
-
-
-def misled(memory: Memory, wrong: np.ndarray) -> Memory:
-    """A copy of the memory as if `wrong` (P,) had been the result of the frame before."""
-    memory = pickle.loads(pickle.dumps(memory))
-    shift = wrong[skeleton.ROOT_POSITION] - memory.pose[skeleton.ROOT_POSITION]
-    memory.previous = replace(
-        memory.previous,
-        pose=wrong,
-        joints=memory.body.joint_positions(wrong),
-        effectors=memory.body.end_effector_positions(wrong),
-    )
-    memory.pose, memory.centre = wrong, memory.centre + shift
-    memory.facing.reset(float(body_facing(wrong)))
-    return memory
 
 
 def frames_from(start: int, total: int) -> Iterator[int]:

@@ -22,7 +22,6 @@ from typing import Any
 import numpy as np
 
 from benchmarks._record import save_figures
-from benchmarks._subjects import write_recording
 from benchmarks._timing import percentiles, pin_to_one_processor
 from benchmarks.plain_pipeline import SIZES, WARM_UP, compare
 from toolkit.body import skeleton
@@ -31,6 +30,7 @@ from toolkit.config import load_settings
 from toolkit.database.database import PoseDatabase
 from toolkit.evaluation.joints import accuracy, frame_errors, joint_errors
 from toolkit.sensing.recording import open_recording
+from toolkit.testing.subjects import write_recording
 from toolkit.tracking.hybrid import HybridTracker
 from toolkit.tracking.settings import HybridSettings
 

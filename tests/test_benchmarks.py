@@ -9,9 +9,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from benchmarks import _record, _suite, accuracy, candidates, real, recovery, speed
+from benchmarks import _record, accuracy, candidates, real, recovery, speed
 from benchmarks._rows import WatchedTracker
-from benchmarks._suite import GROUPS, REPORT, TUNE, chosen_takes, performed, record, takes
 from database_builder.build import build_database
 from database_builder.parts import PartsSettings
 from toolkit.body.shape import subject_body
@@ -19,6 +18,9 @@ from toolkit.database.database import PoseDatabase
 from toolkit.mocap.procedural import procedural_clips
 from toolkit.sensing.recording import open_recording
 from toolkit.simulation.person import facing_of
+from toolkit.testing import suite
+from toolkit.testing.misled import wrong_pose
+from toolkit.testing.suite import GROUPS, REPORT, TUNE, chosen_takes, performed, record, takes
 
 QUICK = ("--set", "shape.frames=2")
 """The shape is learnt from two frames only."""
@@ -36,7 +38,7 @@ def small_database(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture
 def bundled(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Path:
     """The suite of bundled motions, with results in a temporary folder, which is returned."""
-    monkeypatch.setattr(_suite, "MOCAP", tmp_path / "absent")
+    monkeypatch.setattr(suite, "MOCAP", tmp_path / "absent")
     for module in (_record, accuracy):
         monkeypatch.setattr(module, "RESULTS", tmp_path)
     return tmp_path
@@ -61,20 +63,20 @@ def test_no_actor_of_a_take_is_in_the_database_or_in_the_other_split() -> None:
 
 @pytest.mark.shared_data
 def test_the_database_is_made_of_other_actors(shared_data: Path) -> None:
-    names = [path.stem for path in _suite.database_sources() or []]
+    names = [path.stem for path in suite.database_sources() or []]
     assert names and not any(name.startswith(("02_", "49_", "HDM_bk", "HDM_dg")) for name in names)
 
 
 @pytest.mark.shared_data
 def test_every_motion_of_the_suite_exists(shared_data: Path) -> None:
     for take in (*TUNE, *REPORT):
-        assert len(_suite.motion_files(take.motion)) == 1, take.motion
+        assert len(suite.motion_files(take.motion)) == 1, take.motion
 
 
 def test_a_turning_subject_turns_by_the_angle_that_the_take_says(bundled: Path) -> None:
     take = next(take for take in takes("tune") if take.group == "turn" and take.spin == 360)
     body = subject_body(take.body, seed=take.seed)
-    still = performed(_suite.replace(take, spin=0.0), body, 60)
+    still = performed(suite.replace(take, spin=0.0), body, 60)
     turned = performed(take, body, 60)
     yaws = [np.unwrap([facing_of(pose) for pose in clip.poses]) for clip in (still, turned)]
     np.testing.assert_allclose(np.degrees(yaws[1] - yaws[0])[[0, -1]], [0.0, 360.0], atol=1e-6)
@@ -116,10 +118,10 @@ def test_recovery_counts_frames_until_the_pose_is_right(
 def test_a_turned_pose_and_a_shifted_one_are_wrong_by_180_degrees_and_by_a_metre() -> None:
     rng = np.random.default_rng(0)
     pose = procedural_clips(["wave"])[0].poses[20]
-    turned = recovery.wrong_pose("turned", pose, pose[None], rng)
+    turned = wrong_pose("turned", pose, pose[None], rng)
     assert abs(np.degrees(facing_of(turned) - facing_of(pose))) == pytest.approx(180.0)
     np.testing.assert_allclose(turned[:3], pose[:3], atol=1e-9)
-    shifted = recovery.wrong_pose("shifted", pose, pose[None], rng)
+    shifted = wrong_pose("shifted", pose, pose[None], rng)
     assert np.linalg.norm(shifted[:3] - pose[:3]) == pytest.approx(1.0)
     assert shifted[1] == pose[1]
 

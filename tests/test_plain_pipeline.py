@@ -7,7 +7,6 @@ import pytest
 
 from benchmarks._plain_fitting import PlainFitter, PlainPosedBody, PlainScene, bounded_step
 from benchmarks._plain_landmarks import plain_centre, plain_extrema, plain_graph, plain_source
-from benchmarks._subjects import LEVEL, camera_for, draw, moving_poses, write_recording
 from benchmarks.plain_pipeline import compare
 from tests.database_helpers import small_database
 from toolkit.body import skeleton
@@ -23,6 +22,7 @@ from toolkit.landmarks.graph import grid_graph
 from toolkit.landmarks.settings import LandmarkSettings
 from toolkit.sensing.cloud import Cloud
 from toolkit.sensing.recording import open_recording
+from toolkit.testing.subjects import LEVEL, camera_for, draw, moving_poses, write_recording
 from toolkit.tracking.settings import HybridSettings
 
 BODY = load_body("neutral")

@@ -15,7 +15,6 @@ from time import perf_counter
 import numpy as np
 import pytest
 
-from benchmarks.recovery import misled
 from database_builder.parts import PartsSettings, train_forest
 from toolkit.body import skeleton
 from toolkit.body.shape import load_body, subject_body
@@ -27,6 +26,7 @@ from toolkit.mocap.clip import PoseClip
 from toolkit.mocap.procedural import perform, procedural_clips
 from toolkit.sensing.recording import Recording, open_recording, save_recording
 from toolkit.simulation.simulate import simulate_recording
+from toolkit.testing.misled import misled
 from toolkit.track import EMPTY, LOST, TRACKED, FrameResult
 from toolkit.tracking.hybrid import SOURCES, STAGES, HybridTracker, least_turn
 from toolkit.tracking.settings import HybridSettings

@@ -41,9 +41,9 @@ from toolkit.simulation.scene import place_camera
 from toolkit.simulation.sensors import make_sensor
 from toolkit.simulation.simulate import MIDDLE, simulate_recording
 
-ROOT = Path(__file__).resolve().parents[1]
+ROOT = Path(__file__).resolve().parents[2]
 MOCAP = ROOT.parent / "shared" / "data" / "mocap"
-WORK = Path(__file__).parent / ".work"
+WORK = ROOT / "benchmarks" / ".work"
 
 GROUPS = ("basic", "fast", "turn", "side", "low")
 RATE = 30.0
@@ -175,7 +175,11 @@ def _bundled(first: int) -> tuple[Take, ...]:
     """Takes of the bundled `subject` motions: basic and fast from the front, turning, from the side, and low."""
     found = []
     for i, motion in enumerate(name for name in SUBJECT_MOTIONS if name != "half_squat_reach"):
-        common = {"motion": f"bundled_{motion}", "sensor": ("tof", "kinect")[i % 2], "height": (1.0, 1.6, 0.7)[i % 3]}
+        common: dict[str, Any] = {
+            "motion": f"bundled_{motion}",
+            "sensor": ("tof", "kinect")[i % 2],
+            "height": (1.0, 1.6, 0.7)[i % 3],
+        }
         for k, (group, yaw, spin) in enumerate(
             (("basic", 10, 0), ("fast", -20, 0), ("turn", 0, (360, -360)[i % 2]), ("side", (45, -60, 90)[i % 3], 0))
         ):
