@@ -47,5 +47,9 @@ class RetrievalError(DepthMocapError):
     """An index, a template, a keyframe query or an annotation that cannot be made or used."""
 
 
+class InertialError(DepthMocapError):
+    """Sensor data, a placement, a clock or a calibration that cannot be read or used."""
+
+
 class OutputError(DepthMocapError):
     """A result that cannot be written: no permission, no space, a name already taken."""

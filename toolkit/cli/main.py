@@ -10,7 +10,7 @@ from typing import Annotated
 
 import typer
 
-from toolkit.cli import annotate, bench, database, demo, evaluate, export, render, retrieval, simulate, track
+from toolkit.cli import annotate, bench, database, demo, evaluate, export, inertial, render, retrieval, simulate, track
 from toolkit.errors import DepthMocapError, UsageError
 
 app = typer.Typer(
@@ -50,6 +50,7 @@ app.command()(retrieval.index)
 app.command()(retrieval.search)
 app.command()(retrieval.learn)
 app.command()(annotate.annotate)
+app.add_typer(inertial.app, name="inertial")
 app.command()(export.export)
 app.command(context_settings=bench.CONTEXT)(bench.bench)
 

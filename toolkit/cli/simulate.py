@@ -13,6 +13,7 @@ from toolkit.errors import UsageError
 
 PEOPLE = "People (given once it holds for everybody, otherwise once for each CLIP)"
 ROOM = "Room"
+SENSORS = "Inertial sensors"
 BOXES = (".yaml", ".yml")
 
 T = TypeVar("T")
@@ -82,11 +83,23 @@ def simulate(
         bool,
         typer.Option("--background/--no-background", help="Hold the depth of the empty room.", rich_help_panel=ROOM),
     ] = True,
+    inertial: Annotated[
+        str | None,
+        typer.Option(
+            metavar="LIMB,...",
+            help="Inertial sensors on the first person, such as left_shin,right_forearm; their file lies beside.",
+            rich_help_panel=SENSORS,
+        ),
+    ] = None,
+    inertial_noise: Annotated[
+        str, typer.Option(help="Their flaws: mtx, phone or none.", rich_help_panel=SENSORS)
+    ] = "mtx",
     seconds: Annotated[float, typer.Option(help="Length of an empty room.", rich_help_panel=ROOM)] = 3.0,
 ) -> None:
     """Simulate a depth recording with exact truth from motions, bodies, furniture and a camera."""
     from toolkit.cli.terminal import progress_bars
     from toolkit.simulation.furniture import read_boxes
+    from toolkit.simulation.inertial import Worn
     from toolkit.simulation.person import Person
     from toolkit.simulation.simulate import Shot, simulate_scene
 
@@ -113,8 +126,11 @@ def simulate(
     ]
     boxes = tuple(box for file in files for box in read_boxes(file))
     shot = Shot(sensor, distance, height, tilt, frame_rate, furnished, background, boxes, seconds, seed)
+    worn_sensors = Worn(_words(inertial or ""), inertial_noise)
     with progress_bars() as bars:
-        recording = simulate_scene(people, output, shot, progress=lambda done, total: bars("simulating", done, total))
+        recording = simulate_scene(
+            people, output, shot, sensors=worn_sensors, progress=lambda done, total: bars("simulating", done, total)
+        )
     size = f"{recording.camera.width}x{recording.camera.height}"
     print(f"{output}: {len(recording)} frames of {size} pixels")
 

@@ -19,6 +19,7 @@ from toolkit.sensing.camera import Camera
 from toolkit.sensing.recording import Recording, open_recording
 from toolkit.sensing.writer import RecordingWriter
 from toolkit.simulation.furniture import Box, Mesh, boxes_mesh, joined
+from toolkit.simulation.inertial import SimulatedSensors, Worn, simulate_sensors
 from toolkit.simulation.person import Performer, Person, check_apart, furniture_of, prepare_person
 from toolkit.simulation.scene import View, place_camera, room
 from toolkit.simulation.sensors import Sensor, Surface, make_sensor
@@ -210,6 +211,7 @@ def simulate_scene(
     output: str | Path,
     shot: Shot | None = None,
     *,
+    sensors: Worn | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> Recording:
     """Simulate a depth recording with exact joints and write it as NPZ (`depthmocap simulate`).
@@ -219,6 +221,7 @@ def simulate_scene(
     people : nobody, one person or several; the true joints are (20, 3) a frame for one and (N, 20, 3) otherwise
     output : the NPZ file to write
     shot : how they are recorded
+    sensors : inertial sensors on the first person; `<stem>_sensors.npz` and `<stem>_sensors_truth.json` lie beside
     progress : called with the number of frames done and the number of all frames
 
     Returns
@@ -236,6 +239,7 @@ def simulate_scene(
     """
     shot = shot or Shot()
     simulation = prepare(people, shot)
+    measured = _worn_sensors(simulation, sensors) if sensors is not None and sensors.limbs else None
     background = simulation.background() if shot.background else None
     with RecordingWriter(
         output, simulation.sensor.camera, background=background, up_camera=simulation.view.up_camera
@@ -245,7 +249,18 @@ def simulate_scene(
             writer.append(frame.depth, frame.timestamp, joints=joints)
             if progress is not None:
                 progress(i + 1, simulation.frames_in_all)
+    if measured is not None:
+        measured.save(Path(output).with_name(f"{Path(output).stem}_sensors.npz"))
     return open_recording(output)
+
+
+def _worn_sensors(simulation: Simulation, worn: Worn) -> SimulatedSensors:
+    """Sensors of the first person; the floor plan's axes are those of the level frame."""
+    if not simulation.performers:
+        raise UsageError(f"nobody is there to wear sensors on {', '.join(worn.limbs)}; name a clip")
+    body, poses, first = simulation.performers[0]
+    rate = simulation.frame_rate
+    return simulate_sensors(body, poses, rate, worn.limbs, worn.noise, simulation.seed, first / rate)
 
 
 def simulate_recording(
@@ -255,9 +270,10 @@ def simulate_recording(
     body: str | Sequence[float] | Body = "neutral",
     yaw: float = 0.0,
     subject_seed: int | None = None,
+    sensors: Worn | None = None,
     progress: Callable[[int, int], None] | None = None,
     **shot: Any,
 ) -> Recording:
     """Simulate one person alone: arguments of `Person` and, as keywords, of `Shot`; otherwise as `simulate_scene`."""
     person = Person(clip, body=body, yaw=yaw, subject_seed=subject_seed)
-    return simulate_scene([person], output, Shot(**shot), progress=progress)
+    return simulate_scene([person], output, Shot(**shot), sensors=sensors, progress=progress)

@@ -1,0 +1,268 @@
+"""Simulated sensors, orientation from raw data, clocks, suspicions, and the verbs `read` and `synchronise`."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from tests.inertial_scenes import RATE, motion_of, poses_of, sensors_of, write_run
+from toolkit.cli.main import main
+from toolkit.errors import InertialError, UsageError
+from toolkit.inertial import quaternions as quat
+from toolkit.inertial.fusion import NORTH, FusionSettings, fused, gyroscope_bias
+from toolkit.inertial.stream import FREE, GRAVITY, Sensors, checked_stream
+from toolkit.inertial.suspicions import clock_suspicion, suspicions
+from toolkit.inertial.synchronise import SyncSettings, synchronise
+from toolkit.kernels.inertial import correlation_over_lags, integrate
+from toolkit.simulation.inertial import SensorNoise, Worn
+from toolkit.simulation.simulate import simulate_recording
+
+UP = np.array([0.0, 0.0, 1.0])
+
+
+def test_sensors_without_flaws_say_the_truth():
+    simulated, motion = sensors_of(), motion_of()
+    for stream in simulated.sensors:
+        found, known = stream.at(motion.times[:-1])
+        true = quat.multiply(
+            quat.multiply(simulated.world, motion.orientation(stream.name)[:-1]), simulated.mounting[stream.name]
+        )
+        assert np.degrees(quat.angle(found, true)[known]).max() < 0.05
+        rates = quat.angular_velocity(stream.rotations, stream.times)
+        between = 0.5 * (stream.gyro[1:] + stream.gyro[:-1])
+        assert np.abs(rates - between).max() < 0.03
+        lifted = quat.rotate(stream.rotations, stream.acceleration).mean(axis=0)
+        np.testing.assert_allclose(lifted, [0, 0, GRAVITY], atol=0.5)
+
+
+def test_the_same_seed_gives_the_same_sensors_and_another_one_others():
+    first, again, other = (sensors_of(noise="phone", seed=seed).sensors.streams[0] for seed in (1, 1, 2))
+    np.testing.assert_array_equal(first.rotations, again.rotations)
+    assert len(first) != len(other) or not np.array_equal(first.rotations, other.rotations)
+
+
+@pytest.mark.parametrize(
+    ("options", "error", "message"),
+    (
+        ({"noise": "loud"}, UsageError, "unknown noise 'loud'"),
+        ({"limbs": ("tail",)}, InertialError, "no part of the body is called 'tail'"),
+        ({"limbs": ("pelvis", "pelvis")}, InertialError, "two sensors are placed on pelvis"),
+        ({"limbs": ()}, UsageError, "no part of the body is named"),
+    ),
+)
+def test_sensors_that_cannot_be_simulated_are_refused(options, error, message):
+    with pytest.raises(error, match=message):
+        sensors_of(**options)
+
+
+def test_the_kernel_that_integrates_is_its_plain_twin():
+    rng = np.random.default_rng(0)
+    times = np.cumsum(rng.uniform(0.008, 0.012, 200))
+    gyro = rng.normal(size=(200, 3))
+    out = np.empty((200, 4))
+    integrate(times, gyro, out)
+    q = quat.IDENTITY
+    for i in range(1, 200):
+        turn = 0.5 * (gyro[i - 1] + gyro[i])
+        q = quat.multiply(q, quat.exponential(turn * (times[i] - times[i - 1])))
+        assert quat.angle(out[i], q) < 1e-6
+
+
+@pytest.mark.parametrize("name", ("semaphore", "side_step", "knee_to_elbow"))
+def test_raw_measurements_become_orientations_up_to_the_heading(name):
+    stream = sensors_of(name, noise="mtx").sensors.streams[3]
+    found = fused(replace(stream, rotations=None), FusionSettings())
+    assert found.origin == FREE
+    rows = np.flatnonzero(stream.valid)
+    difference = quat.multiply(stream.rotations[rows], quat.conjugate(found.rotations[rows]))
+    tilt = np.degrees(np.arccos(np.clip(quat.rotate(difference, UP)[:, 2], -1, 1)))
+    assert np.median(tilt) < 5.0
+    heading = np.degrees(np.unwrap(2 * np.arctan2(difference[:, 3], difference[:, 0])))
+    assert np.ptp(heading) < 8.0
+
+
+def test_a_steady_field_ties_the_heading_to_north_and_a_disturbed_one_does_not():
+    stream = sensors_of(noise=SensorNoise(gyro_bias=0.02)).sensors.streams[0]
+    field = quat.rotate(quat.conjugate(stream.rotations), [0.5, 0.0, -0.8])
+    north = fused(replace(stream, rotations=None, magnetic=field), FusionSettings())
+    assert north.origin == NORTH
+    assert np.degrees(np.median(quat.angle(north.rotations, stream.rotations))) < 6.0
+    disturbed = field * np.random.default_rng(0).uniform(0.3, 3.0, len(field))[:, None]
+    assert fused(replace(stream, rotations=None, magnetic=disturbed), FusionSettings()).origin == FREE
+
+
+def test_the_bias_is_what_a_gyroscope_says_at_rest():
+    rng = np.random.default_rng(0)
+    gyro = rng.normal(size=(400, 3))
+    gyro[100:250] = [0.02, -0.01, 0.03] + 0.002 * rng.normal(size=(150, 3))
+    found = gyroscope_bias(np.arange(400) / 100, gyro, FusionSettings())
+    np.testing.assert_allclose(found, [0.02, -0.01, 0.03], atol=1e-3)
+    np.testing.assert_array_equal(gyroscope_bias(np.arange(50) / 100, gyro[:50], FusionSettings()), 0.0)
+
+
+def test_without_an_accelerometer_nothing_can_be_fused():
+    stream = checked_stream("pelvis", np.arange(5) / 100, gyro=np.ones((5, 3)))
+    with pytest.raises(InertialError, match="no gyroscope and accelerometer to make one from"):
+        fused(stream, FusionSettings())
+
+
+def test_the_correlation_kernel_is_a_full_scan():
+    rng = np.random.default_rng(0)
+    a, b = rng.normal(size=60), rng.normal(size=80)
+    ka, kb = rng.random(60) < 0.9, rng.random(80) < 0.9
+    lags = np.arange(-70, 90)
+    out = np.empty(len(lags))
+    correlation_over_lags(a, ka, b, kb, lags, 20, out)
+    for lag, value in zip(lags, out, strict=True):
+        rows = [i for i in range(60) if 0 <= i + lag < 80 and ka[i] and kb[i + lag]]
+        if len(rows) < 20:
+            assert np.isnan(value)
+        else:
+            np.testing.assert_allclose(value, np.corrcoef(a[rows], b[np.array(rows) + lag])[0, 1], atol=1e-9)
+
+
+@pytest.mark.parametrize("name", ("semaphore", "archery", "knee_to_elbow"))
+@pytest.mark.parametrize("noise", ("none", "mtx", "phone"))
+def test_the_clock_is_found_against_true_poses(name, noise):
+    simulated = sensors_of(name, noise=noise, seed=4)
+    clock = synchronise(motion_of(name), simulated.sensors)
+    middle = 0.5 * motion_of(name).times[-1] * (simulated.rate - 1.0)
+    assert abs(clock.offset - simulated.offset - middle) < 0.01
+
+
+@settings(max_examples=8, deadline=None)
+@given(st.floats(-2.5, 2.5))
+def test_shifting_the_sensors_clock_shifts_the_offset(shift):
+    simulated = sensors_of(limbs=("left_shin", "right_forearm"))
+    moved = [replace(stream, times=stream.times + shift) for stream in simulated.sensors]
+    base = synchronise(motion_of(), simulated.sensors).offset
+    found = synchronise(motion_of(), Sensors(tuple(moved))).offset
+    assert abs(found - base - shift) < 0.006
+
+
+def test_the_order_of_sensors_does_not_matter():
+    simulated = sensors_of(noise="mtx")
+    first = synchronise(motion_of(), simulated.sensors)
+    turned = synchronise(motion_of(), Sensors(simulated.sensors.streams[::-1]))
+    np.testing.assert_allclose([first.offset, first.correlation], [turned.offset, turned.correlation], atol=1e-9)
+
+
+def test_a_clock_that_starts_at_another_epoch_is_found():
+    simulated = sensors_of(noise="mtx")
+    moved = [replace(stream, times=stream.times + 1.7e9) for stream in simulated.sensors]
+    clock = synchronise(motion_of(), Sensors(tuple(moved)))
+    assert abs(clock.offset - 1.7e9 - simulated.offset) < 0.02
+
+
+def test_the_ratio_of_clocks_is_found_where_it_is_free_and_said():
+    simulated = sensors_of("semaphore")
+    slow = [replace(stream, times=1.6 * stream.times, gyro=stream.gyro / 1.6) for stream in simulated.sensors]
+    clock = synchronise(motion_of("semaphore"), Sensors(tuple(slow)), SyncSettings(free_rate=True))
+    assert abs(clock.rate - 1.6) < 0.02
+    assert "its frames lie 53 ms apart" in clock_suspicion(1.6)[0]
+    assert clock_suspicion(1.0001) == []
+
+
+def test_periodic_motion_is_refused_because_it_locks_a_period_off():
+    poses = np.tile(poses_of()[:45], (5, 1))
+    poses[-1, 6] += 0.01
+    from toolkit.body.shape import subject_body
+    from toolkit.simulation.inertial import simulate_sensors
+
+    simulated = simulate_sensors(subject_body("neutral"), poses, RATE, ["left_shin", "right_forearm"], "none")
+    with pytest.raises(InertialError, match="agree nearly as well at two offsets"):
+        synchronise(motion_of(poses=poses), simulated.sensors)
+
+
+def test_an_offset_at_the_border_of_the_search_is_refused():
+    simulated = sensors_of()
+    moved = [replace(stream, times=stream.times + 0.2) for stream in simulated.sensors]
+    whole = motion_of()
+    late = replace(
+        whole, times=whole.times[5:], rotations=whole.rotations[5:], origins=whole.origins[5:], valid=whole.valid[5:]
+    )
+    with pytest.raises(InertialError, match="border of the search"):
+        synchronise(late, Sensors(tuple(moved)), SyncSettings(max_offset=0.1))
+
+
+def test_sensors_that_rest_are_refused():
+    stream = checked_stream("pelvis", np.arange(500) / 100, gyro=np.zeros((500, 3)) + 1e-4)
+    with pytest.raises(InertialError, match="rest throughout"):
+        synchronise(motion_of(), Sensors((stream,)))
+
+
+def test_sensors_too_short_for_the_track_are_refused():
+    stream = sensors_of().sensors.streams[2]
+    short = checked_stream(stream.name, stream.times[200:300], gyro=stream.gyro[200:300])
+    with pytest.raises(InertialError, match="no sensor overlaps"):
+        synchronise(motion_of(), Sensors((short,)))
+
+
+def spoilt(**changes):
+    stream = sensors_of(noise="mtx").sensors.streams[0]
+    return Sensors((replace(stream, **{name: change(getattr(stream, name)) for name, change in changes.items()}),))
+
+
+@pytest.mark.parametrize(
+    ("changes", "sentence"),
+    (
+        ({"gyro": lambda g: 3.0 * np.degrees(g)}, "may be in deg/s"),
+        ({"acceleration": lambda a: a / GRAVITY}, "may be in g"),
+        ({"acceleration": lambda a: 0.1 * a}, "less than gravity|may be in g"),
+        ({"rotations": quat.conjugate}, "look conjugated"),
+        ({"rotations": lambda q: q[:, [1, 2, 3, 0]]}, "look x y z w"),
+        ({"gyro": lambda g: g[:, [1, 0, 2]]}, "contradicts its orientations"),
+    ),
+)
+def test_what_looks_wrong_is_said_with_its_evidence(changes, sentence):
+    import re
+
+    said = suspicions(spoilt(**changes))
+    assert any(re.search(sentence, text) for text in said), said
+
+
+def test_sensors_that_are_as_they_should_be_raise_no_suspicion():
+    for noise in ("none", "mtx", "phone"):
+        assert suspicions(sensors_of(noise=noise).sensors) == []
+
+
+def typed(*words) -> None:
+    with pytest.raises(SystemExit) as ended:
+        main([str(word) for word in words])
+    assert ended.value.code == 0
+
+
+def test_the_verbs_read_and_synchronise_as_typed(tmp_path, capsys):
+    simulated = sensors_of(noise="mtx", seed=4)
+    devices = [f"00B{i}" for i in range(len(simulated.sensors))]
+    simulated.sensors.renamed(devices).save(tmp_path / "raw.csv")
+    limbs = zip(devices, simulated.sensors.names, strict=True)
+    (tmp_path / "placement.yaml").write_text("\n".join(f"{device}: {limb}" for device, limb in limbs))
+    run = write_run(tmp_path / "run", poses_of())
+    output = str(tmp_path / "sensors.npz")
+    typed("inertial", "read", tmp_path / "raw.csv", "-o", output, "--placement", tmp_path / "placement.yaml")
+    assert "left_shin" in capsys.readouterr().out
+    typed("inertial", "synchronise", run, "--sensors", output)
+    said = capsys.readouterr().out
+    assert abs(float(said.split("t_camera")[1].split()[0]) - simulated.offset) < 0.01
+
+
+def test_a_recording_is_simulated_with_sensors_and_their_truth_beside_it(tmp_path):
+    from toolkit.body.shape import subject_body
+    from toolkit.mocap.clip import PoseClip
+
+    clip = PoseClip("short", poses_of()[:8], RATE, "test")
+    simulate_recording(
+        clip, tmp_path / "take.npz", body=subject_body("neutral"), sensor="tof", furnished=False,
+        sensors=Worn(("left_shin", "head"), "none"),
+    )  # fmt: skip
+    sensors = Sensors.load(tmp_path / "take_sensors.npz")
+    truth = json.loads((tmp_path / "take_sensors_truth.json").read_text())
+    assert sensors.names == ("left_shin", "head")
+    assert set(truth["mounting"]) == {"left_shin", "head"}
+    assert truth["offset"] == 0.0

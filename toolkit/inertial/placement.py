@@ -1,0 +1,103 @@
+"""Which sensor sits on which part of the body: `placement.yaml`, or names that say so themselves."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import replace
+from pathlib import Path
+
+from toolkit.errors import InertialError
+from toolkit.inertial.limbs import LIMBS
+from toolkit.inertial.stream import Sensors, SensorStream
+
+_SIDES = {"left": "left", "l": "left", "right": "right", "r": "right"}
+_PARTS = {
+    "head": "head", "skull": "head", "chest": "chest", "sternum": "chest", "torso": "chest", "thorax": "chest",
+    "t8": "chest", "pelvis": "pelvis", "sacrum": "pelvis", "abdomen": "pelvis",
+    "upperarm": "upper_arm", "uparm": "upper_arm", "humerus": "upper_arm", "upper_arm": "upper_arm",
+    "forearm": "forearm", "lowarm": "forearm", "lowerarm": "forearm", "ulna": "forearm", "radius": "forearm",
+    "hand": "hand",
+    "upperleg": "thigh", "upleg": "thigh", "thigh": "thigh", "femur": "thigh",
+    "lowerleg": "shin", "lowleg": "shin", "shin": "shin", "shank": "shin", "tibia": "shin",
+    "foot": "foot", "calcn": "foot",
+}  # fmt: skip
+"""Parts of the body as MVN, TotalCapture and OpenSim call them. A wrist is none: it may mean hand or forearm."""
+
+
+def limb_named(name: str) -> str | None:
+    """The part of the body that a foreign name means (`R_LowArm`, `RightForeArm`, `femur_r_imu`), or None."""
+    text = name.strip().lower().removesuffix("_imu")
+    if text in LIMBS:
+        return text
+    for mark, side in _SIDES.items():
+        for rest in (text.removeprefix(f"{mark}_"), text.removesuffix(f"_{mark}"), text.removeprefix(side)):
+            part = _PARTS.get(rest.strip("_"))
+            if rest != text and part is not None and f"{side}_{part}" in LIMBS:
+                return f"{side}_{part}"
+    part = _PARTS.get(text)
+    return part if part in LIMBS else None
+
+
+def load_placement(path: str | Path) -> dict[str, str]:
+    """Read `placement.yaml`: sensor or device id -> part of the body.
+
+    Raises
+    ------
+    InertialError
+        It cannot be read, is no table of names, or names a part that does not exist or twice the same.
+    """
+    import yaml
+
+    try:
+        table = yaml.safe_load(Path(path).read_text(encoding="utf-8"))
+    except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
+        raise InertialError(
+            f"cannot read the placement {path}: {error}; write lines such as 00B421AF: left_shin"
+        ) from error
+    if not isinstance(table, dict) or not table:
+        raise InertialError(f"{path} is no table of sensors; write lines such as 00B421AF: left_shin")
+    placement = {str(device): str(limb) for device, limb in table.items()}
+    check_limbs(placement.values())
+    return placement
+
+
+def check_limbs(limbs: Iterable[str]) -> None:
+    """Raise InertialError for a part of the body that does not exist or is named twice."""
+    seen: set[str] = set()
+    for limb in limbs:
+        if limb not in LIMBS:
+            raise InertialError(f"no part of the body is called {limb!r}; a sensor sits on one of: {', '.join(LIMBS)}")
+        if limb in seen:
+            raise InertialError(f"two sensors are placed on {limb}; every part of the body carries one")
+        seen.add(limb)
+
+
+def placed(sensors: Sensors, placement: Mapping[str, str] | None = None) -> Sensors:
+    """Sensors named after the parts of the body that carry them; those that the placement does not name are left out.
+
+    Without a placement the sensors' own names must say where they sit.
+
+    Raises
+    ------
+    InertialError
+        A sensor sits nowhere, two sit on one part, or the placement names none that is there.
+    """
+    pairs: list[tuple[SensorStream, str]] = []
+    if placement is None:
+        for stream in sensors:
+            if (limb := limb_named(stream.name)) is None:
+                raise InertialError(
+                    f"sensor {stream.name!r} does not say which part of the body carries it; "
+                    f"give --placement with a line such as {stream.name}: left_shin"
+                )
+            pairs.append((stream, limb))
+    else:
+        pairs = [(stream, placement[stream.name]) for stream in sensors if stream.name in placement]
+        if missing := sorted(set(placement) - set(sensors.names)):
+            raise InertialError(
+                f"the placement names {', '.join(missing)}, but the sensors are {', '.join(sensors.names)}; correct it"
+            )
+    check_limbs(limb for _, limb in pairs)
+    devices = {limb: sensors.devices.get(stream.name, stream.name) for stream, limb in pairs}
+    streams = tuple(replace(stream, name=limb) for stream, limb in pairs)
+    return replace(sensors, streams=streams, source={**sensors.source, "devices": devices})

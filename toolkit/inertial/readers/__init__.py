@@ -1,0 +1,77 @@
+"""One reader per format of sensor data, guessed from the file."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+import numpy as np
+
+from toolkit.errors import InertialError, UsageError
+from toolkit.inertial.readers import canonical, dot, matlab, mvnx, sto, table, total_capture, xsens_mt
+from toolkit.inertial.readers.common import SensorOptions
+from toolkit.inertial.stream import Sensors
+
+Reader = Callable[[Path, SensorOptions], Sensors]
+
+READERS: dict[str, tuple[Callable[[Path], bool], Reader]] = {
+    "npz": (canonical.matches, canonical.read),
+    "matlab": (matlab.matches, matlab.read),
+    "mvnx": (mvnx.matches, mvnx.read),
+    "sto": (sto.matches, sto.read),
+    "xsens_mt": (xsens_mt.matches, xsens_mt.read),
+    "dot": (dot.matches, dot.read),
+    "total_capture": (total_capture.matches, total_capture.read),
+    "csv": (table.matches, table.read),
+}
+"""Format -> (does a file look like it, read it), asked in this order."""
+
+
+def read_file(path: str | Path, options: SensorOptions | None = None) -> Sensors:
+    """The sensors of one file, as they are called in it.
+
+    Raises
+    ------
+    UsageError
+        There is no format of the chosen name.
+    InertialError
+        The file is missing, damaged or of no known format.
+    """
+    options, path = options or SensorOptions(), Path(path)
+    if not path.is_file():
+        raise InertialError(f"there is no file {path}; name a file that a sensor's software exported")
+    if options.columns is not None and options.format is None:
+        return table.read(path, options)
+    if options.format is not None:
+        if options.format not in READERS:
+            raise UsageError(f"unknown sensor format {options.format!r}; there are: {', '.join(READERS)}")
+        return READERS[options.format][1](path, options)
+    for matches, read in READERS.values():
+        if matches(path):
+            return read(path, options)
+    raise InertialError(
+        f"{path} looks like no known sensor file; there are: {', '.join(READERS)}. "
+        "A CSV of any other kind is read with --columns"
+    )
+
+
+def read_files(paths: Sequence[str | Path], options: SensorOptions | None = None) -> Sensors:
+    """All sensors of several files of one recording, on one clock and in one world.
+
+    Raises
+    ------
+    UsageError
+        No file is named.
+    InertialError
+        Two sensors are called alike, or the files' worlds differ.
+    """
+    if not paths:
+        raise UsageError("no sensor file is named; give at least one")
+    parts = [read_file(path, options) for path in paths]
+    up = parts[0].world_up
+    for path, part in zip(paths, parts, strict=True):
+        if not np.allclose(part.world_up, up, atol=1e-6, equal_nan=True):
+            raise InertialError(f"the vertical of {path} is {part.world_up.tolist()}, of the others {up.tolist()}")
+    devices = {limb: device for part in parts for limb, device in part.devices.items()}
+    source = {"files": [Path(path).name for path in paths], "devices": devices}
+    return Sensors(tuple(stream for part in parts for stream in part), up, source)

@@ -1,0 +1,89 @@
+"""MATLAB files of two data sets, both raw: acceleration in g, rate of turn in deg/s, sensor frame.
+
+UTD-MHAD, `*_inertial.mat`: `d_iner` (N, 6), 50 samples a second, no times; right wrist in actions 1 to 21, right thigh
+in 22 to 27. CZU-MHAD, `*_sensor.mat`: `sensor`, ten cells (N, 7) whose last column is the time of day in seconds,
+and as text the files `pi00` to `pi09` with the same seven numbers a row.
+"""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from toolkit.errors import InertialError
+from toolkit.inertial.readers.common import DEGREE, SensorOptions, read_text
+from toolkit.inertial.stream import FREE, GRAVITY, Sensors, SensorStream, checked_stream
+
+UTD_RATE = 50.0
+FIRST_THIGH_ACTION = 22
+CZU_LIMBS = (
+    "chest", "pelvis", "left_upper_arm", "left_forearm", "right_upper_arm", "right_forearm",
+    "left_thigh", "left_shin", "right_thigh", "right_shin",
+)  # fmt: skip
+"""Where the sensors 00 to 09 sit: chest, abdomen, then elbow and wrist, knee and ankle; the upper of each pair is taken
+for the bone above the joint."""
+DAY = 86400.0
+_ACTION = re.compile(r"^a(\d+)_s\d+_t\d+")
+_PI = re.compile(r"^pi0?(\d)(\.\w+)?$", re.IGNORECASE)
+
+
+def matches(path: Path) -> bool:
+    """Whether it is a MATLAB file or one of CZU-MHAD's texts, by its name."""
+    return path.suffix.lower() == ".mat" or bool(_PI.match(path.name))
+
+
+def read(path: Path, options: SensorOptions) -> Sensors:
+    """The sensors of a file of either data set."""
+    if found := _PI.match(path.name):
+        return Sensors((_czu_stream(path, int(found.group(1)), _numbers(path), options),))
+    stored = _load(path)
+    if "d_iner" in stored:
+        return Sensors((_utd_stream(path, np.asarray(stored["d_iner"], np.float64), options),))
+    if "sensor" in stored:
+        cells = [np.asarray(cell, np.float64) for cell in np.ravel(stored["sensor"])]
+        if len(cells) > len(CZU_LIMBS):
+            raise InertialError(f"sensor in {path} has {len(cells)} cells; CZU-MHAD has {len(CZU_LIMBS)}")
+        return Sensors(tuple(_czu_stream(path, k, cell, options) for k, cell in enumerate(cells)))
+    there = ", ".join(key for key in stored if not key.startswith("__")) or "nothing"
+    raise InertialError(f"{path} holds neither d_iner (UTD-MHAD) nor sensor (CZU-MHAD) but {there}")
+
+
+def _load(path: Path) -> dict[str, Any]:
+    from scipy.io import loadmat
+
+    try:
+        return dict(loadmat(path))
+    except Exception as error:  # scipy raises many kinds for a damaged file
+        raise InertialError(f"{path} is truncated or no MATLAB file ({error}); copy it again") from error
+
+
+def _numbers(path: Path) -> np.ndarray:
+    rows = [re.split(r"[,\s]+", line.strip()) for line in read_text(path).splitlines() if line.strip()]
+    try:
+        return np.array([[float(word) for word in row] for row in rows])
+    except ValueError as error:
+        raise InertialError(f"{path} is no table of seven numbers a row ({error}); copy it again") from error
+
+
+def _utd_stream(path: Path, values: np.ndarray, options: SensorOptions) -> SensorStream:
+    if values.ndim != 2 or values.shape[1] != 6 or len(values) < 2:
+        raise InertialError(f"d_iner in {path} has shape {values.shape}; expected (N, 6) with at least 2 rows")
+    action = _ACTION.match(path.stem)
+    limb = "right_thigh" if action and int(action.group(1)) >= FIRST_THIGH_ACTION else "right_forearm"
+    times = np.arange(len(values)) / (options.rate or UTD_RATE)
+    return _raw(options.sensor or limb, times, values)
+
+
+def _czu_stream(path: Path, number: int, values: np.ndarray, options: SensorOptions) -> SensorStream:
+    if values.ndim != 2 or values.shape[1] != 7 or len(values) < 2:
+        raise InertialError(f"sensor {number} in {path} has shape {values.shape}; expected (N, 7) with at least 2 rows")
+    times = values[:, 6] + DAY * np.concatenate([[0], np.cumsum(np.diff(values[:, 6]) < -0.5 * DAY)])
+    return _raw(options.sensor or CZU_LIMBS[number], times, values)
+
+
+def _raw(name: str, times: np.ndarray, values: np.ndarray) -> SensorStream:
+    acceleration, gyro = values[:, :3] * GRAVITY, values[:, 3:6] * DEGREE
+    return checked_stream(name, times, gyro=gyro, acceleration=acceleration, origin=FREE)

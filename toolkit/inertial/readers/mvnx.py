@@ -1,0 +1,81 @@
+"""MVNX of Xsens MVN: XML with the orientations of 23 fitted body segments per frame.
+
+These are no raw sensors: MVN has already fitted them to a skeleton. Leading frames may be calibration poses (`npose`,
+`tpose`, `identity`); only frames of the type `normal` are motion. The world has z up, x to north.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from toolkit.errors import InertialError
+from toolkit.inertial.readers.common import SensorOptions, head_of, read_text
+from toolkit.inertial.stream import Sensors, checked_stream
+
+ORIGIN = "segment fitted by MVN"
+
+
+def matches(path: Path) -> bool:
+    """Whether it is called so or says so."""
+    return path.suffix.lower() == ".mvnx" or "<mvnx" in head_of(path, 1024)
+
+
+def read(path: Path, options: SensorOptions) -> Sensors:
+    """One stream per segment; a placement chooses those that are wanted."""
+    root = _tree(path)
+    frames = [f for f in root.iter() if _tag(f) == "frame" and f.get("type") == "normal"]
+    if len(frames) < 2:
+        raise InertialError(f"{path} holds {len(frames)} frames of the type normal; export a recording with motion")
+    labels = [str(s.get("label")) for s in root.iter() if _tag(s) == "segment" and s.get("label")]
+    rate = next((float(s.get("frameRate")) for s in root.iter() if s.get("frameRate")), options.rate)
+    table = [_orientations(path, frame, len(labels)) for frame in frames]
+    rotations = np.array(table).reshape(len(frames), len(labels), 4)
+    times = _times(path, frames, rate)
+    streams = [checked_stream(label, times, rotations=rotations[:, k], origin=ORIGIN) for k, label in enumerate(labels)]
+    return Sensors(tuple(streams))
+
+
+def _tree(path: Path) -> Any:
+    from xml.etree import ElementTree
+
+    text = read_text(path)
+    if "<!ENTITY" in text:
+        raise InertialError(f"{path} defines XML entities, which no MVNX file does; export it again")
+    try:
+        return ElementTree.fromstring(text)
+    except ElementTree.ParseError as error:
+        raise InertialError(f"{path} is no complete XML ({error}); copy it again") from error
+
+
+def _tag(element: Any) -> str:
+    return str(element.tag).rpartition("}")[2]
+
+
+def _orientations(path: Path, frame: Any, segments: int) -> np.ndarray:
+    element = next((child for child in frame if _tag(child) == "orientation"), None)
+    text = "" if element is None else element.text or ""
+    try:
+        values = np.array(text.split(), dtype=np.float64)
+    except ValueError:
+        values = np.empty(0)
+    if len(values) != 4 * segments:
+        raise InertialError(
+            f"frame {frame.get('index')} of {path} has {len(values)} numbers of orientation for {segments} segments; "
+            "export it with segment orientations"
+        )
+    return values
+
+
+def _times(path: Path, frames: list[Any], rate: float | None) -> np.ndarray:
+    """Milliseconds in the attribute `time`; where they are missing the frame's number over the rate."""
+    stamps = [frame.get("time") for frame in frames]
+    if all(stamp is not None for stamp in stamps):
+        times = np.array(stamps, dtype=np.float64) / 1000.0
+        if (np.diff(times) > 0).all():
+            return times
+    if not rate:
+        raise InertialError(f"{path} says neither times nor a frame rate; give --rate in frames a second")
+    return np.array([float(f.get("index") or i) for i, f in enumerate(frames)]) / rate

@@ -1,0 +1,276 @@
+"""What sensors measured: one stream per sensor, and the canonical file.
+
+`sensors.npz` holds `names` (S,), per sensor k `times_k`, `rotations_k`, `gyro_k`, `acceleration_k` (absent where not
+measured) and `valid_k`, and for all `world_up` and `source` (JSON). Its twin in text is a CSV with the columns
+`sensor,time_s,qw,qx,qy,qz,gx,gy,gz,ax,ay,az`, in the same units.
+"""
+
+from __future__ import annotations
+
+import json
+import zipfile
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from toolkit.errors import InertialError
+from toolkit.files import save_npz, save_text
+from toolkit.inertial import quaternions as quat
+
+GRAVITY = 9.80665
+"""m/s2, standard gravity: what accelerometers at rest measure, upwards."""
+LONGEST_GAP = 0.1
+"""Seconds: nothing is interpolated over a longer gap; at 100 Hz a limb turns by up to 60 degrees in it."""
+NORM_ERROR = 0.05
+"""By how much the length of a quaternion may differ from 1 before it is no orientation."""
+CSV_COLUMNS = ("sensor", "time_s", "qw", "qx", "qy", "qz", "gx", "gy", "gz", "ax", "ay", "az")
+DEVICE, FREE = "device", "gyroscope and gravity, heading free"
+"""Where an orientation comes from: the device's own filter, or `fusion.py` without a north."""
+
+
+@dataclass(frozen=True, eq=False)
+class SensorStream:
+    """One sensor over time.
+
+    Attributes
+    ----------
+    name : the part of the body that carries it, out of `limbs.LIMBS`; before placement the device's id
+    times : float64 (N,), seconds, rising strictly
+    rotations : float64 (N, 4) or None, sensor to inertial world
+    gyro : float64 (N, 3) or None, rad/s in the sensor's frame
+    acceleration : float64 (N, 3) or None, m/s2 in the sensor's frame, gravity included
+    magnetic : float64 (N, 3) or None, any unit, in the sensor's frame; used by the fusion and not kept
+    valid : bool (N,), rows that say something
+    origin : where the orientations come from
+    """
+
+    name: str
+    times: np.ndarray
+    rotations: np.ndarray | None = None
+    gyro: np.ndarray | None = None
+    acceleration: np.ndarray | None = None
+    magnetic: np.ndarray | None = None
+    valid: np.ndarray = field(default_factory=lambda: np.ones(0, dtype=bool))
+    origin: str = DEVICE
+
+    def __len__(self) -> int:
+        return len(self.times)
+
+    @property
+    def rate(self) -> float:
+        """Samples a second, by the median of the intervals."""
+        return float(1.0 / np.median(np.diff(self.times)))
+
+    @property
+    def gaps(self) -> int:
+        """Number of places where nothing valid was measured for longer than `LONGEST_GAP`."""
+        return int((np.diff(self.times[self.valid]) > LONGEST_GAP + 1e-9).sum())
+
+    def at(self, times: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Orientations (M, 4) at other times by spherical interpolation, and where they are known: bool (M,)."""
+        if self.rotations is None:
+            raise InertialError(f"sensor {self.name} has no orientation; fuse its gyroscope and accelerometer first")
+        known, low, share = self._places(times)
+        rows = np.flatnonzero(self.valid)
+        start, stop = self.rotations[rows[low]], self.rotations[rows[np.minimum(low + 1, len(rows) - 1)]]
+        return quat.interpolate(start, stop, share), known
+
+    def vectors_at(self, values: np.ndarray, times: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """The same for any values (N, K), linearly."""
+        known, low, share = self._places(times)
+        rows = np.flatnonzero(self.valid)
+        start, stop = values[rows[low]], values[rows[np.minimum(low + 1, len(rows) - 1)]]
+        return start + (stop - start) * share[:, None], known
+
+    def _places(self, times: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Where times lie among the valid rows: known (M,), the row before (M,), the share of the way to the next."""
+        own = self.times[self.valid]
+        low = np.clip(np.searchsorted(own, times, side="right") - 1, 0, max(len(own) - 2, 0))
+        step = own[np.minimum(low + 1, len(own) - 1)] - own[low]
+        share = np.clip((times - own[low]) / np.where(step > 0, step, 1.0), 0.0, 1.0)
+        inside = (times >= own[0] - 1e-9) & (times <= own[-1] + 1e-9)
+        return inside & (step <= LONGEST_GAP + 1e-9), low, share
+
+
+def checked_stream(
+    name: str,
+    times: np.ndarray,
+    *,
+    rotations: np.ndarray | None = None,
+    gyro: np.ndarray | None = None,
+    acceleration: np.ndarray | None = None,
+    magnetic: np.ndarray | None = None,
+    origin: str = DEVICE,
+) -> SensorStream:
+    """A stream of what a file says: rows of zeros or NaN are marked, duplicates left out, lengths and order checked.
+
+    Raises
+    ------
+    InertialError
+        Times run backwards, fewer than two rows are usable, or no quaternion has length 1.
+    """
+    times = np.asarray(times, np.float64).ravel()
+    columns = {"rotations": (rotations, 4), "gyro": (gyro, 3), "acceleration": (acceleration, 3)}
+    columns["magnetic"] = (magnetic, 3)
+    arrays: dict[str, np.ndarray | None] = {}
+    for key, (values, width) in columns.items():
+        arrays[key] = None if values is None else np.asarray(values, np.float64)
+        if values is not None and arrays[key].shape != (len(times), width):  # type: ignore[union-attr]
+            raise InertialError(
+                f"sensor {name} has {key} of shape {np.shape(values)} for {len(times)} times; "
+                f"expected ({len(times)}, {width})"
+            )
+    if all(arrays[key] is None for key in ("rotations", "gyro")):
+        raise InertialError(f"sensor {name} has neither orientations nor a gyroscope; name columns that hold them")
+    keep = _kept_rows(name, times)
+    times = times[keep]
+    present = {key: values[keep] for key, values in arrays.items() if values is not None}
+    valid = np.isfinite(times)
+    for key, values in present.items():
+        fine = np.isfinite(values).all(axis=1)
+        if key in ("rotations", "acceleration"):  # an accelerometer that measures nothing at all is not there
+            fine &= (values != 0.0).any(axis=1)
+        if key != "magnetic":
+            valid &= fine
+    if "rotations" in present:
+        lengths = np.linalg.norm(present["rotations"], axis=1)
+        with np.errstate(invalid="ignore"):
+            unit = np.abs(lengths - 1.0) <= NORM_ERROR
+        if not (unit & valid).any():
+            typical = float(np.nanmedian(lengths)) if np.isfinite(lengths).any() else float("nan")
+            raise InertialError(
+                f"the quaternions of sensor {name} have length {typical:.3g} throughout, not 1; "
+                "check which columns hold w, x, y and z"
+            )
+        valid &= unit
+        present["rotations"] = np.where(valid[:, None], quat.normalised(present["rotations"]), quat.IDENTITY)
+    if valid.sum() < 2:
+        raise InertialError(f"sensor {name} has {int(valid.sum())} usable rows of {len(valid)}; at least 2 are needed")
+    for key, values in present.items():
+        present[key] = np.where(np.isfinite(values), values, 0.0)
+    return SensorStream(name, times, valid=valid, origin=origin, **present)
+
+
+def _kept_rows(name: str, times: np.ndarray) -> np.ndarray:
+    """Rows with a time of their own; the first of equal ones is kept."""
+    finite = np.flatnonzero(np.isfinite(times))
+    steps = np.diff(times[finite])
+    if (steps < 0).any():
+        row = int(finite[1:][steps < 0][0])
+        raise InertialError(
+            f"the times of sensor {name} run backwards at row {row}, from {times[row - 1]:.6g} to {times[row]:.6g} s; "
+            "cut the file there or repair its clock"
+        )
+    return finite[np.concatenate([[True], steps > 0])] if len(finite) else finite
+
+
+@dataclass(frozen=True, eq=False)
+class Sensors:
+    """All sensors of one recording.
+
+    Attributes
+    ----------
+    streams : one per sensor, names unique
+    world_up : float64 (3,), the vertical of the inertial world; NaN where it is unknown
+    source : files, format, device of each part of the body: whatever belongs into a report
+    """
+
+    streams: tuple[SensorStream, ...]
+    world_up: np.ndarray = field(default_factory=lambda: np.array([0.0, 0.0, 1.0]))
+    source: dict[str, Any] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        if not self.streams:
+            raise InertialError("there is no sensor; name a file that holds one")
+        names = [stream.name for stream in self.streams]
+        if twice := sorted({name for name in names if names.count(name) > 1}):
+            raise InertialError(f"two sensors are both called {', '.join(twice)}; every part of the body carries one")
+        up = np.asarray(self.world_up, np.float64)
+        if up.shape != (3,) or (np.isfinite(up).all() and np.linalg.norm(up) < 1e-6):
+            raise InertialError(f"world_up {up.tolist()} is no direction; give three numbers such as 0, 0, 1")
+        object.__setattr__(self, "world_up", up / np.linalg.norm(up))
+
+    def __iter__(self) -> Iterator[SensorStream]:
+        return iter(self.streams)
+
+    def __len__(self) -> int:
+        return len(self.streams)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Of the sensors, in order."""
+        return tuple(stream.name for stream in self.streams)
+
+    @property
+    def devices(self) -> dict[str, str]:
+        """Part of the body -> id of the device on it, as far as it is known."""
+        return dict(self.source.get("devices", {}))
+
+    def save(self, path: str | Path) -> None:
+        """Write the canonical file, NPZ or CSV by its suffix, whole or not at all."""
+        if Path(path).suffix.lower() == ".csv":
+            save_text(path, "\n".join(_csv_lines(self.streams)) + "\n")
+            return
+        arrays: dict[str, Any] = {"names": np.array(self.names, dtype=np.str_), "world_up": self.world_up}
+        for k, stream in enumerate(self.streams):
+            arrays[f"times_{k}"], arrays[f"valid_{k}"] = stream.times, stream.valid
+            for key in ("rotations", "gyro", "acceleration"):
+                if (values := getattr(stream, key)) is not None:
+                    arrays[f"{key}_{k}"] = values
+        origins = {stream.name: stream.origin for stream in self.streams if stream.rotations is not None}
+        arrays["source"] = np.array(json.dumps({**self.source, "orientation": origins}))
+        save_npz(path, arrays)
+
+    @classmethod
+    def load(cls, path: str | Path) -> Sensors:
+        """Read the canonical NPZ; rows are checked as those of any other file.
+
+        Raises
+        ------
+        InertialError
+            It is missing, damaged or something else.
+        """
+        try:
+            with np.load(path, allow_pickle=False) as file:
+                arrays = {key: file[key] for key in file.files}
+            source = json.loads(str(arrays.get("source", "{}")))
+            names = [str(name) for name in arrays["names"]]
+            origins = source.get("orientation", {})
+            streams = [_stored_stream(name, k, arrays, origins.get(name, DEVICE)) for k, name in enumerate(names)]
+            up = arrays.get("world_up", np.array([0.0, 0.0, 1.0]))
+        except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile, AttributeError) as error:
+            raise InertialError(
+                f"cannot read {path} as sensor data: {error}; write it with `depthmocap inertial read`"
+            ) from error
+        return cls(tuple(streams), up, source)
+
+    def renamed(self, names: Sequence[str]) -> Sensors:
+        """The same streams under other names, in order."""
+        return replace(self, streams=tuple(replace(s, name=n) for s, n in zip(self.streams, names, strict=True)))
+
+
+def _stored_stream(name: str, k: int, arrays: dict[str, np.ndarray], origin: str) -> SensorStream:
+    stream = checked_stream(
+        name,
+        arrays[f"times_{k}"],
+        rotations=arrays.get(f"rotations_{k}"),
+        gyro=arrays.get(f"gyro_{k}"),
+        acceleration=arrays.get(f"acceleration_{k}"),
+        origin=origin,
+    )
+    stored = np.asarray(arrays.get(f"valid_{k}", np.ones(len(stream), dtype=bool)), dtype=bool)
+    return replace(stream, valid=stream.valid & stored) if len(stored) == len(stream) else stream
+
+
+def _csv_lines(streams: Sequence[SensorStream]) -> Iterator[str]:
+    yield ",".join(CSV_COLUMNS)
+    for stream in streams:
+        blocks = ((stream.rotations, 4), (stream.gyro, 3), (stream.acceleration, 3))
+        for i in np.flatnonzero(stream.valid):
+            cells = [stream.name, f"{stream.times[i]:.6f}"]
+            for values, width in blocks:
+                cells += [""] * width if values is None else [f"{value:.7g}" for value in values[i]]
+            yield ",".join(cells)

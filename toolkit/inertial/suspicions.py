@@ -1,0 +1,111 @@
+"""What looks wrong with sensor data, said with the evidence: units, order of quaternions, clocks, places.
+
+Nothing is mended by itself: a suspicion may be wrong, and whoever exported the file knows.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from toolkit.inertial import quaternions as quat
+from toolkit.inertial.stream import GRAVITY, Sensors, SensorStream
+
+FASTEST = 35.0
+"""rad/s: the range of common gyroscopes (2000 deg/s); nobody turns a limb faster."""
+MOVING = 0.3
+"""rad/s: slower rows say nothing about the order of a quaternion."""
+OVER = 0.1
+"""Seconds over which orientations are differentiated."""
+AGREEMENT = 0.6
+"""Least correlation of gyroscope and derivative of the orientation in a stream that is as it should be."""
+FAR_RATE = 0.05
+"""By how much clocks may differ in rate before it is said: quartz differs by a ten thousandth."""
+
+_ORDERS: dict[str, tuple[str, list[int], list[float]]] = {
+    "conjugated": ("they turn world into sensor coordinates", [0, 1, 2, 3], [1.0, -1.0, -1.0, -1.0]),
+    "x y z w": ("their real part stands last", [3, 0, 1, 2], [1.0, 1.0, 1.0, 1.0]),
+    "x y z w, conjugated": (
+        "their real part stands last and they turn world into sensor coordinates",
+        [3, 0, 1, 2],
+        [1.0, -1.0, -1.0, -1.0],
+    ),
+}
+
+
+def suspicions(sensors: Sensors) -> list[str]:
+    """Sentences about single streams: units, order of quaternions, times."""
+    return [sentence for stream in sensors for sentence in (*_units(stream), *_order(stream))]
+
+
+def clock_suspicion(rate: float) -> list[str]:
+    """A sentence where the ratio of the clocks is far from 1."""
+    if abs(rate - 1.0) <= FAR_RATE:
+        return []
+    return [
+        f"the sensors' clock runs {rate:.3f} times as fast as the camera's: one of the two recordings says the wrong "
+        f"frame rate; if it is the camera's, its frames lie {1000 * rate / 30.0:.0f} ms apart where it says 33"
+    ]
+
+
+def _units(stream: SensorStream) -> list[str]:
+    found = []
+    if stream.gyro is not None:
+        speed = np.linalg.norm(stream.gyro[stream.valid], axis=1)
+        if (fast := float(np.quantile(speed, 0.99))) > FASTEST:
+            found.append(
+                f"sensor {stream.name} turns by up to {fast:.0f} rad/s; its gyroscope may be in deg/s "
+                "(--units gyro=deg/s)"
+            )
+    if stream.acceleration is not None:
+        size = float(np.median(np.linalg.norm(stream.acceleration[stream.valid], axis=1)))
+        if 0.8 < size < 1.25:
+            found.append(
+                f"sensor {stream.name} measures {size:.2f} m/s2 most of the time; its accelerometer may be in g "
+                "(--units acceleration=g)"
+            )
+        elif size < 0.5 * GRAVITY:
+            found.append(
+                f"sensor {stream.name} measures {size:.2f} m/s2 most of the time, less than gravity; its acceleration "
+                "may be without gravity, which cannot be used"
+            )
+    return found
+
+
+def _order(stream: SensorStream) -> list[str]:
+    """Whether another reading of the quaternions agrees with the gyroscope where this one does not."""
+    if stream.rotations is None or stream.gyro is None:
+        return []
+    rows = np.flatnonzero(stream.valid)
+    # over single steps the derivative is mostly noise
+    rows = rows[:: max(1, round(OVER * stream.rate))]
+    q, times = stream.rotations[rows], stream.times[rows]
+    sums = np.concatenate([np.zeros((1, 3)), np.cumsum(np.where(stream.valid[:, None], stream.gyro, 0.0), axis=0)])
+    counts = np.concatenate([[0], np.cumsum(stream.valid)])
+    rates = (sums[rows[1:]] - sums[rows[:-1]]) / np.maximum(counts[rows[1:]] - counts[rows[:-1]], 1)[:, None]
+    scale = np.pi / 180.0 if np.quantile(np.linalg.norm(rates, axis=1), 0.99) > FASTEST else 1.0
+    close = (np.diff(times) < 2.0 * OVER) & (np.linalg.norm(rates, axis=1) * scale > MOVING)
+    if close.sum() < 20:
+        return []
+    as_read = agreement(q, times, rates, close)
+    if as_read >= AGREEMENT:
+        return []
+    scores = {
+        name: agreement(q[:, places] * signs, times, rates, close) for name, (_, places, signs) in _ORDERS.items()
+    }
+    best = max(scores, key=lambda name: scores[name])
+    if scores[best] < max(AGREEMENT, as_read + 0.2):
+        return [
+            f"the gyroscope of sensor {stream.name} contradicts its orientations (correlation {as_read:.2f}), in any "
+            "order of the quaternion; check axes and handedness"
+        ]
+    return [
+        f"the quaternions of sensor {stream.name} look {best}: {_ORDERS[best][0]}; so read they agree with its "
+        f"gyroscope (correlation {scores[best]:.2f}, as they are {as_read:.2f})"
+    ]
+
+
+def agreement(q: np.ndarray, times: np.ndarray, rates: np.ndarray, rows: np.ndarray) -> float:
+    """Correlation, -1 to 1, of the derivative of orientations (N, 4) with rates of turn (N - 1, 3) in some rows."""
+    derived, measured = quat.angular_velocity(q, times)[rows], rates[rows]
+    size = float(np.sqrt((derived**2).sum() * (measured**2).sum()))
+    return float((derived * measured).sum() / size) if size > 0 else 0.0

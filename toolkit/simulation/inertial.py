@@ -1,0 +1,238 @@
+"""Simulated inertial sensors: what sensors on a moving body would measure, with the flaws that real ones have."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from toolkit.body.body import Body
+from toolkit.errors import UsageError
+from toolkit.files import save_json
+from toolkit.inertial import quaternions as quat
+from toolkit.inertial.limbs import TrackedMotion, bone_axis, bone_vector
+from toolkit.inertial.placement import check_limbs
+from toolkit.inertial.stream import GRAVITY, Sensors, SensorStream, checked_stream
+
+Y_UP_TO_Z_UP: np.ndarray = quat.exponential([np.pi / 2, 0.0, 0.0])
+"""Turns a world with y up into one with z up."""
+
+
+@dataclass(frozen=True)
+class SensorNoise:
+    """The flaws of a set of sensors; angles in degrees, times in seconds.
+
+    Attributes
+    ----------
+    rate : samples a second
+    tilt : standard deviation of a constant error of the vertical, per sensor
+    white : of the error of each orientation
+    heading_walk : of the heading after one minute, a random walk
+    soft_tissue : of a slow turn between sensor and bone
+    soft_seconds : correlation time of it
+    gyro : rad/s, white
+    gyro_bias : rad/s, constant
+    acceleration : m/s2, white
+    offset : largest start of the sensors' clock against the camera's
+    skew : parts per million, largest difference of the clocks' rates
+    lost : share of packets lost, in runs of one to five
+    """
+
+    rate: float = 100.0
+    tilt: float = 0.0
+    white: float = 0.0
+    heading_walk: float = 0.0
+    soft_tissue: float = 0.0
+    soft_seconds: float = 0.3
+    gyro: float = 0.0
+    gyro_bias: float = 0.0
+    acceleration: float = 0.0
+    offset: float = 0.0
+    skew: float = 0.0
+    lost: float = 0.0
+
+
+NOISE: dict[str, SensorNoise] = {
+    "none": SensorNoise(),
+    "mtx": SensorNoise(
+        tilt=1.0, white=0.3, heading_walk=1.0, soft_tissue=2.5, gyro=0.01, gyro_bias=0.005, acceleration=0.05,
+        offset=1.5, skew=20.0, lost=0.005,
+    ),
+    "phone": SensorNoise(
+        rate=60.0, tilt=2.0, white=0.8, heading_walk=6.0, soft_tissue=5.0, gyro=0.03, gyro_bias=0.02,
+        acceleration=0.15, offset=1.5, skew=80.0, lost=0.02,
+    ),
+}  # fmt: skip
+"""`mtx`: sensors as in the thesis, tightly strapped; `phone`: a phone's in a pocket or a sleeve."""
+
+
+@dataclass(frozen=True)
+class Worn:
+    """Which inertial sensors somebody wears in a recording.
+
+    Attributes
+    ----------
+    limbs : parts of the body, out of `limbs.LIMBS`; none without
+    noise : name out of `NOISE`, or the flaws themselves
+    """
+
+    limbs: tuple[str, ...] = ()
+    noise: str | SensorNoise = "mtx"
+
+
+@dataclass(frozen=True, eq=False)
+class SimulatedSensors:
+    """Streams and the truth about them.
+
+    Attributes
+    ----------
+    sensors : what was measured, on the sensors' clock
+    offset, rate : of their clock, `t_sensor = rate * t_camera + offset`
+    world : float64 (4,), `q_G`: level frame to inertial world
+    mounting : part of the body -> float64 (4,), `q_L`: sensor to the part's frame
+    noise : the flaws
+    """
+
+    sensors: Sensors
+    offset: float
+    rate: float
+    world: np.ndarray
+    mounting: dict[str, np.ndarray]
+    noise: SensorNoise
+
+    def truth(self) -> dict[str, Any]:
+        """All but the streams, for JSON."""
+        return {
+            "offset": self.offset,
+            "rate": self.rate,
+            "world": self.world.tolist(),
+            "mounting": {limb: q.tolist() for limb, q in self.mounting.items()},
+            "noise": asdict(self.noise),
+        }
+
+    def save(self, path: str | Path) -> tuple[Path, Path]:
+        """Write the canonical file and, beside it, `<stem>_truth.json`; returns both paths."""
+        sensors = Path(path)
+        truth = sensors.with_name(f"{sensors.stem}_truth.json")
+        self.sensors.save(sensors)
+        save_json(truth, self.truth())
+        return sensors, truth
+
+
+def simulate_sensors(
+    body: Body,
+    poses: np.ndarray,
+    frame_rate: float,
+    limbs: Sequence[str],
+    noise: str | SensorNoise = "mtx",
+    seed: int = 0,
+    start: float = 0.0,
+) -> SimulatedSensors:
+    """Sensors on a body that takes poses at a frame rate.
+
+    Parameters
+    ----------
+    body : who carries them
+    poses : float64 (T, P), any frame with y up; the camera's level frame if offsets shall mean that
+    frame_rate : poses a second
+    limbs : out of `limbs.LIMBS`
+    noise : name out of `NOISE`, or the flaws themselves
+    seed : of everything random: offsets, clock and noise
+    start : time of the first pose on the camera's clock, seconds
+
+    Raises
+    ------
+    UsageError
+        The noise is unknown or there are fewer than three poses.
+    InertialError
+        A limb does not exist or is named twice.
+    """
+    if isinstance(noise, str):
+        if noise not in NOISE:
+            raise UsageError(f"unknown noise {noise!r} of inertial sensors; there are: {', '.join(NOISE)}")
+        noise = NOISE[noise]
+    check_limbs(limbs)
+    if not limbs:
+        raise UsageError("no part of the body is named; write for example --inertial left_shin,right_forearm")
+    if len(poses) < 3:
+        raise UsageError(f"{len(poses)} poses are too few for inertial sensors; give at least 3")
+    rng = np.random.default_rng([seed, 7])
+    times = start + np.arange(len(poses)) / frame_rate
+    motion = TrackedMotion.of_poses(body, poses, times)
+    world = quat.multiply(Y_UP_TO_Z_UP, quat.exponential([0.0, rng.uniform(-np.pi, np.pi), 0.0]))
+    clock = (rng.uniform(-1, 1) * noise.offset, 1.0 + 1e-6 * noise.skew * rng.uniform(-1, 1))
+    mounting = {limb: quat.normalised(rng.normal(size=4)) for limb in limbs}
+    streams = [_measure(motion, limb, world, mounting[limb], clock, noise, rng) for limb in limbs]
+    devices = {limb: f"sim{k:02d}" for k, limb in enumerate(limbs)}
+    sensors = Sensors(tuple(streams), source={"files": ["simulated"], "devices": devices})
+    return SimulatedSensors(sensors, *clock, world, mounting, noise)
+
+
+def _measure(
+    motion: TrackedMotion,
+    limb: str,
+    world: np.ndarray,
+    mounting: np.ndarray,
+    clock: tuple[float, float],
+    noise: SensorNoise,
+    rng: np.random.Generator,
+) -> SensorStream:
+    """One stream. Orientations and paths between the poses are splines, so that rates of turn are their derivatives."""
+    from scipy.interpolate import CubicSpline
+    from scipy.spatial.transform import Rotation, RotationSpline
+
+    camera = np.arange(motion.times[0], motion.times[-1] + 1e-9, 1.0 / noise.rate)
+    spline = RotationSpline(motion.times, Rotation.from_quat(motion.orientation(limb)[:, [1, 2, 3, 0]]))
+    bone = spline(camera).as_quat()[:, [3, 0, 1, 2]]
+    # strapped near the far end of the bone, on the skin
+    at = 0.7 * bone_vector(motion.body, limb) + 0.04 * np.roll(bone_axis(limb), 1)
+    places = motion.middle(limb) + quat.rotate(motion.orientation(limb), at - 0.5 * bone_vector(motion.body, limb))
+    acceleration = CubicSpline(motion.times, places)(camera, 2) + [0.0, GRAVITY, 0.0]
+
+    def smooth(degrees: float, seconds: float) -> np.ndarray:
+        return np.radians(degrees) * _slow(rng, len(camera), seconds * noise.rate)
+
+    soft = quat.exponential(smooth(noise.soft_tissue / np.sqrt(3.0), noise.soft_seconds))
+    true = quat.multiply(quat.multiply(quat.multiply(world, bone), soft), mounting)
+    walk = np.cumsum(rng.normal(size=len(camera))) * np.radians(noise.heading_walk) / np.sqrt(60.0 * noise.rate)
+    tilt = np.append(np.radians(noise.tilt) * rng.normal(size=2), 0.0)
+    wrong = quat.multiply(quat.exponential(walk[:, None] * [0.0, 0.0, 1.0]), quat.exponential(tilt))
+    white = quat.exponential(np.radians(noise.white / np.sqrt(3.0)) * rng.normal(size=(len(camera), 3)))
+    rates = quat.rotate(quat.conjugate(quat.multiply(soft, mounting)), spline(camera, 1))
+    if noise.soft_tissue:
+        turned = quat.angular_velocity(quat.multiply(soft, mounting), camera)
+        rates = rates + np.concatenate([turned, turned[-1:]])
+    stream = checked_stream(
+        limb,
+        clock[1] * camera + clock[0],
+        rotations=quat.multiply(quat.multiply(wrong, true), white),
+        gyro=rates + noise.gyro * rng.normal(size=rates.shape) + noise.gyro_bias * rng.normal(size=3),
+        acceleration=quat.rotate(quat.conjugate(true), quat.rotate(world, acceleration))
+        + noise.acceleration * rng.normal(size=rates.shape),
+    )
+    return _thinned(stream, noise.lost, rng)
+
+
+def _slow(rng: np.random.Generator, count: int, width: float) -> np.ndarray:
+    """Noise (count, 3) of unit variance, correlated over `width` samples."""
+    from scipy.ndimage import gaussian_filter1d
+
+    pad = int(4 * width) + 1
+    raw = gaussian_filter1d(rng.normal(size=(count + 2 * pad, 3)), width, axis=0)[pad:-pad]
+    return raw * np.sqrt(2.0 * np.sqrt(np.pi) * width)
+
+
+def _thinned(stream: SensorStream, lost: float, rng: np.random.Generator) -> SensorStream:
+    """The stream without packets lost in runs of one to five."""
+    keep = np.ones(len(stream), dtype=bool)
+    for start in np.flatnonzero(rng.random(len(stream)) < lost / 3.0):
+        keep[start : start + rng.integers(1, 6)] = False
+    keep[[0, -1]] = True
+    return checked_stream(
+        stream.name, stream.times[keep], rotations=None if stream.rotations is None else stream.rotations[keep],
+        gyro=None if stream.gyro is None else stream.gyro[keep],
+        acceleration=None if stream.acceleration is None else stream.acceleration[keep],
+    )  # fmt: skip
