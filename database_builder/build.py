@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import shutil
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -25,7 +24,8 @@ from toolkit.body.body import Body
 from toolkit.body.shape import load_body
 from toolkit.database.database import PoseDatabase
 from toolkit.database.origin import View, observed_offsets
-from toolkit.errors import MocapError, OutputError, UsageError
+from toolkit.errors import MocapError, UsageError
+from toolkit.files import check_output, free_folder, is_folder, make_own_folder, remove_own_folder
 from toolkit.mocap.clip import PoseClip
 from toolkit.mocap.procedural import procedural_clips
 
@@ -93,9 +93,10 @@ def build_database(
 ) -> BuildReport:
     """Build a pose database and write it as one file.
 
-    Files that were read are kept in a folder beside `output` (`<stem>.work`) until the database is written, so that a
-    killed build goes on where it was. The result does not depend on the number of processes.
-    They are spawned, so a script that calls this needs the usual `if __name__ == "__main__":`.
+    Files that were read are kept in a folder of its own beside `output` (`<stem>.work`, with a number behind it where
+    that is somebody else's) until the database is written, so that a killed build goes on where it was. The result does
+    not depend on the number of processes. They are spawned, so a script that calls this needs the usual
+    `if __name__ == "__main__":`.
 
     Parameters
     ----------
@@ -116,17 +117,18 @@ def build_database(
     MocapError
         A path is missing, a folder holds no motion file, no file can be used, or (with `strict`) one cannot.
     UsageError
-        `threshold`, `max_poses`, `workers` or the suffix of `output` cannot work.
+        `threshold`, `max_poses`, `workers` or the suffix of `output` cannot work, or `output` would replace a source.
     OutputError
         `output` cannot be written.
     """
     target, body, report = Path(output), body or load_body("neutral"), progress or _silent
-    if target.suffix != ".npz" or target.is_dir():
+    if target.suffix != ".npz" or is_folder(target):
         raise UsageError(f"a pose database is one .npz file, not {target}; choose a name such as poses.npz")
     if workers is not None and workers < 1:
         raise UsageError(f"a database cannot be built by {workers} processes; use at least 1")
     processes = usable_processors() if workers is None else workers
-    work = target.with_name(f"{target.stem}.work")
+    check_output(target, [s for s in sources or () if not isinstance(s, PoseClip)])
+    work = free_folder(target.with_name(f"{target.stem}.work"))
     clock = _Clock()
 
     read = _read(procedural_clips(body=body) if sources is None else sources, work, body, mirror, processes, report)
@@ -161,7 +163,7 @@ def build_database(
     )  # fmt: skip
     database.save(target)
     if not keep_work:
-        shutil.rmtree(work, ignore_errors=True)
+        remove_own_folder(work)
     clock.lap("write")
     return BuildReport(target, database, len(pool.poses), skipped, clock.seconds)
 
@@ -254,12 +256,7 @@ def _read(
     if not paths and not clips:
         raise UsageError("there is no source to build a pose database from; give a folder with mocap")
     files = find_sources(paths, work)
-    try:
-        work.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise OutputError(
-            f"cannot write {work}: {error.strerror or error}; choose a folder that can be written"
-        ) from error
+    make_own_folder(work)
     found: list[CanonicalPoses] = []
     with process_pool(processes if len(files) >= MANY_FILES else 1) as mapped:
         for result in mapped(partial(read_source, body=body, mirror=mirror), files):

@@ -16,11 +16,12 @@ from typing import Any
 
 import numpy as np
 
+from toolkit.archives import load_archive, save_archive
 from toolkit.body import skeleton
 from toolkit.body.body import Body
 from toolkit.database.canonical import canonicalise, mirrored
 from toolkit.errors import DatabaseError, DepthMocapError
-from toolkit.files import save_npz, sha256_of
+from toolkit.files import sha256_of
 from toolkit.mocap.clip import PoseClip
 from toolkit.mocap.read import find_clips, read_clip
 from toolkit.mocap.retarget import retarget
@@ -101,7 +102,7 @@ def read_source(source: Source, body: Body, mirror: bool) -> CanonicalPoses:
         empty = np.zeros((0, skeleton.POSE_SIZE), np.float32), np.zeros((0, len(skeleton.REPORTED), 3), np.float32)
         return CanonicalPoses(source.name, "", *empty, 0, reason)
     arrays = {"key": key, "poses": result.poses, "joints": result.joints, "frames": result.frames}
-    save_npz(source.kept, arrays, compressed=False)
+    save_archive(source.kept, arrays, compressed=False)
     return result
 
 
@@ -131,10 +132,10 @@ def _key(digest: str, body: Body, mirror: bool) -> str:
 
 def _kept(source: Source, digest: str, key: str) -> CanonicalPoses | None:
     try:
-        with np.load(source.kept, allow_pickle=False) as data:
-            if str(data["key"]) != key:
-                return None
-            return CanonicalPoses(source.name, digest, data["poses"], data["joints"], int(data["frames"]))
+        data = load_archive(source.kept, DatabaseError, "it is made again")
+        if str(data["key"]) != key:
+            return None
+        return CanonicalPoses(source.name, digest, data["poses"], data["joints"], int(data["frames"]))
     except Exception:  # missing or half-read: whatever is wrong with it, the file is read again
         return None
 

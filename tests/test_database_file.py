@@ -18,9 +18,9 @@ ARRAYS = ("poses", "joints", "features", "offsets", "pose_source", "pose_frame",
 
 
 def changed(path: Path, **values: Any) -> Path:
-    """The file at `path` with other values; None removes one."""
+    """The file at `path` with other values and no checksum, as other programs write it; None removes one."""
     with np.load(path) as archive:
-        data = {**{name: archive[name] for name in archive.files}, **values}
+        data = {**{name: archive[name] for name in archive.files}, "checksum": None, **values}
     np.savez(path, **{name: value for name, value in data.items() if value is not None})
     return path
 
@@ -57,12 +57,38 @@ def test_a_database_file_needs_no_pickle(saved: Path) -> None:
         ({"features": None}, "lacks features"),
         ({"features": np.zeros((3, 15), np.float32)}, "has shape"),
         ({"joints": np.full((200, 20, 3), np.nan, np.float32)}, "not finite"),
-        ({"notes": "{"}, "damaged"),
+        ({"notes": "{"}, "no JSON"),
+        ({"notes": "[" * 100_000}, "no JSON"),
+        ({"notes": '{"a": NaN}'}, "no JSON"),
+        ({"notes": "[1]"}, "notes of type list"),
+        ({"format_version": "new"}, "format version new"),
+        ({"format_version": np.ones(3)}, "format version"),
+        ({"torso_length": 0.0}, "outside 0.05"),
+        ({"torso_length": "long"}, "must be numbers"),
+        ({"threshold": np.nan}, "not finite"),
+        ({"body_scale": 1e30}, "outside"),
+        ({"poses": np.full((200, 43), 1e30, np.float32)}, "outside"),
+        ({"poses": np.zeros((200, 43), np.complex64)}, "complex64"),
+        ({"poses": np.full((200, 43), "1.0")}, "must be numbers"),
+        ({"pose_source": np.full(200, 1, np.int32)}, "outside 0 to 0"),
+        ({"pose_frame": np.full(200, -1, np.int32)}, "outside 0"),
+        ({"mirrored": np.zeros(200)}, "truth values"),
+        ({"sources": np.array(3.0)}, "text"),
+        ({"forest_roots": np.zeros(3, np.int32)}, "joint regressor holds"),
     ],
 )
 def test_a_file_that_does_not_fit_is_refused_with_the_reason(saved: Path, values: dict[str, Any], words: str) -> None:
     with pytest.raises(DatabaseError, match=words):
         PoseDatabase.load(changed(saved, **values))
+
+
+def test_a_value_changed_behind_the_checksum_is_noticed(saved: Path) -> None:
+    with np.load(saved) as archive:
+        data = {name: archive[name] for name in archive.files}
+    data["offsets"][7, 3] += 0.01
+    np.savez(saved, **data)
+    with pytest.raises(DatabaseError, match="checksum"):
+        PoseDatabase.load(saved)
 
 
 @pytest.mark.parametrize("share", [0.0, 0.01, 0.5, 0.95, 0.999])
@@ -79,7 +105,7 @@ def test_a_missing_file_is_named(tmp_path: Path) -> None:
 
 
 def test_a_folder_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(DatabaseError, match="no readable pose database"):
+    with pytest.raises(DatabaseError, match="there is no pose database"):
         PoseDatabase.load(tmp_path)
 
 

@@ -96,16 +96,17 @@ def test_classes_of_another_version_or_other_features_are_refused(
     with np.load(path) as stored:
         arrays = dict(stored)
     header = {**json.loads(str(arrays["header"])), key: value}
+    del arrays["checksum"]  # as other programs write it
     np.savez(path, **{**arrays, "header": np.array(json.dumps(header))})
     with pytest.raises(RetrievalError, match=words):
         load_classes(path)
 
 
 def test_a_file_that_holds_no_classes_or_does_not_exist_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(RetrievalError, match="there is no class file"):
+    with pytest.raises(RetrievalError, match="there is no file"):
         load_classes(tmp_path / "none.npz")
     (tmp_path / "text.npz").write_text("hello")
-    with pytest.raises(RetrievalError, match="not a class file"):
+    with pytest.raises(RetrievalError, match="no NPZ file"):
         load_classes(tmp_path / "text.npz")
 
 

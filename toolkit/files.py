@@ -1,19 +1,26 @@
-"""Files written whole or not at all, and the places where shipped files lie."""
+"""Files: written whole or not at all and never over what they are made from, read without trust; and shipped ones."""
 
 from __future__ import annotations
 
+import fcntl
 import hashlib
 import json
 import os
+import shutil
+import socket
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
-from toolkit.errors import OutputError, UsageError
+from toolkit.errors import DepthMocapError, OutputError, UsageError
+
+LARGEST_TEXT = 1 << 28
+"""Bytes: a larger file is no settings, table or motion, and would only fill the memory."""
+LOCK_FILE, OWN_MARK = ".lock", ".made-by-depthmocap"
 
 
 @contextmanager
@@ -28,6 +35,8 @@ def atomic_path(path: str | Path) -> Iterator[Path]:
         The folder cannot be made or written, or the disk is full.
     """
     target = Path(path)
+    if os.path.exists(target) and not is_file(target):
+        raise OutputError(f"cannot write {target}: it is a folder or a device; choose another name")
     try:
         target.parent.mkdir(parents=True, exist_ok=True)
         handle, name = tempfile.mkstemp(prefix=f".{target.stem}-", suffix=target.suffix, dir=target.parent)
@@ -79,6 +88,196 @@ def _plain(value: Any) -> Any:
     if isinstance(value, Path):
         return str(value)
     raise TypeError(f"cannot write {type(value).__name__} as JSON")
+
+
+def is_file(path: str | Path) -> bool:
+    """Whether there is an ordinary file at `path`: no folder, pipe or device, and no name too long to exist."""
+    try:
+        return Path(path).is_file()
+    except (OSError, ValueError):
+        return False
+
+
+def is_folder(path: str | Path) -> bool:
+    """Whether there is a folder at `path`, whatever the name looks like."""
+    try:
+        return Path(path).is_dir()
+    except (OSError, ValueError):
+        return False
+
+
+def read_text(
+    path: str | Path,
+    error: type[DepthMocapError],
+    hint: str,
+    *,
+    encoding: str = "utf-8",
+    errors: Literal["strict", "replace"] = "strict",
+) -> str:
+    """The text of an ordinary file, a byte order mark left out.
+
+    Raises
+    ------
+    DepthMocapError
+        `error`, with `hint` for what to do: there is no such file, it cannot be read, is no text, or exceeds
+        `LARGEST_TEXT`.
+    """
+    file = Path(path)
+    if not is_file(file):
+        raise error(f"there is no file {file}; {hint}")
+    try:
+        size = file.stat().st_size
+        if size > LARGEST_TEXT:
+            raise error(f"{file} has {size} bytes, too many for text; {hint}")
+        return file.read_bytes().decode(encoding, errors).removeprefix("\ufeff")
+    except (OSError, UnicodeDecodeError) as problem:
+        reason = getattr(problem, "strerror", None) or problem
+        raise error(f"cannot read {file}: {reason}; {hint}") from problem
+
+
+def read_json(path: str | Path, error: type[DepthMocapError], hint: str) -> Any:
+    """The value of a JSON file; raises as `read_text`, and for what is no JSON."""
+    return parse_json(read_text(path, error, hint), str(path), error, hint)
+
+
+def parse_json(text: str, where: str, error: type[DepthMocapError], hint: str) -> Any:
+    """The value of a JSON text. NaN and Infinity, which JSON does not know, are refused, and so is endless nesting."""
+    try:
+        return json.loads(text, parse_constant=_no_constant)
+    except (ValueError, RecursionError) as problem:
+        raise error(f"{where} is no JSON ({problem}); {hint}") from problem
+
+
+def _no_constant(word: str) -> None:
+    raise ValueError(f"{word} is no number")
+
+
+def check_output(output: str | Path, inputs: Iterable[str | Path], *, sealed: Iterable[str | Path] = ()) -> Path:
+    """Refuse an output that would damage what it is made from, before anything is written.
+
+    Parameters
+    ----------
+    output : the file or folder that will be written
+    inputs : files and folders that are read: the output must neither be nor hold one of them
+    sealed : those of the inputs into which nothing may be written either, such as a recording's folder of images,
+        whose files are its identity
+
+    Returns
+    -------
+    `output` as a path
+
+    Raises
+    ------
+    UsageError
+        The output is an input, holds one, or lies in a sealed one.
+    """
+    target = _place(output)
+    for given in inputs:
+        source = _place(given)
+        if source == target or _same_file(source, target):
+            raise UsageError(f"{output} is read and would be overwritten; choose another output")
+        if target in source.parents:
+            raise UsageError(f"the output {output} holds {given}, which is read; choose another output")
+    for given in sealed:
+        if _place(given) in target.parents:
+            raise UsageError(f"the output {output} lies inside {given}, which is read; choose a place outside of it")
+    return Path(output)
+
+
+def _place(path: str | Path) -> Path:
+    """Where a path leads, links followed as far as they exist."""
+    try:
+        return Path(path).resolve()
+    except (OSError, RuntimeError, ValueError):  # links in a circle, a name too long, a null character
+        return Path(os.path.abspath(path))
+
+
+def _same_file(a: Path, b: Path) -> bool:
+    try:
+        return a.samefile(b)
+    except (OSError, ValueError):
+        return False
+
+
+def free_folder(path: str | Path) -> Path:
+    """Where intermediate files may lie: `path`, or `path`-2, ... while that is somebody else's; nothing is made yet."""
+    wanted, number = Path(path), 1
+    folder = wanted
+    while os.path.lexists(folder) and not is_file(folder / OWN_MARK):
+        number += 1
+        folder = wanted.with_name(f"{wanted.name}-{number}")
+    return folder
+
+
+def make_own_folder(path: str | Path) -> None:
+    """Make a folder and mark it as the toolkit's own, which may be removed with all that it holds.
+
+    Raises
+    ------
+    OutputError
+        The folder cannot be made.
+    """
+    folder = Path(path)
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        (folder / OWN_MARK).touch()
+    except OSError as error:
+        raise OutputError(
+            f"cannot write {folder}: {error.strerror or error}; choose a folder that can be written"
+        ) from error
+
+
+def remove_own_folder(path: str | Path) -> None:
+    """Remove a folder that `make_own_folder` made, with all that it holds; any other one stays as it is."""
+    if is_file(Path(path) / OWN_MARK):
+        shutil.rmtree(path, ignore_errors=True)
+
+
+@contextmanager
+def locked(folder: str | Path) -> Iterator[None]:
+    """Hold a folder for this process alone; the lock ends with the process, however that ends.
+
+    Raises
+    ------
+    OutputError
+        Another process holds it (the message names it), or the folder cannot be written.
+    """
+    path = Path(folder) / LOCK_FILE
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        handle = _take(path)
+    except OSError as error:
+        raise OutputError(
+            f"cannot write {path}: {error.strerror or error}; choose a folder that can be written"
+        ) from error
+    try:
+        yield
+    finally:
+        path.unlink(missing_ok=True)
+        os.close(handle)
+
+
+def _take(path: Path) -> int:
+    while True:
+        handle = os.open(path, os.O_RDWR | os.O_CREAT, 0o666)
+        try:
+            fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            owner = os.read(handle, 200).decode(errors="replace").strip() or "another process"
+            os.close(handle)
+            raise OutputError(f"{path.parent} is being written by {owner}; wait until it has ended") from None
+        if _same_file_open(handle, path):
+            os.truncate(handle, 0)
+            os.write(handle, f"process {os.getpid()} on {socket.gethostname()}\n".encode())
+            return handle
+        os.close(handle)  # its last owner removed it meanwhile: take the new one
+
+
+def _same_file_open(handle: int, path: Path) -> bool:
+    try:
+        return os.path.samestat(os.fstat(handle), path.stat())
+    except FileNotFoundError:
+        return False
 
 
 def sha256_of(path: str | Path) -> str:

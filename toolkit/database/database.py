@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import json
-import zipfile
-import zlib
 from collections.abc import Sequence
 from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
@@ -13,13 +11,14 @@ from typing import Any
 
 import numpy as np
 
+from toolkit.archives import Column, check_columns, load_archive, save_archive
 from toolkit.body import skeleton
 from toolkit.body.body import Body
 from toolkit.database.canonical import feature_vectors, place, torso_length
 from toolkit.database.origin import observed_offsets
 from toolkit.database.search import DEFAULT_SEARCH, FEATURE_SIZE, NearestNeighbours, make_search
 from toolkit.errors import DatabaseError
-from toolkit.files import save_npz
+from toolkit.files import is_file, parse_json
 from toolkit.landmarks.parts import JointForest
 
 FORMAT_VERSION = 1
@@ -66,25 +65,14 @@ class PoseDatabase:
     search: str = DEFAULT_SEARCH
 
     def __post_init__(self) -> None:
-        count = len(self.poses)
-        shapes = {
-            "poses": (count, skeleton.POSE_SIZE),
-            "joints": (count, len(skeleton.REPORTED), 3),
-            "features": (count, FEATURE_SIZE),
-            "offsets": (count, 4),
-            "pose_source": (count,),
-            "pose_frame": (count,),
-            "mirrored": (count,),
-            "hashes": (len(self.sources),),
-        }
-        if count == 0:
+        check_columns(vars(self), _columns(len(self.sources)), DatabaseError, "the pose database", REBUILD)
+        if not len(self.poses):
             raise DatabaseError("the pose database has no poses; build it again from clips with frames")
-        for name, expected in shapes.items():
-            array = np.asarray(getattr(self, name))
-            if array.shape != expected:
-                raise DatabaseError(f"{name} of the pose database has shape {array.shape}; expected {expected}")
-            if array.dtype.kind == "f" and not np.isfinite(array).all():
-                raise DatabaseError(f"{name} of the pose database holds values that are not finite; build it again")
+        if len(self.hashes) != len(self.sources) or not isinstance(self.notes, dict):
+            raise DatabaseError(
+                f"the pose database has {len(self.sources)} sources, {len(self.hashes)} hashes and notes of type "
+                f"{type(self.notes).__name__}; {REBUILD}"
+            )
 
     def __len__(self) -> int:
         return len(self.poses)
@@ -218,7 +206,7 @@ class PoseDatabase:
         arrays["notes"] = json.dumps(self.notes)
         if self.forest is not None:
             arrays |= {_FOREST + name: array for name, array in self.forest.arrays().items()}
-        save_npz(path, {**arrays, **_identity()})
+        save_archive(path, {**arrays, **_identity()})
 
     @staticmethod
     def load(path: str | Path, search: str = DEFAULT_SEARCH) -> PoseDatabase:
@@ -230,37 +218,56 @@ class PoseDatabase:
             The file is missing, damaged, of another format version or made for another body.
         """
         file = Path(path)
-        try:
-            with np.load(file, allow_pickle=False) as archive:
-                stored = {name: archive[name] for name in archive.files}
-        except FileNotFoundError as error:
-            raise DatabaseError(
-                f"there is no pose database {file}; build one with `depthmocap database build`"
-            ) from error
-        except (OSError, ValueError, TypeError, EOFError, zipfile.BadZipFile, zlib.error, NotImplementedError) as error:
-            raise DatabaseError(f"{file} is no readable pose database ({error}); build it again") from error
+        if not is_file(file):
+            raise DatabaseError(f"there is no pose database {file}; build one with `depthmocap database build`")
+        stored = load_archive(file, DatabaseError, REBUILD)
         _check_identity(file, stored)
         missing = [name for name in _STORED if name not in stored]
         if missing:
             raise DatabaseError(f"{file} lacks {', '.join(missing)}; build it again")
-        try:
-            return PoseDatabase(
-                **{name: stored[name] for name in _ARRAYS},
-                sources=tuple(stored["sources"].tolist()),
-                hashes=tuple(stored["hashes"].tolist()),
-                threshold=float(stored["threshold"]),
-                body_name=str(stored["body_name"]),
-                body_shape=stored["body_shape"],
-                body_scale=float(stored["body_scale"]),
-                torso_length=float(stored["torso_length"]),
-                notes=json.loads(str(stored["notes"])),
-                forest=_stored_forest(stored),
-                search=search,
-            )
-        except (DatabaseError, ValueError, TypeError) as error:
-            raise DatabaseError(f"{file} is damaged: {error}") from error
+        check_columns(stored, _SCALARS, DatabaseError, str(file), REBUILD)
+        return PoseDatabase(
+            **{name: stored[name] for name in _ARRAYS},
+            sources=tuple(stored["sources"].tolist()),
+            hashes=tuple(stored["hashes"].tolist()),
+            threshold=float(stored["threshold"]),
+            body_name=str(stored["body_name"]),
+            body_shape=stored["body_shape"],
+            body_scale=float(stored["body_scale"]),
+            torso_length=float(stored["torso_length"]),
+            notes=parse_json(str(stored["notes"]), f"notes of {file}", DatabaseError, REBUILD),
+            forest=_stored_forest(stored),
+            search=search,
+        )
 
 
+REBUILD = "build it again"
+FARTHEST, WIDEST = 10.0, 6.5
+"""Metres and radians: no entry of a canonical pose, joint, feature or offset is larger."""
+
+
+def _columns(sources: int) -> dict[str, Column]:
+    """What the arrays and numbers of a database must be."""
+    return {
+        "poses": Column("f", ("poses", skeleton.POSE_SIZE), -FARTHEST, FARTHEST),
+        "joints": Column("f", ("poses", len(skeleton.REPORTED), 3), -FARTHEST, FARTHEST),
+        "features": Column("f", ("poses", FEATURE_SIZE), -FARTHEST, FARTHEST),
+        "offsets": Column("f", ("poses", 4), -FARTHEST, FARTHEST),
+        "pose_source": Column("iu", ("poses",), 0, sources - 1),
+        "pose_frame": Column("iu", ("poses",), 0),
+        "mirrored": Column("b", ("poses",)),
+        "body_shape": Column("f", ("coefficients",), -100, 100),
+        "threshold": Column("iuf", (), 0, FARTHEST),
+        "body_scale": Column("iuf", (), 0.1, 10),
+        "torso_length": Column("iuf", (), 0.05, FARTHEST),
+    }
+
+
+_SCALARS = {
+    "sources": Column("U", ("sources",)), "hashes": Column("U", ("sources",)), "body_name": Column("U", ()),
+    "notes": Column("U", ()), "threshold": Column("iuf", ()), "body_scale": Column("iuf", ()),
+    "torso_length": Column("iuf", ()), "format_version": Column("iu", ()),
+}  # fmt: skip
 _ARRAYS = ("poses", "joints", "features", "offsets", "pose_source", "pose_frame", "mirrored")
 _STORED = tuple(item.name for item in fields(PoseDatabase) if item.name not in ("search", "forest"))
 _FOREST = "forest_"
@@ -268,7 +275,12 @@ _FOREST = "forest_"
 
 def _stored_forest(stored: dict[str, np.ndarray]) -> JointForest | None:
     arrays = {name.removeprefix(_FOREST): array for name, array in stored.items() if name.startswith(_FOREST)}
-    return JointForest(**arrays) if arrays else None
+    if not arrays:
+        return None
+    expected = {item.name for item in fields(JointForest)}
+    if arrays.keys() != expected:
+        raise DatabaseError(f"the joint regressor holds {sorted(arrays)} and not {sorted(expected)}; {REBUILD}")
+    return JointForest(**arrays)
 
 
 def _identity() -> dict[str, Any]:
@@ -287,7 +299,7 @@ def _check_identity(file: Path, stored: dict[str, np.ndarray]) -> None:
     if "format" not in stored or str(stored["format"]) != expected["format"]:
         raise DatabaseError(f"{file} is not a pose database; build one with `depthmocap database build`")
     version = stored.get("format_version")
-    if version is None or int(version) != FORMAT_VERSION:
+    if version is None or str(version) != str(FORMAT_VERSION):
         raise DatabaseError(f"{file} has format version {version}, this program reads {FORMAT_VERSION}; build it again")
     if str(stored.get("fingerprint")) != expected["fingerprint"]:
         raise DatabaseError(

@@ -13,7 +13,9 @@ from functools import cached_property
 
 import numpy as np
 
+from toolkit.archives import Column, check_columns
 from toolkit.body import skeleton
+from toolkit.errors import DatabaseError
 from toolkit.kernels import forest
 from toolkit.sensing.cloud import Cloud
 
@@ -27,6 +29,8 @@ OFFSET_UNIT = 0.01
 """Metres."""
 SURE_SPREAD = 0.03
 """Metres: standard deviation of the offsets in a leaf that is as sure as can be; half the width of a limb."""
+FARTHEST_PROBE = 10.0
+"""Metres at the pixel's depth: no question looks farther than across a room."""
 _WEIGHTS: np.ndarray = (np.arange(forest.SURE) / (forest.SURE - 1)) ** 4
 
 
@@ -60,6 +64,12 @@ class JointForest:
         than 1.27 m is never sure
     leaf_sureness : uint8 (leaves, 20), how sure these offsets are: 3 cm / standard deviation, at most 1, in 255 steps.
         A vote weighs as much as its fourth power
+
+    Raises
+    ------
+    DatabaseError
+        An array has another shape or type, or a child or a root is not there; each child that is a node comes after its
+        parent, so that every walk ends.
     """
 
     offsets: np.ndarray
@@ -68,6 +78,21 @@ class JointForest:
     roots: np.ndarray
     leaf_offsets: np.ndarray
     leaf_sureness: np.ndarray
+
+    def __post_init__(self) -> None:
+        nodes, leaves = len(self.offsets), len(self.leaf_offsets)
+        columns = {
+            "offsets": Column("f", ("nodes", 4), -FARTHEST_PROBE, FARTHEST_PROBE),
+            "thresholds": Column("f", ("nodes",), -2 * forest.REACH, 2 * forest.REACH),
+            "children": Column("i", ("nodes", 2), -leaves, nodes - 1),
+            "roots": Column("i", ("trees",), -leaves, nodes - 1),
+            "leaf_offsets": Column("i", ("leaves", len(skeleton.REPORTED), 3)),
+            "leaf_sureness": Column("u", ("leaves", len(skeleton.REPORTED)), 0, forest.SURE - 1),
+        }
+        check_columns(self.arrays(), columns, DatabaseError, "the joint regressor", "build the database again")
+        forward = (self.children < 0) | (self.children > np.arange(nodes)[:, None])
+        if not forward.all() or not leaves:
+            raise DatabaseError("a tree of the joint regressor does not end in leaves; build the database again")
 
     def arrays(self) -> dict[str, np.ndarray]:
         """The arrays by name, as they stand in a database file."""

@@ -3,19 +3,18 @@
 from __future__ import annotations
 
 import zipfile
-import zlib
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import AbstractContextManager
 from pathlib import Path
 from typing import IO
 
 import numpy as np
-from numpy.lib import format as npy
 
+from toolkit.archives import read_header, translated
 from toolkit.errors import RecordingError
 
-BROKEN = (zipfile.BadZipFile, zlib.error, EOFError, ValueError, KeyError, OSError)
-"""What NumPy and zipfile raise for a damaged file."""
+RECORD_AGAIN = "copy or record it again"
+"""What to do about a damaged recording."""
 
 
 class MemberReader:
@@ -29,11 +28,13 @@ class MemberReader:
     """
 
     def __init__(self, path: Path, name: str) -> None:
-        self._path, self._member = path, f"{name}.npy"
+        self._path, self._name, self._member = path, name, f"{name}.npy"
         self._stream: IO[bytes] | None = None
         self._next = 0
         with self._guarded(), zipfile.ZipFile(path) as archive, archive.open(self._member) as stream:
-            self.shape, by_column, self.dtype = _read_header(stream)
+            self.shape, by_column, self.dtype = read_header(archive, name, stream)
+        if not self.shape or self.dtype.kind not in "iuf":
+            raise RecordingError(f"{name} in {path} is {self.dtype} {self.shape}; it must be numbers, frame by frame")
         if by_column:
             raise RecordingError(f"{name} in {path} is stored column by column; save it with np.ascontiguousarray")
         self._row_shape = self.shape[1:]
@@ -46,7 +47,7 @@ class MemberReader:
         with archive:
             with self._guarded():
                 stream = archive.open(self._member)
-                _read_header(stream)
+                read_header(archive, self._name, stream)
             for i in range(self.shape[0]):
                 yield self._read(stream, i)
 
@@ -54,8 +55,9 @@ class MemberReader:
         """Row `i` as a new array."""
         with self._guarded():
             if self._stream is None or i < self._next:
-                self._stream = zipfile.ZipFile(self._path).open(self._member)
-                _read_header(self._stream)
+                archive = zipfile.ZipFile(self._path)
+                self._stream = archive.open(self._member)
+                read_header(archive, self._name, self._stream)
                 self._next = 0
             while self._next < i:
                 self._read(self._stream, self._next)
@@ -70,16 +72,5 @@ class MemberReader:
             raise RecordingError(f"{self._path} ends within row {i} of {self._member}; copy or record it again")
         return np.frombuffer(data, dtype=self.dtype).reshape(self._row_shape)
 
-    @contextmanager
-    def _guarded(self) -> Iterator[None]:
-        try:
-            yield
-        except BROKEN as error:
-            raise RecordingError(f"{self._path} is truncated or damaged ({error}); copy or record it again") from error
-
-
-def _read_header(stream: IO[bytes]) -> tuple[tuple[int, ...], bool, np.dtype]:
-    version = npy.read_magic(stream)
-    reader = npy.read_array_header_1_0 if version == (1, 0) else npy.read_array_header_2_0
-    shape, by_column, dtype = reader(stream)
-    return shape, by_column, dtype
+    def _guarded(self) -> AbstractContextManager[None]:
+        return translated(self._path, RecordingError, RECORD_AGAIN)

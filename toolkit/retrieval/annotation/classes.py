@@ -3,21 +3,27 @@
 from __future__ import annotations
 
 import json
-import zipfile
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
+from toolkit.archives import Column, check_columns, load_archive, save_archive
 from toolkit.errors import RetrievalError
-from toolkit.files import save_npz
+from toolkit.files import parse_json
 from toolkit.retrieval.annotation.annotator import THRESHOLD, Annotator, MotionClass
 from toolkit.retrieval.annotation.measures import Segment, label_frames
-from toolkit.retrieval.features.relational import FeatureMatrix, feature_fingerprint
-from toolkit.retrieval.templates.quantised import QuantisedTemplate
+from toolkit.retrieval.features.relational import FEATURES, FeatureMatrix, feature_fingerprint
+from toolkit.retrieval.templates.quantised import WILDCARD, QuantisedTemplate
 from toolkit.retrieval.templates.template import MotionTemplate
 
 CLASSES_VERSION = 1
+RELEARN = "learn it again from labelled clips"
+_TEMPLATE = {
+    "values": Column("i", (len(FEATURES), "columns"), WILDCARD, 1),
+    "weights": Column("f", ("columns",), 0, 1e6),
+}
 THRESHOLDS: np.ndarray = np.round(np.arange(0.02, 0.15, 0.01), 3)
 """Thresholds that `learn_threshold` chooses from."""
 
@@ -86,7 +92,7 @@ def save_classes(path: str | Path, classes: Sequence[MotionClass]) -> None:
         names = [template.name for template in motion_class.templates]
         table.append({"label": motion_class.label, "threshold": motion_class.threshold, "templates": names})
     header = {"version": CLASSES_VERSION, "features": feature_fingerprint(), "classes": table}
-    save_npz(path, {"header": np.array(json.dumps(header)), **arrays})
+    save_archive(path, {"header": np.array(json.dumps(header)), **arrays})
 
 
 def load_classes(path: str | Path) -> list[MotionClass]:
@@ -97,14 +103,12 @@ def load_classes(path: str | Path) -> list[MotionClass]:
     RetrievalError
         The file is missing, no class file, of another version, or made with other features.
     """
-    try:
-        with np.load(path, allow_pickle=False) as stored:
-            arrays = {name: stored[name] for name in stored.files}
-            header = json.loads(str(arrays["header"]))
-    except FileNotFoundError as error:
-        raise RetrievalError(f"there is no class file {path}; learn one from labelled clips") from error
-    except (OSError, KeyError, ValueError, zipfile.BadZipFile) as error:
-        raise RetrievalError(f"{path} is not a class file; learn one from labelled clips") from error
+    arrays = load_archive(path, RetrievalError, RELEARN)
+    if "header" not in arrays:
+        raise RetrievalError(f"{path} is not a class file; learn one from labelled clips")
+    header = parse_json(str(arrays["header"]), f"the header of {path}", RetrievalError, RELEARN)
+    if not isinstance(header, dict):
+        raise RetrievalError(f"{path} is not a class file; learn one from labelled clips")
     if header.get("version") != CLASSES_VERSION:
         raise RetrievalError(
             f"{path} has classes of version {header.get('version')}, not {CLASSES_VERSION}; learn them again"
@@ -114,14 +118,16 @@ def load_classes(path: str | Path) -> list[MotionClass]:
             f"{path} was learned with other features ({header.get('features')}, here {feature_fingerprint()}); "
             "learn it again"
         )
-    return [
-        MotionClass(
-            entry["label"],
-            tuple(
-                QuantisedTemplate(name, arrays[f"values_{number}_{part}"], arrays[f"weights_{number}_{part}"])
-                for part, name in enumerate(entry["templates"])
-            ),
-            entry["threshold"],
-        )
-        for number, entry in enumerate(header["classes"])
-    ]
+    try:
+        return [_stored_class(entry, number, arrays) for number, entry in enumerate(header["classes"])]
+    except (KeyError, TypeError, ValueError) as error:
+        raise RetrievalError(f"{path} is incomplete ({error!r}); {RELEARN}") from error
+
+
+def _stored_class(entry: dict[str, Any], number: int, arrays: dict[str, np.ndarray]) -> MotionClass:
+    templates = []
+    for part, name in enumerate(entry["templates"]):
+        values, weights = arrays[f"values_{number}_{part}"], arrays[f"weights_{number}_{part}"]
+        check_columns({"values": values, "weights": weights}, _TEMPLATE, RetrievalError, f"class {number}", RELEARN)
+        templates.append(QuantisedTemplate(str(name), values, weights))
+    return MotionClass(str(entry["label"]), tuple(templates), float(entry["threshold"]))

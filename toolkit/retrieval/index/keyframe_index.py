@@ -1,11 +1,13 @@
 """Inverted file index over runs of equal feature vectors (thesis, Section 3.3), in memory or mapped from one file.
- The file is a header in JSON, then one array after the other, each on a 64-byte boundary. Opening it reads the header
-alone; the arrays are mapped and only the lists that a query asks for are ever read. The runs hold every frame, so the
-index also gives back the features of any piece of a document.
+
+The file is a header in JSON, then one array after the other, each on a 64-byte boundary, then the SHA-256 of all that.
+Opening it compares the checksum and maps the arrays. The runs hold every frame, so the index also gives back the
+features of any piece of a document.
 """
 
 from __future__ import annotations
 
+import hashlib
 import json
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, fields
@@ -14,8 +16,9 @@ from typing import Any
 
 import numpy as np
 
+from toolkit.archives import Column, check_columns
 from toolkit.errors import RetrievalError
-from toolkit.files import atomic_path
+from toolkit.files import atomic_path, is_file, parse_json
 from toolkit.retrieval.features.relational import (
     FEATURE_RATE,
     FEATURE_SETS,
@@ -23,10 +26,10 @@ from toolkit.retrieval.features.relational import (
     FeatureMatrix,
     feature_fingerprint,
 )
-from toolkit.retrieval.index.runs import RunLists
+from toolkit.retrieval.index.runs import REBUILD, RunLists
 from toolkit.retrieval.keyframes.query import Keyframe
 
-INDEX_VERSION: int = 1
+INDEX_VERSION: int = 2
 
 _MAGIC = b"depthmocap index\n"
 _ALIGNMENT = 64
@@ -118,25 +121,27 @@ class KeyframeIndex:
             table.append({"name": name, "dtype": array.dtype.str, "shape": list(array.shape), "offset": offset})
             offset += _padded(array.nbytes)
         header = {
-            "version": INDEX_VERSION, "features": feature_fingerprint(), "names": list(self.names), "arrays": table,
-            "bytes": offset,
+            "version": INDEX_VERSION, "features": feature_fingerprint(), "names": list(self.names), "arrays": table
         }  # fmt: skip
         text = json.dumps(header).encode()
+        blocks = [_MAGIC + len(text).to_bytes(8, "little") + text, *(array.tobytes() for array in arrays.values())]
+        digest = hashlib.sha256()
         with atomic_path(path) as temporary, temporary.open("wb") as stream:
-            stream.write(_MAGIC + len(text).to_bytes(8, "little") + text)
-            stream.write(bytes(_padded(stream.tell()) - stream.tell()))
-            for array in arrays.values():
-                stream.write(array.tobytes())
-                stream.write(bytes(_padded(array.nbytes) - array.nbytes))
+            for block in blocks:
+                whole = block + bytes(_padded(len(block)) - len(block))
+                digest.update(whole)
+                stream.write(whole)
+            stream.write(digest.digest())
 
     @classmethod
     def open(cls, path: str | Path) -> KeyframeIndex:
-        """Open an index file: its header is read, its arrays are mapped.
+        """Open an index file: it is compared with its checksum, and its arrays are mapped.
 
         Raises
         ------
         RetrievalError
-            The file is missing, no index, cut short, of another version, or made with other features.
+            The file is missing, no index, damaged, of another version, made with other features, or its lists lead
+            out of it.
         """
         path = Path(path)
         header, start = _read_header(path)
@@ -149,16 +154,27 @@ class KeyframeIndex:
                 f"{path} was made with other feature definitions ({header['features']}, here {feature_fingerprint()}); "
                 "build it again"
             )
-        if path.stat().st_size != start + header["bytes"]:
-            raise RetrievalError(
-                f"{path} has {path.stat().st_size} bytes instead of {start + header['bytes']}; build it again"
-            )
-        arrays = {entry["name"]: _mapped(path, start, entry) for entry in header["arrays"]}
-        sets = {
-            name: RunLists(**{field.name: arrays[f"{name}.{field.name}"] for field in fields(RunLists)})
-            for name in FEATURE_SETS
-        }
-        return cls(tuple(header["names"]), arrays["document_starts"], sets)
+        _check_sum(path)
+        try:
+            arrays = {entry["name"]: _mapped(path, start, entry) for entry in header["arrays"]}
+            sets = {
+                name: RunLists(**{field.name: arrays[f"{name}.{field.name}"] for field in fields(RunLists)})
+                for name in FEATURE_SETS
+            }
+            index = cls(_distinct([str(name) for name in header["names"]]), arrays["document_starts"], sets)
+        except (KeyError, TypeError, ValueError, OverflowError, OSError) as error:
+            raise RetrievalError(f"the header of the index {path} is damaged ({error!r}); build it again") from error
+        index.check(str(path))
+        return index
+
+    def check(self, where: str) -> None:
+        """Raise RetrievalError where an array has another type or length than it must, or leads out of the index."""
+        starts, frames = self.document_starts, Column("i", (len(self) + 1,), 0)
+        check_columns({"document_starts": starts}, {"document_starts": frames}, RetrievalError, where, REBUILD)
+        if not len(self) or starts[0] != 0 or (np.diff(starts) <= 0).any():
+            raise RetrievalError(f"the documents of {where} are empty or out of order; {REBUILD}")
+        for name, lists in self.sets.items():
+            lists.check(starts, len(FEATURE_SETS[name]), f"{where}, set {name}")
 
     def _arrays(self) -> dict[str, np.ndarray]:
         arrays = {"document_starts": self.document_starts}
@@ -182,19 +198,38 @@ def _padded(size: int) -> int:
 
 def _read_header(path: Path) -> tuple[dict[str, Any], int]:
     """Header of an index file and the position of its first array."""
+    if not is_file(path):
+        raise RetrievalError(f"there is no index {path}; make one with `depthmocap index`")
     try:
         with path.open("rb") as stream:
             if stream.read(len(_MAGIC)) != _MAGIC:
                 raise RetrievalError(f"{path} is no keyframe index; make one with `depthmocap index`")
             length = int.from_bytes(stream.read(8), "little")
-            return json.loads(stream.read(length)), _padded(stream.tell())
-    except OSError as error:
-        raise RetrievalError(f"cannot open the index {path}: {error.strerror or error}; check the path") from error
-    except (ValueError, OverflowError, MemoryError) as error:
-        raise RetrievalError(f"the header of the index {path} is damaged; build it again") from error
+            text = stream.read(min(length, path.stat().st_size)).decode("utf-8")
+            start = _padded(stream.tell())
+    except (OSError, UnicodeDecodeError) as error:
+        raise RetrievalError(f"cannot read the index {path} ({error}); {REBUILD}") from error
+    header = parse_json(text, f"the header of the index {path}", RetrievalError, REBUILD)
+    if not isinstance(header, dict) or not {"version", "features", "names", "arrays"} <= header.keys():
+        raise RetrievalError(f"the header of the index {path} is damaged; {REBUILD}")
+    return header, start
+
+
+def _check_sum(path: Path) -> None:
+    """Raise RetrievalError unless the file ends with the SHA-256 of all before."""
+    digest = hashlib.sha256()
+    with path.open("rb") as stream:
+        left = path.stat().st_size - digest.digest_size
+        while left > 0 and (block := stream.read(min(left, 1 << 20))):
+            digest.update(block)
+            left -= len(block)
+        if left or stream.read() != digest.digest():
+            raise RetrievalError(f"{path} is cut short or damaged: its checksum does not fit its content; {REBUILD}")
 
 
 def _mapped(path: Path, start: int, entry: dict[str, Any]) -> np.ndarray:
     """One array of the file; copy-on-write, so that compiled code sees the same array type as in memory."""
-    shape = tuple(entry["shape"])
-    return np.asarray(np.memmap(path, np.dtype(entry["dtype"]), "c", start + entry["offset"], shape))
+    shape, dtype = tuple(entry["shape"]), np.dtype(entry["dtype"])
+    if dtype.kind not in "iu" or not dtype.isnative:
+        raise ValueError(f"an array is of type {dtype}")
+    return np.asarray(np.memmap(path, dtype, "c", start + entry["offset"], shape))

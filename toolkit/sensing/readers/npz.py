@@ -3,16 +3,27 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
 
+from toolkit.archives import Column, archive_names, check_columns, load_archive
 from toolkit.errors import RecordingError
 from toolkit.sensing.conversion import DepthConverter
-from toolkit.sensing.npz_stream import BROKEN, MemberReader
+from toolkit.sensing.npz_stream import RECORD_AGAIN, MemberReader
 from toolkit.sensing.readers.common import chosen_background, chosen_camera, chosen_up, frame_times
 from toolkit.sensing.recording import ReaderOptions, Recording, StoredRecording
+
+METADATA = {
+    "intrinsics": Column("iuf"),
+    "timestamps": Column("iuf"),
+    "distortion": Column("iuf"),
+    "background": Column("iuf", gaps=True),
+    "up_camera": Column("iuf"),
+    "joints": Column("iuf", gaps=True),
+    "reference_joints": Column("iuf", gaps=True),
+}
+"""What is read at once; the rest of the file is read frame by frame, or is none of ours."""
 
 
 def matches(path: Path) -> bool:
@@ -53,11 +64,11 @@ class NpzFrames:
 
 def read(path: Path, options: ReaderOptions) -> Recording:
     """Open an NPZ recording (keys: see ARCHITECTURE in the documentation); nothing but metadata is read yet."""
-    with _metadata(path) as stored:
-        if "depth" not in stored.files:
-            raise RecordingError(f"{path} has no 'depth'; it has: {', '.join(stored.files) or 'nothing'}")
-        small = {k: stored[k] for k in stored.files if k not in ("depth", "color")}
-        names = stored.files
+    names = archive_names(path, RecordingError, RECORD_AGAIN)
+    if "depth" not in names:
+        raise RecordingError(f"{path} has no 'depth'; it has: {', '.join(names) or 'nothing'}")
+    small = load_archive(path, RecordingError, RECORD_AGAIN, only=METADATA)
+    check_columns(small, METADATA, RecordingError, str(path), "write it as the documentation says")
     source = NpzFrames(path, names)
     count = len(source)
     camera = chosen_camera(options, source.shape, path, small.get("intrinsics"), small.get("distortion"))
@@ -74,14 +85,3 @@ def read(path: Path, options: ReaderOptions) -> Recording:
         stored_up=chosen_up(options, small.get("up_camera")),
         options=options.given(),
     )
-
-
-@contextmanager
-def _metadata(path: Path) -> Iterator[np.lib.npyio.NpzFile]:
-    try:
-        with np.load(path, allow_pickle=False) as stored:
-            if not isinstance(stored, np.lib.npyio.NpzFile):
-                raise RecordingError(f"{path} is a single array, not an NPZ recording; save it with save_recording")
-            yield stored
-    except BROKEN as error:
-        raise RecordingError(f"{path} is truncated or no NPZ file ({error}); copy or record it again") from error
