@@ -8,6 +8,7 @@ import numpy as np
 
 from toolkit.body import skeleton
 from toolkit.database.database import FORMAT_VERSION, PoseDatabase
+from toolkit.errors import UsageError
 from toolkit.files import atomic_path
 
 COLOURS = {
@@ -19,6 +20,7 @@ COLOURS = {
 }
 """Left reddish, right bluish."""
 LISTED_SOURCES = 15
+PICTURES = (".png", ".pdf", ".svg")
 SHOWN_POSES = 5000
 """Dots in a picture; more only make it black."""
 
@@ -61,9 +63,13 @@ def plot_coverage(database: PoseDatabase, path: str | Path) -> None:
 
     Raises
     ------
+    UsageError
+        The suffix is none of a picture.
     OutputError
         The picture cannot be written.
     """
+    if Path(path).suffix.lower() not in PICTURES:
+        raise UsageError(f"cannot draw to {path}; name it {', '.join('*' + suffix for suffix in PICTURES)}")
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 

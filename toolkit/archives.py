@@ -193,10 +193,10 @@ def _reason(path: Path, problem: Exception) -> str:
 
 def _names(archive: zipfile.ZipFile) -> list[str]:
     """Names of the arrays in an archive; raises ValueError where one stands twice."""
-    files = archive.namelist()
-    if len(set(files)) != len(files):
+    names = [name.removesuffix(".npy") for name in archive.namelist()]
+    if len(set(names)) != len(names):
         raise ValueError("an array stands in it twice")
-    return [name.removesuffix(".npy") for name in files]
+    return names
 
 
 def read_header(archive: zipfile.ZipFile, name: str, stream: IO[bytes]) -> tuple[tuple[int, ...], bool, np.dtype]:

@@ -62,7 +62,10 @@ def info(
     """Print what a pose database holds and covers."""
     from database_builder.report import database_text, plot_coverage
     from toolkit.database.database import PoseDatabase
+    from toolkit.files import check_output
 
+    if plot is not None:
+        check_output(plot, [database])
     loaded = PoseDatabase.load(database)
     print(database_text(loaded))
     if plot is not None:

@@ -54,6 +54,7 @@ def search(
 ) -> None:
     """Find motions in an index: by learned or written keyframes, or by an example."""
     from toolkit.errors import UsageError
+    from toolkit.files import check_output
     from toolkit.retrieval.index.keyframe_index import KeyframeIndex
     from toolkit.retrieval.keyframes.query_file import choose_labels, load_queries
     from toolkit.retrieval.workflow.search import Query, query_by_example, save_matches
@@ -61,6 +62,8 @@ def search(
 
     if (queries is None) == (by_example is None):
         raise UsageError("search needs one of --queries and --by-example; give exactly one")
+    if output is not None:
+        check_output(output, [path for path in (index, queries, by_example) if path is not None])
     opened = KeyframeIndex.open(index)
     if by_example is not None:
         wanted = [query_by_example(by_example, start, end)]

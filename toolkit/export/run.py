@@ -14,6 +14,9 @@ from toolkit.export.glb import export_glb
 from toolkit.export.person import Person, load_persons
 from toolkit.export.tables import export_csv, export_trc
 from toolkit.export.tree import OWN
+from toolkit.files import check_output
+from toolkit.runs import PEOPLE_FILE, person_runs
+from toolkit.track import RUN_FILE, TRACK_FILE
 
 Writer = Callable[[Path, Sequence[Person], str], None]
 """Called with the file, the people and the rig."""
@@ -74,8 +77,8 @@ def export_run(run: str | Path, path: str | Path, *, rig: str | None = None) -> 
     TrackError
         The folder holds no finished track.
     UsageError
-        The suffix is unknown, a rig is named for a format without joints of a skeleton, an optional package is missing,
-        or there are too few frames for a frame rate.
+        The suffix is unknown, `path` is a file of the run, a rig is named for a format without joints of a skeleton, an
+        optional package is missing, or there are too few frames for a frame rate.
     RigError
         The rig is unknown.
     OutputError
@@ -88,6 +91,7 @@ def export_run(run: str | Path, path: str | Path, *, rig: str | None = None) -> 
     if rig is not None and not format_.rigged:
         named = ", ".join(suffix for suffix, known in FORMATS.items() if known.rigged)
         raise UsageError(f"--rig {rig} is for {named}; {target.suffix} names the joints that are reported")
+    check_output(target, [Path(run) / PEOPLE_FILE, *(f / n for f in person_runs(run) for n in (TRACK_FILE, RUN_FILE))])
     people, names = load_persons(run), rig or OWN
     if format_.together or len(people) == 1:
         format_.write(target, people, names)

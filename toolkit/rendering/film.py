@@ -9,18 +9,19 @@ import numpy as np
 
 from toolkit.body.body import Body
 from toolkit.errors import OutputError, UsageError
-from toolkit.files import atomic_path
+from toolkit.files import atomic_path, check_output
 from toolkit.rendering import style
 from toolkit.rendering.encoders import FILM_SUFFIXES, open_encoder
 from toolkit.rendering.painter import FramePainter, RenderSettings
 from toolkit.sensing.cleaning import SensingSettings
 from toolkit.sensing.recording import Recording
-from toolkit.track import RunInfo, Track
+from toolkit.track import RUN_FILE, TRACK_FILE, RunInfo, Track
 
 Progress = Callable[[int, int], None]
 """Called with the frames done and all frames."""
 
 DEFAULT_RATE = 25.0  # frames per second of a recording whose timestamps say nothing
+LARGEST_RATE = 240.0  # frames per second that players and codecs take
 SHEET_COLUMNS, SHEET_FRAMES = 2, 12
 """Of a contact sheet: pictures side by side, and all pictures."""
 SHEET_SETTINGS = RenderSettings(height=300, aspect=0.9)
@@ -94,11 +95,14 @@ def render_track(
     TrackError
         The track does not belong to the recording.
     UsageError
-        The output's suffix is unknown or there are no frames to draw.
+        The output's suffix or the rate is none of a film, the output would damage the recording, or there are no frames
+        to draw.
     OutputError
         The output cannot be written.
     """
-    target = Path(output)
+    target = check_output(output, [recording.path], sealed=[recording.path])
+    if rate is not None and not 0 < rate <= LARGEST_RATE:
+        raise UsageError(f"a film cannot have {rate:g} frames a second; choose a rate above 0 and up to {LARGEST_RATE}")
     chosen = range(len(track)) if frames is None else frames
     if not len(chosen) or chosen.start < 0 or max(chosen) >= len(track):
         raise UsageError(f"frames {chosen} are not some of the {len(track)} frames of the track")
@@ -133,6 +137,7 @@ def render_run(
 
     `recording` is where the recording has been moved to. The rest is as in `render_track`.
     """
+    check_output(output, [Path(run) / TRACK_FILE, Path(run) / RUN_FILE])
     info = RunInfo.load(run)
     return render_track(
         Track.load(run),

@@ -14,6 +14,7 @@ from toolkit.body import skeleton
 from toolkit.body.body import Body
 from toolkit.body.raycast import Hits, cast
 from toolkit.errors import UsageError
+from toolkit.files import check_output
 from toolkit.mocap.clip import PoseClip
 from toolkit.sensing.camera import Camera
 from toolkit.sensing.recording import Recording, open_recording
@@ -233,10 +234,14 @@ def simulate_scene(
     MocapError
         A clip cannot be read or retargeted.
     BodyError, UsageError
-        An argument is unknown or out of range, or somebody stands inside somebody else.
+        An argument is unknown or out of range, somebody stands inside somebody else, or `output` is no .npz file or
+        would replace a clip.
     OutputError
         The file cannot be written.
     """
+    if Path(output).suffix != ".npz":
+        raise UsageError(f"a recording is one .npz file, not {output}; choose a name such as take.npz")
+    check_output(output, [person.clip for person in people if not isinstance(person.clip, PoseClip)])
     shot = shot or Shot()
     simulation = prepare(people, shot)
     measured = _worn_sensors(simulation, sensors) if sensors is not None and sensors.limbs else None

@@ -28,7 +28,12 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 COLUMNS = ("start", "end", "label", "score")
-SEGMENTS_CSV, SEGMENTS_JSON, PICTURE, PAGE = "segments.csv", "segments.json", "annotation.png", "report.html"
+REPORT_FILES = SEGMENTS_CSV, SEGMENTS_JSON, PICTURE, PAGE = (
+    "segments.csv",
+    "segments.json",
+    "annotation.png",
+    "report.html",
+)
 
 _STYLE = """body{font:15px/1.5 sans-serif;max-width:70em;margin:2em auto;padding:0 1em;color:#222}
 table{border-collapse:collapse;margin:1em 0}td,th{padding:.25em .8em;border-bottom:1px solid #ccc;text-align:left}

@@ -8,11 +8,12 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from toolkit.errors import RetrievalError, UsageError
+from toolkit.files import check_output
 from toolkit.retrieval.annotation.annotator import THRESHOLD, Annotation, Annotator, MotionClass
 from toolkit.retrieval.annotation.classes import learn_classes
 from toolkit.retrieval.annotation.measures import Scores
 from toolkit.retrieval.annotation.preselection import preselect_in
-from toolkit.retrieval.annotation.report import read_segments, write_report
+from toolkit.retrieval.annotation.report import REPORT_FILES, read_segments, write_report
 from toolkit.retrieval.features.relational import FeatureMatrix, relational_features
 from toolkit.retrieval.keyframes.query import KeyframeQuery
 from toolkit.retrieval.workflow.motions import find_motions, load_motion
@@ -79,13 +80,18 @@ def annotate_motions(
     Raises
     ------
     UsageError
-        Two motions have one stem, or a single file of true segments comes with several motions.
+        Two motions have one stem, a single file of true segments comes with several motions, or a report would replace
+        what it is made from.
     RetrievalError
         A motion is too short, or the true segments do not fit.
     """
     files = find_motions(sources)
     _check_stems(files)
     truths = _truth_files(files, truth)
+    folders = {file: Path(output) if len(files) == 1 else Path(output) / file.stem for file in files}
+    for folder in folders.values():
+        for name in REPORT_FILES:
+            check_output(folder / name, [*files, *truths.values()])
     if threshold is not None:
         classes = [replace(motion_class, threshold=threshold) for motion_class in classes]
     annotator = Annotator(classes)
@@ -94,9 +100,8 @@ def annotate_motions(
         features = relational_features(load_motion(file))
         intervals = preselect_in([features], queries, annotator.labels)[0] if queries else None
         annotation = annotator.annotate(features, intervals)
-        folder = Path(output) if len(files) == 1 else Path(output) / file.stem
         true = read_segments(truths[file]) if file in truths else None
-        done.append(AnnotatedFile(annotation, folder, write_report(annotation, classes, folder, true)))
+        done.append(AnnotatedFile(annotation, folders[file], write_report(annotation, classes, folders[file], true)))
         if progress is not None:
             progress("annotating", number, len(files))
     return done

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
+from toolkit.files import check_output
 from toolkit.retrieval.features.relational import relational_features
 from toolkit.retrieval.index.keyframe_index import KeyframeIndex
 from toolkit.retrieval.workflow.motions import find_motions, load_motion
@@ -30,9 +31,12 @@ def index_motions(
     ------
     RetrievalError
         Two motions of one name, or an index to add to that does not fit.
+    UsageError
+        `output` would replace a motion.
     """
     before = KeyframeIndex.open(output) if add else None
     files = find_motions(paths)
+    check_output(output, files)
     documents = []
     for number, file in enumerate(files, start=1):
         documents.append(relational_features(load_motion(file)))

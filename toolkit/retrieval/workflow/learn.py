@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
+from toolkit.files import check_output
 from toolkit.retrieval.features.motion import Motion
 from toolkit.retrieval.features.relational import relational_features
 from toolkit.retrieval.keyframes.query_file import save_queries
@@ -42,6 +43,7 @@ def learn_queries(
     workers : processes; they do not change the result
     progress : told after each genetic run
     """
+    check_output(output, [*clips, *others])
     motions: dict[str, list[Motion]] = {label: [] for label in sorted(set(clips.values()))}
     settings = settings or LearningSettings()
     for file, label in clips.items():

@@ -1,0 +1,161 @@
+"""Outputs never damage inputs, locks name their owner, text is read without trust."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from toolkit.errors import MocapError, OutputError, UsageError
+from toolkit.files import (
+    atomic_path,
+    check_output,
+    free_folder,
+    is_file,
+    is_folder,
+    locked,
+    make_own_folder,
+    parse_json,
+    read_json,
+    read_text,
+    remove_own_folder,
+    save_text,
+)
+
+
+@pytest.mark.parametrize(
+    ("output", "inputs"),
+    [
+        ("a.bvh", ["a.bvh"]),
+        ("sub/../a.bvh", ["a.bvh"]),
+        ("link.bvh", ["a.bvh"]),
+        ("hard.bvh", ["a.bvh"]),
+        ("a.bvh", ["linked/a.bvh"]),
+        ("sub", ["sub"]),
+        ("sub", ["sub/inner/b.bvh"]),
+        (".", ["a.bvh"]),
+    ],
+)
+def test_an_output_that_is_or_holds_an_input_is_refused(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, output: str, inputs: list[str]
+) -> None:
+    (tmp_path / "sub" / "inner").mkdir(parents=True)
+    for name in ("a.bvh", "sub/inner/b.bvh"):
+        (tmp_path / name).write_text("motion")
+    (tmp_path / "link.bvh").symlink_to("a.bvh")
+    (tmp_path / "linked").symlink_to(".")
+    os.link(tmp_path / "a.bvh", tmp_path / "hard.bvh")
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(UsageError, match="choose another output"):
+        check_output(output, inputs)
+
+
+def test_an_output_inside_of_an_input_is_refused_where_the_input_is_sealed(tmp_path: Path) -> None:
+    assert check_output(tmp_path / "frames" / "run", [tmp_path / "frames"]) == tmp_path / "frames" / "run"
+    with pytest.raises(UsageError, match="outside of it"):
+        check_output(tmp_path / "frames" / "run", [tmp_path / "frames"], sealed=[tmp_path / "frames"])
+
+
+def test_an_output_beside_its_input_is_fine(tmp_path: Path) -> None:
+    (tmp_path / "a.bvh").write_text("motion")
+    for output in ("a.npz", "a", "new/a.bvh"):
+        check_output(tmp_path / output, [tmp_path / "a.bvh"], sealed=[tmp_path / "a.bvh"])
+
+
+def test_a_device_or_a_folder_is_not_replaced(tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / "pipe")
+    for target in (tmp_path / "pipe", tmp_path):
+        with pytest.raises(OutputError, match="folder or a device"), atomic_path(target):
+            pass
+
+
+@pytest.mark.parametrize("path", ["x" * 300, "a\0b"])
+def test_a_name_that_cannot_exist_is_no_file_and_no_folder(path: str) -> None:
+    assert not is_file(path) and not is_folder(path)
+
+
+def test_only_own_folders_are_removed(tmp_path: Path) -> None:
+    (tmp_path / "mine.work").mkdir()
+    (tmp_path / "mine.work" / "thesis.txt").write_text("years")
+    own = free_folder(tmp_path / "mine.work")
+    assert own.name == "mine.work-2" and not own.exists()
+    make_own_folder(own)
+    assert free_folder(tmp_path / "mine.work") == own
+    for folder in (own, tmp_path / "mine.work"):
+        remove_own_folder(folder)
+    assert not own.exists() and (tmp_path / "mine.work" / "thesis.txt").exists()
+
+
+HOLD = """import sys, time
+from toolkit.files import locked
+with locked(sys.argv[1]):
+    print('held', flush=True)
+    time.sleep(60)
+"""
+
+
+def test_a_lock_names_its_owner_and_ends_with_it(tmp_path: Path) -> None:
+    holder = subprocess.Popen([sys.executable, "-c", HOLD, str(tmp_path)], stdout=subprocess.PIPE, text=True)
+    try:
+        assert holder.stdout is not None and holder.stdout.readline() == "held\n"
+        with pytest.raises(OutputError, match=f"process {holder.pid} on "), locked(tmp_path):
+            pass
+    finally:
+        holder.kill()
+        holder.wait()
+    with locked(tmp_path):
+        assert [p.name for p in tmp_path.iterdir()] == [".lock"]
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_killed_writer_leaves_the_old_file(tmp_path: Path) -> None:
+    target = tmp_path / "a.txt"
+    save_text(target, "old")
+    script = (
+        "import sys, time; from toolkit.files import atomic_path\n"
+        "with atomic_path(sys.argv[1]) as temporary:\n"
+        "    temporary.write_text('half'); print('writing', flush=True); time.sleep(60)"
+    )
+    writer = subprocess.Popen([sys.executable, "-c", script, str(target)], stdout=subprocess.PIPE, text=True)
+    assert writer.stdout is not None and writer.stdout.readline() == "writing\n"
+    writer.kill()
+    writer.wait()
+    assert target.read_text() == "old"
+
+
+def _pipe(path: Path) -> None:
+    os.mkfifo(path)
+
+
+@pytest.mark.parametrize(
+    ("make", "words"),
+    [
+        (lambda path: None, "there is no file"),
+        (lambda path: path.mkdir(), "there is no file"),
+        (_pipe, "there is no file"),
+        (lambda path: path.write_bytes(b"\xff\xfe\x00"), "cannot read"),
+        (lambda path: os.truncate(os.open(path, os.O_CREAT | os.O_WRONLY), 1 << 30), "too many"),
+    ],
+)
+def test_what_is_no_text_file_is_one_sentence(tmp_path: Path, make: Callable[[Path], None], words: str) -> None:
+    make(tmp_path / "a.json")
+    before = time.monotonic()
+    with pytest.raises(MocapError, match=f"{words}.*; name a motion"):
+        read_json(tmp_path / "a.json", MocapError, "name a motion")
+    assert time.monotonic() - before < 60, "a pipe is not waited for"
+
+
+@pytest.mark.parametrize("text", ["", "{", "[" * 100_000, '{"a": NaN}', "[Infinity]", "9" * 10_000, "\x00"])
+def test_what_is_no_json_is_one_sentence(text: str) -> None:
+    with pytest.raises(MocapError, match="the notes is no JSON .*; write them again"):
+        parse_json(text, "the notes", MocapError, "write them again")
+
+
+def test_a_byte_order_mark_is_left_out(tmp_path: Path) -> None:
+    (tmp_path / "a.txt").write_bytes(b"\xef\xbb\xbfHIERARCHY")
+    assert read_text(tmp_path / "a.txt", MocapError, "") == "HIERARCHY"
