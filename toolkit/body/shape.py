@@ -17,6 +17,7 @@ import numpy as np
 from toolkit.body import skeleton
 from toolkit.body.body import Body, vertex_normals
 from toolkit.errors import BodyError
+from toolkit.kernels import linear
 
 ASSETS = Path(__file__).parent / "assets"
 CLOTHING = 0.01
@@ -96,7 +97,7 @@ class ShapeSpace:
             There are more than K coefficients, one is not finite, or the scale is not positive.
         """
         shape = _padded(coefficients, self.size)
-        points = self.mean + np.tensordot(shape, self.basis, axes=1)
+        points = self.mean + linear.combined(shape, self.basis)
         vertices, joints, sites = _split(points)
         body = Body(
             name, vertices, self.faces, self.skin_joints, self.skin_weights, joints, sites, self.end_effectors, shape
@@ -178,11 +179,11 @@ def subject_body(
     named = dict(zip(data["names"].tolist(), data["shapes"], strict=True))
     coefficients = _padded(_named(named, shape) if isinstance(shape, str) else shape, len(data["basis"]))
     quantum = float(data["quantum"])
-    points = data["mean"] + quantum * np.tensordot(coefficients, data["basis"], axes=1)
+    points = data["mean"] + quantum * linear.combined(coefficients, data["basis"])
     faces, count = data["faces"].astype(np.int32), len(data["skin_joints"])
     if seed is not None:
         rng = np.random.default_rng(seed)
-        points += quantum * np.tensordot(rng.uniform(-0.5, 0.6, len(data["local"])), data["local"], axes=1)
+        points += quantum * linear.combined(rng.uniform(-0.5, 0.6, len(data["local"])), data["local"])
         points[:count] += _bumps(points[:count], faces, rng)
     vertices, joints, sites = _split(points)
     body = Body(

@@ -7,6 +7,7 @@ Facing yaw is the angle about +y from +z.
 
 from __future__ import annotations
 
+import math
 from functools import lru_cache
 from typing import TYPE_CHECKING
 
@@ -141,7 +142,7 @@ def torso_length(body: Body) -> float:
     """Distance of neck and pelvis in the rest pose, metres: the scale of offsets between bodies."""
     joints = body.joint_positions(np.zeros(skeleton.POSE_SIZE))
     reported = skeleton.REPORTED.index
-    return float(np.linalg.norm(joints[reported("neck")] - joints[reported("pelvis")]))
+    return math.dist(joints[reported("neck")], joints[reported("pelvis")])
 
 
 def _turned(poses: np.ndarray, yaws: np.ndarray) -> np.ndarray:

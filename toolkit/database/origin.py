@@ -13,7 +13,7 @@ import numpy as np
 
 from toolkit.body.body import Body
 from toolkit.database.canonical import about_up, frontal_centre, place
-from toolkit.kernels import raster
+from toolkit.kernels import linear, raster
 from toolkit.landmarks.centre import cloud_centre
 from toolkit.landmarks.facing import estimate_facing
 from toolkit.landmarks.settings import LandmarkSettings
@@ -64,13 +64,13 @@ def observed_offsets(
         turned = np.arctan2(weight * np.sin(turn), 1.0 - weight + weight * np.cos(turn))
         offsets[row, :3] = frontal_centre(centre, view.yaw + turned, scale) - stand
         offsets[row, 3] = turned
-    offsets[:, :3] = offsets[:, :3] @ about_up(-view.yaw).T
+    offsets[:, :3] = linear.rotated(offsets[:, :3], about_up(view.yaw))
     return offsets
 
 
 def seen_points(body: Body, pose: np.ndarray) -> np.ndarray:
     """Points that `CAMERA` sees of a pose (P,) in the level frame: float32 (N, 3), metres, level frame."""
-    vertices_camera = body.vertex_positions(pose) @ R_LEVEL_CAMERA
+    vertices_camera = linear.rotated(body.vertex_positions(pose), R_LEVEL_CAMERA)
     projected = np.empty_like(vertices_camera)
     raster.project(vertices_camera, np.asarray(CAMERA.intrinsics, dtype=np.float64), projected)
     inverse_depth = np.empty((CAMERA.height, CAMERA.width))

@@ -19,6 +19,7 @@ from toolkit.fitting.fitter import Comparison, Fitter
 from toolkit.fitting.posed import PosedBody, spread_rows
 from toolkit.fitting.scene import Scene
 from toolkit.kernels import limbs as kernel
+from toolkit.kernels import linear
 
 CARRIER = "thorax"
 JOINTS = ("clavicle", "shoulder", "elbow", "wrist")
@@ -123,7 +124,7 @@ class Arm:
         free = samples[at_arm | (compared.sample_gaps > settings.explained)]
         rotation, origin = posed.rotations[self._joints[0]], posed.origins[self._joints[0]]
         measured = kernel.Measured(
-            rotation, origin, scene.depth, scene.intrinsics, (free - origin) @ rotation,
+            rotation, origin, scene.depth, scene.intrinsics, linear.rotated(free - origin, rotation),
             1.0 / len(samples), settings.free_space, settings.tolerance, settings.cap,
         )  # fmt: skip
         _, (own,) = self._fitted(pose[None, self.entries], measured, settings)

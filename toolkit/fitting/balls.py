@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -9,6 +10,7 @@ import numpy as np
 
 from toolkit.body import skeleton
 from toolkit.body.body import Body
+from toolkit.kernels import linear
 
 _ALONG: dict[str, tuple[float, ...]] = {
     "root": (0.3,), "lumbar": (0.0, 0.6), "thorax": (0.1, 0.6), "cervical": (0.5,),
@@ -53,9 +55,9 @@ class Balls:
             if end is None or not along:
                 continue
             bone = (body.sites if end[0] else body.joints)[end[1]] - body.joints[j]
-            axis = bone / np.linalg.norm(bone)
+            axis = bone / math.hypot(*bone)
             skin = body.vertices[body.part == j] - body.joints[j]
-            around = np.median(np.linalg.norm(skin - np.outer(skin @ axis, axis), axis=1))
+            around = np.median(linear.lengths(np.cross(skin, axis)))
             for share in along:
                 joint.append(j)
                 offset.append(share * bone)
@@ -68,7 +70,7 @@ class Balls:
         """Pairs of balls that a pose can bring together, int64 (K, 2): apart at rest, not of neighbouring joints."""
         centres = self._rest + self.offset
         first, second = np.triu_indices(len(self.joint), 1)
-        gap = np.linalg.norm(centres[first] - centres[second], axis=1) - self.radius[first] - self.radius[second]
+        gap = linear.lengths(centres[first] - centres[second]) - self.radius[first] - self.radius[second]
         parents = skeleton.PARENTS[self.joint]
         near = (parents[first] == self.joint[second]) | (parents[second] == self.joint[first])
         return np.stack([first, second], axis=1)[(gap > 0.0) & ~near & (self.joint[first] != self.joint[second])]

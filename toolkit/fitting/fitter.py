@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -13,7 +14,7 @@ from toolkit.errors import SettingsError
 from toolkit.fitting.posed import NormalSystem, PosedBody
 from toolkit.fitting.scene import Scene
 from toolkit.fitting.terms import CloudTerm, ContactTerm, PairTerm, PoseTerm, SurfaceTerm, nearest_drawn
-from toolkit.kernels import pairs, twists
+from toolkit.kernels import linear, pairs, twists
 from toolkit.sensing.camera import Camera
 
 SUPPORT = 0.04
@@ -164,13 +165,13 @@ class Fitter:
         points = posed.vertices[posed.chosen]
         nearest = np.full((len(points), 3), np.nan)
         scene.neighbours.medians(points, visible, s.unexplained, 1, nearest)
-        gaps = _lengths(points - nearest)
+        gaps = linear.lengths(points - nearest)
         distance += _mean_capped(gaps[visible], s.unexplained)
         if distance > bound:
             return WORSE
         samples = scene.samples[: scene.plain_samples]
         points, drawn = nearest_drawn(posed, samples, s.unexplained)
-        sample_gaps = np.where(drawn >= 0, np.fmin(_lengths(points - samples), s.unexplained), s.unexplained)
+        sample_gaps = np.where(drawn >= 0, np.fmin(linear.lengths(points - samples), s.unexplained), s.unexplained)
         if len(samples):
             distance += float(sample_gaps.mean())
         if distance > bound:
@@ -188,12 +189,7 @@ class Fitter:
         how near measured points are.
         """
         near = np.exp(-(np.nan_to_num(comparison.gaps, nan=np.inf) ** 2) / (2.0 * SUPPORT**2))
-        return np.interp(2.0 * (self.posed.around_joints @ near), *CALIBRATION.T)
-
-
-def _lengths(vectors: np.ndarray) -> np.ndarray:
-    """Length of each of `vectors` (N, 3); NaN stays NaN."""
-    return np.sqrt(np.einsum("nc,nc->n", vectors, vectors))
+        return np.interp(2.0 * (linear.times(self.posed.around_joints, near)), *CALIBRATION.T)
 
 
 def _mean_capped(lengths: np.ndarray, cap: float) -> float:
@@ -204,6 +200,6 @@ def _mean_capped(lengths: np.ndarray, cap: float) -> float:
 def _wrap_root(pose: np.ndarray) -> None:
     """Keep the root's rotation vector shorter than pi (the same rotation, turned the other way)."""
     vector = pose[skeleton.ROOT_ROTATION]
-    angle = float(np.sqrt(vector @ vector))
+    angle = math.hypot(*vector)
     if angle > np.pi:
         vector *= 1.0 - 2.0 * np.pi / angle

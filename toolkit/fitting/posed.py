@@ -7,7 +7,7 @@ import numpy as np
 from toolkit.body import skeleton
 from toolkit.body.body import BELOW, Body
 from toolkit.fitting.balls import Balls
-from toolkit.kernels import kinematics, pairs, raster, twists
+from toolkit.kernels import kinematics, linear, pairs, raster, twists
 from toolkit.sensing.camera import Camera
 
 QUOTAS: dict[str, int] = {
@@ -132,7 +132,7 @@ class PosedBody:
 
     def end_effectors_level(self) -> np.ndarray:
         """End-effector vertices of the placed pose: float64 (5, 3), level frame."""
-        return self.vertices[self.body.end_effectors] @ self.from_level
+        return linear.rotated(self.vertices[self.body.end_effectors], self.from_level)
 
 
 class NormalSystem:

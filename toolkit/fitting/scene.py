@@ -6,7 +6,7 @@ from typing import Protocol
 
 import numpy as np
 
-from toolkit.kernels import pairs
+from toolkit.kernels import linear, pairs
 from toolkit.sensing.cloud import Cloud
 
 
@@ -68,14 +68,13 @@ class Scene:
         self.intrinsics = np.array(cloud.camera.intrinsics, dtype=np.float64)
         count = len(cloud.points)
         rows = np.linspace(0, count - 1, min(samples, count)).astype(np.int64) if samples else np.empty(0, int)
-        to_camera = cloud.rotation.T
-        self.extrema = extrema_level @ to_camera.T
+        self.extrema = linear.rotated(extrema_level, cloud.rotation)
         self.plain_samples = len(rows)
         self.samples = np.ascontiguousarray(
-            np.concatenate([cloud.points[rows].astype(np.float64) @ to_camera.T, self.extrema])
+            np.concatenate([linear.rotated(cloud.points[rows], cloud.rotation), self.extrema])
         )
         self.neighbours: Neighbours = (
             PixelNeighbours(self.depth, self.intrinsics)
             if neighbours == "pixels"
-            else Open3DNeighbours(cloud.points.astype(np.float64) @ to_camera.T)
+            else Open3DNeighbours(cloud.points_camera)
         )

@@ -15,6 +15,7 @@ from toolkit.body.shape import ShapeSpace
 from toolkit.fitting.posed import PosedBody
 from toolkit.fitting.scene import Scene
 from toolkit.fitting.terms import CloudTerm, SurfaceTerm
+from toolkit.kernels import linear
 
 
 @dataclass(frozen=True)
@@ -68,15 +69,15 @@ class ShapeEstimator:
             changed[k] += STEP
             posed.set_body(self._space.body(changed))
             posed.place(pose)
-            columns[:, k] = np.einsum("nc,nc->n", normals, posed.vertices[vertex] - base) / STEP
-        weighted = columns * (weight / NOISE**2)[:, None]
-        along = np.einsum("nc,nc->n", normals, residual)
+            columns[:, k] = linear.dots(normals, posed.vertices[vertex] - base) / STEP
+        weight = weight / NOISE**2
+        wanted = linear.times(columns, self.coefficients) - linear.dots(normals, residual)
         forget = self._settings.forgetting
-        self._matrix = forget * self._matrix + weighted.T @ columns
-        self._vector = forget * self._vector + weighted.T @ (columns @ self.coefficients - along)
+        self._matrix = forget * self._matrix + linear.gram(columns, weight)
+        self._vector = forget * self._vector + linear.combined(weight * wanted, columns)
         prior = self._settings.prior * np.eye(len(self.coefficients))
         limit = self._settings.limit
-        self.coefficients = np.clip(np.linalg.solve(self._matrix + prior, self._vector), -limit, limit)
+        self.coefficients = np.clip(linear.solved(self._matrix + prior, self._vector), -limit, limit)
         body = self._space.body(self.coefficients)
         posed.set_body(body)
         return body

@@ -10,7 +10,7 @@ import numpy as np
 from toolkit.body import skeleton
 from toolkit.fitting.posed import NormalSystem, PosedBody
 from toolkit.fitting.scene import Scene
-from toolkit.kernels import pairs, twists
+from toolkit.kernels import linear, pairs, twists
 
 
 @dataclass(frozen=True, eq=False)
@@ -144,9 +144,10 @@ class JointTerm:
                 continue
             point = posed.origins[carrier]
             if site >= 0:
-                point = point + posed.rotations[carrier] @ (posed.body.sites[site] - posed.body.joints[carrier])
+                offset = posed.body.sites[site] - posed.body.joints[carrier]
+                point = point + linear.times(posed.rotations[carrier], offset)
             e = point - self.targets[row]
-            ratio = 1.0 + (e @ e) / self.sigma**2
+            ratio = 1.0 + linear.dot(e, e) / self.sigma**2
             p = point - system.reference
             twists.add_pair(
                 system.hessian, system.gradient, carrier, p[0], p[1], p[2], 0.0, 0.0, 0.0, e[0], e[1], e[2],
@@ -187,7 +188,7 @@ _CARRIERS = _carriers()
 
 def _robust(residual: np.ndarray, sigma: float) -> np.ndarray:
     """Geman-McClure weights (N,) of residuals (N, 3)."""
-    return (1.0 + np.einsum("nc,nc->n", residual, residual) / sigma**2) ** -2
+    return (1.0 + linear.dots(residual, residual) / sigma**2) ** -2
 
 
 SOFT = 0.8
@@ -211,17 +212,17 @@ class GaussianPrior:
     def of_poses(cls, poses: np.ndarray, weight: float) -> GaussianPrior:
         """The prior of a sample of poses (N, P); `SPREAD` keeps angles that it never moves from being frozen."""
         angles = np.asarray(poses, dtype=np.float64)[:, 6:]
-        covariance = np.cov(angles.T) + SPREAD**2 * np.eye(angles.shape[1])
-        mean = np.concatenate([np.zeros(6), angles.mean(axis=0)])
-        return cls(weight, mean, np.linalg.inv(covariance))
+        mean, covariance = linear.moments(angles)
+        precision = linear.inverse(covariance + SPREAD**2 * np.eye(angles.shape[1]))
+        return cls(weight, np.concatenate([np.zeros(6), mean]), precision)
 
     def add(self, system: NormalSystem, pose: np.ndarray) -> None:
         """See `PoseTerm.add`."""
         free = slice(6, skeleton.POSE_SIZE)
         system.matrix[free, free] += self.weight * self.precision
-        system.vector[free] += self.weight * (self.precision @ (pose[free] - self.mean[free]))
+        system.vector[free] += self.weight * linear.times(self.precision, pose[free] - self.mean[free])
 
     def energy(self, pose: np.ndarray) -> float:
         """See `PoseTerm.energy`."""
         away = (pose - self.mean)[6:]
-        return 0.5 * self.weight * float(away @ self.precision @ away)
+        return 0.5 * self.weight * linear.dot(away, linear.times(self.precision, away))

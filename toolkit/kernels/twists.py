@@ -11,6 +11,8 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
+from toolkit.kernels.linear import cholesky, substitute
+
 
 @njit(cache=True)
 def add_pair(
@@ -195,29 +197,10 @@ def bounded_step(
                         a[i, j] = matrix[i, j]
                 a[i, i] += damping[i]
                 y[i] = total
-        # Cholesky in place, lower triangle.
-        for i in range(size):
-            for j in range(i + 1):
-                total = a[i, j]
-                for k in range(j):
-                    total -= a[i, k] * a[j, k]
-                if i == j:
-                    if total <= 1e-12:
-                        step[:] = 0.0
-                        return
-                    a[i, i] = np.sqrt(total)
-                else:
-                    a[i, j] = total / a[j, j]
-        for i in range(size):
-            total = y[i]
-            for k in range(i):
-                total -= a[i, k] * y[k]
-            y[i] = total / a[i, i]
-        for i in range(size - 1, -1, -1):
-            total = y[i]
-            for k in range(i + 1, size):
-                total -= a[k, i] * y[k]
-            y[i] = total / a[i, i]
+        if not cholesky(a):
+            step[:] = 0.0
+            return
+        substitute(a, y)
         grown = False
         for i in range(size):
             step[i] = y[i]

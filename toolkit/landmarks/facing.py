@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from toolkit.kernels import torso
+from toolkit.kernels import linear, torso
 from toolkit.landmarks.settings import LandmarkSettings
 
 
@@ -59,11 +59,11 @@ def estimate_facing(
     towards_camera = camera_yaw(centre)
     if count < settings.smallest_torso:
         return FacingEstimate(towards_camera, 0.0)
-    values, vectors = np.linalg.eigh(covariance)
+    values, vectors = linear.principal_axes(covariance)
     if values[2] <= 0.0:
         return FacingEstimate(towards_camera, 0.0)
     normal = vectors[:, 0]
-    if normal @ centre > 0.0:
+    if linear.dot(normal, centre) > 0.0:
         normal = -normal
     curvature = max(values[0], 0.0) / values.sum()
     circularity = values[1] / values[2]

@@ -6,6 +6,7 @@ Camera frame: x right, y down, z forward (OpenCV), metres. Integer pixel (u, v) 
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -170,12 +171,12 @@ def level_rotation(up_camera: np.ndarray) -> np.ndarray:
         `up_camera` has no direction.
     """
     up = np.asarray(up_camera, dtype=np.float64)
-    length = float(np.linalg.norm(up)) if up.shape == (3,) else 0.0
+    length = math.hypot(*up) if up.shape == (3,) else 0.0
     if not np.isfinite(length) or length < 1e-6:
         raise RecordingError(f"up_camera {up.tolist()} is no direction; give three numbers such as 0, -1, 0")
     y = up / length
     looking_down = y[2] < 0
     towards = np.array([0.0, 0.0, -1.0]) if abs(y[2]) < 0.999 else np.array([0.0, 1.0 if looking_down else -1.0, 0.0])
-    z = towards - (towards @ y) * y
-    z /= np.linalg.norm(z)
+    z = towards - np.sum(towards * y) * y
+    z /= math.hypot(*z)
     return np.stack([np.cross(y, z), y, z])

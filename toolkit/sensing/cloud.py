@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from toolkit.kernels import depth as kernels
+from toolkit.kernels import linear
 from toolkit.sensing.camera import Camera
 
 
@@ -50,4 +51,4 @@ class Cloud:
     @property
     def points_camera(self) -> np.ndarray:
         """The points in the camera frame: float64 (N, 3), metres."""
-        return self.points @ self.rotation
+        return linear.rotated(self.points, self.rotation)

@@ -6,6 +6,7 @@ one at a time; a long recording is never read whole.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass, field, fields
 from functools import cached_property
@@ -249,9 +250,9 @@ class StoredRecording:
         """The vertical in the camera frame, float64 (3,): as stored, else from a visible floor, else (0, -1, 0)."""
         if self.stored_up is not None:
             up = np.asarray(self.stored_up, dtype=np.float64)
-            if up.shape != (3,) or not np.isfinite(up).all() or np.linalg.norm(up) < 1e-6:
+            if up.shape != (3,) or not np.isfinite(up).all() or math.hypot(*up) < 1e-6:
                 raise RecordingError(f"up_camera {up.tolist()} of {self.path} is no direction; give three numbers")
-            return up / np.linalg.norm(up)
+            return up / math.hypot(*up)
         from toolkit.sensing.floor import find_floor
 
         scene = self.background if self.background is not None else self.depth(0)

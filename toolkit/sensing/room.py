@@ -6,14 +6,16 @@ for people, and the smaller ones that touch them for their limbs. From the secon
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
 
 from toolkit.errors import SegmentationError
 from toolkit.kernels import components
+from toolkit.kernels.plane import largest_plane
 from toolkit.sensing.camera import Camera, level_rotation
-from toolkit.sensing.floor import Floor, find_floor
+from toolkit.sensing.floor import SEED, Floor, find_floor
 
 COARSE_WIDTH = 320  # pixels: finer images show the steps of the sensor, not of the scene
 SURFACE_GAP = 0.03  # m between neighbouring coarse pixels of one surface, on top of the quantisation
@@ -150,7 +152,7 @@ class RoomSegmenter:
         self._slopes = np.zeros(self._coarse.shape)
         if self._floor is not None:
             up = self._floor.up_camera
-            self._slopes = self._coarse.rays() @ up[:2] + up[2]
+            self._slopes = self._floor.slopes(self._coarse)
             self._rotation = level_rotation(up)
 
     def _remove_floor(self, coarse: np.ndarray) -> None:
@@ -251,7 +253,7 @@ class RoomSegmenter:
         if not people:
             return []
         if self._place is not None:
-            away = [float(np.linalg.norm(surfaces.centre(p[0]) - self._place)) for p in people]
+            away = [math.dist(surfaces.centre(p[0]), self._place) for p in people]
             return people[int(np.argmin(away))][:1] if min(away) <= FOUND_AGAIN else []
         if self._subject == "only" and len(people) > 1:
             raise SegmentationError(
@@ -283,17 +285,13 @@ class RoomSegmenter:
 
     def _furniture(self, surfaces: Surfaces, coarse: np.ndarray, k: int) -> bool:
         """Whether most of a surface lies in one plane, as walls, doors and cupboards do and people do not."""
-        import open3d as o3d
-
         v, u = np.nonzero(surfaces.labels == k + 1)
         picked = np.linspace(0, len(v) - 1, min(PLANE_SAMPLES, len(v))).astype(np.int64)
         v, u = v[picked], u[picked]
         z = coarse[v, u] * 1e-3
         points = np.column_stack([self._coarse.rays()[v, u] * z[:, None], z])
         tolerance = PLANE_DISTANCE + self._quantisation * float(np.median(z)) ** 2 / 2
-        o3d.utility.random.seed(0)
-        cloud = o3d.geometry.PointCloud(o3d.utility.Vector3dVector(points))
-        _, members = cloud.segment_plane(tolerance, ransac_n=3, num_iterations=PLANE_ITERATIONS)
+        _, members = largest_plane(points, tolerance, PLANE_ITERATIONS, np.random.default_rng(SEED))
         return len(members) > PLANE_SHARE * len(points)
 
     def _at_seed(self, surfaces: Surfaces) -> list[int]:

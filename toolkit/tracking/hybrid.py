@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Any
 
@@ -17,6 +18,7 @@ from toolkit.fitting.fitter import Comparison, Fitter
 from toolkit.fitting.scene import Scene
 from toolkit.fitting.shape import ShapeEstimator
 from toolkit.fitting.terms import GaussianPrior, JointTerm
+from toolkit.kernels import linear
 from toolkit.landmarks.centre import cloud_centre
 from toolkit.landmarks.extrema import extrema_of_graph, source_node
 from toolkit.landmarks.facing import FacingFilter, estimate_facing
@@ -253,7 +255,7 @@ class HybridTracker:
         """A retrieved pose refined; one that the regressor asked for is first drawn to the joints that it saw."""
         iterations = rounds * self.settings.fitting.iterations
         if name == "joints" and view.votes is not None and self.settings.vote_pull > 0.0:
-            targets = view.votes.points @ self.level_rotation
+            targets = linear.rotated(view.votes.points, self.level_rotation)
             # A vote's weight is the fourth power of its certainty; a least squares weight is the second.
             pull = JointTerm(targets, self.settings.vote_pull * np.sqrt(view.votes.confidence), VOTE_SIGMA)
             pose = self._fitter.refine(pose, view.scene, pair_terms=[pull], iterations=rounds * PULLED_ITERATIONS)
@@ -302,7 +304,7 @@ class HybridTracker:
             joints = memory.body.joint_positions(reported)
         return {
             "pose": reported,
-            "joints": (joints @ self.level_rotation).astype(np.float32),
+            "joints": linear.rotated(joints, self.level_rotation).astype(np.float32),
             "confidence": confidence.astype(np.float32),
             "state": state,
             "source": SOURCES.index(source),
@@ -319,14 +321,14 @@ class HybridTracker:
         memory.previous, memory.centre, memory.timestamp = None, None, timestamp
         memory.facing.reset()
         memory.smoother.reset()
-        joints = (memory.body.joint_positions(pose) @ self.level_rotation).astype(np.float32)
+        joints = linear.rotated(memory.body.joint_positions(pose), self.level_rotation).astype(np.float32)
         none = np.zeros(len(joints), dtype=np.float32)
         return FrameResult(pose, joints, none, state, SOURCES.index("predicted"), clock.milliseconds)
 
 
 def least_turn(before: np.ndarray, after: np.ndarray) -> np.ndarray:
     """Difference (3,) of two rotation vectors, the first written as its turn the other way round if that is nearer."""
-    angle = float(np.sqrt(before @ before))
+    angle = math.hypot(*before)
     other = before * (1.0 - 2.0 * np.pi / angle) if angle > 0.0 else before
     near, far = after - before, after - other
-    return near if near @ near <= far @ far else far
+    return near if math.hypot(*near) <= math.hypot(*far) else far

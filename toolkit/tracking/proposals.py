@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -115,7 +116,7 @@ def facing_of_joints(joints: np.ndarray) -> float:
     lateral = np.zeros(3)
     for name in ("shoulder", "hip"):
         line = joints[index(f"left_{name}")] - joints[index(f"right_{name}")]
-        lateral += line / max(float(np.linalg.norm(line)), 1e-9)
+        lateral += line / max(math.hypot(*line), 1e-9)
     return float(np.arctan2(-lateral[2], lateral[0]))
 
 

@@ -1,0 +1,76 @@
+"""One command, one track: the tracker in many environments.
+
+    python scripts/same_tracks.py --database poses.npz [--runs 20] [--set NAME=VALUE] [RECORDING...]
+
+Each recording is tracked by the command line with environments of different lengths, which move the stack and all
+memory, from different working directories and with the linear algebra of different processors (`OPENBLAS_CORETYPE`).
+The table says how many different tracks there were, to the last bit, and the exit code is 1 if there was more than one
+of any recording. The recordings named by default begin badly: what a first frame decides there, a last bit can turn.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+import tempfile
+from collections import Counter
+from collections.abc import Iterator
+from pathlib import Path
+
+from track_digests import DEPTH, track
+
+RECORDINGS: dict[Path, tuple[str, ...]] = {
+    DEPTH / "repro" / "desk.npz": (),
+    DEPTH / "utd_mhad" / "a10_s1_t1_depth.mat": (),
+    DEPTH / "utd_mhad" / "a27_s3_t1_depth.mat": (),
+    DEPTH / "realsense" / "images_n40": ("--segment", "person", "--subject", "nearest"),
+    DEPTH / "pairs" / "two people walking": ("--segment", "person", "--subject", "nearest"),
+}
+CORES = ("Haswell", "Prescott", "SkylakeX")
+STEP = 32
+"""Bytes by which the environment grows from run to run."""
+
+
+def environments(runs: int, folders: list[Path]) -> Iterator[tuple[dict[str, str], Path]]:
+    """`runs` environments of different lengths, every processor from every folder in turn."""
+    for run in range(runs):
+        pad = "x" * (STEP * run)
+        yield {"PAD": pad, "OPENBLAS_CORETYPE": CORES[run % len(CORES)]}, folders[run // len(CORES) % len(folders)]
+
+
+def main() -> int:
+    """Print the table."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("recordings", nargs="*", type=Path, metavar="RECORDING", help="else those in ../shared/data")
+    parser.add_argument("--database", type=Path, required=True, help="pose database")
+    parser.add_argument("--runs", type=int, default=20, help="environments per recording")
+    parser.add_argument("--set", action="append", default=[], help="a setting, as `depthmocap track` takes it")
+    options = parser.parse_args()
+    recordings: dict[Path, tuple[str, ...]] = {path: () for path in options.recordings} or RECORDINGS
+    settings = [argument for setting in options.set for argument in ("--set", setting)]
+    same = True
+    print(f"| recording | runs | different tracks |\n|---|{'---:|' * 2}")
+    with tempfile.TemporaryDirectory() as temporary:
+        folders = [Path(temporary), Path(temporary) / "a", Path(temporary) / ("b" * 100)]
+        for folder in folders[1:]:
+            folder.mkdir()
+        for recording, arguments in recordings.items():
+            found: Counter[str] = Counter()
+            for number, (environment, folder) in enumerate(environments(options.runs, folders)):
+                run = Path(temporary) / "runs" / f"{recording.stem}_{number}"
+                digests = track(
+                    recording,
+                    [*arguments, *settings],
+                    options.database,
+                    run,
+                    environment=environment,
+                    folder=folder,
+                )
+                found[str(digests)] += 1
+            same &= len(found) == 1
+            print(f"| {recording.name} | {options.runs} | {len(found)} |", flush=True)
+    return 0 if same else 1
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,119 @@
+"""Digests of what the tracker finds: equal before and after a change that should change nothing.
+
+    python scripts/track_digests.py --database poses.npz [--work FOLDER]
+
+Three recordings are tracked by the command line: a simulated one of a bundled motion, a Kinect recording of UTD-MHAD
+and frames of a cluttered room with two people. Printed is a SHA-256 digest of every column of each `track.npz` but the
+times. The simulated recording is made once and kept in the work folder, so that the simulation may change meanwhile.
+Tracks of real recordings also depend on the database: its digest is printed first.
+"""
+
+from __future__ import annotations
+
+import argparse
+import hashlib
+import os
+import subprocess
+import sys
+import tempfile
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+import numpy as np
+
+ROOT = Path(__file__).resolve().parents[1]
+DEPTH = ROOT.parent / "shared" / "data" / "depth"
+TIMES = ("stage_ms", "stage_names")
+"""Columns of a track that are no result."""
+
+RECORDINGS: dict[str, tuple[Path, tuple[str, ...]]] = {
+    "utd_mhad": (DEPTH / "utd_mhad" / "a10_s1_t1_depth.mat", ()),
+    "realsense": (DEPTH / "realsense" / "images_n40", ("--segment", "person", "--subject", "nearest")),
+}
+"""Real recordings by name, with the options that they are tracked with."""
+
+
+def digests_of(run: Path) -> dict[str, str]:
+    """SHA-256 digest of every column of a run folder's `track.npz` except `TIMES`."""
+    with np.load(run / "track.npz", allow_pickle=False) as track:
+        return {name: _digest(track[name]) for name in sorted(track.files) if name not in TIMES}
+
+
+def track(
+    recording: Path,
+    options: Sequence[str],
+    database: Path,
+    run: Path,
+    *,
+    environment: Mapping[str, str] | None = None,
+    folder: Path | None = None,
+) -> dict[str, str]:
+    """Digests of the track that `depthmocap track` finds, run from `folder` with these environment variables besides.
+
+    Raises
+    ------
+    subprocess.CalledProcessError
+        The command failed.
+    """
+    arguments = [recording.resolve(), *options, "--database", database.resolve(), "--output", run.resolve()]
+    depthmocap("track", *arguments, environment=environment, folder=folder)
+    return digests_of(run)
+
+
+def depthmocap(*arguments: object, environment: Mapping[str, str] | None = None, folder: Path | None = None) -> None:
+    """Run this copy of the command.
+
+    Raises
+    ------
+    subprocess.CalledProcessError
+        It failed; what it said went to standard error.
+    """
+    subprocess.run(
+        [sys.executable, "-m", "toolkit.cli.main", *map(str, arguments)],
+        env={**os.environ, "PYTHONPATH": str(ROOT), **(environment or {})},
+        cwd=folder,
+        stdout=subprocess.DEVNULL,
+        check=True,
+    )
+
+
+def simulated(path: Path) -> Path:
+    """The simulated recording, made unless it is there: bundled kicks by somebody unlike the tracker's body."""
+    if not path.exists():
+        from toolkit.mocap.export import export_bvh
+
+        from toolkit.body.shape import load_body
+        from toolkit.mocap.procedural import SUBJECT_MOTIONS, procedural_clips
+
+        clip = procedural_clips(SUBJECT_MOTIONS[:1], variations=1, seed=0)[0]
+        export_bvh(path.with_suffix(".bvh"), load_body(), clip.poses, clip.frame_rate)
+        depthmocap(
+            "simulate", path.with_suffix(".bvh").resolve(), "--output", path.resolve(),
+            "--body", "slim_male", "--subject-seed", 7, "--yaw", 10,
+        )  # fmt: skip
+    return path
+
+
+def _digest(array: np.ndarray) -> str:
+    return hashlib.sha256(f"{array.dtype}{array.shape}".encode() + np.ascontiguousarray(array).tobytes()).hexdigest()
+
+
+def main() -> None:
+    """Print the digests."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--database", type=Path, required=True, help="pose database")
+    parser.add_argument("--work", type=Path, help="folder of the simulated recording and the run folders")
+    options = parser.parse_args()
+    with tempfile.TemporaryDirectory() as temporary:
+        work = options.work or Path(temporary)
+        work.mkdir(parents=True, exist_ok=True)
+        recordings = {"simulated": (simulated(work / "simulated.npz"), ()), **RECORDINGS}
+        print(f"database {hashlib.sha256(options.database.read_bytes()).hexdigest()}")
+        for name, (recording, arguments) in recordings.items():
+            with tempfile.TemporaryDirectory(dir=work) as run:
+                for column, digest in track(recording, arguments, options.database, Path(run) / "run").items():
+                    print(f"{name} {column} {digest}", flush=True)
+
+
+if __name__ == "__main__":
+    main()
