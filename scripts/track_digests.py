@@ -80,9 +80,8 @@ def depthmocap(*arguments: object, environment: Mapping[str, str] | None = None,
 def simulated(path: Path) -> Path:
     """The simulated recording, made unless it is there: bundled kicks by somebody unlike the tracker's body."""
     if not path.exists():
-        from toolkit.mocap.export import export_bvh
-
         from toolkit.body.shape import load_body
+        from toolkit.export.bvh import export_bvh
         from toolkit.mocap.procedural import SUBJECT_MOTIONS, procedural_clips
 
         clip = procedural_clips(SUBJECT_MOTIONS[:1], variations=1, seed=0)[0]

@@ -1,0 +1,60 @@
+"""One command gives one track, to the last bit, wherever and on whatever it runs."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tests.database_helpers import small_database
+
+SCRIPTS = Path(__file__).parents[1] / "scripts"
+
+
+@pytest.fixture
+def scripts(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The scripts can be imported."""
+    monkeypatch.setattr(sys, "path", [str(SCRIPTS), *sys.path])
+
+
+@pytest.mark.shared_data
+def test_a_recording_that_begins_badly_has_one_track_in_every_environment(
+    shared_data: Path, tmp_path: Path, scripts: None
+) -> None:
+    from same_tracks import environments
+    from track_digests import track
+
+    with np.load(shared_data / "depth" / "repro" / "desk.npz") as desk:
+        few = {name: desk[name][:3] if name in ("depth", "timestamps") else desk[name] for name in desk.files}
+    np.savez(tmp_path / "desk.npz", **few)
+    small_database().save(tmp_path / "poses.npz")
+    (tmp_path / "elsewhere").mkdir()
+    options = ("--set", "shape.frames=1", "--set", "starts=1")
+    found = [
+        track(
+            tmp_path / "desk.npz", options, tmp_path / "poses.npz", tmp_path / f"run_{number}",
+            environment=environment, folder=folder,
+        )
+        for number, (environment, folder) in enumerate(environments(4, [tmp_path, tmp_path / "elsewhere"]))
+    ]  # fmt: skip
+    assert "pose" in found[0]
+    assert all(digests == found[0] for digests in found)
+
+
+def test_digests_tell_tracks_apart_by_what_was_found_alone(tmp_path: Path, scripts: None) -> None:
+    from track_digests import digests_of
+
+    columns = {"pose": np.zeros((2, 3)), "state": np.zeros(2, dtype=np.uint8), "stage_ms": np.zeros((2, 1))}
+    other_times = {**columns, "stage_ms": np.ones((2, 1))}
+    other_pose = {**columns, "pose": np.nextafter(columns["pose"], 1.0)}
+    found = []
+    for number, arrays in enumerate((columns, other_times, other_pose)):
+        run = tmp_path / str(number)
+        run.mkdir()
+        np.savez(run / "track.npz", **arrays)
+        found.append(digests_of(run))
+    assert found[0] == found[1]
+    assert found[0]["state"] == found[2]["state"]
+    assert found[0]["pose"] != found[2]["pose"]
