@@ -1,0 +1,188 @@
+"""Finding several people: who is where, and who is who from frame to frame."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from tests.sensing_scenes import KINECT, TOF, scene, up_of_tilt
+from toolkit.errors import RecordingError
+from toolkit.sensing.camera import Camera
+from toolkit.sensing.people.evidence import unobserved_pixels
+from toolkit.sensing.people.several import SeveralPeople
+from toolkit.sensing.people.survey import find_people
+from toolkit.sensing.recording import open_recording, save_recording
+
+UP = np.array([0.0, -1.0, 0.0])
+
+
+def overlap(mask, truth):
+    return (mask & truth).sum() / max((mask | truth).sum(), 1)
+
+
+def truth_of(sighting, who):
+    """Number of the simulated person that a sighting shows, and the overlap of their masks."""
+    numbers = np.bincount(who[sighting.depth > 0])
+    number = int(numbers.argmax())
+    return number, overlap(sighting.depth > 0, who == number)
+
+
+@pytest.mark.parametrize("camera", [KINECT, TOF])
+@pytest.mark.parametrize("count", [1, 2, 3])
+def test_everybody_who_is_cut_out_gets_a_sighting(camera, count):
+    people = ((-0.7, 2.8), (0.6, 2.4), (0.0, 3.6))[:count]
+    depth, who = scene(camera, people)
+    sightings = SeveralPeople(camera, UP).find(depth, 0.0, {})
+    assert [s.id for s in sightings] == list(range(1, count + 1))
+    found = dict(truth_of(s, who) for s in sightings)
+    assert sorted(found) == list(range(1, count + 1))
+    assert min(found.values()) > 0.93
+    for s in sightings:
+        both = (s.depth > 0) & (depth > 0)
+        assert np.abs(s.depth[both] - depth[both] / 1000).max() < 0.2
+
+
+@pytest.mark.parametrize("tilt", [0.0, 0.3])
+def test_people_in_a_room_are_found_in_a_single_frame(tilt):
+    depth, who = scene(KINECT, ((-0.6, 2.6), (0.6, 3.1)), tilt=tilt, height=1.5, wall=4.5, floor=True)
+    sightings = SeveralPeople(KINECT, up_of_tilt(tilt)).find(depth, 0.0, {})
+    assert sorted(truth_of(s, who)[0] for s in sightings) == [1, 2]
+    assert min(truth_of(s, who)[1] for s in sightings) > 0.85, "all but the soles"
+
+
+def test_an_empty_room_holds_nobody():
+    depth, _ = scene(KINECT, (), height=1.5, wall=4.0, floor=True)
+    finder = SeveralPeople(KINECT, UP)
+    for k in range(5):
+        assert finder.find(depth, k / 30, {}) == ()
+
+
+def test_a_frame_without_any_measurement_holds_nobody():
+    finder = SeveralPeople(KINECT, UP)
+    assert finder.find(np.zeros(KINECT.shape, dtype=np.uint16), 0.0, {}) == ()
+    depth, _ = scene(KINECT, ((0.0, 3.0),))
+    assert [s.id for s in finder.find(depth, 0.1, {})] == [1]
+
+
+def test_identities_outlast_two_people_who_cross():
+    finder, seen = SeveralPeople(KINECT, UP), []
+    for k in range(40):
+        shift = -0.9 + 1.8 * k / 39
+        depth, who = scene(KINECT, ((shift, 2.3), (-shift, 3.2)))
+        for s in finder.find(depth, k / 20, {}):
+            seen.append((k, s.id, truth_of(s, who)[0]))
+    assert {(i, t) for _, i, t in seen} == {(i, t) for k, i, t in seen if k == 0}, "nobody changes the number"
+    assert {i for _, i, _ in seen} == {1, 2}
+    assert len({k for k, i, _ in seen if i == 1}) + len({k for k, i, _ in seen if i == 2}) >= 68
+
+
+def test_whoever_comes_back_is_known_again():
+    finder = SeveralPeople(KINECT, UP)
+    there = scene(KINECT, ((-0.6, 2.6), (0.7, 2.9)))[0]
+    alone = scene(KINECT, ((0.7, 2.9),))[0]
+    ids = []
+    for k in range(60):
+        depth = there if k < 10 or k >= 45 else alone
+        ids.append(tuple(s.id for s in finder.find(depth, k / 15, {})))
+    assert ids[0] == (1, 2) and len(ids[30]) == 1 and ids[-1] == (1, 2)
+
+
+def test_a_second_person_who_enters_is_number_two_within_half_a_second():
+    finder = SeveralPeople(KINECT, UP)
+    before, after = scene(KINECT, ((-0.6, 2.6),))[0], scene(KINECT, ((-0.6, 2.6), (0.7, 2.9)))[0]
+    ids = [tuple(s.id for s in finder.find(before if k < 5 else after, k / 30, {})) for k in range(20)]
+    assert ids[:5] == [(1,)] * 5 and ids[12:] == [(1, 2)] * 8
+
+
+def test_no_more_people_than_asked_for_are_told_apart():
+    depth, _ = scene(KINECT, ((-0.7, 2.8), (0.6, 2.4), (0.0, 3.6)))
+    finder = SeveralPeople(KINECT, UP, most=2)
+    assert [len(finder.find(depth, k / 30, {})) for k in range(8)] == [2] * 8
+
+
+def test_a_restored_finder_goes_on_bit_for_bit():
+    frames = [scene(KINECT, ((-0.6 + 0.05 * k, 2.3), (0.6 - 0.05 * k, 3.0)))[0] for k in range(12)]
+    finder, other = SeveralPeople(KINECT, UP), SeveralPeople(KINECT, UP)
+    for k in range(6):
+        finder.find(frames[k], k / 20, {})
+    other.restore_state(finder.export_state())
+    for k in range(6, 12):
+        one, two = finder.find(frames[k], k / 20, {}), other.find(frames[k], k / 20, {})
+        assert [s.id for s in one] == [s.id for s in two]
+        for a, b in zip(one, two, strict=True):
+            np.testing.assert_array_equal(a.depth, b.depth)
+            np.testing.assert_array_equal(a.unobserved, b.unobserved)
+
+
+def test_frames_of_another_camera_are_refused():
+    with pytest.raises(RecordingError, match="expected uint16"):
+        SeveralPeople(KINECT, UP).find(scene(TOF)[0], 0.0, {})
+
+
+def test_a_neighbour_hides_what_is_behind_and_the_room_does_not():
+    whole = np.array([[0, 1000, 2000, 3000, 1500]], dtype=np.uint16)
+    own = np.array([[0, 0, 2.0, 0, 0]], dtype=np.float32)
+    assert unobserved_pixels(whole, own, cut_out=False).tolist() == [[True, True, False, False, True]]
+    assert unobserved_pixels(whole, own, cut_out=True).tolist() == [[False, True, False, False, True]]
+    assert unobserved_pixels(whole[:, 2:4], own[:, 2:4], cut_out=True) is None
+
+
+@pytest.mark.shared_data
+def test_five_people_in_a_real_room_are_five(shared_data):
+    recording = open_recording(shared_data / "depth/pcl/five_people.pcd")
+    sightings = SeveralPeople(recording.camera, recording.up_camera).find(recording.depth(0), 0.0, {})
+    assert len(sightings) == 5
+    distances = sorted(float(np.median(s.depth[s.depth > 0])) for s in sightings)
+    assert 1.6 < distances[0] and distances[-1] < 3.1
+
+
+def recorded(folder, frames, background=None):
+    path = folder / "recording.npz"
+    times = np.arange(len(frames)) / 30
+    save_recording(path, depth=frames, camera=KINECT, timestamps=times, background=background, up_camera=UP)
+    return open_recording(path)
+
+
+@pytest.mark.parametrize("known", [True, False])
+def test_a_room_is_known_from_its_empty_scene_or_learnt_from_people_who_walk(tmp_path, known):
+    room = {"height": 1.2, "wall": 4.0, "floor": True}
+    truth = [scene(KINECT, ((-0.9 + 0.06 * k, 2.4), (0.8 - 0.05 * k, 3.1)), **room) for k in range(30)]
+    background = scene(KINECT, (), **room)[0] if known else None
+    recording = recorded(tmp_path, [depth for depth, _ in truth], background)
+    finder, overlaps = find_people(recording), []
+    for k, (depth, who) in enumerate(truth):
+        found = [truth_of(s, who) for s in finder.find(depth, k / 30, {})]
+        overlaps += [o for _, o in found]
+        assert len(found) == 2
+    assert np.median(overlaps) > 0.9
+
+
+@pytest.mark.shared_data
+def test_two_men_in_a_real_room_are_two_from_the_first_frame_to_the_last(shared_data):
+    recording = open_recording(shared_data / "depth/realsense/images_n40")
+    finder = find_people(recording)
+    ids = [tuple(s.id for s in finder.find(recording.depth(i), i / 30, {})) for i in range(0, len(recording), 3)]
+    assert set(ids) == {(1, 2)}
+
+
+@pytest.mark.shared_data
+@pytest.mark.parametrize(
+    ("name", "count"),
+    [("cleaning whiteboard", 1), ("person standing", 1), ("two people moving", 2), ("two people walking", 2)],
+)
+def test_single_frames_of_real_rooms_hold_the_right_number(shared_data, name, count):
+    import cv2
+
+    camera = Camera(527.0, 533.0, 319.5, 239.5, 640, 480)
+    for k in (0, 1):
+        depth = cv2.imread(str(shared_data / "depth/pairs" / name / f"depth{k}.png"), cv2.IMREAD_UNCHANGED)
+        assert len(SeveralPeople(camera, UP).find((depth // 5).astype(np.uint16), 0.0, {})) == count
+
+
+@pytest.mark.shared_data
+def test_somebody_behind_is_found_without_a_visible_head(shared_data):
+    camera = Camera(575.8, 575.8, 319.5, 239.5, 640, 480)
+    for path in sorted((shared_data / "depth/skeltrack").glob("depth-data-*")):
+        depth = np.fromfile(path, dtype="<u2").reshape(480, 640)
+        expected = 2 if path.name.endswith("1399145206") else 1
+        assert len(SeveralPeople(camera, UP).find(depth, 0.0, {})) == expected

@@ -1,0 +1,149 @@
+"""Kernels that find people and share out their pixels, each beside a slow plain twin."""
+
+from __future__ import annotations
+
+import heapq
+
+import numpy as np
+import pytest
+
+from toolkit.kernels.growth import FAR, UNIT, grow, refine_labels, take_label
+from toolkit.kernels.heads import head_scores
+from toolkit.kernels.planes import best_plane
+from toolkit.kernels.sharing import draw_body, nearest_owner
+
+STEPS = np.array([0.05, 0.003, 0.4, 3.0, 0.5])
+
+
+def plain_growth(points, measured, seeds, axes, reach, limits, steps, longest):
+    """Dijkstra over a dictionary of nodes with Python's own heap."""
+    height, width = measured.shape
+    distances, labels, heap = {}, {}, []
+    for v, u in zip(*np.nonzero((seeds > 0) & (measured > 0)), strict=True):
+        distances[v, u], labels[v, u] = 0, seeds[v, u]
+        heapq.heappush(heap, (0, v * width + u))
+    while heap:
+        far, node = heapq.heappop(heap)
+        v, u = divmod(node, width)
+        if far > distances[v, u]:
+            continue
+        for vv in range(max(v - 1, 0), min(v + 2, height)):
+            for uu in range(max(u - 1, 0), min(u + 2, width)):
+                if (vv, uu) == (v, u) or measured[vv, uu] == 0:
+                    continue
+                jump, near = abs(measured[vv, uu] - measured[v, u]), min(measured[vv, uu], measured[v, u])
+                smooth = jump <= steps[0] + steps[1] * near * near
+                if not smooth and jump > steps[2]:
+                    continue
+                step = (points[vv, uu] - points[v, u]).astype(np.float64) * (1, steps[4], 1)
+                way = far + max(1, int((1 if smooth else steps[3]) * np.sqrt((step**2).sum()) / UNIT))
+                from_head = points[vv, uu] - axes[labels[v, u] - 1]
+                inside = (
+                    np.hypot(from_head[0], from_head[2]) <= reach[vv, uu] and -limits[1] <= from_head[1] <= limits[0]
+                )
+                if inside and way <= longest / UNIT and way < distances.get((vv, uu), FAR):
+                    distances[vv, uu], labels[vv, uu] = way, labels[v, u]
+                    heapq.heappush(heap, (way, vv * width + uu))
+    return distances
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_growth_finds_the_shortest_ways_of_plain_dijkstra(seed):
+    rng = np.random.default_rng(seed)
+    shape = (17, 23)
+    measured = rng.choice([0, 1.0, 1.04, 1.3, 2.0], p=[0.1, 0.4, 0.3, 0.15, 0.05], size=shape).astype(np.float32)
+    v, u = np.mgrid[: shape[0], : shape[1]]
+    points = np.dstack([0.05 * u * measured, -0.05 * v * measured, -measured]).astype(np.float32)
+    seeds = np.zeros(shape, dtype=np.int32)
+    seeds[3, 4], seeds[12, 18] = 1, 2
+    measured[3, 4] = measured[12, 18] = 1.0
+    axes = points[[3, 12], [4, 18]].astype(np.float64)
+    reach, limits = np.where(rng.random(shape) < 0.5, 0.3, 0.6).astype(np.float32), np.array([0.3, 0.5])
+    labels, distances = np.empty(shape, dtype=np.int32), np.empty(shape, dtype=np.int32)
+    grow(points, measured, seeds, axes, reach, limits, STEPS, 0.8, labels, distances)
+    expected = plain_growth(points, measured, seeds, axes, reach, limits, STEPS, 0.8)
+    assert len(expected) > 30
+    found = {(int(v), int(u)): distances[v, u] for v, u in zip(*np.nonzero(distances != FAR), strict=True)}
+    assert found.keys() == expected.keys()
+    # Lengths are rounded in single or double precision: a few units at most.
+    assert max(abs(int(found[k]) - int(expected[k])) for k in found) <= 30
+    assert ((labels > 0) == (distances != FAR)).all()
+
+
+def test_the_best_plane_is_that_of_brute_force():
+    rng = np.random.default_rng(1)
+    points = rng.normal(size=(60, 3))
+    points[:40, 2] = 0.3 * points[:40, 0] + 1.0 + rng.normal(scale=0.01, size=40)
+    tolerances, weights = np.full(60, 0.03), rng.uniform(0.5, 2.0, 60)
+    triples = rng.integers(0, 60, (200, 3))
+    plane = np.zeros(4)
+    best = best_plane(points, tolerances, weights, triples, plane)
+    totals = []
+    for a, b, c in triples:
+        normal = np.cross(points[b] - points[a], points[c] - points[a])
+        if np.linalg.norm(normal) < 1e-6:
+            continue
+        normal /= np.linalg.norm(normal)
+        totals.append(weights[np.abs((points - points[a]) @ normal) <= tolerances].sum())
+    assert best == pytest.approx(max(totals))
+    assert weights[np.abs(points @ plane[:3] + plane[3]) <= tolerances].sum() == pytest.approx(best)
+
+
+def test_points_go_to_the_body_that_is_nearest_in_space():
+    rng = np.random.default_rng(2)
+    shape, intrinsics = (14, 18), np.array([20.0, 21.0, 8.5, 6.5])
+    nearest, owner = np.zeros(shape), np.zeros(shape, dtype=np.int32)
+    for number in (1, 2):
+        drawn = np.where(rng.random(shape) < 0.3, 1 / rng.uniform(1.0, 1.4, shape), 0.0)
+        draw_body(drawn, number, nearest, owner)
+        assert (nearest >= drawn).all()
+    depth = rng.uniform(0.9, 1.5, shape).astype(np.float32)
+    foreground = rng.random(shape) < 0.8
+    seeds = np.zeros(shape, dtype=np.int32)
+    seeds[0, 0] = 7
+    nearest_owner(depth, foreground, nearest, owner, intrinsics, 0.2, seeds)
+
+    def point(v, u, z):
+        return np.array([(u - 8.5) * z / 20.0, (v - 6.5) * z / 21.0, z])
+
+    drawn = [(point(v, u, 1 / nearest[v, u]), owner[v, u]) for v, u in zip(*np.nonzero(owner), strict=True)]
+    for v, u in np.ndindex(shape):
+        away = [np.linalg.norm(p - point(v, u, float(depth[v, u]))) for p, _ in drawn]
+        k = int(np.argmin(away))
+        expected = drawn[k][1] if foreground[v, u] and away[k] < 0.2 else 0
+        assert seeds[v, u] == (7 if (v, u) == (0, 0) else expected)
+    assert {1, 2} <= set(seeds.ravel().tolist())
+
+
+def test_labels_come_back_to_full_resolution_by_depth():
+    depth = np.full((6, 8), 2000, dtype=np.uint16)
+    depth[:, :3] = 1000
+    depth[0, 0] = 0
+    coarse, labels = depth[::2, ::2].copy(), np.zeros((3, 4), dtype=np.int32)
+    coarse[0, 0] = 1000
+    labels[coarse == 1000] = 5
+    out = np.full(depth.shape, -1, dtype=np.int32)
+    refine_labels(depth, coarse, labels, 2, 50.0, out)
+    np.testing.assert_array_equal(out, np.where(depth == 1000, 5, 0))
+    padded, box = np.ones((8, 10), dtype=np.uint16), np.zeros(4, dtype=np.int64)
+    assert take_label(depth, out, 5, padded, box) == 17
+    np.testing.assert_array_equal(padded[1:-1, 1:-1], np.where(out == 5, depth, 0))
+    assert box.tolist() == [1, 7, 1, 4]
+
+
+def test_a_ball_on_a_board_looks_more_like_a_head_than_the_board():
+    from toolkit.sensing.people.detection import AROUND, INSIDE, SHOULDERS, TOLERANCES
+
+    focal, shape = 150.0, (120, 160)
+    v, u = np.mgrid[: shape[0], : shape[1]]
+    x, y = (u - 79.5) / focal * 2.0, (v - 59.5) / focal * 2.0  # metres at 2 m
+    depth = np.full(shape, 4.0, dtype=np.float32)
+    depth[(np.abs(x) < 0.22) & (y > 0.16) & (y < 0.7)] = 2.05
+    ball = x**2 + y**2 < 0.1**2
+    depth[ball] = 2.1 - np.sqrt(0.1**2 - (x**2 + y**2)[ball])
+    scores = np.empty(shape, dtype=np.float32)
+    intrinsics, up = np.array([focal, focal, 79.5, 59.5]), np.array([0.0, -1.0, 0.0])
+    head_scores(depth, depth < 3, intrinsics, up, INSIDE, AROUND, SHOULDERS, TOLERANCES, 0.5, scores)
+    best = np.unravel_index(scores.argmax(), shape)
+    assert scores.max() > 0.9 and np.hypot(best[0] - 59.5, best[1] - 79.5) < 6
+    assert scores[y > 0.25].max() == 0

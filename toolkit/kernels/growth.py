@@ -1,0 +1,173 @@
+"""Sharing out the pixels of a depth image among several people by geodesic distance, compiled."""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+UNIT = 2.0**-16
+"""Metres per unit of length: sums of whole units are the same in whatever order they are added."""
+FAR = np.iinfo(np.int32).max
+
+
+@njit(cache=True)
+def _push(heap: np.ndarray, size: int, key: int) -> int:
+    k = size
+    while k > 0:
+        parent = (k - 1) >> 1
+        if heap[parent] <= key:
+            break
+        heap[k] = heap[parent]
+        k = parent
+    heap[k] = key
+    return size + 1
+
+
+@njit(cache=True)
+def _pop(heap: np.ndarray, size: int) -> int:
+    """Drop the smallest key; returns the new size."""
+    size -= 1
+    key = heap[size]
+    k = 0
+    while True:
+        child = 2 * k + 1
+        if child >= size:
+            break
+        if child + 1 < size and heap[child + 1] < heap[child]:
+            child += 1
+        if heap[child] >= key:
+            break
+        heap[k] = heap[child]
+        k = child
+    heap[k] = key
+    return size
+
+
+@njit(cache=True)
+def grow(
+    points: np.ndarray,
+    measured: np.ndarray,
+    seeds: np.ndarray,
+    axes: np.ndarray,
+    reach: np.ndarray,
+    limits: np.ndarray,
+    steps: np.ndarray,
+    longest: float,
+    labels: np.ndarray,
+    distances: np.ndarray,
+) -> None:
+    """Give every pixel to the person from whose seeds the way over the surface is shortest (Dijkstra).
+
+    A step to one of 8 neighbours is as long as the points are apart, where the depth along z jumps by less than
+    `steps[0] + steps[1] z^2`; up to a jump of `steps[2]` it counts `steps[3]` times as long; beyond it there is no
+    step. A vertical difference counts `steps[4]` times as long: people are tall, and share a boundary that is upright.
+
+    Parameters
+    ----------
+    points : float32 (H, W, 3), level frame, metres (y up)
+    measured : float32 (H, W), depth along z, metres; 0 belongs to nobody
+    seeds : int32 (H, W), 1.. the people, 0 none
+    axes : float64 (N, 3), the level frame's x, y, z of each person's head
+    reach : float32 (H, W), metres horizontally from such an axis within which the pixel may belong to it
+    limits : float64 (2,), metres upwards from the head and downwards from it
+    steps : float64 (5,), see above
+    longest : metres of way after which nothing belongs to a person any more
+    labels : int32 (H, W); becomes 1.., 0 = nobody
+    distances : int32 (H, W); becomes the way in units, `FAR` where nobody comes
+    """
+    height, width = measured.shape
+    # A pixel is entered at most once by each of its 8 neighbours and once as a seed.
+    heap = np.empty(9 * height * width + 1, dtype=np.int64)
+    size = 0
+    end = int(longest / UNIT)
+    for v in range(height):
+        for u in range(width):
+            labels[v, u] = 0
+            distances[v, u] = FAR
+            if seeds[v, u] > 0 and measured[v, u] > 0:
+                labels[v, u] = seeds[v, u]
+                distances[v, u] = 0
+                size = _push(heap, size, v * width + u)
+    while size > 0:
+        key = heap[0]
+        size = _pop(heap, size)
+        far, node = key >> 32, key & 0xFFFFFFFF
+        v, u = node // width, node % width
+        if far > distances[v, u]:
+            continue
+        who = labels[v, u] - 1
+        z = measured[v, u]
+        for dv in range(-1, 2):
+            for du in range(-1, 2):
+                vv, uu = v + dv, u + du
+                if (dv == 0 and du == 0) or vv < 0 or uu < 0 or vv >= height or uu >= width or measured[vv, uu] == 0.0:
+                    continue
+                jump = abs(measured[vv, uu] - z)
+                near = min(measured[vv, uu], z)
+                factor = 1.0
+                if jump > steps[0] + steps[1] * near * near:
+                    if jump > steps[2]:
+                        continue
+                    factor = steps[3]
+                dx = points[vv, uu, 0] - points[v, u, 0]
+                dy = steps[4] * (points[vv, uu, 1] - points[v, u, 1])
+                dz = points[vv, uu, 2] - points[v, u, 2]
+                way = far + max(1, int(factor * np.sqrt(dx * dx + dy * dy + dz * dz) / UNIT))
+                if way >= distances[vv, uu] or way > end:
+                    continue
+                ax, az = points[vv, uu, 0] - axes[who, 0], points[vv, uu, 2] - axes[who, 2]
+                above = points[vv, uu, 1] - axes[who, 1]
+                if ax * ax + az * az > reach[vv, uu] ** 2 or above > limits[0] or above < -limits[1]:
+                    continue
+                distances[vv, uu] = way
+                labels[vv, uu] = who + 1
+                size = _push(heap, size, (way << 32) | (vv * width + uu))
+
+
+@njit(cache=True)
+def refine_labels(
+    depth: np.ndarray, coarse: np.ndarray, labels: np.ndarray, step: int, tolerance_mm: float, out: np.ndarray
+) -> None:
+    """Bring labels found on `depth[::step, ::step]` back to full resolution.
+
+    A pixel of `depth` (H, W), millimetres, takes the label of the coarse pixel around it whose depth `coarse` (h, w),
+    millimetres, is nearest to its own, if that is within `tolerance_mm`; coarse pixels of nobody (label 0) take part,
+    so that the edge between a person and the room runs where depth says. `out` uint8 (H, W).
+    """
+    height, width = depth.shape
+    rows, columns = labels.shape
+    for v in range(height):
+        for u in range(width):
+            out[v, u] = 0
+            z = np.int64(depth[v, u])
+            if z == 0:
+                continue
+            best = np.int64(tolerance_mm) + 1
+            for r in range(v // step, min(v // step + 2, rows)):
+                for c in range(u // step, min(u // step + 2, columns)):
+                    m = np.int64(coarse[r, c])
+                    off = abs(m - z)
+                    if m > 0 and off < best:
+                        best = off
+                        out[v, u] = labels[r, c]
+
+
+@njit(cache=True)
+def take_label(depth: np.ndarray, labels: np.ndarray, label: int, padded: np.ndarray, box: np.ndarray) -> int:
+    """Copy the pixels of `depth` (H, W) with that label into `padded` (H + 2, W + 2), 0 elsewhere.
+
+    `box` becomes their window (v0, v1, u0, u1, ends excluded, padded indices). Returns how many there are.
+    """
+    height, width = depth.shape
+    padded[:] = 0
+    v_low, v_high, u_low, u_high = height, -1, width, -1
+    total = 0
+    for v in range(height):
+        for u in range(width):
+            if labels[v, u] == label:
+                padded[v + 1, u + 1] = depth[v, u]
+                total += 1
+                v_low, v_high = min(v_low, v), max(v_high, v)
+                u_low, u_high = min(u_low, u), max(u_high, u)
+    box[0], box[1], box[2], box[3] = v_low + 1, v_high + 2, u_low + 1, u_high + 2
+    return total

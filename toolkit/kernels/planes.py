@@ -1,0 +1,45 @@
+"""Planes through a cloud by random triples of its points, compiled."""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+
+@njit(cache=True)
+def best_plane(
+    points: np.ndarray, tolerances: np.ndarray, weights: np.ndarray, triples: np.ndarray, plane: np.ndarray
+) -> float:
+    """The plane through three points that carries the most weight (RANSAC without local optimisation).
+
+    Parameters
+    ----------
+    points : float64 (N, 3), metres
+    tolerances : float64 (N,), metres within which a point lies on a plane
+    weights : float64 (N,), what a point on the plane counts
+    triples : int64 (K, 3), rows of `points`; degenerate ones are skipped
+    plane : float64 (4,); becomes the normal of length 1 and the offset d of `n . p + d = 0`
+
+    Returns
+    -------
+    The weight of the points on it, 0 where no triple spans a plane. The first triple wins a tie.
+    """
+    best = 0.0
+    for k in range(triples.shape[0]):
+        a, b, c = triples[k, 0], triples[k, 1], triples[k, 2]
+        ux, uy, uz = points[b, 0] - points[a, 0], points[b, 1] - points[a, 1], points[b, 2] - points[a, 2]
+        wx, wy, wz = points[c, 0] - points[a, 0], points[c, 1] - points[a, 1], points[c, 2] - points[a, 2]
+        nx, ny, nz = uy * wz - uz * wy, uz * wx - ux * wz, ux * wy - uy * wx
+        length = np.sqrt(nx * nx + ny * ny + nz * nz)
+        if length < 1e-6:
+            continue
+        nx, ny, nz = nx / length, ny / length, nz / length
+        d = -(nx * points[a, 0] + ny * points[a, 1] + nz * points[a, 2])
+        total = 0.0
+        for i in range(points.shape[0]):
+            if abs(nx * points[i, 0] + ny * points[i, 1] + nz * points[i, 2] + d) <= tolerances[i]:
+                total += weights[i]
+        if total > best:
+            best = total
+            plane[0], plane[1], plane[2], plane[3] = nx, ny, nz, d
+    return best

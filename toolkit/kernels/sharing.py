@@ -1,0 +1,62 @@
+"""Whose pixel it is, by the bodies that are expected: one z-buffer for all of them, compiled."""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+
+@njit(cache=True)
+def draw_body(inverse_depth: np.ndarray, number: int, nearest: np.ndarray, owner: np.ndarray) -> None:
+    """Add one body to a z-buffer of several.
+
+    `inverse_depth` (H, W) of the body, 0 where it is not; `nearest` (H, W) is the largest inverse depth so far and
+    `owner` int32 (H, W) the number of the body that it belongs to, 0 where nobody is.
+    """
+    height, width = inverse_depth.shape
+    for v in range(height):
+        for u in range(width):
+            if inverse_depth[v, u] > nearest[v, u]:
+                nearest[v, u] = inverse_depth[v, u]
+                owner[v, u] = number
+
+
+@njit(cache=True)
+def nearest_owner(
+    depth: np.ndarray,
+    foreground: np.ndarray,
+    nearest: np.ndarray,
+    owner: np.ndarray,
+    intrinsics: np.ndarray,
+    gate: float,
+    seeds: np.ndarray,
+) -> None:
+    """Give every measured point to the body whose drawn surface is nearest, if it is nearer than `gate` metres.
+
+    Parameters
+    ----------
+    depth : float32 (H, W), metres along z; foreground : bool (H, W), the pixels that are asked for
+    nearest, owner : z-buffer of all bodies, as `draw_body` makes it, of the same camera `intrinsics` (4,)
+    seeds : int32 (H, W); entries that are 0 become the owner's number, where there is one. The pixel met first, row by
+        row, wins a tie
+    """
+    height, width = depth.shape
+    fx, fy, cx, cy = intrinsics[0], intrinsics[1], intrinsics[2], intrinsics[3]
+    for v in range(height):
+        for u in range(width):
+            if not foreground[v, u] or seeds[v, u] != 0:
+                continue
+            z = float(depth[v, u])
+            x, y = (u - cx) * z / fx, (v - cy) * z / fy
+            radius = int(np.ceil(gate * max(fx, fy) / z))
+            best, who = gate * gate, 0
+            for vv in range(max(v - radius, 0), min(v + radius + 1, height)):
+                for uu in range(max(u - radius, 0), min(u + radius + 1, width)):
+                    if owner[vv, uu] == 0:
+                        continue
+                    d = 1.0 / nearest[vv, uu]
+                    dx, dy, dz = (uu - cx) * d / fx - x, (vv - cy) * d / fy - y, d - z
+                    away = dx * dx + dy * dy + dz * dz
+                    if away < best:
+                        best, who = away, owner[vv, uu]
+            seeds[v, u] = who

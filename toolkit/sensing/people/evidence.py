@@ -1,0 +1,32 @@
+"""Which pixels of a frame say nothing about a person."""
+
+from __future__ import annotations
+
+import numpy as np
+
+THICKNESS = 0.1
+"""Metres behind the farthest measured point of a person that the rest of the body may reach."""
+
+
+def unobserved_pixels(whole_mm: np.ndarray, depth: np.ndarray, *, cut_out: bool) -> np.ndarray | None:
+    """Pixels that say nothing about a person.
+
+    Parameters
+    ----------
+    whole_mm : uint16 (H, W), all that was measured, millimetres, 0 = no measurement
+    depth : float32 (H, W), the person's own depth, metres, 0 elsewhere
+    cut_out : the source says that nobody is where nothing was measured
+
+    Returns
+    -------
+    bool (H, W), or None if there is no such pixel. Something that is not this person hides what is behind it; it does
+    so for a person whose farthest measured point lies behind it.
+    """
+    own = depth > 0
+    if not own.any():
+        return None
+    farthest = 1000 * (float(np.percentile(depth[own], 95)) + THICKNESS)
+    mask = (whole_mm < farthest) & ~own
+    if cut_out:
+        mask &= whole_mm > 0
+    return mask if mask.any() else None

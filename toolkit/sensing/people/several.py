@@ -1,0 +1,268 @@
+"""A finder of several people, who come, go, cross and touch, in any room."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from toolkit.kernels.growth import refine_labels, take_label
+from toolkit.sensing.camera import Camera
+from toolkit.sensing.cleaning import SensingSettings
+from toolkit.sensing.people.detection import find_heads, near_head, share_out
+from toolkit.sensing.people.evidence import unobserved_pixels
+from toolkit.sensing.people.islands import attach_islands, head_of
+from toolkit.sensing.people.newcomers import Newcomers
+from toolkit.sensing.people.settings import PeopleSettings
+from toolkit.sensing.people.sharing import body_seeds, stayed_seeds
+from toolkit.sensing.people.sighting import PredictedBody, Sighting
+from toolkit.sensing.people.surroundings import Surroundings, first_look, large_enough, people_and_furniture, tolerances
+from toolkit.sensing.people.tracks import Person, export_people, known_again, match_heads, restore_people
+from toolkit.sensing.people.view import Lens, View
+from toolkit.sensing.polish import Polisher
+
+
+class SeveralPeople:
+    """A `PeopleFinder` of everybody in view.
+
+    Parameters
+    ----------
+    camera : of the raw frames, lens distortion included
+    up_camera : (3,), the vertical in the camera frame
+    surroundings : what is known of the room; None decides with the first frame
+    sensing : how depth is cleaned
+    settings : how people are found
+    most : how many people are told apart; whoever comes after them is left out. None = all
+
+    Attributes
+    ----------
+    camera : of the sightings
+    people : everybody who was seen so far, by rising id
+    """
+
+    def __init__(
+        self,
+        camera: Camera,
+        up_camera: np.ndarray,
+        surroundings: Surroundings | None = None,
+        sensing: SensingSettings | None = None,
+        settings: PeopleSettings | None = None,
+        most: int | None = None,
+    ) -> None:
+        self._settings, sensing = settings or PeopleSettings(), sensing or SensingSettings()
+        self._polisher = Polisher(camera, sensing)
+        self.camera = self._polisher.camera
+        self._lens = Lens(self._polisher.flat_camera, up_camera, self._settings.coarse_width, sensing)
+        self._surroundings = surroundings
+        self._most = self._settings.most_people if most is None else most
+        self.people: list[Person] = []
+        self._newcomers = Newcomers()
+        self._labels = np.zeros(self._lens.camera.shape, dtype=np.int32)
+        self._depth = np.zeros(self._lens.camera.shape, dtype=np.float32)
+        self._padded = np.zeros((camera.height + 2, camera.width + 2), dtype=np.uint16)
+        self._fine = np.zeros(camera.shape, dtype=np.int32)
+
+    def find(
+        self, depth_mm: np.ndarray, timestamp: float, predicted: Mapping[int, PredictedBody]
+    ) -> tuple[Sighting, ...]:
+        """Everybody who is to be seen in the next frame, see `PeopleFinder.find`.
+
+        Raises
+        ------
+        RecordingError
+            The frame has another size or type.
+        """
+        flat = self._polisher.checked(depth_mm)
+        view, surroundings = self._look(flat)
+        present = self._present(timestamp, predicted)
+        heads, furniture = self._heads(view, surroundings)
+        matched = match_heads(present, heads, timestamp)
+        places = [heads[matched[k]] if k in matched else person.expected(timestamp) for k, person in enumerate(present)]
+        others = [head for i, head in enumerate(heads) if i not in matched.values()]
+        seeds = self._seeds(view, present, places, predicted)
+        labels, bodies = self._shared(view, surroundings, seeds, places, furniture)
+        candidates = self._candidates(view, surroundings, seeds, places, others)
+        whole = {len(candidates) + i: body for i, body in enumerate(self._headless(view, bodies, others))}
+        candidates += [head_of(view, body) for body in whole.values()]
+        fresh = self._newcomers.promoted(candidates, timestamp)
+        if fresh:
+            for k, i in enumerate(fresh, start=len(places) + 1):
+                seeds[whole[i] if i in whole else near_head(view, candidates[i]) & view.foreground] = k
+            places += [candidates[i] for i in fresh]
+            labels, _ = self._shared(view, surroundings, seeds, places, furniture)
+        ids = self._updated(view, labels, present, places, set(matched), timestamp)
+        self._labels, self._depth = ids[labels], view.depth
+        return self._sightings(flat, surroundings)
+
+    def export_state(self) -> dict[str, Any]:
+        """See `PeopleFinder.export_state`."""
+        return {
+            "people": export_people(self.people),
+            "newcomers": self._newcomers.export_state(),
+            "labels": self._labels,
+            "depth": self._depth,
+            "surroundings": None if self._surroundings is None else self._surroundings.export_state(),
+        }
+
+    def restore_state(self, state: Mapping[str, Any]) -> None:
+        """See `PeopleFinder.restore_state`."""
+        self.people = restore_people(state["people"])
+        self._newcomers.restore_state(state["newcomers"])
+        self._labels, self._depth = state["labels"], state["depth"]
+        kept = state["surroundings"]
+        self._surroundings = None if kept is None else Surroundings.from_state(kept)
+
+    def _look(self, flat: np.ndarray) -> tuple[View, Surroundings]:
+        lens, settings = self._lens, self._settings
+        depth = lens.coarse(flat)
+        surroundings = self._surroundings or first_look(depth, lens, settings)
+        if depth.any():
+            self._surroundings = surroundings
+        foreground = surroundings.foreground(depth, lens.rays, tolerances(depth, lens, settings))
+        return lens.view(depth, foreground, surroundings.still), surroundings
+
+    def _heads(self, view: View, surroundings: Surroundings) -> tuple[list[np.ndarray], list[np.ndarray]]:
+        """Places of heads, and of what is none but keeps its pixels from the people beside it."""
+        if surroundings.known:
+            return [h.place for h in find_heads(view, self._lens, self._settings, cut_out=surroundings.cut_out)], []
+        people, furniture, _ = people_and_furniture(view, self._lens, self._settings)
+        return people, furniture
+
+    def _present(self, timestamp: float, predicted: Mapping[int, PredictedBody]) -> list[Person]:
+        """Those who were seen of late, with the stature that whoever follows them has learnt."""
+        present = [p for p in self.people if timestamp - p.last <= self._settings.patience]
+        return [replace(p, stature=float(predicted[p.id].stature)) if p.id in predicted else p for p in present]
+
+    def _seeds(
+        self,
+        view: View,
+        present: Sequence[Person],
+        places: Sequence[np.ndarray],
+        predicted: Mapping[int, PredictedBody],
+    ) -> np.ndarray:
+        seeds = np.zeros(view.depth.shape, dtype=np.int32)
+        bodies = {k: predicted[p.id] for k, p in enumerate(present, start=1) if p.id in predicted}
+        if bodies:
+            body_seeds(view, self._lens, bodies, self._settings.body_gate, seeds)
+        numbers = np.zeros(1 + max((p.id for p in self.people), default=0), dtype=np.int32)
+        for k, person in enumerate(present, start=1):
+            numbers[person.id] = k
+        here = np.abs(view.depth - self._depth) < self._settings.same_surface
+        stayed_seeds(view, np.where(here, numbers[self._labels], 0), places, self._settings, seeds)
+        return seeds
+
+    def _shared(
+        self,
+        view: View,
+        surroundings: Surroundings,
+        seeds: np.ndarray,
+        places: Sequence[np.ndarray],
+        furniture: Sequence[np.ndarray],
+    ) -> tuple[np.ndarray, list[np.ndarray]]:
+        """Labels of the people at `places` (1, 2, ...), and masks of what may be somebody without a visible head."""
+        settings = self._settings
+        bridge = settings.bridge_cut if surroundings.known else settings.bridge_room
+        everything = seeds.copy()
+        for k, place in enumerate(furniture, start=len(places) + 1):
+            everything[near_head(view, place) & view.foreground & (everything == 0)] = k
+        labels = share_out(view, self._lens, everything, [*places, *furniture], settings, bridge=bridge)
+        labels[labels > len(places)] = 0
+        if not surroundings.known:
+            return labels, []
+        return attach_islands(view, self._lens, labels, places, settings)
+
+    def _candidates(
+        self,
+        view: View,
+        surroundings: Surroundings,
+        seeds: np.ndarray,
+        places: Sequence[np.ndarray],
+        heads: Sequence[np.ndarray],
+    ) -> list[np.ndarray]:
+        """Heads that may be somebody new: no shoulder, knee or fist of somebody who is there or higher up."""
+        everybody, found, seeds = list(places), [], seeds.copy()
+        for head in heads:  # the highest first
+            labels, _ = self._shared(view, surroundings, seeds, everybody, [])
+            here = near_head(view, head) & view.foreground
+            owners = np.unique(labels[here & (labels > 0)])
+            if all(self._apart(head, everybody[k - 1]) for k in owners):
+                everybody.append(head)
+                found.append(head)
+                seeds[here] = len(everybody)
+        return found
+
+    def _apart(self, head: np.ndarray, other: np.ndarray) -> bool:
+        """Whether two heads on one surface may be two people's."""
+        aside = float(np.hypot(head[0] - other[0], head[2] - other[2]))
+        close = abs(head[1] - other[1]) <= self._settings.head_drop
+        return aside >= (self._settings.head_distance if close else self._settings.knee_reach)
+
+    def _headless(self, view: View, bodies: Sequence[np.ndarray], heads: Sequence[np.ndarray]) -> list[np.ndarray]:
+        """Those bodies (masks) that none of the heads may belong to."""
+        alone = []
+        for body in bodies:
+            top = head_of(view, body)
+            if all(np.sqrt(((top - head) ** 2).sum()) > 2 * self._settings.body_distance for head in heads):
+                alone.append(body)
+        return alone
+
+    def _updated(
+        self,
+        view: View,
+        labels: np.ndarray,
+        present: Sequence[Person],
+        places: Sequence[np.ndarray],
+        matched: set[int],
+        timestamp: float,
+    ) -> np.ndarray:
+        """Write down who was seen where; the id of every label, int32 (n + 1,), 0 for what is nobody."""
+        settings = self._settings
+        ids = np.zeros(len(places) + 1, dtype=np.int32)
+        known = {p.id: p for p in self.people}
+        absent = [p for p in self.people if timestamp - p.last > settings.patience]
+        for k, place in enumerate(places):
+            mask = labels == k + 1
+            points = view.points[mask].astype(np.float64)
+            area = self._lens.area(view.depth[mask])
+            middle = np.median(points, axis=0) if len(points) else place
+            if k < len(present):
+                person = present[k]
+                known[person.id] = person
+                if area >= settings.least_part:
+                    head = place if k in matched else None
+                    known[person.id] = person.seen(head, middle, area, timestamp)
+                    ids[k + 1] = person.id
+            elif len(points) and large_enough(view, self._lens, mask, settings):
+                again = known_again(absent, place, timestamp)
+                if again is not None:
+                    absent.remove(again)
+                    still = replace(again, head=place, velocity=np.zeros(3), middle=middle)
+                    known[again.id] = still.seen(place, middle, area, timestamp)
+                    ids[k + 1] = again.id
+                elif len(known) < self._most:
+                    number = len(known) + 1
+                    known[number] = Person(
+                        number, place, np.zeros(3), timestamp, timestamp, float(place[1]), middle, area
+                    )
+                    ids[k + 1] = number
+        self.people = [known[i] for i in sorted(known)]
+        return ids
+
+    def _sightings(self, flat: np.ndarray, surroundings: Surroundings) -> tuple[Sighting, ...]:
+        """Depth of each person at full resolution."""
+        coarse = np.rint(1000 * self._depth).astype(np.uint16)
+        refine_labels(flat, coarse, self._labels, self._lens.step, 1000 * self._settings.surface_gap, self._fine)
+        step = self._polisher.step
+        whole = flat[::step, ::step]
+        found = []
+        box = np.zeros(4, dtype=np.int64)
+        for number in np.unique(self._labels[self._labels > 0]):
+            if take_label(flat, self._fine, int(number), self._padded, box) == 0:
+                continue
+            depth = self._polisher.polish(self._padded, box)
+            if depth.any():
+                unobserved = unobserved_pixels(whole, depth, cut_out=surroundings.cut_out)
+                found.append(Sighting(int(number), depth, unobserved, self.camera))
+        return tuple(found)

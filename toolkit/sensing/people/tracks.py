@@ -1,0 +1,133 @@
+"""Who is who from frame to frame: people as heads that move over a plan of the floor."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, fields, replace
+from typing import Any
+
+import numpy as np
+
+LONGEST_FORECAST = 0.5  # s over which a velocity holds
+VELOCITY_MEMORY = 0.2  # s over which a velocity is averaged
+GATE = 0.4  # m from where a head is expected: it nods, and its middle moves as it turns
+GATE_GROWTH = 1.5  # m/s by which the gate widens while nobody is seen: a brisk walk
+WIDEST_GATE = 1.5  # m
+TALLEST_MEMORY = 1.0  # s in which the height of a head that stands is learnt
+WHOLE = 0.7  # of somebody's area: less, and they are half hidden
+AREA_FADING = 0.1  # a second, of what was seen of somebody who walks away
+TALLER, SHORTER = 0.08, 0.12  # m by which somebody who comes back may differ: shoes and noise; a bent neck as well
+WALK = 2.5  # m/s: the fastest that somebody out of sight moves in a room
+
+
+@dataclass(frozen=True, eq=False)
+class Person:
+    """Somebody who was seen.
+
+    Attributes
+    ----------
+    id : 1, 2, ...
+    head : float64 (3,), level frame, metres
+    velocity : float64 (3,), metres a second
+    first, last : timestamps of the first and the last frame in which they were seen, seconds
+    tallest : height at which the head stands, level frame, metres
+    middle : float64 (3,), median of the measured points, level frame, metres
+    area : m^2, seen head on, that are measured of them where nobody hides them
+    stature : metres, as learnt by whoever follows the person; 0 = not known
+    """
+
+    id: int
+    head: np.ndarray
+    velocity: np.ndarray
+    first: float
+    last: float
+    tallest: float
+    middle: np.ndarray
+    area: float
+    stature: float = 0.0
+
+    def expected(self, timestamp: float) -> np.ndarray:
+        """Where the head is expected: float64 (3,), level frame, metres."""
+        return self.head + self.velocity * min(max(timestamp - self.last, 0.0), LONGEST_FORECAST)
+
+    def gate(self, timestamp: float) -> float:
+        """Metres around there in which it is looked for."""
+        return min(GATE + GATE_GROWTH * max(timestamp - self.last, 0.0), WIDEST_GATE)
+
+    def seen(self, head: np.ndarray | None, middle: np.ndarray, area: float, timestamp: float) -> Person:
+        """The person in a new frame.
+
+        Parameters
+        ----------
+        head : (3,), where the head is seen, or None
+        middle, area : of what was measured of them
+        """
+        elapsed = max(timestamp - self.last, 0.0)
+        whole = area > WHOLE * self.area
+        place = head
+        if place is None:  # what is left of somebody half hidden says little of where they go
+            place = self.head + (middle - self.middle) if whole else self.expected(timestamp)
+        velocity = self.velocity
+        if elapsed > 0 and (head is not None or whole):
+            share = min(elapsed / VELOCITY_MEMORY, 1.0)
+            velocity = (1 - share) * velocity + share * (place - self.head) / elapsed
+        tallest = self.tallest
+        if head is not None and head[1] > tallest:
+            rising = self.last - self.first < TALLEST_MEMORY
+            tallest += (1.0 if rising else min(elapsed / TALLEST_MEMORY, 1.0)) * (float(head[1]) - tallest)
+        kept = max(area, self.area * (1 - AREA_FADING * elapsed))
+        return replace(self, head=place, velocity=velocity, middle=middle, area=kept, last=timestamp, tallest=tallest)
+
+
+def assigned(costs: np.ndarray, gates: np.ndarray) -> list[tuple[int, int]]:
+    """Pairs (row, column) of least total cost (R, C) among those not above their row's gate (R,)."""
+    from scipy.optimize import linear_sum_assignment
+
+    if costs.size == 0:
+        return []
+    beyond = costs > gates[:, None]
+    rows, columns = linear_sum_assignment(np.where(beyond, 1e3, costs))
+    return [(int(r), int(c)) for r, c in zip(rows, columns, strict=True) if not beyond[r, c]]
+
+
+def match_heads(people: Sequence[Person], heads: Sequence[np.ndarray], timestamp: float) -> dict[int, int]:
+    """Which head is whose: index of the person to index of the head."""
+    if not people or not heads:
+        return {}
+    expected = np.array([p.expected(timestamp) for p in people])
+    costs = np.sqrt(((expected[:, None] - np.array(heads)[None]) ** 2).sum(axis=2))
+    return dict(assigned(costs, np.array([p.gate(timestamp) for p in people])))
+
+
+def known_again(absent: Sequence[Person], head: np.ndarray, timestamp: float) -> Person | None:
+    """Whoever of the absent may have come back with the head there: the one whose height fits best, or None.
+
+    Somebody who comes back may sit, but is not taller than before, and was not out of sight for too short a time to
+    get there.
+    """
+    best: tuple[float, Person] | None = None
+    for person in absent:
+        way = float(np.hypot(head[0] - person.head[0], head[2] - person.head[2]))
+        taller = float(head[1]) - person.tallest
+        if way > GATE + WALK * (timestamp - person.last) or taller > TALLER:
+            continue
+        cost = abs(taller) if taller > -SHORTER else SHORTER + 0.01 * way
+        if best is None or cost < best[0]:
+            best = (cost, person)
+    return None if best is None else best[1]
+
+
+def export_people(people: Sequence[Person]) -> dict[str, Any]:
+    """People as arrays by the name of the attribute."""
+    if not people:
+        return {}
+    rows = [asdict(p) for p in people]
+    return {f.name: np.array([row[f.name] for row in rows]) for f in fields(Person)}
+
+
+def restore_people(state: Mapping[str, Any]) -> list[Person]:
+    """People from what `export_people` gave."""
+    if not state:
+        return []
+    count = len(state["id"])
+    return [Person(**{k: (v[i].copy() if v[i].ndim else v[i].item()) for k, v in state.items()}) for i in range(count)]

@@ -1,0 +1,74 @@
+"""A frame as the finder of people sees it: coarse, with points in the level frame, and what of it is not the room."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from toolkit.sensing.camera import Camera, level_rotation
+from toolkit.sensing.cleaning import SensingSettings
+
+
+@dataclass(frozen=True, eq=False)
+class View:
+    """One coarse frame.
+
+    Attributes
+    ----------
+    depth : float32 (h, w), metres along z, 0 = no measurement or out of range
+    points : float32 (h, w, 3), level frame, metres
+    foreground : bool (h, w), measured and not known to be the room
+    still : bool (h, w), pixels in which nothing moved as long as the room was watched
+    """
+
+    depth: np.ndarray
+    points: np.ndarray
+    foreground: np.ndarray
+    still: np.ndarray
+
+
+class Lens:
+    """Makes coarse frames of one camera.
+
+    Parameters
+    ----------
+    camera : of the full frames, without lens distortion
+    up_camera : (3,), the vertical in the camera frame
+    width : about that many pixels are kept
+    sensing : its `near` and `far` bound what counts as measured
+
+    Attributes
+    ----------
+    step : every how many-th pixel is kept
+    camera : of the coarse frames
+    rays : float64 (h, w, 2), x/z and y/z
+    up : float64 (3,), of length 1
+    rotation : `R_level_camera`
+    quantisation : metres at 1 m, growing with the square of the distance
+    """
+
+    def __init__(self, camera: Camera, up_camera: np.ndarray, width: int, sensing: SensingSettings) -> None:
+        self.step = max(1, round(camera.width / width))
+        self.camera = camera.subsampled(self.step)
+        self.rays = self.camera.rays()
+        self.rotation = level_rotation(up_camera)
+        self.up = self.rotation[1].copy()
+        self._near, self._far = sensing.near, sensing.far
+        self.quantisation = sensing.quantisation
+        ones = np.ones((*self.camera.shape, 1))
+        self._directions = (np.concatenate([self.rays, ones], axis=2) @ self.rotation.T).astype(np.float32)
+
+    def coarse(self, depth_mm: np.ndarray) -> np.ndarray:
+        """Float32 (h, w), metres, of a full frame (H, W) in millimetres."""
+        z = depth_mm[:: self.step, :: self.step].astype(np.float32) * np.float32(1e-3)
+        z[(z < self._near) | (z > self._far)] = 0.0
+        return z
+
+    def view(self, depth: np.ndarray, foreground: np.ndarray, still: np.ndarray) -> View:
+        """A coarse frame with its points."""
+        return View(depth, self._directions * depth[..., None], foreground, still)
+
+    def area(self, depth: np.ndarray) -> float:
+        """Square metres, seen head on, of coarse pixels with these depths."""
+        return float((depth.astype(np.float64) ** 2).sum() / (self.camera.fx * self.camera.fy))

@@ -1,0 +1,97 @@
+"""What is done to every depth image of a recording before and after somebody is cut out of it (Baak 2013, 5.3.1)."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from toolkit.errors import RecordingError
+from toolkit.kernels import depth as kernels
+from toolkit.sensing.camera import Camera
+from toolkit.sensing.cleaning import CONTOURS, SensingSettings
+
+
+class Polisher:
+    """Takes the lens distortion out of raw frames, and mixed pixels and noise out of people.
+
+    Parameters
+    ----------
+    camera : of the raw frames, lens distortion included
+    settings : how to clean
+
+    Attributes
+    ----------
+    flat_camera : of undistorted frames
+    camera : of polished depth: without lens distortion, half as large if so set
+    """
+
+    def __init__(self, camera: Camera, settings: SensingSettings) -> None:
+        self._raw, self._settings = camera, settings
+        self.flat_camera = camera.undistorted()
+        self.step = 2 if settings.half_resolution else 1
+        self.camera = self.flat_camera.subsampled(self.step) if self.step > 1 else self.flat_camera
+        self._maps = _undistortion_maps(camera)
+        self._kept = np.zeros((camera.height + 2, camera.width + 2), dtype=np.uint16)
+
+    def checked(self, depth_mm: np.ndarray) -> np.ndarray:
+        """A raw frame, undistorted.
+
+        Raises
+        ------
+        RecordingError
+            It has another size or type than the recording's camera says.
+        """
+        if depth_mm.shape != self._raw.shape or depth_mm.dtype != np.uint16:
+            raise RecordingError(
+                f"a frame is {depth_mm.dtype} {depth_mm.shape}; expected uint16 {self._raw.shape}, millimetres"
+            )
+        return self.undistort(np.ascontiguousarray(depth_mm))
+
+    def undistort(self, depth: np.ndarray) -> np.ndarray:
+        """A depth image (H, W) as `flat_camera` sees it."""
+        if self._maps is None:
+            return depth
+        import cv2
+
+        # Nearest, because a mean of two depths at an edge is a point where nothing is.
+        return np.asarray(cv2.remap(depth, *self._maps, cv2.INTER_NEAREST))
+
+    def polish(self, padded: np.ndarray, box: np.ndarray) -> np.ndarray:
+        """Contour pixels deleted, 3x3 median: float32 (H', W') of `camera`, metres, a new array.
+
+        `padded` is the person's depth, uint16 (H + 2, W + 2), millimetres, and `box` the window (v0, v1, u0, u1, ends
+        excluded, padded indices) that holds it.
+        """
+        settings = self._settings
+        out = np.zeros(self.camera.shape, dtype=np.float32)
+        _clear_around(self._kept, box)
+        kernels.delete_contour(
+            padded,
+            box,
+            1000 * settings.contour_tolerance,
+            1000 * settings.quantisation,
+            CONTOURS[settings.contour],
+            self._kept,
+        )
+        kernels.median_to_metres(self._kept, box, self.step, settings.median, out)
+        return out
+
+
+def _undistortion_maps(camera: Camera) -> tuple[np.ndarray, np.ndarray] | None:
+    if camera.distortion is None:
+        return None
+    import cv2
+
+    size = (camera.width, camera.height)
+    maps = cv2.initUndistortRectifyMap(
+        camera.matrix, np.asarray(camera.distortion), np.eye(3), camera.matrix, size, cv2.CV_32FC1
+    )
+    return np.asarray(maps[0]), np.asarray(maps[1])
+
+
+def _clear_around(image: np.ndarray, box: np.ndarray) -> None:
+    """Zero the ring of pixels around the window, which the median looks at."""
+    v0, v1, u0, u1 = box
+    image[v0 - 1, u0 - 1 : u1 + 1] = 0
+    image[v1, u0 - 1 : u1 + 1] = 0
+    image[v0 - 1 : v1 + 1, u0 - 1] = 0
+    image[v0 - 1 : v1 + 1, u1] = 0
