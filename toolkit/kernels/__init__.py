@@ -1,0 +1,5 @@
+"""Compiled loops on plain arrays."""
+
+from toolkit.kernels.cache import install
+
+install()

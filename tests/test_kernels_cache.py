@@ -1,0 +1,133 @@
+"""Compiled kernels are kept under a digest of all sources: changed sources never run old code."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from toolkit.kernels import cache, linear
+
+INNER = "from numba import njit\n\n@njit(cache=True)\ndef inner():\n    return {value}\n"
+OUTER = (
+    "from numba import njit\nfrom toolkit.kernels.inner import inner\n\n"
+    "@njit(cache=True)\ndef outer():\n    return inner()\n"
+)
+RUN = (
+    "from toolkit.kernels.outer import outer\nprint(outer())\n"
+    "print(len(outer.stats.cache_hits))\nprint(outer.stats.cache_path)"
+)
+
+
+@pytest.fixture
+def installed(tmp_path: Path) -> Path:
+    """An installation with two kernels in two files, of which one holds the compiled code of the other."""
+    kernels = tmp_path / "toolkit" / "kernels"
+    kernels.mkdir(parents=True)
+    for name in ("__init__.py", "cache.py"):
+        shutil.copy(cache.FOLDER / name, kernels / name)
+    (tmp_path / "toolkit" / "__init__.py").touch()
+    (kernels / "inner.py").write_text(INNER.format(value=1))
+    (kernels / "outer.py").write_text(OUTER)
+    return tmp_path
+
+
+def run(installation: Path, **environment: str) -> tuple[int, int, Path]:
+    """What the outer kernel returns in a new process, whether it came from the cache, and where that lies."""
+    variables = {k: v for k, v in os.environ.items() if not k.startswith("NUMBA_")}
+    done = subprocess.run(
+        [sys.executable, "-c", RUN],
+        env={**variables, "PYTHONPATH": str(installation), **environment},
+        cwd=installation,
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    value, hits, path = done.stdout.split()
+    return int(value), int(hits), Path(path)
+
+
+def test_a_kernel_follows_an_edit_in_the_file_of_another_one(installed: Path) -> None:
+    assert run(installed)[:2] == (1, 0)
+    assert run(installed)[:2] == (1, 1)
+    inner = installed / "toolkit" / "kernels" / "inner.py"
+    before = inner.stat()
+    inner.write_text(INNER.format(value=2))
+    os.utime(inner, ns=(before.st_atime_ns, before.st_mtime_ns))
+    assert run(installed)[:2] == (2, 0)
+    inner.write_text(INNER.format(value=1))
+    assert run(installed)[:2] == (1, 1)
+
+
+def test_an_upgraded_installation_never_runs_old_code(installed: Path) -> None:
+    folder = run(installed)[2]
+    kernels = installed / "toolkit" / "kernels"
+    (kernels / "inner.py").write_text(INNER.format(value=3))
+    assert run(installed)[:2] == (3, 0)
+    # An index whose code was not yet written when the process died leads to nothing, not to the old code.
+    for path in folder.glob("*.nbc"):
+        if cache.sources_digest(kernels) in path.name:
+            path.unlink()
+    assert run(installed)[:2] == (3, 0)
+
+
+def test_an_installation_that_cannot_be_written_keeps_its_kernels_in_the_users_cache(
+    installed: Path, tmp_path: Path
+) -> None:
+    (installed / "toolkit" / "kernels" / "__pycache__").touch()  # in the way of a folder, for root too
+    home = {"XDG_CACHE_HOME": str(tmp_path / "home"), "HOME": str(tmp_path / "home")}
+    assert run(installed, **home)[:2] == (1, 0)
+    value, hits, path = run(installed, **home)
+    assert (value, hits) == (1, 1)
+    assert tmp_path / "home" in path.parents
+    (installed / "toolkit" / "kernels" / "inner.py").write_text(INNER.format(value=4))
+    assert run(installed, **home)[:2] == (4, 0)
+
+
+def test_old_sets_of_compiled_kernels_are_removed_and_the_newest_stay(tmp_path: Path) -> None:
+    sets = ["a" * 16, "b" * 16, "c" * 16, "d" * 16]
+    for age, digest in enumerate(sets):
+        for name in (f"pairs.add-{digest}.py311.nbi", f"pairs.add-{digest}.py311.1.nbc"):
+            (tmp_path / name).touch()
+            os.utime(tmp_path / name, (1e9 - age, 1e9 - age))
+    (tmp_path / "pairs.add-17.py311.nbi").touch()
+    (tmp_path / f"pairs.add-{cache.sources_digest()}.py311.nbi").touch()
+    os.utime(tmp_path / f"pairs.add-{cache.sources_digest()}.py311.nbi", (1.0, 1.0))
+    (tmp_path / "pairs.cpython-311.pyc").touch()
+    cache.prune(tmp_path, kept=2)
+    left = {path.name for path in tmp_path.iterdir()}
+    assert left == {
+        *(f"pairs.add-{digest}.py311.{end}" for digest in sets[:2] for end in ("nbi", "1.nbc")),
+        f"pairs.add-{cache.sources_digest()}.py311.nbi",
+        "pairs.cpython-311.pyc",
+    }
+
+
+def test_every_source_changes_the_digest(installed: Path) -> None:
+    kernels = installed / "toolkit" / "kernels"
+    digests = {cache.sources_digest.__wrapped__(kernels)}
+    for path in sorted(kernels.glob("*.py")):
+        path.write_text(path.read_text() + "\n")
+        digests.add(cache.sources_digest.__wrapped__(kernels))
+    (kernels / "new.py").touch()
+    digests.add(cache.sources_digest.__wrapped__(kernels))
+    assert len(digests) == 6
+
+
+def test_functions_of_other_packages_are_cached_as_numba_does() -> None:
+    from numba.core.caching import CompileResultCacheImpl
+
+    assert cache.sources_digest() in CompileResultCacheImpl(linear._dot.py_func).filename_base
+    assert cache.sources_digest() not in CompileResultCacheImpl(run).filename_base
+
+
+def test_help_answers_without_numba() -> None:
+    code = (
+        "import sys, toolkit.cli.main as main\ntry: main.app(['--help'])\nexcept SystemExit: pass\n"
+        "assert 'numba' not in sys.modules"
+    )
+    subprocess.run([sys.executable, "-c", code], check=True, stdout=subprocess.DEVNULL)
