@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from tests.sensing_scenes import KINECT, TOF, person_alone, scene
-from toolkit.errors import RecordingError
+from toolkit.errors import RecordingError, UsageError
 from toolkit.sensing.cleaning import Cleaner
 from toolkit.sensing.cloud import Cloud
 from toolkit.sensing.recording import open_recording
@@ -185,8 +185,13 @@ def test_intrinsics_are_read_from_the_usual_json_forms(tmp_path, table):
 @pytest.mark.parametrize(
     ("text", "part"),
     [
-        ("{", "cannot read intrinsics"),
+        ("{", "is no JSON"),
         ("{}", "holds no intrinsics"),
+        ('{"fx": "wide", "fy": 1, "cx": 0.5, "cy": 0.5}', "no numbers"),
+        ('{"K": {"fx": 1}}', "no numbers"),
+        ('{"fx": null, "fy": 1, "cx": 0.5, "cy": 0.5}', "no numbers"),
+        ('{"fx": 1e999, "fy": 220, "cx": 87.5, "cy": 71.5}', "not finite"),
+        ('{"fx": 220, "fy": 220, "cx": 87.5, "cy": 71.5, "dist": [9, 9, 0, 0, 9]}', "corners"),
         ('{"fx": 1, "fy": 1, "cx": 0.5, "cy": 0.5}', "absurd"),
         ('{"width": 640, "height": 480, "fx": 600, "fy": 600, "cx": 320, "cy": 240}', "640x480"),
     ],
@@ -327,3 +332,75 @@ def test_the_vertical_comes_from_a_visible_floor(tmp_path):
         assert np.degrees(np.arccos(np.clip(recording.up_camera @ up_of_tilt(tilt), -1, 1))) < 1.0
     alone = open_recording(png_folder(tmp_path / "alone", [person_alone(TOF)]))
     np.testing.assert_allclose(alone.up_camera, (0, -1, 0))
+
+
+def write_camera(path, fx):
+    path.write_text(json.dumps({"fx": fx, "fy": fx, "cx": 87.5, "cy": 71.5}))
+
+
+def test_a_folder_s_own_intrinsics_win_over_those_around_it(tmp_path):
+    folder = png_folder(tmp_path / "take", [person_alone(TOF)], intrinsics=False)
+    write_camera(tmp_path / "a.json", 300.0)
+    assert open_recording(folder).camera.fx == 300.0, "better than none"
+    write_camera(folder / "z.json", 220.0)
+    assert open_recording(folder).camera.fx == 220.0
+    (tmp_path / "a.json").write_text("{")
+    assert open_recording(folder).camera.fx == 220.0, "a bad file elsewhere is none of its business"
+
+
+def test_two_different_cameras_in_one_folder_are_refused(tmp_path):
+    folder = png_folder(tmp_path / "take", [person_alone(TOF)], intrinsics=False)
+    for name, fx in (("depth", 220.0), ("colour", 230.0)):
+        write_camera(folder / f"{name}.json", fx)
+    with pytest.raises(RecordingError, match="tell different cameras"):
+        open_recording(folder)
+    assert open_recording(folder, intrinsics=folder / "depth.json").camera.fx == 220.0
+
+
+@pytest.mark.parametrize("name", ["x" * 300, "pipe"])
+def test_what_is_neither_file_nor_folder_is_no_recording(tmp_path, name):
+    import os
+
+    os.mkfifo(tmp_path / "pipe")
+    with pytest.raises(RecordingError, match="a file or a folder"):
+        open_recording(tmp_path / name)
+
+
+def test_an_image_of_monstrous_size_is_refused(tmp_path):
+    folder = png_folder(tmp_path / "take", [person_alone(TOF)])
+    file = folder / "depth" / "0.png"
+    data = bytearray(file.read_bytes())
+    data[16:24] = (100_000).to_bytes(4, "big") * 2
+    import zlib
+
+    data[29:33] = zlib.crc32(bytes(data[12:29])).to_bytes(4, "big")
+    file.write_bytes(bytes(data))
+    with pytest.raises(RecordingError, match="cannot be read as an image"):
+        open_recording(folder)
+
+
+def test_a_cloud_of_nothing_is_an_error(tmp_path):
+    path = write_cloud(tmp_path / "a.pcd", np.full((400, 3), np.nan))
+    with pytest.raises(RecordingError, match="no measurement|no point"):
+        open_recording(path)
+
+
+@pytest.mark.parametrize(
+    "options",
+    [
+        {"size": "nan,3"}, {"size": "0,3"}, {"size": "1.5,3"}, {"depth_unit": 0}, {"depth_unit": "0"},
+        {"depth_unit": "nan"}, {"frame_rate": 1e9}, {"frame_rate": float("nan")}, {"up_camera": (0, np.inf, 0)},
+    ],
+)  # fmt: skip
+def test_options_out_of_range_are_refused(tmp_path, options):
+    folder = png_folder(tmp_path / "take", [person_alone(TOF)])
+    with pytest.raises(UsageError, match=next(iter(options))):
+        open_recording(folder, **options)
+
+
+def test_values_that_mark_nothing_are_no_measurement(tmp_path):
+    depth = person_alone(TOF)
+    marked = np.where(depth == 0, np.uint16(65000), depth)
+    marked[0, :10] = 65535
+    folder = png_folder(tmp_path / "take", [marked])
+    np.testing.assert_array_equal(open_recording(folder).depth(0), depth)

@@ -16,6 +16,9 @@ from toolkit.errors import RecordingError
 
 DEFAULT_UP = (0.0, -1.0, 0.0)
 """The vertical in the camera frame of a camera that looks horizontally."""
+LEAST_STRETCH = 0.3
+"""Share of its distance from the centre at which a lens may show a corner; fisheyes, which this model does not fit, go
+below."""
 
 
 @dataclass(frozen=True)
@@ -27,7 +30,8 @@ class Camera:
     fx, fy : focal lengths, pixels
     cx, cy : principal point, pixels; 0 is the centre of the first pixel
     width, height : pixels
-    distortion : k1, k2, p1, p2, k3 in OpenCV's order, or None for an ideal lens
+    distortion : k1, k2, p1, p2, k3, or with the rational model k4, k5, k6 behind them, in OpenCV's order; None for an
+        ideal lens
 
     Raises
     ------
@@ -65,8 +69,27 @@ class Camera:
                 f"intrinsics {self._text} are absurd for an image of {self.width}x{self.height}: the principal point "
                 "lies far outside; give fx, fy, cx, cy in pixels"
             )
-        if self.distortion is not None and not (len(self.distortion) == 5 and np.isfinite(self.distortion).all()):
-            raise RecordingError(f"distortion {self.distortion} is not five finite numbers k1, k2, p1, p2, k3")
+        if self.distortion is None:
+            return
+        if len(self.distortion) not in (5, 8) or not np.isfinite(self.distortion).all():
+            raise RecordingError(
+                f"distortion {self.distortion} is not five finite numbers k1, k2, p1, p2, k3, or eight with k4, k5, k6"
+            )
+        if not LEAST_STRETCH <= self._stretch() <= 1 / LEAST_STRETCH:
+            raise RecordingError(
+                f"distortion {self.distortion} moves the corners of the image {self._stretch():.3g} times as far from "
+                "its centre; give the numbers of this lens, or none"
+            )
+
+    def _stretch(self) -> float:
+        """Factor by which the lens moves the farthest corner of the image away from the centre."""
+        k1, k2, p1, p2, k3, *rational = self.distortion or (0.0,) * 5
+        k4, k5, k6 = rational or (0.0,) * 3
+        x = max(self.cx, self.width - 1 - self.cx) / self.fx
+        y = max(self.cy, self.height - 1 - self.cy) / self.fy
+        r = x * x + y * y
+        radial = (1 + r * (k1 + r * (k2 + r * k3))) / (1 + r * (k4 + r * (k5 + r * k6)))
+        return abs(radial) + 4 * (abs(p1) + abs(p2)) * np.sqrt(r)
 
     @property
     def _text(self) -> str:
@@ -81,7 +104,7 @@ class Camera:
         if values.shape != (4,):
             raise RecordingError(f"intrinsics hold {values.size} numbers; give the four fx, fy, cx, cy in pixels")
         fx, fy, cx, cy = (float(v) for v in values)
-        bent = None if distortion is None else tuple(float(d) for d in np.ravel(distortion))
+        bent = None if distortion is None or not np.size(distortion) else tuple(float(d) for d in np.ravel(distortion))
         return cls(fx, fy, cx, cy, int(shape[1]), int(shape[0]), bent)
 
     @property
@@ -151,7 +174,7 @@ class Camera:
         """The camera of the image flipped left to right (u' = width - 1 - u)."""
         bent = self.distortion
         if bent is not None:  # the tangential term along x changes its sign with x
-            bent = (bent[0], bent[1], bent[2], -bent[3], bent[4])
+            bent = (*bent[:3], -bent[3], *bent[4:])
         return replace(self, cx=self.width - 1 - self.cx, distortion=bent)
 
     def undistorted(self) -> Camera:

@@ -10,6 +10,7 @@ from toolkit.errors import RecordingError, UsageError
 from toolkit.sensing.camera import Camera
 
 LARGEST_MM = 65535
+NOTHING = 65000  # raw 16-bit values from here on mark "nothing": Azure Kinect files say so, others saturate at 65535
 NEAREST_MEDIAN_MM = 100.0  # a depth camera's nearest range; metres read as millimetres stay below
 FARTHEST_MEDIAN_MM = 20_000.0  # twice a room
 
@@ -38,7 +39,8 @@ class DepthConverter:
     def convert(self, raw: np.ndarray, camera: Camera, what: str, *, check: bool = True) -> np.ndarray:
         """One raw image (H, W) of `camera` as uint16 millimetres along z.
 
-        NaN, infinite and negative values, and depths beyond 65.5 m, become 0: no measurement.
+        NaN, infinite and negative values, 16-bit values from `NOTHING` on, and depths beyond 65.5 m, become 0: no
+        measurement.
 
         Raises
         ------
@@ -51,6 +53,8 @@ class DepthConverter:
             )
         if raw.dtype.kind not in "uif":
             raise RecordingError(f"{what} has type {raw.dtype}; depth must be numbers, uint16 millimetres best")
+        if raw.dtype == np.uint16 and raw.size and raw.max() >= NOTHING:
+            raw = np.where(raw < NOTHING, raw, np.uint16(0))
         if check and not self._checked:
             self._check(raw, what)
         depth = raw
@@ -59,7 +63,8 @@ class DepthConverter:
         return np.ascontiguousarray(depth[:, ::-1] if self.mirrored else depth)
 
     def _millimetres(self, raw: np.ndarray, camera: Camera) -> np.ndarray:
-        values = raw.astype(np.float64) * self._factor
+        with np.errstate(over="ignore"):  # what overflows is beyond every range
+            values = raw.astype(np.float64) * self._factor
         if self.radial:
             if self._slant is None:
                 self._slant = 1.0 / np.sqrt(1.0 + (camera.rays() ** 2).sum(axis=-1))
@@ -101,7 +106,7 @@ def unit_in_metres(unit: str | float) -> float:
         return 0.001 if unit == "mm" else 1.0
     try:
         value = float(unit)
-    except ValueError:
+    except (TypeError, ValueError):
         value = float("nan")
     if not 0 < value < 10:
         raise UsageError(f"depth_unit {unit!r} is neither 'mm', 'm' nor the metres of one unit, such as 0.001")

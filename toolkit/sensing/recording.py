@@ -16,9 +16,10 @@ from typing import Any, Protocol
 import numpy as np
 
 from toolkit.errors import RecordingError, UsageError
+from toolkit.files import is_file, is_folder
 from toolkit.sensing.camera import DEFAULT_UP, Camera
 from toolkit.sensing.checks import check_joints, check_timestamps
-from toolkit.sensing.conversion import DepthConverter
+from toolkit.sensing.conversion import DepthConverter, unit_in_metres
 from toolkit.sensing.writer import RecordingWriter, save_recording
 
 __all__ = [
@@ -33,6 +34,8 @@ __all__ = [
 
 
 LENGTHS = {"intrinsics": 4, "size": 2, "up_camera": 3}
+LARGEST_RATE = 1000.0  # frames a second: faster than any depth camera
+LARGEST_SIDE = 20_000  # pixels: larger than any image
 
 
 class Recording(Protocol):
@@ -147,11 +150,19 @@ class ReaderOptions:
             k: _numbers(k, v) if k in ("intrinsics", "size", "up_camera") else _plain(v) for k, v in options.items()
         }
         made = cls(**plain)
-        if not made.frame_rate > 0:
-            raise UsageError(f"frame_rate {made.frame_rate} is not positive; give frames per second")
+        if not (isinstance(made.frame_rate, (int, float)) and 0 < made.frame_rate <= LARGEST_RATE):
+            raise UsageError(
+                f"frame_rate {made.frame_rate} is not positive or above {LARGEST_RATE:g}; give frames a second"
+            )
+        if made.depth_unit is not None:
+            unit_in_metres(made.depth_unit)
         if made.axes not in ("camera", "graphics"):
             raise UsageError(f"axes {made.axes!r} is neither 'camera' nor 'graphics'")
         return made
+
+    def unit(self, default: str) -> str | float:
+        """The chosen depth unit, or the `default` of a format."""
+        return default if self.depth_unit is None else self.depth_unit
 
     def given(self) -> dict[str, Any]:
         """The options that differ from their defaults."""
@@ -176,8 +187,10 @@ def _numbers(name: str, value: Any) -> Any:
         if name == "intrinsics" and isinstance(value, (str, Path)):
             return str(value)
         raise UsageError(f"{name} {value!r} is not {LENGTHS[name]} numbers") from None
-    if len(numbers) != LENGTHS[name]:
+    if len(numbers) != LENGTHS[name] or not np.isfinite(numbers).all():
         raise UsageError(f"{name} {value!r} is not {LENGTHS[name]} numbers")
+    if name == "size" and not all(0 < n <= LARGEST_SIDE and n == int(n) for n in numbers):
+        raise UsageError(f"size {value!r} is no width and height in pixels")
     return tuple(int(n) for n in numbers) if name == "size" else numbers
 
 
@@ -281,7 +294,7 @@ def open_recording(path: str | Path, **options: Any) -> Recording:
     from toolkit.sensing.readers import reader_for
 
     target = Path(path)
-    if not target.exists():
-        raise RecordingError(f"there is no recording at {target}; check the path")
+    if not (is_file(target) or is_folder(target)):
+        raise RecordingError(f"there is no recording at {target}, a file or a folder; check the path")
     chosen = ReaderOptions.from_mapping(options)
     return reader_for(target, chosen.format)(target, chosen)

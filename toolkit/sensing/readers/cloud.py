@@ -73,6 +73,8 @@ def load_cloud(path: Path, axes: str) -> RawCloud:
     if axes == "graphics":
         points[:, 1:] *= -1.0
     usable = np.isfinite(points).all(axis=1) & (points[:, 2] > 0)
+    if not np.isfinite(points).all(axis=1).any():
+        raise RecordingError(f"no point of {path} is finite; it holds no measurement")
     if not usable.any() and (np.nan_to_num(points[:, 2]) < 0).any():
         raise RecordingError(f"all points of {path} lie behind the camera; set axes to 'graphics' if y is up there")
     points[~usable] = 0.0
@@ -205,7 +207,7 @@ def read(path: Path, options: ReaderOptions) -> Recording:
         camera=camera,
         timestamps=frame_times(len(source), options),
         source=source,
-        converter=DepthConverter(options.depth_unit or "m", options.radial, bool(options.mirrored)),
+        converter=DepthConverter(options.unit("m"), options.radial, bool(options.mirrored)),
         background=chosen_background(options, None),
         stored_up=chosen_up(options, None),
         options=options.given(),

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import re
 from pathlib import Path
 from typing import Any
@@ -10,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from toolkit.errors import RecordingError
+from toolkit.files import is_file, read_json
 from toolkit.sensing.camera import Camera
 from toolkit.sensing.recording import ReaderOptions
 
@@ -66,26 +66,53 @@ def camera_from_json(path: Path, shape: tuple[int, int]) -> Camera:
 
     `shape` is the (height, width) of the images; a size in the file that differs is an error.
     """
-    try:
-        top = json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError) as error:
-        raise RecordingError(
-            f"cannot read intrinsics from {path}: {error}; give a JSON file with fx, fy, cx, cy"
-        ) from error
+    top = read_json(path, RecordingError, "give a JSON file with fx, fy, cx, cy")
     tables = [t for t in (top, *(top.values() if isinstance(top, dict) else ())) if isinstance(t, dict)]
     for table in tables:
-        values = _intrinsics_of(table)
+        bent = next((table[k] for k in ("distortion", "coeffs", "dist") if table.get(k)), None)
+        try:
+            values = _intrinsics_of(table)
+            distortion = None if bent is None else np.asarray(bent, dtype=np.float64)
+        except (TypeError, ValueError) as error:
+            raise RecordingError(f"the intrinsics in {path} are no numbers ({error}); give fx, fy, cx, cy") from error
         if values is None:
             continue
         size = (table.get("height", shape[0]), table.get("width", shape[1]))
-        if tuple(size) != shape:
+        if size != shape:
             raise RecordingError(
                 f"{path} describes images of {size[1]}x{size[0]} pixels, these have {shape[1]}x{shape[0]}; "
                 "give the intrinsics of this size"
             )
-        bent = next((table[k] for k in ("distortion", "coeffs", "dist") if table.get(k)), None)
-        return Camera.from_intrinsics(np.asarray(values), shape, None if bent is None else np.asarray(bent))
+        return Camera.from_intrinsics(np.asarray(values), shape, distortion)
     raise RecordingError(f"{path} holds no intrinsics; expected fx, fy, cx, cy, K or intrinsic_matrix")
+
+
+def camera_beside(own: list[Path], around: Path, shape: tuple[int, int]) -> Camera | None:
+    """The camera of the first folder whose JSON files tell one: a recording's own ones, then the one around it.
+
+    Returns None where there is no file at all. JSON about something else around a recording is none of its business.
+
+    Raises
+    ------
+    RecordingError
+        Two files of one folder tell different cameras, or no file of the recording's own tells one.
+    """
+    problems: list[RecordingError] = []
+    for folder in [*own, around]:
+        found: dict[Path, Camera] = {}
+        for table in sorted(folder.glob("*.json")):
+            try:
+                found[table] = camera_from_json(table, shape)
+            except RecordingError as error:
+                problems += [error] if folder in own else []
+        if len(set(found.values())) > 1:
+            named = " and ".join(str(table) for table in found)
+            raise RecordingError(f"{named} tell different cameras; give the option intrinsics=FILE for the right one")
+        if found:
+            return next(iter(found.values()))
+    if problems:
+        raise problems[0]
+    return None
 
 
 def _intrinsics_of(table: dict[str, Any]) -> list[float] | None:
@@ -103,7 +130,7 @@ def _intrinsics_of(table: dict[str, Any]) -> list[float] | None:
 
 
 def read_depth_png(path: Path) -> np.ndarray:
-    """A 16-bit PNG as uint16 (H, W).
+    """A 16-bit PNG as uint16 (H, W); a larger one than any camera's is refused by its header.
 
     Raises
     ------
@@ -112,9 +139,20 @@ def read_depth_png(path: Path) -> np.ndarray:
     """
     import cv2
 
-    image = cv2.imread(str(path), cv2.IMREAD_UNCHANGED)
-    if image is None:
-        raise RecordingError(f"{path} cannot be read as an image; it is missing, truncated or no PNG")
+    image = read_image(path, cv2.IMREAD_UNCHANGED)
     if image.dtype != np.uint16 or image.ndim != 2:
         raise RecordingError(f"{path} is {image.dtype} of shape {image.shape}; depth must be one channel of 16 bits")
+    return image
+
+
+def read_image(path: Path, flags: int) -> np.ndarray:
+    """An image file as OpenCV reads it; raises RecordingError."""
+    import cv2
+
+    try:
+        image = cv2.imread(str(path), flags) if is_file(path) else None
+    except cv2.error as error:  # sizes beyond OpenCV's limit
+        raise RecordingError(f"{path} cannot be read as an image: {' '.join(str(error).split())}") from error
+    if image is None:
+        raise RecordingError(f"{path} cannot be read as an image; it is missing, truncated or of another format")
     return image

@@ -78,7 +78,7 @@ def read(path: Path, options: ReaderOptions) -> Recording:
         camera=camera,
         timestamps=small.get("timestamps", frame_times(count, options)),
         source=source,
-        converter=DepthConverter(options.depth_unit or "mm", options.radial, bool(options.mirrored)),
+        converter=DepthConverter(options.unit("mm"), options.radial, bool(options.mirrored)),
         background=chosen_background(options, small.get("background")),
         joints=small.get("joints"),
         reference_joints=small.get("reference_joints"),

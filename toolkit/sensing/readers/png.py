@@ -8,16 +8,16 @@ from pathlib import Path
 import numpy as np
 
 from toolkit.errors import RecordingError
-from toolkit.sensing.camera import Camera
 from toolkit.sensing.conversion import DepthConverter
 from toolkit.sensing.readers.common import (
-    camera_from_json,
+    camera_beside,
     chosen_background,
     chosen_camera,
     chosen_up,
     frame_times,
     natural_key,
     read_depth_png,
+    read_image,
 )
 from toolkit.sensing.recording import ReaderOptions, Recording, StoredRecording
 
@@ -61,47 +61,35 @@ class PngFrames:
             return None
         import cv2
 
-        image = cv2.imread(str(self._color[i]), cv2.IMREAD_COLOR)
-        if image is None:
-            raise RecordingError(f"{self._color[i]} cannot be read as an image; it is truncated or no PNG or JPEG")
-        return np.ascontiguousarray(image[:, :, ::-1])
+        return np.ascontiguousarray(read_image(self._color[i], cv2.IMREAD_COLOR)[:, :, ::-1])
 
 
 def read(path: Path, options: ReaderOptions) -> Recording:
     """Open a folder of depth images, or one image.
 
-    Images lie in the folder or in `depth/` below it, colour in `color/` or `rgb/` beside that, and intrinsics in any
-    `*.json` of the folder or of the one above.
+    Images lie in the folder or in `depth/` below it, colour in `color/` or `rgb/` beside that, and intrinsics in a
+    `*.json` of the folder, or else of the one above.
     """
     files = _depth_files(path)
     if not files:
         raise RecordingError(f"{path} holds no PNG file; give the folder of the depth images")
     folder = files[0].parent
     source = PngFrames(files, _color_files(folder, files))
-    shape = source.depth(0).shape
-    tables = [] if options.intrinsics is not None else sorted([*folder.glob("*.json"), *folder.parent.glob("*.json")])
-    camera = _first_camera(tables, shape) if tables else chosen_camera(options, shape, path)
+    shape: tuple[int, int] = source.depth(0).shape
+    own = [folder, path] if folder.parent == path else [folder]
+    camera = None if options.intrinsics is not None else camera_beside(own, own[-1].parent, shape)
+    camera = camera or chosen_camera(options, shape, path)
     return StoredRecording(
         name=path.stem,
         path=path,
         camera=camera,
         timestamps=frame_times(len(source), options),
         source=source,
-        converter=DepthConverter(options.depth_unit or "mm", options.radial, bool(options.mirrored)),
+        converter=DepthConverter(options.unit("mm"), options.radial, bool(options.mirrored)),
         background=chosen_background(options, None),
         stored_up=chosen_up(options, None),
         options=options.given(),
     )
-
-
-def _first_camera(tables: list[Path], shape: tuple[int, ...]) -> Camera:
-    problems = []
-    for table in tables:
-        try:
-            return camera_from_json(table, (shape[0], shape[1]))
-        except RecordingError as error:
-            problems.append(error)
-    raise problems[0]
 
 
 def _color_files(folder: Path, depth: list[Path]) -> list[Path]:

@@ -78,7 +78,7 @@ def read(path: Path, options: ReaderOptions) -> Recording:
         camera=chosen_camera(options, shape, path),
         timestamps=frame_times(len(source), options),
         source=source,
-        converter=DepthConverter(options.depth_unit or "mm", options.radial, bool(options.mirrored)),
+        converter=DepthConverter(options.unit("mm"), options.radial, bool(options.mirrored)),
         background=chosen_background(options, None),
         stored_up=chosen_up(options, None),
         options=options.given(),

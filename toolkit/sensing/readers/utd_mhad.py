@@ -82,7 +82,7 @@ def read(path: Path, options: ReaderOptions) -> Recording:
         camera=chosen_camera(options, depth.shape[:2], path, np.array(INTRINSICS)),
         timestamps=frame_times(len(source), options),
         source=source,
-        converter=DepthConverter(options.depth_unit or "mm", options.radial, options.mirrored is not False),
+        converter=DepthConverter(options.unit("mm"), options.radial, options.mirrored is not False),
         background=chosen_background(options, None),
         reference_joints=reference,
         stored_up=chosen_up(options, None),
