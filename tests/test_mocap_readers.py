@@ -303,3 +303,70 @@ def test_motion_files_are_found_in_order_and_an_empty_folder_is_an_error(tmp_pat
         find_clips(tmp_path / "none")
     with pytest.raises(MocapError, match="there is no folder"):
         find_clips(tmp_path / "absent")
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        ("length 0.45", "length 0", "length unit is 0"),
+        ("dof rx ry rz", "dof rx rx rz", "twice"),
+        ("order TX", "order QX", "unknown degree of freedom 'qx'"),
+    ],
+)
+def test_a_skeleton_whose_numbers_cannot_be_is_named(tmp_path: Path, old: str, new: str, words: str) -> None:
+    assert old in ASF_ARM
+    with pytest.raises(MocapError, match=words):
+        read_asf(write(tmp_path / "a.asf", ASF_ARM.replace(old, new, 1)))
+
+
+BVH = """HIERARCHY
+ROOT Hips
+{
+  OFFSET 0 0 0
+  CHANNELS 3 Zrotation Xrotation Yrotation
+  JOINT Chest
+  {
+    OFFSET 0 1.7 0
+    CHANNELS 3 Zrotation Xrotation Yrotation
+    End Site
+    {
+      OFFSET 0 0.1 0
+    }
+  }
+}
+MOTION
+Frames: 1
+Frame Time: 0.1
+0 0 0 0 0 0
+"""
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        (
+            "OFFSET 0 0.1 0\n",
+            "OFFSET 0 0.1 0\n      CHANNELS 3 Zrotation Xrotation Yrotation\n",
+            "End Site has channels",
+        ),
+        ("OFFSET 0 1.7 0", "OFFSET 0 0 0", "fits no usual unit"),
+        ("\n0 0 0 0 0 0", "\n0 1e308 0 0 0 0", "no angle of a joint"),
+        ("CHANNELS 3 Z", "CHANNELS 4 Xposition Z", "fits|columns"),
+    ],
+)
+def test_a_bvh_whose_numbers_cannot_be_is_named(tmp_path: Path, old: str, new: str, words: str) -> None:
+    (tmp_path / "a.bvh").write_text(BVH)
+    assert read_bvh(tmp_path / "a.bvh").joint_names == ("Hips", "Chest")
+    (tmp_path / "a.bvh").write_text(BVH.replace(old, new, 1))
+    with pytest.raises(MocapError, match=words):
+        read_bvh(tmp_path / "a.bvh")
+
+
+@pytest.mark.parametrize(
+    ("name", "words"), [("a.c3d", "convert it to BVH"), ("a.bvh", "is empty"), ("x" * 300, "no motion")]
+)
+def test_what_cannot_be_read_says_why(tmp_path: Path, name: str, words: str) -> None:
+    if len(name) < 100:
+        (tmp_path / name).write_bytes(b"")
+    with pytest.raises(MocapError, match=words):
+        read_clip(tmp_path / name)

@@ -107,7 +107,7 @@ def test_a_query_written_by_hand_may_mix_sets(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("nothing like it", "no query file"),
+        ("nothing like it", "no JSON"),
         ("[1, 2]", "no list of queries"),
         ('{"version": 9, "queries": []}', "version 9, not 1"),
         ('{"version": 1, "features": "abc", "queries": []}', "other feature definitions .abc"),
@@ -130,7 +130,7 @@ def test_a_query_file_that_cannot_be_used_is_refused(text: str, message: str, tm
 
 
 def test_a_missing_query_file_or_label_is_named(tmp_path: Path) -> None:
-    with pytest.raises(RetrievalError, match="cannot read the queries"):
+    with pytest.raises(RetrievalError, match="there is no file"):
         load_queries(tmp_path / "none.json")
     with pytest.raises(RetrievalError, match="no query for the label 'punch'; there are: kick"):
         choose_labels([KICK], ["punch"])
@@ -186,7 +186,7 @@ def test_labels_that_cannot_be_told_are_refused(tmp_path: Path) -> None:
         labels_of(files, r"bd_(")
     with pytest.raises(UsageError, match="not from both"):
         labels_of(files, r"(?P<label>.*)", table)
-    with pytest.raises(RetrievalError, match="cannot read the labels"):
+    with pytest.raises(RetrievalError, match="there is no file"):
         labels_of(files, table=table)
     table.write_text("name,class\nx,y\n")
     with pytest.raises(RetrievalError, match="no columns clip and label"):

@@ -16,7 +16,7 @@ from typing import Any, Literal, TypeVar
 import yaml
 
 from toolkit.errors import SettingsError
-from toolkit.files import save_text, shipped
+from toolkit.files import is_file, parse_yaml, read_text, save_text, shipped
 
 Settings = TypeVar("Settings")
 
@@ -58,10 +58,7 @@ def parse_overrides(pairs: list[str]) -> dict[str, Any]:
         name, equals, value = pair.partition("=")
         if not equals or not name:
             raise SettingsError(f"{pair!r} is no setting; write NAME=VALUE, for example sensing.half_resolution=true")
-        try:
-            overrides[name.strip()] = yaml.safe_load(value)
-        except yaml.YAMLError as error:
-            raise SettingsError(f"the value of {name} is no YAML: {value!r}") from error
+        overrides[name.strip()] = parse_yaml(value, f"the value {value[:80]!r} of {name}", SettingsError, "correct it")
     return overrides
 
 
@@ -85,13 +82,10 @@ def _plain(value: Any) -> Any:
 
 def _read(path: str | Path) -> dict[str, Any]:
     file = Path(path)
-    if not file.exists() and not file.suffix:
+    if not is_file(file) and not file.suffix:
         file = shipped(f"{file}.yaml")
-    try:
-        values = yaml.safe_load(file.read_text(encoding="utf-8"))
-    except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
-        reason = " ".join(str(error).split())
-        raise SettingsError(f"cannot read settings from {file}: {reason}; name a YAML file") from error
+    hint = "name a YAML file of settings"
+    values = parse_yaml(read_text(file, SettingsError, hint), str(file), SettingsError, hint)
     if values is None:
         return {}
     if not isinstance(values, dict):

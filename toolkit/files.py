@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import csv
 import fcntl
 import hashlib
+import io
 import json
 import os
 import shutil
@@ -146,6 +148,28 @@ def parse_json(text: str, where: str, error: type[DepthMocapError], hint: str) -
         return json.loads(text, parse_constant=_no_constant)
     except (ValueError, RecursionError) as problem:
         raise error(f"{where} is no JSON ({problem}); {hint}") from problem
+
+
+def parse_yaml(text: str, where: str, error: type[DepthMocapError], hint: str) -> Any:
+    """The value of a YAML text of plain values; dates and numbers that cannot be, and endless nesting, are refused."""
+    import yaml
+
+    try:
+        return yaml.safe_load(text)
+    except (yaml.YAMLError, ValueError, RecursionError) as problem:
+        raise error(f"{where} is no YAML ({' '.join(str(problem).split())}); {hint}") from problem
+
+
+def read_table(path: str | Path, error: type[DepthMocapError], hint: str) -> list[dict[str, str]]:
+    """The rows of a CSV file whose first line names the columns; raises as `read_text`, and for what is no CSV."""
+    text = read_text(path, error, hint)
+    try:
+        rows = list(csv.reader(io.StringIO(text, newline="")))
+    except csv.Error as problem:
+        raise error(f"{path} is no CSV ({problem}); {hint}") from problem
+    if not rows:
+        raise error(f"{path} is empty; {hint}")
+    return [dict(zip(rows[0], row, strict=False)) for row in rows[1:] if row]
 
 
 def _no_constant(word: str) -> None:

@@ -126,7 +126,7 @@ def demo(
     output: Annotated[Path, typer.Option("--output", "-o", help="Folder of everything that is written.")] = Path(
         "demo"
     ),
-    seed: Annotated[int, typer.Option(help="Seed of everything random.")] = 0,
+    seed: Annotated[int, typer.Option(help="Seed of everything random.", min=0)] = 0,
 ) -> None:
     """Do the main job on bundled motions: database, simulated recording, track, table, film."""
     from toolkit.cli.terminal import print_table, progress_bars

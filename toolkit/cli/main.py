@@ -62,6 +62,12 @@ def main(arguments: list[str] | None = None) -> None:
     except DepthMocapError as error:
         print(f"depthmocap: {error}", file=sys.stderr)
         sys.exit(2 if isinstance(error, UsageError) else 1)
+    except OSError as error:
+        print(f"depthmocap: {error.filename or 'a file'}: {error.strerror or error}; check the path", file=sys.stderr)
+        sys.exit(1)
+    except MemoryError:
+        print("depthmocap: there is not enough memory; use fewer or smaller inputs", file=sys.stderr)
+        sys.exit(1)
 
 
 if __name__ == "__main__":

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -13,7 +14,7 @@ Run = Annotated[
     Path, typer.Argument(metavar="RUN", help="Run folder that `depthmocap track` wrote.", show_default=False)
 ]
 Output = Annotated[Path, typer.Option("--output", "-o", help="What is written.", show_default=False)]
-Seed = Annotated[int, typer.Option(help="Seed of everything random.")]
+Seed = Annotated[int, typer.Option(help="Seed of everything random.", min=0)]
 SettingOption = Annotated[
     list[str] | None,
     typer.Option("--set", metavar="NAME=VALUE", help="A setting by its dotted name, such as sensing.segment=person."),
@@ -32,7 +33,7 @@ def numbers(text: str, count: int, option: str) -> tuple[float, ...]:
         values = tuple(float(part) for part in text.split(","))
     except ValueError:
         values = ()
-    if len(values) != count:
+    if len(values) != count or not all(math.isfinite(value) for value in values):
         raise UsageError(f"{option} is {text!r}; give {count} numbers separated by commas")
     return values
 

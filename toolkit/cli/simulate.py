@@ -31,7 +31,7 @@ def simulate(
     tilt: Annotated[
         float | None, typer.Option(help="Degrees downwards.", show_default="aims at the middle of the body")
     ] = None,
-    seed: Annotated[int, typer.Option(help="Seed of the sensor's noise.")] = 0,
+    seed: Annotated[int, typer.Option(help="Seed of the sensor's noise.", min=0)] = 0,
     frame_rate: Annotated[float, typer.Option(help="Frames per second.")] = 30.0,
     body: Annotated[
         list[str] | None,

@@ -34,7 +34,7 @@ class Bars:
 
 def doing_words(doing: str) -> str:
     """What the pipeline is doing, in words for people."""
-    return "compiling, once per installation" if doing == "compiling" else doing
+    return "preparing (compiles for a minute the first time)" if doing == "compiling" else doing
 
 
 @contextmanager

@@ -37,7 +37,7 @@ def track(
     ],
     config: Annotated[str, typer.Option(help="Settings: a YAML file or the name of a shipped one.")] = "hybrid",
     settings: SettingOption = None,
-    max_poses: Annotated[int | None, typer.Option(help="Use only the first poses of the database.")] = None,
+    max_poses: Annotated[int | None, typer.Option(help="Use only the first poses of the database.", min=2)] = None,
     half_resolution: Annotated[bool, typer.Option("--half-resolution", help="Keep every second pixel.")] = False,
     segment: Annotated[str | None, typer.Option(help=HELP["segment"], show_default="auto")] = None,
     subject: Annotated[str | None, typer.Option(help=HELP["subject"], show_default="only")] = None,

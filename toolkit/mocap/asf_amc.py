@@ -9,7 +9,9 @@ from pathlib import Path
 import numpy as np
 
 from toolkit.errors import MocapError
+from toolkit.files import read_text
 from toolkit.mocap.clip import Clip, check_tree
+from toolkit.mocap.rotations import of_euler
 from toolkit.mocap.units import metres_per_unit, rest_size
 
 ROOT = "root"
@@ -77,6 +79,8 @@ def read_asf(path: str | Path, *, unit: float | None = None) -> AsfSkeleton:
             bones[bone.name] = bone
         names, parents = _hierarchy(sections["hierarchy"], bones, file.name)
         length = float(units.get("length", 1.0))
+        if not (np.isfinite(length) and length > 0):
+            raise ValueError(f"its length unit is {length}")
     except (IndexError, KeyError, ValueError) as error:
         raise MocapError(f"{file.name} cannot be understood ({error!r}); the skeleton is damaged") from error
     ordered = tuple(bones[name] for name in names)
@@ -144,10 +148,7 @@ def find_asf(amc: str | Path) -> Path:
 
 
 def _read(file: Path) -> str:
-    try:
-        text = file.read_text(encoding="latin-1")
-    except OSError as error:
-        raise MocapError(f"cannot read {file}: {error.strerror or error}; check the path") from error
+    text = read_text(file, MocapError, "check the path", encoding="latin-1")
     if not text.strip():
         raise MocapError(f"{file.name} is empty; copy it again")
     return text
@@ -187,17 +188,25 @@ def _blocks(lines: list[str], name: str) -> list[list[str]]:
 
 def _frame(words: list[str], degrees: bool) -> np.ndarray:
     """Three angles and an order such as XYZ, the first axis applied first, as a matrix."""
-    from scipy.spatial.transform import Rotation
-
     order = words[3].lower()
-    return Rotation.from_euler(order, [float(w) for w in words[:3]], degrees=degrees).as_matrix()
+    return of_euler(order, np.array([float(w) for w in words[:3]]), degrees=degrees, name="a bone's frame")
 
 
 def _root_bone(lines: list[str], degrees: bool) -> Bone:
     fields = {line.split()[0].lower(): line.split()[1:] for line in lines}
     channels = tuple(word.lower() for word in fields.get("order", "TX TY TZ RX RY RZ".split()))
+    _check_channels(ROOT, channels)
     axes = _frame([*fields.get("orientation", ["0", "0", "0"]), fields.get("axis", ["XYZ"])[0]], degrees)
     return Bone(ROOT, np.zeros(3), axes, channels)
+
+
+def _check_channels(bone: str, channels: tuple[str, ...]) -> None:
+    """Raise ValueError for a degree of freedom that there is not, or that stands twice."""
+    unknown = sorted(set(channels) - {"tx", "ty", "tz", "rx", "ry", "rz", "l"})
+    if unknown:
+        raise ValueError(f"bone {bone!r} has the unknown degree of freedom {unknown[0]!r}")
+    if len(set(channels)) != len(channels):
+        raise ValueError(f"bone {bone!r} has a degree of freedom twice: {' '.join(channels)}")
 
 
 def _bone(lines: list[str], degrees: bool, name: str) -> Bone:
@@ -206,9 +215,7 @@ def _bone(lines: list[str], degrees: bool, name: str) -> Bone:
     norm = float(np.linalg.norm(direction))
     vector = direction * (float(fields["length"][0]) / norm) if norm > 0 else np.zeros(3)
     channels = tuple(word.lower() for word in fields.get("dof", []))
-    unknown = sorted(set(channels) - {"tx", "ty", "tz", "rx", "ry", "rz", "l"})
-    if unknown:
-        raise MocapError(f"{name} gives bone {fields['name'][0]!r} the unknown degree of freedom {unknown[0]!r}")
+    _check_channels(fields["name"][0], channels)
     return Bone(fields["name"][0], vector, _frame(fields["axis"], degrees), channels)
 
 
@@ -300,8 +307,6 @@ def _is_number(word: str) -> bool:
 
 
 def _clip(name: str, skeleton: AsfSkeleton, table: dict[str, np.ndarray], degrees: bool, rate: float) -> Clip:
-    from scipy.spatial.transform import Rotation
-
     bones, parents, scale = skeleton.bones, skeleton.parents, skeleton.metres
     frames = len(next(iter(table.values())))
     rotations = np.broadcast_to(np.eye(3), (frames, len(bones), 3, 3)).copy()
@@ -311,7 +316,7 @@ def _clip(name: str, skeleton: AsfSkeleton, table: dict[str, np.ndarray], degree
         order = "".join(c[1] for c in bone.channels if c[0] == "r")
         if order:
             angles = table[bone.name][:, [k for k, c in enumerate(bone.channels) if c[0] == "r"]]
-            own = Rotation.from_euler(order, angles, degrees=degrees).as_matrix()
+            own = of_euler(order, angles, degrees=degrees, name=f"bone {bone.name!r} of {name}")
             rotations[:, j] = bone.axes @ own @ bone.axes.T
         for k, channel in enumerate(bone.channels):
             if channel[0] == "t":

@@ -10,7 +10,9 @@ from pathlib import Path
 import numpy as np
 
 from toolkit.errors import MocapError
+from toolkit.files import read_text
 from toolkit.mocap.clip import Clip, check_tree
+from toolkit.mocap.rotations import of_euler
 from toolkit.mocap.units import metres_per_unit, rest_size
 
 POSITIONS = ("Xposition", "Yposition", "Zposition")
@@ -69,10 +71,7 @@ def read_bvh(path: str | Path, *, unit: float | None = None) -> Clip:
 
 
 def _sections(file: Path) -> tuple[str, str]:
-    try:
-        text = file.read_text(encoding="utf-8", errors="replace")
-    except OSError as error:
-        raise MocapError(f"cannot read {file}: {error.strerror or error}; check the path") from error
+    text = read_text(file, MocapError, "check the path", errors="replace")
     if not text.strip():
         raise MocapError(f"{file.name} is empty; export it again")
     head, word, motion = text.partition("MOTION")
@@ -113,6 +112,8 @@ def _parse_hierarchy(head: str, name: str) -> _Tree:
                 else:
                     tree.end_sites.setdefault(tree.names[stack[-2]], np.array(offset))
             elif token == "CHANNELS":
+                if stack[-1] < 0:
+                    raise ValueError("an End Site has channels")
                 tree.channels[stack[-1]] = [_channel(next(tokens), name) for _ in range(int(next(tokens)))]
             else:
                 raise MocapError(f"{name} has the unknown word {token!r} in its hierarchy; export it again")
@@ -183,8 +184,6 @@ def _rest_points(tree: _Tree, offsets: np.ndarray) -> np.ndarray:
 
 def _channels(tree: _Tree, offsets: np.ndarray, values: np.ndarray, name: str) -> tuple[np.ndarray, np.ndarray]:
     """Local rotations (T, J, 3, 3) and positions relative to the parent (T, J, 3), file units."""
-    from scipy.spatial.transform import Rotation
-
     frames, joints = len(values), len(tree.names)
     rotations = np.broadcast_to(np.eye(3), (frames, joints, 3, 3)).copy()
     translations = np.broadcast_to(offsets, (frames, joints, 3)).copy()
@@ -206,6 +205,6 @@ def _channels(tree: _Tree, offsets: np.ndarray, values: np.ndarray, name: str) -
     for order, members in turning.items():
         numbers = [j for j, _ in members]
         angles = values[:, [used for _, used in members]].reshape(-1, len(order))
-        matrices = Rotation.from_euler(order, angles, degrees=True).as_matrix()
+        matrices = of_euler(order, angles, degrees=True, name=name)
         rotations[:, numbers] = matrices.reshape(frames, len(numbers), 3, 3)
     return rotations, translations

@@ -12,6 +12,8 @@ import numpy as np
 from toolkit.body import skeleton
 from toolkit.errors import MocapError
 
+LARGEST = 1e5
+"""Metres from the origin: no motion capture reaches so far."""
 MIRROR: np.ndarray = np.diag([-1.0, 1.0, 1.0])
 """Reflection at the plane x = 0."""
 
@@ -64,6 +66,8 @@ class Clip:
         for array in (self.offsets, self.root_positions, self.rotations, self.translations):
             if array is not None and not np.isfinite(array).all():
                 raise MocapError(f"clip {self.name!r} holds values that are not finite; repair or remove the file")
+            if array is not None and array.size and max(array.max(), -array.min()) > LARGEST:
+                raise MocapError(f"clip {self.name!r} moves farther than {LARGEST:g} m; repair it or give its unit")
 
     def __len__(self) -> int:
         return len(self.root_positions)

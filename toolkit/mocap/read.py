@@ -5,12 +5,16 @@ from __future__ import annotations
 from pathlib import Path
 
 from toolkit.errors import MocapError
+from toolkit.files import is_file, is_folder
 from toolkit.mocap.asf_amc import read_amc
 from toolkit.mocap.bvh import read_bvh
 from toolkit.mocap.clip import Clip
 
 MOTION_SUFFIXES = (".bvh", ".amc")
 """Endings of files that hold a motion; an ASF skeleton is found through its AMC motions."""
+
+FOREIGN_SUFFIXES = (".c3d", ".fbx", ".trc", ".mvnx", ".glb")
+"""Motion capture of other kinds, which people try."""
 
 
 def read_clip(path: str | Path, *, unit: float | None = None) -> Clip:
@@ -27,6 +31,10 @@ def read_clip(path: str | Path, *, unit: float | None = None) -> Clip:
         The file is missing, empty, of an unknown format, or damaged.
     """
     file = Path(path)
+    if not is_file(file):
+        raise MocapError(f"there is no motion file {file}; check the path")
+    if file.suffix.lower() in FOREIGN_SUFFIXES:
+        raise MocapError(f"{file.name} is not read: of {file.suffix} files there is no reader; convert it to BVH")
     try:
         with file.open("rb") as stream:
             head = stream.read(4096).decode("latin-1").lstrip("\xef\xbb\xbf \t\r\n")
@@ -52,9 +60,9 @@ def find_clips(folder: str | Path) -> list[Path]:
         The folder is missing or holds no motion file.
     """
     root = Path(folder)
-    if root.is_file():
+    if is_file(root):
         return [root]
-    if not root.is_dir():
+    if not is_folder(root):
         raise MocapError(f"there is no folder {root}; check the path")
     found = sorted(p for p in root.rglob("*") if p.suffix.lower() in MOTION_SUFFIXES and p.is_file())
     if not found:

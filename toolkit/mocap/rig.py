@@ -8,10 +8,8 @@ from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 
-import yaml
-
 from toolkit.errors import RigError
-from toolkit.files import shipped
+from toolkit.files import parse_yaml, read_text, shipped
 from toolkit.mocap.clip import Clip
 
 SIDED = ("clavicle", "shoulder", "elbow", "wrist", "hand", "hip", "knee", "ankle", "foot")
@@ -91,12 +89,12 @@ def _shipped_map(name: str) -> dict[str, list[str]]:
 
 
 def _read_map(path: Path) -> dict[str, list[str]]:
+    hint = "write `joints:` with a name or a list of names per joint"
+    table = parse_yaml(read_text(path, RigError, hint), f"the joint map {path.name}", RigError, hint)
     try:
-        joints = yaml.safe_load(path.read_text(encoding="utf-8"))["joints"]
+        joints = table["joints"]
         maps = {key: [names] if isinstance(names, str) else list(names) for key, names in joints.items()}
-    except OSError as error:
-        raise RigError(f"cannot read the joint map {path}: {error.strerror or error}; check the path") from error
-    except (yaml.YAMLError, KeyError, TypeError, AttributeError) as error:
+    except (KeyError, TypeError, AttributeError) as error:
         raise RigError(
             f"the joint map {path.name} is not understood; write `joints:` with a name or a list of names per joint"
         ) from error

@@ -4,6 +4,29 @@ from __future__ import annotations
 
 import numpy as np
 
+from toolkit.errors import MocapError
+
+LARGEST_TURN = 1000.0
+"""Full turns: what winds up over a motion stays far below."""
+
+
+def of_euler(order: str, angles: np.ndarray, *, degrees: bool, name: str) -> np.ndarray:
+    """Rotations (N, 3, 3) from Euler angles (N, len(order)) about the axes of `order`, as files list them.
+
+    Raises
+    ------
+    MocapError
+        An axis is unknown or follows itself, or an angle makes more than `LARGEST_TURN`.
+    """
+    from scipy.spatial.transform import Rotation
+
+    if angles.size and np.abs(angles).max() > LARGEST_TURN * (360.0 if degrees else 2 * np.pi):
+        raise MocapError(f"{name} turns by {np.abs(angles).max():g}, which is no angle of a joint; repair or remove it")
+    try:
+        return Rotation.from_euler(order, angles, degrees=degrees).as_matrix()
+    except ValueError as error:
+        raise MocapError(f"{name} turns about the axes {order!r} ({error}); export it again") from error
+
 
 def unit(vectors: np.ndarray) -> np.ndarray:
     """Vectors (..., 3) divided by their lengths; a zero vector stays zero."""

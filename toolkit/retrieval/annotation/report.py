@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from toolkit.errors import RetrievalError
-from toolkit.files import atomic_path, save_json, save_text
+from toolkit.files import atomic_path, read_table, save_json, save_text
 from toolkit.retrieval.annotation.annotator import Annotation, MotionClass
 from toolkit.retrieval.annotation.measures import (
     Scores,
@@ -98,14 +98,14 @@ def read_segments(path: str | Path) -> list[Segment]:
         The file is missing, has other columns, or a number cannot be read; the message names the line.
     """
     file = Path(path)
-    try:
-        rows = list(csv.DictReader(io.StringIO(file.read_text(encoding="utf-8-sig"))))
-    except (OSError, UnicodeDecodeError) as error:
-        raise RetrievalError(f"cannot read true segments from {file}: {error}") from error
     segments = []
+    rows = read_table(file, RetrievalError, "give a CSV file with the columns start, end and label")
     for line, row in enumerate(rows, start=2):
         try:
-            segments.append(Segment(float(row["start"]), float(row["end"]), row["label"].strip()))
+            segment = Segment(float(row["start"]), float(row["end"]), row["label"].strip())
+            if not (np.isfinite([segment.start, segment.end]).all()):
+                raise ValueError("a segment has to begin and to end")
+            segments.append(segment)
         except (KeyError, TypeError, ValueError, AttributeError) as error:
             raise RetrievalError(
                 f"{file.name}, line {line}: expected numbers in the columns start and end and a label, got {row}"

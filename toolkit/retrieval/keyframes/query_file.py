@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 from toolkit.errors import RetrievalError
-from toolkit.files import save_json
+from toolkit.files import read_json, save_json
 from toolkit.retrieval.features.relational import feature_fingerprint
 from toolkit.retrieval.keyframes.query import KeyframeQuery, keyframes_at_once
 
 QUERY_VERSION: int = 1
+LONGEST = 10**6
+"""Frames at 30 Hz, nine hours: no motion lasts longer."""
 
 
 def save_queries(path: str | Path, queries: Sequence[KeyframeQuery]) -> None:
@@ -44,12 +45,7 @@ def load_queries(path: str | Path) -> list[KeyframeQuery]:
         The file is missing, no query file, of another version, about other features, or names unknown features.
     """
     path = Path(path)
-    try:
-        content = json.loads(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise RetrievalError(f"cannot read the queries {path}: {error.strerror or error}; check the path") from error
-    except ValueError as error:
-        raise RetrievalError(f"{path} is no query file ({error}); write one with `depthmocap learn`") from error
+    content = read_json(path, RetrievalError, "write queries with `depthmocap learn`")
     if not isinstance(content, dict) or not isinstance(content.get("queries"), list):
         raise RetrievalError(f"{path} has no list of queries; write one with `depthmocap learn`")
     if content.get("version") != QUERY_VERSION:
@@ -68,8 +64,12 @@ def _query(entry: dict[str, Any], path: Path) -> KeyframeQuery:
     try:
         groups = [keyframes_at_once(dict(keyframe)) for keyframe in entry["keyframes"]]
         distances = [(int(a), None if b is None else int(b)) for a, b in entry.get("distances", [])]
+        if any(not 0 <= n <= LONGEST for pair in distances for n in pair if n is not None):
+            raise ValueError(f"a distance is not in 0 to {LONGEST} frames")
         lead, tail, label = int(entry.get("lead", 0)), int(entry.get("tail", 0)), str(entry.get("label", ""))
-    except (KeyError, TypeError, ValueError, AttributeError) as error:
+        if not (0 <= lead <= LONGEST and 0 <= tail <= LONGEST):
+            raise ValueError(f"lead or tail is not in 0 to {LONGEST} frames")
+    except (KeyError, TypeError, ValueError, AttributeError, OverflowError) as error:
         raise RetrievalError(
             f"a query in {path} is incomplete ({error!r}); give keyframes as feature: value and "
             "distances as [least, greatest]"

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import csv
 import re
 from collections.abc import Sequence
 from pathlib import Path
 
 from toolkit.errors import RetrievalError, UsageError
+from toolkit.files import read_table
 from toolkit.mocap.read import find_clips, read_clip
 from toolkit.retrieval.features.motion import Motion, from_clip, from_track
 from toolkit.track import RunInfo, Track
@@ -69,10 +69,7 @@ def _label(label: str | None, file: Path, where: str) -> str:
 
 
 def _label_table(path: Path) -> dict[str, str]:
-    try:
-        rows = list(csv.DictReader(path.read_text(encoding="utf-8").splitlines()))
-    except (OSError, UnicodeDecodeError) as error:
-        raise RetrievalError(f"cannot read the labels {path} ({error}); give a CSV file with clip and label") from error
-    if not rows or not {"clip", "label"} <= rows[0].keys():
-        raise RetrievalError(f"{path} has no columns clip and label; name them in its first line")
+    rows = read_table(path, RetrievalError, "give a CSV file with the columns clip and label")
+    if not rows or not all({"clip", "label"} <= row.keys() for row in rows):
+        raise RetrievalError(f"{path} has no columns clip and label, or a line without a label; correct it")
     return {row["clip"]: row["label"] for row in rows}
