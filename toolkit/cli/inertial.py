@@ -18,6 +18,11 @@ app = typer.Typer(
 SensorFile = Annotated[
     Path, typer.Option("--sensors", help="Canonical file that `depthmocap inertial read` wrote.", show_default=False)
 ]
+SensorFiles = Annotated[
+    list[Path],
+    typer.Option("--sensors", help="Canonical file; one for all runs, or once for each.", show_default=False),
+]
+Runs = Annotated[list[Path], typer.Argument(metavar="RUN...", help="Run folders.", show_default=False)]
 MaxOffset = Annotated[float, typer.Option(help="Largest offset of the clocks that is looked for, seconds.")]
 
 Rate = Annotated[str, typer.Option(help="Ratio of the clocks: same, or free to be looked for.")]
@@ -75,6 +80,83 @@ def synchronise(
         f"(correlation {clock.correlation:.2f}, next best {clock.second:.2f})"
     )
     _say(doubts)
+
+
+@app.command()
+def calibrate(
+    runs: Runs,
+    sensors: SensorFiles,
+    output: Output,
+    method: Annotated[str, typer.Option(help="robust, or thesis: Park and Martin's closed form.")] = "robust",
+    heading: Annotated[
+        str | None, typer.Option(help="shared by all sensors, or own.", show_default="shared where devices know north")
+    ] = None,
+    rate: Rate = "same",
+    max_offset: MaxOffset = 3.0,
+) -> None:
+    """Find how every sensor sits on its limb and where its world points."""
+    from rich.table import Table
+
+    from toolkit.cli.terminal import print_table
+    from toolkit.inertial.calibrate import CalibrationSettings
+    from toolkit.inertial.synchronise import SyncSettings
+    from toolkit.inertial.workflow import calibrate_runs
+
+    found = calibrate_runs(
+        runs, sensors, output, settings=CalibrationSettings(method=method, heading=heading),
+        sync=SyncSettings(max_offset=max_offset, free_rate=_is_free(rate)),
+    )  # fmt: skip
+    table = Table("sensor", "status", "spread", "median", "90 %", "inliers %", "why")
+    for limb, s in found.sensors.items():
+        figures = (f"{s.spread:.0f}", f"{s.median:.1f}", f"{s.p90:.1f}", f"{100 * s.inliers:.0f}")
+        table.add_row(limb, s.status, *figures, s.reason)
+    print_table(table)
+    for name, take in found.takes.items():
+        print(f"{name}: t_sensor = {take.rate:.5f} t_camera {take.offset:+.4f} s")
+    _say(found.notes)
+
+
+@app.command()
+def check(
+    runs: Runs,
+    sensors: SensorFiles,
+    output: Output,
+    calibration: Annotated[
+        Path | None, typer.Option(help="calibration.json.", show_default="each run by itself")
+    ] = None,
+    threshold: Annotated[float, typer.Option(help="Degrees above which the track errs.")] = 45.0,
+    truth: Annotated[Path | None, typer.Option(help="CSV of known errors: limb, start, end, and run.")] = None,
+    drift: Annotated[bool, typer.Option("--drift", help="Take a steady drift of the heading out first.")] = False,
+    rate: Rate = "same",
+    max_offset: MaxOffset = 3.0,
+) -> None:
+    """Find where tracks disagree with the sensors: curves, errors, a picture and a page for each run."""
+    from rich.table import Table
+
+    from toolkit.cli.terminal import print_table
+    from toolkit.evaluation.orientation_report import write_check
+    from toolkit.evaluation.orientations import check_runs
+    from toolkit.inertial.distance import CheckSettings
+    from toolkit.inertial.synchronise import SyncSettings
+
+    checks = check_runs(
+        runs, sensors, calibration=calibration, truth=truth, settings=CheckSettings(threshold=threshold, drift=drift),
+        sync=SyncSettings(max_offset=max_offset, free_rate=_is_free(rate)),
+    )  # fmt: skip
+    table = Table("run", "part", "from s", "to s", "peak", "mean", "kind")
+    for found in checks:
+        folder = output if len(checks) == 1 else output / found.name
+        write_check(found, folder)
+        for e in found.errors:
+            table.add_row(
+                found.name, e.limb, f"{e.start:.2f}", f"{e.end:.2f}", f"{e.peak:.0f}", f"{e.mean:.0f}", e.kind
+            )
+        for limb, sensor in found.calibration.sensors.items():
+            if sensor.status == "refused":
+                print(f"{found.name}: {limb} takes no part: {sensor.reason}")
+        for name, s in found.scores().items():
+            print(f"{found.name}: over {name} precision {s.precision:.2f}, recall {s.recall:.2f}, F {s.f:.2f}")
+    print_table(table)
 
 
 def _is_free(rate: str) -> bool:

@@ -1,16 +1,21 @@
-"""What the verbs `inertial read` and `inertial synchronise` do, as calls."""
+"""What the verbs `inertial read`, `synchronise` and `calibrate` do, as calls."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
+from toolkit.errors import InertialError, UsageError
+from toolkit.inertial.calibrate import CalibrationSettings, Take, better_clock, calibrate
+from toolkit.inertial.calibration import Calibration, TakeClock
+from toolkit.inertial.distance import worlds_of
 from toolkit.inertial.fusion import FusionSettings, oriented
 from toolkit.inertial.limbs import TrackedMotion
 from toolkit.inertial.placement import load_placement, placed
+from toolkit.inertial.places import place_suspicions
 from toolkit.inertial.readers import read_files
 from toolkit.inertial.readers.common import SensorOptions
 from toolkit.inertial.stream import Sensors
@@ -68,6 +73,108 @@ def read_sensors(
 def load_sensors(path: str | Path) -> Sensors:
     """The canonical file for a verb that checks a track: placed, every sensor with an orientation."""
     return oriented(placed(read_files([path])))
+
+
+def calibrate_runs(
+    runs: Sequence[str | Path],
+    sensors: Sequence[str | Path | Sensors],
+    output: str | Path | None = None,
+    *,
+    settings: CalibrationSettings | None = None,
+    sync: SyncSettings | None = None,
+) -> Calibration:
+    """Calibrate sensors on tracked recordings of one person, and write `calibration.json`.
+
+    A run whose clock cannot be told is left out and noted.
+
+    Parameters
+    ----------
+    runs : run folders; their names differ
+    sensors : canonical files, one for all runs or one for each
+    output : the file to write; None writes nothing
+    settings, sync : how to calibrate, and how to compare clocks
+
+    Raises
+    ------
+    UsageError
+        Runs and sensor files do not go together.
+    TrackError, InertialError
+        A run cannot be read, no clock can be told, or the motion determines no sensor.
+    """
+    takes, notes = [], []
+    for run, file in paired(runs, sensors):
+        try:
+            takes.append(take_of(run, file, sync))
+        except InertialError as error:
+            if len(runs) == 1:
+                raise
+            notes.append(f"{Path(run).name} takes no part: {error}")
+    if not takes:
+        raise InertialError(f"no run can be synchronised ({'; '.join(notes)})")
+    found = calibrate(takes, settings)
+    for take in takes:
+        notes += [
+            f"{take.motion.name}: {said}" for said in (*clock_suspicion(take.clock.rate), *place_suspicions(take))
+        ]
+    found = replace(found, notes=tuple(notes))
+    if output is not None:
+        found.save(output)
+    return found
+
+
+def paired(
+    runs: Sequence[str | Path], sensors: Sequence[str | Path | Sensors]
+) -> list[tuple[str | Path, str | Path | Sensors]]:
+    """Each run with its sensor file: one for all, or one for each.
+
+    Raises
+    ------
+    UsageError
+        There are neither one nor as many sensor files as runs, or two runs are called alike.
+    """
+    names = [Path(run).name for run in runs]
+    if len(set(names)) < len(names):
+        raise UsageError(f"two runs are called alike: {', '.join(names)}; rename one folder")
+    if len(sensors) not in (1, len(runs)):
+        raise UsageError(f"{len(sensors)} sensor files for {len(runs)} runs; give one for all or one for each")
+    return list(zip(runs, list(sensors) * (len(runs) if len(sensors) == 1 else 1), strict=True))
+
+
+def take_of(run: str | Path, sensors: str | Path | Sensors, sync: SyncSettings | None = None) -> Take:
+    """A run with its sensors, synchronised."""
+    found = sensors if isinstance(sensors, Sensors) else load_sensors(sensors)
+    motion = TrackedMotion.load(run)
+    return Take(motion, found, synchronise(motion, found, sync))
+
+
+def checked_take(
+    run: str | Path,
+    sensors: str | Path | Sensors,
+    calibration: Calibration | None = None,
+    *,
+    settings: CalibrationSettings | None = None,
+    sync: SyncSettings | None = None,
+) -> tuple[Calibration, Take]:
+    """A run ready to be checked, with the calibration given or made on this very run.
+
+    Raises
+    ------
+    TrackError, InertialError
+        See `take_of`, `calibrate` and `Calibration.check_placement`.
+    """
+    take = take_of(run, sensors, sync)
+    if calibration is None:
+        calibration = calibrate([take], settings)
+        return calibration, replace(take, clock=clock_of(calibration.takes[take.motion.name], take.clock))
+    calibration.check_placement(take.sensors)
+    mountings = {limb: calibration.mounting(limb) for limb in calibration.sensors}
+    worlds = worlds_of(calibration, take)
+    return calibration, better_clock(take, worlds, mountings, settings or CalibrationSettings())
+
+
+def clock_of(take: TakeClock, found: Clock) -> Clock:
+    """The clock that a calibration refined."""
+    return replace(found, offset=take.offset, rate=take.rate)
 
 
 def synchronise_run(

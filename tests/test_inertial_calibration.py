@@ -1,0 +1,330 @@
+"""Calibration: both solvers against others, its properties, what it refuses, and its file."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.optimize import least_squares
+from scipy.spatial.transform import Rotation
+
+from tests.inertial_scenes import FIVE, motion_of, sensors_of
+from toolkit.errors import InertialError, UsageError
+from toolkit.inertial import quaternions as quat
+from toolkit.inertial import solvers
+from toolkit.inertial.calibrate import CalibrationSettings, Take, calibrate
+from toolkit.inertial.calibration import GOOD, REFUSED, WEAK, Calibration
+from toolkit.inertial.limbs import TrackedMotion
+from toolkit.inertial.places import mirrored_take, place_suspicions
+from toolkit.inertial.solvers import Strand
+from toolkit.inertial.stream import Sensors
+from toolkit.inertial.synchronise import Clock
+
+ARMS = ("left_forearm", "right_forearm")
+
+
+def random_turns(rng: np.random.Generator, count: int, size: float = 1.0) -> np.ndarray:
+    return quat.exponential(size * rng.normal(size=(count, 3)))
+
+
+def strand_of(rng, world, mounting, count=80, noise=0.0, wrong=0.0) -> Strand:
+    tracked = random_turns(rng, count, 0.6)
+    inertial = quat.multiply(quat.multiply(world, tracked), mounting)
+    inertial = quat.multiply(inertial, random_turns(rng, count, np.radians(noise)))
+    bad = rng.random(count) < wrong
+    tracked[bad] = quat.multiply(tracked[bad], random_turns(rng, int(bad.sum()), 1.0))
+    return Strand(0, 0, inertial, tracked)
+
+
+def take_of(name="knee_to_elbow", limbs=FIVE, noise="none", seed=0, motion: TrackedMotion | None = None):
+    simulated = sensors_of(name, limbs, noise, seed)
+    return simulated, Take(motion or motion_of(name), simulated.sensors, Clock(simulated.offset, simulated.rate))
+
+
+def offsets_of(simulated, take, **changes) -> tuple[list[float], list[float]]:
+    """Errors in degrees of the worlds and of the mountings."""
+    found = calibrate([take], CalibrationSettings(**changes))
+    worlds = found.takes[take.motion.name].worlds
+    return (
+        [float(np.degrees(quat.angle(np.array(worlds[limb]), simulated.world))) for limb in take.sensors.names],
+        [float(np.degrees(quat.angle(found.mounting(limb), simulated.mounting[limb]))) for limb in take.sensors.names],
+    )
+
+
+def with_wrong_frames(motion: TrackedMotion, seed: int = 0) -> TrackedMotion:
+    """One stretch of 30 % of the frames turned by 40 to 120 degrees."""
+    rng = np.random.default_rng(seed)
+    count = len(motion.times)
+    rows = slice(count // 3, count // 3 + round(0.3 * count))
+    axes = rng.normal(size=(18, 3))
+    turn = np.radians(rng.uniform(40, 120, (18, 1))) * axes / np.linalg.norm(axes, axis=1, keepdims=True)
+    rotations = motion.rotations.copy()
+    rotations[rows] = quat.multiply(rotations[rows], quat.exponential(turn))
+    return replace(motion, rotations=rotations)
+
+
+def test_park_and_martin_is_the_best_alignment_of_the_rotation_vectors():
+    rng = np.random.default_rng(0)
+    for _ in range(10):
+        beta = rng.normal(size=(30, 3))
+        alpha = Rotation.random(random_state=int(rng.integers(1000))).apply(beta) + 0.1 * rng.normal(size=(30, 3))
+        expected, _ = Rotation.align_vectors(alpha, beta)
+        found = quat.matrices(solvers.park_martin(alpha, beta))
+        assert np.degrees((Rotation.from_matrix(found) * expected.inv()).magnitude()) < 1e-6
+
+
+def test_the_thesis_is_exact_without_noise_and_breaks_on_wrong_frames():
+    rng = np.random.default_rng(1)
+    world, mounting = random_turns(rng, 2)
+    clean = strand_of(rng, world, mounting)
+    found = solvers.thesis(clean.inertial, clean.tracked, rng)
+    np.testing.assert_allclose(np.degrees([quat.angle(found[0], world), quat.angle(found[1], mounting)]), 0, atol=1e-4)
+    spoilt = strand_of(rng, world, mounting, wrong=0.3)
+    by_thesis = solvers.thesis(spoilt.inertial, spoilt.tracked, rng)
+    robust = solvers.so4(spoilt, rng)
+    assert np.degrees(quat.angle(by_thesis[1], mounting)) > 2.0
+    assert np.degrees(quat.angle(robust[1], mounting)) < 0.5
+
+
+def test_the_solver_without_a_vertical_is_the_least_squares_one():
+    rng = np.random.default_rng(2)
+    world, mounting = random_turns(rng, 2)
+    strand = strand_of(rng, world, mounting, count=200, noise=2.0)
+    found = solvers.so4(strand, rng)[:2]
+    scale = float(solvers.SCALES[-1])
+
+    def left(x):
+        g, mount = quat.multiply(world, quat.exponential(x[:3])), quat.multiply(quat.exponential(x[3:]), mounting)
+        e = solvers.residuals(strand, g, mount)
+        return e / np.sqrt(1.0 + (e / scale) ** 2)
+
+    best = least_squares(left, np.zeros(6)).x
+    assert np.degrees(quat.angle(found[0], quat.multiply(world, quat.exponential(best[:3])))) < 0.2
+    assert np.degrees(quat.angle(found[1], quat.multiply(quat.exponential(best[3:]), mounting))) < 0.2
+
+
+def test_the_solver_with_a_vertical_is_the_least_squares_one():
+    rng = np.random.default_rng(3)
+    mountings = random_turns(rng, 2)
+    strands = [replace(strand_of(rng, solvers.yaw(0.7), mountings[k], 150, noise=3.0), sensor=k) for k in range(2)]
+    psis, found, cost = solvers.heading(strands, 1, 2)
+    scale = float(solvers.SCALES[-1])
+
+    def left(x):
+        parts = []
+        for k, strand in enumerate(strands):
+            mount = quat.multiply(mountings[k], quat.exponential(x[1 + 3 * k : 4 + 3 * k]))
+            parts.append(solvers.residuals(strand, solvers.yaw(x[0]), mount))
+        e = np.concatenate(parts)
+        return e / np.sqrt(1.0 + (e / scale) ** 2)
+
+    best = least_squares(left, np.array([0.7, 0, 0, 0, 0, 0, 0]))
+    assert abs(np.degrees(psis[0] - best.x[0])) < 0.1
+    left_over = np.concatenate([solvers.residuals(s, solvers.yaw(psis[0]), found[k]) for k, s in enumerate(strands)])
+    np.testing.assert_allclose(cost, solvers.cost_of(left_over, scale), rtol=1e-6)
+    for k in range(2):
+        expected = quat.multiply(mountings[k], quat.exponential(best.x[1 + 3 * k : 4 + 3 * k]))
+        assert np.degrees(quat.angle(found[k], expected)) < 0.2
+
+
+@given(st.integers(0, 10_000))
+@settings(max_examples=20, deadline=None)
+def test_a_turn_of_four_dimensions_splits_into_its_factors(seed):
+    left, right = random_turns(np.random.default_rng(seed), 2)
+    matrix = np.stack([quat.multiply(quat.multiply(left, unit), right) for unit in np.eye(4)], axis=1)
+    a, b = solvers.split(matrix)
+    for unit in np.eye(4):
+        np.testing.assert_allclose(quat.multiply(quat.multiply(a, unit), b), matrix @ unit, atol=1e-9)
+
+
+@given(st.integers(0, 10_000))
+@settings(max_examples=8, deadline=None)
+def test_a_calibration_without_noise_is_exact_for_every_offset(seed):
+    rng = np.random.default_rng(seed)
+    psi, mounting = rng.uniform(-np.pi, np.pi), random_turns(rng, 1)[0]
+    strand = strand_of(rng, solvers.yaw(psi), mounting, count=40)
+    psis, found, _ = solvers.heading([strand], 1, 1)
+    assert np.degrees(quat.angle(solvers.yaw(psis[0]), solvers.yaw(psi))) < 1e-3
+    assert np.degrees(quat.angle(found[0], mounting)) < 1e-3
+    assert abs(solvers.heading_given([strand], mounting[None]) - psis[0]) % (2 * np.pi) < 1e-3
+
+
+def test_turning_the_world_changes_q_g_alone_and_turning_the_sensor_q_l_alone():
+    _, take = take_of(limbs=ARMS)
+    plain = calibrate([take])
+    turn = quat.exponential([0.0, 0.0, 0.8])
+    streams = [replace(s, rotations=quat.multiply(turn, s.rotations)) for s in take.sensors]
+    world = calibrate([replace(take, sensors=replace(take.sensors, streams=tuple(streams)))])
+    grip = quat.exponential([0.3, 0.2, -0.5])
+    streams = [
+        replace(
+            s, rotations=quat.multiply(s.rotations, grip), gyro=quat.rotate(quat.conjugate(grip), s.gyro),
+            acceleration=quat.rotate(quat.conjugate(grip), s.acceleration),
+        )
+        for s in take.sensors
+    ]  # fmt: skip
+    sensor = calibrate([replace(take, sensors=replace(take.sensors, streams=tuple(streams)))])
+    name = take.motion.name
+    for limb in ARMS:
+        before, after = (np.array(c.takes[name].worlds[limb]) for c in (plain, world))
+        assert np.degrees(quat.angle(after, quat.multiply(turn, before))) < 0.05
+        assert np.degrees(quat.angle(world.mounting(limb), plain.mounting(limb))) < 0.05
+        assert np.degrees(quat.angle(np.array(sensor.takes[name].worlds[limb]), before)) < 0.05
+        assert np.degrees(quat.angle(sensor.mounting(limb), quat.multiply(plain.mounting(limb), grip))) < 0.05
+
+
+def test_the_sign_of_quaternions_and_the_order_of_sensors_change_nothing():
+    _, take = take_of(noise="mtx", limbs=ARMS)
+    rng = np.random.default_rng(0)
+    flipped = tuple(
+        replace(s, rotations=s.rotations * np.where(rng.random(len(s)) < 0.5, -1.0, 1.0)[:, None])
+        for s in take.sensors.streams[::-1]
+    )
+    plain = calibrate([take])
+    other = calibrate([replace(take, sensors=replace(take.sensors, streams=flipped))])
+    for limb in ARMS:
+        assert np.degrees(quat.angle(plain.mounting(limb), other.mounting(limb))) < 0.02
+
+
+@pytest.mark.parametrize("name", ("semaphore", "knee_to_elbow"))
+@pytest.mark.parametrize("wrong", (False, True))
+def test_real_flaws_and_wrong_frames_leave_a_few_degrees(name, wrong):
+    motion = with_wrong_frames(motion_of(name)) if wrong else None
+    simulated, take = take_of(name, noise="mtx", motion=motion)
+    worlds, mountings = offsets_of(simulated, take)
+    assert max(worlds) < 2.0
+    assert np.median(mountings) < 2.5
+    assert max(mountings) < 4.0
+
+
+def test_the_clock_is_improved_by_what_the_calibration_leaves_over():
+    simulated, take = take_of(noise="mtx")
+    late = replace(take, clock=Clock(simulated.offset + 0.03, simulated.rate))
+    found = calibrate([late]).takes[take.motion.name]
+    assert abs(found.offset - simulated.offset) < 0.006
+
+
+def test_an_own_heading_is_found_for_every_sensor_and_take():
+    simulated, take = take_of(limbs=ARMS)
+    streams = [
+        replace(s, rotations=quat.multiply(quat.exponential([0, 0, 0.5 * k]), s.rotations))
+        for k, s in enumerate(take.sensors)
+    ]
+    turned = replace(
+        take, sensors=replace(take.sensors, streams=tuple(streams)), motion=replace(take.motion, name="other")
+    )
+    found = calibrate([take, turned], CalibrationSettings(heading="own"))
+    for k, limb in enumerate(ARMS):
+        assert np.degrees(quat.angle(found.mounting(limb), simulated.mounting[limb])) < 0.5
+        one, two = (np.array(found.takes[name].worlds[limb]) for name in (take.motion.name, "other"))
+        assert np.degrees(quat.angle(two, quat.multiply(quat.exponential([0, 0, 0.5 * k]), one))) < 0.5
+
+
+def upright_motion(tilt: float) -> TrackedMotion:
+    """Somebody who turns on the spot and nods by so many degrees."""
+    motion = motion_of()
+    count = len(motion.times)
+    times = motion.times[:, None]
+    turn = quat.exponential(np.sin(2.1 * times) * [0.0, 1.0, 0.0])
+    nod = quat.exponential(np.radians(tilt) * np.sin(3.7 * times) * [1.0, 0.0, 0.0])
+    rotations = np.repeat(quat.multiply(turn, nod)[:, None], 18, axis=1)
+    return replace(motion, rotations=rotations, origins=np.zeros((count, 18, 3)), name="turning")
+
+
+def sensors_on(motion: TrackedMotion, limbs=("pelvis", "chest"), noise: float = 3.0, seed: int = 0):
+    from toolkit.inertial.stream import checked_stream
+
+    rng = np.random.default_rng(seed)
+    world = quat.multiply(quat.exponential([np.pi / 2, 0, 0]), solvers.yaw(0.4))
+    streams = []
+    for limb in limbs:
+        q = quat.multiply(quat.multiply(world, motion.orientation(limb)), random_turns(rng, 1)[0])
+        q = quat.multiply(q, random_turns(rng, len(q), np.radians(noise / np.sqrt(3))))
+        streams.append(checked_stream(limb, motion.times, rotations=q))
+    return Sensors(tuple(streams))
+
+
+@pytest.mark.parametrize(("tilt", "status"), ((40.0, GOOD), (14.0, WEAK), (1.0, REFUSED)))
+def test_the_status_says_whether_the_motion_determined_the_heading(tilt, status):
+    motion = upright_motion(tilt)
+    take = Take(motion, sensors_on(motion), Clock(0.0))
+    if status == REFUSED:
+        with pytest.raises(InertialError, match="no sensor can be calibrated .*tilted by"):
+            calibrate([take])
+        return
+    assert {sensor.status for sensor in calibrate([take]).sensors.values()} == {status}
+
+
+@pytest.mark.parametrize("up", ([0.0, 0.0, 1.0], [np.nan] * 3))
+def test_without_a_second_axis_nothing_is_told(up):
+    motion = upright_motion(0.5)
+    take = Take(motion, replace(sensors_on(motion), world_up=np.array(up)), Clock(0.0))
+    for method in ("robust", "thesis"):
+        with pytest.raises(InertialError, match="no sensor can be calibrated"):
+            calibrate([take], CalibrationSettings(method=method))
+
+
+def test_an_unknown_vertical_is_no_obstacle_where_the_turns_have_two_axes():
+    simulated, take = take_of(limbs=ARMS, noise="mtx")
+    blind = replace(take, sensors=replace(take.sensors, world_up=np.full(3, np.nan)))
+    worlds, mountings = offsets_of(simulated, blind)
+    assert max(worlds) < 5.0
+    assert max(mountings) < 5.0
+
+
+def test_a_sensor_that_does_not_belong_to_the_track_is_refused():
+    simulated, take = take_of(limbs=ARMS)
+    still = take.sensors.streams[0]
+    rng = np.random.default_rng(0)
+    foreign = replace(still, rotations=random_turns(rng, len(still), 2.0))
+    other = replace(take, sensors=replace(take.sensors, streams=(foreign, take.sensors.streams[1])))
+    found = calibrate([other], CalibrationSettings(heading="own"))
+    assert found.sensors["left_forearm"].status == REFUSED
+    assert "check placement and clock" in found.sensors["left_forearm"].reason
+    assert found.usable == ("right_forearm",)
+
+
+def test_exchanged_sensors_and_mirrored_recordings_are_suspected():
+    _, take = take_of("archery", limbs=("left_forearm", "right_forearm", "left_shin", "right_shin"), noise="mtx")
+    assert place_suspicions(take) == []
+    names = ("left_shin", "right_forearm", "left_forearm", "right_shin")
+    said = place_suspicions(replace(take, sensors=take.sensors.renamed(names)))
+    assert any("the sensor on left_shin fits left_forearm better" in text for text in said), said
+    arms = replace(take, sensors=replace(take.sensors, streams=take.sensors.streams[:2]))
+    said = place_suspicions(mirrored_take(arms))
+    assert any("mirrored" in text for text in said), said
+
+
+def test_the_calibration_file_there_and_back(tmp_path):
+    _, take = take_of(noise="mtx")
+    found = calibrate([take])
+    found.save(tmp_path / "calibration.json")
+    assert Calibration.load(tmp_path / "calibration.json") == found
+
+
+@pytest.mark.parametrize("content", ("", "{}", "[1, 2]", '{"method": "robust", "sensors": {"pelvis": {}}}'))
+def test_a_damaged_calibration_file_is_refused(tmp_path, content):
+    (tmp_path / "calibration.json").write_text(content)
+    with pytest.raises(InertialError, match="as a calibration"):
+        Calibration.load(tmp_path / "calibration.json")
+
+
+def test_a_calibration_of_another_placement_is_refused():
+    _, take = take_of(limbs=ARMS)
+    found = calibrate([take])
+    _, other = take_of(limbs=("pelvis", "left_forearm"))
+    with pytest.raises(InertialError, match="another placement: it knows left_forearm, right_forearm, not pelvis"):
+        found.check_placement(other.sensors)
+    swapped = replace(take.sensors, source={"devices": {"left_forearm": "sim01", "right_forearm": "sim00"}})
+    with pytest.raises(InertialError, match="left_forearm carried sensor sim00, now sim01"):
+        found.check_placement(swapped)
+
+
+def test_unknown_methods_and_headings_are_refused():
+    with pytest.raises(UsageError, match="unknown method 'magic'"):
+        CalibrationSettings(method="magic")
+    with pytest.raises(UsageError, match="unknown heading 'north'"):
+        CalibrationSettings(heading="north")

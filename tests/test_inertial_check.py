@@ -1,0 +1,231 @@
+"""Checking a track: distances, errors, drift, known errors, the report, and the verbs as typed."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from tests.inertial_scenes import FIVE, RATE, motion_of, poses_of, sensors_of, write_run
+from tests.test_inertial_clock import typed
+from toolkit.body import skeleton
+from toolkit.cli.main import main
+from toolkit.errors import InertialError, UsageError
+from toolkit.evaluation.orientations import check_runs, found_frames, read_truth
+from toolkit.inertial import quaternions as quat
+from toolkit.inertial.calibrate import Take, calibrate
+from toolkit.inertial.distance import TWIST, CheckSettings, Distances, distances, errors_of, runs_above
+from toolkit.inertial.synchronise import Clock
+from toolkit.inertial.workflow import calibrate_runs, paired
+
+ELBOW = skeleton.POSE_NAMES.index("left_shoulder_rz")
+
+
+def wrong_poses(start: float = 2.0, end: float = 3.2, by: float = 1.4, entry: int = ELBOW) -> np.ndarray:
+    """The motion with one entry wrong for a while."""
+    poses = poses_of().copy()
+    poses[round(start * RATE) : round(end * RATE), entry] += by
+    return poses
+
+
+def curve(values) -> Distances:
+    times = np.arange(len(values)) / RATE
+    return Distances("left_shin", times, np.array(values, float), np.zeros(len(values)))
+
+
+def test_one_wrong_offset_shrinks_an_error_and_two_hide_it():
+    """The example of Fig. 7.14: 640 orientations, errors in frames 50 to 200 and 400 to 600."""
+    frames = np.arange(640)
+    steps = np.stack([np.sin(0.013 * frames), 0.8 * np.sin(0.021 * frames + 1), np.cos(0.017 * frames)], axis=1)
+    inertial = quat.exponential(1.2 * steps)
+    error = np.zeros((640, 3))
+    error[50:201, 0] = np.radians(70.0) * np.linspace(0, 1, 151)
+    error[400:601, 1] = np.radians(110.0) * np.sin(np.linspace(0, np.pi, 201))
+    tracked = quat.multiply(inertial, quat.exponential(error))
+    right = (error == 0).all(axis=1)
+
+    def distance(a, b):
+        return np.degrees(quat.angle(inertial, quat.multiply(quat.multiply(b, tracked), a)))
+
+    wrong_a, wrong_b = quat.exponential([1.1, -0.9, 0.7]), quat.exponential([-0.8, 1.3, 0.5])
+    true, one, two = (
+        distance(quat.IDENTITY, quat.IDENTITY),
+        distance(quat.IDENTITY, wrong_b),
+        distance(wrong_a, wrong_b),
+    )
+    assert true[right].max() < 1e-6
+    assert true[200] == pytest.approx(70.0)
+    assert one[right].std() < 1e-6, "one wrong offset shifts what is right by a constant"
+    assert one[200] - one[right].mean() < 60.0, "and shrinks the error"
+    assert two[right].std() > 10.0, "with two, what is right already looks like errors"
+
+
+def test_errors_have_hysteresis_and_short_ones_do_not_count():
+    settings = CheckSettings(threshold=45.0)
+    values = [0, 40, 50, 40, 40, 50, 37, 30, 0, 90, 0, 0, 0, 0, 0, 60, 60, np.nan, 60, 60, 0]
+    runs = runs_above(np.array(values, float), np.arange(len(values)) / RATE, settings)
+    assert runs == [(1, 9), (15, 19)], "gaps below a tenth of a second are closed, unknown frames among them"
+    assert runs_above(np.array([0, 90, 90, 0.0]), np.arange(4) / RATE, settings) == []
+    assert runs_above(np.array([38.0] * 30), np.arange(30) / RATE, settings) == []
+    assert runs_above(np.array([90.0] * 30), np.arange(30) / RATE, settings) == [(0, 29)]
+
+
+def test_a_stretch_whose_bone_points_right_is_a_twist():
+    found = curve([0] * 5 + [80] * 10 + [0] * 5)
+    assert [error.kind for error in errors_of(found, CheckSettings())] == [TWIST]
+    apart = replace(found, axis=np.where(found.full > 0, 60.0, 0.0))
+    (error,) = errors_of(apart, CheckSettings())
+    assert (error.kind, error.peak, error.mean) == ("error", 80.0, 80.0)
+    assert (error.start, error.end) == pytest.approx((5 / RATE, 14 / RATE))
+
+
+def test_a_twist_of_the_forearm_is_none_of_its_axis():
+    simulated = sensors_of(limbs=("left_forearm", "right_forearm"))
+    motion = motion_of()
+    rotations = motion.rotations.copy()
+    elbow = skeleton.JOINT_NAMES.index("left_elbow")
+    rotations[60:100, elbow] = quat.multiply(rotations[60:100, elbow], quat.exponential([1.2, 0, 0]))
+    take = Take(replace(motion, rotations=rotations), simulated.sensors, Clock(simulated.offset))
+    found = distances(calibrate([take]), take)[0]
+    assert np.nanmedian(found.full[60:100]) > 55
+    assert np.nanmedian(found.axis[60:100]) < 8
+    assert {error.kind for error in errors_of(found, CheckSettings())} == {TWIST}
+
+
+def test_a_steady_drift_of_the_heading_is_told_and_taken_out():
+    simulated = sensors_of(limbs=("left_forearm",))
+    (stream,) = simulated.sensors
+    turn = quat.exponential(np.radians(120.0 / 60.0) * stream.times[:, None] * [0, 0, 1])
+    drifting = replace(simulated.sensors, streams=(replace(stream, rotations=quat.multiply(turn, stream.rotations)),))
+    take = Take(motion_of(), drifting, Clock(simulated.offset))
+    calibration = calibrate([take])
+    plain, corrected = (distances(calibration, take, drift=drift)[0] for drift in (False, True))
+    assert corrected.drift == pytest.approx(120.0, abs=6.0)
+    assert np.nanmedian(corrected.full) < 0.5 * np.nanmedian(plain.full)
+
+
+def test_an_injected_error_is_found_at_the_right_limb_and_time(tmp_path):
+    simulated = sensors_of(noise="mtx", seed=3)
+    run = write_run(tmp_path / "run", wrong_poses())
+    simulated.sensors.save(tmp_path / "sensors.npz")
+    (tmp_path / "truth.csv").write_text("limb,start,end\nleft_forearm,2.0,3.2\n")
+    (check,) = check_runs([run], [tmp_path / "sensors.npz"], truth=tmp_path / "truth.csv")
+    assert {error.limb for error in check.errors} == {"left_forearm"}
+    scores = check.scores()
+    assert scores["segments"].f == 1.0
+    assert scores["frames"].precision > 0.9
+    assert scores["frames"].recall > 0.9
+    assert len(check.over_thresholds()) == 17
+
+
+def test_a_run_is_checked_with_the_calibration_of_another(tmp_path):
+    simulated = sensors_of(noise="mtx", seed=3)
+    good = write_run(tmp_path / "good", poses_of())
+    bad = write_run(tmp_path / "bad", wrong_poses())
+    calibration = calibrate_runs([good], [simulated.sensors])
+    (check,) = check_runs([bad], [simulated.sensors], calibration=calibration)
+    assert [error.limb for error in check.errors] == ["left_forearm"]
+
+
+@pytest.mark.parametrize("heading", ("own", "shared"))
+def test_sensors_without_north_find_their_heading_in_every_run(tmp_path, heading):
+    from toolkit.inertial.calibrate import CalibrationSettings
+
+    simulated = sensors_of(noise="mtx", seed=3, limbs=("left_forearm", "right_forearm"))
+    calibration = calibrate_runs(
+        [write_run(tmp_path / "good", poses_of())], [simulated.sensors], settings=CalibrationSettings(heading=heading)
+    )
+    streams = [
+        replace(s, rotations=quat.multiply(quat.exponential([0, 0, 1.0]), s.rotations)) for s in simulated.sensors
+    ]
+    turned = replace(simulated.sensors, streams=tuple(streams))
+    (check,) = check_runs([write_run(tmp_path / "bad", wrong_poses())], [turned], calibration=calibration)
+    assert (max(np.nanmedian(d.full) for d in check.distances) < 8.0) == (heading == "own")
+
+
+def test_lost_and_empty_frames_are_left_out(tmp_path):
+    simulated = sensors_of(noise="mtx")
+    state = np.zeros(len(poses_of()))
+    state[30:60] = 1
+    run = write_run(tmp_path / "run", wrong_poses(1.0, 2.0), state)
+    (check,) = check_runs([run], [simulated.sensors])
+    assert check.errors == ()
+    assert all(np.isnan(d.full[30:60]).all() for d in check.distances)
+
+
+def test_runs_and_sensor_files_have_to_go_together():
+    with pytest.raises(UsageError, match="3 sensor files for 2 runs"):
+        paired(["a", "b"], ["x", "y", "z"])
+    with pytest.raises(UsageError, match="called alike"):
+        paired(["p/a", "q/a"], ["x"])
+    assert paired(["a", "b"], ["x"]) == [("a", "x"), ("b", "x")]
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    (
+        ("limb,start,end\nleft_tail,0,1\n", "'left_tail' from 0 to 1 s is no error"),
+        ("limb,start,end\nleft_shin,2,1\n", "from 2 to 1 s is no error"),
+        ("limb,from,to\nleft_shin,0,1\n", "expected limb, start and end"),
+    ),
+)
+def test_known_errors_that_cannot_be_are_refused(tmp_path, text, message):
+    (tmp_path / "truth.csv").write_text(text)
+    with pytest.raises(InertialError, match=message):
+        read_truth(tmp_path / "truth.csv")
+
+
+def test_a_run_of_another_body_and_an_empty_one_are_refused(tmp_path):
+    run = write_run(tmp_path / "run", poses_of())
+    info = json.loads((run / "run.json").read_text())
+    (run / "run.json").write_text(json.dumps({**info, "body_fingerprint": "0123"}))
+    with pytest.raises(InertialError, match="joint tree 0123"):
+        check_runs([run], [sensors_of().sensors])
+    empty = write_run(tmp_path / "empty", poses_of(), np.full(len(poses_of()), 2))
+    with pytest.raises(InertialError, match="holds 0 tracked frames"):
+        check_runs([empty], [sensors_of().sensors])
+
+
+def test_a_threshold_that_finds_nothing_is_refused():
+    with pytest.raises(UsageError, match="a threshold of 200"):
+        CheckSettings(threshold=200.0)
+
+
+def test_found_frames_are_those_within_errors():
+    found = found_frames(curve([0] * 5 + [80] * 10 + [0] * 5), CheckSettings())
+    assert np.flatnonzero(found).tolist() == list(range(5, 15))
+
+
+def test_the_verbs_calibrate_and_check_as_typed(tmp_path, capsys):
+    simulated = sensors_of(noise="mtx", seed=3, limbs=FIVE[2:4])
+    sensors = tmp_path / "sensors.npz"
+    simulated.sensors.save(sensors)
+    good, bad = write_run(tmp_path / "good", poses_of()), write_run(tmp_path / "bad", wrong_poses())
+    (tmp_path / "truth.csv").write_text("limb,start,end\nleft_forearm,2.0,3.2\n")
+    calibration = tmp_path / "calibration.json"
+    typed("inertial", "calibrate", good, "--sensors", sensors, "-o", calibration)
+    assert "good" in capsys.readouterr().out
+    report = tmp_path / "report"
+    words = ("--sensors", sensors, "--calibration", calibration, "-o", report, "--truth", tmp_path / "truth.csv")
+    typed("inertial", "check", bad, *words)
+    assert "left_forearm" in capsys.readouterr().out
+    assert sorted(path.name for path in report.iterdir()) == [
+        "distances.csv", "distances.png", "errors.csv", "errors.json", "report.html",
+    ]  # fmt: skip
+    stored = json.loads((report / "errors.json").read_text())
+    assert [error["limb"] for error in stored["errors"]] == ["left_forearm"]
+    assert stored["scores"]["segments"]["f"] == 1.0
+
+
+def test_wrong_use_of_the_verbs_ends_with_code_two(tmp_path, capsys):
+    run = write_run(tmp_path / "run", poses_of())
+    sensors_of().sensors.save(tmp_path / "sensors.npz")
+    with pytest.raises(SystemExit) as ended:
+        main(["inertial", "synchronise", str(run), "--sensors", str(tmp_path / "sensors.npz"), "--rate", "half"])
+    assert ended.value.code == 2
+    assert "give same or free" in capsys.readouterr().err
+    with pytest.raises(SystemExit) as ended:
+        main(["inertial", "check", str(tmp_path / "no"), "--sensors", str(tmp_path / "sensors.npz"), "-o", "x"])
+    assert ended.value.code == 1

@@ -1,0 +1,162 @@
+"""A check by inertial sensors as files: distances, errors, the picture of Fig. 7.7, and a page for people."""
+
+from __future__ import annotations
+
+import base64
+import csv
+import io
+from collections.abc import Sequence
+from dataclasses import asdict
+from html import escape
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from toolkit.evaluation.orientations import THRESHOLDS, RunCheck
+from toolkit.files import atomic_path, save_json, save_text
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+DISTANCES, ERRORS_CSV, ERRORS_JSON = "distances.csv", "errors.csv", "errors.json"
+PICTURE, PAGE = "distances.png", "report.html"
+
+_STYLE = """body{font:15px/1.5 sans-serif;max-width:70em;margin:2em auto;padding:0 1em;color:#222}
+table{border-collapse:collapse;margin:1em 0}td,th{padding:.25em .8em;border-bottom:1px solid #ccc;text-align:left}
+img{max-width:100%}"""
+
+
+def write_check(check: RunCheck, folder: str | Path) -> list[Path]:
+    """Write `distances.csv`, `errors.csv`, `errors.json`, `distances.png` and `report.html`; returns their paths."""
+    root = Path(folder)
+    paths = [root / name for name in (DISTANCES, ERRORS_CSV, ERRORS_JSON, PICTURE, PAGE)]
+    rows = [
+        (f"{time:.4f}", curve.limb, _cell(full), _cell(axis))
+        for curve in check.distances
+        for time, full, axis in zip(curve.times, curve.full, curve.axis, strict=True)
+    ]
+    _save_csv(paths[0], ("time", "limb", "full", "axis"), rows)
+    errors = [
+        (e.limb, f"{e.start:.3f}", f"{e.end:.3f}", f"{e.peak:.1f}", f"{e.mean:.1f}", e.kind) for e in check.errors
+    ]
+    _save_csv(paths[1], ("limb", "start", "end", "peak", "mean", "kind"), errors)
+    save_json(paths[2], _as_json(check))
+    picture = io.BytesIO()
+    plot_check(check).savefig(picture, dpi=110, format="png")
+    with atomic_path(paths[3]) as temporary:
+        temporary.write_bytes(picture.getvalue())
+    save_text(paths[4], _page(check, picture.getvalue()))
+    return paths
+
+
+def plot_check(check: RunCheck) -> Figure:
+    """Distance curves with their threshold, found errors in red and known ones in black; P, R, F where known."""
+    from matplotlib.figure import Figure
+
+    count = len(check.distances) + (check.truth is not None)
+    figure = Figure(figsize=(11.0, 1.3 + 1.7 * count), layout="constrained")
+    axes = np.atleast_1d(figure.subplots(count, 1))
+    for panel, curve in zip(axes, check.distances, strict=False):
+        panel.plot(curve.times, curve.full, color="black", lw=1.0, label="orientation")
+        panel.plot(curve.times, curve.axis, color="tab:blue", lw=0.9, label="direction of the bone")
+        panel.axhline(check.settings.threshold, color="0.5", lw=0.8, ls="--")
+        for error in (e for e in check.errors if e.limb == curve.limb):
+            colour = "tab:orange" if error.kind == "twist" else "tab:red"
+            panel.axvspan(error.start, error.end, color=colour, alpha=0.25, lw=0)
+        for segment in (s for s in check.truth or () if s.label == curve.limb):
+            panel.plot([segment.start, segment.end], [176, 176], color="black", lw=4, solid_capstyle="butt")
+        panel.set(ylim=(0, 180), yticks=(0, 45, 90, 135, 180), xlim=(curve.times[0], curve.times[-1]))
+        panel.set_ylabel("degrees", fontsize=8)
+        panel.set_title(curve.limb.replace("_", " "), fontsize=9, loc="left")
+        panel.grid(alpha=0.3)
+    axes[0].legend(fontsize=7, loc="upper right", ncols=2)
+    axes[len(check.distances) - 1].set_xlabel("time, s", fontsize=8)
+    if check.truth is not None:
+        scores = check.over_thresholds()
+        for name, colour in (("precision", "black"), ("recall", "tab:red"), ("f", "tab:green")):
+            axes[-1].plot(THRESHOLDS, [getattr(s, name) for s in scores], color=colour, label=name)
+        axes[-1].set(xlabel="threshold, degrees", ylim=(0, 1.02), title="over frames")
+        axes[-1].legend(fontsize=7)
+        axes[-1].grid(alpha=0.3)
+    return figure
+
+
+def _cell(value: float) -> str:
+    return "" if np.isnan(value) else f"{value:.2f}"
+
+
+def _save_csv(path: Path, head: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(head)
+    writer.writerows(rows)
+    save_text(path, text.getvalue())
+
+
+def _as_json(check: RunCheck) -> dict[str, Any]:
+    limbs = {}
+    for curve in check.distances:
+        known = curve.full[np.isfinite(curve.full)]
+        limbs[curve.limb] = {
+            "frames": len(known),
+            "mean": float(known.mean()) if len(known) else None,
+            "deviation": float(known.std()) if len(known) else None,
+            "median": float(np.median(known)) if len(known) else None,
+            "median_axis": float(np.nanmedian(curve.axis)) if len(known) else None,
+            "drift_per_minute": curve.drift,
+            "scores": {name: _scores(s) for name, s in check.scores(curve.limb).items()},
+        }
+    return {
+        "run": check.name,
+        "settings": asdict(check.settings),
+        "errors": [asdict(error) for error in check.errors],
+        "limbs": limbs,
+        "scores": {name: _scores(s) for name, s in check.scores().items()},
+        "thresholds": [
+            {"threshold": float(t), **_scores(s)} for t, s in zip(THRESHOLDS, check.over_thresholds(), strict=False)
+        ],
+        "sensors": {limb: asdict(sensor) for limb, sensor in check.calibration.sensors.items()},
+    }
+
+
+def _scores(scores: Any) -> dict[str, float]:
+    return {"precision": scores.precision, "recall": scores.recall, "f": scores.f}
+
+
+def _page(check: RunCheck, picture: bytes) -> str:
+    """The page: what was found in words, the picture, the errors, the calibration, and how to read them."""
+    name = escape(check.name)
+    threshold = check.settings.threshold
+    parts = [
+        f"<!doctype html><html lang='en'><head><meta charset='utf-8'><title>{name}</title><style>{_STYLE}</style>",
+        f"</head><body><h1>{name}: the track and its inertial sensors</h1>",
+        f"<p>{len(check.errors)} stretches disagree by more than {threshold:g} degrees.</p>",
+    ]
+    if check.truth is not None:
+        rows = [(n, f"{s.precision:.2f}", f"{s.recall:.2f}", f"{s.f:.2f}") for n, s in check.scores().items()]
+        parts.append(_table(("against known errors, over", "precision", "recall", "F"), rows))
+    encoded = base64.b64encode(picture).decode("ascii")
+    parts.append(f"<img alt='distance curves' src='data:image/png;base64,{encoded}'>")
+    errors = [
+        (escape(e.limb), f"{e.start:.2f}", f"{e.end:.2f}", f"{e.peak:.0f}", f"{e.mean:.0f}", e.kind)
+        for e in check.errors
+    ]
+    parts.append(_table(("part", "from (s)", "to (s)", "peak", "mean", "kind"), errors))
+    sensors = [
+        (escape(limb), s.status, f"{s.spread:.0f}", f"{s.median:.1f}", f"{s.p90:.1f}", escape(s.reason))
+        for limb, s in check.calibration.sensors.items()
+    ]
+    parts.append(_table(("sensor", "calibration", "spread", "median", "90 %", "why"), sensors))
+    parts.append(
+        "<p>Angles are in degrees. A stretch of the kind <i>twist</i> (orange) differs about the bone's own length "
+        "only: a tracked forearm cannot turn about itself and a straight limb shows no twist, so that this is mostly "
+        "no error of the track. Black bars above a curve are known errors.</p>"
+    )
+    return "\n".join(parts) + "</body></html>\n"
+
+
+def _table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+    lines = ["<table><tr>" + "".join(f"<th>{text}</th>" for text in head) + "</tr>"]
+    lines += ["<tr>" + "".join(f"<td>{text}</td>" for text in row) + "</tr>" for row in rows]
+    return "\n".join(lines) + "</table>"

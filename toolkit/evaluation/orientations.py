@@ -1,0 +1,164 @@
+"""A track checked by inertial sensors: distance curves, errors, and how well errors that are known were found."""
+
+from __future__ import annotations
+
+import csv
+import io
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from toolkit.errors import InertialError
+from toolkit.inertial.calibrate import CalibrationSettings
+from toolkit.inertial.calibration import Calibration
+from toolkit.inertial.distance import CheckSettings, Distances, TrackError, distances, errors_of, runs_above
+from toolkit.inertial.limbs import LIMBS
+from toolkit.inertial.stream import Sensors
+from toolkit.inertial.synchronise import SyncSettings
+from toolkit.inertial.workflow import checked_take, paired
+from toolkit.retrieval.annotation.measures import Scores, Segment, segment_scores
+
+THRESHOLDS: np.ndarray = np.arange(10.0, 91.0, 5.0)
+"""Degrees at which precision and recall are told (thesis, Fig. 7.12)."""
+
+
+@dataclass(frozen=True, eq=False)
+class RunCheck:
+    """What the sensors say about one run.
+
+    Attributes
+    ----------
+    name : of the run
+    calibration : that was used
+    distances : per sensor
+    errors : of all sensors, by time
+    truth : known errors, labelled by the part of the body; None where nothing is known
+    settings : what is called an error
+    """
+
+    name: str
+    calibration: Calibration
+    distances: tuple[Distances, ...]
+    errors: tuple[TrackError, ...]
+    truth: tuple[Segment, ...] | None = None
+    settings: CheckSettings = field(default_factory=CheckSettings)
+
+    def segments(self, errors: Sequence[TrackError] | None = None) -> list[Segment]:
+        """Errors as labelled segments; the end is that of the last frame."""
+        step = float(np.median(np.diff(self.distances[0].times)))
+        chosen = self.errors if errors is None else errors
+        return [Segment(e.start, e.end + step, e.limb) for e in chosen]
+
+    def scores(self, limb: str | None = None) -> dict[str, Scores]:
+        """Over "frames" and "segments", of one sensor or all; empty where no truth is known."""
+        if self.truth is None:
+            return {}
+        curves = [d for d in self.distances if limb in (None, d.limb)]
+        names = {d.limb for d in curves}
+        total = Scores(0, 0, 0, 0)
+        for curve in curves:
+            total += frame_scores(curve, self.truth, found_frames(curve, self.settings))
+        found = [s for s in self.segments() if s.label in names]
+        true = [s for s in self.truth if s.label in names]
+        return {"frames": total, "segments": segment_scores(true, found)}
+
+    def over_thresholds(self, limb: str | None = None) -> list[Scores]:
+        """Over frames, at each of `THRESHOLDS`, of one sensor or all; empty where no truth is known."""
+        if self.truth is None:
+            return []
+        out = []
+        for threshold in THRESHOLDS:
+            total = Scores(0, 0, 0, 0)
+            for curve in self.distances:
+                if limb in (None, curve.limb):
+                    total += frame_scores(curve, self.truth, np.nan_to_num(curve.full) > threshold)
+            out.append(total)
+        return out
+
+
+def check_runs(
+    runs: Sequence[str | Path],
+    sensors: Sequence[str | Path | Sensors],
+    *,
+    calibration: str | Path | Calibration | None = None,
+    truth: str | Path | None = None,
+    settings: CheckSettings | None = None,
+    calibrating: CalibrationSettings | None = None,
+    sync: SyncSettings | None = None,
+) -> list[RunCheck]:
+    """Check runs with their sensors (`depthmocap inertial check`).
+
+    Parameters
+    ----------
+    runs, sensors : as in `calibrate_runs`
+    calibration : a file or what it holds; None calibrates on each run itself
+    truth : CSV with the columns limb, start, end in seconds, and run where there are several
+    settings, calibrating, sync : what is an error, how to calibrate, how to compare clocks
+
+    Raises
+    ------
+    TrackError, InertialError, UsageError
+        A run, the sensors, the calibration or the truth cannot be used.
+    """
+    settings = settings or CheckSettings()
+    pairs = paired(runs, sensors)
+    known = Calibration.load(calibration) if isinstance(calibration, (str, Path)) else calibration
+    true = None if truth is None else read_truth(truth)
+    checks = []
+    for run, file in pairs:
+        used, take = checked_take(run, file, known, settings=calibrating, sync=sync)
+        curves = distances(used, take, drift=settings.drift)
+        errors = sorted((e for curve in curves for e in errors_of(curve, settings)), key=lambda e: (e.start, e.limb))
+        name = take.motion.name
+        own = None if true is None else tuple(s for owner, s in true if owner in ("", name))
+        checks.append(RunCheck(name, used, tuple(curves), tuple(errors), own, settings))
+    return checks
+
+
+def found_frames(curve: Distances, settings: CheckSettings) -> np.ndarray:
+    """Bool (T,): frames within an error."""
+    found = np.zeros(len(curve.times), dtype=bool)
+    for first, last in runs_above(curve.full, curve.times, settings):
+        found[first : last + 1] = True
+    return found
+
+
+def frame_scores(curve: Distances, truth: Sequence[Segment], found: np.ndarray) -> Scores:
+    """Scores over the frames (T,) whose distance is known."""
+    true = np.zeros(len(curve.times), dtype=bool)
+    for segment in truth:
+        if segment.label == curve.limb:
+            true |= (curve.times >= segment.start - 1e-6) & (curve.times < segment.end - 1e-6)
+    known = np.isfinite(curve.full)
+    both = int((true & found & known).sum())
+    return Scores(both, int((found & known).sum()), both, int((true & known).sum()))
+
+
+def read_truth(path: str | Path) -> list[tuple[str, Segment]]:
+    """Known errors by run (empty where the file names none), from a CSV with the columns limb, start, end.
+
+    Raises
+    ------
+    InertialError
+        The file cannot be read, or a line is no error of a known part of the body.
+    """
+    file = Path(path)
+    try:
+        rows = list(csv.DictReader(io.StringIO(file.read_text(encoding="utf-8-sig"))))
+    except (OSError, UnicodeDecodeError) as error:
+        raise InertialError(f"cannot read known errors from {file}: {error}") from error
+    found = []
+    for line, row in enumerate(rows, start=2):
+        try:
+            segment = Segment(float(row["start"]), float(row["end"]), row["limb"].strip())
+        except (KeyError, TypeError, ValueError, AttributeError):
+            raise InertialError(f"{file.name}, line {line}: expected limb, start and end, got {row}") from None
+        if segment.label not in LIMBS or not segment.start < segment.end:
+            raise InertialError(
+                f"{file.name}, line {line}: {segment.label!r} from {segment.start:g} to {segment.end:g} s is no error "
+                f"of a part of the body; the parts are {', '.join(LIMBS)}"
+            )
+        found.append(((row.get("run") or "").strip(), segment))
+    return found

@@ -1,0 +1,311 @@
+"""How sensors sit on the limbs and where their world points, from what a tracker saw (thesis 7.5).
+
+The default knows the vertical in both worlds: what is left of `q_G` is a heading, one for all sensors of a magnetic
+world or one each, and one turn about a horizontal axis determines all. Frames in which the tracker erred lose their
+say. `thesis` is the reference, by Park and Martin. Neither gives a number that the motion does not determine.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from toolkit.errors import InertialError, UsageError
+from toolkit.inertial import quaternions as quat
+from toolkit.inertial import solvers
+from toolkit.inertial.calibration import GOOD, REFUSED, WEAK, Calibration, Mounting, TakeClock
+from toolkit.inertial.limbs import TrackedMotion
+from toolkit.inertial.solvers import Strand
+from toolkit.inertial.stream import FREE, Sensors
+from toolkit.inertial.synchronise import Clock
+
+Solver = Callable[[Strand, np.random.Generator], tuple[np.ndarray, np.ndarray]]
+
+METHODS, HEADINGS = ("robust", "thesis"), ("shared", "own")
+AGREE = np.radians(20.0)
+"""Residual below which a frame speaks for itself."""
+Y_UP: np.ndarray = np.array([0.0, 1.0, 0.0])
+
+
+@dataclass(frozen=True)
+class CalibrationSettings:
+    """What a calibration asks of the motion.
+
+    Attributes
+    ----------
+    method : `robust` or `thesis`
+    heading : `shared`, `own`, or None: shared where the devices know north
+    good_spread, weak_spread : degrees of tilting spread from which a heading is good, or is told at all
+    good_axes, weak_axes : the same where no vertical is known, for the second axis of the turns
+    most_residual : degrees, median residual above which sensor and track do not belong together
+    rows : frames per strand that take part
+    lags : s, largest correction of the clock by what the calibration leaves over
+    lag_step : s, between the lags that are tried
+    seed : of the pairs of frames that the thesis's method draws
+    """
+
+    method: str = "robust"
+    heading: str | None = None
+    good_spread: float = 15.0
+    weak_spread: float = 5.0
+    good_axes: float = 20.0
+    weak_axes: float = 8.0
+    most_residual: float = 40.0
+    rows: int = 600
+    lags: float = 0.06
+    lag_step: float = 0.01
+    seed: int = 0
+
+    def __post_init__(self) -> None:
+        if self.method not in METHODS:
+            raise UsageError(f"unknown method {self.method!r}; there are: {', '.join(METHODS)}")
+        if self.heading not in (None, *HEADINGS):
+            raise UsageError(f"unknown heading {self.heading!r}; there are: {', '.join(HEADINGS)}")
+
+
+@dataclass(frozen=True, eq=False)
+class Take:
+    """One tracked recording with its sensors and their clock."""
+
+    motion: TrackedMotion
+    sensors: Sensors
+    clock: Clock
+
+    def strand(self, limb: str, number: int = 0, group: int = 0, lag: float = 0.0) -> Strand:
+        """Orientations of a sensor and of its part of the body where both are known."""
+        stream = next(stream for stream in self.sensors if stream.name == limb)
+        inertial, known = stream.at(self.clock.sensor_times(self.motion.times) + lag)
+        rows = known & self.motion.valid
+        return Strand(number, group, inertial[rows], self.motion.orientation(limb)[rows])
+
+
+def calibrate(takes: Sequence[Take], settings: CalibrationSettings | None = None) -> Calibration:
+    """The calibration that all takes agree on.
+
+    Parameters
+    ----------
+    takes : of one person whose sensors stay where they are; their names differ
+    settings : see `CalibrationSettings`
+
+    Raises
+    ------
+    InertialError
+        No sensor and no track have ten frames in common, or the motion determines no sensor at all.
+    """
+    settings = settings or CalibrationSettings()
+    limbs = tuple(dict.fromkeys(name for take in takes for name in take.sensors.names))
+    free = any(stream.origin == FREE for take in takes for stream in take.sensors)
+    heading = settings.heading or ("own" if free else "shared")
+    if settings.method == "thesis":
+        worlds, mountings = _by_thesis(takes, limbs, settings)
+    elif _vertical_known(takes, settings):
+        for _ in range(2):
+            worlds, mountings = _by_heading(takes, limbs, heading, settings)
+            takes = [better_clock(take, worlds[i], mountings, settings) for i, take in enumerate(takes)]
+    else:
+        worlds, mountings = _by_so4(takes, limbs, settings)
+    spreads = {limb: _spread(takes, limb, worlds, mountings[limb], settings) for limb in limbs}
+    shared = heading == "shared" and settings.method == "robust"
+    sensors = {limb: _judged(takes, limb, worlds, mountings[limb], spreads, shared, settings) for limb in limbs}
+    if all(sensor.status == REFUSED for sensor in sensors.values()):
+        reasons = "; ".join(f"{limb}: {sensor.reason}" for limb, sensor in sensors.items())
+        raise InertialError(f"no sensor can be calibrated ({reasons})")
+    clocks = {
+        take.motion.name: TakeClock(
+            take.clock.offset, take.clock.rate, {limb: _plain(worlds[i][limb]) for limb in take.sensors.names}
+        )
+        for i, take in enumerate(takes)
+    }
+    return Calibration(settings.method, heading, sensors, clocks)
+
+
+def _vertical_known(takes: Sequence[Take], settings: CalibrationSettings) -> bool:
+    return settings.method == "robust" and all(np.isfinite(take.sensors.world_up).all() for take in takes)
+
+
+def upright(world_up: np.ndarray) -> np.ndarray:
+    """The change of axes (4,) from a world with y up, such as the level frame, to one with `world_up`."""
+    return quat.between(Y_UP, world_up)
+
+
+def strands_of(takes: Sequence[Take], limbs: Sequence[str], heading: str, rows: int) -> tuple[list[Strand], list[int]]:
+    """Strands in worlds with y up, and for each the number of its take; those of less than ten frames are left out."""
+    strands, owners, groups = [], [], 0
+    for i, take in enumerate(takes):
+        change = quat.conjugate(upright(take.sensors.world_up))
+        for limb in take.sensors.names:
+            group = groups if heading == "own" else 0
+            strand = take.strand(limb, limbs.index(limb), group)
+            if len(strand.inertial) < 10:
+                continue
+            strands.append(replace(strand, inertial=quat.multiply(change, strand.inertial)).thinned(rows))
+            owners.append(i)
+            groups += 1
+    if not strands:
+        raise InertialError("no sensor and its track have ten frames in common; check clocks and gaps")
+    return strands, owners
+
+
+def _by_heading(
+    takes: Sequence[Take], limbs: Sequence[str], heading: str, settings: CalibrationSettings
+) -> tuple[list[dict[str, np.ndarray]], dict[str, np.ndarray]]:
+    strands, owners = strands_of(takes, limbs, heading, settings.rows)
+    groups = max(s.group for s in strands) + 1
+    psis, mountings = np.zeros(groups), np.tile(quat.IDENTITY, (len(limbs), 1))
+    if heading == "own":  # sensors with headings of their own have nothing to say to each other
+        for k in range(len(limbs)):
+            own = [s for s in strands if s.sensor == k]
+            numbers = sorted({s.group for s in own})
+            local = [replace(s, sensor=0, group=numbers.index(s.group)) for s in own]
+            found, mounting, _ = solvers.heading(local, len(numbers), 1)
+            psis[numbers], mountings[k] = found, mounting[0]
+    else:
+        psis, mountings, _ = solvers.heading(strands, groups, len(limbs))
+    worlds: list[dict[str, np.ndarray]] = [{} for _ in takes]
+    for strand, i in zip(strands, owners, strict=True):
+        up = upright(takes[i].sensors.world_up)
+        worlds[i][limbs[strand.sensor]] = quat.multiply(up, solvers.yaw(psis[strand.group]))
+    return _filled(worlds, takes), dict(zip(limbs, mountings, strict=True))
+
+
+def _by_thesis(
+    takes: Sequence[Take], limbs: Sequence[str], settings: CalibrationSettings
+) -> tuple[list[dict[str, np.ndarray]], dict[str, np.ndarray]]:
+    return _one_by_one(takes, limbs, lambda strand, rng: solvers.thesis(strand.inertial, strand.tracked, rng), settings)
+
+
+def _by_so4(
+    takes: Sequence[Take], limbs: Sequence[str], settings: CalibrationSettings
+) -> tuple[list[dict[str, np.ndarray]], dict[str, np.ndarray]]:
+    return _one_by_one(takes, limbs, lambda strand, rng: solvers.so4(strand, rng)[:2], settings)
+
+
+def _one_by_one(
+    takes: Sequence[Take], limbs: Sequence[str], solve: Solver, settings: CalibrationSettings
+) -> tuple[list[dict[str, np.ndarray]], dict[str, np.ndarray]]:
+    """World and mounting of each sensor by itself, from all takes at once: they share one world."""
+    worlds: list[dict[str, np.ndarray]] = [{} for _ in takes]
+    mountings = {}
+    for limb in limbs:
+        rng = np.random.default_rng(settings.seed)
+        own = [(i, take.strand(limb)) for i, take in enumerate(takes) if limb in take.sensors.names]
+        strand = Strand(0, 0, np.concatenate([s.inertial for _, s in own]), np.concatenate([s.tracked for _, s in own]))
+        if len(strand.inertial) < 10:
+            raise InertialError(f"the sensor on {limb} and its track have {len(strand.inertial)} frames in common")
+        world, mountings[limb] = solve(strand.thinned(settings.rows), rng)
+        for i, _ in own:
+            worlds[i][limb] = world
+    return worlds, mountings
+
+
+def _filled(worlds: list[dict[str, np.ndarray]], takes: Sequence[Take]) -> list[dict[str, np.ndarray]]:
+    """A sensor without frames of its own in a take has the world of the others there, else of any take."""
+    anywhere = next(world for own in worlds for world in own.values())
+    for own, take in zip(worlds, takes, strict=True):
+        there = next(iter(own.values()), anywhere)
+        for limb in take.sensors.names:
+            own.setdefault(limb, there)
+    return worlds
+
+
+def better_clock(
+    take: Take, worlds: dict[str, np.ndarray], mountings: dict[str, np.ndarray], settings: CalibrationSettings
+) -> Take:
+    """The take with its clock at the lag of least calibrated distance: orientations are sharper than their speeds."""
+    lags = np.arange(-settings.lags, settings.lags + 1e-9, settings.lag_step)
+    costs = np.zeros(len(lags))
+    for k, lag in enumerate(lags):
+        for limb in worlds:
+            strand = take.strand(limb, lag=lag).thinned(settings.rows)
+            if len(strand.inertial) >= 10:
+                costs[k] += solvers.cost_of(
+                    solvers.residuals(strand, worlds[limb], mountings[limb]), float(solvers.SCALES[-1])
+                )
+    best = int(costs.argmin())
+    if best in (0, len(lags) - 1):
+        return take
+    left, middle, right = costs[best - 1 : best + 2]
+    bend = left - 2.0 * middle + right
+    step = 0.5 * (left - right) / bend if bend > 0 else 0.0
+    offset = take.clock.offset + lags[best] + settings.lag_step * step
+    return replace(take, clock=replace(take.clock, offset=float(offset)))
+
+
+def _spread(
+    takes: Sequence[Take],
+    limb: str,
+    worlds: Sequence[dict[str, np.ndarray]],
+    mounting: np.ndarray,
+    settings: CalibrationSettings,
+) -> float:
+    """Degrees by which the vertical moves about in the limb's frame; without a vertical, the turns' second axis.
+
+    Of the frames in which sensor and track agree: a tracker that errs pretends a motion.
+    """
+    parts = []
+    for i, take in enumerate(takes):
+        if limb in take.sensors.names:
+            strand = take.strand(limb)
+            agree = solvers.residuals(strand, worlds[i][limb], mounting) < AGREE
+            parts.append(strand.tracked[agree])
+    tracked = np.concatenate(parts)
+    if len(tracked) < 10:
+        return 0.0
+    if _vertical_known(takes, settings):
+        up = quat.rotate(quat.conjugate(tracked), Y_UP)
+        return float(np.degrees(np.sqrt(((up - up.mean(axis=0)) ** 2).sum(axis=1).mean())))
+    turns = quat.logarithm(quat.multiply(quat.conjugate(quat.mean(tracked, np.ones(len(tracked)))), tracked))
+    squares = np.linalg.eigvalsh(np.einsum("ni,nj->ij", turns, turns) / len(turns))
+    return float(np.degrees(np.sqrt(max(squares[1], 0.0))))
+
+
+def _judged(
+    takes: Sequence[Take],
+    limb: str,
+    worlds: Sequence[dict[str, np.ndarray]],
+    mounting: np.ndarray,
+    spreads: dict[str, float],
+    shared: bool,
+    settings: CalibrationSettings,
+) -> Mounting:
+    """A mounting with its residuals and whether the motion determined it."""
+    angles = np.concatenate(
+        [
+            solvers.residuals(take.strand(limb), worlds[i][limb], mounting)
+            for i, take in enumerate(takes)
+            if limb in take.sensors.names
+        ]
+    )
+    degrees = np.degrees(angles)
+    # a shared heading is known by all sensors together, the best of which is enough
+    spread = max(spreads.values()) if shared else spreads[limb]
+    known = _vertical_known(takes, settings)
+    good, weak = (settings.good_spread, settings.weak_spread) if known else (settings.good_axes, settings.weak_axes)
+    what = "tilted" if known else "turned about a second axis"
+    status, reason = GOOD, ""
+    if len(degrees) < 10:
+        status, reason = REFUSED, f"only {len(degrees)} frames are known to both"
+    elif float(np.median(degrees)) > settings.most_residual:
+        status = REFUSED
+        reason = f"it disagrees by {np.median(degrees):.0f} degrees in the middle; check placement and clock"
+    elif spread < weak:
+        status, reason = (
+            REFUSED,
+            f"it {what} by {spread:.1f} degrees only; bend and lean in a take of at least {good:.0f}",
+        )
+    elif spread < good:
+        status, reason = WEAK, f"it {what} by {spread:.1f} degrees; {good:.0f} make it sure"
+    return Mounting(
+        _plain(mounting), status, reason, spreads[limb],
+        float(np.median(degrees)) if len(degrees) else 0.0,
+        float(np.quantile(degrees, 0.9)) if len(degrees) else 0.0,
+        float((solvers.weights_of(angles, float(solvers.SCALES[-1])) > 0.5).mean()) if len(degrees) else 0.0,
+        next((t.sensors.devices[limb] for t in takes if limb in t.sensors.devices), ""),
+    )  # fmt: skip
+
+
+def _plain(q: np.ndarray) -> tuple[float, float, float, float]:
+    w, x, y, z = (float(value) for value in (-q if q[0] < 0 else q))
+    return w, x, y, z
