@@ -59,7 +59,7 @@ def desk(height: float) -> tuple[Box, ...]:
     return (
         *table(height),
         Box((-0.66, 0.3 * height, 0.62), (0.66, height - 0.04, 0.65)),
-        Box((0.2, height, 0.45), (0.65, height + 0.38, 0.5)),
+        Box((0.3, height, 0.5), (0.65, height + 0.28, 0.54)),
     )
 
 

@@ -202,8 +202,8 @@ def chosen_takes(split: str, groups: Sequence[str] = (), count: int | None = Non
 
 def record(take: Take, work: Path, frames: int = LONGEST) -> Path:
     """The take as a recording of at most `frames` frames in `work`, made if it is not there yet."""
-    made_by = (performed, _motion, motion_files, distance_needed)
-    digest = _digest(made_by, ["toolkit/simulation", "toolkit/mocap", "toolkit/body"], take, frames)
+    made_by = (performed, cut, in_place, spun, motion_of, motion_files, distance_needed)
+    digest = digest_of(made_by, ["toolkit/simulation", "toolkit/mocap", "toolkit/body"], take, frames)
     path = work / "recordings" / f"{take.name}_{digest}.npz"
     if not path.exists():
         body = subject_body(take.body, seed=take.seed)
@@ -218,29 +218,45 @@ def record(take: Take, work: Path, frames: int = LONGEST) -> Path:
 
 def performed(take: Take, body: Body, frames: int) -> PoseClip:
     """The motion on the subject's body: cut, in place, spun."""
-    clip = _motion(take, body)
-    poses = clip.poses[round(take.start * RATE) :]
-    if len(poses) < SHORTEST:
+    clip = motion_of(take.motion, body, seed=take.seed, fast=take.group == "fast")
+    poses = in_place(cut(clip.poses, take.start, frames))
+    return PoseClip(take.name, spun(poses, take.spin), RATE, clip.source)
+
+
+def cut(poses: np.ndarray, start: float, frames: int, shortest: int = SHORTEST) -> np.ndarray:
+    """At most `frames` poses (T, P) from `start` seconds on; fewer than `shortest` are played there and back."""
+    poses = poses[round(start * RATE) :]
+    if len(poses) < shortest:
         there_and_back = np.concatenate([poses, poses[-2:0:-1]])
-        poses = np.tile(there_and_back, (-(-SHORTEST // len(there_and_back)), 1))[:SHORTEST]
-    poses = poses[:frames].copy()
+        poses = np.tile(there_and_back, (-(-shortest // len(there_and_back)), 1))[:shortest]
+    return poses[:frames].copy()
+
+
+def in_place(poses: np.ndarray) -> np.ndarray:
+    """Poses (T, P) of somebody who travels as if on a treadmill; of anybody else as they are."""
+    poses = poses.copy()
     floor_path = poses[:, [0, 2]]
     if np.ptp(floor_path, axis=0).max() > TREADMILL:
         poses[:, [0, 2]] -= gaussian_filter1d(floor_path, SLOW * RATE, axis=0, mode="nearest")
-    turns = Rotation.from_euler("y", np.linspace(0.0, take.spin, len(poses))[:, None], degrees=True)
+    return poses
+
+
+def spun(poses: np.ndarray, degrees: float) -> np.ndarray:
+    """Poses (T, P) turned about the vertical through their mean place, evenly up to `degrees` in the last one."""
+    poses = poses.copy()
+    turns = Rotation.from_euler("y", np.linspace(0.0, degrees, len(poses))[:, None], degrees=True)
     middle = poses[:, :3].mean(axis=0) * [1.0, 0.0, 1.0]
     poses[:, :3] = turns.apply(poses[:, :3] - middle) + middle
     poses[:, skeleton.ROOT_ROTATION] = (turns * Rotation.from_rotvec(poses[:, skeleton.ROOT_ROTATION])).as_rotvec()
-    return PoseClip(take.name, poses, RATE, clip.source)
+    return poses
 
 
-def _motion(take: Take, body: Body) -> PoseClip:
-    kind, _, name = take.motion.partition("_")
+def motion_of(motion: str, body: Body, *, seed: int = 0, fast: bool = False) -> PoseClip:
+    """A motion on a body at `RATE`: `bk_squat_013`, `02_05` or `bundled_archery`, which may be fast (by a half)."""
+    kind, _, name = motion.partition("_")
     if kind == "bundled":
-        # Fast means one and a half times as fast.
-        rate = RATE / 1.5 if take.group == "fast" else RATE
-        return procedural_clips([name], rate=rate, body=body, seed=take.seed)[0]
-    (path,) = motion_files(take.motion)
+        return procedural_clips([name], rate=RATE / 1.5 if fast else RATE, body=body, seed=seed)[0]
+    (path,) = motion_files(motion)
     clip = read_clip(path)
     if kind.isdigit():
         clip = clip.sliced(1, len(clip))  # the first frame of CMU clips is a T-pose and no motion
@@ -278,7 +294,7 @@ def database(
     """The pose database of the suite, with its joint regressor, made if it is not there yet."""
     parts = parts or PartsSettings()
     made_from = ["database_builder", "toolkit/mocap", "toolkit/body", "toolkit/landmarks", "toolkit/database"]
-    path = work / "databases" / f"poses_{_digest([database_sources], made_from, threshold, parts)}.npz"
+    path = work / "databases" / f"poses_{digest_of([database_sources], made_from, threshold, parts)}.npz"
     if not path.exists():
         build_database(database_sources(), path, threshold=threshold, parts=parts, progress=progress)
     return path
@@ -292,7 +308,7 @@ def database_sources() -> list[Path] | None:
     return [*cmu, *sorted(MOCAP.glob("hdm05/HDM_bd_*.amc"))]
 
 
-def _digest(functions: Iterable[Callable[..., Any]], folders: Iterable[str], *settings: object) -> str:
+def digest_of(functions: Iterable[Callable[..., Any]], folders: Iterable[str], *settings: object) -> str:
     """Ten digits that change with the settings and with any source or asset that the result is made by."""
     digest = hashlib.sha256(repr((settings, has_mocap())).encode())
     for function in functions:

@@ -1,0 +1,203 @@
+"""People as they are recorded: `depthmocap bench scenes [--split report] [--groups waist,seated]`.
+
+The scenes are described in `toolkit/testing/scenes.py`: from the waist up, seated, behind furniture, several people,
+children and tilted cameras, clothes, rooms without people. Every recording is tracked as a user would, with no option
+that says how the people are cut out; one that cannot be tracked counts as one in which nobody was found. Seen joints
+lie inside the image, with the first surface on their ray within 0.22 m; whoever is not found is 1 m off. Identities are
+CLEAR MOT counts (gate 0.5 m). The calibration error is taken over all joints of everybody who was found; unobserved
+joints are the ones that are not seen. `--runs FOLDER` scores run folders that were made before, named after their
+recordings, of one person (RUN/track.npz) or of several (RUN/people.json). Results of a part of the suite go to files
+ending in `_part`.
+"""
+
+from __future__ import annotations
+
+import argparse
+import shutil
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from benchmarks._options import add_database_options, poses_of
+from benchmarks._record import RESULTS, save_figures
+from toolkit.config import parse_overrides
+from toolkit.errors import DepthMocapError
+from toolkit.evaluation.scenes import SceneScore, scene_figures, score_scene
+from toolkit.pipeline import hybrid_tracker, track_recordings
+from toolkit.rendering import style
+from toolkit.rendering.film import contact_sheet, save_png
+from toolkit.rendering.overlay import color_depth, draw_points, draw_skeleton
+from toolkit.runs import person_runs
+from toolkit.sensing.recording import Recording, open_recording
+from toolkit.testing.scenes import GROUPS, chosen_scenes, record_scene, scenes
+from toolkit.testing.suite import LONGEST, has_mocap
+from toolkit.track import EMPTY, TRACK_FILE, Track
+
+LINES = {
+    "waist up and seated": ("waist", "seated"),
+    "behind furniture": ("behind",),
+    "clothes": ("clothes",),
+    "children, tilted": ("children",),
+    "several people": ("several",),
+    "all people": GROUPS[:-1],
+    "empty rooms": ("empty",),
+}
+"""Rows of the table, of which groups."""
+COLUMNS = (
+    ("recordings", "clips", "d", 1.0),
+    ("error_mm", "seen mm", ".1f", 1.0),
+    ("a100", "A(100) %", ".1f", 100.0),
+    ("switches", "switches", "d", 1.0),
+    ("misses", "misses", "d", 1.0),
+    ("false", "false", "d", 1.0),
+    ("found_soon", "found %", ".1f", 100.0),
+    ("numbers_right", "number %", ".1f", 100.0),
+    ("unobserved_mm", "unobs. mm", ".0f", 1.0),
+    ("unobserved_confidence", "its conf.", ".2f", 1.0),
+    ("unobserved_sure_a100", "sure: A(100) %", ".1f", 100.0),
+    ("ece", "ECE", ".3f", 1.0),
+    ("recordings_tracked", "tracked", "d", 1.0),
+)
+"""Figure, heading, format and factor of the printed table."""
+WORST = 12
+"""Recordings on the contact sheet."""
+SCALE = 2
+"""Pixels of the sheet to a pixel of a depth image 320 wide."""
+TRUTH = (250, 250, 250)
+
+
+def track_scenes(paths: Sequence[Path], options: argparse.Namespace) -> tuple[list[Path], dict[str, str]]:
+    """Run folders of all recordings, and why those failed that did."""
+    tracker = hybrid_tracker(poses_of(options), overrides=parse_overrides(options.set))
+    runs, failed = [], {}
+    for i, path in enumerate(paths):
+        run = options.work / "runs" / "scenes" / path.stem
+        shutil.rmtree(run, ignore_errors=True)
+        try:
+            track_recordings([path], tracker, run)
+        except DepthMocapError as error:
+            failed[path.stem] = str(error)
+        runs.append(run)
+        print(f"\r{i + 1} of {len(paths)} tracked", end="", flush=True)
+    print()
+    return runs, failed
+
+
+def tracks_of(run: Path) -> list[Track]:
+    """The tracks of everybody in a run; none where it holds none."""
+    return [Track.load(person) for person in person_runs(run) if (person / TRACK_FILE).exists()]
+
+
+def table(scores: dict[str, SceneScore], groups: dict[str, str]) -> dict[str, dict[str, Any]]:
+    """Figures of every line that has a recording, and of every group, by name; scores and groups are by recording."""
+    names = LINES | {group: (group,) for group in GROUPS}
+    found = {}
+    for line, members in names.items():
+        own = [score for name, score in scores.items() if groups[name] in members]
+        if own:
+            found[line] = scene_figures(own)
+    return found
+
+
+def print_table(figures: dict[str, dict[str, Any]]) -> None:
+    """The lines of `LINES`, then the targets' headings explained by the module's docstring."""
+    print(f"{'':<21}", *(f"{heading:>{max(len(heading), 8)}}" for _, heading, _, _ in COLUMNS))
+    for line in [line for line in LINES if line in figures]:
+        cells = []
+        for name, heading, style_, factor in COLUMNS:
+            value = figures[line][name]
+            text = "-" if value is None else format(factor * value if factor != 1.0 else value, style_)
+            cells.append(f"{text:>{max(len(heading), 8)}}")
+        print(f"{line:<21}", *cells)
+
+
+def badness(score: SceneScore) -> float:
+    """Mean error of the seen joints, metres; of a room without people the share of frames that track somebody."""
+    return float(score.errors[score.seen].mean()) if score.seen.any() else float(score.tracked.mean())
+
+
+def worst_frame(recording: Recording, tracks: Sequence[Track], score: SceneScore) -> np.ndarray:
+    """The frame of a recording in which the seen joints are worst, truth as white points, tracks as skeletons."""
+    import cv2
+
+    per_frame = np.where(score.seen, np.nan_to_num(score.errors), 0.0).sum(axis=(1, 2))
+    frame = int(np.argmax(per_frame / np.maximum(score.seen.sum(axis=(1, 2)), 1) + 1e-6 * score.tracked))
+    depth = recording.depth(frame)
+    size = (320 * SCALE, round(320 * SCALE * recording.camera.height / recording.camera.width))
+    size = (size[0], min(size[1], 240 * SCALE))
+    factor = min(size[0] / recording.camera.width, size[1] / recording.camera.height)
+    measured = depth[depth > 0] / 1000.0
+    near, far = np.percentile(measured, [1, 99]) if measured.size else (1.0, 4.0)
+    colored = color_depth(depth, np.ones(depth.shape, dtype=bool), float(near), float(far))
+    shown = cv2.resize(colored, None, fx=factor, fy=factor, interpolation=cv2.INTER_NEAREST)
+    picture = np.full((240 * SCALE, 320 * SCALE, 3), style.PAPER, dtype=np.uint8)
+    picture[: shown.shape[0], : shown.shape[1]] = shown
+    camera = recording.camera.scaled(factor)
+    for track in tracks:
+        if frame < len(track) and track.state[frame] != EMPTY:
+            draw_skeleton(picture, camera.project(track.joints[frame]), track.confidence[frame])
+    truth = recording.joints if recording.joints.ndim == 4 else recording.joints[None]
+    for person in truth[:, frame]:
+        pixels = camera.project(person)
+        for shift in ((0, 0), (1, 0), (0, 1), (1, 1)):
+            draw_points(picture, pixels + shift, TRUTH)
+    style.write(picture, f"{recording.name.rsplit('_', 1)[0]}  frame {frame}  {1000 * badness(score):.0f} mm", 6, 4)
+    return picture
+
+
+def write_sheet(paths: Sequence[Path], runs: Sequence[Path], scores: dict[str, SceneScore], path: Path) -> None:
+    """The worst recordings, worst first."""
+    order = sorted(range(len(paths)), key=lambda i: -badness(scores[paths[i].stem]))[:WORST]
+    pictures = [
+        worst_frame(open_recording(paths[i]), tracks_of(runs[i]), scores[paths[i].stem])
+        for i in order
+        if badness(scores[paths[i].stem]) > 0
+    ]
+    if pictures:
+        save_png(path, contact_sheet(pictures, columns=4))
+
+
+def parse() -> argparse.Namespace:
+    """The command line."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--split", choices=("tune", "report"), default="tune", help="report is not for tuning")
+    parser.add_argument("--groups", default=",".join(GROUPS), help="comma-separated, out of: " + ", ".join(GROUPS))
+    parser.add_argument("--takes", type=int, help="at most so many scenes of each group")
+    parser.add_argument("--frames", type=int, default=LONGEST, help="at most so many frames of each scene")
+    parser.add_argument("--runs", type=Path, help="score the run folders in here instead of tracking")
+    add_database_options(parser)
+    return parser.parse_args()
+
+
+def main() -> None:
+    """Make what is missing, track, score, print, write JSON and the contact sheet."""
+    options = parse()
+    chosen = chosen_scenes(options.split, tuple(options.groups.split(",")), options.takes)
+    print(f"{len(chosen)} scenes of the {options.split} split, from {'mocap' if has_mocap() else 'bundled motions'}")
+    paths = [record_scene(scene, options.work, options.frames) for scene in chosen]
+    failed: dict[str, str] = {}
+    if options.runs is None:
+        runs, failed = track_scenes(paths, options)
+    else:
+        runs = [options.runs / path.stem for path in paths]
+    scores = {
+        path.stem: score_scene(open_recording(path), tracks_of(run)) for path, run in zip(paths, runs, strict=True)
+    }
+    groups = {path.stem: scene.group for path, scene in zip(paths, chosen, strict=True)}
+    figures = table(scores, groups)
+    print_table(figures)
+    for name, reason in failed.items():
+        print(f"{name} was not tracked: {reason}")
+    whole = len(chosen) == len(scenes(options.split)) and options.frames >= LONGEST and not options.set
+    stem = f"scenes_{options.split}{'' if whole else '_part'}"
+    recordings = {name: scene_figures([score]) for name, score in scores.items()}
+    content = {"lines": figures, "recordings": recordings, "failed": failed}
+    described = {"mocap": has_mocap(), "set": options.set, "frames": options.frames, "groups": options.groups}
+    print("written:", save_figures(stem, content, described))
+    write_sheet(paths, runs, scores, RESULTS / f"{stem}.png")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,207 @@
+"""Scores of scenes: which joints are seen, who is who, what a confidence is worth."""
+
+from __future__ import annotations
+
+from itertools import permutations
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from toolkit.body import skeleton
+from toolkit.errors import RecordingError
+from toolkit.evaluation.calibration import calibration_error
+from toolkit.evaluation.identities import assigned, match_people
+from toolkit.evaluation.joints import SEEN_REACH, seen_joints
+from toolkit.evaluation.scenes import scene_figures, score_scene
+from toolkit.sensing.camera import Camera
+from toolkit.track import EMPTY, TRACKED, Track
+
+CAMERA = Camera(100.0, 100.0, 40.0, 30.0, 81, 61)
+PERSON = np.stack([np.linspace(-0.2, 0.2, 20), np.linspace(-0.4, 0.4, 20), np.full(20, 2.1)], axis=1)
+"""Twenty joints 10 cm behind a wall at 2 m, 40 cm wide and 80 cm high."""
+
+
+def recording_of(truth: np.ndarray, wall: float = 2.0) -> Any:
+    """A wall before the people of `truth` (N, T, 20, 3), at 10 frames a second."""
+    frames = truth.shape[1]
+    return SimpleNamespace(
+        name="scene",
+        path="scene.npz",
+        camera=CAMERA,
+        joints=truth.astype(np.float32),
+        timestamps=np.arange(frames) / 10.0,
+        frames=lambda: iter(np.full((frames, *CAMERA.shape), round(1000 * wall), dtype=np.uint16)),
+    )
+
+
+def track_of(joints: np.ndarray, state: np.ndarray | int = TRACKED, confidence: float = 0.8) -> Track:
+    frames = len(joints)
+    return Track(
+        joints=np.nan_to_num(joints).astype(np.float32),
+        pose=np.zeros((frames, skeleton.POSE_SIZE)),
+        confidence=np.full((frames, 20), confidence, dtype=np.float32),
+        state=np.broadcast_to(np.asarray(state, dtype=np.uint8), frames).copy(),
+        source=np.zeros(frames, dtype=np.uint8),
+        timestamps=np.arange(frames) / 10.0,
+        stage_ms=np.ones((frames, 1), dtype=np.float32),
+        source_names=("local",),
+        stage_names=("all",),
+    )
+
+
+def moved(x: float, frames: int = 4) -> np.ndarray:
+    """The person standing `x` metres to the right for some frames: (T, 20, 3)."""
+    return np.tile(PERSON + [x, 0.0, 0.0], (frames, 1, 1))
+
+
+def test_a_joint_is_seen_where_the_first_surface_on_its_ray_is_near_it() -> None:
+    depth = np.full(CAMERA.shape, 2.0, dtype=np.float32)
+    depth[:, :20] = 1.0  # something nearer
+    depth[30, 60] = 0.0  # a hole among measurements
+    depth[40:, 50:] = 0.0  # nothing is measured
+    at = np.array(
+        [
+            [40, 30, 2.1],
+            [40, 30, 2.3],
+            [40, 30, 1.85],
+            [10, 30, 2.1],
+            [60, 30, 2.1],
+            [70, 55, 2.1],
+            [81, 30, 2.0],
+            [40, 30, -1],
+        ]
+    )
+    joints = np.stack([(at[:, 0] - 40) / 100 * at[:, 2], (at[:, 1] - 30) / 100 * at[:, 2], at[:, 2]], axis=1)
+    expected = [True, False, True, False, True, False, False, False]
+    assert seen_joints(joints, depth, CAMERA).tolist() == expected
+    joints[0] = np.nan
+    assert seen_joints(joints[None], depth, CAMERA).tolist() == [[False, *expected[1:]]]
+
+
+@settings(deadline=None)
+@given(st.floats(-0.19, 0.19), st.floats(-0.14, 0.14), st.floats(1.7, 2.3))
+def test_seen_is_measured_along_the_ray(x: float, y: float, z: float) -> None:
+    joint = np.array([x * z, y * z, z])
+    surface = joint * 2.0 / z
+    seen = seen_joints(joint[None], np.full(CAMERA.shape, 2.0, dtype=np.float32), CAMERA)[0]
+    assert bool(seen) == bool(np.linalg.norm(surface - joint) <= SEEN_REACH)
+
+
+@settings(deadline=None)
+@given(st.integers(0, 4), st.integers(0, 4), st.integers(0, 1000))
+def test_the_assignment_is_the_cheapest_of_all_that_use_as_many_allowed_pairs_as_can_be(
+    n: int, m: int, seed: int
+) -> None:
+    rng = np.random.default_rng(seed)
+    costs = np.where(rng.random((n, m)) < 0.3, np.inf, rng.random((n, m)))
+    found = assigned(costs)
+    best = (0, 0.0)
+    for order in permutations([*range(m), *[-1] * n], n):
+        pairs = [(i, j) for i, j in enumerate(order) if j >= 0]
+        values = [costs[i, j] for i, j in pairs]
+        if np.isfinite(values).all():
+            best = min(best, (-len(pairs), float(sum(values))))
+    chosen = [(i, j) for i, j in enumerate(found) if j >= 0]
+    assert (-len(chosen), pytest.approx(best[1])) == (best[0], sum(costs[i, j] for i, j in chosen))
+
+
+def test_a_match_lasts_while_it_is_within_the_gate_even_if_another_track_is_nearer() -> None:
+    distances = np.array([[[0.1, 0.4]], [[0.4, 0.1]], [[0.6, 0.1]]])
+    found = match_people(distances, np.ones((3, 1), bool), np.ones((3, 2), bool))
+    assert found.track_of[:, 0].tolist() == [0, 0, 1]
+    assert (found.switches, found.misses, found.false) == (1, 0, 3)
+
+
+def test_who_is_lost_and_found_again_by_the_same_track_has_not_switched() -> None:
+    distances = np.array([[[0.1]], [[0.9]], [[0.1]]])
+    found = match_people(distances, np.ones((3, 1), bool), np.ones((3, 1), bool))
+    assert found.track_of[:, 0].tolist() == [0, -1, 0]
+    assert (found.switches, found.misses, found.false) == (0, 1, 1)
+
+
+def test_tracks_that_change_places_are_two_switches() -> None:
+    near, far = 0.1, 0.9
+    distances = np.array([[[near, far], [far, near]], [[far, near], [near, far]]])
+    found = match_people(distances, np.ones((2, 2), bool), np.ones((2, 2), bool))
+    assert (found.switches, found.misses, found.false) == (2, 0, 0)
+
+
+def test_whoever_need_not_be_followed_is_not_missed_and_a_track_on_them_is_not_false() -> None:
+    distances = np.array([[[0.1]], [[np.nan]]])
+    found = match_people(distances, np.zeros((2, 1), bool), np.array([[True], [False]]))
+    assert (found.misses, found.false) == (0, 0)
+
+
+def test_an_empty_scene_has_nothing_but_false_tracks() -> None:
+    found = match_people(np.empty((3, 0, 1)), np.empty((3, 0), bool), np.array([[True], [True], [False]]))
+    assert (found.switches, found.misses, found.false) == (0, 0, 2)
+
+
+def test_a_calibrated_confidence_has_no_calibration_error_and_boasting_has() -> None:
+    confidence = np.repeat([0.25, 0.75], 4)
+    assert calibration_error(confidence, np.array([1, 0, 0, 0, 1, 1, 1, 0], bool)) == pytest.approx(0.0)
+    assert calibration_error(np.full(10, 0.8), np.zeros(10, bool)) == pytest.approx(0.8)
+    assert np.isnan(calibration_error(np.empty(0), np.empty(0, bool)))
+
+
+def test_people_and_tracks_are_matched_in_any_order_and_who_is_not_found_is_a_metre_off() -> None:
+    truth = np.stack([moved(-0.3), moved(0.3)])
+    recording = recording_of(truth)
+    right = scene_figures([score_scene(recording, [track_of(truth[1]), track_of(truth[0])])])
+    assert right["error_mm"] == pytest.approx(0.0, abs=1e-3) and right["a100"] == 1.0
+    assert right["found_soon"] == right["numbers_right"] == 1.0
+    one = scene_figures([score_scene(recording, [track_of(truth[1])])])
+    assert one["error_mm"] == pytest.approx(500.0, abs=1e-3) and one["a100"] == 0.5
+    assert (one["misses"], one["false"], one["switches"]) == (4, 0, 0)
+    assert one["found_soon"] == 0.5 and one["numbers_right"] == 0.0
+
+
+def test_joints_that_are_not_seen_do_not_enter_the_error_but_the_calibration() -> None:
+    truth = moved(0.0)[None].copy()
+    truth[0, :, 15:, 2] += 0.5  # behind the wall
+    guess = truth[0].copy()
+    guess[:, 15:] += [0.0, 0.0, 0.3]
+    figures = scene_figures([score_scene(recording_of(truth), [track_of(guess, confidence=0.8)])])
+    assert figures["error_mm"] == pytest.approx(0.0, abs=1e-3)
+    assert figures["unobserved"] == figures["unobserved_sure"] == 4 * 5
+    assert figures["unobserved_sure_a100"] == 0.0
+    assert figures["unobserved_mm"] == pytest.approx(300.0, abs=1e-2)
+    assert figures["ece"] == pytest.approx(abs(0.8 - 15 / 20), abs=1e-6)
+
+
+def test_a_person_comes_when_they_are_seen_and_is_found_when_a_track_says_so() -> None:
+    truth = moved(0.0, frames=12)[None].copy()
+    truth[0, :2] = np.nan
+    late = np.where(np.arange(12) < 8, EMPTY, TRACKED)
+    score = score_scene(recording_of(truth), [track_of(truth[0], late)])
+    assert score.delays[0] == pytest.approx(0.6)
+    assert score.numbers_right.tolist() == [True] * 2 + [False] * 6 + [True] * 4
+    never = score_scene(recording_of(truth), [])
+    assert np.isinf(never.delays[0]) and scene_figures([never])["found_soon"] == 0.0
+    assert scene_figures([never])["error_mm"] == pytest.approx(1000.0)
+
+
+def test_a_track_of_nobody_is_counted_in_an_empty_room() -> None:
+    empty = recording_of(np.empty((0, 4, 20, 3)))
+    figures = scene_figures([score_scene(empty, []), score_scene(empty, [track_of(moved(0.0))])])
+    assert (figures["recordings"], figures["recordings_tracked"], figures["false"]) == (2, 1, 4)
+    assert figures["tracked"] == figures["numbers_right"] == 0.5
+    assert figures["error_mm"] is figures["ece"] is None
+
+
+def test_a_track_that_was_interrupted_reports_nobody_from_then_on() -> None:
+    truth = moved(0.0)[None]
+    score = score_scene(recording_of(truth), [track_of(truth[0, :3])])
+    assert score.tracked.tolist() == [True, True, True, False]
+    assert score.identities.misses == 1
+
+
+def test_a_recording_without_truth_is_not_scored() -> None:
+    recording = recording_of(moved(0.0)[None])
+    recording.joints = None
+    with pytest.raises(RecordingError, match="no true joints"):
+        score_scene(recording, [])
