@@ -21,13 +21,15 @@ from toolkit.simulation.furniture import Box
 from toolkit.simulation.person import Person, grown_to
 from toolkit.simulation.simulate import Shot, simulate_scene
 from toolkit.testing import suite
-from toolkit.testing.suite import LONGEST, RATE, cut, digest_of, in_place, motion_of, spun
+from toolkit.testing.suite import RATE, cut, digest_of, in_place, motion_of, spun
 
 GROUPS = ("waist", "seated", "behind", "several", "children", "clothes", "empty")
 VIEWS = ("cut", "background", "room")
 """Already cut out, in a room with its empty scene, in a room without it."""
 BARRIER = Box((-0.5, 0.0, 0.5), (0.1, 1.05, 0.7))
 """What hides one side of somebody up to the waist."""
+LONGEST = 90
+"""Frames of a scene."""
 EMPTY_ROOMS, EMPTY_SECONDS = 10, 1.5
 """Recordings without people in each split, and their length."""
 
