@@ -3,6 +3,7 @@ from __future__ import annotations
 import csv
 import io
 import json
+import shutil
 from pathlib import Path
 
 import numpy as np
@@ -18,6 +19,7 @@ from toolkit.evaluation import agreement, evaluate, joints, plots, surface
 from toolkit.evaluation.bootstrap import paired_bootstrap
 from toolkit.evaluation.extrema import TIPS, all_found, limbs_of_points
 from toolkit.files import sha256_of
+from toolkit.runs import PersonSummary, save_people
 from toolkit.sensing.camera import Camera, level_rotation
 from toolkit.sensing.recording import save_recording
 from toolkit.track import LOST, TRACKED, FrameResult, RunInfo, TrackWriter
@@ -284,3 +286,49 @@ def test_plots_are_written_and_refused_without_anything_to_plot(tmp_path: Path) 
     for draw in (plots.plot_accuracy, plots.plot_errors):
         with pytest.raises(UsageError, match="--reference"):
             draw(blind, tmp_path / "plot.png")
+
+
+def write_people(folder: Path, found: list[np.ndarray], truth: np.ndarray) -> Path:
+    """A run of several people on a recording whose truth is `truth` (N, T, 20, 3)."""
+    people = []
+    run = folder / "crowd"
+    for i, joints_found in enumerate(found):
+        single = write_run(folder, joints_found, joints=truth)
+        run.mkdir(exist_ok=True)
+        single.rename(run / f"person_{i + 1:02d}")
+        people.append(PersonSummary(i + 1, f"person_{i + 1:02d}", 0, FRAMES - 1, 1.7, 1.0, 0.0, 0.0))
+    for person in people[:-1]:  # the recording was written anew for each
+        shutil.copy(run / people[-1].folder / "run.json", run / person.folder)
+    save_people(run, people)
+    return run
+
+
+def test_people_of_a_run_are_matched_with_the_truth_whatever_their_order(tmp_path: Path) -> None:
+    left, right = standing() - np.float32([0.8, 0, 0]), standing() + np.float32([0.8, 0, 0])
+    run = write_people(tmp_path, [right + np.float32(0.01), left], np.stack([left, right]))
+    table = evaluate.evaluate_runs([run])
+    assert [row.recording for row in table] == ["take/person_01", "take/person_02"]
+    np.testing.assert_allclose(table.figures("error_mm"), [10 * np.sqrt(3), 0.0], atol=1e-2)
+    assert evaluate.find_runs([run.parent]) == [run] and evaluate.find_runs([run]) == [run]
+
+
+def test_whoever_is_in_the_truth_and_was_not_found_is_a_metre_off(tmp_path: Path) -> None:
+    truth = np.stack([standing(), standing() + np.float32([0.8, 0, 0])])
+    truth[1, :2] = np.nan
+    table = evaluate.evaluate_runs([write_people(tmp_path, [standing()], truth)])
+    assert [row.recording for row in table] == ["take/person_01", "take/not found"]
+    np.testing.assert_allclose(table.figures("error_mm"), [0.0, 1000.0], atol=1e-2)
+    assert table.rows[1].a100 == 0.0 and table.rows[1].lost == 1.0
+
+
+def test_a_track_of_nobody_in_the_truth_has_no_error(tmp_path: Path) -> None:
+    table = evaluate.evaluate_runs(
+        [write_people(tmp_path, [standing() + np.float32(0.3), standing()], standing()[None])]
+    )
+    assert table.rows[0].error_mm is None and table.rows[1].error_mm == pytest.approx(0.0, abs=1e-2)
+
+
+def test_one_track_on_a_recording_of_several_is_compared_with_whom_it_follows(tmp_path: Path) -> None:
+    right = standing() + np.float32([0.8, 0, 0])
+    table = evaluate.evaluate_runs([write_run(tmp_path, right, joints=np.stack([standing(), right]))], surface=False)
+    assert len(table) == 1 and table.rows[0].error_mm == pytest.approx(0.0, abs=1e-2)

@@ -255,7 +255,14 @@ def test_people_json_names_nothing_outside_its_run(runs: Path, tmp_path: Path, f
         person_runs(tmp_path)
 
 
-@pytest.mark.parametrize("text", ["", "[]", "{}", '{"people": [{"id": 1}]}', '{"people": []}', "\x00"])
+def test_a_run_in_which_nobody_was_found_cannot_be_exported(tmp_path: Path) -> None:
+    save_people(tmp_path, [])
+    assert person_runs(tmp_path) == ()
+    with pytest.raises(UsageError, match="nobody was found"):
+        load_persons(tmp_path)
+
+
+@pytest.mark.parametrize("text", ["", "[]", "{}", '{"people": [{"id": 1}]}', "\x00"])
 def test_a_damaged_people_json_is_an_error_of_the_track(tmp_path: Path, text: str) -> None:
     (tmp_path / "people.json").write_text(text)
     with pytest.raises(TrackError, match="people.json"):

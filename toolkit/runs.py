@@ -64,13 +64,13 @@ def load_people(run: str | Path) -> tuple[PersonSummary, ...]:
         folders = [str(person.folder) for person in people]
     except (OSError, ValueError, KeyError, TypeError) as error:
         raise TrackError(f"cannot read {path}: {error}; track the recording again") from error
-    if not people or any(Path(folder).name != folder or folder in ("", ".", "..") for folder in folders):
-        raise TrackError(f"{path} names the folders {folders}; they must be plain names within the run, at least one")
+    if any(Path(folder).name != folder or folder in ("", ".", "..") for folder in folders):
+        raise TrackError(f"{path} names the folders {folders}; they must be plain names within the run")
     return people
 
 
 def person_runs(run: str | Path) -> tuple[Path, ...]:
-    """The ordinary run folders of a run: one per person where it has a `people.json`, else itself.
+    """The ordinary run folders of a run: one per person (none of nobody) where it has a `people.json`, else itself.
 
     Raises
     ------

@@ -14,14 +14,16 @@ from toolkit.errors import TrackError
 from toolkit.evaluation import joints as metrics
 from toolkit.evaluation.agreement import UTD_SUBJECT, agreement, agreement_with_offsets, subject_of
 from toolkit.evaluation.extrema import TIPS, all_free, extrema_found
+from toolkit.evaluation.identities import assigned
 from toolkit.evaluation.reference import Reference, find_reference
 from toolkit.evaluation.scores import EvaluationTable, RunScores
 from toolkit.evaluation.surface import depth_residual, silhouette_overlap
 from toolkit.landmarks.settings import LandmarkSettings
+from toolkit.runs import PEOPLE_FILE, person_runs
 from toolkit.sensing.cleaning import Cleaner, SensingSettings
 from toolkit.sensing.cloud import Cloud
 from toolkit.sensing.recording import Recording
-from toolkit.track import PARTIAL_FILE, STATE_NAMES, TRACK_FILE, TRACKED, RunInfo, Track
+from toolkit.track import EMPTY, PARTIAL_FILE, STATE_NAMES, TRACK_FILE, TRACKED, RunInfo, Track
 
 Progress = Callable[[str, int, int], None]
 """Called with a run's name, the number of runs done and of all runs."""
@@ -46,9 +48,12 @@ def evaluate_runs(
 ) -> EvaluationTable:
     """Compare tracks with the truth or with another system's skeleton, and fitted bodies with the depth they explain.
 
+    The people of a run of several (`people.json`) are matched with those of the truth at the least total error; each is
+    a row, and whoever was not found is one of 1 m. What needs every depth frame is left out for them.
+
     Parameters
     ----------
-    runs : run folders, or folders that hold some
+    runs : run folders of one person or of several, or folders that hold some
     references : files, or folders matched by the recording's stem; by default each run's own recording
     surface : also compute what needs every depth frame: hidden joints, extrema, silhouette overlap, depth residual
     subject_pattern : regular expression whose first group is the subject in a recording's name
@@ -62,18 +67,18 @@ def evaluate_runs(
     """
     folders = find_runs(runs)
     paths = [Path(reference) for reference in references or []]
-    evaluated = []
+    evaluated: list[_Evaluated] = []
     for i, folder in enumerate(folders):
         if progress is not None:
             progress(folder.name, i, len(folders))
-        evaluated.append(_evaluate(folder, paths, surface))
+        evaluated.extend(_evaluate(folder, paths, surface))
     if progress is not None:
         progress("", len(folders), len(folders))
     return _with_offsets(evaluated, subject_pattern)
 
 
 def find_runs(paths: Sequence[str | Path]) -> list[Path]:
-    """Run folders among `paths` and directly inside them, each folder's in the order of their names.
+    """Runs among `paths` and directly inside them, each folder's in the order of their names.
 
     Raises
     ------
@@ -82,20 +87,73 @@ def find_runs(paths: Sequence[str | Path]) -> list[Path]:
     """
     found: list[Path] = []
     for path in map(Path, paths):
-        inside = sorted(p.parent for p in path.glob(f"*/{TRACK_FILE}")) if path.is_dir() else []
-        if (path / TRACK_FILE).exists() or (path / PARTIAL_FILE).exists() or not inside:
-            found.append(path)
-        else:
-            found.extend(inside)
+        inside = sorted({p.parent for name in (TRACK_FILE, PEOPLE_FILE) for p in path.glob(f"*/{name}")})
+        own = any((path / name).exists() for name in (TRACK_FILE, PARTIAL_FILE, PEOPLE_FILE))
+        found.extend([path] if own or not inside else inside)
     return found
 
 
-def _evaluate(run: Path, references: list[Path], surface: bool) -> _Evaluated:
-    info, track = RunInfo.load(run), Track.load(run)
-    recording = info.open_recording()
-    if len(track) > len(recording):
-        raise TrackError(f"{run} has {len(track)} rows, its recording {len(recording)} frames; track it again")
-    reference = find_reference(recording, references, len(track))
+def _evaluate(run: Path, references: list[Path], surface: bool) -> list[_Evaluated]:
+    """Every person of a run, and of a run of several whoever is in the truth and was not found."""
+    folders = person_runs(run)
+    tracks = [Track.load(folder) for folder in folders]
+    if not tracks:
+        return []
+    recording = RunInfo.load(folders[0]).open_recording()
+    rows = max(map(len, tracks))
+    if rows > len(recording):
+        raise TrackError(f"{run} has {rows} rows, its recording {len(recording)} frames; track it again")
+    alone = folders == (run,)
+    reference = find_reference(recording, references, rows)
+    own, missing = _matched(reference, tracks)
+    evaluated = [
+        _evaluate_person(folder, track, recording, person, surface and alone)
+        for folder, track, person in zip(folders, tracks, own, strict=True)
+    ]
+    named = [
+        replace(item, scores=replace(item.scores, recording=f"{recording.name}/{folder.name}"))
+        for item, folder in zip(evaluated, folders, strict=True)
+    ]
+    return evaluated if alone else [*named, *(_not_found(recording, run, person) for person in missing)]
+
+
+def _matched(reference: Reference | None, tracks: Sequence[Track]) -> tuple[list[Reference | None], list[Reference]]:
+    """The person whom each track follows, None for nobody, at the least total error; and the people without a track."""
+    if reference is None:
+        return [None] * len(tracks), []
+    costs = np.array([[_mean_error(track, person) for track in tracks] for person in reference.people])
+    track_of = assigned(costs.reshape(len(reference.people), len(tracks)))
+    own: list[Reference | None] = [None] * len(tracks)
+    for person, track in enumerate(track_of):
+        if track >= 0:
+            own[track] = Reference(reference.people[person, : len(tracks[track])], reference.is_truth)
+    missing = [reference.of(int(person)) for person in np.flatnonzero(track_of < 0)]
+    return own, missing
+
+
+def _mean_error(track: Track, person: np.ndarray) -> float:
+    """Mean error of a track as that of a person (T, 20, 3), metres; 1 m in frames for which it reports nobody."""
+    errors = metrics.joint_errors(track.joints, person[: len(track)])
+    errors[track.state == EMPTY] = metrics.CAP
+    known = np.isfinite(person).all(axis=2)
+    total = np.where(known[: len(track)], errors, 0.0).sum() + metrics.CAP * known[len(track) :].sum()
+    return float(total / max(known.sum(), 1))
+
+
+def _not_found(recording: Recording, run: Path, person: Reference) -> _Evaluated:
+    """The row of somebody who is in the truth and in no track: 1 m in every frame."""
+    nowhere = np.full(person.joints.shape, np.inf)
+    errors = metrics.joint_errors(nowhere, person.joints)
+    scores = RunScores(f"{recording.name}/not found", str(run), 0, len(recording))
+    if person.is_truth and np.isfinite(errors).any():
+        scores = replace(scores, **_error_figures(errors))
+    return _Evaluated(scores, nowhere, None)
+
+
+def _evaluate_person(
+    run: Path, track: Track, recording: Recording, reference: Reference | None, surface: bool
+) -> _Evaluated:
+    info = RunInfo.load(run)
     scores = RunScores(
         recording=recording.name,
         run=str(run),
@@ -140,9 +198,15 @@ def _distances(track: Track, reference: Reference) -> dict[str, Any]:
     }
     if not reference.is_truth:
         return figures | {"agreement": agreement(track.joints, reference.joints)}
+    return figures | _error_figures(errors)
+
+
+def _error_figures(errors: np.ndarray) -> dict[str, Any]:
+    """Figures of the errors (T, 20), metres, against a truth."""
     per_joint = metrics.accuracy_per_joint(errors)
+    per_frame = metrics.frame_errors(errors)
     known = per_frame[np.isfinite(per_frame)]
-    return figures | {
+    return {
         "error_mm": 1000 * float(np.nanmean(errors)),
         "median_mm": 1000 * float(np.nanmedian(errors)),
         "a100": float(metrics.accuracy(errors)),

@@ -13,10 +13,20 @@ from toolkit.sensing.recording import Recording, open_recording
 
 @dataclass(frozen=True, eq=False)
 class Reference:
-    """Joints (T, 20, 3), metres, camera frame, NaN = unknown; `is_truth` is False for another system's estimate."""
+    """Joints (T, 20, 3), metres, camera frame, NaN = unknown, or (N, T, 20, 3) of N people; `is_truth` is False for
+    another system's estimate."""
 
     joints: np.ndarray
     is_truth: bool
+
+    @property
+    def people(self) -> np.ndarray:
+        """Joints of everybody, (N, T, 20, 3)."""
+        return self.joints if self.joints.ndim == 4 else self.joints[None]
+
+    def of(self, person: int) -> Reference:
+        """The reference of one of the people, by number."""
+        return Reference(self.people[person], self.is_truth)
 
 
 def find_reference(recording: Recording, paths: list[Path], frames: int) -> Reference | None:
@@ -39,12 +49,12 @@ def find_reference(recording: Recording, paths: list[Path], frames: int) -> Refe
                 f"{named} holds no joints for {recording.name}; name a file, or a folder matched by stem"
             )
         return None
-    if len(reference.joints) != len(recording):
+    length = reference.joints.shape[-3]
+    if length != len(recording):
         raise RecordingError(
-            f"the reference of {recording.name} has {len(reference.joints)} frames, the recording {len(recording)}; "
-            "name the right one"
+            f"the reference of {recording.name} has {length} frames, the recording {len(recording)}; name the right one"
         )
-    return Reference(reference.joints[:frames], reference.is_truth)
+    return Reference(reference.joints[..., :frames, :, :], reference.is_truth)
 
 
 def _joints_of(recording: Recording) -> Reference | None:

@@ -67,7 +67,7 @@ def load_persons(run: str | Path) -> tuple[Person, ...]:
     TrackError
         A folder holds no finished track, or `people.json` is damaged.
     UsageError
-        A track has no frames.
+        A track has no frames, or nobody was found.
     """
     people = []
     for folder in person_runs(run):
@@ -75,4 +75,6 @@ def load_persons(run: str | Path) -> tuple[Person, ...]:
         if not len(track):
             raise UsageError(f"{folder} has no frames; there is nothing to export")
         people.append(Person(folder.resolve().name, track, info.body(), info.R_level_camera))
+    if not people:
+        raise UsageError(f"nobody was found in {run}; there is nothing to export")
     return tuple(people)
