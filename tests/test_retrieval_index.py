@@ -124,6 +124,17 @@ def test_adding_documents_gives_the_index_of_all(documents: list[FeatureMatrix],
     assert same(KeyframeIndex.open(path), KeyframeIndex.build(documents))
 
 
+def test_removing_documents_gives_the_index_of_the_others(documents: list[FeatureMatrix]) -> None:
+    names = [documents[1].name, documents[0].name]
+    assert same(KeyframeIndex.build(documents).without(names), KeyframeIndex.build(documents[2:]))
+    middle = KeyframeIndex.build(documents).without([documents[2].name])
+    assert same(middle, KeyframeIndex.build([*documents[:2], documents[3]]))
+    with pytest.raises(RetrievalError, match="no document 'nobody'"):
+        KeyframeIndex.build(documents).without(["nobody"])
+    with pytest.raises(RetrievalError, match="nothing would be left"):
+        KeyframeIndex.build(documents).without([document.name for document in documents])
+
+
 def test_an_index_that_cannot_be_built_is_refused(documents: list[FeatureMatrix]) -> None:
     with pytest.raises(RetrievalError, match="no document"):
         KeyframeIndex.build([])
@@ -148,7 +159,7 @@ def test_an_index_of_other_features_or_another_version_is_refused(
     monkeypatch.setattr(index_module, "INDEX_VERSION", 0)
     index.save(path)
     monkeypatch.undo()
-    with pytest.raises(RetrievalError, match="version 0, not 2"):
+    with pytest.raises(RetrievalError, match="version 0, not 3"):
         KeyframeIndex.open(path)
 
 
@@ -169,11 +180,14 @@ def test_a_file_that_is_no_whole_index_is_refused(documents: list[FeatureMatrix]
         KeyframeIndex.open(path)
 
 
-def test_every_changed_byte_of_an_index_is_noticed(documents: list[FeatureMatrix], tmp_path: Path) -> None:
+def test_every_changed_byte_of_an_index_before_the_grades_is_noticed(
+    documents: list[FeatureMatrix], tmp_path: Path
+) -> None:
     path = tmp_path / "motions.index"
     KeyframeIndex.build(documents).save(path)
     whole = path.read_bytes()
-    for place in np.random.default_rng(0).integers(0, len(whole), 60):
+    leading = len(whole) - sum(getattr(KeyframeIndex.build(documents), name).size for name in index_module.GRADED)
+    for place in np.random.default_rng(0).integers(0, leading - 128, 60):
         path.write_bytes(whole[:place] + bytes([whole[place] ^ 1]) + whole[place + 1 :])
         with pytest.raises(RetrievalError):
             KeyframeIndex.open(path)
@@ -197,7 +211,26 @@ def test_lists_that_lead_out_of_the_index_are_refused(
 ) -> None:
     index = KeyframeIndex.build(documents)
     lists = replace(index.sets["upper"], **{name: change(getattr(index.sets["upper"], name))})
-    KeyframeIndex(index.names, index.document_starts, index.sets | {"upper": lists}).save(tmp_path / "motions.index")
+    replace(index, sets=index.sets | {"upper": lists}).save(tmp_path / "motions.index")
+    with pytest.raises(RetrievalError, match="build it again"):
+        KeyframeIndex.open(tmp_path / "motions.index")
+
+
+@pytest.mark.parametrize(
+    ("name", "change"),
+    [
+        ("grades", lambda a: a[:-1]),
+        ("grades", lambda a: a.astype(np.int16)),
+        ("coarse", lambda a: a[:, :39].copy()),
+        ("coarse_starts", lambda a: a + 1),
+        ("coarse_starts", lambda a: a[:-1]),
+    ],
+)
+def test_grades_that_do_not_fit_the_documents_are_refused(
+    documents: list[FeatureMatrix], tmp_path: Path, name: str, change: Callable[[np.ndarray], np.ndarray]
+) -> None:
+    index = KeyframeIndex.build(documents)
+    replace(index, **{name: change(getattr(index, name))}).save(tmp_path / "motions.index")
     with pytest.raises(RetrievalError, match="build it again"):
         KeyframeIndex.open(tmp_path / "motions.index")
 

@@ -21,7 +21,7 @@ from toolkit.retrieval.keyframes.query_file import choose_labels, load_queries, 
 from toolkit.retrieval.templates.quantised import WILDCARD, QuantisedTemplate
 from toolkit.retrieval.workflow.index import index_motions
 from toolkit.retrieval.workflow.motions import labels_of, load_motion
-from toolkit.retrieval.workflow.search import Query, query_by_example, save_matches, search
+from toolkit.retrieval.workflow.search import Query, by_example, cut_example, keyframes_of_example, save_matches, search
 
 KICK = KeyframeQuery(
     (Keyframe("upper", (("F1", 1),)), Keyframe("lower", (("F21", 1),)), Keyframe("mixed", (("F40", 0),))),
@@ -146,7 +146,7 @@ def test_a_label_stands_for_all_its_alternatives() -> None:
 def test_results_are_written_as_csv_or_json(tmp_path: Path) -> None:
     query = KeyframeQuery((Keyframe("upper", (("F1", 1),)),), label="up")
     report = search(KeyframeIndex.build(documents()), Query(query))
-    assert report.refined_milliseconds == 0.0 and len(report.matches) == len(report.ranges) > 3
+    assert report.refined_milliseconds == 0.0 and len(report.matches) > 3 and report.share < 1.0
     save_matches(tmp_path / "hits.csv", [report])
     save_matches(tmp_path / "hits.json", [report])
     rows = list(csv.DictReader((tmp_path / "hits.csv").read_text().splitlines()))
@@ -221,21 +221,26 @@ def test_an_index_grows_by_the_clips_that_are_added(squats: list[Path], tmp_path
 @pytest.mark.shared_data
 def test_an_example_from_a_clip_ranks_its_own_class_first(squats: list[Path], tmp_path: Path) -> None:
     index = index_motions(squats, tmp_path / "motions.index")
-    duration = load_motion(squats[0]).duration
-    report = search(index, query_by_example(squats[0], 0.1, duration - 0.1))
-    assert report.matches[0].document == squats[0].stem
-    assert all("squat" in match.document for match in report.matches)
-    assert {match.document for match in report.matches} == {file.stem for file in squats[:4]}
+    example = cut_example(squats[0], 0.1, load_motion(squats[0]).duration - 0.1)
+    own = {file.stem for file in squats[:4]}
+    best = by_example(index, example, limit=4).matches
+    assert best[0].document == squats[0].stem and best[0].cost == pytest.approx(0.0, abs=1e-6)
+    assert {match.document for match in best} == own
+    filtered = search(index, keyframes_of_example(example), 0.3).matches
+    assert filtered[0].document == squats[0].stem and {match.document for match in filtered} == own
 
 
 @pytest.mark.shared_data
 def test_an_example_outside_of_its_clip_is_refused(squats: list[Path]) -> None:
     with pytest.raises(UsageError, match="0.5 to 900 s is no stretch of 'HDM_bd_squat1Reps_001_120'"):
-        query_by_example(squats[0], 0.5, 900.0)
+        cut_example(squats[0], 0.5, 900.0)
     with pytest.raises(UsageError, match="1 to 0.5 s"):
-        query_by_example(squats[0], 1.0, 0.5)
+        cut_example(squats[0], 1.0, 0.5)
+    short = cut_example(squats[0], 0.5, 0.6)
     with pytest.raises(RetrievalError, match="0.10 s is too short"):
-        query_by_example(squats[0], 0.5, 0.6)
+        keyframes_of_example(short)
+    with pytest.raises(RetrievalError, match="lasts 0.10 s; give between 0.53 and 100 s"):
+        by_example(KeyframeIndex.build([short]), short)
 
 
 @pytest.mark.shared_data

@@ -46,10 +46,14 @@ def search(
     end: Annotated[
         float | None, typer.Option("--to", help="End of the example, seconds.", show_default="its end")
     ] = None,
+    keyframes: Annotated[
+        bool,
+        typer.Option("--keyframes", help="Look only where keyframes of the example match; this misses more."),
+    ] = False,
     threshold: Annotated[
-        float, typer.Option(help="Largest cost of a result by example: mean share of features that differ.")
+        float, typer.Option(help="Largest cost of a result by example, 0 (equal) to 1 (opposite).")
     ] = 0.3,
-    limit: Annotated[int, typer.Option(help="Results shown per query.")] = 20,
+    limit: Annotated[int, typer.Option(help="Results per query: shown, and by example also written.", min=1)] = 20,
     output: Annotated[Path | None, typer.Option("--output", "-o", help="Write all results (.csv or .json).")] = None,
 ) -> None:
     """Find motions in an index: by learned or written keyframes, or by an example."""
@@ -57,7 +61,8 @@ def search(
     from toolkit.files import check_output
     from toolkit.retrieval.index.keyframe_index import KeyframeIndex
     from toolkit.retrieval.keyframes.query_file import choose_labels, load_queries
-    from toolkit.retrieval.workflow.search import Query, query_by_example, save_matches
+    from toolkit.retrieval.workflow.search import Query, cut_example, keyframes_of_example, save_matches
+    from toolkit.retrieval.workflow.search import by_example as search_by_example
     from toolkit.retrieval.workflow.search import search as search_index
 
     if (queries is None) == (by_example is None):
@@ -65,11 +70,13 @@ def search(
     if output is not None:
         check_output(output, [path for path in (index, queries, by_example) if path is not None])
     opened = KeyframeIndex.open(index)
-    if by_example is not None:
-        wanted = [query_by_example(by_example, start, end)]
+    if by_example is None:
+        wanted = choose_labels(load_queries(queries or Path()), label)
+        reports = [search_index(opened, Query(query), threshold) for query in wanted]
+    elif keyframes:
+        reports = [search_index(opened, keyframes_of_example(cut_example(by_example, start, end)), threshold)]
     else:
-        wanted = [Query(query) for query in choose_labels(load_queries(queries or Path()), label)]
-    reports = [search_index(opened, query, threshold) for query in wanted]
+        reports = [search_by_example(opened, cut_example(by_example, start, end), limit, threshold)]
     if output is not None:
         save_matches(output, reports)
     for report in reports:
@@ -81,10 +88,9 @@ def _show(report: SearchReport, limit: int) -> None:
 
     from toolkit.cli.terminal import print_table
 
-    title = (
-        f"{report.label or 'query'}: {len(report.matches)} results; keyframe search {report.milliseconds:.2f} ms, "
-        f"{100 * report.share:.1f} % of the data left"
-    )
+    title = f"{report.label or 'query'}: {len(report.matches)} results"
+    if report.milliseconds:
+        title += f"; keyframe search {report.milliseconds:.2f} ms, {100 * report.share:.1f} % of the data left"
     table = Table("motion", "from", "to", "cost", title=title, title_justify="left")
     for match in report.matches[:limit]:
         table.add_row(match.document, f"{match.start:.2f} s", f"{match.end:.2f} s", f"{match.cost:.3f}")

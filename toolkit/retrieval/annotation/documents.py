@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -12,10 +13,24 @@ from toolkit.retrieval.annotation.measures import Segment
 from toolkit.retrieval.features.geometry import BodyLengths
 from toolkit.retrieval.features.motion import NAMED_JOINTS, Motion
 
-JOIN_SPEED = 1.5
-"""Metres per second of the joint that moves farthest in a join."""
-JOIN_SECONDS = (0.25, 1.5)
-"""Shortest and longest join."""
+
+class Joins(NamedTuple):
+    """How parts are joined.
+
+    Attributes
+    ----------
+    speed : metres per second of the joint that moves farthest
+    shortest, longest : seconds
+    """
+
+    speed: float
+    shortest: float
+    longest: float
+
+
+JOINS = Joins(1.5, 0.25, 1.5)
+HARD_JOINS = Joins(6.0, 0.02, 0.1)
+"""Joins that nobody could perform: what is left of the parts' ends is all there is to see of them."""
 
 _LEFT_HIP, _RIGHT_HIP, _ROOT = (NAMED_JOINTS.index(name) for name in ("left_hip", "right_hip", "root"))
 
@@ -36,17 +51,18 @@ class Document:
     joins: tuple[tuple[float, float], ...]
 
 
-def assemble(name: str, parts: Sequence[tuple[Motion, str | None]]) -> Document:
+def assemble(name: str, parts: Sequence[tuple[Motion, str | None]], joining: Joins = JOINS) -> Document:
     """Put motions one after the other as one actor would perform them.
 
     Each part is turned about y and shifted along the ground so that it begins where the last one ended, scaled to the
     body length of the first part and set on its floor. Between two parts the joints move along an eased straight line,
-    for as long as the farthest one needs at `JOIN_SPEED`.
+    for as long as the farthest one needs at the speed of `joining`.
 
     Parameters
     ----------
     name : the document
     parts : motions (metres, world y up) of one frame rate, with their label or None for filler; joins bear no label
+    joining : speed and length of the joins
 
     Raises
     ------
@@ -65,7 +81,7 @@ def assemble(name: str, parts: Sequence[tuple[Motion, str | None]]) -> Document:
     for motion, label in parts:
         piece = _placed(motion, size, pieces[-1] if pieces else None)
         if pieces:
-            pieces.append(_join(pieces[-1], piece, rate))
+            pieces.append(_join(pieces[-1], piece, rate, joining))
             joins.append((frames / rate, (frames + len(pieces[-1][0])) / rate))
             frames += len(pieces[-1][0])
         if label is not None:
@@ -119,11 +135,11 @@ def _yaw(pose: np.ndarray) -> float:
 
 
 def _join(
-    before: tuple[np.ndarray, np.ndarray], after: tuple[np.ndarray, np.ndarray], rate: float
+    before: tuple[np.ndarray, np.ndarray], after: tuple[np.ndarray, np.ndarray], rate: float, joining: Joins
 ) -> tuple[np.ndarray, np.ndarray]:
     """Frames strictly between the last one of a part and the first one of the next."""
     farthest = float(np.linalg.norm(after[0][0] - before[0][-1], axis=-1).max())
-    count = int(round(np.clip(farthest / JOIN_SPEED, *JOIN_SECONDS) * rate))
+    count = int(round(np.clip(farthest / joining.speed, joining.shortest, joining.longest) * rate))
     place = np.arange(1, count + 1) / (count + 1.0)
     ease = place * place * (3.0 - 2.0 * place)
     joints = before[0][-1] + ease[:, None, None] * (after[0][0] - before[0][-1])

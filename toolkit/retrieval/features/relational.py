@@ -17,6 +17,7 @@ import numpy as np
 
 from toolkit.errors import RetrievalError
 from toolkit.retrieval.features.geometry import BodyLengths, Geometry
+from toolkit.retrieval.features.grades import FULL, SCALES, grade
 from toolkit.retrieval.features.motion import NAMED_JOINTS, Motion
 
 FEATURE_RATE = 30.0
@@ -32,11 +33,13 @@ class FeatureMatrix:
     name : name of the motion
     values : bool (40, T), row i is feature F(i+1)
     frame_rate : columns per second
+    measured : int8 (40, T), grades of the features (`grades.grade`), None where only the booleans are known
     """
 
     name: str
     values: np.ndarray
     frame_rate: float = FEATURE_RATE
+    measured: np.ndarray | None = None
 
     def __post_init__(self) -> None:
         if self.values.ndim != 2 or self.values.shape[0] != len(FEATURES) or self.values.dtype != bool:
@@ -58,17 +61,24 @@ class FeatureMatrix:
         """The columns as bit words, uint64 (T,): what templates and the index are compared with, packed once."""
         return pack(self.values)
 
+    @cached_property
+    def grades(self) -> np.ndarray:
+        """Grades of the features, int8 (40, T); of those not measured the farthest from the threshold."""
+        return np.where(self.values, FULL, -FULL).astype(np.int8) if self.measured is None else self.measured
+
     def rows(self, feature_set: str) -> np.ndarray:
         """Bool (n, T): the features of one set of `FEATURE_SETS`."""
         return self.values[FEATURE_SETS[feature_set]]
 
     def sliced(self, start: int, stop: int) -> FeatureMatrix:
         """Columns start to stop - 1."""
-        return replace(self, values=self.values[:, start:stop])
+        measured = None if self.measured is None else self.measured[:, start:stop]
+        return replace(self, values=self.values[:, start:stop], measured=measured)
 
     def mirrored(self) -> FeatureMatrix:
         """The matrix with right and left features exchanged."""
-        return replace(self, values=self.values[MIRROR])
+        measured = None if self.measured is None else self.measured[MIRROR]
+        return replace(self, values=self.values[MIRROR], measured=measured)
 
 
 def pack(values: np.ndarray) -> np.ndarray:
@@ -104,10 +114,18 @@ class Feature:
     unit: str
     quantity: Quantity
 
-    def evaluate(self, geometry: Geometry, lengths: BodyLengths) -> tuple[np.ndarray, np.ndarray]:
-        """The loose and the strict test, bool (T,) each."""
+    def evaluate(self, geometry: Geometry, lengths: BodyLengths) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """The loose and the strict test, bool (T,) each, and how far beyond the middle of their thresholds the quantity
+        lies, float64 (T,) in units."""
         values, unit = self.quantity(geometry), lengths.unit(self.unit)
-        return _TESTS[self.test](values, self.loose * unit), _TESTS[self.test](values, self.strict * unit)
+        test = _TESTS[self.test]
+        return test(values, self.loose * unit), test(values, self.strict * unit), self._margin(values / unit)
+
+    def _margin(self, values: np.ndarray) -> np.ndarray:
+        middle = 0.5 * (self.loose + self.strict)
+        if self.test == "within":
+            return middle - np.abs(values - 90.0)
+        return middle - values if self.test.startswith("<") else values - middle
 
 
 _TESTS: dict[str, Callable[[np.ndarray, float], np.ndarray]] = {
@@ -237,23 +255,36 @@ def relational_features(motion: Motion, lengths: BodyLengths | None = None) -> F
     Returns
     -------
     FeatureMatrix
-        bool (40, T30): the columns nearest to multiples of 1/30 s, every 4th one of a 120 Hz motion.
+        bool (40, T30) and their grades: the columns nearest to multiples of 1/30 s, every 4th one of a 120 Hz motion.
     """
-    native = native_features(motion, lengths)
+    native, margins = _evaluated(motion, lengths)
     count = max(1, int(np.ceil(len(motion) * FEATURE_RATE / motion.frame_rate - 1e-9)))
     columns = np.rint(np.arange(count) * motion.frame_rate / FEATURE_RATE).astype(np.int64)
-    return FeatureMatrix(motion.name, native[:, np.minimum(columns, len(motion) - 1)])
+    columns = np.minimum(columns, len(motion) - 1)
+    return FeatureMatrix(motion.name, native[:, columns], measured=grade(margins[:, columns]))
 
 
 def native_features(motion: Motion, lengths: BodyLengths | None = None) -> np.ndarray:
     """All 40 features at the motion's own rate: bool (40, T)."""
+    return _evaluated(motion, lengths)[0]
+
+
+def margins_of(motion: Motion) -> np.ndarray:
+    """How far each feature lies beyond the middle of its two thresholds, at the motion's own rate: float32 (40, T), in
+    the feature's unit."""
+    return _evaluated(motion, None)[1]
+
+
+def _evaluated(motion: Motion, lengths: BodyLengths | None) -> tuple[np.ndarray, np.ndarray]:
+    """Features, bool (40, T), and how far beyond their thresholds they are, float32 (40, T), at the motion's rate."""
     geometry = Geometry(motion)
     lengths = BodyLengths.of(motion) if lengths is None else lengths
     loose = np.empty((len(FEATURES), len(motion)), dtype=bool)
     strict = np.empty_like(loose)
+    margins = np.empty(loose.shape, dtype=np.float32)
     for row, feature in enumerate(FEATURES):
-        loose[row], strict[row] = feature.evaluate(geometry, lengths)
-    return hysteresis(loose, strict)
+        loose[row], strict[row], margins[row] = feature.evaluate(geometry, lengths)
+    return hysteresis(loose, strict), margins
 
 
 def hysteresis(loose: np.ndarray, strict: np.ndarray) -> np.ndarray:
@@ -271,4 +302,4 @@ def hysteresis(loose: np.ndarray, strict: np.ndarray) -> np.ndarray:
 def feature_fingerprint() -> str:
     """Sixteen hexadecimal digits that name the feature definitions; stored with everything computed from features."""
     table = [(f.number, f.meaning, f.test, f.loose, f.strict, f.unit) for f in FEATURES]
-    return hashlib.sha256(repr((table, FEATURE_RATE, NAMED_JOINTS)).encode()).hexdigest()[:16]
+    return hashlib.sha256(repr((table, FEATURE_RATE, NAMED_JOINTS, SCALES.tolist())).encode()).hexdigest()[:16]

@@ -1,8 +1,9 @@
 """Inverted file index over runs of equal feature vectors (thesis, Section 3.3), in memory or mapped from one file.
 
-The file is a header in JSON, then one array after the other, each on a 64-byte boundary, then the SHA-256 of all that.
-Opening it compares the checksum and maps the arrays. The runs hold every frame, so the index also gives back the
-features of any piece of a document.
+The file is a header in JSON, then one array after the other, each on a 64-byte boundary: first those that lead from one
+to another, then the SHA-256 of all that, then the grades, of which any value will do. Opening it compares the checksum
+and maps the arrays; the grades, nine tenths of the file, are not read. The runs hold every frame, so the index also
+gives back the features of any piece of a document.
 """
 
 from __future__ import annotations
@@ -19,6 +20,7 @@ import numpy as np
 from toolkit.archives import Column, check_columns
 from toolkit.errors import RetrievalError
 from toolkit.files import atomic_path, is_file, parse_json
+from toolkit.retrieval.features.grades import BLOCK, coarse
 from toolkit.retrieval.features.relational import (
     FEATURE_RATE,
     FEATURE_SETS,
@@ -29,26 +31,36 @@ from toolkit.retrieval.features.relational import (
 from toolkit.retrieval.index.runs import REBUILD, RunLists
 from toolkit.retrieval.keyframes.query import Keyframe
 
-INDEX_VERSION: int = 2
+INDEX_VERSION: int = 3
 
 _MAGIC = b"depthmocap index\n"
 _ALIGNMENT = 64
+_DIGEST = 64
+"""Bytes of the checksum with what fills it up to the boundary."""
+GRADED = ("grades", "coarse")
+"""Arrays that the checksum leaves out, the last ones of the file."""
 
 
 @dataclass(frozen=True, eq=False)
 class KeyframeIndex:
-    """Documents and their inverted lists, one `RunLists` per feature set.
+    """Documents, their inverted lists, one `RunLists` per feature set, and their graded features.
 
     Attributes
     ----------
     names : name of each document
     document_starts : int64 (D + 1,), first frame of each document at 30 Hz; the last entry is the number of all frames
     sets : feature set name -> runs and lists
+    grades : int8 (N, 40), graded features of all frames
+    coarse : int8 (M, 40), means of `grades.BLOCK` frames each, in which a search by example begins
+    coarse_starts : int64 (D + 1,), first coarse column of each document; the last entry is M
     """
 
     names: tuple[str, ...]
     document_starts: np.ndarray
     sets: dict[str, RunLists]
+    grades: np.ndarray
+    coarse: np.ndarray
+    coarse_starts: np.ndarray
 
     @classmethod
     def build(cls, documents: Iterable[FeatureMatrix]) -> KeyframeIndex:
@@ -72,7 +84,10 @@ class KeyframeIndex:
         for name, rows in FEATURE_SETS.items():
             vectors = words >> np.uint64(rows[0]) & np.uint64((1 << len(rows)) - 1)
             sets[name] = RunLists.of(vectors.astype(np.uint16), starts)
-        return cls(names, starts, sets)
+        grades = np.concatenate([np.ascontiguousarray(document.grades.T) for document in documents])
+        blocks = [np.ascontiguousarray(coarse(document.grades).T) for document in documents]
+        coarse_starts = np.cumsum([0, *map(len, blocks)])
+        return cls(names, starts, sets, grades, np.concatenate(blocks), coarse_starts)
 
     def added(self, documents: Iterable[FeatureMatrix]) -> KeyframeIndex:
         """A new index with further documents behind the present ones.
@@ -84,8 +99,38 @@ class KeyframeIndex:
         """
         new = KeyframeIndex.build(documents)
         names = _distinct([*self.names, *new.names])
-        starts = np.concatenate([self.document_starts[:-1], new.document_starts + self.document_starts[-1]])
-        return KeyframeIndex(names, starts, {name: lists.joined(new.sets[name]) for name, lists in self.sets.items()})
+        return KeyframeIndex(
+            names,
+            _continued(self.document_starts, new.document_starts),
+            {name: lists.joined(new.sets[name]) for name, lists in self.sets.items()},
+            np.concatenate([self.grades, new.grades]),
+            np.concatenate([self.coarse, new.coarse]),
+            _continued(self.coarse_starts, new.coarse_starts),
+        )
+
+    def without(self, names: Iterable[str]) -> KeyframeIndex:
+        """A new index without some documents.
+
+        Raises
+        ------
+        RetrievalError
+            A name is not in the index, or nothing would be left.
+        """
+        leaving = set(names)
+        unknown = sorted(leaving - set(self.names))
+        if unknown:
+            raise RetrievalError(f"there is no document {unknown[0]!r} in the index; see `depthmocap info INDEX`")
+        kept = [number for number, name in enumerate(self.names) if name not in leaving]
+        if not kept:
+            raise RetrievalError("nothing would be left in the index; delete the file instead")
+        return KeyframeIndex(
+            tuple(self.names[number] for number in kept),
+            _restarted(self.document_starts, kept),
+            {name: lists.chosen(kept) for name, lists in self.sets.items()},
+            _chosen(self.grades, self.document_starts, kept),
+            _chosen(self.coarse, self.coarse_starts, kept),
+            _restarted(self.coarse_starts, kept),
+        )
 
     def __len__(self) -> int:
         return len(self.names)
@@ -107,7 +152,8 @@ class KeyframeIndex:
         for name, rows in FEATURE_SETS.items():
             vectors = self.sets[name].frames(offset + start, offset + stop)
             values[rows] = vectors >> np.arange(len(rows), dtype=np.uint16)[:, None] & 1
-        return FeatureMatrix(self.names[document], values)
+        measured = np.ascontiguousarray(self.grades[offset + start : offset + stop].T)
+        return FeatureMatrix(self.names[document], values, measured=measured)
 
     def keyframe_list(self, keyframe: Keyframe) -> tuple[np.ndarray, np.ndarray, int]:
         """Inverted keyframe list, Eq. 3.5: first and last frames of its segments, and the number of runs listed."""
@@ -118,20 +164,28 @@ class KeyframeIndex:
         arrays = self._arrays()
         table, offset = [], 0
         for name, array in arrays.items():
+            if name == GRADED[0]:
+                offset += _DIGEST
             table.append({"name": name, "dtype": array.dtype.str, "shape": list(array.shape), "offset": offset})
             offset += _padded(array.nbytes)
         header = {
-            "version": INDEX_VERSION, "features": feature_fingerprint(), "names": list(self.names), "arrays": table
+            "version": INDEX_VERSION, "features": feature_fingerprint(), "names": list(self.names), "arrays": table,
+            "bytes": offset,
         }  # fmt: skip
         text = json.dumps(header).encode()
-        blocks = [_MAGIC + len(text).to_bytes(8, "little") + text, *(array.tobytes() for array in arrays.values())]
         digest = hashlib.sha256()
         with atomic_path(path) as temporary, temporary.open("wb") as stream:
-            for block in blocks:
+
+            def write(block: bytes) -> None:
                 whole = block + bytes(_padded(len(block)) - len(block))
                 digest.update(whole)
                 stream.write(whole)
-            stream.write(digest.digest())
+
+            write(_MAGIC + len(text).to_bytes(8, "little") + text)
+            for name, array in arrays.items():
+                if name == GRADED[0]:
+                    write(digest.digest())
+                write(array.tobytes())
 
     @classmethod
     def open(cls, path: str | Path) -> KeyframeIndex:
@@ -154,14 +208,17 @@ class KeyframeIndex:
                 f"{path} was made with other feature definitions ({header['features']}, here {feature_fingerprint()}); "
                 "build it again"
             )
-        _check_sum(path)
         try:
+            _check_sum(path, start, header)
             arrays = {entry["name"]: _mapped(path, start, entry) for entry in header["arrays"]}
             sets = {
                 name: RunLists(**{field.name: arrays[f"{name}.{field.name}"] for field in fields(RunLists)})
                 for name in FEATURE_SETS
             }
-            index = cls(_distinct([str(name) for name in header["names"]]), arrays["document_starts"], sets)
+            names = _distinct([str(name) for name in header["names"]])
+            index = cls(
+                names, arrays["document_starts"], sets, arrays["grades"], arrays["coarse"], arrays["coarse_starts"]
+            )
         except (KeyError, TypeError, ValueError, OverflowError, OSError) as error:
             raise RetrievalError(f"the header of the index {path} is damaged ({error!r}); build it again") from error
         index.check(str(path))
@@ -173,14 +230,21 @@ class KeyframeIndex:
         check_columns({"document_starts": starts}, {"document_starts": frames}, RetrievalError, where, REBUILD)
         if not len(self) or starts[0] != 0 or (np.diff(starts) <= 0).any():
             raise RetrievalError(f"the documents of {where} are empty or out of order; {REBUILD}")
+        blocks = -(-np.diff(starts) // BLOCK)
+        for name, rows in zip(GRADED, (self.frames, int(blocks.sum())), strict=True):
+            array = getattr(self, name)
+            if array.dtype != np.int8 or array.shape != (rows, len(FEATURES)):
+                raise RetrievalError(f"{name} of {where} are {array.dtype} of shape {array.shape}; {REBUILD}")
+        if not np.array_equal(self.coarse_starts, np.cumsum([0, *blocks])):
+            raise RetrievalError(f"the coarse columns of {where} do not fit its documents; {REBUILD}")
         for name, lists in self.sets.items():
             lists.check(starts, len(FEATURE_SETS[name]), f"{where}, set {name}")
 
     def _arrays(self) -> dict[str, np.ndarray]:
-        arrays = {"document_starts": self.document_starts}
+        arrays = {"document_starts": self.document_starts, "coarse_starts": self.coarse_starts}
         for name, lists in self.sets.items():
             arrays |= {f"{name}.{field.name}": getattr(lists, field.name) for field in fields(RunLists)}
-        return arrays
+        return arrays | {name: getattr(self, name) for name in GRADED}
 
 
 def _distinct(names: Sequence[str]) -> tuple[str, ...]:
@@ -190,6 +254,21 @@ def _distinct(names: Sequence[str]) -> tuple[str, ...]:
             raise RetrievalError(f"two documents have the name {name!r}; give each its own")
         seen.add(name)
     return tuple(names)
+
+
+def _continued(starts: np.ndarray, further: np.ndarray) -> np.ndarray:
+    """Starts of documents followed by those of others."""
+    return np.concatenate([starts[:-1], further + starts[-1]])
+
+
+def _restarted(starts: np.ndarray, kept: Sequence[int]) -> np.ndarray:
+    """Starts of some of the documents, without what lay between them."""
+    return np.cumsum([0, *np.diff(starts)[kept]])
+
+
+def _chosen(rows: np.ndarray, starts: np.ndarray, kept: Sequence[int]) -> np.ndarray:
+    """The rows of some of the documents."""
+    return np.concatenate([rows[starts[number] : starts[number + 1]] for number in kept])
 
 
 def _padded(size: int) -> int:
@@ -210,21 +289,25 @@ def _read_header(path: Path) -> tuple[dict[str, Any], int]:
     except (OSError, UnicodeDecodeError) as error:
         raise RetrievalError(f"cannot read the index {path} ({error}); {REBUILD}") from error
     header = parse_json(text, f"the header of the index {path}", RetrievalError, REBUILD)
-    if not isinstance(header, dict) or not {"version", "features", "names", "arrays"} <= header.keys():
+    if not isinstance(header, dict) or not {"version", "features", "names", "arrays", "bytes"} <= header.keys():
         raise RetrievalError(f"the header of the index {path} is damaged; {REBUILD}")
     return header, start
 
 
-def _check_sum(path: Path) -> None:
-    """Raise RetrievalError unless the file ends with the SHA-256 of all before."""
+def _check_sum(path: Path, start: int, header: dict[str, Any]) -> None:
+    """Raise RetrievalError unless the file is whole and holds the SHA-256 of all before its graded arrays."""
+    size = path.stat().st_size
+    graded = next(int(entry["offset"]) for entry in header["arrays"] if entry["name"] == GRADED[0])
+    left = start + graded - _DIGEST
     digest = hashlib.sha256()
-    with path.open("rb") as stream:
-        left = path.stat().st_size - digest.digest_size
-        while left > 0 and (block := stream.read(min(left, 1 << 20))):
-            digest.update(block)
-            left -= len(block)
-        if left or stream.read() != digest.digest():
-            raise RetrievalError(f"{path} is cut short or damaged: its checksum does not fit its content; {REBUILD}")
+    if size == start + int(header["bytes"]):
+        with path.open("rb") as stream:
+            while left > 0 and (block := stream.read(min(left, 1 << 20))):
+                digest.update(block)
+                left -= len(block)
+            if not left and stream.read(_DIGEST) == digest.digest() + bytes(_DIGEST - digest.digest_size):
+                return
+    raise RetrievalError(f"{path} is cut short or damaged: its checksum does not fit its content; {REBUILD}")
 
 
 def _mapped(path: Path, start: int, entry: dict[str, Any]) -> np.ndarray:

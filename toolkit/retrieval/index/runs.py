@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -76,6 +77,19 @@ class RunLists:
         starts = np.concatenate([self.run_starts[:-1], other.run_starts + self.run_starts[-1]])
         runs = np.concatenate([self.document_runs[:-1], other.document_runs + self.document_runs[-1]])
         return RunLists.from_runs(starts, np.concatenate([self.run_vectors, other.run_vectors]), runs)
+
+    def chosen(self, documents: Sequence[int]) -> RunLists:
+        """Some of the documents, in the order given."""
+        starts, vectors, counts, frames = [], [], [0], 0
+        for document in documents:
+            first, stop = int(self.document_runs[document]), int(self.document_runs[document + 1])
+            begin, end = int(self.run_starts[first]), int(self.run_starts[stop])
+            starts.append(self.run_starts[first:stop] - begin + frames)
+            vectors.append(self.run_vectors[first:stop])
+            counts.append(stop - first)
+            frames += end - begin
+        run_starts = np.concatenate([*starts, [frames]]).astype(np.int32)
+        return RunLists.from_runs(run_starts, np.concatenate(vectors), np.cumsum(counts).astype(np.int32))
 
     def inverted_list(self, vector: int) -> np.ndarray:
         """The inverted list of a feature vector: (document, number of the run in it) per entry, int64 (L, 2), in

@@ -19,7 +19,8 @@ from toolkit.retrieval.features.relational import FEATURE_RATE, FEATURES, Featur
 from toolkit.retrieval.index.keyframe_index import KeyframeIndex
 from toolkit.retrieval.keyframes.automatic import ChoiceSettings, choose_query, steady_entries, template_of
 from toolkit.retrieval.keyframes.query import KeyframeQuery, keyframes_of_column
-from toolkit.retrieval.search.find import HitRanges, find, pieces
+from toolkit.retrieval.search.example import Example, search_example
+from toolkit.retrieval.search.find import find, pieces
 from toolkit.retrieval.search.rank import Match, rank
 from toolkit.retrieval.templates.quantised import WILDCARD, QuantisedTemplate
 from toolkit.retrieval.workflow.motions import load_motion
@@ -40,17 +41,13 @@ class Query:
     template: QuantisedTemplate | None = None
 
 
-def query_by_example(
-    clip: str | Path, start: float, end: float | None, choice: ChoiceSettings = EXAMPLE_CHOICE
-) -> Query:
-    """A query from a stretch of a clip, `start` to `end` in seconds; None is the clip's end.
+def cut_example(clip: str | Path, start: float = 0.0, end: float | None = None) -> FeatureMatrix:
+    """Features of a stretch of a clip, `start` to `end` in seconds; None is the clip's end.
 
     Raises
     ------
     UsageError
         The stretch lies outside the clip.
-    RetrievalError
-        The stretch is too short, or nothing in it is characteristic.
     """
     features = relational_features(load_motion(clip))
     end = features.duration if end is None else end
@@ -59,11 +56,24 @@ def query_by_example(
             f"{start:g} to {end:g} s is no stretch of {features.name!r}, which lasts {features.duration:.2f} s; "
             "give a start and a later end inside it"
         )
-    if end - start < SHORTEST_EXAMPLE:
+    return features.sliced(round(start * FEATURE_RATE), round(end * FEATURE_RATE))
+
+
+def keyframes_of_example(example: FeatureMatrix, choice: ChoiceSettings = EXAMPLE_CHOICE) -> Query:
+    """A keyframe query chosen from an example, and its booleans as the template of the refined search.
+
+    This is the thesis's search by example. It looks at a few percent of the data, and it misses motions that do not
+    pass exactly through the example's keyframes; `by_example` does not.
+
+    Raises
+    ------
+    RetrievalError
+        The example is too short, or nothing in it is characteristic.
+    """
+    if example.duration < SHORTEST_EXAMPLE:
         raise RetrievalError(
-            f"the example of {end - start:.2f} s is too short for keyframes; give at least {SHORTEST_EXAMPLE} s"
+            f"the example of {example.duration:.2f} s is too short for keyframes; give at least {SHORTEST_EXAMPLE} s"
         )
-    example = features.sliced(round(start * FEATURE_RATE), round(end * FEATURE_RATE))
     template = template_of(example)
     refined = QuantisedTemplate(template.name, steady_entries(template.values, EXAMPLE_STEADY), template.weights)
     return Query(choose_query(template, choice, label=example.name), refined)
@@ -76,16 +86,14 @@ class SearchReport:
     Attributes
     ----------
     label : of the query
-    ranges : hit ranges of the keyframe search
     matches : the results: alignments of the refined search, cheapest first, or the hit ranges at cost 0
-    share : part of all frames left after the keyframe search
-    searched : part of all frames left for the refined search, after extension
-    milliseconds : time of the keyframe search
+    share : part of all frames left after the keyframe search, 1 without one
+    searched : part of all frames left for the refined search, after extension, 1 without a keyframe search
+    milliseconds : time of the keyframe search, 0 without one
     refined_milliseconds : time of the refined search, 0 without one
     """
 
     label: str
-    ranges: HitRanges
     matches: tuple[Match, ...]
     share: float
     searched: float
@@ -126,9 +134,25 @@ def search(index: KeyframeIndex, query: Query, threshold: float = np.inf) -> Sea
         matches = rank(index, searched, lambda piece: distance_function(template, piece), threshold)
     end = time.perf_counter()
     return SearchReport(
-        query.keyframes.label, ranges, tuple(matches), ranges.frames / index.frames, searched.frames / index.frames,
+        query.keyframes.label, tuple(matches), ranges.frames / index.frames, searched.frames / index.frames,
         1000 * (middle - begin), 1000 * (end - middle) if template is not None else 0.0,
     )  # fmt: skip
+
+
+def by_example(
+    index: KeyframeIndex, example: FeatureMatrix, limit: int = 20, threshold: float = np.inf
+) -> SearchReport:
+    """The `limit` stretches of the index most like an example (`search.example`); nothing is left out beforehand.
+
+    Raises
+    ------
+    RetrievalError
+        The example is too short or too long, or longer than any document allows.
+    """
+    wanted = Example.of(example)
+    begin = time.perf_counter()
+    matches = search_example(index, wanted, limit, threshold)
+    return SearchReport(example.name, tuple(matches), 1.0, 1.0, 0.0, 1000 * (time.perf_counter() - begin))
 
 
 @lru_cache(maxsize=1)

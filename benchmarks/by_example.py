@@ -1,0 +1,360 @@
+"""Search by example: `depthmocap bench by_example DATA`.
+
+Every clip of a person is an example; what is relevant are the clips of its class, by anybody, in documents that hold
+each of them once. Mean average precision, and right ones among the first 10 against what is possible. A result is right
+if it and a relevant clip share half of the shorter of the two and no better result had that clip; results on the
+example's own clip do not count.
+
+Corpora
+-------
+people : documents of HDM05 actors bd, bk and dg, with excerpts of CMU subjects above 8; examples by dg. The constants
+    of `features/grades.py` come from bd, bk and CMU subjects up to 8, and so did the choice of the weights
+decoys : the same with the mirror images of all clips of one-sided classes, which belong to no class, and joins of at
+    most 0.1 seconds
+UTD-MHAD : 27 actions by 4 subjects (Kinect skeletons), each clip a document, examples by all; nothing was chosen there
+
+Methods, from plain to shipped: DTW of joint positions (root at the origin, heading and size taken out), DTW of the
+booleans, the thesis's automatic keyframes before that, graded features, these weighted by what the example does with
+them, and the same in two steps, which is `depthmocap search --by-example`. All DTW has the same steps.
+"""
+
+from __future__ import annotations
+
+import argparse
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numba import njit
+from scipy.io import loadmat
+
+from benchmarks._keyframe_corpus import FILLER_SHARE, SYMMETRIC, Example, load_examples, load_filler
+from benchmarks._record import save_figures
+from benchmarks._timing import pin_to_one_processor
+from toolkit.errors import RetrievalError
+from toolkit.kernels.graded import distinct_hits, graded_distances
+from toolkit.retrieval.annotation.annotator import distance_function
+from toolkit.retrieval.annotation.documents import HARD_JOINS, JOINS, Joins, assemble
+from toolkit.retrieval.features.geometry import BodyLengths
+from toolkit.retrieval.features.grades import FULL, SCALES, grade, importance
+from toolkit.retrieval.features.motion import NAMED_JOINTS, Motion, from_joints
+from toolkit.retrieval.features.relational import FEATURE_RATE, FEATURES, MIRROR, FeatureMatrix, relational_features
+from toolkit.retrieval.index.keyframe_index import KeyframeIndex
+from toolkit.retrieval.search import example as shipped
+from toolkit.retrieval.workflow.search import keyframes_of_example, search
+from toolkit.sensing.readers.utd_mhad import joints_from_kinect
+
+LAST_TUNING_SUBJECT = 8
+"""CMU subjects up to this one were looked at while the method was made."""
+REPORTED = "dg"
+PARTS = 20
+"""Parts of a document."""
+FILLER_SECONDS = (2.0, 6.0)
+MOST = 300
+"""Results that are looked at."""
+HOUR = 108_000
+"""Frames."""
+
+Hit = tuple[float, int, int, int]
+"""Cost, number of the document, first frame, frame after the last."""
+Method = Callable[[FeatureMatrix, Motion], list[Hit]]
+
+
+@dataclass(frozen=True, eq=False)
+class Corpus:
+    """Documents with their true segments: (document, first frame, frame after the last, label, clip)."""
+
+    motions: list[Motion]
+    segments: list[tuple[int, int, int, str, str]]
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "features", [relational_features(motion) for motion in self.motions])
+        object.__setattr__(self, "index", KeyframeIndex.build(self.features))
+
+    features: Any = None
+    index: Any = None
+
+
+def corpus_of(
+    examples: Sequence[Example], filler: Sequence[Motion], seed: int, *, decoys: bool, joins: Joins
+) -> Corpus:
+    """Documents that hold every clip once, with filler and perhaps mirror images of one-sided classes between."""
+    rng = np.random.default_rng(seed)
+    parts: list[tuple[Motion, str | None]] = [(e.motion, f"{e.label}/{e.motion.name}") for e in examples]
+    if decoys:
+        parts += [(e.motion.mirrored(), None) for e in examples if e.label not in SYMMETRIC]
+    for _ in range(int(len(parts) * FILLER_SHARE)):
+        motion = filler[int(rng.integers(len(filler)))]
+        length = min(len(motion), int(rng.uniform(*FILLER_SECONDS) * motion.frame_rate))
+        start = int(rng.integers(len(motion) - length + 1))
+        parts.append((motion.sliced(start, start + length), None))
+    order = rng.permutation(len(parts))
+    groups = [[parts[i] for i in order[k : k + PARTS]] for k in range(0, len(order), PARTS)]
+    documents = [assemble(f"document {number}", group, joins) for number, group in enumerate(groups)]
+    segments = [
+        (number, *segment.frames(FEATURE_RATE), *segment.label.split("/", 1))
+        for number, document in enumerate(documents)
+        for segment in document.segments
+    ]
+    return Corpus([document.motion for document in documents], segments)  # type: ignore[arg-type]
+
+
+def judge(hits: Sequence[Hit], corpus: Corpus, label: str, clip: str) -> tuple[float, float]:
+    """Average precision, and right results among the first 10 as a share of what is possible."""
+    relevant = {k for k, segment in enumerate(corpus.segments) if segment[3] == label and segment[4] != clip}
+    found: set[int] = set()
+    precisions: list[float] = []
+    early = seen = 0
+    for _, document, start, stop in sorted(hits):
+        shared = [
+            k
+            for k, (d, a, b, _, _) in enumerate(corpus.segments)
+            if d == document and 2 * (min(stop, b) - max(start, a)) >= min(stop - start, b - a)
+        ]
+        if any(corpus.segments[k][4] == clip for k in shared):
+            continue
+        seen += 1
+        new = [k for k in shared if k in relevant and k not in found]
+        if new:
+            found.add(new[0])
+            precisions.append(len(found) / seen)
+            early += seen <= 10
+    return sum(precisions) / len(relevant), early / min(10, len(relevant))
+
+
+# methods
+
+
+def positions(motion: Motion) -> np.ndarray:
+    """Joints at 30 Hz, float32 (T, 72): root at the origin, hips along x, in body lengths."""
+    count = max(1, int(np.ceil(len(motion) * FEATURE_RATE / motion.frame_rate - 1e-9)))
+    columns = np.minimum(np.rint(np.arange(count) * motion.frame_rate / FEATURE_RATE).astype(int), len(motion) - 1)
+    joints = motion.joints[columns] / BodyLengths.of(motion).body
+    left, right, root = (NAMED_JOINTS.index(name) for name in ("left_hip", "right_hip", "root"))
+    across = joints[:, left] - joints[:, right]
+    yaw = np.arctan2(-across[:, 2], across[:, 0])
+    joints = joints - joints[:, [root]]
+    cosine, sine = np.cos(yaw)[:, None], np.sin(yaw)[:, None]
+    turned = (
+        cosine * joints[..., 0] - sine * joints[..., 2],
+        joints[..., 1],
+        sine * joints[..., 0] + cosine * joints[..., 2],
+    )
+    return np.stack(turned, axis=-1).reshape(count, -1).astype(np.float32)
+
+
+@njit(cache=True)
+def distance_of_positions(template: np.ndarray, document: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Subsequence DTW of positions (N, 72) with a document (L, 72), mean distance of a joint per column."""
+    n, length, joints = template.shape[0], document.shape[0], template.shape[1] // 3
+    costs = np.full((3, length), np.inf)
+    starts = np.full((3, length), -1, np.int64)
+    for i in range(n):
+        row, before, earlier = i % 3, (i - 1) % 3, (i - 2) % 3
+        for j in range(length):
+            cell = 0.0
+            for k in range(joints):
+                dx = template[i, 3 * k] - document[j, 3 * k]
+                dy = template[i, 3 * k + 1] - document[j, 3 * k + 1]
+                dz = template[i, 3 * k + 2] - document[j, 3 * k + 2]
+                cell += np.sqrt(dx * dx + dy * dy + dz * dz)
+            cell /= joints * n
+            best, origin = (cell, j) if i == 0 else (np.inf, -1)
+            if i > 0 and j > 0 and costs[before, j - 1] + cell < best:
+                best, origin = costs[before, j - 1] + cell, starts[before, j - 1]
+            if i > 0 and j > 1 and costs[before, j - 2] + cell < best:
+                best, origin = costs[before, j - 2] + cell, starts[before, j - 2]
+            if i > 1 and j > 0 and costs[earlier, j - 1] + 2 * cell < best:
+                best, origin = costs[earlier, j - 1] + 2 * cell, starts[earlier, j - 1]
+            costs[row, j], starts[row, j] = best, origin
+    return costs[(n - 1) % 3], starts[(n - 1) % 3]
+
+
+def hits_of(results: Sequence[tuple[np.ndarray, np.ndarray]]) -> list[Hit]:
+    """The best hits of a distance function per document."""
+    cost = np.concatenate([costs for costs, _ in results]).astype(np.float32)
+    start = np.concatenate([starts for _, starts in results]).astype(np.int32)
+    edges = np.cumsum([0, *(len(costs) for costs, _ in results)])
+    found = distinct_hits(cost, start, edges, np.inf, MOST)
+    return [(float(cost[edges[d] + last]), int(d), int(first), int(last) + 1) for d, first, last in found]
+
+
+def methods_for(corpus: Corpus) -> dict[str, Method]:
+    """All methods on a corpus, by the names of the table."""
+    placed = [positions(motion) for motion in corpus.motions]
+    numbers = {name: number for number, name in enumerate(corpus.index.names)}
+
+    def of_matches(matches: Sequence[Any]) -> list[Hit]:
+        return [
+            (m.cost, numbers[m.document], round(m.start * FEATURE_RATE), round(m.end * FEATURE_RATE)) for m in matches
+        ]
+
+    def by_positions(_: FeatureMatrix, motion: Motion) -> list[Hit]:
+        template = positions(motion)
+        return hits_of([distance_of_positions(template, document) for document in placed])
+
+    def by_booleans(example: FeatureMatrix, _: Motion) -> list[Hit]:
+        template = keyframes_template(example)
+        return hits_of([distance_function(template, document) for document in corpus.features])
+
+    def by_keyframes(example: FeatureMatrix, _: Motion) -> list[Hit]:
+        try:
+            return of_matches(search(corpus.index, keyframes_of_example(example)).matches)
+        except RetrievalError:  # nothing characteristic in the example: nothing is found
+            return []
+
+    def by_grades(example: FeatureMatrix, weights: np.ndarray) -> list[Hit]:
+        template = np.ascontiguousarray(example.grades.T, dtype=np.float32)
+        scaled = (weights / (2.0 * FULL * len(template))).astype(np.float32)
+        edges = corpus.index.document_starts
+        cost, start = graded_distances(template, scaled, corpus.index.grades, edges)
+        found = distinct_hits(cost, start, edges, np.inf, MOST)
+        return [(float(cost[edges[d] + last]), int(d), int(first), int(last) + 1) for d, first, last in found]
+
+    return {
+        "DTW of positions": by_positions,
+        "DTW of booleans": by_booleans,
+        "automatic keyframes, DTW of booleans": by_keyframes,
+        "DTW of grades": lambda example, _: by_grades(example, np.full(len(FEATURES), 1 / len(FEATURES))),
+        "DTW of weighted grades": lambda example, _: by_grades(example, importance(example.grades)),
+        "the same in two steps (shipped)": lambda example, _: of_matches(
+            shipped.search_example(corpus.index, shipped.Example.of(example), MOST)
+        ),
+    }
+
+
+def keyframes_template(example: FeatureMatrix) -> Any:
+    """An example's booleans as a template without wildcards."""
+    from toolkit.retrieval.keyframes.automatic import template_of
+
+    return template_of(example)
+
+
+def table(corpus: Corpus, queries: Sequence[tuple[Motion, str]]) -> dict[str, Any]:
+    """Mean average precision and precision at 10 of every method, over all examples and per class."""
+    rows: dict[str, Any] = {}
+    examples = [(relational_features(motion), motion, label) for motion, label in queries]
+    for name, method in methods_for(corpus).items():
+        begin = time.process_time()
+        scores = {
+            motion.name: (label, *judge(method(features, motion), corpus, label, motion.name))
+            for features, motion, label in examples
+        }
+        seconds = time.process_time() - begin
+        values = np.array([score[1:] for score in scores.values()])
+        labels = sorted({label for label, _, _ in scores.values()})
+        classes = {name: float(np.mean([p for label, p, _ in scores.values() if label == name])) for name in labels}
+        rows[name] = {
+            "map": float(values[:, 0].mean()), "map_interval": interval(values[:, 0]),
+            "precision_at_10": float(values[:, 1].mean()), "classes": classes, "seconds": seconds,
+        }  # fmt: skip
+        low, high = rows[name]["map_interval"]
+        print(
+            f"  {name:40s} MAP {rows[name]['map']:.3f} ({low:.3f} to {high:.3f}), "
+            f"P@10 {100 * rows[name]['precision_at_10']:.1f} %, worst class {min(classes.values()):.2f} "
+            f"({min(classes, key=classes.__getitem__)})",
+            flush=True,
+        )
+    plain, ours = (rows[name]["classes"] for name in (list(rows)[0], list(rows)[-1]))
+    for label in plain if len(plain) < 20 else ():
+        print(f"    {label:32s} positions {plain[label]:.2f}, shipped {ours[label]:.2f}")
+    return rows
+
+
+def interval(values: np.ndarray, draws: int = 2000) -> tuple[float, float]:
+    """95 % interval of a mean by bootstrap over examples."""
+    rng = np.random.default_rng(0)
+    means = values[rng.integers(len(values), size=(draws, len(values)))].mean(axis=1)
+    return float(np.percentile(means, 2.5)), float(np.percentile(means, 97.5))
+
+
+def timed(corpus: Corpus, queries: Sequence[tuple[Motion, str]]) -> dict[str, float]:
+    """Milliseconds of a search in an hour, the corpus over and over."""
+    documents, frames = [], 0
+    while frames < HOUR:
+        features = corpus.features[len(documents) % len(corpus.features)]
+        documents.append(replace(features, name=f"{features.name} {len(documents)}"))
+        frames += len(features)
+    index = KeyframeIndex.build(documents)
+    examples = [shipped.Example.of(relational_features(motion)) for motion, _ in queries]
+    shipped.search_example(index, examples[0], 20)
+    milliseconds = []
+    for example in examples:
+        begin = time.process_time()
+        shipped.search_example(index, example, 20)
+        milliseconds.append(1000.0 * (time.process_time() - begin))
+    seconds = [example.grades.shape[1] / FEATURE_RATE for example in examples]
+    figures = {
+        "hours": index.duration / 3600.0, "mean_example_seconds": float(np.mean(seconds)),
+        "median_milliseconds": float(np.median(milliseconds)), "worst_milliseconds": float(np.max(milliseconds)),
+    }  # fmt: skip
+    print(", ".join(f"{key} {value:.2f}" for key, value in figures.items()), flush=True)
+    return figures
+
+
+def kinect_corpus(data: Path) -> tuple[Corpus, list[tuple[Motion, str]]]:
+    """Every UTD-MHAD clip as a document and as an example."""
+    motions, segments, queries = [], [], []
+    for file in sorted((data / "depth" / "utd_mhad").glob("*_skeleton.mat")):
+        upright = joints_from_kinect(loadmat(file)["d_skel"]) * -1.0
+        motion = from_joints(upright, FEATURE_RATE, file.stem)
+        action = file.stem.split("_")[0]
+        segments.append((len(motions), 0, len(motion), action, motion.name))
+        motions.append(motion)
+        queries.append((motion, action))
+    return Corpus(motions, segments), queries
+
+
+def print_constants(examples: Sequence[Example], filler: Sequence[Motion]) -> None:
+    """The tables of `features/grades.py`."""
+    from toolkit.retrieval.features.relational import margins_of
+
+    chosen = [e.motion for e in examples if e.actor != REPORTED]
+    chosen += [m for m in filler if int(m.name.split("_")[0]) <= LAST_TUNING_SUBJECT]
+    margins = np.concatenate([margins_of(motion) for motion in chosen], axis=1)
+    low, high = np.percentile(margins, [16, 84], axis=1)
+    scales = 0.25 * (high - low + (high - low)[MIRROR])
+    spreads = grade(margins * (SCALES / scales)[:, None]).std(axis=1)
+    print("scales", *(f"{value:.2g}" for value in scales))
+    print("spreads", *(f"{value:.0f}" for value in 0.5 * (spreads + spreads[MIRROR])))
+
+
+def main() -> None:
+    """Parse the command line, measure, print and store the figures."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("data", type=Path, help="the shared data folder")
+    parser.add_argument("--tune", action="store_true", help="examples by bd and bk, with the other filler, instead")
+    parser.add_argument("--constants", action="store_true", help="print the tables of features/grades.py and stop")
+    parser.add_argument("--seed", type=int, default=0)
+    options = parser.parse_args()
+
+    examples, filler = load_examples(options.data), load_filler(options.data)
+    if options.constants:
+        print_constants(examples, filler)
+        return
+    pin_to_one_processor()
+    early = [m for m in filler if int(m.name.split("_")[0]) <= LAST_TUNING_SUBJECT]
+    late = [m for m in filler if int(m.name.split("_")[0]) > LAST_TUNING_SUBJECT]
+    if options.tune:
+        examples, late = [e for e in examples if e.actor != REPORTED], early
+    queries = [(e.motion, e.label) for e in examples if options.tune or e.actor == REPORTED]
+    figures: dict[str, Any] = {}
+    print(f"people: {len(queries)} examples", flush=True)
+    corpus = corpus_of(examples, late, options.seed, decoys=False, joins=JOINS)
+    figures["people"] = table(corpus, queries)
+    print("decoys", flush=True)
+    figures["decoys"] = table(corpus_of(examples, late, options.seed, decoys=True, joins=HARD_JOINS), queries)
+    figures["an hour"] = timed(corpus, queries)
+    if not options.tune:
+        kinect, actions = kinect_corpus(options.data)
+        print(f"UTD-MHAD: {len(actions)} examples", flush=True)
+        figures["utd_mhad"] = table(kinect, actions)
+    settings = {"seed": options.seed, "tune": options.tune}
+    print(save_figures("by_example_tune" if options.tune else "by_example", figures, settings))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,163 @@
+"""Search by example in graded features, compiled: subsequence DTW over whole documents, and the hits in its result."""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+TILE: int = 1024
+"""Document columns that are compared at a time, so that all rows of a tile stay near the processor."""
+
+
+@njit(cache=True)
+def graded_distance(
+    template: np.ndarray, weights: np.ndarray, document: np.ndarray, cost: np.ndarray, start: np.ndarray
+) -> None:
+    """Subsequence DTW of an example with a document (thesis 5.2, Eq. 5.3, on graded features).
+
+    A cell costs the weighted sum of absolute differences. Steps, template by document: (1,1) and (1,2) with weight 1,
+    (2,1) with weight 2 on the cell that it arrives at. No step stays in a row, so a whole row is computed at once, in
+    tiles of the document; an alignment that ends in a tile starts at most 2 (N - 1) columns before it, and the tile is
+    computed from there.
+
+    Parameters
+    ----------
+    template : float32 (N, F), the example's columns, F a multiple of 4
+    weights : float32 (F,)
+    document : int8 (L, F)
+    cost : float32 (L,), filled: cheapest alignment that ends in each column, infinite where none does
+    start : int32 (L,), filled: first column of that alignment
+    """
+    n, features = template.shape
+    length = document.shape[0]
+    halo = 2 * (n - 1)
+    columns = np.empty((features, TILE + halo), np.float32)
+    costs = np.empty((3, TILE + halo), np.float32)
+    starts = np.empty((3, TILE + halo), np.int32)
+    cell = np.empty(TILE + halo, np.float32)
+    for begin in range(0, length, TILE):
+        first, stop = max(0, begin - halo), min(length, begin + TILE)
+        width = stop - first
+        for j in range(width):
+            for f in range(features):
+                columns[f, j] = weights[f] * np.float32(document[first + j, f])
+        for i in range(n):
+            _cells(template[i], weights, columns, width, cell)
+            row, row_starts = costs[i % 3], starts[i % 3]
+            if i == 0:
+                for j in range(width):
+                    row[j] = cell[j]
+                    row_starts[j] = first + j
+                continue
+            _step(row, row_starts, costs[(i - 1) % 3], starts[(i - 1) % 3], cell, width)
+            if i > 1:
+                _skip(row, row_starts, costs[(i - 2) % 3], starts[(i - 2) % 3], cell, width)
+        cost[begin:stop] = costs[(n - 1) % 3, begin - first : width]
+        start[begin:stop] = starts[(n - 1) % 3, begin - first : width]
+
+
+@njit(cache=True)
+def _cells(column: np.ndarray, weights: np.ndarray, columns: np.ndarray, width: int, cell: np.ndarray) -> None:
+    """Cost of one template column (F,) with each of `width` weighted document columns (F, W)."""
+    for j in range(width):
+        cell[j] = 0.0
+    for f in range(0, column.shape[0], 4):
+        a, b = column[f] * weights[f], column[f + 1] * weights[f + 1]
+        c, d = column[f + 2] * weights[f + 2], column[f + 3] * weights[f + 3]
+        row_a, row_b, row_c, row_d = columns[f], columns[f + 1], columns[f + 2], columns[f + 3]
+        for j in range(width):
+            cell[j] += (abs(row_a[j] - a) + abs(row_b[j] - b)) + (abs(row_c[j] - c) + abs(row_d[j] - d))
+
+
+@njit(cache=True)
+def _step(
+    row: np.ndarray, row_starts: np.ndarray, before: np.ndarray, before_starts: np.ndarray, cell: np.ndarray, width: int
+) -> None:
+    """A row of DTW by the steps (1,1) and (1,2)."""
+    row[0], row_starts[0] = np.inf, -1
+    if width > 1:
+        row[1], row_starts[1] = before[0] + cell[1], before_starts[0]
+    for j in range(2, width):
+        near, far = before[j - 1], before[j - 2]
+        row[j] = min(near, far) + cell[j]
+        row_starts[j] = before_starts[j - 2] if far < near else before_starts[j - 1]
+
+
+@njit(cache=True)
+def _skip(
+    row: np.ndarray, row_starts: np.ndarray, before: np.ndarray, before_starts: np.ndarray, cell: np.ndarray, width: int
+) -> None:
+    """Improve a row of DTW by the step (2,1) from the row `before` the last one."""
+    for j in range(1, width):
+        other = before[j - 1] + cell[j] + cell[j]
+        better = other < row[j]
+        row[j] = other if better else row[j]
+        row_starts[j] = before_starts[j - 1] if better else row_starts[j]
+
+
+@njit(cache=True)
+def graded_distances(
+    template: np.ndarray, weights: np.ndarray, columns: np.ndarray, document_starts: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """`graded_distance` of an example with each of many documents.
+
+    Parameters
+    ----------
+    template, weights : as for `graded_distance`
+    columns : int8 (M, F), all documents, one after the other
+    document_starts : int64 (D + 1,), first column of each document, ending with M
+
+    Returns
+    -------
+    cost : float32 (M,)
+    start : int32 (M,), first columns, counted within the document
+    """
+    cost = np.empty(columns.shape[0], np.float32)
+    start = np.empty(columns.shape[0], np.int32)
+    for d in range(document_starts.size - 1):
+        a, b = document_starts[d], document_starts[d + 1]
+        graded_distance(template, weights, columns[a:b], cost[a:b], start[a:b])
+    return cost, start
+
+
+@njit(cache=True)
+def distinct_hits(
+    cost: np.ndarray, start: np.ndarray, document_starts: np.ndarray, threshold: float, most: int
+) -> np.ndarray:
+    """The cheapest hits of a distance function over many documents: document, first and last column, int64 (H, 3).
+
+    Hits end in local minima of the cost; from the cheapest up (the earlier on ties), one of which more than half is
+    covered by hits taken before is the same motion again.
+
+    Parameters
+    ----------
+    cost, start, document_starts : from and for `graded_distances`
+    threshold : hits have to cost less
+    most : largest number of hits
+    """
+    ends = np.empty(cost.shape[0], np.int64)
+    owners = np.empty(cost.shape[0], np.int64)
+    count = 0
+    for d in range(document_starts.size - 1):
+        for j in range(document_starts[d], document_starts[d + 1]):
+            falls = j == document_starts[d] or cost[j] <= cost[j - 1]
+            if falls and cost[j] < threshold and (j + 1 == document_starts[d + 1] or cost[j] < cost[j + 1]):
+                ends[count], owners[count] = j, d
+                count += 1
+    hits = np.empty((min(most, count), 3), np.int64)
+    taken = np.zeros(cost.shape[0], np.bool_)
+    found = 0
+    for k in np.argsort(cost[ends[:count]], kind="mergesort"):
+        if found == hits.shape[0]:
+            break
+        begin = document_starts[owners[k]]
+        first, last = begin + start[ends[k]], ends[k]
+        covered = 0
+        for j in range(first, last + 1):
+            covered += taken[j]
+        if 2 * covered > last + 1 - first:
+            continue
+        taken[first : last + 1] = True
+        hits[found, 0], hits[found, 1], hits[found, 2] = owners[k], first - begin, last - begin
+        found += 1
+    return hits[:found]

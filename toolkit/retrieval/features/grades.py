@@ -1,0 +1,60 @@
+"""Graded features: how far each relational feature is on its way to 1, instead of whether it is there.
+
+Two people who do the same thing cross a feature's threshold at different times, or one of them just does not cross it.
+A boolean then differs all along, a grade only a little. A grade is `127 tanh(m / s)`, m being how far the quantity
+lies beyond the middle of the feature's two thresholds, s the feature's usual range. This goes beyond the thesis.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+FULL = 127
+"""Grade of a feature far beyond its threshold; `-FULL` is far before it."""
+BLOCK = 4
+"""Columns of graded features (30 Hz) whose mean is one coarse column (7.5 Hz)."""
+IDLE_WEIGHT = 0.3
+"""Weight of a feature that an example holds still, against 1 for one that it moves as much as is usual."""
+
+SCALES: np.ndarray = np.array(
+    [
+        1.8, 1.8, 2.5, 2.5, 1.3, 1.3, 32, 32, 0.37, 1.5, 0.99, 0.99, 3.1, 3.1,
+        0.78, 0.78, 0.15, 0.15, 0.32, 34, 34, 0.92, 0.49, 0.49, 1.7, 1.7,
+        35, 35, 43, 43, 0.31, 23, 1.7, 1.7, 0.21, 0.21, 0.25, 0.61, 2.1, 26,
+    ]
+)  # fmt: skip
+"""float64 (40,): range of each feature's quantity, in the feature's unit: half of what lies between its 16th and 84th
+percentile in mocap of everyday motion and sport (HDM05 actors bd and bk, CMU subjects 2 to 8), left and right alike."""
+
+SPREADS: np.ndarray = np.array(
+    [
+        72, 72, 72, 72, 71, 71, 79, 79, 26, 73, 66, 66, 69, 69,
+        77, 77, 34, 34, 18, 81, 81, 23, 52, 46, 85, 85,
+        69, 69, 78, 78, 81, 65, 63, 63, 51, 51, 81, 74, 79, 44,
+    ],
+    dtype=np.float64,
+)  # fmt: skip
+"""float64 (40,): standard deviation of each feature's grades in the same mocap. `depthmocap bench by_example DATA
+--constants` prints both."""
+
+
+def grade(margins: np.ndarray) -> np.ndarray:
+    """Grades int8 (40, T) of margins (40, T), each in its feature's unit, positive on the side of a 1."""
+    return np.rint(FULL * np.tanh(margins / SCALES[:, None])).astype(np.int8)
+
+
+def importance(grades: np.ndarray) -> np.ndarray:
+    """Weight of each feature in a comparison with an example's grades (40, T): float64 (40,), sum 1.
+
+    What the example does with a feature, its standard deviation against the usual one, says what the motion is about: a
+    kick is what the leg does, whatever the arms do meanwhile.
+    """
+    weights = IDLE_WEIGHT + grades.std(axis=1) / SPREADS
+    return weights / weights.sum()
+
+
+def coarse(grades: np.ndarray) -> np.ndarray:
+    """Means of `BLOCK` columns each of grades (40, T), the last block perhaps shorter: int8 (40, ceil(T / BLOCK))."""
+    starts = np.arange(0, grades.shape[1], BLOCK)
+    sums = np.add.reduceat(grades, starts, axis=1, dtype=np.float64)
+    return np.rint(sums / np.diff(np.append(starts, grades.shape[1]))).astype(np.int8)

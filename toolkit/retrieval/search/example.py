@@ -1,0 +1,130 @@
+"""Search by example: the stretches of all documents that are most like a stretch of a clip.
+
+Subsequence DTW of graded features, in two steps: over everything at 7.5 Hz, then around the best hits at 30 Hz. Nothing
+is left out beforehand: automatic keyframes (`keyframes.automatic`), the thesis's road, miss every second motion of
+another person.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from toolkit.errors import RetrievalError
+from toolkit.kernels.graded import distinct_hits, graded_distances
+from toolkit.retrieval.features.grades import BLOCK, FULL, coarse, importance
+from toolkit.retrieval.features.relational import FEATURE_RATE, FeatureMatrix
+from toolkit.retrieval.index.keyframe_index import KeyframeIndex
+from toolkit.retrieval.search.rank import Match
+
+MARGIN = 2 * BLOCK
+"""Frames by which a hit may grow or move on each side when it is looked at more closely."""
+SPARE = 10
+"""Hits looked at beyond those asked for: some turn out to be worse, or the same motion."""
+SHORTEST = 4
+"""Coarse columns of the shortest example, about half a second."""
+LONGEST = 3000
+"""Frames of the longest example, 100 seconds; a minute of work for an hour of documents."""
+
+
+@dataclass(frozen=True, eq=False)
+class Example:
+    """What to search for.
+
+    Attributes
+    ----------
+    name : of the clip
+    grades : int8 (40, N), graded features at 30 Hz
+    weights : float64 (40,), how much each feature counts, sum 1
+    """
+
+    name: str
+    grades: np.ndarray
+    weights: np.ndarray
+
+    @classmethod
+    def of(cls, features: FeatureMatrix) -> Example:
+        """A whole feature matrix as an example, weighted by what it does with each feature.
+
+        Raises
+        ------
+        RetrievalError
+            It is too short or too long.
+        """
+        if not (SHORTEST - 1) * BLOCK < len(features) <= LONGEST:
+            raise RetrievalError(
+                f"the example {features.name!r} lasts {features.duration:.2f} s; give between "
+                f"{SHORTEST * BLOCK / FEATURE_RATE:.2f} and {LONGEST / FEATURE_RATE:.0f} s"
+            )
+        return cls(features.name, features.grades, importance(features.grades))
+
+
+def search_example(index: KeyframeIndex, example: Example, limit: int, threshold: float = np.inf) -> list[Match]:
+    """The `limit` stretches most like the example, cheapest first.
+
+    The cost of a match is the weighted mean difference of grades along the best alignment, from 0 (equal) to 1 (every
+    feature at its other extreme). Documents shorter than half the example hold none.
+
+    Raises
+    ------
+    RetrievalError
+        No document is long enough.
+    """
+    longest = int(np.diff(index.document_starts).max())
+    need = 1 + example.grades.shape[1] // 2
+    if longest < need:
+        raise RetrievalError(
+            f"the longest document of the index has {longest} frames at 30 Hz, but {example.name!r} needs {need}; "
+            "use a shorter example"
+        )
+    rough = _Template.of(coarse(example.grades), example.weights)
+    costs, starts = graded_distances(rough.columns, rough.weights, index.coarse, index.coarse_starts)
+    hits = distinct_hits(costs, starts, index.coarse_starts, np.inf, limit + SPARE)
+    fine = _Template.of(example.grades, example.weights)
+    found = [_refined(index, fine, int(d), int(first), int(last)) for d, first, last in hits]
+    return _distinct(sorted((m for m in found if m.cost < threshold), key=_rank))[:limit]
+
+
+def _rank(match: Match) -> tuple[float, str, float]:
+    return match.cost, match.document, match.start
+
+
+def _distinct(matches: list[Match]) -> list[Match]:
+    """Matches, cheapest first, without those of which a cheaper one covers more than half."""
+    kept: dict[str, list[Match]] = {}
+    for match in matches:
+        others = kept.setdefault(match.document, [])
+        shared = (min(match.end, other.end) - max(match.start, other.start) for other in others)
+        if all(2 * seconds <= match.end - match.start for seconds in shared):
+            others.append(match)
+    return sorted((m for group in kept.values() for m in group), key=_rank)
+
+
+@dataclass(frozen=True, eq=False)
+class _Template:
+    """An example as the kernel takes it; with these weights a path costs the mean over its columns."""
+
+    columns: np.ndarray
+    weights: np.ndarray
+
+    @classmethod
+    def of(cls, grades: np.ndarray, weights: np.ndarray) -> _Template:
+        scaled = weights / (2.0 * FULL * grades.shape[1])
+        return cls(np.ascontiguousarray(grades.T, dtype=np.float32), scaled.astype(np.float32))
+
+
+def _refined(index: KeyframeIndex, template: _Template, document: int, first: int, last: int) -> Match:
+    """The best alignment around a hit of coarse columns `first` to `last` of a document."""
+    offset, end = (int(frame) for frame in index.document_starts[document : document + 2])
+    stop = min(BLOCK * (last + 1) + MARGIN, end - offset)
+    begin = max(min(BLOCK * first - MARGIN, stop - len(template.columns)), 0)
+    piece = np.ascontiguousarray(index.grades[offset + begin : offset + stop])
+    costs, starts = graded_distances(template.columns, template.weights, piece, np.array([0, len(piece)]))
+    best = int(costs.argmin())
+    return Match(
+        index.names[document],
+        (begin + int(starts[best])) / FEATURE_RATE,
+        (begin + best + 1) / FEATURE_RATE,
+        float(costs[best]),
+    )
