@@ -26,6 +26,7 @@ VERBS = (
     "track",
     "evaluate",
     "render",
+    "report",
     "index",
     "search",
     "learn",

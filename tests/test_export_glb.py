@@ -154,7 +154,7 @@ def test_the_khronos_validator_finds_nothing(run: Path, tmp_path: Path) -> None:
     export_run(run, files[1])
     export_run(run, files[2], rig="mixamo")
     people = load_persons(run)
-    export_glb(files[3], people, colors=np.full(people[0].body.vertices.shape, 200.0))
+    export_glb(files[3], people, colors=[np.full(person.body.vertices.shape, 200.0) for person in people])
     answer = subprocess.run(
         ["node", str(NODE / "validate_glb.mjs"), *map(str, files)], capture_output=True, text=True, check=False
     )

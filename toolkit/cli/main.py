@@ -10,7 +10,20 @@ from typing import Annotated
 
 import typer
 
-from toolkit.cli import annotate, bench, database, demo, evaluate, export, inertial, render, retrieval, simulate, track
+from toolkit.cli import (
+    annotate,
+    bench,
+    database,
+    demo,
+    evaluate,
+    export,
+    inertial,
+    render,
+    report,
+    retrieval,
+    simulate,
+    track,
+)
 from toolkit.errors import DepthMocapError, UsageError
 
 app = typer.Typer(
@@ -46,6 +59,7 @@ app.command()(simulate.simulate)
 app.command()(track.track)
 app.command()(evaluate.evaluate)
 app.command()(render.render)
+app.command()(report.report)
 app.command()(retrieval.index)
 app.command()(retrieval.search)
 app.command()(retrieval.learn)

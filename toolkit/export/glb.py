@@ -34,7 +34,9 @@ class _Nodes(NamedTuple):
     joints: list[int]
 
 
-def export_glb(path: str | Path, people: Sequence[Person], *, rig: str = OWN, colors: np.ndarray | None = None) -> None:
+def export_glb(
+    path: str | Path, people: Sequence[Person], *, rig: str = OWN, colors: Sequence[np.ndarray] | None = None
+) -> None:
     """Write tracks as one binary glTF 2.0 scene: y up, metres (the level frame), one animation named `motion`.
 
     Every person is a mesh of their own shape, skinned to joints named by `rig`, with one key per frame at the frame's
@@ -46,7 +48,7 @@ def export_glb(path: str | Path, people: Sequence[Person], *, rig: str = OWN, co
     path : the file, written whole or not at all
     people : at least one
     rig : whose joint names are written, see `tree.tree_of`
-    colors : RGB of every vertex, (V, 3) in [0, 255], the same for everybody; None for a skin of one colour
+    colors : for each person RGB of every vertex, (V, 3) in [0, 255]; None for a skin of one colour
 
     Raises
     ------
@@ -55,13 +57,13 @@ def export_glb(path: str | Path, people: Sequence[Person], *, rig: str = OWN, co
     OutputError
         The file cannot be written.
     """
-    scene = _Scene()
+    scene = _Scene(SKIN if colors is None else (1.0, 1.0, 1.0, 1.0))
     animation: dict[str, Any] = {"name": "motion", "samplers": [], "channels": []}
     start = min(float(person.track.timestamps[0]) for person in people)
-    for person in people:
+    for k, person in enumerate(people):
         tree = tree_of(person.body, rig)
         nodes = _add_joints(scene, tree, person.name)
-        _add_mesh(scene, person, tree, nodes, colors)
+        _add_mesh(scene, person, tree, nodes, None if colors is None else colors[k])
         _add_motion(scene, animation, person, tree, nodes, start)
     scene.document["animations"] = [animation]
     scene.save(path)
@@ -70,10 +72,10 @@ def export_glb(path: str | Path, people: Sequence[Person], *, rig: str = OWN, co
 class _Scene:
     """A glTF document and its one buffer, while they grow."""
 
-    def __init__(self) -> None:
+    def __init__(self, color: Sequence[float]) -> None:
+        surface = {"baseColorFactor": color, "metallicFactor": 0.0, "roughnessFactor": ROUGHNESS}
         self._blocks: list[bytes] = []
         self._length = 0
-        material = {"baseColorFactor": SKIN, "metallicFactor": 0.0, "roughnessFactor": ROUGHNESS}
         self.document: dict[str, Any] = {
             "asset": {"version": "2.0", "generator": "depthmocap"},
             "scene": 0,
@@ -81,7 +83,7 @@ class _Scene:
             "nodes": [],
             "meshes": [],
             "skins": [],
-            "materials": [{"name": "skin", "pbrMetallicRoughness": material}],
+            "materials": [{"name": "skin", "pbrMetallicRoughness": surface}],
             "accessors": [],
             "bufferViews": [],
         }

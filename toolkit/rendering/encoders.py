@@ -16,7 +16,7 @@ FILM_SUFFIXES = (".mp4", ".webm", ".avi")
 """Of films: H.264 or VP9 in the first two, motion JPEG in the last, which editors cut but browsers do not play."""
 CODECS = {
     ".mp4": ("libx264", {"preset": "veryfast", "crf": "23"}),
-    ".webm": ("libvpx-vp9", {"deadline": "realtime", "cpu-used": "8", "crf": "34", "b": "0"}),
+    ".webm": ("libvpx-vp9", {"deadline": "realtime", "cpu-used": "5", "crf": "40", "b": "0"}),
 }
 """Encoder and its options: constant quality, fast."""
 INDEX_FIRST = {"movflags": "+faststart"}

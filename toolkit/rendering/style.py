@@ -20,6 +20,15 @@ FAINT = (150, 156, 166)
 PAPER = (20, 22, 28)
 BAR = (32, 35, 43)
 
+PEOPLE = ((255, 145, 40), (60, 150, 255), (120, 220, 120), (240, 110, 190), (240, 215, 70), (150, 120, 255))
+"""One colour per person where there are several, in order of appearance."""
+
+
+def person_color(number: int) -> tuple[int, int, int]:
+    """Colour of the person of this number, from 0."""
+    return PEOPLE[number % len(PEOPLE)]
+
+
 BONES: tuple[tuple[str, str], ...] = (
     ("pelvis", "spine"), ("spine", "neck"), ("neck", "head"),
     *((a.format(s), b.format(s)) for s in ("left", "right") for a, b in (

@@ -1,0 +1,205 @@
+"""The page: everything stands in it, nothing leaves it, names are text, and a browser draws and plays it."""
+
+from __future__ import annotations
+
+import json
+import re
+import shutil
+import subprocess
+import zlib
+from dataclasses import replace
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from tests.chromium import Page, browser
+from tests.run_helpers import TURN, write_people, write_run
+from tests.sensing_scenes import KINECT, neutral, standing
+from toolkit.body.raycast import render_depth
+from toolkit.cli.main import main
+from toolkit.errors import TrackError, UsageError
+from toolkit.files import sha256_of
+from toolkit.report.clouds import UNIT, gather_clouds, pack
+from toolkit.report.page import write_report
+from toolkit.sensing.recording import open_recording, save_recording
+from toolkit.track import RunInfo, Track
+
+FRAMES, RATE, WALL, HEIGHT = 12, 10.0, 3.6, 1.2
+NODE = Path(__file__).parents[1] / "scripts" / "node"
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A run whose recording, with truth and a wall behind the person, has a tag in its name."""
+    folder = tmp_path_factory.mktemp("report")
+    body = neutral()[0]
+    poses = np.stack([standing(0.04 * i, 2.5, HEIGHT) for i in range(FRAMES)])
+    depth = []
+    for pose in poses:
+        person = np.rint(1000 * render_depth(body, pose, KINECT, TURN)).astype(np.uint16)
+        depth.append(np.where(person > 0, person, np.uint16(1000 * WALL)))
+    path = folder / "<b>take.npz"
+    joints = (body.joint_positions(poses) @ TURN).astype(np.float32)
+    save_recording(
+        path, depth=depth, camera=KINECT, timestamps=np.arange(FRAMES) / RATE, up_camera=(0, -1, 0),
+        background=np.full(KINECT.shape, 1000 * WALL, np.uint16), joints=joints + np.float32(0.02),
+    )  # fmt: skip
+    write_run(folder / "run", poses, rate=RATE, recording=str(path))
+    info = RunInfo.load(folder / "run")
+    replace(info, recording_sha256=sha256_of(path), shape=[0.0], scale=1.0).save(folder / "run")
+    return folder / "run"
+
+
+@pytest.fixture(scope="module")
+def page_file(run: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    hostile = tmp_path_factory.mktemp("names") / "<script>alert(1)<!--"
+    shutil.copytree(run, hostile)
+    return write_report([hostile, run], tmp_path_factory.mktemp("page") / "report.html")
+
+
+def data_of(page: Path) -> list[dict]:
+    found = re.search(r'<script type="application/json" id="data">(.*?)</script>', page.read_text(), re.S)
+    return json.loads(found[1])["runs"]
+
+
+def test_the_page_holds_every_block_that_it_names_and_asks_for_nothing_else(page_file: Path) -> None:
+    text = page_file.read_text()
+    for run in data_of(page_file):
+        for key in ("glb", "film", "points", "room"):
+            assert f'id="{run[key]}"' in text
+    outside = re.sub(r"<script[^>]*>.*?</script>", "", text, flags=re.S)
+    assert not re.search(r'(?:src|href)\s*=\s*["\'](?!data:)', outside)
+    assert "default-src 'none'" in text
+
+
+def test_a_name_with_a_tag_stays_text(page_file: Path) -> None:
+    text = page_file.read_text()
+    assert "<script>alert" not in text and "<b>take" not in text
+    assert "&lt;script&gt;alert(1)&lt;!--" in text
+    run = data_of(page_file)[0]
+    assert run["name"] == "<script>alert(1)<!--"
+    assert ["recording", "<b>take.npz"] in run["facts"]
+
+
+def test_the_numbers_of_the_page_are_those_of_the_track(run: Path, page_file: Path) -> None:
+    shown, track = data_of(page_file)[1], Track.load(run)
+    np.testing.assert_allclose(shown["times"], track.timestamps - track.timestamps[0], atol=1e-4)
+    (person,) = shown["people"]
+    np.testing.assert_allclose(np.array(person["joints"]).reshape(FRAMES, 20, 3) / 1000, track.joints @ TURN, atol=6e-4)
+    np.testing.assert_allclose(np.array(person["confidence"]) / 100, track.confidence, atol=0.006)
+    error = next(plot for plot in shown["plots"] if plot["title"].startswith("error"))
+    np.testing.assert_allclose(error["series"][0]["values"], 1000 * 0.02 * np.sqrt(3), atol=5)
+
+
+def test_frames_can_be_chosen_and_the_page_says_so(run: Path, tmp_path: Path) -> None:
+    shown = data_of(write_report([run], tmp_path / "part.html", frames=range(3, 8)))[0]
+    assert len(shown["times"]) == 5 and shown["times"][0] == 0.0 and shown["first"] == 3
+    assert "Frames 4 to 8 of 12" in shown["note"]
+    for frames in (range(0), range(5, 20), range(-1, 3), range(0, 8, 2)):
+        with pytest.raises(UsageError, match="12 frames"):
+            write_report([run], tmp_path / "none.html", frames=frames)
+
+
+def test_without_its_recording_a_run_has_no_film_and_the_page_says_why(tmp_path: Path, run: Path) -> None:
+    lost = write_run(tmp_path / "lost", Track.load(run).pose)
+    shown = data_of(write_report([lost], tmp_path / "page.html"))[0]
+    assert shown["film"] is None and "is gone" in shown["note"]
+    assert len(shown["plots"]) == 2
+    recording = RunInfo.load(run).recording
+    with pytest.raises(UsageError, match="2 runs"):
+        write_report([lost, run], tmp_path / "page.html", recording=recording)
+    with pytest.raises(UsageError, match=r"\*\.html"):
+        write_report([run], tmp_path / "page.pdf")
+    with pytest.raises(TrackError):
+        write_report([tmp_path / "absent"], tmp_path / "page.html")
+
+
+def test_points_near_the_person_and_the_room_lie_where_they_were_measured(run: Path) -> None:
+    info, track = RunInfo.load(run), Track.load(run)
+    clouds = gather_clouds(open_recording(info.recording), track.joints.astype(float), TURN, range(2, 6))
+    assert len(clouds.counts) == 4 and clouds.counts.sum() == len(clouds.points) and (clouds.counts > 100).all()
+    body, start = info.body(), 0
+    for count, i in zip(clouds.counts, range(2, 6), strict=True):
+        points = clouds.points[start : start + count] * UNIT
+        distance = np.linalg.norm(points[:, None] - body.vertex_positions(track.pose[i])[None], axis=2).min(axis=1)
+        assert np.median(distance) < 0.02, "most measured points lie on the body that was drawn"
+        start += count
+    np.testing.assert_allclose(clouds.room[:, 2] * UNIT, -WALL, atol=UNIT)
+
+
+def test_packed_points_come_back_whatever_they_are() -> None:
+    points = np.random.default_rng(1).integers(-32768, 32768, (500, 3)).astype(np.int16)
+    steps = np.frombuffer(zlib.decompress(pack(points)), "<i2").reshape(3, -1)
+    np.testing.assert_array_equal(np.cumsum(steps, axis=1, dtype=np.int16).T, points)
+
+
+def test_several_people_stand_on_one_page(tmp_path: Path, run: Path) -> None:
+    people = write_people(tmp_path / "people", Track.load(run).pose)
+    shown = data_of(write_report([people], tmp_path / "page.html"))[0]
+    assert [person["name"] for person in shown["people"]] == ["person_01", "person_02"]
+    assert shown["people"][1]["joints"][0] is None
+    assert shown["people"][0]["color"] != shown["people"][1]["color"]
+
+
+def test_the_command_writes_the_page_and_prints_its_path(
+    run: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with pytest.raises(SystemExit) as stop:
+        main(["report", str(run), "--output", str(tmp_path / "page.html"), "--from", "2", "--to", "5"])
+    assert not stop.value.code
+    assert capsys.readouterr().out.strip() == str(tmp_path / "page.html")
+    assert len(data_of(tmp_path / "page.html")[0]["times"]) == 3
+
+
+def colours(page: Page, tmp_path: Path) -> int:
+    """How many colours the scene shows."""
+    picture = cv2.imread(str(page.screenshot(tmp_path / "shot.png")))
+    x, y, width, height = map(
+        int,
+        page.evaluate(
+            "(() => { const b = document.getElementById('scene').getBoundingClientRect();"
+            " return [b.x, b.y, b.width, b.height]; })()"
+        ),
+    )
+    part = picture[y : y + height, x : x + width].reshape(-1, 3)
+    return len(np.unique(part // 8, axis=0))
+
+
+def test_a_browser_draws_and_plays_the_page_and_no_request_leaves(page_file: Path, tmp_path: Path) -> None:
+    with browser() as page:
+        page.open(page_file.as_uri())
+        page.wait_for("document.body.dataset.ready === 'yes'")
+        assert page.evaluate("document.body.dataset.drawn") == "yes"
+        assert page.evaluate("document.querySelector('h1').textContent").startswith("depthmocap: <script>alert(1)<!--")
+        page.wait_for("document.getElementById('film').readyState >= 2")
+        assert colours(page, tmp_path) > 60
+        page.evaluate("document.querySelector('[data-shows=names]').click()")
+        page.wait_for(
+            "[...document.querySelectorAll('#labels span')].some(s => !s.hidden && s.textContent === 'left hand')"
+        )
+        assert page.evaluate("document.querySelectorAll('#plots figure').length") == 3
+        page.evaluate("document.getElementById('play').click()")
+        page.wait_for("document.getElementById('film').currentTime > 0.3")
+        page.wait_for(f"document.body.dataset.frame === '{FRAMES - 1}'")
+        page.evaluate(
+            "(() => { const s = document.getElementById('slider'); s.value = 3; s.oninput({ target: s }); })()"
+        )
+        page.wait_for("document.body.dataset.frame === '3'")
+        page.wait_for(f"Math.abs(document.getElementById('film').currentTime - 3.5 / {RATE}) < 0.05")
+        page.evaluate("(() => { const s = document.getElementById('run'); s.value = 1; s.onchange(); })()")
+        page.wait_for("document.body.dataset.ready === 'yes' && document.body.dataset.frame === '0'")
+        assert page.errors == []
+        assert [url for url in page.requests if not url.startswith(("blob:", "data:"))] == [page_file.as_uri()]
+
+
+def test_the_viewer_in_the_package_is_what_its_script_builds(tmp_path: Path) -> None:
+    if not (shutil.which("npm") and (NODE / "node_modules" / "esbuild").is_dir()):
+        pytest.skip("npm or its packages are absent; scripts/install_node_packages.sh installs them")
+    built = tmp_path / "viewer.js"
+    command = ["npm", "--prefix", str(NODE), "run", "build", "--silent", "--", f"--outfile={built}"]
+    subprocess.run(command, check=True, capture_output=True)
+    shipped = Path(__file__).parents[1] / "toolkit" / "report" / "assets" / "viewer.js"
+    assert built.read_bytes() == shipped.read_bytes()
+    assert b"</script" not in shipped.read_bytes().lower()

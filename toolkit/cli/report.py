@@ -1,0 +1,34 @@
+"""`depthmocap report`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+
+def report(
+    runs: Annotated[
+        list[Path], typer.Argument(metavar="RUN...", help="Run folders, or folders of them.", show_default=False)
+    ],
+    output: Annotated[Path, typer.Option("--output", "-o", help="The page.")] = Path("report.html"),
+    references: Annotated[
+        list[Path] | None,
+        typer.Option("--reference", "-r", help="What the tracks are compared with; each run's own recording without."),
+    ] = None,
+    recording: Annotated[Path | None, typer.Option(help="Where the recording has been moved to.")] = None,
+    start: Annotated[int, typer.Option("--from", help="First frame.")] = 0,
+    end: Annotated[int | None, typer.Option("--to", help="Frame after the last.", show_default="3000 at most")] = None,
+) -> None:
+    """Write one page that works offline: film, the body in three dimensions, errors, confidence, times, settings."""
+    from toolkit.cli.terminal import progress_bars
+    from toolkit.report.content import LONGEST
+    from toolkit.report.page import write_report
+
+    chosen = None if (start, end) == (0, None) else range(start, start + LONGEST if end is None else end)
+    with progress_bars() as bars:
+        page = write_report(
+            runs, output, recording=recording, references=references or (), frames=chosen, progress=bars
+        )
+    print(page)

@@ -1,0 +1,282 @@
+"""What a report says about one run: numbers as JSON, and the blocks of bytes that it names."""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from toolkit.body import skeleton
+from toolkit.errors import RecordingError, UsageError
+from toolkit.evaluation.joints import frame_errors, joint_errors
+from toolkit.evaluation.reference import find_reference
+from toolkit.export.glb import export_glb
+from toolkit.export.person import Person, load_persons
+from toolkit.rendering import style
+from toolkit.rendering.film import render_run
+from toolkit.rendering.mesh import part_colors
+from toolkit.rendering.overlay import SURE
+from toolkit.rendering.painter import RenderSettings
+from toolkit.report.clouds import UNIT, gather_clouds, pack
+from toolkit.runs import person_runs
+from toolkit.sensing.recording import Recording
+from toolkit.track import EMPTY, STATE_NAMES, RunInfo, Track
+
+LONGEST = 3000
+"""Frames that a report shows unless others are asked for: the page of a longer recording would be too large to mail."""
+FILM = RenderSettings(panels=("depth", "body"), height=400, aspect=0.8, extrema=0)
+"""Of the film in a page; the scene beside it takes the place of the side view."""
+STAGE_COLORS = ("#5b8ff9", "#f6903d", "#61ddaa", "#d3adf7", "#f6bd16", "#ff99c3", "#65789b", "#269a99")
+MILLIMETRES = 1000.0
+
+Progress = Callable[[str, int, int], None]
+"""Called with what is being done, the steps done and all steps."""
+
+
+@dataclass(frozen=True, eq=False)
+class RunContent:
+    """One run of a page: `data` goes into its JSON, which names the `blocks` by their keys."""
+
+    data: dict[str, Any]
+    blocks: dict[str, bytes]
+
+
+def describe_run(
+    run: str | Path,
+    key: str,
+    *,
+    recording: str | Path | None = None,
+    references: Sequence[str | Path] = (),
+    frames: range | None = None,
+    progress: Progress | None = None,
+) -> RunContent:
+    """Everything that a page shows of one run, of one person or several.
+
+    Without its recording a run has neither film nor points nor error, and the page says why.
+
+    Parameters
+    ----------
+    run : the run folder
+    key : unique among the runs of a page
+    recording : where the recording has been moved to
+    references : see `evaluation.reference.find_reference`
+    frames : which ones, without gaps; the first `LONGEST` by default
+    progress : told what is going on
+
+    Raises
+    ------
+    TrackError
+        The folder holds no finished track.
+    UsageError
+        The frames are not some of the track's.
+    """
+    people, folder = load_persons(run), person_runs(run)[0]
+    total = len(people[0].track)
+    chosen = frames if frames is not None else range(min(total, LONGEST))
+    if not len(chosen) or chosen.start < 0 or chosen.stop > total or chosen.step != 1:
+        raise UsageError(f"frames {chosen} are not some of the {total} frames of {run}, one after the other")
+    info = RunInfo.load(folder)
+    shown = [replace(person, track=_cut(person.track, chosen)) for person in people]
+    note = "" if len(chosen) == total else f"Frames {chosen.start + 1} to {chosen.stop} of {total} are shown. "
+    blocks = {f"{key}-glb": _glb(shown)}
+    data = _numbers(run, info, shown, chosen, total)
+    data["config"] = _text(folder / "config.yaml")
+    data["glb"] = f"{key}-glb"
+    try:
+        opened = info.open_recording(recording)
+    except RecordingError as error:
+        note += f"No film, points or errors: {error}."
+    else:
+        data["plots"][:0] = _error_plots(people, opened, [Path(r) for r in references], chosen)
+        data |= _seen(run, opened, recording, people, chosen, key, blocks, progress)
+    return RunContent(data | {"note": note}, blocks)
+
+
+def _cut(track: Track, frames: range) -> Track:
+    rows = slice(frames.start, frames.stop)
+    columns = ("joints", "pose", "confidence", "state", "source", "timestamps", "stage_ms")
+    return replace(track, **{name: getattr(track, name)[rows] for name in columns})
+
+
+def _numbers(run: str | Path, info: RunInfo, people: list[Person], frames: range, total: int) -> dict[str, Any]:
+    """Times, joints, plots and facts: all that a page says without the recording."""
+    times = people[0].times
+    joints = np.concatenate([person.joints_level for person in people])
+    seen = joints[np.isfinite(joints).all(axis=(1, 2))]
+    if not len(seen):
+        seen = np.zeros((1, *joints.shape[1:])) + (0.0, 0.0, -3.0)
+    target = np.median(seen[:, skeleton.REPORTED.index("pelvis")], axis=0)
+    feet = seen[:, [skeleton.REPORTED.index(f"{side}_foot") for side in ("left", "right")], 1]
+    return {
+        "name": Path(run).resolve().name,
+        "first": frames.start,
+        "recorded": total,
+        "times": np.round(times, 4).tolist(),
+        "joint_names": skeleton.REPORTED,
+        "bones": style.BONE_ROWS.tolist(),
+        "sure": round(100 * SURE),
+        "view": {"target": np.round(target, 3).tolist(), "from": np.round(target + (1.6, 0.5, 3.0), 3).tolist()},
+        "floor": round(float(np.percentile(feet, 5)) - 0.05, 3),
+        "camera": [0.0, 0.0, info.R_level_camera.tolist()],
+        "film": None,
+        "rate": 1.0,
+        "unit": UNIT,
+        "points": None,
+        "point_counts": [],
+        "room": None,
+        "people": [_person(person, number, len(people)) for number, person in enumerate(people)],
+        "plots": [_confidence_plot(people), _stage_plot(people)],
+        "facts": _facts(info, people, total),
+    }
+
+
+def _person(person: Person, number: int, of: int) -> dict[str, Any]:
+    track = person.track
+    joints = np.rint(np.nan_to_num(person.joints_level) * MILLIMETRES).astype(int).reshape(len(track), -1).tolist()
+    there = track.state != EMPTY
+    colors = style.JOINT_COLORS if of == 1 else (style.person_color(number),) * len(skeleton.REPORTED)
+    return {
+        "name": person.name,
+        "color": _hex(style.INK if of == 1 else style.person_color(number)),
+        "joint_colors": [_hex(color) for color in colors],
+        "state": track.state.tolist(),
+        "joints": [row if here else None for row, here in zip(joints, there, strict=True)],
+        "confidence": np.rint(100 * track.confidence).astype(int).tolist(),
+    }
+
+
+def _facts(info: RunInfo, people: list[Person], total: int) -> list[list[str]]:
+    facts = [["recording", Path(info.recording).name], ["frames", str(total)], ["version", info.version]]
+    for person in people:
+        share = [f"{100 * float((person.track.state == i).mean()):.1f} % {name}" for i, name in enumerate(STATE_NAMES)]
+        who = f"{person.name}: " if len(people) > 1 else ""
+        facts.append([f"{who}stature", f"{person.body.height:.2f} m"])
+        facts.append([f"{who}frames", ", ".join(share)])
+    track = people[0].track
+    for i, name in enumerate(track.stage_names):
+        values = track.stage_ms[:, i]
+        facts.append([f"time: {name}", f"{np.median(values):.2f} ms, 95 %: {np.percentile(values, 95):.2f} ms"])
+    return [*facts, ["database", Path(info.database).name or "none"]]
+
+
+def _confidence_plot(people: list[Person]) -> dict[str, Any]:
+    series = []
+    for number, person in enumerate(people):
+        empty = person.track.state == EMPTY
+        who = f"{person.name}, " if len(people) > 1 else ""
+        color = style.person_color(number)
+        for name, values, dimmed in (
+            ("mean of all joints", person.track.confidence.mean(axis=1), color),
+            ("least sure joint", person.track.confidence.min(axis=1), tuple(c // 2 for c in color)),
+        ):
+            held = np.where(empty, np.nan, values)
+            series.append({"name": f"{who}{name}", "color": _hex(dimmed), "values": _nullable(held, 3)})
+    return {"title": "confidence: probability that a joint is within 50 mm", "highest": 1.0, "series": series}
+
+
+def _stage_plot(people: list[Person]) -> dict[str, Any]:
+    track = people[0].track
+    summed = np.cumsum(sum(person.track.stage_ms for person in people), axis=1)
+    low = np.concatenate([np.zeros((len(track), 1)), summed[:, :-1]], axis=1)
+    series = [
+        {
+            "name": name,
+            "color": STAGE_COLORS[i % len(STAGE_COLORS)],
+            "low": np.round(low[:, i], 2).tolist(),
+            "values": np.round(summed[:, i], 2).tolist(),
+        }
+        for i, name in enumerate(track.stage_names)
+    ]
+    highest = 1.5 * float(np.percentile(summed[:, -1], 90)) if summed.size else 0.0
+    return {"title": "time per frame by stage, ms", "highest": max(highest, 0.1), "series": series}
+
+
+def _error_plots(
+    people: Sequence[Person], recording: Recording, references: list[Path], frames: range
+) -> list[dict[str, Any]]:
+    """Distance to the truth, or to another system's skeleton, which is called agreement; none without a reference."""
+    reference = find_reference(recording, references, len(people[0].track))
+    if reference is None or len(people) > 1:
+        return []
+    errors = frame_errors(joint_errors(people[0].track.joints, reference.joints))[frames.start : frames.stop]
+    values = MILLIMETRES * errors
+    known = values[np.isfinite(values)]
+    title = "error: mean distance of the joints to the true ones, mm"
+    if not reference.is_truth:
+        title = "agreement: mean distance of the joints to another system's skeleton, mm (that is no truth)"
+    highest = max(60.0, 1.1 * float(known.max())) if known.size else 100.0
+    series = [{"name": "mean of all joints", "color": _hex(style.LEFT), "values": _nullable(values, 1)}]
+    return [{"title": title, "highest": highest, "series": series}]
+
+
+def _seen(
+    run: str | Path,
+    recording: Recording,
+    moved_to: str | Path | None,
+    people: Sequence[Person],
+    frames: range,
+    key: str,
+    blocks: dict[str, bytes],
+    progress: Progress | None,
+) -> dict[str, Any]:
+    """What needs the recording's frames: film, points, room."""
+    camera, times = recording.camera, people[0].times[frames.start : frames.stop]
+    rate = (len(times) - 1) / (times[-1] - times[0]) if len(times) > 1 and times[-1] > times[0] else 25.0
+    rate = float(np.clip(rate, 1.0, 120.0))
+    with tempfile.TemporaryDirectory() as folder:
+        film = render_run(
+            run, Path(folder) / "film.webm", recording=moved_to, settings=FILM, frames=frames, rate=rate,
+            progress=None if progress is None else lambda done, of: progress("drawing the film", done, of),
+        )  # fmt: skip
+        blocks[f"{key}-film"] = film.read_bytes()
+    joints = np.concatenate(
+        [np.where((person.track.state == EMPTY)[:, None, None], np.nan, person.track.joints) for person in people],
+        axis=1,
+    )
+    clouds = gather_clouds(recording, joints, people[0].R_level_camera, frames)
+    blocks[f"{key}-points"] = pack(clouds.points)
+    blocks[f"{key}-room"] = pack(clouds.room)
+    return {
+        "film": f"{key}-film",
+        "rate": rate,
+        "unit": UNIT,
+        "points": f"{key}-points",
+        "point_counts": clouds.counts.tolist(),
+        "room": f"{key}-room",
+        "camera": [
+            camera.width / 2 / camera.fx, camera.height / 2 / camera.fy, people[0].R_level_camera.tolist()
+        ],
+    }  # fmt: skip
+
+
+def _glb(people: list[Person]) -> bytes:
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "motion.glb"
+        several = len(people) > 1
+        export_glb(
+            path,
+            people,
+            colors=[
+                np.tile(np.array(style.person_color(k), dtype=np.float64), (len(person.body.vertices), 1))
+                if several
+                else part_colors(person.body)
+                for k, person in enumerate(people)
+            ],
+        )
+        return path.read_bytes()
+
+
+def _text(path: Path) -> str:
+    return path.read_text(encoding="utf-8", errors="replace") if path.exists() else "no config.yaml beside the track"
+
+
+def _nullable(values: np.ndarray, decimals: int) -> list[float | None]:
+    return [round(value, decimals) if np.isfinite(value) else None for value in values.tolist()]
+
+
+def _hex(color: Sequence[int]) -> str:
+    return "#" + "".join(f"{int(c):02x}" for c in color)

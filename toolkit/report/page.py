@@ -1,0 +1,98 @@
+"""Runs as one file of HTML that needs nothing else: no server, no network, no installation."""
+
+from __future__ import annotations
+
+import base64
+import html
+import json
+import re
+from collections.abc import Sequence
+from pathlib import Path
+
+from toolkit.errors import UsageError
+from toolkit.evaluation.evaluate import find_runs
+from toolkit.files import save_text
+from toolkit.report.content import Progress, RunContent, describe_run
+from toolkit.runs import PEOPLE_FILE
+
+ASSETS = Path(__file__).parent / "assets"
+
+
+def write_report(
+    runs: Sequence[str | Path],
+    output: str | Path,
+    *,
+    recording: str | Path | None = None,
+    references: Sequence[str | Path] = (),
+    frames: range | None = None,
+    progress: Progress | None = None,
+) -> Path:
+    """Write one self-contained page about runs: film, scene, errors, confidence, times, settings.
+
+    The page works offline: everything stands in it, and its content security policy forbids every request.
+
+    Parameters
+    ----------
+    runs : run folders, of one person or several, or folders that hold some
+    output : the file, `.html`
+    recording : where the recording of the one run has been moved to
+    references : what the tracks are compared with, see `evaluate_runs`; each run's own recording without
+    frames : which frames are shown; the first 3,000 by default
+    progress : told what is going on
+
+    Raises
+    ------
+    UsageError
+        The output is no `.html`, there is no run, or a recording is named for several.
+    TrackError
+        A folder holds no finished track.
+    OutputError
+        The page cannot be written.
+    """
+    if Path(output).suffix.lower() not in (".html", ".htm"):
+        raise UsageError(f"cannot write the report to {output}; name it *.html")
+    folders = [folder for run in runs for folder in ([Path(run)] if _of_people(run) else find_runs([run]))]
+    if not folders or (recording is not None and len(folders) > 1):
+        raise UsageError(f"{len(folders)} runs do not fit; give at least one, and --recording only with one")
+    contents = []
+    for i, folder in enumerate(folders):
+        if progress is not None:
+            progress("describing the runs", i, len(folders))
+        contents.append(
+            describe_run(
+                folder, f"run{i}", recording=recording, references=references, frames=frames, progress=progress
+            )
+        )
+    if progress is not None:
+        progress("describing the runs", len(folders), len(folders))
+    save_text(output, page(contents))
+    return Path(output)
+
+
+def page(contents: Sequence[RunContent]) -> str:
+    """The text of a page about runs; names in them are escaped."""
+    names = ", ".join(content.data["name"] for content in contents)
+    blocks = [
+        f'<script type="text/plain" id="{html.escape(key)}">{base64.b64encode(data).decode()}</script>'
+        for content in contents
+        for key, data in content.blocks.items()
+    ]
+    values = {
+        "title": html.escape(f"depthmocap: {names}"),
+        "data": _json({"runs": [content.data for content in contents]}),
+        "blocks": "\n".join(blocks),
+        "viewer": (ASSETS / "viewer.js").read_text(encoding="utf-8"),
+        "licence": html.escape((ASSETS / "LICENSE.three.txt").read_text(encoding="utf-8")),
+    }
+    template = (ASSETS / "page.html").read_text(encoding="utf-8")
+    return re.sub(r"\{\{(\w+)\}\}", lambda match: values[match[1]], template)
+
+
+def _of_people(run: str | Path) -> bool:
+    return (Path(run) / PEOPLE_FILE).exists()
+
+
+def _json(value: object) -> str:
+    """JSON that can stand in a script element: no tag can begin or end in it."""
+    text = json.dumps(value, separators=(",", ":"), allow_nan=False)
+    return text.replace("<", "\\u003c").replace(">", "\\u003e").replace("&", "\\u0026")
