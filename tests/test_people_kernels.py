@@ -7,7 +7,7 @@ import heapq
 import numpy as np
 import pytest
 
-from toolkit.kernels.growth import FAR, UNIT, grow, refine_labels, take_label
+from toolkit.kernels.growth import FAR, UNIT, grow, mark_seeds, refine_labels, take_label
 from toolkit.kernels.heads import head_scores
 from toolkit.kernels.planes import best_plane
 from toolkit.kernels.sharing import draw_body, nearest_owner
@@ -147,3 +147,19 @@ def test_a_ball_on_a_board_looks_more_like_a_head_than_the_board():
     best = np.unravel_index(scores.argmax(), shape)
     assert scores.max() > 0.9 and np.hypot(best[0] - 59.5, best[1] - 79.5) < 6
     assert scores[y > 0.25].max() == 0
+
+
+def test_heads_and_what_stayed_of_torsos_are_marked():
+    rng = np.random.default_rng(3)
+    points = rng.uniform(-0.5, 0.5, (9, 11, 3)).astype(np.float32)
+    foreground, stayed = rng.random((9, 11)) < 0.8, rng.integers(0, 3, (9, 11)).astype(np.int32)
+    places = np.array([[0.1, 0.2, 0.0], [-0.2, 0.1, 0.1]])
+    seeds = np.zeros((9, 11), dtype=np.int32)
+    seeds[4, 4] = 9
+    mark_seeds(points, foreground, stayed, places, 0.25, 0.3, seeds)
+    for v, u in np.ndindex(9, 11):
+        off = points[v, u] - places
+        own = (np.linalg.norm(off, axis=1) < 0.25) | ((stayed[v, u] == [1, 2]) & (np.hypot(off[:, 0], off[:, 2]) < 0.3))
+        expected = 9 if (v, u) == (4, 4) else int(np.argmax(own)) + 1 if foreground[v, u] and own.any() else 0
+        assert seeds[v, u] == expected
+    assert set(seeds.ravel().tolist()) == {0, 1, 2, 9}

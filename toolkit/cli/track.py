@@ -22,6 +22,7 @@ HELP = {
     "background": "16-bit PNG of the empty scene.",
     "skeleton": "File or folder of a reference skeleton.",
     "axes": "camera (x right, y down, z forward) or graphics (y up, z backward), for clouds.",
+    "rotate": "Degrees (90, 180, 270) by which the images are turned clockwise, for a camera that stands on its side.",
     "segment": "How to cut the person out: segmented, background, empty-frames:N, range:NEAR,FAR, person, seed:U,V.",
     "subject": "Who is meant among several people: only, largest or nearest.",
 }
@@ -55,6 +56,7 @@ def track(
     background: Annotated[str | None, typer.Option(help=HELP["background"], rich_help_panel=READING)] = None,
     skeleton: Annotated[str | None, typer.Option(help=HELP["skeleton"], rich_help_panel=READING)] = None,
     axes: Annotated[str | None, typer.Option(help=HELP["axes"], rich_help_panel=READING)] = None,
+    rotate: Annotated[int | None, typer.Option(help=HELP["rotate"], rich_help_panel=READING)] = None,
 ) -> None:
     """Track the person in depth recordings and write what was found into run folders."""
     from toolkit.cli.terminal import progress_bars
@@ -73,6 +75,7 @@ def track(
         background=background,
         skeleton=skeleton,
         axes=axes,
+        rotate=rotate,
     )
     sensing = given(segment=segment, subject=subject, half_resolution=half_resolution or None)
     overrides = {f"sensing.{name}": value for name, value in sensing.items()} | parse_overrides(settings or [])

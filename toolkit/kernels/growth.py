@@ -125,6 +125,36 @@ def grow(
 
 
 @njit(cache=True)
+def mark_seeds(
+    points: np.ndarray,
+    foreground: np.ndarray,
+    stayed: np.ndarray,
+    places: np.ndarray,
+    head: float,
+    torso: float,
+    seeds: np.ndarray,
+) -> None:
+    """Mark what is surely part of the people whose heads are at `places` (N, 3), level frame, metres, with 1, 2, ...
+
+    A foreground pixel within `head` metres of a place is part of that head, and one of `stayed` int32 (H, W), whose it
+    was before, part of that torso if it is within `torso` metres of the vertical through the place. Entries of `seeds`
+    int32 (H, W) that are not 0 stay; of two people the first counts. `points` float32 (H, W, 3).
+    """
+    height, width = foreground.shape
+    for v in range(height):
+        for u in range(width):
+            if not foreground[v, u] or seeds[v, u] != 0:
+                continue
+            for k in range(places.shape[0]):
+                dx, dz = points[v, u, 0] - places[k, 0], points[v, u, 2] - places[k, 2]
+                aside = dx * dx + dz * dz
+                dy = points[v, u, 1] - places[k, 1]
+                if aside + dy * dy < head * head or (stayed[v, u] == k + 1 and aside < torso * torso):
+                    seeds[v, u] = k + 1
+                    break
+
+
+@njit(cache=True)
 def refine_labels(
     depth: np.ndarray, coarse: np.ndarray, labels: np.ndarray, step: int, tolerance_mm: float, out: np.ndarray
 ) -> None:

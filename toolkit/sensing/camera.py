@@ -177,9 +177,35 @@ class Camera:
             bent = (*bent[:3], -bent[3], *bent[4:])
         return replace(self, cx=self.width - 1 - self.cx, distortion=bent)
 
+    def rotated(self, turns: int) -> Camera:
+        """The camera of the image turned clockwise by `turns` quarters (u' = height - 1 - v, v' = u for one)."""
+        turned = self
+        for _ in range(turns % 4):
+            bent = turned.distortion
+            if bent is not None:
+                bent = (bent[0], bent[1], bent[3], -bent[2], bent[4])
+            turned = Camera(
+                fx=turned.fy,
+                fy=turned.fx,
+                cx=turned.height - 1 - turned.cy,
+                cy=turned.cx,
+                width=turned.height,
+                height=turned.width,
+                distortion=bent,
+            )
+        return turned
+
     def undistorted(self) -> Camera:
         """The same camera with an ideal lens."""
         return replace(self, distortion=None)
+
+
+def rotated_points(points_camera: np.ndarray, turns: int) -> np.ndarray:
+    """Points or directions (..., 3) of a camera in the frame of the same camera `rotated` by `turns` quarters."""
+    x, y, z = np.moveaxis(np.asarray(points_camera), -1, 0)
+    for _ in range(turns % 4):
+        x, y = -y, x
+    return np.stack([x, y, z], axis=-1)
 
 
 def level_rotation(up_camera: np.ndarray) -> np.ndarray:

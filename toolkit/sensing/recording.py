@@ -17,9 +17,10 @@ import numpy as np
 
 from toolkit.errors import RecordingError, UsageError
 from toolkit.files import is_file, is_folder
-from toolkit.sensing.camera import DEFAULT_UP, Camera
+from toolkit.sensing.camera import Camera, rotated_points
 from toolkit.sensing.checks import check_joints, check_timestamps
 from toolkit.sensing.conversion import DepthConverter, unit_in_metres
+from toolkit.sensing.vertical import Vertical
 from toolkit.sensing.writer import RecordingWriter, save_recording
 
 __all__ = [
@@ -67,6 +68,11 @@ class Recording(Protocol):
     @property
     def up_camera(self) -> np.ndarray:
         """The vertical in the camera frame, float64 (3,), of length 1."""
+        ...
+
+    @property
+    def vertical(self) -> Vertical:
+        """The same with how it is known."""
         ...
 
     def __len__(self) -> int: ...
@@ -119,6 +125,7 @@ class ReaderOptions:
     background : path of a 16-bit PNG with the depth of the empty scene
     skeleton : a reference skeleton's file, or the folder that holds it
     axes : "camera" (x right, y down, z forward) or "graphics" (x right, y up, z backward), for clouds
+    rotate : degrees by which the images are turned clockwise, 0, 90, 180 or 270, for a camera that stands on its side
     """
 
     format: str | None = None
@@ -132,6 +139,7 @@ class ReaderOptions:
     background: str | None = None
     skeleton: str | None = None
     axes: str = "camera"
+    rotate: int = 0
 
     @classmethod
     def from_mapping(cls, options: dict[str, Any]) -> ReaderOptions:
@@ -158,6 +166,8 @@ class ReaderOptions:
             unit_in_metres(made.depth_unit)
         if made.axes not in ("camera", "graphics"):
             raise UsageError(f"axes {made.axes!r} is neither 'camera' nor 'graphics'")
+        if made.rotate not in (0, 90, 180, 270):
+            raise UsageError(f"rotate {made.rotate!r} is none of: 0, 90, 180, 270")
         return made
 
     def unit(self, default: str) -> str | float:
@@ -198,8 +208,8 @@ def _numbers(name: str, value: Any) -> Any:
 class StoredRecording:
     """The one implementation of `Recording`: raw frames from a `FrameSource`, converted on the way out.
 
-    Metadata are given in the frame of the raw images; a mirrored source has them flipped here, together with its
-    images.
+    Metadata are given in the frame of the raw images; a mirrored source has them flipped here, and a camera that stands
+    on its side turned, together with its images.
     """
 
     name: str
@@ -238,6 +248,21 @@ class StoredRecording:
                     joints[..., 0] *= -1.0
             if self.stored_up is not None:
                 self.stored_up = np.asarray(self.stored_up) * (-1.0, 1.0, 1.0)
+        self._turns = int(self.options.get("rotate", 0)) // 90
+        if self._turns:
+            self._turn()
+
+    def _turn(self) -> None:
+        self.camera = self.camera.rotated(self._turns)
+        for name in ("joints", "reference_joints", "stored_up"):
+            value = getattr(self, name)
+            if value is not None:
+                setattr(self, name, rotated_points(value, self._turns))
+        if self.background is not None:
+            self.background = self._upright(self.background)
+
+    def _upright(self, image: np.ndarray) -> np.ndarray:
+        return np.ascontiguousarray(np.rot90(image, -self._turns)) if self._turns else image
 
     def __len__(self) -> int:
         return len(self.source)
@@ -256,21 +281,24 @@ class StoredRecording:
         image = self.source.color(self._checked(i))
         if image is None:
             return None
-        return np.ascontiguousarray(image[:, ::-1]) if self.converter.mirrored else image
+        return self._upright(np.ascontiguousarray(image[:, ::-1]) if self.converter.mirrored else image)
+
+    @property
+    def up_camera(self) -> np.ndarray:
+        """The vertical in the camera frame, float64 (3,), of length 1."""
+        return self.vertical.up_camera
 
     @cached_property
-    def up_camera(self) -> np.ndarray:
-        """The vertical in the camera frame, float64 (3,): as stored, else from a visible floor, else (0, -1, 0)."""
+    def vertical(self) -> Vertical:
+        """Where up is: as stored, else from a visible floor, else from the walls and people of the first seconds."""
         if self.stored_up is not None:
             up = np.asarray(self.stored_up, dtype=np.float64)
             if up.shape != (3,) or not np.isfinite(up).all() or math.hypot(*up) < 1e-6:
                 raise RecordingError(f"up_camera {up.tolist()} of {self.path} is no direction; give three numbers")
-            return up / math.hypot(*up)
-        from toolkit.sensing.floor import find_floor
+            return Vertical(up / math.hypot(*up), "option" if "up_camera" in self.options else "file")
+        from toolkit.sensing.people.up import find_vertical
 
-        scene = self.background if self.background is not None else self.depth(0)
-        floor = find_floor(scene, self.camera)
-        return np.array(DEFAULT_UP) if floor is None else floor.up_camera
+        return find_vertical(self)
 
     def _checked(self, i: int) -> int:
         if not 0 <= i < len(self):
@@ -278,7 +306,7 @@ class StoredRecording:
         return i
 
     def _convert(self, raw: np.ndarray, i: int) -> np.ndarray:
-        return self.converter.convert(raw, self._raw_camera, f"frame {i} of {self.path}")
+        return self._upright(self.converter.convert(raw, self._raw_camera, f"frame {i} of {self.path}"))
 
 
 def open_recording(path: str | Path, **options: Any) -> Recording:

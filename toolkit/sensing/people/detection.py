@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from toolkit.kernels.growth import FAR, grow
+from toolkit.kernels.growth import FAR, grow, mark_seeds
 from toolkit.kernels.heads import head_scores
 from toolkit.kernels.planes import best_plane
 from toolkit.sensing.people.settings import PeopleSettings
@@ -91,8 +91,8 @@ def near_head(view: View, place: np.ndarray) -> np.ndarray:
 
 def head_seeds(view: View, heads: Sequence[np.ndarray], seeds: np.ndarray) -> None:
     """Mark the pixels around the places of heads in `seeds` int32 (h, w) with 1, 2, ..., where it is still 0."""
-    for k, place in enumerate(heads, start=1):
-        seeds[near_head(view, place) & view.foreground & (seeds == 0)] = k
+    rows = np.array(heads, dtype=np.float64).reshape(-1, 3)
+    mark_seeds(view.points, view.foreground, np.zeros(seeds.shape, dtype=np.int32), rows, SEED_RADIUS, 0.0, seeds)
 
 
 def share_out(

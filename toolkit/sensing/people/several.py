@@ -23,6 +23,9 @@ from toolkit.sensing.people.tracks import Person, export_people, known_again, ma
 from toolkit.sensing.people.view import Lens, View
 from toolkit.sensing.polish import Polisher
 
+MIDDLE_SAMPLES = 300
+"""Points of a person whose median is their middle."""
+
 
 class SeveralPeople:
     """A `PeopleFinder` of everybody in view.
@@ -224,9 +227,10 @@ class SeveralPeople:
         absent = [p for p in self.people if timestamp - p.last > settings.patience]
         for k, place in enumerate(places):
             mask = labels == k + 1
-            points = view.points[mask].astype(np.float64)
-            area = self._lens.area(view.depth[mask])
-            middle = np.median(points, axis=0) if len(points) else place
+            points, area = view.points[mask], self._lens.area(view.depth[mask])
+            middle = place
+            if len(points):
+                middle = np.median(points[:: max(1, len(points) // MIDDLE_SAMPLES)], axis=0).astype(np.float64)
             if k < len(present):
                 person = present[k]
                 known[person.id] = person

@@ -7,7 +7,8 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from toolkit.kernels import raster, sharing
-from toolkit.sensing.people.detection import near_head
+from toolkit.kernels.growth import mark_seeds
+from toolkit.sensing.people.detection import SEED_RADIUS
 from toolkit.sensing.people.settings import PeopleSettings
 from toolkit.sensing.people.sighting import PredictedBody
 from toolkit.sensing.people.view import Lens, View
@@ -46,7 +47,5 @@ def stayed_seeds(
 
     Limbs are shared out anew in every frame, so that no mistake outlives the touch that caused it.
     """
-    for k, place in enumerate(places, start=1):
-        aside = np.hypot(view.points[..., 0] - place[0], view.points[..., 2] - place[2])
-        torso = (stayed == k) & (aside < settings.torso)
-        seeds[(torso | near_head(view, place)) & view.foreground & (seeds == 0)] = k
+    rows = np.array(places, dtype=np.float64).reshape(-1, 3)
+    mark_seeds(view.points, view.foreground, stayed, rows, SEED_RADIUS, settings.torso, seeds)

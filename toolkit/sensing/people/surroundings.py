@@ -147,7 +147,7 @@ def _people_in(background: np.ndarray, planes: list[Plane], lens: Lens, settings
 
 
 def people_and_furniture(
-    view: View, lens: Lens, settings: PeopleSettings
+    view: View, lens: Lens, settings: PeopleSettings, *, cut_out: bool = False
 ) -> tuple[list[np.ndarray], list[np.ndarray], np.ndarray]:
     """What looks like people in a single image of a room, and what only has something like a head.
 
@@ -156,7 +156,7 @@ def people_and_furniture(
     people, furniture : places of heads, (3,) each, level frame, metres
     labels : int32 (h, w), 1.. the people, then the furniture, 0 = neither
     """
-    heads = [h.place for h in find_heads(view, lens, settings, cut_out=False)]
+    heads = [h.place for h in find_heads(view, lens, settings, cut_out=cut_out)]
     for _ in range(3):
         seeds = np.zeros(view.depth.shape, dtype=np.int32)
         head_seeds(view, heads, seeds)
