@@ -2,17 +2,22 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from functools import cached_property
+
 import numpy as np
 from scipy.linalg import LinAlgError, cho_factor, cho_solve
 from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 
 from toolkit.body import skeleton
-from toolkit.body.body import BELOW
-from toolkit.fitting.fitter import WORSE, Comparison, Fitter
-from toolkit.fitting.posed import NormalSystem, PosedBody
+from toolkit.body.body import BELOW, Body
+from toolkit.fitting.objective import WORSE, Comparison, Objective
+from toolkit.fitting.placed import Drawn, NormalSystem, PlacedBody, Placer
+from toolkit.fitting.refiner import Refiner, pair_terms
 from toolkit.fitting.scene import Scene
-from toolkit.fitting.terms import CloudTerm, SurfaceTerm
+from toolkit.fitting.settings import FittingSettings
+from toolkit.fitting.terms import CloudTerm, PoseTerm, SurfaceTerm
 from toolkit.sensing.cloud import Cloud
 
 
@@ -51,11 +56,26 @@ def back_projected(depth: np.ndarray, intrinsics: np.ndarray) -> tuple[np.ndarra
     return np.stack([(u - cx) * z / fx, (v - cy) * z / fy, z], axis=1), v * depth.shape[1] + u
 
 
-class PlainPosedBody(PosedBody):
-    """A posed body that is placed and drawn by vectorised NumPy."""
+class PlainPlacer(Placer):
+    """Places bodies by vectorised NumPy."""
 
-    def place(self, pose: np.ndarray) -> None:
-        """See `PosedBody.place`."""
+    @classmethod
+    def like(cls, placer: Placer) -> PlainPlacer:
+        """Before the same camera."""
+        plain = cls.__new__(cls)
+        vars(plain).update(vars(placer))
+        return plain
+
+    def place(self, body: Body, pose: np.ndarray) -> PlacedBody:
+        """See `Placer.place`."""
+        return PlainPlacedBody(self, body, pose)
+
+
+class PlainPlacedBody(PlacedBody):
+    """A body that is placed and drawn by vectorised NumPy."""
+
+    def __init__(self, placer: Placer, body: Body, pose: np.ndarray) -> None:
+        self.placer, self.body = placer, body
         vectors = np.zeros((len(skeleton.JOINTS), 3))
         vectors[skeleton.DOF_JOINT, skeleton.DOF_AXIS] = pose[3:]
         local = Rotation.from_rotvec(vectors).as_matrix()
@@ -67,37 +87,36 @@ class PlainPosedBody(PosedBody):
             else:
                 parents[j] = rotations[p]
                 rotations[j] = rotations[p] @ local[j]
-                origins[j] = origins[p] + rotations[p] @ (self.body.joints[j] - self.body.joints[p])
+                origins[j] = origins[p] + rotations[p] @ (body.joints[j] - body.joints[p])
         turned = parents @ left_jacobians(vectors)
         axes = turned[skeleton.DOF_JOINT, :, skeleton.DOF_AXIS]
-        self.rotations[:] = self.from_level @ rotations
-        self.origins[:] = origins @ self.from_level.T
-        self.axes[:] = axes @ self.from_level.T
-        body = self.body
+        from_level = placer.from_level
+        self.rotations = from_level @ rotations
+        self.origins = origins @ from_level.T
+        self.axes = axes @ from_level.T
         joints, weights = body.skin_joints, body.skin_weights
         carried = self.rotations[joints] @ (body.vertices[:, None] - body.joints[joints])[..., None]
-        self.vertices[:] = (weights[..., None] * (carried[..., 0] + self.origins[joints])).sum(axis=1)
-        normals = (weights[..., None] * (self.rotations[joints] @ self.rest_normals[:, None, :, None])[..., 0]).sum(
-            axis=1
-        )
-        self.normals[:] = normals / np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-12)
+        self.vertices = (weights[..., None] * (carried[..., 0] + self.origins[joints])).sum(axis=1)
+        normals = (weights[..., None] * (self.rotations[joints] @ body.normals[:, None, :, None])[..., 0]).sum(axis=1)
+        self.normals = normals / np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-12)
 
-    def draw(self) -> None:
-        """See `PosedBody.draw`: every pixel of every triangle's box at once, the nearest triangle of a pixel wins."""
-        fx, fy, cx, cy = self.intrinsics
-        height, width = self.depth.shape
+    @cached_property
+    def drawn(self) -> Drawn:
+        """See `PlacedBody.drawn`: every pixel of every triangle's box at once, the nearest triangle of a pixel wins."""
+        fx, fy, cx, cy = self.placer.intrinsics
+        faces, (height, width) = self.placer.faces, self.placer.camera.shape
         x, y, z = self.vertices.T
         behind = z <= 0.05
         safe = np.where(behind, 1.0, z)
-        corners = np.stack([fx * x / safe + cx, fy * y / safe + cy, 1.0 / safe], axis=1)[self.faces]
+        corners = np.stack([fx * x / safe + cx, fy * y / safe + cy, 1.0 / safe], axis=1)[faces]
         edge_b, edge_c = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
         area = edge_b[:, 0] * edge_c[:, 1] - edge_b[:, 1] * edge_c[:, 0]
         low = np.maximum(np.ceil(corners[..., :2].min(axis=1)), 0).astype(int)
         high = np.minimum(np.floor(corners[..., :2].max(axis=1)), [width - 1, height - 1]).astype(int)
         sides = np.maximum(high - low + 1, 0)
-        drawn = np.flatnonzero((area < -1e-12) & ~behind[self.faces].any(axis=1) & (sides.min(axis=1) > 0))
-        counts = sides[drawn].prod(axis=1)
-        face = np.repeat(drawn, counts)
+        seen = np.flatnonzero((area < -1e-12) & ~behind[faces].any(axis=1) & (sides.min(axis=1) > 0))
+        counts = sides[seen].prod(axis=1)
+        face = np.repeat(seen, counts)
         place = np.arange(len(face)) - np.repeat(np.cumsum(counts) - counts, counts)
         u = low[face, 0] + place % sides[face, 0]
         v = low[face, 1] + place // sides[face, 0]
@@ -109,27 +128,26 @@ class PlainPosedBody(PosedBody):
         inverse = corners[face, 0, 2] + beta[inside] * edge_b[face, 2] + gamma[inside] * edge_c[face, 2]
         order = np.lexsort((face, -inverse))
         pixels, nearest = np.unique(pixel[order], return_index=True)
-        self.depth[:] = 0.0
-        self.triangle[:] = -1
-        self.depth.reshape(-1)[pixels] = 1.0 / inverse[order][nearest]
-        self.triangle.reshape(-1)[pixels] = face[order][nearest]
+        drawn = Drawn(np.zeros((height, width)), np.full((height, width), -1, dtype=np.int32))
+        drawn.depth.reshape(-1)[pixels] = 1.0 / inverse[order][nearest]
+        drawn.triangle.reshape(-1)[pixels] = face[order][nearest]
+        return drawn
 
-    def find_visible(self, facing: float, tolerance: float) -> np.ndarray:
-        """See `PosedBody.find_visible`."""
-        fx, fy, cx, cy = self.intrinsics
-        height, width = self.depth.shape
-        points = self.vertices[self.chosen]
+    def visible(self, facing: float, tolerance: float) -> np.ndarray:
+        """See `PlacedBody.visible`."""
+        fx, fy, cx, cy = self.placer.intrinsics
+        height, width = self.placer.camera.shape
+        points = self.chosen_points
         z = points[:, 2]
-        cosine = -(self.normals[self.chosen] * points).sum(axis=1) / np.linalg.norm(points, axis=1)
+        cosine = -(self.normals[self.placer.chosen] * points).sum(axis=1) / np.linalg.norm(points, axis=1)
         with np.errstate(divide="ignore", invalid="ignore"):
             u = np.rint(fx * points[:, 0] / z + cx)
             v = np.rint(fy * points[:, 1] / z + cy)
         within = (u >= 0) & (u < width) & (v >= 0) & (v < height) & (z > 0.05)
         front = np.zeros(len(points))
-        front[within] = self.depth[v[within].astype(int), u[within].astype(int)]
+        front[within] = self.drawn.depth[v[within].astype(int), u[within].astype(int)]
         hidden = (front > 0.0) & (front < z - tolerance)
-        self.visible = (z > 0.05) & (cosine >= facing) & ~hidden
-        return self.visible
+        return (z > 0.05) & (cosine >= facing) & ~hidden
 
 
 def left_jacobians(vectors: np.ndarray) -> np.ndarray:
@@ -155,7 +173,7 @@ class PlainSystem(NormalSystem):
 
     def gather(
         self,
-        posed: PosedBody,
+        placed: PlacedBody,
         vertex: np.ndarray,
         points: np.ndarray,
         residual: np.ndarray,
@@ -164,24 +182,24 @@ class PlainSystem(NormalSystem):
         point: float,
     ) -> None:
         """Add pairs: `points` (N, 3) that move with mesh vertices (N,), residuals (N, 3), robust weights (N,)."""
-        shares = posed.body.skin_weights[vertex]
+        shares = placed.body.skin_weights[vertex]
         row, slot = np.nonzero(shares > 0.0)
         weights = shares[row, slot] * weight[row]
-        joints = posed.body.skin_joints[vertex[row], slot]
+        joints = placed.body.skin_joints[vertex[row], slot]
         self._rows.append(
-            (joints, points[row], posed.normals[vertex[row]], residual[row], plane * weights, point * weights)
+            (joints, points[row], placed.normals[vertex[row]], residual[row], plane * weights, point * weights)
         )
 
-    def assemble(self, posed: PosedBody) -> None:
+    def assemble(self, placed: PlacedBody) -> None:
         """See `NormalSystem.assemble`, which brings in the pairs of the terms that are not plain."""
-        super().assemble(posed)
+        super().assemble(placed)
         joints, points, normals, residual, plane, point = (
             np.concatenate(part) for part in zip(*self._rows, strict=True)
         )
         jacobian = np.zeros((len(joints), 3, skeleton.POSE_SIZE))
-        jacobian[:, :, :3] = posed.from_level
-        levers = points[:, None] - posed.origins[skeleton.DOF_JOINT]
-        moves = np.cross(np.broadcast_to(posed.axes, levers.shape), levers)
+        jacobian[:, :, :3] = placed.placer.from_level
+        levers = points[:, None] - placed.origins[skeleton.DOF_JOINT]
+        moves = np.cross(np.broadcast_to(placed.axes, levers.shape), levers)
         moves *= BELOW[skeleton.DOF_JOINT][:, joints].T[..., None]
         jacobian[:, :, 3:] = moves.transpose(0, 2, 1)
         along = np.sqrt(plane)[:, None] * np.einsum("na,nap->np", normals, jacobian)
@@ -195,40 +213,40 @@ class PlainSystem(NormalSystem):
 class PlainSurfaceTerm(SurfaceTerm):
     """Adds its pairs to a `PlainSystem`."""
 
-    def add(self, system: PlainSystem, posed: PosedBody, scene: Scene) -> None:
+    def add(self, system: PlainSystem, placed: PlacedBody, scene: Scene) -> None:
         """See `PairTerm.add`."""
-        found = self.pairs(posed, scene)
-        points = posed.vertices[found.vertex]
-        system.gather(posed, found.vertex, points, found.residual, found.weight, self.plane, self.point)
+        found = self.pairs(placed, scene)
+        points = placed.vertices[found.vertex]
+        system.gather(placed, found.vertex, points, found.residual, found.weight, self.plane, self.point)
 
 
 class PlainCloudTerm(CloudTerm):
     """Finds the drawn body's points by SciPy's kd-tree and adds its pairs to a `PlainSystem`."""
 
-    def nearest(self, posed: PosedBody, scene: Scene) -> tuple[np.ndarray, np.ndarray]:
+    def nearest(self, placed: PlacedBody, scene: Scene) -> tuple[np.ndarray, np.ndarray]:
         """See `CloudTerm.nearest`."""
         points = np.full_like(scene.samples, np.nan)
         vertex_of = np.full(len(points), -1, dtype=np.int64)
-        drawn, pixels = back_projected(posed.depth, posed.intrinsics)
+        drawn, pixels = back_projected(placed.drawn.depth, placed.placer.intrinsics)
         if len(drawn) == 0:
             return points, vertex_of
         row = cKDTree(drawn).query(scene.samples, distance_upper_bound=self.reach)[1]
         found = row < len(drawn)
         points[found] = drawn[row[found]]
-        corners = posed.faces[posed.triangle.reshape(-1)[pixels[row[found]]]]
-        nearest = np.linalg.norm(posed.vertices[corners] - points[found][:, None], axis=2).argmin(axis=1)
+        corners = placed.placer.faces[placed.drawn.triangle.reshape(-1)[pixels[row[found]]]]
+        nearest = np.linalg.norm(placed.vertices[corners] - points[found][:, None], axis=2).argmin(axis=1)
         vertex_of[found] = corners[np.arange(len(corners)), nearest]
         return points, vertex_of
 
-    def add(self, system: PlainSystem, posed: PosedBody, scene: Scene) -> None:
+    def add(self, system: PlainSystem, placed: PlacedBody, scene: Scene) -> None:
         """See `PairTerm.add`."""
-        points, vertex_of = self.nearest(posed, scene)
+        points, vertex_of = self.nearest(placed, scene)
         found = vertex_of >= 0
         residual = points[found] - scene.samples[found]
         weights = np.ones(len(scene.samples))
         weights[scene.plain_samples :] = self.extremum_weight
         robust = weights[found] * (1.0 + (residual**2).sum(axis=1) / self.sigma**2) ** -2
-        system.gather(posed, vertex_of[found], points[found], residual, robust, self.plane, self.point)
+        system.gather(placed, vertex_of[found], points[found], residual, robust, self.plane, self.point)
 
 
 def bounded_step(
@@ -254,35 +272,33 @@ def bounded_step(
     return step
 
 
-class PlainFitter(Fitter):
-    """A fitter of the same settings whose every step is NumPy or SciPy."""
+def plain_solve(
+    matrix: np.ndarray, vector: np.ndarray, pose: np.ndarray, limits: np.ndarray, damping: np.ndarray, step: np.ndarray
+) -> None:
+    """Fill `step` as `refiner.Solve` has it."""
+    step[:] = bounded_step(matrix, vector, pose, limits, damping)
 
-    def __init__(self, fitter: Fitter) -> None:
-        self.__dict__.update(fitter.__dict__)
-        posed = fitter.posed
-        self.posed = PlainPosedBody(posed.body, posed.camera, posed.from_level.T)
-        self._system = PlainSystem()
-        self.surface = PlainSurfaceTerm(**vars(fitter.surface))
-        self.cloud = PlainCloudTerm(**vars(fitter.cloud))
-        plain = {SurfaceTerm: self.surface, CloudTerm: self.cloud}
-        self._pair_terms = [plain.get(type(term), term) for term in fitter._pair_terms]
 
-    def _solve(self, pose: np.ndarray, step: np.ndarray) -> None:
-        system = self._system
-        step[:] = bounded_step(system.matrix, system.vector, pose, skeleton.POSE_LIMITS, self._damping)
+def plain_refiner(placer: PlainPlacer, settings: FittingSettings, pose_terms: Sequence[PoseTerm] = ()) -> Refiner:
+    """A refiner whose every step is NumPy or SciPy."""
+    plain = {SurfaceTerm: PlainSurfaceTerm, CloudTerm: PlainCloudTerm}
+    terms = [plain[type(term)](**vars(term)) if type(term) in plain else term for term in pair_terms(settings)]
+    return Refiner(placer, settings, pose_terms, terms=terms, system=PlainSystem(), solve=plain_solve)
 
-    def compare(self, pose: np.ndarray, scene: Scene, bound: float = np.inf) -> Comparison:
-        """See `Fitter.compare`."""
-        posed, s = self.posed, self.settings
-        posed.place(pose)
-        posed.draw()
-        visible = posed.find_visible(s.facing, s.hidden_tolerance)
-        points = posed.vertices[posed.chosen]
+
+class PlainObjective(Objective):
+    """An objective of the same settings whose every step is NumPy or SciPy."""
+
+    def compare(self, body: Body, pose: np.ndarray, scene: Scene, bound: float = np.inf) -> Comparison:
+        """See `Objective.compare`."""
+        placed, s = self.placer.place(body, pose), self.settings
+        visible, points = placed.visible(s.facing, s.hidden_tolerance), placed.chosen_points
         nearest = np.empty_like(points)
         scene.neighbours.medians(points, visible, s.unexplained, 1, nearest)
         gaps = np.linalg.norm(points - nearest, axis=1)
-        parts = [gaps[visible], np.linalg.norm(scene.extrema[:, None] - posed.vertices, axis=2).min(axis=1)]
-        explained, drawn = self.cloud.nearest(posed, scene)
+        parts = [gaps[visible], np.linalg.norm(scene.extrema[:, None] - placed.vertices, axis=2).min(axis=1)]
+        cloud = PlainCloudTerm(s.unexplained, s.sigma, s.cloud_plane, s.cloud_point, s.extremum_weight)
+        explained, drawn = cloud.nearest(placed, scene)
         explained, drawn = explained[: scene.plain_samples], drawn[: scene.plain_samples]
         sample_gaps = np.linalg.norm(explained - scene.samples[: scene.plain_samples], axis=1)
         far = ~(sample_gaps < s.unexplained)
@@ -290,8 +306,8 @@ class PlainFitter(Fitter):
         if scene.plain_samples:
             parts.append(sample_gaps)
         distance = sum(_mean_capped(part, s.unexplained) for part in parts)
-        energy = sum(term.energy(pose) for term in self._pose_terms)
-        return Comparison(distance, gaps, sample_gaps, drawn, energy) if distance <= bound else WORSE
+        energy = sum(term.energy(pose) for term in self.pose_terms)
+        return Comparison(distance, gaps, sample_gaps, drawn, energy, placed) if distance <= bound else WORSE
 
 
 def _mean_capped(distances: np.ndarray, cap: float) -> float:

@@ -7,14 +7,25 @@ from typing import Any
 
 import numpy as np
 
+from toolkit.body.body import Body
 from toolkit.config import load_settings
 from toolkit.database.database import PoseDatabase
 from toolkit.evaluation.scores import RunScores
-from toolkit.sensing.recording import Recording
+from toolkit.fitting.objective import Objective
+from toolkit.fitting.refiner import Refiner
+from toolkit.kernels import linear
+from toolkit.sensing.camera import Camera
+from toolkit.sensing.people.sighting import Sighting
 from toolkit.track import FrameResult
+from toolkit.tracking.clock import StageClock
+from toolkit.tracking.follower import Follower
 from toolkit.tracking.hybrid import HybridTracker
+from toolkit.tracking.observation import Observation
+from toolkit.tracking.search.local import LocalSearch
+from toolkit.tracking.search.lookup import DatabaseLookup
+from toolkit.tracking.search.protocol import NOTHING, Proposal, Rival, Search
 from toolkit.tracking.settings import HybridSettings
-from toolkit.tracking.view import View
+from toolkit.tracking.state import PersonState
 
 ROWS: dict[str, tuple[str, dict[str, Any]]] = {
     "hybrid": ("hybrid", {}),
@@ -34,37 +45,93 @@ ROWS: dict[str, tuple[str, dict[str, Any]]] = {
 out of five."""
 
 
-class WatchedTracker(HybridTracker):
-    """The hybrid tracker, which also keeps what the local hypothesis of each frame said.
+class WatchedSearch(LocalSearch):
+    """The local search, which also keeps what it said.
 
     Attributes
     ----------
-    local_joints : per frame since `start` float64 (20, 3), camera frame, or None where there was no local hypothesis
+    said : pose (P,) of the last frame, or None where there was none to go on from
     """
 
-    def start(self, recording: Recording) -> None:
-        """See `Tracker.start`."""
-        super().start(recording)
+    said: np.ndarray | None = None
+
+    def propose(
+        self, observation: Observation, state: PersonState, rng: np.random.Generator, best: Rival | None
+    ) -> Proposal:
+        """See `Search.propose`."""
+        proposal = super().propose(observation, state, rng, best)
+        self.said = proposal.hypotheses[0].pose if proposal.hypotheses else None
+        return proposal
+
+
+class WatchedFollower(Follower):
+    """A follower that keeps what the local hypothesis of each frame said.
+
+    Attributes
+    ----------
+    local_joints : per step float64 (20, 3), camera frame, or None where there was no local hypothesis
+    """
+
+    def __init__(self, *parts: Any) -> None:
+        super().__init__(*parts)
         self.local_joints: list[np.ndarray | None] = []
 
-    def step(self, depth_mm: np.ndarray, timestamp: float) -> FrameResult:
-        """See `Tracker.step`."""
-        self._local: np.ndarray | None = None
-        result = super().step(depth_mm, timestamp)
-        self.local_joints.append(self._local)
+    def step(self, sighting: Sighting | None, timestamp: float, clock: StageClock) -> FrameResult:
+        """See `Follower.step`."""
+        watched = next(search for search in self.searches if isinstance(search, WatchedSearch))
+        watched.said = None
+        result = super().step(sighting, timestamp, clock)
+        pose = watched.said
+        self.local_joints.append(
+            None if pose is None else linear.rotated(self.body.joint_positions(pose), self.level_rotation)
+        )
         return result
 
-    def _refined_locally(self, pose: np.ndarray, view: View) -> np.ndarray:
-        local = super()._refined_locally(pose, view)
-        self._local = self.memory.body.joint_positions(local) @ self.level_rotation
-        return local
+
+class WatchedTracker(HybridTracker):
+    """The hybrid tracker, whose last follower can be looked into.
+
+    Attributes
+    ----------
+    local_joints : what the last follower's local hypotheses said, see `WatchedFollower`
+    """
+
+    kind = WatchedFollower
+
+    def searches(self, objective: Objective, refiner: Refiner) -> tuple[Search, ...]:
+        """See `HybridTracker.searches`."""
+        local = WatchedSearch(refiner, self.settings.momentum)
+        members = super().searches(objective, refiner)
+        return tuple(local if isinstance(member, LocalSearch) else member for member in members)
+
+    def follower(self, camera: Camera, level_rotation: np.ndarray, body: Body | None = None) -> Follower:
+        """See `Tracker.follower`."""
+        follower = super().follower(camera, level_rotation, body)
+        assert isinstance(follower, WatchedFollower)
+        self.local_joints = follower.local_joints
+        return follower
+
+
+class FirstFrames:
+    """A search that is asked only where there is no previous pose."""
+
+    def __init__(self, search: Search) -> None:
+        self.name, self._search = search.name, search
+
+    def propose(
+        self, observation: Observation, state: PersonState, rng: np.random.Generator, best: Rival | None
+    ) -> Proposal:
+        """See `Search.propose`."""
+        return NOTHING if state.previous is not None else self._search.propose(observation, state, rng, best)
 
 
 class LocalTracker(HybridTracker):
     """Local optimisation alone, after a first pose from the lookup."""
 
-    def _retrieved(self, view: View, bound: float, asked: set[str]) -> dict[str, np.ndarray]:
-        return {}
+    def searches(self, objective: Objective, refiner: Refiner) -> tuple[Search, ...]:
+        """See `HybridTracker.searches`."""
+        members = super().searches(objective, refiner)
+        return tuple(FirstFrames(member) if isinstance(member, DatabaseLookup) else member for member in members)
 
 
 def settings_of(row: str, overrides: Mapping[str, Any] | None = None) -> HybridSettings:

@@ -28,7 +28,7 @@ from toolkit.evaluation.evaluate import evaluate_runs
 from toolkit.evaluation.joints import frame_errors, joint_errors
 from toolkit.evaluation.scores import EvaluationTable, RunScores
 from toolkit.files import atomic_path
-from toolkit.fitting.fitter import WITHIN
+from toolkit.fitting.objective import WITHIN
 from toolkit.pipeline import track_recording
 from toolkit.sensing.recording import open_recording
 from toolkit.testing.suite import GROUPS, LONGEST, Take, chosen_takes, has_mocap, record, takes

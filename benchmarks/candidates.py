@@ -29,55 +29,61 @@ from toolkit.sensing.cloud import Cloud
 from toolkit.sensing.recording import Recording, open_recording
 from toolkit.testing.suite import GROUPS, LONGEST, chosen_takes, record
 from toolkit.tracking.hybrid import HybridTracker
-from toolkit.tracking.proposals import ExtremaProposer, Previous
+from toolkit.tracking.observation import Observation
+from toolkit.tracking.search.extrema import ExtremaQuery
+from toolkit.tracking.search.lookup import Query
 from toolkit.tracking.settings import HybridSettings
-from toolkit.tracking.view import View
+from toolkit.tracking.solo import Solo
+from toolkit.tracking.state import Previous
 
 
-class WatchedProposer(ExtremaProposer):
+class WatchedQuery(ExtremaQuery):
     """Keeps the frame that it was asked about, and its queries.
 
     Attributes
     ----------
-    view : the last frame, if it was asked about
+    observation : the last frame, if it was asked about
     asked : its labelled end effectors (M, 5, 3), level frame, NaN where absent
     """
 
-    view: View | None = None
+    observation: Observation | None = None
 
-    def queries(self, view: View, previous: Previous | None) -> tuple[np.ndarray, np.ndarray]:
-        """See `ExtremaProposer.queries`."""
-        points, present = super().queries(view, previous)
-        self.view, self.asked = view, np.where(present[:, :, None], points, np.nan)
+    def queries(self, observation: Observation, previous: Previous | None) -> tuple[np.ndarray, np.ndarray]:
+        """See `ExtremaQuery.queries`."""
+        points, present = super().queries(observation, previous)
+        self.observation, self.asked = observation, np.where(present[:, :, None], points, np.nan)
         return points, present
 
 
 class WatchedLookupTracker(HybridTracker):
-    """The hybrid tracker with a proposer that can be looked into."""
+    """The hybrid tracker with a query that can be looked into."""
 
     def __init__(self, poses: PoseDatabase, settings: HybridSettings) -> None:
         super().__init__(poses, settings)
-        self.watched = WatchedProposer(poses, settings.lookup)
-        self._proposers["extrema"] = self.watched
+        self.watched = WatchedQuery(poses, settings.lookup)
+
+    def queries(self) -> list[Query]:
+        """See `HybridTracker.queries`."""
+        return [self.watched if isinstance(query, ExtremaQuery) else query for query in super().queries()]
 
 
 def hits_of(
     tracker: WatchedLookupTracker, recording: Recording, reference: np.ndarray, every_frame: bool
 ) -> list[list[bool]]:
     """Per frame that counts: first five, all extrema, a query. `reference` (T, 20, 3), camera frame."""
-    tracker.start(recording)
+    solo = Solo(tracker, recording)
     hits = []
-    for i, depth in enumerate(recording.frames()):
-        tracker.watched.view = None
-        tracker.step(depth, float(recording.timestamps[i]))
-        view = tracker.watched.view
-        truth = reference[i].astype(np.float64) @ tracker.level_rotation.T
+    for i, frame in enumerate(recording.stream()):
+        tracker.watched.observation = None
+        solo.step(frame.depth_mm, frame.timestamp)
+        seen = tracker.watched.observation
+        truth = reference[i].astype(np.float64) @ solo.level_rotation.T
         ends = truth[TIPS]
-        if view is None or not np.isfinite(ends).all():
+        if seen is None or not np.isfinite(ends).all():
             continue
-        if not every_frame and not counts(view.cloud, truth, reference[i], tracker):
+        if not every_frame and not counts(seen.cloud, truth, reference[i], tracker):
             continue
-        extrema = view.extrema.points.astype(np.float64)
+        extrema = seen.extrema.points.astype(np.float64)
         gaps = np.linalg.norm(tracker.watched.asked - ends, axis=2)
         hits.append([all_found(extrema[:5], ends), all_found(extrema, ends), bool((gaps < FOUND).all(axis=1).any())])
     return hits

@@ -16,68 +16,95 @@ import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import asdict
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from benchmarks._plain_fitting import PlainFitter, PlainScene
+from benchmarks._plain_fitting import PlainObjective, PlainPlacer, PlainScene, plain_refiner
 from benchmarks._plain_landmarks import plain_centre, plain_extrema, plain_graph, plain_source
 from benchmarks._record import save_figures
 from benchmarks._timing import percentiles, pin_to_one_processor
+from toolkit.body.body import Body
 from toolkit.database.database import PoseDatabase
-from toolkit.database.origin import ADULT_HEIGHT
-from toolkit.landmarks.facing import estimate_facing
+from toolkit.fitting.scene import Scene
+from toolkit.landmarks.extrema import Extrema
+from toolkit.sensing.camera import Camera
 from toolkit.sensing.cloud import Cloud
 from toolkit.sensing.recording import Recording, open_recording
 from toolkit.testing.subjects import write_recording
+from toolkit.tracking.follower import Follower
 from toolkit.tracking.hybrid import HybridTracker
+from toolkit.tracking.observation import Observation, Observer
 from toolkit.tracking.settings import HybridSettings
-from toolkit.tracking.view import View
+from toolkit.tracking.solo import Solo
+from toolkit.tracking.state import PersonState
 
 SIZES = (3_000, 6_000, 16_000)
 WARM_UP = 50
 """Frames without times: the shape is learnt from 45."""
 
 
+class PlainObservation(Observation):
+    """An observation whose landmarks come from SciPy and NumPy."""
+
+    @cached_property
+    def centre(self) -> np.ndarray:
+        """See `Observation.centre`."""
+        return plain_centre(self.cloud.points, self.state.centre, self.observer.landmarks, self.scale)
+
+    @cached_property
+    def extrema(self) -> Extrema:
+        """See `Observation.extrema`."""
+        landmarks, points = self.observer.landmarks, self.cloud.points
+        matrix, largest = plain_graph(self.cloud, landmarks)
+        source = plain_source(points, largest, self.centre, landmarks, self.scale)
+        return plain_extrema(matrix, points, source, self.observer.extrema)
+
+    @cached_property
+    def scene(self) -> Scene:
+        """See `Observation.scene`."""
+        return PlainScene(self.cloud, self.extrema.points.astype(np.float64), self.observer.samples)
+
+
+class PlainObserver(Observer):
+    """Looks at sightings by SciPy and NumPy."""
+
+    def observe(self, cloud: Cloud, timestamp: float, state: PersonState) -> Observation:
+        """See `Observer.observe`."""
+        return PlainObservation(self, cloud, timestamp, state)
+
+
 class PlainTracker(HybridTracker):
-    """The hybrid tracker, from NumPy and SciPy alone."""
+    """The hybrid tracker, from NumPy and SciPy alone; the body is learnt by the compiled code, the same for both."""
 
     def __init__(self, database: PoseDatabase, settings: HybridSettings | None = None) -> None:
         super().__init__(database.with_search("scipy"), settings)
 
-    def start(self, recording: Recording) -> None:
-        """See `Tracker.start`. The body is learnt by the compiled code, so that both track with the same one."""
-        super().start(recording)
-        self._fitter = PlainFitter(self._fitter)
-
-    def _view(self, cloud: Cloud, timestamp: float, *, votes: bool) -> View:
-        if not isinstance(self._fitter, PlainFitter):
-            return super()._view(cloud, timestamp, votes=votes)
-        memory, settings = self.memory, self.settings
-        scale = memory.body.height / ADULT_HEIGHT
-        centre = plain_centre(cloud.points, memory.centre, settings.landmarks, scale)
-        dt = 1 / 30 if memory.timestamp is None else timestamp - memory.timestamp
-        yaw = memory.facing.update(estimate_facing(cloud.points, centre, settings.landmarks, scale), dt, centre)
-        matrix, largest = plain_graph(cloud, settings.landmarks)
-        source = plain_source(cloud.points, largest, centre, settings.landmarks, scale)
-        extrema = plain_extrema(matrix, cloud.points, source, settings.extrema)
-        joints = self._forest.estimate(cloud, settings.vote_samples) if self._forest and votes else None
-        scene = PlainScene(cloud, extrema.points.astype(np.float64), settings.fitting.cloud_samples)
-        memory.centre, memory.timestamp = centre, timestamp
-        return View(cloud, centre, yaw, extrema, joints, scene)
+    def follower(self, camera: Camera, level_rotation: np.ndarray, body: Body | None = None) -> Follower:
+        """See `Tracker.follower`."""
+        compiled = super().follower(camera, level_rotation, body)
+        fitting, objective = self.settings.fitting, compiled.objective
+        placer = PlainPlacer.like(objective.placer)
+        return self.assembled(
+            PlainObjective(placer, fitting, objective.pose_terms),
+            plain_refiner(placer, fitting, objective.pose_terms),
+            PlainObserver(**vars(compiled.observer)),
+            level_rotation,
+            compiled.state,
+        )
 
 
 def compare(recording: Recording, database: PoseDatabase, settings: HybridSettings, frames: int) -> dict[str, Any]:
     """Figures of one recording: times of both trackers and how far apart their joints are."""
     trackers = (HybridTracker(database, settings), PlainTracker(database, settings))
-    for tracker in trackers:
-        tracker.start(recording)
+    people = [Solo(tracker, recording) for tracker in trackers]
     pixels, results = [], []
     for i in range(min(frames, len(recording))):
         depth = recording.depth(i)
         pixels.append(int((depth > 0).sum()))
-        results.append([tracker.step(depth, float(recording.timestamps[i])) for tracker in trackers])
+        results.append([person.step(depth, float(recording.timestamps[i])) for person in people])
     stage_ms = np.array([[result.stage_ms for result in pair] for pair in results])[min(WARM_UP, len(results) // 2) :]
     joints = np.array([[result.joints for result in pair] for pair in results], dtype=np.float64)
     apart = 1000.0 * np.linalg.norm(joints[:, 0] - joints[:, 1], axis=2).max(axis=1)

@@ -27,7 +27,8 @@ from toolkit.evaluation.joints import joint_errors
 from toolkit.sensing.recording import Recording, open_recording
 from toolkit.testing.misled import KINDS, misled, wrong_pose
 from toolkit.testing.suite import LONGEST, chosen_takes, record
-from toolkit.tracking.hybrid import HybridTracker
+from toolkit.tracking.protocol import Tracker
+from toolkit.tracking.solo import Solo
 
 ENOUGH, WITHIN = 18, 0.15
 CAP = 90
@@ -45,24 +46,24 @@ def frames_from(start: int, total: int) -> Iterator[int]:
     return islice(cycle(there_and_back), start + 1, None)
 
 
-def recovery(tracker: HybridTracker, recording: Recording, start: int, wrong: np.ndarray) -> int | None:
-    """Frames that it takes after frame `start`, None if it is more than `CAP`; the tracker's memory stays as it is."""
-    undisturbed = tracker.memory
-    tracker.memory = misled(undisturbed, wrong)
+def recovery(solo: Solo, recording: Recording, start: int, wrong: np.ndarray) -> int | None:
+    """Frames that it takes after frame `start`, None if it is more than `CAP`; the person's state stays as it is."""
+    undisturbed = solo.follower.state
+    solo.follower.state = misled(undisturbed, wrong)
     timestamp = float(recording.timestamps[start])
     step = float(np.median(np.diff(recording.timestamps)))
     taken = None
     for count, i in enumerate(islice(frames_from(start, len(recording)), CAP), start=1):
         timestamp += step
-        if is_right(tracker.step(recording.depth(i), timestamp).joints, recording.joints[i]):
+        if is_right(solo.step(recording.depth(i), timestamp).joints, recording.joints[i]):
             taken = count
             break
-    tracker.memory = undisturbed
+    solo.follower.state = undisturbed
     return taken
 
 
 def run(
-    tracker: HybridTracker, recordings: list[Recording], poses: np.ndarray, starts: int, rng: np.random.Generator
+    tracker: Tracker, recordings: list[Recording], poses: np.ndarray, starts: int, rng: np.random.Generator
 ) -> tuple[list[dict[str, Any]], float]:
     """All starts, spread evenly over the recordings, and the share of undisturbed frames that are right."""
     found: list[dict[str, Any]] = []
@@ -72,20 +73,20 @@ def run(
         rng.shuffle(due)
         # Each start has a frame before which it does not begin; it begins at the next one that allows it.
         waiting = sorted(zip(rng.integers(1, max(2, int(0.7 * len(recording))), len(due)).tolist(), due, strict=True))
-        tracker.start(recording)
+        solo = Solo(tracker, recording)
         for i in range(len(recording)):
-            result = tracker.step(recording.depth(i), float(recording.timestamps[i]))
+            result = solo.step(recording.depth(i), float(recording.timestamps[i]))
             right.append(is_right(result.joints, recording.joints[i]))
-            if not right[-1] or tracker.memory.previous is None:
+            if not right[-1] or solo.follower.state.previous is None:
                 continue
             for entry in [entry for entry in waiting if entry[0] <= i]:
                 kind = entry[1]
-                wrong = wrong_pose(kind, tracker.memory.pose, poses, rng)
-                joints = tracker.body.joint_positions(wrong) @ tracker.level_rotation
+                wrong = wrong_pose(kind, solo.follower.state.pose, poses, rng)
+                joints = solo.body.joint_positions(wrong) @ solo.level_rotation
                 if is_right(joints, recording.joints[i]):
                     continue
                 waiting.remove(entry)
-                taken = recovery(tracker, recording, i, wrong)
+                taken = recovery(solo, recording, i, wrong)
                 found.append({"kind": kind, "recording": recording.name, "frame": i, "frames": taken})
         print(f"\r{number + 1} of {len(recordings)} recordings, {len(found)} starts", end="", flush=True)
     print()

@@ -25,7 +25,7 @@ from benchmarks._record import RESULTS, save_figures
 from toolkit.config import parse_overrides
 from toolkit.errors import DepthMocapError
 from toolkit.evaluation.scenes import SceneScore, scene_figures, score_scene
-from toolkit.pipeline import hybrid_tracker, track_recordings
+from toolkit.pipeline import load_tracker, track_recordings
 from toolkit.rendering import style
 from toolkit.rendering.film import contact_sheet, save_png
 from toolkit.rendering.overlay import color_depth, draw_points, draw_skeleton
@@ -70,7 +70,7 @@ TRUTH = (250, 250, 250)
 
 def track_scenes(paths: Sequence[Path], options: argparse.Namespace) -> tuple[list[Path], dict[str, str]]:
     """Run folders of all recordings, and why those failed that did."""
-    tracker = hybrid_tracker(poses_of(options), overrides=parse_overrides(options.set))
+    tracker = load_tracker(overrides=parse_overrides(options.set), database=poses_of(options))
     runs, failed = [], {}
     for i, path in enumerate(paths):
         run = options.work / "runs" / "scenes" / path.stem

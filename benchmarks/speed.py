@@ -33,6 +33,7 @@ from toolkit.sensing.recording import open_recording
 from toolkit.testing.subjects import write_recording
 from toolkit.tracking.hybrid import HybridTracker
 from toolkit.tracking.settings import HybridSettings
+from toolkit.tracking.solo import Solo
 
 JITTER = np.radians(2.0)
 ONE_THREAD = {"OMP_NUM_THREADS": "1", "NUMBA_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
@@ -62,11 +63,11 @@ def timed(path: Path, database: PoseDatabase, settings: HybridSettings) -> dict[
     """Times of every stage and of the whole frame, and the error, of one recording."""
     recording = open_recording(path)
     tracker = HybridTracker(database, settings)
-    tracker.start(recording)
+    solo = Solo(tracker, recording)
     results, pixels = [], []
-    for i, depth in enumerate(recording.frames()):
-        results.append(tracker.step(depth, float(recording.timestamps[i])))
-        pixels.append(int((depth > 0).sum()))
+    for frame in recording.stream():
+        results.append(solo.step(frame.depth_mm, frame.timestamp))
+        pixels.append(int((frame.depth_mm > 0).sum()))
     warm = min(WARM_UP, len(results) // 2)
     stage_ms = np.array([result.stage_ms for result in results], dtype=np.float64)[warm:]
     errors = joint_errors(np.array([result.joints for result in results]), recording.joints)

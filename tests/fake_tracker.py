@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 import time
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -16,54 +17,86 @@ from toolkit.errors import RecordingError
 from toolkit.pipeline import track_recordings
 from toolkit.sensing.camera import Camera
 from toolkit.sensing.cleaning import SensingSettings
-from toolkit.sensing.recording import Recording, save_recording
-from toolkit.track import TRACKED, FrameResult
+from toolkit.sensing.people.sighting import PredictedBody, Sighting
+from toolkit.sensing.recording import save_recording
+from toolkit.track import EMPTY, TRACKED, FrameResult
+from toolkit.tracking.clock import StageClock
 
 CAMERA = Camera(100.0, 100.0, 40.0, 30.0, 80, 60)
 
 
 @dataclass(frozen=True)
 class FakeSettings:
+    tracker: str = "fake"
+    seed: int = 0
     sensing: SensingSettings = field(default_factory=SensingSettings)
     weight: float = 0.5
 
 
 class FakeTracker:
-    """Its pose is a running mean of the depth; `seconds` is how long a frame takes; frame `broken` cannot be used."""
+    """Its followers' pose is a running mean of the depth; `seconds` a frame; frame `broken` cannot be used."""
 
-    stage_names = ("clean", "fit")
+    stage_names = ("prepare", "fit")
     source_names = ("local", "database")
     database = ""
 
-    def __init__(self, seconds: float = 0.0, broken: int | None = None, weight: float = 0.5) -> None:
+    def __init__(
+        self, seconds: float = 0.0, broken: int | None = None, weight: float = 0.5, learning_frames: int = 0
+    ) -> None:
         self.settings = FakeSettings(weight=weight)
-        self.seconds, self.broken = seconds, broken
-        self.memory: Any = (0, 0.0)
+        self.seconds, self.broken, self.learning_frames = seconds, broken, learning_frames
         self.steps = 0
+        self.learnt: list[int] = []
+
+    def learn_body(
+        self, camera: Camera, level_rotation: np.ndarray, frames: Iterable[tuple[Sighting, float]]
+    ) -> Body | None:
+        self.learnt.append(len(list(frames)))
+        return fake_body(7.0)
+
+    def follower(self, camera: Camera, level_rotation: np.ndarray, body: Body | None = None) -> FakeFollower:
+        return FakeFollower(self, body)
+
+
+class FakeFollower:
+    """See `FakeTracker`."""
+
+    def __init__(self, tracker: FakeTracker, body: Body | None) -> None:
+        self._tracker, self._body = tracker, body
+        self._count, self._mean = 0, 0.0
 
     @property
     def body(self) -> Body:
-        joints, sites = np.zeros((len(skeleton.JOINTS), 3)), np.zeros((len(skeleton.SITES), 3))
-        one = np.ones((1, 1))
-        faces, part, tips = np.zeros((0, 3), np.int32), np.zeros((1, 1), np.int64), np.zeros(5, np.int64)
-        return Body(
-            "fake", np.zeros((1, 3)), faces, part, one, joints, sites, tips, np.array([0.5]), 1.0 + self.memory[0]
-        )
+        return self._body or fake_body(1.0 + self._count)
 
-    def start(self, recording: Recording) -> None:
-        self.memory = (0, 0.0)
+    def step(self, sighting: Sighting | None, timestamp: float, clock: StageClock) -> FrameResult:
+        tracker = self._tracker
+        time.sleep(tracker.seconds)
+        tracker.steps += 1
+        if self._count == tracker.broken:
+            raise RecordingError(f"frame {self._count} cannot be used; leave it out")
+        depth = 0.0 if sighting is None else float(sighting.depth.astype(np.float64).mean())
+        self._mean += tracker.settings.weight * (depth - self._mean)
+        self._count += 1
+        joints = np.full((20, 3), self._mean, dtype=np.float32)
+        pose = np.full(skeleton.POSE_SIZE, self._mean)
+        state = EMPTY if sighting is None else TRACKED
+        return FrameResult(pose, joints, np.ones(20, np.float32), state, 0, np.array([1.0, 2.0], np.float32))
 
-    def step(self, depth_mm: np.ndarray, timestamp: float) -> FrameResult:
-        time.sleep(self.seconds)
-        self.steps += 1
-        count, mean = self.memory
-        if count == self.broken:
-            raise RecordingError(f"frame {count} cannot be used; leave it out")
-        mean += self.settings.weight * (float(depth_mm.mean()) - mean)
-        self.memory = (count + 1, mean)
-        joints = np.full((20, 3), mean, dtype=np.float32)
-        pose = np.full(skeleton.POSE_SIZE, mean)
-        return FrameResult(pose, joints, np.ones(20, np.float32), TRACKED, 0, np.array([1.0, 2.0], np.float32))
+    def predicted(self) -> PredictedBody:
+        return PredictedBody(np.full((1, 3), self._mean), np.zeros((0, 3), np.int32), 1.7)
+
+    def export_state(self) -> dict[str, Any]:
+        return {"count": self._count, "mean": self._mean}
+
+    def restore_state(self, state: dict[str, Any]) -> None:
+        self._count, self._mean = state["count"], state["mean"]
+
+
+def fake_body(scale: float) -> Body:
+    joints, sites = np.zeros((len(skeleton.JOINTS), 3)), np.zeros((len(skeleton.SITES), 3))
+    faces, part, tips = np.zeros((0, 3), np.int32), np.zeros((1, 1), np.int64), np.zeros(5, np.int64)
+    return Body("fake", np.zeros((1, 3)), faces, part, np.ones((1, 1)), joints, sites, tips, np.array([0.5]), scale)
 
 
 def write_recording(path: Path, frames: int = 12) -> Path:

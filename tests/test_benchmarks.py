@@ -21,6 +21,7 @@ from toolkit.simulation.person import facing_of
 from toolkit.testing import suite
 from toolkit.testing.misled import wrong_pose
 from toolkit.testing.suite import GROUPS, REPORT, TUNE, chosen_takes, performed, record, takes
+from toolkit.tracking.solo import Solo
 
 QUICK = ("--set", "shape.frames=2")
 """The shape is learnt from two frames only."""
@@ -139,7 +140,7 @@ def test_speed_times_every_stage_at_full_and_half_resolution(
     run(speed, small_database, *arguments, monkeypatch=monkeypatch)
     full, half = json.loads((bundled / "speed_part.json").read_text())["figures"]["times"]
     assert (full["half_resolution"], half["half_resolution"]) == (False, True)
-    assert set(full["stages"]) == {"prepare", "landmarks", "local", "lookup", "select"}
+    assert set(full["stages"]) == {"prepare", "landmarks", "local", "arms", "lookup", "select"}
 
 
 @pytest.mark.shared_data
@@ -170,8 +171,8 @@ def test_the_watched_local_hypothesis_is_the_one_that_competes(bundled: Path, sm
     path = record(chosen_takes("tune", ["fast"], 1)[0], bundled / "work", 20)
     recording = open_recording(path)
     tracker = WatchedTracker(PoseDatabase.load(small_database))
-    tracker.start(recording)
-    results = [tracker.step(depth, float(t)) for depth, t in zip(recording.frames(), recording.timestamps, strict=True)]
+    solo = Solo(tracker, recording)
+    results = [solo.step(frame.depth_mm, frame.timestamp) for frame in recording.stream()]
     won = [i for i, result in enumerate(results) if tracker.source_names[result.source] == "local"]
     assert len(won) > 5
     for i in won:

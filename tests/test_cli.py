@@ -8,16 +8,17 @@ import subprocess
 import sys
 from pathlib import Path
 
-import numpy as np
 import pytest
 
-from tests.fake_tracker import FakeTracker, write_recording
+from tests.fake_tracker import FakeFollower, FakeTracker, write_recording
 from toolkit import pipeline
 from toolkit.cli import bench
 from toolkit.cli.main import main
 from toolkit.cli.options import numbers
 from toolkit.errors import UsageError
+from toolkit.sensing.people.sighting import Sighting
 from toolkit.track import FrameResult, Track
+from toolkit.tracking.clock import StageClock
 
 VERBS = (
     "demo",
@@ -53,7 +54,7 @@ def fake(monkeypatch: pytest.MonkeyPatch) -> FakeTracker:
         tracker.asked = (arguments, named)  # type: ignore[attr-defined]
         return tracker
 
-    monkeypatch.setattr(pipeline, "hybrid_tracker", made)
+    monkeypatch.setattr(pipeline, "load_tracker", made)
     return tracker
 
 
@@ -128,8 +129,8 @@ def test_track_writes_a_run_and_says_so(tmp_path: Path, fake: FakeTracker, capsy
     assert "12 frames" in capsys.readouterr().out
     assert len(Track.load(tmp_path / "run")) == 12
     assert fake.asked == (  # type: ignore[attr-defined]
-        (Path("d.npz"), "hybrid", {"sensing.segment": "person", "sensing.half_resolution": True, "extrema": 10}),
-        {"max_poses": 7},
+        ("hybrid", {"sensing.segment": "person", "sensing.half_resolution": True, "extrema": 10}),
+        {"database": Path("d.npz"), "max_poses": 7},
     )
 
 
@@ -156,18 +157,18 @@ def test_ctrl_c_is_exit_code_1_and_says_how_to_go_on(
     tmp_path: Path, fake: FakeTracker, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     recording, output = write_recording(tmp_path / "take.npz"), tmp_path / "run"
-    step = FakeTracker.step
+    step = FakeFollower.step
 
-    def interrupted(self: FakeTracker, depth_mm: np.ndarray, timestamp: float) -> FrameResult:
-        if self.memory[0] == 7:
+    def interrupted(self: FakeFollower, sighting: Sighting, timestamp: float, clock: StageClock) -> FrameResult:
+        if timestamp == 7 / 30:
             os.kill(os.getpid(), signal.SIGINT)
-        return step(self, depth_mm, timestamp)
+        return step(self, sighting, timestamp, clock)
 
-    monkeypatch.setattr(FakeTracker, "step", interrupted)
+    monkeypatch.setattr(FakeFollower, "step", interrupted)
     command = ["track", recording, "--database", "d", "--output", output]
     assert run(*command) == 1
     assert "8 of 12 frames" in (said := capsys.readouterr().out) and "--resume" in said
-    monkeypatch.setattr(FakeTracker, "step", step)
+    monkeypatch.setattr(FakeFollower, "step", step)
     assert run(*command) == 2  # an unfinished track is not overwritten
     assert run(*command, "--resume") == 0 and len(Track.load(output)) == 12
 

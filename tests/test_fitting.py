@@ -8,14 +8,16 @@ import numpy as np
 import pytest
 from scipy.spatial import cKDTree
 
+from tests.fitting_helpers import Fit
 from toolkit.body import skeleton
 from toolkit.body.body import Body
 from toolkit.body.raycast import render_depth
 from toolkit.body.shape import ShapeSpace, load_body
 from toolkit.errors import SettingsError
-from toolkit.fitting.fitter import Fitter, FittingSettings
-from toolkit.fitting.posed import NormalSystem, PosedBody, choose_vertices
+from toolkit.fitting.placed import NormalSystem, Placer, choose_vertices
+from toolkit.fitting.refiner import mesh_terms
 from toolkit.fitting.scene import Scene
+from toolkit.fitting.settings import FittingSettings
 from toolkit.fitting.shape import ShapeEstimator, ShapeSettings
 from toolkit.fitting.terms import GaussianPrior, JointTerm
 from toolkit.sensing.camera import Camera, level_rotation
@@ -71,8 +73,8 @@ def body() -> Body:
 
 
 @pytest.fixture(scope="module")
-def fitter(body: Body) -> Fitter:
-    return Fitter(body, CAMERA, HORIZONTAL, SETTINGS)
+def fit(body: Body) -> Fit:
+    return Fit(body, CAMERA, HORIZONTAL, SETTINGS)
 
 
 # Terms
@@ -110,11 +112,10 @@ def test_joint_targets_have_the_gradient_of_their_robust_energy(body: Body, seed
     weights = rng.uniform(0.0, 2.0, 20)
     weights[5] = 0.0
     sigma = 0.3
-    posed, system = PosedBody(body, CAMERA, TILTED), NormalSystem()
-    posed.place(pose)
-    system.reset(posed.origins[0])
-    JointTerm(targets, weights, sigma).add(system, posed, scene_of(body, pose, TILTED))
-    system.assemble(posed)
+    placed, system = Placer(body, CAMERA, TILTED).place(body, pose), NormalSystem()
+    system.reset(placed.origins[0])
+    JointTerm(targets, weights, sigma).add(system, placed, scene_of(body, pose, TILTED))
+    system.assemble(placed)
     derived = [skeleton.REPORTED.index(name) for name in ("pelvis", "spine", "neck")]
 
     def energy(pose: np.ndarray) -> float:
@@ -153,59 +154,59 @@ def test_refining_a_disturbed_pose_brings_back_the_one_in_the_image(
     truth = perturbed(standing(), 100 + seed, 0.15)
     truth[:3] = rotation @ np.array([0.05, 0.05, 2.7])
     start = perturbed(truth, seed)
-    fitter = Fitter(body, CAMERA, rotation, SETTINGS)
+    fit = Fit(body, CAMERA, rotation, SETTINGS)
     before = start.copy()
-    found = fitter.refine(start, scene_of(body, truth, rotation), iterations=15)
+    found = fit.refine(start, scene_of(body, truth, rotation), iterations=15)
     assert joint_error(body, start, truth) > 0.03
     assert joint_error(body, found, truth) < 0.01
     assert np.array_equal(start, before)
 
 
-def test_both_kinds_of_neighbour_search_lead_to_the_same_pose(body: Body, fitter: Fitter) -> None:
+def test_both_kinds_of_neighbour_search_lead_to_the_same_pose(body: Body, fit: Fit) -> None:
     truth = standing()
     start = perturbed(truth, 5)
     reference = replace(SETTINGS, search="open3d")
-    assert fitter.refine(start, scene_of(body, truth)) == pytest.approx(
-        fitter.refine(start, scene_of(body, truth, settings=reference)), abs=1e-6
+    assert fit.refine(start, scene_of(body, truth)) == pytest.approx(
+        fit.refine(start, scene_of(body, truth, settings=reference)), abs=1e-6
     )
 
 
-def test_refinement_gives_the_same_bits_again(body: Body, fitter: Fitter) -> None:
+def test_refinement_gives_the_same_bits_again(body: Body, fit: Fit) -> None:
     truth = standing(left_hip_rx=-0.5, left_knee_rx=0.8)
     start = perturbed(truth, 6)
     scene = scene_of(body, truth)
-    first = fitter.refine(start, scene)
-    fitter.refine(perturbed(truth, 7), scene)
-    assert np.array_equal(first, fitter.refine(start, scene))
-    assert np.array_equal(first, Fitter(body, CAMERA, HORIZONTAL, SETTINGS).refine(start, scene_of(body, truth)))
+    first = fit.refine(start, scene)
+    fit.refine(perturbed(truth, 7), scene)
+    assert np.array_equal(first, fit.refine(start, scene))
+    assert np.array_equal(first, Fit(body, CAMERA, HORIZONTAL, SETTINGS).refine(start, scene_of(body, truth)))
 
 
-def test_joints_stay_within_their_limits_even_where_the_image_does_not(body: Body, fitter: Fitter) -> None:
+def test_joints_stay_within_their_limits_even_where_the_image_does_not(body: Body, fit: Fit) -> None:
     impossible = standing(left_elbow_ry=0.6, right_knee_rx=-0.5, cervical_rz=1.0)
-    found = fitter.refine(standing(left_elbow_ry=0.0, right_elbow_ry=0.7), scene_of(body, impossible), iterations=10)
+    found = fit.refine(standing(left_elbow_ry=0.0, right_elbow_ry=0.7), scene_of(body, impossible), iterations=10)
     low, high = skeleton.POSE_LIMITS.T
     assert (found >= low - 1e-12).all() and (found <= high + 1e-12).all()
     assert found[entry("left_elbow_ry")] == pytest.approx(high[entry("left_elbow_ry")])
     assert found[entry("right_knee_rx")] == pytest.approx(low[entry("right_knee_rx")])
 
 
-def test_the_root_turns_on_beyond_half_a_turn(body: Body, fitter: Fitter) -> None:
+def test_the_root_turns_on_beyond_half_a_turn(body: Body, fit: Fit) -> None:
     truth = standing()
     truth[4] = 3.1
     start = truth.copy()
     start[4] = -3.1  # 0.08 radians further on
-    found = fitter.refine(start, scene_of(body, truth), iterations=15)
+    found = fit.refine(start, scene_of(body, truth), iterations=15)
     assert joint_error(body, found, truth) < 0.01
     assert np.linalg.norm(found[3:6]) <= np.pi
 
 
-def test_regressed_joints_pull_an_arm_out_of_a_wrong_pose(body: Body, fitter: Fitter) -> None:
+def test_regressed_joints_pull_an_arm_out_of_a_wrong_pose(body: Body, fit: Fit) -> None:
     truth = standing(left_shoulder_rz=0.9, left_elbow_ry=-0.3)
     wrong = standing(left_shoulder_rz=-1.3, left_elbow_ry=-0.3)
     scene = scene_of(body, truth)
     pull = JointTerm(body.joint_positions(truth) @ HORIZONTAL, np.full(20, 30.0), 0.3)
-    drawn = fitter.refine(wrong, scene, pair_terms=[pull], iterations=20)
-    alone = fitter.refine(wrong, scene, iterations=20)
+    drawn = fit.refine(wrong, scene, terms=[pull], iterations=20)
+    alone = fit.refine(wrong, scene, iterations=20)
     wrist = skeleton.REPORTED.index("left_wrist")
     where = body.joint_positions(np.stack([truth, drawn, alone]))[:, wrist]
     assert np.linalg.norm(where[1] - where[0]) < 0.03
@@ -219,9 +220,9 @@ def test_a_prior_holds_what_the_image_does_not_show(body: Body) -> None:
     start[hidden] += 0.5
     mean = np.tile(truth, (2, 1))
     scene = Scene(Cloud.from_depth(np.zeros(CAMERA.shape, np.float32), CAMERA, HORIZONTAL), np.zeros((0, 3)), 0)
-    pulled = Fitter(body, CAMERA, HORIZONTAL, SETTINGS, [GaussianPrior.of_poses(mean, 1.0)])
+    pulled = Fit(body, CAMERA, HORIZONTAL, SETTINGS, [GaussianPrior.of_poses(mean, 1.0)])
     assert abs(pulled.refine(start, scene, iterations=30)[hidden] - truth[hidden]) < 0.01
-    assert Fitter(body, CAMERA, HORIZONTAL, SETTINGS).refine(start, scene) == pytest.approx(start)
+    assert Fit(body, CAMERA, HORIZONTAL, SETTINGS).refine(start, scene) == pytest.approx(start)
 
 
 # Distance and confidence
@@ -229,18 +230,16 @@ def test_a_prior_holds_what_the_image_does_not_show(body: Body) -> None:
 
 def test_the_sparse_distance_is_that_of_the_equations(body: Body) -> None:
     settings = replace(SETTINGS, cloud_samples=0)
-    fitter = Fitter(body, CAMERA, HORIZONTAL, settings)
+    fit = Fit(body, CAMERA, HORIZONTAL, settings)
     truth = standing()
     cloud = cloud_of(body, truth)
     extrema = cloud.points[:: len(cloud) // 20][:20].astype(np.float64)
     scene = Scene(cloud, extrema, 0)
     pose = perturbed(truth, 3)
-    found = fitter.sparse_distance(pose, scene)
-    fitter.posed.place(pose)
-    fitter.posed.draw()
-    seen = fitter.posed.find_visible(settings.facing, settings.hidden_tolerance)
+    found = fit.distance(pose, scene)
+    seen = fit.placer.place(body, pose).visible(settings.facing, settings.hidden_tolerance)
     mesh = body.vertex_positions(pose)
-    to_cloud = cKDTree(cloud.points).query(mesh[fitter.posed.chosen[seen]])[0]
+    to_cloud = cKDTree(cloud.points).query(mesh[fit.placer.chosen[seen]])[0]
     to_mesh = cKDTree(mesh).query(extrema)[0]
     expected = np.minimum(to_cloud, settings.unexplained).mean() + np.minimum(to_mesh, settings.unexplained).mean()
     assert found == pytest.approx(expected, abs=1e-6)
@@ -248,14 +247,14 @@ def test_the_sparse_distance_is_that_of_the_equations(body: Body) -> None:
 
 @pytest.mark.parametrize("samples", [0, 400])
 def test_a_pose_beyond_the_bound_is_given_up_and_no_other(body: Body, samples: int) -> None:
-    fitter = Fitter(body, CAMERA, HORIZONTAL, replace(SETTINGS, cloud_samples=samples))
+    fit = Fit(body, CAMERA, HORIZONTAL, replace(SETTINGS, cloud_samples=samples))
     cloud = cloud_of(body, standing())
     scene = Scene(cloud, cloud.points[:: len(cloud) // 20][:20].astype(np.float64), samples)
     pose = perturbed(standing(), 3)
-    distance = fitter.sparse_distance(pose, scene)
-    assert fitter.compare(pose, scene, 1.001 * distance).distance == distance
+    distance = fit.distance(pose, scene)
+    assert fit.compare(pose, scene, 1.001 * distance).distance == distance
     for bound in (0.0, 0.3 * distance, 0.7 * distance, 0.999 * distance):
-        assert fitter.compare(pose, scene, bound).distance == np.inf
+        assert fit.compare(pose, scene, bound).distance == np.inf
 
 
 def test_samples_that_no_pose_explains_count_against_it(body: Body) -> None:
@@ -264,70 +263,70 @@ def test_samples_that_no_pose_explains_count_against_it(body: Body) -> None:
     cloud = cloud_of(body, truth)
     distances = []
     for samples in (0, 400):
-        fitter = Fitter(body, CAMERA, HORIZONTAL, replace(SETTINGS, cloud_samples=samples))
+        fit = Fit(body, CAMERA, HORIZONTAL, replace(SETTINGS, cloud_samples=samples))
         scene = Scene(cloud, np.zeros((0, 3)), samples)
-        distances.append(fitter.sparse_distance(arm_hidden, scene) - fitter.sparse_distance(truth, scene))
+        distances.append(fit.distance(arm_hidden, scene) - fit.distance(truth, scene))
     assert distances[1] > distances[0] + 0.005
 
 
-def test_the_true_pose_is_nearest_to_its_image(body: Body, fitter: Fitter) -> None:
+def test_the_true_pose_is_nearest_to_its_image(body: Body, fit: Fit) -> None:
     truth = standing()
     scene = scene_of(body, truth)
-    right = fitter.sparse_distance(truth, scene)
+    right = fit.distance(truth, scene)
     assert right < 0.04
     rising = []
     for shift in (0.05, 0.15, 0.5):
         away = truth.copy()
         away[0] += shift
-        rising.append(fitter.sparse_distance(away, scene))
+        rising.append(fit.distance(away, scene))
     assert [right, *rising] == sorted([right, *rising]) and rising[0] > right + 0.01
     for wrong in (standing(left_shoulder_rz=1.2), standing(left_knee_rx=1.5), perturbed(truth, 1, 0.4)):
-        assert fitter.sparse_distance(wrong, scene) > right + 0.01
+        assert fit.distance(wrong, scene) > right + 0.01
 
 
-def test_confidence_lies_in_its_range_and_is_low_for_hidden_joints(body: Body, fitter: Fitter) -> None:
+def test_confidence_lies_in_its_range_and_is_low_for_hidden_joints(body: Body, fit: Fit) -> None:
     left, right = (skeleton.REPORTED.index(f"{side}_hand") for side in ("left", "right"))
     behind = standing(left_shoulder_rx=1.6, left_shoulder_ry=0.6, left_shoulder_rz=-1.3, left_elbow_ry=-1.6)
     hand = body.joint_positions(behind)[left]
     assert hand[2] < behind[2] - 0.05 and abs(hand[0] - behind[0]) < 0.2  # behind the back
-    confidence = fitter.confidence(fitter.compare(behind, scene_of(body, behind)))
+    confidence = fit.confidence(fit.compare(behind, scene_of(body, behind)))
     assert confidence.shape == (20,)
     assert ((confidence >= 0) & (confidence <= 1)).all()
     assert confidence[left] < 0.76 < 0.88 < confidence[right]
 
 
-def test_joints_that_the_image_contradicts_are_not_believed(body: Body, fitter: Fitter) -> None:
+def test_joints_that_the_image_contradicts_are_not_believed(body: Body, fit: Fit) -> None:
     scene = scene_of(body, standing())
     wrong = standing(left_shoulder_rz=1.2)
     wrist = skeleton.REPORTED.index("left_wrist")
     assert (
-        fitter.confidence(fitter.compare(wrong, scene))[wrist]
+        fit.confidence(fit.compare(wrong, scene))[wrist]
         < 0.76
         < 0.88
-        < fitter.confidence(fitter.compare(standing(), scene))[wrist]
+        < fit.confidence(fit.compare(standing(), scene))[wrist]
     )
 
 
 @pytest.mark.parametrize("points", [0, 1, 7])
-def test_almost_empty_images_leave_everything_finite(body: Body, fitter: Fitter, points: int) -> None:
+def test_almost_empty_images_leave_everything_finite(body: Body, fit: Fit, points: int) -> None:
     depth = np.zeros(CAMERA.shape, dtype=np.float32)
     depth.ravel()[np.linspace(10000, 12000, points).astype(int)] = 2.6
     cloud = Cloud.from_depth(depth, CAMERA, HORIZONTAL)
     for search in ("pixels", "open3d") if points else ("pixels",):
         scene = Scene(cloud, cloud.points.astype(np.float64), SETTINGS.cloud_samples, search)
-        found = fitter.refine(standing(), scene)
+        found = fit.refine(standing(), scene)
         assert np.isfinite(found).all()
-        assert 0.0 <= fitter.sparse_distance(found, scene) <= 3 * SETTINGS.reach + 1e-9
-        assert (fitter.confidence(fitter.compare(found, scene)) <= 1.0).all()
+        assert 0.0 <= fit.distance(found, scene) <= 3 * SETTINGS.reach + 1e-9
+        assert (fit.confidence(fit.compare(found, scene)) <= 1.0).all()
 
 
-def test_a_body_behind_the_camera_or_beside_the_image_is_survived(body: Body, fitter: Fitter) -> None:
+def test_a_body_behind_the_camera_or_beside_the_image_is_survived(body: Body, fit: Fit) -> None:
     scene = scene_of(body, standing())
     for place in ((0.0, 0.0, 2.0), (6.0, 0.0, -2.5), (0.0, 0.0, -0.1)):
         lost = standing()
         lost[:3] = place
-        assert np.isfinite(fitter.refine(lost, scene)).all()
-        assert fitter.sparse_distance(lost, scene) > 0.3
+        assert np.isfinite(fit.refine(lost, scene)).all()
+        assert fit.distance(lost, scene) > 0.3
 
 
 def test_samples_are_spread_over_the_cloud_with_the_extrema_last(body: Body) -> None:
@@ -351,18 +350,15 @@ def test_the_learnt_body_comes_near_the_height_of_the_person(size: float) -> Non
     person, neutral = space.body([size, 0.4, -0.3]), space.body()
     assert abs(person.height - neutral.height) > 0.08
     poses = [standing(), standing(left_hip_rx=-0.6, left_knee_rx=0.6), standing(root_ry=0.4, right_shoulder_rz=0.0)]
-    fitter = Fitter(neutral, CAMERA, HORIZONTAL, SETTINGS)
-    estimator = ShapeEstimator(neutral, ShapeSettings(), fitter.surface, fitter.cloud)
-    body, pose = neutral, perturbed(poses[0], 0, 0.03)
+    fit = Fit(neutral, CAMERA, HORIZONTAL, SETTINGS)
+    estimator = ShapeEstimator(neutral, ShapeSettings(), fit.placer, mesh_terms(SETTINGS))
     for truth in poses * 3:
         scene = scene_of(person, truth)
-        pose = fitter.refine(perturbed(truth, 1, 0.03), scene)
-        fitter.posed.place(pose)
-        fitter.posed.draw()
-        body = estimator.observe(fitter.posed, pose, scene)
+        fit.body = estimator.observe(fit.refine(perturbed(truth, 1, 0.03), scene), scene)
+    body = fit.body
     assert abs(body.height - person.height) < 0.5 * abs(neutral.height - person.height)
     assert (np.abs(body.shape) <= ShapeSettings().limit).all()
-    assert fitter.posed.body is body
+    assert estimator.body is body
 
 
 @pytest.mark.parametrize("values", [{"iterations": 0}, {"neighbours": 0}, {"neighbours": 10}, {"search": "octree"}])

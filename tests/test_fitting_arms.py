@@ -2,18 +2,27 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
+from tests.fitting_helpers import Fit
 from tests.test_fitting import CAMERA, HORIZONTAL, SETTINGS, joint_error, scene_of, standing
 from toolkit.body import skeleton
 from toolkit.body.body import Body
 from toolkit.body.shape import load_body
 from toolkit.errors import SettingsError
-from toolkit.fitting.arms import ArmSearch, ArmSettings
+from toolkit.fitting.arms import ArmPoses, ArmSettings
 from toolkit.fitting.balls import Balls
-from toolkit.fitting.fitter import Fitter, FittingSettings
+from toolkit.fitting.placed import balls_of
+from toolkit.fitting.scene import Scene
+from toolkit.fitting.settings import FittingSettings
 from toolkit.kernels import limbs
+from toolkit.tracking.search.arms import ArmSearch
+from toolkit.tracking.search.protocol import Hypothesis, Rival
+from toolkit.tracking.state import PersonState, Previous
 
 ARM = [
     i for i, name in enumerate(skeleton.POSE_NAMES) if name.startswith(("left_clav", "left_sh", "left_el", "left_wr"))
@@ -26,8 +35,8 @@ def body() -> Body:
 
 
 @pytest.fixture(scope="module")
-def fitter(body: Body) -> Fitter:
-    return Fitter(body, CAMERA, HORIZONTAL, SETTINGS)
+def fit(body: Body) -> Fit:
+    return Fit(body, CAMERA, HORIZONTAL, SETTINGS)
 
 
 @pytest.fixture(scope="module")
@@ -65,17 +74,15 @@ def test_balls_that_touch_at_rest_or_are_neighbours_may_overlap(body: Body) -> N
 
 def test_an_arm_in_the_trunk_is_pushed_out(body: Body) -> None:
     def overlap(pose: np.ndarray) -> float:
-        posed = soft.posed
-        posed.place(pose)
-        balls = posed.balls
-        centres = posed.origins[balls.joint] + np.einsum("bij,bj->bi", posed.rotations[balls.joint], balls.offset)
+        placed, balls = soft.placer.place(body, pose), balls_of(body)
+        centres = placed.origins[balls.joint] + np.einsum("bij,bj->bi", placed.rotations[balls.joint], balls.offset)
         first, second = balls.apart.T
         gap = np.linalg.norm(centres[first] - centres[second], axis=1) - 0.8 * (
             balls.radius[first] + balls.radius[second]
         )
         return float(-np.minimum(gap, 0.0).sum())
 
-    soft, hard = (Fitter(body, CAMERA, HORIZONTAL, FittingSettings(contact_weight=w)) for w in (0.0, 50.0))
+    soft, hard = (Fit(body, CAMERA, HORIZONTAL, FittingSettings(contact_weight=w)) for w in (0.0, 50.0))
     candidates = np.repeat(standing()[None], 200, axis=0)
     candidates[:, ARM] = np.random.default_rng(0).uniform(*skeleton.POSE_LIMITS[ARM].T, (200, len(ARM)))
     inside = max(candidates, key=overlap)
@@ -90,13 +97,13 @@ def test_an_arm_in_the_trunk_is_pushed_out(body: Body) -> None:
 def chain_and_measured(seed: int, body: Body, poses: np.ndarray) -> tuple[limbs.Chain, limbs.Measured, np.ndarray]:
     """The left arm, an image with a square of depth and a hole, and samples around where an arm might be."""
     rng = np.random.default_rng(seed)
-    arm = ArmSearch(poses, body, ArmSettings(count=20))._arms[0]
+    arm = ArmPoses(poses, body, 20).of(body)[0]
     depth = np.zeros(CAMERA.shape, dtype=np.float32)
     depth[30:110, 60:140] = rng.uniform(2.3, 3.2, (80, 80))
     rotation, origin = HORIZONTAL.astype(float), np.array([0.1, -0.2, 2.7])
     samples = rng.uniform(-0.3, 0.8, (30, 3))
     measured = limbs.Measured(rotation, origin, depth, np.array(CAMERA.intrinsics), samples, 1 / 400, 0.05, 0.03, 0.15)
-    return arm._chain, measured, arm.angles
+    return arm.chain, measured, arm.angles
 
 
 def plain_cost(balls: np.ndarray, chain: limbs.Chain, measured: limbs.Measured) -> float:
@@ -129,13 +136,13 @@ def test_costs_are_those_of_the_plain_twin(seed: int, body: Body, poses: np.ndar
 
 
 def test_balls_follow_the_chain(body: Body, poses: np.ndarray) -> None:
-    arm = ArmSearch(poses, body, ArmSettings(count=20))._arms[0]
+    arm = ArmPoses(poses, body, 20).of(body)[0]
     pose = np.zeros(skeleton.POSE_SIZE)
     pose[arm.entries] = arm.angles[3]
     joints = body.joint_positions(pose)
     thorax = body.joints[skeleton.JOINT_NAMES.index("thorax")]
-    balls = np.empty((1, len(arm._chain.radii), 3))
-    limbs.place_balls(arm.angles[3:4], arm._chain, balls)
+    balls = np.empty((1, len(arm.chain.radii), 3))
+    limbs.place_balls(arm.angles[3:4], arm.chain, balls)
     for name, ball in (("shoulder", 0), ("elbow", 3), ("wrist", 6)):
         assert balls[0, ball] + thorax == pytest.approx(joints[skeleton.REPORTED.index(f"left_{name}")], abs=1e-9)
 
@@ -165,34 +172,41 @@ def test_the_fit_finds_an_arm_again_and_keeps_its_limits(body: Body, poses: np.n
 # The search
 
 
-def test_an_arm_in_the_wrong_place_is_found(body: Body, fitter: Fitter, poses: np.ndarray) -> None:
+def improved(fit: Fit, poses: np.ndarray, pose: np.ndarray, scene: Scene) -> tuple[Hypothesis, ...]:
+    """What the search for arms says of a followed person whose best hypothesis is `pose`."""
+    search = ArmSearch(ArmPoses(poses, fit.body, 128), fit.objective, fit.refiner, ArmSettings())
+    rng = np.random.default_rng(0)
+    state = replace(PersonState.begin(fit.body, sized=True, seed=0), previous=Previous.of_pose(fit.body, pose))
+    best = Rival(Hypothesis("local", pose), fit.body, fit.compare(pose, scene))
+    return search.propose(SimpleNamespace(scene=scene), state, rng, best).hypotheses
+
+
+def test_an_arm_in_the_wrong_place_is_found(body: Body, fit: Fit, poses: np.ndarray) -> None:
     truth = standing(left_shoulder_rz=0.9, left_elbow_ry=-1.2)
     scene = scene_of(body, truth)
-    wrong = fitter.refine(standing(left_shoulder_rz=-1.4, left_shoulder_ry=0.6, left_elbow_ry=-0.2), scene)
+    wrong = fit.refine(standing(left_shoulder_rz=-1.4, left_shoulder_ry=0.6, left_elbow_ry=-0.2), scene)
     assert joint_error(body, wrong, truth) > 0.06
-    search = ArmSearch(poses, body, ArmSettings())
-    first, given = fitter.compare(wrong, scene), wrong.copy()
-    found = search.improve(wrong, first, fitter, scene)
-    assert found is not None
-    pose, again = found
+    first, given = fit.compare(wrong, scene), wrong.copy()
+    (found,) = improved(fit, poses, wrong, scene)
+    assert found.supersedes and found.comparison is not None
+    pose, again = found.pose, found.comparison
     assert joint_error(body, pose, truth) < 0.5 * joint_error(body, wrong, truth)
     assert again.sample_gaps.mean() < first.sample_gaps.mean()
     assert (wrong == given).all() and (wrong[ARM] != pose[ARM]).any()
 
 
-def test_right_arms_are_left_alone(body: Body, fitter: Fitter, poses: np.ndarray) -> None:
+def test_right_arms_are_left_alone(body: Body, fit: Fit, poses: np.ndarray) -> None:
     truth = standing()
     scene = scene_of(body, truth)
-    found = fitter.refine(truth, scene)
-    assert ArmSearch(poses, body, ArmSettings()).improve(found, fitter.compare(found, scene), fitter, scene) is None
+    found = fit.refine(truth, scene)
+    assert improved(fit, poses, found, scene) == ()
 
 
-def test_another_body_is_searched_with_its_own_arms(fitter: Fitter, body: Body, poses: np.ndarray) -> None:
-    small = body.scaled(0.7)
-    fresh, exchanged = ArmSearch(poses, small, ArmSettings(count=10)), ArmSearch(poses, body, ArmSettings(count=10))
-    exchanged.set_body(small)
-    arm, other = fresh._arms[1]._chain, exchanged._arms[1]._chain
+def test_another_body_is_searched_with_its_own_arms(body: Body, poses: np.ndarray) -> None:
+    small, arms = body.scaled(0.7), ArmPoses(poses, body, 10)
+    arm, other = ArmPoses(poses, small, 10).of(small)[1].chain, arms.of(small)[1].chain
     assert arm.radii == pytest.approx(other.radii) and arm.rest == pytest.approx(other.rest)
+    assert arm.radii == pytest.approx(0.7 * arms.of(body)[1].chain.radii)
 
 
 @pytest.mark.parametrize("values", [{"count": 0}, {"fitted": 200}, {"refined": 0}])

@@ -13,7 +13,7 @@ from toolkit.body import skeleton
 from toolkit.body.body import BELOW, Body
 from toolkit.body.raycast import cast_body
 from toolkit.body.shape import load_body
-from toolkit.fitting.posed import NormalSystem, PosedBody
+from toolkit.fitting.placed import NormalSystem, PlacedBody, Placer
 from toolkit.fitting.scene import Open3DNeighbours, PixelNeighbours
 from toolkit.kernels import pairs, raster, twists
 from toolkit.kernels.pixel_search import longest_ray, nearest_pixels
@@ -33,11 +33,8 @@ def some_pose(seed: int, place: tuple[float, float, float] = (0.1, 0.1, 2.4), sp
     return pose
 
 
-def placed(body: Body, pose: np.ndarray, camera: Camera = CAMERA) -> PosedBody:
-    posed = PosedBody(body, camera, TILTED)
-    posed.place(pose)
-    posed.draw()
-    return posed
+def placed(body: Body, pose: np.ndarray, camera: Camera = CAMERA) -> PlacedBody:
+    return Placer(body, camera, TILTED).place(body, pose)
 
 
 def back_projected(depth: np.ndarray, intrinsics: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -63,9 +60,9 @@ def test_the_z_buffer_shows_what_open3d_hits(body: Body, seed: int, place: tuple
     posed, hits = placed(body, pose), cast_body(body, pose, CAMERA, TILTED)
     assert (hits.depth > 0).sum() > 300
     # A ray that meets an edge of the mesh may be decided either way.
-    assert (np.abs(posed.depth - hits.depth) > 1e-3).sum() <= 2
-    assert (posed.triangle != hits.triangles).sum() <= 2
-    assert np.array_equal(posed.triangle >= 0, posed.depth > 0)
+    assert (np.abs(posed.drawn.depth - hits.depth) > 1e-3).sum() <= 2
+    assert (posed.drawn.triangle != hits.triangles).sum() <= 2
+    assert np.array_equal(posed.drawn.triangle >= 0, posed.drawn.depth > 0)
 
 
 def test_triangles_that_face_away_or_reach_behind_the_camera_are_not_drawn() -> None:
@@ -172,12 +169,13 @@ def test_a_query_behind_the_camera_finds_nothing(z: float) -> None:
 def test_medians_of_the_nearest_points_are_those_of_open3d(body: Body, count: int) -> None:
     seen = placed(body, some_pose(1))
     rng = np.random.default_rng(count)
-    depth = np.where(seen.depth > 0, seen.depth + rng.normal(0, 0.01, seen.depth.shape), 0).astype(np.float32)
-    points, _ = back_projected(depth, seen.intrinsics)
-    queries = seen.vertices[seen.chosen] + rng.normal(0.0, 0.1, (len(seen.chosen), 3))
+    clean = seen.drawn.depth
+    depth = np.where(clean > 0, clean + rng.normal(0, 0.01, clean.shape), 0).astype(np.float32)
+    points, _ = back_projected(depth, seen.placer.intrinsics)
+    queries = seen.chosen_points + rng.normal(0.0, 0.1, (len(seen.placer.chosen), 3))
     wanted = rng.random(len(queries)) < 0.8
     ours, theirs, expected = (np.full_like(queries, 7.0) for _ in range(3))
-    PixelNeighbours(depth, seen.intrinsics).medians(queries, wanted, 0.08, count, ours)
+    PixelNeighbours(depth, seen.placer.intrinsics).medians(queries, wanted, 0.08, count, ours)
     Open3DNeighbours(points).medians(queries, wanted, 0.08, count, theirs)
     expected[:, 0] = np.nan
     for row in np.flatnonzero(wanted):
@@ -218,15 +216,15 @@ def test_chosen_vertices_that_are_visible_are_the_first_that_a_ray_meets(body: B
     from open3d.t.geometry import RaycastingScene
 
     posed = placed(body, some_pose(4))
-    visible = posed.find_visible(0.1, 0.03)
+    visible = posed.visible(0.1, 0.03)
     scene = RaycastingScene()
     scene.add_triangles(
-        Tensor.from_numpy(posed.vertices.astype(np.float32)), Tensor.from_numpy(posed.faces.astype(np.uint32))
+        Tensor.from_numpy(posed.vertices.astype(np.float32)), Tensor.from_numpy(posed.placer.faces.astype(np.uint32))
     )
-    points = posed.vertices[posed.chosen]
+    points = posed.vertices[posed.placer.chosen]
     rays = np.concatenate([np.zeros_like(points), points], axis=1).astype(np.float32)
     before = (1.0 - scene.cast_rays(Tensor.from_numpy(rays))["t_hit"].numpy()) * points[:, 2]  # metres of z
-    facing = -np.einsum("nc,nc->n", posed.normals[posed.chosen], points) / np.linalg.norm(points, axis=1)
+    facing = -np.einsum("nc,nc->n", posed.normals[posed.placer.chosen], points) / np.linalg.norm(points, axis=1)
     expected = (facing >= 0.1) & (before < 0.03)
     assert 60 < visible.sum() < len(visible) - 60
     assert (visible == expected).mean() > 0.97
@@ -237,7 +235,7 @@ def test_skinned_normals_turn_with_the_body_and_stay_unit(body: Body) -> None:
     turn[skeleton.ROOT_ROTATION] = 0.3, -1.0, 0.5
     posed = placed(body, turn)
     assert posed.normals == pytest.approx(body.normals @ posed.rotations[0].T, abs=1e-12)
-    posed.place(some_pose(0))
+    posed = placed(body, some_pose(0))
     assert np.linalg.norm(posed.normals, axis=1) == pytest.approx(1.0)
     rigid = body.skin_weights.max(axis=1) > 0.999999
     turned = np.einsum("nab,nb->na", posed.rotations[body.part[rigid]], body.normals[rigid])
@@ -248,25 +246,32 @@ def test_a_placed_body_is_the_skinned_one_in_the_camera_frame(body: Body) -> Non
     pose = some_pose(5)
     posed = placed(body, pose)
     assert posed.vertices == pytest.approx(body.vertex_positions(pose) @ TILTED, abs=1e-12)
-    assert posed.end_effectors_level() == pytest.approx(body.end_effector_positions(pose), abs=1e-12)
 
 
 def test_samples_meet_the_nearest_drawn_point_and_its_nearest_corner(body: Body) -> None:
     posed = placed(body, some_pose(2))
     rng = np.random.default_rng(2)
-    surface, flat = back_projected(posed.depth, posed.intrinsics)
+    surface, flat = back_projected(posed.drawn.depth, posed.placer.intrinsics)
     samples = surface[rng.integers(len(surface), size=150)] + rng.normal(0.0, 0.06, (150, 3))
     reach = 0.1
     points, vertex_of = np.full_like(samples, np.nan), np.empty(150, dtype=np.int64)
     pairs.nearest_model_points(
-        samples, posed.depth, posed.triangle, posed.intrinsics, posed.faces, posed.vertices, reach, points, vertex_of
+        samples,
+        posed.drawn.depth,
+        posed.drawn.triangle,
+        posed.placer.intrinsics,
+        posed.placer.faces,
+        posed.vertices,
+        reach,
+        points,
+        vertex_of,
     )
     distances, nearest = cKDTree(surface).query(samples)
     found = distances < reach
     assert 20 < found.sum() < 150
     assert np.array_equal(vertex_of >= 0, found)
     assert points[found] == pytest.approx(surface[nearest[found]], abs=1e-9)
-    corners = posed.faces[posed.triangle.ravel()[flat[nearest[found]]]]
+    corners = posed.placer.faces[posed.drawn.triangle.ravel()[flat[nearest[found]]]]
     gaps = np.linalg.norm(posed.vertices[corners] - points[found][:, None], axis=2)
     assert np.array_equal(vertex_of[found], corners[np.arange(len(corners)), gaps.argmin(axis=1)])
 
@@ -283,17 +288,17 @@ def test_the_mean_distance_to_the_nearest_vertex_is_capped() -> None:
 # Normal equations
 
 
-def rigid_jacobians(posed: PosedBody, points: np.ndarray, joints: np.ndarray) -> np.ndarray:
+def rigid_jacobians(posed: PlacedBody, points: np.ndarray, joints: np.ndarray) -> np.ndarray:
     """Derivative (N, 3, P) of points (N, 3) that hang rigidly on joints (N,), camera frame."""
     out = np.zeros((len(points), 3, skeleton.POSE_SIZE))
-    out[:, :, :3] = posed.from_level
+    out[:, :, :3] = posed.placer.from_level
     for k, i in enumerate(skeleton.DOF_JOINT):
         moved = BELOW[i, joints]
         out[moved, :, 3 + k] = np.cross(posed.axes[k], points[moved] - posed.origins[i])
     return out
 
 
-def blended_jacobians(posed: PosedBody, points: np.ndarray, vertices: np.ndarray) -> np.ndarray:
+def blended_jacobians(posed: PlacedBody, points: np.ndarray, vertices: np.ndarray) -> np.ndarray:
     """Derivative (N, 3, P) of points (N, 3) that move as a blend of the joints that carry mesh `vertices` (N,)."""
     weights, joints = posed.body.skin_weights[vertices], posed.body.skin_joints[vertices]
     return sum(weights[:, s, None, None] * rigid_jacobians(posed, points, joints[:, s]) for s in range(joints.shape[1]))
@@ -313,7 +318,7 @@ def metrics_of(residuals: np.ndarray, normals: np.ndarray, weights: np.ndarray, 
     return robust[:, None, None] * (np.einsum("na,nb->nab", normals, normals) + 0.3 * np.eye(3))
 
 
-def surface_system(posed: PosedBody, chosen: np.ndarray, residuals: np.ndarray, sigma: float) -> NormalSystem:
+def surface_system(posed: PlacedBody, chosen: np.ndarray, residuals: np.ndarray, sigma: float) -> NormalSystem:
     system = NormalSystem()
     system.reset(posed.origins[0])
     body = posed.body
@@ -333,7 +338,7 @@ def test_rigid_vertices_give_the_dense_normal_equations(body: Body, seed: int) -
     assert len(np.unique(body.part[chosen])) > 10
     residuals = np.random.default_rng(seed).normal(0.0, 0.03, (len(chosen), 3))
     system = surface_system(posed, chosen, residuals, 0.1)
-    jacobians = np.einsum("ab,nbp->nap", posed.from_level, body.vertex_jacobian(pose, chosen))
+    jacobians = np.einsum("ab,nbp->nap", posed.placer.from_level, body.vertex_jacobian(pose, chosen))
     metrics = metrics_of(residuals, posed.normals[chosen], np.ones(len(chosen)), 0.1)
     matrix, vector = dense(jacobians, residuals, metrics)
     assert system.matrix == pytest.approx(matrix, abs=1e-9 * np.abs(matrix).max())
@@ -344,7 +349,7 @@ def test_rigid_vertices_give_the_dense_normal_equations(body: Body, seed: int) -
 def test_blended_vertices_give_the_gradient_and_bound_the_curvature_from_above(body: Body, seed: int) -> None:
     pose = some_pose(seed)
     posed = placed(body, pose)
-    chosen = posed.chosen
+    chosen = posed.placer.chosen
     residuals = np.random.default_rng(seed).normal(0.0, 0.03, (len(chosen), 3))
     system = surface_system(posed, chosen, residuals, 0.1)
     metrics = metrics_of(residuals, posed.normals[chosen], np.ones(len(chosen)), 0.1)
@@ -354,14 +359,14 @@ def test_blended_vertices_give_the_gradient_and_bound_the_curvature_from_above(b
     excess = np.linalg.eigvalsh(system.matrix - matrix)
     assert excess.min() > -1e-9 * scale and excess.max() > 1e-6 * scale
     # The blended point stands for the points that its joints would put there; true skinning differs a little.
-    jacobians = np.einsum("ab,nbp->nap", posed.from_level, body.vertex_jacobian(pose, chosen))
+    jacobians = np.einsum("ab,nbp->nap", posed.placer.from_level, body.vertex_jacobian(pose, chosen))
     _, true_vector = dense(jacobians, residuals, metrics)
     assert np.linalg.norm(system.vector - true_vector) < 0.02 * np.linalg.norm(true_vector)
 
 
 def test_vertices_without_a_target_add_nothing(body: Body) -> None:
     posed = placed(body, some_pose(0))
-    chosen = posed.chosen[:40]
+    chosen = posed.placer.chosen[:40]
     residuals = np.full((40, 3), 0.02)
     whole = surface_system(posed, chosen[:25], residuals[:25], 0.1)
     residuals[25:, 0] = np.nan
@@ -372,9 +377,9 @@ def test_vertices_without_a_target_add_nothing(body: Body) -> None:
 def test_cloud_pairs_pull_surface_points_to_their_samples(body: Body) -> None:
     posed = placed(body, some_pose(1))
     rng = np.random.default_rng(1)
-    points, flat = back_projected(posed.depth, posed.intrinsics)
+    points, flat = back_projected(posed.drawn.depth, posed.placer.intrinsics)
     rows = rng.integers(len(points), size=60)
-    points, vertex_of = points[rows], posed.faces[posed.triangle.ravel()[flat[rows]], 0]
+    points, vertex_of = points[rows], posed.placer.faces[posed.drawn.triangle.ravel()[flat[rows]], 0]
     residuals, weights = rng.normal(0.0, 0.03, (60, 3)), rng.uniform(0.5, 3.0, 60)
     system = NormalSystem()
     system.reset(posed.origins[0])
@@ -394,13 +399,13 @@ def test_cloud_pairs_pull_surface_points_to_their_samples(body: Body) -> None:
 
 def test_the_normal_equations_do_not_depend_on_the_reference_point(body: Body) -> None:
     posed = placed(body, some_pose(2))
-    residuals = np.random.default_rng(2).normal(0.0, 0.03, (len(posed.chosen), 3))
+    residuals = np.random.default_rng(2).normal(0.0, 0.03, (len(posed.placer.chosen), 3))
     systems = []
     for reference in (posed.origins[0], posed.origins[0] + [0.7, -0.3, 1.1]):
         system = NormalSystem()
         system.reset(reference)
         pairs.add_surface_pairs(
-            posed.chosen, posed.vertices[posed.chosen] - residuals, np.ones(len(residuals)), posed.vertices,
+            posed.placer.chosen, posed.chosen_points - residuals, np.ones(len(residuals)), posed.vertices,
             posed.normals, body.skin_joints, body.skin_weights, system.reference, 0.1, 1.0, 0.3,
             system.hessian, system.gradient,
         )  # fmt: skip

@@ -10,13 +10,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tests.fake_tracker import FakeTracker, write_recording
+from tests.fake_tracker import FakeFollower, FakeTracker, write_recording
 from toolkit import pipeline
 from toolkit.errors import OutputError, RecordingError, TrackError, UsageError
 from toolkit.files import sha256_of
 from toolkit.pipeline import track_recording, track_recordings
+from toolkit.sensing.people.sighting import Sighting
 from toolkit.sensing.recording import open_recording
 from toolkit.track import FrameResult, RunInfo, Track, TrackWriter
+from toolkit.tracking.clock import StageClock
 
 ROOT = Path(__file__).parents[1]
 
@@ -46,7 +48,7 @@ def test_a_run_folder_holds_one_row_per_frame_and_what_made_it(tmp_path: Path) -
         open_recording(recording), FakeTracker(), run, progress=lambda name, *what: seen.append(what)
     )
     assert len(Track.load(run)) == summary.frames == 12 and not summary.interrupted
-    assert summary.stage_ms == {"clean": 1.0, "fit": 2.0}
+    assert summary.stage_ms == {"prepare": 1.0, "fit": 2.0}
     assert sorted(p.name for p in run.iterdir()) == ["config.yaml", "log.txt", "run.json", "track.npz"]
     info = RunInfo.load(run)
     assert info.recording == str(recording) and info.recording_sha256 == sha256_of(recording)
@@ -79,7 +81,7 @@ def test_a_killed_run_is_resumed_to_the_same_track(tmp_path: Path) -> None:
     expected = whole(recording, tmp_path / "whole")
     np.testing.assert_array_equal(Track.load(run).pose, expected.pose)
     np.testing.assert_array_equal(Track.load(run).timestamps, expected.timestamps)
-    assert not list(run.glob("*partial")) and not list(run.glob("*memory"))
+    assert not list(run.glob("*partial")) and not list(run.glob("state*"))
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
@@ -182,12 +184,14 @@ def test_a_disk_that_fills_up_keeps_the_rows_and_the_run_can_go_on(
 def test_what_the_toolkit_logs_during_a_run_goes_to_its_log(tmp_path: Path) -> None:
     recording, run = write_recording(tmp_path / "take.npz"), tmp_path / "run"
 
-    class Talking(FakeTracker):
-        def step(self, depth_mm: np.ndarray, timestamp: float) -> FrameResult:
+    class Talking(FakeFollower):
+        def step(self, sighting: Sighting | None, timestamp: float, clock: StageClock) -> FrameResult:
             pipeline.logging.getLogger("toolkit.tracking").warning("lost at %.1f s", timestamp)
-            return super().step(depth_mm, timestamp)
+            return super().step(sighting, timestamp, clock)
 
-    track_recording(open_recording(recording), Talking(), run)
+    tracker = FakeTracker()
+    tracker.follower = lambda camera, rotation, body=None: Talking(tracker, body)  # type: ignore[method-assign]
+    track_recording(open_recording(recording), tracker, run)
     assert "WARNING lost at 0.1 s" in (run / "log.txt").read_text()
 
 

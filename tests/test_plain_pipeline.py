@@ -5,15 +5,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from benchmarks._plain_fitting import PlainFitter, PlainPosedBody, PlainScene, bounded_step
+from benchmarks._plain_fitting import PlainObjective, PlainPlacer, PlainScene, bounded_step, plain_refiner
 from benchmarks._plain_landmarks import plain_centre, plain_extrema, plain_graph, plain_source
 from benchmarks.plain_pipeline import compare
 from tests.database_helpers import small_database
+from tests.fitting_helpers import Fit
 from toolkit.body import skeleton
 from toolkit.body.shape import load_body
-from toolkit.fitting.fitter import Fitter, FittingSettings
-from toolkit.fitting.posed import PosedBody
+from toolkit.fitting.placed import Placer
 from toolkit.fitting.scene import Scene
+from toolkit.fitting.settings import FittingSettings
 from toolkit.fitting.terms import JointTerm
 from toolkit.kernels import twists
 from toolkit.landmarks.centre import cloud_centre
@@ -54,16 +55,14 @@ def test_plain_and_compiled_landmarks_are_the_same(seed: int) -> None:
 
 
 @pytest.mark.parametrize("seed", range(3))
-def test_a_plainly_posed_body_is_the_compiled_one(seed: int) -> None:
+def test_a_plainly_placed_body_is_the_compiled_one(seed: int) -> None:
     pose, _ = frame(seed)
-    fast, plain = (kind(BODY, CAMERA, LEVEL) for kind in (PosedBody, PlainPosedBody))
-    for posed in (fast, plain):
-        posed.place(pose)
-        posed.draw()
-    for name in ("vertices", "normals", "rotations", "origins", "axes", "depth"):
+    fast, plain = (kind(BODY, CAMERA, LEVEL).place(BODY, pose) for kind in (Placer, PlainPlacer))
+    for name in ("vertices", "normals", "rotations", "origins", "axes"):
         assert getattr(plain, name) == pytest.approx(getattr(fast, name), abs=1e-9), name
-    assert (plain.triangle == fast.triangle).mean() > 0.9999
-    assert np.array_equal(plain.find_visible(0.1, 0.03), fast.find_visible(0.1, 0.03))
+    assert plain.drawn.depth == pytest.approx(fast.drawn.depth, abs=1e-9)
+    assert (plain.drawn.triangle == fast.drawn.triangle).mean() > 0.9999
+    assert np.array_equal(plain.visible(0.1, 0.03), fast.visible(0.1, 0.03))
 
 
 @pytest.mark.parametrize("seed", range(5))
@@ -79,21 +78,22 @@ def test_the_plain_bounded_step_is_the_compiled_one(seed: int) -> None:
 
 
 @pytest.mark.parametrize("seed", range(3))
-def test_the_plain_fitter_finds_the_pose_of_the_compiled_one(seed: int) -> None:
+def test_the_plain_refiner_finds_the_pose_of_the_compiled_one(seed: int) -> None:
     pose, cloud = frame(seed)
     settings = replace(FittingSettings(), cloud_samples=200)
-    fitter = Fitter(BODY, CAMERA, LEVEL, settings)
-    plain = PlainFitter(fitter)
+    fast, plain = Fit(BODY, CAMERA, LEVEL, settings), Fit(BODY, CAMERA, LEVEL, settings)
+    plain.placer = PlainPlacer.like(fast.placer)
+    plain.objective, plain.refiner = PlainObjective(plain.placer, settings), plain_refiner(plain.placer, settings)
     extrema = cloud.points[:: len(cloud) // 20].astype(np.float64)
     scene, plain_scene = Scene(cloud, extrema, 200), PlainScene(cloud, extrema, 200)
     start = pose + np.random.default_rng(seed).normal(0.0, 0.05, len(pose))
     start = np.clip(start, *skeleton.POSE_LIMITS.T)
     pull = JointTerm(BODY.joint_positions(pose) @ LEVEL, np.full(20, 5.0), 0.3)
     for terms in ([], [pull]):
-        found, again = (f.refine(start, s, pair_terms=terms) for f, s in ((fitter, scene), (plain, plain_scene)))
+        found, again = (f.refine(start, s, terms=terms) for f, s in ((fast, scene), (plain, plain_scene)))
         joints = BODY.joint_positions(np.stack([found, again]))
         assert np.linalg.norm(joints[0] - joints[1], axis=1).max() < 1e-3
-    assert plain.sparse_distance(pose, plain_scene) == pytest.approx(fitter.sparse_distance(pose, scene), abs=1e-9)
+    assert plain.distance(pose, plain_scene) == pytest.approx(fast.distance(pose, scene), abs=1e-9)
 
 
 def test_the_plain_tracker_finds_the_poses_of_the_hybrid_tracker(tmp_path) -> None:

@@ -1,8 +1,8 @@
-"""Database lookup: labelings, scores, and the poses that the proposers bring back (Baak 2013, 5.4.3)."""
+"""Database lookup: labelings, scores, and the poses that the querys bring back (Baak 2013, 5.4.3)."""
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from itertools import permutations
 from types import SimpleNamespace
 
@@ -23,7 +23,9 @@ from toolkit.landmarks.centre import cloud_centre
 from toolkit.landmarks.extrema import Extrema
 from toolkit.landmarks.facing import FacingFilter, camera_yaw, estimate_facing
 from toolkit.landmarks.parts import JointEstimate
-from toolkit.tracking.lookup import (
+from toolkit.sensing.cloud import Cloud
+from toolkit.tracking.search.extrema import ExtremaQuery
+from toolkit.tracking.search.labelings import (
     LookupSettings,
     admissible_labelings,
     extrema_jumped,
@@ -32,8 +34,8 @@ from toolkit.tracking.lookup import (
     label_candidates,
     labelings,
 )
-from toolkit.tracking.proposals import ExtremaProposer, JointsProposer, Previous, facing_of_joints
-from toolkit.tracking.view import View
+from toolkit.tracking.search.votes import VotesQuery, facing_of_joints
+from toolkit.tracking.state import Previous
 
 # A person with the left hand beside the head: left hand, right hand, left foot, right foot, head.
 STANDING = np.array([[0.2, 0.5, 0.0], [-0.7, 0.3, 0.0], [0.15, -0.9, 0.1], [-0.15, -0.9, 0.1], [0.0, 0.6, 0.0]])
@@ -140,7 +142,19 @@ def body() -> Body:
     return load_body("neutral")
 
 
-def view_of(body: Body, pose: np.ndarray, order: np.ndarray) -> View:
+@dataclass(frozen=True)
+class Seen:
+    """An observation whose parts are given."""
+
+    cloud: Cloud
+    centre: np.ndarray
+    yaw: float
+    extrema: Extrema
+    votes: JointEstimate | None
+    scene: Scene
+
+
+def view_of(body: Body, pose: np.ndarray, order: np.ndarray) -> Seen:
     """What a camera sees of a pose (P,), its true end effectors in any order as the extrema."""
     cloud = body_cloud(body, pose)
     scale = body.height / 1.7
@@ -149,7 +163,7 @@ def view_of(body: Body, pose: np.ndarray, order: np.ndarray) -> View:
     tips = body.end_effector_positions(pose)[order].astype(np.float32)
     none = np.zeros(5)
     extrema = Extrema(none.astype(np.int32), tips, none, none, none.astype(np.int32), 0)
-    return View(cloud, centre, yaw, extrema, None, Scene(cloud, tips.astype(np.float64), 0))
+    return Seen(cloud, centre, yaw, extrema, None, Scene(cloud, tips.astype(np.float64), 0))
 
 
 def standing_at(row: int, yaw: float = 0.0) -> np.ndarray:
@@ -162,13 +176,13 @@ def standing_at(row: int, yaw: float = 0.0) -> np.ndarray:
 def test_a_pose_of_the_database_that_a_camera_sees_comes_back_in_its_place(body: Body, row: int) -> None:
     pose = standing_at(row)
     view = view_of(body, pose, np.random.default_rng(row).permutation(5))
-    proposer = ExtremaProposer(small_database(), LookupSettings())
+    query = ExtremaQuery(small_database(), LookupSettings())
     # The labels of a first frame are not known, so the best of a few labelings has to be the pose.
-    candidates = proposer.propose(view, None, body, 4)
+    candidates = query.poses(view, None, body, 4)
     assert candidates.shape == (4, skeleton.POSE_SIZE)
     errors = np.linalg.norm(body.joint_positions(candidates) - body.joint_positions(pose), axis=2).mean(axis=1)
     assert errors.min() < 0.03
-    assert np.array_equal(proposer.propose(view, None, body, 1), candidates[:1])
+    assert np.array_equal(query.poses(view, None, body, 1), candidates[:1])
 
 
 @pytest.mark.parametrize("row", [3, 41, 77])
@@ -181,8 +195,8 @@ def test_with_the_frame_before_the_pose_is_the_first_to_come_back(body: Body, ro
         view = replace(view, yaw=facing)
     earlier = pose + np.random.default_rng(row).normal(0.0, 0.02, skeleton.POSE_SIZE)
     tips = body.end_effector_positions(earlier)
-    previous = Previous(earlier, body.joint_positions(earlier), tips, tips)
-    (found,) = ExtremaProposer(small_database(), LookupSettings()).propose(view, previous, body, 1)
+    previous = Previous.of_pose(body, earlier, tips)
+    (found,) = ExtremaQuery(small_database(), LookupSettings()).poses(view, previous, body, 1)
     assert found[6:] == pytest.approx(pose[6:], abs=1e-6)
     error = np.linalg.norm(body.joint_positions(found) - body.joint_positions(pose), axis=1).mean()
     assert error < (0.03 if turn == 0.0 else 0.06)
@@ -194,9 +208,9 @@ def test_a_person_of_another_size_gets_the_pose_in_the_right_place(body: Body, r
     person, pose = body.scaled(size), standing_at(row)
     view = view_of(person, pose, np.arange(5))
     tips = person.end_effector_positions(pose)
-    previous = Previous(pose, person.joint_positions(pose), tips, tips)
+    previous = Previous.of_pose(person, pose, tips)
     database = small_database()
-    (found,) = ExtremaProposer(database, LookupSettings()).propose(view, previous, person, 1)
+    (found,) = ExtremaQuery(database, LookupSettings()).poses(view, previous, person, 1)
     assert found[6:] == pytest.approx(pose[6:], abs=1e-6)
     assert np.linalg.norm(person.joint_positions(found) - person.joint_positions(pose), axis=1).mean() < 0.03 * size
     # The query is that of the database's own person in this pose.
@@ -205,7 +219,7 @@ def test_a_person_of_another_size_gets_the_pose_in_the_right_place(body: Body, r
         poses=database.poses, joints=database.joints, offsets=database.offsets, torso_length=database.torso_length,
         query=lambda features, *rest: asked.append(features) or database.query(features, *rest),
     )  # fmt: skip
-    ExtremaProposer(recorder, LookupSettings()).propose(view, previous, person, 1)
+    ExtremaQuery(recorder, LookupSettings()).poses(view, previous, person, 1)
     nearest = np.linalg.norm(asked[0] - database.features[row], axis=1).min()
     assert nearest < 0.1
 
@@ -213,8 +227,8 @@ def test_a_person_of_another_size_gets_the_pose_in_the_right_place(body: Body, r
 def test_fewer_than_five_extrema_without_a_regressor_propose_nothing(body: Body) -> None:
     view = view_of(body, standing_at(3), np.arange(5))
     few = replace(view.extrema, points=view.extrema.points[:4])
-    proposer = ExtremaProposer(small_database(), LookupSettings())
-    assert proposer.propose(replace(view, extrema=few), None, body, 3).shape == (0, skeleton.POSE_SIZE)
+    query = ExtremaQuery(small_database(), LookupSettings())
+    assert query.poses(replace(view, extrema=few), None, body, 3).shape == (0, skeleton.POSE_SIZE)
 
 
 def test_three_labelled_end_effectors_are_enough_with_a_regressor(body: Body) -> None:
@@ -222,12 +236,12 @@ def test_three_labelled_end_effectors_are_enough_with_a_regressor(body: Body) ->
     view = view_of(body, pose, np.arange(5))
     few = replace(view.extrema, points=view.extrema.points[[4, 1, 2]])
     votes = JointEstimate(body.joint_positions(pose), np.ones(20))
-    proposer = ExtremaProposer(small_database(), LookupSettings(candidate_distance=0.25))
-    found = proposer.propose(replace(view, extrema=few, votes=votes), None, body, 3)
+    query = ExtremaQuery(small_database(), LookupSettings(candidate_distance=0.25))
+    found = query.poses(replace(view, extrema=few, votes=votes), None, body, 3)
     errors = np.linalg.norm(body.joint_positions(found) - body.joint_positions(pose), axis=2).mean(axis=1)
     assert errors.min() < 0.03
-    silent = ExtremaProposer(small_database(), LookupSettings(candidate_distance=0.0))
-    assert len(silent.propose(replace(view, extrema=few, votes=votes), None, body, 3)) == 0
+    silent = ExtremaQuery(small_database(), LookupSettings(candidate_distance=0.0))
+    assert len(silent.poses(replace(view, extrema=few, votes=votes), None, body, 3)) == 0
 
 
 @pytest.mark.parametrize("turn", [-120.0, 0.0, 60.0])
@@ -235,7 +249,7 @@ def test_the_joints_of_a_pose_bring_it_back_whichever_way_it_faces(body: Body, t
     pose = standing_at(120, np.deg2rad(turn))
     votes = JointEstimate(body.joint_positions(pose), np.ones(20))
     view = replace(view_of(body, pose, np.arange(5)), votes=votes)
-    found = JointsProposer(small_database()).propose(view, None, body, 3)
+    found = VotesQuery(small_database(), 0.0).poses(view, None, body, 3)
     assert found.shape == (3, skeleton.POSE_SIZE)
     assert found[0, 6:] == pytest.approx(pose[6:], abs=1e-6)
     # Hips and shoulders of a twisted body disagree about its facing.
@@ -249,13 +263,13 @@ def test_joints_without_certainty_do_not_count(body: Body) -> None:
         points[skeleton.REPORTED.index(name)] += 2.0
         confidence[skeleton.REPORTED.index(name)] = 0.0
     view = replace(view_of(body, pose, np.arange(5)), votes=JointEstimate(points, confidence))
-    (found,) = JointsProposer(small_database()).propose(view, None, body, 1)
+    (found,) = VotesQuery(small_database(), 0.0).poses(view, None, body, 1)
     assert found[6:] == pytest.approx(pose[6:], abs=1e-6)
 
 
 def test_without_votes_there_is_nothing_to_ask_by_joints(body: Body) -> None:
     view = view_of(body, standing_at(3), np.arange(5))
-    assert JointsProposer(small_database()).propose(view, None, body, 3).shape == (0, skeleton.POSE_SIZE)
+    assert VotesQuery(small_database(), 0.0).poses(view, None, body, 3).shape == (0, skeleton.POSE_SIZE)
 
 
 @pytest.mark.parametrize("yaw", [-3.0, -1.0, 0.0, 0.5, 2.0])

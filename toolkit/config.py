@@ -45,6 +45,18 @@ def load_settings(
     return from_mapping(kind, values)
 
 
+def setting_of(name: str, path: str | Path | None = None, overrides: Mapping[str, Any] | None = None) -> Any:
+    """One top-level value as `load_settings` would see it, None where neither file nor overrides name it.
+
+    Raises
+    ------
+    SettingsError, UsageError
+        As `load_settings`.
+    """
+    values = {} if path is None else _read(path)
+    return (overrides or {}).get(name, values.get(name))
+
+
 def parse_overrides(pairs: list[str]) -> dict[str, Any]:
     """Overrides from `name=value` texts; a value is read as YAML.
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import logging
-import pickle
 import signal
 import threading
 import time
@@ -19,23 +18,28 @@ from typing import Any
 import numpy as np
 
 from toolkit.body import skeleton
-from toolkit.config import load_settings, save_settings, settings_text
+from toolkit.body.body import Body
+from toolkit.body.shape import ShapeSpace
+from toolkit.checkpoint import load_checkpoint, save_checkpoint
+from toolkit.config import load_settings, save_settings, setting_of, settings_text
 from toolkit.database.database import PoseDatabase
-from toolkit.errors import DepthMocapError, OutputError, TrackError, UsageError
-from toolkit.files import atomic_path, sha256_of
+from toolkit.errors import DepthMocapError, OutputError, RecordingError, TrackError, UsageError
+from toolkit.files import sha256_of
 from toolkit.sensing.camera import level_rotation
+from toolkit.sensing.people.lone import ID, LonePerson
 from toolkit.sensing.recording import ReaderOptions, Recording, open_recording
 from toolkit.track import PARTIAL_FILE, RUN_FILE, TRACK_FILE, RunInfo, Track, TrackWriter
-from toolkit.tracking.hybrid import HybridTracker
-from toolkit.tracking.protocol import Tracker
-from toolkit.tracking.settings import HybridSettings
+from toolkit.tracking.clock import StageClock
+from toolkit.tracking.crowd import Crowd, Row
+from toolkit.tracking.protocol import Tracker, TrackerSettings
+from toolkit.tracking.registry import DEFAULT, registered
 
 Progress = Callable[[str, str, int, int], None]
-"""Called with a recording's name, what is being done ("compiling" or "tracking"), the frames done and all frames."""
+"""Called with a recording's name, what is done ("compiling", "learning", "tracking"), frames done and all frames."""
 
-CONFIG_FILE, LOG_FILE, MEMORY_FILE = "config.yaml", "log.txt", "tracker.memory"
+CONFIG_FILE, LOG_FILE, STATE_FILE = "config.yaml", "log.txt", "state.npz"
 MEMORY_SECONDS = 2.0
-"""A killed run loses at most this much work: the tracker's memory is written so often, seconds."""
+"""A killed run loses at most this much work: the state is written so often, seconds."""
 WARM_UP_FRAMES = 3
 """Frames that are tracked once beforehand, so that compiled code is ready when timing begins."""
 
@@ -86,19 +90,19 @@ class BatchReport:
         return any(summary.interrupted for summary in self.done)
 
 
-def hybrid_tracker(
-    database: str | Path,
-    config: str | Path | None = "hybrid",
+def load_tracker(
+    config: str | Path | None = None,
     overrides: Mapping[str, Any] | None = None,
     *,
+    database: str | Path | None = None,
     max_poses: int | None = None,
-) -> HybridTracker:
-    """The hybrid tracker on a pose database: with what is shipped as `hybrid`, or as in the paper with `baak2013`.
+) -> Tracker:
+    """The tracker that the settings name, `hybrid` if they name none.
 
     Parameters
     ----------
-    database : file of the pose database
-    config, overrides : settings, see `config.load_settings`
+    config, overrides : settings, see `config.load_settings`; `baak2013` is the hybrid tracker as in the paper
+    database : file of the pose database, for trackers that look poses up
     max_poses : use only the first poses of the database
 
     Raises
@@ -106,13 +110,19 @@ def hybrid_tracker(
     DatabaseError
         The database cannot be read or belongs to another body or format version.
     SettingsError
-        A setting is unknown or wrong.
+        There is no such tracker, or a setting is unknown or wrong.
+    UsageError
+        The tracker needs a database and none was given.
     """
-    settings = load_settings(HybridSettings, config, overrides)
+    name = setting_of("tracker", config, overrides) or DEFAULT
+    registration = registered(name)
+    settings: TrackerSettings = load_settings(registration.settings, config, overrides)
+    if not registration.needs_database:
+        return registration.build(settings, None, "")
+    if database is None:
+        raise UsageError(f"the tracker {name!r} looks poses up; name a pose database")
     poses = PoseDatabase.load(database)
-    if max_poses is not None:
-        poses = poses.limited(max_poses)
-    return HybridTracker(poses, settings, database_path=str(database))
+    return registration.build(settings, poses if max_poses is None else poses.limited(max_poses), str(database))
 
 
 def track_recordings(
@@ -209,13 +219,13 @@ def track_recording(
         A frame cannot be used; the rows before it stay.
     """
     folder, report = Path(run), progress or _silent
-    tracker.start(recording)
     info = _run_info(recording, tracker)
     if resume and (folder / RUN_FILE).exists():
         same = _is_same_run(folder, info, tracker)
         if (folder / PARTIAL_FILE).exists() and not same:
             raise TrackError(
-                f"{folder} was begun with another recording, database or other settings; remove it and track again"
+                f"{folder} was begun with another recording, database, tracker or other settings; "
+                "remove it and track again"
             )
         if same and _is_finished(folder, len(recording)):
             return _summary(recording, folder)
@@ -226,11 +236,13 @@ def track_recording(
             info.save(folder)
             if warm_up:
                 _warm_up(recording, tracker, report)
-            _restore(folder, writer, tracker)
+            crowd = Crowd(tracker, _finder(recording, tracker), recording.up_camera)
+            _restore(folder, writer, crowd, tracker)
             logger.info("%s: tracking frames %d to %d", recording.name, writer.rows, len(recording))
-            _follow(recording, tracker, writer, report, stop)
-            replace(info, **_shape_of(tracker)).save(folder)
-            _finish(folder, writer, tracker, len(recording))
+            _follow(recording, crowd, writer, report, stop)
+            if writer.rows:
+                replace(info, **_shape_of(crowd.body(ID))).save(folder)
+            _finish(folder, writer, len(recording))
             logger.info("%s: %d of %d frames written", recording.name, writer.rows, len(recording))
     except DepthMocapError:
         writer.abandon()
@@ -242,53 +254,64 @@ def _silent(name: str, doing: str, done: int, total: int) -> None:
     """Progress that nobody watches."""
 
 
+def _finder(recording: Recording, tracker: Tracker) -> LonePerson:
+    return LonePerson(recording.camera, recording.background, tracker.settings.sensing, recording.up_camera)
+
+
 def _warm_up(recording: Recording, tracker: Tracker, report: Progress) -> None:
-    """Compile on purpose: the first frames are tracked by the tracker just started, and forgotten."""
+    """Compile on purpose: the first frames are tracked by a follower that is then forgotten."""
     total = min(WARM_UP_FRAMES, len(recording))
     report(recording.name, "compiling", 0, total)
-    for i, depth in enumerate(islice(recording.frames(), total)):
-        tracker.step(depth, float(recording.timestamps[i]))
+    finder = _finder(recording, tracker)
+    follower = tracker.follower(finder.camera, level_rotation(recording.up_camera))
+    for i, frame in enumerate(islice(recording.stream(), total)):
+        for sighting in finder.find(frame.depth_mm, frame.timestamp, {}):
+            follower.step(sighting, frame.timestamp, StageClock(tracker.stage_names))
         report(recording.name, "compiling", i + 1, total)
-    tracker.start(recording)
 
 
-def _follow(
-    recording: Recording, tracker: Tracker, writer: TrackWriter, report: Progress, stop: threading.Event
-) -> None:
-    """Track from the writer's next row to the last frame, or until a stop is asked for."""
+def _follow(recording: Recording, crowd: Crowd, writer: TrackWriter, report: Progress, stop: threading.Event) -> None:
+    """Track from the crowd's next frame to the last one, or until a stop is asked for."""
     total, remembered = len(recording), time.monotonic()
     report(recording.name, "tracking", writer.rows, total)
-    for depth in islice(recording.frames(), writer.rows, None):
+    for frame in recording.stream(crowd.frames):
         if stop.is_set():
-            return
-        timestamp = float(recording.timestamps[writer.rows])
-        writer.append(tracker.step(depth, timestamp), timestamp)
-        report(recording.name, "tracking", writer.rows, total)
-        if time.monotonic() - remembered > MEMORY_SECONDS:
-            _remember(writer, tracker)
+            break
+        _write(writer, crowd.step(frame))
+        report(recording.name, "tracking" if crowd.settled else "learning", crowd.frames, total)
+        if crowd.settled and time.monotonic() - remembered > MEMORY_SECONDS:
+            _remember(writer, crowd)
             remembered = time.monotonic()
+    if crowd.settled and crowd.frames < total:
+        _remember(writer, crowd)
+    # While a body is being learnt there is no state to go on from: `resume` finds these rows again.
+    _write(writer, crowd.finish())
+    if not stop.is_set() and crowd.frames < total:
+        raise RecordingError(
+            f"{recording.name} ended after {crowd.frames} of {total} frames; copy it again and continue with --resume"
+        )
 
 
-def _remember(writer: TrackWriter, tracker: Tracker) -> None:
-    with atomic_path(writer.run / MEMORY_FILE) as temporary:
-        temporary.write_bytes(pickle.dumps((writer.rows, tracker.memory)))
+def _write(writer: TrackWriter, rows: list[Row]) -> None:
+    for row in rows:
+        writer.append(row.result, row.timestamp)
 
 
-def _restore(folder: Path, writer: TrackWriter, tracker: Tracker) -> None:
-    """Go back to the last row whose memory was written; the rows after it are found again."""
-    rows = 0
-    if writer.rows > 0 and (folder / MEMORY_FILE).exists():
-        rows, memory = pickle.loads((folder / MEMORY_FILE).read_bytes())
-        tracker.memory = memory
-    writer.cut(rows)
+def _remember(writer: TrackWriter, crowd: Crowd) -> None:
+    save_checkpoint(writer.run / STATE_FILE, crowd.tracker.settings.tracker, crowd.export_state())
 
 
-def _finish(folder: Path, writer: TrackWriter, tracker: Tracker, total: int) -> None:
-    if writer.rows < total:
-        _remember(writer, tracker)
+def _restore(folder: Path, writer: TrackWriter, crowd: Crowd, tracker: Tracker) -> None:
+    """Go back to the last row whose state was written; the rows after it are found again."""
+    if writer.rows > 0 and (folder / STATE_FILE).exists():
+        crowd.restore_state(load_checkpoint(folder / STATE_FILE, tracker.settings.tracker))
+    writer.cut(crowd.frames)
+
+
+def _finish(folder: Path, writer: TrackWriter, total: int) -> None:
     writer.finish(complete=writer.rows == total)
     if writer.rows == total:
-        (folder / MEMORY_FILE).unlink(missing_ok=True)
+        (folder / STATE_FILE).unlink(missing_ok=True)
 
 
 def _run_info(recording: Recording, tracker: Tracker) -> RunInfo:
@@ -298,23 +321,24 @@ def _run_info(recording: Recording, tracker: Tracker) -> RunInfo:
         recording_sha256=sha256_of(path),
         reader_options=recording.options,
         body_fingerprint=skeleton.fingerprint(),
-        **_shape_of(tracker),
+        **_shape_of(ShapeSpace.load().body()),
         database=tracker.database and str(Path(tracker.database).resolve()),
         level_rotation=level_rotation(recording.up_camera).ravel().tolist(),
         sensing=asdict(tracker.settings.sensing),
         version=version("depthmocap"),
+        tracker=tracker.settings.tracker,
+        seed=tracker.settings.seed,
     )
 
 
-def _shape_of(tracker: Tracker) -> dict[str, Any]:
-    body = tracker.body
+def _shape_of(body: Body) -> dict[str, Any]:
     return {"shape": [float(c) for c in body.shape], "scale": body.scale}
 
 
 def _is_same_run(folder: Path, info: RunInfo, tracker: Tracker) -> bool:
     """Whether a run folder was begun with this recording, database, version and these settings."""
     before, config = RunInfo.load(folder), folder / CONFIG_FILE
-    facts = ("recording_sha256", "reader_options", "body_fingerprint", "database", "version")
+    facts = ("recording_sha256", "reader_options", "body_fingerprint", "database", "version", "tracker")
     return (
         all(_as_json(getattr(before, fact)) == _as_json(getattr(info, fact)) for fact in facts)
         and config.exists()

@@ -61,7 +61,7 @@ def run_demo(output: str | Path, *, seed: int = 0, show: Show | None = None) -> 
     from toolkit.cli.terminal import doing_words
     from toolkit.evaluation.evaluate import evaluate_runs
     from toolkit.evaluation.report import write_evaluation
-    from toolkit.pipeline import hybrid_tracker, track_recording
+    from toolkit.pipeline import load_tracker, track_recording
     from toolkit.rendering.film import render_run
 
     show = show or _silent
@@ -76,7 +76,7 @@ def run_demo(output: str | Path, *, seed: int = 0, show: Show | None = None) -> 
         progress=lambda stage, done, total: show(f"building the database: {stage}", done, total),
     )
     recording = _record(folder / "take.npz", seed, show)
-    tracker = hybrid_tracker(database, "hybrid")
+    tracker = load_tracker(database=database)
     summary = track_recording(
         recording, tracker, run, progress=lambda name, doing, done, total: show(doing_words(doing), done, total)
     )

@@ -61,7 +61,7 @@ def track(
     """Track the person in depth recordings and write what was found into run folders."""
     from toolkit.cli.terminal import progress_bars
     from toolkit.config import parse_overrides
-    from toolkit.pipeline import hybrid_tracker, track_recordings
+    from toolkit.pipeline import load_tracker, track_recordings
 
     reading = given(
         format=format_,
@@ -79,7 +79,7 @@ def track(
     )
     sensing = given(segment=segment, subject=subject, half_resolution=half_resolution or None)
     overrides = {f"sensing.{name}": value for name, value in sensing.items()} | parse_overrides(settings or [])
-    tracker = hybrid_tracker(database, config, overrides, max_poses=max_poses)
+    tracker = load_tracker(config, overrides, database=database, max_poses=max_poses)
     with progress_bars() as bars:
         report = track_recordings(
             recordings, tracker, output, reader_options=reading, resume=resume, progress=bars.of_recording

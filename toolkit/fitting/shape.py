@@ -6,15 +6,16 @@ with a slow forgetting, because the pose that a frame was linearised at was itse
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from toolkit.body.body import Body
 from toolkit.body.shape import ShapeSpace
-from toolkit.fitting.posed import PosedBody
+from toolkit.fitting.placed import Placer
 from toolkit.fitting.scene import Scene
-from toolkit.fitting.terms import CloudTerm, SurfaceTerm
+from toolkit.fitting.terms import MeshTerm
 from toolkit.kernels import linear
 
 
@@ -46,30 +47,30 @@ NOISE = 0.01
 class ShapeEstimator:
     """Sums the equations of tracked frames and solves them for the body's coefficients."""
 
-    def __init__(self, body: Body, settings: ShapeSettings, surface: SurfaceTerm, cloud: CloudTerm) -> None:
+    def __init__(self, body: Body, settings: ShapeSettings, placer: Placer, terms: Sequence[MeshTerm]) -> None:
         self._settings = settings
         self._space = ShapeSpace.load()
-        self._terms = (surface, cloud)
+        self._placer, self._terms = placer, tuple(terms)
+        self.body = body
         size = self._space.size
         self.coefficients = np.array(body.shape, dtype=np.float64)
         self._matrix = np.zeros((size, size))
         self._vector = np.zeros(size)
 
-    def observe(self, posed: PosedBody, pose: np.ndarray, scene: Scene) -> Body:
-        """Take in a tracked frame whose final `pose` (P,) is placed and drawn in `posed`; returns the new body."""
-        pairs = [term.pairs(posed, scene) for term in self._terms]
+    def observe(self, pose: np.ndarray, scene: Scene) -> Body:
+        """Take in a frame in which the body as it is so far was found in `pose` (P,); returns the new body."""
+        placed = self._placer.place(self.body, pose)
+        pairs = [term.pairs(placed, scene) for term in self._terms]
         vertex = np.concatenate([p.vertex for p in pairs])
         residual = np.concatenate([p.residual for p in pairs])
         weight = np.concatenate([p.weight for p in pairs])
-        normals = posed.normals[vertex].copy()
-        base = posed.vertices[vertex].copy()
+        normals, base = placed.normals[vertex], placed.vertices[vertex]
         columns = np.empty((len(vertex), len(self.coefficients)))
         for k in range(len(self.coefficients)):
             changed = self.coefficients.copy()
             changed[k] += STEP
-            posed.set_body(self._space.body(changed))
-            posed.place(pose)
-            columns[:, k] = linear.dots(normals, posed.vertices[vertex] - base) / STEP
+            moved = self._placer.place(self._space.body(changed), pose).vertices[vertex]
+            columns[:, k] = linear.dots(normals, moved - base) / STEP
         weight = weight / NOISE**2
         wanted = linear.times(columns, self.coefficients) - linear.dots(normals, residual)
         forget = self._settings.forgetting
@@ -78,6 +79,5 @@ class ShapeEstimator:
         prior = self._settings.prior * np.eye(len(self.coefficients))
         limit = self._settings.limit
         self.coefficients = np.clip(linear.solved(self._matrix + prior, self._vector), -limit, limit)
-        body = self._space.body(self.coefficients)
-        posed.set_body(body)
-        return body
+        self.body = self._space.body(self.coefficients)
+        return self.body

@@ -8,7 +8,7 @@ from typing import Protocol
 import numpy as np
 
 from toolkit.body import skeleton
-from toolkit.fitting.posed import NormalSystem, PosedBody
+from toolkit.fitting.placed import NormalSystem, PlacedBody, balls_of
 from toolkit.fitting.scene import Scene
 from toolkit.kernels import linear, pairs, twists
 
@@ -25,8 +25,15 @@ class Pairs:
 class PairTerm(Protocol):
     """A term made of point pairs; called between `system.reset` and `system.assemble`."""
 
-    def add(self, system: NormalSystem, posed: PosedBody, scene: Scene) -> None:
+    def add(self, system: NormalSystem, placed: PlacedBody, scene: Scene) -> None:
         """Add this term's pairs for the body as it is placed now."""
+
+
+class MeshTerm(PairTerm, Protocol):
+    """A term between the mesh and the measured points, which can say its pairs."""
+
+    def pairs(self, placed: PlacedBody, scene: Scene) -> Pairs:
+        """The correspondences themselves."""
 
 
 class PoseTerm(Protocol):
@@ -54,28 +61,27 @@ class SurfaceTerm:
     facing: float
     tolerance: float
 
-    def targets(self, posed: PosedBody, scene: Scene) -> np.ndarray:
+    def targets(self, placed: PlacedBody, scene: Scene) -> np.ndarray:
         """Measured counterpart of each chosen vertex, float64 (C, 3), NaN in column 0 where it has none."""
-        visible = posed.find_visible(self.facing, self.tolerance)
-        points = posed.vertices[posed.chosen]
+        visible, points = placed.visible(self.facing, self.tolerance), placed.chosen_points
         targets = np.empty_like(points)
         scene.neighbours.medians(points, visible, self.reach, self.neighbours, targets)
         return targets
 
-    def pairs(self, posed: PosedBody, scene: Scene) -> Pairs:
+    def pairs(self, placed: PlacedBody, scene: Scene) -> Pairs:
         """The correspondences themselves."""
-        targets = self.targets(posed, scene)
+        targets = self.targets(placed, scene)
         found = ~np.isnan(targets[:, 0])
-        vertex = posed.chosen[found]
-        residual = posed.vertices[vertex] - targets[found]
+        vertex = placed.placer.chosen[found]
+        residual = placed.vertices[vertex] - targets[found]
         return Pairs(vertex, residual, _robust(residual, self.sigma))
 
-    def add(self, system: NormalSystem, posed: PosedBody, scene: Scene) -> None:
+    def add(self, system: NormalSystem, placed: PlacedBody, scene: Scene) -> None:
         """See `PairTerm.add`."""
-        targets = self.targets(posed, scene)
+        targets = self.targets(placed, scene)
         pairs.add_surface_pairs(
-            posed.chosen, targets, np.ones(len(targets)), posed.vertices, posed.normals,
-            posed.body.skin_joints, posed.body.skin_weights, system.reference,
+            placed.placer.chosen, targets, np.ones(len(targets)), placed.vertices, placed.normals,
+            placed.body.skin_joints, placed.body.skin_weights, system.reference,
             self.sigma, self.plane, self.point, system.hessian, system.gradient,
         )  # fmt: skip
 
@@ -90,30 +96,30 @@ class CloudTerm:
     point: float
     extremum_weight: float
 
-    def nearest(self, posed: PosedBody, scene: Scene) -> tuple[np.ndarray, np.ndarray]:
+    def nearest(self, placed: PlacedBody, scene: Scene) -> tuple[np.ndarray, np.ndarray]:
         """Nearest visible surface point (N, 3) and its mesh vertex (N,), -1 for none, of every sample."""
-        return nearest_drawn(posed, scene.samples, self.reach)
+        return nearest_drawn(placed, scene.samples, self.reach)
 
-    def pairs(self, posed: PosedBody, scene: Scene) -> Pairs:
+    def pairs(self, placed: PlacedBody, scene: Scene) -> Pairs:
         """The correspondences themselves."""
-        points, vertex_of = self.nearest(posed, scene)
+        points, vertex_of = self.nearest(placed, scene)
         found = vertex_of >= 0
         residual = points[found] - scene.samples[found]
         return Pairs(vertex_of[found], residual, _robust(residual, self.sigma))
 
-    def add(self, system: NormalSystem, posed: PosedBody, scene: Scene) -> None:
+    def add(self, system: NormalSystem, placed: PlacedBody, scene: Scene) -> None:
         """See `PairTerm.add`."""
         samples = scene.samples
-        points, vertex_of = self.nearest(posed, scene)
+        points, vertex_of = self.nearest(placed, scene)
         weights = np.ones(len(samples))
         weights[scene.plain_samples :] = self.extremum_weight
         pairs.add_cloud_pairs(
-            samples, points, vertex_of, weights, posed.normals, posed.body.skin_joints, posed.body.skin_weights,
+            samples, points, vertex_of, weights, placed.normals, placed.body.skin_joints, placed.body.skin_weights,
             system.reference, self.sigma, self.plane, self.point, system.hessian, system.gradient,
         )  # fmt: skip
 
 
-def nearest_drawn(posed: PosedBody, samples: np.ndarray, reach: float) -> tuple[np.ndarray, np.ndarray]:
+def nearest_drawn(placed: PlacedBody, samples: np.ndarray, reach: float) -> tuple[np.ndarray, np.ndarray]:
     """Of the surface that the camera sees, the point nearest to each of `samples` (N, 3), camera frame, metres.
 
     Returns float64 (N, 3) points and int64 (N,) their mesh vertices, -1 where there is nothing within `reach`.
@@ -121,7 +127,15 @@ def nearest_drawn(posed: PosedBody, samples: np.ndarray, reach: float) -> tuple[
     points = np.empty_like(samples)
     vertex_of = np.empty(len(points), dtype=np.int64)
     pairs.nearest_model_points(
-        samples, posed.depth, posed.triangle, posed.intrinsics, posed.faces, posed.vertices, reach, points, vertex_of
+        samples,
+        placed.drawn.depth,
+        placed.drawn.triangle,
+        placed.placer.intrinsics,
+        placed.placer.faces,
+        placed.vertices,
+        reach,
+        points,
+        vertex_of,
     )
     return points, vertex_of
 
@@ -137,15 +151,15 @@ class JointTerm:
     weights: np.ndarray
     sigma: float
 
-    def add(self, system: NormalSystem, posed: PosedBody, scene: Scene) -> None:
+    def add(self, system: NormalSystem, placed: PlacedBody, scene: Scene) -> None:
         """See `PairTerm.add`."""
         for row, (carrier, site) in enumerate(_CARRIERS):
             if carrier < 0 or self.weights[row] <= 0.0:
                 continue
-            point = posed.origins[carrier]
+            point = placed.origins[carrier]
             if site >= 0:
-                offset = posed.body.sites[site] - posed.body.joints[carrier]
-                point = point + linear.times(posed.rotations[carrier], offset)
+                offset = placed.body.sites[site] - placed.body.joints[carrier]
+                point = point + linear.times(placed.rotations[carrier], offset)
             e = point - self.targets[row]
             ratio = 1.0 + linear.dot(e, e) / self.sigma**2
             p = point - system.reference
@@ -161,11 +175,11 @@ class ContactTerm:
 
     weight: float
 
-    def add(self, system: NormalSystem, posed: PosedBody, scene: Scene) -> None:
+    def add(self, system: NormalSystem, placed: PlacedBody, scene: Scene) -> None:
         """See `PairTerm.add`."""
-        balls = posed.balls
+        balls = balls_of(placed.body)
         pairs.add_contacts(
-            balls.apart, balls.joint, balls.offset, balls.radius, posed.rotations, posed.origins, system.reference,
+            balls.apart, balls.joint, balls.offset, balls.radius, placed.rotations, placed.origins, system.reference,
             SOFT, self.weight, system.hessian, system.gradient,
         )  # fmt: skip
 

@@ -90,20 +90,24 @@ class FacingFilter:
     The state is a vector in the ground plane, so yaw wraps without a seam. An estimate of weight w moves it by the
     share 1 - exp(-w dt / facing_time): the same for one long step as for two short ones, so the frame rate does not
     matter, and an occluded torso leaves the direction as it was.
+
+    Attributes
+    ----------
+    direction : float64 (2,), where the person faces in the ground plane, x and z; None before the first estimate
     """
 
-    def __init__(self, settings: LandmarkSettings | None = None) -> None:
+    def __init__(self, settings: LandmarkSettings | None = None, direction: np.ndarray | None = None) -> None:
         self._time = (settings or LandmarkSettings()).facing_time
-        self._direction: np.ndarray | None = None
+        self.direction = direction
 
     @property
     def yaw(self) -> float | None:
         """Smoothed facing, radians in (-pi, pi]; None before the first estimate."""
-        return None if self._direction is None else float(np.arctan2(self._direction[0], self._direction[1]))
+        return None if self.direction is None else float(np.arctan2(self.direction[0], self.direction[1]))
 
     def reset(self, yaw: float | None = None) -> None:
         """Forget the past, or set the facing to `yaw` (radians)."""
-        self._direction = None if yaw is None else np.array([np.sin(yaw), np.cos(yaw)])
+        self.direction = None if yaw is None else np.array([np.sin(yaw), np.cos(yaw)])
 
     def update(self, estimate: FacingEstimate, dt: float, centre: np.ndarray) -> float:
         """Take in the estimate of a frame `dt` seconds after the last one and return the smoothed yaw, radians.
@@ -112,11 +116,11 @@ class FacingFilter:
         frame.
         """
         measured = np.array([np.sin(estimate.yaw), np.cos(estimate.yaw)])
-        if self._direction is None:
+        if self.direction is None:
             prior = camera_yaw(centre)
-            self._direction = np.array([np.sin(prior), np.cos(prior)])
+            self.direction = np.array([np.sin(prior), np.cos(prior)])
             share = estimate.weight
         else:
             share = 1.0 - np.exp(-estimate.weight * max(dt, 0.0) / self._time)
-        self._direction = self._direction + share * (measured - self._direction)
-        return float(np.arctan2(self._direction[0], self._direction[1]))
+        self.direction = self.direction + share * (measured - self.direction)
+        return float(np.arctan2(self.direction[0], self.direction[1]))

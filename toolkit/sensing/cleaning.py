@@ -5,7 +5,9 @@ Undistort, subtract the background or cut out the person, delete mixed pixels at
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -148,6 +150,14 @@ class Cleaner:
         )
         kernels.median_to_metres(self._kept, box, 2 if settings.half_resolution else 1, settings.median, out)
         return out
+
+    def export_state(self) -> dict[str, Any]:
+        """What the next frame depends on, see `PeopleFinder.export_state`."""
+        return self._segmenter.export_state()
+
+    def restore_state(self, state: Mapping[str, Any]) -> None:
+        """Go on from what `export_state` gave."""
+        self._segmenter.restore_state(state)
 
     def _undistort(self, depth: np.ndarray) -> np.ndarray:
         if self._maps is None:

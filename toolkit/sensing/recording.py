@@ -10,6 +10,7 @@ import math
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass, field, fields
 from functools import cached_property
+from itertools import islice
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -20,6 +21,7 @@ from toolkit.files import is_file, is_folder
 from toolkit.sensing.camera import Camera, rotated_points
 from toolkit.sensing.checks import check_joints, check_timestamps
 from toolkit.sensing.conversion import DepthConverter, unit_in_metres
+from toolkit.sensing.stream import Frame
 from toolkit.sensing.vertical import Vertical
 from toolkit.sensing.writer import RecordingWriter, save_recording
 
@@ -87,6 +89,10 @@ class Recording(Protocol):
 
     def frames(self) -> Iterator[np.ndarray]:
         """All depth frames in order, one at a time."""
+        ...
+
+    def stream(self, start: int = 0) -> Iterator[Frame]:
+        """See `Stream.stream`."""
         ...
 
 
@@ -275,6 +281,11 @@ class StoredRecording:
         """All frames in order; only one is held at a time."""
         for i, raw in enumerate(self.source.frames()):
             yield self._convert(raw, i)
+
+    def stream(self, start: int = 0) -> Iterator[Frame]:
+        """See `Stream.stream`."""
+        for depth, timestamp in islice(zip(self.frames(), self.timestamps, strict=False), start, None):
+            yield Frame(depth, float(timestamp))
 
     def color(self, i: int) -> np.ndarray | None:
         """Colour of frame `i`, uint8 (H, W, 3), RGB registered to depth, or None."""

@@ -7,7 +7,9 @@ for people, and the smaller ones that touch them for their limbs. From the secon
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -131,7 +133,7 @@ class RoomSegmenter:
             Several things of a person's size are in the first frame with anybody, and `subject` is "only".
         """
         if self._slopes is None:
-            self._learn_floor(depth)
+            self._stand_on(find_floor(depth, self._camera))
         coarse = np.ascontiguousarray(depth[:: self._step, :: self._step])
         self._remove_floor(coarse)
         surfaces = self._surfaces(coarse)
@@ -147,8 +149,24 @@ class RoomSegmenter:
         self._last = np.where(mask, coarse, 0).astype(np.uint16)
         return int(components.refine_mask(depth, self._last, self._step, 1000 * SURFACE_GAP, padded, box))
 
-    def _learn_floor(self, depth: np.ndarray) -> None:
-        self._floor = find_floor(depth, self._camera)
+    def export_state(self) -> dict[str, Any]:
+        """What the next frame depends on, see `PeopleFinder.export_state`."""
+        return {
+            "begun": self._slopes is not None,
+            "floor": None if self._floor is None else dict(vars(self._floor)),
+            "last": self._last,
+            "area": self._area,
+            "place": self._place,
+        }
+
+    def restore_state(self, state: Mapping[str, Any]) -> None:
+        """Go on from what `export_state` gave."""
+        self._last, self._area, self._place = state["last"], state["area"], state["place"]
+        if state["begun"]:
+            self._stand_on(None if state["floor"] is None else Floor(**state["floor"]))
+
+    def _stand_on(self, floor: Floor | None) -> None:
+        self._floor = floor
         self._slopes = np.zeros(self._coarse.shape)
         if self._floor is not None:
             up = self._floor.up_camera

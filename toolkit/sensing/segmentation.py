@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -165,6 +166,27 @@ class Segmenter:
         if count == 0 or not self._choose_person():
             return self._padded, None
         return self._padded, self._box
+
+    def export_state(self) -> dict[str, Any]:
+        """What the next frame depends on, see `PeopleFinder.export_state`."""
+        return {
+            "background": self._background,
+            "empty_wanted": self._empty_wanted,
+            "empty_frames": dict(zip(map(str, range(len(self._empty_frames))), self._empty_frames, strict=True)),
+            "seen": self._seen,
+            "last": self._last,
+            "last_box": self._last_box,
+            "room": None if self._room is None else self._room.export_state(),
+        }
+
+    def restore_state(self, state: Mapping[str, Any]) -> None:
+        """Go on from what `export_state` gave."""
+        self._background, self._seen = state["background"], state["seen"]
+        self._empty_wanted = state["empty_wanted"]
+        self._empty_frames = [state["empty_frames"][str(i)] for i in range(len(state["empty_frames"]))]
+        self._last[:], self._last_box[:] = state["last"], state["last_box"]
+        if self._room is not None:
+            self._room.restore_state(state["room"])
 
     def _learnt(self, depth: np.ndarray) -> bool:
         """Collect the empty frames; True once the background is known, from the frame after them on."""

@@ -1,8 +1,7 @@
-"""Trackers misled on purpose: wrong poses, and a tracker's memory as if one of them had been its last result."""
+"""Trackers misled on purpose: wrong poses, and a person's state as if one of them had been the last result."""
 
 from __future__ import annotations
 
-import pickle
 from dataclasses import replace
 
 import numpy as np
@@ -10,7 +9,7 @@ import numpy as np
 from toolkit.body import skeleton
 from toolkit.database.canonical import body_facing, canonicalise, mirrored, place
 from toolkit.errors import UsageError
-from toolkit.tracking.hybrid import Memory
+from toolkit.tracking.state import PersonState, Previous
 
 KINDS = ("random pose", "left and right", "turned", "arms", "shifted")
 ARMS: np.ndarray = np.array(
@@ -42,24 +41,22 @@ def wrong_pose(kind: str, pose: np.ndarray, poses: np.ndarray, rng: np.random.Ge
     return wrong
 
 
-def misled(memory: Memory, wrong: np.ndarray) -> Memory:
-    """A copy of the memory as if `wrong` (P,) had been the result of the frame before.
+def misled(state: PersonState, wrong: np.ndarray) -> PersonState:
+    """The state as if `wrong` (P,) had been the result of the frame before.
 
     Raises
     ------
     UsageError
         The tracker has found nobody yet.
     """
-    memory = pickle.loads(pickle.dumps(memory))
-    if memory.pose is None or memory.previous is None:
+    if state.pose is None or state.previous is None or state.centre is None:
         raise UsageError("a tracker that has found nobody cannot be misled; let it track a frame first")
-    shift = wrong[skeleton.ROOT_POSITION] - memory.pose[skeleton.ROOT_POSITION]
-    memory.previous = replace(
-        memory.previous,
+    shift = wrong[skeleton.ROOT_POSITION] - state.pose[skeleton.ROOT_POSITION]
+    yaw = float(body_facing(wrong))
+    return replace(
+        state,
+        previous=Previous.of_pose(state.body, wrong, state.previous.extrema),
         pose=wrong,
-        joints=memory.body.joint_positions(wrong),
-        effectors=memory.body.end_effector_positions(wrong),
+        centre=state.centre + shift,
+        facing=np.array([np.sin(yaw), np.cos(yaw)]),
     )
-    memory.pose, memory.centre = wrong, memory.centre + shift
-    memory.facing.reset(float(body_facing(wrong)))
-    return memory

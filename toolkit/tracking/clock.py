@@ -20,3 +20,7 @@ class StageClock:
         now = perf_counter()
         self.milliseconds[self._index[name]] += 1000.0 * (now - self._last)
         self._last = now
+
+    def charge(self, name: str, milliseconds: float) -> None:
+        """Add time that was spent elsewhere for this frame to stage `name`."""
+        self.milliseconds[self._index[name]] += milliseconds

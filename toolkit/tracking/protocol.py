@@ -2,67 +2,111 @@
 
 from __future__ import annotations
 
-from typing import Any, Protocol
+from collections.abc import Iterable
+from typing import Protocol
 
 import numpy as np
 
 from toolkit.body.body import Body
+from toolkit.sensing.camera import Camera
 from toolkit.sensing.cleaning import SensingSettings
-from toolkit.sensing.recording import Recording
+from toolkit.sensing.people.sighting import PredictedBody, Sighting
 from toolkit.track import FrameResult
-
-__all__ = ["FrameResult", "Tracker", "TrackerSettings"]
+from toolkit.tracking.clock import StageClock
+from toolkit.tracking.state import State
 
 
 class TrackerSettings(Protocol):
-    """A frozen dataclass of settings, of which one section says how depth is segmented and cleaned."""
+    """A frozen dataclass of settings.
+
+    Attributes
+    ----------
+    tracker : name under which the tracker is registered
+    seed : of everything random
+    sensing : how depth is segmented and cleaned
+    """
+
+    @property
+    def tracker(self) -> str:
+        """See above."""
+        ...
+
+    @property
+    def seed(self) -> int:
+        """See above."""
+        ...
 
     @property
     def sensing(self) -> SensingSettings:
-        """How depth is segmented and cleaned."""
+        """See above."""
+        ...
+
+
+class PersonFollower(Protocol):
+    """Follows one person, frame by frame, without being given any pose."""
+
+    @property
+    def body(self) -> Body:
+        """The body as fitted so far, with its shape and scale."""
+        ...
+
+    def step(self, sighting: Sighting | None, timestamp: float, clock: StageClock) -> FrameResult:
+        """Find the person in the next frame, at `timestamp` seconds; None where nobody is."""
+        ...
+
+    def predicted(self) -> PredictedBody:
+        """Where the person is expected in the next frame."""
+        ...
+
+    def export_state(self) -> State:
+        """All that the next step depends on besides the sighting: plain arrays, numbers and text."""
+        ...
+
+    def restore_state(self, state: State) -> None:
+        """Go on from what `export_state` of a follower of the same tracker gave."""
         ...
 
 
 class Tracker(Protocol):
-    """Follows one person through a recording, frame by frame, without being given any pose.
+    """A way to track, with its settings: makes the followers of the people before a camera.
 
     Attributes
     ----------
-    memory : everything that the next step depends on besides the depth image, picklable; setting it after `start`
-        continues an interrupted run exactly
+    settings : what it was made with, written beside its results
+    database : path of the pose database it uses, empty for none
+    stage_names : of the timed stages, in the order of `FrameResult.stage_ms`; the first is "prepare"
+    source_names : of the hypotheses that can win, indexed by `FrameResult.source`
+    learning_frames : frames of a person from which a body is learnt before the first row is written; 0 = none
     """
 
-    memory: Any
+    database: str
+
+    @property
+    def settings(self) -> TrackerSettings:
+        """See above."""
+        ...
 
     @property
     def stage_names(self) -> tuple[str, ...]:
-        """Names of the timed stages, in the order of `FrameResult.stage_ms`."""
+        """See above."""
         ...
 
     @property
     def source_names(self) -> tuple[str, ...]:
-        """Names of the hypotheses that can win, indexed by `FrameResult.source`."""
+        """See above."""
         ...
 
     @property
-    def settings(self) -> TrackerSettings:
-        """What it was made with, written beside its results."""
+    def learning_frames(self) -> int:
+        """See above."""
         ...
 
-    @property
-    def database(self) -> str:
-        """Path of the pose database it uses, empty for none."""
+    def learn_body(
+        self, camera: Camera, level_rotation: np.ndarray, frames: Iterable[tuple[Sighting, float]]
+    ) -> Body | None:
+        """The person's own body from the first sightings, with their timestamps; None where nobody was found."""
         ...
 
-    @property
-    def body(self) -> Body:
-        """The body as fitted so far, with its shape and scale; known from `start` on."""
-        ...
-
-    def start(self, recording: Recording) -> None:
-        """Forget everything and get ready for the first frame of a recording (its camera, vertical and background)."""
-        ...
-
-    def step(self, depth_mm: np.ndarray, timestamp: float) -> FrameResult:
-        """Find the person in the next frame: depth uint16 (H, W) in millimetres, timestamp in seconds."""
+    def follower(self, camera: Camera, level_rotation: np.ndarray, body: Body | None = None) -> PersonFollower:
+        """A follower of one person, with the body of `learn_body` if there is one."""
         ...

@@ -3,14 +3,28 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import Literal, Protocol
 
 from toolkit.errors import SettingsError
 from toolkit.fitting.arms import ArmSettings
-from toolkit.fitting.fitter import FittingSettings
+from toolkit.fitting.settings import FittingSettings
 from toolkit.fitting.shape import ShapeSettings
 from toolkit.landmarks.settings import LandmarkSettings
 from toolkit.sensing.cleaning import SensingSettings
-from toolkit.tracking.lookup import LookupSettings
+from toolkit.tracking.search.labelings import LookupSettings
+
+
+class FollowerSettings(Protocol):
+    """When a frame counts as empty or lost, and what is reported; see `HybridSettings`."""
+
+    @property
+    def smallest_person(self) -> int: ...  # noqa: D102
+    @property
+    def lost_distance(self) -> float: ...  # noqa: D102
+    @property
+    def patience(self) -> int: ...  # noqa: D102
+    @property
+    def smoothing(self) -> float: ...  # noqa: D102
 
 
 @dataclass(frozen=True)
@@ -19,6 +33,8 @@ class HybridSettings:
 
     Attributes
     ----------
+    tracker : the name under which this tracker is registered
+    seed : of everything random
     hypotheses : which hypotheses compete: "local", "extrema" (lookup by geodesic extrema), "joints" (lookup by
         regressed joints), "arms" (the local one with arms of other poses)
     extrema : geodesic extrema per frame (20 in the paper)
@@ -36,6 +52,8 @@ class HybridSettings:
     vote_samples : points that vote for the joints
     """
 
+    tracker: Literal["hybrid"] = "hybrid"
+    seed: int = 0
     hypotheses: tuple[str, ...] = ("local", "extrema", "joints", "arms")
     extrema: int = 20
     candidates: int = 2

@@ -17,6 +17,7 @@ class PoseSmoother:
     Parameters
     ----------
     time : seconds, at least 0; 0 = no smoothing
+    last : what was returned last, pose (P,) and its timestamp; None before the first frame
 
     Raises
     ------
@@ -24,31 +25,26 @@ class PoseSmoother:
         `time` is negative or not finite.
     """
 
-    def __init__(self, time: float) -> None:
+    def __init__(self, time: float, last: tuple[np.ndarray, float] | None = None) -> None:
         if not (np.isfinite(time) and time >= 0.0):
             raise SettingsError(f"smoothing is {time} s; give a time constant of at least 0")
         self._time = time
-        self._pose: np.ndarray | None = None
-        self._timestamp = 0.0
+        self.last = last
 
     def update(self, pose: np.ndarray, timestamp: float) -> np.ndarray:
         """Smoothed pose (P,) after `pose` (P,) at `timestamp` seconds; the first one is returned as it is."""
         if self._time == 0.0:
             return pose
-        if self._pose is None:
-            self._pose, self._timestamp = pose.copy(), timestamp
-            return self._pose.copy()
-        share = 1.0 - np.exp(-max(timestamp - self._timestamp, 0.0) / self._time)
-        smoothed = self._pose + share * (pose - self._pose)
-        smoothed[skeleton.ROOT_ROTATION] = _between(
-            self._pose[skeleton.ROOT_ROTATION], pose[skeleton.ROOT_ROTATION], share
-        )
-        self._pose, self._timestamp = smoothed, timestamp
+        smoothed = pose.copy()
+        if self.last is not None:
+            before, moment = self.last
+            share = 1.0 - np.exp(-max(timestamp - moment, 0.0) / self._time)
+            smoothed = before + share * (pose - before)
+            smoothed[skeleton.ROOT_ROTATION] = _between(
+                before[skeleton.ROOT_ROTATION], pose[skeleton.ROOT_ROTATION], share
+            )
+        self.last = smoothed, timestamp
         return smoothed.copy()
-
-    def reset(self) -> None:
-        """Forget the past, after an empty or lost stretch."""
-        self._pose = None
 
 
 def _between(start: np.ndarray, end: np.ndarray, share: float) -> np.ndarray:

@@ -1,0 +1,46 @@
+"""One body before one camera, with everything that a fit needs."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from toolkit.body.body import Body
+from toolkit.fitting.objective import Comparison, Objective
+from toolkit.fitting.placed import Placer
+from toolkit.fitting.refiner import Refiner
+from toolkit.fitting.scene import Scene
+from toolkit.fitting.settings import FittingSettings
+from toolkit.fitting.terms import PairTerm, PoseTerm
+from toolkit.sensing.camera import Camera
+
+
+class Fit:
+    """Objective and refiner of one body."""
+
+    def __init__(
+        self,
+        body: Body,
+        camera: Camera,
+        rotation: np.ndarray,
+        settings: FittingSettings,
+        priors: Sequence[PoseTerm] = (),
+    ) -> None:
+        self.body, self.placer = body, Placer(body, camera, rotation)
+        self.objective = Objective(self.placer, settings, priors)
+        self.refiner = Refiner(self.placer, settings, priors)
+
+    def refine(
+        self, pose: np.ndarray, scene: Scene, *, terms: Sequence[PairTerm] = (), iterations: int | None = None
+    ) -> np.ndarray:
+        return self.refiner.refine(self.body, pose, scene, terms=terms, iterations=iterations)
+
+    def compare(self, pose: np.ndarray, scene: Scene, bound: float = np.inf) -> Comparison:
+        return self.objective.compare(self.body, pose, scene, bound)
+
+    def distance(self, pose: np.ndarray, scene: Scene) -> float:
+        return self.compare(pose, scene).distance
+
+    def confidence(self, comparison: Comparison) -> np.ndarray:
+        return self.objective.confidence(comparison)

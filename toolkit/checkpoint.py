@@ -1,0 +1,78 @@
+"""State on disk: nested names with arrays, numbers, text and None, as one NPZ file. Nothing in it is ever unpickled."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from toolkit.archives import load_archive, save_archive
+from toolkit.errors import TrackError
+
+VERSION = 1
+HEADER = "header"
+HINT = "track the recording again"
+
+
+def save_checkpoint(path: str | Path, kind: str, state: Mapping[str, Any]) -> None:
+    """Write a state, whole or not at all.
+
+    Parameters
+    ----------
+    kind : what the state belongs to; reading asks for the same
+    state : by name; values are arrays of numbers, numbers, text, None, tuples of these, or states again
+    """
+    arrays: dict[str, np.ndarray] = {}
+    header = {"version": VERSION, "kind": kind, "state": _described(state, "state", arrays)}
+    save_archive(path, {HEADER: np.array(json.dumps(header)), **arrays}, compressed=False)
+
+
+def load_checkpoint(path: str | Path, kind: str) -> dict[str, Any]:
+    """Read a state.
+
+    Raises
+    ------
+    TrackError
+        The file is damaged, of another version or of another kind.
+    """
+    arrays = load_archive(path, TrackError, HINT)
+    try:
+        header = json.loads(str(arrays[HEADER]))
+        if (header["version"], header["kind"]) != (VERSION, kind):
+            raise TrackError(
+                f"{path} is version {header['version']} of the state of {header['kind']!r}, not version {VERSION} "
+                f"of {kind!r}; {HINT}"
+            )
+        return dict(_rebuilt(header["state"], arrays))
+    except (ValueError, KeyError, TypeError) as error:
+        raise TrackError(f"{path} holds no state of a tracker ({error}); {HINT}") from error
+
+
+def _described(value: Any, where: str, arrays: dict[str, np.ndarray]) -> Any:
+    """`value` as JSON, its arrays moved into `arrays` under the names that stand in their places."""
+    if isinstance(value, np.ndarray):
+        arrays[where] = value
+        return {"array": where}
+    if isinstance(value, Mapping):
+        return {"names": {name: _described(item, f"{where}/{name}", arrays) for name, item in value.items()}}
+    if isinstance(value, tuple):
+        return {"tuple": [_described(item, f"{where}/{i}", arrays) for i, item in enumerate(value)]}
+    if isinstance(value, np.generic):
+        value = value.item()
+    if value is None or isinstance(value, (bool, int, float, str)):
+        return {"plain": value}
+    raise TypeError(f"{where} of a state is {type(value).__name__}; keep arrays, numbers, text and None")
+
+
+def _rebuilt(described: Mapping[str, Any], arrays: Mapping[str, np.ndarray]) -> Any:
+    ((kind, value),) = described.items()
+    if kind == "array":
+        return arrays[value]
+    if kind == "names":
+        return {name: _rebuilt(item, arrays) for name, item in value.items()}
+    if kind == "tuple":
+        return tuple(_rebuilt(item, arrays) for item in value)
+    return value

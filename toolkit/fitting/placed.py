@@ -1,0 +1,178 @@
+"""A body placed before the camera: skinned, drawn into a small z-buffer when first asked, ready for correspondences."""
+
+from __future__ import annotations
+
+from functools import cached_property, lru_cache
+from typing import NamedTuple
+
+import numpy as np
+
+from toolkit.body import skeleton
+from toolkit.body.body import BELOW, Body
+from toolkit.fitting.balls import Balls
+from toolkit.kernels import kinematics, pairs, raster, twists
+from toolkit.sensing.camera import Camera
+
+QUOTAS: dict[str, int] = {
+    "root": 22, "lumbar": 14, "thorax": 26, "cervical": 22,
+    "clavicle": 8, "shoulder": 20, "elbow": 20, "wrist": 14,
+    "hip": 26, "knee": 24, "ankle": 14,
+}  # fmt: skip
+"""Chosen vertices per body part: limbs get more than their share of the surface (Baak 2013, 5.4.1)."""
+
+
+def spread_rows(points: np.ndarray, count: int) -> np.ndarray:
+    """Rows of `points` (N, D) that lie as far apart as can be: farthest first, from the one farthest from the mean.
+
+    Returns int64 (min(count, N),), in the order of choice.
+    """
+    nearest = np.linalg.norm(points - points.mean(axis=0), axis=1) if len(points) else np.empty(0)
+    chosen: list[int] = []
+    for _ in range(min(count, len(points))):
+        chosen.append(int(nearest.argmax()))
+        nearest = np.minimum(nearest, np.linalg.norm(points - points[chosen[-1]], axis=1))
+    return np.array(chosen, dtype=np.int64)
+
+
+def choose_vertices(body: Body) -> np.ndarray:
+    """The subset `C_chi` of mesh vertices, spread over every body part by farthest-first choice (Baak 2013, Fig. 5.6a).
+
+    Returns
+    -------
+    int64 (C,), ascending vertex indices; the end-effector vertices are always among them.
+    """
+    chosen = set(int(v) for v in body.end_effectors)
+    for joint, name in enumerate(skeleton.JOINT_NAMES):
+        members = np.flatnonzero(body.part == joint)
+        quota = min(QUOTAS[name.split("_")[-1]], len(members))
+        chosen.update(members[spread_rows(body.vertices[members], quota)].tolist())
+    return np.array(sorted(chosen), dtype=np.int64)
+
+
+def chosen_around_joints(body: Body, chosen: np.ndarray, count: int = 16) -> np.ndarray:
+    """Weights (20, C) that average over the `count` chosen vertices nearest to each reported joint in the rest pose."""
+    joints = body.joint_positions(np.zeros(skeleton.POSE_SIZE))
+    distances = np.linalg.norm(joints[:, None] - body.vertices[chosen][None], axis=2)
+    rows = np.argsort(distances, axis=1, kind="stable")[:, :count]
+    weights = np.zeros(distances.shape)
+    np.put_along_axis(weights, rows, 1.0 / count, axis=1)
+    return weights
+
+
+class Drawn(NamedTuple):
+    """The small image of a placed body: depth float64 (h, w), metres, and triangle int32 (h, w); 0 and -1 without."""
+
+    depth: np.ndarray
+    triangle: np.ndarray
+
+
+@lru_cache(maxsize=16)
+def balls_of(body: Body) -> Balls:
+    """The body as balls, made once for each body."""
+    return Balls.of_body(body)
+
+
+class Placer:
+    """Places bodies of one topology before one camera.
+
+    Parameters
+    ----------
+    body : any body of that topology; its chosen vertices are those of all that are placed
+    camera : of the small image that bodies are drawn into
+    level_rotation : R_level_camera, float64 (3, 3)
+
+    Attributes
+    ----------
+    chosen : int64 (C,), see `choose_vertices`
+    around_joints : float64 (20, C), see `chosen_around_joints`
+    """
+
+    def __init__(self, body: Body, camera: Camera, level_rotation: np.ndarray) -> None:
+        self.camera = camera
+        self.intrinsics = np.array(camera.intrinsics, dtype=np.float64)
+        self.from_level = np.ascontiguousarray(level_rotation.T, dtype=np.float64)
+        self.faces = body.faces.astype(np.int64)
+        self.chosen = choose_vertices(body)
+        self.around_joints = chosen_around_joints(body, self.chosen)
+
+    def place(self, body: Body, pose: np.ndarray) -> PlacedBody:
+        """`body` in `pose` (P,), level frame."""
+        return PlacedBody(self, body, pose)
+
+
+class PlacedBody:
+    """One body in one pose, camera frame, metres; nothing in it changes.
+
+    Attributes
+    ----------
+    body, placer : what was placed, and before which camera
+    vertices, normals : float64 (V, 3)
+    rotations, origins, axes : placed joints float64 (18, 3, 3), (18, 3) and rotation axes (40, 3)
+    """
+
+    def __init__(self, placer: Placer, body: Body, pose: np.ndarray) -> None:
+        self.placer, self.body = placer, body
+        joints, dofs = len(skeleton.JOINTS), len(skeleton.DOF_JOINT)
+        vectors = np.empty((joints, 3))
+        rotations, origins, axes = np.empty((joints, 3, 3)), np.empty((joints, 3)), np.empty((dofs, 3))
+        kinematics.forward_kinematics(
+            pose, skeleton.PARENTS, body.joints, skeleton.DOF_JOINT, skeleton.DOF_AXIS, vectors, rotations, origins
+        )
+        kinematics.world_axes(skeleton.PARENTS, vectors, rotations, skeleton.DOF_JOINT, skeleton.DOF_AXIS, axes)
+        self.rotations, self.origins, self.axes = np.empty_like(rotations), np.empty_like(origins), np.empty_like(axes)
+        pairs.to_camera(placer.from_level, rotations, origins, axes, self.rotations, self.origins, self.axes)
+        self.vertices, self.normals = np.empty_like(body.vertices), np.empty_like(body.vertices)
+        kinematics.skin(
+            body.vertices, body.skin_joints, body.skin_weights, body.joints, self.rotations, self.origins, self.vertices
+        )
+        pairs.skin_normals(body.normals, body.skin_joints, body.skin_weights, self.rotations, self.normals)
+
+    @cached_property
+    def drawn(self) -> Drawn:
+        """The body as the camera would see it alone."""
+        projected = np.empty_like(self.vertices)
+        raster.project(self.vertices, self.placer.intrinsics, projected)
+        shape = self.placer.camera.shape
+        inverse, drawn = np.empty(shape), Drawn(np.empty(shape), np.empty(shape, dtype=np.int32))
+        raster.rasterise(projected, self.placer.faces, inverse, drawn.triangle)
+        pairs.depth_from_inverse(inverse, drawn.depth)
+        return drawn
+
+    @property
+    def chosen_points(self) -> np.ndarray:
+        """The chosen vertices: float64 (C, 3)."""
+        return self.vertices[self.placer.chosen]
+
+    def visible(self, facing: float, tolerance: float) -> np.ndarray:
+        """Which chosen vertices the camera sees, bool (C,); see `pairs.visible_vertices`."""
+        out = np.empty(len(self.placer.chosen), dtype=np.bool_)
+        pairs.visible_vertices(
+            self.placer.chosen, self.vertices, self.normals, self.drawn.depth, self.placer.intrinsics,
+            facing, tolerance, out,
+        )  # fmt: skip
+        return out
+
+
+class NormalSystem:
+    """The normal equations `matrix` (P, P), `vector` (P,) of one linearisation."""
+
+    def __init__(self) -> None:
+        joints, size = len(skeleton.JOINTS), skeleton.POSE_SIZE
+        self.hessian = np.empty((joints, 6, 6))
+        self.gradient = np.empty((joints, 6))
+        self.matrix = np.empty((size, size))
+        self.vector = np.empty(size)
+        self.reference = np.empty(3)
+
+    def reset(self, reference: np.ndarray) -> None:
+        """Forget all pairs; twists are taken about `reference` (3,), near the body for the conditioning."""
+        self.hessian[:] = 0.0
+        self.gradient[:] = 0.0
+        self.reference[:] = reference
+
+    def assemble(self, placed: PlacedBody) -> None:
+        """Turn the gathered pairs into `matrix` and `vector`."""
+        twists.assemble(
+            self.hessian, self.gradient, skeleton.PARENTS, skeleton.DOF_JOINT, placed.axes, placed.origins,
+            self.reference, placed.placer.from_level, BELOW, self.matrix, self.vector,
+        )  # fmt: skip

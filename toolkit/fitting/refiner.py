@@ -1,0 +1,100 @@
+"""Local optimisation: a pose refined against one frame by damped, bounded least squares (Baak 2013, 5.4.1)."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+
+import numpy as np
+
+from toolkit.body import skeleton
+from toolkit.body.body import Body
+from toolkit.fitting.placed import NormalSystem, Placer
+from toolkit.fitting.scene import Scene
+from toolkit.fitting.settings import FittingSettings
+from toolkit.fitting.terms import CloudTerm, ContactTerm, PairTerm, PoseTerm, SurfaceTerm
+from toolkit.kernels import twists
+
+Solve = Callable[[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray], None]
+"""`solve(matrix, vector, pose, limits, damping, step)` fills the damped step within the limits."""
+
+
+def mesh_terms(settings: FittingSettings) -> tuple[SurfaceTerm, CloudTerm]:
+    """The terms between mesh and measured points: mesh to cloud, cloud to mesh."""
+    s = settings
+    return (
+        SurfaceTerm(s.reach, s.neighbours, s.sigma, s.surface_plane, s.surface_point, s.facing, s.hidden_tolerance),
+        CloudTerm(s.reach, s.sigma, s.cloud_plane, s.cloud_point, s.extremum_weight),
+    )
+
+
+def pair_terms(settings: FittingSettings) -> tuple[PairTerm, ...]:
+    """The terms that the settings ask for: those of the mesh, and no self-penetration."""
+    surface, cloud = mesh_terms(settings)
+    terms: list[PairTerm] = [surface, cloud] if settings.cloud_samples else [surface]
+    return (*terms, ContactTerm(settings.contact_weight)) if settings.contact_weight > 0.0 else tuple(terms)
+
+
+class Refiner:
+    """Refines poses of bodies before one camera.
+
+    Parameters
+    ----------
+    placer : places bodies before that camera
+    settings : iterations, damping and when to stop
+    terms : made of point pairs; those of the settings if None
+    pose_terms : in the pose vector itself
+    system, solve : how the normal equations are put together and solved
+    """
+
+    def __init__(
+        self,
+        placer: Placer,
+        settings: FittingSettings,
+        pose_terms: Sequence[PoseTerm] = (),
+        *,
+        terms: Sequence[PairTerm] | None = None,
+        system: NormalSystem | None = None,
+        solve: Solve = twists.bounded_step,
+    ) -> None:
+        self.placer, self.settings = placer, settings
+        self.terms = pair_terms(settings) if terms is None else tuple(terms)
+        self.pose_terms = tuple(pose_terms)
+        self._system, self._solve = system or NormalSystem(), solve
+        self._damping = np.full(skeleton.POSE_SIZE, settings.angle_damping)
+        self._damping[:6] = settings.root_damping
+
+    def refine(
+        self,
+        body: Body,
+        pose: np.ndarray,
+        scene: Scene,
+        *,
+        terms: Sequence[PairTerm] = (),
+        iterations: int | None = None,
+    ) -> np.ndarray:
+        """Refine `pose` (P,), level frame, against the frame, with further terms if given; returns a new pose (P,)."""
+        pose, system = pose.copy(), self._system
+        step = np.empty_like(pose)
+        for _ in range(iterations or self.settings.iterations):
+            placed = self.placer.place(body, pose)
+            system.reset(placed.origins[0])
+            for term in (*self.terms, *terms):
+                term.add(system, placed, scene)
+            system.assemble(placed)
+            for prior in self.pose_terms:
+                prior.add(system, pose)
+            self._solve(system.matrix, system.vector, pose, skeleton.POSE_LIMITS, self._damping, step)
+            pose += step
+            _wrap_root(pose)
+            if np.abs(step).max() < self.settings.converged:
+                break
+        return pose
+
+
+def _wrap_root(pose: np.ndarray) -> None:
+    """Keep the root's rotation vector shorter than pi (the same rotation, turned the other way)."""
+    vector = pose[skeleton.ROOT_ROTATION]
+    angle = math.hypot(*vector)
+    if angle > np.pi:
+        vector *= 1.0 - 2.0 * np.pi / angle

@@ -1,0 +1,23 @@
+"""The track: what a tracker found in a recording, its type and its files in a run folder.
+
+A run folder holds `track.npz` (exactly one row per tracked frame), `run.json`, `config.yaml` and `log.txt`.
+"""
+
+from toolkit.track.info import RUN_FILE, RunInfo
+from toolkit.track.result import EMPTY, LOST, STATE_NAMES, TRACKED, FrameResult
+from toolkit.track.track import PARTIAL_FILE, TRACK_FILE, Track
+from toolkit.track.writer import TrackWriter
+
+__all__ = [
+    "EMPTY",
+    "LOST",
+    "PARTIAL_FILE",
+    "RUN_FILE",
+    "STATE_NAMES",
+    "TRACKED",
+    "TRACK_FILE",
+    "FrameResult",
+    "RunInfo",
+    "Track",
+    "TrackWriter",
+]

@@ -1,0 +1,100 @@
+"""`run.json`: what a run was made from."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import MISSING, asdict, dataclass, fields
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from toolkit.body.body import Body
+from toolkit.body.shape import ShapeSpace
+from toolkit.errors import RecordingError, TrackError
+from toolkit.files import save_json, sha256_of
+from toolkit.sensing.recording import Recording, open_recording
+
+RUN_FILE = "run.json"
+
+
+@dataclass(frozen=True)
+class RunInfo:
+    """What `run.json` says about a run, enough to find its recording and to build its body again.
+
+    Attributes
+    ----------
+    recording : path of the recording, absolute
+    recording_sha256 : hexadecimal digest of its file or folder
+    reader_options : the options with which its reader was called
+    body_fingerprint : names the joint tree and its parametrisation, not the shape
+    shape, scale : coefficients in the shape space and the uniform factor of the fitted body
+    database : path of the pose database, empty for a tracker that uses none
+    level_rotation : R_level_camera, 9 numbers row by row: p_level = R p_camera
+    sensing : settings with which the depth was segmented and cleaned, by name
+    version : of the toolkit
+    tracker : name of the tracker
+    seed : of everything random
+    """
+
+    recording: str
+    recording_sha256: str
+    reader_options: dict[str, Any]
+    body_fingerprint: str
+    shape: list[float]
+    scale: float
+    database: str
+    level_rotation: list[float]
+    sensing: dict[str, Any]
+    version: str
+    tracker: str = "hybrid"
+    seed: int = 0
+
+    @property
+    def R_level_camera(self) -> np.ndarray:
+        """Float64 (3, 3): turns points from the camera frame into the level frame."""
+        return np.array(self.level_rotation, dtype=np.float64).reshape(3, 3)
+
+    def body(self) -> Body:
+        """The body as it was fitted."""
+        return ShapeSpace.load().body(self.shape, scale=self.scale)
+
+    def open_recording(self, path: str | Path | None = None) -> Recording:
+        """The recording, as it was when it was tracked; `path` says where it has been moved to.
+
+        Raises
+        ------
+        RecordingError
+            It is gone or has changed.
+        """
+        found = Path(path or self.recording)
+        if not found.exists():
+            raise RecordingError(f"the recording {found} is gone; put it back there")
+        if sha256_of(found) != self.recording_sha256:
+            raise RecordingError(f"the recording {found} has changed since it was tracked; track it again")
+        return open_recording(found, **self.reader_options)
+
+    def save(self, run: str | Path) -> None:
+        """Write `run.json` into the run folder."""
+        save_json(Path(run) / RUN_FILE, asdict(self))
+
+    @classmethod
+    def load(cls, run: str | Path) -> RunInfo:
+        """Read `run.json` of a run folder.
+
+        Raises
+        ------
+        TrackError
+            There is no such file, it is not JSON, or a key is missing.
+        """
+        path = Path(run) / RUN_FILE
+        if not path.exists():
+            raise TrackError(f"{run} holds no {RUN_FILE}; name a run folder that `depthmocap track` wrote")
+        try:
+            values = json.loads(path.read_text(encoding="utf-8"))
+        except (OSError, ValueError) as error:
+            raise TrackError(f"cannot read {path}: {error}; track the recording again") from error
+        wanted = [f.name for f in fields(cls) if f.default is MISSING]
+        if missing := [name for name in wanted if name not in values]:
+            raise TrackError(f"{path} lacks {', '.join(missing)}; track the recording again")
+        return cls(**{f.name: values[f.name] for f in fields(cls) if f.name in values})

@@ -1,0 +1,142 @@
+"""A track written row by row: what has been appended survives the death of the process.
+
+While a run lasts its rows stand in `track.partial`: one line of JSON that names the columns' meanings, then one binary
+record of fixed size per frame, so that a killed process loses at most the record it was writing.
+"""
+
+from __future__ import annotations
+
+import errno
+import json
+import os
+from pathlib import Path
+from typing import Any, BinaryIO
+
+import numpy as np
+
+from toolkit.body import skeleton
+from toolkit.errors import OutputError, TrackError, UsageError
+from toolkit.track.result import FrameResult
+from toolkit.track.track import PARTIAL_FILE, Track, columns
+
+
+def _record(stages: int) -> np.dtype:
+    types = dict(joints="<f4", pose="<f8", confidence="<f4", state="u1", source="u1", timestamps="<f8", stage_ms="<f4")
+    return np.dtype([(name, types[name], tail) for name, tail in columns(skeleton.POSE_SIZE, stages).items()])
+
+
+class TrackWriter:
+    """Writes a track row by row; what has been appended survives the death of the process.
+
+    Parameters
+    ----------
+    run : the run folder, made if it is missing
+    stage_names, source_names : the tracker's
+    resume : continue the rows of an unfinished track in this folder, if there is one
+
+    Raises
+    ------
+    UsageError
+        The folder holds an unfinished track and `resume` is not set.
+    TrackError
+        The unfinished track was written by a tracker with other stages, sources or pose entries.
+    OutputError
+        The folder cannot be written.
+    """
+
+    def __init__(
+        self, run: str | Path, stage_names: tuple[str, ...], source_names: tuple[str, ...], *, resume: bool = False
+    ) -> None:
+        self.run = Path(run)
+        self.stage_names, self.source_names = stage_names, source_names
+        self._path = self.run / PARTIAL_FILE
+        self._record = _record(len(stage_names))
+        names = {
+            "joint_names": skeleton.REPORTED,
+            "pose_names": skeleton.POSE_NAMES,
+            "stage_names": stage_names,
+            "source_names": source_names,
+        }
+        self._header = json.dumps(names).encode() + b"\n"
+        self.rows = 0
+        try:
+            self.run.mkdir(parents=True, exist_ok=True)
+            if self._path.exists() and self._path.stat().st_size > 0:
+                self._stream = self._reopen(resume)
+            else:
+                self._stream = self._path.open("w+b", buffering=0)
+                self._write(self._header)
+        except OSError as error:
+            reason = error.strerror or error
+            raise OutputError(f"cannot write {self._path}: {reason}; choose a folder that can be written") from error
+
+    def _reopen(self, resume: bool) -> BinaryIO:
+        size = self._path.stat().st_size - len(self._header)
+        rows = max(0, size) // self._record.itemsize
+        if not resume:
+            raise UsageError(
+                f"{self.run} holds an unfinished track of {rows} frames; "
+                f"add --resume to continue it, or remove {self._path}"
+            )
+        stream = self._path.open("r+b", buffering=0)
+        if stream.readline() != self._header:
+            stream.close()
+            raise TrackError(f"{self._path} was begun by another tracker or version; remove it and track again")
+        self._stream = stream
+        self.cut(rows)
+        return stream
+
+    def _write(self, data: bytes) -> None:
+        if self._stream.write(data) != len(data):
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    def cut(self, rows: int) -> None:
+        """Keep only the first `rows` rows and go on from there."""
+        end = len(self._header) + rows * self._record.itemsize
+        self._stream.truncate(end)
+        self._stream.seek(end)
+        self.rows = rows
+
+    def append(self, result: FrameResult, timestamp: float) -> None:
+        """Add the next frame's row.
+
+        Raises
+        ------
+        OutputError
+            The row cannot be written, for example because the disk is full; the rows before it stay.
+        """
+        row = np.zeros((), dtype=self._record)
+        for name in ("joints", "pose", "confidence", "state", "source", "stage_ms"):
+            row[name] = getattr(result, name)
+        row["timestamps"] = timestamp
+        try:
+            self._write(row.tobytes())
+        except OSError as error:
+            raise OutputError(
+                f"cannot write frame {self.rows} to {self._path}: {error.strerror or error}; "
+                "free some space and continue with --resume"
+            ) from error
+        self.rows += 1
+
+    def finish(self, *, complete: bool = True) -> Path:
+        """Put `track.npz` in place by one rename and return its path.
+
+        With `complete=False` (an interrupted run) the partial file stays, so that the run can still be resumed.
+        """
+        rows = (
+            np.memmap(self._path, dtype=self._record, mode="r", offset=len(self._header), shape=(self.rows,))
+            if self.rows
+            else np.empty(0, dtype=self._record)
+        )
+        found: dict[str, Any] = {name: rows[name] for name in self._record.names or ()}
+        path = Track(**found, source_names=self.source_names, stage_names=self.stage_names).save(self.run)
+        self._stream.close()
+        if complete:
+            self._path.unlink()
+        return path
+
+    def abandon(self) -> None:
+        """Let go of the partial file, which stays unless it holds no row."""
+        self._stream.close()
+        if self.rows == 0:
+            self._path.unlink(missing_ok=True)

@@ -1,0 +1,191 @@
+"""Everybody before one camera: a fold over the frames of a stream, `frame -> sightings -> a row for each person`.
+
+A person's shape is learnt from the first seconds, which are kept and then tracked again with the learnt body, so that
+bone lengths do not change within a track. Rows of these seconds therefore come late, and all at once.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from time import perf_counter
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from toolkit.body.body import Body
+from toolkit.sensing.camera import Camera, level_rotation
+from toolkit.sensing.people.sighting import PeopleFinder, PredictedBody, Sighting
+from toolkit.sensing.stream import Frame
+from toolkit.track import FrameResult
+from toolkit.tracking.clock import StageClock
+from toolkit.tracking.protocol import PersonFollower, Tracker
+from toolkit.tracking.state import State
+
+
+class Row(NamedTuple):
+    """One row of one person's track."""
+
+    person: int
+    frame: int
+    timestamp: float
+    result: FrameResult
+
+
+class Kept(NamedTuple):
+    """A sighting that waits: its depth within a window, and what belongs to it."""
+
+    id: int
+    window: tuple[slice, slice]
+    depth: np.ndarray
+    unobserved: np.ndarray | None
+    camera: Camera
+
+    @classmethod
+    def of(cls, sighting: Sighting) -> Kept:
+        """Without the empty border of the depth, and the mask in bits."""
+        rows, columns = (np.flatnonzero((sighting.depth > 0).any(axis=axis)) for axis in (1, 0))
+        window = (slice(0, 0), slice(0, 0))
+        if len(rows):
+            window = slice(int(rows[0]), int(rows[-1]) + 1), slice(int(columns[0]), int(columns[-1]) + 1)
+        bits = None if sighting.unobserved is None else np.packbits(sighting.unobserved)
+        return cls(sighting.id, window, sighting.depth[window].copy(), bits, sighting.camera)
+
+    def sighting(self) -> Sighting:
+        """The sighting as it was."""
+        shape = self.camera.shape
+        depth = np.zeros(shape, dtype=np.float32)
+        depth[self.window] = self.depth
+        unobserved = None
+        if self.unobserved is not None:
+            unobserved = np.unpackbits(self.unobserved, count=shape[0] * shape[1]).reshape(shape).astype(np.bool_)
+        return Sighting(self.id, depth, unobserved, self.camera)
+
+
+@dataclass
+class Waiting:
+    """What was seen of a person whose body is not known yet."""
+
+    frames: list[tuple[Kept | None, float, float]] = field(default_factory=list)
+    seen_since: int | None = None
+
+
+class Predictions(Mapping[int, PredictedBody]):
+    """Where the followed people are expected; a body is placed when somebody asks for it."""
+
+    def __init__(self, followers: Mapping[int, PersonFollower]) -> None:
+        self._followers = followers
+
+    def __getitem__(self, person: int) -> PredictedBody:
+        return self._followers[person].predicted()
+
+    def __iter__(self) -> Iterator[int]:
+        return iter(self._followers)
+
+    def __len__(self) -> int:
+        return len(self._followers)
+
+
+class Crowd:
+    """Follows the people of one stream.
+
+    Parameters
+    ----------
+    tracker : makes a follower for each person
+    finder : tells the people of a frame apart
+    up_camera : (3,), the vertical in the camera frame
+    smallest : measured points that a sighting needs for the person's body to be learnt from it
+
+    Attributes
+    ----------
+    frames : how many were taken in
+    """
+
+    def __init__(self, tracker: Tracker, finder: PeopleFinder, up_camera: np.ndarray, smallest: int = 300) -> None:
+        self.tracker, self.finder = tracker, finder
+        self.level_rotation = level_rotation(up_camera)
+        self._smallest = smallest
+        self.frames = 0
+        self._timestamps: list[float] = []
+        self._followers: dict[int, PersonFollower] = {}
+        self._waiting: dict[int, Waiting] = {}
+
+    @property
+    def settled(self) -> bool:
+        """Whether nobody's body is being learnt, so that the state is small and all rows are out."""
+        return not self._waiting
+
+    def body(self, person: int) -> Body:
+        """The body of a person whose rows have come."""
+        return self._followers[person].body
+
+    def step(self, frame: Frame) -> list[Row]:
+        """Take in the next frame; the rows that are known now, which may be none or those of several frames."""
+        start = perf_counter()
+        predicted = Predictions(self._followers)
+        sightings = {s.id: s for s in self.finder.find(frame.depth_mm, frame.timestamp, predicted)}
+        known = self._followers.keys() | self._waiting.keys()
+        prepare_ms = 1000.0 * (perf_counter() - start) / max(len(known | sightings.keys()), 1)
+        for person in sorted(sightings.keys() - known):
+            self._waiting[person] = Waiting([(None, moment, 0.0) for moment in self._timestamps])
+        self._timestamps.append(frame.timestamp)
+        self.frames += 1
+        rows: list[Row] = []
+        for person in sorted(self._followers.keys() | self._waiting.keys()):
+            sighting = sightings.get(person)
+            if person in self._followers:
+                rows.append(self._row(person, sighting, self.frames - 1, frame.timestamp, prepare_ms))
+            elif self._wait(self._waiting[person], sighting, frame.timestamp, prepare_ms):
+                rows += self._learnt(person)
+        return rows
+
+    def finish(self) -> list[Row]:
+        """The rows of those who were seen for too short a time, once the last frame has been taken in."""
+        return [row for person in sorted(self._waiting) for row in self._learnt(person)]
+
+    def export_state(self) -> State:
+        """All that the next step depends on besides the frame; only while `settled`."""
+        return {
+            "frames": self.frames,
+            "timestamps": np.array(self._timestamps),
+            "finder": self.finder.export_state(),
+            "people": {str(person): follower.export_state() for person, follower in self._followers.items()},
+        }
+
+    def restore_state(self, state: Mapping[str, Any]) -> None:
+        """Go on from what `export_state` gave."""
+        self.frames, self._timestamps, self._waiting = state["frames"], state["timestamps"].tolist(), {}
+        self.finder.restore_state(state["finder"])
+        self._followers = {}
+        for person, kept in state["people"].items():
+            follower = self.tracker.follower(self.finder.camera, self.level_rotation)
+            follower.restore_state(kept)
+            self._followers[int(person)] = follower
+
+    def _wait(self, waiting: Waiting, sighting: Sighting | None, timestamp: float, prepare_ms: float) -> bool:
+        """Keep a sighting for later; whether there are enough now."""
+        waiting.frames.append((None if sighting is None else Kept.of(sighting), timestamp, prepare_ms))
+        if waiting.seen_since is None and sighting is not None:
+            if np.count_nonzero(sighting.depth) >= self._smallest:
+                waiting.seen_since = len(waiting.frames) - 1
+        since = waiting.seen_since
+        return since is not None and len(waiting.frames) - since >= self.tracker.learning_frames
+
+    def _learnt(self, person: int) -> list[Row]:
+        """Learn a person's body from the frames kept, and track them with it."""
+        waiting, camera = self._waiting.pop(person), self.finder.camera
+        body = None
+        if waiting.seen_since is not None and self.tracker.learning_frames:
+            learning = waiting.frames[waiting.seen_since :]
+            frames = ((kept.sighting(), moment) for kept, moment, _ in learning if kept is not None)
+            body = self.tracker.learn_body(camera, self.level_rotation, frames)
+        self._followers[person] = self.tracker.follower(camera, self.level_rotation, body)
+        return [
+            self._row(person, None if kept is None else kept.sighting(), frame, moment, prepare_ms)
+            for frame, (kept, moment, prepare_ms) in enumerate(waiting.frames)
+        ]
+
+    def _row(self, person: int, sighting: Sighting | None, frame: int, timestamp: float, prepare_ms: float) -> Row:
+        clock = StageClock(self.tracker.stage_names)
+        clock.charge(self.tracker.stage_names[0], prepare_ms)
+        return Row(person, frame, timestamp, self._followers[person].step(sighting, timestamp, clock))

@@ -1,0 +1,200 @@
+"""Follows one person from sighting to sighting: observe, propose, judge, commit (Baak 2013, 5.4)."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from toolkit.body import skeleton
+from toolkit.body.body import Body
+from toolkit.fitting.objective import Objective
+from toolkit.kernels import linear
+from toolkit.sensing.cloud import Cloud
+from toolkit.sensing.people.sighting import PredictedBody, Sighting
+from toolkit.track import EMPTY, LOST, TRACKED, FrameResult
+from toolkit.tracking.clock import StageClock
+from toolkit.tracking.observation import Observation, Observer
+from toolkit.tracking.search.labelings import EFFECTORS
+from toolkit.tracking.search.protocol import Rival, Search
+from toolkit.tracking.settings import FollowerSettings
+from toolkit.tracking.smoothing import PoseSmoother
+from toolkit.tracking.state import PersonState, Previous, State
+
+PREDICTED = "predicted"
+"""The source of a pose that no hypothesis gave: the last one that was found."""
+UNSEEN = (0.0, 0.0, -3.0)
+"""Metres, level frame: where the root is said to be before anybody was seen."""
+
+
+class Follower:
+    """One person before one camera.
+
+    Parameters
+    ----------
+    observer, searches, objective : how sightings are looked at, where hypotheses come from, and what judges them
+    level_rotation : R_level_camera, float64 (3, 3)
+    settings : when a frame counts as empty or lost, and what is reported
+    sizes : the bodies that are tried where the person's size is unknown
+    sources : names of the hypotheses that can win, in the order in which the track numbers them
+    state : before the first frame
+
+    Attributes
+    ----------
+    state : everything that the next step depends on besides the sighting; replaced, never changed, by `step`
+    observation : of the last sighting, None where nobody was seen
+    """
+
+    def __init__(
+        self,
+        observer: Observer,
+        searches: Sequence[Search],
+        objective: Objective,
+        level_rotation: np.ndarray,
+        settings: FollowerSettings,
+        sizes: Sequence[Body],
+        sources: Sequence[str],
+        state: PersonState,
+    ) -> None:
+        self.observer, self.searches, self.objective = observer, tuple(searches), objective
+        self.level_rotation = level_rotation
+        self._settings, self._sizes = settings, tuple(sizes)
+        self.state = state
+        self.observation: Observation | None = None
+        self._sources = tuple(sources)
+
+    def step(self, sighting: Sighting | None, timestamp: float, clock: StageClock) -> FrameResult:
+        """Find the person in the next frame, at `timestamp` seconds; without a sighting nobody is there.
+
+        As Baak 2013, 5.4 has it: the cloud and its landmarks (5.3), hypotheses from the previous pose (5.4.1) and from
+        the database (5.4.3), and of them the one nearest to the frame (5.4.4).
+        """
+        state, self.observation = self.state, None
+        cloud = None if sighting is None else Cloud.from_depth(sighting.depth, sighting.camera, self.level_rotation)
+        clock.lap("prepare")
+        if cloud is None or len(cloud) < self._settings.smallest_person:
+            return self._unseen(EMPTY, timestamp, clock)
+
+        self.observation = observation = self.observer.observe(cloud, timestamp, state)
+        observation.scene, observation.facing  # noqa: B018 - looked at now, so that their time is booked here
+        clock.lap("landmarks")
+
+        rivals: list[Rival] = []
+        rng, carry = state.rng(), dict(state.carry)
+        for body in (state.body,) if state.sized else self._sizes:
+            self._propose(observation, replace(state, body=body), rng, carry, rivals, clock)
+        self.state = state = replace(state, carry=carry, generator=rng.bit_generator.state, turn=_turn(state))
+        if not rivals:
+            return self._unseen(LOST, timestamp, clock)
+
+        winner = min(rivals, key=lambda rival: rival.comparison.distance)
+        result = self._commit(winner, observation, timestamp)
+        clock.lap("select")
+        return replace(result, stage_ms=clock.milliseconds)
+
+    @property
+    def body(self) -> Body:
+        """See `PersonFollower.body`."""
+        return self.state.body
+
+    def export_state(self) -> State:
+        """See `PersonFollower.export_state`."""
+        return self.state.export()
+
+    def restore_state(self, state: State) -> None:
+        """See `PersonFollower.restore_state`."""
+        self.state = PersonState.restore(state)
+
+    def predicted(self) -> PredictedBody:
+        """See `PersonFollower.predicted`: the body where it was last found."""
+        state = self.state
+        placed = self.objective.placer.place(state.body, self._last_pose())
+        return PredictedBody(placed.vertices, state.body.faces, state.body.height)
+
+    def _propose(
+        self,
+        observation: Observation,
+        state: PersonState,
+        rng: np.random.Generator,
+        carry: dict[str, Mapping[str, np.ndarray]],
+        rivals: list[Rival],
+        clock: StageClock,
+    ) -> None:
+        """Ask every search and judge what it says."""
+        for search in self.searches:
+            best = min(rivals, key=lambda rival: rival.comparison.distance, default=None)
+            proposal = search.propose(observation, state, rng, best)
+            for hypothesis in proposal.hypotheses:
+                compared = hypothesis.comparison
+                if compared is None:
+                    compared = self.objective.compare(state.body, hypothesis.pose, observation.scene)
+                if hypothesis.supersedes and best is not None:
+                    rivals.remove(best)
+                rivals.append(Rival(hypothesis, state.body, compared))
+            if proposal.carry is not None:
+                carry[search.name] = proposal.carry
+            clock.lap(search.name)
+
+    def _commit(self, winner: Rival, observation: Observation, timestamp: float) -> FrameResult:
+        """Remember the winner and report it."""
+        settings, state, body = self._settings, self.state, winner.body
+        source, pose = winner.hypothesis.source, winner.hypothesis.pose
+        tracked = winner.comparison.distance < settings.lost_distance
+        extrema = observation.extrema.points[:EFFECTORS].astype(np.float64)
+        before = state.previous.pose if state.previous is not None and winner.hypothesis.continues else None
+        previous = Previous.of_pose(body, pose, extrema if len(extrema) == EFFECTORS else None, before)
+        lost = 0 if tracked else state.lost + 1
+        given_up = lost >= settings.patience
+        smoother = PoseSmoother(settings.smoothing, state.smoothed)
+        reported = smoother.update(pose, timestamp)
+        self.state = replace(
+            state,
+            body=body,
+            sized=True,
+            previous=None if given_up else previous,
+            pose=pose,
+            centre=observation.centre,
+            facing=observation.facing,
+            timestamp=timestamp,
+            lost=0 if given_up else lost,
+            smoothed=smoother.last,
+        )
+        joints = previous.joints if reported is pose else body.joint_positions(reported)
+        confidence = self.objective.confidence(winner.comparison) if tracked else np.zeros(len(joints))
+        return self._result(reported, joints, confidence, TRACKED if tracked else LOST, source)
+
+    def _unseen(self, state: int, timestamp: float, clock: StageClock) -> FrameResult:
+        """The last known pose, or a standing one before there was any, for a frame that shows nobody.
+
+        Whoever comes back may stand anywhere, in any pose, facing anywhere.
+        """
+        pose = self._last_pose()
+        self.state = replace(self.state, previous=None, centre=None, facing=None, timestamp=timestamp, smoothed=None)
+        joints = self.state.body.joint_positions(pose)
+        result = self._result(pose, joints, np.zeros(len(joints)), state, PREDICTED)
+        return replace(result, stage_ms=clock.milliseconds)
+
+    def _last_pose(self) -> np.ndarray:
+        if self.state.pose is not None:
+            return self.state.pose
+        pose = np.zeros(skeleton.POSE_SIZE)
+        pose[skeleton.ROOT_POSITION] = UNSEEN
+        return pose
+
+    def _result(
+        self, pose: np.ndarray, joints: np.ndarray, confidence: np.ndarray, state: int, source: str
+    ) -> FrameResult:
+        """A row of the track: `joints` (20, 3) in the level frame; without times."""
+        return FrameResult(
+            pose=pose,
+            joints=linear.rotated(joints, self.level_rotation).astype(np.float32),
+            confidence=confidence.astype(np.float32),
+            state=state,
+            source=self._sources.index(source),
+            stage_ms=np.empty(0, dtype=np.float32),
+        )
+
+
+def _turn(state: PersonState) -> int:
+    return state.turn + (state.previous is not None and not state.lost)

@@ -1,0 +1,107 @@
+"""What a tracker knows of a frame before it decides: the cloud of one sighting and its landmarks (Baak 2013, 5.3)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from toolkit.database.origin import ADULT_HEIGHT
+from toolkit.fitting.scene import Scene
+from toolkit.landmarks.centre import cloud_centre
+from toolkit.landmarks.extrema import Extrema, extrema_of_graph, source_node
+from toolkit.landmarks.facing import FacingFilter, estimate_facing
+from toolkit.landmarks.graph import Workspace, grid_graph
+from toolkit.landmarks.parts import JointEstimate, JointForest
+from toolkit.landmarks.settings import LandmarkSettings
+from toolkit.sensing.cloud import Cloud
+from toolkit.tracking.state import PersonState
+
+FIRST_STEP = 1.0 / 30.0
+"""Seconds between the first frame and the one before that there never was."""
+
+
+@dataclass(frozen=True, eq=False)
+class Observer:
+    """How sightings are looked at: settings and tools that all observations of a person share.
+
+    Attributes
+    ----------
+    landmarks : of the graph, the centre and the facing
+    extrema : how many geodesic extrema
+    samples, search : of the scene, see `Scene`
+    forest, vote_samples : the joint regressor, None for no votes, and how many pixels vote
+    """
+
+    landmarks: LandmarkSettings
+    extrema: int
+    samples: int
+    search: str
+    forest: JointForest | None
+    vote_samples: int
+
+    @cached_property
+    def workspace(self) -> Workspace:
+        """Buffers of the graph, kept from frame to frame."""
+        return Workspace()
+
+    def observe(self, cloud: Cloud, timestamp: float, state: PersonState) -> Observation:
+        """A frame of the person, seconds."""
+        return Observation(self, cloud, timestamp, state)
+
+
+class Observation:
+    """One frame of one person; each part is computed when it is first asked for.
+
+    Attributes
+    ----------
+    cloud : the person's points, level frame
+    timestamp : seconds
+    observer, state : how it is looked at, and what was known of the person before
+    scale : size of the person against an adult
+    """
+
+    def __init__(self, observer: Observer, cloud: Cloud, timestamp: float, state: PersonState) -> None:
+        self.cloud, self.timestamp = cloud, timestamp
+        self.observer, self.state = observer, state
+        self.scale = state.body.height / ADULT_HEIGHT
+
+    @cached_property
+    def centre(self) -> np.ndarray:
+        """Float64 (3,), metres, level frame (Baak 2013, 5.3.4)."""
+        return cloud_centre(self.cloud.points, self.state.centre, self.observer.landmarks, self.scale)
+
+    @cached_property
+    def facing(self) -> np.ndarray:
+        """Float64 (2,): the smoothed direction that the person faces, in the ground plane."""
+        before, landmarks = self.state.timestamp, self.observer.landmarks
+        dt = FIRST_STEP if before is None else self.timestamp - before
+        smooth = FacingFilter(landmarks, self.state.facing)
+        smooth.update(estimate_facing(self.cloud.points, self.centre, landmarks, self.scale), dt, self.centre)
+        assert smooth.direction is not None
+        return smooth.direction
+
+    @property
+    def yaw(self) -> float:
+        """Radians, facing of the person."""
+        return float(np.arctan2(*self.facing))
+
+    @cached_property
+    def extrema(self) -> Extrema:
+        """The geodesic extrema (`E_I^20`, Baak 2013, 5.4.2)."""
+        observer, points = self.observer, self.cloud.points
+        graph = grid_graph(self.cloud, observer.landmarks, observer.workspace)
+        source = source_node(graph, points, self.centre, observer.landmarks, self.scale)
+        return extrema_of_graph(graph, points, observer.extrema, source, observer.workspace)
+
+    @cached_property
+    def votes(self) -> JointEstimate | None:
+        """The joints as the regressor sees them; None without a regressor."""
+        observer = self.observer
+        return None if observer.forest is None else observer.forest.estimate(self.cloud, observer.vote_samples)
+
+    @cached_property
+    def scene(self) -> Scene:
+        """The frame as a fit needs it."""
+        return Scene(self.cloud, self.extrema.points.astype(np.float64), self.observer.samples, self.observer.search)

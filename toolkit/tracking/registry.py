@@ -1,0 +1,67 @@
+"""The trackers by name: `tracker:` in the settings says which one is built."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from importlib import import_module
+from typing import Any
+
+from toolkit.errors import SettingsError, UsageError
+from toolkit.tracking.protocol import Tracker
+
+DEFAULT = "hybrid"
+
+
+@dataclass(frozen=True)
+class Registration:
+    """How a tracker is built.
+
+    Attributes
+    ----------
+    settings : dataclass of its settings
+    needs_database : whether it looks poses up
+    build : `build(settings, database, database_path)`; the database is None for a tracker that needs none
+    """
+
+    settings: type
+    needs_database: bool
+    build: Callable[[Any, Any, str], Tracker]
+
+
+_MODULES = {"hybrid": "toolkit.tracking.hybrid"}
+"""Modules that register a tracker of this name when they are imported; trackers that nobody asks for cost nothing."""
+_REGISTERED: dict[str, Registration] = {}
+
+
+def register(name: str, registration: Registration) -> None:
+    """Make a tracker known under a name.
+
+    Raises
+    ------
+    UsageError
+        The name is taken.
+    """
+    if _REGISTERED.get(name, registration) != registration:
+        raise UsageError(f"a tracker is registered as {name!r} already; choose another name")
+    _REGISTERED[name] = registration
+
+
+def registered(name: str) -> Registration:
+    """How the tracker of this name is built.
+
+    Raises
+    ------
+    SettingsError
+        There is none.
+    """
+    if name not in _REGISTERED and name in _MODULES:
+        import_module(_MODULES[name])
+    if name not in _REGISTERED:
+        raise SettingsError(f"there is no tracker {name!r}; there are: {', '.join(names())}")
+    return _REGISTERED[name]
+
+
+def names() -> list[str]:
+    """All trackers, by name."""
+    return sorted(_MODULES.keys() | _REGISTERED.keys())

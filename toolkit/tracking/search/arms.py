@@ -1,0 +1,54 @@
+"""The best hypothesis so far with other arms: the database asked for one arm at a time."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from toolkit.fitting.arms import ArmPoses, ArmSettings
+from toolkit.fitting.objective import Comparison, Objective
+from toolkit.fitting.refiner import Refiner
+from toolkit.tracking.observation import Observation
+from toolkit.tracking.search.protocol import NOTHING, Hypothesis, Proposal, Rival
+from toolkit.tracking.state import PersonState
+
+ITERATIONS = 2
+"""Of the refinement of a pose of which only one arm is new."""
+FARTHER = 1.2
+"""By how much the sparse distance may grow: beyond it the new arm is in the way of what was measured."""
+
+
+class ArmSearch:
+    """Looks for better arms of the best pose of a person who is being followed.
+
+    Decided by what a pose leaves unexplained of the frame and by the pose prior. The other parts of the sparse distance
+    do not help here: they are least for an arm that hides in the body. So what is found supersedes what it came from.
+    """
+
+    name = "arms"
+
+    def __init__(self, poses: ArmPoses, objective: Objective, refiner: Refiner, settings: ArmSettings) -> None:
+        self._poses, self._objective, self._refiner, self._settings = poses, objective, refiner, settings
+
+    def propose(
+        self, observation: Observation, state: PersonState, rng: np.random.Generator, best: Rival | None
+    ) -> Proposal:
+        """See `Search.propose`."""
+        if state.previous is None or best is None:
+            return NOTHING
+        body, scene = best.body, observation.scene
+        pose, compared = best.hypothesis.pose, best.comparison
+        for arm in self._poses.of(body):
+            start = pose, compared
+            for candidate in arm.propose(*start, scene, self._settings):
+                refined = self._refiner.refine(body, candidate, scene, iterations=ITERATIONS)
+                tried = self._objective.compare(body, refined, scene, FARTHER * compared.distance)
+                if self._unexplained(tried) < self._unexplained(compared) - self._settings.margin:
+                    pose, compared = refined, tried
+        if pose is best.hypothesis.pose:
+            return NOTHING
+        return Proposal((Hypothesis("arms", pose, compared, supersedes=True),))
+
+    def _unexplained(self, compared: Comparison) -> float:
+        if not np.isfinite(compared.distance):
+            return np.inf
+        return float(compared.sample_gaps.mean()) + self._settings.prior * compared.energy

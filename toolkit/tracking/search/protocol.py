@@ -1,0 +1,75 @@
+"""What a search is asked and what it answers."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+
+from toolkit.body.body import Body
+from toolkit.fitting.objective import Comparison
+from toolkit.tracking.observation import Observation
+from toolkit.tracking.state import PersonState
+
+
+@dataclass(frozen=True, eq=False)
+class Hypothesis:
+    """A pose that may be the person's.
+
+    Attributes
+    ----------
+    source : who says so, as the track reports it
+    pose : float64 (P,), level frame, refined
+    comparison : how far it is from the frame, where the search knows
+    continues : it goes on from the previous pose, so that the step between the two says something about the next one
+    supersedes : the best hypothesis so far is withdrawn: the search decided between the two by something that tells
+        more than the distance does
+    """
+
+    source: str
+    pose: np.ndarray
+    comparison: Comparison | None = None
+    continues: bool = False
+    supersedes: bool = False
+
+
+@dataclass(frozen=True, eq=False)
+class Rival:
+    """A hypothesis that was judged: for which body, and how far that is from the frame."""
+
+    hypothesis: Hypothesis
+    body: Body
+    comparison: Comparison
+
+
+@dataclass(frozen=True, eq=False)
+class Proposal:
+    """What a search answers: hypotheses, and what it wants to be told in the next frame (None: nothing new)."""
+
+    hypotheses: tuple[Hypothesis, ...] = ()
+    carry: Mapping[str, np.ndarray] | None = None
+
+
+NOTHING = Proposal()
+
+
+class Search(Protocol):
+    """A source of pose hypotheses.
+
+    Attributes
+    ----------
+    name : under which its time is booked and its `carry` is kept
+    """
+
+    name: str
+
+    def propose(
+        self, observation: Observation, state: PersonState, rng: np.random.Generator, best: Rival | None
+    ) -> Proposal:
+        """Hypotheses for a frame, given what was known before it and the best of the searches asked earlier.
+
+        Without `state.previous` the person has to be found anew, with the body `state.body`.
+        """
+        ...

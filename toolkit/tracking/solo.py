@@ -1,0 +1,61 @@
+"""One person of one recording, frame by frame: for scripts that look at every step."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from itertools import islice
+
+import numpy as np
+
+from toolkit.body.body import Body
+from toolkit.sensing.camera import level_rotation
+from toolkit.sensing.people.lone import LonePerson
+from toolkit.sensing.people.sighting import Sighting
+from toolkit.sensing.recording import Recording
+from toolkit.track import FrameResult
+from toolkit.tracking.clock import StageClock
+from toolkit.tracking.protocol import PersonFollower, Tracker
+
+
+class Solo:
+    """Follows the one person of a recording; frames may be given in any order, or again.
+
+    Parameters
+    ----------
+    tracker : how
+    recording : its camera, vertical and background are used, and its first frames to learn the person's body
+
+    Attributes
+    ----------
+    follower : of that person
+    level_rotation : R_level_camera, float64 (3, 3)
+    """
+
+    def __init__(self, tracker: Tracker, recording: Recording) -> None:
+        self._tracker = tracker
+        self.level_rotation = level_rotation(recording.up_camera)
+        self._finder = self._new_finder(recording)
+        camera, body = self._finder.camera, None
+        if tracker.learning_frames:
+            body = tracker.learn_body(camera, self.level_rotation, self._first_sightings(recording))
+        self.follower: PersonFollower = tracker.follower(camera, self.level_rotation, body)
+
+    @property
+    def body(self) -> Body:
+        """The person's body."""
+        return self.follower.body
+
+    def step(self, depth_mm: np.ndarray, timestamp: float) -> FrameResult:
+        """Find the person in the next frame: depth uint16 (H, W) in millimetres, timestamp in seconds."""
+        clock = StageClock(self._tracker.stage_names)
+        (sighting,) = self._finder.find(depth_mm, timestamp, {})
+        return self.follower.step(sighting, timestamp, clock)
+
+    def _new_finder(self, recording: Recording) -> LonePerson:
+        return LonePerson(recording.camera, recording.background, self._tracker.settings.sensing, recording.up_camera)
+
+    def _first_sightings(self, recording: Recording) -> Iterator[tuple[Sighting, float]]:
+        finder = self._new_finder(recording)
+        for frame in islice(recording.stream(), self._tracker.learning_frames):
+            (sighting,) = finder.find(frame.depth_mm, frame.timestamp, {})
+            yield sighting, frame.timestamp

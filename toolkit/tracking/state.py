@@ -1,0 +1,137 @@
+"""What a tracker remembers of a person from one frame to the next, as a value."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from toolkit.body.body import Body
+from toolkit.body.shape import ShapeSpace
+
+State = dict[str, Any]
+"""Arrays, numbers, text and None by name, nested: what `files.save_state` writes and nothing else."""
+
+
+@dataclass(frozen=True, eq=False)
+class Previous:
+    """The frame before, level frame.
+
+    Attributes
+    ----------
+    pose : float64 (P,)
+    joints, effectors : float64 (20, 3) and (5, 3), metres
+    extrema : float64 (5, 3), metres, or None where there were fewer
+    before : pose (P,) that the local optimisation came from, or None where another hypothesis won: there is no momentum
+        from one hypothesis to another
+    """
+
+    pose: np.ndarray
+    joints: np.ndarray
+    effectors: np.ndarray
+    extrema: np.ndarray | None
+    before: np.ndarray | None
+
+    @classmethod
+    def of_pose(
+        cls, body: Body, pose: np.ndarray, extrema: np.ndarray | None = None, before: np.ndarray | None = None
+    ) -> Previous:
+        """A body's joints and end effectors in a pose, with what else is known."""
+        return cls(pose, body.joint_positions(pose), body.end_effector_positions(pose), extrema, before)
+
+
+@dataclass(frozen=True, eq=False)
+class PersonState:
+    """Everything that a person's next step depends on besides the sighting.
+
+    Attributes
+    ----------
+    body : as fitted so far
+    sized : whether the body's size is known; otherwise the first frame tries several
+    generator : state of the random generator, as NumPy's `bit_generator.state` has it
+    previous : the frame before; None where the person has to be found anew
+    pose : the last pose (P,) that was found, also before a loss; None before the first
+    centre : float64 (3,), metres, level frame, of the frame before
+    facing : float64 (2,), smoothed direction in the ground plane, or None
+    timestamp : seconds, of the frame before
+    lost : frames in a row that no pose explained
+    turn : frames since the start in which all was well; searches that take turns count by it
+    smoothed : pose (P,) last reported by the smoother, and its timestamp
+    carry : what each search keeps for itself, by its name
+    """
+
+    body: Body
+    sized: bool
+    generator: Mapping[str, Any]
+    previous: Previous | None = None
+    pose: np.ndarray | None = None
+    centre: np.ndarray | None = None
+    facing: np.ndarray | None = None
+    timestamp: float | None = None
+    lost: int = 0
+    turn: int = 0
+    smoothed: tuple[np.ndarray, float] | None = None
+    carry: Mapping[str, Mapping[str, np.ndarray]] = field(default_factory=dict)
+
+    @classmethod
+    def begin(cls, body: Body, *, sized: bool, seed: int) -> PersonState:
+        """Before the first frame."""
+        return cls(body, sized, np.random.Generator(np.random.PCG64(seed)).bit_generator.state)
+
+    def rng(self) -> np.random.Generator:
+        """The generator as it stands; its state after a step belongs into the next `PersonState`."""
+        bits = np.random.PCG64()
+        bits.state = dict(self.generator)  # type: ignore[assignment]
+        return np.random.Generator(bits)
+
+    def export(self) -> State:
+        """As plain arrays, numbers and text."""
+        state: State = {
+            "body": {"shape": self.body.shape, "scale": float(self.body.scale), "name": self.body.name},
+            "sized": self.sized,
+            # JSON keeps integers of any size only as text in every reader.
+            "generator": {key: str(value) for key, value in _flat(self.generator).items()},
+            "carry": {name: dict(kept) for name, kept in self.carry.items()},
+            "previous": None if self.previous is None else dict(vars(self.previous)),
+            "smoothed": None if self.smoothed is None else {"pose": self.smoothed[0], "timestamp": self.smoothed[1]},
+        }
+        plain = ("pose", "centre", "facing", "timestamp", "lost", "turn")
+        return state | {name: getattr(self, name) for name in plain}
+
+    @classmethod
+    def restore(cls, state: Mapping[str, Any]) -> PersonState:
+        """What `export` gave."""
+        body = ShapeSpace.load().body(state["body"]["shape"], scale=state["body"]["scale"], name=state["body"]["name"])
+        smoothed = state["smoothed"]
+        plain = ("sized", "pose", "centre", "facing", "timestamp", "lost", "turn", "carry")
+        return cls(
+            body=body,
+            generator=_nested({key: _number(value) for key, value in state["generator"].items()}),
+            previous=None if state["previous"] is None else Previous(**state["previous"]),
+            smoothed=None if smoothed is None else (smoothed["pose"], smoothed["timestamp"]),
+            **{name: state[name] for name in plain},
+        )
+
+
+def _flat(values: Mapping[str, Any], where: str = "") -> dict[str, Any]:
+    found: dict[str, Any] = {}
+    for key, value in values.items():
+        found |= _flat(value, f"{where}{key}/") if isinstance(value, Mapping) else {f"{where}{key}": value}
+    return found
+
+
+def _nested(values: Mapping[str, Any]) -> dict[str, Any]:
+    found: dict[str, Any] = {}
+    for key, value in values.items():
+        *outer, last = key.split("/")
+        inner = found
+        for name in outer:
+            inner = inner.setdefault(name, {})
+        inner[last] = value
+    return found
+
+
+def _number(text: str) -> int | str:
+    return int(text) if text.lstrip("-").isdigit() else text
