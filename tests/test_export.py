@@ -17,7 +17,6 @@ from tests.run_helpers import TURN, write_people, write_run
 from toolkit.body import skeleton
 from toolkit.errors import BodyError, OutputError, RigError, TrackError, UsageError
 from toolkit.export.bvh import export_bvh
-from toolkit.export.person import load_persons
 from toolkit.export.run import export_run
 from toolkit.export.tables import export_csv
 from toolkit.files import shipped
@@ -25,7 +24,7 @@ from toolkit.mocap.procedural import perform
 from toolkit.mocap.read import read_clip
 from toolkit.mocap.retarget import retarget
 from toolkit.mocap.rig import load_rig
-from toolkit.runs import load_people, person_runs, save_people
+from toolkit.runs import load_people, load_persons, person_runs, save_people
 from toolkit.track import EMPTY, Track
 
 

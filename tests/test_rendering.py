@@ -13,11 +13,12 @@ from toolkit.body.skeleton import POSE_NAMES, REPORTED
 from toolkit.errors import OutputError, SettingsError, TrackError, UsageError
 from toolkit.files import sha256_of
 from toolkit.rendering import encoders, style
-from toolkit.rendering.film import FilmWriter, contact_sheet, render_run, render_track, save_png
+from toolkit.rendering.film import FilmWriter, contact_sheet, render_people, render_run, save_png
 from toolkit.rendering.mesh import draw_mesh, part_colors
 from toolkit.rendering.overlay import color_depth, draw_skeleton
 from toolkit.rendering.painter import FramePainter, RenderSettings
 from toolkit.rendering.views import side_view_of, window_on
+from toolkit.runs import Person, PersonSummary, save_people
 from toolkit.sensing.camera import level_rotation
 from toolkit.sensing.recording import open_recording, save_recording
 from toolkit.track import EMPTY, LOST, RunInfo, Track
@@ -47,6 +48,10 @@ def track_of(poses, state=(0, LOST, EMPTY, 0)):
     )  # fmt: skip
 
 
+def people_of(track, body):
+    return (Person("take", track, body, LEVEL),)
+
+
 def share_of(image, color, tolerance=40):
     """Mean column of the pixels whose hue is that of `color`, as a share of the width, and their number."""
     pixels = image.astype(float)
@@ -60,7 +65,7 @@ def test_the_left_of_a_person_who_faces_the_camera_is_at_the_right_of_the_pictur
     recording, track, body = take
     for panel in ("depth", "body"):
         settings = RenderSettings(panels=(panel,), extrema=0)
-        image = FramePainter(track, recording, body, settings=settings).paint(1, recording.depth(1))
+        image = FramePainter(people_of(track, body), recording, settings=settings).paint(1, recording.depth(1))
         image = image[40:-40]  # without the legend
         left, lefts = share_of(image, style.LEFT)
         right, rights = share_of(image, style.RIGHT)
@@ -70,14 +75,45 @@ def test_the_left_of_a_person_who_faces_the_camera_is_at_the_right_of_the_pictur
 
 def test_a_drawn_body_lies_on_the_depth_image(take):
     recording, track, body = take
-    painter = FramePainter(track, recording, body, settings=RenderSettings(panels=("body",)))
+    painter = FramePainter(people_of(track, body), recording, settings=RenderSettings(panels=("body",)))
     image = painter.paint(0, recording.depth(0))[32:-32]
     depth_only = FramePainter(
-        track_of(np.asarray(track.pose), state=[EMPTY] * 4), recording, body, settings=RenderSettings(panels=("body",))
+        people_of(track_of(np.asarray(track.pose), state=[EMPTY] * 4), body),
+        recording,
+        settings=RenderSettings(panels=("body",)),
     ).paint(0, recording.depth(0))[32:-32]
     drawn = (np.abs(image.astype(int) - depth_only).max(axis=2) > 20)[40:]
     measured = (depth_only.max(axis=2) > 60)[40:]
     assert (drawn & measured).sum() / (drawn | measured).sum() > 0.85
+
+
+def test_several_people_have_a_colour_each_and_hide_each_other(tmp_path):
+    body = neutral()[0]
+    places = ((-0.4, 2.6), (0.5, 2.8), (0.5, 3.4))
+    people = [
+        Person(f"person_{k:02d}", track_of(standing(x, z, HEIGHT)[None], (0,)), body, LEVEL)
+        for k, (x, z) in enumerate(places, start=1)
+    ]
+    depth = np.min([np.where((d := person_alone(KINECT, x, z)) > 0, d, 65535) for x, z in places], axis=0)
+    path = tmp_path / "take.npz"
+    image = np.where(depth < 65535, depth, 0).astype(np.uint16)
+    save_recording(path, depth=[image], camera=KINECT, timestamps=np.zeros(1), up_camera=(0, -1, 0))
+    recording = open_recording(path)
+    image = FramePainter(people, recording, settings=RenderSettings(panels=("body",))).paint(0, image)
+    image = image[40:-40]
+    places = [share_of(image, style.person_color(k)) for k in range(3)]
+    assert places[0][0] < 0.5 < places[1][0]
+    assert places[0][1] > 1000 and places[1][1] > 1000
+    assert places[2][1] < 0.3 * places[1][1], "the third one stands behind the second one"
+
+
+def test_a_run_of_several_people_becomes_one_film(take, tmp_path):
+    recording, track, body = take
+    run = tmp_path / "run"
+    for name in ("person_01", "person_02"):
+        save_run(run / name, recording, track, body)
+    save_people(run, [PersonSummary(k, f"person_{k:02d}", 0, 3, 1.7, 1.0, 0.0, 0.0) for k in (1, 2)])
+    assert render_run(run, tmp_path / "film.webm").stat().st_size > 1000
 
 
 def test_a_drawn_mesh_has_the_depth_that_ray_casting_gives():
@@ -151,7 +187,7 @@ def test_a_film_can_be_read_back(take, tmp_path, suffix):
         pytest.importorskip("av")
 
     seen = []
-    path = render_track(
+    path = render_people(
         *arranged(take), tmp_path / f"film{suffix}", progress=lambda done, total: seen.append((done, total))
     )
     film = cv2.VideoCapture(str(path))
@@ -165,51 +201,55 @@ def test_a_film_can_be_read_back(take, tmp_path, suffix):
 
 def arranged(take):
     recording, track, body = take
-    return track, recording, body
+    return people_of(track, body), recording
 
 
 def test_a_contact_sheet_and_single_pictures_are_png(take, tmp_path):
     import cv2
 
-    sheet = cv2.imread(str(render_track(*arranged(take), tmp_path / "sheet.png")))
+    sheet = cv2.imread(str(render_people(*arranged(take), tmp_path / "sheet.png")))
     assert sheet.shape == (2 * 340 + 6, 2 * (270 + 270 + 224) + 6, 3)
-    folder = render_track(*arranged(take), tmp_path / "pictures", frames=range(1, 4, 2))
+    folder = render_people(*arranged(take), tmp_path / "pictures", frames=range(1, 4, 2))
     assert sorted(p.name for p in folder.iterdir()) == ["00001.png", "00003.png"]
 
 
-def test_a_run_is_drawn_from_its_folder(take, tmp_path):
-    recording, track, body = take
-    run = tmp_path / "run"
-    run.mkdir()
+def save_run(run, recording, track, body):
+    run.mkdir(parents=True)
     track.save(run)
     RunInfo(
         recording=str(recording.path), recording_sha256=sha256_of(recording.path), reader_options={},
         body_fingerprint=skeleton.fingerprint(), shape=list(body.shape), scale=1.0, database="",
         level_rotation=LEVEL.ravel().tolist(), sensing={"median": False}, version="0",
     ).save(run)  # fmt: skip
-    assert render_run(run, tmp_path / "film.mp4").stat().st_size > 1000
+
+
+def test_a_run_is_drawn_from_its_folder(take, tmp_path):
+    recording, track, body = take
+    run = tmp_path / "run"
+    save_run(run, recording, track, body)
+    assert render_run(run, tmp_path / "film.webm").stat().st_size > 1000
 
 
 def test_a_half_resolution_run_is_drawn(take):
     from toolkit.sensing.cleaning import SensingSettings
 
     recording, track, body = take
-    painter = FramePainter(track, recording, body, sensing=SensingSettings(half_resolution=True))
+    painter = FramePainter(people_of(track, body), recording, sensing=SensingSettings(half_resolution=True))
     assert painter.paint(0, recording.depth(0)).shape == (544, 1640, 3)
 
 
 def test_a_track_of_another_length_is_an_error(take, tmp_path):
     recording, track, body = take
     with pytest.raises(TrackError, match="4"):
-        render_track(track_of(np.asarray(track.pose)[:3], (0, 0, 0)), recording, body, tmp_path / "a.mp4")
+        render_people(people_of(track_of(np.asarray(track.pose)[:3], (0, 0, 0)), body), recording, tmp_path / "a.mp4")
 
 
 def test_an_unknown_output_or_range_is_an_error(take, tmp_path):
     with pytest.raises(UsageError, match=r"\*.mp4"):
-        render_track(*arranged(take), tmp_path / "film.gif")
+        render_people(*arranged(take), tmp_path / "film.gif")
     for frames in (range(0), range(2, 9), range(-1, 2)):
         with pytest.raises(UsageError, match="4 frames"):
-            render_track(*arranged(take), tmp_path / "film.mp4", frames=frames)
+            render_people(*arranged(take), tmp_path / "film.mp4", frames=frames)
     with pytest.raises(UsageError):
         FilmWriter(tmp_path / "film.txt", 25)
     with pytest.raises(UsageError, match="at least one"):
@@ -234,7 +274,7 @@ def test_a_missing_codec_names_another_way_and_leaves_nothing(take, tmp_path, mo
 
     monkeypatch.setattr(cv2, "VideoWriter", NoWriter)
     with pytest.raises(OutputError, match=r"cannot encode MJPG here; name the output \*.png"):
-        render_track(*arranged(take), tmp_path / "film.avi")
+        render_people(*arranged(take), tmp_path / "film.avi")
     assert list(tmp_path.iterdir()) == []
 
 
@@ -243,9 +283,9 @@ def test_without_the_package_av_a_film_is_vp8_and_h264_names_the_extra(take, tmp
 
     monkeypatch.setattr(encoders, "has_av", lambda: False)
     with pytest.raises(UsageError, match=r"depthmocap\[film\].* \*.webm"):
-        render_track(*arranged(take), tmp_path / "film.mp4")
+        render_people(*arranged(take), tmp_path / "film.mp4")
     assert list(tmp_path.iterdir()) == []
-    film = cv2.VideoCapture(str(render_track(*arranged(take), tmp_path / "film.webm")))
+    film = cv2.VideoCapture(str(render_people(*arranged(take), tmp_path / "film.webm")))
     code = int(film.get(cv2.CAP_PROP_FOURCC))
     assert code.to_bytes(4, "little") == b"VP80"
 
@@ -261,11 +301,11 @@ def test_a_browser_plays_the_films(take, tmp_path, monkeypatch):
     films = ["vp8.webm"]
     with monkeypatch.context() as patch:
         patch.setattr(encoders, "has_av", lambda: False)
-        render_track(*arranged(take), tmp_path / films[0])
+        render_people(*arranged(take), tmp_path / films[0])
     if encoders.has_av():
         films += ["h264.mp4", "vp9.webm"]
     for name in films[1:]:
-        render_track(*arranged(take), tmp_path / name)
+        render_people(*arranged(take), tmp_path / name)
     with browser() as page:
         for name in films:
             (tmp_path / "page.html").write_text(f"<video muted src='{name}'></video>")

@@ -9,8 +9,8 @@ import numpy as np
 
 from toolkit.body import skeleton
 from toolkit.errors import UsageError
-from toolkit.export.person import Person
 from toolkit.files import atomic_path
+from toolkit.runs import Person
 
 MILLIMETRES = 1000.0
 """Units per metre: laboratories' programs expect millimetres."""

@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 
 from toolkit.body import skeleton
-from toolkit.export.person import Person
 from toolkit.files import save_text
+from toolkit.runs import Person
 from toolkit.track import EMPTY, STATE_NAMES
 
 DECIMALS = 5

@@ -11,9 +11,9 @@ import numpy as np
 
 from toolkit.body import skeleton
 from toolkit.body.body import Body
-from toolkit.export.person import Person
 from toolkit.export.tree import OWN, JointTree, tree_of
 from toolkit.files import atomic_path
+from toolkit.runs import Person
 from toolkit.track import EMPTY
 
 VERTEX_DATA, INDEX_DATA = 34962, 34963

@@ -11,11 +11,10 @@ from toolkit.export.bvh import export_bvh
 from toolkit.export.c3d import export_c3d
 from toolkit.export.document import export_json
 from toolkit.export.glb import export_glb
-from toolkit.export.person import Person, load_persons
 from toolkit.export.tables import export_csv, export_trc
 from toolkit.export.tree import OWN
 from toolkit.files import check_output
-from toolkit.runs import PEOPLE_FILE, person_runs
+from toolkit.runs import PEOPLE_FILE, Person, load_persons, person_runs
 from toolkit.track import RUN_FILE, TRACK_FILE
 
 Writer = Callable[[Path, Sequence[Person], str], None]

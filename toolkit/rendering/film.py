@@ -1,18 +1,18 @@
-"""A track as a film, a contact sheet or single pictures, off-screen."""
+"""A run as a film, a contact sheet or single pictures, off-screen."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
 
-from toolkit.body.body import Body
 from toolkit.errors import OutputError, UsageError
 from toolkit.files import atomic_path, check_output
 from toolkit.rendering import style
 from toolkit.rendering.encoders import FILM_SUFFIXES, open_encoder
 from toolkit.rendering.painter import FramePainter, RenderSettings
+from toolkit.runs import Person, load_persons, person_runs
 from toolkit.sensing.cleaning import SensingSettings
 from toolkit.sensing.recording import Recording
 from toolkit.track import RUN_FILE, TRACK_FILE, RunInfo, Track
@@ -67,24 +67,22 @@ class FilmWriter:
                 raise OutputError(f"nothing was written to {self._path}; check the space left on its disk")
 
 
-def render_track(
-    track: Track,
+def render_people(
+    people: Sequence[Person],
     recording: Recording,
-    body: Body,
     output: str | Path,
     *,
-    rotation: np.ndarray | None = None,
     sensing: SensingSettings | None = None,
     settings: RenderSettings | None = None,
     frames: range | None = None,
     rate: float | None = None,
     progress: Progress | None = None,
 ) -> Path:
-    """Draw a track: a film for .mp4, .webm and .avi, a contact sheet for .png, or one PNG per frame into a folder.
+    """Draw tracks: a film for .mp4, .webm and .avi, a contact sheet for .png, or one PNG per frame into a folder.
 
     Parameters
     ----------
-    track, recording, body, rotation, sensing, settings : see `FramePainter`
+    people, recording, sensing, settings : see `FramePainter`
     output : the file to write; a name without suffix is a folder
     frames : which ones; all by default
     rate : frames per second of the film; by default the recording's own
@@ -93,7 +91,7 @@ def render_track(
     Raises
     ------
     TrackError
-        The track does not belong to the recording.
+        A track does not belong to the recording.
     UsageError
         The output's suffix or the rate is none of a film, the output would damage the recording, or there are no frames
         to draw.
@@ -103,6 +101,7 @@ def render_track(
     target = check_output(output, [recording.path], sealed=[recording.path])
     if rate is not None and not 0 < rate <= LARGEST_RATE:
         raise UsageError(f"a film cannot have {rate:g} frames a second; choose a rate above 0 and up to {LARGEST_RATE}")
+    track = people[0].track
     chosen = range(len(track)) if frames is None else frames
     if not len(chosen) or chosen.start < 0 or max(chosen) >= len(track):
         raise UsageError(f"frames {chosen} are not some of the {len(track)} frames of the track")
@@ -111,7 +110,7 @@ def render_track(
         raise UsageError(f"cannot draw to {target}; name it {films}, *.png or a folder")
     if settings is None and target.suffix == ".png":
         settings = SHEET_SETTINGS
-    painter = FramePainter(track, recording, body, rotation=rotation, sensing=sensing, settings=settings)
+    painter = FramePainter(people, recording, sensing=sensing, settings=settings)
     if target.suffix == ".png":
         wanted = [chosen[k] for k in np.linspace(0, len(chosen) - 1, min(SHEET_FRAMES, len(chosen))).astype(int)]
         save_png(target, contact_sheet(list(_pictures(painter, recording, wanted, progress))))
@@ -133,18 +132,17 @@ def render_run(
     rate: float | None = None,
     progress: Progress | None = None,
 ) -> Path:
-    """Draw the track of a run folder; its recording, body and sensing settings come from `run.json`.
+    """Draw everybody in a run folder; recording, bodies and sensing settings come from `run.json`.
 
-    `recording` is where the recording has been moved to. The rest is as in `render_track`.
+    `recording` is where the recording has been moved to. The rest is as in `render_people`.
     """
-    check_output(output, [Path(run) / TRACK_FILE, Path(run) / RUN_FILE])
-    info = RunInfo.load(run)
-    return render_track(
-        Track.load(run),
+    folders = person_runs(run)
+    check_output(output, [folder / name for folder in folders for name in (TRACK_FILE, RUN_FILE)])
+    info = RunInfo.load(folders[0])
+    return render_people(
+        load_persons(run),
         info.open_recording(recording),
-        info.body(),
         output,
-        rotation=info.R_level_camera,
         sensing=SensingSettings(**info.sensing),
         settings=settings,
         frames=frames,
@@ -188,7 +186,7 @@ def _pictures(
             if progress is not None:
                 progress(done, len(chosen))
         else:
-            painter.skip(depth)
+            painter.skip(i, depth)
         if i == last:
             return
 

@@ -16,7 +16,12 @@ LIGHTS = np.array([0.28, 0.5, 0.3])
 
 
 def draw_mesh(
-    image: np.ndarray, vertices_camera: np.ndarray, faces: np.ndarray, colors: np.ndarray, camera: Camera
+    image: np.ndarray,
+    vertices_camera: np.ndarray,
+    faces: np.ndarray,
+    colors: np.ndarray,
+    camera: Camera,
+    depth: np.ndarray | None = None,
 ) -> np.ndarray:
     """Draw a closed mesh, seen by an undistorted `camera`, over an RGB image, uint8 (H, W, 3).
 
@@ -25,13 +30,14 @@ def draw_mesh(
     vertices_camera : (V, 3), metres, camera frame
     faces : int (F, 3), counter-clockwise seen from outside
     colors : (V, 3), RGB from 0 to 255
+    depth : what an earlier call returned for the same picture, to draw another mesh before and behind the first one
 
     Returns
     -------
-    The depth of what was drawn, float32 (H, W), metres along z, infinite beside the mesh.
+    The depth of what has been drawn, float32 (H, W), metres along z, infinite beside it.
     """
     vertices = np.ascontiguousarray(vertices_camera, dtype=np.float64)
-    depth = np.full(camera.shape, np.inf, dtype=np.float32)
+    depth = np.full(camera.shape, np.inf, dtype=np.float32) if depth is None else depth
     shading.shade_triangles(
         vertices, vertex_normals(vertices, faces), np.ascontiguousarray(colors, dtype=np.float64), faces,
         camera.intrinsics, LIGHTS, KEY_LIGHT, depth, image,

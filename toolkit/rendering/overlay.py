@@ -45,24 +45,32 @@ def _depth_table() -> np.ndarray:
     return np.concatenate([bright, (bright * DIM).astype(np.uint8), np.array([PAPER], dtype=np.uint8)])
 
 
-def draw_skeleton(image: np.ndarray, joints: np.ndarray, confidence: np.ndarray | None = None) -> None:
-    """Draw 20 joints at pixels (20, 2) with their bones on an RGB image; joints of low confidence become rings."""
+def draw_skeleton(
+    image: np.ndarray,
+    joints: np.ndarray,
+    confidence: np.ndarray | None = None,
+    color: tuple[int, int, int] | None = None,
+) -> None:
+    """Draw 20 joints at pixels (20, 2) with their bones on an RGB image; joints of low confidence become rings.
+
+    Left, right and middle have their own colours, or all of it has the one that is given.
+    """
     import cv2
 
     points = [None if not np.isfinite(p).all() else _fixed(p) for p in joints]
     thickness = max(2, round(image.shape[0] / 160))
-    for (a, b), color in zip(BONE_ROWS, BONE_COLORS, strict=True):
+    for (a, b), side in zip(BONE_ROWS, BONE_COLORS, strict=True):
         start, end = points[a], points[b]
         if start is not None and end is not None:
             cv2.line(image, start, end, PAPER, thickness + 2, cv2.LINE_AA, SHIFT)
-            cv2.line(image, start, end, color, thickness, cv2.LINE_AA, SHIFT)
+            cv2.line(image, start, end, color or side, thickness, cv2.LINE_AA, SHIFT)
     for k, point in enumerate(points):
         if point is None:
             continue
         radius = int((thickness + 1.5) * 2**SHIFT)
         sure = confidence is None or confidence[k] >= SURE
         cv2.circle(image, point, radius + 2**SHIFT, PAPER, -1, cv2.LINE_AA, SHIFT)
-        cv2.circle(image, point, radius, JOINT_COLORS[k], -1 if sure else 1, cv2.LINE_AA, SHIFT)
+        cv2.circle(image, point, radius, color or JOINT_COLORS[k], -1 if sure else 1, cv2.LINE_AA, SHIFT)
 
 
 def draw_extrema(image: np.ndarray, pixels: np.ndarray) -> None:

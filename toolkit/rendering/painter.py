@@ -1,7 +1,8 @@
-"""One picture per frame of a track: depth with skeleton and extrema, fitted body, side view."""
+"""One picture per frame of a run: depth with skeletons and extrema, fitted bodies, side view."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -13,15 +14,16 @@ from toolkit.rendering import style
 from toolkit.rendering.mesh import draw_mesh, part_colors
 from toolkit.rendering.overlay import color_depth, draw_extrema, draw_points, draw_skeleton
 from toolkit.rendering.views import side_view_of, window_on
-from toolkit.sensing.camera import level_rotation
+from toolkit.runs import Person
 from toolkit.sensing.cleaning import Cleaner, SensingSettings
 from toolkit.sensing.cloud import Cloud
 from toolkit.sensing.recording import Recording
-from toolkit.track import EMPTY, LOST, STATE_NAMES, Track
+from toolkit.track import EMPTY, LOST, STATE_NAMES
 
 PANELS = ("depth", "body", "side")
 TITLES = {"depth": "depth, skeleton, extrema", "body": "fitted body", "side": "seen from the subject's left"}
 NEAR_SHARE, FAR_SHARE = 0.4, 0.8  # m before and behind the person that the colours of depth reach
+NEAR_BODY = 0.15  # m between a drawn body and what was measured of it
 BEHIND_BODY = 2  # times darker is the depth image behind the fitted body
 
 
@@ -59,44 +61,45 @@ class RenderSettings:
 
 
 class FramePainter:
-    """Paints the frames of one track; views are fixed, so that a film does not shake.
+    """Paints the frames of one run; views are fixed, so that a film does not shake.
+
+    One person is drawn in the colours of the sides, with geodesic extrema; several people have a colour each.
 
     Parameters
     ----------
-    track, recording : with the same number of frames
-    body : as it was fitted
-    rotation : (3, 3), R_level_camera of the run; by default that of the recording's vertical
-    sensing : with which the depth was cleaned; decides what counts as the person
+    people : everybody in the run, at least one
+    recording : with as many frames as their tracks
+    sensing : with which the depth was cleaned; decides what counts as the person where there is one
     settings : what to draw
 
     Raises
     ------
     TrackError
-        Track and recording have different numbers of frames.
+        Tracks and recording have different numbers of frames.
     """
 
     def __init__(
         self,
-        track: Track,
+        people: Sequence[Person],
         recording: Recording,
-        body: Body,
         *,
-        rotation: np.ndarray | None = None,
         sensing: SensingSettings | None = None,
         settings: RenderSettings | None = None,
     ) -> None:
-        if len(track) != len(recording):
-            raise TrackError(
-                f"the track has {len(track)} frames and the recording {recording.name} has {len(recording)}; "
-                "name the recording that was tracked"
-            )
+        for person in people:
+            if len(person.track) != len(recording):
+                raise TrackError(
+                    f"the track has {len(person.track)} frames and the recording {recording.name} has "
+                    f"{len(recording)}; name the recording that was tracked"
+                )
         self.settings = settings or RenderSettings()
-        self._track, self._name, self._body = track, recording.name, body
-        self._rotation = level_rotation(recording.up_camera) if rotation is None else np.asarray(rotation)
+        self._people, self._name = tuple(people), recording.name
+        self._rotation = people[0].R_level_camera
         self._cleaner = Cleaner(recording.camera, recording.background, sensing, recording.up_camera)
-        self._colors = part_colors(body)
-        seen = track.joints[track.state != EMPTY]
-        joints = np.asarray(seen if len(seen) else track.joints, dtype=np.float64)
+        self._colors = [_mesh_colors(person.body, k, len(people)) for k, person in enumerate(people)]
+        there = [person.track.joints[person.track.state != EMPTY] for person in people]
+        seen = np.concatenate(there)
+        joints = np.asarray(seen if len(seen) else people[0].track.joints, dtype=np.float64)
         self._window = window_on(joints, recording.camera.undistorted(), self.settings.size("depth"))
         self._side = side_view_of(joints @ self._rotation.T, self.settings.size("side"))
         depths = joints[:, 0, 2]
@@ -105,31 +108,55 @@ class FramePainter:
 
     def paint(self, i: int, depth_mm: np.ndarray) -> np.ndarray:
         """Picture of frame `i` from its depth, uint16 (H, W) millimetres: RGB, uint8. Frames are painted in order."""
-        cloud = self._cloud(depth_mm)
+        cloud = self._cloud(i, depth_mm)
         draw = {"depth": self._draw_depth, "body": self._draw_body, "side": self._draw_side}
         backdrop = self._colored(depth_mm, cloud) if set(self.settings.panels) & {"depth", "body"} else None
         panels = []
         for panel in self.settings.panels:
             image = self._blank(panel, backdrop)
             draw[panel](image, i, cloud)
-            style.write(image, TITLES[panel], 10, 8, self._text)
+            title = "depth, skeletons" if panel == "depth" and not self._extrema else TITLES[panel]
+            style.write(image, title, 10, 8, self._text)
             panels.append(image)
         return np.vstack([self._head(i, sum(p.shape[1] for p in panels)), np.hstack(panels), self._legend(panels)])
 
-    def skip(self, depth_mm: np.ndarray) -> None:
-        """Look at a frame that is not painted, so that the person is followed."""
-        self._cloud(depth_mm)
+    def skip(self, i: int, depth_mm: np.ndarray) -> None:
+        """Look at frame `i`, which is not painted, so that the person is followed."""
+        if not self._several:
+            self._cloud(i, depth_mm)
+
+    @property
+    def _several(self) -> bool:
+        return len(self._people) > 1
 
     @property
     def _text(self) -> int:
         return max(9, self.settings.height // 30)
 
-    def _cloud(self, depth_mm: np.ndarray) -> Cloud:
+    def _there(self, i: int) -> list[tuple[int, Person]]:
+        """Number and person of those who are there in frame `i`."""
+        return [(k, person) for k, person in enumerate(self._people) if person.track.state[i] != EMPTY]
+
+    def _cloud(self, i: int, depth_mm: np.ndarray) -> Cloud:
+        if self._several:
+            return Cloud.from_depth(self._near_bodies(i, depth_mm), self._cleaner.camera, self._rotation)
         try:
             cleaned = self._cleaner.clean(depth_mm)
         except SegmentationError:  # the picture is drawn all the same; the track says that the frame is lost
             cleaned = np.zeros(self._cleaner.camera.shape, dtype=np.float32)
         return Cloud.from_depth(cleaned, self._cleaner.camera, self._rotation)
+
+    def _near_bodies(self, i: int, depth_mm: np.ndarray) -> np.ndarray:
+        """What was measured within `NEAR_BODY` of a drawn body: float32 (H, W), metres, 0 elsewhere."""
+        camera = self._cleaner.camera
+        drawn = np.full(camera.shape, np.inf, dtype=np.float32)
+        blank = np.zeros((*camera.shape, 3), dtype=np.uint8)
+        for k, person in self._there(i):
+            vertices = person.body.vertex_positions(person.track.pose[i]) @ self._rotation
+            draw_mesh(blank, vertices, person.body.faces, self._colors[k], camera, drawn)
+        step = depth_mm.shape[0] // camera.height
+        depth = (depth_mm[::step, ::step][: camera.height, : camera.width] / 1000.0).astype(np.float32)
+        return np.where((depth > 0) & (np.abs(depth - drawn) < NEAR_BODY), depth, np.float32(0.0))
 
     def _colored(self, depth_mm: np.ndarray, cloud: Cloud) -> np.ndarray:
         person = cloud.depth > 0
@@ -144,42 +171,55 @@ class FramePainter:
         return backdrop.copy() if panel == "depth" else backdrop // BEHIND_BODY
 
     def _draw_depth(self, image: np.ndarray, i: int, cloud: Cloud) -> None:
-        if self._track.state[i] != EMPTY:
-            draw_skeleton(image, self._window.camera.project(self._track.joints[i]), self._track.confidence[i])
-        if self.settings.extrema and len(cloud):
-            extrema = geodesic_extrema(cloud, self.settings.extrema)
+        for k, person in self._there(i):
+            color = style.person_color(k) if self._several else None
+            pixels = self._window.camera.project(person.track.joints[i])
+            draw_skeleton(image, pixels, person.track.confidence[i], color)
+        if self._extrema and len(cloud):
+            extrema = geodesic_extrema(cloud, self._extrema)
             draw_extrema(image, self._window.camera.project(extrema.points @ self._rotation))
 
+    @property
+    def _extrema(self) -> int:
+        return 0 if self._several else self.settings.extrema
+
     def _draw_body(self, image: np.ndarray, i: int, cloud: Cloud) -> None:
-        if self._track.state[i] != EMPTY:
-            vertices = self._body.vertex_positions(self._track.pose[i]) @ self._rotation
-            draw_mesh(image, vertices, self._body.faces, self._colors, self._window.camera)
+        depth = None
+        for k, person in self._there(i):
+            vertices = person.body.vertex_positions(person.track.pose[i]) @ self._rotation
+            depth = draw_mesh(image, vertices, person.body.faces, self._colors[k], self._window.camera, depth)
 
     def _draw_side(self, image: np.ndarray, i: int, cloud: Cloud) -> None:
-        if self._track.state[i] != EMPTY:
-            vertices = self._side.to_camera(self._body.vertex_positions(self._track.pose[i]))
-            draw_mesh(image, vertices, self._body.faces, self._colors, self._side.camera)
+        depth = None
+        for k, person in self._there(i):
+            vertices = self._side.to_camera(person.body.vertex_positions(person.track.pose[i]))
+            depth = draw_mesh(image, vertices, person.body.faces, self._colors[k], self._side.camera, depth)
         draw_points(image, self._side.camera.project(self._side.to_camera(cloud.points)), style.CLOUD)
         place = (10, image.shape[0] - 2 * self._text)
         style.write(image, "camera at the left", *place, max(8, self._text - 4), style.FAINT)
 
     def _head(self, i: int, width: int) -> np.ndarray:
-        track, size = self._track, self._text
+        track, size = self._people[0].track, self._text
         bar = np.full((2 * size, width, 3), style.BAR, dtype=np.uint8)
         x = style.write(bar, f"{self._name}   frame {i + 1}/{len(track)}", 10, size // 3, size)
         x = style.write(bar, f"{track.timestamps[i]:.2f} s", x + 2 * size, size // 3, size, style.FAINT)
-        state = int(track.state[i])
-        color = style.ALARM if state == LOST else style.INK if state != EMPTY else style.FAINT
-        x = style.write(bar, STATE_NAMES[state], x + 2 * size, size // 3, size, color)
-        if state != EMPTY and len(track.source_names):
-            style.write(bar, track.source_names[int(track.source[i])], x + 2 * size, size // 3, size, style.FAINT)
+        for k, person in enumerate(self._people):
+            track, state = person.track, int(person.track.state[i])
+            color = style.ALARM if state == LOST else style.INK if state != EMPTY else style.FAINT
+            if self._several:
+                x = style.write(bar, person.name, x + 2 * size, size // 3, size, style.person_color(k)) - size
+            x = style.write(bar, STATE_NAMES[state], x + 2 * size, size // 3, size, color)
+            if state != EMPTY and len(track.source_names) and not self._several:
+                style.write(bar, track.source_names[int(track.source[i])], x + 2 * size, size // 3, size, style.FAINT)
         return bar
 
     def _legend(self, panels: list[np.ndarray]) -> np.ndarray:
         size = self._text
         bar = np.full((2 * size, sum(p.shape[1] for p in panels), 3), style.BAR, dtype=np.uint8)
         entries = [("subject's left", style.LEFT), ("subject's right", style.RIGHT), ("trunk, head", style.MIDDLE)]
-        if "depth" in self.settings.panels and self.settings.extrema:
+        if self._several:
+            entries = [(person.name, style.person_color(k)) for k, person in enumerate(self._people)]
+        if "depth" in self.settings.panels and self._extrema:
             entries.append(("geodesic extrema (the first five larger)", style.EXTREMUM))
         if "side" in self.settings.panels:
             entries.append(("measured points", style.CLOUD))
@@ -188,3 +228,10 @@ class FramePainter:
             bar[size // 2 : 3 * size // 2, x : x + size] = color
             x = style.write(bar, text, x + size + size // 2, size // 3, size) + 2 * size
         return bar
+
+
+def _mesh_colors(body: Body, number: int, of: int) -> np.ndarray:
+    """Colour of every vertex: float64 (V, 3)."""
+    if of == 1:
+        return part_colors(body)
+    return np.tile(np.array(style.person_color(number), dtype=np.float64), (len(body.vertices), 1))

@@ -15,14 +15,13 @@ from toolkit.errors import RecordingError, UsageError
 from toolkit.evaluation.joints import frame_errors, joint_errors
 from toolkit.evaluation.reference import find_reference
 from toolkit.export.glb import export_glb
-from toolkit.export.person import Person, load_persons
 from toolkit.rendering import style
 from toolkit.rendering.film import render_run
 from toolkit.rendering.mesh import part_colors
 from toolkit.rendering.overlay import SURE
 from toolkit.rendering.painter import RenderSettings
 from toolkit.report.clouds import UNIT, gather_clouds, pack
-from toolkit.runs import person_runs
+from toolkit.runs import Person, load_persons, person_runs
 from toolkit.sensing.recording import Recording
 from toolkit.track import EMPTY, STATE_NAMES, RunInfo, Track
 
