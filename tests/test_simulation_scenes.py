@@ -243,6 +243,23 @@ def test_the_command_records_an_empty_room_with_boxes(tmp_path: Path, capsys: py
     assert np.median(recording.depth(0)[65:80, 80:95]) == pytest.approx(2700, abs=40)
 
 
+def test_the_command_records_two_people_as_they_are_described(tmp_path: Path) -> None:
+    clip, output = tmp_path / "still.bvh", tmp_path / "pair.npz"
+    export_bvh(clip, subject_body("neutral"), standing(3).poses, 30.0)
+    arguments = ["--stature", "1.8", "--stature", "0.9", "--clothes", "none", "--clothes", "skirt", "--empty"]
+    with pytest.raises(SystemExit) as stopped:
+        main(
+            ["simulate", str(clip), str(clip), "--output", str(output), "--at", "-0.5,0", "--at", "0.6,0.2", *arguments]
+        )
+    assert not stopped.value.code
+    recording = open_recording(output)
+    assert recording.background is None
+    pelvis, head = (recording.joints[:, 0, joint(name)] for name in ("pelvis", "head"))
+    np.testing.assert_allclose(pelvis[:, 0], [-0.5, 0.6], atol=0.03)
+    heights = np.linalg.norm(head - pelvis, axis=1)
+    assert 0.5 < heights[1] / heights[0] < 0.65
+
+
 def test_the_command_says_in_a_sentence_that_people_stand_in_each_other(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

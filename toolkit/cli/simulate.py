@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated, TypeVar
+from typing import Annotated, Any, TypeVar
 
 import typer
 
@@ -108,24 +108,24 @@ def simulate(
     row = [(float(i) - 0.5 * (count - 1), 0.0) for i in range(count)]
     files = [Path(text) for text in furniture or [] if text.endswith(BOXES)]
     kinds = [text for text in furniture or [] if not text.endswith(BOXES)]
-    columns = zip(
-        paths,
-        each(body, count, "--body", "neutral"),
-        row if at is None else each([_place(text) for text in at], count, "--at", (0.0, 0.0)),
-        each(yaw, count, "--yaw", 0.0),
-        each(stature, count, "--stature", None),
-        each(kinds, count, "--furniture", ""),
-        each(clothes, count, "--clothes", ""),
-        each(enters, count, "--enters", 0.0),
-        each(subject_seed, count, "--subject-seed", None),
-        strict=True,
-    )
-    people = [
-        Person(clip, build, place, turn, tall, seated, _words(pieces), _words(worn), start, number)
-        for clip, build, place, turn, tall, pieces, worn, start, number in columns
-    ]
+    places = row if at is None else each([_place(text) for text in at], count, "--at", (0.0, 0.0))
+    columns: dict[str, Sequence[Any]] = {
+        "body": each(body, count, "--body", "neutral"),
+        "at": places,
+        "yaw": each(yaw, count, "--yaw", 0.0),
+        "stature": each(stature, count, "--stature", None),
+        "seated": [seated] * count,
+        "furniture": [_words(text) for text in each(kinds, count, "--furniture", "")],
+        "clothes": [_words(text) for text in each(clothes, count, "--clothes", "")],
+        "enters": each(enters, count, "--enters", 0.0),
+        "subject_seed": each(subject_seed, count, "--subject-seed", None),
+    }
+    people = [Person(clip, **{name: values[i] for name, values in columns.items()}) for i, clip in enumerate(paths)]
     boxes = tuple(box for file in files for box in read_boxes(file))
-    shot = Shot(sensor, distance, height, tilt, frame_rate, furnished, background, boxes, seconds, seed)
+    shot = Shot(
+        sensor=sensor, distance=distance, height=height, tilt=tilt, frame_rate=frame_rate, furnished=furnished,
+        background=background, boxes=boxes, seconds=seconds, seed=seed,
+    )  # fmt: skip
     worn_sensors = Worn(_words(inertial or ""), inertial_noise)
     with progress_bars() as bars:
         recording = simulate_scene(
