@@ -19,7 +19,7 @@ OUTPUT = Path("output")
 def main() -> None:
     # One row per run; the mean weights every recording alike. Errors are capped at 1 m and take every frame.
     table = evaluate_runs(sys.argv[1:] or [OUTPUT / "run"])
-    Console(width=160).print(table.to_rich())
+    Console().print(table.to_rich())
 
     row = table.rows[0]
     if row.a100_joints:

@@ -18,6 +18,7 @@ from toolkit.errors import RecordingError, TrackError, UsageError
 from toolkit.evaluation import agreement, evaluate, joints, plots, surface
 from toolkit.evaluation.bootstrap import paired_bootstrap
 from toolkit.evaluation.extrema import TIPS, all_found, limbs_of_points
+from toolkit.evaluation.scores import EvaluationTable, RunScores
 from toolkit.files import sha256_of
 from toolkit.runs import PersonSummary, save_people
 from toolkit.sensing.camera import Camera, level_rotation
@@ -273,6 +274,29 @@ def test_the_table_is_printed_and_written_as_csv_and_json(tmp_path: Path) -> Non
     read = json.loads((tmp_path / "table.json").read_text())
     assert read["mean"]["error_mm"] == 0.0 and read["runs"][1]["agreement"] is None
     assert len(read["curve_thresholds_mm"]) == len(read["mean"]["curve"])
+
+
+@pytest.mark.parametrize("is_truth", [True, False])
+def test_the_table_has_six_columns_that_fit_a_terminal_and_no_heading_needs_a_paper(is_truth: bool) -> None:
+    known = {"error_mm": 31.0, "a100": 0.97, "lost": 0.01, "extrema": 0.6} if is_truth else {"agreement": 0.9}
+    long = "a_recording_of_a_man_who_walks_around_a_table_take_0042"
+    figures = {"overlap": 0.85, "residual_mm": 11.0, "frame_ms": 123.4, "states": {"tracked": 1.0}, **known}
+    rows = [RunScores(name, f"runs/{name}", 450, 450, sources={"local": 1.0}, **figures) for name in (long, "short")]
+    table = EvaluationTable(rows)
+    console = Console(file=io.StringIO(), width=80)
+    console.print(table.to_rich())
+    printed = console.file.getvalue()  # type: ignore[attr-defined]
+    assert max(map(len, printed.splitlines())) <= 80 and len(table.to_rich().columns) <= 6 and "Eq." not in printed
+    headings = [column.header for column in table.to_rich().columns]
+    assert ("error mm" in headings) == is_truth and ("agrees within 100 mm %" in headings) != is_truth
+    assert len(table.to_rich(wide=True).columns) > len(table.to_rich().columns)
+
+
+def test_a_row_is_called_by_its_run_folder_and_names_a_recording_of_another_name() -> None:
+    folders = {"a/run": "take", "a/take": "take", "a/run/person_01": "take/person_01"}
+    rows = [RunScores(recording, run, 1, 1) for run, recording in folders.items()]
+    names = list(EvaluationTable(rows).to_rich().columns[0].cells)
+    assert names == ["run (take)", "take", "take/person_01", "mean of 3"]
 
 
 def test_plots_are_written_and_refused_without_anything_to_plot(tmp_path: Path) -> None:

@@ -6,13 +6,16 @@ import subprocess
 import sys
 import textwrap
 import time
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from tests.fake_tracker import write_recording
 from toolkit.body import skeleton
-from toolkit.errors import OutputError, TrackError, UsageError
+from toolkit.errors import OutputError, RecordingError, TrackError, UsageError
+from toolkit.files import sha256_of
 from toolkit.track import EMPTY, TRACKED, FrameResult, RunInfo, Track, TrackWriter
 
 STAGES, SOURCES = ("clean", "fit"), ("local", "database")
@@ -194,3 +197,25 @@ def test_appending_a_row_costs_next_to_nothing(tmp_path: Path) -> None:
     for i in range(500):
         writer.append(row, i)
     assert (time.process_time() - start) / 500 < 1e-3
+
+
+def test_a_run_folder_that_is_moved_with_its_recording_finds_it_again_and_the_digest_decides(tmp_path: Path) -> None:
+    here, there = tmp_path / "here", tmp_path / "there"
+    here.mkdir()
+    recording = write_recording(here / "take.npz")
+    run = here / "runs" / "one"
+    replace(info(), recording=str(recording), recording_sha256=sha256_of(recording), reader_options={}).save(run)
+    assert RunInfo.load(run).open_recording().path == here / "runs" / "one" / ".." / ".." / "take.npz"
+    here.rename(there)
+    moved = RunInfo.load(there / "runs" / "one")
+    assert len(moved.open_recording()) == 12
+    (there / "take.npz").rename(tmp_path / "elsewhere.npz")
+    with pytest.raises(RecordingError, match="is gone; .*--recording"):
+        moved.open_recording()
+    assert len(moved.open_recording(tmp_path / "elsewhere.npz")) == 12
+    (there / "take.npz").write_bytes(b"another one")
+    with pytest.raises(RecordingError, match="has changed"):
+        moved.open_recording()
+    here.mkdir()
+    (tmp_path / "elsewhere.npz").rename(here / "take.npz")
+    assert len(moved.open_recording()) == 12, "what lies beside the run is another one, what lay there before is right"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
 from typing import Annotated
 
@@ -26,6 +27,10 @@ def evaluate(
         bool,
         typer.Option("--surface/--no-surface", help="Also look at every depth frame: overlap, hidden joints, extrema."),
     ] = True,
+    wide: Annotated[bool, typer.Option("--wide", help="Print every figure, in one wide table.")] = False,
+    recording: Annotated[
+        Path | None, typer.Option(help="Where the recording of the one run has been moved to.")
+    ] = None,
     subject_pattern: Annotated[
         str | None,
         typer.Option(
@@ -44,9 +49,12 @@ def evaluate(
             references,
             surface=surface,
             subject_pattern=subject_pattern or UTD_SUBJECT,
+            recording=recording,
             progress=lambda name, done, total: bars("evaluating", done, total),
         )
-    print_table(table.to_rich())
+    print_table(table.to_rich(wide=wide))
+    if not wide:
+        print("every figure: --wide; as files, with plots: --output FOLDER", file=sys.stderr)
     if output is not None:
         from toolkit.evaluation.report import write_evaluation
 

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from toolkit.body.skeleton import REPORTED
-from toolkit.errors import TrackError
+from toolkit.errors import TrackError, UsageError
 from toolkit.evaluation import joints as metrics
 from toolkit.evaluation.agreement import UTD_SUBJECT, agreement, agreement_with_offsets, subject_of
 from toolkit.evaluation.extrema import TIPS, all_free, extrema_found
@@ -44,6 +44,7 @@ def evaluate_runs(
     *,
     surface: bool = True,
     subject_pattern: str = UTD_SUBJECT,
+    recording: str | Path | None = None,
     progress: Progress | None = None,
 ) -> EvaluationTable:
     """Compare tracks with the truth or with another system's skeleton, and fitted bodies with the depth they explain.
@@ -57,21 +58,26 @@ def evaluate_runs(
     references : files, or folders matched by the recording's stem; by default each run's own recording
     surface : also compute what needs every depth frame: hidden joints, extrema, silhouette overlap, depth residual
     subject_pattern : regular expression whose first group is the subject in a recording's name
+    recording : where the recording of the one run has been moved to
 
     Raises
     ------
+    UsageError
+        A recording is named for several runs.
     TrackError
         There is no finished track, or it does not fit its recording.
     RecordingError
         A recording is missing or has changed since it was tracked.
     """
     folders = find_runs(runs)
+    if recording is not None and len(folders) > 1:
+        raise UsageError(f"one recording, {recording}, is no place of {len(folders)} runs; evaluate them one by one")
     paths = [Path(reference) for reference in references or []]
     evaluated: list[_Evaluated] = []
     for i, folder in enumerate(folders):
         if progress is not None:
             progress(folder.name, i, len(folders))
-        evaluated.extend(_evaluate(folder, paths, surface))
+        evaluated.extend(_evaluate(folder, paths, surface, recording))
     if progress is not None:
         progress("", len(folders), len(folders))
     return _with_offsets(evaluated, subject_pattern)
@@ -93,13 +99,13 @@ def find_runs(paths: Sequence[str | Path]) -> list[Path]:
     return found
 
 
-def _evaluate(run: Path, references: list[Path], surface: bool) -> list[_Evaluated]:
+def _evaluate(run: Path, references: list[Path], surface: bool, moved_to: str | Path | None = None) -> list[_Evaluated]:
     """Every person of a run, and of a run of several whoever is in the truth and was not found."""
     folders = person_runs(run)
     tracks = [Track.load(folder) for folder in folders]
     if not tracks:
         return []
-    recording = RunInfo.load(folders[0]).open_recording()
+    recording = RunInfo.load(folders[0]).open_recording(moved_to)
     rows = max(map(len, tracks))
     if rows > len(recording):
         raise TrackError(f"{run} has {rows} rows, its recording {len(recording)} frames; track it again")

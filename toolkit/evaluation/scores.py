@@ -102,22 +102,27 @@ COLUMNS: tuple[tuple[str, str, str], ...] = (
     ("frames", "frames", "d"),
     ("error_mm", "error mm", ".0f"),
     ("median_mm", "median mm", ".0f"),
-    ("hidden_mm", "hidden mm", ".0f"),
-    ("a100", "A(100) %", "%"),
+    ("hidden_mm", "hidden joints mm", ".0f"),
+    ("a100", "within 100 mm %", "%"),
     ("a100_hands_feet", "hands, feet %", "%"),
-    ("pose_error_mm", "Eq. 5.10 mm", ".0f"),
-    ("pose_error_std_mm", "its std mm", ".0f"),
-    ("lost", "lost %", "%"),
+    ("pose_error_mm", "seen joints mm", ".0f"),
+    ("pose_error_std_mm", "+- mm", ".0f"),
+    ("lost", "over 200 mm %", "%"),
     ("tracked", "tracked %", "%"),
-    ("extrema", "extrema %", "%"),
-    ("extrema_free", "free extrema %", "%"),
-    ("agreement", "agreement %", "%"),
+    ("extrema", "limb ends found %", "%"),
+    ("extrema_free", "free ones found %", "%"),
+    ("agreement", "agrees within 100 mm %", "%"),
     ("agreement_offsets", "with offsets %", "%"),
-    ("overlap", "overlap %", "%"),
-    ("residual_mm", "residual mm", ".0f"),
-    ("frame_ms", "ms/frame", ".1f"),
+    ("overlap", "body on depth %", "%"),
+    ("residual_mm", "depth residual mm", ".0f"),
+    ("frame_ms", "ms a frame", ".1f"),
 )
-"""Figures of the printed table: name, heading, format. Those that no run has are left out; files hold everything."""
+"""Figures of the wide table: name, heading, format. Those that no run has are left out; files hold everything."""
+FIRST = ("error_mm", "a100", "agreement", "tracked", "frame_ms", "overlap", "frames")
+"""Figures of the table for a terminal, the most telling first; those that some run has, up to `SHOWN` of them."""
+SHOWN = 5
+LONGEST_NAME = 26
+"""Characters of a name before it is broken: with `SHOWN` figures the table fits 80."""
 
 
 class EvaluationTable:
@@ -155,21 +160,24 @@ class EvaluationTable:
                 values[item.name] = _mean(held)
         return RunScores(**values)
 
-    def to_rich(self, title: str | None = None) -> Table:
-        """The table for a terminal, one line per run and their mean."""
+    def to_rich(self, title: str | None = None, *, wide: bool = False) -> Table:
+        """The table for a terminal, one line per run and their mean: six columns in 80 characters, or all if `wide`."""
         from rich.table import Table
 
-        shown = [c for c in COLUMNS if any(_known(getattr(row, c[0])) for row in self.rows)]
+        held = [column for column in COLUMNS if any(_known(getattr(row, column[0])) for row in self.rows)]
+        by_name = {column[0]: column for column in held}
+        shown = held if wide else [by_name[name] for name in FIRST if name in by_name][:SHOWN]
         sources = list(dict.fromkeys(name for row in self.rows for name, share in row.sources.items() if share > 0))
+        sources = sources if wide else []
         table = Table(title=title)
-        table.add_column("recording", no_wrap=True)
+        table.add_column("run", no_wrap=wide, overflow="fold", max_width=None if wide else LONGEST_NAME)
         for heading in [*(column[1] for column in shown), *(f"by {name} %" for name in sources)]:
-            table.add_column(heading, justify="right")
+            table.add_column(heading, justify="right", max_width=None if wide else 1 + max(map(len, heading.split())))
         mean = [self.mean()] if len(self) > 1 else []
         for row in [*self.rows, *mean]:
             cells = [_cell(getattr(row, name), style) for name, _, style in shown]
             cells += [_cell(row.sources.get(name), "%") for name in sources]
-            table.add_row(row.recording, *cells, end_section=bool(mean) and row is self.rows[-1])
+            table.add_row(_label(row), *cells, end_section=bool(mean) and row is self.rows[-1])
         return table
 
     def to_csv(self, path: str | Path) -> None:
@@ -190,6 +198,12 @@ class EvaluationTable:
             "runs": [_plain(row) for row in self.rows],
         }
         save_json(path, value)
+
+
+def _label(row: RunScores) -> str:
+    """What a row is called: its run folder, and the recording where that has another name."""
+    run = Path(row.run).name
+    return row.recording if run in ("", *row.recording.split("/")) else f"{run} ({row.recording})"
 
 
 def _number(value: Any) -> float:

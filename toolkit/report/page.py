@@ -13,7 +13,6 @@ from toolkit.errors import UsageError
 from toolkit.evaluation.evaluate import find_runs
 from toolkit.files import save_text
 from toolkit.report.content import Progress, RunContent, describe_run
-from toolkit.runs import PEOPLE_FILE
 
 ASSETS = Path(__file__).parent / "assets"
 
@@ -51,7 +50,7 @@ def write_report(
     """
     if Path(output).suffix.lower() not in (".html", ".htm"):
         raise UsageError(f"cannot write the report to {output}; name it *.html")
-    folders = [folder for run in runs for folder in ([Path(run)] if _of_people(run) else find_runs([run]))]
+    folders = find_runs(runs)
     if not folders or (recording is not None and len(folders) > 1):
         raise UsageError(f"{len(folders)} runs do not fit; give at least one, and --recording only with one")
     contents = []
@@ -86,10 +85,6 @@ def page(contents: Sequence[RunContent]) -> str:
     }
     template = (ASSETS / "page.html").read_text(encoding="utf-8")
     return re.sub(r"\{\{(\w+)\}\}", lambda match: values[match[1]], template)
-
-
-def _of_people(run: str | Path) -> bool:
-    return (Path(run) / PEOPLE_FILE).exists()
 
 
 def _json(value: object) -> str:

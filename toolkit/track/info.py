@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import json
-from dataclasses import MISSING, asdict, dataclass, fields
+import os
+from dataclasses import MISSING, asdict, dataclass, field, fields
 from pathlib import Path
 from typing import Any
 
@@ -25,6 +26,7 @@ class RunInfo:
     Attributes
     ----------
     recording : path of the recording, absolute
+    recording_relative : the same from the run folder, so that both can be moved together; empty if unknown
     recording_sha256 : hexadecimal digest of its file or folder
     reader_options : the options with which its reader was called
     body_fingerprint : names the joint tree and its parametrisation, not the shape
@@ -35,6 +37,7 @@ class RunInfo:
     version : of the toolkit
     tracker : name of the tracker
     seed : of everything random
+    folder : the run folder that was read, empty for a new one; not written
     """
 
     recording: str
@@ -49,6 +52,8 @@ class RunInfo:
     version: str
     tracker: str = "hybrid"
     seed: int = 0
+    recording_relative: str = field(default="", compare=False)
+    folder: str = field(default="", compare=False)
 
     @property
     def R_level_camera(self) -> np.ndarray:
@@ -62,21 +67,29 @@ class RunInfo:
     def open_recording(self, path: str | Path | None = None) -> Recording:
         """The recording, as it was when it was tracked; `path` says where it has been moved to.
 
+        Without `path` it is looked for beside the run folder as before, then where it lay. Its digest decides.
+
         Raises
         ------
         RecordingError
             It is gone or has changed.
         """
-        found = Path(path or self.recording)
-        if not found.exists():
-            raise RecordingError(f"the recording {found} is gone; put it back there")
-        if sha256_of(found) != self.recording_sha256:
-            raise RecordingError(f"the recording {found} has changed since it was tracked; track it again")
-        return open_recording(found, **self.reader_options)
+        places = [Path(path)] if path else [Path(self.recording)]
+        if not path and self.folder and self.recording_relative:
+            places.insert(0, Path(self.folder) / self.recording_relative)
+        present = [place for place in places if place.exists()]
+        if not present:
+            raise RecordingError(f"the recording {places[-1]} is gone; put it back there, or name it with --recording")
+        for place in present:
+            if sha256_of(place) == self.recording_sha256:
+                return open_recording(place, **self.reader_options)
+        raise RecordingError(f"the recording {present[-1]} has changed since it was tracked; track it again")
 
     def save(self, run: str | Path) -> None:
         """Write `run.json` into the run folder."""
-        save_json(Path(run) / RUN_FILE, asdict(self))
+        values = asdict(self) | {"recording_relative": _relative(self.recording, Path(run))}
+        del values["folder"]
+        save_json(Path(run) / RUN_FILE, values)
 
     @classmethod
     def load(cls, run: str | Path) -> RunInfo:
@@ -97,4 +110,13 @@ class RunInfo:
         wanted = [f.name for f in fields(cls) if f.default is MISSING]
         if missing := [name for name in wanted if name not in values]:
             raise TrackError(f"{path} lacks {', '.join(missing)}; track the recording again")
-        return cls(**{f.name: values[f.name] for f in fields(cls) if f.name in values})
+        known = {f.name: values[f.name] for f in fields(cls) if f.name in values}
+        return cls(**known | {"folder": str(run)})
+
+
+def _relative(recording: str, folder: Path) -> str:
+    """Path of the recording as seen from the run folder, empty where none leads there (from one drive to another)."""
+    try:
+        return Path(os.path.relpath(recording, folder.resolve())).as_posix()
+    except ValueError:
+        return ""
