@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import json
+import logging
 import os
 import signal
 import subprocess
@@ -11,7 +12,6 @@ import numpy as np
 import pytest
 
 from tests.fake_tracker import FakeFollower, FakeTracker, write_recording
-from toolkit import pipeline
 from toolkit.errors import OutputError, RecordingError, TrackError, UsageError
 from toolkit.files import sha256_of
 from toolkit.pipeline import track_recording, track_recordings
@@ -186,7 +186,7 @@ def test_what_the_toolkit_logs_during_a_run_goes_to_its_log(tmp_path: Path) -> N
 
     class Talking(FakeFollower):
         def step(self, sighting: Sighting | None, timestamp: float, clock: StageClock) -> FrameResult:
-            pipeline.logging.getLogger("toolkit.tracking").warning("lost at %.1f s", timestamp)
+            logging.getLogger("toolkit.tracking").warning("lost at %.1f s", timestamp)
             return super().step(sighting, timestamp, clock)
 
     tracker = FakeTracker()

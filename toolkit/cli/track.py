@@ -9,6 +9,7 @@ from typing import Annotated
 import typer
 
 from toolkit.cli.options import SettingOption, given, numbers
+from toolkit.errors import UsageError
 
 HELP = {
     "format": "npz, utd_mhad, png, raw or cloud; guessed from the path.",
@@ -42,6 +43,9 @@ def track(
     half_resolution: Annotated[bool, typer.Option("--half-resolution", help="Keep every second pixel.")] = False,
     segment: Annotated[str | None, typer.Option(help=HELP["segment"], show_default="auto")] = None,
     subject: Annotated[str | None, typer.Option(help=HELP["subject"], show_default="only")] = None,
+    people: Annotated[
+        str, typer.Option(metavar="all|N", help="Follow several people, each in OUTPUT/person_NN.")
+    ] = "1",
     resume: Annotated[bool, typer.Option("--resume", help="Continue a killed or interrupted run.")] = False,
     format_: Annotated[str | None, typer.Option("--format", help=HELP["format"], rich_help_panel=READING)] = None,
     intrinsics: Annotated[str | None, typer.Option(help=HELP["intrinsics"], rich_help_panel=READING)] = None,
@@ -82,7 +86,13 @@ def track(
     tracker = load_tracker(config, overrides, database=database, max_poses=max_poses)
     with progress_bars() as bars:
         report = track_recordings(
-            recordings, tracker, output, reader_options=reading, resume=resume, progress=bars.of_recording
+            recordings,
+            tracker,
+            output,
+            people=_people(people),
+            reader_options=reading,
+            resume=resume,
+            progress=bars.of_recording,
         )
     for summary in report.done:
         print(summary.text())
@@ -90,6 +100,14 @@ def track(
         print(f"depthmocap: {path}: {reason}", file=sys.stderr)
     if report.failed or report.interrupted:
         raise typer.Exit(1)
+
+
+def _people(text: str) -> int | None:
+    if text == "all":
+        return None
+    if not text.isdigit() or int(text) < 1:
+        raise UsageError(f"--people is {text!r}; give a number of people, or all")
+    return int(text)
 
 
 def _intrinsics(text: str | None) -> str | tuple[float, ...] | None:

@@ -37,6 +37,7 @@ class RunInfo:
     version : of the toolkit
     tracker : name of the tracker
     seed : of everything random
+    up_source : how the vertical was known, see `Vertical`
     folder : the run folder that was read, empty for a new one; not written
     """
 
@@ -52,6 +53,7 @@ class RunInfo:
     version: str
     tracker: str = "hybrid"
     seed: int = 0
+    up_source: str = ""
     recording_relative: str = field(default="", compare=False)
     folder: str = field(default="", compare=False)
 

@@ -14,6 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from toolkit.body.body import Body
+from toolkit.errors import RecordingError
 from toolkit.sensing.camera import Camera, level_rotation
 from toolkit.sensing.people.sighting import PeopleFinder, PredictedBody, Sighting
 from toolkit.sensing.stream import Frame
@@ -115,9 +116,10 @@ class Crowd:
         """Whether nobody's body is being learnt, so that the state is small and all rows are out."""
         return not self._waiting
 
-    def body(self, person: int) -> Body:
-        """The body of a person whose rows have come."""
-        return self._followers[person].body
+    @property
+    def bodies(self) -> dict[int, Body]:
+        """The bodies of the people whose rows have come."""
+        return {person: follower.body for person, follower in self._followers.items()}
 
     def step(self, frame: Frame) -> list[Row]:
         """Take in the next frame; the rows that are known now, which may be none or those of several frames."""
@@ -128,6 +130,7 @@ class Crowd:
         prepare_ms = 1000.0 * (perf_counter() - start) / max(len(known | sightings.keys()), 1)
         for person in sorted(sightings.keys() - known):
             self._waiting[person] = Waiting([(None, moment, 0.0) for moment in self._timestamps])
+        self._check(frame)
         self._timestamps.append(frame.timestamp)
         self.frames += 1
         rows: list[Row] = []
@@ -161,6 +164,13 @@ class Crowd:
             follower = self.tracker.follower(self.finder.camera, self.level_rotation)
             follower.restore_state(kept)
             self._followers[int(person)] = follower
+
+    def _check(self, frame: Frame) -> None:
+        if self._timestamps and not frame.timestamp > self._timestamps[-1]:
+            raise RecordingError(
+                f"frame {self.frames} is of {frame.timestamp:.3f} s, and the one before it of "
+                f"{self._timestamps[-1]:.3f} s; frames have to come in order"
+            )
 
     def _wait(self, waiting: Waiting, sighting: Sighting | None, timestamp: float, prepare_ms: float) -> bool:
         """Keep a sighting for later; whether there are enough now."""

@@ -1,0 +1,76 @@
+"""Many recordings, one after the other."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from toolkit.errors import DepthMocapError, UsageError
+from toolkit.pipeline.run import Progress, track_recording
+from toolkit.pipeline.summary import BatchReport
+from toolkit.sensing.recording import ReaderOptions, open_recording
+from toolkit.tracking.protocol import Tracker
+
+
+def track_recordings(
+    paths: Sequence[str | Path],
+    tracker: Tracker,
+    output: str | Path,
+    *,
+    people: int | None = 1,
+    reader_options: dict[str, Any] | None = None,
+    resume: bool = False,
+    progress: Progress | None = None,
+) -> BatchReport:
+    """Track one recording into `output`, or several into `output/<stem>`.
+
+    One of several that fails is reported and the others go on. Ctrl-C finishes the track of the current one and stops.
+
+    Raises
+    ------
+    UsageError
+        There is no recording, two have the same stem, or a reader option is unknown; nothing has been done then.
+    DepthMocapError
+        As `track_recording`, where there is only one.
+    """
+    runs = run_folders(paths, output)
+    ReaderOptions.from_mapping(reader_options or {})
+    report = BatchReport()
+    for path, run in runs.items():
+        try:
+            recording = open_recording(path, **(reader_options or {}))
+            first = not report.done
+            summary = track_recording(
+                recording, tracker, run, people=people, resume=resume, warm_up=first, progress=progress
+            )
+        except DepthMocapError as error:
+            if len(runs) == 1:
+                raise
+            report.failed[path] = str(error)
+            continue
+        report.done.append(summary)
+        if summary.interrupted:
+            break
+    return report
+
+
+def run_folders(paths: Sequence[str | Path], output: str | Path) -> dict[Path, Path]:
+    """The run folder of every recording.
+
+    Raises
+    ------
+    UsageError
+        There is no recording, or two have the same stem.
+    """
+    recordings = [Path(path) for path in paths]
+    if not recordings:
+        raise UsageError("there is no recording to track; name at least one")
+    if len(recordings) == 1:
+        return {recordings[0]: Path(output)}
+    folders: dict[str, Path] = {}
+    for path in recordings:
+        if path.stem in folders:
+            raise UsageError(f"{folders[path.stem]} and {path} have the same stem {path.stem!r}; track them apart")
+        folders[path.stem] = path
+    return {path: Path(output) / stem for stem, path in folders.items()}

@@ -1,0 +1,206 @@
+"""One recording tracked into one run folder."""
+
+from __future__ import annotations
+
+import json
+import logging
+import threading
+import time
+from collections.abc import Callable
+from dataclasses import asdict
+from importlib.metadata import version
+from itertools import islice
+from pathlib import Path
+from typing import Any
+
+from toolkit.body import skeleton
+from toolkit.checkpoint import load_checkpoint, save_checkpoint
+from toolkit.config import settings_text
+from toolkit.errors import DepthMocapError, RecordingError, TrackError
+from toolkit.files import sha256_of
+from toolkit.pipeline.sink import CONFIG_FILE, RunSink, finished_tracks
+from toolkit.pipeline.summary import RunSummary, summarised
+from toolkit.pipeline.watch import log_file, stop_request
+from toolkit.sensing.camera import level_rotation
+from toolkit.sensing.people.lone import LonePerson
+from toolkit.sensing.people.sighting import PeopleFinder
+from toolkit.sensing.recording import Recording
+from toolkit.track import PARTIAL_FILE, RUN_FILE, RunInfo
+from toolkit.tracking.clock import StageClock
+from toolkit.tracking.crowd import Crowd
+from toolkit.tracking.protocol import Tracker
+
+Progress = Callable[[str, str, int, int], None]
+"""Called with a recording's name, what is done ("compiling", "learning", "tracking"), frames done and all frames."""
+
+STATE_FILE = "state.npz"
+MEMORY_SECONDS = 2.0
+"""A killed run loses at most this much work: the state is written so often, seconds."""
+WARM_UP_FRAMES = 3
+"""Frames that are tracked once beforehand, so that compiled code is ready when timing begins."""
+
+logger = logging.getLogger(__name__)
+
+
+def track_recording(
+    recording: Recording,
+    tracker: Tracker,
+    run: str | Path,
+    *,
+    people: int | None = 1,
+    resume: bool = False,
+    warm_up: bool = True,
+    progress: Progress | None = None,
+) -> RunSummary:
+    """Follow the person, or the people, through a recording and write the run folder.
+
+    Rows are on disk as soon as they are found. Ctrl-C or a termination signal ends the run after the current frame and
+    puts the track so far in place. A run that was killed or interrupted goes on with `resume`, to the same
+    result as one that never stopped.
+
+    Parameters
+    ----------
+    run : the run folder, made if it is missing
+    people : how many to follow, each in a run folder of their own within `run`; None = all. 1 follows the one person
+        whom the settings mean, in `run` itself
+    resume : continue an unfinished run; one that is finished already is left alone
+    warm_up : track the first frames once beforehand, so that no compilation is timed
+    progress : told what is going on
+
+    Raises
+    ------
+    UsageError
+        The folder holds an unfinished track and `resume` is not set.
+    TrackError
+        The unfinished track belongs to another recording or database, or to other settings.
+    OutputError
+        The run folder cannot be written; the rows before stay.
+    RecordingError
+        A frame cannot be used; the rows before it stay.
+    """
+    folder, report, several = Path(run), progress or _silent, people != 1
+    info = _run_info(recording, tracker)
+    if resume and (folder / RUN_FILE).exists():
+        same = _is_same_run(folder, info, tracker)
+        if _is_unfinished(folder) and not same:
+            raise TrackError(
+                f"{folder} was begun with another recording, database, tracker or other settings; "
+                "remove it and track again"
+            )
+        tracks = finished_tracks(folder, several=several) if same else None
+        if tracks is not None and all(len(track) == len(recording) for track in tracks):
+            return summarised(recording.name, folder, tracks, len(recording))
+    sink = RunSink(folder, tracker, info, several=several, resume=resume)
+    try:
+        with log_file(folder), stop_request() as stop:
+            if warm_up:
+                _warm_up(recording, tracker, people, report)
+            crowd = Crowd(tracker, _finder(recording, tracker, people), recording.up_camera)
+            _restore(folder, sink, crowd)
+            logger.info("%s: tracking frames %d to %d", recording.name, crowd.frames, len(recording))
+            _follow(recording, crowd, sink, report, stop)
+            complete = crowd.frames == len(recording)
+            tracks = sink.finish(crowd.bodies, complete=complete)
+            if complete:
+                (folder / STATE_FILE).unlink(missing_ok=True)
+            logger.info("%s: %d of %d frames written", recording.name, crowd.frames, len(recording))
+    except DepthMocapError:
+        sink.abandon()
+        raise
+    return summarised(recording.name, folder, tracks, len(recording))
+
+
+def _silent(name: str, doing: str, done: int, total: int) -> None:
+    """Progress that nobody watches."""
+
+
+def _finder(recording: Recording, tracker: Tracker, people: int | None) -> PeopleFinder:
+    sensing = tracker.settings.sensing
+    if people == 1:
+        return LonePerson(recording.camera, recording.background, sensing, recording.up_camera)
+    from toolkit.sensing.people.survey import find_people
+
+    return find_people(recording, sensing, most=people)
+
+
+def _warm_up(recording: Recording, tracker: Tracker, people: int | None, report: Progress) -> None:
+    """Compile on purpose: the first frames are tracked by a follower that is then forgotten."""
+    total = min(WARM_UP_FRAMES, len(recording))
+    report(recording.name, "compiling", 0, total)
+    finder = _finder(recording, tracker, people)
+    follower = tracker.follower(finder.camera, level_rotation(recording.up_camera))
+    for i, frame in enumerate(islice(recording.stream(), total)):
+        for sighting in finder.find(frame.depth_mm, frame.timestamp, {})[:1]:
+            follower.step(sighting, frame.timestamp, StageClock(tracker.stage_names))
+        report(recording.name, "compiling", i + 1, total)
+
+
+def _follow(recording: Recording, crowd: Crowd, sink: RunSink, report: Progress, stop: threading.Event) -> None:
+    """Track from the crowd's next frame to the last one, or until a stop is asked for."""
+    total, remembered = len(recording), time.monotonic()
+    report(recording.name, "tracking", crowd.frames, total)
+    for frame in recording.stream(crowd.frames):
+        if stop.is_set():
+            break
+        sink.write(crowd.step(frame))
+        report(recording.name, "tracking" if crowd.settled else "learning", crowd.frames, total)
+        if crowd.settled and time.monotonic() - remembered > MEMORY_SECONDS:
+            _remember(sink, crowd)
+            remembered = time.monotonic()
+    if crowd.settled and crowd.frames < total:
+        _remember(sink, crowd)
+    # While a body is being learnt there is no state to go on from: `resume` finds these rows again.
+    sink.write(crowd.finish())
+    if not stop.is_set() and crowd.frames < total:
+        raise RecordingError(
+            f"{recording.name} ended after {crowd.frames} of {total} frames; copy it again and continue with --resume"
+        )
+
+
+def _remember(sink: RunSink, crowd: Crowd) -> None:
+    save_checkpoint(sink.run / STATE_FILE, crowd.tracker.settings.tracker, crowd.export_state())
+
+
+def _restore(folder: Path, sink: RunSink, crowd: Crowd) -> None:
+    """Go back to the last frame whose state was written; the rows after it are found again."""
+    if sink.rows > 0 and (folder / STATE_FILE).exists():
+        crowd.restore_state(load_checkpoint(folder / STATE_FILE, crowd.tracker.settings.tracker))
+    sink.cut(crowd.frames, crowd.bodies)
+
+
+def _run_info(recording: Recording, tracker: Tracker) -> RunInfo:
+    path = Path(recording.path).resolve()
+    return RunInfo(
+        recording=str(path),
+        recording_sha256=sha256_of(path),
+        reader_options=recording.options,
+        body_fingerprint=skeleton.fingerprint(),
+        shape=[],
+        scale=1.0,
+        database=tracker.database and str(Path(tracker.database).resolve()),
+        level_rotation=level_rotation(recording.up_camera).ravel().tolist(),
+        sensing=asdict(tracker.settings.sensing),
+        version=version("depthmocap"),
+        tracker=tracker.settings.tracker,
+        seed=tracker.settings.seed,
+        up_source=recording.vertical.source,
+    )
+
+
+def _is_same_run(folder: Path, info: RunInfo, tracker: Tracker) -> bool:
+    """Whether a run folder was begun with this recording, database, version and these settings."""
+    before, config = RunInfo.load(folder), folder / CONFIG_FILE
+    facts = ("recording_sha256", "reader_options", "body_fingerprint", "database", "version", "tracker")
+    return (
+        all(_as_json(getattr(before, fact)) == _as_json(getattr(info, fact)) for fact in facts)
+        and config.exists()
+        and config.read_text(encoding="utf-8") == settings_text(tracker.settings)
+    )
+
+
+def _as_json(value: Any) -> str:
+    return json.dumps(value, sort_keys=True)
+
+
+def _is_unfinished(folder: Path) -> bool:
+    return any(folder.glob(PARTIAL_FILE)) or any(folder.glob(f"person_*/{PARTIAL_FILE}"))

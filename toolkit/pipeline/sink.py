@@ -1,0 +1,136 @@
+"""Where the rows of a run go: one run folder, or one for each person with `people.json` beside them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from toolkit.body.body import Body
+from toolkit.config import settings_text
+from toolkit.errors import OutputError
+from toolkit.files import save_text
+from toolkit.runs import PEOPLE_FILE, PersonSummary, load_people, save_people
+from toolkit.track import EMPTY, LOST, PARTIAL_FILE, TRACK_FILE, TRACKED, RunInfo, Track, TrackWriter
+from toolkit.tracking.crowd import Row
+from toolkit.tracking.protocol import Tracker
+
+CONFIG_FILE = "config.yaml"
+
+
+class RunSink:
+    """Writes rows as they come; what has been written survives the death of the process.
+
+    Parameters
+    ----------
+    run : the run folder, made if it is missing
+    tracker : whose rows these are
+    info : what `run.json` says; the shape is that of each person at the end
+    several : whether every person has a folder of their own
+    resume : continue what an unfinished run left
+
+    Raises
+    ------
+    UsageError
+        The folder holds an unfinished track and `resume` is not set.
+    TrackError
+        The unfinished track was written by a tracker with other stages, sources or pose entries.
+    OutputError
+        The folder cannot be written.
+    """
+
+    def __init__(self, run: Path, tracker: Tracker, info: RunInfo, *, several: bool, resume: bool) -> None:
+        self.run, self._tracker, self._info, self._several, self._resume = run, tracker, info, several, resume
+        self._writers: dict[int, TrackWriter] = {}
+        try:
+            run.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            reason = error.strerror or error
+            raise OutputError(f"cannot write {run}: {reason}; choose a folder that can be written") from error
+        for person in self._begun() if several else [1]:
+            self._open(person)
+        self._describe(run)
+
+    def write(self, rows: list[Row]) -> None:
+        """Add rows, each person's in order.
+
+        Raises
+        ------
+        OutputError
+            A row cannot be written; those before it stay.
+        """
+        for row in rows:
+            self._open(row.person).append(row.result, row.timestamp)
+
+    @property
+    def rows(self) -> int:
+        """Frames of which every person's row is written."""
+        return min((writer.rows for writer in self._writers.values()), default=0)
+
+    def cut(self, frames: int, people: Mapping[int, Body]) -> None:
+        """Go back to `frames` rows of these people; who came later is forgotten."""
+        for person, writer in list(self._writers.items()):
+            writer.cut(frames if person in people else 0)
+            if self._several and person not in people:
+                writer.abandon()
+                del self._writers[person]
+
+    def finish(self, bodies: Mapping[int, Body], *, complete: bool) -> list[Track]:
+        """Put the tracks in place, with what is known of each person; returns them."""
+        tracks = {}
+        for person, writer in sorted(self._writers.items()):
+            if person in bodies:
+                body = bodies[person]
+                shape, scale = [float(c) for c in body.shape], float(body.scale)
+                replace(self._info, shape=shape, scale=scale).save(writer.run)
+            tracks[person] = Track.load(writer.finish(complete=complete).parent)
+        if self._several:
+            save_people(self.run, [self._summary(p, track, bodies[p]) for p, track in tracks.items()])
+        return list(tracks.values())
+
+    def abandon(self) -> None:
+        """Let go of the partial files, which stay unless they hold no row."""
+        for writer in self._writers.values():
+            writer.abandon()
+
+    def _open(self, person: int) -> TrackWriter:
+        if person not in self._writers:
+            folder = self.run / folder_of(person) if self._several else self.run
+            names = self._tracker.stage_names, self._tracker.source_names
+            self._writers[person] = TrackWriter(folder, *names, resume=self._resume)
+            if self._several:
+                self._describe(folder)
+        return self._writers[person]
+
+    def _describe(self, folder: Path) -> None:
+        save_text(folder / CONFIG_FILE, settings_text(self._tracker.settings))
+        self._info.save(folder)
+
+    def _begun(self) -> list[int]:
+        """People of whom an unfinished run has rows."""
+        return [int(path.parent.name.split("_")[1]) for path in sorted(self.run.glob(f"person_*/{PARTIAL_FILE}"))]
+
+    @staticmethod
+    def _summary(person: int, track: Track, body: Body) -> PersonSummary:
+        there = np.flatnonzero(track.state != EMPTY)
+        first, last = (int(there[0]), int(there[-1])) if len(there) else (0, 0)
+        state = track.state[first : last + 1]
+        shares = [float((state == kind).mean()) for kind in (TRACKED, LOST, EMPTY)]
+        return PersonSummary(person, folder_of(person), first, last, float(body.height), *shares)
+
+
+def folder_of(person: int) -> str:
+    """Name of a person's run folder within a run of several people."""
+    return f"person_{person:02d}"
+
+
+def finished_tracks(run: Path, *, several: bool) -> list[Track] | None:
+    """The tracks of a run that came to its end, None where it did not."""
+    if not several:
+        whole = (run / TRACK_FILE).exists() and not (run / PARTIAL_FILE).exists()
+        return [Track.load(run)] if whole else None
+    if not (run / PEOPLE_FILE).exists() or any(run.glob(f"person_*/{PARTIAL_FILE}")):
+        return None
+    return [Track.load(run / person.folder) for person in load_people(run)]

@@ -1,0 +1,78 @@
+"""What became of recordings."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from toolkit.track import EMPTY, LOST, STATE_NAMES, TRACKED, Track
+
+
+@dataclass(frozen=True)
+class RunSummary:
+    """What became of one recording.
+
+    Attributes
+    ----------
+    name : of the recording
+    run : its run folder
+    frames, recorded_frames : rows of the track and frames of the recording
+    stage_ms : median milliseconds of each stage, of all people together
+    states : how many frames were tracked, lost and empty, by `STATE_NAMES`, of all people together
+    people : how many were followed
+    """
+
+    name: str
+    run: Path
+    frames: int
+    recorded_frames: int
+    stage_ms: dict[str, float]
+    states: dict[str, int]
+    people: int = 1
+
+    @property
+    def interrupted(self) -> bool:
+        """Stopped before the last frame; `resume` continues it."""
+        return self.frames < self.recorded_frames
+
+    def text(self) -> str:
+        """One line for people."""
+        stages = ", ".join(f"{name} {ms:.1f}" for name, ms in self.stage_ms.items())
+        count = f"{self.frames} of {self.recorded_frames}" if self.interrupted else f"{self.frames}"
+        states = ", ".join(f"{count} {name}" for name, count in self.states.items() if count)
+        people = "" if self.people == 1 else f" of {self.people} people"
+        hint = "; continue with --resume" if self.interrupted else ""
+        if not self.states["tracked"]:
+            hint += "; nobody was tracked: look at the recording with `depthmocap info`, try --segment or --up"
+        spent = f", {sum(self.stage_ms.values()):.1f} ms a frame ({stages})" if self.stage_ms else ""
+        return f"{self.run}: {count} frames{people}: {states or 'nobody seen'}{spent}{hint}"
+
+
+@dataclass
+class BatchReport:
+    """What became of many recordings: summaries, and one sentence per recording that failed."""
+
+    done: list[RunSummary] = field(default_factory=list)
+    failed: dict[Path, str] = field(default_factory=dict)
+
+    @property
+    def interrupted(self) -> bool:
+        """Whether the batch was stopped before its end."""
+        return any(summary.interrupted for summary in self.done)
+
+
+def summarised(name: str, run: Path, tracks: Sequence[Track], recorded_frames: int) -> RunSummary:
+    """The summary of a recording of which these are the tracks, one for each person."""
+    stage_ms: dict[str, float] = {}
+    states = dict.fromkeys(STATE_NAMES, 0)
+    for track in tracks:
+        medians = np.median(track.stage_ms, axis=0) if len(track) else np.zeros(len(track.stage_names))
+        for stage, milliseconds in zip(track.stage_names, map(float, medians), strict=True):
+            stage_ms[stage] = stage_ms.get(stage, 0.0) + milliseconds
+        for state in (TRACKED, LOST, EMPTY):
+            states[STATE_NAMES[state]] += int((track.state == state).sum())
+    frames = len(tracks[0]) if tracks else recorded_frames
+    return RunSummary(name, run, frames, recorded_frames, stage_ms, states, len(tracks))

@@ -1,0 +1,48 @@
+"""A tracker from its settings."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from toolkit.config import load_settings, setting_of
+from toolkit.database.database import PoseDatabase
+from toolkit.errors import UsageError
+from toolkit.tracking.protocol import Tracker, TrackerSettings
+from toolkit.tracking.registry import DEFAULT, registered
+
+
+def load_tracker(
+    config: str | Path | None = None,
+    overrides: Mapping[str, Any] | None = None,
+    *,
+    database: str | Path | None = None,
+    max_poses: int | None = None,
+) -> Tracker:
+    """The tracker that the settings name, `hybrid` if they name none.
+
+    Parameters
+    ----------
+    config, overrides : settings, see `config.load_settings`; `baak2013` is the hybrid tracker as in the paper
+    database : file of the pose database, for trackers that look poses up
+    max_poses : use only the first poses of the database
+
+    Raises
+    ------
+    DatabaseError
+        The database cannot be read or belongs to another body or format version.
+    SettingsError
+        There is no such tracker, or a setting is unknown or wrong.
+    UsageError
+        The tracker needs a database and none was given.
+    """
+    name = setting_of("tracker", config, overrides) or DEFAULT
+    registration = registered(name)
+    settings: TrackerSettings = load_settings(registration.settings, config, overrides)
+    if not registration.needs_database:
+        return registration.build(settings, None, "")
+    if database is None:
+        raise UsageError(f"the tracker {name!r} looks poses up; name a pose database")
+    poses = PoseDatabase.load(database)
+    return registration.build(settings, poses if max_poses is None else poses.limited(max_poses), str(database))
