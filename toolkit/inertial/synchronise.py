@@ -267,3 +267,13 @@ def _check(clock: Clock, at_border: bool, motion: TrackedMotion, settings: SyncS
             f"and {clock.second:.2f}, apart by less than {settings.margin:g}); record a motion that does not repeat "
             "itself, or narrow the search with --max-offset"
         )
+
+
+def speed_correlation(motion: TrackedMotion, stream: SensorStream, clock: Clock, settings: SyncSettings) -> float:
+    """Correlation, -1 to 1, of the angular speeds of a sensor and its part of the body at a clock; NaN if unknown."""
+    tracked = track_signals(motion, stream.name, clock.rate, settings)[0]
+    measured = sensor_signals(stream, settings)[0]
+    out = np.empty(1)
+    lag = np.array([round((tracked.start + clock.offset - measured.start) / settings.step)])
+    correlation_over_lags(tracked.values, tracked.known, measured.values, measured.known, lag, 10, out)
+    return float(out[0])
