@@ -7,8 +7,6 @@ from typing import Annotated
 
 import typer
 
-from toolkit.cli.options import Output
-
 
 def annotate(
     motions: Annotated[
@@ -17,7 +15,9 @@ def annotate(
             metavar="MOTION...", help="BVH and AMC files, run folders, folders of clips.", show_default=False
         ),
     ],
-    output: Output,
+    output: Annotated[
+        Path | None, typer.Option("--output", "-o", help="Folder of the reports; not needed with --events.")
+    ] = None,
     classes: Annotated[
         Path | None, typer.Option(help="Class file that an earlier call wrote, instead of examples.")
     ] = None,
@@ -41,8 +41,13 @@ def annotate(
         float | None,
         typer.Option(help="Largest cost: mean share of features that differ.", show_default="the classes' own, 0.13"),
     ] = None,
+    events: Annotated[
+        str | None, typer.Option(metavar="FILE|-", help="Replay a run: one JSON line for each motion that ends.")
+    ] = None,
+    early: Annotated[bool, typer.Option("--early", help="Events also where a motion has begun.")] = False,
+    hold: Annotated[int, typer.Option(help="Columns of 1/30 s that confirm an event.")] = 3,
 ) -> None:
-    """Cut motions into segments and label them: CSV, JSON, a picture and a page for each."""
+    """Cut motions into segments and label them: CSV, JSON, a picture and a page for each. Or replay them as events."""
     from rich.table import Table
 
     from toolkit.cli.terminal import print_table, progress_bars
@@ -52,6 +57,12 @@ def annotate(
     from toolkit.retrieval.workflow.annotate import annotate_motions, classes_from_clips
     from toolkit.retrieval.workflow.motions import find_motions, labels_of
 
+    if events is not None:
+        _replay(motions, events, classes, queries, early, hold)
+        if output is None:
+            return
+    if output is None:
+        raise UsageError("annotate needs --output for its reports, or --events")
     if (classes is None) == (examples is None):
         raise UsageError("annotate needs one of --classes and --examples; give exactly one")
     with progress_bars() as bars:
@@ -70,3 +81,19 @@ def annotate(
         scores = [f"{file.scores[name].f:.2f}" if file.scores else "" for name in ("frames", "segments")]
         table.add_row(file.annotation.name, str(len(file.annotation.segments)), *scores, str(file.folder))
     print_table(table)
+
+
+def _replay(
+    motions: list[Path], events: str, classes: Path | None, queries: Path | None, early: bool, hold: int
+) -> None:
+    """Events of one run."""
+    from toolkit.errors import UsageError
+    from toolkit.retrieval.annotation.classes import load_classes
+    from toolkit.retrieval.annotation.online import OnlineSettings
+    from toolkit.retrieval.keyframes.query_file import load_queries
+    from toolkit.retrieval.workflow.events import replay, write_events
+
+    if classes is None or len(motions) != 1:
+        raise UsageError("--events replays one run with --classes; name one run folder and the class file")
+    wanted = load_queries(queries) if queries else ()
+    write_events(replay(motions[0], load_classes(classes), wanted, OnlineSettings(hold=hold, early=early)), events)

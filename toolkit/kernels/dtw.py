@@ -147,6 +147,36 @@ def distance_function(
 
 
 @njit(cache=True)
+def push_column(
+    bits: np.ndarray, mask: np.ndarray, scale: np.ndarray, word: np.uint64, column: int,
+    costs: np.ndarray, starts: np.ndarray,
+) -> None:  # fmt: skip
+    """One more column of a document: what `distance_function` would say of it, from the two columns before.
+
+    Parameters
+    ----------
+    bits, mask, scale : as for `distance_function`
+    word : the column
+    column : its number, from 0
+    costs, starts : float64 and int64 (3, N), row `column % 3` is filled; infinite and -1 before the first column
+    """
+    n = bits.shape[0]
+    cost, one, two = costs[column % 3], costs[(column - 1) % 3], costs[(column - 2) % 3]
+    start, one_start, two_start = starts[column % 3], starts[(column - 1) % 3], starts[(column - 2) % 3]
+    cost[0] = scale[0] * ones((word ^ bits[0]) & mask[0])
+    start[0] = column
+    for i in range(1, n):
+        cell = scale[i] * ones((word ^ bits[i]) & mask[i])
+        best, origin = one[i - 1], one_start[i - 1]
+        if two[i - 1] < best:
+            best, origin = two[i - 1], two_start[i - 1]
+        if i > 1 and one[i - 2] + cell < best:
+            best, origin = one[i - 2] + cell, one_start[i - 2]
+        cost[i] = best + cell
+        start[i] = origin
+
+
+@njit(cache=True)
 def minima_below(values: np.ndarray, threshold: float) -> np.ndarray:
     """Last frames of the plateaus (of one frame or more) that lie below `threshold` and what is beside them: int64."""
     found = np.empty(values.shape[0], dtype=np.int64)

@@ -277,14 +277,19 @@ def margins_of(motion: Motion) -> np.ndarray:
 
 def _evaluated(motion: Motion, lengths: BodyLengths | None) -> tuple[np.ndarray, np.ndarray]:
     """Features, bool (40, T), and how far beyond their thresholds they are, float32 (40, T), at the motion's rate."""
+    loose, strict, margins = tests_of(motion, BodyLengths.of(motion) if lengths is None else lengths)
+    return hysteresis(loose, strict), margins
+
+
+def tests_of(motion: Motion, lengths: BodyLengths) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """What `hysteresis` decides by: the loose and the strict tests, bool (40, T), and the margins, float32 (40, T)."""
     geometry = Geometry(motion)
-    lengths = BodyLengths.of(motion) if lengths is None else lengths
     loose = np.empty((len(FEATURES), len(motion)), dtype=bool)
     strict = np.empty_like(loose)
     margins = np.empty(loose.shape, dtype=np.float32)
     for row, feature in enumerate(FEATURES):
         loose[row], strict[row], margins[row] = feature.evaluate(geometry, lengths)
-    return hysteresis(loose, strict), margins
+    return loose, strict, margins
 
 
 def hysteresis(loose: np.ndarray, strict: np.ndarray) -> np.ndarray:

@@ -1,0 +1,181 @@
+"""Annotation while a motion goes on: features, costs, events, and the replay of a run."""
+
+from __future__ import annotations
+
+import json
+from functools import lru_cache
+
+import numpy as np
+import pytest
+
+from tests.inertial_scenes import RATE, write_run
+from toolkit.body.shape import ShapeSpace
+from toolkit.cli.main import main
+from toolkit.errors import SettingsError
+from toolkit.kernels import dtw
+from toolkit.mocap.procedural import procedural_clips
+from toolkit.retrieval.annotation.annotator import Annotator, PreparedTemplate
+from toolkit.retrieval.annotation.classes import learn_classes, save_classes
+from toolkit.retrieval.annotation.online import BEGIN, END, Event, OnlineAnnotator, OnlineSettings
+from toolkit.retrieval.features.motion import from_poses
+from toolkit.retrieval.features.relational import relational_features
+from toolkit.retrieval.keyframes.query import Keyframe, KeyframeQuery
+from toolkit.retrieval.keyframes.within import met_within
+
+MOTIONS = {"kick": "knee_to_elbow", "bow": "half_squat_reach", "draw": "archery"}
+
+
+@lru_cache(maxsize=1)
+def body():
+    return ShapeSpace.load().body([])
+
+
+@lru_cache(maxsize=1)
+def parts() -> dict[str, np.ndarray]:
+    """Cut stretches of bundled motions, poses (T, P)."""
+    cuts = {"kick": (20, 60), "bow": (20, 80), "draw": (30, 90)}
+    return {
+        label: procedural_clips([name], rate=RATE, body=body(), seed=0)[0].poses[slice(*cuts[label])]
+        for label, name in MOTIONS.items()
+    }
+
+
+@lru_cache(maxsize=1)
+def classes():
+    return learn_classes(
+        {label: [relational_features(from_poses(poses, body(), RATE, label))] for label, poses in parts().items()}
+    )
+
+
+@lru_cache(maxsize=1)
+def document() -> np.ndarray:
+    """kick, draw, bow, kick, with eased joins."""
+    pieces = [parts()[label] for label in ("kick", "draw", "bow", "kick")]
+    out = [pieces[0]]
+    for piece in pieces[1:]:
+        share = np.linspace(0, 1, 14)[1:-1, None]
+        out += [out[-1][-1] + share * (piece[0] - out[-1][-1]), piece]
+    return np.concatenate(out)
+
+
+def told(poses: np.ndarray, **settings) -> list[Event]:
+    annotator = OnlineAnnotator(classes(), body(), RATE, settings=OnlineSettings(**settings))
+    events = [event for i, pose in enumerate(poses) for event in annotator.push(pose, i / RATE)]
+    return events + annotator.finish()
+
+
+@pytest.mark.parametrize("rate", (30.0, 55.0, 18.7))
+def test_features_one_by_one_are_those_of_the_whole(rate):
+    annotator = OnlineAnnotator(classes(), body(), rate)
+    for i, pose in enumerate(document()):
+        annotator.push(pose, i / rate)
+    annotator.finish()
+    whole = relational_features(from_poses(document(), body(), rate, "whole")).values
+    found = np.stack(annotator._columns, axis=1)
+    np.testing.assert_array_equal(found, whole[:, : found.shape[1]])
+    assert whole.shape[1] - found.shape[1] <= 1
+
+
+def test_costs_column_by_column_are_those_of_the_whole():
+    template = PreparedTemplate(classes()[0].templates[0])
+    words = relational_features(from_poses(document(), body(), RATE, "whole")).words
+    cost, start = template.distance(words)
+    costs, starts = np.full((3, template.length), np.inf), np.full((3, template.length), -1)
+    for j, word in enumerate(words):
+        dtw.push_column(template.bits, template.mask, template.scale, word, j, costs, starts)
+        np.testing.assert_array_equal(costs[j % 3][-1], cost[j])
+        if np.isfinite(cost[j]):
+            assert starts[j % 3][-1] == start[j]
+
+
+def test_every_motion_is_told_once_soon_after_its_end():
+    events = told(document())
+    assert [event.label for event in events] == ["kick", "draw", "bow", "kick"]
+    assert all(event.event == END for event in events)
+    offline = Annotator(classes()).annotate(relational_features(from_poses(document(), body(), RATE, "whole")))
+    for event, segment in zip(events, offline.segments, strict=True):
+        assert event.label == segment.label
+        assert abs(event.end - segment.end) < 0.3
+        assert event.delay == pytest.approx(event.time - event.end)
+        assert event.delay < 0.5
+
+
+def test_a_longer_hold_tells_the_same_later():
+    soon, late = told(document(), hold=1), told(document(), hold=8)
+    assert [e.label for e in late] == ["kick", "draw", "bow", "kick"]
+    assert np.mean([e.delay for e in late]) > np.mean([e.delay for e in soon[-4:]]) + 0.15
+
+
+def test_a_beginning_is_told_before_its_end():
+    events = told(document(), early=True)
+    for label in ("draw", "bow"):
+        begin = next(e for e in events if e.label == label and e.event == BEGIN)
+        end = next(e for e in events if e.label == label and e.event == END)
+        assert begin.time < end.time
+
+
+def test_a_hit_without_its_keyframes_does_not_count():
+    impossible = KeyframeQuery(
+        (Keyframe("upper", (("F1", 1),)), Keyframe("upper", (("F1", 0),))), ((0, 0),), label="kick"
+    )
+    annotator = OnlineAnnotator(classes(), body(), RATE, queries=[impossible])
+    events = [e for i, pose in enumerate(document()) for e in annotator.push(pose, i / RATE)] + annotator.finish()
+    assert "kick" not in {event.label for event in events}
+    assert {"draw", "bow"} <= {event.label for event in events}
+
+
+def test_keyframes_are_met_within_their_distances_only():
+    rng = np.random.default_rng(0)
+    for _ in range(200):
+        values = rng.random((40, 12)) < 0.4
+        bounds = tuple(
+            (int(low), None if rng.random() < 0.3 else int(low + rng.integers(0, 4))) for low in rng.integers(0, 4, 2)
+        )
+        frames = tuple(Keyframe("upper", ((name, 1),)) for name in ("F1", "F2", "F5"))
+        query = KeyframeQuery(frames, bounds)
+        rows = [np.flatnonzero(values[i]) for i in (0, 1, 4)]
+        expected = any(
+            all(
+                low <= later - sooner and (high is None or later - sooner <= high)
+                for (low, high), sooner, later in zip(bounds, (a, b), (b, c), strict=True)
+            )
+            for a in rows[0]
+            for b in rows[1]
+            for c in rows[2]
+        )
+        assert met_within(query, values) == expected
+
+
+def test_a_motion_that_knows_nothing_tells_nothing():
+    still = np.repeat(document()[:1], 60, axis=0)
+    assert told(still) == []
+    assert OnlineAnnotator(classes(), body(), RATE).finish() == []
+
+
+def test_settings_that_cannot_be_are_refused():
+    with pytest.raises(SettingsError, match="hold -1"):
+        OnlineSettings(hold=-1)
+
+
+def test_a_run_is_replayed_as_lines_of_json(tmp_path, capsys):
+    run = write_run(tmp_path / "run", document())
+    save_classes(tmp_path / "classes.npz", classes())
+    words = ["annotate", str(run), "--classes", str(tmp_path / "classes.npz"), "--events"]
+    for target in ("-", str(tmp_path / "events.jsonl")):
+        with pytest.raises(SystemExit) as ended:
+            main([*words, target])
+        assert ended.value.code == 0
+    printed = [json.loads(line) for line in capsys.readouterr().out.splitlines()]
+    stored = [json.loads(line) for line in (tmp_path / "events.jsonl").read_text().splitlines()]
+    assert printed == stored
+    assert [event["label"] for event in stored] == ["kick", "draw", "bow", "kick"]
+    assert set(stored[0]) == {"event", "label", "start", "end", "time", "delay", "cost"}
+
+
+def test_a_replay_needs_classes_and_one_run(tmp_path, capsys):
+    run = write_run(tmp_path / "run", document())
+    for words in (["annotate", str(run), "--events", "-"], ["annotate", str(run), "--classes", "none.npz"]):
+        with pytest.raises(SystemExit) as ended:
+            main(words)
+        assert ended.value.code == 2
+    assert "--events" in capsys.readouterr().err

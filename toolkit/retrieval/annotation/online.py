@@ -1,0 +1,269 @@
+"""Annotation while a motion goes on: each pose is looked at once, and an event says that a motion has ended.
+
+The costs of subsequence DTW are causal: a column needs the two before it. Features need a short look ahead, for their
+velocities are smoothed. A minimum is confirmed after a few columns without a lower one, and the classes compete as in
+`annotator`: the cheapest hit of a stretch wins, and what it leaves of another is no motion.
+"""
+
+from __future__ import annotations
+
+import json
+from collections import deque
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+
+import numpy as np
+
+from toolkit.body.body import Body
+from toolkit.errors import SettingsError
+from toolkit.kernels import dtw
+from toolkit.retrieval.annotation.annotator import DecisionSettings, MotionClass, PreparedTemplate
+from toolkit.retrieval.features.geometry import BodyLengths
+from toolkit.retrieval.features.motion import Motion, from_poses
+from toolkit.retrieval.features.relational import FEATURE_RATE, FEATURES, pack, tests_of
+from toolkit.retrieval.keyframes.query import KeyframeQuery
+from toolkit.retrieval.keyframes.within import met_within
+
+SMOOTHING = 0.25
+"""Seconds of the longest window of a feature; half of it, and the next frame, lie in the future."""
+BEGIN, END = "begin", "end"
+
+
+@dataclass(frozen=True)
+class OnlineSettings:
+    """When a motion is told.
+
+    Attributes
+    ----------
+    hold : columns of 1/30 s without a lower cost that confirm a minimum
+    early : also tell that a motion has begun
+    begun : share of a template after which it has
+    """
+
+    hold: int = 3
+    early: bool = False
+    begun: float = 0.4
+
+    def __post_init__(self) -> None:
+        if self.hold < 0 or not 0.0 < self.begun < 1.0:
+            raise SettingsError(f"hold {self.hold} and begun {self.begun} cannot be; give 0 or more, and 0 to 1")
+
+
+@dataclass(frozen=True)
+class Event:
+    """A motion that has ended, or begun.
+
+    Attributes
+    ----------
+    event : `end` or `begin`
+    label : motion class
+    start, end : seconds of the recording; a motion that has begun ends where it was last seen
+    time : seconds of the recording at which this was known
+    delay : seconds between the two
+    cost : mean share of features that differ
+    """
+
+    event: str
+    label: str
+    start: float
+    end: float
+    time: float
+    delay: float
+    cost: float
+
+    def to_json(self) -> str:
+        """One line."""
+        rounded = {k: round(v, 4) if isinstance(v, float) else v for k, v in asdict(self).items()}
+        return json.dumps(rounded)
+
+
+@dataclass(frozen=True)
+class _Hit:
+    """A class's cheapest alignment so far: its cost, and first and last column."""
+
+    cost: float
+    start: int
+    end: int
+
+
+class _Alignments:
+    """The templates of a class against the columns so far."""
+
+    def __init__(self, motion_class: MotionClass, begun: float) -> None:
+        self.threshold = motion_class.threshold
+        self._templates = [PreparedTemplate(template) for template in motion_class.templates]
+        self._costs = [np.full((3, t.length), np.inf) for t in self._templates]
+        self._starts = [np.full((3, t.length), -1, dtype=np.int64) for t in self._templates]
+        self._begun = [max(1, int(np.ceil(begun * t.length)) - 1) for t in self._templates]
+
+    def push(self, word: np.uint64, column: int) -> tuple[_Hit, _Hit]:
+        """The cheapest alignment that ends in this column: of a whole template, and of its beginning."""
+        best = early = _Hit(np.inf, -1, column)
+        arrays = zip(self._templates, self._costs, self._starts, self._begun, strict=True)
+        for template, costs, starts, row in arrays:
+            dtw.push_column(template.bits, template.mask, template.scale, word, column, costs, starts)
+            cost, start = costs[column % 3], starts[column % 3]
+            if cost[-1] < best.cost:
+                best = _Hit(float(cost[-1]), int(start[-1]), column)
+            share = float(cost[row]) * template.length / (row + 1)
+            if share < early.cost:
+                early = _Hit(share, int(start[row]), column)
+        return best, early
+
+
+class OnlineAnnotator:
+    """Labels a motion pose by pose.
+
+    Parameters
+    ----------
+    classes : what to look for
+    body : whose poses will come; its bones are the units of length
+    frame_rate : poses a second, about
+    queries : learned keyframe queries; a hit of a class that has some counts only if one is met within it
+    settings : when a motion is told
+    decision : what counts as a motion among hits that overlap
+    """
+
+    def __init__(
+        self,
+        classes: Sequence[MotionClass],
+        body: Body,
+        frame_rate: float,
+        queries: Sequence[KeyframeQuery] = (),
+        settings: OnlineSettings | None = None,
+        decision: DecisionSettings | None = None,
+    ) -> None:
+        self.settings, self.decision = settings or OnlineSettings(), decision or DecisionSettings()
+        self.labels = tuple(motion_class.label for motion_class in classes)
+        self._classes = [_Alignments(motion_class, self.settings.begun) for motion_class in classes]
+        self._queries = [[q for q in queries if q.label == label] for label in self.labels]
+        self._features = _FeatureStream(body, frame_rate)
+        self._pending: list[_Hit | None] = [None] * len(classes)
+        self._begun: list[int] = [-1] * len(classes)
+        self._told: list[tuple[int, _Hit]] = []
+        self._columns: list[np.ndarray] = []
+        self._times: list[float] = []
+
+    def push(self, pose: np.ndarray, time: float) -> list[Event]:
+        """Take in the next pose (P,), any frame with y up, at `time` seconds; returns what is known now."""
+        events = []
+        for values, column_time in self._features.push(pose, time):
+            events += self._push_column(values, column_time, time)
+        return events
+
+    def finish(self) -> list[Event]:
+        """What is known when no more poses come: every minimum that was waiting."""
+        events = []
+        now = self._features.now
+        for values, column_time in self._features.finish():
+            events += self._push_column(values, column_time, now)
+        return events + self._confirmed(now, everything=True)
+
+    def _push_column(self, values: np.ndarray, column_time: float, now: float) -> list[Event]:
+        column = len(self._columns)
+        self._columns.append(values)
+        self._times.append(column_time)
+        word = pack(values[:, None])[0]
+        events = []
+        for row, alignments in enumerate(self._classes):
+            hit, early = alignments.push(word, column)
+            pending = self._pending[row]
+            if hit.cost < alignments.threshold and (pending is None or hit.cost < pending.cost):
+                self._pending[row] = hit
+            if self.settings.early and early.cost < alignments.threshold and early.start > self._begun[row]:
+                if not self._explained(row, early):
+                    self._begun[row] = early.end
+                    events.append(self._event(BEGIN, row, early, now))
+        return events + self._confirmed(now)
+
+    def _confirmed(self, now: float, *, everything: bool = False) -> list[Event]:
+        """Hits that no lower cost has replaced for long enough, the cheapest first."""
+        column = len(self._columns) - 1
+        waiting = sorted((hit.cost, row) for row, hit in enumerate(self._pending) if hit is not None)
+        events: list[Event] = []
+        open_hits: list[_Hit] = []
+        for _, row in waiting:
+            hit = self._pending[row]
+            assert hit is not None  # only those that wait were sorted
+            rival = any(other.start <= hit.end and hit.start <= other.end for other in open_hits)
+            if not everything and (column - hit.end < self.settings.hold or rival):
+                open_hits.append(hit)
+                continue
+            self._pending[row] = None
+            if self._explained(row, hit) or not self._keyframes_met(row, hit):
+                continue
+            self._told.append((row, hit))
+            events.append(self._event(END, row, hit, now))
+        return sorted(events, key=lambda event: (event.end, event.label))
+
+    def _explained(self, row: int, hit: _Hit) -> bool:
+        """Whether what was told already leaves too little of a hit: as the decision rules say."""
+        frames = np.zeros(hit.end - hit.start + 1, dtype=bool)
+        own = frames.copy()
+        for told_row, told in self._told:
+            first, stop = max(told.start - hit.start, 0), told.end + 1 - hit.start
+            if stop > 0:
+                frames[first:stop] = True
+                if told_row == row:
+                    own[first:stop] = True
+        return bool(own.mean() > self.decision.overlap or 1.0 - frames.mean() < self.decision.visible)
+
+    def _keyframes_met(self, row: int, hit: _Hit) -> bool:
+        if not self._queries[row]:
+            return True
+        values = np.stack(self._columns[hit.start : hit.end + 1], axis=1)
+        return any(met_within(query, values) for query in self._queries[row])
+
+    def _event(self, kind: str, row: int, hit: _Hit, now: float) -> Event:
+        start, end = self._times[hit.start], self._times[hit.end]
+        return Event(kind, self.labels[row], start, end, now, now - end, hit.cost)
+
+
+class _FeatureStream:
+    """Feature columns at 30 Hz from poses at any rate, as `relational_features` gives them for the whole."""
+
+    def __init__(self, body: Body, frame_rate: float) -> None:
+        self._body, self._rate = body, frame_rate
+        window = max(1, int(np.ceil(SMOOTHING * frame_rate - 1e-9)))
+        self._ahead, self._behind = window // 2 + 1, (window - 1) // 2 + 1
+        self._frames: deque[tuple[np.ndarray, np.ndarray, float]] = deque(maxlen=self._ahead + self._behind + 1)
+        self._count = 0
+        self._next = 0
+        self._lengths: BodyLengths | None = None
+        self._on = np.zeros(len(FEATURES), dtype=bool)
+
+    @property
+    def now(self) -> float:
+        """Time of the last pose, seconds."""
+        return self._frames[-1][2] if self._frames else 0.0
+
+    def push(self, pose: np.ndarray, time: float) -> list[tuple[np.ndarray, float]]:
+        """Columns bool (40,) and their times that are known after one more pose."""
+        motion = from_poses(pose, self._body, self._rate, "now")
+        assert motion.root_axis is not None  # poses have one
+        if self._lengths is None:
+            self._lengths = BodyLengths.of(motion)
+        self._frames.append((motion.joints[0], motion.root_axis[0], time))
+        self._count += 1
+        if self._count <= self._ahead:
+            return []
+        return self._columns(self._count - 1 - self._ahead, 1)
+
+    def finish(self) -> list[tuple[np.ndarray, float]]:
+        """The columns that were waiting for what does not come any more."""
+        waiting = min(self._ahead, self._count)
+        return self._columns(self._count - waiting, waiting) if waiting else []
+
+    def _columns(self, frame: int, count: int) -> list[tuple[np.ndarray, float]]:
+        """Columns that fall on some frames; hysteresis needs every frame, at whatever rate."""
+        joints, axes, times = (np.array(part) for part in zip(*self._frames, strict=True))
+        assert self._lengths is not None  # set by the first pose
+        loose, strict, _ = tests_of(Motion("now", joints, self._rate, axes), self._lengths)
+        first = self._count - len(self._frames)
+        found = []
+        for i in range(frame, frame + count):
+            self._on = strict[:, i - first] | (self._on & loose[:, i - first])
+            while int(np.rint(self._next * self._rate / FEATURE_RATE)) <= i:
+                found.append((self._on.copy(), float(times[i - first])))
+                self._next += 1
+        return found
