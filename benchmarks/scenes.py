@@ -65,7 +65,7 @@ WORST = 12
 """Recordings on the contact sheet."""
 SCALE = 2
 """Pixels of the sheet to a pixel of a depth image 320 wide."""
-TRUTH = (250, 250, 250)
+TRUTH = (255, 0, 160)
 
 
 def track_scenes(paths: Sequence[Path], options: argparse.Namespace) -> tuple[list[Path], dict[str, str]]:
@@ -141,7 +141,7 @@ def worst_frame(recording: Recording, tracks: Sequence[Track], score: SceneScore
     truth = recording.joints if recording.joints.ndim == 4 else recording.joints[None]
     for person in truth[:, frame]:
         pixels = camera.project(person)
-        for shift in ((0, 0), (1, 0), (0, 1), (1, 1)):
+        for shift in np.ndindex(3, 3):
             draw_points(picture, pixels + shift, TRUTH)
     style.write(picture, f"{recording.name.rsplit('_', 1)[0]}  frame {frame}  {1000 * badness(score):.0f} mm", 6, 4)
     return picture

@@ -45,7 +45,7 @@ def alone(
 def wall(sensor: Sensor, depth: float, cosine: float = 1.0) -> Surface:
     """A wall parallel to the image with a given cosine of incidence everywhere."""
     shape = sensor.camera.scaled(sensor.rays_per_side).shape
-    return Surface(np.full(shape, depth, np.float32), np.full(shape, cosine, np.float32), np.full(shape, -1, np.int8))
+    return Surface(np.full(shape, depth, np.float32), np.full(shape, cosine, np.float32), np.full(shape, -1, np.int16))
 
 
 def step_edge(sensor: Sensor, front: float, back: float) -> Surface:
@@ -242,6 +242,10 @@ def test_a_clip_file_is_resampled_to_the_recording_s_frame_rate(shared_data: Pat
         (lambda: alone(waving(1), distance=0.0), UsageError, "positive"),
         (lambda: alone(waving(1), yaw=np.nan), UsageError, "finite"),
         (lambda: alone(waving(1), frame_rate=0.0), UsageError, "frames a second"),
+        (lambda: alone(waving(1), frame_rate=1e9), UsageError, "up to 1000"),
+        (lambda: alone(waving(1), height=-1.0), UsageError, "above the floor"),
+        (lambda: alone(waving(1), seed=-1), UsageError, "from 0 on"),
+        (lambda: alone(waving(1), subject_seed=-1), UsageError, "from 0 on"),
     ],
 )
 def test_a_bad_argument_is_named_with_the_way_out(call: object, error: type[Exception], words: str) -> None:

@@ -96,6 +96,8 @@ def subject_of(body: str | Sequence[float] | Body, subject_seed: int | None = No
             body = [float(word) for word in body.split(",")]
         except ValueError:
             raise UsageError(f"the shape {body!r} is no list of numbers; write for example 1.0,-0.5") from None
+    if subject_seed is not None and subject_seed < 0:
+        raise UsageError(f"the subject's seed {subject_seed} is negative; give a whole number from 0 on")
     return subject_body(body, seed=subject_seed)
 
 

@@ -47,19 +47,21 @@ def place_camera(*, distance: float, height: float, tilt: float) -> View:
     Parameters
     ----------
     distance : horizontally from the camera to the origin, metres (> 0)
-    height : of the camera above the floor, metres
+    height : of the camera above the floor, metres (> 0)
     tilt : downwards from the horizontal, radians
 
     Raises
     ------
     UsageError
-        The distance is not positive, or a value is not finite.
+        Distance or height is not positive, or a value is not finite.
     """
     for name, value in {"distance": distance, "height": height, "tilt": tilt}.items():
         if not np.isfinite(value):
             raise UsageError(f"the camera's {name} {value} is not finite; give a number")
     if distance <= 0:
         raise UsageError(f"the camera's distance {distance} is not positive; give metres from camera to subject")
+    if height <= 0:
+        raise UsageError(f"the camera's height {height} is not above the floor; give metres")
     sine, cosine = np.sin(tilt), np.cos(tilt)
     return View(
         R_level_camera=np.array([[1.0, 0.0, 0.0], [0.0, -cosine, -sine], [0.0, sine, -cosine]]),

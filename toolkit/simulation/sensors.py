@@ -23,7 +23,7 @@ class Surface:
     ----------
     depth : float32 (H, W), metres along z, 0 where nothing is hit
     cosine : float32 (H, W), cosine between ray and surface normal, in [0, 1]
-    person : int8 (H, W), number of the person who is hit, -1 for everything else
+    person : int16 (H, W), number of the person who is hit, -1 for everything else
     """
 
     depth: np.ndarray
@@ -50,7 +50,7 @@ class Sensor(Protocol):
         ...
 
     def measure(self, surface: Surface, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
-        """Measured depth, uint16 (H, W) millimetres along z with 0 = none, and int8 (H, W): of whom, -1 = nobody."""
+        """Measured depth, uint16 (H, W) millimetres along z with 0 = none, and int16 (H, W): of whom, -1 = nobody."""
         ...
 
 
@@ -95,10 +95,10 @@ class TimeOfFlight:
         return _millimetres(depth, strength >= self.dimmest, 0.3, self.farthest), self._owners(surface.person)
 
     def _owners(self, person: np.ndarray) -> np.ndarray:
-        """The person who fills most of a pixel, int8 (H, W); -1 where people fill less than half of it."""
+        """The person who fills most of a pixel, int16 (H, W); -1 where people fill less than half of it."""
         people = max(int(person.max()) + 1, 1)
         shares = np.stack([self._pixels((person == i).astype(np.float32)) for i in range(people)])
-        return np.where(shares.sum(axis=0) >= 0.5, shares.argmax(axis=0), -1).astype(np.int8)
+        return np.where(shares.sum(axis=0) >= 0.5, shares.argmax(axis=0), -1).astype(np.int16)
 
     @cached_property
     def _fine_lengths(self) -> np.ndarray:

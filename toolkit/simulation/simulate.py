@@ -29,6 +29,8 @@ EMPTY_FRAMES = 9
 """Frames of the empty room whose median becomes the recorded background."""
 MIDDLE = 0.52
 """Share of the subject's height at which an untilted choice of the camera aims: the middle of the body."""
+FASTEST = 1000.0
+"""Frames a second of the fastest depth camera."""
 NOBODY_HEIGHT, NOBODY_REACH = 1.7, np.array([[-0.8, 0.0, -0.5], [0.8, 1.8, 0.5]])
 """Whom an empty room is recorded for: a stature in metres, and the corners of the space they would use."""
 
@@ -53,7 +55,7 @@ class Shot:
     Raises
     ------
     UsageError
-        Frame rate or length is impossible.
+        Frame rate, length or seed is impossible.
     """
 
     sensor: str | Sensor = "tof"
@@ -68,10 +70,14 @@ class Shot:
     seed: int = 0
 
     def __post_init__(self) -> None:
-        if not 0 < self.frame_rate < np.inf:
-            raise UsageError(f"a frame rate of {self.frame_rate} is impossible; give frames a second, for example 30")
+        if not 0 < self.frame_rate <= FASTEST:
+            raise UsageError(
+                f"a frame rate of {self.frame_rate} is impossible; give frames a second up to {FASTEST:g}, such as 30"
+            )
         if not 0 < self.seconds < np.inf:
             raise UsageError(f"a recording of {self.seconds} seconds is impossible; give a positive number")
+        if self.seed < 0:
+            raise UsageError(f"the seed {self.seed} is negative; give a whole number from 0 on")
 
 
 @dataclass(frozen=True)
@@ -82,7 +88,7 @@ class SimulatedFrame:
     ----------
     depth : uint16 (H, W), millimetres along z, 0 = no measurement
     joints : float32 (N, 20, 3), true reported joints, metres, camera frame; NaN for who is absent
-    person : int8 (H, W), number of the person whom a pixel measures, -1 = nobody
+    person : int16 (H, W), number of the person whom a pixel measures, -1 = nobody
     timestamp : seconds
     """
 
@@ -131,7 +137,7 @@ class Simulation:
         hits = cast(self.view.to_camera(mesh.vertices), mesh.faces, self._rays)
         everywhere = np.ones(hits.depth.shape, dtype=bool)
         cosines = self._cosines(hits, everywhere).reshape(everywhere.shape)
-        return Surface(hits.depth, cosines, np.full(everywhere.shape, -1, dtype=np.int8))
+        return Surface(hits.depth, cosines, np.full(everywhere.shape, -1, dtype=np.int16))
 
     def background(self) -> np.ndarray | None:
         """Depth of the empty room, uint16 (H, W) millimetres, median of a few noisy frames; None if not furnished."""
@@ -149,7 +155,7 @@ class Simulation:
             depth, person = self.sensor.measure(self._surface(i), rng)
             if not self.furnished:
                 depth = np.where(person >= 0, depth, 0).astype(np.uint16)
-            measured = np.where(depth > 0, person, -1).astype(np.int8)
+            measured = np.where(depth > 0, person, -1).astype(np.int16)
             yield SimulatedFrame(depth, joints[:, i], measured, i / self.frame_rate)
 
     def joints(self) -> np.ndarray:
