@@ -12,7 +12,7 @@ def annotate(
     motions: Annotated[
         list[Path],
         typer.Argument(
-            metavar="MOTION...", help="BVH and AMC files, run folders, folders of clips.", show_default=False
+            metavar="MOTION...", help="BVH, AMC and AMASS files, run folders, folders of clips.", show_default=False
         ),
     ],
     output: Annotated[

@@ -17,7 +17,7 @@ def build(
     sources: Annotated[
         list[Path] | None,
         typer.Argument(
-            metavar="MOCAP...", help="BVH and AMC files, or folders of them; the bundled motions without any."
+            metavar="MOCAP...", help="BVH, AMC and AMASS files, or folders of them; the bundled motions without any."
         ),
     ] = None,
     output: Output = Path("poses.npz"),

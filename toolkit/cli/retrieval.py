@@ -17,7 +17,9 @@ Index = Annotated[
 ]
 Clips = Annotated[
     list[Path],
-    typer.Argument(metavar="MOTION...", help="BVH and AMC files, run folders, folders of clips.", show_default=False),
+    typer.Argument(
+        metavar="MOTION...", help="BVH, AMC and AMASS files, run folders, folders of clips.", show_default=False
+    ),
 ]
 
 

@@ -12,7 +12,7 @@ from toolkit.cli.options import SettingOption, given, numbers
 from toolkit.errors import UsageError
 
 HELP = {
-    "format": "npz, utd_mhad, png, raw or cloud; guessed from the path.",
+    "format": "npz, ros, mkv, record3d, tum, stray, png, utd_mhad, raw or cloud; guessed from the path.",
     "intrinsics": "fx,fy,cx,cy in pixels, or a JSON file that holds them.",
     "mirrored": "The source shows the scene as a mirror does; its images are flipped.",
     "radial": "Pixels hold the distance to the camera instead of the depth along z.",
@@ -22,6 +22,7 @@ HELP = {
     "up": "The vertical x,y,z in the camera frame.",
     "background": "16-bit PNG of the empty scene.",
     "skeleton": "File or folder of a reference skeleton.",
+    "track": "Name of the depth topic or track of a file that holds several.",
     "axes": "camera (x right, y down, z forward) or graphics (y up, z backward), for clouds.",
     "rotate": "Degrees (90, 180, 270) by which the images are turned clockwise, for a camera that stands on its side.",
     "segment": "How to cut the person out: segmented, background, empty-frames:N, range:NEAR,FAR, person, seed:U,V.",
@@ -61,6 +62,7 @@ def track(
     skeleton: Annotated[str | None, typer.Option(help=HELP["skeleton"], rich_help_panel=READING)] = None,
     axes: Annotated[str | None, typer.Option(help=HELP["axes"], rich_help_panel=READING)] = None,
     rotate: Annotated[int | None, typer.Option(help=HELP["rotate"], rich_help_panel=READING)] = None,
+    depth_track: Annotated[str | None, typer.Option("--track", help=HELP["track"], rich_help_panel=READING)] = None,
 ) -> None:
     """Track the person in depth recordings and write what was found into run folders."""
     from toolkit.cli.terminal import progress_bars
@@ -80,6 +82,7 @@ def track(
         skeleton=skeleton,
         axes=axes,
         rotate=rotate,
+        track=depth_track,
     )
     sensing = given(segment=segment, subject=subject, half_resolution=half_resolution or None)
     overrides = {f"sensing.{name}": value for name, value in sensing.items()} | parse_overrides(settings or [])

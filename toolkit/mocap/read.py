@@ -6,19 +6,21 @@ from pathlib import Path
 
 from toolkit.errors import MocapError
 from toolkit.files import is_file, is_folder
+from toolkit.mocap.amass import is_amass, read_amass
 from toolkit.mocap.asf_amc import read_amc
 from toolkit.mocap.bvh import read_bvh
 from toolkit.mocap.clip import Clip
 
 MOTION_SUFFIXES = (".bvh", ".amc")
-"""Endings of files that hold a motion; an ASF skeleton is found through its AMC motions."""
+"""Endings of files that hold a motion; an ASF skeleton is found through its AMC motions. Of NPZ files those of AMASS
+hold one too (`amass.is_amass`)."""
 
 FOREIGN_SUFFIXES = (".c3d", ".fbx", ".trc", ".mvnx", ".glb")
 """Motion capture of other kinds, which people try."""
 
 
 def read_clip(path: str | Path, *, unit: float | None = None) -> Clip:
-    """Read one motion file, BVH or AMC (with the ASF beside it); the format is told from the content, not the ending.
+    """Read one motion file: BVH, AMC (with the ASF beside it) or AMASS; its content tells which, not its ending.
 
     Parameters
     ----------
@@ -35,6 +37,8 @@ def read_clip(path: str | Path, *, unit: float | None = None) -> Clip:
         raise MocapError(f"there is no motion file {file}; check the path")
     if file.suffix.lower() in FOREIGN_SUFFIXES:
         raise MocapError(f"{file.name} is not read: of {file.suffix} files there is no reader; convert it to BVH")
+    if file.suffix.lower() == ".npz":
+        return read_amass(file)
     try:
         with file.open("rb") as stream:
             head = stream.read(4096).decode("latin-1").lstrip("\xef\xbb\xbf \t\r\n")
@@ -48,7 +52,7 @@ def read_clip(path: str | Path, *, unit: float | None = None) -> Clip:
         raise MocapError(f"{file.name} is an ASF skeleton without motion; give one of its AMC files")
     if ":FULLY-SPECIFIED" in head.upper() or file.suffix.lower() == ".amc":
         return read_amc(file, unit=unit)
-    raise MocapError(f"{file.name} is neither BVH nor AMC; convert it to BVH")
+    raise MocapError(f"{file.name} is neither BVH nor AMC nor AMASS; convert it to BVH")
 
 
 def find_clips(folder: str | Path) -> list[Path]:
@@ -64,7 +68,9 @@ def find_clips(folder: str | Path) -> list[Path]:
         return [root]
     if not is_folder(root):
         raise MocapError(f"there is no folder {root}; check the path")
-    found = sorted(p for p in root.rglob("*") if p.suffix.lower() in MOTION_SUFFIXES and p.is_file())
+    found = sorted(p for p in root.rglob("*") if p.suffix.lower() in MOTION_SUFFIXES and p.is_file() or is_amass(p))
     if not found:
-        raise MocapError(f"{root} holds no motion file ({' or '.join(MOTION_SUFFIXES)}); give a folder with mocap")
+        raise MocapError(
+            f"{root} holds no motion file ({', '.join(MOTION_SUFFIXES)} or AMASS .npz); give a folder with mocap"
+        )
     return found

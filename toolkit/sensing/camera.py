@@ -183,7 +183,7 @@ class Camera:
         for _ in range(turns % 4):
             bent = turned.distortion
             if bent is not None:
-                bent = (bent[0], bent[1], bent[3], -bent[2], bent[4])
+                bent = (*bent[:2], bent[3], -bent[2], *bent[4:])
             turned = Camera(
                 fx=turned.fy,
                 fy=turned.fx,

@@ -120,7 +120,7 @@ class ReaderOptions:
 
     Attributes
     ----------
-    format : "npz", "utd_mhad", "png", "raw" or "cloud"; guessed from the path if None
+    format : a name of `readers.READERS`, such as "npz", "ros", "mkv" or "png"; guessed from the path if None
     mirrored : the source shows the scene as a mirror does; its images are flipped. None leaves it to the reader
     radial : pixels hold the distance to the camera's centre instead of the depth along z
     depth_unit : "mm", "m" or the metres of one unit, such as 0.0002; None is "mm", for clouds "m"
@@ -132,6 +132,7 @@ class ReaderOptions:
     skeleton : a reference skeleton's file, or the folder that holds it
     axes : "camera" (x right, y down, z forward) or "graphics" (x right, y up, z backward), for clouds
     rotate : degrees by which the images are turned clockwise, 0, 90, 180 or 270, for a camera that stands on its side
+    track : name of the depth topic of a file that holds several
     """
 
     format: str | None = None
@@ -146,6 +147,7 @@ class ReaderOptions:
     skeleton: str | None = None
     axes: str = "camera"
     rotate: int = 0
+    track: str | None = None
 
     @classmethod
     def from_mapping(cls, options: dict[str, Any]) -> ReaderOptions:
@@ -176,7 +178,7 @@ class ReaderOptions:
             raise UsageError(f"rotate {made.rotate!r} is none of: 0, 90, 180, 270")
         return made
 
-    def unit(self, default: str) -> str | float:
+    def unit(self, default: str | float) -> str | float:
         """The chosen depth unit, or the `default` of a format."""
         return default if self.depth_unit is None else self.depth_unit
 

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from toolkit.errors import RecordingError, UsageError
-from toolkit.sensing.readers import cloud, npz, png, raw, utd_mhad
+from toolkit.sensing.readers import cloud, mkv, npz, png, raw, record3d, ros, stray, tum, utd_mhad
 from toolkit.sensing.recording import ReaderOptions, Recording
 
 Reader = Callable[[Path, ReaderOptions], Recording]
@@ -14,6 +14,11 @@ Reader = Callable[[Path, ReaderOptions], Recording]
 READERS: dict[str, tuple[Callable[[Path], bool], Reader]] = {
     "npz": (npz.matches, npz.read),
     "utd_mhad": (utd_mhad.matches, utd_mhad.read),
+    "ros": (ros.matches, ros.read),
+    "mkv": (mkv.matches, mkv.read),
+    "record3d": (record3d.matches, record3d.read),
+    "tum": (tum.matches, tum.read),
+    "stray": (stray.matches, stray.read),
     "png": (png.matches, png.read),
     "cloud": (cloud.matches, cloud.read),
     "raw": (raw.matches, raw.read),
@@ -39,6 +44,7 @@ def reader_for(path: Path, name: str | None) -> Reader:
         if matches(path):
             return read
     raise RecordingError(
-        f"{path} looks like no known recording; it may be an .npz file, a UTD-MHAD *_depth.mat file, "
-        "a folder of 16-bit PNG, a .pcd or .ply file or a folder of them, or a folder of raw uint16 frames (format=raw)"
+        f"{path} looks like no known recording; it may be an .npz file, a .db3, .bag, .mcap, .mkv or .r3d file, "
+        "a UTD-MHAD *_depth.mat file, a folder of 16-bit PNG, a .pcd or .ply file or a folder of them, "
+        "or a folder of raw uint16 frames (format=raw)"
     )

@@ -3,15 +3,20 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from toolkit.errors import RecordingError
+from toolkit.errors import RecordingError, UsageError
 from toolkit.files import is_file, read_json
 from toolkit.sensing.camera import Camera
 from toolkit.sensing.recording import ReaderOptions
+
+GRAVITY, GRAVITY_TOLERANCE = 9.81, 1.0
+"""m/s^2, and how far a cheap accelerometer may be off."""
 
 
 def natural_key(path: Path) -> list[tuple[int, int | str]]:
@@ -38,7 +43,7 @@ def chosen_camera(
     options: ReaderOptions,
     shape: tuple[int, ...],
     path: Path,
-    stored: np.ndarray | None = None,
+    stored: np.ndarray | tuple[float, ...] | None = None,
     distortion: np.ndarray | None = None,
 ) -> Camera:
     """The camera from the option `intrinsics`, else from the stored values.
@@ -57,6 +62,28 @@ def chosen_camera(
             f"{path} has no intrinsics; give the option intrinsics=fx,fy,cx,cy in pixels or a JSON file"
         )
     return Camera.from_intrinsics(np.asarray(intrinsics), size, distortion)
+
+
+@contextmanager
+def damaged(path: Path) -> Iterator[None]:
+    """Turn whatever reading the container raises (each library has its own family) into one sentence."""
+    try:
+        yield
+    except (RecordingError, UsageError):
+        raise
+    except Exception as error:
+        reason = " ".join(str(error).split()) or type(error).__name__
+        raise RecordingError(f"{path} is truncated or damaged ({reason}); copy or record it again") from error
+
+
+def upright(accelerations: np.ndarray) -> np.ndarray | None:
+    """The vertical from accelerations (N, 3), m/s^2, in the camera frame: at rest an accelerometer measures upwards.
+
+    None where their median is not gravity: the camera was moved, or they are in another unit.
+    """
+    median = np.median(accelerations, axis=0)
+    length = float(np.linalg.norm(median))
+    return median / length if abs(length - GRAVITY) < GRAVITY_TOLERANCE else None
 
 
 def camera_from_json(path: Path, shape: tuple[int, int]) -> Camera:

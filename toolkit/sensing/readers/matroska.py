@@ -1,0 +1,192 @@
+"""Matroska containers (`.mkv`) of uncompressed or image-compressed tracks: an index of all blocks, read by seeking.
+
+Only what recorders of depth cameras write is understood: tracks, attachments, and blocks without lacing. The payloads
+are skipped while the index is made, so that opening takes no longer for larger images, and any frame is read at once.
+See RFC 8794 (EBML) and RFC 9559 (Matroska) for the identifiers.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import IO, NamedTuple
+
+EBML, SEGMENT, CLUSTER, TRACKS, ATTACHMENTS, INFO = (
+    0x1A45DFA3, 0x18538067, 0x1F43B675, 0x1654AE6B, 0x1941A469, 0x1549A966
+)  # fmt: skip
+TRACK_ENTRY, TRACK_NUMBER, CODEC, CODEC_PRIVATE, NAME, VIDEO, WIDTH, HEIGHT = (
+    0xAE, 0xD7, 0x86, 0x63A2, 0x536E, 0xE0, 0xB0, 0xBA
+)  # fmt: skip
+CLUSTER_TIME, SIMPLE_BLOCK, BLOCK_GROUP, BLOCK, TIME_SCALE = 0xE7, 0xA3, 0xA0, 0xA1, 0x2AD7B1
+ATTACHED_FILE, FILE_NAME, FILE_DATA = 0x61A7, 0x466E, 0x465C
+PARENTS = frozenset({SEGMENT, CLUSTER, TRACKS, ATTACHMENTS, INFO, TRACK_ENTRY, VIDEO, BLOCK_GROUP, ATTACHED_FILE})
+"""Elements that hold others that matter here."""
+SMALL = 1 << 24
+"""Bytes: no element but a block or an attachment is larger."""
+DEEPEST = 8
+
+
+class Block(NamedTuple):
+    """Where one frame lies: time in nanoseconds, first byte and number of bytes."""
+
+    time: int
+    start: int
+    size: int
+
+
+@dataclass
+class Track:
+    """One track: its name and codec, the codec's own description, size in pixels (0 without), and its blocks."""
+
+    number: int = 0
+    name: str = ""
+    codec: str = ""
+    private: bytes = b""
+    width: int = 0
+    height: int = 0
+    blocks: list[Block] = field(default_factory=list)
+
+
+class Matroska:
+    """The tracks and attachments of a file; raises ValueError where it is damaged.
+
+    Attributes
+    ----------
+    tracks : in the order of the file, each with its blocks in the order of time
+    attachments : name -> content
+    """
+
+    def __init__(self, path: Path) -> None:
+        self._stream = path.open("rb")
+        self._size = path.stat().st_size
+        self._by_number: dict[int, Track] = {}
+        self.tracks: list[Track] = []
+        self.attachments: dict[str, bytes] = {}
+        self._scale, self._cluster_time, self._file_name = 1_000_000, 0, ""
+        identifier, *_ = self._element_at(0)
+        if identifier != EBML:
+            raise ValueError("it does not begin as Matroska does")
+        self._walk(0, self._size, 0)
+        for track in self.tracks:
+            track.blocks.sort()
+
+    def read(self, block: Block) -> bytes:
+        """The content of one block."""
+        return _exactly(self._stream, block.start, block.size)
+
+    def _element_at(self, place: int) -> tuple[int, int, int]:
+        """Identifier of the element at `place`, first byte of its content, and the byte after it."""
+        self._stream.seek(place)
+        identifier, length = _number(self._stream, keep_mark=True)
+        size, more = _number(self._stream, keep_mark=False)
+        start = place + length + more
+        unknown = size == (1 << 7 * more) - 1  # lasts as long as its parent: a recorder that could not go back
+        return identifier, start, self._size if unknown else start + size
+
+    def _walk(self, place: int, end: int, depth: int) -> None:
+        if depth > DEEPEST:
+            raise ValueError("its elements are nested too deep")
+        while place < end:
+            identifier, start, stop = self._element_at(place)
+            if stop > end and not (identifier in (SEGMENT, CLUSTER) and stop == self._size):
+                raise ValueError(f"it ends within an element at byte {place}")
+            if identifier == TRACK_ENTRY:
+                self.tracks.append(Track())
+            if identifier in PARENTS:
+                self._walk(start, stop, depth + 1)
+            elif identifier in (SIMPLE_BLOCK, BLOCK):
+                self._add_block(start, stop)
+            elif identifier in LEAVES:
+                LEAVES[identifier](self, _exactly(self._stream, start, self._bounded(identifier, stop - start)))
+            place = stop
+
+    @staticmethod
+    def _bounded(identifier: int, size: int) -> int:
+        if size > SMALL:
+            raise ValueError(f"element {identifier:x} has {size} bytes")
+        return size
+
+    def _add_block(self, start: int, stop: int) -> None:
+        self._stream.seek(start)
+        number, length = _number(self._stream, keep_mark=False)
+        head = self._stream.read(3)
+        if len(head) < 3 or start + length + 3 > stop:
+            raise ValueError(f"the block at byte {start} is cut short")
+        if head[2] & 0x06:
+            raise ValueError("its blocks are laced, which no recorder of depth does")
+        track = self._by_number.get(number)
+        if track is not None:
+            time = (self._cluster_time + int.from_bytes(head[:2], "big", signed=True)) * self._scale
+            track.blocks.append(Block(time, start + length + 3, stop - start - length - 3))
+
+    def _set_number(self, data: bytes) -> None:
+        self.tracks[-1].number = _whole(data)
+        self._by_number[_whole(data)] = self.tracks[-1]
+
+    def _set_time(self, data: bytes) -> None:
+        self._cluster_time = _whole(data)
+
+    def _set_scale(self, data: bytes) -> None:
+        self._scale = _whole(data)
+
+    def _set_file_name(self, data: bytes) -> None:
+        self._file_name = data.decode("utf-8", "replace")
+
+    def _add_file(self, data: bytes) -> None:
+        self.attachments[self._file_name] = data
+
+
+def _of_track(name: str, made: Callable[[bytes], object]) -> Callable[[Matroska, bytes], None]:
+    """What sets one attribute of the track that is being read."""
+
+    def set_attribute(file: Matroska, data: bytes) -> None:
+        if not file.tracks:
+            raise ValueError("a track's property stands before the first track")
+        setattr(file.tracks[-1], name, made(data))
+
+    return set_attribute
+
+
+def _whole(data: bytes) -> int:
+    return int.from_bytes(data, "big")
+
+
+def _text(data: bytes) -> str:
+    return data.rstrip(b"\0").decode("utf-8", "replace")
+
+
+LEAVES: dict[int, Callable[[Matroska, bytes], None]] = {
+    TRACK_NUMBER: Matroska._set_number,
+    CODEC: _of_track("codec", _text),
+    CODEC_PRIVATE: _of_track("private", bytes),
+    NAME: _of_track("name", _text),
+    WIDTH: _of_track("width", _whole),
+    HEIGHT: _of_track("height", _whole),
+    CLUSTER_TIME: Matroska._set_time,
+    TIME_SCALE: Matroska._set_scale,
+    FILE_NAME: Matroska._set_file_name,
+    FILE_DATA: Matroska._add_file,
+}
+"""Elements whose content is read at once, and what becomes of it."""
+
+
+def _number(stream: IO[bytes], *, keep_mark: bool) -> tuple[int, int]:
+    """A number of variable length (RFC 8794, 4) and the number of its bytes."""
+    first = stream.read(1)
+    if not first or first[0] == 0:
+        raise ValueError("it ends within an element, or holds what is none")
+    length = 9 - first[0].bit_length()
+    data = first + stream.read(length - 1)
+    if len(data) != length:
+        raise ValueError("it ends within an element")
+    value = int.from_bytes(data, "big")
+    return (value if keep_mark else value & ((1 << 7 * length) - 1)), length
+
+
+def _exactly(stream: IO[bytes], start: int, size: int) -> bytes:
+    stream.seek(start)
+    data = stream.read(size)
+    if len(data) != size:
+        raise ValueError(f"it ends within the {size} bytes from {start} on")
+    return data
