@@ -148,6 +148,17 @@ def test_left_stays_left_and_a_mirrored_clip_gives_the_mirrored_body(tmp_path: P
     assert plain[:, skeleton.REPORTED.index("right_wrist"), 1].max() == pytest.approx(highest["right"], abs=0.03)
 
 
+def test_a_bend_beyond_a_lumbar_spine_keeps_its_depth_by_tilting_the_pelvis(tmp_path: Path) -> None:
+    body, poses = stick_body(), np.zeros((5, skeleton.POSE_SIZE))
+    bend, root = skeleton.POSE_NAMES.index("lumbar_rx"), skeleton.POSE_NAMES.index("root_rx")
+    limit = skeleton.POSE_LIMITS[bend, 1]
+    poses[:, 1], poses[:, bend] = 1.0, limit + np.array([-0.2, 0.0, 0.2, 0.4, 0.5])
+    export_bvh(tmp_path / "bow.bvh", body, poses, 30.0)
+    bow = retarget(read_clip(tmp_path / "bow.bvh"), body).poses
+    np.testing.assert_allclose(bow[:, bend], np.minimum(poses[:, bend], limit), atol=1e-3)
+    np.testing.assert_allclose(bow[:, root], np.maximum(poses[:, bend] - limit, 0.0), atol=1e-3)
+
+
 def test_a_taller_source_moves_in_proportion_to_its_legs(tmp_path: Path) -> None:
     clip, poses = own_clip(tmp_path, "walk")
     tall = replace(

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import ast
+import re
 import sys
 from pathlib import Path
 
@@ -10,6 +12,9 @@ import pytest
 
 from tests.database_helpers import small_database
 
+DECIDING = ("kernels", "sensing", "landmarks", "fitting", "tracking", "database")
+"""Rooms whose sums can turn a choice between hypotheses."""
+BLAS = re.compile(r"np\.(dot|vdot|inner|matmul|tensordot|cov|linalg\.\w+)")
 SCRIPTS = Path(__file__).parents[1] / "scripts"
 
 
@@ -41,6 +46,20 @@ def test_a_recording_that_begins_badly_has_one_track_in_every_environment(
     ]  # fmt: skip
     assert "pose" in found[0]
     assert all(digests == found[0] for digests in found)
+
+
+def test_no_sum_of_blas_or_lapack_decides() -> None:
+    """Their last bits depend on the processor; norms along an axis are sums of NumPy's own."""
+    found = []
+    toolkit = SCRIPTS.parent / "toolkit"
+    for path in sorted(path for room in DECIDING for path in (toolkit / room).rglob("*.py")):
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            product = isinstance(node, ast.BinOp | ast.AugAssign) and isinstance(node.op, ast.MatMult)
+            called = isinstance(node, ast.Call) and BLAS.fullmatch(ast.unparse(node.func))
+            along_axis = isinstance(node, ast.Call) and any(keyword.arg == "axis" for keyword in node.keywords)
+            if product or (called and not along_axis):
+                found.append(f"{path.relative_to(toolkit)}:{node.lineno}: {ast.unparse(node)}")
+    assert not found, "use toolkit.kernels.linear"
 
 
 def test_digests_tell_tracks_apart_by_what_was_found_alone(tmp_path: Path, scripts: None) -> None:

@@ -11,6 +11,7 @@ from tests.sensing_scenes import KINECT, TOF, person_alone, scene
 from toolkit.errors import RecordingError, SegmentationError, SettingsError
 from toolkit.sensing.camera import Camera
 from toolkit.sensing.cleaning import Cleaner, SensingSettings
+from toolkit.sensing.polish import Polisher
 from toolkit.sensing.recording import open_recording
 from toolkit.sensing.segmentation import median_background
 
@@ -209,6 +210,20 @@ def test_an_empty_frame_is_empty_and_the_next_one_is_not(options):
     assert cleaner.clean(person_alone(KINECT)).any()
     assert not cleaner.clean(np.zeros(KINECT.shape, np.uint16)).any()
     assert cleaner.clean(person_alone(KINECT, 0.1)).any()
+
+
+def test_nothing_is_left_beside_the_window_of_the_frame_before():
+    def polished(polisher, window):
+        v0, v1, u0, u1 = window
+        padded = np.zeros((KINECT.height + 2, KINECT.width + 2), dtype=np.uint16)
+        padded[v0:v1, u0:u1] = 2000
+        return polisher.polish(padded, np.array(window))
+
+    used = Polisher(KINECT, SensingSettings(contour="keep"))
+    assert polished(used, (20, 200, 30, 280)).any()
+    small = (60, 120, 90, 150)
+    expected = polished(Polisher(KINECT, SensingSettings(contour="keep")), small)
+    assert expected.any() and (polished(used, small) == expected).all()
 
 
 def test_specks_without_a_person_are_an_empty_frame():

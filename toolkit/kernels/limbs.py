@@ -152,7 +152,10 @@ def fit_limbs(
     vectors, origins, rotations = np.empty((joints, 3)), np.empty((joints, 3)), np.empty((joints, 3, 3))
     axes = np.empty((chain.dof_joint.shape[0], 3))
     balls = np.empty((count, 3))
-    camera = -(measured.rotation.T @ measured.origin)
+    camera = np.zeros(3)
+    for a in range(3):
+        for b in range(3):
+            camera[a] -= measured.rotation[b, a] * measured.origin[b]
     pose = np.zeros(6 + size)
     matrix, vector = np.empty((size, size)), np.empty(size)
     row, step, damp = np.empty(size), np.empty(size), np.full(size, damping)

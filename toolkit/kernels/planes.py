@@ -1,9 +1,42 @@
-"""Planes through a cloud by random triples of its points, compiled."""
+"""Planes through a cloud by random triples of its points (Fischler 1981), compiled.
+
+Open3D's search for planes answers differently from call to call with one seed and the same points, so it is not used.
+"""
 
 from __future__ import annotations
 
 import numpy as np
 from numba import njit
+
+from toolkit.kernels import linear
+
+
+def largest_plane(
+    points: np.ndarray, tolerance: float, trials: int, rng: np.random.Generator
+) -> tuple[np.ndarray, np.ndarray]:
+    """The plane through three of the points that most of them are near, fitted to these by least squares.
+
+    Parameters
+    ----------
+    points : (N, 3), metres, N at least 3
+    tolerance : metres from the plane within which a point is near
+    trials : planes that are tried
+
+    Returns
+    -------
+    plane : float64 (4,), unit normal and offset: `plane[:3] @ p + plane[3]` is 0 for points p on it; zeros where all
+        points that were tried lie on lines
+    members : int64 (M,), rising, the points near it before the fit
+    """
+    rows = np.ascontiguousarray(points, dtype=np.float64)
+    triples = rng.integers(len(rows), size=(trials, 3))
+    plane = np.zeros(4)
+    if best_plane(rows, np.full(len(rows), tolerance), np.ones(len(rows)), triples, plane) == 0.0:
+        return np.zeros(4), np.empty(0, dtype=np.int64)
+    members = np.flatnonzero(np.abs(linear.times(rows, plane[:3]) + plane[3]) <= tolerance)
+    mean, covariance = linear.moments(rows[members])
+    normal = linear.principal_axes(covariance)[1][:, 0]
+    return np.append(normal, -linear.dot(normal, mean)), members
 
 
 @njit(cache=True)

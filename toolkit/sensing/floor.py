@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from toolkit.kernels import linear
-from toolkit.kernels.plane import largest_plane
+from toolkit.kernels.planes import largest_plane
 from toolkit.sensing.camera import DEFAULT_UP, Camera
 
 SAMPLES = 6000  # points; a floor of a tenth of the scene still has 600

@@ -15,7 +15,7 @@ import numpy as np
 
 from toolkit.errors import SegmentationError
 from toolkit.kernels import components
-from toolkit.kernels.plane import largest_plane
+from toolkit.kernels.planes import largest_plane
 from toolkit.sensing.camera import Camera, level_rotation
 from toolkit.sensing.floor import SEED, Floor, find_floor
 

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
 
+from toolkit.kernels import linear
 from toolkit.kernels.planes import best_plane
 
 SAMPLES = 2500  # points of the image: a wall of a twentieth of it still has 125
@@ -70,7 +72,7 @@ def find_planes(
             break
         normal, offset, on = _refitted(points, tolerances, rest, plane)
         rest &= ~on
-        slant = np.abs(points @ normal) / np.linalg.norm(points, axis=1)
+        slant = np.abs(linear.times(points, normal)) / linear.lengths(points)
         area = float((facing[on] / np.maximum(slant[on], 0.1)).sum())
         sides = _sides(points[on], normal)
         large = area >= least_area and sides[1] >= least_side and area >= FILLED * sides[0] * sides[1]
@@ -110,14 +112,13 @@ def _refitted(
 ) -> tuple[np.ndarray, float, np.ndarray]:
     """Least squares over the points on the plane, a few times; normal towards the camera, offset, and which are on."""
     normal, offset = plane[:3], float(plane[3])
-    on = rest & (np.abs(points @ normal + offset) <= tolerances)
+    on = rest & (np.abs(linear.times(points, normal) + offset) <= tolerances)
     for _ in range(REFITS):
         weights = 1.0 / tolerances[on] ** 2
         centre = (points[on] * weights[:, None]).sum(axis=0) / weights.sum()
-        spread = (points[on] - centre) * np.sqrt(weights)[:, None]
-        normal = np.linalg.svd(spread.T @ spread)[0][:, 2]
-        offset = -float(normal @ centre)
-        again = rest & (np.abs(points @ normal + offset) <= tolerances)
+        normal = linear.principal_axes(linear.gram(points[on] - centre, weights))[1][:, 0]
+        offset = -linear.dot(normal, centre)
+        again = rest & (np.abs(linear.times(points, normal) + offset) <= tolerances)
         if again.sum() < 10:
             break
         on = again
@@ -126,10 +127,10 @@ def _refitted(
 
 def _bounds(points: np.ndarray, tolerances: np.ndarray, on: np.ndarray, normal: np.ndarray, offset: float) -> bool:
     """Whether little is seen through the plane where it was seen itself."""
-    through = points @ normal + offset < -3 * tolerances
+    slopes = linear.times(points, normal)
+    through = slopes + offset < -3 * tolerances
     if not through.any():
         return True
-    slopes = points @ normal
     hits = points * np.where(slopes < 0, -offset / np.minimum(slopes, -1e-9), 0.0)[:, None]
     low, high = np.percentile(points[on], [5, 95], axis=0)
     inside = ((hits >= low - 0.05) & (hits <= high + 0.05)).all(axis=1)
@@ -139,8 +140,8 @@ def _bounds(points: np.ndarray, tolerances: np.ndarray, on: np.ndarray, normal: 
 def _sides(points: np.ndarray, normal: np.ndarray) -> tuple[float, float]:
     """Longer and shorter side of the rectangle that holds nine tenths of the points along each."""
     first = np.cross(normal, (0.0, 1.0, 0.0) if abs(normal[1]) < 0.9 else (1.0, 0.0, 0.0))
-    first /= np.linalg.norm(first)
-    flat = points @ np.stack([first, np.cross(normal, first)], axis=1)
+    first /= math.hypot(*first)
+    flat = np.stack([linear.times(points, first), linear.times(points, np.cross(normal, first))], axis=1)
     low, high = np.percentile(flat, [5, 95], axis=0)
     long, short = sorted((high - low).tolist(), reverse=True)
     return long, short

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from toolkit.kernels import linear
 from toolkit.sensing.camera import Camera, level_rotation
 from toolkit.sensing.cleaning import SensingSettings
 
@@ -57,7 +58,8 @@ class Lens:
         self._near, self._far = sensing.near, sensing.far
         self.quantisation = sensing.quantisation
         ones = np.ones((*self.camera.shape, 1))
-        self._directions = (np.concatenate([self.rays, ones], axis=2) @ self.rotation.T).astype(np.float32)
+        rays = np.concatenate([self.rays, ones], axis=2)
+        self._directions = linear.rotated(rays, self.rotation.T).astype(np.float32)
 
     def coarse(self, depth_mm: np.ndarray) -> np.ndarray:
         """Float32 (h, w), metres, of a full frame (H, W) in millimetres."""

@@ -84,7 +84,7 @@ def labelings(
     if len(rows) == 1:
         return rows[0]
     both = np.concatenate(rows)
-    return both[np.unique(both @ _DIGITS, return_index=True)[1]]
+    return both[np.unique((both * _DIGITS).sum(axis=1), return_index=True)[1]]
 
 
 def label_candidates(extrema: np.ndarray, expected: np.ndarray, reach: float) -> tuple[np.ndarray, np.ndarray]:

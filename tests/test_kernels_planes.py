@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from tests.test_kernels_linear import shifted
-from toolkit.kernels.plane import largest_plane
+from toolkit.kernels.planes import largest_plane
 
 TOLERANCE = 0.02
 
@@ -26,7 +26,7 @@ def brute_support(points: np.ndarray, trials: int, seed: int) -> np.ndarray:
     for a, b, c in points[np.random.default_rng(seed).integers(len(points), size=(trials, 3))]:
         normal = np.cross(b - a, c - a)
         if np.linalg.norm(normal) > 1e-12:
-            near = np.flatnonzero(np.abs((points - a) @ normal) < TOLERANCE * np.linalg.norm(normal))
+            near = np.flatnonzero(np.abs((points - a) @ normal) <= TOLERANCE * np.linalg.norm(normal))
             best = near if len(near) > len(best) else best
     return best
 

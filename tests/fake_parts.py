@@ -1,0 +1,124 @@
+"""Parts of a tracker that do what a test says, and remember what they were asked."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+
+from toolkit.body import skeleton
+from toolkit.body.body import Body
+from toolkit.fitting.objective import WORSE, Comparison
+from toolkit.sensing.cloud import Cloud
+from toolkit.tracking.search.protocol import Hypothesis, Proposal, Rival
+from toolkit.tracking.state import PersonState
+
+CENTRE = np.array([0.1, 0.2, -3.0])
+FACING = np.array([0.6, 0.8])
+
+
+def pose_at(x: float = 0.0, **angles: float) -> np.ndarray:
+    """A standing pose (P,) at `x` metres to the right, 3 m away, with some of its entries by name."""
+    pose = np.zeros(skeleton.POSE_SIZE)
+    pose[skeleton.ROOT_POSITION] = (x, 0.0, -3.0)
+    for name, angle in angles.items():
+        pose[skeleton.POSE_NAMES.index(name)] = angle
+    return pose
+
+
+def compared(distance: float, *, gaps: float = 0.01, energy: float = 0.0) -> Comparison:
+    """A comparison of that distance whose samples all lie `gaps` metres off."""
+    return Comparison(distance, np.zeros(1), np.full(4, gaps), np.zeros(4, dtype=np.int64), energy, None)
+
+
+def observation(extrema: int = 20, votes: Any = None, **others: Any) -> Any:
+    """A frame that shows extrema on a line, and whatever else is given."""
+    points = np.arange(3.0 * extrema, dtype=np.float32).reshape(extrema, 3)
+    seen = {
+        "scene": object(),
+        "centre": CENTRE,
+        "facing": FACING,
+        "yaw": float(np.arctan2(*FACING)),
+        "extrema": SimpleNamespace(points=points),
+        "votes": votes,
+        "cloud": SimpleNamespace(rotation=np.diag([1.0, -1.0, -1.0])),
+    }
+    return SimpleNamespace(**(seen | others))
+
+
+@dataclass
+class FakeObserver:
+    """Shows the same frame whatever is there."""
+
+    shown: Any = field(default_factory=observation)
+    states: list[PersonState] = field(default_factory=list)
+    sizes: list[int] = field(default_factory=list)
+
+    def observe(self, cloud: Cloud, timestamp: float, state: PersonState) -> Any:
+        """See `Observer.observe`."""
+        self.states.append(state)
+        self.sizes.append(len(cloud))
+        return self.shown
+
+
+@dataclass
+class FakeObjective:
+    """Distances by where the root stands: `distances[x]`, so that a test says who is near."""
+
+    distances: Mapping[float, float] = field(default_factory=dict)
+    bounds: list[float] = field(default_factory=list)
+    bodies: list[Body] = field(default_factory=list)
+    placer: Any = None
+
+    def compare(self, body: Body, pose: np.ndarray, scene: Any, bound: float = np.inf) -> Comparison:
+        """See `Objective.compare`."""
+        self.bounds.append(bound)
+        self.bodies.append(body)
+        distance = self.distances[round(float(pose[0]), 6)]
+        return WORSE if distance > bound else compared(distance)
+
+    def confidence(self, comparison: Comparison) -> np.ndarray:
+        """Sure of everything by how near it is."""
+        return np.full(len(skeleton.REPORTED), 1.0 - comparison.distance)
+
+
+@dataclass
+class FakeSearch:
+    """Answers with what it is given; `answer` may depend on the question."""
+
+    name: str
+    answer: Proposal | Callable[[PersonState, Rival | None], Proposal]
+    asked: list[tuple[Any, PersonState, Rival | None]] = field(default_factory=list)
+    draws: list[float] = field(default_factory=list)
+
+    def propose(self, seen: Any, state: PersonState, rng: np.random.Generator, best: Rival | None) -> Proposal:
+        """See `Search.propose`."""
+        self.asked.append((seen, state, best))
+        self.draws.append(float(rng.random()))
+        return self.answer(state, best) if callable(self.answer) else self.answer
+
+
+@dataclass
+class FakeRefiner:
+    """Moves every pose by `step` along x and remembers what was asked."""
+
+    step: float = 0.0
+    calls: list[SimpleNamespace] = field(default_factory=list)
+    settings: Any = field(default_factory=lambda: SimpleNamespace(iterations=5))
+
+    def refine(
+        self, body: Body, pose: np.ndarray, scene: Any, *, terms: Any = (), iterations: Any = None
+    ) -> np.ndarray:
+        """See `Refiner.refine`."""
+        self.calls.append(SimpleNamespace(body=body, pose=pose.copy(), terms=tuple(terms), iterations=iterations))
+        moved = pose.copy()
+        moved[0] += self.step
+        return moved
+
+
+def says(source: str, pose: np.ndarray, distance: float | None = None, **how: bool) -> Hypothesis:
+    """A hypothesis, compared already if a distance is given."""
+    return Hypothesis(source, pose, None if distance is None else compared(distance), **how)

@@ -1,0 +1,246 @@
+"""The loop of a fit, the comparison and the estimate of a shape with parts made up: what each is asked and adds."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from toolkit.body import skeleton
+from toolkit.body.shape import ShapeSpace, load_body
+from toolkit.fitting import terms as terms_room
+from toolkit.fitting.objective import CALIBRATION, WORSE, Comparison, Objective
+from toolkit.fitting.placed import Placer
+from toolkit.fitting.refiner import Refiner, pair_terms
+from toolkit.fitting.scene import Scene
+from toolkit.fitting.settings import FittingSettings
+from toolkit.fitting.shape import NOISE, ShapeEstimator, ShapeSettings
+from toolkit.fitting.terms import CloudTerm, ContactTerm, Pairs
+from toolkit.sensing.camera import Camera
+from toolkit.sensing.cloud import Cloud
+
+CAMERA = Camera(60.0, 60.0, 39.5, 29.5, 80, 60)
+LEVEL = np.diag([1.0, -1.0, -1.0])
+SETTINGS = FittingSettings()
+BODY = load_body("neutral")
+
+
+def standing() -> np.ndarray:
+    pose = np.zeros(skeleton.POSE_SIZE)
+    pose[skeleton.ROOT_POSITION] = (0.0, 0.0, -3.0)
+    return pose
+
+
+@pytest.fixture(scope="module")
+def placer() -> Placer:
+    return Placer(BODY, CAMERA, LEVEL)
+
+
+@pytest.fixture(scope="module")
+def scene(placer: Placer) -> Scene:
+    """The standing body as the camera sees it."""
+    depth = placer.place(BODY, standing()).drawn.depth.astype(np.float32)
+    cloud = Cloud.from_depth(depth, CAMERA, LEVEL)
+    return Scene(cloud, cloud.points[[0, -1]].astype(np.float64), 50)
+
+
+# The loop
+
+
+@dataclass
+class FakeSolve:
+    """Fills the steps that a test gives, one after the other, and keeps what it was asked."""
+
+    steps: list[np.ndarray]
+    asked: list[SimpleNamespace] = field(default_factory=list)
+
+    def __call__(
+        self, matrix: Any, vector: Any, pose: np.ndarray, limits: Any, damping: np.ndarray, step: np.ndarray
+    ) -> None:
+        self.asked.append(
+            SimpleNamespace(matrix=matrix.copy(), vector=vector.copy(), damping=damping, pose=pose.copy())
+        )
+        step[:] = self.steps[min(len(self.asked), len(self.steps)) - 1]
+
+
+@dataclass
+class FakePrior:
+    """Adds 3 to one entry of the normal equations."""
+
+    energies: list[np.ndarray] = field(default_factory=list)
+
+    def add(self, system: Any, pose: np.ndarray) -> None:
+        system.matrix[7, 7] += 3.0
+
+    def energy(self, pose: np.ndarray) -> float:
+        self.energies.append(pose)
+        return 0.75
+
+
+def step_of(**entries: float) -> np.ndarray:
+    step = np.zeros(skeleton.POSE_SIZE)
+    for name, value in entries.items():
+        step[skeleton.POSE_NAMES.index(name)] = value
+    return step
+
+
+def test_the_root_and_the_angles_have_their_own_damping(placer: Placer, scene: Scene) -> None:
+    solve = FakeSolve([step_of()])
+    Refiner(placer, SETTINGS, terms=(), solve=solve).refine(BODY, standing(), scene)
+    assert solve.asked[0].damping[:6] == pytest.approx(np.full(6, SETTINGS.root_damping))
+    assert solve.asked[0].damping[6:] == pytest.approx(np.full(37, SETTINGS.angle_damping))
+    assert SETTINGS.root_damping != SETTINGS.angle_damping > 0.0
+
+
+def test_a_fit_takes_its_steps_until_one_is_small(placer: Placer, scene: Scene) -> None:
+    large, small = step_of(left_elbow_ry=-0.2), step_of(left_elbow_ry=-0.5 * SETTINGS.converged)
+    solve = FakeSolve([large, small, large])
+    pose = Refiner(placer, SETTINGS, terms=(), solve=solve).refine(BODY, standing(), scene)
+    assert len(solve.asked) == 2
+    assert pose == pytest.approx(standing() + large + small)
+    stubborn = FakeSolve([large])
+    Refiner(placer, SETTINGS, terms=(), solve=stubborn).refine(BODY, standing(), scene)
+    Refiner(placer, SETTINGS, terms=(), solve=stubborn).refine(BODY, standing(), scene, iterations=2)
+    assert len(stubborn.asked) == SETTINGS.iterations + 2
+
+
+def test_the_roots_turn_is_written_the_short_way(placer: Placer, scene: Scene) -> None:
+    solve = FakeSolve([step_of(root_ry=np.pi + 0.1), step_of()])
+    pose = Refiner(placer, SETTINGS, terms=(), solve=solve).refine(BODY, standing(), scene)
+    assert pose[skeleton.ROOT_ROTATION] == pytest.approx([0.0, -np.pi + 0.1, 0.0])
+
+
+def test_pose_terms_are_part_of_the_normal_equations_and_of_a_comparison(placer: Placer, scene: Scene) -> None:
+    prior, solve = FakePrior(), FakeSolve([step_of()])
+    Refiner(placer, SETTINGS, (prior,), terms=(), solve=solve).refine(BODY, standing(), scene)
+    assert solve.asked[0].matrix[7, 7] == 3.0
+    pose = standing()
+    assert Objective(placer, SETTINGS, (prior, prior)).compare(BODY, pose, scene).energy == 1.5
+    assert prior.energies[0] is pose
+
+
+@pytest.mark.parametrize(("weight", "contacts"), [(1.0, 1), (0.0, 0)])
+def test_no_self_penetration_is_a_term_unless_it_weighs_nothing(weight: float, contacts: int) -> None:
+    found = pair_terms(replace(SETTINGS, contact_weight=weight))
+    assert sum(isinstance(term, ContactTerm) for term in found) == contacts
+    assert len(found) == 2 + contacts
+
+
+def test_extrema_count_as_often_as_the_settings_say(
+    placer: Placer, scene: Scene, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    weights: list[np.ndarray] = []
+    kernels = SimpleNamespace(
+        nearest_model_points=terms_room.pairs.nearest_model_points,
+        add_cloud_pairs=lambda samples, points, vertex_of, weight, *rest: weights.append(weight.copy()),
+    )
+    monkeypatch.setattr(terms_room, "pairs", kernels)
+    system: Any = SimpleNamespace(reference=None, hessian=None, gradient=None)
+    CloudTerm(0.5, 0.12, 1.0, 0.3, extremum_weight=3.0).add(system, placer.place(BODY, standing()), scene)
+    assert weights[0].tolist() == [1.0] * scene.plain_samples + [3.0] * len(scene.extrema)
+
+
+# The comparison
+
+
+def test_a_pose_is_given_up_only_beyond_the_bound(placer: Placer, scene: Scene) -> None:
+    objective, off = Objective(placer, SETTINGS), standing() + step_of(root_tx=0.05, left_shoulder_rz=-0.5)
+    distance = objective.compare(BODY, off, scene).distance
+    assert np.isfinite(distance)
+    assert objective.compare(BODY, off, scene, distance * 1.0001).distance == distance
+    assert objective.compare(BODY, off, scene, distance * 0.9999) is WORSE
+
+
+def test_costs_are_the_distances_of_what_may_still_be_nearest(placer: Placer, scene: Scene) -> None:
+    objective = Objective(placer, SETTINGS)
+    poses = np.stack([standing() + step_of(root_tx=x) for x in (0.1, 0.02, 0.3)])
+    distances = [objective.compare(BODY, pose, scene).distance for pose in poses]
+    assert objective.costs(BODY, poses, scene).tolist() == [*distances[:2], np.inf]
+    assert np.isinf(objective.costs(BODY, poses, scene, distances[1] * 0.99)).all()
+
+
+@pytest.mark.parametrize("seen", [0.0, 0.25, 0.5])
+def test_half_of_the_vertices_around_a_joint_are_all_that_a_camera_sees(placer: Placer, seen: float) -> None:
+    """The back of a body is never seen: a support of one half is as much as there can be."""
+    gaps = np.full(len(placer.chosen), np.nan)
+    elbow = skeleton.REPORTED.index("left_elbow")
+    around = np.flatnonzero(placer.around_joints[elbow])
+    gaps[around[: round(seen * len(around))]] = 0.0
+    comparison = Comparison(0.1, gaps, np.zeros(1), np.zeros(1, dtype=np.int64), 0.0, None)
+    sure = Objective(placer, SETTINGS).confidence(comparison)[elbow]
+    assert sure == pytest.approx(np.interp(2.0 * seen, *CALIBRATION.T))
+
+
+# The shape
+
+
+@dataclass
+class FakeMesh:
+    """Pairs that a body of other coefficients would give, at chosen vertices."""
+
+    wanted: np.ndarray
+    pose: np.ndarray
+    placer: Placer
+    weight: float = 1.0
+
+    def pairs(self, placed: Any, scene: Any) -> Pairs:
+        vertex = self.placer.chosen
+        target = self.placer.place(ShapeSpace.load().body(self.wanted), self.pose).vertices
+        return Pairs(vertex, (placed.vertices - target)[vertex], np.full(len(vertex), self.weight))
+
+
+def estimates(placer: Placer, settings: ShapeSettings, shapes: list[np.ndarray], weight: float) -> list[np.ndarray]:
+    """Coefficients after each frame, in which the person looks like one of `shapes`."""
+    pose = standing()
+    mesh = FakeMesh(shapes[0], pose, placer, weight)
+    estimator = ShapeEstimator(ShapeSpace.load().body(), settings, placer, [mesh])
+    found = []
+    for shape in shapes:
+        mesh.wanted = shape
+        estimator.observe(pose, None)  # type: ignore[arg-type]
+        found.append(estimator.coefficients.copy())
+    return found
+
+
+def expected(placer: Placer, settings: ShapeSettings, shapes: list[np.ndarray], weight: float) -> list[np.ndarray]:
+    """The same by dense least squares: along normals of the body as it was, old frames forgotten, the mean as prior."""
+    space, pose, vertex = ShapeSpace.load(), standing(), placer.chosen
+    size = space.size
+    matrix, vector, coefficients = np.zeros((size, size)), np.zeros(size), np.zeros(size)
+    found = []
+    for shape in shapes:
+        now = placer.place(space.body(coefficients), pose)
+        unit = [placer.place(space.body(coefficients + row), pose).vertices for row in np.eye(size)]
+        columns = np.stack([((moved - now.vertices) * now.normals).sum(axis=1)[vertex] for moved in unit], axis=1)
+        target = placer.place(space.body(shape), pose).vertices
+        residual = ((target - now.vertices) * now.normals).sum(axis=1)[vertex]
+        scale = weight / NOISE**2
+        matrix = settings.forgetting * matrix + scale * columns.T @ columns
+        vector = settings.forgetting * vector + scale * columns.T @ (residual + columns @ coefficients)
+        coefficients = np.linalg.solve(matrix + settings.prior * np.eye(size), vector)
+        coefficients = np.clip(coefficients, -settings.limit, settings.limit)
+        found.append(coefficients)
+    return found
+
+
+@pytest.mark.parametrize("prior", [0.5, 40.0])
+@pytest.mark.parametrize("forgetting", [1.0, 0.5])
+def test_shapes_are_those_of_dense_least_squares_with_forgetting_and_prior(
+    placer: Placer, prior: float, forgetting: float
+) -> None:
+    tall, wide = np.zeros(16), np.zeros(16)
+    tall[0], wide[1] = 1.2, -0.8
+    settings = ShapeSettings(prior=prior, forgetting=forgetting)
+    found, dense = (f(placer, settings, [tall, wide, wide], 0.02) for f in (estimates, expected))
+    np.testing.assert_allclose(found, dense, atol=1e-6)
+    assert np.abs(found[0]).max() > 0.1
+
+
+def test_coefficients_keep_within_their_limit(placer: Placer) -> None:
+    giant = np.zeros(16)
+    giant[0] = 4.0
+    (found,) = estimates(placer, ShapeSettings(prior=0.01, limit=1.5), [giant], 1.0)
+    assert found.max() == 1.5

@@ -1,0 +1,347 @@
+"""The step of a follower with parts made up: who wins, who is asked, what is remembered, what is reported."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from tests.fake_parts import (
+    CENTRE,
+    FACING,
+    FakeObjective,
+    FakeObserver,
+    FakeSearch,
+    observation,
+    pose_at,
+    says,
+)
+from toolkit.body.body import Body
+from toolkit.body.shape import load_body
+from toolkit.sensing.camera import Camera, level_rotation
+from toolkit.sensing.people.sighting import Sighting
+from toolkit.track import EMPTY, LOST, TRACKED, FrameResult
+from toolkit.tracking.clock import StageClock
+from toolkit.tracking.follower import UNSEEN, Follower
+from toolkit.tracking.search.protocol import NOTHING, Proposal
+from toolkit.tracking.state import PersonState, Previous
+
+CAMERA = Camera(100.0, 100.0, 19.5, 14.5, 40, 30)
+ROTATION = level_rotation(np.array([0.0, -0.9, -0.3]))
+SOURCES = ("local", "extrema", "joints", "arms", "predicted")
+STAGES = ("prepare", "landmarks", "first", "second", "select")
+SETTINGS = SimpleNamespace(smallest_person=300, lost_distance=0.25, patience=3, smoothing=0.0)
+NEAR, FAR, HOPELESS = 0.05, 0.2, 0.6
+
+
+def sighting(pixels: int = 600) -> Sighting:
+    """A person of that many pixels."""
+    depth = np.zeros(CAMERA.shape, dtype=np.float32)
+    depth.ravel()[:pixels] = 3.0
+    return Sighting(1, depth, None, CAMERA)
+
+
+def follower(
+    searches: Sequence[FakeSearch],
+    *,
+    distances: dict[float, float] | None = None,
+    observer: FakeObserver | None = None,
+    settings: SimpleNamespace = SETTINGS,
+    sizes: Sequence[Body] = (),
+    **state: object,
+) -> Follower:
+    """A follower of somebody whose body is known, unless `state` says otherwise."""
+    begun = PersonState.begin(load_body("neutral"), sized=True, seed=3)
+    return Follower(
+        observer or FakeObserver(), searches, FakeObjective(distances or {}), ROTATION, settings, sizes, SOURCES,
+        replace(begun, **state),
+    )  # fmt: skip
+
+
+def followed(**changes: object) -> dict[str, object]:
+    """State of somebody who was found in the frame before."""
+    pose = pose_at()
+    return {"previous": Previous.of_pose(load_body("neutral"), pose), "pose": pose, "timestamp": 0.0} | changes
+
+
+def step(person: Follower, seen: Sighting | None = None, timestamp: float = 1.0) -> FrameResult:
+    return person.step(seen or sighting(), timestamp, StageClock(STAGES))
+
+
+# Who wins
+
+
+@pytest.mark.parametrize("order", [(0, 1), (1, 0)])
+def test_the_hypothesis_nearest_to_the_frame_wins_whoever_was_asked_first(order: tuple[int, int]) -> None:
+    near, far = says("extrema", pose_at(1.0)), says("local", pose_at(2.0))
+    searches = [FakeSearch("first", Proposal((near,))), FakeSearch("second", Proposal((far,)))]
+    person = follower([searches[k] for k in order], distances={1.0: NEAR, 2.0: FAR})
+    result = step(person)
+    assert SOURCES[result.source] == "extrema"
+    assert result.pose[0] == 1.0
+
+
+def test_of_one_search_the_nearest_hypothesis_wins() -> None:
+    answers = Proposal((says("extrema", pose_at(2.0)), says("joints", pose_at(1.0)), says("extrema", pose_at(3.0))))
+    person = follower([FakeSearch("first", answers)], distances={1.0: NEAR, 2.0: FAR, 3.0: HOPELESS})
+    assert SOURCES[step(person).source] == "joints"
+
+
+def test_what_supersedes_withdraws_the_best_before_it_even_from_farther_away() -> None:
+    searches = [
+        FakeSearch("first", Proposal((says("local", pose_at(1.0)),))),
+        FakeSearch("second", Proposal((says("arms", pose_at(2.0), supersedes=True),))),
+    ]
+    result = step(follower(searches, distances={1.0: NEAR, 2.0: FAR}))
+    assert SOURCES[result.source] == "arms"
+    plain = [searches[0], FakeSearch("second", Proposal((says("arms", pose_at(2.0)),)))]
+    assert SOURCES[step(follower(plain, distances={1.0: NEAR, 2.0: FAR})).source] == "local"
+
+
+def test_what_supersedes_leaves_the_others_in_the_race() -> None:
+    searches = [
+        FakeSearch("first", Proposal((says("local", pose_at(1.0)), says("joints", pose_at(3.0))))),
+        FakeSearch("second", Proposal((says("arms", pose_at(2.0), supersedes=True),))),
+    ]
+    result = step(follower(searches, distances={1.0: NEAR, 2.0: HOPELESS, 3.0: FAR}))
+    assert SOURCES[result.source] == "joints"
+
+
+def test_a_comparison_that_a_search_brings_is_not_made_again() -> None:
+    person = follower([FakeSearch("first", Proposal((says("local", pose_at(9.0), NEAR),)))])
+    assert step(person).state == TRACKED
+    assert person.objective.bounds == []
+
+
+def test_a_person_of_unknown_size_gets_the_body_that_the_winner_was_found_with() -> None:
+    bodies = [load_body("child"), load_body("neutral"), load_body("slim_male")]
+
+    def answer(state: PersonState, best: object) -> Proposal:
+        index = [body.name for body in bodies].index(state.body.name)
+        return Proposal((says("extrema", pose_at(float(index)), (FAR, NEAR, HOPELESS)[index]),))
+
+    search = FakeSearch("first", answer)
+    person = follower([search], sizes=bodies, body=load_body("child"), sized=False)
+    result = step(person)
+    assert [state.body.name for _, state, _ in search.asked] == ["child", "neutral", "slim_male"]
+    assert person.body is bodies[1]
+    assert person.state.sized
+    assert person.state.previous is not None
+    expected = bodies[1].joint_positions(result.pose)
+    assert person.state.previous.joints == pytest.approx(expected)
+    step(person)
+    assert len(search.asked) == 4
+
+
+# Who is asked, and what with
+
+
+def test_every_search_is_told_the_frame_the_state_and_the_best_so_far() -> None:
+    observer = FakeObserver()
+    first = FakeSearch("first", Proposal((says("local", pose_at(1.0)), says("joints", pose_at(2.0)))))
+    second = FakeSearch("second", NOTHING)
+    person = follower([first, second], distances={1.0: FAR, 2.0: NEAR}, observer=observer, **followed())
+    before = person.state
+    step(person)
+    (seen, state, best) = first.asked[0]
+    assert seen is observer.shown and best is None
+    assert state.previous is before.previous and state.body is before.body
+    (_, _, best) = second.asked[0]
+    assert best is not None and best.hypothesis.source == "joints" and best.comparison.distance == NEAR
+    assert observer.states == [before]
+
+
+def test_a_cloud_of_too_few_points_is_nobody_and_no_search_is_asked() -> None:
+    search = FakeSearch("first", Proposal((says("local", pose_at(1.0), NEAR),)))
+    person = follower([search], **followed())
+    assert step(person, sighting(299)).state == EMPTY
+    assert not search.asked
+    assert person.observation is None
+    assert step(person, sighting(300)).state == TRACKED
+
+
+def test_without_a_sighting_nobody_is_there() -> None:
+    person = follower([FakeSearch("first", NOTHING)], **followed())
+    assert person.step(None, 1.0, StageClock(STAGES)).state == EMPTY
+
+
+def test_the_random_numbers_go_on_from_frame_to_frame_and_are_those_of_the_seed() -> None:
+    search = FakeSearch("first", Proposal((says("local", pose_at(1.0), NEAR),)))
+    person = follower([search])
+    for timestamp in (0.0, 1.0, 2.0):
+        step(person, timestamp=timestamp)
+    expected = np.random.Generator(np.random.PCG64(3)).random(3)
+    assert search.draws == expected.tolist()
+
+
+def test_what_a_search_carries_comes_back_to_it_in_the_next_frame() -> None:
+    kept = {"swarm": np.ones(3)}
+    first = FakeSearch("first", Proposal((says("local", pose_at(1.0), NEAR),), carry=kept))
+    second = FakeSearch("second", NOTHING)
+    person = follower([first, second])
+    step(person)
+    step(person)
+    assert dict(first.asked[1][1].carry) == {"first": kept}
+
+
+# What is remembered
+
+
+def test_the_winner_is_remembered_with_its_joints_tips_and_extrema() -> None:
+    person = follower([FakeSearch("first", Proposal((says("extrema", pose_at(1.0), NEAR),)))])
+    step(person, timestamp=4.0)
+    state, body = person.state, load_body("neutral")
+    assert state.previous is not None and state.pose is not None
+    assert state.previous.pose[0] == state.pose[0] == 1.0
+    assert state.previous.joints == pytest.approx(body.joint_positions(pose_at(1.0)))
+    assert state.previous.effectors == pytest.approx(body.end_effector_positions(pose_at(1.0)))
+    assert state.previous.extrema == pytest.approx(observation().extrema.points[:5])
+    assert state.centre is CENTRE and state.facing is FACING
+    assert state.timestamp == 4.0 and state.lost == 0
+
+
+def test_fewer_than_five_extrema_are_not_remembered() -> None:
+    observer = FakeObserver(observation(extrema=4))
+    person = follower([FakeSearch("first", Proposal((says("extrema", pose_at(1.0), NEAR),)))], observer=observer)
+    step(person)
+    assert person.state.previous is not None and person.state.previous.extrema is None
+
+
+@pytest.mark.parametrize("continues", [True, False])
+def test_a_step_says_something_about_the_next_one_only_where_the_winner_continues(continues: bool) -> None:
+    answer = Proposal((says("local", pose_at(1.0), NEAR, continues=continues),))
+    person = follower([FakeSearch("first", answer)], **followed())
+    step(person)
+    before = person.state.previous.before if person.state.previous else None
+    assert (before is not None) == continues
+    if before is not None:
+        assert before[0] == 0.0
+
+
+def test_a_first_frame_has_no_step_before_it() -> None:
+    person = follower([FakeSearch("first", Proposal((says("local", pose_at(1.0), NEAR, continues=True),)))])
+    step(person)
+    assert person.state.previous is not None and person.state.previous.before is None
+
+
+def test_patience_is_counted_and_then_the_person_is_looked_for_anew() -> None:
+    person = follower([FakeSearch("first", Proposal((says("local", pose_at(1.0), HOPELESS),)))], **followed())
+    states = []
+    for frame in range(4):
+        assert step(person, timestamp=float(frame)).state == LOST
+        states.append((person.state.lost, person.state.previous is None))
+    assert states == [(1, False), (2, False), (0, True), (1, False)]
+    assert person.state.pose is not None
+
+
+def test_a_frame_that_is_explained_again_ends_a_loss() -> None:
+    person = follower([FakeSearch("first", Proposal((says("local", pose_at(1.0), NEAR),)))], **followed(lost=2))
+    assert step(person).state == TRACKED
+    assert person.state.lost == 0
+
+
+@pytest.mark.parametrize(
+    ("state", "turns"), [(followed(), 1), (followed(lost=1), 0), ({}, 0)], ids=["all well", "lost", "first"]
+)
+def test_turns_are_counted_while_all_is_well(state: dict[str, object], turns: int) -> None:
+    person = follower([FakeSearch("first", Proposal((says("local", pose_at(1.0), NEAR),)))], **state)
+    step(person)
+    assert person.state.turn == turns
+
+
+def test_who_goes_away_may_come_back_anywhere() -> None:
+    kept = followed(centre=CENTRE, facing=FACING, smoothed=(pose_at(), 0.0), turn=7)
+    person = follower([FakeSearch("first", NOTHING)], **kept)
+    assert person.step(None, 5.0, StageClock(STAGES)).state == EMPTY
+    state = person.state
+    assert (state.previous, state.centre, state.facing, state.smoothed) == (None, None, None, None)
+    assert state.timestamp == 5.0 and state.pose is kept["pose"] and state.turn == 7
+
+
+def test_a_step_replaces_the_state_and_leaves_the_old_one_as_it_was() -> None:
+    person = follower([FakeSearch("first", Proposal((says("local", pose_at(1.0), NEAR),)))], **followed())
+    before, exported = person.state, str(person.state.export())
+    step(person)
+    assert person.state is not before
+    assert str(before.export()) == exported
+
+
+# What is reported
+
+
+def test_joints_are_those_of_the_winner_in_the_camera_frame() -> None:
+    result = step(follower([FakeSearch("first", Proposal((says("local", pose_at(1.0), NEAR),)))]))
+    expected = load_body("neutral").joint_positions(pose_at(1.0)) @ ROTATION
+    assert result.joints == pytest.approx(expected, abs=1e-6)
+    assert result.joints.dtype == np.float32
+    assert result.pose == pytest.approx(pose_at(1.0))
+
+
+@pytest.mark.parametrize(("distance", "state", "sure"), [(0.2499, TRACKED, 0.7501), (0.25, LOST, 0.0)])
+def test_a_winner_that_is_too_far_is_lost_and_nothing_of_it_is_believed(
+    distance: float, state: int, sure: float
+) -> None:
+    result = step(follower([FakeSearch("first", Proposal((says("local", pose_at(1.0), distance),)))]))
+    assert result.state == state
+    assert result.confidence == pytest.approx(np.full(20, sure), abs=1e-6)
+    assert result.pose[0] == 1.0
+
+
+def test_nobody_is_reported_in_the_last_pose_that_was_found() -> None:
+    person = follower([FakeSearch("first", NOTHING)], **followed(pose=pose_at(0.7)))
+    result = person.step(None, 1.0, StageClock(STAGES))
+    assert result.pose[0] == 0.7
+    assert SOURCES[result.source] == "predicted"
+    assert not result.confidence.any()
+    expected = load_body("neutral").joint_positions(pose_at(0.7)) @ ROTATION
+    assert result.joints == pytest.approx(expected, abs=1e-6)
+
+
+def test_who_was_never_seen_is_said_to_stand_before_the_camera() -> None:
+    result = follower([]).step(None, 1.0, StageClock(STAGES))
+    assert result.pose[:3].tolist() == list(UNSEEN)
+    assert not result.pose[3:].any()
+
+
+def test_a_frame_in_which_no_search_says_anything_is_lost() -> None:
+    person = follower([FakeSearch("first", NOTHING)], **followed())
+    result = step(person)
+    assert (result.state, SOURCES[result.source]) == (LOST, "predicted")
+    assert person.state.previous is None
+
+
+def test_the_smoother_changes_what_is_reported_and_nothing_that_the_next_frame_goes_on_from() -> None:
+    settings = SimpleNamespace(**(vars(SETTINGS) | {"smoothing": 1.0}))
+    person = follower([FakeSearch("first", lambda state, best: Proposal((says("local", pose_at(float(x)), NEAR),)))],
+                      settings=settings)  # fmt: skip
+    x = 0.0
+    step(person, timestamp=0.0)
+    x = 1.0
+    result = step(person, timestamp=1.0)
+    share = 1.0 - np.exp(-1.0)
+    assert result.pose[0] == pytest.approx(share)
+    assert result.joints == pytest.approx(load_body("neutral").joint_positions(result.pose) @ ROTATION, abs=1e-6)
+    assert person.state.pose is not None and person.state.pose[0] == 1.0
+    assert person.state.smoothed is not None and person.state.smoothed[1] == 1.0
+
+
+def test_times_are_booked_under_each_search() -> None:
+    searches = [FakeSearch("first", Proposal((says("local", pose_at(1.0), NEAR),))), FakeSearch("second", NOTHING)]
+    result = step(follower(searches))
+    assert result.stage_ms.shape == (len(STAGES),)
+    assert (result.stage_ms > 0.0).all()
+
+
+def test_a_restored_state_goes_on_as_the_one_that_was_exported() -> None:
+    answer = Proposal((says("local", pose_at(1.0, left_elbow_ry=-0.5), NEAR, continues=True),), {"kept": np.arange(3)})
+    first, second = FakeSearch("first", answer), FakeSearch("first", answer)
+    one, other = follower([first], **followed()), follower([second])
+    step(one)
+    other.restore_state(one.export_state())
+    for person in (one, other):
+        step(person, timestamp=2.0)
+    assert first.draws[1:] == second.draws
+    assert str(one.export_state()) == str(other.export_state())

@@ -1,0 +1,99 @@
+"""What a follower is shown of a frame: how the size of the person, time and the frame before take part."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from toolkit.body.shape import load_body
+from toolkit.database.origin import ADULT_HEIGHT
+from toolkit.landmarks.facing import FacingEstimate, FacingFilter
+from toolkit.landmarks.settings import LandmarkSettings
+from toolkit.sensing.camera import Camera
+from toolkit.sensing.cloud import Cloud
+from toolkit.tracking import observation as room
+from toolkit.tracking.observation import FIRST_STEP, Observation, Observer
+from toolkit.tracking.state import PersonState
+
+OBSERVER = Observer(LandmarkSettings(), 20, 100, "pixels", None, 100)
+CENTRE = np.array([0.0, 0.1, -3.0])
+
+
+@pytest.fixture
+def cloud() -> Cloud:
+    """A board of 2,000 points, 3 m away."""
+    depth = np.zeros((60, 80), dtype=np.float32)
+    depth[5:55, 20:60] = 3.0
+    return Cloud.from_depth(depth, Camera(80.0, 80.0, 39.5, 29.5, 80, 60), np.diag([1.0, -1.0, -1.0]))
+
+
+def state(name: str = "neutral", **known: Any) -> PersonState:
+    return replace(PersonState.begin(load_body(name), sized=True, seed=0), **known)
+
+
+def recorded(monkeypatch: pytest.MonkeyPatch, name: str, answer: Any) -> list[tuple[Any, ...]]:
+    """What a function of the room is called with; it answers what is given."""
+    calls: list[tuple[Any, ...]] = []
+
+    def call(*values: Any) -> Any:
+        calls.append(values)
+        return answer
+
+    monkeypatch.setattr(room, name, call)
+    return calls
+
+
+@pytest.mark.parametrize("name", ["child", "neutral"])
+def test_landmarks_are_looked_for_at_the_size_of_the_person(
+    cloud: Cloud, monkeypatch: pytest.MonkeyPatch, name: str
+) -> None:
+    centres, facings = (
+        recorded(monkeypatch, "cloud_centre", CENTRE),
+        recorded(monkeypatch, "estimate_facing", FacingEstimate(0.2, 1.0)),
+    )
+    sources = recorded(monkeypatch, "source_node", 7)
+    seen = OBSERVER.observe(cloud, 0.0, state(name))
+    assert seen.extrema.source == 7 and seen.yaw == pytest.approx(0.2)
+    scale = load_body(name).height / ADULT_HEIGHT
+    assert [calls[0][-1] for calls in (centres, facings, sources)] == [scale] * 3
+    assert (name == "child") == (scale < 0.85)
+
+
+def test_the_centre_is_looked_for_from_the_one_before(cloud: Cloud, monkeypatch: pytest.MonkeyPatch) -> None:
+    calls = recorded(monkeypatch, "cloud_centre", CENTRE)
+    before = np.array([0.3, 0.0, -3.0])
+    assert Observation(OBSERVER, cloud, 0.0, state(centre=before)).centre is CENTRE
+    assert Observation(OBSERVER, cloud, 0.0, state()).centre is CENTRE
+    assert calls[0][1] is before and calls[1][1] is None
+
+
+@pytest.mark.parametrize(("timestamp", "dt"), [(10.0, 0.25), (None, FIRST_STEP)])
+def test_the_facing_follows_by_the_time_that_has_passed(
+    cloud: Cloud, monkeypatch: pytest.MonkeyPatch, timestamp: float | None, dt: float
+) -> None:
+    recorded(monkeypatch, "cloud_centre", CENTRE)
+    estimate = FacingEstimate(0.9, 0.5)
+    recorded(monkeypatch, "estimate_facing", estimate)
+    before = np.array([0.0, 1.0])
+    seen = Observation(OBSERVER, cloud, 10.25, state(facing=before, timestamp=timestamp))
+    expected = FacingFilter(OBSERVER.landmarks, before.copy())
+    expected.update(estimate, dt, CENTRE)
+    assert seen.facing == pytest.approx(expected.direction)
+    assert before.tolist() == [0.0, 1.0]
+
+
+def test_parts_that_nobody_asks_for_are_not_computed(cloud: Cloud, monkeypatch: pytest.MonkeyPatch) -> None:
+    calls = [recorded(monkeypatch, name, None) for name in ("cloud_centre", "estimate_facing", "grid_graph", "Scene")]
+    seen = OBSERVER.observe(cloud, 0.0, state())
+    assert seen.votes is None and seen.cloud is cloud
+    assert not any(calls)
+
+
+def test_every_part_is_computed_once(cloud: Cloud) -> None:
+    seen = OBSERVER.observe(cloud, 0.0, state())
+    assert seen.scene is seen.scene and seen.extrema is seen.extrema and seen.centre is seen.centre
+    assert len(seen.extrema) == 20
+    assert len(seen.scene.extrema) == 20

@@ -1,0 +1,408 @@
+"""The searches with parts made up: what they start from, whom they ask, what they refine, and what they answer."""
+
+from __future__ import annotations
+
+import inspect
+from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from tests.database_helpers import small_database
+from tests.fake_parts import FakeObjective, FakeRefiner, compared, observation, pose_at, says
+from toolkit.body import skeleton
+from toolkit.body.shape import load_body
+from toolkit.database.database import PoseDatabase
+from toolkit.fitting.arms import ArmSettings
+from toolkit.fitting.objective import Objective
+from toolkit.fitting.refiner import Refiner
+from toolkit.fitting.terms import JointTerm
+from toolkit.landmarks.parts import JointEstimate
+from toolkit.sensing.camera import Camera
+from toolkit.tracking import hybrid
+from toolkit.tracking.hybrid import HybridTracker
+from toolkit.tracking.search.arms import FARTHER, ITERATIONS, ArmSearch
+from toolkit.tracking.search.extrema import ExtremaQuery
+from toolkit.tracking.search.labelings import LookupSettings
+from toolkit.tracking.search.local import LocalSearch, moved_on
+from toolkit.tracking.search.lookup import FIRST_ROUNDS, PULLED_ITERATIONS, DatabaseLookup, Effort
+from toolkit.tracking.search.protocol import NOTHING, Rival
+from toolkit.tracking.search.votes import VOTE_SIGMA, VotesQuery
+from toolkit.tracking.settings import HybridSettings
+from toolkit.tracking.state import PersonState, Previous
+
+RNG = np.random.default_rng(0)
+BODY = load_body("neutral")
+EFFORT = Effort(candidates=2, starts=3, promising=2.0, rest=1)
+
+
+def state(previous: np.ndarray | None = None, before: np.ndarray | None = None, **others: Any) -> PersonState:
+    known = None if previous is None else Previous.of_pose(BODY, previous, None, before)
+    return replace(PersonState.begin(BODY, sized=True, seed=0), previous=known, **others)
+
+
+def rival(pose: np.ndarray, distance: float, **how: float) -> Rival:
+    return Rival(says("local", pose), BODY, compared(distance, **how))
+
+
+# The local hypothesis
+
+
+def test_the_local_hypothesis_is_the_previous_pose_refined_and_continues_it() -> None:
+    refiner = FakeRefiner(step=0.5)
+    (found,) = LocalSearch(refiner, 0.7).propose(observation(), state(pose_at(1.0)), RNG, None).hypotheses
+    assert (found.source, found.continues, found.supersedes) == ("local", True, False)
+    assert found.pose[0] == 1.5
+    assert refiner.calls[0].pose[0] == 1.0 and refiner.calls[0].body is BODY
+
+
+def test_without_a_previous_pose_there_is_no_local_hypothesis() -> None:
+    assert LocalSearch(FakeRefiner(), 0.7).propose(observation(), state(), RNG, None) is NOTHING
+
+
+def test_momentum_moves_on_by_its_share_of_the_last_step() -> None:
+    refiner = FakeRefiner()
+    known = state(pose_at(1.0, left_elbow_ry=-0.5), before=pose_at(0.8, left_elbow_ry=-0.3))
+    LocalSearch(refiner, 0.7).propose(observation(), known, RNG, None)
+    start = refiner.calls[0].pose
+    assert start[0] == pytest.approx(1.0 + 0.7 * 0.2)
+    assert start[skeleton.POSE_NAMES.index("left_elbow_ry")] == pytest.approx(-0.5 - 0.7 * 0.2)
+
+
+def test_momentum_turns_the_root_the_short_way_and_keeps_the_limits() -> None:
+    almost, beyond = np.zeros(skeleton.POSE_SIZE), np.zeros(skeleton.POSE_SIZE)
+    almost[4], beyond[4] = np.pi - 0.05, -np.pi + 0.05  # 0.1 further about y
+    knee = skeleton.POSE_NAMES.index("left_knee_rx")
+    almost[knee], beyond[knee] = 2.3, 2.5
+    moved = moved_on(Previous.of_pose(BODY, beyond, None, almost), 1.0)
+    assert moved[4] == pytest.approx(-np.pi + 0.15)
+    assert moved[knee] == skeleton.POSE_LIMITS[knee, 1] < 2.7
+
+
+# The database
+
+
+class FakeQuery:
+    """Answers with poses at given places and remembers what it was asked."""
+
+    def __init__(self, source: str, places: list[float], pull: Any = None) -> None:
+        self.source, self._places, self._pull = source, places, pull
+        self.asked: list[tuple[Any, int]] = []
+
+    def poses(self, seen: Any, previous: Any, body: Any, count: int) -> np.ndarray:
+        self.asked.append((previous, count))
+        return np.array([pose_at(x) for x in self._places[:count]]).reshape(-1, skeleton.POSE_SIZE)
+
+    def pull(self, seen: Any) -> Any:
+        return self._pull
+
+
+def lookup(queries: list[FakeQuery], distances: dict[float, float], effort: Effort = EFFORT) -> DatabaseLookup:
+    return DatabaseLookup(queries, FakeObjective(distances), FakeRefiner(), effort)
+
+
+def test_while_all_is_well_queries_take_turns_with_frames_of_rest() -> None:
+    queries = [FakeQuery("extrema", []), FakeQuery("joints", [])]
+    search = lookup(queries, {})
+    asked = []
+    for turn in range(8):
+        before = [len(query.asked) for query in queries]
+        search.propose(observation(), state(pose_at(), turn=turn), RNG, rival(pose_at(), 0.1))
+        asked.append([len(query.asked) - n for query, n in zip(queries, before, strict=True)])
+    one, rest, other = [1, 0], [0, 0], [0, 1]
+    assert asked == [rest, other, rest, one, rest, other, rest, one]
+
+
+def test_after_a_loss_every_query_is_asked_in_every_frame() -> None:
+    queries = [FakeQuery("extrema", []), FakeQuery("joints", [])]
+    for turn in range(3):
+        lookup(queries, {}).propose(observation(), state(pose_at(), turn=turn, lost=1), RNG, None)
+    assert [len(query.asked) for query in queries] == [3, 3]
+    assert {count for query in queries for _, count in query.asked} == {EFFORT.candidates}
+
+
+def test_the_nearest_of_the_retrieved_poses_is_refined_and_no_other() -> None:
+    refiner = FakeRefiner(step=0.25)
+    objective = FakeObjective({1.0: 0.15, 2.0: 0.12})
+    search = DatabaseLookup([FakeQuery("extrema", [1.0, 2.0, 3.0])], objective, refiner, EFFORT)
+    (found,) = search.propose(observation(), state(pose_at(), lost=1), RNG, rival(pose_at(), 0.1)).hypotheses
+    assert found.source == "extrema" and found.pose[0] == 2.25
+    assert not found.continues and not found.supersedes
+    assert [call.pose[0] for call in refiner.calls] == [2.0]
+    assert objective.bounds == [EFFORT.promising * 0.1, 0.15]
+
+
+def test_retrieved_poses_that_are_hopelessly_farther_than_the_rival_are_not_refined() -> None:
+    refiner = FakeRefiner()
+    search = DatabaseLookup([FakeQuery("extrema", [1.0])], FakeObjective({1.0: 0.21}), refiner, EFFORT)
+    assert search.propose(observation(), state(pose_at(), lost=1), RNG, rival(pose_at(), 0.1)) is NOTHING
+    assert not refiner.calls
+    assert search.propose(observation(), state(pose_at(), lost=1), RNG, rival(pose_at(), 0.11)).hypotheses
+
+
+def test_of_two_queries_the_one_with_the_nearer_pose_is_believed() -> None:
+    search = lookup([FakeQuery("extrema", [1.0]), FakeQuery("joints", [2.0])], {1.0: 0.1, 2.0: 0.08})
+    (found,) = search.propose(observation(), state(pose_at(), lost=1), RNG, None).hypotheses
+    assert found.source == "joints"
+
+
+def test_on_a_first_frame_each_query_gives_the_nearest_of_its_refined_starts() -> None:
+    queries = [FakeQuery("extrema", [1.0, 2.0, 3.0, 4.0]), FakeQuery("joints", [])]
+    refiner = FakeRefiner(step=0.5)
+    objective = FakeObjective({1.5: 0.3, 2.5: 0.1, 3.5: 0.2})
+    search = DatabaseLookup(queries, objective, refiner, EFFORT)
+    (found,) = search.propose(observation(), state(), RNG, None).hypotheses
+    assert found.pose[0] == 2.5 and found.comparison is not None and found.comparison.distance == 0.1
+    assert queries[0].asked == [(None, EFFORT.starts)]
+    assert len(refiner.calls) == EFFORT.starts
+    assert {call.iterations for call in refiner.calls} == {FIRST_ROUNDS * refiner.settings.iterations}
+
+
+@pytest.mark.parametrize(("previous", "rounds"), [(pose_at(), 1), (None, FIRST_ROUNDS)], ids=["later", "first"])
+def test_an_answer_is_first_drawn_to_what_its_query_saw(previous: np.ndarray | None, rounds: int) -> None:
+    pull, refiner = object(), FakeRefiner()
+    search = DatabaseLookup([FakeQuery("joints", [1.0], pull)], FakeObjective({1.0: 0.1}), refiner, EFFORT)
+    search.propose(observation(), state(previous, lost=1), RNG, None)
+    drawn, free = refiner.calls
+    assert drawn.terms == (pull,) and drawn.iterations == rounds * PULLED_ITERATIONS
+    assert free.terms == () and free.iterations == rounds * refiner.settings.iterations - PULLED_ITERATIONS
+
+
+# Its queries
+
+
+def votes(confidence: float = 0.25) -> JointEstimate:
+    return JointEstimate(BODY.joint_positions(pose_at()), np.full(20, confidence))
+
+
+def test_regressed_joints_pull_in_the_camera_frame_by_the_root_of_their_confidence() -> None:
+    seen = observation(votes=votes())
+    pull = VotesQuery(small_database(), 30.0).pull(seen)
+    assert isinstance(pull, JointTerm)
+    assert pull.weights == pytest.approx(np.full(20, 30.0 * 0.5))
+    assert pull.targets == pytest.approx(votes().points * [1.0, -1.0, -1.0])
+    assert pull.sigma == VOTE_SIGMA
+
+
+def test_without_votes_or_weight_nothing_pulls() -> None:
+    assert VotesQuery(small_database(), 30.0).pull(observation()) is None
+    assert VotesQuery(small_database(), 0.0).pull(observation(votes=votes())) is None
+
+
+class FakeDatabase:
+    """Three poses; every query gets all of them at given distances."""
+
+    def __init__(self, distances: list[float]) -> None:
+        real = small_database()
+        self.poses, self.joints, self.offsets = real.poses[:3], real.joints[:3], np.zeros((3, 4), dtype=np.float32)
+        self.torso_length = real.torso_length
+        self.distances = np.array(distances)
+
+    def query(self, features: np.ndarray, k: int, present: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        return self.distances[: len(features)], np.tile(np.arange(3), (len(features), 1))
+
+
+def queried(query: ExtremaQuery, points: np.ndarray, present: np.ndarray, previous: Previous | None) -> np.ndarray:
+    query.queries = lambda seen, known: (points, present)  # type: ignore[method-assign]
+    return query.poses(observation(), previous, BODY, 3)
+
+
+def rows_of(found: np.ndarray, database: FakeDatabase) -> list[int]:
+    """Which poses of the database were found, by their angles."""
+    return [int(np.abs(database.poses[:, 6:] - pose[6:]).sum(axis=1).argmin()) for pose in found]
+
+
+def test_missing_end_effectors_count_as_if_they_were_as_far_off_as_the_others() -> None:
+    """Eq. 5.5: over 3 of 5 end effectors a distance of 0.8 stands for 0.8 sqrt(5 / 3) = 1.03 and loses to 1."""
+    database: Any = FakeDatabase([[9.0, 1.0, 9.0], [9.0, 9.0, 0.8]])
+    present = np.array([[True] * 5, [True, True, True, False, False]])
+    found = queried(ExtremaQuery(database, LookupSettings()), np.zeros((2, 5, 3)), present, None)
+    assert rows_of(found, database)[0] == 1
+
+
+@pytest.mark.parametrize(("balance", "first"), [(1.0, 0), (0.0, 2), (0.5, 2)])
+def test_the_frame_before_weighs_as_in_eq_5_6(balance: float, first: int) -> None:
+    database: Any = FakeDatabase([[0.10, 0.15, 0.12]])
+    seen = observation()
+    like = database.joints[2].astype(np.float64)
+    turned = like @ np.array(  # facing of the frame, about y
+        [[np.cos(seen.yaw), 0, -np.sin(seen.yaw)], [0, 1, 0], [np.sin(seen.yaw), 0, np.cos(seen.yaw)]]
+    )
+    previous = replace(Previous.of_pose(BODY, pose_at()), joints=turned + _centre(seen))
+    query = ExtremaQuery(database, LookupSettings(balance=balance))
+    found = queried(query, np.zeros((1, 5, 3)), np.ones((1, 5), dtype=bool), previous)
+    assert rows_of(found, database)[0] == first
+
+
+def _centre(seen: Any) -> np.ndarray:
+    from toolkit.database import canonical
+
+    return canonical.frontal_centre(seen.centre, seen.yaw, 1.0)
+
+
+# Arms
+
+
+class FakeArm:
+    """Proposes the pose with the root at given places."""
+
+    def __init__(self, *places: float) -> None:
+        self._places, self.starts = places, []
+
+    def propose(self, pose: np.ndarray, comparison: Any, scene: Any, settings: Any) -> list[np.ndarray]:
+        self.starts.append((float(pose[0]), comparison.distance))
+        return [pose_at(x) for x in self._places]
+
+
+class FakeArmObjective:
+    """Comparisons by where the root stands."""
+
+    def __init__(self, known: dict[float, Any]) -> None:
+        self.known, self.bounds = known, []
+
+    def compare(self, body: Any, pose: np.ndarray, scene: Any, bound: float = np.inf) -> Any:
+        self.bounds.append(bound)
+        return self.known[float(pose[0])]
+
+
+def arm_search(arms: list[FakeArm], objective: Any, refiner: FakeRefiner | None = None) -> ArmSearch:
+    poses: Any = SimpleNamespace(of=lambda body: tuple(arms))
+    if isinstance(objective, dict):
+        objective = FakeArmObjective(objective)
+    return ArmSearch(poses, objective, refiner or FakeRefiner(), ArmSettings(margin=0.001, prior=0.5))
+
+
+BEST = rival(pose_at(), 0.1, gaps=0.010, energy=0.0)
+
+
+@pytest.mark.parametrize(
+    ("gaps", "energy", "better"),
+    [(0.0089, 0.0, True), (0.0091, 0.0, False), (0.005, 0.006, True), (0.005, 0.0081, False)],
+    ids=["beyond the margin", "within the margin", "a little unlikely", "too unlikely"],
+)
+def test_an_arm_wins_by_what_it_leaves_unexplained_and_by_how_likely_it_is(
+    gaps: float, energy: float, better: bool
+) -> None:
+    refiner = FakeRefiner()
+    search = arm_search([FakeArm(1.0)], {1.0: compared(0.11, gaps=gaps, energy=energy)}, refiner)
+    proposal = search.propose(observation(), state(pose_at()), RNG, BEST)
+    assert bool(proposal.hypotheses) == better
+    assert refiner.calls[0].iterations == ITERATIONS
+    if better:
+        (found,) = proposal.hypotheses
+        assert (found.source, found.supersedes, found.continues) == ("arms", True, False)
+        assert found.pose[0] == 1.0 and found.comparison is not None and found.comparison.distance == 0.11
+
+
+def test_an_arm_that_is_in_the_way_of_what_was_measured_is_given_up() -> None:
+    objective = FakeArmObjective({1.0: compared(0.11, gaps=0.0)})
+    arm_search([FakeArm(1.0)], objective).propose(observation(), state(pose_at()), RNG, BEST)
+    assert objective.bounds == [pytest.approx(FARTHER * 0.1)]
+    assert FARTHER > 1.0
+    worse = arm_search([FakeArm(1.0)], {1.0: compared(np.inf, gaps=0.0)})
+    assert worse.propose(observation(), state(pose_at()), RNG, BEST) is NOTHING
+
+
+def test_the_second_arm_starts_from_the_pose_with_the_first_one_exchanged() -> None:
+    left, right = FakeArm(1.0), FakeArm(2.0)
+    search = arm_search([left, right], {1.0: compared(0.09, gaps=0.005), 2.0: compared(0.08, gaps=0.001)})
+    (found,) = search.propose(observation(), state(pose_at()), RNG, BEST).hypotheses
+    assert left.starts == [(0.0, 0.1)] and right.starts == [(1.0, 0.09)]
+    assert found.pose[0] == 2.0
+
+
+def test_arms_are_searched_only_for_somebody_who_is_followed() -> None:
+    search = arm_search([FakeArm(1.0)], {1.0: compared(0.01, gaps=0.0)})
+    assert search.propose(observation(), state(), RNG, BEST) is NOTHING
+    assert search.propose(observation(), state(pose_at()), RNG, None) is NOTHING
+
+
+# How the hybrid tracker puts them together
+
+CAMERA = Camera(200.0, 200.0, 79.5, 59.5, 160, 120)
+LEVEL = np.diag([1.0, -1.0, -1.0])
+
+
+@pytest.fixture(scope="module")
+def database() -> PoseDatabase:
+    return small_database()
+
+
+@pytest.mark.parametrize(
+    ("hypotheses", "names"),
+    [
+        (("local", "extrema", "arms"), ["local", "arms", "lookup"]),
+        (("local", "extrema"), ["local", "lookup"]),
+        (("extrema", "arms"), ["lookup"]),
+    ],
+)
+def test_the_searches_are_those_of_the_settings_in_their_order(
+    database: PoseDatabase, hypotheses: tuple[str, ...], names: list[str]
+) -> None:
+    person = HybridTracker(database, HybridSettings(hypotheses=hypotheses)).follower(CAMERA, LEVEL)
+    assert [search.name for search in person.searches] == names
+
+
+def made(monkeypatch: pytest.MonkeyPatch, part: type) -> list[dict[str, Any]]:
+    """What the hybrid tracker hands to each `part` that it makes, by the names of the parameters."""
+    calls: list[dict[str, Any]] = []
+
+    def make(*values: Any, **named: Any) -> Any:
+        calls.append(dict(inspect.signature(part).bind(*values, **named).arguments))
+        return part(*values, **named)
+
+    monkeypatch.setattr(hybrid, part.__name__, make)
+    return calls
+
+
+def test_the_prior_takes_part_in_every_fit_and_in_every_comparison(
+    database: PoseDatabase, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    fits, comparisons = made(monkeypatch, Refiner), made(monkeypatch, Objective)
+    tracker = HybridTracker(database, HybridSettings(hypotheses=("local", "extrema")), body=BODY)
+    tracker.follower(CAMERA, LEVEL)
+    (prior,) = fits[0]["pose_terms"]
+    assert comparisons[0]["pose_terms"] == (prior,)
+    likeliest = np.concatenate([np.zeros(6), database.poses[:, 6:].mean(axis=0)])
+    assert prior.energy(likeliest) == pytest.approx(0.0, abs=1e-9)
+    assert prior.weight == tracker.settings.fitting.prior_weight
+    without = replace(tracker.settings.fitting, prior_weight=0.0)
+    HybridTracker(database, replace(tracker.settings, fitting=without)).follower(CAMERA, LEVEL)
+    assert fits[1]["pose_terms"] == comparisons[1]["pose_terms"] == ()
+
+
+def test_settings_reach_the_searches_that_they_are_for(database: PoseDatabase, monkeypatch: pytest.MonkeyPatch) -> None:
+    local, lookups, arms = (made(monkeypatch, part) for part in (LocalSearch, DatabaseLookup, ArmSearch))
+    settings = HybridSettings(
+        hypotheses=("local", "extrema", "arms"), momentum=0.4, candidates=4, starts=6, promising=1.5,
+        arms=ArmSettings(margin=0.25),
+    )  # fmt: skip
+    HybridTracker(database, settings).follower(CAMERA, LEVEL)
+    HybridTracker(database, replace(settings, hypotheses=("local", "extrema"))).follower(CAMERA, LEVEL)
+    assert local[0]["momentum"] == 0.4
+    assert arms[0]["settings"].margin == 0.25
+    # Where arms are searched, whole poses are asked for every other frame.
+    assert [call["effort"] for call in lookups] == [Effort(4, 6, 1.5, rest=1), Effort(4, 6, 1.5, rest=0)]
+
+
+def test_the_body_that_was_learnt_is_the_one_that_is_followed(database: PoseDatabase) -> None:
+    tracker = HybridTracker(database, HybridSettings(hypotheses=("extrema",)))
+    learnt = load_body("child")
+    assert tracker.follower(CAMERA, LEVEL, learnt).body is learnt
+    assert tracker.learning_frames == tracker.settings.shape.frames * tracker.settings.shape.stride
+    assert HybridTracker(database, body=BODY).learning_frames == 0
+
+
+def test_a_person_of_unknown_size_is_tried_in_every_size_of_the_settings(
+    database: PoseDatabase, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    calls: list[Any] = []
+    monkeypatch.setattr(HybridTracker, "kind", staticmethod(lambda *parts: calls.append(parts)))
+    HybridTracker(database, HybridSettings(hypotheses=("extrema",), sizes=(-1.0, 2.0))).follower(CAMERA, LEVEL)
+    _, _, _, _, _, sizes, _, begun = calls[0]
+    assert [body.shape[0] for body in sizes] == [-1.0, 2.0]
+    assert not begun.sized
+    HybridTracker(database, HybridSettings(hypotheses=("extrema",)), body=BODY).follower(CAMERA, LEVEL)
+    assert calls[1][-1].sized and calls[1][-1].body is BODY
