@@ -24,6 +24,7 @@ SEED_RADIUS = 0.12  # m around a head's centre that is surely the head
 PLATEAU = 0.05  # of a score: the head's centre is the middle of what scores nearly best
 RIVALRY = 0.1  # of a score by which a head may be worse than the shoulder below it
 HEAD_BAND, CHEST_BAND = (-0.06, 0.06), (-0.42, -0.28)  # m above the head's centre
+SCALES = (1.0, 0.65)  # of these bands and of what follows: an adult, and a child of a metre
 HEAD_WIDTH = (0.09, 0.36)  # m: a child's from the side to a hooded adult's
 CHEST_WIDTH = (0.2, 0.95)  # m: a slim person's from the side to an adult's with the elbows out
 NARROWING = 1.1  # of the chest's width that the head may have: as wide, with hair, for a slim person from the side
@@ -80,8 +81,10 @@ def find_heads(view: View, lens: Lens, settings: PeopleSettings, *, cut_out: boo
 
 def _on_body_below(place: np.ndarray, head: np.ndarray, settings: PeopleSettings) -> bool:
     """Whether `place` is so close to the axis below `head` that it is a shoulder, an elbow or a knee."""
-    aside = float(np.hypot(place[0] - head[0], place[2] - head[2]))
-    return aside < settings.body_distance and place[1] < head[1] - settings.least_drop
+    aside, drop = float(np.hypot(place[0] - head[0], place[2] - head[2])), head[1] - place[1]
+    if drop < settings.least_drop:
+        return False
+    return aside < (settings.shoulder_distance if drop < settings.head_drop else settings.body_distance)
 
 
 def near_head(view: View, place: np.ndarray) -> np.ndarray:
@@ -122,18 +125,19 @@ def share_out(
 def looks_like_person(view: View, lens: Lens, mask: np.ndarray, head: np.ndarray, settings: PeopleSettings) -> bool:
     """Whether a surface has a head that is narrower than the chest below it, and is not flat."""
     points = view.points[mask].astype(np.float64) - head
-    reach = np.abs(points[:, 2]) < settings.reach / 2
-    widths = []
-    for low, high in (HEAD_BAND, CHEST_BAND):
-        band = reach & (points[:, 1] > low) & (points[:, 1] < high)
-        widths.append(_run_width(np.sort(points[band, 0])))
-    head_width, chest_width = widths
-    shaped = (
-        HEAD_WIDTH[0] <= head_width <= HEAD_WIDTH[1]
-        and CHEST_WIDTH[0] <= chest_width <= CHEST_WIDTH[1]
-        and head_width <= NARROWING * chest_width
-    )
+    points = points[np.abs(points[:, 2]) < settings.reach / 2]
+    shaped = any(_head_on_chest(points / scale, scale) for scale in SCALES)
     return shaped and _open_outline(view, mask, head) >= OPEN and planar_share(view, lens, mask, settings) < PLANAR
+
+
+def _head_on_chest(points: np.ndarray, scale: float) -> bool:
+    """Whether points around a head's centre (N, 3), divided by a body's `scale`, are narrow above a wide chest."""
+    head, chest = (
+        _run_width(np.sort(points[(points[:, 1] > low) & (points[:, 1] < high), 0]), RUN_GAP / scale)
+        for low, high in (HEAD_BAND, CHEST_BAND)
+    )
+    fits = HEAD_WIDTH[0] <= head <= HEAD_WIDTH[1] and CHEST_WIDTH[0] <= chest <= CHEST_WIDTH[1]
+    return fits and head <= NARROWING * chest
 
 
 def _open_outline(view: View, mask: np.ndarray, head: np.ndarray) -> float:
@@ -154,11 +158,11 @@ def _open_outline(view: View, mask: np.ndarray, head: np.ndarray) -> float:
     return ends / max(total, 1)
 
 
-def _run_width(across: np.ndarray) -> float:
-    """Width of the run of sorted values that holds the one nearest to 0, metres."""
+def _run_width(across: np.ndarray, gap: float) -> float:
+    """Width of the run of sorted values, without gaps wider than `gap`, that holds the one nearest to 0."""
     if len(across) < 3:
         return 0.0
-    breaks = np.flatnonzero(np.diff(across) > RUN_GAP)
+    breaks = np.flatnonzero(np.diff(across) > gap)
     starts, ends = np.concatenate([[0], breaks + 1]), np.concatenate([breaks, [len(across) - 1]])
     run = int(np.searchsorted(ends, int(np.abs(across).argmin())))
     return float(across[ends[run]] - across[starts[run]])

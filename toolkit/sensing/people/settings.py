@@ -25,11 +25,10 @@ class PeopleSettings:
     longest_way : over the surface from head to toe or fingertip
     head_score : of 1, which a head must reach in a single image; `head_score_followed` where a person is expected
     head_distance : between two heads; shoulder to shoulder, cheek to cheek
-    body_distance : horizontally, within which what looks like a head is a shoulder, an elbow or a knee of the person
-        above
-    least_drop : from a head to such a shoulder at the least
-    head_drop, knee_reach : what lies lower than `head_drop` on the surface that a head hangs on is a knee (of one who
-        sits, 0.55 m below), unless it is farther aside than `knee_reach`
+    shoulder_distance, least_drop : horizontally and downwards from a head, within and beyond which what looks like a
+        head is a shoulder
+    body_distance, head_drop, knee_reach : what lies lower than `head_drop` is an elbow or a knee within `body_distance`
+        of the axis, and on the surface that the head hangs on within `knee_reach` (of one who sits, 0.55 m below)
     least_area : of a person: head and chest of a child that a table cuts off
     least_height : of a person: head and chest of a child
     least_part : of a person who is known: a shoulder beside somebody else
@@ -60,6 +59,7 @@ class PeopleSettings:
     head_score: float = 0.8
     head_score_followed: float = 0.6
     head_distance: float = 0.25
+    shoulder_distance: float = 0.3
     body_distance: float = 0.45
     least_drop: float = 0.1
     head_drop: float = 0.5

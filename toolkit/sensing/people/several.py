@@ -18,7 +18,8 @@ from toolkit.sensing.people.newcomers import Newcomers
 from toolkit.sensing.people.settings import PeopleSettings
 from toolkit.sensing.people.sharing import body_seeds, stayed_seeds
 from toolkit.sensing.people.sighting import PredictedBody, Sighting
-from toolkit.sensing.people.surroundings import Surroundings, first_look, large_enough, people_and_furniture, tolerances
+from toolkit.sensing.people.stills import large_enough, people_and_furniture
+from toolkit.sensing.people.surroundings import Surroundings, first_look, tolerances
 from toolkit.sensing.people.tracks import Person, export_people, known_again, match_heads, restore_people
 from toolkit.sensing.people.view import Lens, View
 from toolkit.sensing.polish import Polisher
@@ -200,7 +201,7 @@ class SeveralPeople:
         """Whether two heads on one surface may be two people's."""
         aside = float(np.hypot(head[0] - other[0], head[2] - other[2]))
         close = abs(head[1] - other[1]) <= self._settings.head_drop
-        return aside >= (self._settings.head_distance if close else self._settings.knee_reach)
+        return aside >= (self._settings.shoulder_distance if close else self._settings.knee_reach)
 
     def _headless(self, view: View, bodies: Sequence[np.ndarray], heads: Sequence[np.ndarray]) -> list[np.ndarray]:
         """Those bodies (masks) that none of the heads may belong to."""

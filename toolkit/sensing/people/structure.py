@@ -17,6 +17,7 @@ MOST_PLANES = 8
 BEHIND = 0.35  # of a plane's points: more measured through it, and it bounds nothing (a sofa's front, a row of people)
 CORE = 2  # coarse pixels: what is on a plane but thinner than twice this is something that stands out of it
 FILLED = 0.35  # of a plane's rectangle that its points cover at the least; a cut through clutter covers less
+LEAST_SLANT = 0.3  # sine of the angle at which a plane is seen: nearer to edge-on, its area is anybody's guess
 REFITS = 3
 
 
@@ -73,7 +74,7 @@ def find_planes(
         normal, offset, on = _refitted(points, tolerances, rest, plane)
         rest &= ~on
         slant = np.abs(linear.times(points, normal)) / linear.lengths(points)
-        area = float((facing[on] / np.maximum(slant[on], 0.1)).sum())
+        area = float((facing[on] / np.maximum(slant[on], LEAST_SLANT)).sum())
         sides = _sides(points[on], normal)
         large = area >= least_area and sides[1] >= least_side and area >= FILLED * sides[0] * sides[1]
         if large and _bounds(points, tolerances, on, normal, offset):

@@ -8,9 +8,10 @@ import numpy as np
 
 from toolkit.errors import SegmentationError
 from toolkit.sensing.cleaning import SensingSettings
+from toolkit.sensing.people.learning import learnt
 from toolkit.sensing.people.settings import PeopleSettings
 from toolkit.sensing.people.several import SeveralPeople
-from toolkit.sensing.people.surroundings import Surroundings, empty_scene, is_cut_out, learnt, nothing_but_people
+from toolkit.sensing.people.surroundings import Surroundings, empty_scene, is_cut_out, nothing_but_people
 from toolkit.sensing.people.view import Lens
 from toolkit.sensing.polish import Polisher
 from toolkit.sensing.recording import Recording

@@ -16,8 +16,9 @@ from toolkit.sensing.camera import DEFAULT_UP, Camera
 from toolkit.sensing.cleaning import SensingSettings
 from toolkit.sensing.floor import Floor, find_floor
 from toolkit.sensing.people.settings import PeopleSettings
+from toolkit.sensing.people.stills import people_and_furniture
 from toolkit.sensing.people.structure import find_planes
-from toolkit.sensing.people.surroundings import first_look, people_and_furniture, tolerances
+from toolkit.sensing.people.surroundings import first_look, tolerances
 from toolkit.sensing.people.view import Lens
 from toolkit.sensing.recording import Recording
 from toolkit.sensing.vertical import Vertical
