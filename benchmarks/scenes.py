@@ -31,7 +31,7 @@ from toolkit.rendering.film import contact_sheet, save_png
 from toolkit.rendering.overlay import color_depth, draw_points, draw_skeleton
 from toolkit.runs import person_runs
 from toolkit.sensing.recording import Recording, open_recording
-from toolkit.testing.scenes import GROUPS, LONGEST, chosen_scenes, record_scene, scenes
+from toolkit.testing.scenes import GROUPS, LONGEST, Scene, chosen_scenes, record_scene, scenes
 from toolkit.testing.suite import has_mocap
 from toolkit.track import EMPTY, TRACK_FILE, Track
 
@@ -42,9 +42,14 @@ LINES = {
     "children, tilted": ("children",),
     "several people": ("several",),
     "all people": GROUPS[:-1],
+    "cut out before": GROUPS[:-1],
+    "with empty scene": GROUPS[:-1],
+    "with neither": GROUPS[:-1],
     "empty rooms": ("empty",),
 }
 """Rows of the table, of which groups."""
+LINE_VIEWS = {"cut out before": "cut", "with empty scene": "background", "with neither": "room"}
+"""Rows of the table that hold the scenes of one view only."""
 COLUMNS = (
     ("recordings", "clips", "d", 1.0),
     ("error_mm", "seen mm", ".1f", 1.0),
@@ -90,19 +95,24 @@ def tracks_of(run: Path) -> list[Track]:
     return [Track.load(person) for person in person_runs(run) if (person / TRACK_FILE).exists()]
 
 
-def table(scores: dict[str, SceneScore], groups: dict[str, str]) -> dict[str, dict[str, Any]]:
-    """Figures of every line that has a recording, and of every group, by name; scores and groups are by recording."""
+def table(scores: dict[str, SceneScore], made_from: dict[str, Scene]) -> dict[str, dict[str, Any]]:
+    """Figures of every line that has a recording, and of every group, by name; scores and scenes are by recording."""
     names = LINES | {group: (group,) for group in GROUPS}
     found = {}
-    for line, members in names.items():
-        own = [score for name, score in scores.items() if groups[name] in members]
+    for line, groups in names.items():
+        view = LINE_VIEWS.get(line)
+        own = [
+            score
+            for name, score in scores.items()
+            if made_from[name].group in groups and view in (None, made_from[name].view)
+        ]
         if own:
             found[line] = scene_figures(own)
     return found
 
 
 def print_table(figures: dict[str, dict[str, Any]]) -> None:
-    """The lines of `LINES`, then the targets' headings explained by the module's docstring."""
+    """The lines of `LINES` that there are."""
     print(f"{'':<21}", *(f"{heading:>{max(len(heading), 8)}}" for _, heading, _, _ in COLUMNS))
     for line in [line for line in LINES if line in figures]:
         cells = []
@@ -185,8 +195,7 @@ def main() -> None:
     scores = {
         path.stem: score_scene(open_recording(path), tracks_of(run)) for path, run in zip(paths, runs, strict=True)
     }
-    groups = {path.stem: scene.group for path, scene in zip(paths, chosen, strict=True)}
-    figures = table(scores, groups)
+    figures = table(scores, {path.stem: scene for path, scene in zip(paths, chosen, strict=True)})
     print_table(figures)
     for name, reason in failed.items():
         print(f"{name} was not tracked: {reason}")
