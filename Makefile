@@ -1,11 +1,12 @@
 # make demo: set up and run the main job on bundled motions.   make test: set up and run everything that CI runs.
+# make quick: for the loop of a person who edits; what answers within half a minute.
 # PYTHON=python3.12 chooses the interpreter (3.10 to 3.12); without it the first one found is taken.
 
 SHELL := /bin/bash
 VENV := .venv
 BIN := $(VENV)/bin
 
-.PHONY: demo test environment lint node clean
+.PHONY: demo test quick environment lint node clean
 
 environment:
 	@scripts/check_system_libraries.sh
@@ -22,6 +23,10 @@ lint: environment
 
 node:
 	@scripts/install_node_packages.sh
+
+quick:
+	$(BIN)/ruff check .
+	$(BIN)/pytest -x -m quick
 
 test: lint node
 	$(BIN)/pytest

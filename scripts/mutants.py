@@ -140,18 +140,19 @@ def main() -> int:
         for job in range(options.jobs):
             trees.put(copy_tree(Path(temporary) / str(job)))
 
-        def in_some_tree(mutant: Mutant | None) -> str | None:
+        def in_some_tree(mutant: Mutant) -> str | None:
             tree = trees.get()
             try:
-                if mutant is None:
-                    return run_tests(tree, sorted({test for each in mutants for test in each.tests}))
                 return judge(mutant, tree)
             finally:
                 trees.put(tree)
 
-        if broken := in_some_tree(None):
-            print(f"the tests fail without any mutant: {broken}")
-            return 1
+        for tests in dict.fromkeys(mutant.tests for mutant in mutants):
+            tree = trees.get()
+            trees.put(tree)
+            if broken := run_tests(tree, tests):
+                print(f"the tests fail without any mutant: {broken}")
+                return 1
         survivors = 0
         print("| # | what is broken | where | verdict | noticed by |\n|---:|---|---|---|---|", flush=True)
         with ThreadPoolExecutor(options.jobs) as pool:

@@ -111,9 +111,19 @@ def test_recovery_counts_frames_until_the_pose_is_right(
     monkeypatch.setattr(recovery, "WITHIN", 0.5)
     arguments = ["--takes", 1, "--frames", 4, "--starts", 5, "--database", small_database, "--work", bundled]
     run(recovery, *arguments, *QUICK, monkeypatch=monkeypatch)
-    kinds = json.loads((bundled / "recovery_tune_part.json").read_text())["figures"]["kinds"]
-    assert kinds["shifted"]["starts"] > 0
-    assert 1 <= kinds["shifted"]["median"] <= 3
+    figures = json.loads((bundled / "recovery_tune_part.json").read_text())["figures"]
+    kinds, starts = figures["kinds"], figures["starts"]
+    assert kinds["shifted"]["starts"] == sum(start["kind"] == "shifted" for start in starts) > 0
+    assert kinds["all"] == recovery.summary(starts)
+    assert {start["frames"] for start in starts} <= {1, 2, 3, None}
+
+
+def test_a_recovery_that_never_came_counts_as_the_longest() -> None:
+    found = [{"frames": frames} for frames in (1, 2, 4, None)]
+    expected = {"starts": 4, "median": 3.0, "not_recovered": 1}
+    assert recovery.summary(found).items() >= expected.items()
+    assert recovery.summary([{"frames": None}])["median"] == recovery.CAP
+    assert recovery.summary([])["median"] is None
 
 
 def test_a_turned_pose_and_a_shifted_one_are_wrong_by_180_degrees_and_by_a_metre() -> None:
@@ -163,8 +173,15 @@ def test_candidates_are_counted_in_frames_with_free_end_effectors(
     assert figures["real"] == {"frames": 0, "first_five": None, "all_extrema": None, "queries": None}
     row = figures["simulated"]
     assert 0 < row["frames"] == sum(figures[group]["frames"] for group in GROUPS) <= 5 * 3
-    assert 0.0 <= row["first_five"] <= row["all_extrema"] <= 1.0
-    assert 0.0 <= row["queries"] <= 1.0
+    assert row["first_five"] <= row["all_extrema"]
+    for share in ("first_five", "all_extrema", "queries"):
+        hits = [figures[group]["frames"] * (figures[group][share] or 0.0) for group in GROUPS]
+        assert row[share] * row["frames"] == pytest.approx(sum(hits), abs=0.01)
+
+
+def test_shares_are_those_of_the_frames_that_count() -> None:
+    row = candidates.shares([(True, True, False), (False, True, True), (False, True, False), (False, False, False)])
+    assert row == {"frames": 4, "first_five": 0.25, "all_extrema": 0.75, "queries": 0.25}
 
 
 def test_the_watched_local_hypothesis_is_the_one_that_competes(bundled: Path, small_database: Path) -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from pathlib import Path
 from typing import Any
 
@@ -131,20 +130,6 @@ def test_a_body_of_twice_the_size_has_twice_the_features() -> None:
     np.testing.assert_allclose(doubled.features, 2.0 * database.features, atol=1e-5)
     back = doubled.for_body(neutral())
     np.testing.assert_allclose(back.features, database.features, atol=1e-5)
-
-
-def test_another_body_for_25000_poses_takes_less_than_a_second() -> None:
-    small = small_database()
-    rows = np.resize(np.arange(len(small)), 25000)
-    names = ("poses", "joints", "features", "offsets", "pose_source", "pose_frame", "mirrored")
-    large = PoseDatabase(
-        **{name: getattr(small, name)[rows] for name in names}, sources=small.sources, hashes=small.hashes,
-        threshold=0.0, body_name=small.body_name, body_shape=small.body_shape, body_scale=1.0,
-        torso_length=small.torso_length,
-    )  # fmt: skip
-    started = time.process_time()
-    large.for_body(load_body("child"))
-    assert time.process_time() - started < 1.0
 
 
 def test_the_first_poses_are_a_database_of_their_own() -> None:

@@ -14,6 +14,7 @@ from toolkit.body.body import Body
 from toolkit.body.raycast import render_depth
 from toolkit.body.shape import ShapeSpace, load_body
 from toolkit.errors import SettingsError
+from toolkit.fitting.objective import CALIBRATION
 from toolkit.fitting.placed import NormalSystem, Placer, choose_vertices
 from toolkit.fitting.refiner import mesh_terms
 from toolkit.fitting.scene import Scene
@@ -315,9 +316,15 @@ def test_almost_empty_images_leave_everything_finite(body: Body, fit: Fit, point
     for search in ("pixels", "open3d") if points else ("pixels",):
         scene = Scene(cloud, cloud.points.astype(np.float64), SETTINGS.cloud_samples, search)
         found = fit.refine(standing(), scene)
+        compared = fit.compare(found, scene)
         assert np.isfinite(found).all()
-        assert 0.0 <= fit.distance(found, scene) <= 3 * SETTINGS.reach + 1e-9
-        assert (fit.confidence(fit.compare(found, scene)) <= 1.0).all()
+        assert np.abs(found - standing()).max() < np.pi
+        if points:
+            assert 0.0 < compared.distance <= 3 * SETTINGS.unexplained
+        else:
+            assert found == pytest.approx(standing())
+            assert compared.distance == SETTINGS.unexplained, "of every vertex that the camera should see"
+            assert fit.confidence(compared) == pytest.approx(np.full(20, CALIBRATION[0, 1]))
 
 
 def test_a_body_behind_the_camera_or_beside_the_image_is_survived(body: Body, fit: Fit) -> None:

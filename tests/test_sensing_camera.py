@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import time
-
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -122,14 +120,3 @@ def test_a_cloud_is_the_back_projection_of_its_depth():
 
 def test_an_empty_depth_image_is_an_empty_cloud():
     assert len(Cloud.from_depth(np.zeros(TOF.shape, dtype=np.float32), TOF, np.eye(3))) == 0
-
-
-def test_a_cloud_of_a_kinect_frame_takes_less_than_half_a_millisecond():
-    depth = person_alone(KINECT, distance=2.6).astype(np.float32) / 1000
-    Cloud.from_depth(depth, KINECT, np.eye(3))
-    times = []
-    for _ in range(50):
-        start = time.process_time()
-        Cloud.from_depth(depth, KINECT, np.eye(3))
-        times.append(time.process_time() - start)
-    assert np.median(times) < 0.5e-3  # 0.1 ms alone; a loaded machine is slower

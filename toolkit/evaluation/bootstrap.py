@@ -39,7 +39,13 @@ def paired_bootstrap(
     """
     if len(first) != len(second) or len(first) == 0:
         raise UsageError(f"{len(first)} and {len(second)} figures cannot be paired; give one per recording to both")
+    from scipy.stats import bootstrap
+
     difference = np.asarray(first, np.float64) - np.asarray(second, np.float64)
-    means = difference[rng.integers(0, len(difference), size=(samples, len(difference)))].mean(axis=1)
-    low, high = np.quantile(means, [0.025, 0.975])
-    return PairedDifference(float(difference.mean()), float(low), float(high), float((means > 0).mean()))
+    if len(difference) == 1:
+        only = float(difference[0])
+        return PairedDifference(only, only, only, float(only > 0))
+    found = bootstrap((difference,), np.mean, n_resamples=samples, method="percentile", random_state=rng)
+    low, high = found.confidence_interval
+    above = float((found.bootstrap_distribution > 0).mean())
+    return PairedDifference(float(difference.mean()), float(low), float(high), above)
