@@ -177,7 +177,8 @@ def test_an_output_that_cannot_be_written_is_exit_code_1(
     tmp_path: Path, fake: FakeTracker, capsys: pytest.CaptureFixture[str]
 ) -> None:
     recording = write_recording(tmp_path / "take.npz")
-    assert run("track", recording, "--database", "d", "--output", recording / "run") == 1
+    (tmp_path / "file").write_text("")
+    assert run("track", recording, "--database", "d", "--output", tmp_path / "file" / "run") == 1
     assert "choose a folder that can be written" in capsys.readouterr().err
 
 

@@ -212,3 +212,36 @@ def test_run_json_is_plain_json(tmp_path: Path) -> None:
     track_recording(open_recording(recording), FakeTracker(), run)
     values = json.loads((run / "run.json").read_text())
     assert values["level_rotation"] == [1, 0, 0, 0, -1, 0, 0, 0, -1] and values["sensing"]["segment"] == "auto"
+
+
+def test_a_run_folder_that_is_being_written_is_left_alone(tmp_path: Path) -> None:
+    recording, run = write_recording(tmp_path / "take.npz"), tmp_path / "run"
+    process = child(recording, run)
+    try:
+        read_until(process, "tracking 3")
+        with pytest.raises(OutputError, match=f"is being written by process {process.pid} "):
+            track_recordings([recording], FakeTracker(), run, resume=True)
+    finally:
+        process.kill()
+        process.wait()
+    assert track_recordings([recording], FakeTracker(), run, resume=True).done[0].frames == 12
+    assert not (run / ".lock").exists()
+
+
+@pytest.mark.parametrize("place", ["same", "inside", "around"])
+def test_a_run_folder_is_kept_apart_from_its_recording(tmp_path: Path, place: str) -> None:
+    recording = write_recording(tmp_path / "takes" / "take.npz")
+    run = {"same": recording, "inside": recording / "run", "around": tmp_path / "takes"}[place]
+    before = recording.read_bytes()
+    with pytest.raises(UsageError, match="choose"):
+        track_recordings([recording], FakeTracker(), run)
+    assert recording.read_bytes() == before and [p.name for p in (tmp_path / "takes").iterdir()] == ["take.npz"]
+
+
+def test_the_settings_that_a_run_was_made_from_are_not_replaced(tmp_path: Path) -> None:
+    recording = write_recording(tmp_path / "take.npz")
+    (tmp_path / "own").mkdir()
+    (tmp_path / "own" / "config.yaml").write_text("# mine")
+    with pytest.raises(UsageError, match="would be overwritten"):
+        track_recordings([recording], FakeTracker(), tmp_path / "own", settings_file=tmp_path / "own" / "config.yaml")
+    assert (tmp_path / "own" / "config.yaml").read_text() == "# mine"

@@ -1,11 +1,13 @@
 from __future__ import annotations
 
+import json
 import os
 import signal
 import subprocess
 import sys
 import textwrap
 import time
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -219,3 +221,63 @@ def test_a_run_folder_that_is_moved_with_its_recording_finds_it_again_and_the_di
     here.mkdir()
     (tmp_path / "elsewhere.npz").rename(here / "take.npz")
     assert len(moved.open_recording()) == 12, "what lies beside the run is another one, what lay there before is right"
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"recording": 3}, "recording .* is int"),
+        ({"scale": "tall"}, "scale .* is str"),
+        ({"scale": -1.0}, "outside"),
+        ({"scale": True}, "scale .* is bool"),
+        ({"shape": ["a"]}, "something else than numbers"),
+        ({"shape": [1e9]}, "outside"),
+        ({"level_rotation": [1.0, 0.0]}, "expected .9"),
+        ({"level_rotation": [2.0, 0, 0, 0, 1, 0, 0, 0, 1]}, "no rotation"),
+        ({"body_fingerprint": "0123456789abcdef"}, "another body"),
+        ({"sensing": {"magic": 1}}, "unknown setting sensing.magic"),
+        ({"reader_options": {"magic": 1}}, "unknown reader option"),
+        ({"reader_options": []}, "reader_options .* is list"),
+    ],
+)
+def test_run_information_that_cannot_be_is_named(tmp_path: Path, changes: dict[str, object], words: str) -> None:
+    info().save(tmp_path)
+    values = json.loads((tmp_path / "run.json").read_text())
+    (tmp_path / "run.json").write_text(json.dumps({**values, **changes}))
+    with pytest.raises(TrackError, match=words):
+        RunInfo.load(tmp_path)
+
+
+@pytest.mark.parametrize("text", ["[]", "{", "nothing", '{"recording": NaN}', "[" * 100_000])
+def test_run_information_that_is_none_is_named(tmp_path: Path, text: str) -> None:
+    (tmp_path / "run.json").write_text(text)
+    with pytest.raises(TrackError, match="run.json"):
+        RunInfo.load(tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("name", "change", "words"),
+    [
+        ("pose_names", lambda a: a[::-1], "pose_names"),
+        ("joint_names", lambda a: a[::-1], "joint_names"),
+        ("state", lambda a: a + np.uint8(3), "outside 0 to 2"),
+        ("source", lambda a: a + np.uint8(9), "outside"),
+        ("confidence", lambda a: a + 2, "outside 0 to 1"),
+        ("pose", lambda a: a.astype(str), "must be numbers"),
+        ("pose", lambda a: np.full_like(a, np.nan), "not finite"),
+        ("timestamps", lambda a: a[::-1].copy(), "run backwards"),
+        ("stage_ms", lambda a: a[:1], "shape"),
+    ],
+)
+def test_a_track_that_cannot_be_is_named(
+    tmp_path: Path, name: str, change: Callable[[np.ndarray], np.ndarray], words: str
+) -> None:
+    writer = TrackWriter(tmp_path, ("clean", "fit"), ("local", "database"))
+    for i in range(3):
+        writer.append(result(i), 0.1 * i)
+    writer.finish()
+    with np.load(tmp_path / "track.npz") as stored:
+        arrays = {key: stored[key] for key in stored.files if key != "checksum"}
+    np.savez(tmp_path / "track.npz", **{**arrays, name: change(arrays[name])})
+    with pytest.raises(TrackError, match=words):
+        Track.load(tmp_path)

@@ -11,6 +11,7 @@ import numpy as np
 
 from toolkit.archives import load_archive, save_archive
 from toolkit.errors import TrackError
+from toolkit.files import parse_json
 
 VERSION = 1
 HEADER = "header"
@@ -39,15 +40,17 @@ def load_checkpoint(path: str | Path, kind: str) -> dict[str, Any]:
         The file is damaged, of another version or of another kind.
     """
     arrays = load_archive(path, TrackError, HINT)
+    if HEADER not in arrays:
+        raise TrackError(f"{path} holds no state of a tracker; {HINT}")
+    header = parse_json(str(arrays[HEADER]), f"the header of {path}", TrackError, HINT)
     try:
-        header = json.loads(str(arrays[HEADER]))
         if (header["version"], header["kind"]) != (VERSION, kind):
             raise TrackError(
                 f"{path} is version {header['version']} of the state of {header['kind']!r}, not version {VERSION} "
                 f"of {kind!r}; {HINT}"
             )
         return dict(_rebuilt(header["state"], arrays))
-    except (ValueError, KeyError, TypeError) as error:
+    except (ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
         raise TrackError(f"{path} holds no state of a tracker ({error}); {HINT}") from error
 
 

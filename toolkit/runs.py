@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, fields
 from pathlib import Path
@@ -11,8 +10,9 @@ import numpy as np
 
 from toolkit.body.body import Body
 from toolkit.errors import TrackError, UsageError
-from toolkit.files import save_json
+from toolkit.files import read_json, save_json
 from toolkit.track import EMPTY, RunInfo, Track
+from toolkit.track.info import JSON_KINDS
 
 PEOPLE_FILE = "people.json"
 
@@ -62,11 +62,18 @@ def load_people(run: str | Path) -> tuple[PersonSummary, ...]:
         There is no such file, it is not understood, or it names something outside the run.
     """
     path = Path(run) / PEOPLE_FILE
+    content = read_json(path, TrackError, "track the recording again")
     try:
-        rows = json.loads(path.read_text(encoding="utf-8"))["people"]
+        rows = content["people"]
         people = tuple(PersonSummary(**{f.name: row[f.name] for f in fields(PersonSummary)}) for row in rows)
         folders = [str(person.folder) for person in people]
-    except (OSError, ValueError, KeyError, TypeError) as error:
+        if any(
+            not isinstance(getattr(person, f.name), JSON_KINDS[str(f.type)])
+            for person in people
+            for f in fields(person)
+        ):
+            raise TypeError("a value has another type")
+    except (KeyError, TypeError) as error:
         raise TrackError(f"cannot read {path}: {error}; track the recording again") from error
     if any(Path(folder).name != folder or folder in ("", ".", "..") for folder in folders):
         raise TrackError(f"{path} names the folders {folders}; they must be plain names within the run")

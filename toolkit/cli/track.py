@@ -67,6 +67,7 @@ def track(
     """Track the person in depth recordings and write what was found into run folders."""
     from toolkit.cli.terminal import progress_bars
     from toolkit.config import parse_overrides
+    from toolkit.files import is_file
     from toolkit.pipeline import load_tracker, track_recordings
 
     reading = given(
@@ -86,8 +87,10 @@ def track(
     )
     sensing = given(segment=segment, subject=subject, half_resolution=half_resolution or None)
     overrides = {f"sensing.{name}": value for name, value in sensing.items()} | parse_overrides(settings or [])
-    tracker = load_tracker(config, overrides, database=database, max_poses=max_poses)
     with progress_bars() as bars:
+        bars("preparing (compiles for a minute the first time)", 0, 1)
+        tracker = load_tracker(config, overrides, database=database, max_poses=max_poses)
+        bars("preparing (compiles for a minute the first time)", 1, 1)
         report = track_recordings(
             recordings,
             tracker,
@@ -95,6 +98,7 @@ def track(
             people=_people(people),
             reader_options=reading,
             resume=resume,
+            settings_file=config if is_file(config) else None,
             progress=bars.of_recording,
         )
     for summary in report.done:

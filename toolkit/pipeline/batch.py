@@ -7,10 +7,18 @@ from pathlib import Path
 from typing import Any
 
 from toolkit.errors import DepthMocapError, UsageError
-from toolkit.pipeline.run import Progress, track_recording
+from toolkit.files import check_output
+from toolkit.pipeline.run import STATE_FILE, Progress, track_recording
+from toolkit.pipeline.sink import CONFIG_FILE
 from toolkit.pipeline.summary import BatchReport
+from toolkit.pipeline.watch import LOG_FILE
+from toolkit.runs import PEOPLE_FILE
 from toolkit.sensing.recording import ReaderOptions, open_recording
+from toolkit.track import PARTIAL_FILE, RUN_FILE, TRACK_FILE
 from toolkit.tracking.protocol import Tracker
+
+RUN_FILES = (TRACK_FILE, PARTIAL_FILE, RUN_FILE, CONFIG_FILE, LOG_FILE, STATE_FILE, PEOPLE_FILE)
+"""What is written into a run folder."""
 
 
 def track_recordings(
@@ -21,21 +29,28 @@ def track_recordings(
     people: int | None = 1,
     reader_options: dict[str, Any] | None = None,
     resume: bool = False,
+    settings_file: str | Path | None = None,
     progress: Progress | None = None,
 ) -> BatchReport:
     """Track one recording into `output`, or several into `output/<stem>`.
 
     One of several that fails is reported and the others go on. Ctrl-C finishes the track of the current one and stops.
+    `settings_file` is what the tracker was made from, if it was a file: no run folder may replace it.
 
     Raises
     ------
     UsageError
-        There is no recording, two have the same stem, or a reader option is unknown; nothing has been done then.
+        There is no recording, two have the same stem, a reader option is unknown, or a run folder would damage a
+        recording, the database or the settings; nothing has been done then.
     DepthMocapError
         As `track_recording`, where there is only one.
     """
     runs = run_folders(paths, output)
     ReaderOptions.from_mapping(reader_options or {})
+    for path, run in runs.items():
+        check_output(run, [path], sealed=[path])
+        for name in RUN_FILES:
+            check_output(run / name, [file for file in (tracker.database, settings_file) if file])
     report = BatchReport()
     for path, run in runs.items():
         try:

@@ -17,7 +17,7 @@ from toolkit.body import skeleton
 from toolkit.checkpoint import load_checkpoint, save_checkpoint
 from toolkit.config import settings_text
 from toolkit.errors import DepthMocapError, RecordingError, TrackError
-from toolkit.files import sha256_of
+from toolkit.files import locked, sha256_of
 from toolkit.pipeline.sink import CONFIG_FILE, RunSink, finished_tracks
 from toolkit.pipeline.summary import RunSummary, summarised
 from toolkit.pipeline.watch import log_file, stop_request
@@ -74,12 +74,25 @@ def track_recording(
     TrackError
         The unfinished track belongs to another recording or database, or to other settings.
     OutputError
-        The run folder cannot be written; the rows before stay.
+        The run folder cannot be written, or another process is writing it; the rows before stay.
     RecordingError
         A frame cannot be used; the rows before it stay.
     """
-    folder, report, several = Path(run), progress or _silent, people != 1
-    info = _run_info(recording, tracker)
+    with locked(run):
+        return _track(recording, tracker, Path(run), people, resume, warm_up, progress or _silent)
+
+
+def _track(
+    recording: Recording,
+    tracker: Tracker,
+    folder: Path,
+    people: int | None,
+    resume: bool,
+    warm_up: bool,
+    report: Progress,
+) -> RunSummary:
+    """As `track_recording`, in a folder that is this process's own."""
+    several, info = people != 1, _run_info(recording, tracker)
     if resume and (folder / RUN_FILE).exists():
         same = _is_same_run(folder, info, tracker)
         if _is_unfinished(folder) and not same:

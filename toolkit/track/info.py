@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import os
 from dataclasses import MISSING, asdict, dataclass, field, fields
 from pathlib import Path
@@ -10,11 +9,15 @@ from typing import Any
 
 import numpy as np
 
+from toolkit.archives import Column, check_columns
+from toolkit.body import skeleton
 from toolkit.body.body import Body
 from toolkit.body.shape import ShapeSpace
-from toolkit.errors import RecordingError, TrackError
-from toolkit.files import save_json, sha256_of
-from toolkit.sensing.recording import Recording, open_recording
+from toolkit.errors import RecordingError, TrackError, UsageError
+from toolkit.files import is_file, read_json, save_json, sha256_of
+from toolkit.sensing.cleaning import SensingSettings
+from toolkit.sensing.recording import ReaderOptions, Recording, open_recording
+from toolkit.track.track import AGAIN
 
 RUN_FILE = "run.json"
 
@@ -100,20 +103,61 @@ class RunInfo:
         Raises
         ------
         TrackError
-            There is no such file, it is not JSON, or a key is missing.
+            There is no such file, it is not JSON, a key is missing or of another type, or the run has another body.
         """
         path = Path(run) / RUN_FILE
-        if not path.exists():
+        if not is_file(path):
             raise TrackError(f"{run} holds no {RUN_FILE}; name a run folder that `depthmocap track` wrote")
-        try:
-            values = json.loads(path.read_text(encoding="utf-8"))
-        except (OSError, ValueError) as error:
-            raise TrackError(f"cannot read {path}: {error}; track the recording again") from error
+        values = read_json(path, TrackError, AGAIN)
+        if not isinstance(values, dict):
+            raise TrackError(f"{path} holds no names with values; {AGAIN}")
         wanted = [f.name for f in fields(cls) if f.default is MISSING]
         if missing := [name for name in wanted if name not in values]:
-            raise TrackError(f"{path} lacks {', '.join(missing)}; track the recording again")
+            raise TrackError(f"{path} lacks {', '.join(missing)}; {AGAIN}")
         known = {f.name: values[f.name] for f in fields(cls) if f.name in values}
+        _check_values(known, path)
         return cls(**known | {"folder": str(run)})
+
+
+JSON_KINDS: dict[str, tuple[type, ...]] = {
+    "str": (str,), "int": (int,), "float": (int, float), "list[float]": (list,), "dict[str, Any]": (dict,)
+}  # fmt: skip
+"""Annotation of a field -> the types that JSON gives it."""
+
+
+def _check_values(values: dict[str, Any], path: Path) -> None:
+    """Raise TrackError for a value of another type, numbers that no run has, or another body."""
+    for f in fields(RunInfo):
+        value = values.get(f.name)
+        if f.name in values and (not isinstance(value, JSON_KINDS[str(f.type)]) or isinstance(value, bool)):
+            raise TrackError(f"{f.name} in {path} is {type(value).__name__}; it must be {f.type}; {AGAIN}")
+    try:
+        numbers = {
+            name: np.array(values[name], dtype=np.float64, ndmin=1) for name in ("shape", "level_rotation", "scale")
+        }
+    except (TypeError, ValueError) as error:
+        raise TrackError(f"{path} holds something else than numbers ({error}); {AGAIN}") from error
+    columns = {
+        "shape": Column("f", ("n",), -100, 100),
+        "level_rotation": Column("f", (9,)),
+        "scale": Column("f", (1,), 0.01, 100),
+    }
+    check_columns(numbers, columns, TrackError, str(path), AGAIN)
+    turn = numbers["level_rotation"].reshape(3, 3)
+    if np.abs(turn @ turn.T - np.eye(3)).max() > 1e-6 or np.linalg.det(turn) < 0:
+        raise TrackError(f"level_rotation in {path} is no rotation; {AGAIN}")
+    if values["body_fingerprint"] != skeleton.fingerprint():
+        raise TrackError(
+            f"{path} was made with another body (fingerprint {values['body_fingerprint']}, this one has "
+            f"{skeleton.fingerprint()}); {AGAIN}"
+        )
+    known = {f.name for f in fields(SensingSettings)}
+    if unknown := sorted(set(values["sensing"]) - known):
+        raise TrackError(f"{path} has the unknown setting sensing.{unknown[0]}; {AGAIN}")
+    try:
+        ReaderOptions.from_mapping(values["reader_options"])
+    except UsageError as error:
+        raise TrackError(f"the reader options in {path} cannot be used: {error}; {AGAIN}") from error
 
 
 def _relative(recording: str, folder: Path) -> str:

@@ -2,18 +2,22 @@
 
 from __future__ import annotations
 
-import zipfile
 from dataclasses import dataclass, field, fields
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from toolkit.archives import Column, check_columns, load_archive, save_archive
 from toolkit.body import skeleton
 from toolkit.errors import TrackError
-from toolkit.files import save_npz
+from toolkit.files import is_file
+from toolkit.track.result import STATE_NAMES
 
 TRACK_FILE, PARTIAL_FILE = "track.npz", "track.partial"
+AGAIN = "track the recording again"
+FARTHEST, LATEST = 1e4, 1e12
+"""Metres, or radians of a pose that winds up; seconds or milliseconds: beyond is no measurement."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,14 +47,17 @@ class Track:
     pose_names: tuple[str, ...] = field(default=skeleton.POSE_NAMES)
 
     def __post_init__(self) -> None:
-        frames = len(self.joints)
-        for name, tail in columns(len(self.pose_names), len(self.stage_names)).items():
-            if (shape := getattr(self, name).shape) != (frames, *tail):
-                raise TrackError(
-                    f"a track's {name} has shape {shape}, expected {(frames, *tail)}; write one row per frame"
-                )
-        if not np.isfinite(self.joints).all():
-            raise TrackError("a track's joints are not all finite; a tracker predicts them while it is lost")
+        shapes = columns(len(self.pose_names), len(self.stage_names))
+        spans = {
+            "joints": (-FARTHEST, FARTHEST), "pose": (-FARTHEST, FARTHEST), "confidence": (0.0, 1.0),
+            "state": (0.0, len(STATE_NAMES) - 1.0), "source": (0.0, max(0.0, len(self.source_names) - 1.0)),
+            "timestamps": (-LATEST, LATEST), "stage_ms": (0.0, LATEST),
+        }  # fmt: skip
+        kinds = {name: "u" if name in ("state", "source") else "f" for name in spans}
+        wanted = {name: Column(kinds[name], ("frames", *shapes[name]), *span) for name, span in spans.items()}
+        check_columns(vars(self), wanted, TrackError, "a track", "a tracker writes one such row per frame")
+        if (np.diff(self.timestamps) < 0).any():
+            raise TrackError("a track's timestamps run backwards; a tracker writes its rows in order")
 
     def __len__(self) -> int:
         return len(self.joints)
@@ -58,7 +65,7 @@ class Track:
     def save(self, run: str | Path) -> Path:
         """Write `track.npz` into the run folder, whole or not at all, and return its path."""
         path = Path(run) / TRACK_FILE
-        save_npz(path, {f.name: _storable(getattr(self, f.name)) for f in fields(self)})
+        save_archive(path, {f.name: _storable(getattr(self, f.name)) for f in fields(self)})
         return path
 
     @classmethod
@@ -68,24 +75,27 @@ class Track:
         Raises
         ------
         TrackError
-            There is no finished track, the file is damaged, or it names joints other than the 20 reported ones.
+            There is no finished track, the file is damaged, or it names other joints or entries of a pose than ours.
         """
         folder = Path(run)
-        path = folder if folder.is_file() else folder / TRACK_FILE
-        if not path.exists():
-            if (folder / PARTIAL_FILE).exists():
+        path = folder if is_file(folder) else folder / TRACK_FILE
+        if not is_file(path):
+            if is_file(folder / PARTIAL_FILE):
                 raise TrackError(f"{folder} holds an unfinished track; finish it with `depthmocap track --resume`")
             raise TrackError(f"{folder} holds no {TRACK_FILE}; name a run folder that `depthmocap track` wrote")
-        try:
-            with np.load(path) as arrays:
-                values = {f.name: arrays[f.name] for f in fields(cls)}
-        except (OSError, ValueError, KeyError, zipfile.BadZipFile, EOFError) as error:
-            raise TrackError(f"cannot read {path}: {error}; track the recording again") from error
+        arrays = load_archive(path, TrackError, AGAIN)
+        names = [f.name for f in fields(cls)]
+        if missing := [name for name in names if name not in arrays]:
+            raise TrackError(f"{path} lacks {', '.join(missing)}; {AGAIN}")
+        texts = {name: Column("U", ("names",)) for name in names if name.endswith("_names")}
+        for name, column in texts.items():
+            check_columns(arrays, {name: column}, TrackError, str(path), AGAIN)
         found: dict[str, Any] = {
-            name: tuple(value.tolist()) if name.endswith("_names") else value for name, value in values.items()
+            name: tuple(arrays[name].tolist()) if name in texts else arrays[name] for name in names
         }
-        if found["joint_names"] != skeleton.REPORTED:
-            raise TrackError(f"{path} names joints {found['joint_names']}; expected {skeleton.REPORTED}")
+        for name, expected in (("joint_names", skeleton.REPORTED), ("pose_names", skeleton.POSE_NAMES)):
+            if found[name] != expected:
+                raise TrackError(f"{path} has {name} {found[name]}; expected {expected}; {AGAIN}")
         return cls(**found)
 
 
