@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import sys
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from toolkit.cli.options import SettingOption, given, numbers
 from toolkit.errors import UsageError
+
+if TYPE_CHECKING:
+    from toolkit.tracking.guide import Guide
 
 HELP = {
     "format": "npz, ros, mkv, record3d, tum, stray, png, utd_mhad, raw or cloud; guessed from the path.",
@@ -29,6 +32,7 @@ HELP = {
     "subject": "Who is meant among several people: only, largest or nearest.",
 }
 READING = "How to read the recording"
+SENSORS = "Inertial sensors"
 
 
 def track(
@@ -47,6 +51,13 @@ def track(
     people: Annotated[
         str, typer.Option(metavar="all|N", help="Follow several people, each in OUTPUT/person_NN.")
     ] = "1",
+    inertial: Annotated[
+        Path | None,
+        typer.Option(help="Canonical file of inertial sensors that guide the tracker.", rich_help_panel=SENSORS),
+    ] = None,
+    calibration: Annotated[
+        Path | None, typer.Option(help="Their calibration.json, of a run of this recording.", rich_help_panel=SENSORS)
+    ] = None,
     resume: Annotated[bool, typer.Option("--resume", help="Continue a killed or interrupted run.")] = False,
     format_: Annotated[str | None, typer.Option("--format", help=HELP["format"], rich_help_panel=READING)] = None,
     intrinsics: Annotated[str | None, typer.Option(help=HELP["intrinsics"], rich_help_panel=READING)] = None,
@@ -87,9 +98,10 @@ def track(
     )
     sensing = given(segment=segment, subject=subject, half_resolution=half_resolution or None)
     overrides = {f"sensing.{name}": value for name, value in sensing.items()} | parse_overrides(settings or [])
+    guide, sensors_sha256 = _guide(recordings, inertial, calibration)
     with progress_bars() as bars:
         bars("preparing (compiles for a minute the first time)", 0, 1)
-        tracker = load_tracker(config, overrides, database=database, max_poses=max_poses)
+        tracker = load_tracker(config, overrides, database=database, max_poses=max_poses, guide=guide)
         bars("preparing (compiles for a minute the first time)", 1, 1)
         report = track_recordings(
             recordings,
@@ -100,6 +112,7 @@ def track(
             resume=resume,
             settings_file=config if is_file(config) else None,
             progress=bars.of_recording,
+            sensors_sha256=sensors_sha256,
         )
     for summary in report.done:
         print(summary.text())
@@ -107,6 +120,23 @@ def track(
         print(f"depthmocap: {path}: {reason}", file=sys.stderr)
     if report.failed or report.interrupted:
         raise typer.Exit(1)
+
+
+def _guide(recordings: list[Path], inertial: Path | None, calibration: Path | None) -> tuple[Guide | None, str]:
+    """The guide of the sensors, if there are any, and the digest of their file."""
+    if inertial is None and calibration is None:
+        return None, ""
+    if inertial is None or calibration is None:
+        raise UsageError("--inertial and --calibration go together; give both or neither")
+    if len(recordings) != 1:
+        raise UsageError(f"inertial sensors belong to one recording, not to {len(recordings)}; track them one by one")
+    from toolkit.files import sha256_of
+    from toolkit.inertial.calibration import Calibration
+    from toolkit.inertial.workflow import load_sensors
+    from toolkit.tracking.guide import InertialGuide
+
+    sensors = load_sensors(inertial)
+    return InertialGuide(sensors, Calibration.load(calibration), recordings[0].stem), sha256_of(inertial)
 
 
 def _people(text: str) -> int | None:

@@ -82,11 +82,13 @@ class Objective:
         The mean distance of the geodesic extrema (as many as there are) to the nearest mesh vertex, plus the mean
         distance of the visible chosen vertices to the measured points, plus, where the fit uses them, the mean distance
         of the samples to the drawn body: a body that hides a limb behind itself leaves what was seen of it unexplained.
-        Distances count `unexplained` at most. As soon as the sum is known to exceed `bound`, the pose is `WORSE`.
+        Distances count `unexplained` at most. What else is known of the frame adds its disagreement. As soon as the sum
+        is known to exceed `bound`, the pose is `WORSE`.
         """
         s = self.settings
         placed = self.placer.place(body, pose)
         distance = pairs.mean_nearest(scene.extrema, placed.vertices, s.unexplained)
+        distance += sum(evidence.cost(placed) for evidence in scene.evidence)
         if distance > bound:
             return WORSE
         visible, points = placed.visible(s.facing, s.hidden_tolerance), placed.chosen_points

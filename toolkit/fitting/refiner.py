@@ -81,6 +81,8 @@ class Refiner:
             system.reset(placed.origins[0])
             for term in (*self.terms, *terms):
                 term.add(system, placed, scene)
+            for evidence in scene.evidence:
+                evidence.attract(system, placed)
             system.assemble(placed)
             for prior in self.pose_terms:
                 prior.add(system, pose)

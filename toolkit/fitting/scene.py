@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Protocol
 
 import numpy as np
 
+from toolkit.fitting.orientation import Evidence
 from toolkit.kernels import linear, pairs
 from toolkit.sensing.cloud import Cloud
 
@@ -61,9 +63,18 @@ class Scene:
     samples : float64 (N, 3), camera frame: every n-th measured point in scan order, then the geodesic extrema
     extrema : float64 (E, 3), camera frame: the geodesic extrema (`E_I^20`)
     neighbours : search among the measured points
+    evidence : what is known of the frame besides its depth
     """
 
-    def __init__(self, cloud: Cloud, extrema_level: np.ndarray, samples: int, neighbours: str = "pixels") -> None:
+    def __init__(
+        self,
+        cloud: Cloud,
+        extrema_level: np.ndarray,
+        samples: int,
+        neighbours: str = "pixels",
+        evidence: Sequence[Evidence] = (),
+    ) -> None:
+        self.evidence = tuple(evidence)
         self.depth = cloud.depth
         self.intrinsics = np.array(cloud.camera.intrinsics, dtype=np.float64)
         count = len(cloud.points)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -64,6 +64,7 @@ class TrackedMotion:
     origins : float64 (T, 18, 3), of the joints, level frame, metres
     valid : bool (T,), frames in which the person was followed
     body : whose motion it is
+    sensors_sha256 : of the file of sensors that guided the tracker, empty without
     """
 
     name: str
@@ -72,6 +73,7 @@ class TrackedMotion:
     origins: np.ndarray
     valid: np.ndarray
     body: Body
+    sensors_sha256: str = ""
 
     @classmethod
     def of_poses(
@@ -108,7 +110,8 @@ class TrackedMotion:
         valid = track.state == TRACKED
         if valid.sum() < 3:
             raise InertialError(f"{run} holds {valid.sum()} tracked frames; at least 3 are needed to say anything")
-        return cls.of_poses(info.body(), track.pose, track.timestamps, valid, Path(run).name)
+        motion = cls.of_poses(info.body(), track.pose, track.timestamps, valid, Path(run).name)
+        return replace(motion, sensors_sha256=info.sensors_sha256)
 
     def orientation(self, limb: str) -> np.ndarray:
         """Orientation of a part of the body, level frame: float64 (T, 4)."""

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from toolkit.errors import InertialError, UsageError
+from toolkit.files import sha256_of
 from toolkit.inertial.calibrate import CalibrationSettings, Take, better_clock, calibrate
 from toolkit.inertial.calibration import Calibration, TakeClock
 from toolkit.inertial.distance import worlds_of
@@ -144,6 +145,11 @@ def take_of(run: str | Path, sensors: str | Path | Sensors, sync: SyncSettings |
     """A run with its sensors, synchronised."""
     found = sensors if isinstance(sensors, Sensors) else load_sensors(sensors)
     motion = TrackedMotion.load(run)
+    if motion.sensors_sha256 and not isinstance(sensors, Sensors) and sha256_of(sensors) == motion.sensors_sha256:
+        raise InertialError(
+            f"{motion.name} was tracked with these very sensors, which therefore cannot check it; track it without "
+            "--inertial"
+        )
     return Take(motion, found, synchronise(motion, found, sync))
 
 

@@ -31,6 +31,7 @@ def track_recordings(
     resume: bool = False,
     settings_file: str | Path | None = None,
     progress: Progress | None = None,
+    sensors_sha256: str = "",
 ) -> BatchReport:
     """Track one recording into `output`, or several into `output/<stem>`.
 
@@ -57,8 +58,9 @@ def track_recordings(
             recording = open_recording(path, **(reader_options or {}))
             first = not report.done
             summary = track_recording(
-                recording, tracker, run, people=people, resume=resume, warm_up=first, progress=progress
-            )
+                recording, tracker, run, people=people, resume=resume, warm_up=first, progress=progress,
+                sensors_sha256=sensors_sha256,
+            )  # fmt: skip
         except DepthMocapError as error:
             if len(runs) == 1:
                 raise

@@ -7,7 +7,7 @@ import logging
 import threading
 import time
 from collections.abc import Callable
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from importlib.metadata import version
 from itertools import islice
 from pathlib import Path
@@ -51,6 +51,7 @@ def track_recording(
     resume: bool = False,
     warm_up: bool = True,
     progress: Progress | None = None,
+    sensors_sha256: str = "",
 ) -> RunSummary:
     """Follow the person, or the people, through a recording and write the run folder.
 
@@ -66,6 +67,7 @@ def track_recording(
     resume : continue an unfinished run; one that is finished already is left alone
     warm_up : track the first frames once beforehand, so that no compilation is timed
     progress : told what is going on
+    sensors_sha256 : of the inertial sensors that guide the tracker, if any do
 
     Raises
     ------
@@ -79,12 +81,14 @@ def track_recording(
         A frame cannot be used; the rows before it stay.
     """
     with locked(run):
-        return _track(recording, tracker, Path(run), people, resume, warm_up, progress or _silent)
+        info = replace(_run_info(recording, tracker), sensors_sha256=sensors_sha256)
+        return _track(recording, tracker, info, Path(run), people, resume, warm_up, progress or _silent)
 
 
 def _track(
     recording: Recording,
     tracker: Tracker,
+    info: RunInfo,
     folder: Path,
     people: int | None,
     resume: bool,
@@ -92,7 +96,7 @@ def _track(
     report: Progress,
 ) -> RunSummary:
     """As `track_recording`, in a folder that is this process's own."""
-    several, info = people != 1, _run_info(recording, tracker)
+    several = people != 1
     if resume and (folder / RUN_FILE).exists():
         same = _is_same_run(folder, info, tracker)
         if _is_unfinished(folder) and not same:
@@ -203,7 +207,15 @@ def _run_info(recording: Recording, tracker: Tracker) -> RunInfo:
 def _is_same_run(folder: Path, info: RunInfo, tracker: Tracker) -> bool:
     """Whether a run folder was begun with this recording, database, version and these settings."""
     before, config = RunInfo.load(folder), folder / CONFIG_FILE
-    facts = ("recording_sha256", "reader_options", "body_fingerprint", "database", "version", "tracker")
+    facts = (
+        "recording_sha256",
+        "reader_options",
+        "body_fingerprint",
+        "database",
+        "version",
+        "tracker",
+        "sensors_sha256",
+    )
     return (
         all(_as_json(getattr(before, fact)) == _as_json(getattr(info, fact)) for fact in facts)
         and config.exists()

@@ -9,6 +9,7 @@ from typing import Any
 from toolkit.config import load_settings, setting_of
 from toolkit.database.database import PoseDatabase
 from toolkit.errors import UsageError
+from toolkit.tracking.guide import Guide
 from toolkit.tracking.protocol import Tracker, TrackerSettings
 from toolkit.tracking.registry import DEFAULT, registered
 
@@ -19,6 +20,7 @@ def load_tracker(
     *,
     database: str | Path | None = None,
     max_poses: int | None = None,
+    guide: Guide | None = None,
 ) -> Tracker:
     """The tracker that the settings name, `hybrid` if they name none.
 
@@ -27,6 +29,7 @@ def load_tracker(
     config, overrides : settings, see `config.load_settings`; `baak2013` is the hybrid tracker as in the paper
     database : file of the pose database, for trackers that look poses up
     max_poses : use only the first poses of the database
+    guide : what is known of the frames besides their depth
 
     Raises
     ------
@@ -35,14 +38,26 @@ def load_tracker(
     SettingsError
         There is no such tracker, or a setting is unknown or wrong.
     UsageError
-        The tracker needs a database and none was given.
+        The tracker needs a database and none was given, or it takes no guide.
     """
     name = setting_of("tracker", config, overrides) or DEFAULT
     registration = registered(name)
     settings: TrackerSettings = load_settings(registration.settings, config, overrides)
     if not registration.needs_database:
-        return registration.build(settings, None, "")
+        return _guided(registration.build(settings, None, ""), guide)
     if database is None:
         raise UsageError(f"the tracker {name!r} looks poses up; name a pose database")
     poses = PoseDatabase.load(database)
-    return registration.build(settings, poses if max_poses is None else poses.limited(max_poses), str(database))
+    poses = poses if max_poses is None else poses.limited(max_poses)
+    return _guided(registration.build(settings, poses, str(database)), guide)
+
+
+def _guided(tracker: Tracker, guide: Guide | None) -> Tracker:
+    if guide is None:
+        return tracker
+    from toolkit.tracking.hybrid import HybridTracker
+
+    if not isinstance(tracker, HybridTracker):
+        raise UsageError(f"the tracker {tracker.settings.tracker!r} takes no inertial sensors; use the hybrid one")
+    tracker.guide = guide
+    return tracker

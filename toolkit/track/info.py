@@ -41,6 +41,7 @@ class RunInfo:
     tracker : name of the tracker
     seed : of everything random
     up_source : how the vertical was known, see `Vertical`
+    sensors_sha256 : of the file of inertial sensors that guided the tracker, empty without
     folder : the run folder that was read, empty for a new one; not written
     """
 
@@ -57,6 +58,7 @@ class RunInfo:
     tracker: str = "hybrid"
     seed: int = 0
     up_source: str = ""
+    sensors_sha256: str = ""
     recording_relative: str = field(default="", compare=False)
     folder: str = field(default="", compare=False)
 

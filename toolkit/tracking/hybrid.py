@@ -23,6 +23,7 @@ from toolkit.sensing.people.sighting import Sighting
 from toolkit.track import TRACKED
 from toolkit.tracking.clock import StageClock
 from toolkit.tracking.follower import PREDICTED, Follower
+from toolkit.tracking.guide import Guide, NoGuide
 from toolkit.tracking.observation import Observer
 from toolkit.tracking.registry import Registration, register
 from toolkit.tracking.search.arms import ArmSearch
@@ -47,6 +48,7 @@ class HybridTracker:
     settings : see `HybridSettings`
     body : the person's own body, if it is known; otherwise it is learnt from the recording
     database_path : where the database came from, for `run.json`
+    guide : what is known of the frames besides their depth
     """
 
     kind = Follower
@@ -60,7 +62,9 @@ class HybridTracker:
         *,
         body: Body | None = None,
         database_path: str = "",
+        guide: Guide | None = None,
     ) -> None:
+        self.guide = guide or NoGuide()
         self.settings = settings or HybridSettings()
         self.database = database_path
         self._poses = database
@@ -139,7 +143,9 @@ class HybridTracker:
     def observer(self) -> Observer:
         """How this tracker looks at sightings."""
         s = self.settings
-        return Observer(s.landmarks, s.extrema, s.fitting.cloud_samples, s.fitting.search, self._forest, s.vote_samples)
+        return Observer(
+            s.landmarks, s.extrema, s.fitting.cloud_samples, s.fitting.search, self._forest, s.vote_samples, self.guide
+        )
 
     @cached_property
     def _priors(self) -> tuple[PoseTerm, ...]:

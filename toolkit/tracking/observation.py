@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
@@ -16,6 +16,7 @@ from toolkit.landmarks.graph import Workspace, grid_graph
 from toolkit.landmarks.parts import JointEstimate, JointForest
 from toolkit.landmarks.settings import LandmarkSettings
 from toolkit.sensing.cloud import Cloud
+from toolkit.tracking.guide import Guide, NoGuide
 from toolkit.tracking.state import PersonState
 
 FIRST_STEP = 1.0 / 30.0
@@ -32,6 +33,7 @@ class Observer:
     extrema : how many geodesic extrema
     samples, search : of the scene, see `Scene`
     forest, vote_samples : the joint regressor, None for no votes, and how many pixels vote
+    guide : what is known besides the depth
     """
 
     landmarks: LandmarkSettings
@@ -40,6 +42,7 @@ class Observer:
     search: str
     forest: JointForest | None
     vote_samples: int
+    guide: Guide = field(default_factory=NoGuide)
 
     @cached_property
     def workspace(self) -> Workspace:
@@ -104,4 +107,6 @@ class Observation:
     @cached_property
     def scene(self) -> Scene:
         """The frame as a fit needs it."""
-        return Scene(self.cloud, self.extrema.points.astype(np.float64), self.observer.samples, self.observer.search)
+        observer = self.observer
+        evidence = observer.guide.evidence(self.timestamp, self.cloud.rotation)
+        return Scene(self.cloud, self.extrema.points.astype(np.float64), observer.samples, observer.search, evidence)

@@ -1,0 +1,104 @@
+"""A measured orientation of a joint as evidence beside the depth: inertial sensors see what no camera sees."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+
+from toolkit.fitting.placed import NormalSystem, PlacedBody
+
+
+class Evidence(Protocol):
+    """What is known of a frame besides its depth; called between `system.reset` and `system.assemble`."""
+
+    def attract(self, system: NormalSystem, placed: PlacedBody) -> None:
+        """Add this evidence's quadratic for the body as it is placed now."""
+
+    def cost(self, placed: PlacedBody) -> float:
+        """Metres that a placed body's disagreement adds to its distance from the frame, at least 0."""
+
+
+@dataclass(frozen=True)
+class OrientationSettings:
+    """How measured orientations pull.
+
+    Attributes
+    ----------
+    weight : metres squared per radian squared: what the lever of a limb's own correspondences comes to. A tenth as
+        much again in the wrong direction does more harm than ten times as much helps
+    sigma : radians, scale of the Geman-McClure weight: an orientation that is farther off is mistrusted
+    disagreement : metres that a pose which contradicts all sensors is farther from the frame than it looks
+    """
+
+    weight: float = 0.3
+    sigma: float = math.radians(30.0)
+    disagreement: float = 0.1
+
+
+@dataclass(frozen=True, eq=False)
+class OrientationTerm:
+    """One joint's measured orientation.
+
+    Attributes
+    ----------
+    joint : row of `skeleton.JOINTS`
+    rotation : float64 (3, 3), rest frame to camera frame, as the sensor has it
+    axis : 0, 1 or 2, the axis of the bone whose direction alone counts; -1 for all three. A tracked forearm cannot turn
+        about itself
+    weight, sigma, disagreement : see `OrientationSettings`; the last is this sensor's share
+    """
+
+    joint: int
+    rotation: np.ndarray
+    axis: int
+    weight: float
+    sigma: float
+    disagreement: float
+
+    def attract(self, system: NormalSystem, placed: PlacedBody) -> None:
+        """See `Evidence.attract`: a residual `r` about the joint costs `w |r + omega|^2`."""
+        turn = self._turn(placed)
+        angle = math.sqrt(turn[0] ** 2 + turn[1] ** 2 + turn[2] ** 2)
+        weight = self.weight / (1.0 + (angle / self.sigma) ** 2) ** 2
+        hessian, gradient = system.hessian[self.joint], system.gradient[self.joint]
+        bone = placed.rotations[self.joint][:, self.axis] if self.axis >= 0 else np.zeros(3)
+        for a in range(3):
+            gradient[a] += weight * turn[a]
+            for b in range(a, 3):
+                hessian[a, b] += weight * (float(a == b) - bone[a] * bone[b])
+
+    def cost(self, placed: PlacedBody) -> float:
+        """See `Evidence.cost`: the Geman-McClure cost of the disagreement."""
+        turn = self._turn(placed)
+        square = (turn[0] ** 2 + turn[1] ** 2 + turn[2] ** 2) / self.sigma**2
+        return self.disagreement * square / (1.0 + square)
+
+    def _turn(self, placed: PlacedBody) -> np.ndarray:
+        """From the measured to the placed orientation: rotation vector (3,), camera frame; of the bone alone its swing.
+
+        As a derivative it points the way in which the placed joint has to turn back.
+        """
+        placed_rotation = placed.rotations[self.joint]
+        if self.axis >= 0:
+            ours, theirs = placed_rotation[:, self.axis], self.rotation[:, self.axis]
+            across = np.array(
+                [
+                    theirs[1] * ours[2] - theirs[2] * ours[1],
+                    theirs[2] * ours[0] - theirs[0] * ours[2],
+                    theirs[0] * ours[1] - theirs[1] * ours[0],
+                ]
+            )
+            cosine = float((ours * theirs).sum())
+        else:
+            # R_placed R_measured', entry by entry: a sum in a fixed order
+            turn = (placed_rotation[:, None, :] * self.rotation[None, :, :]).sum(axis=2)
+            across = 0.5 * np.array([turn[2, 1] - turn[1, 2], turn[0, 2] - turn[2, 0], turn[1, 0] - turn[0, 1]])
+            cosine = 0.5 * (turn[0, 0] + turn[1, 1] + turn[2, 2] - 1.0)
+        sine = math.sqrt(across[0] ** 2 + across[1] ** 2 + across[2] ** 2)
+        angle = math.atan2(sine, cosine)
+        if sine < 1e-9:  # the same, or opposite: then any axis is as good as another
+            return np.array([angle, 0.0, 0.0])
+        return across * (angle / sine)
