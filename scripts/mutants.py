@@ -147,18 +147,25 @@ def main() -> int:
             finally:
                 trees.put(tree)
 
-        for tests in dict.fromkeys(mutant.tests for mutant in mutants):
+        def sound(tests: tuple[str, ...]) -> None:
             tree = trees.get()
-            trees.put(tree)
-            if broken := run_tests(tree, tests):
-                print(f"the tests fail without any mutant: {broken}")
-                return 1
+            try:
+                if broken := run_tests(tree, tests):
+                    sys.exit(f"the tests fail without any mutant: {broken}")
+            finally:
+                trees.put(tree)
+
         survivors = 0
         print("| # | what is broken | where | verdict | noticed by |\n|---:|---|---|---|---|", flush=True)
         with ThreadPoolExecutor(options.jobs) as pool:
-            for number, (mutant, noticed) in enumerate(zip(mutants, pool.map(in_some_tree, mutants), strict=True), 1):
-                survivors += noticed is None and not mutant.equivalent
-                print(row(number, mutant, noticed), flush=True)
+            number = 0
+            for tests in dict.fromkeys(mutant.tests for mutant in mutants):
+                sound(tests)
+                group = [mutant for mutant in mutants if mutant.tests == tests]
+                for mutant, noticed in zip(group, pool.map(in_some_tree, group), strict=True):
+                    number += 1
+                    survivors += noticed is None and not mutant.equivalent
+                    print(row(number, mutant, noticed), flush=True)
         print(f"\n{len(mutants)} mutants, {survivors} survived")
     return 1 if survivors else 0
 
