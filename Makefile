@@ -1,12 +1,13 @@
 # make demo: set up and run the main job on bundled motions.   make test: set up and run everything that CI runs.
 # make quick: for the loop of a person who edits; what answers within half a minute.
+# make wheel: build the wheel and run the demo from it in an empty environment.
 # PYTHON=python3.12 chooses the interpreter (3.10 to 3.12); without it the first one found is taken.
 
 SHELL := /bin/bash
 VENV := .venv
 BIN := $(VENV)/bin
 
-.PHONY: demo test quick environment lint node clean
+.PHONY: demo test quick environment lint node wheel clean
 
 environment:
 	@scripts/check_system_libraries.sh
@@ -30,6 +31,9 @@ quick:
 
 test: lint node
 	$(BIN)/pytest
+
+wheel: environment
+	scripts/check_wheel.sh $(BIN)/python
 
 clean:
 	rm -rf $(VENV) build dist demo

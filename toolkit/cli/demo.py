@@ -27,7 +27,7 @@ MOTIONS = 3
 TRAINING_IMAGES = 1000
 """Of the joint regressor: a sixteenth of the usual number, which takes a sixteenth of the time."""
 SECONDS = 5.0
-"""Of each motion."""
+"""Of each motion, unless others are asked for."""
 BLEND = 6
 """Frames between the end of one motion and the beginning of the next."""
 
@@ -42,13 +42,22 @@ class DemoResult:
     seconds: float
 
 
-def run_demo(output: str | Path, *, seed: int = 0, show: Show | None = None) -> DemoResult:
+def run_demo(
+    output: str | Path,
+    *,
+    seed: int = 0,
+    seconds: float = SECONDS,
+    images: int = TRAINING_IMAGES,
+    show: Show | None = None,
+) -> DemoResult:
     """Build a database of bundled motions, record a different body in other motions, track it, score it and draw it.
 
     Parameters
     ----------
     output : folder of everything that is written; an earlier demo in it is replaced
     seed : of the motions, the noise of the sensor and the subject's variation
+    seconds : of each of the motions
+    images : on which the joint regressor is trained
     show : told what is going on
 
     Raises
@@ -63,6 +72,7 @@ def run_demo(output: str | Path, *, seed: int = 0, show: Show | None = None) -> 
     from toolkit.evaluation.report import write_evaluation
     from toolkit.pipeline import load_tracker, track_recording
     from toolkit.rendering.film import render_run
+    from toolkit.report.page import write_report
 
     show = show or _silent
     start, folder = time.monotonic(), Path(output)
@@ -72,10 +82,10 @@ def run_demo(output: str | Path, *, seed: int = 0, show: Show | None = None) -> 
     build_database(
         None,
         database,
-        parts=PartsSettings(images=TRAINING_IMAGES),
+        parts=PartsSettings(images=images),
         progress=lambda stage, done, total: show(f"building the database: {stage}", done, total),
     )
-    recording = _record(folder / "take.npz", seed, show)
+    recording = _record(folder / "take.npz", seed, seconds, show)
     tracker = load_tracker(database=database)
     summary = track_recording(
         recording, tracker, run, progress=lambda name, doing, done, total: show(doing_words(doing), done, total)
@@ -85,14 +95,19 @@ def run_demo(output: str | Path, *, seed: int = 0, show: Show | None = None) -> 
     for name in ("film.webm", "contact_sheet.png"):
         doing = f"drawing the {Path(name).stem.replace('_', ' ')}"
         files.append(render_run(run, folder / name, progress=partial(show, doing)))
+    files.append(write_report([run], folder / "report.html", progress=partial(_page, show)))
     return DemoResult(table, summary, tuple(files), time.monotonic() - start)
+
+
+def _page(show: Show, doing: str, done: int, total: int) -> None:
+    show(f"writing the page: {doing}", done, total)
 
 
 def _silent(doing: str, done: int, total: int) -> None:
     """Progress that nobody watches."""
 
 
-def _record(path: Path, seed: int, show: Show) -> Recording:
+def _record(path: Path, seed: int, seconds: float, show: Show) -> Recording:
     """A depth recording of somebody unlike the tracker's body, doing what is in no database."""
     from toolkit.body.shape import subject_body
     from toolkit.mocap.procedural import SUBJECT_MOTIONS, procedural_clips
@@ -101,18 +116,18 @@ def _record(path: Path, seed: int, show: Show) -> Recording:
     subject = subject_body(SUBJECT, seed=SUBJECT_SEED)
     clips = procedural_clips(SUBJECT_MOTIONS[:MOTIONS], body=subject, variations=1, seed=seed)
     return simulate_recording(
-        _joined(clips), path, body=subject, sensor="tof", yaw=10.0, seed=seed,
+        _joined(clips, seconds), path, body=subject, sensor="tof", yaw=10.0, seed=seed,
         progress=lambda done, total: show("simulating a recording", done, total),
     )  # fmt: skip
 
 
-def _joined(clips: list[PoseClip]) -> PoseClip:
+def _joined(clips: list[PoseClip], seconds: float) -> PoseClip:
     """The first seconds of clips, one after the other: each begins where the one before ended, over a short blend."""
     import numpy as np
 
     from toolkit.body.skeleton import ROOT_POSITION
 
-    frames = int(SECONDS * clips[0].frame_rate)
+    frames = int(seconds * clips[0].frame_rate)
     poses = clips[0].poses[:frames]
     for clip in clips[1:]:
         following = clip.poses[:frames].copy()
@@ -127,14 +142,25 @@ def demo(
         "demo"
     ),
     seed: Annotated[int, typer.Option(help="Seed of everything random.", min=0)] = 0,
+    seconds: Annotated[float, typer.Option(help="Of each of the three motions.", min=0.2, max=60.0)] = SECONDS,
+    images: Annotated[int, typer.Option(help="On which the joint regressor is trained.", min=10)] = TRAINING_IMAGES,
 ) -> None:
-    """Do the main job on bundled motions: database, simulated recording, track, table, film."""
-    from toolkit.cli.terminal import print_table, progress_bars
+    """Do the main job on bundled motions: database, simulated recording, track, table, film and a page of it all.
+
+    Example: depthmocap demo --output demo
+    """
+    from toolkit.cli.terminal import next_commands, print_table, progress_bars
 
     with progress_bars() as bars:
-        result = run_demo(output, seed=seed, show=bars)
+        result = run_demo(output, seed=seed, seconds=seconds, images=images, show=bars)
     print_table(result.table.to_rich("simulated recording, compared with its exact truth"))
     print("milliseconds a frame (median): ", result.summary.text())
     for path in result.files:
         print(path)
     print(f"{result.seconds:.0f} seconds")
+    next_commands(
+        {
+            f"open {result.files[-1]} in a browser": "film, body in three dimensions, errors",
+            f"depthmocap track RECORDING --output run --database {output / 'poses.npz'}": "your own recording",
+        }
+    )

@@ -30,7 +30,6 @@ app = typer.Typer(
     name="depthmocap",
     help="Tracks a person's full-body motion in depth recordings, stabilised by a database of mocap poses.",
     no_args_is_help=True,
-    add_completion=False,
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]},
 )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
@@ -46,6 +47,14 @@ def progress_bars() -> Iterator[Bars]:
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
     with Progress(*columns, console=Console(stderr=True), refresh_per_second=4) as progress:
         yield Bars(progress)
+
+
+def next_commands(commands: dict[str, str]) -> None:
+    """What to do next, on the standard error: command and what it is for."""
+    width = max(map(len, commands))
+    print("next:", file=sys.stderr)
+    for command, purpose in commands.items():
+        print(f"  {command:<{width}}   # {purpose}", file=sys.stderr)
 
 
 def print_table(table: Table) -> None:

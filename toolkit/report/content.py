@@ -81,18 +81,18 @@ def describe_run(
     info = RunInfo.load(folder)
     shown = [replace(person, track=_cut(person.track, chosen)) for person in people]
     note = "" if len(chosen) == total else f"Frames {chosen.start + 1} to {chosen.stop} of {total} are shown. "
-    blocks = {f"{key}-glb": _glb(shown)}
-    data = _numbers(run, info, shown, chosen, total)
-    data["config"] = _text(folder / "config.yaml")
-    data["glb"] = f"{key}-glb"
+    blocks = {"glb": _glb(shown)}
+    data = _numbers(run, info, shown, chosen, total) | {"config": _text(folder / "config.yaml")}
     try:
         opened = info.open_recording(recording)
     except RecordingError as error:
         note += f"No film, points or errors: {error}."
     else:
         data["plots"][:0] = _error_plots(people, opened, [Path(r) for r in references], chosen)
-        data |= _seen(run, opened, recording, people, chosen, key, blocks, progress)
-    return RunContent(data | {"note": note}, blocks)
+        seen, more = _seen(run, opened, recording, people, chosen, progress)
+        data, blocks = data | seen, blocks | more
+    keys = {name: f"{key}-{name}" for name in blocks}
+    return RunContent(data | keys | {"note": note}, {keys[name]: block for name, block in blocks.items()})
 
 
 def _cut(track: Track, frames: range) -> Track:
@@ -218,11 +218,9 @@ def _seen(
     moved_to: str | Path | None,
     people: Sequence[Person],
     frames: range,
-    key: str,
-    blocks: dict[str, bytes],
     progress: Progress | None,
-) -> dict[str, Any]:
-    """What needs the recording's frames: film, points, room."""
+) -> tuple[dict[str, Any], dict[str, bytes]]:
+    """What needs the recording's frames: numbers about film, points and room, and these three as bytes."""
     camera, times = recording.camera, people[0].times[frames.start : frames.stop]
     rate = (len(times) - 1) / (times[-1] - times[0]) if len(times) > 1 and times[-1] > times[0] else 25.0
     rate = float(np.clip(rate, 1.0, 120.0))
@@ -231,25 +229,16 @@ def _seen(
             run, Path(folder) / "film.webm", recording=moved_to, settings=FILM, frames=frames, rate=rate,
             progress=None if progress is None else lambda done, of: progress("drawing the film", done, of),
         )  # fmt: skip
-        blocks[f"{key}-film"] = film.read_bytes()
+        blocks = {"film": film.read_bytes()}
     joints = np.concatenate(
         [np.where((person.track.state == EMPTY)[:, None, None], np.nan, person.track.joints) for person in people],
         axis=1,
     )
     clouds = gather_clouds(recording, joints, people[0].R_level_camera, frames)
-    blocks[f"{key}-points"] = pack(clouds.points)
-    blocks[f"{key}-room"] = pack(clouds.room)
-    return {
-        "film": f"{key}-film",
-        "rate": rate,
-        "unit": UNIT,
-        "points": f"{key}-points",
-        "point_counts": clouds.counts.tolist(),
-        "room": f"{key}-room",
-        "camera": [
-            camera.width / 2 / camera.fx, camera.height / 2 / camera.fy, people[0].R_level_camera.tolist()
-        ],
-    }  # fmt: skip
+    blocks |= {"points": pack(clouds.points), "room": pack(clouds.room)}
+    slopes = [camera.width / 2 / camera.fx, camera.height / 2 / camera.fy]
+    facts = {"rate": rate, "point_counts": clouds.counts.tolist()}
+    return facts | {"camera": [*slopes, people[0].R_level_camera.tolist()]}, blocks
 
 
 def _glb(people: list[Person]) -> bytes:
