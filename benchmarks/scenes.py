@@ -1,7 +1,7 @@
 """People as they are recorded: `depthmocap bench scenes [--split report] [--groups waist,seated]`.
 
 The scenes are described in `toolkit/testing/scenes.py`: from the waist up, seated, behind furniture, several people,
-children and tilted cameras, clothes, rooms without people. Every recording is tracked as a user would, with no option
+children and tilted cameras, clothes, rooms without people. Every recording is tracked with `--people all` and no option
 that says how the people are cut out; one that cannot be tracked counts as one in which nobody was found. Seen joints
 lie inside the image, with the first surface on their ray within 0.22 m; whoever is not found is 1 m off. Identities are
 CLEAR MOT counts (gate 0.5 m). The calibration error is taken over all joints of everybody who was found; unobserved
@@ -81,7 +81,7 @@ def track_scenes(paths: Sequence[Path], options: argparse.Namespace) -> tuple[li
         run = options.work / "runs" / "scenes" / path.stem
         shutil.rmtree(run, ignore_errors=True)
         try:
-            track_recordings([path], tracker, run)
+            track_recordings([path], tracker, run, people=options.people)
         except DepthMocapError as error:
             failed[path.stem] = str(error)
         runs.append(run)
@@ -169,6 +169,10 @@ def write_sheet(paths: Sequence[Path], runs: Sequence[Path], scores: dict[str, S
         save_png(path, contact_sheet(pictures, columns=4))
 
 
+def _people(text: str) -> int | None:
+    return None if text == "all" else int(text)
+
+
 def parse() -> argparse.Namespace:
     """The command line."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
@@ -176,6 +180,7 @@ def parse() -> argparse.Namespace:
     parser.add_argument("--groups", default=",".join(GROUPS), help="comma-separated, out of: " + ", ".join(GROUPS))
     parser.add_argument("--takes", type=int, help="at most so many scenes of each group")
     parser.add_argument("--frames", type=int, default=LONGEST, help="at most so many frames of each scene")
+    parser.add_argument("--people", type=_people, default=None, metavar="all|N", help="as of `depthmocap track`")
     parser.add_argument("--runs", type=Path, help="score the run folders in here instead of tracking")
     add_database_options(parser)
     return parser.parse_args()
@@ -199,11 +204,13 @@ def main() -> None:
     print_table(figures)
     for name, reason in failed.items():
         print(f"{name} was not tracked: {reason}")
-    whole = len(chosen) == len(scenes(options.split)) and options.frames >= LONGEST and not options.set
+    complete = len(chosen) == len(scenes(options.split)) and options.frames >= LONGEST
+    whole = complete and not options.set and options.people is None
     stem = f"scenes_{options.split}{'' if whole else '_part'}"
     recordings = {name: scene_figures([score]) for name, score in scores.items()}
     content = {"lines": figures, "recordings": recordings, "failed": failed}
-    described = {"mocap": has_mocap(), "set": options.set, "frames": options.frames, "groups": options.groups}
+    described = {name: getattr(options, name) for name in ("set", "frames", "groups")}
+    described |= {"mocap": has_mocap(), "people": options.people or "all"}
     print("written:", save_figures(stem, content, described))
     write_sheet(paths, runs, scores, RESULTS / f"{stem}.png")
 
