@@ -18,6 +18,7 @@ from toolkit.cli import (
     evaluate,
     export,
     inertial,
+    info,
     render,
     report,
     retrieval,
@@ -54,6 +55,7 @@ def _root(
 
 app.command()(demo.demo)
 app.add_typer(database.app, name="database")
+app.command()(info.info)
 app.command()(simulate.simulate)
 app.command()(track.track)
 app.command()(evaluate.evaluate)

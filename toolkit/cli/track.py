@@ -83,10 +83,10 @@ def track(
 
     reading = given(
         format=format_,
-        intrinsics=_intrinsics(intrinsics),
+        intrinsics=intrinsics_of(intrinsics),
         mirrored=mirrored,
         radial=radial,
-        depth_unit=_unit(depth_unit),
+        depth_unit=unit_of(depth_unit),
         size=None if size is None else tuple(int(n) for n in numbers(size, 2, "--size")),
         frame_rate=frame_rate,
         up_camera=None if up is None else numbers(up, 3, "--up"),
@@ -147,11 +147,13 @@ def _people(text: str) -> int | None:
     return int(text)
 
 
-def _intrinsics(text: str | None) -> str | tuple[float, ...] | None:
+def intrinsics_of(text: str | None) -> str | tuple[float, ...] | None:
+    """The option `--intrinsics`: four numbers, or the path of a file."""
     return numbers(text, 4, "--intrinsics") if text and "," in text else text
 
 
-def _unit(text: str | None) -> str | float | None:
+def unit_of(text: str | None) -> str | float | None:
+    """The option `--depth-unit`: a name, or a number of metres."""
     try:
         return text if text is None else float(text)
     except ValueError:

@@ -20,11 +20,13 @@ _ANGLES = np.deg2rad([0, 30, 60, 90, 120, 150, 180])
 AROUND = np.column_stack([0.17 * np.cos(_ANGLES), 0.20 * np.sin(_ANGLES)])
 SHOULDERS = np.array([(x, y) for y in (-0.29, -0.36) for x in (-0.1, -0.05, 0.0, 0.05, 0.1)])
 TOLERANCES = np.array([0.10, 0.12, 0.3, 0.1])  # m: head's depth, gap behind it, head to shoulders, head's radius
+TEMPLATES = ((1.0, 1.0, 0.0), (0.85, 0.65, 0.95))
+"""Size of head and body against these, and the least score, of an adult and of a child of a metre, whom a fist on a
+forearm resembles."""
 SEED_RADIUS = 0.12  # m around a head's centre that is surely the head
 PLATEAU = 0.05  # of a score: the head's centre is the middle of what scores nearly best
 RIVALRY = 0.1  # of a score by which a head may be worse than the shoulder below it
 HEAD_BAND, CHEST_BAND = (-0.06, 0.06), (-0.42, -0.28)  # m above the head's centre
-SCALES = (1.0, 0.65)  # of these bands and of what follows: an adult, and a child of a metre
 HEAD_WIDTH = (0.09, 0.36)  # m: a child's from the side to a hooded adult's
 CHEST_WIDTH = (0.2, 0.95)  # m: a slim person's from the side to an adult's with the elbows out
 NARROWING = 1.1  # of the chest's width that the head may have: as wide, with hair, for a slim person from the side
@@ -37,10 +39,13 @@ PLANAR_SAMPLES, PLANAR_TRIPLES = 800, 200
 
 @dataclass(frozen=True, eq=False)
 class Head:
-    """A place that looks like the centre of a head: float64 (3,), level frame, metres; and how much, 0 to 1."""
+    """A place that looks like the centre of a head: float64 (3,), level frame, metres; how much, 0 to 1; and whether
+    only as that of a small child.
+    """
 
     place: np.ndarray
     score: float
+    small: bool
 
 
 def find_heads(view: View, lens: Lens, settings: PeopleSettings, *, cut_out: bool) -> list[Head]:
@@ -48,28 +53,26 @@ def find_heads(view: View, lens: Lens, settings: PeopleSettings, *, cut_out: boo
 
     `cut_out`: where nothing was measured nobody is, so that it counts as space beside a head.
     """
-    scores = np.zeros(view.depth.shape, dtype=np.float32)
-    head_scores(
-        view.depth,
-        view.foreground,
-        lens.camera.intrinsics,
-        lens.up,
-        INSIDE,
-        AROUND,
-        SHOULDERS,
-        TOLERANCES,
-        1.0 if cut_out else 0.5,
-        scores,
-    )
+    scores, small = np.zeros(view.depth.shape, dtype=np.float32), np.zeros(view.depth.shape, dtype=np.bool_)
+    for size, body, least in TEMPLATES:
+        scaled = np.empty(view.depth.shape, dtype=np.float32)
+        places = (size * INSIDE, size * AROUND, body * SHOULDERS)
+        unmeasured = 1.0 if cut_out else 0.5
+        head_scores(
+            view.depth, view.foreground, lens.camera.intrinsics, lens.up, *places, TOLERANCES, unmeasured, scaled
+        )
+        small |= (scaled >= least) & (scores < settings.head_score) & (size < 1)
+        np.maximum(scores, np.where(scaled >= least, scaled, 0), out=scores)
     rows = np.flatnonzero(scores.ravel() >= settings.head_score - PLATEAU)
     values, points = scores.ravel()[rows].astype(np.float64), view.points.reshape(-1, 3)[rows].astype(np.float64)
+    child = small.ravel()[rows]
     heads: list[Head] = []
     while len(rows) and (best := values.max()) >= settings.head_score:
         distance = np.sqrt(((points - points[int(values.argmax())]) ** 2).sum(axis=1))
         near = distance < settings.head_distance
-        middle = points[near & (values >= best - PLATEAU)].mean(axis=0)
-        heads.append(Head(middle, float(best)))
-        values, points, rows = values[~near], points[~near], rows[~near]
+        plateau = near & (values >= best - PLATEAU)
+        heads.append(Head(points[plateau].mean(axis=0), float(best), bool(child[plateau].all())))
+        values, points, rows, child = values[~near], points[~near], rows[~near], child[~near]
     heads.sort(key=lambda h: -h.place[1])
     kept: list[Head] = []
     for head in heads:
@@ -126,7 +129,7 @@ def looks_like_person(view: View, lens: Lens, mask: np.ndarray, head: np.ndarray
     """Whether a surface has a head that is narrower than the chest below it, and is not flat."""
     points = view.points[mask].astype(np.float64) - head
     points = points[np.abs(points[:, 2]) < settings.reach / 2]
-    shaped = any(_head_on_chest(points / scale, scale) for scale in SCALES)
+    shaped = any(_head_on_chest(points / scale, scale) for _, scale, _ in TEMPLATES)
     return shaped and _open_outline(view, mask, head) >= OPEN and planar_share(view, lens, mask, settings) < PLANAR
 
 

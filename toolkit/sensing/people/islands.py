@@ -14,7 +14,13 @@ SAMPLES = 200  # pixels of a piece, and of a person, between which the gap is me
 
 
 def attach_islands(
-    view: View, lens: Lens, labels: np.ndarray, places: Sequence[np.ndarray], settings: PeopleSettings
+    view: View,
+    lens: Lens,
+    labels: np.ndarray,
+    places: Sequence[np.ndarray],
+    settings: PeopleSettings,
+    *,
+    cut_out: bool,
 ) -> tuple[np.ndarray, list[np.ndarray]]:
     """Give the pieces that are left over to the people near by.
 
@@ -24,6 +30,7 @@ def attach_islands(
     ----------
     labels : int32 (h, w), 1.. the people, 0 = nobody
     places : where their heads are, (3,) each, level frame, metres
+    cut_out : nothing but people was measured, so that a small piece may be a child
 
     Returns
     -------
@@ -33,6 +40,7 @@ def attach_islands(
     from scipy.spatial import cKDTree
 
     pieces, count, areas = _pieces(view, lens, labels, settings)
+    least_body = settings.least_area if cut_out else settings.least_body
     trees = {}
     for k in np.unique(labels[labels > 0]):
         points = view.points[labels == k]
@@ -44,7 +52,7 @@ def attach_islands(
         mask = pieces == piece
         points = view.points[mask]
         height, width = (float(np.ptp(points[:, axis])) for axis in (1, 0))
-        if areas[piece] >= settings.least_body and height >= max(settings.least_height, width / 2):
+        if areas[piece] >= least_body and height >= max(settings.least_height, width / 2):
             asides = [_aside(points, place) for place in places]
             if asides and min(asides) < settings.reach_still:
                 attached[mask] = 1 + int(np.argmin(asides))

@@ -81,16 +81,17 @@ class SeveralPeople:
         flat = self._polisher.checked(depth_mm)
         view, surroundings = self._look(flat)
         present = self._present(timestamp, predicted)
-        heads, furniture = self._heads(view, surroundings)
+        heads, children, furniture = self._heads(view, surroundings)
         matched = match_heads(present, heads, timestamp)
         places = [heads[matched[k]] if k in matched else person.expected(timestamp) for k, person in enumerate(present)]
-        others = [head for i, head in enumerate(heads) if i not in matched.values()]
+        left = [i for i in range(len(heads)) if i not in matched.values()]
+        others = [heads[i] for i in left]
         seeds = self._seeds(view, present, places, predicted)
         labels, bodies = self._shared(view, surroundings, seeds, places, furniture)
-        candidates = self._candidates(view, surroundings, seeds, places, others)
+        candidates, touching = self._candidates(view, surroundings, seeds, places, others, [children[i] for i in left])
         whole = {len(candidates) + i: body for i, body in enumerate(self._headless(view, bodies, others))}
         candidates += [head_of(view, body) for body in whole.values()]
-        fresh = self._newcomers.promoted(candidates, timestamp)
+        fresh = self._newcomers.promoted(candidates, touching + [False] * len(whole), timestamp)
         if fresh:
             for k, i in enumerate(fresh, start=len(places) + 1):
                 seeds[whole[i] if i in whole else near_head(view, candidates[i]) & view.foreground] = k
@@ -127,12 +128,16 @@ class SeveralPeople:
         foreground = surroundings.foreground(depth, lens.rays, tolerances(depth, lens, settings))
         return lens.view(depth, foreground, surroundings.still), surroundings
 
-    def _heads(self, view: View, surroundings: Surroundings) -> tuple[list[np.ndarray], list[np.ndarray]]:
-        """Places of heads, and of what is none but keeps its pixels from the people beside it."""
+    def _heads(self, view: View, surroundings: Surroundings) -> tuple[list[np.ndarray], list[bool], list[np.ndarray]]:
+        """Places of heads, which of them only a small child may have, and places of what is none but keeps its pixels
+        from the people beside it.
+        """
         if surroundings.known:
-            return [h.place for h in find_heads(view, self._lens, self._settings, cut_out=surroundings.cut_out)], []
+            heads = find_heads(view, self._lens, self._settings, cut_out=surroundings.cut_out)
+            heads.sort(key=lambda head: head.small)
+            return [h.place for h in heads], [h.small for h in heads], []
         people, furniture, _ = people_and_furniture(view, self._lens, self._settings)
-        return people, furniture
+        return people, [False] * len(people), furniture
 
     def _present(self, timestamp: float, predicted: Mapping[int, PredictedBody]) -> list[Person]:
         """Those who were seen of late, with the stature that whoever follows them has learnt."""
@@ -175,7 +180,7 @@ class SeveralPeople:
         labels[labels > len(places)] = 0
         if not surroundings.known:
             return labels, []
-        return attach_islands(view, self._lens, labels, places, settings)
+        return attach_islands(view, self._lens, labels, places, settings, cut_out=surroundings.cut_out)
 
     def _candidates(
         self,
@@ -184,18 +189,22 @@ class SeveralPeople:
         seeds: np.ndarray,
         places: Sequence[np.ndarray],
         heads: Sequence[np.ndarray],
-    ) -> list[np.ndarray]:
-        """Heads that may be somebody new: no shoulder, knee or fist of somebody who is there or higher up."""
-        everybody, found, seeds = list(places), [], seeds.copy()
-        for head in heads:  # the highest first
+        children: Sequence[bool],
+    ) -> tuple[list[np.ndarray], list[bool]]:
+        """Heads that may be somebody new: no shoulder, knee or fist of somebody who is there or comes before; and which
+        of them touch somebody. What only a child may have is a fist where it touches somebody.
+        """
+        everybody, found, touching, seeds = list(places), [], [], seeds.copy()
+        for head, child in zip(heads, children, strict=True):  # adults first, then the highest
             labels, _ = self._shared(view, surroundings, seeds, everybody, [])
             here = near_head(view, head) & view.foreground
             owners = np.unique(labels[here & (labels > 0)])
-            if all(self._apart(head, everybody[k - 1]) for k in owners):
+            if all(self._apart(head, everybody[k - 1]) and not child for k in owners):
                 everybody.append(head)
                 found.append(head)
+                touching.append(len(owners) > 0)
                 seeds[here] = len(everybody)
-        return found
+        return found, touching
 
     def _apart(self, head: np.ndarray, other: np.ndarray) -> bool:
         """Whether two heads on one surface may be two people's."""

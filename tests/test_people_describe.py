@@ -1,0 +1,80 @@
+"""A first look at a recording: five lines and a picture."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+import pytest
+
+from tests.sensing_scenes import KINECT, scene, up_of_tilt
+from toolkit.cli.main import main
+from toolkit.rendering.look import picture
+from toolkit.rendering.style import person_color
+from toolkit.sensing.people.describe import describe
+from toolkit.sensing.recording import open_recording, save_recording
+
+
+def recorded(folder, frames, camera=KINECT, **more):
+    path = folder / "take.npz"
+    save_recording(path, depth=frames, camera=camera, timestamps=np.arange(len(frames)) / 30, **more)
+    return path
+
+
+def test_a_first_look_names_camera_up_room_people_and_what_helps(tmp_path):
+    room = {"tilt": 0.2, "height": 1.4, "wall": 4.5, "floor": True}
+    frames = [scene(KINECT, ((-0.7 + 0.02 * k, 2.6), (0.7, 3.2)), **room)[0] for k in range(9)]
+    path = recorded(tmp_path, frames, background=scene(KINECT, (), **room)[0], up_camera=up_of_tilt(0.2))
+    camera, up, surroundings, people, advice = describe(open_recording(path)).lines
+    assert camera == "camera: 320 x 240, 59 degrees wide, 9 frames, 30.0 frames a second"
+    assert up == "up: file; the camera looks 11 degrees down, rolled by 0"
+    assert surroundings.startswith("room: known")
+    assert people == "people: 2 in the first 3 s; 1 at 2.5 m, whole; 2 at 3.1 m, whole"
+    assert advice == "advice: --people all follows everybody"
+
+
+@pytest.mark.parametrize(
+    ("height", "distance", "where"), [(1.45, 1.0, "chest"), (1.2, 1.5, "waist"), (1.2, 2.0, "knees")]
+)
+def test_it_says_where_the_image_cuts_somebody_off(tmp_path, height, distance, where):
+    look = describe(open_recording(recorded(tmp_path, [scene(KINECT, ((0.0, distance),), height=height)[0]])))
+    assert f"cut off at the {where}" in look.lines[3]
+    assert look.lines[2] == "room: none, people are cut out already"
+
+
+def test_a_camera_on_its_side_is_noticed(tmp_path):
+    upright = scene(KINECT, ((0.0, 2.6),), height=1.5, wall=4.0, floor=True)[0]
+    path = recorded(tmp_path, [np.rot90(upright)], KINECT.rotated(3))
+    assert "--rotate 90" in describe(open_recording(path)).lines[4]
+    assert "1 at 2.5 m" in describe(open_recording(path, rotate=90)).lines[3]
+
+
+def test_nobody_in_view_is_said(tmp_path):
+    look = describe(open_recording(recorded(tmp_path, [np.zeros(KINECT.shape, dtype=np.uint16)])))
+    assert look.lines[3] == "people: 0 in the first 3 s" and "nobody is seen" in look.lines[4]
+    assert picture(look).shape == (*KINECT.shape, 3)
+
+
+def test_the_picture_shows_everybody_in_their_own_colour(tmp_path):
+    depth, who = scene(KINECT, ((-0.7, 2.6), (0.7, 2.6)))
+    image = picture(describe(open_recording(recorded(tmp_path, [depth])))).astype(int)
+    hues = [image[who == number].mean(axis=0) / image[who == number].mean() for number in (1, 2)]
+    expected = [np.array(person_color(k)) / np.mean(person_color(k)) for k in (0, 1)]
+    off = [[np.abs(hue - color).max() for color in expected] for hue in hues]
+    assert sorted(int(np.argmin(row)) for row in off) == [0, 1] and max(min(row) for row in off) < 0.1
+
+
+def test_the_verb_prints_five_lines_and_writes_the_picture(tmp_path, capsys):
+    path = recorded(tmp_path, [scene(KINECT, ((0.0, 2.6),))[0]])
+    with pytest.raises(SystemExit) as done:
+        main(["info", str(path), "--output", str(tmp_path / "look.png")])
+    assert done.value.code == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert [line.split(":")[0] for line in lines] == ["camera", "up", "room", "people", "advice", "picture"]
+    assert cv2.imread(str(tmp_path / "look.png")).shape == (*KINECT.shape, 3)
+
+
+def test_the_picture_never_replaces_the_recording(tmp_path, capsys):
+    path = recorded(tmp_path, [scene(KINECT, ((0.0, 2.6),))[0]])
+    with pytest.raises(SystemExit) as done:
+        main(["info", str(path), "--output", str(path)])
+    assert done.value.code == 2 and "choose another output" in capsys.readouterr().err

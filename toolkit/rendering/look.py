@@ -1,0 +1,53 @@
+"""The picture of a first look: a frame's depth with everybody in their own colour."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from toolkit.files import atomic_path
+from toolkit.rendering.style import FAINT, INK, PAPER, person_color
+from toolkit.sensing.people.describe import Look
+
+NEAR_SHADE, FAR_SHADE = 0.95, 0.25
+"""Brightness of the nearest and the farthest measurement."""
+
+
+def picture(look: Look) -> np.ndarray:
+    """RGB uint8 (H, W, 3): nearer is brighter, people are coloured and numbered, unmeasured pixels are dark."""
+    import cv2
+
+    depth = look.depth_mm.astype(np.float64)
+    measured = depth > 0
+    near, far = np.percentile(depth[measured], [2, 98]) if measured.any() else (0.0, 1.0)
+    place = np.clip((depth - near) / max(far - near, 1.0), 0.0, 1.0)
+    shade = np.where(measured, NEAR_SHADE + (FAR_SHADE - NEAR_SHADE) * place, 0.0)[..., None]
+    image = np.where(measured[..., None], shade * np.array(FAINT), np.array(PAPER))
+    for sighting in look.sightings:
+        size = (image.shape[1], image.shape[0])
+        mask = cv2.resize((sighting.depth > 0).astype(np.uint8), size, interpolation=cv2.INTER_NEAREST) > 0
+        image[mask] = shade[mask] * np.array(person_color(sighting.id - 1))
+    painted = np.ascontiguousarray(np.rint(image).astype(np.uint8))
+    scale = image.shape[0] / 480
+    for sighting in look.sightings:
+        v, u = np.nonzero(sighting.depth)
+        k = int(np.argmin(v))
+        step = image.shape[0] / sighting.depth.shape[0]
+        at = (int(u[k] * step), int(max(v[k] * step, 24 * scale)))
+        cv2.putText(painted, str(sighting.id), at, cv2.FONT_HERSHEY_SIMPLEX, scale, INK, max(1, round(2 * scale)))
+    return painted
+
+
+def save_picture(look: Look, path: str | Path) -> None:
+    """Write the picture as PNG, whole or not at all.
+
+    Raises
+    ------
+    OutputError
+        The file cannot be written.
+    """
+    import cv2
+
+    with atomic_path(path) as temporary:
+        cv2.imwrite(str(temporary), np.ascontiguousarray(picture(look)[:, :, ::-1]))
