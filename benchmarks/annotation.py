@@ -165,7 +165,7 @@ def measured(trained: Trained, documents: Sequence[Labelled]) -> dict[str, Any]:
             totals["frames without joins"] += frame_scores(true[:, counted], found.frames[:, counted])
             totals["segments"] += segment_scores(segments, found.segments)
             table += confusion(true, found.decided)
-            annotations.append((frame_scores(true, found.frames).f, found, segments, trained.threshold))
+            annotations.append((frame_scores(true, found.frames).f, found, segments))
         result[name] = {"scores": totals, "confusion": table, "annotations": annotations}
     return result
 
@@ -236,8 +236,8 @@ def hdm05(options: argparse.Namespace) -> dict[str, Any]:
     done = [annotation for r in rotations.values() for annotation in r["with keyframes"]["annotations"]]
     whole = [annotation for annotation in done if len(annotation[2]) == CLIPS_PER_DOCUMENT]
     ranked = sorted(whole, key=lambda item: item[0])
-    for name, (_, found, segments, threshold) in (("bad", ranked[0]), ("good", ranked[-1])):
-        plot_annotation(found, segments, threshold).savefig(RESULTS / f"annotation_{name}.png", dpi=110)
+    for name, (_, found, segments) in (("bad", ranked[0]), ("good", ranked[-1])):
+        plot_annotation(found, segments).savefig(RESULTS / f"annotation_{name}.png", dpi=110)
     feature_seconds = _cpu_seconds(lambda: [relational_features(e.motion) for e in examples], repeats=2)
     feature_seconds *= options.minutes * 60.0 / sum(e.motion.duration for e in examples)
     print(f"relational features of {options.minutes:.0f} minutes at 120 Hz: {feature_seconds:.1f} s")

@@ -157,7 +157,7 @@ def test_a_report_holds_table_picture_and_page(
 ) -> None:
     features, truth = document
     annotation = Annotator(classes).annotate(features)
-    scores = write_report(annotation, classes, tmp_path, truth)
+    scores = write_report(annotation, tmp_path, truth)
     rows = list(csv.DictReader((tmp_path / "segments.csv").read_text().splitlines()))
     assert list(rows[0]) == ["start", "end", "label", "score"] and len(rows) == len(annotation.segments)
     stored = json.loads((tmp_path / "segments.json").read_text())
@@ -175,9 +175,9 @@ def test_overlapping_or_unknown_true_segments_write_no_report(
 ) -> None:
     annotation = Annotator(classes).annotate(document[0])
     with pytest.raises(RetrievalError, match="overlap"):
-        write_report(annotation, classes, tmp_path, [Segment(0, 2, "squat"), Segment(1, 3, "squat")])
+        write_report(annotation, tmp_path, [Segment(0, 2, "squat"), Segment(1, 3, "squat")])
     with pytest.raises(RetrievalError, match="'hop' is not one of the classes"):
-        write_report(annotation, classes, tmp_path, [Segment(0, 2, "hop")])
+        write_report(annotation, tmp_path, [Segment(0, 2, "hop")])
     assert not list(tmp_path.iterdir())
 
 

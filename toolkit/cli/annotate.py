@@ -7,6 +7,8 @@ from typing import Annotated
 
 import typer
 
+from toolkit.cli.options import Seed
+
 
 def annotate(
     motions: Annotated[
@@ -19,43 +21,57 @@ def annotate(
         Path | None, typer.Option("--output", "-o", help="Folder of the reports; not needed with --events.")
     ] = None,
     classes: Annotated[
-        Path | None, typer.Option(help="Class file that an earlier call wrote, instead of examples.")
+        Path | None, typer.Option(help="Motion model by `depthmocap learn`, or classes of an earlier call.")
     ] = None,
     examples: Annotated[
         list[Path] | None,
         typer.Option(
-            help="Cut clips to learn the classes from; a clip's class is its folder unless told otherwise. Repeatable."
+            help="Cut clips to learn a motion model from, as `depthmocap learn` does, without its check. Repeatable."
         ),
     ] = None,
-    pattern: Annotated[
-        str | None, typer.Option(help="Regular expression for names of examples with a group (?P<label>...).")
+    others: Annotated[
+        list[Path] | None, typer.Option(help="Motions of no class: what the examples are not to be mistaken for.")
     ] = None,
-    labels: Annotated[Path | None, typer.Option(help="CSV file with the columns clip and label.")] = None,
+    pattern: Annotated[
+        str | None,
+        typer.Option(help="Regular expression for names of examples: groups (?P<label>...), perhaps (?P<person>...)."),
+    ] = None,
+    labels: Annotated[Path | None, typer.Option(help="CSV file with the columns clip, label, perhaps person.")] = None,
+    templates: Annotated[
+        bool, typer.Option("--templates", help="Learn motion templates (the thesis's way) from the examples instead.")
+    ] = False,
     queries: Annotated[
-        Path | None, typer.Option(help="Keyframe queries that `depthmocap learn` wrote, to narrow the search down.")
+        Path | None,
+        typer.Option(help="Keyframe queries by `depthmocap learn`, for the search for templates."),
     ] = None,
     truth: Annotated[
         Path | None, typer.Option(help="True segments (CSV: start, end, label), or a folder with one file per motion.")
     ] = None,
     threshold: Annotated[
         float | None,
-        typer.Option(help="Largest cost: mean share of features that differ.", show_default="the classes' own, 0.13"),
+        typer.Option(help="Largest cost of a template: share of features that differ.", show_default="its own, 0.13"),
     ] = None,
     events: Annotated[
-        str | None, typer.Option(metavar="FILE|-", help="Replay a run: one JSON line for each motion that ends.")
+        str | None,
+        typer.Option(
+            metavar="FILE|-", help="Replay a run (classes learned with --templates): one JSON line for each motion."
+        ),
     ] = None,
     early: Annotated[bool, typer.Option("--early", help="Events also where a motion has begun.")] = False,
     hold: Annotated[int, typer.Option(help="Columns of 1/30 s that confirm an event.")] = 3,
+    seed: Seed = 0,
 ) -> None:
     """Cut motions into segments and label them: CSV, JSON, a picture and a page for each. Or replay them as events."""
+    import numpy as np
     from rich.table import Table
 
     from toolkit.cli.terminal import print_table, progress_bars
     from toolkit.errors import UsageError
-    from toolkit.retrieval.annotation.classes import load_classes, save_classes
+    from toolkit.retrieval.annotation.classes import save_classes
     from toolkit.retrieval.keyframes.query_file import load_queries
-    from toolkit.retrieval.workflow.annotate import annotate_motions, classes_from_clips
-    from toolkit.retrieval.workflow.motions import find_motions, labels_of
+    from toolkit.retrieval.workflow.annotate import annotate_motions, classes_from_clips, load_wanted
+    from toolkit.retrieval.workflow.learn import learn_model
+    from toolkit.retrieval.workflow.motions import find_motions, labels_of, tags_of
 
     if events is not None:
         _replay(motions, events, classes, queries, early, hold)
@@ -67,11 +83,19 @@ def annotate(
         raise UsageError("annotate needs one of --classes and --examples; give exactly one")
     with progress_bars() as bars:
         if classes is not None:
-            wanted = load_classes(classes)
-        else:
-            clips = labels_of(find_motions(examples or []), pattern, labels)
-            wanted = classes_from_clips(clips, progress=bars)
+            wanted = load_wanted(classes)
+        elif templates:
+            wanted = classes_from_clips(labels_of(find_motions(examples or []), pattern, labels), progress=bars)
             save_classes(output / "classes.npz", wanted)
+        else:
+            tags = tags_of(find_motions(examples or []), pattern, labels)
+            learned = learn_model(
+                tags, output / "classes.npz", np.random.default_rng(seed), others=others or (), check=False,
+                progress=bars,
+            )  # fmt: skip
+            wanted = learned.model
+            counts = ", ".join(f"{label} ({count})" for label, count in learned.clips.items())
+            print(f"classes: {counts}")
         done = annotate_motions(
             motions, wanted, output, queries=load_queries(queries) if queries else (), truth=truth,
             threshold=threshold, progress=bars,

@@ -10,6 +10,7 @@ import typer
 from toolkit.cli.options import Output, Seed
 
 if TYPE_CHECKING:
+    from toolkit.retrieval.annotation.measures import Scores
     from toolkit.retrieval.workflow.search import SearchReport
 
 Index = Annotated[
@@ -103,22 +104,30 @@ def learn(
     clips: Clips,
     output: Output,
     pattern: Annotated[
-        str | None, typer.Option(help="Regular expression for clip names with a group (?P<label>...).")
+        str | None,
+        typer.Option(help="Regular expression for clip names: groups (?P<label>...), perhaps (?P<person>...)."),
     ] = None,
-    labels: Annotated[Path | None, typer.Option(help="CSV file with the columns clip and label.")] = None,
-    label: Annotated[list[str] | None, typer.Option(help="Only these classes; the others are counterexamples.")] = None,
+    labels: Annotated[Path | None, typer.Option(help="CSV file with the columns clip, label, perhaps person.")] = None,
+    label: Annotated[list[str] | None, typer.Option(help="Keyframes: only of these classes.")] = None,
     others: Annotated[list[Path] | None, typer.Option(help="Clips of no class: more counterexamples.")] = None,
     alternatives: Annotated[
-        int, typer.Option(help="Queries per class; a motion has to fit one. 2 for `depthmocap annotate`.", min=1)
+        int, typer.Option(help="Keyframes: queries per class; a motion has to fit one.", min=1)
     ] = 1,
     tight: Annotated[
-        bool, typer.Option("--tight", help="For `depthmocap search`: leave less data; hits mark a motion's middle.")
+        bool, typer.Option("--tight", help="Keyframes: leave less data; hits mark a motion's middle.")
     ] = False,
-    runs: Annotated[int, typer.Option(help="Genetic runs per class.", min=1)] = 100,
+    runs: Annotated[int, typer.Option(help="Keyframes: genetic runs per class.", min=1)] = 100,
     seed: Seed = 0,
     workers: Annotated[int, typer.Option(help="Processes; they do not change the result.", min=1)] = 1,
 ) -> None:
-    """Learn a keyframe query per motion class from cut clips; the class is the clip's folder unless told otherwise."""
+    """Learn motions from cut clips: a motion model for `depthmocap annotate` (OUTPUT.npz), with a table of how well it
+    does on people left out, or keyframe queries for `depthmocap search` (OUTPUT.json).
+
+    The class of a clip is its folder; in a single folder it comes from the clips' names, unless told otherwise.
+    """
+    if output.suffix.lower() == ".npz":
+        _learn_model(clips, output, pattern, labels, others or [], seed)
+        return
     import numpy as np
     from rich.table import Table
 
@@ -140,3 +149,43 @@ def learn(
         numbers = (f"{value:.3f}" for value in (quality.precision, quality.recall, quality.fitness))
         table.add_row(name, str(len(result.individual.positions)), *numbers)
     print_table(table)
+
+
+def _learn_model(
+    clips: list[Path], output: Path, pattern: str | None, labels: Path | None, others: list[Path], seed: int
+) -> None:
+    import numpy as np
+    from rich.table import Table
+
+    from toolkit.cli.terminal import print_table, progress_bars
+    from toolkit.retrieval.annotation.measures import Scores
+    from toolkit.retrieval.workflow.learn import learn_model
+    from toolkit.retrieval.workflow.motions import find_motions, tags_of
+
+    tags = tags_of(find_motions(clips), pattern, labels)
+    with progress_bars() as bars:
+        learned = learn_model(tags, output, np.random.default_rng(seed), others=others, progress=bars)
+    several = len(learned.people) > 1
+    who = "each person annotated by a model of the others" if several else "each half by a model of the other"
+    table = Table("class", "clips", "F frames", "F segments", "found", "right", title=f"{output}: {who}")
+    nothing = Scores(0, 0, 0, 0)
+    totals = [nothing, nothing]
+    for label, count in learned.clips.items():
+        frames, segments = (
+            sum((getattr(part, name).get(label, nothing) for part in learned.left_out), nothing)
+            for name in ("frames", "segments")
+        )
+        totals = [totals[0] + frames, totals[1] + segments]
+        table.add_row(label, str(count), *_scores_shown(frames, segments))
+    table.add_row("all", str(sum(learned.clips.values())), *_scores_shown(*totals))
+    print_table(table)
+    if not several:
+        print("Nobody is named who performs the clips, so this says nothing about other people: see --pattern.")
+    if not others:
+        print("Without --others (motions of no class) the model knows only its own classes, mirrored and joined.")
+    for first, second, ratio in learned.alike:
+        print(f"{first} is hard to tell from {second}: only {ratio:.2f} times as far from it as from its own clips.")
+
+
+def _scores_shown(frames: Scores, segments: Scores) -> tuple[str, ...]:
+    return f"{frames.f:.2f}", f"{segments.f:.2f}", f"{segments.recall:.2f}", f"{segments.precision:.2f}"

@@ -161,3 +161,98 @@ def distinct_hits(
         hits[found, 0], hits[found, 1], hits[found, 2] = owners[k], first - begin, last - begin
         found += 1
     return hits[:found]
+
+
+@njit(cache=True)
+def nearest_example(
+    examples: np.ndarray,
+    example_starts: np.ndarray,
+    weights: np.ndarray,
+    chosen: np.ndarray,
+    columns: np.ndarray,
+    document_starts: np.ndarray,
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """The smallest of several examples' distances, in each column of many documents.
+
+    Parameters
+    ----------
+    examples : float32 (S, F), columns of all examples, one after the other
+    example_starts : int64 (E + 1,), first column of each example, ending with S
+    weights : float32 (E, F)
+    chosen : int64 (C,), the examples to compare, the first of equals wins
+    columns, document_starts : as for `graded_distances`
+
+    Returns
+    -------
+    cost : float32 (M,)
+    start : int32 (M,), first column of the alignment, counted within the document
+    example : int32 (M,), the example it belongs to
+    """
+    cost = np.full(columns.shape[0], np.inf, np.float32)
+    start = np.full(columns.shape[0], -1, np.int32)
+    example = np.full(columns.shape[0], -1, np.int32)
+    for e in chosen:
+        other, origin = graded_distances(
+            examples[example_starts[e] : example_starts[e + 1]], weights[e], columns, document_starts
+        )
+        for j in range(cost.shape[0]):
+            if other[j] < cost[j]:
+                cost[j], start[j], example[j] = other[j], origin[j], e
+    return cost, start, example
+
+
+@njit(cache=True)
+def differences(
+    examples: np.ndarray, example_starts: np.ndarray, weights: np.ndarray, columns: np.ndarray, hits: np.ndarray
+) -> np.ndarray:
+    """How an example and what it was found in differ, feature by feature, along the best alignment: float32 (H, F).
+
+    Steps as in `graded_distance`; means over the example's columns of the absolute differences.
+
+    Parameters
+    ----------
+    examples, example_starts, weights : as for `nearest_example`
+    columns : int8 (M, F), all documents
+    hits : int64 (H, 3), example, first and last column of where it was found
+    """
+    features = examples.shape[1]
+    found = np.zeros((hits.shape[0], features), np.float32)
+    for h in range(hits.shape[0]):
+        e, first, last = hits[h]
+        template = examples[example_starts[e] : example_starts[e + 1]]
+        n, length = template.shape[0], last + 1 - first
+        total = np.full((n, length), np.inf)
+        cells = np.empty((n, length))
+        for i in range(n):
+            for j in range(length):
+                cell = 0.0
+                for f in range(features):
+                    cell += weights[e, f] * abs(template[i, f] - np.float32(columns[first + j, f]))
+                cells[i, j] = cell
+        total[0] = cells[0]
+        for i in range(1, n):
+            for j in range(1, length):
+                total[i, j] = _reached(total, cells, i, j)[0]
+        i, j = n - 1, int(np.argmin(total[n - 1]))
+        while True:
+            _, back, aside = _reached(total, cells, i, j)
+            count = 2 if back == 2 else 1
+            for f in range(features):
+                found[h, f] += count * abs(template[i, f] - np.float32(columns[first + j, f])) / n
+            if back == 0:
+                break
+            i, j = i - back, j - aside
+    return found
+
+
+@njit(cache=True)
+def _reached(total: np.ndarray, cells: np.ndarray, i: int, j: int) -> tuple[float, int, int]:
+    """Cheapest way to a cell from those before it: cost, rows and columns back; none back from row 0."""
+    if i == 0 or j == 0:
+        return (cells[i, j] if i == 0 else np.inf), 0, 0
+    cost, back, aside = total[i - 1, j - 1] + cells[i, j], 1, 1
+    if j > 1 and total[i - 1, j - 2] + cells[i, j] < cost:
+        cost, back, aside = total[i - 1, j - 2] + cells[i, j], 1, 2
+    if i > 1 and total[i - 2, j - 1] + 2 * cells[i, j] < cost:
+        cost, back, aside = total[i - 2, j - 1] + 2 * cells[i, j], 2, 1
+    return cost, back, aside

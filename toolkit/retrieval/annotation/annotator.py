@@ -90,6 +90,8 @@ class Annotation:
     frames : bool (P, L), labels after the segments' extension (Fig. 5.2c); a frame may bear several
     segments : the same as runs, sorted by start
     too_long : classes whose templates are all too long for the document, so that they could not be found
+    thresholds : per class, distances at or above it are no hits
+    measure : what the distances are: "cost" (share of features that differ) or "doubt" (1 minus probability)
     """
 
     name: str
@@ -100,6 +102,8 @@ class Annotation:
     frames: np.ndarray
     segments: tuple[Segment, ...]
     too_long: tuple[str, ...] = ()
+    thresholds: tuple[float, ...] = ()
+    measure: str = "cost"
 
 
 class PreparedTemplate:
@@ -188,6 +192,7 @@ class Annotator:
             features.name, self.labels, features.frame_rate, distances, decided, frames,
             tuple(segments_of(frames, distances, self.labels, features.frame_rate)),
             tuple(label for label, need in zip(self.labels, shortest, strict=True) if len(features) < need),
+            tuple(motion_class.threshold for motion_class in self.classes),
         )  # fmt: skip
 
     def _distances(self, features: FeatureMatrix, intervals: Intervals | None) -> np.ndarray:

@@ -93,7 +93,7 @@ def assemble(name: str, parts: Sequence[tuple[Motion, str | None]], joining: Joi
 
 
 def shuffled_parts(
-    clips: Sequence[tuple[Motion, str]],
+    clips: Sequence[tuple[Motion, str | None]],
     fillers: Sequence[Motion],
     rng: np.random.Generator,
     filler_seconds: tuple[float, float] = (2.0, 5.0),

@@ -14,7 +14,7 @@ import numpy as np
 
 from toolkit.errors import RetrievalError
 from toolkit.files import atomic_path, read_table, save_json, save_text
-from toolkit.retrieval.annotation.annotator import Annotation, MotionClass
+from toolkit.retrieval.annotation.annotator import Annotation
 from toolkit.retrieval.annotation.measures import (
     Scores,
     Segment,
@@ -35,6 +35,10 @@ REPORT_FILES = SEGMENTS_CSV, SEGMENTS_JSON, PICTURE, PAGE = (
     "report.html",
 )
 
+_SCORE_WORDS = {
+    "cost": "The score is the share of body features that agree with the class's motion template along the segment;",
+    "doubt": "The score is the probability that the segment is such a motion;",
+}
 _STYLE = """body{font:15px/1.5 sans-serif;max-width:70em;margin:2em auto;padding:0 1em;color:#222}
 table{border-collapse:collapse;margin:1em 0}td,th{padding:.25em .8em;border-bottom:1px solid #ccc;text-align:left}
 td.n,th.n{text-align:right;font-variant-numeric:tabular-nums}img{max-width:100%}
@@ -43,7 +47,6 @@ td.n,th.n{text-align:right;font-variant-numeric:tabular-nums}img{max-width:100%}
 
 def write_report(
     annotation: Annotation,
-    classes: Sequence[MotionClass],
     folder: str | Path,
     truth: Sequence[Segment] | None = None,
 ) -> dict[str, Scores]:
@@ -52,7 +55,6 @@ def write_report(
     Parameters
     ----------
     annotation : what was found
-    classes : the classes that were searched, for their thresholds
     folder : made where it is missing
     truth : true segments, if they are known
 
@@ -68,15 +70,19 @@ def write_report(
     folder = Path(folder)
     scores = {} if truth is None else score(annotation, truth)
     _save_csv(folder / SEGMENTS_CSV, annotation.segments)
-    save_json(folder / SEGMENTS_JSON, _as_json(annotation, classes, scores))
-    threshold = max(motion_class.threshold for motion_class in classes)
-    figure = plot_annotation(annotation, truth, threshold)
+    save_json(folder / SEGMENTS_JSON, _as_json(annotation, scores))
+    figure = plot_annotation(annotation, truth)
     picture = io.BytesIO()
     figure.savefig(picture, dpi=110, format="png")
     with atomic_path(folder / PICTURE) as temporary:
         temporary.write_bytes(picture.getvalue())
-    save_text(folder / PAGE, _page(annotation, truth, scores, threshold, picture.getvalue()))
+    save_text(folder / PAGE, _page(annotation, truth, scores, picture.getvalue()))
     return scores
+
+
+def missed_segments(truth: Sequence[Segment], found: Sequence[Segment]) -> list[Segment]:
+    """True segments that no found one of their label overlaps."""
+    return [segment for segment in truth if not segment_scores([segment], found).right_true]
 
 
 def score(annotation: Annotation, truth: Sequence[Segment]) -> dict[str, Scores]:
@@ -113,8 +119,9 @@ def read_segments(path: str | Path) -> list[Segment]:
     return segments
 
 
-def plot_annotation(annotation: Annotation, truth: Sequence[Segment] | None, threshold: float) -> Figure:
-    """The picture of Fig. 5.2: modified distance functions in colour, below them found and true segments."""
+def plot_annotation(annotation: Annotation, truth: Sequence[Segment] | None) -> Figure:
+    """The picture of Fig. 5.2: modified distance functions in colour, below them found and true segments; true ones
+    that were missed have their own colour."""
     from matplotlib.figure import Figure
 
     classes, length = annotation.distances.shape
@@ -124,15 +131,18 @@ def plot_annotation(annotation: Annotation, truth: Sequence[Segment] | None, thr
     above, below = figure.subplots(2, 1, sharex=True)
     visible = np.where(np.isfinite(annotation.distances), annotation.distances, np.nan)
     image = above.imshow(
-        visible, aspect="auto", interpolation="nearest", cmap="viridis", vmin=0.0, vmax=threshold,
+        visible, aspect="auto", interpolation="nearest", cmap="viridis", vmin=0.0, vmax=max(annotation.thresholds),
         extent=(0.0, seconds, classes - 0.5, -0.5),
     )  # fmt: skip
-    above.set_title(f"{annotation.name}: distance to each class (white: above the threshold)", fontsize=10)
-    figure.colorbar(image, ax=above, label="cost")
-    below.set_title("annotation: found (red)" + (" and true (black)" if truth is not None else ""), fontsize=10)
+    above.set_title(f"{annotation.name}: {annotation.measure} of each class (white: nothing like it)", fontsize=10)
+    figure.colorbar(image, ax=above, label=annotation.measure)
+    truths = " and true (black; orange: missed)" if truth is not None else ""
+    below.set_title(f"annotation: found (red){truths}", fontsize=10)
+    missed = missed_segments(truth or (), annotation.segments)
     for row, label in enumerate(annotation.labels):
         _bars(below, annotation.segments, label, row - 0.2, "tab:red")
         _bars(below, truth or (), label, row + 0.2, "black")
+        _bars(below, missed, label, row + 0.2, "tab:orange")
     for axes in (above, below):
         axes.set_yticks(range(classes), annotation.labels, fontsize=8)
         axes.set_ylim(classes - 0.5, -0.5)
@@ -157,12 +167,12 @@ def _save_csv(path: Path, segments: Sequence[Segment]) -> None:
     save_text(path, text.getvalue())
 
 
-def _as_json(annotation: Annotation, classes: Sequence[MotionClass], scores: dict[str, Scores]) -> dict[str, Any]:
+def _as_json(annotation: Annotation, scores: dict[str, Scores]) -> dict[str, Any]:
     return {
         "name": annotation.name,
         "seconds": annotation.frames.shape[1] / annotation.frame_rate,
         "frame_rate": annotation.frame_rate,
-        "thresholds": {motion_class.label: motion_class.threshold for motion_class in classes},
+        "thresholds": dict(zip(annotation.labels, annotation.thresholds, strict=True)),
         "segments": [{"start": s.start, "end": s.end, "label": s.label, "score": s.score} for s in annotation.segments],
         "too_long": list(annotation.too_long),
         "scores": {
@@ -171,9 +181,7 @@ def _as_json(annotation: Annotation, classes: Sequence[MotionClass], scores: dic
     }
 
 
-def _page(
-    annotation: Annotation, truth: Sequence[Segment] | None, scores: dict[str, Scores], threshold: float, picture: bytes
-) -> str:
+def _page(annotation: Annotation, truth: Sequence[Segment] | None, scores: dict[str, Scores], picture: bytes) -> str:
     """The page: what was found in words, the picture, the segments, and how to read them."""
     name = escape(annotation.name)
     seconds = annotation.frames.shape[1] / annotation.frame_rate
@@ -194,10 +202,12 @@ def _page(
     encoded = base64.b64encode(picture).decode("ascii")
     parts.append(f"<img alt='distance functions and segments over time' src='data:image/png;base64,{encoded}'>")
     parts.append(_table(("from (s)", "to (s)", "motion", "score"), [_row(s, truth) for s in annotation.segments]))
-    parts.append(
-        "<p>The score is the share of body features that agree with the class's motion template along the segment; "
-        f"below {1.0 - threshold:.2f} nothing is reported. A stretch may bear several labels where motions overlap.</p>"
-    )
+    missed = missed_segments(truth or (), annotation.segments)
+    if missed:
+        rows = [(f"{s.start:.2f}", f"{s.end:.2f}", escape(s.label)) for s in missed]
+        parts.append(_table(("missed from (s)", "to (s)", "motion"), rows))
+    words = f"{_SCORE_WORDS[annotation.measure]} below {1.0 - max(annotation.thresholds):.2f} nothing is reported."
+    parts.append(f"<p>{words}</p>")
     return "\n".join(parts) + "</body></html>\n"
 
 

@@ -115,6 +115,13 @@ class Motion:
             root_axis=None if axis is None else axis[low] + share * (axis[low + 1] - axis[low]),
         )
 
+    def at_rate(self, frame_rate: float) -> Motion:
+        """The motion with other frames per second, positions linear between frames; equally fast."""
+        if frame_rate == self.frame_rate:
+            return self
+        slower = self.at_speed(self.frame_rate / frame_rate)
+        return replace(slower, name=self.name, frame_rate=frame_rate)
+
     def mirrored(self) -> Motion:
         """The motion seen in a mirror: x changes sign, left and right change names.
 

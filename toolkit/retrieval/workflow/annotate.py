@@ -7,11 +7,13 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+from toolkit.archives import archive_names
 from toolkit.errors import RetrievalError, UsageError
 from toolkit.files import check_output
 from toolkit.retrieval.annotation.annotator import THRESHOLD, Annotation, Annotator, MotionClass
-from toolkit.retrieval.annotation.classes import learn_classes
+from toolkit.retrieval.annotation.classes import learn_classes, load_classes
 from toolkit.retrieval.annotation.measures import Scores
+from toolkit.retrieval.annotation.model import RELEARN, MotionModel
 from toolkit.retrieval.annotation.preselection import preselect_in
 from toolkit.retrieval.annotation.report import REPORT_FILES, read_segments, write_report
 from toolkit.retrieval.features.relational import FeatureMatrix, relational_features
@@ -57,7 +59,7 @@ def classes_from_clips(
 
 def annotate_motions(
     sources: Sequence[str | Path],
-    classes: Sequence[MotionClass],
+    classes: Sequence[MotionClass] | MotionModel,
     output: str | Path,
     *,
     queries: Sequence[KeyframeQuery] = (),
@@ -70,11 +72,11 @@ def annotate_motions(
     Parameters
     ----------
     sources : motion files, run folders, folders of motion files
-    classes : what to look for
+    classes : what to look for, a motion model or the thesis's template classes
     output : folder
-    queries : learned keyframe queries that narrow the search down
+    queries : learned keyframe queries that narrow the search for template classes down
     truth : CSV with true segments (start, end, label); for several motions a folder with <stem>.csv
-    threshold : in place of the classes' own
+    threshold : largest cost of a template, in place of the classes' own
     progress : told after each motion
 
     Raises
@@ -92,19 +94,40 @@ def annotate_motions(
     for folder in folders.values():
         for name in REPORT_FILES:
             check_output(folder / name, [*files, *truths.values()])
-    if threshold is not None:
-        classes = [replace(motion_class, threshold=threshold) for motion_class in classes]
-    annotator = Annotator(classes)
+    annotate = _annotating(classes, queries, threshold)
     done = []
     for number, file in enumerate(files, start=1):
         features = relational_features(load_motion(file))
-        intervals = preselect_in([features], queries, annotator.labels)[0] if queries else None
-        annotation = annotator.annotate(features, intervals)
+        annotation = annotate(features)
         true = read_segments(truths[file]) if file in truths else None
-        done.append(AnnotatedFile(annotation, folders[file], write_report(annotation, classes, folders[file], true)))
+        done.append(AnnotatedFile(annotation, folders[file], write_report(annotation, folders[file], true)))
         if progress is not None:
             progress("annotating", number, len(files))
     return done
+
+
+def _annotating(
+    classes: Sequence[MotionClass] | MotionModel, queries: Sequence[KeyframeQuery], threshold: float | None
+) -> Callable[[FeatureMatrix], Annotation]:
+    if isinstance(classes, MotionModel):
+        if queries or threshold is not None:
+            raise UsageError("keyframe queries and a threshold belong to motion templates, not to a motion model")
+        return classes.annotate
+    if threshold is not None:
+        classes = [replace(motion_class, threshold=threshold) for motion_class in classes]
+    annotator = Annotator(classes)
+
+    def annotate(features: FeatureMatrix) -> Annotation:
+        intervals = preselect_in([features], queries, annotator.labels)[0] if queries else None
+        return annotator.annotate(features, intervals)
+
+    return annotate
+
+
+def load_wanted(path: str | Path) -> list[MotionClass] | MotionModel:
+    """A motion model or template classes, whichever the file holds."""
+    names = archive_names(path, RetrievalError, RELEARN)
+    return MotionModel.load(path) if "columns" in names else load_classes(path)
 
 
 def _check_stems(files: Sequence[Path]) -> None:

@@ -1,18 +1,21 @@
-"""From clips to learned queries."""
+"""From clips to a motion model, or to learned keyframe queries."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
 from toolkit.files import check_output
+from toolkit.retrieval.annotation.model import MotionModel
+from toolkit.retrieval.annotation.training import Clip, LeftOut, alike, leave_one_out, train
 from toolkit.retrieval.features.motion import Motion
 from toolkit.retrieval.features.relational import relational_features
 from toolkit.retrieval.keyframes.query_file import save_queries
 from toolkit.retrieval.learning.queries import LearnedQuery, LearningSettings, Progress, learn, training_clips
-from toolkit.retrieval.workflow.motions import find_motions, load_motion
+from toolkit.retrieval.workflow.motions import Tag, find_motions, load_motion
 
 
 def learn_queries(
@@ -55,3 +58,59 @@ def learn_queries(
     )
     save_queries(output, [query for result in learned.values() for query in result.alternatives(alternatives, tight)])
     return learned
+
+
+@dataclass(frozen=True, eq=False)
+class LearnedModel:
+    """A motion model and what to expect of it.
+
+    Attributes
+    ----------
+    model : as written
+    left_out : how each person was annotated by a model of the others
+    alike : pairs of classes that are hard to tell apart (`training.alike`)
+    clips : number of clips per class
+    people : everybody who performs a clip; one name if nobody was named
+    """
+
+    model: MotionModel
+    left_out: list[LeftOut]
+    alike: list[tuple[str, str, float]]
+    clips: dict[str, int]
+    people: tuple[str, ...]
+
+
+def learn_model(
+    clips: Mapping[Path, Tag],
+    output: str | Path | None,
+    rng: np.random.Generator,
+    *,
+    others: Sequence[str | Path] = (),
+    check: bool = True,
+    progress: Callable[[str, int, int], None] | None = None,
+) -> LearnedModel:
+    """Learn a motion model from cut clips, write it, and say how well it does on people left out.
+
+    Parameters
+    ----------
+    clips : cut clip -> its class and who performs it
+    output : the model file (NPZ); None writes nothing
+    rng : source of all randomness
+    others : clips, folders of clips: motions of no class
+    check : leave each person out once; without it `left_out` is empty
+    progress : told what is done, how much of it, and how much there is
+    """
+    if output is not None:
+        check_output(output, [*clips, *others])
+    read = []
+    for number, (file, tag) in enumerate(clips.items(), start=1):
+        read.append(Clip(load_motion(file), tag.label, tag.person))
+        if progress is not None:
+            progress("reading clips", number, len(clips))
+    more = [load_motion(file) for file in find_motions(others)]
+    left_out = leave_one_out(read, more, rng, progress) if check else []
+    model = train(read, more, rng, progress)
+    if output is not None:
+        model.save(output)
+    counts = {label: sum(clip.label == label for clip in read) for label in model.labels}
+    return LearnedModel(model, left_out, alike(read), counts, tuple(sorted({clip.person for clip in read})))

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 from pathlib import Path
+from typing import NamedTuple
 
 from toolkit.errors import RetrievalError, UsageError
 from toolkit.files import read_table
@@ -30,7 +31,9 @@ def load_motion(path: str | Path) -> Motion:
 
 
 def labels_of(files: Sequence[Path], pattern: str | None = None, table: str | Path | None = None) -> dict[Path, str]:
-    """Motion class of each clip: from a table (CSV: clip, label), else from its name, else from its folder's name.
+    """Motion class of each clip: from a table (CSV: clip, label), by a pattern, else from its folder's name.
+
+    Where all clips lie in one folder, their names are taken apart (`tags_in_names`).
 
     Parameters
     ----------
@@ -51,7 +54,9 @@ def labels_of(files: Sequence[Path], pattern: str | None = None, table: str | Pa
         known = _label_table(Path(table))
         return {file: _label(known.get(file.stem), file, f"in {table}") for file in files}
     if pattern is None:
-        return {file: file.resolve().parent.name for file in files}
+        folders = {file: file.resolve().parent.name for file in files}
+        flat = len(set(folders.values())) < 2 < len(files)
+        return {file: tag.label for file, tag in tags_in_names(files).items()} if flat else folders
     try:
         expression = re.compile(pattern)
     except re.error as error:
@@ -60,6 +65,61 @@ def labels_of(files: Sequence[Path], pattern: str | None = None, table: str | Pa
         raise UsageError(f"pattern {pattern!r} has no group named label; write (?P<label>...) around it")
     found = {file: expression.fullmatch(file.stem) for file in files}
     return {file: _label(match and match["label"], file, f"by pattern {pattern!r}") for file, match in found.items()}
+
+
+class Tag(NamedTuple):
+    """Class of a clip and who performs it, "" if unknown."""
+
+    label: str
+    person: str
+
+
+def tags_of(files: Sequence[Path], pattern: str | None = None, table: str | Path | None = None) -> dict[Path, Tag]:
+    """Motion class of each clip, as `labels_of`, and who performs it.
+
+    People are the pattern's group `person` or the table's column person; with neither, and all clips in one folder,
+    they come from the names as well.
+    """
+    labels = labels_of(files, pattern, table)
+    if table is not None:
+        rows = read_table(Path(table), RetrievalError, "give a CSV file with the columns clip and label")
+        people = {row["clip"]: row.get("person", "") for row in rows}
+        return {file: Tag(label, people[file.stem]) for file, label in labels.items()}
+    if pattern is not None:
+        matches = {file: re.fullmatch(pattern, file.stem) for file in files}
+        return {
+            file: Tag(labels[file], match.groupdict().get("person") or "") for file, match in matches.items() if match
+        }
+    named = tags_in_names(files)
+    if all(named[file].label == label for file, label in labels.items()):
+        return named
+    return {file: Tag(label, "") for file, label in labels.items()}
+
+
+def tags_in_names(files: Sequence[Path]) -> dict[Path, Tag]:
+    """Classes and people from the names of clips alone, such as `bd_kick_01` and `walk-3`.
+
+    A name is cut at underscores, hyphens, points and spaces, and numbers are dropped. Of what is not the same in all
+    names, the first part is the person if every one occurs with several of the rest; all else is the class.
+    """
+    parts = {file: [word for word in re.split(r"[_\-. ]+", file.stem) if word.strip("0123456789")] for file in files}
+    words = {file: [word.rstrip("0123456789") for word in found] for file, found in parts.items()}
+    if len({len(found) for found in words.values()}) != 1:
+        return {file: Tag("_".join(found), "") for file, found in words.items()}
+    columns = [column for column in zip(*words.values(), strict=True) if len(set(column)) > 1]
+    rests = ["_".join(rest) for rest in zip(*columns[1:], strict=True)] if len(columns) > 1 else []
+    if rests:
+        classes_of = {
+            person: {r for p, r in zip(columns[0], rests, strict=True) if p == person} for person in columns[0]
+        }
+        if min(map(len, classes_of.values())) > 1:
+            return dict(zip(files, map(Tag, rests, columns[0]), strict=True))
+    whole = (
+        ["_".join(row) for row in zip(*columns, strict=True)]
+        if columns
+        else ["_".join(found) for found in words.values()]
+    )
+    return {file: Tag(label, "") for file, label in zip(files, whole, strict=True)}
 
 
 def _label(label: str | None, file: Path, where: str) -> str:

@@ -1,0 +1,143 @@
+"""Labelled example clips as what a document is searched for: where each class may be, and how it differs there."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+
+from toolkit.errors import RetrievalError
+from toolkit.kernels.graded import differences, distinct_hits, nearest_example
+from toolkit.retrieval.features.grades import BLOCK, FULL, coarse, importance
+from toolkit.retrieval.features.relational import FeatureMatrix
+
+LARGEST_COST = 0.3
+"""What costs more is not looked at: motions of a class by other people cost 0.05 to 0.2, chance 0.2 to 0.3."""
+SHORTEST_CLIP = BLOCK + 1
+"""Frames of the shortest example: two coarse columns."""
+
+
+class Proposals(NamedTuple):
+    """Where a class may be in some documents, H places; columns are coarse (`features.grades.BLOCK` frames).
+
+    Attributes
+    ----------
+    documents : int64 (H,)
+    firsts, lasts : int64 (H,), first and last column within the document
+    costs : float64 (H,), of the nearest example of the class
+    described : float64 (H, 42), mean difference of each feature's grades to that example (1 = 127 grades), its cost in
+        tenths, and the logarithm of its duration against the example's
+    """
+
+    documents: np.ndarray
+    firsts: np.ndarray
+    lasts: np.ndarray
+    costs: np.ndarray
+    described: np.ndarray
+
+
+@dataclass(frozen=True, eq=False)
+class ExampleSet:
+    """Clips with labels.
+
+    Attributes
+    ----------
+    labels : of each clip
+    names : of each clip
+    columns : int8 (S, 40), coarse graded features of all clips, one after the other
+    starts : int64 (E + 1,), first column of each clip; the last entry is S
+    weights : float64 (E, 40), how much each feature of a clip counts
+    """
+
+    labels: tuple[str, ...]
+    names: tuple[str, ...]
+    columns: np.ndarray
+    starts: np.ndarray
+    weights: np.ndarray
+
+    @classmethod
+    def of(cls, clips: Sequence[tuple[FeatureMatrix, str]]) -> ExampleSet:
+        """Clips with their labels.
+
+        Raises
+        ------
+        RetrievalError
+            No clips, or one that is too short.
+        """
+        if not clips:
+            raise RetrievalError("there are no labelled clips to learn from; give at least one")
+        short = [features for features, _ in clips if len(features) < SHORTEST_CLIP]
+        if short:
+            raise RetrievalError(
+                f"example {short[0].name!r} has {len(short[0])} frames at 30 Hz; give at least {SHORTEST_CLIP}, or "
+                "leave it out"
+            )
+        columns = [np.ascontiguousarray(coarse(features.grades).T) for features, _ in clips]
+        return cls(
+            tuple(label for _, label in clips),
+            tuple(features.name for features, _ in clips),
+            np.concatenate(columns),
+            np.cumsum([0, *map(len, columns)]),
+            np.array([importance(features.grades) for features, _ in clips]),
+        )
+
+    def __len__(self) -> int:
+        return len(self.labels)
+
+    @property
+    def classes(self) -> tuple[str, ...]:
+        """The labels that occur, sorted."""
+        return tuple(sorted(set(self.labels)))
+
+    def of_class(self, label: str) -> np.ndarray:
+        """Numbers of a class's clips, int64 (C,)."""
+        return np.flatnonzero(np.array(self.labels) == label)
+
+    @property
+    def shortest(self) -> int:
+        """Fewest frames at 30 Hz of a document in which something can be found: every step may skip one column."""
+        return int(BLOCK * (np.diff(self.starts).min() // 2) + 1)
+
+    @cached_property
+    def _floats(self) -> tuple[np.ndarray, np.ndarray]:
+        """Columns and weights as the kernels take them; a path then costs the mean over a clip's columns."""
+        lengths = np.diff(self.starts)[:, None]
+        return self.columns.astype(np.float32), (self.weights / (2.0 * FULL * lengths)).astype(np.float32)
+
+    def propose(self, label: str, documents: Sequence[FeatureMatrix]) -> Proposals:
+        """Where a class may be: hits of the nearest example in each column, each place once."""
+        edges, columns = _joined(documents)
+        examples, weights = self._floats
+        costs, starts, nearest = nearest_example(examples, self.starts, weights, self.of_class(label), columns, edges)
+        owners, firsts, lasts = distinct_hits(costs, starts, edges, LARGEST_COST, len(costs)).T
+        ends = edges[owners] + lasts
+        numbers = nearest[ends].astype(np.int64)
+        places = np.stack([numbers, edges[owners] + firsts, ends], axis=1)
+        apart = differences(examples, self.starts, weights, columns, places) / FULL
+        longer = np.log((lasts + 1 - firsts) / np.diff(self.starts)[numbers])
+        described = np.column_stack([apart, 10.0 * costs[ends], longer])
+        return Proposals(owners, firsts, lasts, costs[ends].astype(np.float64), described.astype(np.float64))
+
+    def cheapest(self, label: str, documents: Sequence[FeatureMatrix], without: str = "") -> np.ndarray:
+        """Cost of the class's best alignment anywhere in each document, float64 (D,), infinite where none fits.
+
+        Parameters
+        ----------
+        label : the class
+        documents : what is searched
+        without : name of a clip that does not take part
+        """
+        chosen = np.array([e for e in self.of_class(label) if self.names[e] != without], dtype=np.int64)
+        edges, columns = _joined(documents)
+        examples, weights = self._floats
+        costs, _, _ = nearest_example(examples, self.starts, weights, chosen, columns, edges)
+        return np.minimum.reduceat(costs, edges[:-1]).astype(np.float64)
+
+
+def _joined(documents: Sequence[FeatureMatrix]) -> tuple[np.ndarray, np.ndarray]:
+    """First coarse column of each document, int64 (D + 1,), and the coarse columns of all, int8 (M, 40)."""
+    pieces = [np.ascontiguousarray(coarse(document.grades).T) for document in documents]
+    return np.cumsum([0, *map(len, pieces)]), np.concatenate(pieces)

@@ -1,0 +1,154 @@
+"""Annotation by example clips and judges: what is found in a document, and the file that keeps what was learned."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from toolkit.archives import Column, check_columns, load_archive, save_archive
+from toolkit.errors import RetrievalError
+from toolkit.files import parse_json
+from toolkit.retrieval.annotation.annotator import Annotation
+from toolkit.retrieval.annotation.examples import ExampleSet
+from toolkit.retrieval.annotation.judge import MEASURES, Judge
+from toolkit.retrieval.annotation.measures import Segment
+from toolkit.retrieval.features.grades import BLOCK
+from toolkit.retrieval.features.relational import FEATURES, FeatureMatrix, feature_fingerprint
+
+MODEL_VERSION = 1
+LEAST_PROBABILITY = 0.5
+"""What is less likely than this is not reported."""
+SHARED = 0.3
+"""Largest share of a motion's frames that likelier ones may hold already; the likelier motion is the true one."""
+RELEARN = "learn it again with `depthmocap learn`"
+
+_COLUMNS = {
+    "columns": Column("i", ("S", len(FEATURES)), -128, 127),
+    "starts": Column("i", ("E1",), 0),
+    "weights": Column("f", ("E", len(FEATURES)), 0.0, 1.0),
+    "mean": Column("f", ("P", MEASURES)),
+    "scale": Column("f", ("P", MEASURES), 1e-9),
+    "judges": Column("f", ("P", MEASURES)),
+    "offsets": Column("f", ("P",)),
+}
+
+
+@dataclass(frozen=True, eq=False)
+class MotionModel:
+    """Motion classes as example clips, and a judge for each.
+
+    Attributes
+    ----------
+    examples : the clips
+    judges : per class, in the order of `examples.classes`
+    """
+
+    examples: ExampleSet
+    judges: tuple[Judge, ...]
+
+    @property
+    def labels(self) -> tuple[str, ...]:
+        """The classes, sorted."""
+        return self.examples.classes
+
+    def annotate(self, features: FeatureMatrix, least: float = LEAST_PROBABILITY) -> Annotation:
+        """Label a document's frames: the likeliest motions first, each where no likelier one is.
+
+        Parameters
+        ----------
+        features : the document at 30 Hz
+        least : smallest probability of a motion
+
+        Raises
+        ------
+        RetrievalError
+            The document is too short for every example.
+        """
+        if len(features) < self.examples.shortest:
+            raise RetrievalError(
+                f"motion {features.name!r} has {len(features)} frames at 30 Hz, but the shortest example needs "
+                f"{self.examples.shortest}; give a longer motion"
+            )
+        length = len(features)
+        doubts = np.full((len(self.labels), length), np.inf)
+        found: list[tuple[float, int, int, int]] = []
+        for row, (label, judge) in enumerate(zip(self.labels, self.judges, strict=True)):
+            places = self.examples.propose(label, [features])
+            doubt = 1.0 - judge.probability(places.described)
+            for k in np.argsort(doubt, kind="stable"):
+                first, stop = BLOCK * int(places.firsts[k]), min(BLOCK * (int(places.lasts[k]) + 1), length)
+                np.minimum(doubts[row, first:stop], doubt[k], out=doubts[row, first:stop])
+                if doubt[k] <= 1.0 - least:
+                    found.append((float(doubt[k]), row, first, stop))
+        decided = np.full(length, -1, dtype=np.int64)
+        frames = np.zeros(doubts.shape, dtype=bool)
+        segments: list[Segment] = []
+        rate = features.frame_rate
+        for doubt_of_hit, row, first, stop in sorted(found):
+            if np.count_nonzero(decided[first:stop] >= 0) <= SHARED * (stop - first):
+                frames[row, first:stop] = True
+                decided[first:stop] = np.where(decided[first:stop] < 0, row, decided[first:stop])
+                segments.append(Segment(first / rate, stop / rate, self.labels[row], 1.0 - doubt_of_hit))
+        return Annotation(
+            features.name, self.labels, rate, doubts, decided, frames,
+            tuple(sorted(segments, key=lambda segment: (segment.start, segment.end, segment.label))),
+            thresholds=(1.0 - least,) * len(self.labels), measure="doubt",
+        )  # fmt: skip
+
+    def save(self, path: str | Path) -> None:
+        """Write the model as one NPZ file, whole or not at all."""
+        header = {
+            "version": MODEL_VERSION, "features": feature_fingerprint(), "labels": self.examples.labels,
+            "names": self.examples.names,
+        }  # fmt: skip
+        arrays = {
+            "header": np.array(json.dumps(header)), "columns": self.examples.columns, "starts": self.examples.starts,
+            "weights": self.examples.weights, "mean": np.array([judge.mean for judge in self.judges]),
+            "scale": np.array([judge.scale for judge in self.judges]),
+            "judges": np.array([judge.weights for judge in self.judges]),
+            "offsets": np.array([judge.offset for judge in self.judges]),
+        }  # fmt: skip
+        save_archive(path, arrays)
+
+    @classmethod
+    def load(cls, path: str | Path) -> MotionModel:
+        """Read what `save` wrote.
+
+        Raises
+        ------
+        RetrievalError
+            The file is missing, no model, damaged, of another version, or learned with other features.
+        """
+        arrays = load_archive(path, RetrievalError, RELEARN)
+        if "header" not in arrays:
+            raise RetrievalError(f"{path} is no motion model; learn one with `depthmocap learn`")
+        header = parse_json(str(arrays["header"]), f"the header of {path}", RetrievalError, RELEARN)
+        if not isinstance(header, dict) or "labels" not in header:
+            raise RetrievalError(f"{path} is no motion model; learn one with `depthmocap learn`")
+        if header.get("version") != MODEL_VERSION or header.get("features") != feature_fingerprint():
+            raise RetrievalError(f"{path} is a motion model of another version or with other features; {RELEARN}")
+        missing = sorted(_COLUMNS.keys() - arrays.keys())
+        if missing:
+            raise RetrievalError(f"{path} has no {missing[0]}; {RELEARN}")
+        check_columns(arrays, _COLUMNS, RetrievalError, str(path), RELEARN)
+        labels, names = (tuple(str(text) for text in header.get(key, ())) for key in ("labels", "names"))
+        starts = arrays["starts"].astype(np.int64)
+        fits = (
+            len(labels) == len(names) == len(arrays["weights"]) == len(starts) - 1 > 0
+            and len(arrays["offsets"]) == len(set(labels))
+            and starts[0] == 0
+            and starts[-1] == len(arrays["columns"])
+            and bool((np.diff(starts) > 0).all())
+        )
+        if not fits:
+            raise RetrievalError(f"the clips of {path} do not fit each other; {RELEARN}")
+        examples = ExampleSet(labels, names, arrays["columns"].astype(np.int8), starts, arrays["weights"])
+        return cls(examples, _judges(arrays))
+
+
+def _judges(arrays: dict[str, np.ndarray]) -> tuple[Judge, ...]:
+    rows = zip(*(arrays[name] for name in ("mean", "scale", "judges", "offsets")), strict=True)
+    return tuple(Judge(mean, scale, weights, float(offset)) for mean, scale, weights, offset in rows)

@@ -1,0 +1,288 @@
+"""Learning a motion model as it will be used: on documents of people whose clips are not among the examples.
+
+Each person's clips in turn are put together into documents, easy ones and hard ones: joined smoothly or abruptly, with
+excerpts of motions of no class, and with the mirror images of one-sided motions, which are none of their class. What
+the other people's clips find there, right and wrong, and what they find in the motions of no class, mirrored, faster
+and slower ones too, is what the judges learn from. With one person alone, clips take turns in halves.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+
+import numpy as np
+
+from toolkit.errors import RetrievalError
+from toolkit.retrieval.annotation.documents import HARD_JOINS, JOINS, assemble, shuffled_parts
+from toolkit.retrieval.annotation.examples import ExampleSet, Proposals
+from toolkit.retrieval.annotation.judge import Judge
+from toolkit.retrieval.annotation.measures import Scores, Segment, frame_scores, label_frames, segment_scores
+from toolkit.retrieval.annotation.model import MotionModel
+from toolkit.retrieval.features.grades import BLOCK
+from toolkit.retrieval.features.motion import Motion
+from toolkit.retrieval.features.relational import FeatureMatrix, relational_features
+
+ROUNDS = 2
+"""How often every person's clips become documents, easy and hard ones each time."""
+CLIPS_PER_DOCUMENT = 12
+SPEEDS = (0.7, 1.0, 1.4)
+"""Speeds at which motions of no class are counterexamples."""
+ONE_SIDED = 1.5
+"""A class is one-sided if its mirror images cost more than this many times what its clips cost one another."""
+ALIKE = 1.25
+"""Two classes are alike if clips of one cost, by examples of the other, less than this many times their own."""
+
+Progress = Callable[[str, int, int], None]
+"""Called with what is done, how much of it, and how much there is."""
+
+
+@dataclass(frozen=True, eq=False)
+class Clip:
+    """A cut clip.
+
+    Attributes
+    ----------
+    motion : the clip, and nothing but the motion
+    label : its class
+    person : who performs it, "" if unknown
+    """
+
+    motion: Motion
+    label: str
+    person: str = ""
+
+    @cached_property
+    def features(self) -> FeatureMatrix:
+        """Its features."""
+        return relational_features(self.motion)
+
+    @cached_property
+    def mirror_features(self) -> FeatureMatrix:
+        """Features of its mirror image."""
+        return relational_features(self.motion.mirrored())
+
+
+@dataclass(frozen=True, eq=False)
+class TrainedDocument:
+    """A document of known truth."""
+
+    features: FeatureMatrix
+    segments: tuple[Segment, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class LeftOut:
+    """How a model of the other people did on one person's documents.
+
+    Attributes
+    ----------
+    person : who was left out
+    frames, segments : per label the scores over frames and over segments
+    """
+
+    person: str
+    frames: dict[str, Scores] = field(default_factory=dict)
+    segments: dict[str, Scores] = field(default_factory=dict)
+
+
+def train(
+    clips: Sequence[Clip], others: Sequence[Motion], rng: np.random.Generator, progress: Progress | None = None
+) -> MotionModel:
+    """Learn a model: all clips are its examples, its judges come from what some clips find in documents of others.
+
+    Parameters
+    ----------
+    clips : of at least one class
+    others : motions that hold none of the classes: counterexamples
+    rng : source of all randomness
+    progress : told after each part
+
+    Raises
+    ------
+    RetrievalError
+        No clips, or a class with a single clip and nothing to tell it from.
+    """
+    if not clips:
+        raise RetrievalError("there are no labelled clips to learn from; give at least one")
+    labels = sorted({clip.label for clip in clips})
+    if len(labels) == 1 and not others:
+        raise RetrievalError(
+            f"all clips have the label {labels[0]!r}, so there is nothing to tell it from; give clips of other "
+            "classes, or motions of none"
+        )
+    symmetric = two_sided(clips)
+    empty = [
+        TrainedDocument(relational_features(side.at_speed(speed)), ())
+        for motion in others
+        for side in (motion, motion.mirrored())
+        for speed in SPEEDS
+    ]
+    rows: dict[str, dict[int, list[tuple[np.ndarray, np.ndarray]]]] = {label: {} for label in labels}
+    steps = [
+        (turn, parts, hard)
+        for _ in range(ROUNDS)
+        for turn, parts in enumerate(turns_of(clips, rng))
+        for hard in (False, True)
+    ]
+    for number, (turn, (seen, unseen), hard) in enumerate(steps, start=1):
+        documents = documents_of(unseen, others, rng, hard=hard, symmetric=symmetric) + (empty if hard else [])
+        examples = ExampleSet.of([(clip.features, clip.label) for clip in seen])
+        for label in examples.classes:
+            places = examples.propose(label, [document.features for document in documents])
+            rows[label].setdefault(turn, []).append((places.described, rightness(places, label, documents)))
+        if progress is not None:
+            progress("learning", number, len(steps))
+    several = len({clip.person for clip in clips}) > 1  # halves of one person teach no caution about others
+    judges = []
+    for label in labels:
+        turns = [_joined(parts) for parts in rows[label].values()]
+        judges.append(
+            Judge.cautious(turns) if several else Judge.learned(*_joined(turns)) if turns else Judge.of_cost()
+        )
+    return MotionModel(ExampleSet.of([(clip.features, clip.label) for clip in clips]), tuple(judges))
+
+
+def _joined(parts: Sequence[tuple[np.ndarray, np.ndarray]]) -> tuple[np.ndarray, np.ndarray]:
+    return np.concatenate([measures for measures, _ in parts]), np.concatenate([true for _, true in parts])
+
+
+def turns_of(clips: Sequence[Clip], rng: np.random.Generator) -> list[tuple[list[Clip], list[Clip]]]:
+    """(Examples, clips for documents): each person against all others, or two random halves of every class of one."""
+    people = sorted({clip.person for clip in clips})
+    if len(people) > 1:
+        return [
+            ([clip for clip in clips if clip.person != person], [clip for clip in clips if clip.person == person])
+            for person in people
+        ]
+    halves: tuple[list[Clip], list[Clip]] = ([], [])
+    for label in sorted({clip.label for clip in clips}):
+        own = [clip for clip in clips if clip.label == label]
+        for place, number in enumerate(rng.permutation(len(own))):
+            halves[place % 2].append(own[number])
+    first, second = halves
+    return [(first, second), (second, first)] if second else [(first, first)]
+
+
+def documents_of(
+    clips: Sequence[Clip],
+    others: Sequence[Motion],
+    rng: np.random.Generator,
+    *,
+    hard: bool,
+    symmetric: frozenset[str] = frozenset(),
+) -> list[TrainedDocument]:
+    """Documents that hold every clip once, with excerpts of `others` between.
+
+    Parameters
+    ----------
+    clips : of one person, say
+    others : motions of no class
+    rng : source of all randomness
+    hard : join abruptly, and put in the mirror images of all clips of one-sided classes, without a label
+    symmetric : classes that are not one-sided
+    """
+    rate = max(motion.frame_rate for motion in (*(clip.motion for clip in clips), *others))
+    parts: list[tuple[Motion, str | None]] = [(clip.motion.at_rate(rate), clip.label) for clip in clips]
+    if hard:
+        one_sided = [clip for clip in clips if clip.label not in symmetric]
+        parts += [(clip.motion.mirrored().at_rate(rate), None) for clip in one_sided]
+    mixed = shuffled_parts(parts, [motion.at_rate(rate) for motion in others], rng)
+    groups = [mixed[k : k + CLIPS_PER_DOCUMENT] for k in range(0, len(mixed), CLIPS_PER_DOCUMENT)]
+    made = [assemble(f"document {i}", group, HARD_JOINS if hard else JOINS) for i, group in enumerate(groups)]
+    return [TrainedDocument(relational_features(document.motion), document.segments) for document in made]
+
+
+def rightness(places: Proposals, label: str, documents: Sequence[TrainedDocument]) -> np.ndarray:
+    """Bool (H,): a place is right if it and a true segment share half of the longer of the two."""
+    right = np.zeros(len(places.documents), dtype=bool)
+    for k, (owner, first, last) in enumerate(zip(places.documents, places.firsts, places.lasts, strict=True)):
+        document = documents[owner]
+        rate = document.features.frame_rate
+        start, stop = BLOCK * first / rate, BLOCK * (last + 1) / rate
+        right[k] = any(
+            2 * (min(stop, s.end) - max(start, s.start)) >= max(stop - start, s.end - s.start)
+            for s in document.segments
+            if s.label == label
+        )
+    return right
+
+
+def two_sided(clips: Sequence[Clip]) -> frozenset[str]:
+    """Classes whose mirror images are of the class too: they cost about what its clips cost one another."""
+    examples = ExampleSet.of([(clip.features, clip.label) for clip in clips])
+    found = set()
+    for label in examples.classes:
+        own = [clip for clip in clips if clip.label == label]
+        if len(own) == 1:
+            continue
+        costs = np.array(
+            [examples.cheapest(label, [clip.features, clip.mirror_features], clip.motion.name) for clip in own]
+        )
+        straight, mirrored = np.median(costs, axis=0)
+        if mirrored <= ONE_SIDED * straight:
+            found.add(label)
+    return frozenset(found)
+
+
+def alike(clips: Sequence[Clip]) -> list[tuple[str, str, float]]:
+    """Pairs of classes that are hard to tell apart: (class, the other, its clips' median cost by examples of the other
+    as a multiple of that by its own), the most alike first."""
+    examples = ExampleSet.of([(clip.features, clip.label) for clip in clips])
+    found = []
+    for label in examples.classes:
+        own = [clip for clip in clips if clip.label == label]
+        if len(own) < 2:
+            continue
+        within = float(np.median([examples.cheapest(label, [c.features], c.motion.name)[0] for c in own]))
+        for other in examples.classes:
+            if other != label:
+                between = float(np.median(examples.cheapest(other, [clip.features for clip in own])))
+                if between < ALIKE * within:
+                    found.append((label, other, between / within))
+    return sorted(found, key=lambda pair: pair[2])
+
+
+def leave_one_out(
+    clips: Sequence[Clip], others: Sequence[Motion], rng: np.random.Generator, progress: Progress | None = None
+) -> list[LeftOut]:
+    """How well each person is annotated by a model of all others: what to expect for somebody new.
+
+    With one person alone, halves of the clips take turns; that is what to expect for the same person again.
+    """
+    results = []
+    symmetric = two_sided(clips)
+    for number, (seen, unseen) in enumerate(turns := turns_of(clips, rng), start=1):
+        people = {clip.person for clip in unseen}
+        name = people.pop() if len({clip.person for clip in clips}) > 1 else f"half {number}"
+        model = train(seen, others, rng)
+        documents = [
+            document
+            for hard in (False, True)
+            for document in documents_of(unseen, others, rng, hard=hard, symmetric=symmetric)
+        ]
+        results.append(replace(judged(model, documents), person=name))
+        if progress is not None:
+            progress("leaving one person out", number, len(turns))
+    return results
+
+
+def judged(model: MotionModel, documents: Sequence[TrainedDocument]) -> LeftOut:
+    """Scores per label of a model on documents; labels that it does not know count as missed."""
+    nothing = Scores(0, 0, 0, 0)
+    known = {segment.label for document in documents for segment in document.segments}
+    labels = sorted(known | set(model.labels))
+    frames, segments = dict.fromkeys(labels, nothing), dict.fromkeys(labels, nothing)
+    for document in documents:
+        if len(document.features) < model.examples.shortest:
+            continue
+        found = model.annotate(document.features).segments
+        size = len(document.features), document.features.frame_rate
+        true_rows, found_rows = (label_frames(part, labels, *size) for part in (document.segments, found))
+        for row, label in enumerate(labels):
+            frames[label] += frame_scores(true_rows[[row]], found_rows[[row]])
+            segments[label] += segment_scores(
+                [s for s in document.segments if s.label == label], [s for s in found if s.label == label]
+            )
+    return LeftOut("", frames, segments)
