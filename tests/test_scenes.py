@@ -35,8 +35,8 @@ def bundled(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Path:
 def test_a_split_has_its_groups_and_a_third_of_it_each_way_of_being_cut_out(split: str) -> None:
     found = scenes(split)
     assert {group: sum(scene.group == group for scene in found) for group in GROUPS} == SIZES
-    shares = [sum(scene.view == view for scene in found) for view in VIEWS]
-    assert max(shares) - min(shares) <= 1
+    assert [sum(scene.view == view for scene in found if scene.actors) for view in VIEWS] == [10, 10, 10]
+    assert {scene.view for scene in found if not scene.actors} == set(VIEWS)
     assert len({scene.name for scene in found}) == len(found)
 
 
