@@ -102,6 +102,13 @@ def test_whoever_is_placed_inside_somebody_is_refused_and_whoever_touches_is_not
     prepare([Person(standing()), Person(standing(), at=(gap, 0.0))])
 
 
+def test_whoever_stands_in_the_furniture_of_the_room_is_refused() -> None:
+    post = Box((0.9, 0.0, -0.2), (1.1, 1.5, 0.2))
+    with pytest.raises(UsageError, match="person 1 is inside box 1 of the room in frame 5"):
+        prepare([Person(standing(11, travel=2.0), at=(1.0, 0.0))], Shot(boxes=(post,)))
+    prepare([Person(standing())], Shot(boxes=(post,)))
+
+
 def test_whoever_walks_through_somebody_is_refused() -> None:
     with pytest.raises(UsageError, match="in frame 5"):
         prepare([Person(standing(11, travel=2.0)), Person(standing(11))])

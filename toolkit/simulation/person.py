@@ -17,7 +17,7 @@ from toolkit.mocap.clip import PoseClip
 from toolkit.mocap.read import read_clip
 from toolkit.mocap.retarget import retarget
 from toolkit.simulation.clothes import dressed
-from toolkit.simulation.furniture import HEIGHTS, OBSTACLES, SEATS, Mesh, boxes_mesh, check_kinds, joined
+from toolkit.simulation.furniture import HEIGHTS, OBSTACLES, SEATS, Box, Mesh, boxes_mesh, check_kinds, joined
 from toolkit.simulation.seating import seat_height, seated
 
 TALL, SMALL = 1.25, 0.75
@@ -220,6 +220,26 @@ def check_apart(performers: Sequence[Performer]) -> None:
                 raise UsageError(
                     f"person {i + 1} is inside person {j + 1} in frame {frame}: their trunks are {gaps.min():.2f} m "
                     f"apart and need {needed:.2f}; place them elsewhere"
+                )
+
+
+def check_clear(performers: Sequence[Performer], boxes: Sequence[Box]) -> None:
+    """Refuse people who stand in the furniture of the room.
+
+    Raises
+    ------
+    UsageError
+        In some frame somebody's trunk is inside a box.
+    """
+    for i, performer in enumerate(performers):
+        trunk = _trunk(performer, performer.first, performer.end)
+        for k, box in enumerate(boxes):
+            within = (trunk > np.array(box.low)) & (trunk < np.array(box.high))
+            frames = np.flatnonzero(within.all(axis=2).any(axis=1))
+            if len(frames):
+                raise UsageError(
+                    f"person {i + 1} is inside box {k + 1} of the room in frame {performer.first + int(frames[0])}; "
+                    "place either elsewhere"
                 )
 
 

@@ -21,7 +21,7 @@ from toolkit.sensing.recording import Recording, open_recording
 from toolkit.sensing.writer import RecordingWriter
 from toolkit.simulation.furniture import Box, Mesh, boxes_mesh, joined
 from toolkit.simulation.inertial import SimulatedSensors, Worn, simulate_sensors
-from toolkit.simulation.person import Performer, Person, check_apart, furniture_of, prepare_person
+from toolkit.simulation.person import Performer, Person, check_apart, check_clear, furniture_of, prepare_person
 from toolkit.simulation.scene import View, place_camera, room
 from toolkit.simulation.sensors import Sensor, Surface, make_sensor
 
@@ -194,6 +194,7 @@ def prepare(people: Sequence[Person], shot: Shot | None = None) -> Simulation:
         prepare_person(person, rate, np.random.default_rng([shot.seed, 2, i])) for i, person in enumerate(people)
     )
     check_apart(performers)
+    check_clear(performers, shot.boxes)
     pieces = [furniture_of(person, performer) for person, performer in zip(people, performers, strict=True)]
     stature = performers[0].body.height if performers else NOBODY_HEIGHT
     aimed = np.arctan2(shot.height - MIDDLE * stature, shot.distance)
@@ -240,8 +241,8 @@ def simulate_scene(
     MocapError
         A clip cannot be read or retargeted.
     BodyError, UsageError
-        An argument is unknown or out of range, somebody stands inside somebody else, or `output` is no .npz file or
-        would replace a clip.
+        An argument is unknown or out of range, somebody stands inside somebody else or inside a box, or `output` is no
+        .npz file or would replace a clip.
     OutputError
         The file cannot be written.
     """
