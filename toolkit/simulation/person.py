@@ -235,7 +235,7 @@ def check_clear(performers: Sequence[Performer], boxes: Sequence[Box]) -> None:
         trunk = _trunk(performer, performer.first, performer.end)
         for k, box in enumerate(boxes):
             within = (trunk > np.array(box.low)) & (trunk < np.array(box.high))
-            frames = np.flatnonzero(within.all(axis=2).any(axis=1))
+            frames = np.flatnonzero(within.all(axis=-1).any(axis=-1))
             if len(frames):
                 raise UsageError(
                     f"person {i + 1} is inside box {k + 1} of the room in frame {performer.first + int(frames[0])}; "
