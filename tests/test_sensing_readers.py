@@ -404,3 +404,9 @@ def test_values_that_mark_nothing_are_no_measurement(tmp_path):
     marked[0, :10] = 65535
     folder = png_folder(tmp_path / "take", [marked])
     np.testing.assert_array_equal(open_recording(folder).depth(0), depth)
+
+
+def test_the_frames_of_utd_mhad_lie_as_far_apart_as_its_wearable_sensors_say(tmp_path):
+    path, _ = mat_pair(tmp_path)
+    np.testing.assert_allclose(np.diff(open_recording(path).timestamps), 1 / 18.8)
+    np.testing.assert_allclose(np.diff(open_recording(path, frame_rate=30).timestamps), 1 / 30)

@@ -12,6 +12,7 @@ from toolkit.cli.options import SettingOption, given, numbers
 from toolkit.errors import UsageError
 
 if TYPE_CHECKING:
+    from toolkit.pipeline.events import EventStream
     from toolkit.tracking.guide import Guide
 
 HELP = {
@@ -33,6 +34,7 @@ HELP = {
 }
 READING = "How to read the recording"
 SENSORS = "Inertial sensors"
+EVENTS = "Live labels"
 
 
 def track(
@@ -51,6 +53,19 @@ def track(
     people: Annotated[
         str, typer.Option(metavar="all|N", help="Follow several people, each in OUTPUT/person_NN.")
     ] = "1",
+    classes: Annotated[
+        Path | None, typer.Option(help="Class file of `depthmocap annotate`, for --events.", rich_help_panel=EVENTS)
+    ] = None,
+    queries: Annotated[
+        Path | None, typer.Option(help="Keyframe queries of `depthmocap learn`.", rich_help_panel=EVENTS)
+    ] = None,
+    events: Annotated[
+        str | None,
+        typer.Option(metavar="FILE|-", help="One JSON line for each motion that ends.", rich_help_panel=EVENTS),
+    ] = None,
+    early: Annotated[
+        bool, typer.Option("--early", help="And for each that has begun.", rich_help_panel=EVENTS)
+    ] = False,
     inertial: Annotated[
         Path | None,
         typer.Option(help="Canonical file of inertial sensors that guide the tracker.", rich_help_panel=SENSORS),
@@ -98,6 +113,7 @@ def track(
     )
     sensing = given(segment=segment, subject=subject, half_resolution=half_resolution or None)
     overrides = {f"sensing.{name}": value for name, value in sensing.items()} | parse_overrides(settings or [])
+    watcher = _watcher(recordings, events, classes, queries, early)
     guide, sensors_sha256 = _guide(recordings, inertial, calibration)
     with progress_bars() as bars:
         bars("preparing (compiles for a minute the first time)", 0, 1)
@@ -113,6 +129,7 @@ def track(
             settings_file=config if is_file(config) else None,
             progress=bars.of_recording,
             sensors_sha256=sensors_sha256,
+            watcher=watcher,
         )
     for summary in report.done:
         print(summary.text())
@@ -120,6 +137,23 @@ def track(
         print(f"depthmocap: {path}: {reason}", file=sys.stderr)
     if report.failed or report.interrupted:
         raise typer.Exit(1)
+
+
+def _watcher(
+    recordings: list[Path], events: str | None, classes: Path | None, queries: Path | None, early: bool
+) -> EventStream | None:
+    """What tells events, if any are wanted."""
+    if events is None:
+        return None
+    if classes is None or len(recordings) != 1:
+        raise UsageError("--events tells the motions of one recording; name it, and --classes")
+    from toolkit.pipeline.events import EventStream
+    from toolkit.retrieval.annotation.classes import load_classes
+    from toolkit.retrieval.annotation.online import OnlineSettings
+    from toolkit.retrieval.keyframes.query_file import load_queries
+
+    wanted = load_queries(queries) if queries else ()
+    return EventStream(load_classes(classes), wanted, events, OnlineSettings(early=early))
 
 
 def _guide(recordings: list[Path], inertial: Path | None, calibration: Path | None) -> tuple[Guide | None, str]:

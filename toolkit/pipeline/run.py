@@ -13,11 +13,14 @@ from itertools import islice
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from toolkit.body import skeleton
 from toolkit.checkpoint import load_checkpoint, save_checkpoint
 from toolkit.config import settings_text
-from toolkit.errors import DepthMocapError, RecordingError, TrackError
+from toolkit.errors import DepthMocapError, RecordingError, TrackError, UsageError
 from toolkit.files import locked, sha256_of
+from toolkit.pipeline.events import RowWatcher
 from toolkit.pipeline.sink import CONFIG_FILE, RunSink, finished_tracks
 from toolkit.pipeline.summary import RunSummary, summarised
 from toolkit.pipeline.watch import log_file, stop_request
@@ -27,7 +30,7 @@ from toolkit.sensing.people.sighting import PeopleFinder
 from toolkit.sensing.recording import Recording
 from toolkit.track import PARTIAL_FILE, RUN_FILE, RunInfo
 from toolkit.tracking.clock import StageClock
-from toolkit.tracking.crowd import Crowd
+from toolkit.tracking.crowd import Crowd, Row
 from toolkit.tracking.protocol import Tracker
 
 Progress = Callable[[str, str, int, int], None]
@@ -52,6 +55,7 @@ def track_recording(
     warm_up: bool = True,
     progress: Progress | None = None,
     sensors_sha256: str = "",
+    watcher: RowWatcher | None = None,
 ) -> RunSummary:
     """Follow the person, or the people, through a recording and write the run folder.
 
@@ -68,11 +72,12 @@ def track_recording(
     warm_up : track the first frames once beforehand, so that no compilation is timed
     progress : told what is going on
     sensors_sha256 : of the inertial sensors that guide the tracker, if any do
+    watcher : told every row of the one person who is followed
 
     Raises
     ------
     UsageError
-        The folder holds an unfinished track and `resume` is not set.
+        The folder holds an unfinished track and `resume` is not set, or several people are to be watched.
     TrackError
         The unfinished track belongs to another recording or database, or to other settings.
     OutputError
@@ -80,9 +85,11 @@ def track_recording(
     RecordingError
         A frame cannot be used; the rows before it stay.
     """
+    if watcher is not None and people != 1:
+        raise UsageError("events are told of one person; leave --people away")
     with locked(run):
         info = replace(_run_info(recording, tracker), sensors_sha256=sensors_sha256)
-        return _track(recording, tracker, info, Path(run), people, resume, warm_up, progress or _silent)
+        return _track(recording, tracker, info, Path(run), people, resume, warm_up, progress or _silent, watcher)
 
 
 def _track(
@@ -94,6 +101,7 @@ def _track(
     resume: bool,
     warm_up: bool,
     report: Progress,
+    watcher: RowWatcher | None,
 ) -> RunSummary:
     """As `track_recording`, in a folder that is this process's own."""
     several = people != 1
@@ -115,7 +123,9 @@ def _track(
             crowd = Crowd(tracker, _finder(recording, tracker, people), recording.up_camera)
             _restore(folder, sink, crowd)
             logger.info("%s: tracking frames %d to %d", recording.name, crowd.frames, len(recording))
-            _follow(recording, crowd, sink, report, stop)
+            if watcher is not None:
+                watcher.begin(_frame_rate(recording), crowd.bodies.get(1), sink.past())
+            _follow(recording, crowd, sink, report, stop, watcher)
             complete = crowd.frames == len(recording)
             tracks = sink.finish(crowd.bodies, complete=complete)
             if complete:
@@ -152,14 +162,21 @@ def _warm_up(recording: Recording, tracker: Tracker, people: int | None, report:
         report(recording.name, "compiling", i + 1, total)
 
 
-def _follow(recording: Recording, crowd: Crowd, sink: RunSink, report: Progress, stop: threading.Event) -> None:
+def _follow(
+    recording: Recording,
+    crowd: Crowd,
+    sink: RunSink,
+    report: Progress,
+    stop: threading.Event,
+    watcher: RowWatcher | None,
+) -> None:
     """Track from the crowd's next frame to the last one, or until a stop is asked for."""
     total, remembered = len(recording), time.monotonic()
     report(recording.name, "tracking", crowd.frames, total)
     for frame in recording.stream(crowd.frames):
         if stop.is_set():
             break
-        sink.write(crowd.step(frame))
+        _write(sink, crowd, crowd.step(frame), watcher)
         report(recording.name, "tracking" if crowd.settled else "learning", crowd.frames, total)
         if crowd.settled and time.monotonic() - remembered > MEMORY_SECONDS:
             _remember(sink, crowd)
@@ -167,11 +184,26 @@ def _follow(recording: Recording, crowd: Crowd, sink: RunSink, report: Progress,
     if crowd.settled and crowd.frames < total:
         _remember(sink, crowd)
     # While a body is being learnt there is no state to go on from: `resume` finds these rows again.
-    sink.write(crowd.finish())
+    _write(sink, crowd, crowd.finish(), watcher)
+    if watcher is not None and not stop.is_set():
+        watcher.end()
     if not stop.is_set() and crowd.frames < total:
         raise RecordingError(
             f"{recording.name} ended after {crowd.frames} of {total} frames; copy it again and continue with --resume"
         )
+
+
+def _write(sink: RunSink, crowd: Crowd, rows: list[Row], watcher: RowWatcher | None) -> None:
+    sink.write(rows)
+    if watcher is not None:
+        for row in rows:
+            watcher.row(row.result, row.timestamp, crowd.bodies[row.person])
+
+
+def _frame_rate(recording: Recording) -> float:
+    """Frames a second, by the median of the intervals."""
+    steps = np.diff(recording.timestamps)
+    return 1.0 / float(np.median(steps)) if len(steps) and np.median(steps) > 0 else 30.0
 
 
 def _remember(sink: RunSink, crowd: Crowd) -> None:

@@ -69,6 +69,10 @@ class RunSink:
         """Frames of which every person's row is written."""
         return min((writer.rows for writer in self._writers.values()), default=0)
 
+    def past(self) -> np.ndarray:
+        """The rows so far of the one person who is followed."""
+        return self._open(1).past()
+
     def cut(self, frames: int, people: Mapping[int, Body]) -> None:
         """Go back to `frames` rows of these people; who came later is forgotten."""
         for person, writer in list(self._writers.items()):

@@ -126,7 +126,7 @@ class ReaderOptions:
     depth_unit : "mm", "m" or the metres of one unit, such as 0.0002; None is "mm", for clouds "m"
     intrinsics : fx, fy, cx, cy in pixels, or the path of a JSON file that holds them
     size : width and height in pixels, for raw files and for clouds without a pixel grid
-    frame_rate : frames per second of a source without timestamps
+    frame_rate : frames per second of a source without timestamps; None is the format's own, or 30
     up_camera : the vertical in the camera frame
     background : path of a 16-bit PNG with the depth of the empty scene
     skeleton : a reference skeleton's file, or the folder that holds it
@@ -141,7 +141,7 @@ class ReaderOptions:
     depth_unit: str | float | None = None
     intrinsics: str | tuple[float, ...] | None = None
     size: tuple[int, int] | None = None
-    frame_rate: float = 30.0
+    frame_rate: float | None = None
     up_camera: tuple[float, float, float] | None = None
     background: str | None = None
     skeleton: str | None = None
@@ -166,7 +166,8 @@ class ReaderOptions:
             k: _numbers(k, v) if k in ("intrinsics", "size", "up_camera") else _plain(v) for k, v in options.items()
         }
         made = cls(**plain)
-        if not (isinstance(made.frame_rate, (int, float)) and 0 < made.frame_rate <= LARGEST_RATE):
+        rate = made.frame_rate
+        if rate is not None and not (isinstance(rate, (int, float)) and 0 < rate <= LARGEST_RATE):
             raise UsageError(
                 f"frame_rate {made.frame_rate} is not positive or above {LARGEST_RATE:g}; give frames a second"
             )

@@ -118,16 +118,18 @@ class TrackWriter:
             ) from error
         self.rows += 1
 
+    def past(self) -> np.ndarray:
+        """The rows so far, as records with the track's columns."""
+        if not self.rows:
+            return np.empty(0, dtype=self._record)
+        return np.memmap(self._path, dtype=self._record, mode="r", offset=len(self._header), shape=(self.rows,))
+
     def finish(self, *, complete: bool = True) -> Path:
         """Put `track.npz` in place by one rename and return its path.
 
         With `complete=False` (an interrupted run) the partial file stays, so that the run can still be resumed.
         """
-        rows = (
-            np.memmap(self._path, dtype=self._record, mode="r", offset=len(self._header), shape=(self.rows,))
-            if self.rows
-            else np.empty(0, dtype=self._record)
-        )
+        rows = self.past()
         found: dict[str, Any] = {name: rows[name] for name in self._record.names or ()}
         path = Track(**found, source_names=self.source_names, stage_names=self.stage_names).save(self.run)
         self._stream.close()

@@ -24,9 +24,9 @@ def natural_key(path: Path) -> list[tuple[int, int | str]]:
     return [(0, int(part)) if part.isdigit() else (1, part) for part in re.split(r"(\d+)", path.name) if part]
 
 
-def frame_times(count: int, options: ReaderOptions) -> np.ndarray:
-    """Float64 (count,), seconds, at the chosen frame rate."""
-    return np.arange(count, dtype=np.float64) / options.frame_rate
+def frame_times(count: int, options: ReaderOptions, rate: float = 30.0) -> np.ndarray:
+    """Float64 (count,), seconds, at the chosen frame rate, else at the format's own `rate`."""
+    return np.arange(count, dtype=np.float64) / (options.frame_rate or rate)
 
 
 def chosen_up(options: ReaderOptions, stored: np.ndarray | None) -> np.ndarray | None:

@@ -17,7 +17,7 @@ from toolkit.errors import RecordingError, UsageError
 from toolkit.files import is_file, parse_json
 from toolkit.sensing.camera import Camera
 from toolkit.sensing.conversion import DepthConverter
-from toolkit.sensing.readers.common import chosen_background, chosen_camera, chosen_up, damaged
+from toolkit.sensing.readers.common import chosen_background, chosen_camera, chosen_up, damaged, frame_times
 from toolkit.sensing.recording import ReaderOptions, Recording, StoredRecording
 
 LARGEST_SIDE = 4096
@@ -84,7 +84,7 @@ def read(path: Path, options: ReaderOptions) -> Recording:
         name=path.stem,
         path=path,
         camera=chosen_camera(options, shape, path) if given else own,
-        timestamps=times if len(times) == len(source) else np.arange(len(source)) / options.frame_rate,
+        timestamps=times if len(times) == len(source) else frame_times(len(source), options),
         source=source,
         converter=DepthConverter(options.unit("m"), options.radial, bool(options.mirrored)),
         background=chosen_background(options, None),

@@ -1,0 +1,104 @@
+"""Events told while a run is tracked: one JSON line for each motion that has ended, as soon as it is known."""
+
+from __future__ import annotations
+
+import json
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Protocol
+
+import numpy as np
+
+from toolkit.body.body import Body
+from toolkit.errors import OutputError
+from toolkit.files import save_text
+from toolkit.retrieval.annotation.annotator import MotionClass
+from toolkit.retrieval.annotation.online import Event, OnlineAnnotator, OnlineSettings
+from toolkit.retrieval.keyframes.query import KeyframeQuery
+from toolkit.retrieval.workflow.events import STANDARD_OUTPUT
+from toolkit.track import EMPTY, FrameResult
+
+
+class RowWatcher(Protocol):
+    """Told every row of a person's track while it is written."""
+
+    def begin(self, frame_rate: float, body: Body | None, past: np.ndarray) -> None:
+        """A run starts, or goes on after rows that are written: records with pose, state and timestamps."""
+        ...
+
+    def row(self, result: FrameResult, timestamp: float, body: Body) -> None:
+        """One more row."""
+        ...
+
+    def end(self) -> None:
+        """No more rows come."""
+        ...
+
+
+class EventStream:
+    """Tells motions as they end.
+
+    A run that goes on repeats no event: the rows before are looked at again in silence.
+
+    Parameters
+    ----------
+    classes, queries, settings : see `OnlineAnnotator`
+    output : file to which lines are added, `-` for the standard output
+    """
+
+    def __init__(
+        self,
+        classes: Sequence[MotionClass],
+        queries: Sequence[KeyframeQuery] = (),
+        output: str | Path = STANDARD_OUTPUT,
+        settings: OnlineSettings | None = None,
+    ) -> None:
+        self._classes, self._queries, self._settings = tuple(classes), tuple(queries), settings
+        self._output = str(output)
+        self._frame_rate = 30.0
+        self._annotator: OnlineAnnotator | None = None
+
+    def begin(self, frame_rate: float, body: Body | None, past: np.ndarray) -> None:
+        """See `RowWatcher.begin`."""
+        self._frame_rate, self._annotator = frame_rate, None
+        for row in past if body is not None else ():
+            self._push(row["pose"], int(row["state"]), float(row["timestamps"]), body)
+        if self._output != STANDARD_OUTPUT:
+            self._keep_until(float(past["timestamps"][-1]) if len(past) else -np.inf)
+
+    def row(self, result: FrameResult, timestamp: float, body: Body) -> None:
+        """See `RowWatcher.row`."""
+        self._append(self._push(result.pose, result.state, timestamp, body))
+
+    def end(self) -> None:
+        """See `RowWatcher.end`."""
+        if self._annotator is not None:
+            self._append(self._annotator.finish())
+
+    def _push(self, pose: np.ndarray, state: int, timestamp: float, body: Body | None) -> list[Event]:
+        if state == EMPTY or body is None:
+            return []
+        if self._annotator is None:
+            self._annotator = OnlineAnnotator(self._classes, body, self._frame_rate, self._queries, self._settings)
+        return self._annotator.push(pose, timestamp)
+
+    def _keep_until(self, time: float) -> None:
+        """Forget what was told of rows that will be found again."""
+        path = Path(self._output)
+        lines = path.read_text(encoding="utf-8").splitlines() if np.isfinite(time) and path.exists() else []
+        save_text(path, "".join(f"{line}\n" for line in lines if json.loads(line)["time"] <= time))
+
+    def _append(self, events: Sequence[Event]) -> None:
+        if self._output == STANDARD_OUTPUT:
+            for event in events:
+                print(event.to_json(), flush=True, file=sys.stdout)
+            return
+        if not events:
+            return
+        try:
+            with open(self._output, "a", encoding="utf-8") as stream:
+                stream.writelines(f"{event.to_json()}\n" for event in events)
+        except OSError as error:
+            reason = error.strerror or error
+            raise OutputError(f"cannot write events to {self._output}: {reason}; choose another file") from error
