@@ -24,7 +24,7 @@ RECORDINGS: dict[Path, tuple[str, ...]] = {
     DEPTH / "utd_mhad" / "a10_s1_t1_depth.mat": (),
     DEPTH / "utd_mhad" / "a27_s3_t1_depth.mat": (),
     DEPTH / "realsense" / "images_n40": ("--segment", "person", "--subject", "nearest"),
-    DEPTH / "pairs" / "two people walking": ("--segment", "person", "--subject", "nearest"),
+    DEPTH / "skeltrack": ("--intrinsics", "575,575,320,240", "--subject", "nearest"),
 }
 CORES = ("Haswell", "Prescott", "SkylakeX")
 STEP = 32

@@ -341,6 +341,8 @@ def test_a_restored_state_goes_on_as_the_one_that_was_exported() -> None:
     one, other = follower([first], **followed()), follower([second])
     step(one)
     other.restore_state(one.export_state())
+    assert str(other.export_state()) == str(one.export_state())
+    assert other.state.previous is not None and other.state.previous.before is not None
     for person in (one, other):
         step(person, timestamp=2.0)
     assert first.draws[1:] == second.draws

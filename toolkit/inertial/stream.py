@@ -78,13 +78,6 @@ class SensorStream:
         start, stop = self.rotations[rows[low]], self.rotations[rows[np.minimum(low + 1, len(rows) - 1)]]
         return quat.interpolate(start, stop, share), known
 
-    def vectors_at(self, values: np.ndarray, times: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """The same for any values (N, K), linearly."""
-        known, low, share = self._places(times)
-        rows = np.flatnonzero(self.valid)
-        start, stop = values[rows[low]], values[rows[np.minimum(low + 1, len(rows) - 1)]]
-        return start + (stop - start) * share[:, None], known
-
     def _places(self, times: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Where times lie among the valid rows: known (M,), the row before (M,), the share of the way to the next."""
         own = self.times[self.valid]

@@ -12,8 +12,6 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-MOST_NEIGHBOURS = 9
-
 
 @njit(cache=True)
 def longest_ray(height: int, width: int, intrinsics: np.ndarray) -> float:
