@@ -3,19 +3,27 @@ from __future__ import annotations
 import json
 import os
 import resource
+import shlex
 import signal
 import subprocess
 import sys
+from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
+import typer
 
+from database_builder import build as builder
 from tests.fake_tracker import FakeFollower, FakeTracker, write_recording
 from toolkit import pipeline
 from toolkit.cli import bench
-from toolkit.cli.main import main
+from toolkit.cli.default_database import default_database
+from toolkit.cli.examples import EXAMPLES
+from toolkit.cli.main import app, main
 from toolkit.cli.options import numbers
-from toolkit.errors import UsageError
+from toolkit.database.database import PoseDatabase
+from toolkit.errors import DatabaseError, OutputError, UsageError
 from toolkit.sensing.people.sighting import Sighting
 from toolkit.track import FrameResult, Track
 from toolkit.tracking.clock import StageClock
@@ -221,3 +229,70 @@ def test_a_benchmark_runs_with_its_own_arguments(
     assert capsys.readouterr().out.strip() == "measured ['--frames', '3']"
     assert run("bench") == 0
     assert capsys.readouterr().out.strip() == "speed"
+
+
+def commands() -> Iterator[tuple[str, Any]]:
+    """Every command with its verb, those of groups as `group command`."""
+    root = typer.main.get_command(app)
+    for name, command in root.commands.items():  # type: ignore[attr-defined]
+        if hasattr(command, "commands"):
+            yield from ((f"{name} {below}", found) for below, found in command.commands.items())
+        else:
+            yield name, command
+
+
+def test_every_help_screen_ends_with_examples_that_can_be_typed() -> None:
+    known = dict(commands())
+    assert {verb.split()[0] for verb in EXAMPLES} >= set(VERBS)
+    for verb, lines in EXAMPLES.items():
+        command = known[verb]
+        for line in lines:
+            assert line in (command.epilog or "")
+            words = shlex.split(line)
+            start = 1 + len(verb.split())
+            assert words[:start] == ["depthmocap", *verb.split()]
+            command.make_context(verb, words[start:])  # raises for an option or an argument that there is not
+
+
+def test_a_finished_run_is_replaced_only_when_that_is_said(
+    tmp_path: Path, fake: FakeTracker, capsys: pytest.CaptureFixture[str]
+) -> None:
+    recording = write_recording(tmp_path / "take.npz")
+    command = ["track", recording, "--database", "d", "--output", tmp_path / "run"]
+    assert run(*command) == 0
+    assert f"depthmocap report {tmp_path / 'run'}" in capsys.readouterr().err
+    before = (tmp_path / "run" / "track.npz").stat().st_mtime_ns
+    assert run(*command) == 2
+    assert "add --overwrite" in capsys.readouterr().err
+    assert (tmp_path / "run" / "track.npz").stat().st_mtime_ns == before
+    assert run(*command, "--overwrite") == 0
+
+
+def test_without_a_database_one_of_bundled_motions_is_built_once_and_said(
+    tmp_path: Path, fake: FakeTracker, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    built: list[Path] = []
+
+    def build(sources: None, output: Path, **named: object) -> None:
+        assert sources is None
+        built.append(output)
+        output.write_bytes(b"poses")
+
+    monkeypatch.setenv("DEPTHMOCAP_CACHE", str(tmp_path / "cache"))
+    monkeypatch.setattr(builder, "build_database", build)
+    monkeypatch.setattr(PoseDatabase, "load", staticmethod(lambda path: None))
+    recording = write_recording(tmp_path / "take.npz")
+    for name in ("one", "two"):
+        assert run("track", recording, "--output", tmp_path / name) == 0
+        kept = fake.asked[1]["database"]  # type: ignore[attr-defined]
+        assert str(kept) in capsys.readouterr().err and kept.parent == tmp_path / "cache"
+    assert len(built) == 1 and [path.name for path in (tmp_path / "cache").iterdir()] == [kept.name]
+
+    def refuse(path: Path) -> None:
+        raise DatabaseError("of another format")
+
+    monkeypatch.setattr(PoseDatabase, "load", staticmethod(refuse))
+    assert default_database(lambda *progress: None) == kept and len(built) == 2
+    monkeypatch.setenv("DEPTHMOCAP_CACHE", str(recording / "in a file"))
+    with pytest.raises(OutputError, match="DEPTHMOCAP_CACHE"):
+        default_database(lambda *progress: None)

@@ -145,10 +145,7 @@ def demo(
     seconds: Annotated[float, typer.Option(help="Of each of the three motions.", min=0.2, max=60.0)] = SECONDS,
     images: Annotated[int, typer.Option(help="On which the joint regressor is trained.", min=10)] = TRAINING_IMAGES,
 ) -> None:
-    """Do the main job on bundled motions: database, simulated recording, track, table, film and a page of it all.
-
-    Example: depthmocap demo --output demo
-    """
+    """Do the main job on bundled motions: database, simulated recording, track, table, film and a page of it all."""
     from toolkit.cli.terminal import next_commands, print_table, progress_bars
 
     with progress_bars() as bars:

@@ -25,6 +25,7 @@ from toolkit.cli import (
     simulate,
     track,
 )
+from toolkit.cli.examples import add_examples
 from toolkit.errors import DepthMocapError, UsageError
 
 app = typer.Typer(
@@ -68,6 +69,7 @@ app.command()(annotate.annotate)
 app.add_typer(inertial.app, name="inertial")
 app.command()(export.export)
 app.command(context_settings=bench.CONTEXT)(bench.bench)
+add_examples(app)
 
 
 def main(arguments: list[str] | None = None) -> None:

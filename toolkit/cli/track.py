@@ -12,6 +12,7 @@ from toolkit.cli.options import SettingOption, given, numbers
 from toolkit.errors import UsageError
 
 if TYPE_CHECKING:
+    from toolkit.cli.terminal import Bars
     from toolkit.pipeline.events import EventStream
     from toolkit.tracking.guide import Guide
 
@@ -39,11 +40,14 @@ EVENTS = "Live labels"
 
 def track(
     recordings: Annotated[list[Path], typer.Argument(metavar="RECORDING...", show_default=False)],
-    database: Annotated[Path, typer.Option("--database", "-d", help="Pose database.", show_default=False)],
     output: Annotated[
         Path,
         typer.Option("--output", "-o", help="Run folder; several recordings go to OUTPUT/<stem>.", show_default=False),
     ],
+    database: Annotated[
+        Path | None,
+        typer.Option("--database", "-d", help="Pose database.", show_default="of bundled motions, built once"),
+    ] = None,
     config: Annotated[str, typer.Option(help="Settings: a YAML file or the name of a shipped one.")] = "hybrid",
     settings: SettingOption = None,
     max_poses: Annotated[int | None, typer.Option(help="Use only the first poses of the database.", min=2)] = None,
@@ -73,6 +77,7 @@ def track(
     calibration: Annotated[
         Path | None, typer.Option(help="Their calibration.json, of a run of this recording.", rich_help_panel=SENSORS)
     ] = None,
+    overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace a finished run.")] = False,
     resume: Annotated[bool, typer.Option("--resume", help="Continue a killed or interrupted run.")] = False,
     format_: Annotated[str | None, typer.Option("--format", help=HELP["format"], rich_help_panel=READING)] = None,
     intrinsics: Annotated[str | None, typer.Option(help=HELP["intrinsics"], rich_help_panel=READING)] = None,
@@ -91,10 +96,10 @@ def track(
     depth_track: Annotated[str | None, typer.Option("--track", help=HELP["track"], rich_help_panel=READING)] = None,
 ) -> None:
     """Track the person in depth recordings and write what was found into run folders."""
-    from toolkit.cli.terminal import progress_bars
+    from toolkit.cli.terminal import next_commands, progress_bars
     from toolkit.config import parse_overrides
     from toolkit.files import is_file
-    from toolkit.pipeline import load_tracker, track_recordings
+    from toolkit.pipeline import load_tracker, run_folders, track_recordings
 
     reading = given(
         format=format_,
@@ -113,9 +118,14 @@ def track(
     )
     sensing = given(segment=segment, subject=subject, half_resolution=half_resolution or None)
     overrides = {f"sensing.{name}": value for name, value in sensing.items()} | parse_overrides(settings or [])
+    runs = list(run_folders(recordings, output).values())
+    if not (overwrite or resume):
+        _keep_finished(runs)
     watcher = _watcher(recordings, events, classes, queries, early)
     guide, sensors_sha256 = _guide(recordings, inertial, calibration)
     with progress_bars() as bars:
+        if database is None:
+            database = _default_database(config, overrides, bars)
         bars("preparing (compiles for a minute the first time)", 0, 1)
         tracker = load_tracker(config, overrides, database=database, max_poses=max_poses, guide=guide)
         bars("preparing (compiles for a minute the first time)", 1, 1)
@@ -137,6 +147,36 @@ def track(
         print(f"depthmocap: {path}: {reason}", file=sys.stderr)
     if report.failed or report.interrupted:
         raise typer.Exit(1)
+    next_commands(
+        {
+            f"depthmocap report {output} --output report.html": "one page: film, body in three dimensions, plots",
+            f"depthmocap evaluate {output}": "error, where the recording knows the truth; time; states",
+            f"depthmocap export {runs[0]} --output motion.glb": "for Blender, Unity, browsers; also .bvh, .c3d, .trc",
+        }
+    )
+
+
+def _keep_finished(runs: list[Path]) -> None:
+    """Refuse to replace a finished run that nobody said may go."""
+    from toolkit.runs import PEOPLE_FILE
+    from toolkit.track import PARTIAL_FILE, TRACK_FILE
+
+    for run in runs:
+        finished = (run / TRACK_FILE).exists() and not (run / PARTIAL_FILE).exists()
+        if finished or (run / PEOPLE_FILE).exists():
+            raise UsageError(f"{run} holds a finished run; add --overwrite to replace it, or choose another --output")
+
+
+def _default_database(config: str, overrides: dict[str, object], bars: Bars) -> Path | None:
+    """The database of the user's cache, said with its path; None for a tracker that looks no poses up."""
+    from toolkit.cli.default_database import default_database
+    from toolkit.pipeline.trackers import needs_database
+
+    if not needs_database(config, overrides):
+        return None
+    path = default_database(bars)
+    print(f"poses of bundled motions: {path} (--database names your own)", file=sys.stderr)
+    return path
 
 
 def _watcher(

@@ -52,6 +52,11 @@ def load_tracker(
     return _guided(registration.build(settings, poses, str(database)), guide)
 
 
+def needs_database(config: str | Path | None = None, overrides: Mapping[str, Any] | None = None) -> bool:
+    """Whether the tracker that the settings name looks poses up; raises as `load_tracker`."""
+    return registered(setting_of("tracker", config, overrides) or DEFAULT).needs_database
+
+
 def _guided(tracker: Tracker, guide: Guide | None) -> Tracker:
     if guide is None:
         return tracker

@@ -1,0 +1,65 @@
+"""What to type: the examples at the end of every help screen, by verb."""
+
+from __future__ import annotations
+
+import typer
+
+EXAMPLES: dict[str, tuple[str, ...]] = {
+    "demo": ("depthmocap demo --output demo",),
+    "database build": (
+        "depthmocap database build --output poses.npz",
+        "depthmocap database build mocap/cmu mocap/hdm05 --output poses.npz --max-poses 25000",
+    ),
+    "database info": ("depthmocap database info poses.npz --plot coverage.png",),
+    "info": ("depthmocap info take.npz",),
+    "simulate": (
+        "depthmocap simulate walk.bvh --output take.npz",
+        "depthmocap simulate kick.bvh --body heavy_female --sensor kinect --distance 3 --yaw 45 --output take.npz",
+    ),
+    "track": (
+        "depthmocap track take.npz --output run",
+        "depthmocap track recordings/a.mat recordings/b.mat --database poses.npz --output runs",
+        "depthmocap track frames/ --segment person --subject nearest --output run",
+        "depthmocap track raw/ --intrinsics 575,575,320,240 --size 640,480 --output run",
+    ),
+    "evaluate": (
+        "depthmocap evaluate run",
+        "depthmocap evaluate runs --reference truth/ --output scores --wide",
+    ),
+    "render": (
+        "depthmocap render run --output run/film.webm",
+        "depthmocap render run --output sheet.png --from 100 --to 200",
+    ),
+    "report": (
+        "depthmocap report run --output report.html",
+        "depthmocap report runs --output report.html --reference truth/",
+    ),
+    "export": (
+        "depthmocap export run --output motion.glb",
+        "depthmocap export run --output motion.bvh --rig mixamo",
+    ),
+    "index": ("depthmocap index mocap/hdm05 --output mocap.index",),
+    "search": (
+        "depthmocap search mocap.index --queries queries.yaml --label kick",
+        "depthmocap search mocap.index --by-example kick.bvh",
+    ),
+    "learn": ("depthmocap learn clips/ --output queries.yaml",),
+    "annotate": ("depthmocap annotate long.amc --examples clips/ --output annotated",),
+    "inertial read": ("depthmocap inertial read sensors.csv --output sensors.npz",),
+    "inertial synchronise": ("depthmocap inertial synchronise run --sensors sensors.npz",),
+    "inertial calibrate": ("depthmocap inertial calibrate run --sensors sensors.npz --output calibration",),
+    "inertial check": ("depthmocap inertial check run --sensors sensors.npz --output check",),
+    "bench": ("depthmocap bench", "depthmocap bench accuracy --split report"),
+}
+"""Command lines by verb; each of them can be typed as it stands, given its files."""
+
+
+def add_examples(app: typer.Typer, prefix: str = "") -> None:
+    """Put the examples under the help of every command that is registered in `app` and in its groups."""
+    for command in app.registered_commands:
+        name = command.name or str(getattr(command.callback, "__name__", ""))
+        if lines := EXAMPLES.get(prefix + name):
+            command.epilog = "\n\n".join((f"Example{'s' if len(lines) > 1 else ''}:", *lines))
+    for group in app.registered_groups:
+        if group.typer_instance is not None:
+            add_examples(group.typer_instance, f"{prefix}{group.name} ")
