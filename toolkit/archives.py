@@ -192,8 +192,10 @@ def _reason(path: Path, problem: Exception) -> str:
 
 
 def _names(archive: zipfile.ZipFile) -> list[str]:
-    """Names of the arrays in an archive; raises ValueError where one stands twice."""
+    """Names of the arrays in an archive; raises where one stands twice or is called otherwise in its own header."""
     names = [name.removesuffix(".npy") for name in archive.namelist()]
+    for member in archive.infolist():
+        archive.open(member).close()
     if len(set(names)) != len(names):
         raise ValueError("an array stands in it twice")
     return names

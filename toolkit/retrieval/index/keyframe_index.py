@@ -1,15 +1,16 @@
 """Inverted file index over runs of equal feature vectors (thesis, Section 3.3), in memory or mapped from one file.
 
 The file is a header in JSON, then one array after the other, each on a 64-byte boundary: first those that lead from one
-to another, then the SHA-256 of all that, then the grades, of which any value will do. Opening it compares the checksum
-and maps the arrays; the grades, nine tenths of the file, are not read. The runs hold every frame, so the index also
-gives back the features of any piece of a document.
+to another, then the SHA-256 of all that, then the grades, nine tenths of the file, whose CRC-32 stand in the header.
+Opening it compares both and maps the arrays. The runs hold every frame, so the index also gives back the features of
+any piece of a document.
 """
 
 from __future__ import annotations
 
 import hashlib
 import json
+import zlib
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, fields
 from pathlib import Path
@@ -162,11 +163,14 @@ class KeyframeIndex:
     def save(self, path: str | Path) -> None:
         """Write the index as one file, whole or not at all."""
         arrays = self._arrays()
-        table, offset = [], 0
+        table: list[dict[str, Any]] = []
+        offset = 0
         for name, array in arrays.items():
             if name == GRADED[0]:
                 offset += _DIGEST
             table.append({"name": name, "dtype": array.dtype.str, "shape": list(array.shape), "offset": offset})
+            if name in GRADED:
+                table[-1]["crc32"] = zlib.crc32(np.ascontiguousarray(array).data)
             offset += _padded(array.nbytes)
         header = {
             "version": INDEX_VERSION, "features": feature_fingerprint(), "names": list(self.names), "arrays": table,
@@ -211,6 +215,10 @@ class KeyframeIndex:
         try:
             _check_sum(path, start, header)
             arrays = {entry["name"]: _mapped(path, start, entry) for entry in header["arrays"]}
+            if any(
+                zlib.crc32(arrays[entry["name"]].data) != entry["crc32"] for entry in header["arrays"] if "crc32" in entry
+            ):
+                raise RetrievalError(f"the grades of {path} are damaged: their checksum does not fit; {REBUILD}")
             sets = {
                 name: RunLists(**{field.name: arrays[f"{name}.{field.name}"] for field in fields(RunLists)})
                 for name in FEATURE_SETS

@@ -26,6 +26,10 @@ GRID_RESIDUAL = 0.5  # pixels by which points may miss the pixel they claim to b
 GRID_POINTS = 100  # that a fit of four intrinsics needs at the least
 LARGEST_SIDE = 640  # pixels of a virtual camera
 SPACING_SAMPLES = 2000
+NEAREST, FARTHEST = (
+    1e-4,
+    1e5,
+)  # file units: what lies nearer or farther than millimetres and metres do is no measurement
 FIELD = np.array(
     [0.56, 0.42]
 )  # slopes that a virtual camera covers at least, a Kinect's: people move after the first frame
@@ -65,14 +69,16 @@ def load_cloud(path: Path, axes: str) -> RawCloud:
     with o3d.utility.VerbosityContextManager(o3d.utility.VerbosityLevel.Error):
         try:
             cloud = o3d.t.io.read_point_cloud(path, remove_nan_points=False, remove_infinite_points=False)
-            points = cloud.point.positions.numpy().astype(np.float64)
+            with np.errstate(invalid="ignore"):
+                points = cloud.point.positions.numpy().astype(np.float64)
         except (RuntimeError, KeyError) as error:
             raise RecordingError(f"{path} cannot be read as a point cloud; it is truncated or no PCD or PLY") from error
     if not len(points):
         raise RecordingError(f"{path} holds no point; it is empty, truncated or no PCD or PLY")
     if axes == "graphics":
         points[:, 1:] *= -1.0
-    usable = np.isfinite(points).all(axis=1) & (points[:, 2] > 0)
+    points[(np.abs(points) > FARTHEST).any(axis=1)] = np.nan
+    usable = np.isfinite(points).all(axis=1) & (points[:, 2] > NEAREST)
     if not np.isfinite(points).all(axis=1).any():
         raise RecordingError(f"no point of {path} is finite; it holds no measurement")
     if not usable.any() and (np.nan_to_num(points[:, 2]) < 0).any():
