@@ -30,12 +30,12 @@ def run_batch(name: str, folder: Path, mutations: int, seed: int) -> Counter[str
     command += ["--mutations", str(mutations), "--seed", str(seed)]
     root = Path(__file__).resolve().parents[1]
     try:
-        done = subprocess.run(command, capture_output=True, text=True, timeout=PATIENCE, cwd=root, check=False)
+        done = subprocess.run(command, capture_output=True, timeout=PATIENCE, cwd=root, check=False)
     except subprocess.TimeoutExpired:
         return Counter({f"FINDING: no end within {PATIENCE} s, seed {seed}": 1})
     if done.returncode != 0:
         return Counter({f"FINDING: exit code {done.returncode}, seed {seed}": 1})
-    return Counter(json.loads(done.stdout.splitlines()[-1]))
+    return Counter(json.loads(done.stdout.decode(errors="replace").splitlines()[-1]))
 
 
 def main() -> None:

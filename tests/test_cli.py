@@ -24,6 +24,7 @@ from toolkit.cli.main import app, main
 from toolkit.cli.options import numbers
 from toolkit.database.database import PoseDatabase
 from toolkit.errors import DatabaseError, OutputError, UsageError
+from toolkit.pipeline import many
 from toolkit.sensing.people.sighting import Sighting
 from toolkit.track import FrameResult, Track
 from toolkit.tracking.clock import StageClock
@@ -296,3 +297,19 @@ def test_without_a_database_one_of_bundled_motions_is_built_once_and_said(
     monkeypatch.setenv("DEPTHMOCAP_CACHE", str(recording / "in a file"))
     with pytest.raises(OutputError, match="DEPTHMOCAP_CACHE"):
         default_database(lambda *progress: None)
+
+
+def test_a_batch_prints_a_line_for_each_recording_and_names_what_failed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(many, "load_tracker", lambda *_, **__: FakeTracker())
+    monkeypatch.setattr(many, "_TRACKERS", {})
+    good = write_recording(tmp_path / "good.npz")
+    (tmp_path / "bad.npz").write_bytes(b"nothing")
+    command = ["track", good, tmp_path / "bad.npz", "--database", "d", "--output", tmp_path / "runs", "--workers", "1"]
+    assert run(*command) == 1
+    said = capsys.readouterr()
+    assert "12 frames" in said.out and "bad.npz: failed: " in said.err
+    write_recording(tmp_path / "bad.npz")
+    assert run(*command, "--retry-failed") == 0
+    assert "runs/bad: 12 frames" in capsys.readouterr().out.replace("\n", "")

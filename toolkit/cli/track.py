@@ -14,6 +14,7 @@ from toolkit.errors import UsageError
 if TYPE_CHECKING:
     from toolkit.cli.terminal import Bars
     from toolkit.pipeline.events import EventStream
+    from toolkit.pipeline.manifest import ManifestRow
     from toolkit.tracking.guide import Guide
 
 HELP = {
@@ -79,6 +80,16 @@ def track(
     ] = None,
     overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace a finished run.")] = False,
     resume: Annotated[bool, typer.Option("--resume", help="Continue a killed or interrupted run.")] = False,
+    workers: Annotated[
+        int | None,
+        typer.Option(
+            min=1,
+            help="So many processes share the recordings; finished runs are left alone, manifest.jsonl lists all.",
+        ),
+    ] = None,
+    retry_failed: Annotated[
+        bool, typer.Option("--retry-failed", help="With --workers: only what manifest.jsonl says failed.")
+    ] = False,
     format_: Annotated[str | None, typer.Option("--format", help=HELP["format"], rich_help_panel=READING)] = None,
     intrinsics: Annotated[str | None, typer.Option(help=HELP["intrinsics"], rich_help_panel=READING)] = None,
     mirrored: Annotated[
@@ -99,7 +110,7 @@ def track(
     from toolkit.cli.terminal import next_commands, progress_bars
     from toolkit.config import parse_overrides
     from toolkit.files import is_file
-    from toolkit.pipeline import load_tracker, run_folders, track_recordings
+    from toolkit.pipeline import TrackerRecipe, load_tracker, run_folders, track_many, track_recordings
 
     reading = given(
         format=format_,
@@ -119,13 +130,26 @@ def track(
     sensing = given(segment=segment, subject=subject, half_resolution=half_resolution or None)
     overrides = {f"sensing.{name}": value for name, value in sensing.items()} | parse_overrides(settings or [])
     runs = list(run_folders(recordings, output).values())
-    if not (overwrite or resume):
+    batch = workers is not None or retry_failed
+    if not (overwrite or resume or batch):
         _keep_finished(runs)
     watcher = _watcher(recordings, events, classes, queries, early)
     guide, sensors_sha256 = _guide(recordings, inertial, calibration)
+    if batch and (guide is not None or watcher is not None):
+        raise UsageError("sensors and events belong to one recording; leave --workers and --retry-failed out")
     with progress_bars() as bars:
         if database is None:
             database = _default_database(config, overrides, bars)
+        if batch:
+            recipe = TrackerRecipe(config, overrides, database, max_poses)
+            rows = track_many(
+                recordings, recipe, output, people=_people(people), reader_options=reading, workers=workers or 1,
+                retry_failed=retry_failed, overwrite=overwrite, progress=bars,
+            )  # fmt: skip
+    if batch:
+        _print_rows(rows)
+        return
+    with progress_bars() as bars:
         bars("preparing (compiles for a minute the first time)", 0, 1)
         tracker = load_tracker(config, overrides, database=database, max_poses=max_poses, guide=guide)
         bars("preparing (compiles for a minute the first time)", 1, 1)
@@ -211,6 +235,19 @@ def _guide(recordings: list[Path], inertial: Path | None, calibration: Path | No
 
     sensors = load_sensors(inertial)
     return InertialGuide(sensors, Calibration.load(calibration), recordings[0].stem), sha256_of(inertial)
+
+
+def _print_rows(rows: list[ManifestRow]) -> None:
+    """A line for each recording of a batch; exit code 1 where one is not done."""
+    from toolkit.pipeline.manifest import DONE
+
+    for row in rows:
+        if row.status == DONE:
+            print(row.text)
+        else:
+            print(f"depthmocap: {row.recording}: {row.status}: {row.reason or row.text}", file=sys.stderr)
+    if any(row.status != DONE for row in rows):
+        raise typer.Exit(1)
 
 
 def _people(text: str) -> int | None:

@@ -1,16 +1,22 @@
 """A tracker run over recordings: progress, timing, interruption, resuming and the run folder."""
 
 from toolkit.pipeline.batch import run_folders, track_recordings
+from toolkit.pipeline.manifest import Manifest, ManifestRow
+from toolkit.pipeline.many import TrackerRecipe, track_many
 from toolkit.pipeline.run import Progress, track_recording
 from toolkit.pipeline.summary import BatchReport, RunSummary
 from toolkit.pipeline.trackers import load_tracker
 
 __all__ = [
     "BatchReport",
+    "Manifest",
+    "ManifestRow",
     "Progress",
     "RunSummary",
+    "TrackerRecipe",
     "load_tracker",
     "run_folders",
+    "track_many",
     "track_recording",
     "track_recordings",
 ]

@@ -107,7 +107,7 @@ def _track(
     several = people != 1
     if resume and (folder / RUN_FILE).exists():
         same = _is_same_run(folder, info, tracker)
-        if _is_unfinished(folder) and not same:
+        if not same and (_is_unfinished(folder) or finished_tracks(folder, several=several) is not None):
             raise TrackError(
                 f"{folder} was begun with another recording, database, tracker or other settings; "
                 "remove it and track again"

@@ -216,7 +216,9 @@ class KeyframeIndex:
             _check_sum(path, start, header)
             arrays = {entry["name"]: _mapped(path, start, entry) for entry in header["arrays"]}
             if any(
-                zlib.crc32(arrays[entry["name"]].data) != entry["crc32"] for entry in header["arrays"] if "crc32" in entry
+                zlib.crc32(arrays[entry["name"]].data) != entry["crc32"]
+                for entry in header["arrays"]
+                if "crc32" in entry
             ):
                 raise RetrievalError(f"the grades of {path} are damaged: their checksum does not fit; {REBUILD}")
             sets = {

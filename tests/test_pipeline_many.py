@@ -1,0 +1,146 @@
+"""Many recordings in many processes: nothing lost, nothing done twice, every failure named."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+from dataclasses import dataclass
+from pathlib import Path
+
+import pytest
+
+from tests.fake_tracker import FakeTracker, write_recording
+from toolkit.errors import UsageError
+from toolkit.pipeline import TrackerRecipe, track_many
+from toolkit.pipeline.manifest import DONE, FAILED, MANIFEST_FILE, Manifest, ManifestRow
+from toolkit.track import Track
+from toolkit.tracking.protocol import Tracker
+
+
+@dataclass(frozen=True)
+class FakeRecipe(TrackerRecipe):
+    """Builds a fake tracker; each process that builds one leaves a mark, and dies of it where `deadly` says so."""
+
+    marks: str = ""
+    seconds: float = 0.0
+    deadly: bool = False
+
+    def build(self) -> Tracker:
+        if self.marks:
+            mark = Path(self.marks) / str(os.getpid())
+            mark.write_text(mark.read_text() + "x" if mark.exists() else "x")
+        if self.deadly and os.environ.get("BATCH_PARENT") != str(os.getpid()):
+            alive = Path(self.marks) / "killed"
+            if not alive.exists():
+                alive.write_text("")
+                os.kill(os.getpid(), signal.SIGKILL)
+        return FakeTracker(self.seconds)  # type: ignore[return-value]
+
+
+@pytest.fixture
+def takes(tmp_path: Path) -> list[Path]:
+    (tmp_path / "takes").mkdir()
+    (tmp_path / "marks").mkdir()
+    return [write_recording(tmp_path / "takes" / f"take{i}.npz") for i in range(4)]
+
+
+def test_processes_share_the_recordings_and_build_their_tracker_once(tmp_path: Path, takes: list[Path]) -> None:
+    told: list[int] = []
+    rows = track_many(
+        takes, FakeRecipe(marks=str(tmp_path / "marks")), tmp_path / "runs", workers=2,
+        progress=lambda doing, done, total: told.append(done),
+    )  # fmt: skip
+    assert [row.status for row in rows] == [DONE] * 4 and told == [1, 2, 3, 4]
+    assert [Path(row.recording) for row in rows] == takes, "in the order that was asked for"
+    assert all(len(Track.load(tmp_path / "runs" / f"take{i}")) == 12 for i in range(4))
+    marks = {p.name: p.read_text() for p in (tmp_path / "marks").iterdir()}
+    assert len(marks) <= 3 and set(marks.values()) == {"x"}, "one here to check the settings, one in each process"
+
+
+def test_a_failure_is_in_the_manifest_and_only_that_is_tried_again(tmp_path: Path, takes: list[Path]) -> None:
+    whole = takes[1].read_bytes()
+    takes[1].write_bytes(b"nothing")
+    runs = tmp_path / "runs"
+    rows = track_many(takes, FakeRecipe(), runs, workers=2)
+    assert [row.status for row in rows] == [DONE, FAILED, DONE, DONE] and "take1.npz" in rows[1].reason
+    written = [(runs / f"take{i}" / "track.npz").stat().st_mtime_ns for i in (0, 2, 3)]
+    takes[1].write_bytes(whole)
+    again = track_many(takes, FakeRecipe(), runs, workers=2, retry_failed=True)
+    assert [(Path(row.recording).stem, row.status) for row in again] == [("take1", DONE)]
+    assert written == [(runs / f"take{i}" / "track.npz").stat().st_mtime_ns for i in (0, 2, 3)]
+    assert track_many(takes, FakeRecipe(), runs, workers=2, retry_failed=True) == []
+
+
+def test_a_finished_run_is_not_done_twice(tmp_path: Path, takes: list[Path]) -> None:
+    track_many(takes[:2], FakeRecipe(), tmp_path / "runs", workers=1)
+    before = (tmp_path / "runs" / "take0" / "track.npz").stat().st_mtime_ns
+    assert [row.status for row in track_many(takes, FakeRecipe(), tmp_path / "runs", workers=1)] == [DONE] * 4
+    assert (tmp_path / "runs" / "take0" / "track.npz").stat().st_mtime_ns == before
+
+
+def test_a_run_with_other_settings_is_replaced_only_when_asked(tmp_path: Path, takes: list[Path]) -> None:
+    runs = tmp_path / "runs"
+    track_many(takes[:1], FakeRecipe(), runs, workers=1)
+    (runs / "take0" / "config.yaml").write_text("weight: 7\n")
+    (refused,) = track_many(takes[:1], FakeRecipe(), runs, workers=1)
+    assert refused.status == FAILED and "other settings" in refused.reason
+    assert track_many(takes[:1], FakeRecipe(), runs, workers=1, overwrite=True)[0].status == DONE
+
+
+def test_the_death_of_a_process_loses_nothing(
+    tmp_path: Path, takes: list[Path], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("BATCH_PARENT", str(os.getpid()))
+    recipe = FakeRecipe(marks=str(tmp_path / "marks"), deadly=True)
+    rows = track_many(takes, recipe, tmp_path / "runs", workers=2)
+    assert (tmp_path / "marks" / "killed").exists()
+    assert [row.status for row in rows] == [DONE] * 4
+
+
+def test_a_dask_cluster_finishes_though_a_worker_is_killed(tmp_path: Path, takes: list[Path]) -> None:
+    distributed = pytest.importorskip("distributed")
+    import joblib
+
+    takes += [write_recording(tmp_path / "takes" / f"take{i}.npz") for i in range(4, 8)]
+    killed: list[int] = []
+    with distributed.LocalCluster(n_workers=2, threads_per_worker=1, processes=True, dashboard_address=None) as cluster:
+        with distributed.Client(cluster) as client, joblib.parallel_config(backend="dask"):
+
+            def kill(doing: str, done: int, total: int) -> None:
+                if not killed:
+                    killed.append(next(iter(client.run(os.getpid).values())))
+                    os.kill(killed[0], signal.SIGKILL)
+
+            rows = track_many(takes, FakeRecipe(seconds=0.02), tmp_path / "runs", progress=kill)
+    assert killed and [row.status for row in rows] == [DONE] * 8
+    lines = [json.loads(line) for line in (tmp_path / "runs" / MANIFEST_FILE).read_text().splitlines()]
+    assert len(lines) == 9 and len({line["recording"] for line in lines[1:]}) == 8, "nothing lost, nothing done twice"
+
+
+@pytest.mark.parametrize(
+    "text", ['{"command": "build"}\n', "words\n", '{"command": "track"}\n[1]\n', '{"recording": 1}\n']
+)
+def test_a_manifest_of_something_else_is_refused(tmp_path: Path, takes: list[Path], text: str) -> None:
+    (tmp_path / "runs").mkdir()
+    (tmp_path / "runs" / MANIFEST_FILE).write_text(text)
+    with pytest.raises(UsageError, match="choose another output"):
+        track_many(takes, FakeRecipe(), tmp_path / "runs", workers=1)
+    assert (tmp_path / "runs" / MANIFEST_FILE).read_text() == text
+
+
+def test_a_torn_last_line_is_dropped(tmp_path: Path) -> None:
+    manifest = Manifest(tmp_path)
+    for name in ("a", "b"):
+        manifest.append(ManifestRow(name, f"runs/{name}", DONE))
+    with manifest.path.open("a") as stream:
+        stream.write('{"recording": "c", "sta')
+    again = Manifest(tmp_path)
+    assert list(again.rows) == ["a", "b"]
+    again.append(ManifestRow("c", "runs/c", FAILED, "because"))
+    assert list(Manifest(tmp_path).rows) == ["a", "b", "c"]
+
+
+def test_there_is_nothing_to_retry_without_a_manifest(tmp_path: Path, takes: list[Path]) -> None:
+    with pytest.raises(UsageError, match="leave --retry-failed out"):
+        track_many(takes, FakeRecipe(), tmp_path / "runs", workers=1, retry_failed=True)

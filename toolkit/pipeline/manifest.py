@@ -1,0 +1,95 @@
+"""`manifest.jsonl`: what became of every recording of a batch, one line of JSON each, written as results arrive."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import asdict, dataclass, fields
+from pathlib import Path
+
+from toolkit.errors import OutputError, UsageError
+from toolkit.files import is_file, parse_json, read_text
+
+MANIFEST_FILE = "manifest.jsonl"
+COMMAND = "track"
+DONE, FAILED, INTERRUPTED = "done", "failed", "interrupted"
+
+
+@dataclass(frozen=True)
+class ManifestRow:
+    """What became of one recording.
+
+    Attributes
+    ----------
+    recording, run : paths
+    status : "done", "failed" or "interrupted"
+    reason : why it failed, empty otherwise
+    text : the summary for people, empty where it failed
+    seconds : wall-clock time
+    frames : rows of its track
+    """
+
+    recording: str
+    run: str
+    status: str
+    reason: str = ""
+    text: str = ""
+    seconds: float = 0.0
+    frames: int = 0
+
+
+class Manifest:
+    """The manifest of a batch's output folder; rows are appended, the last one of a recording counts.
+
+    Raises
+    ------
+    UsageError
+        The folder holds a manifest of something else.
+    """
+
+    def __init__(self, folder: str | Path) -> None:
+        self.path = Path(folder) / MANIFEST_FILE
+        self.rows: dict[str, ManifestRow] = {}
+        for number, line in enumerate(self._lines()):
+            value = parse_json(line, f"line {number + 1} of {self.path}", UsageError, "choose another output")
+            if number == 0 and value == {"command": COMMAND}:
+                continue
+            self._remember(value, number)
+
+    def _lines(self) -> list[str]:
+        if not is_file(self.path):
+            return []
+        text = read_text(self.path, UsageError, "choose another output")
+        # A line without an end was cut short by a kill: its recording is tracked again.
+        lines = text.split("\n")[:-1]
+        if lines and lines[0] != json.dumps({"command": COMMAND}):
+            raise UsageError(f"{self.path} is the manifest of something else; choose another output")
+        return lines
+
+    def _remember(self, value: object, number: int) -> None:
+        names = {f.name for f in fields(ManifestRow)}
+        if not isinstance(value, dict) or not {"recording", "status"} <= value.keys() <= names | {"run"}:
+            raise UsageError(f"line {number + 1} of {self.path} is no row of a manifest; choose another output")
+        row = ManifestRow(**{"run": "", **value})
+        self.rows[row.recording] = row
+
+    def append(self, row: ManifestRow) -> None:
+        """Add a row; it is on disk when this returns.
+
+        Raises
+        ------
+        OutputError
+            The file cannot be written.
+        """
+        self.rows[row.recording] = row
+        try:
+            self.path.parent.mkdir(parents=True, exist_ok=True)
+            whole = is_file(self.path) and self.path.read_bytes().endswith(b"\n")
+            with self.path.open("a" if whole else "w", encoding="utf-8") as stream:
+                if not whole:  # new, or its last line was cut short
+                    stream.write(json.dumps({"command": COMMAND}) + "\n")
+                    for other in self.rows.values():
+                        if other is not row:
+                            stream.write(json.dumps(asdict(other)) + "\n")
+                stream.write(json.dumps(asdict(row)) + "\n")
+        except OSError as error:
+            raise OutputError(f"cannot write {self.path}: {error.strerror or error}; free some space") from error

@@ -1,0 +1,163 @@
+"""Many recordings in many processes, by joblib: each process builds its tracker once and reuses it.
+
+A task owns its run folder, never raises, and leaves a finished run of the same recording and settings alone, so that a
+batch can be started again at any time. Inside `joblib.parallel_config(backend="dask")` or Ray's the same tasks run on a
+cluster.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from toolkit.errors import DepthMocapError, UsageError
+from toolkit.files import check_output, is_file
+from toolkit.pipeline.batch import run_folders
+from toolkit.pipeline.manifest import DONE, FAILED, INTERRUPTED, Manifest, ManifestRow
+from toolkit.pipeline.run import track_recording
+from toolkit.pipeline.trackers import load_tracker
+from toolkit.sensing.recording import ReaderOptions, open_recording
+from toolkit.tracking.protocol import Tracker
+
+ROUNDS = 3
+"""How often what dead processes left is started again."""
+
+Progress = Callable[[str, int, int], None]
+"""Called with what is done, how many recordings are, and how many there are."""
+
+
+@dataclass(frozen=True)
+class TrackerRecipe:
+    """What a process needs to build its tracker, see `load_tracker`."""
+
+    config: str | Path | None = None
+    overrides: Mapping[str, Any] = field(default_factory=dict)
+    database: str | Path | None = None
+    max_poses: int | None = None
+
+    def build(self) -> Tracker:
+        """The tracker."""
+        return load_tracker(self.config, self.overrides, database=self.database, max_poses=self.max_poses)
+
+
+def track_many(
+    paths: Sequence[str | Path],
+    recipe: TrackerRecipe,
+    output: str | Path,
+    *,
+    people: int | None = 1,
+    reader_options: Mapping[str, Any] | None = None,
+    workers: int | None = None,
+    retry_failed: bool = False,
+    overwrite: bool = False,
+    progress: Progress | None = None,
+) -> list[ManifestRow]:
+    """Track recordings into `output/<stem>` and write `output/manifest.jsonl` as results arrive.
+
+    Parameters
+    ----------
+    paths : recordings, of different stems
+    recipe : how each process builds its tracker
+    people, reader_options : as in `track_recordings`
+    workers : processes of one thread each; None = as the surrounding `joblib.parallel_config` says, else one
+    retry_failed : only the recordings that the manifest says failed or were interrupted
+    overwrite : track again what is finished, and replace runs of other recordings or settings
+    progress : told after each recording
+
+    Returns
+    -------
+    The row of every recording that was asked for, in the order of `paths`.
+
+    Raises
+    ------
+    UsageError
+        There is no recording, two have one stem, an option is unknown, there is no manifest to retry from, or the
+        output would damage an input.
+    DepthMocapError
+        The tracker cannot be built.
+    OutputError
+        The manifest cannot be written.
+    """
+    import joblib
+    from joblib.externals.loky.process_executor import TerminatedWorkerError
+
+    jobs = {str(path): run for path, run in _folders(paths, output).items()}
+    options = dict(reader_options or {})
+    ReaderOptions.from_mapping(options)
+    recipe.build()  # what is wrong with the settings is said once, and before work starts
+    manifest = Manifest(output)
+    if retry_failed:
+        if not is_file(manifest.path):
+            raise UsageError(f"there is no {manifest.path} to retry from; leave --retry-failed out")
+        jobs = {path: run for path, run in jobs.items() if _is_open(manifest.rows.get(path))}
+    pending, total, status, reason = dict(jobs), len(jobs), FAILED, ""
+    for round_ in range(ROUNDS):
+        tasks = (
+            joblib.delayed(_task)(recipe, path, str(run), people, options, not overwrite)
+            for path, run in pending.items()
+        )
+        try:
+            with _threads(workers):
+                for row in joblib.Parallel(n_jobs=workers, return_as="generator_unordered")(list(tasks)):
+                    del pending[row.recording]
+                    manifest.append(row)
+                    if progress is not None:
+                        progress("recordings", total - len(pending), total)
+        except TerminatedWorkerError:
+            if round_ + 1 < ROUNDS:
+                continue
+            status, reason = FAILED, "its process died, by lack of memory perhaps"
+        except KeyboardInterrupt:
+            status, reason = INTERRUPTED, "the batch was stopped; start it again"
+        break
+    for path, run in pending.items():
+        manifest.append(ManifestRow(path, str(run), status, reason))
+    return [manifest.rows[str(path)] for path in paths if str(path) in jobs]
+
+
+def _folders(paths: Sequence[str | Path], output: str | Path) -> dict[Path, Path]:
+    """Run folder of each recording, `output/<stem>` for a single one too."""
+    folders = run_folders(paths, output)
+    if len(folders) == 1:
+        folders = {path: Path(output) / path.stem for path in folders}
+    for path, run in folders.items():
+        check_output(run, [path], sealed=[path])
+    return folders
+
+
+def _is_open(row: ManifestRow | None) -> bool:
+    return row is None or row.status != DONE
+
+
+def _threads(workers: int | None) -> Any:
+    """One thread in each process where we choose the processes; a surrounding configuration chooses for itself."""
+    from contextlib import nullcontext
+
+    import joblib
+
+    return nullcontext() if workers is None else joblib.parallel_config("loky", inner_max_num_threads=1)
+
+
+_TRACKERS: dict[str, Tracker] = {}
+"""This process's tracker, by its recipe."""
+
+
+def _task(
+    recipe: TrackerRecipe, path: str, run: str, people: int | None, options: dict[str, Any], resume: bool
+) -> ManifestRow:
+    """Track one recording; whatever happens is in the row."""
+    start, first = time.perf_counter(), repr(recipe) not in _TRACKERS
+    try:
+        if first:
+            _TRACKERS[repr(recipe)] = recipe.build()
+        recording = open_recording(path, **options)
+        tracker = _TRACKERS[repr(recipe)]
+        summary = track_recording(recording, tracker, run, people=people, resume=resume, warm_up=first)
+    except Exception as error:  # a task that raised would end the whole batch
+        reason = f"{error}" if isinstance(error, DepthMocapError) else f"{type(error).__name__}: {error}"
+        return ManifestRow(path, run, FAILED, reason, seconds=time.perf_counter() - start)
+    status = INTERRUPTED if summary.interrupted else DONE
+    return ManifestRow(path, run, status, "", summary.text(), time.perf_counter() - start, summary.frames)
