@@ -5,12 +5,18 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tests.sensing_scenes import KINECT, TOF, scene, up_of_tilt
+from tests.sensing_scenes import KINECT, TOF, neutral, scene, standing, up_of_tilt
+from toolkit.body.raycast import cast
 from toolkit.errors import RecordingError
-from toolkit.sensing.camera import Camera
+from toolkit.sensing.camera import Camera, level_rotation
+from toolkit.sensing.cleaning import SensingSettings
+from toolkit.sensing.people.describe import describe
 from toolkit.sensing.people.evidence import unobserved_pixels
 from toolkit.sensing.people.several import SeveralPeople
+from toolkit.sensing.people.sighting import PredictedBody
+from toolkit.sensing.people.surroundings import Surroundings
 from toolkit.sensing.people.survey import find_people
+from toolkit.sensing.people.view import Lens
 from toolkit.sensing.recording import open_recording, save_recording
 
 UP = np.array([0.0, -1.0, 0.0])
@@ -186,3 +192,97 @@ def test_somebody_behind_is_found_without_a_visible_head(shared_data):
         depth = np.fromfile(path, dtype="<u2").reshape(480, 640)
         expected = 2 if path.name.endswith("1399145206") else 1
         assert len(SeveralPeople(camera, UP).find(depth, 0.0, {})) == expected
+
+
+def placed(x, distance, height=1.2):
+    """The simulated person's body as a follower would predict it."""
+    body = neutral()[0]
+    vertices = body.vertex_positions(standing(x, distance, height)) @ level_rotation(UP)
+    return PredictedBody(vertices, body.faces, body.height)
+
+
+def test_while_people_touch_their_bodies_share_out_the_pixels():
+    places = ((-0.18, 2.5), (0.2, 2.62))
+    _, who = scene(KINECT, places)
+
+    def overlaps(predicted):
+        finder, numbers = SeveralPeople(KINECT, UP), {}
+        for k in range(12):  # they come together
+            share = min(k / 10, 1.0)
+            now = tuple((x * (1 - share) * 3 + x * share, d) for x, d in places)
+            depth, who_now = scene(KINECT, now)
+            bodies = {i: placed(*now[n - 1]) for i, n in numbers.items()} if predicted else {}
+            sightings = finder.find(depth, k / 15, bodies)
+            numbers = numbers or {s.id: truth_of(s, who_now)[0] for s in sightings}
+        return [truth_of(s, who)[1] for s in sightings]
+
+    assert min(overlaps(predicted=True)) > 0.96
+    assert min(overlaps(predicted=True)) > min(overlaps(predicted=False))
+
+
+def test_a_body_that_lost_its_person_claims_nothing():
+    depth, who = scene(KINECT, ((-0.6, 2.6), (0.6, 2.9)))
+    finder = SeveralPeople(KINECT, UP)
+    finder.find(depth, 0.0, {})
+    first = {s.id: truth_of(s, who) for s in finder.find(depth, 0.03, {})}
+    bodies = {1: placed(-0.6, 2.6), 2: placed(0.6, 2.9)}
+    swapped = {i: bodies[3 - number] for i, (number, _) in first.items()}
+    assert {s.id: truth_of(s, who) for s in finder.find(depth, 0.07, swapped)} == first
+
+
+def test_furniture_that_touches_somebody_is_cut_off_once_their_body_is_known():
+    depth, who = scene(KINECT, ((0.0, 2.6),), height=1.2, wall=4.5)
+    v, u = np.nonzero(who == 1)
+    chair = np.zeros(depth.shape, dtype=bool)
+    chair[int(np.median(v)) : v.max(), u.max() - 8 : u.max() + 25] = True
+    chair &= who == 0
+    depth[chair] = 2600
+    sees = Lens(KINECT, UP, 160, SensingSettings())
+    background = sees.coarse(np.where(who | chair, 0, depth).astype(np.uint16))
+    room = Surroundings(False, True, background, np.full(background.shape, 0.05, np.float32), background == 0)
+    finder = SeveralPeople(KINECT, UP, room)
+    without = finder.find(depth, 0.0, {})[0].depth > 0
+    known = finder.find(depth, 0.03, {1: placed(0.0, 2.6)})[0].depth > 0
+    assert (without & chair).sum() > 0.8 * chair.sum()
+    assert (known & chair).sum() < 0.35 * chair.sum(), "what is within 12 cm of the body stays"
+    assert overlap(known & ~chair, who == 1) > 0.93
+
+
+def test_somebody_hidden_for_minutes_keeps_the_number():
+    finder, ids = SeveralPeople(KINECT, UP), []
+    places = [(0.95 - 0.1 * min(k, 9), 2.3) for k in range(30)] + [(0.05 + 0.1 * min(k, 9), 2.3) for k in range(15)]
+    for k, place in enumerate(places):
+        moment = k / 15 if k < 30 else 180.0 + k / 15
+        ids.append(tuple(s.id for s in finder.find(scene(KINECT, ((0.0, 3.4), place))[0], moment, {})))
+    assert min(len(i) for i in ids) == 1
+    assert ids[0] == (1, 2) and ids[-1] == (1, 2)
+    assert max(max(i, default=0) for i in ids) == 2, "nobody is taken for somebody new"
+
+
+def test_frames_of_two_places_in_turn_give_no_endless_row_of_people():
+    one, two = scene(KINECT, ((-0.5, 2.4),))[0], scene(KINECT, ((0.6, 3.4),))[0]
+    finder = SeveralPeople(KINECT, UP)
+    for k in range(30):
+        finder.find(one if k % 2 else two, k / 30, {})
+    assert len(finder.people) <= 2
+
+
+def test_a_figure_that_never_moves_is_furniture_and_said_to_be(tmp_path):
+    frames = [scene(KINECT, ((-0.8 + 0.05 * k, 2.4), (0.7, 3.2)), height=1.2, wall=4.0, floor=True) for k in range(20)]
+    recording = recorded(tmp_path, [depth for depth, _ in frames])
+    finder = find_people(recording)
+    for k, (depth, who) in enumerate(frames):
+        assert [truth_of(s, who)[0] for s in finder.find(depth, k / 30, {})] == [1]
+    assert "1 still thing(s) of a person's shape" in describe(recording).lines[2]
+
+
+def test_a_very_small_and_a_very_tall_person_are_found():
+    for scale in (0.32, 1.35):  # 0.55 m and 2.3 m
+        body = neutral()[0]
+        vertices = body.vertex_positions(standing(0.0, 2.8, 1.2)) @ level_rotation(UP)
+        feet = vertices[:, 1].max()
+        vertices = (vertices - (0, feet, 2.8)) * scale + (0, feet, 2.8)
+        depth = np.rint(1000 * cast(vertices, body.faces, KINECT).depth).astype(np.uint16)
+        sightings = SeveralPeople(KINECT, UP).find(depth, 0.0, {})
+        assert [s.id for s in sightings] == [1]
+        assert overlap(sightings[0].depth > 0, depth > 0) > 0.9

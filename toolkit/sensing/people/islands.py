@@ -40,7 +40,7 @@ def attach_islands(
     from scipy.spatial import cKDTree
 
     pieces, count, areas = _pieces(view, lens, labels, settings)
-    least_body = settings.least_area if cut_out else settings.least_body
+    least_body = settings.least_cut_out if cut_out else settings.least_body
     trees = {}
     for k in np.unique(labels[labels > 0]):
         points = view.points[labels == k]

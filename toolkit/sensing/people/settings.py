@@ -30,6 +30,7 @@ class PeopleSettings:
     body_distance, head_drop, knee_reach : what lies lower than `head_drop` is an elbow or a knee within `body_distance`
         of the axis, and on the surface that the head hangs on within `knee_reach` (of one who sits, 0.55 m below)
     least_area : of a person: head and chest of a child that a table cuts off
+    least_cut_out : of a person where nothing but people is measured: somebody of half a metre
     least_height : of a person: head and chest of a child
     least_part : of a person who is known: a shoulder beside somebody else
     least_body : of somebody whose head is not seen
@@ -65,6 +66,7 @@ class PeopleSettings:
     head_drop: float = 0.5
     knee_reach: float = 0.75
     least_area: float = 0.06
+    least_cut_out: float = 0.03
     least_height: float = 0.35
     least_part: float = 0.02
     least_body: float = 0.12

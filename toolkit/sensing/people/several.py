@@ -8,10 +8,11 @@ from typing import Any
 
 import numpy as np
 
+from toolkit.kernels import linear
 from toolkit.kernels.growth import refine_labels, take_label
 from toolkit.sensing.camera import Camera
 from toolkit.sensing.cleaning import SensingSettings
-from toolkit.sensing.people.detection import find_heads, near_head, share_out
+from toolkit.sensing.people.detection import find_heads, head_seeds, near_head, share_out
 from toolkit.sensing.people.evidence import unobserved_pixels
 from toolkit.sensing.people.islands import attach_islands, head_of
 from toolkit.sensing.people.newcomers import Newcomers
@@ -86,18 +87,21 @@ class SeveralPeople:
         places = [heads[matched[k]] if k in matched else person.expected(timestamp) for k, person in enumerate(present)]
         left = [i for i in range(len(heads)) if i not in matched.values()]
         others = [heads[i] for i in left]
-        seeds = self._seeds(view, present, places, predicted)
+        seeds = self._seeds(view, present, places, set(matched))
+        view = self._shared_by_bodies(view, present, places, predicted, seeds)
+        self._stayed(view, present, places, seeds)
         labels, bodies = self._shared(view, surroundings, seeds, places, furniture)
         candidates, touching = self._candidates(view, surroundings, seeds, places, others, [children[i] for i in left])
         whole = {len(candidates) + i: body for i, body in enumerate(self._headless(view, bodies, others))}
         candidates += [head_of(view, body) for body in whole.values()]
         fresh = self._newcomers.promoted(candidates, touching + [False] * len(whole), timestamp)
+        fresh = sorted({*fresh, *self._where_they_were(candidates, timestamp)})
         if fresh:
             for k, i in enumerate(fresh, start=len(places) + 1):
                 seeds[whole[i] if i in whole else near_head(view, candidates[i]) & view.foreground] = k
             places += [candidates[i] for i in fresh]
             labels, _ = self._shared(view, surroundings, seeds, places, furniture)
-        ids = self._updated(view, labels, present, places, set(matched), timestamp)
+        ids = self._updated(view, labels, present, places, set(matched), timestamp, surroundings.cut_out)
         self._labels, self._depth = ids[labels], view.depth
         return self._sightings(flat, surroundings)
 
@@ -145,22 +149,50 @@ class SeveralPeople:
         return [replace(p, stature=float(predicted[p.id].stature)) if p.id in predicted else p for p in present]
 
     def _seeds(
+        self, view: View, present: Sequence[Person], places: Sequence[np.ndarray], matched: set[int]
+    ) -> np.ndarray:
+        """The heads that are seen, 1, 2, ... for those present: int32 (h, w)."""
+        seeds = np.zeros(view.depth.shape, dtype=np.int32)
+        unseen = np.full(3, np.nan)
+        head_seeds(view, [places[k] if k in matched else unseen for k in range(len(present))], seeds)
+        return seeds
+
+    def _shared_by_bodies(
         self,
         view: View,
         present: Sequence[Person],
         places: Sequence[np.ndarray],
         predicted: Mapping[int, PredictedBody],
-    ) -> np.ndarray:
-        seeds = np.zeros(view.depth.shape, dtype=np.int32)
-        bodies = {k: predicted[p.id] for k, p in enumerate(present, start=1) if p.id in predicted}
-        if bodies:
-            body_seeds(view, self._lens, bodies, self._settings.body_gate, seeds)
+        seeds: np.ndarray,
+    ) -> View:
+        """Add the pixels near the expected bodies to `seeds`, of those whose head is where that body is.
+
+        Where nothing ever moved and everybody has a body, what is not near one is furniture that somebody touches; it
+        is not in the foreground of the view that is returned.
+        """
+        if len(present) < 2 and not view.still.any():
+            return view  # nobody to share with, nothing to be cut off
+        asked = {k: predicted[p.id] for k, p in enumerate(present, start=1) if p.id in predicted}
+        bodies = {k: body for k, body in asked.items() if self._follows(body, places[k - 1])}
+        if not bodies:
+            return view
+        body_seeds(view, self._lens, bodies, self._settings.body_gate, seeds)
+        if len(bodies) < len(present):
+            return view
+        return replace(view, foreground=view.foreground & ~(view.still & (seeds == 0)))
+
+    def _follows(self, body: PredictedBody, place: np.ndarray) -> bool:
+        """Whether a body's surface is near the place (3,) of the person's head."""
+        head = linear.rotated(place[None], self._lens.rotation.T)[0]
+        return bool(((body.vertices - head) ** 2).sum(axis=1).min() < self._settings.head_distance**2)
+
+    def _stayed(self, view: View, present: Sequence[Person], places: Sequence[np.ndarray], seeds: np.ndarray) -> None:
+        """Add heads where they are expected, and torsos that stayed where they were, to `seeds`."""
         numbers = np.zeros(1 + max((p.id for p in self.people), default=0), dtype=np.int32)
         for k, person in enumerate(present, start=1):
             numbers[person.id] = k
         here = np.abs(view.depth - self._depth) < self._settings.same_surface
         stayed_seeds(view, np.where(here, numbers[self._labels], 0), places, self._settings, seeds)
-        return seeds
 
     def _shared(
         self,
@@ -213,13 +245,19 @@ class SeveralPeople:
         return aside >= (self._settings.shoulder_distance if close else self._settings.knee_reach)
 
     def _headless(self, view: View, bodies: Sequence[np.ndarray], heads: Sequence[np.ndarray]) -> list[np.ndarray]:
-        """Those bodies (masks) that none of the heads may belong to."""
+        """Those bodies (masks) that hang under none of the heads."""
         alone = []
         for body in bodies:
             top = head_of(view, body)
-            if all(np.sqrt(((top - head) ** 2).sum()) > 2 * self._settings.body_distance for head in heads):
+            asides = [float(np.hypot(top[0] - head[0], top[2] - head[2])) for head in heads]
+            if not asides or min(asides) > self._settings.reach_still:
                 alone.append(body)
         return alone
+
+    def _where_they_were(self, candidates: Sequence[np.ndarray], timestamp: float) -> list[int]:
+        """Indices of the candidates at whose place somebody was seen last who is not there now."""
+        absent = [p for p in self.people if timestamp - p.last > self._settings.patience]
+        return list(match_heads([replace(p, last=timestamp) for p in absent], candidates, timestamp).values())
 
     def _updated(
         self,
@@ -229,6 +267,7 @@ class SeveralPeople:
         places: Sequence[np.ndarray],
         matched: set[int],
         timestamp: float,
+        cut_out: bool,
     ) -> np.ndarray:
         """Write down who was seen where; the id of every label, int32 (n + 1,), 0 for what is nobody."""
         settings = self._settings
@@ -248,7 +287,7 @@ class SeveralPeople:
                     head = place if k in matched else None
                     known[person.id] = person.seen(head, middle, area, timestamp)
                     ids[k + 1] = person.id
-            elif len(points) and large_enough(view, self._lens, mask, settings):
+            elif len(points) and large_enough(view, self._lens, mask, settings, cut_out=cut_out):
                 again = known_again(absent, place, timestamp)
                 if again is not None:
                     absent.remove(again)

@@ -52,9 +52,9 @@ def _below(place: np.ndarray, head: np.ndarray) -> bool:
     return aside < KNEES and place[1] < head[1]
 
 
-def large_enough(view: View, lens: Lens, mask: np.ndarray, settings: PeopleSettings) -> bool:
-    """Whether a surface has a person's area and height."""
-    if lens.area(view.depth[mask]) < settings.least_area:
+def large_enough(view: View, lens: Lens, mask: np.ndarray, settings: PeopleSettings, *, cut_out: bool = False) -> bool:
+    """Whether a surface has a person's area and height; `cut_out`: nothing but people is measured."""
+    if lens.area(view.depth[mask]) < (settings.least_cut_out if cut_out else settings.least_area):
         return False
     heights = view.points[mask][:, 1]
     return bool(np.ptp(heights) >= settings.least_height)
