@@ -81,7 +81,9 @@ def measured_build(poses: Path, output: Path, selected: int, workers: int) -> di
     with np.load(poses) as parts:
         clips = [PoseClip(name, part, 120.0, "mirrored, jittered") for name, part in parts.items()]
     start = time.perf_counter()
-    report = build_database(clips, output, threshold=0.0, max_poses=selected, mirror=False, parts=None, workers=workers)
+    report = build_database(
+        clips, output, threshold=0.0, max_poses=selected, mirror=False, seated=False, parts=None, workers=workers
+    )
     seconds = time.perf_counter() - start
     own, children = resource.getrusage(resource.RUSAGE_SELF), resource.getrusage(resource.RUSAGE_CHILDREN)
     joints = report.database.joints
@@ -109,7 +111,9 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         start = time.perf_counter()
-        real = build_database([options.mocap], folder / "real.npz", mirror=False, parts=None, workers=options.workers)
+        real = build_database(
+            [options.mocap], folder / "real.npz", mirror=False, seated=False, parts=None, workers=options.workers
+        )
         seconds = time.perf_counter() - start
         clips = corpus(options.mocap, options.poses)
         same, times = same_as_plain(clips)

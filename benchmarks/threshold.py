@@ -102,7 +102,13 @@ def built(clips: list[PoseClip], threshold: float, mirror: bool, workers: int) -
     """Database of the clips."""
     with tempfile.TemporaryDirectory() as folder:
         return build_database(
-            clips, Path(folder) / "poses.npz", threshold=threshold, mirror=mirror, parts=None, workers=workers
+            clips,
+            Path(folder) / "poses.npz",
+            threshold=threshold,
+            mirror=mirror,
+            seated=False,
+            parts=None,
+            workers=workers,
         ).database
 
 

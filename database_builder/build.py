@@ -27,11 +27,13 @@ from toolkit.database.origin import View, observed_offsets
 from toolkit.errors import MocapError, UsageError
 from toolkit.files import check_output, free_folder, is_folder, make_own_folder, remove_own_folder
 from toolkit.mocap.clip import PoseClip
-from toolkit.mocap.procedural import procedural_clips
+from toolkit.mocap.procedural import SEATED_MOTIONS, procedural_clips
 
 THRESHOLD = 0.009
 """Metres in the unit of Eq. 5.1, 4 cm root mean square per joint: half of the paper's 1.8 cm. Below it the curve of
 `depthmocap bench threshold` is flat and only the lookup gets slower."""
+SEATED_RATE = 10.0
+"""Frames a second of the seated motions: people who sit move slowly."""
 PARTS = PartsSettings()
 """How the joint regressor is trained unless told otherwise."""
 CHUNK = 500
@@ -85,6 +87,7 @@ def build_database(
     max_poses: int | None = None,
     body: Body | None = None,
     mirror: bool = True,
+    seated: bool = True,
     parts: PartsSettings | None = PARTS,
     workers: int | None = None,
     strict: bool = False,
@@ -106,6 +109,8 @@ def build_database(
     max_poses : alternative stop; None = no limit
     body : whose poses, joints and features they become; None = the neutral adult
     mirror : add the mirror image of every pose, because a tracker meets left-handed people too
+    seated : add the bundled motions of people who sit on chairs, stools, sofas, the floor and at desks, which mocap
+        seldom holds
     parts : how to train the joint regressor; None = without one
     workers : processes; None = as many as there are processors
     strict : a file that cannot be used is an error; otherwise it is skipped and named in the report
@@ -131,9 +136,11 @@ def build_database(
     work = free_folder(target.with_name(f"{target.stem}.work"))
     clock = _Clock()
 
-    read = _read(procedural_clips(body=body) if sources is None else sources, work, body, mirror, processes, report)
+    given = list(procedural_clips(body=body) if sources is None else sources)
+    added = procedural_clips(SEATED_MOTIONS, SEATED_RATE, body=body) if given and seated else []
+    read = _read([*given, *added], work, body, mirror, processes, report)
     skipped = tuple((one.name, one.error) for one in read if one.error)
-    if skipped and (strict or len(skipped) == len(read)):
+    if skipped and (strict or len(skipped) == len(read) - len(added)):
         raise MocapError(f"{skipped[0][0]} cannot be used ({skipped[0][1]}); {len(skipped)} of {len(read)} such")
     pool = _Pool.of([one for one in read if not one.error])
     del read
@@ -150,7 +157,8 @@ def build_database(
 
     source, frame, mirrored = pool.traced(chosen)
     notes = {
-        "poses_read": len(pool.poses), "mirror": mirror, "max_poses": max_poses, "skipped": [list(s) for s in skipped],
+        "poses_read": len(pool.poses), "mirror": mirror, "seated": seated, "max_poses": max_poses,
+        "skipped": [list(s) for s in skipped],
         "residual": residual(body, poses, offsets),
     }  # fmt: skip
     forest = None

@@ -14,16 +14,18 @@ import pytest
 from database_builder import build, reading
 from database_builder.report import database_text, plot_coverage
 from database_builder.sampling import farthest_first, pose_distance
+from database_builder.views import is_seated
 from tests.database_helpers import moving_clip, neutral, write_bvh
 from toolkit.body import skeleton
 from toolkit.database.canonical import canonicalise, mirrored
 from toolkit.database.database import PoseDatabase
 from toolkit.errors import DatabaseError, MocapError, OutputError, UsageError
+from toolkit.mocap.procedural import SEATED_MOTIONS
 from toolkit.mocap.read import read_clip
 from toolkit.mocap.retarget import retarget
 
 CLIPS = [moving_clip("a", 1), moving_clip("b", 2)]
-build_database = partial(build.build_database, mirror=False, parts=None)
+build_database = partial(build.build_database, mirror=False, seated=False, parts=None)
 
 
 @pytest.fixture
@@ -47,6 +49,16 @@ def test_a_database_of_clips_holds_the_plain_selection_of_their_canonical_poses(
     np.testing.assert_array_equal(60 * read.pose_source + read.pose_frame, chosen)
     assert read.sources == ("a", "b") and not read.mirrored.any() and read.threshold == 0.02
     assert list(tmp_path.iterdir()) == [tmp_path / "poses.npz"]
+
+
+def test_people_who_sit_are_added_to_any_mocap_unless_they_are_left_out(tmp_path: Path) -> None:
+    with_seated, without = (
+        build_database(CLIPS, tmp_path / "poses.npz", threshold=0.03, seated=seated).database
+        for seated in (True, False)
+    )
+    assert set(without.sources) < set(with_seated.sources) and without.notes["seated"] is False
+    assert {name.rstrip("_1234") for name in with_seated.sources} == {"a", "b", *SEATED_MOTIONS}
+    assert 30 < is_seated(with_seated.poses).sum() and not is_seated(without.poses).any()
 
 
 def test_files_are_read_in_sorted_order_and_named_with_their_hashes(mocap: Path, tmp_path: Path) -> None:

@@ -13,6 +13,8 @@ from toolkit.mocap.choreography import BASE, MOTIONS
 from toolkit.mocap.procedural import (
     CONTROLS,
     DATABASE_MOTIONS,
+    SEATED_MOTIONS,
+    SEATED_SUBJECT_MOTIONS,
     SUBJECT_MOTIONS,
     motions,
     perform,
@@ -20,7 +22,7 @@ from toolkit.mocap.procedural import (
     procedural_clips,
 )
 
-ALL = (*DATABASE_MOTIONS, *SUBJECT_MOTIONS)
+ALL = (*DATABASE_MOTIONS, *SUBJECT_MOTIONS, *SEATED_MOTIONS, *SEATED_SUBJECT_MOTIONS)
 
 
 def joint(positions: np.ndarray, name: str) -> np.ndarray:
@@ -34,7 +36,7 @@ def posed(**controls: float) -> np.ndarray:
 
 
 def test_the_database_and_the_subject_share_no_motion() -> None:
-    assert not set(DATABASE_MOTIONS) & set(SUBJECT_MOTIONS)
+    assert not {*DATABASE_MOTIONS, *SEATED_MOTIONS} & {*SUBJECT_MOTIONS, *SEATED_SUBJECT_MOTIONS}
     assert set(motions()) == set(ALL)
     assert len(DATABASE_MOTIONS) >= 30
 
@@ -81,6 +83,35 @@ def test_controls_mean_what_they_say_on_both_sides() -> None:
     assert (joint(posed(bend=50.0), "neck") - joint(posed(bend=50.0), "pelvis"))[2] > 0.2
     assert (joint(posed(lean=25.0), "neck") - joint(posed(lean=25.0), "pelvis"))[0] > 0.05
     assert joint(posed(turn=40.0), "left_shoulder")[2] < -0.05
+
+
+@pytest.mark.parametrize("name", (*SEATED_MOTIONS, *SEATED_SUBJECT_MOTIONS))
+def test_whoever_sits_has_the_thighs_level_the_trunk_upright_and_stays_seated(name: str) -> None:
+    body = load_body("neutral")
+    joints = body.joint_positions(perform(name, body, 5.0, np.random.default_rng(2)).poses)
+    thighs = np.concatenate([joint(joints, f"{s}_knee") - joint(joints, f"{s}_hip") for s in ("left", "right")])
+    slopes = np.degrees(np.arcsin(thighs[:, 1] / np.linalg.norm(thighs, axis=1)))
+    assert -38.0 < np.median(slopes) < 45.0
+    trunk = joint(joints, "neck") - joint(joints, "pelvis")
+    assert (trunk[:, 1] / np.linalg.norm(trunk, axis=1)).min() > 0.35
+    if MOTIONS[name].on_floor:
+        lowest = [body.vertex_positions(pose)[:, 1].min() for pose in perform(name, body, 2.0).poses]
+        assert lowest == pytest.approx(np.zeros(len(lowest)), abs=1e-9)
+        assert joint(joints, "pelvis")[:, 1].max() < 0.45
+
+
+def test_everybody_sits_in_another_way() -> None:
+    body = stick_body()
+    first, second = (perform("seated_chair", body, 5.0, np.random.default_rng(seed)).poses[0] for seed in (0, 1))
+    assert 0.05 < np.abs(first[6:] - second[6:]).max() < 0.8
+
+
+def test_a_flexed_thigh_spreads_outwards() -> None:
+    for side, s in (("left", 1.0), ("right", -1.0)):
+        pose = posed(**{f"{side}_flex": 90.0, f"{side}_knee": 90.0, f"{side}_spread": 30.0, f"{side}_open": 0.0})
+        thigh = joint(pose, f"{side}_knee") - joint(pose, f"{side}_hip")
+        assert np.degrees(np.arctan2(s * thigh[0], thigh[2])) == pytest.approx(30.0, abs=2.0)
+        assert abs(thigh[1]) < 0.02
 
 
 def test_equal_seeds_give_equal_clips_and_variations_differ() -> None:

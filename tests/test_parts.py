@@ -7,7 +7,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from database_builder.parts import PartsSettings, body_labels, draw_images, grow_tree, train_forest
+from database_builder.parts import PartsSettings, grow_tree, leaf_votes, train_forest
+from database_builder.views import (
+    FOCAL,
+    TrainingImages,
+    ViewSettings,
+    body_labels,
+    draw_images,
+    draw_view,
+    is_seated,
+)
 from tests.landmark_helpers import CAMERA, LEVEL, body_cloud
 from toolkit.body import skeleton
 from toolkit.body.shape import ShapeSpace, load_body
@@ -15,11 +24,14 @@ from toolkit.database import canonical
 from toolkit.errors import SettingsError
 from toolkit.kernels import forest
 from toolkit.landmarks.parts import JointForest
-from toolkit.sensing.camera import Camera
+from toolkit.mocap.procedural import SEATED_MOTIONS, SEATED_SUBJECT_MOTIONS, procedural_clips
+from toolkit.sensing.camera import Camera, level_rotation
 from toolkit.sensing.cloud import Cloud
 
+PLAIN = ViewSettings(turned=0.5, cut=0.0, hidden=0.0, raised=0.0, small=0.0, seated=0.0)
+"""People as the first regressors knew them: adults, standing, in full view."""
 SMALL = PartsSettings(
-    images=60, pixels=60, trees=2, depth=6, smallest_leaf=20, questions=20, bins=8, node_samples=500, cut=0.0
+    images=60, pixels=60, trees=2, depth=6, smallest_leaf=20, questions=20, bins=8, node_samples=500, views=PLAIN
 )
 WEIGHTS = (np.arange(256) / 255.0) ** 4
 
@@ -30,18 +42,45 @@ def some_depth(rng: np.random.Generator) -> np.ndarray:
     return depth
 
 
-def plain_probe(depth: np.ndarray, u: float, v: float, z: float) -> float:
-    iu, iv = round(u), round(v)
-    if not (0 <= iv < depth.shape[0] and 0 <= iu < depth.shape[1]) or depth[iv, iu] == 0:
+def plain_probe(
+    depth: np.ndarray, camera: Camera, rotation: np.ndarray, pixel: np.ndarray, x: float, y: float, blind: float
+) -> float:
+    """`pixel` (3,) is its point in the level frame; the probe is `x` across and `y` down of it."""
+    point = rotation.T @ (pixel + [x, -y, 0.0])
+    if point[2] < 0.05:
+        return blind
+    u, v = np.rint(camera.project(point)).astype(int)
+    if not (0 <= v < depth.shape[0] and 0 <= u < depth.shape[1]) or depth[v, u] < 0:
+        return blind
+    if depth[v, u] == 0:
         return 1.0
-    return max(-1.0, min(1.0, float(depth[iv, iu]) - z))
+    ray = np.array([(u - camera.cx) / camera.fx, (v - camera.cy) / camera.fy, 1.0])
+    further = pixel[2] - (rotation @ (ray * depth[v, u]))[2]
+    return float(np.clip(further, -1.0, 1.0))
 
 
-def plain_question(depth: np.ndarray, u: float, v: float, f: tuple[float, float], offsets: np.ndarray) -> float:
-    z = float(depth[v, u])
+def plain_question(
+    depth: np.ndarray, camera: Camera, rotation: np.ndarray, u: int, v: int, offsets: np.ndarray, blind: float = -1.0
+) -> float:
+    ray = np.array([(u - camera.cx) / camera.fx, (v - camera.cy) / camera.fy, 1.0])
+    pixel = rotation @ (ray * depth[v, u])
     ax, ay, bx, by = (float(x) for x in offsets)
-    first = plain_probe(depth, u + f[0] * ax / z, v + f[1] * ay / z, z)
-    return first - plain_probe(depth, u + f[0] * bx / z, v + f[1] * by / z, z)
+    first = plain_probe(depth, camera, rotation, pixel, ax, ay, blind)
+    return first - plain_probe(depth, camera, rotation, pixel, bx, by, blind)
+
+
+def kernel_question(
+    depth: np.ndarray, camera: Camera, rotation: np.ndarray, u: int, v: int, offsets: np.ndarray, blind: float = -1.0
+) -> float:
+    z = depth[v, u]
+    point = np.array([(u - camera.cx) * z / camera.fx, (v - camera.cy) * z / camera.fy, z, 0.0])
+    point[3] = -rotation[2] @ point[:3]
+    axes = rotation[0].copy(), -rotation[1], -rotation[2]
+    return float(forest.question(depth, camera.intrinsics, *axes, point, offsets, blind))
+
+
+TINY = Camera(25.0, 35.0, 20.0, 15.0, 40, 30)
+TILTED = level_rotation(np.array([0.05, -0.9, -0.45]))
 
 
 def random_forest(rng: np.random.Generator, trees: int = 3, levels: int = 3, leaves_apart: float = 0.5) -> JointForest:
@@ -68,24 +107,29 @@ def random_forest(rng: np.random.Generator, trees: int = 3, levels: int = 3, lea
         np.array(children, dtype=np.int32), np.array(roots, dtype=np.int32),
         (100 * rng.normal(0.0, leaves_apart, (count, 20, 3))).clip(-127, 127).astype(np.int8),
         rng.integers(1, 256, (count, 20), dtype=np.uint8),
+        rng.integers(1, 256, (count, 20), dtype=np.uint8),
     )  # fmt: skip
 
 
 # Questions and leaves
 
 
-def test_a_question_is_the_clipped_difference_of_two_probes_in_metres() -> None:
+@pytest.mark.parametrize("rotation", [LEVEL, TILTED], ids=["level", "tilted"])
+@pytest.mark.parametrize("blind", [-1.0, 1.0])
+def test_a_question_is_the_clipped_difference_of_two_probes_in_the_level_frame(
+    rotation: np.ndarray, blind: float
+) -> None:
     rng = np.random.default_rng(0)
     depth = some_depth(rng)
+    depth[:8] = -1.0
     measured = np.argwhere(depth > 0)
     answers = []
     for v, u in measured[rng.integers(len(measured), size=300)]:
         offsets = rng.uniform(-0.8, 0.8, 4)
-        z = depth[v, u]
-        answer = forest.question(depth, u, v, z, 25.0 / z, 35.0 / z, offsets)
-        assert answer == pytest.approx(plain_question(depth, u, v, (25.0, 35.0), offsets), abs=1e-6)
+        answer = kernel_question(depth, TINY, rotation, u, v, offsets, blind)
+        assert answer == pytest.approx(plain_question(depth, TINY, rotation, u, v, offsets, blind), abs=1e-6)
         answers.append(answer)
-    assert np.std(answers) > 0.3 and np.max(answers) <= 2.0
+    assert np.std(answers) > 0.3 and np.max(np.abs(answers)) <= 2.0
 
 
 def test_a_question_has_the_same_answer_at_twice_the_distance_and_twice_the_resolution() -> None:
@@ -93,27 +137,49 @@ def test_a_question_has_the_same_answer_at_twice_the_distance_and_twice_the_reso
     near[10:31, 10:31] = 2.0
     offsets = np.array([0.24, 0.0, 0.0, -0.1])
     far = np.where(near > 0, 4.0, 0.0).astype(np.float32)
-    once = forest.question(near, 20, 20, 2.0, 50.0, 50.0, offsets)
+    camera = Camera(100.0, 100.0, 20.0, 20.0, 41, 41)
+    once = kernel_question(near, camera, LEVEL, 20, 20, offsets)
     assert once == 1.0  # 0.24 m to the right there is nothing any more, 0.1 m above there is
-    assert forest.question(far, 20, 20, 4.0, 50.0, 50.0, offsets) == once
-    assert forest.question(np.kron(near, np.ones((2, 2), np.float32)), 40, 40, 2.0, 100.0, 100.0, offsets) == once
+    assert kernel_question(far, replace(camera, fx=200.0, fy=200.0), LEVEL, 20, 20, offsets) == once
+    fine = Camera(200.0, 200.0, 40.0, 40.0, 82, 82)
+    assert kernel_question(np.kron(near, np.ones((2, 2), np.float32)), fine, LEVEL, 40, 40, offsets) == once
+
+
+def test_a_tilted_camera_answers_as_a_level_one_at_its_place() -> None:
+    """A wall with a box before it, seen straight on and with the camera turned down by 20 degrees."""
+    answers = []
+    camera = Camera(200.0, 200.0, 119.5, 119.5, 240, 240)
+    for rotation in (LEVEL, level_rotation(np.array([0.0, -np.cos(0.35), -np.sin(0.35)]))):
+        rays = np.concatenate([camera.rays(), np.ones((240, 240, 1))], axis=2) @ rotation.T
+        depth = 3.0 / -rays[..., 2]
+        box = rays * (2.5 / -rays[..., 2])[..., None]
+        inside = (np.abs(box[..., 0]) < 0.3) & (np.abs(box[..., 1] + 0.5) < 0.4)
+        depth[inside] = 2.5 / -rays[inside][:, 2]
+        u, v = np.rint(camera.project(rotation.T @ [0.1, -0.4, -2.5])).astype(int)
+        answers.append(
+            [
+                kernel_question(depth.astype(np.float32), camera, rotation, u, v, np.array([x, y, 0.0, 0.0]))
+                for x in (-0.6, -0.2, 0.1, 0.4) for y in (-0.25, 0.1, 0.2, 0.7)
+            ]
+        )  # fmt: skip
+    assert answers[1] == pytest.approx(answers[0], abs=0.02)
+    assert {round(a, 1) for a in answers[0]} == {0.0, 0.5}
 
 
 def test_pixels_reach_the_leaves_that_a_plain_walk_reaches() -> None:
     rng = np.random.default_rng(1)
     depth, trained = some_depth(rng), random_forest(rng)
     pixels = np.flatnonzero(depth.ravel())[::3]
-    intrinsics = np.array([25.0, 35.0, 20.0, 15.0])
     leaves = np.empty((len(pixels), 3), dtype=np.int64)
-    forest.find_leaves(depth, pixels, intrinsics, trained.nodes, trained.roots, leaves)
+    forest.find_leaves(depth, pixels, TINY.intrinsics, TILTED, trained.nodes, trained.roots, -1.0, leaves)
     for row, pixel in enumerate(pixels):
         for tree in range(3):
             node = trained.roots[tree]
             while node >= 0:
-                answer = plain_question(depth, pixel % 40, pixel // 40, (25.0, 35.0), trained.offsets[node])
+                answer = plain_question(depth, TINY, TILTED, pixel % 40, pixel // 40, trained.offsets[node])
                 node = trained.children[node][int(answer >= trained.thresholds[node])]
             assert leaves[row, tree] == -1 - node
-    assert len(np.unique(leaves)) == 24
+    assert len(np.unique(leaves)) >= 20
 
 
 # Votes
@@ -121,13 +187,17 @@ def test_pixels_reach_the_leaves_that_a_plain_walk_reaches() -> None:
 
 def plain_vote(
     points: np.ndarray, leaves: np.ndarray, trained: JointForest, voters: int, bandwidth: float, rounds: int
-) -> tuple[np.ndarray, np.ndarray]:
-    joints, confidence = np.empty((20, 3)), np.empty(20)
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    assert trained.leaf_in_view is not None
+    joints, confidence, in_view = np.empty((20, 3)), np.empty(20), np.empty(20)
     for j in range(20):
         weights = ((trained.leaf_sureness[leaves, j] / 255.0) ** 4).ravel()
+        shares = (trained.leaf_in_view[leaves, j] / 255.0).ravel()
         votes = (points[:, None] + 0.01 * trained.leaf_offsets[leaves, j]).reshape(-1, 3)
         kept = weights >= np.sort(weights)[-min(voters, len(weights))]
-        weights, votes = weights[kept], votes[kept]
+        weights, votes, shares = weights[kept], votes[kept], shares[kept]
+        in_view[j] = np.average(shares, weights=weights)
+        weights = weights * shares
         mode = np.average(votes, axis=0, weights=weights)
         for step in range(rounds):
             width = bandwidth * (1 + 2 * (rounds - 1 - step) / (rounds - 1))
@@ -135,7 +205,7 @@ def plain_vote(
             mode = np.average(votes, axis=0, weights=kernel)
         held = weights * np.exp(-((votes - mode) ** 2).sum(axis=1) / (2 * bandwidth**2))
         joints[j], confidence[j] = mode, held.sum() / len(votes)
-    return joints, confidence
+    return joints, confidence, in_view
 
 
 @pytest.mark.parametrize("voters", [10, 80, 1000])
@@ -144,25 +214,29 @@ def test_votes_end_at_the_modes_of_a_plain_mean_shift(voters: int) -> None:
     trained = random_forest(rng, leaves_apart=0.1)
     points = rng.normal(0.0, 0.1, (120, 3)).astype(np.float32)
     leaves = rng.integers(0, len(trained.leaf_sureness), (120, 3))
-    joints, confidence = np.empty((20, 3)), np.empty(20)
+    joints, confidence, in_view = np.empty((20, 3)), np.empty(20), np.empty(20)
     forest.vote(
-        points, leaves, trained.leaf_offsets, 0.01, trained.leaf_sureness, WEIGHTS, voters, 0.06, 4,
-        joints, confidence,
+        points, leaves, trained.leaf_offsets, 0.01, trained.leaf_sureness, trained.leaf_in_view, WEIGHTS, voters,
+        0.06, 4, joints, confidence, in_view,
     )  # fmt: skip
-    expected, sure = plain_vote(points.astype(np.float64), leaves, trained, voters, 0.06, 4)
+    expected, sure, shown = plain_vote(points.astype(np.float64), leaves, trained, voters, 0.06, 4)
     assert joints == pytest.approx(expected, abs=1e-5)
     assert confidence == pytest.approx(sure, abs=1e-5)
+    assert in_view == pytest.approx(shown, abs=1e-5)
     assert (confidence > 0).all() and (confidence <= 1).all()
 
 
 def test_the_larger_group_of_votes_wins_and_a_divided_vote_is_less_sure() -> None:
-    sure_leaves, joints, confidence = np.full((2, 1), 255, dtype=np.uint8), np.empty((1, 3)), np.empty(1)
+    sure_leaves, joints = np.full((2, 1), 255, dtype=np.uint8), np.empty((1, 3))
+    confidence, in_view = np.empty(1), np.empty(1)
     offsets = np.array([[[0, 0, 0]], [[100, 0, 0]]], dtype=np.int8)
     points = np.zeros((10, 3), dtype=np.float32)
     sure = []
     for many in (10, 8):
         leaves = (np.arange(10) >= many).astype(np.int64)[:, None]
-        forest.vote(points, leaves, offsets, 0.01, sure_leaves, WEIGHTS, 100, 0.06, 8, joints, confidence)
+        forest.vote(
+            points, leaves, offsets, 0.01, sure_leaves, sure_leaves, WEIGHTS, 100, 0.06, 8, joints, confidence, in_view
+        )
         assert joints[0] == pytest.approx([0.0, 0.0, 0.0], abs=0.01)
         sure.append(confidence[0])
     assert sure == pytest.approx([1.0, 0.8], abs=0.01)
@@ -177,7 +251,24 @@ def test_a_cloud_of_no_or_one_point_gives_finite_joints() -> None:
     for estimate in (nobody, speck):
         assert estimate.points.shape == (20, 3) and np.isfinite(estimate.points).all()
         assert ((estimate.confidence >= 0) & (estimate.confidence <= 1)).all()
-    assert not nobody.confidence.any()
+    assert not nobody.confidence.any() and not nobody.in_view.any()
+
+
+def test_a_forest_without_shares_says_that_all_is_in_view_and_takes_the_border_for_free_space() -> None:
+    old = replace(random_forest(np.random.default_rng(2)), leaf_in_view=None)
+    cloud = body_cloud(load_body("neutral"), standing(-2.5))
+    estimate = old.estimate(cloud, 100)
+    assert estimate.in_view == pytest.approx(np.ones(20))
+    assert np.array_equal(estimate.reliability, estimate.confidence)
+    assert "leaf_in_view" not in old.arrays() and "calibration" not in old.arrays()
+
+
+def test_reliability_is_read_off_the_calibration_of_each_joint() -> None:
+    steps = np.linspace(0.0, 1.0, 3, dtype=np.float32) ** 2 * np.linspace(0.5, 1.0, 20, dtype=np.float32)[:, None]
+    calibrated = replace(random_forest(np.random.default_rng(2), leaves_apart=0.02), calibration=steps)
+    estimate = calibrated.estimate(body_cloud(load_body("neutral"), standing(-2.5)), 100)
+    expected = [np.interp(c, [0.0, 0.5, 1.0], row) for c, row in zip(estimate.confidence, steps, strict=True)]
+    assert estimate.reliability == pytest.approx(expected)
 
 
 # Training
@@ -190,12 +281,29 @@ def entropy(labels: np.ndarray) -> float:
     return float(-len(labels) * (share * np.log(share)).sum())
 
 
+def plain_stored_question(picture: np.ndarray, window: np.ndarray, u: int, v: int, offsets: np.ndarray) -> float:
+    """A question in a crop of a training image, metres, 65.535 = unobserved, focal length 60."""
+
+    def probe(x: float, y: float) -> float:
+        iu, iv = round(u + 60.0 / picture[v, u] * x), round(v + 60.0 / picture[v, u] * y)
+        if not (window[0] <= iu <= window[1] and window[2] <= iv <= window[3]):
+            return -1.0
+        inside = 0 <= iv < picture.shape[0] and 0 <= iu < picture.shape[1]
+        if not inside or picture[iv, iu] == 0:
+            return 1.0
+        return -1.0 if picture[iv, iu] == 65.535 else float(np.clip(picture[iv, iu] - picture[v, u], -1.0, 1.0))
+
+    return probe(offsets[0], offsets[1]) - probe(offsets[2], offsets[3])
+
+
 def test_the_best_split_is_that_of_a_scan_over_all_questions_and_thresholds() -> None:
     rng = np.random.default_rng(3)
     shapes = np.array([[20, 24], [30, 18]])
     images = rng.integers(1500, 3500, int(shapes.prod(axis=1).sum()), dtype=np.uint16)
     images[rng.random(len(images)) < 0.2] = 0
     starts = np.array([0, 480])
+    windows = np.array([[-3, 23, -5, 19], [0, 100, -100, 100]])
+    images[rng.random(len(images)) < 0.1] = 65535
     image = rng.integers(0, 2, 200).astype(np.int32)
     u = (rng.random(200) * shapes[image, 1]).astype(np.int32)
     v = (rng.random(200) * shapes[image, 0]).astype(np.int32)
@@ -209,7 +317,7 @@ def test_the_best_split_is_that_of_a_scan_over_all_questions_and_thresholds() ->
         for n in range(200):
             k = image[n]
             picture = images[starts[k] : starts[k] + shapes[k].prod()].reshape(shapes[k]).astype(np.float64) * 0.001
-            answers[q, n] = plain_question(picture, u[n], v[n], (60.0, 60.0), candidates[q])
+            answers[q, n] = plain_stored_question(picture, windows[k], u[n], v[n], candidates[q])
     labels[answers[4] > 0.2] = 1
     bins = 10
     best = (np.inf, -1, 0.0)
@@ -219,21 +327,21 @@ def test_the_best_split_is_that_of_a_scan_over_all_questions_and_thresholds() ->
             low, high = (labels[rows][side] for side in (answers[q, rows] < threshold, answers[q, rows] >= threshold))
             if len(low) and len(high):
                 best = min(best, (entropy(low) + entropy(high), q, threshold))
-    found = forest.best_split(images, starts, shapes, 60.0, image, u, v, labels, rows, candidates, bins, 4)
+    found = forest.best_split(images, starts, shapes, windows, 60.0, image, u, v, labels, rows, candidates, bins, 4)
     assert found[0] == best[1] == 4
     assert found[2] == pytest.approx(best[0], rel=1e-6)
     below = answers[4, rows] < found[1]  # several thresholds may part the samples in the same way
     assert entropy(labels[rows][below]) + entropy(labels[rows][~below]) == pytest.approx(best[0], rel=1e-6)
     kernel = np.empty(150, dtype=np.float32)
-    forest.answers(images, starts, shapes, 60.0, image, u, v, rows, candidates[4], kernel)
+    forest.answers(images, starts, shapes, windows, 60.0, image, u, v, rows, candidates[4], kernel)
     assert kernel == pytest.approx(answers[4, rows], abs=1e-5)
 
 
 def test_where_no_question_separates_the_samples_there_is_no_split() -> None:
     images, zero = np.full(100, 2000, dtype=np.uint16), np.zeros(5, dtype=np.int32)
     found = forest.best_split(
-        images, np.array([0]), np.array([[10, 10]]), 60.0, zero, zero + 5, zero + 5, np.arange(5), np.arange(5),
-        np.zeros((3, 4)), 8, 5,
+        images, np.array([0]), np.array([[10, 10]]), np.array([[0, 9, 0, 9]]), 60.0, zero, zero + 5, zero + 5,
+        np.arange(5), np.arange(5), np.zeros((3, 4)), 8, 5,
     )  # fmt: skip
     assert found[0] == -1
 
@@ -249,8 +357,19 @@ def a_few_poses() -> np.ndarray:
     return canonical.canonicalise(poses)[0]
 
 
+def drawn(views: ViewSettings) -> TrainingImages:
+    """Sixty images of sixty pixels each."""
+    silent = lambda done, total: None  # noqa: E731
+    return draw_images(a_few_poses(), views, SMALL.images, SMALL.pixels, np.random.default_rng(0), silent)
+
+
+def standing(z: float) -> np.ndarray:
+    """Pose (P,) of a person who stands at depth -`z` and faces the camera."""
+    return canonical.place(a_few_poses()[5], np.zeros(4), np.array([0.0, 0.0, z]), 0.0)
+
+
 def test_training_images_show_people_with_their_joints() -> None:
-    data = draw_images(a_few_poses(), SMALL, np.random.default_rng(0), lambda done, total: None)
+    data = drawn(PLAIN)
     assert len(data.shapes) == SMALL.images
     assert len(data.labels) == SMALL.images * SMALL.pixels
     assert len(data.depth) == data.shapes.prod(axis=1).sum()
@@ -267,18 +386,76 @@ def test_training_images_show_people_with_their_joints() -> None:
     assert np.ptp(width, axis=1).max() < 0.005
 
 
-def test_people_are_cut_off_below_in_the_share_that_is_asked_for() -> None:
-    silent = lambda done, total: None  # noqa: E731
-    whole, cut = (
-        draw_images(a_few_poses(), replace(SMALL, cut=share), np.random.default_rng(0), silent) for share in (0.0, 1.0)
-    )
-    for data, least, most in ((whole, 0.9, 1.0), (cut, 0.35, 0.8)):
-        seen = []
-        for start, (height, width) in zip(data.starts, data.shapes, strict=True):
-            rows = data.depth[start : start + height * width].reshape(height, width).any(axis=1)
-            seen.append(np.flatnonzero(rows).max() / height)
-        assert least <= min(seen) and max(seen) <= most
-    assert cut.sample_v.max() < whole.sample_v.max()
+def test_cut_people_end_at_the_border_and_what_lies_beyond_is_not_in_view() -> None:
+    whole, cut = drawn(PLAIN), drawn(replace(PLAIN, cut=1.0))
+    assert whole.in_view.mean() > 0.97
+    assert 0.3 < cut.in_view.mean() < 0.85
+    feet = [skeleton.REPORTED.index(f"{side}_foot") for side in ("left", "right")]
+    assert not cut.in_view[:, feet].any()
+    assert cut.in_view[:, skeleton.REPORTED.index("head")].mean() > 0.7
+    for image, (start, (height, width)) in enumerate(zip(cut.starts, cut.shapes, strict=True)):
+        picture = cut.depth[start : start + height * width].reshape(height, width)
+        last = cut.windows[image, 3]
+        assert (picture[max(last + 1, 0) :] == 65535).all() and last < height
+        assert cut.sample_v[cut.sample_image == image].max() <= last
+
+
+def test_what_stands_before_people_hides_them() -> None:
+    free, hidden = drawn(PLAIN), drawn(replace(PLAIN, hidden=1.0))
+    seen = [((d.depth > 0) & (d.depth < 65535)).sum() / len(d.depth) for d in (free, hidden)]
+    assert seen[1] < 0.9 * seen[0]
+    assert hidden.in_view.mean() < 0.95 < free.in_view.mean()
+    assert (hidden.depth == 65535).any()
+
+
+def test_a_joint_is_in_view_where_a_pixel_near_it_shows_the_person() -> None:
+    rng, space, poses = np.random.default_rng(3), ShapeSpace.load(), a_few_poses()
+    settings = replace(PLAIN, cut=0.5, hidden=0.5)
+    near: dict[bool, list[float]] = {True: [], False: []}
+    for _ in range(40):
+        view = draw_view(poses, np.zeros(0, dtype=np.int64), space, settings, rng)
+        v, u = np.nonzero((view.depth > 0) & (view.depth < 65535))
+        if len(v) < SMALL.pixels:
+            continue
+        pixels = FOCAL * view.joints[:, :2] * [1.0, -1.0] / -view.joints[:, 2:] - view.corner
+        for pixel, shown in zip(pixels, view.in_view, strict=True):
+            near[bool(shown)].append(np.hypot(u - pixel[0], v - pixel[1]).min() / FOCAL * -view.joints[0, 2])
+    assert np.quantile(near[True], 0.9) < 0.05
+    assert np.median(near[False]) > 0.1
+
+
+def test_raised_cameras_look_down_and_children_are_small() -> None:
+    space, poses = ShapeSpace.load(), a_few_poses()
+    nobody = np.zeros(0, dtype=np.int64)
+    for settings in (replace(PLAIN, raised=1.0), replace(PLAIN, small=1.0)):
+        rng = np.random.default_rng(0)
+        joints = np.array([draw_view(poses, nobody, space, settings, rng).joints for _ in range(60)])
+        head, feet = joints[:, 3, 1], joints[:, [15, 19], 1].min(axis=1)
+        if settings.raised:
+            assert feet.max() < -0.2 and feet.min() < -2.0  # the camera's height over the floor
+            down = -0.5 * (head + feet) / -joints[:, 0, 2]
+            assert 0.6 < down.max() < 1.1
+        else:
+            assert 0.5 < (head - feet).min() and (head - feet).max() < 1.3
+
+
+def test_people_who_sit_are_told_from_those_who_stand_squat_and_lie() -> None:
+    def share(*names: str) -> float:
+        clips = procedural_clips(names, 5.0, body=load_body("neutral"), variations=1)
+        return float(is_seated(canonical.canonicalise(np.concatenate([clip.poses for clip in clips]))[0]).mean())
+
+    assert share(*SEATED_MOTIONS) > 0.8 and share(*SEATED_SUBJECT_MOTIONS) > 0.8
+    assert share("walk", "wave", "bend_forward", "march", "random") < 0.1
+    lying = np.zeros((1, skeleton.POSE_SIZE))
+    lying[0, 3] = -1.4
+    for side in ("left", "right"):
+        lying[0, skeleton.POSE_NAMES.index(f"{side}_hip_rx")] = -1.5
+    assert not is_seated(lying).any()
+
+
+def test_a_share_outside_its_range_is_refused() -> None:
+    with pytest.raises(SettingsError, match="hidden is 1.5"):
+        ViewSettings(hidden=1.5)
 
 
 def test_parts_have_two_labels_each_on_both_sides() -> None:
@@ -298,7 +475,14 @@ def test_parts_have_two_labels_each_on_both_sides() -> None:
 @pytest.fixture(scope="module")
 def trained() -> JointForest:
     settings = replace(
-        SMALL, images=800, trees=2, depth=10, smallest_leaf=15, questions=40, node_samples=1000, turned=0
+        SMALL,
+        images=800,
+        trees=2,
+        depth=10,
+        smallest_leaf=15,
+        questions=40,
+        node_samples=1000,
+        views=replace(PLAIN, turned=0.0),
     )
     return train_forest(a_few_poses(), settings, seed=1)
 
@@ -340,7 +524,8 @@ def test_a_forest_does_not_depend_on_the_number_of_workers() -> None:
 def test_leaves_hold_the_mean_offset_of_their_samples_and_how_sure_it_is() -> None:
     settings = replace(SMALL, trees=1)
     streams = np.random.default_rng(4).spawn(2)
-    data = draw_images(a_few_poses(), settings, streams[0], lambda done, total: None)
+    silent = lambda done, total: None  # noqa: E731
+    data = draw_images(a_few_poses(), PLAIN, settings.images, settings.pixels, streams[0], silent)
     leaves = grow_tree(data, settings, streams[1])[3]
     trained = train_forest(a_few_poses(), settings, seed=4)
     assert len(leaves) == len(trained.leaf_offsets)
@@ -350,6 +535,19 @@ def test_leaves_hold_the_mean_offset_of_their_samples_and_how_sure_it_is() -> No
         deviation = np.sqrt(((votes - votes.mean(axis=0)) ** 2).sum(axis=2).mean(axis=0))
         assert 0.01 * trained.leaf_offsets[leaf] == pytest.approx(votes.mean(axis=0).clip(-1.27, 1.27), abs=6e-3)
         assert trained.leaf_sureness[leaf] == pytest.approx(255 * np.minimum(0.03 / deviation, 1.0), abs=0.6)
+
+
+def test_a_leaf_asks_only_the_samples_that_show_a_joint_where_they_are_enough() -> None:
+    data = drawn(replace(PLAIN, cut=0.6))
+    rows = np.random.default_rng(0).choice(len(data.labels), 40, replace=False)
+    mean, variance, share = leaf_votes(data, rows)
+    shown = data.in_view[data.sample_image[rows]]
+    assert share == pytest.approx(shown.mean(axis=0)) and 0.0 < share.min() < share.max()
+    for joint in range(20):
+        asked = shown[:, joint] if shown[:, joint].sum() >= 5 else np.ones(40, dtype=bool)
+        votes = data.offsets[rows][asked, joint].astype(np.float64)
+        assert mean[joint] == pytest.approx(votes.mean(axis=0), abs=1e-4)
+        assert variance[joint] == pytest.approx(votes.var(axis=0).sum(), abs=1e-4)
 
 
 @pytest.mark.parametrize("values", [{"images": 0}, {"trees": 0}, {"bins": 1}])

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, cached_property
 from pathlib import Path
 
 import numpy as np
@@ -19,6 +19,13 @@ from toolkit.body.body import Body, vertex_normals
 from toolkit.errors import BodyError
 from toolkit.kernels import linear
 
+GROWTH: tuple[float, ...] = (1.0, -0.06, 0.41, 0.54, 0.46, 0.18, 0.26, 0.19, -0.75, -1.46)
+"""Direction in the shape space, per standard deviation of size, in which a child of eight years becomes a toddler:
+large head, short legs. Fitted on MakeHuman's people from one to eight years, which then lie 12 mm from it, not 20."""
+CHILD = 2.4
+"""Size (first coefficient) from which on people are smaller than the population that the space was made from."""
+SIZE_LIMITS = (-3.6, 7.2)
+"""First coefficient of people of 2.1 and of 0.7 m."""
 ASSETS = Path(__file__).parent / "assets"
 CLOTHING = 0.01
 """Metres per standard deviation: the population of the shape space is naked and bald; who is recorded seldom is."""
@@ -103,6 +110,23 @@ class ShapeSpace:
             name, vertices, self.faces, self.skin_joints, self.skin_weights, joints, sites, self.end_effectors, shape
         )
         return body if scale == 1.0 else body.scaled(scale)
+
+    def typical(self, stature: float) -> np.ndarray:
+        """Coefficients (K,) of the average person of a stature in metres, from toddlers (0.7) to giants (2.1).
+
+        Other statures are taken as the nearest of these.
+        """
+        statures, shapes = self._growth
+        return np.array([np.interp(-stature, -statures, column) for column in shapes.T])
+
+    @cached_property
+    def _growth(self) -> tuple[np.ndarray, np.ndarray]:
+        """Statures (N,), metres, falling, and coefficients (N, K) of average people from giants to toddlers."""
+        sizes = np.linspace(*SIZE_LIMITS, 33)
+        shapes = np.zeros((len(sizes), self.size))
+        shapes[:, 0] = np.minimum(sizes, CHILD)
+        shapes[:, : len(GROWTH)] += np.maximum(sizes - CHILD, 0.0)[:, None] * GROWTH
+        return np.array([self.body(shape).height for shape in shapes]), shapes
 
     def project(self, body: Body) -> np.ndarray:
         """Coefficients (K,) of the body of this space that is nearest to `body`, by least squares over all points.

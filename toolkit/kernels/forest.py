@@ -2,7 +2,9 @@
 
 A question at pixel u of depth z compares the depth at two probes, `u + f a / z` and `u + f b / z`, with offsets a and b
 in metres, so that the answer depends neither on the distance nor on the sensor's resolution (Shotton 2011, Eq. 1).
-Depth differences to z are clipped to one `REACH`; a probe that meets no measurement counts as `REACH` behind.
+Offsets and depths are those of a level camera at the same place, so that neither does it depend on the camera's tilt.
+Depth differences to z are clipped to one `REACH`. A probe that meets nobody counts as `REACH` behind the pixel; one
+that can see nothing, outside the image or behind something else, as `REACH` before it.
 """
 
 from __future__ import annotations
@@ -14,22 +16,52 @@ REACH = 1.0
 """Metres: how much nearer or farther than its pixel a probe can say that something is."""
 
 
-@njit(cache=True)
-def probe(depth: np.ndarray, u: float, v: float, z: float) -> float:
-    """Clipped depth difference at image position (u, v) of `depth` float32 (H, W), metres, to a pixel of depth z."""
-    iu = int(np.rint(u))
-    iv = int(np.rint(v))
-    far = np.float32(REACH)
-    if iu < 0 or iv < 0 or iv >= depth.shape[0] or iu >= depth.shape[1] or depth[iv, iu] <= 0.0:
-        return far
-    return min(max(depth[iv, iu] - z, -far), far)
+UNOBSERVED = 65535
+"""In a training image: what was measured here says nothing about the person."""
 
 
 @njit(cache=True)
-def question(depth: np.ndarray, u: float, v: float, z: float, sx: float, sy: float, offsets: np.ndarray) -> float:
-    """Answer of one question with probe offsets a_x, a_y, b_x, b_y, metres, of which one covers (sx, sy) pixels."""
-    return probe(depth, u + sx * offsets[0], v + sy * offsets[1], z) - probe(
-        depth, u + sx * offsets[2], v + sy * offsets[3], z
+def probe(
+    depth: np.ndarray, camera: np.ndarray, across: np.ndarray, down: np.ndarray, along: np.ndarray, pixel: np.ndarray,
+    x: float, y: float, blind: float,
+) -> float:  # fmt: skip
+    """Clipped difference of the measured depth at a probe to that of its pixel, metres.
+
+    `depth` float32 (H, W), metres: 0 = nothing, negative = unobserved. `camera` holds fx, fy, cx, cy; `across`, `down`
+    and `along` (3,) are the level frame's +x, -y and -z in the camera frame; `pixel` (4,) is the pixel's point in the
+    camera frame and its depth along `along`. The probe is at `x` across and `y` down of it. Outside the image and where
+    it is unobserved the answer is `blind`.
+    """
+    px = pixel[0] + x * across[0] + y * down[0]
+    py = pixel[1] + x * across[1] + y * down[1]
+    pz = pixel[2] + x * across[2] + y * down[2]
+    if pz < NEAREST:
+        return blind
+    iu = int(np.rint(camera[2] + camera[0] * px / pz))
+    iv = int(np.rint(camera[3] + camera[1] * py / pz))
+    if iu < 0 or iv < 0 or iv >= depth.shape[0] or iu >= depth.shape[1]:
+        return blind
+    d = depth[iv, iu]
+    if d <= 0.0:
+        return blind if d < 0.0 else REACH
+    level = d * (
+        along[0] * (iu - camera[2]) / camera[0] + along[1] * (iv - camera[3]) / camera[1] + along[2]
+    )  # fmt: skip
+    return min(max(level - pixel[3], -REACH), REACH)
+
+
+NEAREST = 0.05
+"""Metres before the camera where probes end."""
+
+
+@njit(cache=True)
+def question(
+    depth: np.ndarray, camera: np.ndarray, across: np.ndarray, down: np.ndarray, along: np.ndarray, pixel: np.ndarray,
+    offsets: np.ndarray, blind: float,
+) -> float:  # fmt: skip
+    """Answer of one question with probe offsets a_x, a_y, b_x, b_y, metres across and down; else as in `probe`."""
+    return probe(depth, camera, across, down, along, pixel, offsets[0], offsets[1], blind) - probe(
+        depth, camera, across, down, along, pixel, offsets[2], offsets[3], blind
     )
 
 
@@ -41,25 +73,32 @@ BLOCK = 16
 def find_leaves(
     depth: np.ndarray,
     pixels: np.ndarray,
-    intrinsics: np.ndarray,
+    camera: np.ndarray,
+    rotation: np.ndarray,
     nodes: np.ndarray,
     roots: np.ndarray,
+    blind: float,
     leaves: np.ndarray,
 ) -> None:
     """Leaf that each pixel reaches in each tree: fills `leaves` (N, trees).
 
-    `pixels` (N,) are flat indices; `nodes` float32 (nodes, 7) hold a question's probe offsets, its threshold and both
-    children in a row, of which a negative one is leaf `-1 - child`; an answer below the threshold goes to the first.
+    `depth`, `camera` and `blind` as in `probe`; `pixels` (N,) are flat indices; `rotation` (3, 3) is R_level_camera;
+    `nodes` float32 (nodes, 7) hold a question's probe offsets, its threshold and both children in a row, of which a
+    negative one is leaf `-1 - child`; an answer below the threshold goes to the first.
     """
     width = depth.shape[1]
+    across, down, along = rotation[0].copy(), -rotation[1], -rotation[2]
     at = np.empty(BLOCK, dtype=np.int64)
-    u, v, z, sx, sy = np.empty((5, BLOCK), dtype=np.float32)
+    point = np.empty((BLOCK, 4))
     for start in range(0, pixels.shape[0], BLOCK):
         block = min(BLOCK, pixels.shape[0] - start)
         for k in range(block):
-            pixel = pixels[start + k]
-            u[k], v[k], z[k] = pixel % width, pixel // width, depth[pixel // width, pixel % width]
-            sx[k], sy[k] = intrinsics[0] / z[k], intrinsics[1] / z[k]
+            u, v = pixels[start + k] % width, pixels[start + k] // width
+            z = depth[v, u]
+            point[k, 0] = (u - camera[2]) * z / camera[0]
+            point[k, 1] = (v - camera[3]) * z / camera[1]
+            point[k, 2] = z
+            point[k, 3] = along[0] * point[k, 0] + along[1] * point[k, 1] + along[2] * z
         for t in range(roots.shape[0]):
             at[:] = roots[t]
             walking = roots[t] >= 0
@@ -68,9 +107,9 @@ def find_leaves(
                 for k in range(block):
                     if at[k] >= 0:
                         node = nodes[at[k]]
-                        child = node[5] if question(depth, u[k], v[k], z[k], sx[k], sy[k], node) < node[4] else node[6]
-                        at[k] = int(child)
-                        walking |= child >= 0
+                        answer = question(depth, camera, across, down, along, point[k], node, blind)
+                        at[k] = int(node[5] if answer < node[4] else node[6])
+                        walking |= at[k] >= 0
             for k in range(block):
                 leaves[start + k, t] = -1 - at[k]
 
@@ -86,20 +125,23 @@ def vote(
     leaf_offsets: np.ndarray,
     unit: float,
     leaf_sureness: np.ndarray,
+    leaf_in_view: np.ndarray,
     weight_of: np.ndarray,
     voters: int,
     bandwidth: float,
     rounds: int,
     joints: np.ndarray,
     confidence: np.ndarray,
+    in_view: np.ndarray,
 ) -> None:
-    """Modes of the joint votes by mean shift: fills `joints` (J, 3) and `confidence` (J,) in [0, 1].
+    """Modes of the joint votes by mean shift: fills `joints` (J, 3), `confidence` (J,) and `in_view` (J,) in [0, 1].
 
     Pixel i votes for joint j at `points[i] + unit * leaf_offsets[leaf, j]` with weight
-    `weight_of[leaf_sureness[leaf, j]]`, (SURE,), rising; only the `voters` surest votes for a joint count, and those as
-    sure as the last of them. The search starts at their weighted mean with a Gaussian kernel three times as wide as
-    `bandwidth`, in metres, which narrows to it. Confidence is the mean weight of these votes times the share of it that
-    the mode holds.
+    `weight_of[leaf_sureness[leaf, j]]`, (SURE,), rising, times the share `leaf_in_view[leaf, j]` in steps of 1 / 255;
+    only the `voters` surest votes for a joint count, and those as sure as the last of them. The search starts at their
+    weighted mean with a Gaussian kernel three times as wide as `bandwidth`, in metres, which narrows to it. Confidence
+    is the mean weight of these votes times the share of it that the mode holds; `in_view` is the mean of their shares
+    by `weight_of`.
     """
     pixels, trees = leaves.shape
     count_of_joints = leaf_offsets.shape[1]
@@ -122,6 +164,8 @@ def vote(
         most = max(most, counts[j])
     chosen = np.empty((count_of_joints, most, 4))
     counts[:] = 0
+    mass = np.zeros(count_of_joints)
+    in_view[:] = 0.0
     for i in range(pixels):
         for t in range(trees):
             leaf = leaves[i, t]
@@ -132,11 +176,14 @@ def vote(
                     chosen[j, n, 0] = points[i, 0] + unit * leaf_offsets[leaf, j, 0]
                     chosen[j, n, 1] = points[i, 1] + unit * leaf_offsets[leaf, j, 1]
                     chosen[j, n, 2] = points[i, 2] + unit * leaf_offsets[leaf, j, 2]
-                    chosen[j, n, 3] = weight_of[sure]
+                    chosen[j, n, 3] = weight_of[sure] * leaf_in_view[leaf, j] / 255.0
+                    in_view[j] += chosen[j, n, 3]
+                    mass[j] += weight_of[sure]
                     counts[j] = n + 1
     for j in range(count_of_joints):
         _mode(chosen[j, : counts[j]], bandwidth, rounds, joints[j])
         confidence[j] = _held(chosen[j, : counts[j]], bandwidth, joints[j]) / max(counts[j], 1)
+        in_view[j] /= max(mass[j], 1e-12)
 
 
 @njit(cache=True)
@@ -183,6 +230,7 @@ def _stored_probe(
     start: int,
     height: int,
     width: int,
+    window: np.ndarray,
     u: int,
     v: int,
     z: float,
@@ -190,14 +238,17 @@ def _stored_probe(
     x: float,
     y: float,
 ) -> float:
-    """`probe` in the crop of a training image, with its offset (x, y) in metres."""
+    """`probe` in the crop of a training image of a level camera, with its offset (x, y) in metres."""
     iu = int(np.rint(u + focal / z * x))
     iv = int(np.rint(v + focal / z * y))
     if iu < 0 or iv < 0 or iv >= height or iu >= width:
-        return REACH
+        outside = iu < window[0] or iu > window[1] or iv < window[2] or iv > window[3]
+        return -REACH if outside else REACH
     d = images[start + iv * width + iu]
     if d == 0:
         return REACH
+    if d == UNOBSERVED:
+        return -REACH
     return min(max(d * 0.001 - z, -REACH), REACH)
 
 
@@ -206,6 +257,7 @@ def answers(
     images: np.ndarray,
     starts: np.ndarray,
     shapes: np.ndarray,
+    windows: np.ndarray,
     focal: float,
     sample_image: np.ndarray,
     sample_u: np.ndarray,
@@ -216,7 +268,8 @@ def answers(
 ) -> None:
     """Answers of training samples `rows` to one question: fills `out` (len(rows),).
 
-    Image k is the crop `images[starts[k]:]` of shape `shapes[k]`, uint16 millimetres; outside of it is nothing.
+    Image k is the crop `images[starts[k]:]` of shape `shapes[k]`, uint16 millimetres, 0 = nothing, or `UNOBSERVED`.
+    Outside of it is nothing, and outside of `windows[k]`, first and last column and row, it is unobserved.
     """
     for n in range(rows.shape[0]):
         s = rows[n]
@@ -224,8 +277,8 @@ def answers(
         height, width, start = shapes[k, 0], shapes[k, 1], starts[k]
         u, v = sample_u[s], sample_v[s]
         z = images[start + v * width + u] * 0.001
-        first = _stored_probe(images, start, height, width, u, v, z, focal, offsets[0], offsets[1])
-        second = _stored_probe(images, start, height, width, u, v, z, focal, offsets[2], offsets[3])
+        first = _stored_probe(images, start, height, width, windows[k], u, v, z, focal, offsets[0], offsets[1])
+        second = _stored_probe(images, start, height, width, windows[k], u, v, z, focal, offsets[2], offsets[3])
         out[n] = first - second
 
 
@@ -234,6 +287,7 @@ def best_split(
     images: np.ndarray,
     starts: np.ndarray,
     shapes: np.ndarray,
+    windows: np.ndarray,
     focal: float,
     sample_image: np.ndarray,
     sample_u: np.ndarray,
@@ -275,10 +329,30 @@ def best_split(
         z = images[start + sample_v[s] * stride + sample_u[s]] * 0.001
         for q in range(questions):
             first = _stored_probe(
-                images, start, height, stride, sample_u[s], sample_v[s], z, focal, candidates[q, 0], candidates[q, 1]
+                images,
+                start,
+                height,
+                stride,
+                windows[k],
+                sample_u[s],
+                sample_v[s],
+                z,
+                focal,
+                candidates[q, 0],
+                candidates[q, 1],
             )
             second = _stored_probe(
-                images, start, height, stride, sample_u[s], sample_v[s], z, focal, candidates[q, 2], candidates[q, 3]
+                images,
+                start,
+                height,
+                stride,
+                windows[k],
+                sample_u[s],
+                sample_v[s],
+                z,
+                focal,
+                candidates[q, 2],
+                candidates[q, 3],
             )
             b = int(np.floor((np.float32(first - second) - low) / width))
             histogram[q, min(max(b, 0), bins - 1), label] += 1

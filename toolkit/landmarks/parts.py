@@ -43,11 +43,19 @@ def sureness(variance: np.ndarray) -> np.ndarray:
 class JointEstimate:
     """Joints as the pixels vote for them.
 
-    points : float64 (20, 3), metres, level frame; confidence : float64 (20,), 0 to 1
+    Attributes
+    ----------
+    points : float64 (20, 3), metres, level frame
+    confidence : float64 (20,), 0 to 1: how sure the votes are and how much they agree, a weight
+    in_view : float64 (20,), 0 to 1: probability that the joint is inside the image with nothing foreign before it
+    reliability : float64 (20,), 0 to 1: probability that the joint is within 10 cm, calibrated on views that the forest
+        was not trained on; the confidence itself for a forest without calibration
     """
 
     points: np.ndarray
     confidence: np.ndarray
+    in_view: np.ndarray
+    reliability: np.ndarray
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,6 +72,9 @@ class JointForest:
         than 1.27 m is never sure
     leaf_sureness : uint8 (leaves, 20), how sure these offsets are: 3 cm / standard deviation, at most 1, in 255 steps.
         A vote weighs as much as its fourth power
+    leaf_in_view : uint8 (leaves, 20), share of the leaf's training pixels whose image shows the joint, in 255 steps;
+        None = it was trained on people in full view only
+    calibration : float32 (20, C), reliability at C evenly spaced confidences from 0 to 1, or None
 
     Raises
     ------
@@ -78,6 +89,8 @@ class JointForest:
     roots: np.ndarray
     leaf_offsets: np.ndarray
     leaf_sureness: np.ndarray
+    leaf_in_view: np.ndarray | None = None
+    calibration: np.ndarray | None = None
 
     def __post_init__(self) -> None:
         nodes, leaves = len(self.offsets), len(self.leaf_offsets)
@@ -89,6 +102,10 @@ class JointForest:
             "leaf_offsets": Column("i", ("leaves", len(skeleton.REPORTED), 3)),
             "leaf_sureness": Column("u", ("leaves", len(skeleton.REPORTED)), 0, forest.SURE - 1),
         }
+        if self.leaf_in_view is not None:
+            columns["leaf_in_view"] = Column("u", ("leaves", len(skeleton.REPORTED)), 0, 255)
+        if self.calibration is not None:
+            columns["calibration"] = Column("f", (len(skeleton.REPORTED), "steps"), 0.0, 1.0)
         check_columns(self.arrays(), columns, DatabaseError, "the joint regressor", "build the database again")
         forward = (self.children < 0) | (self.children > np.arange(nodes)[:, None])
         if not forward.all() or not leaves:
@@ -96,23 +113,41 @@ class JointForest:
 
     def arrays(self) -> dict[str, np.ndarray]:
         """The arrays by name, as they stand in a database file."""
-        return {f.name: getattr(self, f.name) for f in fields(self)}
+        arrays = {f.name: getattr(self, f.name) for f in fields(self)}
+        return {name: array for name, array in arrays.items() if array is not None}
 
     @cached_property
     def nodes(self) -> np.ndarray:
         """Question, threshold and children in a row, as the kernel walks them: float32 (nodes, 7), whole to 2**24."""
         return np.column_stack([self.offsets, self.thresholds, self.children]).astype(np.float32)
 
-    def estimate(self, cloud: Cloud, samples: int) -> JointEstimate:
-        """Joints of a cloud from about `samples` of its points, evenly spread in scan order."""
+    @cached_property
+    def _shares_in_view(self) -> np.ndarray:
+        return np.full_like(self.leaf_sureness, 255) if self.leaf_in_view is None else self.leaf_in_view
+
+    def estimate(self, cloud: Cloud, samples: int, unobserved: np.ndarray | None = None) -> JointEstimate:
+        """Joints of a cloud from about `samples` of its points, evenly spread in scan order.
+
+        `unobserved` bool (H, W), where it is known, are the pixels of the cloud's image that say nothing about the
+        person: something nearer hides what is there. The image's border needs no mention.
+        """
         rows = np.linspace(0, len(cloud) - 1, min(samples, len(cloud))).astype(np.int64)
         leaves = np.empty((len(rows), len(self.roots)), dtype=np.int64)
-        intrinsics = np.array(cloud.camera.intrinsics)
-        forest.find_leaves(cloud.depth, cloud.pixels[rows], intrinsics, self.nodes, self.roots, leaves)
+        depth = cloud.depth if unobserved is None else np.where(unobserved, np.float32(-1.0), cloud.depth)
+        blind = forest.REACH if self.leaf_in_view is None else -forest.REACH
+        forest.find_leaves(
+            depth, cloud.pixels[rows], cloud.camera.intrinsics, cloud.rotation, self.nodes, self.roots, blind, leaves
+        )
         joints = np.empty((len(skeleton.REPORTED), 3))
-        confidence = np.empty(len(skeleton.REPORTED))
+        confidence, in_view = np.empty((2, len(skeleton.REPORTED)))
         forest.vote(
-            cloud.points[rows], leaves, self.leaf_offsets, OFFSET_UNIT, self.leaf_sureness, _WEIGHTS,
-            VOTERS, BANDWIDTH, ROUNDS, joints, confidence,
+            cloud.points[rows], leaves, self.leaf_offsets, OFFSET_UNIT, self.leaf_sureness, self._shares_in_view,
+            _WEIGHTS, VOTERS, BANDWIDTH, ROUNDS, joints, confidence, in_view,
         )  # fmt: skip
-        return JointEstimate(joints, confidence)
+        return JointEstimate(joints, confidence, in_view, self._reliability(confidence))
+
+    def _reliability(self, confidence: np.ndarray) -> np.ndarray:
+        if self.calibration is None:
+            return confidence.copy()
+        knots = np.linspace(0.0, 1.0, self.calibration.shape[1])
+        return np.array([np.interp(c, knots, row) for c, row in zip(confidence, self.calibration, strict=True)])

@@ -2,47 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
-
-
-@dataclass(frozen=True)
-class Motion:
-    """A cycle of key poses.
-
-    Attributes
-    ----------
-    keys : share of the cycle in [0, 1) and the controls that differ from `hold`, in order
-    seconds : length of one cycle
-    cycles : how often it is played
-    hold : controls that differ from the base pose during the whole motion
-    sided : whether it may as well be played by the other side
-    """
-
-    keys: tuple[tuple[float, dict[str, float]], ...]
-    seconds: float = 2.0
-    cycles: int = 2
-    hold: dict[str, float] = field(default_factory=dict)
-    sided: bool = False
-
-
-def left(**controls: float) -> dict[str, float]:
-    """Controls of the left arm or leg."""
-    return {f"left_{name}": value for name, value in controls.items()}
-
-
-def right(**controls: float) -> dict[str, float]:
-    """Controls of the right arm or leg."""
-    return {f"right_{name}": value for name, value in controls.items()}
-
-
-def both(**controls: float) -> dict[str, float]:
-    """The same controls for both sides."""
-    return left(**controls) | right(**controls)
+from toolkit.mocap.motion import Motion, both, left, right
+from toolkit.mocap.seated import SEATED, SEATED_SUBJECT
 
 
 def _base() -> dict[str, float]:
     base = dict.fromkeys(("yaw", "pitch", "bend", "lean", "turn", "nod", "tilt", "look", "hop"), 0.0)
-    return base | both(lift=10, plane=20, roll=0, elbow=12, flex=4, open=4, toe=6, knee=8, point=0)
+    return base | both(lift=10, plane=20, roll=0, elbow=12, flex=4, open=4, toe=6, knee=8, point=0, spread=0)
 
 
 BASE: dict[str, float] = _base()
@@ -422,5 +388,5 @@ _SUBJECT: dict[str, Motion] = {
 
 SUBJECT: tuple[str, ...] = tuple(_SUBJECT)
 """Names of the motions for a test subject."""
-MOTIONS: dict[str, Motion] = DATABASE | _SUBJECT
+MOTIONS: dict[str, Motion] = DATABASE | _SUBJECT | SEATED | SEATED_SUBJECT
 """Every motion with key poses, by its name."""

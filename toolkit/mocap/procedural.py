@@ -15,8 +15,10 @@ import numpy as np
 from toolkit.body import skeleton
 from toolkit.body.body import Body
 from toolkit.errors import UsageError
-from toolkit.mocap.choreography import BASE, DATABASE, LIMITS, MOTIONS, SUBJECT, Motion
+from toolkit.mocap.choreography import BASE, DATABASE, LIMITS, MOTIONS, SUBJECT
 from toolkit.mocap.clip import PoseClip
+from toolkit.mocap.motion import Motion
+from toolkit.mocap.seated import SEATED, SEATED_SUBJECT
 
 CONTROLS: tuple[str, ...] = tuple(BASE)
 """Names of the controls: degrees, except `hop` (metres)."""
@@ -24,9 +26,15 @@ DATABASE_MOTIONS: tuple[str, ...] = (*DATABASE, "random")
 """Motions for a pose database."""
 SUBJECT_MOTIONS: tuple[str, ...] = SUBJECT
 """Motions for a test subject: none of them is in `DATABASE_MOTIONS`."""
+SEATED_MOTIONS: tuple[str, ...] = tuple(SEATED)
+"""Motions of seated people for a pose database."""
+SEATED_SUBJECT_MOTIONS: tuple[str, ...] = tuple(SEATED_SUBJECT)
+"""Motions for a seated test subject: none of them is in `SEATED_MOTIONS`."""
 
 WOBBLE_DEGREES = 2.5
 """Standard deviation of the slow wobble added to every angle."""
+HABIT_DEGREES = 6.0
+"""Standard deviation of each control from the held pose of a settled motion, drawn once per performance."""
 RANDOM_STEP = 1.2
 """Seconds from one random pose to the next."""
 SOLE = 0.015
@@ -35,7 +43,10 @@ SOLE = 0.015
 
 def motions() -> dict[str, Callable[..., PoseClip]]:
     """Every motion by its name, as a function `(body, rate=30.0, rng=None) -> PoseClip` (see `perform`)."""
-    return {name: partial(perform, name) for name in (*DATABASE_MOTIONS, *SUBJECT_MOTIONS)}
+    return {
+        name: partial(perform, name)
+        for name in (*DATABASE_MOTIONS, *SUBJECT_MOTIONS, *SEATED_MOTIONS, *SEATED_SUBJECT_MOTIONS)
+    }
 
 
 def procedural_clips(
@@ -50,7 +61,7 @@ def procedural_clips(
 
     Parameters
     ----------
-    names : out of `DATABASE_MOTIONS` and `SUBJECT_MOTIONS`
+    names : out of `motions()`
     rate : frames a second
     body : whose feet stand on the floor; None takes the neutral body
     variations : clips for each name, at least 1
@@ -85,7 +96,7 @@ def perform(
 
     Parameters
     ----------
-    name : out of `DATABASE_MOTIONS` and `SUBJECT_MOTIONS`
+    name : out of `motions()`
     body : whose feet stand on the floor
     rate : frames a second (> 0)
     rng : draws tempo, width, side and wobble; None plays the motion as written (`random` needs one and takes seed 0)
@@ -103,7 +114,10 @@ def perform(
     else:
         controls = _played(MOTIONS[name], rate, rng)
     poses = poses_from_controls(controls)
-    _stand(poses, body, controls[:, CONTROLS.index("hop")])
+    if name in MOTIONS and MOTIONS[name].on_floor:
+        poses[:, 1] = [-body.vertex_positions(pose)[:, 1].min() for pose in poses]
+    else:
+        _stand(poses, body, controls[:, CONTROLS.index("hop")])
     return PoseClip(label or name, poses, float(rate), f"procedural:{name}")
 
 
@@ -112,7 +126,8 @@ def poses_from_controls(controls: np.ndarray) -> np.ndarray:
 
     Angles are anatomical. Arms: `lift` from hanging (0) to overhead (180) in the vertical plane `plane` (0 sideways, 90
     forward), `roll` turns the elbow's bend upwards, `elbow` bends it. Legs: `flex` forward, `open` sideways, `toe`
-    outwards, `knee`, and `point` of the foot from level. Torso: `bend` forward, `lean` to the left, `turn` to the left;
+    outwards, `knee`, `point` of the foot from level, and `spread` of a flexed thigh outwards, about the vertical.
+    Torso: `bend` forward, `lean` to the left, `turn` to the left;
     head: `nod`, `tilt`, `look` likewise; `yaw` and `pitch` of the whole body.
     """
     from scipy.spatial.transform import Rotation
@@ -143,7 +158,8 @@ def poses_from_controls(controls: np.ndarray) -> np.ndarray:
         put(f"{side}_shoulder", euler("YZX", -s * plane, s * (lift - shrug - 0.5 * np.pi), twist))
         put(f"{side}_elbow", -s * values(f"{side}_elbow")[:, None] * np.array([0.0, 1.0, 0.0]))
         flex, opened, toe, knee = (values(f"{side}_{name}") for name in ("flex", "open", "toe", "knee"))
-        put(f"{side}_hip", euler("ZXY", s * opened, -flex, s * toe))
+        spread = Rotation.from_euler("Y", s * values(f"{side}_spread")[:, None])
+        put(f"{side}_hip", (spread * Rotation.from_rotvec(euler("ZXY", s * opened, -flex, s * toe))).as_rotvec())
         put(f"{side}_knee", knee[:, None] * np.array([1.0, 0.0, 0.0]))
         level = flex - knee - values("pitch")
         put(f"{side}_ankle", np.stack([level + values(f"{side}_point"), 0 * flex, -s * opened], axis=1))
@@ -155,7 +171,7 @@ def _played(motion: Motion, rate: float, rng: np.random.Generator | None) -> np.
     """Control values (T, C) of a motion: from the base pose through its cycles and back."""
     from scipy.interpolate import PchipInterpolator
 
-    base = np.array([BASE[name] for name in CONTROLS])
+    base = np.array([(BASE | motion.hold if motion.settled else BASE)[name] for name in CONTROLS])
     keys = np.array([[{**BASE, **motion.hold, **key}[name] for name in CONTROLS] for _, key in motion.keys])
     shares = np.array([share for share, _ in motion.keys])
     times, values, clock = [0.0], [base], 0.6
@@ -175,7 +191,8 @@ def _played(motion: Motion, rate: float, rng: np.random.Generator | None) -> np.
         return controls
     if motion.sided and rng.random() < 0.5:
         controls = _other_side(controls)
-    return controls + _wobble(moments, rng)
+    controls = controls + _wobble(moments, rng)
+    return controls + _habit(rng) if motion.settled else controls
 
 
 def _random_controls(rate: float, rng: np.random.Generator, count: int = 20) -> np.ndarray:
@@ -206,11 +223,19 @@ def _other_side(controls: np.ndarray) -> np.ndarray:
     return swapped
 
 
+def _habit(rng: np.random.Generator) -> np.ndarray:
+    """How one person sits: a constant deviation (C,) of every control, half of it the same on both sides."""
+    shared = {name.split("_")[-1]: rng.normal() for name in CONTROLS}
+    habit = np.array([rng.normal() + shared[name.split("_")[-1]] for name in CONTROLS])
+    habit[CONTROLS.index("hop")] = 0.0
+    return HABIT_DEGREES * np.sqrt(0.5) * habit
+
+
 def _wobble(moments: np.ndarray, rng: np.random.Generator) -> np.ndarray:
     """Slow noise (T, C): three sines below 1 Hz per control; none on `hop` and on the legs' sideways angles."""
     noise = np.zeros((len(moments), len(CONTROLS)))
     for column, name in enumerate(CONTROLS):
-        if name in ("hop", "pitch") or name.endswith(("_open", "_point")):
+        if name in ("hop", "pitch") or name.endswith(("_open", "_point", "_spread")):
             continue
         rates, phases = rng.uniform(0.1, 0.9, 3), rng.uniform(0.0, 2.0 * np.pi, 3)
         noise[:, column] = (

@@ -1,0 +1,316 @@
+"""Training views of the joint regressor: people as they are recorded, drawn from the poses of a database.
+
+Whoever records people records them whole, from the waist up, seated, behind a desk or behind each other, adults and
+children, with cameras on tables and under ceilings. A tilted camera sees what a level one at the same place sees, only
+in other pixels; the regressor asks its questions in the level frame, so that all views are drawn by level cameras.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from database_builder.occluders import occluder_meshes
+from toolkit.body import skeleton
+from toolkit.body.body import Body
+from toolkit.body.shape import ShapeSpace
+from toolkit.errors import SettingsError
+from toolkit.kernels import forest, raster
+
+Progress = Callable[[int, int], None]
+
+FOCAL = 150.0
+"""Pixels: half the resolution of a Kinect; questions are in metres, so any other serves as well."""
+MARGIN = 2
+BALANCE = 0.7
+"""Exponent that evens out the parts among an image's training pixels: 0 as they are seen, 1 all parts alike."""
+STATURES = (0.72, 1.3)
+"""Metres: children that the population of the shape space knows too little."""
+HEIGHTS = (0.5, 2.5)
+"""Metres: cameras above the floor."""
+STEEPEST = 1.0
+"""Slope at which a camera looks down at the middle of a person, at most: 45 degrees."""
+CUTS: dict[str, tuple[str, ...]] = {
+    "chest": ("spine", "neck"), "waist": ("pelvis", "spine"), "thighs": ("left_knee", "right_knee", "pelvis"),
+    "knees": ("left_knee", "right_knee"), "shins": ("left_ankle", "right_ankle", "left_knee", "right_knee"),
+}  # fmt: skip
+"""Joints between which the lower border of the image cuts a person off."""
+
+
+@dataclass(frozen=True)
+class ViewSettings:
+    """What the training views show, as shares of the images in [0, 1].
+
+    Attributes
+    ----------
+    turned : the person from any side; the others from within 60 degrees of the front
+    cut : cut off by the lower border of the image, a few of them by another border too
+    hidden : partly behind furniture or another person
+    raised : from a camera anywhere from 0.5 to 2.5 m above the floor; the others from about the person's middle
+    small : children of 0.72 to 1.3 m
+    seated : in a seated pose, where the database has any
+    """
+
+    turned: float = 0.5
+    cut: float = 0.25
+    hidden: float = 0.25
+    raised: float = 0.4
+    small: float = 0.12
+    seated: float = 0.2
+
+    def __post_init__(self) -> None:
+        for name, share in vars(self).items():
+            if not 0.0 <= share <= 1.0:
+                raise SettingsError(f"training views: {name} is {share}; it is a share and lies in [0, 1]")
+
+
+@dataclass
+class TrainingImages:
+    """Drawn people and the pixels chosen from them.
+
+    Attributes
+    ----------
+    depth : uint16, millimetres: crops end to end, 0 = nothing, `forest.UNOBSERVED` = hidden or outside the image
+    starts, shapes : int64 (I,) and (I, 2): where each crop begins, its height and width
+    windows : int32 (I, 4): first and last column, first and last row of the image, in pixels of the crop
+    in_view : bool (I, 20): joints inside the image with nothing but the person before them
+    sample_image, sample_u, sample_v : int32 (S,): crop and pixel of each sample
+    labels : int64 (S,): see `body_labels`
+    offsets : float16 (S, 20, 3): from each sample's point to the joints, metres, level frame
+    """
+
+    depth: np.ndarray
+    starts: np.ndarray
+    shapes: np.ndarray
+    windows: np.ndarray
+    in_view: np.ndarray
+    sample_image: np.ndarray
+    sample_u: np.ndarray
+    sample_v: np.ndarray
+    labels: np.ndarray
+    offsets: np.ndarray
+
+
+@dataclass(frozen=True, eq=False)
+class View:
+    """One person before a level camera of focal length `FOCAL`, cropped.
+
+    depth, window, in_view : as in `TrainingImages`, for one image; triangle : int32 (H, W), which face a pixel shows;
+    corner : image coordinates of the crop's first pixel; joints : float64 (20, 3), metres, level frame
+    """
+
+    depth: np.ndarray
+    window: np.ndarray
+    in_view: np.ndarray
+    triangle: np.ndarray
+    corner: np.ndarray
+    joints: np.ndarray
+
+
+def body_labels(body: Body) -> np.ndarray:
+    """int64 (V,): two labels per joint, which the questions learn to tell apart.
+
+    Parts on the body's midline split into left and right, limbs into the half near the joint and the far half.
+    """
+    label = np.empty(len(body.vertices), dtype=np.int64)
+    for joint, name in enumerate(skeleton.JOINT_NAMES):
+        members = body.part == joint
+        along = body.vertices[members] - body.joints[joint]
+        if name.startswith(("left_", "right_")):
+            reach = np.linalg.norm(along, axis=1)
+            far = reach > np.median(reach) if members.any() else reach
+        else:
+            far = along[:, 0] > 0.0
+        label[members] = 2 * joint + far
+    return label
+
+
+def draw_images(
+    poses: np.ndarray, settings: ViewSettings, images: int, pixels: int, rng: np.random.Generator, progress: Progress
+) -> TrainingImages:
+    """Draw `images` people in database poses (N, P), each another view, and choose `pixels` pixels of each."""
+    space = ShapeSpace.load()
+    labels_of_vertex = body_labels(space.body())
+    faces = space.faces.astype(np.int64)
+    seated = np.flatnonzero(is_seated(poses))
+    views: list[tuple[np.ndarray, ...]] = []
+    columns: list[tuple[np.ndarray, ...]] = []
+    for image in range(images):
+        if image % 500 == 0:
+            progress(image, images)
+        view = draw_view(poses, seated, space, settings, rng)
+        v, u = np.nonzero((view.depth > 0) & (view.depth < forest.UNOBSERVED))
+        if len(v) < pixels:
+            continue
+        label = labels_of_vertex[faces[view.triangle[v, u], 0]]
+        # Hands are one pixel in two hundred; without balance no question would ever be asked for them.
+        balance = np.bincount(label)[label] ** -BALANCE
+        pick = rng.choice(len(v), pixels, replace=False, p=balance / balance.sum())
+        v, u, label = v[pick], u[pick], label[pick]
+        z = view.depth[v, u] * 0.001
+        x, y = (u + view.corner[0]) * z / FOCAL, (v + view.corner[1]) * z / FOCAL
+        offsets = view.joints[None] - np.stack([x, -y, -z], axis=1)[:, None]
+        number = np.full(len(v), len(views), dtype=np.int32)
+        columns.append((number, u.astype(np.int32), v.astype(np.int32), label, offsets.astype(np.float16)))
+        views.append((view.depth.ravel(), np.array(view.depth.shape), view.window, view.in_view))
+    progress(images, images)
+    depths, shapes, windows, in_view = zip(*views, strict=True)
+    starts = np.cumsum([0, *(len(depth) for depth in depths[:-1])]).astype(np.int64)
+    return TrainingImages(
+        np.concatenate(depths), starts, np.array(shapes, dtype=np.int64), np.array(windows), np.array(in_view),
+        *(np.concatenate(parts) for parts in zip(*columns, strict=True)),
+    )  # fmt: skip
+
+
+def is_seated(poses: np.ndarray) -> np.ndarray:
+    """Bool (N,): both thighs of canonical poses (N, P) are nearly at right angles to an upright trunk.
+
+    The thighs' directions are those in the root's frame, so that a deep bend of a standing person is none.
+    """
+    from scipy.spatial.transform import Rotation
+
+    def turned(entry: str, axis: np.ndarray) -> np.ndarray:
+        columns = [skeleton.POSE_NAMES.index(f"{entry}_r{letter}") for letter in "xyz"]
+        return np.asarray(Rotation.from_rotvec(poses[:, columns]).apply(axis))
+
+    down = np.array([0.0, -1.0, 0.0])
+    thighs = [turned(f"{side}_hip", down)[:, 1] > SEATED_THIGH for side in ("left", "right")]
+    return thighs[0] & thighs[1] & (turned("root", -down)[:, 1] > SEATED_TRUNK)
+
+
+SEATED_THIGH = -float(np.cos(np.radians(60.0)))
+"""Vertical part of a thigh's direction in the root's frame above which it is a seated person's."""
+SEATED_TRUNK = float(np.cos(np.radians(50.0)))
+"""Vertical part of the trunk's direction below which nobody sits."""
+
+
+def draw_view(
+    poses: np.ndarray, seated: np.ndarray, space: ShapeSpace, settings: ViewSettings, rng: np.random.Generator
+) -> View:
+    """One person of canonical `poses` (N, P), of which rows `seated` sit, of any size, seen as `settings` has it."""
+    body = draw_body(space, settings.small, rng)
+    sits = len(seated) > 0 and rng.random() < settings.seated
+    row = seated[rng.integers(len(seated))] if sits else rng.integers(len(poses))
+    pose, yaw = _turned(poses[row], settings.turned, rng)
+    vertices, joints = body.vertex_positions(pose), body.joint_positions(pose)
+    cut, hidden = rng.random() < settings.cut, rng.random() < settings.hidden
+    root = _stand(vertices, body.height, rng.random() < settings.raised, cut, rng)
+    faces = space.faces.astype(np.int64)
+
+    seen = _projected(vertices + root)
+    corner = np.floor(seen[:, :2].min(axis=0)) - MARGIN
+    width, height = (np.ceil(seen[:, :2].max(axis=0)) - corner + MARGIN).astype(int)
+    inverse, triangle = _drawn(seen, faces, corner, (height, width))
+    blocked = np.zeros(inverse.shape)
+    if hidden:
+        for mesh in occluder_meshes(poses, space, root, yaw, vertices, rng):
+            before, _ = _drawn(_projected(mesh.vertices), mesh.faces, corner, (height, width))
+            blocked = np.maximum(blocked, before)
+    depth = sensed(np.where(blocked > inverse, 0.0, inverse), rng)
+    window = _window(joints + root, corner, (height, width), cut, rng)
+    in_view = _in_view(joints + root, corner, window, blocked)
+    # Nobody can be seen where something nearer stands, if the source says what stands there; often it says nothing.
+    if rng.random() < 0.6:
+        depth[(blocked > -1.0 / (root[2] - 0.1)) & (depth == 0)] = forest.UNOBSERVED
+    rows, columns = np.ogrid[:height, :width]
+    outside = (columns < window[0]) | (columns > window[1]) | (rows < window[2]) | (rows > window[3])
+    depth[outside] = forest.UNOBSERVED
+    return View(depth, window, in_view, triangle, corner, joints + root)
+
+
+def draw_body(space: ShapeSpace, small: float, rng: np.random.Generator) -> Body:
+    """Somebody of the shape space, a child in a share `small` of all cases."""
+    coefficients = np.clip(rng.normal(0.0, 0.9, space.size), -2.0, 2.0)
+    if rng.random() < small:
+        coefficients = 0.6 * coefficients + space.typical(rng.uniform(*STATURES))
+    else:
+        coefficients[0] = np.clip(1.3 * coefficients[0], -3.4, 2.6)
+    return space.body(coefficients)
+
+
+def _turned(pose: np.ndarray, turned: float, rng: np.random.Generator) -> tuple[np.ndarray, float]:
+    """A canonical pose (facing yaw 0) at the origin, turned about the vertical, and by how much."""
+    from scipy.spatial.transform import Rotation
+
+    yaw = rng.uniform(-np.pi, np.pi) if rng.random() < turned else rng.uniform(-np.pi / 3, np.pi / 3)
+    out = np.array(pose, dtype=np.float64)
+    out[skeleton.ROOT_POSITION] = 0.0
+    root = Rotation.from_rotvec([0.0, yaw, 0.0]) * Rotation.from_rotvec(out[skeleton.ROOT_ROTATION])
+    out[skeleton.ROOT_ROTATION] = root.as_rotvec()
+    return out, yaw
+
+
+def _stand(vertices: np.ndarray, stature: float, raised: bool, near: bool, rng: np.random.Generator) -> np.ndarray:
+    """Where the root stands (3,), level frame: beside the axis of a camera that sees the person, metres."""
+    least = 0.55 if near else 1.0
+    distance = rng.uniform(least + 0.3 + 0.25 * stature, 2.6 if near else 4.2)
+    aside = rng.uniform(-0.35, 0.35) * distance
+    if not raised:
+        return np.array([aside, rng.uniform(-0.25, 0.25) * distance, -distance])
+    floor = vertices[:, 1].min()
+    above = rng.uniform(*HEIGHTS) + floor  # of the camera over the root
+    down = above - 0.5 * (vertices[:, 1].max() + floor)
+    return np.array([aside, -above, -max(distance, down / STEEPEST, least + np.ptp(vertices[:, 2]))])
+
+
+def _projected(points: np.ndarray) -> np.ndarray:
+    """Image coordinates and inverse depth (N, 3) of points (N, 3) in the level frame, seen by a level camera."""
+    out = np.empty(points.shape)
+    raster.project(points * (1.0, -1.0, -1.0), np.array([FOCAL, FOCAL, 0.0, 0.0]), out)
+    return out
+
+
+def _drawn(
+    projected: np.ndarray, faces: np.ndarray, corner: np.ndarray, shape: tuple[int, int]
+) -> tuple[np.ndarray, np.ndarray]:
+    """Inverse depth and triangles of a projected mesh in a crop of the image."""
+    projected = projected - [corner[0], corner[1], 0.0]
+    inverse, triangle = np.empty(shape), np.empty(shape, dtype=np.int32)
+    raster.rasterise(projected, faces, inverse, triangle)
+    return inverse, triangle
+
+
+def _window(
+    joints: np.ndarray, corner: np.ndarray, shape: tuple[int, int], cut: bool, rng: np.random.Generator
+) -> np.ndarray:
+    """Borders of the image in pixels of the crop, int32 (4,): first and last column, first and last row."""
+    height, width = shape
+    room = FOCAL / -joints[0, 2] * rng.uniform(-0.05, 1.0, 4)  # between the person and each border
+    window = np.array([-room[0], width + room[1], -room[2], height + room[3]])
+    if cut:
+        pixels = _projected(joints)[:, :2] - corner
+        between = pixels[[skeleton.REPORTED.index(name) for name in CUTS[rng.choice(list(CUTS))]], 1]
+        window[3] = np.clip(rng.uniform(between.min(), between.max()), 0.2 * height, height)
+        if rng.random() < 0.25:
+            side = rng.integers(3)
+            extent = height if side == 2 else width
+            window[side] = extent - 0.8 * extent * rng.random() if side == 1 else rng.uniform(0.0, 0.35) * extent
+    return np.rint(window).astype(np.int32)
+
+
+def _in_view(joints: np.ndarray, corner: np.ndarray, window: np.ndarray, blocked: np.ndarray) -> np.ndarray:
+    """Bool (20,): joints inside the image with nothing foreign before them."""
+    projected = _projected(joints)
+    u, v = np.rint(projected[:, :2] - corner).astype(int).T
+    inside = (u >= window[0]) & (u <= window[1]) & (v >= window[2]) & (v <= window[3])
+    rows, columns = np.clip(v, 0, blocked.shape[0] - 1), np.clip(u, 0, blocked.shape[1] - 1)
+    return inside & (blocked[rows, columns] <= projected[:, 2])
+
+
+def sensed(inverse_depth: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+    """uint16 millimetres with noise that grows with depth, coarse steps for half the images, gaps and worn contours."""
+    seen = inverse_depth > 0.0
+    z = np.where(seen, 1.0 / np.where(seen, inverse_depth, 1.0), 0.0)
+    z += rng.normal(0.0, 0.003 * rng.random(), z.shape) * z
+    if rng.random() < 0.5:
+        step = 0.0028 * z * z
+        z = np.where(seen, np.rint(z / np.maximum(step, 1e-6)) * step, 0.0)
+    if rng.random() < 0.5:
+        import cv2
+
+        worn = cv2.erode(seen.astype(np.uint8), np.ones((3, 3), np.uint8)).astype(bool)
+        seen = np.where(rng.random(seen.shape) < rng.random(), worn, seen)
+    seen = seen & (rng.random(seen.shape) > 0.02)
+    return np.where(seen, np.rint(z * 1000.0), 0.0).astype(np.uint16)
