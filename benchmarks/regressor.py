@@ -20,7 +20,6 @@ import numpy as np
 
 from benchmarks._options import add_database_options, poses_of
 from benchmarks._record import save_figures
-from benchmarks._suite import BODIES, RATE, performed, takes
 from toolkit.body import skeleton
 from toolkit.body.body import Body
 from toolkit.body.shape import GROWTH, ShapeSpace, subject_body
@@ -31,6 +30,7 @@ from toolkit.landmarks.parts import JointEstimate, JointForest
 from toolkit.mocap.procedural import SEATED_SUBJECT_MOTIONS, procedural_clips
 from toolkit.sensing.camera import Camera, level_rotation
 from toolkit.sensing.cloud import Cloud
+from toolkit.testing.suite import BODIES, RATE, performed, takes
 
 KINDS = ("full", "waist_up", "seated", "hidden", "tilted", "child")
 CAMERA = Camera(285.6, 285.6, 159.5, 119.5, 320, 240)

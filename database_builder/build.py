@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from database_builder.parts import PartsSettings, train_forest
+from database_builder.prior import learn_prior
 from database_builder.reading import (
     CanonicalPoses,
     find_sources,
@@ -137,7 +138,7 @@ def build_database(
     clock = _Clock()
 
     given = list(procedural_clips(body=body) if sources is None else sources)
-    added = procedural_clips(SEATED_MOTIONS, SEATED_RATE, body=body) if given and seated else []
+    added = procedural_clips(SEATED_MOTIONS, SEATED_RATE, body=body, variations=2) if given and seated else []
     read = _read([*given, *added], work, body, mirror, processes, report)
     skipped = tuple((one.name, one.error) for one in read if one.error)
     if skipped and (strict or len(skipped) == len(read) - len(added)):
@@ -165,9 +166,11 @@ def build_database(
     if parts is not None:
         forest = train_forest(poses, parts, workers=processes, progress=partial(report, "train"))
         clock.lap("train")
+    prior = learn_prior(poses, body)
+    clock.lap("prior")
     database = PoseDatabase.of_poses(
         poses, body, offsets=offsets, sources=pool.names, hashes=pool.digests, pose_source=source, pose_frame=frame,
-        mirrored=mirrored, threshold=threshold, notes=notes, forest=forest,
+        mirrored=mirrored, threshold=threshold, notes=notes, forest=forest, prior=prior,
     )  # fmt: skip
     database.save(target)
     if not keep_work:

@@ -24,7 +24,7 @@ class PriorSettings:
     evenness : exponent of a situation's number of poses in its weight: 0 all alike, 1 as often as in the database
     """
 
-    components: int = 8
+    components: int = 4
     smallest: int = 60
     most: int = 4000
     deviation: float = 0.05

@@ -16,6 +16,7 @@ from database_builder.occluders import occluder_meshes
 from toolkit.body import skeleton
 from toolkit.body.body import Body
 from toolkit.body.shape import ShapeSpace
+from toolkit.database.prior import SITUATIONS, situations, variables
 from toolkit.errors import SettingsError
 from toolkit.kernels import forest, raster
 
@@ -134,7 +135,7 @@ def draw_images(
     space = ShapeSpace.load()
     labels_of_vertex = body_labels(space.body())
     faces = space.faces.astype(np.int64)
-    seated = np.flatnonzero(is_seated(poses))
+    seated = seated_rows(poses, space.body())
     views: list[tuple[np.ndarray, ...]] = []
     columns: list[tuple[np.ndarray, ...]] = []
     for image in range(images):
@@ -164,26 +165,9 @@ def draw_images(
     )  # fmt: skip
 
 
-def is_seated(poses: np.ndarray) -> np.ndarray:
-    """Bool (N,): both thighs of canonical poses (N, P) are nearly at right angles to an upright trunk.
-
-    The thighs' directions are those in the root's frame, so that a deep bend of a standing person is none.
-    """
-    from scipy.spatial.transform import Rotation
-
-    def turned(entry: str, axis: np.ndarray) -> np.ndarray:
-        columns = [skeleton.POSE_NAMES.index(f"{entry}_r{letter}") for letter in "xyz"]
-        return np.asarray(Rotation.from_rotvec(poses[:, columns]).apply(axis))
-
-    down = np.array([0.0, -1.0, 0.0])
-    thighs = [turned(f"{side}_hip", down)[:, 1] > SEATED_THIGH for side in ("left", "right")]
-    return thighs[0] & thighs[1] & (turned("root", -down)[:, 1] > SEATED_TRUNK)
-
-
-SEATED_THIGH = -float(np.cos(np.radians(60.0)))
-"""Vertical part of a thigh's direction in the root's frame above which it is a seated person's."""
-SEATED_TRUNK = float(np.cos(np.radians(50.0)))
-"""Vertical part of the trunk's direction below which nobody sits."""
+def seated_rows(poses: np.ndarray, body: Body) -> np.ndarray:
+    """Rows of canonical poses (N, P) in which people sit."""
+    return np.flatnonzero(situations(variables(poses, body)) == SITUATIONS.index("seated"))
 
 
 def draw_view(

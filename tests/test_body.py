@@ -312,3 +312,25 @@ def test_stretching_changes_the_named_bones_and_nothing_else(body: Body) -> None
 def test_a_bad_argument_is_named_with_the_way_out(call: object, words: str) -> None:
     with pytest.raises(BodyError, match=words):
         call()  # type: ignore[operator]
+
+
+@pytest.mark.parametrize("stature", [0.72, 0.9, 1.1, 1.3, 1.7, 2.05])
+def test_the_typical_person_has_the_stature_that_is_asked_for(stature: float) -> None:
+    space = ShapeSpace.load()
+    assert space.body(space.typical(stature)).height == pytest.approx(stature, abs=2e-3)
+
+
+def test_toddlers_have_larger_heads_and_shorter_legs_than_the_first_component_makes() -> None:
+    space = ShapeSpace.load()
+
+    def proportions(body: Body) -> tuple[float, float]:
+        skull = np.ptp(body.vertices[body.part == skeleton.JOINT_NAMES.index("cervical"), 0])
+        leg = -body.joints[skeleton.JOINT_NAMES.index("left_ankle"), 1]
+        return float(skull / body.height), float(leg / body.height)
+
+    sizes = [proportions(space.body(space.typical(stature))) for stature in (1.7, 1.2, 1.0, 0.8)]
+    heads, legs = zip(*sizes, strict=True)
+    assert list(heads) == sorted(heads) and list(legs) == sorted(legs, reverse=True)
+    typical = space.typical(0.8)
+    assert proportions(space.body(typical))[1] < proportions(space.body(typical[:1]))[1]
+    assert space.body(space.typical(0.3)).height == pytest.approx(0.66, abs=0.01)  # the smallest that there is

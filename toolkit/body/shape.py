@@ -25,7 +25,7 @@ large head, short legs. Fitted on MakeHuman's people from one to eight years, wh
 CHILD = 2.4
 """Size (first coefficient) from which on people are smaller than the population that the space was made from."""
 SIZE_LIMITS = (-3.6, 7.2)
-"""First coefficient of people of 2.1 and of 0.7 m."""
+"""First coefficient of people of 2.1 and of 0.66 m."""
 ASSETS = Path(__file__).parent / "assets"
 CLOTHING = 0.01
 """Metres per standard deviation: the population of the shape space is naked and bald; who is recorded seldom is."""
@@ -112,7 +112,7 @@ class ShapeSpace:
         return body if scale == 1.0 else body.scaled(scale)
 
     def typical(self, stature: float) -> np.ndarray:
-        """Coefficients (K,) of the average person of a stature in metres, from toddlers (0.7) to giants (2.1).
+        """Coefficients (K,) of the average person of a stature in metres, from toddlers (0.66) to giants (2.1).
 
         Other statures are taken as the nearest of these.
         """

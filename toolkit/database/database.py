@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Sequence
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import MISSING, dataclass, field, fields, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -16,6 +16,7 @@ from toolkit.body import skeleton
 from toolkit.body.body import Body
 from toolkit.database.canonical import feature_vectors, place, torso_length
 from toolkit.database.origin import observed_offsets
+from toolkit.database.prior import PosePrior
 from toolkit.database.search import DEFAULT_SEARCH, FEATURE_SIZE, NearestNeighbours, make_search
 from toolkit.errors import DatabaseError
 from toolkit.files import is_file, parse_json
@@ -43,6 +44,7 @@ class PoseDatabase:
     body_name, body_shape, body_scale, torso_length : the body of the joints and features; the last in metres
     notes : JSON-able facts about how it was built (poses read, files skipped, residual of the offsets, settings)
     forest : the joint regressor trained on these poses, or None
+    prior : the pose prior given the situation, learnt from these poses; None in files from before there was one
     search : provider of the nearest neighbours, see `search.SEARCHES`
     """
 
@@ -62,6 +64,7 @@ class PoseDatabase:
     torso_length: float
     notes: dict[str, Any] = field(default_factory=dict)
     forest: JointForest | None = None
+    prior: PosePrior | None = None
     search: str = DEFAULT_SEARCH
 
     def __post_init__(self) -> None:
@@ -91,6 +94,7 @@ class PoseDatabase:
         threshold: float = 0.0,
         notes: dict[str, Any] | None = None,
         forest: JointForest | None = None,
+        prior: PosePrior | None = None,
     ) -> PoseDatabase:
         """Database of canonical poses (N, P) of `body`, with joints and features; fields as in the class.
 
@@ -117,6 +121,7 @@ class PoseDatabase:
             torso_length=torso_length(body),
             notes=notes or {},
             forest=forest,
+            prior=prior,
         ).for_body(body)
 
     @cached_property
@@ -206,6 +211,8 @@ class PoseDatabase:
         arrays["notes"] = json.dumps(self.notes)
         if self.forest is not None:
             arrays |= {_FOREST + name: array for name, array in self.forest.arrays().items()}
+        if self.prior is not None:
+            arrays |= {_PRIOR + name: array for name, array in self.prior.arrays().items()}
         save_archive(path, {**arrays, **_identity()})
 
     @staticmethod
@@ -237,6 +244,7 @@ class PoseDatabase:
             torso_length=float(stored["torso_length"]),
             notes=parse_json(str(stored["notes"]), f"notes of {file}", DatabaseError, REBUILD),
             forest=_stored_forest(stored),
+            prior=_stored_prior(stored),
             search=search,
         )
 
@@ -269,18 +277,28 @@ _SCALARS = {
     "torso_length": Column("iuf", ()), "format_version": Column("iu", ()),
 }  # fmt: skip
 _ARRAYS = ("poses", "joints", "features", "offsets", "pose_source", "pose_frame", "mirrored")
-_STORED = tuple(item.name for item in fields(PoseDatabase) if item.name not in ("search", "forest"))
-_FOREST = "forest_"
+_STORED = tuple(item.name for item in fields(PoseDatabase) if item.name not in ("search", "forest", "prior"))
+_FOREST, _PRIOR = "forest_", "prior_"
 
 
 def _stored_forest(stored: dict[str, np.ndarray]) -> JointForest | None:
-    arrays = {name.removeprefix(_FOREST): array for name, array in stored.items() if name.startswith(_FOREST)}
+    arrays = _with_prefix(stored, _FOREST)
     if not arrays:
         return None
     expected = {item.name for item in fields(JointForest)}
-    if arrays.keys() != expected:
+    missing = {item.name for item in fields(JointForest) if item.default is MISSING} - arrays.keys()
+    if missing or not arrays.keys() <= expected:
         raise DatabaseError(f"the joint regressor holds {sorted(arrays)} and not {sorted(expected)}; {REBUILD}")
     return JointForest(**arrays)
+
+
+def _stored_prior(stored: dict[str, np.ndarray]) -> PosePrior | None:
+    arrays = _with_prefix(stored, _PRIOR)
+    return PosePrior.of_arrays(arrays) if arrays else None
+
+
+def _with_prefix(stored: dict[str, np.ndarray], prefix: str) -> dict[str, np.ndarray]:
+    return {name.removeprefix(prefix): array for name, array in stored.items() if name.startswith(prefix)}
 
 
 def _identity() -> dict[str, Any]:

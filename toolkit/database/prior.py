@@ -11,6 +11,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from toolkit.archives import Column, check_columns
 from toolkit.body import skeleton
 from toolkit.body.body import Body
 from toolkit.errors import DatabaseError
@@ -31,6 +32,8 @@ _RAISED_THIGH = -float(np.cos(np.radians(60.0)))
 """Vertical part of a thigh's direction in the root's frame above which a thigh is a seated person's."""
 _UPRIGHT = float(np.cos(np.radians(50.0)))
 """Vertical part of the trunk's direction below which nobody sits."""
+_WIDEST = 10.0
+"""Radians, or lengths of the leg: nobody's variables are larger."""
 _LYING_TRUNK, _LYING_HEIGHT = 0.5, 0.55
 _STANDING_HEIGHT = 0.8
 
@@ -103,7 +106,7 @@ class PosePrior:
     Raises
     ------
     DatabaseError
-        The arrays do not fit together or are not finite.
+        The arrays do not fit together, or a value is out of range.
     """
 
     weights: np.ndarray
@@ -113,14 +116,16 @@ class PosePrior:
     _conditioned: dict[tuple[bytes, float], tuple[np.ndarray, ...]] = field(default_factory=dict, repr=False)
 
     def __post_init__(self) -> None:
-        count = len(self.weights)
-        shapes = {"means": (count, SIZE), "covariances": (count, SIZE, SIZE), "situation": (count,)}
-        if count == 0:
-            raise DatabaseError("the pose prior has no components; build the database again")
-        for name, shape in shapes.items():
-            array = getattr(self, name)
-            if array.shape != shape or not np.isfinite(array).all():
-                raise DatabaseError(f"{name} of the pose prior has shape {array.shape} or is not finite; not {shape}")
+        columns = {
+            "weights": Column("f", ("components",), 0.0, 1.0),
+            "means": Column("f", ("components", SIZE), -_WIDEST, _WIDEST),
+            "covariances": Column("f", ("components", SIZE, SIZE), -(_WIDEST**2), _WIDEST**2),
+            "situation": Column("i", ("components",), 0, len(SITUATIONS) - 1),
+        }
+        values = {name: getattr(self, name) for name in columns}
+        check_columns(values, columns, DatabaseError, "the pose prior", "build the database again")
+        if not (len(self.weights) and (self.weights > 0.0).all()):
+            raise DatabaseError("the pose prior has no component, or one without weight; build the database again")
 
     def arrays(self) -> dict[str, np.ndarray]:
         """The arrays by name, as they stand in a database file."""
