@@ -9,6 +9,7 @@ from itertools import repeat
 
 import numpy as np
 
+from database_builder.calibration import calibrated
 from database_builder.views import FOCAL, Progress, TrainingImages, ViewSettings, draw_images
 from toolkit.errors import SettingsError
 from toolkit.kernels import forest
@@ -28,6 +29,7 @@ class PartsSettings:
     questions, bins : questions tried per node, and thresholds per question
     node_samples : pixels of a node that judge the questions, at most
     views : what the images show
+    calibration : further images on which it is found out what the forest's numbers are worth
     """
 
     images: int = 24000
@@ -39,6 +41,7 @@ class PartsSettings:
     bins: int = 24
     node_samples: int = 1000
     views: ViewSettings = field(default_factory=ViewSettings)
+    calibration: int = 600
 
     def __post_init__(self) -> None:
         if min(self.images, self.pixels, self.trees, self.depth, self.questions) < 1 or self.bins < 2:
@@ -127,7 +130,7 @@ def train_forest(
     """
     settings = settings or PartsSettings()
     report = progress or (lambda done, total: None)
-    streams = np.random.default_rng(seed).spawn(settings.trees + 1)
+    streams = np.random.default_rng(seed).spawn(settings.trees + 2)
     data = draw_images(poses, settings.views, settings.images, settings.pixels, streams[0], report)
     offsets: list[np.ndarray] = []
     thresholds: list[float] = []
@@ -136,7 +139,7 @@ def train_forest(
     means: list[np.ndarray] = []
     sure: list[np.ndarray] = []
     shares: list[np.ndarray] = []
-    for number, grown in enumerate(_grow_trees(data, settings, streams[1:], workers)):
+    for number, grown in enumerate(_grow_trees(data, settings, streams[1:-1], workers)):
         tree_offsets, tree_thresholds, tree_children, leaves = grown
         report(number + 1, settings.trees)
         nodes, first_leaf = len(thresholds), len(means)
@@ -149,7 +152,7 @@ def train_forest(
             means.append(np.clip(np.rint(mean / OFFSET_UNIT), -127, 127))
             sure.append(sureness(variance))
             shares.append(np.rint(255.0 * share))
-    return JointForest(
+    trained = JointForest(
         np.array(offsets, dtype=np.float32).reshape(-1, 4),
         np.array(thresholds, dtype=np.float32),
         np.array(children, dtype=np.int32).reshape(-1, 2),
@@ -158,6 +161,7 @@ def train_forest(
         np.array(sure, dtype=np.uint8),
         np.array(shares, dtype=np.uint8),
     )
+    return calibrated(trained, poses, settings.views, settings.calibration, streams[-1], report)
 
 
 FEWEST = 5

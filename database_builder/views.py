@@ -56,10 +56,10 @@ class ViewSettings:
 
     turned: float = 0.5
     cut: float = 0.25
-    hidden: float = 0.25
-    raised: float = 0.4
-    small: float = 0.12
-    seated: float = 0.2
+    hidden: float = 0.2
+    raised: float = 0.3
+    small: float = 0.1
+    seated: float = 0.15
 
     def __post_init__(self) -> None:
         for name, share in vars(self).items():
@@ -135,13 +135,13 @@ def draw_images(
     space = ShapeSpace.load()
     labels_of_vertex = body_labels(space.body())
     faces = space.faces.astype(np.int64)
-    seated = seated_rows(poses, space.body())
+    sits = is_seated(poses, space.body())
     views: list[tuple[np.ndarray, ...]] = []
     columns: list[tuple[np.ndarray, ...]] = []
     for image in range(images):
         if image % 500 == 0:
             progress(image, images)
-        view = draw_view(poses, seated, space, settings, rng)
+        view = draw_view(poses, sits, space, settings, rng)
         v, u = np.nonzero((view.depth > 0) & (view.depth < forest.UNOBSERVED))
         if len(v) < pixels:
             continue
@@ -165,19 +165,17 @@ def draw_images(
     )  # fmt: skip
 
 
-def seated_rows(poses: np.ndarray, body: Body) -> np.ndarray:
-    """Rows of canonical poses (N, P) in which people sit."""
-    return np.flatnonzero(situations(variables(poses, body)) == SITUATIONS.index("seated"))
+def is_seated(poses: np.ndarray, body: Body) -> np.ndarray:
+    """Bool (N,): in which of canonical poses (N, P) people sit."""
+    return np.asarray(situations(variables(poses, body)) == SITUATIONS.index("seated"))
 
 
 def draw_view(
-    poses: np.ndarray, seated: np.ndarray, space: ShapeSpace, settings: ViewSettings, rng: np.random.Generator
+    poses: np.ndarray, sits: np.ndarray, space: ShapeSpace, settings: ViewSettings, rng: np.random.Generator
 ) -> View:
-    """One person of canonical `poses` (N, P), of which rows `seated` sit, of any size, seen as `settings` has it."""
+    """One person of canonical `poses` (N, P), who `sits` (N,) or not, of any size, seen as `settings` has it."""
     body = draw_body(space, settings.small, rng)
-    sits = len(seated) > 0 and rng.random() < settings.seated
-    row = seated[rng.integers(len(seated))] if sits else rng.integers(len(poses))
-    pose, yaw = _turned(poses[row], settings.turned, rng)
+    pose, yaw = _turned(poses[_drawn_row(sits, settings.seated, rng)], settings.turned, rng)
     vertices, joints = body.vertex_positions(pose), body.joint_positions(pose)
     cut, hidden = rng.random() < settings.cut, rng.random() < settings.hidden
     root = _stand(vertices, body.height, rng.random() < settings.raised, cut, rng)
@@ -202,6 +200,12 @@ def draw_view(
     outside = (columns < window[0]) | (columns > window[1]) | (rows < window[2]) | (rows > window[3])
     depth[outside] = forest.UNOBSERVED
     return View(depth, window, in_view, triangle, corner, joints + root)
+
+
+def _drawn_row(sits: np.ndarray, share: float, rng: np.random.Generator) -> int:
+    """A row of poses who `sits` (N,) in a `share` of all cases, as far as there are both kinds."""
+    rows = np.flatnonzero(sits == (rng.random() < share))
+    return int(rows[rng.integers(len(rows))] if len(rows) else rng.integers(len(sits)))
 
 
 def draw_body(space: ShapeSpace, small: float, rng: np.random.Generator) -> Body:

@@ -14,7 +14,7 @@ import pytest
 from database_builder import build, reading
 from database_builder.report import database_text, plot_coverage
 from database_builder.sampling import farthest_first, pose_distance
-from database_builder.views import seated_rows
+from database_builder.views import is_seated
 from tests.database_helpers import moving_clip, neutral, write_bvh
 from toolkit.body import skeleton
 from toolkit.database.canonical import canonicalise, mirrored
@@ -58,7 +58,7 @@ def test_people_who_sit_are_added_to_any_mocap_unless_they_are_left_out(tmp_path
     )
     assert set(without.sources) < set(with_seated.sources) and without.notes["seated"] is False
     assert {name.rstrip("_1234") for name in with_seated.sources} == {"a", "b", *SEATED_MOTIONS}
-    assert 30 < len(seated_rows(with_seated.poses, neutral())) > 5 * len(seated_rows(without.poses, neutral()))
+    assert is_seated(with_seated.poses, neutral()).sum() > 30 + 5 * is_seated(without.poses, neutral()).sum()
 
 
 def test_files_are_read_in_sorted_order_and_named_with_their_hashes(mocap: Path, tmp_path: Path) -> None:

@@ -15,7 +15,7 @@ from database_builder.views import (
     body_labels,
     draw_images,
     draw_view,
-    seated_rows,
+    is_seated,
 )
 from tests.landmark_helpers import CAMERA, LEVEL, body_cloud
 from toolkit.body import skeleton
@@ -31,9 +31,19 @@ from toolkit.sensing.cloud import Cloud
 PLAIN = ViewSettings(turned=0.5, cut=0.0, hidden=0.0, raised=0.0, small=0.0, seated=0.0)
 """People as the first regressors knew them: adults, standing, in full view."""
 SMALL = PartsSettings(
-    images=60, pixels=60, trees=2, depth=6, smallest_leaf=20, questions=20, bins=8, node_samples=500, views=PLAIN
+    images=60,
+    pixels=60,
+    trees=2,
+    depth=6,
+    smallest_leaf=20,
+    questions=20,
+    bins=8,
+    node_samples=500,
+    views=PLAIN,
+    calibration=0,
 )
 WEIGHTS = (np.arange(256) / 255.0) ** 4
+LOG_ODDS = np.log(np.clip(np.arange(256) / 255.0, 0.01, 0.99) / (1.0 - np.clip(np.arange(256) / 255.0, 0.01, 0.99)))
 
 
 def some_depth(rng: np.random.Generator) -> np.ndarray:
@@ -189,14 +199,15 @@ def plain_vote(
     points: np.ndarray, leaves: np.ndarray, trained: JointForest, voters: int, bandwidth: float, rounds: int
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     assert trained.leaf_in_view is not None
-    joints, confidence, in_view = np.empty((20, 3)), np.empty(20), np.empty(20)
+    joints, confidence, evidence = np.empty((20, 3)), np.empty(20), np.empty(20)
     for j in range(20):
         weights = ((trained.leaf_sureness[leaves, j] / 255.0) ** 4).ravel()
         shares = (trained.leaf_in_view[leaves, j] / 255.0).ravel()
         votes = (points[:, None] + 0.01 * trained.leaf_offsets[leaves, j]).reshape(-1, 3)
         kept = weights >= np.sort(weights)[-min(voters, len(weights))]
+        likely = np.clip(shares, 0.01, 0.99)
+        evidence[j] = np.log(likely / (1 - likely)).mean()
         weights, votes, shares = weights[kept], votes[kept], shares[kept]
-        in_view[j] = np.average(shares, weights=weights)
         weights = weights * shares
         mode = np.average(votes, axis=0, weights=weights)
         for step in range(rounds):
@@ -205,7 +216,7 @@ def plain_vote(
             mode = np.average(votes, axis=0, weights=kernel)
         held = weights * np.exp(-((votes - mode) ** 2).sum(axis=1) / (2 * bandwidth**2))
         joints[j], confidence[j] = mode, held.sum() / len(votes)
-    return joints, confidence, in_view
+    return joints, confidence, evidence
 
 
 @pytest.mark.parametrize("voters", [10, 80, 1000])
@@ -214,28 +225,41 @@ def test_votes_end_at_the_modes_of_a_plain_mean_shift(voters: int) -> None:
     trained = random_forest(rng, leaves_apart=0.1)
     points = rng.normal(0.0, 0.1, (120, 3)).astype(np.float32)
     leaves = rng.integers(0, len(trained.leaf_sureness), (120, 3))
-    joints, confidence, in_view = np.empty((20, 3)), np.empty(20), np.empty(20)
+    joints, confidence, evidence = np.empty((20, 3)), np.empty(20), np.empty(20)
     forest.vote(
-        points, leaves, trained.leaf_offsets, 0.01, trained.leaf_sureness, trained.leaf_in_view, WEIGHTS, voters,
-        0.06, 4, joints, confidence, in_view,
+        points, leaves, trained.leaf_offsets, 0.01, trained.leaf_sureness, trained.leaf_in_view, WEIGHTS, LOG_ODDS,
+        voters, 0.06, 4, joints, confidence, evidence,
     )  # fmt: skip
     expected, sure, shown = plain_vote(points.astype(np.float64), leaves, trained, voters, 0.06, 4)
     assert joints == pytest.approx(expected, abs=1e-5)
     assert confidence == pytest.approx(sure, abs=1e-5)
-    assert in_view == pytest.approx(shown, abs=1e-5)
+    assert evidence == pytest.approx(shown, abs=1e-5)
     assert (confidence > 0).all() and (confidence <= 1).all()
 
 
 def test_the_larger_group_of_votes_wins_and_a_divided_vote_is_less_sure() -> None:
     sure_leaves, joints = np.full((2, 1), 255, dtype=np.uint8), np.empty((1, 3))
-    confidence, in_view = np.empty(1), np.empty(1)
+    confidence, evidence = np.empty(1), np.empty(1)
     offsets = np.array([[[0, 0, 0]], [[100, 0, 0]]], dtype=np.int8)
     points = np.zeros((10, 3), dtype=np.float32)
     sure = []
     for many in (10, 8):
         leaves = (np.arange(10) >= many).astype(np.int64)[:, None]
         forest.vote(
-            points, leaves, offsets, 0.01, sure_leaves, sure_leaves, WEIGHTS, 100, 0.06, 8, joints, confidence, in_view
+            points,
+            leaves,
+            offsets,
+            0.01,
+            sure_leaves,
+            sure_leaves,
+            WEIGHTS,
+            LOG_ODDS,
+            100,
+            0.06,
+            8,
+            joints,
+            confidence,
+            evidence,
         )
         assert joints[0] == pytest.approx([0.0, 0.0, 0.0], abs=0.01)
         sure.append(confidence[0])
@@ -251,14 +275,14 @@ def test_a_cloud_of_no_or_one_point_gives_finite_joints() -> None:
     for estimate in (nobody, speck):
         assert estimate.points.shape == (20, 3) and np.isfinite(estimate.points).all()
         assert ((estimate.confidence >= 0) & (estimate.confidence <= 1)).all()
-    assert not nobody.confidence.any() and not nobody.in_view.any()
+    assert not nobody.confidence.any()
 
 
 def test_a_forest_without_shares_says_that_all_is_in_view_and_takes_the_border_for_free_space() -> None:
     old = replace(random_forest(np.random.default_rng(2)), leaf_in_view=None)
     cloud = body_cloud(load_body("neutral"), standing(-2.5))
     estimate = old.estimate(cloud, 100)
-    assert estimate.in_view == pytest.approx(np.ones(20))
+    assert (estimate.in_view > 0.98).all()
     assert np.array_equal(estimate.reliability, estimate.confidence)
     assert "leaf_in_view" not in old.arrays() and "calibration" not in old.arrays()
 
@@ -413,7 +437,7 @@ def test_a_joint_is_in_view_where_a_pixel_near_it_shows_the_person() -> None:
     settings = replace(PLAIN, cut=0.5, hidden=0.5)
     near: dict[bool, list[float]] = {True: [], False: []}
     for _ in range(40):
-        view = draw_view(poses, np.zeros(0, dtype=np.int64), space, settings, rng)
+        view = draw_view(poses, np.zeros(len(poses), dtype=bool), space, settings, rng)
         v, u = np.nonzero((view.depth > 0) & (view.depth < 65535))
         if len(v) < SMALL.pixels:
             continue
@@ -426,7 +450,7 @@ def test_a_joint_is_in_view_where_a_pixel_near_it_shows_the_person() -> None:
 
 def test_raised_cameras_look_down_and_children_are_small() -> None:
     space, poses = ShapeSpace.load(), a_few_poses()
-    nobody = np.zeros(0, dtype=np.int64)
+    nobody = np.zeros(len(poses), dtype=bool)
     for settings in (replace(PLAIN, raised=1.0), replace(PLAIN, small=1.0)):
         rng = np.random.default_rng(0)
         joints = np.array([draw_view(poses, nobody, space, settings, rng).joints for _ in range(60)])
@@ -445,8 +469,7 @@ def test_people_who_sit_are_found_among_those_who_stand_and_lie() -> None:
     for names in (("walk", "wave", "bend_forward", "march"), SEATED_MOTIONS):
         clips = procedural_clips(names, 5.0, body=body, variations=1)
         poses.append(canonical.canonicalise(np.concatenate([clip.poses for clip in clips]))[0])
-    rows = seated_rows(np.concatenate(poses), body)
-    assert (rows >= len(poses[0])).mean() > 0.97 and len(rows) > 0.8 * len(poses[1])
+    assert is_seated(poses[0], body).mean() < 0.03 and is_seated(poses[1], body).mean() > 0.8
 
 
 def test_a_share_outside_its_range_is_refused() -> None:
@@ -531,6 +554,29 @@ def test_leaves_hold_the_mean_offset_of_their_samples_and_how_sure_it_is() -> No
         deviation = np.sqrt(((votes - votes.mean(axis=0)) ** 2).sum(axis=2).mean(axis=0))
         assert 0.01 * trained.leaf_offsets[leaf] == pytest.approx(votes.mean(axis=0).clip(-1.27, 1.27), abs=6e-3)
         assert trained.leaf_sureness[leaf] == pytest.approx(255 * np.minimum(0.03 / deviation, 1.0), abs=0.6)
+
+
+def test_a_calibrated_forest_knows_which_joints_lie_below_the_image_and_how_often_it_is_right() -> None:
+    views = replace(PLAIN, turned=0.0, cut=0.5)
+    settings = replace(SMALL, images=600, pixels=80, depth=10, smallest_leaf=15, questions=40, views=views)
+    plain = train_forest(a_few_poses(), settings, seed=2)
+    forest_ = train_forest(a_few_poses(), replace(settings, calibration=150), seed=2)
+    assert np.array_equal(plain.leaf_offsets, forest_.leaf_offsets) and plain.calibration is None
+    assert forest_.calibration is not None and (np.diff(forest_.calibration, axis=1) >= 0).all()
+    body = load_body("neutral")
+    shown, hidden, sure, right = [], [], [], []
+    for row in range(0, 40, 4):
+        pose = canonical.place(a_few_poses()[row], np.zeros(4), np.array([0.0, -0.55, -1.7]), 0.1)
+        estimate = forest_.estimate(body_cloud(body, pose), 300)
+        joints = body.joint_positions(pose)
+        below = CAMERA.project(joints @ LEVEL)[:, 1] > 255
+        hidden += list(estimate.in_view[below])
+        shown += list(estimate.in_view[:4])
+        sure.append(estimate.reliability[:4].mean())
+        right.append((np.linalg.norm(estimate.points - joints, axis=1)[:4] < 0.1).mean())
+    assert len(hidden) > 30
+    assert np.mean(hidden) < 0.3 < 0.8 < np.mean(shown)
+    assert np.mean(sure) == pytest.approx(np.mean(right), abs=0.25)
 
 
 def test_a_leaf_asks_only_the_samples_that_show_a_joint_where_they_are_enough() -> None:

@@ -119,13 +119,18 @@ class ShapeSpace:
         statures, shapes = self._growth
         return np.array([np.interp(-stature, -statures, column) for column in shapes.T])
 
+    def childhood(self, size: float) -> np.ndarray:
+        """What the average person of a size (first coefficient) has of a toddler: (K,), zeros down to `CHILD`."""
+        shape = np.zeros(self.size)
+        shape[: len(GROWTH)] = max(size - CHILD, 0.0) * np.array(GROWTH)
+        return shape
+
     @cached_property
     def _growth(self) -> tuple[np.ndarray, np.ndarray]:
         """Statures (N,), metres, falling, and coefficients (N, K) of average people from giants to toddlers."""
         sizes = np.linspace(*SIZE_LIMITS, 33)
-        shapes = np.zeros((len(sizes), self.size))
-        shapes[:, 0] = np.minimum(sizes, CHILD)
-        shapes[:, : len(GROWTH)] += np.maximum(sizes - CHILD, 0.0)[:, None] * GROWTH
+        shapes = np.array([self.childhood(size) for size in sizes])
+        shapes[:, 0] += np.minimum(sizes, CHILD)
         return np.array([self.body(shape).height for shape in shapes]), shapes
 
     def project(self, body: Body) -> np.ndarray:

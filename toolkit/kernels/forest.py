@@ -127,31 +127,35 @@ def vote(
     leaf_sureness: np.ndarray,
     leaf_in_view: np.ndarray,
     weight_of: np.ndarray,
+    log_odds: np.ndarray,
     voters: int,
     bandwidth: float,
     rounds: int,
     joints: np.ndarray,
     confidence: np.ndarray,
-    in_view: np.ndarray,
+    evidence: np.ndarray,
 ) -> None:
-    """Modes of the joint votes by mean shift: fills `joints` (J, 3), `confidence` (J,) and `in_view` (J,) in [0, 1].
+    """Modes of the joint votes by mean shift: fills `joints` (J, 3), `confidence` (J,) in [0, 1] and `evidence` (J,).
 
     Pixel i votes for joint j at `points[i] + unit * leaf_offsets[leaf, j]` with weight
     `weight_of[leaf_sureness[leaf, j]]`, (SURE,), rising, times the share `leaf_in_view[leaf, j]` in steps of 1 / 255;
     only the `voters` surest votes for a joint count, and those as sure as the last of them. The search starts at their
     weighted mean with a Gaussian kernel three times as wide as `bandwidth`, in metres, which narrows to it. Confidence
-    is the mean weight of these votes times the share of it that the mode holds; `in_view` is the mean of their shares
-    by `weight_of`.
+    is the mean weight of these votes times the share of it that the mode holds. Evidence that a joint is in view is the
+    mean over all pixels and trees of `log_odds[leaf_in_view[leaf, j]]`, (256,): the few pixels that know, those beside
+    the border that cuts a limb off, say so with large numbers, and the many that do not with small ones.
     """
     pixels, trees = leaves.shape
     count_of_joints = leaf_offsets.shape[1]
     # One pass over the leaves counts for all joints how many votes are how sure, so that nothing has to be sorted.
     histogram = np.zeros((count_of_joints, SURE), dtype=np.int32)
+    evidence[:] = 0.0
     for i in range(pixels):
         for t in range(trees):
             leaf = leaves[i, t]
             for j in range(count_of_joints):
                 histogram[j, leaf_sureness[leaf, j]] += 1
+                evidence[j] += log_odds[leaf_in_view[leaf, j]]
     least = np.zeros(count_of_joints, dtype=np.int64)
     counts = np.zeros(count_of_joints, dtype=np.int64)
     most = 0
@@ -164,8 +168,6 @@ def vote(
         most = max(most, counts[j])
     chosen = np.empty((count_of_joints, most, 4))
     counts[:] = 0
-    mass = np.zeros(count_of_joints)
-    in_view[:] = 0.0
     for i in range(pixels):
         for t in range(trees):
             leaf = leaves[i, t]
@@ -177,13 +179,11 @@ def vote(
                     chosen[j, n, 1] = points[i, 1] + unit * leaf_offsets[leaf, j, 1]
                     chosen[j, n, 2] = points[i, 2] + unit * leaf_offsets[leaf, j, 2]
                     chosen[j, n, 3] = weight_of[sure] * leaf_in_view[leaf, j] / 255.0
-                    in_view[j] += chosen[j, n, 3]
-                    mass[j] += weight_of[sure]
                     counts[j] = n + 1
     for j in range(count_of_joints):
         _mode(chosen[j, : counts[j]], bandwidth, rounds, joints[j])
         confidence[j] = _held(chosen[j, : counts[j]], bandwidth, joints[j]) / max(counts[j], 1)
-        in_view[j] /= max(mass[j], 1e-12)
+        evidence[j] /= max(pixels * trees, 1)
 
 
 @njit(cache=True)
@@ -226,23 +226,11 @@ def _held(votes: np.ndarray, bandwidth: float, mode: np.ndarray) -> float:
 
 @njit(cache=True)
 def _stored_probe(
-    images: np.ndarray,
-    start: int,
-    height: int,
-    width: int,
-    window: np.ndarray,
-    u: int,
-    v: int,
-    z: float,
-    focal: float,
-    x: float,
-    y: float,
+    images: np.ndarray, start: int, height: int, width: int, windows: np.ndarray, k: int, iu: int, iv: int, z: float
 ) -> float:
-    """`probe` in the crop of a training image of a level camera, with its offset (x, y) in metres."""
-    iu = int(np.rint(u + focal / z * x))
-    iv = int(np.rint(v + focal / z * y))
+    """`probe` at pixel (iu, iv) of training image k."""
     if iu < 0 or iv < 0 or iv >= height or iu >= width:
-        outside = iu < window[0] or iu > window[1] or iv < window[2] or iv > window[3]
+        outside = iu < windows[k, 0] or iu > windows[k, 1] or iv < windows[k, 2] or iv > windows[k, 3]
         return -REACH if outside else REACH
     d = images[start + iv * width + iu]
     if d == 0:
@@ -250,6 +238,32 @@ def _stored_probe(
     if d == UNOBSERVED:
         return -REACH
     return min(max(d * 0.001 - z, -REACH), REACH)
+
+
+@njit(cache=True)
+def _stored_question(
+    images: np.ndarray,
+    start: int,
+    height: int,
+    width: int,
+    windows: np.ndarray,
+    k: int,
+    u: int,
+    v: int,
+    z: float,
+    scale: float,
+    candidates: np.ndarray,
+    q: int,
+) -> float:
+    """`question` q in the crop of training image k of a level camera; a metre at depth z covers `scale` pixels."""
+    iu = int(np.floor(u + scale * candidates[q, 0] + 0.5))
+    iv = int(np.floor(v + scale * candidates[q, 1] + 0.5))
+    answer = _stored_probe(images, start, height, width, windows, k, iu, iv, z)
+    if candidates[q, 2] == 0.0 and candidates[q, 3] == 0.0:
+        return answer  # the second probe is the pixel itself
+    iu = int(np.floor(u + scale * candidates[q, 2] + 0.5))
+    iv = int(np.floor(v + scale * candidates[q, 3] + 0.5))
+    return answer - _stored_probe(images, start, height, width, windows, k, iu, iv, z)
 
 
 @njit(cache=True)
@@ -271,15 +285,15 @@ def answers(
     Image k is the crop `images[starts[k]:]` of shape `shapes[k]`, uint16 millimetres, 0 = nothing, or `UNOBSERVED`.
     Outside of it is nothing, and outside of `windows[k]`, first and last column and row, it is unobserved.
     """
+    one = offsets.reshape(1, 4)
     for n in range(rows.shape[0]):
         s = rows[n]
         k = sample_image[s]
         height, width, start = shapes[k, 0], shapes[k, 1], starts[k]
-        u, v = sample_u[s], sample_v[s]
-        z = images[start + v * width + u] * 0.001
-        first = _stored_probe(images, start, height, width, windows[k], u, v, z, focal, offsets[0], offsets[1])
-        second = _stored_probe(images, start, height, width, windows[k], u, v, z, focal, offsets[2], offsets[3])
-        out[n] = first - second
+        z = images[start + sample_v[s] * width + sample_u[s]] * 0.001
+        out[n] = _stored_question(
+            images, start, height, width, windows, k, sample_u[s], sample_v[s], z, focal / z, one, 0
+        )
 
 
 @njit(cache=True)
@@ -317,60 +331,47 @@ def best_split(
     scaled_log = np.zeros(count + 1)
     for n in range(2, count + 1):
         scaled_log[n] = n * np.log(n)
-    histogram = np.zeros((questions, bins, present), dtype=np.int32)
     total = np.zeros(present, dtype=np.int64)
+    label_of = np.empty(count, dtype=np.int64)
+    bin_of = np.empty((questions, count), dtype=np.uint8)
     # All questions are put to one sample before the next: its image then stays in the cache.
     for n in range(count):
         s = rows[n]
-        label = number[labels[s]]
-        total[label] += 1
+        label_of[n] = number[labels[s]]
+        total[label_of[n]] += 1
         k = sample_image[s]
         height, stride, start = shapes[k, 0], shapes[k, 1], starts[k]
         z = images[start + sample_v[s] * stride + sample_u[s]] * 0.001
         for q in range(questions):
-            first = _stored_probe(
-                images,
-                start,
-                height,
-                stride,
-                windows[k],
-                sample_u[s],
-                sample_v[s],
-                z,
-                focal,
-                candidates[q, 0],
-                candidates[q, 1],
+            answer = _stored_question(
+                images, start, height, stride, windows, k, sample_u[s], sample_v[s], z, focal / z, candidates, q
             )
-            second = _stored_probe(
-                images,
-                start,
-                height,
-                stride,
-                windows[k],
-                sample_u[s],
-                sample_v[s],
-                z,
-                focal,
-                candidates[q, 2],
-                candidates[q, 3],
-            )
-            b = int(np.floor((np.float32(first - second) - low) / width))
-            histogram[q, min(max(b, 0), bins - 1), label] += 1
+            b = int(np.floor((np.float32(answer) - low) / width))
+            bin_of[q, n] = min(max(b, 0), bins - 1)
     best, best_threshold, best_entropy = -1, 0.0, np.inf
+    histogram = np.zeros((bins, present), dtype=np.int64)
     below = np.empty(present, dtype=np.int64)
     for q in range(questions):
+        histogram[:] = 0
+        for n in range(count):
+            histogram[bin_of[q, n], label_of[n]] += 1
         below[:] = 0
         under = 0
+        mixed = 0.0  # what the labels on both sides take off the entropy; changes only by those of the next bin
+        for c in range(present):
+            mixed += scaled_log[total[c]]
         for b in range(bins - 1):
             before = under
             for c in range(present):
-                below[c] += histogram[q, b, c]
-                under += histogram[q, b, c]
+                more = histogram[b, c]
+                if more > 0:
+                    mixed -= scaled_log[below[c]] + scaled_log[total[c] - below[c]]
+                    below[c] += more
+                    mixed += scaled_log[below[c]] + scaled_log[total[c] - below[c]]
+                    under += more
             if under == before or under == count:
                 continue
-            entropy = scaled_log[under] + scaled_log[count - under]
-            for c in range(present):
-                entropy -= scaled_log[below[c]] + scaled_log[total[c] - below[c]]
+            entropy = scaled_log[under] + scaled_log[count - under] - mixed
             if entropy < best_entropy:
                 best, best_threshold, best_entropy = q, low + (b + 1) * width, entropy
     return best, best_threshold, best_entropy

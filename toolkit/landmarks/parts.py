@@ -31,6 +31,10 @@ SURE_SPREAD = 0.03
 """Metres: standard deviation of the offsets in a leaf that is as sure as can be; half the width of a limb."""
 FARTHEST_PROBE = 10.0
 """Metres at the pixel's depth: no question looks farther than across a room."""
+CERTAIN = 0.99
+"""Share of a leaf's training views above which, and one minus it below which, it counts as no surer."""
+_SHARES: np.ndarray = np.clip(np.arange(256) / 255.0, 1.0 - CERTAIN, CERTAIN)
+_LOG_ODDS: np.ndarray = np.log(_SHARES / (1.0 - _SHARES))
 _WEIGHTS: np.ndarray = (np.arange(forest.SURE) / (forest.SURE - 1)) ** 4
 
 
@@ -75,6 +79,8 @@ class JointForest:
     leaf_in_view : uint8 (leaves, 20), share of the leaf's training pixels whose image shows the joint, in 255 steps;
         None = it was trained on people in full view only
     calibration : float32 (20, C), reliability at C evenly spaced confidences from 0 to 1, or None
+    in_view_odds : float32 (20, 2), log odds that a joint is in view: the first number plus the second times the
+        evidence of the pixels (`forest.vote`), or None
 
     Raises
     ------
@@ -91,6 +97,7 @@ class JointForest:
     leaf_sureness: np.ndarray
     leaf_in_view: np.ndarray | None = None
     calibration: np.ndarray | None = None
+    in_view_odds: np.ndarray | None = None
 
     def __post_init__(self) -> None:
         nodes, leaves = len(self.offsets), len(self.leaf_offsets)
@@ -106,6 +113,8 @@ class JointForest:
             columns["leaf_in_view"] = Column("u", ("leaves", len(skeleton.REPORTED)), 0, 255)
         if self.calibration is not None:
             columns["calibration"] = Column("f", (len(skeleton.REPORTED), "steps"), 0.0, 1.0)
+        if self.in_view_odds is not None:
+            columns["in_view_odds"] = Column("f", (len(skeleton.REPORTED), 2), -1e4, 1e4)
         check_columns(self.arrays(), columns, DatabaseError, "the joint regressor", "build the database again")
         forward = (self.children < 0) | (self.children > np.arange(nodes)[:, None])
         if not forward.all() or not leaves:
@@ -121,10 +130,6 @@ class JointForest:
         """Question, threshold and children in a row, as the kernel walks them: float32 (nodes, 7), whole to 2**24."""
         return np.column_stack([self.offsets, self.thresholds, self.children]).astype(np.float32)
 
-    @cached_property
-    def _shares_in_view(self) -> np.ndarray:
-        return np.full_like(self.leaf_sureness, 255) if self.leaf_in_view is None else self.leaf_in_view
-
     def estimate(self, cloud: Cloud, samples: int, unobserved: np.ndarray | None = None) -> JointEstimate:
         """Joints of a cloud from about `samples` of its points, evenly spread in scan order.
 
@@ -132,22 +137,50 @@ class JointForest:
         person: something nearer hides what is there. The image's border needs no mention.
         """
         rows = np.linspace(0, len(cloud) - 1, min(samples, len(cloud))).astype(np.int64)
-        leaves = np.empty((len(rows), len(self.roots)), dtype=np.int64)
         depth = cloud.depth if unobserved is None else np.where(unobserved, np.float32(-1.0), cloud.depth)
-        blind = forest.REACH if self.leaf_in_view is None else -forest.REACH
-        forest.find_leaves(
-            depth, cloud.pixels[rows], cloud.camera.intrinsics, cloud.rotation, self.nodes, self.roots, blind, leaves
-        )
-        joints = np.empty((len(skeleton.REPORTED), 3))
-        confidence, in_view = np.empty((2, len(skeleton.REPORTED)))
-        forest.vote(
-            cloud.points[rows], leaves, self.leaf_offsets, OFFSET_UNIT, self.leaf_sureness, self._shares_in_view,
-            _WEIGHTS, VOTERS, BANDWIDTH, ROUNDS, joints, confidence, in_view,
-        )  # fmt: skip
-        return JointEstimate(joints, confidence, in_view, self._reliability(confidence))
+        votes = self.votes(depth, cloud.camera.intrinsics, cloud.rotation, cloud.pixels[rows], cloud.points[rows])
+        return self.judged(*votes)
 
-    def _reliability(self, confidence: np.ndarray) -> np.ndarray:
-        if self.calibration is None:
-            return confidence.copy()
-        knots = np.linspace(0.0, 1.0, self.calibration.shape[1])
-        return np.array([np.interp(c, knots, row) for c, row in zip(confidence, self.calibration, strict=True)])
+    def votes(
+        self, depth: np.ndarray, intrinsics: np.ndarray, rotation: np.ndarray, pixels: np.ndarray, points: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """What some pixels of a depth image vote for, before any calibration.
+
+        Parameters
+        ----------
+        depth : float32 (H, W), metres, 0 = nothing, negative = unobserved
+        intrinsics : fx, fy, cx, cy, pixels
+        rotation : (3, 3), `R_level_camera`
+        pixels, points : (N,) flat indices and (N, 3) their points, metres, level frame
+
+        Returns
+        -------
+        float64 (20, 3) joints, metres, level frame; (20,) confidence; (20,) evidence that a joint is in view
+        """
+        leaves = np.empty((len(pixels), len(self.roots)), dtype=np.int64)
+        blind = forest.REACH if self.leaf_in_view is None else -forest.REACH
+        forest.find_leaves(depth, pixels, intrinsics, rotation, self.nodes, self.roots, blind, leaves)
+        joints = np.empty((len(skeleton.REPORTED), 3))
+        confidence, evidence = np.empty((2, len(skeleton.REPORTED)))
+        forest.vote(
+            points, leaves, self.leaf_offsets, OFFSET_UNIT, self.leaf_sureness, self._shares_in_view, _WEIGHTS,
+            _LOG_ODDS, VOTERS, BANDWIDTH, ROUNDS, joints, confidence, evidence,
+        )  # fmt: skip
+        return joints, confidence, evidence
+
+    def judged(self, joints: np.ndarray, confidence: np.ndarray, evidence: np.ndarray) -> JointEstimate:
+        """What `votes` returned, with the probabilities that it stands for."""
+        odds = evidence
+        if self.in_view_odds is not None:
+            odds = self.in_view_odds[:, 0] + self.in_view_odds[:, 1] * evidence
+        reliability = confidence.copy()
+        if self.calibration is not None:
+            knots = np.linspace(0.0, 1.0, self.calibration.shape[1])
+            reliability = np.array(
+                [np.interp(c, knots, row) for c, row in zip(confidence, self.calibration, strict=True)]
+            )
+        return JointEstimate(joints, confidence, 1.0 / (1.0 + np.exp(-odds)), reliability)
+
+    @cached_property
+    def _shares_in_view(self) -> np.ndarray:
+        return np.full_like(self.leaf_sureness, 255) if self.leaf_in_view is None else self.leaf_in_view
