@@ -27,7 +27,7 @@ class PriorSettings:
     components: int = 4
     smallest: int = 60
     most: int = 4000
-    deviation: float = 0.05
+    deviation: float = 0.15
     evenness: float = 0.5
 
     def __post_init__(self) -> None:

@@ -31,8 +31,8 @@ QUICK = ("--set", "shape.frames=2")
 def small_database(tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("database") / "poses.npz"
     clips = procedural_clips(["wave", "squat", "walk"])
-    parts = PartsSettings(images=60, trees=1, depth=8)
-    build_database(clips, path, threshold=0.03, parts=parts, workers=1)
+    parts = PartsSettings(images=60, trees=1, depth=8, calibration=20)
+    build_database(clips, path, threshold=0.03, seated=False, parts=parts, workers=1)
     return path
 
 
