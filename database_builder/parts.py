@@ -32,7 +32,7 @@ class PartsSettings:
     calibration : further images on which it is found out what the forest's numbers are worth
     """
 
-    images: int = 24000
+    images: int = 30000
     pixels: int = 120
     trees: int = 3
     depth: int = 22

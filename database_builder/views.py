@@ -59,7 +59,7 @@ class ViewSettings:
     hidden: float = 0.2
     raised: float = 0.3
     small: float = 0.1
-    seated: float = 0.15
+    seated: float = 0.2
 
     def __post_init__(self) -> None:
         for name, share in vars(self).items():
