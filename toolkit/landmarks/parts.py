@@ -8,7 +8,7 @@ database's file.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, field, fields
 from functools import cached_property
 
 import numpy as np
@@ -58,8 +58,8 @@ class JointEstimate:
 
     points: np.ndarray
     confidence: np.ndarray
-    in_view: np.ndarray
-    reliability: np.ndarray
+    in_view: np.ndarray = field(default_factory=lambda: np.ones(len(skeleton.REPORTED)))
+    reliability: np.ndarray = field(default_factory=lambda: np.ones(len(skeleton.REPORTED)))
 
 
 @dataclass(frozen=True, eq=False)
