@@ -75,8 +75,10 @@ def test_the_benchmark_scores_everybody_and_draws_the_worst(
     bundled: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     database = bundled / "poses.npz"
-    parts = PartsSettings(images=40, trees=1, depth=6)
-    build_database(procedural_clips(["wave"], variations=1), database, threshold=0.05, parts=parts, workers=1)
+    parts = PartsSettings(images=40, trees=1, depth=6, calibration=20)
+    build_database(
+        procedural_clips(["wave"], variations=1), database, threshold=0.05, seated=False, parts=parts, workers=1
+    )
     arguments = ["--groups", "behind,several,empty", "--takes", 1, "--frames", 3, "--set", "shape.frames=0"]
     monkeypatch.setattr(
         sys, "argv", ["bench", *map(str, arguments), "--database", str(database), "--work", str(bundled)]

@@ -211,7 +211,9 @@ def test_a_mirrored_recording_gives_mirrored_joints(
 
 def test_a_small_regressor_alone_finds_and_follows_the_person(database: PoseDatabase, recording: Recording) -> None:
     views = ViewSettings(turned=0.0, cut=0.0, hidden=0.0, raised=0.0, small=0.0, seated=0.0)
-    small = PartsSettings(images=800, pixels=60, trees=2, depth=9, smallest_leaf=15, questions=30, views=views)
+    small = PartsSettings(
+        images=800, pixels=60, trees=2, depth=9, smallest_leaf=15, questions=30, views=views, calibration=0
+    )
     regressed = replace(database, forest=train_forest(database.poses, small))
     found = run(known(regressed, replace(SETTINGS, hypotheses=("joints",))), recording, 8)
     check_sound(found)
