@@ -111,7 +111,7 @@ def _evaluate(run: Path, references: list[Path], surface: bool, moved_to: str | 
         raise TrackError(f"{run} has {rows} rows, its recording {len(recording)} frames; track it again")
     alone = folders == (run,)
     reference = find_reference(recording, references, rows)
-    own, missing = _matched(reference, tracks)
+    own, missing = match_people(reference, tracks)
     evaluated = [
         _evaluate_person(folder, track, recording, person, surface and alone)
         for folder, track, person in zip(folders, tracks, own, strict=True)
@@ -123,7 +123,9 @@ def _evaluate(run: Path, references: list[Path], surface: bool, moved_to: str | 
     return evaluated if alone else [*named, *(_not_found(recording, run, person) for person in missing)]
 
 
-def _matched(reference: Reference | None, tracks: Sequence[Track]) -> tuple[list[Reference | None], list[Reference]]:
+def match_people(
+    reference: Reference | None, tracks: Sequence[Track]
+) -> tuple[list[Reference | None], list[Reference]]:
     """The person whom each track follows, None for nobody, at the least total error; and the people without a track."""
     if reference is None:
         return [None] * len(tracks), []

@@ -12,6 +12,7 @@ import numpy as np
 
 from toolkit.body import skeleton
 from toolkit.errors import RecordingError, UsageError
+from toolkit.evaluation.evaluate import match_people
 from toolkit.evaluation.joints import frame_errors, joint_errors
 from toolkit.evaluation.reference import find_reference
 from toolkit.export.glb import export_glb
@@ -199,16 +200,22 @@ def _error_plots(
 ) -> list[dict[str, Any]]:
     """Distance to the truth, or to another system's skeleton, which is called agreement; none without a reference."""
     reference = find_reference(recording, references, len(people[0].track))
-    if reference is None or len(people) > 1:
+    if reference is None:
         return []
-    errors = frame_errors(joint_errors(people[0].track.joints, reference.joints))[frames.start : frames.stop]
-    values = MILLIMETRES * errors
-    known = values[np.isfinite(values)]
+    series, highest = [], 60.0
+    for number, own in enumerate(match_people(reference, [person.track for person in people])[0]):
+        if own is None:
+            continue
+        person = people[number]
+        errors = frame_errors(joint_errors(person.track.joints, own.joints))
+        values = np.where(person.track.state == EMPTY, np.nan, MILLIMETRES * errors)[frames.start : frames.stop]
+        known = values[np.isfinite(values)]
+        highest = max(highest, 1.1 * float(known.max())) if known.size else highest
+        name = person.name if len(people) > 1 else "mean of all joints"
+        series.append({"name": name, "color": _hex(style.person_color(number)), "values": _nullable(values, 1)})
     title = "error: mean distance of the joints to the true ones, mm"
     if not reference.is_truth:
         title = "agreement: mean distance of the joints to another system's skeleton, mm (that is no truth)"
-    highest = max(60.0, 1.1 * float(known.max())) if known.size else 100.0
-    series = [{"name": "mean of all joints", "color": _hex(style.LEFT), "values": _nullable(values, 1)}]
     return [{"title": title, "highest": highest, "series": series}]
 
 
