@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from toolkit.config import from_mapping, load_settings, parse_overrides, save_settings
 from toolkit.errors import SettingsError, UsageError
-from toolkit.sensing.cleaning import SensingSettings
+from toolkit.sensing.settings import SensingSettings
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,6 @@ from tests.sensing_scenes import KINECT, TOF, neutral, scene, standing, up_of_ti
 from toolkit.body.raycast import cast
 from toolkit.errors import RecordingError
 from toolkit.sensing.camera import Camera, level_rotation
-from toolkit.sensing.cleaning import SensingSettings
 from toolkit.sensing.people.describe import describe
 from toolkit.sensing.people.evidence import unobserved_pixels
 from toolkit.sensing.people.several import SeveralPeople
@@ -18,6 +17,7 @@ from toolkit.sensing.people.surroundings import Surroundings
 from toolkit.sensing.people.survey import find_people
 from toolkit.sensing.people.view import Lens
 from toolkit.sensing.recording import open_recording, save_recording
+from toolkit.sensing.settings import SensingSettings
 
 UP = np.array([0.0, -1.0, 0.0])
 

@@ -231,7 +231,7 @@ def test_a_run_is_drawn_from_its_folder(take, tmp_path):
 
 
 def test_a_half_resolution_run_is_drawn(take):
-    from toolkit.sensing.cleaning import SensingSettings
+    from toolkit.sensing.settings import SensingSettings
 
     recording, track, body = take
     painter = FramePainter(people_of(track, body), recording, sensing=SensingSettings(half_resolution=True))

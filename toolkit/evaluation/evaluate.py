@@ -20,9 +20,10 @@ from toolkit.evaluation.scores import EvaluationTable, RunScores
 from toolkit.evaluation.surface import depth_residual, silhouette_overlap
 from toolkit.landmarks.settings import LandmarkSettings
 from toolkit.runs import PEOPLE_FILE, person_runs
-from toolkit.sensing.cleaning import Cleaner, SensingSettings
+from toolkit.sensing.cleaning import Cleaner
 from toolkit.sensing.cloud import Cloud
 from toolkit.sensing.recording import Recording
+from toolkit.sensing.settings import SensingSettings
 from toolkit.track import EMPTY, PARTIAL_FILE, STATE_NAMES, TRACK_FILE, TRACKED, RunInfo, Track
 
 Progress = Callable[[str, int, int], None]

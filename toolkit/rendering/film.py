@@ -13,8 +13,8 @@ from toolkit.rendering import style
 from toolkit.rendering.encoders import FILM_SUFFIXES, open_encoder
 from toolkit.rendering.painter import FramePainter, RenderSettings
 from toolkit.runs import Person, load_persons, person_runs
-from toolkit.sensing.cleaning import SensingSettings
 from toolkit.sensing.recording import Recording
+from toolkit.sensing.settings import SensingSettings
 from toolkit.track import RUN_FILE, TRACK_FILE, RunInfo, Track
 
 Progress = Callable[[int, int], None]

@@ -15,9 +15,10 @@ from toolkit.rendering.mesh import draw_mesh, part_colors
 from toolkit.rendering.overlay import color_depth, draw_extrema, draw_points, draw_skeleton
 from toolkit.rendering.views import side_view_of, window_on
 from toolkit.runs import Person
-from toolkit.sensing.cleaning import Cleaner, SensingSettings
+from toolkit.sensing.cleaning import Cleaner
 from toolkit.sensing.cloud import Cloud
 from toolkit.sensing.recording import Recording
+from toolkit.sensing.settings import SensingSettings
 from toolkit.track import EMPTY, LOST, STATE_NAMES
 
 PANELS = ("depth", "body", "side")

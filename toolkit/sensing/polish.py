@@ -7,7 +7,7 @@ import numpy as np
 from toolkit.errors import RecordingError
 from toolkit.kernels import depth as kernels
 from toolkit.sensing.camera import Camera
-from toolkit.sensing.cleaning import CONTOURS, SensingSettings
+from toolkit.sensing.settings import CONTOURS, SensingSettings
 
 
 class Polisher:

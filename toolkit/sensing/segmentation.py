@@ -4,20 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
-from toolkit.errors import SegmentationError, SettingsError
+from toolkit.errors import SegmentationError
 from toolkit.kernels import components
 from toolkit.kernels import depth as kernels
 from toolkit.sensing.camera import Camera, level_rotation
 from toolkit.sensing.room import RoomSegmenter
+from toolkit.sensing.settings import SegmentationMode, SensingSettings
 
-if TYPE_CHECKING:
-    from toolkit.sensing.cleaning import SensingSettings
-
-MODES = "auto, segmented, background, empty-frames:N, range:NEAR,FAR, person, seed:U,V"
 HOW_TO_SEGMENT = (
     "set segment to 'person', 'seed:U,V' (a pixel of the person), 'range:NEAR,FAR' (metres) or 'empty-frames:N', "
     "or give a background"
@@ -30,38 +27,6 @@ PERSON_AREA = (0.12, 2.0)  # m^2 seen head on: a child cut off at the waist to a
 PERSON_HEIGHT = 0.5  # m: the least extent along x or y of something taken for a person
 PERSON_EXTENT = 2.6  # m: the largest in any direction
 OCCLUDED_GAP = 0.3  # m: the parts of one person on both sides of an arm are closer, two people are not
-MOST_EMPTY_FRAMES = 1000
-
-
-@dataclass(frozen=True)
-class SegmentationMode:
-    """The setting `segment`, taken apart: a name and its numbers."""
-
-    name: str
-    numbers: tuple[float, ...] = ()
-
-    @classmethod
-    def parse(cls, text: str) -> SegmentationMode:
-        """Read `name` or `name:number[,number]`.
-
-        Raises
-        ------
-        SettingsError
-            It is none of `MODES`.
-        """
-        name, _, tail = text.partition(":")
-        counts = {"auto": 0, "segmented": 0, "background": 0, "person": 0, "empty-frames": 1, "range": 2, "seed": 2}
-        try:
-            numbers = tuple(float(part) for part in tail.split(",")) if tail else ()
-        except ValueError:
-            numbers = (float("nan"),)
-        if counts.get(name) != len(numbers) or not all(np.isfinite(n) and n >= 0 for n in numbers):
-            raise SettingsError(f"segment {text!r} is none of: {MODES}")
-        if name == "range" and numbers[0] >= numbers[1]:
-            raise SettingsError(f"segment {text!r} is no range; give metres, the nearer first")
-        if name == "empty-frames" and not (1 <= numbers[0] <= MOST_EMPTY_FRAMES and numbers[0] == int(numbers[0])):
-            raise SettingsError(f"segment {text!r} needs a number of frames from 1 to {MOST_EMPTY_FRAMES}")
-        return cls(name, numbers)
 
 
 @dataclass(frozen=True, eq=False)
@@ -166,6 +131,11 @@ class Segmenter:
         if count == 0 or not self._choose_person():
             return self._padded, None
         return self._padded, self._box
+
+    @property
+    def cut_out(self) -> bool:
+        """Whether the frames are taken as segmented already: zero depth then says that nobody is there."""
+        return self._mode.name in ("auto", "segmented")
 
     def export_state(self) -> dict[str, Any]:
         """What the next frame depends on, see `PeopleFinder.export_state`."""

@@ -9,8 +9,8 @@ import numpy as np
 
 from toolkit.body.body import Body
 from toolkit.sensing.camera import Camera
-from toolkit.sensing.cleaning import SensingSettings
 from toolkit.sensing.people.sighting import PredictedBody, Sighting
+from toolkit.sensing.settings import SensingSettings
 from toolkit.track import FrameResult
 from toolkit.tracking.clock import StageClock
 from toolkit.tracking.state import State

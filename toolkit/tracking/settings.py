@@ -10,7 +10,7 @@ from toolkit.fitting.arms import ArmSettings
 from toolkit.fitting.settings import FittingSettings
 from toolkit.fitting.shape import ShapeSettings
 from toolkit.landmarks.settings import LandmarkSettings
-from toolkit.sensing.cleaning import SensingSettings
+from toolkit.sensing.settings import SensingSettings
 from toolkit.tracking.search.labelings import LookupSettings
 
 

@@ -7,7 +7,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from toolkit.sensing.camera import Camera
-from toolkit.sensing.cleaning import SensingSettings
 from toolkit.sensing.people.detection import find_heads
 from toolkit.sensing.people.settings import PeopleSettings
 from toolkit.sensing.people.several import SeveralPeople
@@ -16,6 +15,7 @@ from toolkit.sensing.people.surroundings import Surroundings, first_look, tolera
 from toolkit.sensing.people.survey import survey
 from toolkit.sensing.people.view import Lens
 from toolkit.sensing.recording import Recording
+from toolkit.sensing.settings import SensingSettings
 
 FIRST_SECONDS = 3.0
 FRAMES = 45  # of them that are looked at, at the most

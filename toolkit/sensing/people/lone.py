@@ -8,8 +8,9 @@ from typing import Any
 import numpy as np
 
 from toolkit.sensing.camera import Camera
-from toolkit.sensing.cleaning import Cleaner, SensingSettings
+from toolkit.sensing.cleaning import Cleaner
 from toolkit.sensing.people.sighting import PredictedBody, Sighting
+from toolkit.sensing.settings import SensingSettings
 
 ID = 1
 

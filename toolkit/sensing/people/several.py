@@ -11,7 +11,6 @@ import numpy as np
 from toolkit.kernels import linear
 from toolkit.kernels.growth import refine_labels, take_label
 from toolkit.sensing.camera import Camera
-from toolkit.sensing.cleaning import SensingSettings
 from toolkit.sensing.people.detection import find_heads, head_seeds, near_head, share_out
 from toolkit.sensing.people.evidence import unobserved_pixels
 from toolkit.sensing.people.islands import attach_islands, head_of
@@ -24,6 +23,7 @@ from toolkit.sensing.people.surroundings import Surroundings, first_look, tolera
 from toolkit.sensing.people.tracks import Person, export_people, known_again, match_heads, restore_people
 from toolkit.sensing.people.view import Lens, View
 from toolkit.sensing.polish import Polisher
+from toolkit.sensing.settings import SensingSettings
 
 MIDDLE_SAMPLES = 300
 """Points of a person whose median is their middle."""

@@ -7,7 +7,6 @@ from collections.abc import Iterator
 import numpy as np
 
 from toolkit.errors import SegmentationError
-from toolkit.sensing.cleaning import SensingSettings
 from toolkit.sensing.people.learning import learnt
 from toolkit.sensing.people.settings import PeopleSettings
 from toolkit.sensing.people.several import SeveralPeople
@@ -15,7 +14,7 @@ from toolkit.sensing.people.surroundings import Surroundings, empty_scene, is_cu
 from toolkit.sensing.people.view import Lens
 from toolkit.sensing.polish import Polisher
 from toolkit.sensing.recording import Recording
-from toolkit.sensing.segmentation import SegmentationMode
+from toolkit.sensing.settings import SegmentationMode, SensingSettings
 
 SAMPLES = 40  # frames spread over a recording: who walks through leaves every pixel free in most of them
 FIRST = 3  # frames that tell whether people are cut out already

@@ -13,7 +13,6 @@ import numpy as np
 
 from toolkit.kernels import linear
 from toolkit.sensing.camera import DEFAULT_UP, Camera
-from toolkit.sensing.cleaning import SensingSettings
 from toolkit.sensing.floor import Floor, find_floor
 from toolkit.sensing.people.settings import PeopleSettings
 from toolkit.sensing.people.stills import people_and_furniture
@@ -21,6 +20,7 @@ from toolkit.sensing.people.structure import find_planes
 from toolkit.sensing.people.surroundings import first_look, tolerances
 from toolkit.sensing.people.view import Lens
 from toolkit.sensing.recording import Recording
+from toolkit.sensing.settings import SensingSettings
 from toolkit.sensing.vertical import Vertical
 
 FLOOR_FRAMES = 4  # in which a floor is looked for; somebody may stand on it in one

@@ -8,7 +8,7 @@ import numpy as np
 
 from toolkit.kernels import linear
 from toolkit.sensing.camera import Camera, level_rotation
-from toolkit.sensing.cleaning import SensingSettings
+from toolkit.sensing.settings import SensingSettings
 
 
 @dataclass(frozen=True, eq=False)
