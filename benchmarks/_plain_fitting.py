@@ -43,8 +43,8 @@ class ScipyNeighbours:
 class PlainScene(Scene):
     """A scene searched by SciPy's kd-tree."""
 
-    def __init__(self, cloud: Cloud, extrema_level: np.ndarray, samples: int) -> None:
-        super().__init__(cloud, extrema_level, samples)
+    def __init__(self, cloud: Cloud, extrema_level: np.ndarray, samples: int, **marks: np.ndarray | None) -> None:
+        super().__init__(cloud, extrema_level, samples, **marks)
         self.neighbours = ScipyNeighbours(back_projected(self.depth, self.intrinsics)[0])
 
 
@@ -133,7 +133,7 @@ class PlainPlacedBody(PlacedBody):
         drawn.triangle.reshape(-1)[pixels] = face[order][nearest]
         return drawn
 
-    def visible(self, facing: float, tolerance: float) -> np.ndarray:
+    def visible(self, facing: float, tolerance: float, scene: Scene) -> np.ndarray:
         """See `PlacedBody.visible`."""
         fx, fy, cx, cy = self.placer.intrinsics
         height, width = self.placer.camera.shape
@@ -147,7 +147,18 @@ class PlainPlacedBody(PlacedBody):
         front = np.zeros(len(points))
         front[within] = self.drawn.depth[v[within].astype(int), u[within].astype(int)]
         hidden = (front > 0.0) & (front < z - tolerance)
-        return (z > 0.05) & (cosine >= facing) & ~hidden
+        return within & (cosine >= facing) & ~hidden & self._observed(points, scene)
+
+    @staticmethod
+    def _observed(points: np.ndarray, scene: Scene) -> np.ndarray:
+        fx, fy, cx, cy = scene.intrinsics
+        height, width = scene.seen.shape
+        z = np.where(points[:, 2] > 0.05, points[:, 2], np.inf)
+        u, v = np.rint(fx * points[:, 0] / z + cx), np.rint(fy * points[:, 1] / z + cy)
+        inside = np.isfinite(z) & (u >= 0) & (u < width) & (v >= 0) & (v < height)
+        observed = np.zeros(len(points), dtype=np.bool_)
+        observed[inside] = ~np.isnan(scene.seen[v[inside].astype(int), u[inside].astype(int)])
+        return observed
 
 
 def left_jacobians(vectors: np.ndarray) -> np.ndarray:
@@ -244,7 +255,7 @@ class PlainCloudTerm(CloudTerm):
         found = vertex_of >= 0
         residual = points[found] - scene.samples[found]
         weights = np.ones(len(scene.samples))
-        weights[scene.plain_samples :] = self.extremum_weight
+        weights[scene.plain_samples :] = np.where(scene.cut, 1.0, self.extremum_weight)
         robust = weights[found] * (1.0 + (residual**2).sum(axis=1) / self.sigma**2) ** -2
         system.gather(placed, vertex_of[found], points[found], residual, robust, self.plane, self.point)
 
@@ -292,7 +303,7 @@ class PlainObjective(Objective):
     def compare(self, body: Body, pose: np.ndarray, scene: Scene, bound: float = np.inf) -> Comparison:
         """See `Objective.compare`."""
         placed, s = self.placer.place(body, pose), self.settings
-        visible, points = placed.visible(s.facing, s.hidden_tolerance), placed.chosen_points
+        visible, points = placed.visible(s.facing, s.hidden_tolerance, scene), placed.chosen_points
         nearest = np.empty_like(points)
         scene.neighbours.medians(points, visible, s.unexplained, 1, nearest)
         gaps = np.linalg.norm(points - nearest, axis=1)
@@ -307,7 +318,7 @@ class PlainObjective(Objective):
             parts.append(sample_gaps)
         distance = sum(_mean_capped(part, s.unexplained) for part in parts)
         energy = sum(term.energy(pose) for term in self.pose_terms)
-        return Comparison(distance, gaps, sample_gaps, drawn, energy, placed) if distance <= bound else WORSE
+        return Comparison(distance, gaps, sample_gaps, drawn, energy, placed, scene) if distance <= bound else WORSE
 
 
 def _mean_capped(distances: np.ndarray, cap: float) -> float:

@@ -65,15 +65,18 @@ class PlainObservation(Observation):
     @cached_property
     def scene(self) -> Scene:
         """See `Observation.scene`."""
-        return PlainScene(self.cloud, self.extrema.points.astype(np.float64), self.observer.samples)
+        extrema, marks = self.extrema.points.astype(np.float64), {"unobserved": self.unobserved, "cut": self.cut}
+        return PlainScene(self.cloud, extrema, self.observer.samples, **marks)
 
 
 class PlainObserver(Observer):
     """Looks at sightings by SciPy and NumPy."""
 
-    def observe(self, cloud: Cloud, timestamp: float, state: PersonState) -> Observation:
+    def observe(
+        self, cloud: Cloud, timestamp: float, state: PersonState, unobserved: np.ndarray | None = None
+    ) -> Observation:
         """See `Observer.observe`."""
-        return PlainObservation(self, cloud, timestamp, state)
+        return PlainObservation(self, cloud, timestamp, state, unobserved)
 
 
 class PlainTracker(HybridTracker):

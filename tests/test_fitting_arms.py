@@ -113,12 +113,12 @@ def plain_cost(balls: np.ndarray, chain: limbs.Chain, measured: limbs.Measured) 
     for ball, radius in zip(balls @ measured.rotation.T + measured.origin, chain.radii, strict=True):
         fx, fy, cx, cy = measured.intrinsics
         u, v = round(fx * ball[0] / ball[2] + cx), round(fy * ball[1] / ball[2] + cy)
-        if not (0 <= u < measured.depth.shape[1] and 0 <= v < measured.depth.shape[0]):
+        if not (0 <= u < measured.evidence.shape[1] and 0 <= v < measured.evidence.shape[0]):
             intrusions.append(0.0)
-        elif measured.depth[v, u] == 0.0:
+        elif measured.evidence[v, u] == 0.0:
             intrusions.append(measured.cap)
         else:
-            intrusions.append(np.clip(measured.depth[v, u] - ball[2] - radius, 0.0, measured.cap))
+            intrusions.append(np.clip(measured.evidence[v, u] - ball[2] - radius, 0.0, measured.cap))
     return measured.share * unexplained.sum() + measured.free_space * np.mean(intrusions)
 
 
@@ -158,7 +158,7 @@ def test_the_fit_finds_an_arm_again_and_keeps_its_limits(body: Body, poses: np.n
         directions = rng.normal(size=(12, len(chain.radii), 3))
         directions /= np.linalg.norm(directions, axis=2, keepdims=True)
         samples = (balls + chain.radii[:, None] * directions).reshape(-1, 3)
-        seen = measured._replace(samples=samples, depth=nothing, free_space=0.0)
+        seen = measured._replace(samples=samples, evidence=nothing, free_space=0.0)
         start = np.clip(true + rng.normal(0.0, 0.15, len(true)), *chain.limits.T)[None]
         costs = np.empty(1)
         limbs.fit_limbs(start.copy(), chain, seen, 0.12, 5e-4, 0, costs)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -198,7 +200,8 @@ def test_medians_of_the_nearest_points_are_those_of_open3d(body: Body, count: in
         ((0.0, 0.0, 2.0), (0.0, 0.0, -1.0), 1.9, False),  # something is before it
         ((0.0, 0.0, 2.0), (0.0, 0.0, -1.0), 1.98, True),  # within the tolerance
         ((0.0, 0.0, 2.0), (0.0, 0.0, -1.0), 0.0, True),  # nothing drawn there
-        ((3.0, 0.0, 2.0), (0.0, 0.0, -1.0), 1.0, True),  # beyond the border of the image
+        ((3.0, 0.0, 2.0), (0.0, 0.0, -1.0), 1.0, False),  # beyond the border of the image, where nothing is observed
+        ((0.2, 0.0, 2.0), (0.0, 0.0, -1.0), 0.0, False),  # on a pixel that says nothing
         ((0.0, 0.0, -2.0), (0.0, 0.0, 1.0), 0.0, False),  # behind the camera
         ((1.0, 0.0, 1.0), (-1.0, 0.0, 0.0), 0.0, True),  # faces the camera, not the image plane
     ],
@@ -206,8 +209,11 @@ def test_medians_of_the_nearest_points_are_those_of_open3d(body: Body, count: in
 def test_a_vertex_is_seen_where_it_faces_the_camera_and_nothing_is_before_it(vertex, normal, front, seen) -> None:
     depth, out = np.full((11, 11), front), np.empty(1, dtype=np.bool_)
     unit = np.array([normal]) / np.linalg.norm(normal)
-    intrinsics = np.array([10.0, 10.0, 5.0, 5.0])
-    pairs.visible_vertices(np.array([0]), np.array([vertex]), unit, depth, intrinsics, 0.1, 0.03, out)
+    intrinsics, evidence = np.array([10.0, 10.0, 5.0, 5.0]), np.zeros((11, 11), dtype=np.float32)
+    evidence[5, 6] = np.nan
+    pairs.visible_vertices(
+        np.array([0]), np.array([vertex]), unit, depth, intrinsics, evidence, intrinsics, 0.1, 0.03, out
+    )
     assert out[0] == seen
 
 
@@ -216,7 +222,8 @@ def test_chosen_vertices_that_are_visible_are_the_first_that_a_ray_meets(body: B
     from open3d.t.geometry import RaycastingScene
 
     posed = placed(body, some_pose(4))
-    visible = posed.visible(0.1, 0.03)
+    everywhere = SimpleNamespace(seen=np.zeros(CAMERA.shape, np.float32), intrinsics=np.array(CAMERA.intrinsics))
+    visible = posed.visible(0.1, 0.03, everywhere)
     scene = RaycastingScene()
     scene.add_triangles(
         Tensor.from_numpy(posed.vertices.astype(np.float32)), Tensor.from_numpy(posed.placer.faces.astype(np.uint32))

@@ -56,13 +56,15 @@ def test_plain_and_compiled_landmarks_are_the_same(seed: int) -> None:
 
 @pytest.mark.parametrize("seed", range(3))
 def test_a_plainly_placed_body_is_the_compiled_one(seed: int) -> None:
-    pose, _ = frame(seed)
+    pose, cloud = frame(seed)
+    hidden = np.random.default_rng(seed).random(cloud.depth.shape) < 0.2
+    scene = Scene(cloud, np.zeros((0, 3)), 0, unobserved=hidden)
     fast, plain = (kind(BODY, CAMERA, LEVEL).place(BODY, pose) for kind in (Placer, PlainPlacer))
     for name in ("vertices", "normals", "rotations", "origins", "axes"):
         assert getattr(plain, name) == pytest.approx(getattr(fast, name), abs=1e-9), name
     assert plain.drawn.depth == pytest.approx(fast.drawn.depth, abs=1e-9)
     assert (plain.drawn.triangle == fast.drawn.triangle).mean() > 0.9999
-    assert np.array_equal(plain.visible(0.1, 0.03), fast.visible(0.1, 0.03))
+    assert np.array_equal(plain.visible(0.1, 0.03, scene), fast.visible(0.1, 0.03, scene))
 
 
 @pytest.mark.parametrize("seed", range(5))

@@ -153,6 +153,10 @@ class Seen:
     votes: JointEstimate | None
     scene: Scene
 
+    @property
+    def free_extrema(self) -> np.ndarray:
+        return self.extrema.points.astype(np.float64)
+
 
 def view_of(body: Body, pose: np.ndarray, order: np.ndarray) -> Seen:
     """What a camera sees of a pose (P,), its true end effectors in any order as the extrema."""

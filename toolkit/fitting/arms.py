@@ -146,7 +146,7 @@ class Arm:
         free = samples[at_arm | (compared.sample_gaps > settings.explained)]
         rotation, origin = placed.rotations[self._carrier], placed.origins[self._carrier]
         return kernel.Measured(
-            rotation, origin, scene.depth, scene.intrinsics, linear.rotated(free - origin, rotation),
+            rotation, origin, scene.seen, scene.intrinsics, linear.rotated(free - origin, rotation),
             1.0 / len(samples), settings.free_space, settings.tolerance, settings.cap,
         )  # fmt: skip
 

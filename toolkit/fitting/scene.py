@@ -60,8 +60,10 @@ class Scene:
     ----------
     depth : float32 (H, W), metres, 0 where no person was measured
     intrinsics : float64 (4,) of that image
+    seen : float32 (H, W): the same depth, 0 where nobody is and NaN in pixels that say nothing about the person
     samples : float64 (N, 3), camera frame: every n-th measured point in scan order, then the geodesic extrema
     extrema : float64 (E, 3), camera frame: the geodesic extrema (`E_I^20`)
+    cut : bool (E,), extrema that lie where the border or an occluder cuts the person: no limbs
     neighbours : search among the measured points
     evidence : what is known of the frame besides its depth
     """
@@ -73,9 +75,14 @@ class Scene:
         samples: int,
         neighbours: str = "pixels",
         evidence: Sequence[Evidence] = (),
+        *,
+        unobserved: np.ndarray | None = None,
+        cut: np.ndarray | None = None,
     ) -> None:
         self.evidence = tuple(evidence)
         self.depth = cloud.depth
+        self.seen = cloud.depth if unobserved is None else np.where(unobserved, np.float32(np.nan), cloud.depth)
+        self.cut = np.zeros(len(extrema_level), dtype=np.bool_) if cut is None else cut
         self.intrinsics = np.array(cloud.camera.intrinsics, dtype=np.float64)
         count = len(cloud.points)
         rows = np.linspace(0, count - 1, min(samples, count)).astype(np.int64) if samples else np.empty(0, int)

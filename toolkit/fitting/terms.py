@@ -63,7 +63,7 @@ class SurfaceTerm:
 
     def targets(self, placed: PlacedBody, scene: Scene) -> np.ndarray:
         """Measured counterpart of each chosen vertex, float64 (C, 3), NaN in column 0 where it has none."""
-        visible, points = placed.visible(self.facing, self.tolerance), placed.chosen_points
+        visible, points = placed.visible(self.facing, self.tolerance, scene), placed.chosen_points
         targets = np.empty_like(points)
         scene.neighbours.medians(points, visible, self.reach, self.neighbours, targets)
         return targets
@@ -112,7 +112,7 @@ class CloudTerm:
         samples = scene.samples
         points, vertex_of = self.nearest(placed, scene)
         weights = np.ones(len(samples))
-        weights[scene.plain_samples :] = self.extremum_weight
+        weights[scene.plain_samples :] = np.where(scene.cut, 1.0, self.extremum_weight)
         pairs.add_cloud_pairs(
             samples, points, vertex_of, weights, placed.normals, placed.body.skin_joints, placed.body.skin_weights,
             system.reference, self.sigma, self.plane, self.point, system.hessian, system.gradient,

@@ -40,7 +40,7 @@ class Measured(NamedTuple):
     """What was measured, and what counts.
 
     rotation : float64 (3, 3) and origin : float64 (3,), from the carrying joint's frame to the camera's
-    depth : float32 (H, W), metres, 0 where nothing was measured; intrinsics : float64 (4,)
+    evidence : float32 (H, W), metres, 0 where nobody is, NaN where nothing was observed; intrinsics : float64 (4,)
     samples : float64 (M, 3), points that the limb may explain, in the carrying joint's frame
     share : weight of a sample; free_space : weight of the mean intrusion of the balls
     tolerance : metres by which a sample may be off and still is explained
@@ -49,7 +49,7 @@ class Measured(NamedTuple):
 
     rotation: np.ndarray
     origin: np.ndarray
-    depth: np.ndarray
+    evidence: np.ndarray
     intrinsics: np.ndarray
     samples: np.ndarray
     share: float
@@ -60,8 +60,8 @@ class Measured(NamedTuple):
 
 @njit(cache=True)
 def _intrusion(ball: np.ndarray, radius: float, measured: Measured) -> float:
-    """How far a ball reaches into free space, metres, at most the cap; 0 outside of the image."""
-    r, o, intrinsics, depth = measured.rotation, measured.origin, measured.intrinsics, measured.depth
+    """How far a ball reaches into free space, metres, at most the cap; 0 where nothing was observed."""
+    r, o, intrinsics, depth = measured.rotation, measured.origin, measured.intrinsics, measured.evidence
     z = r[2, 0] * ball[0] + r[2, 1] * ball[1] + r[2, 2] * ball[2] + o[2]
     if z <= 0.05:
         return measured.cap
@@ -70,6 +70,8 @@ def _intrusion(ball: np.ndarray, radius: float, measured: Measured) -> float:
     u = int(np.rint(intrinsics[0] * x / z + intrinsics[2]))
     v = int(np.rint(intrinsics[1] * y / z + intrinsics[3]))
     if u < 0 or v < 0 or u >= depth.shape[1] or v >= depth.shape[0]:
+        return 0.0
+    if np.isnan(depth[v, u]):
         return 0.0
     if depth[v, u] == 0.0:
         return measured.cap

@@ -81,14 +81,17 @@ def visible_vertices(
     normals: np.ndarray,
     model_depth: np.ndarray,
     model_intrinsics: np.ndarray,
+    evidence: np.ndarray,
+    evidence_intrinsics: np.ndarray,
     facing: float,
     tolerance: float,
     out: np.ndarray,
 ) -> None:
-    """Which chosen vertices the camera sees: facing it, in the image or beyond its border, not behind the body itself.
+    """Which chosen vertices the camera would see: facing it, where something was observed, not behind the body itself.
 
     A vertex faces the camera when the cosine between its normal and the direction to the camera exceeds `facing`; it is
-    hidden when the drawn body lies nearer by more than `tolerance` metres. Fills `out` (C,) bool.
+    hidden when the drawn body lies nearer by more than `tolerance` metres. Outside the image and where `evidence`
+    (H, W) is NaN nothing was observed. Fills `out` (C,) bool.
     """
     height, width = model_depth.shape
     for i in range(chosen.shape[0]):
@@ -102,11 +105,29 @@ def visible_vertices(
             continue
         pu = int(np.rint(model_intrinsics[0] * x / z + model_intrinsics[2]))
         pv = int(np.rint(model_intrinsics[1] * y / z + model_intrinsics[3]))
-        if pu >= 0 and pu < width and pv >= 0 and pv < height:
-            front = model_depth[pv, pu]
-            if front > 0.0 and front < z - tolerance:
-                continue
-        out[i] = True
+        if not (pu >= 0 and pu < width and pv >= 0 and pv < height):
+            continue
+        front = model_depth[pv, pu]
+        if front > 0.0 and front < z - tolerance:
+            continue
+        out[i] = is_observed(x, y, z, evidence, evidence_intrinsics)
+
+
+@njit(cache=True)
+def is_observed(x: float, y: float, z: float, evidence: np.ndarray, intrinsics: np.ndarray) -> bool:
+    """Whether a point before the camera falls into the image, onto a pixel of `evidence` (H, W) that is not NaN."""
+    if z <= 0.05:
+        return False
+    u = int(np.rint(intrinsics[0] * x / z + intrinsics[2]))
+    v = int(np.rint(intrinsics[1] * y / z + intrinsics[3]))
+    return u >= 0 and u < evidence.shape[1] and v >= 0 and v < evidence.shape[0] and not np.isnan(evidence[v, u])
+
+
+@njit(cache=True)
+def observed_points(points: np.ndarray, evidence: np.ndarray, intrinsics: np.ndarray, out: np.ndarray) -> None:
+    """`is_observed` of each of `points` (N, 3), camera frame; fills `out` (N,) float64 with 1 and 0."""
+    for i in range(points.shape[0]):
+        out[i] = 1.0 if is_observed(points[i, 0], points[i, 1], points[i, 2], evidence, intrinsics) else 0.0
 
 
 @njit(cache=True)

@@ -73,10 +73,10 @@ class Follower:
         state, self.observation = self.state, None
         cloud = None if sighting is None else Cloud.from_depth(sighting.depth, sighting.camera, self.level_rotation)
         clock.lap("prepare")
-        if cloud is None or len(cloud) < self._settings.smallest_person:
+        if sighting is None or cloud is None or len(cloud) < self._settings.smallest_person:
             return self._unseen(EMPTY, timestamp, clock)
 
-        self.observation = observation = self.observer.observe(cloud, timestamp, state)
+        self.observation = observation = self.observer.observe(cloud, timestamp, state, sighting.unobserved)
         observation.scene, observation.facing  # noqa: B018 - looked at now, so that their time is booked here
         clock.lap("landmarks")
 
@@ -141,7 +141,7 @@ class Follower:
         settings, state, body = self._settings, self.state, winner.body
         source, pose = winner.hypothesis.source, winner.hypothesis.pose
         tracked = winner.comparison.distance < settings.lost_distance
-        extrema = observation.extrema.points[:EFFECTORS].astype(np.float64)
+        extrema = observation.free_extrema[:EFFECTORS]
         before = state.previous.pose if state.previous is not None and winner.hypothesis.continues else None
         previous = Previous.of_pose(body, pose, extrema if len(extrema) == EFFECTORS else None, before)
         lost = 0 if tracked else state.lost + 1

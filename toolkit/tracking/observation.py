@@ -22,6 +22,12 @@ from toolkit.tracking.state import PersonState
 FIRST_STEP = 1.0 / 30.0
 """Seconds between the first frame and the one before that there never was."""
 
+CUT_PIXELS = 3
+"""An extremum nearer to the image's border than this lies on it: the contour is cleaned, the median is 3 wide."""
+CUT_SHARE = 0.4
+"""Of the pixels around an extremum: an occluder's edge leaves about half of them unobserved, the shadow that a depth
+camera throws beside a limb less."""
+
 
 @dataclass(frozen=True, eq=False)
 class Observer:
@@ -49,9 +55,11 @@ class Observer:
         """Buffers of the graph, kept from frame to frame."""
         return Workspace()
 
-    def observe(self, cloud: Cloud, timestamp: float, state: PersonState) -> Observation:
-        """A frame of the person, seconds."""
-        return Observation(self, cloud, timestamp, state)
+    def observe(
+        self, cloud: Cloud, timestamp: float, state: PersonState, unobserved: np.ndarray | None = None
+    ) -> Observation:
+        """A frame of the person, seconds; `unobserved` as in `Sighting`."""
+        return Observation(self, cloud, timestamp, state, unobserved)
 
 
 class Observation:
@@ -61,12 +69,20 @@ class Observation:
     ----------
     cloud : the person's points, level frame
     timestamp : seconds
+    unobserved : bool (H, W), pixels that say nothing about the person, or None
     observer, state : how it is looked at, and what was known of the person before
     scale : size of the person against an adult
     """
 
-    def __init__(self, observer: Observer, cloud: Cloud, timestamp: float, state: PersonState) -> None:
-        self.cloud, self.timestamp = cloud, timestamp
+    def __init__(
+        self,
+        observer: Observer,
+        cloud: Cloud,
+        timestamp: float,
+        state: PersonState,
+        unobserved: np.ndarray | None = None,
+    ) -> None:
+        self.cloud, self.timestamp, self.unobserved = cloud, timestamp, unobserved
         self.observer, self.state = observer, state
         self.scale = state.body.height / ADULT_HEIGHT
 
@@ -99,6 +115,24 @@ class Observation:
         return extrema_of_graph(graph, points, observer.extrema, source, observer.workspace)
 
     @cached_property
+    def cut(self) -> np.ndarray:
+        """Bool (n,): extrema where the image's border or something nearer cuts the person off. They are no limbs."""
+        cloud = self.cloud
+        v, u = np.divmod(cloud.pixels[self.extrema.nodes], cloud.camera.width)
+        low, (height, width) = CUT_PIXELS, cloud.camera.shape
+        cut: np.ndarray = (v < low) | (u < low) | (v >= height - low) | (u >= width - low)
+        if self.unobserved is not None:
+            for i in np.flatnonzero(~cut):
+                around = self.unobserved[v[i] - low : v[i] + low + 1, u[i] - low : u[i] + low + 1]
+                cut[i] = np.count_nonzero(around) > CUT_SHARE * around.size
+        return cut
+
+    @cached_property
+    def free_extrema(self) -> np.ndarray:
+        """The extrema that may be limbs: float64 (n, 3), metres, level frame, in the order found."""
+        return self.extrema.points[~self.cut].astype(np.float64)
+
+    @cached_property
     def votes(self) -> JointEstimate | None:
         """The joints as the regressor sees them; None without a regressor."""
         observer = self.observer
@@ -108,5 +142,12 @@ class Observation:
     def scene(self) -> Scene:
         """The frame as a fit needs it."""
         observer = self.observer
-        evidence = observer.guide.evidence(self.timestamp, self.cloud.rotation)
-        return Scene(self.cloud, self.extrema.points.astype(np.float64), observer.samples, observer.search, evidence)
+        return Scene(
+            self.cloud,
+            self.extrema.points.astype(np.float64),
+            observer.samples,
+            observer.search,
+            observer.guide.evidence(self.timestamp, self.cloud.rotation),
+            unobserved=self.unobserved,
+            cut=self.cut,
+        )

@@ -9,6 +9,7 @@ import numpy as np
 
 from toolkit.sensing.camera import Camera
 from toolkit.sensing.cleaning import Cleaner
+from toolkit.sensing.people.evidence import unobserved_pixels
 from toolkit.sensing.people.sighting import PredictedBody, Sighting
 from toolkit.sensing.settings import SensingSettings
 
@@ -33,7 +34,9 @@ class LonePerson:
         self, depth_mm: np.ndarray, timestamp: float, predicted: Mapping[int, PredictedBody]
     ) -> tuple[Sighting, ...]:
         """See `PeopleFinder.find`."""
-        return (Sighting(ID, self._cleaner.clean(depth_mm), None, self.camera),)
+        depth, whole_mm = self._cleaner.cut(depth_mm)
+        unobserved = unobserved_pixels(whole_mm, depth, cut_out=self._cleaner.cut_out)
+        return (Sighting(ID, depth, unobserved, self.camera),)
 
     def export_state(self) -> dict[str, Any]:
         """See `PeopleFinder.export_state`."""

@@ -56,7 +56,7 @@ class ExtremaQuery:
     def queries(self, observation: Observation, previous: Previous | None) -> tuple[np.ndarray, np.ndarray]:
         """Labelled end effectors (M, 5, 3), level frame, and which of them are present (M, 5)."""
         settings = self._settings
-        extrema = observation.extrema.points.astype(np.float64)
+        extrema = observation.free_extrema
         points, present = np.empty((0, EFFECTORS, 3)), np.empty((0, EFFECTORS), dtype=np.bool_)
         if len(extrema) >= EFFECTORS:
             effectors = None if previous is None else previous.effectors
