@@ -203,7 +203,7 @@ def test_medians_of_the_nearest_points_are_those_of_open3d(body: Body, count: in
         ((3.0, 0.0, 2.0), (0.0, 0.0, -1.0), 1.0, False),  # beyond the border of the image, where nothing is observed
         ((0.2, 0.0, 2.0), (0.0, 0.0, -1.0), 0.0, False),  # on a pixel that says nothing
         ((0.0, 0.0, -2.0), (0.0, 0.0, 1.0), 0.0, False),  # behind the camera
-        ((1.0, 0.0, 1.0), (-1.0, 0.0, 0.0), 0.0, True),  # faces the camera, not the image plane
+        ((0.5, 0.0, 1.0), (-1.0, 0.0, 0.0), 0.0, True),  # faces the camera, not the image plane
     ],
 )
 def test_a_vertex_is_seen_where_it_faces_the_camera_and_nothing_is_before_it(vertex, normal, front, seen) -> None:

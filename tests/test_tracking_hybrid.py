@@ -404,7 +404,7 @@ def test_the_body_of_the_person_is_learnt_from_the_recording(
 ) -> None:
     person = subject_body(name)
     motion = PoseClip(name, clip.poses[:8], 30.0, "procedural")
-    film = record(name, motion, body=person)
+    film = record(name, motion, body=person, distance=3.1)  # all of the person is in the image
     tracker = HybridTracker(database, replace(SETTINGS, shape=ShapeSettings(frames=8, stride=1), starts=1))
     solo = Solo(tracker, film)
     learnt = solo.body
