@@ -133,7 +133,7 @@ class PlainPlacedBody(PlacedBody):
         drawn.triangle.reshape(-1)[pixels] = face[order][nearest]
         return drawn
 
-    def visible(self, facing: float, tolerance: float, scene: Scene) -> np.ndarray:
+    def visible(self, facing: float, tolerance: float, seen: np.ndarray, intrinsics: np.ndarray) -> np.ndarray:
         """See `PlacedBody.visible`."""
         fx, fy, cx, cy = self.placer.intrinsics
         height, width = self.placer.camera.shape
@@ -147,17 +147,17 @@ class PlainPlacedBody(PlacedBody):
         front = np.zeros(len(points))
         front[within] = self.drawn.depth[v[within].astype(int), u[within].astype(int)]
         hidden = (front > 0.0) & (front < z - tolerance)
-        return within & (cosine >= facing) & ~hidden & self._observed(points, scene)
+        return within & (cosine >= facing) & ~hidden & self._observed(points, seen, intrinsics)
 
     @staticmethod
-    def _observed(points: np.ndarray, scene: Scene) -> np.ndarray:
-        fx, fy, cx, cy = scene.intrinsics
-        height, width = scene.seen.shape
+    def _observed(points: np.ndarray, seen: np.ndarray, intrinsics: np.ndarray) -> np.ndarray:
+        fx, fy, cx, cy = intrinsics
+        height, width = seen.shape
         z = np.where(points[:, 2] > 0.05, points[:, 2], np.inf)
         u, v = np.rint(fx * points[:, 0] / z + cx), np.rint(fy * points[:, 1] / z + cy)
         inside = np.isfinite(z) & (u >= 0) & (u < width) & (v >= 0) & (v < height)
         observed = np.zeros(len(points), dtype=np.bool_)
-        observed[inside] = ~np.isnan(scene.seen[v[inside].astype(int), u[inside].astype(int)])
+        observed[inside] = ~np.isnan(seen[v[inside].astype(int), u[inside].astype(int)])
         return observed
 
 
@@ -303,7 +303,10 @@ class PlainObjective(Objective):
     def compare(self, body: Body, pose: np.ndarray, scene: Scene, bound: float = np.inf) -> Comparison:
         """See `Objective.compare`."""
         placed, s = self.placer.place(body, pose), self.settings
-        visible, points = placed.visible(s.facing, s.hidden_tolerance, scene), placed.chosen_points
+        visible, points = (
+            placed.visible(s.facing, s.hidden_tolerance, scene.seen, scene.intrinsics),
+            placed.chosen_points,
+        )
         nearest = np.empty_like(points)
         scene.neighbours.medians(points, visible, s.unexplained, 1, nearest)
         gaps = np.linalg.norm(points - nearest, axis=1)

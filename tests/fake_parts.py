@@ -31,7 +31,7 @@ def pose_at(x: float = 0.0, **angles: float) -> np.ndarray:
 
 def compared(distance: float, *, gaps: float = 0.01, energy: float = 0.0) -> Comparison:
     """A comparison of that distance whose samples all lie `gaps` metres off."""
-    return Comparison(distance, np.zeros(1), np.full(4, gaps), np.zeros(4, dtype=np.int64), energy, None)
+    return Comparison(distance, np.zeros(1), np.full(4, gaps), np.zeros(4, dtype=np.int64), energy, None, None)
 
 
 def observation(extrema: int = 20, votes: Any = None, **others: Any) -> Any:
@@ -43,6 +43,7 @@ def observation(extrema: int = 20, votes: Any = None, **others: Any) -> Any:
         "facing": FACING,
         "yaw": float(np.arctan2(*FACING)),
         "extrema": SimpleNamespace(points=points),
+        "free_extrema": points.astype(np.float64),
         "votes": votes,
         "cloud": SimpleNamespace(rotation=np.diag([1.0, -1.0, -1.0])),
     }
@@ -57,7 +58,7 @@ class FakeObserver:
     states: list[PersonState] = field(default_factory=list)
     sizes: list[int] = field(default_factory=list)
 
-    def observe(self, cloud: Cloud, timestamp: float, state: PersonState) -> Any:
+    def observe(self, cloud: Cloud, timestamp: float, state: PersonState, unobserved: np.ndarray | None = None) -> Any:
         """See `Observer.observe`."""
         self.states.append(state)
         self.sizes.append(len(cloud))

@@ -238,7 +238,9 @@ def test_the_sparse_distance_is_that_of_the_equations(body: Body) -> None:
     scene = Scene(cloud, extrema, 0)
     pose = perturbed(truth, 3)
     found = fit.distance(pose, scene)
-    seen = fit.placer.place(body, pose).visible(settings.facing, settings.hidden_tolerance, scene)
+    seen = fit.placer.place(body, pose).visible(
+        settings.facing, settings.hidden_tolerance, scene.seen, scene.intrinsics
+    )
     mesh = body.vertex_positions(pose)
     to_cloud = cKDTree(cloud.points).query(mesh[fit.placer.chosen[seen]])[0]
     to_mesh = cKDTree(mesh).query(extrema)[0]

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from types import SimpleNamespace
-
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -222,8 +220,7 @@ def test_chosen_vertices_that_are_visible_are_the_first_that_a_ray_meets(body: B
     from open3d.t.geometry import RaycastingScene
 
     posed = placed(body, some_pose(4))
-    everywhere = SimpleNamespace(seen=np.zeros(CAMERA.shape, np.float32), intrinsics=np.array(CAMERA.intrinsics))
-    visible = posed.visible(0.1, 0.03, everywhere)
+    visible = posed.visible(0.1, 0.03, np.zeros(CAMERA.shape, np.float32), np.array(CAMERA.intrinsics))
     scene = RaycastingScene()
     scene.add_triangles(
         Tensor.from_numpy(posed.vertices.astype(np.float32)), Tensor.from_numpy(posed.placer.faces.astype(np.uint32))

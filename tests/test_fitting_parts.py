@@ -12,7 +12,7 @@ import pytest
 from toolkit.body import skeleton
 from toolkit.body.shape import ShapeSpace, load_body
 from toolkit.fitting import terms as terms_room
-from toolkit.fitting.objective import CALIBRATION, WORSE, Comparison, Objective
+from toolkit.fitting.objective import CALIBRATION, GUESSED, WORSE, Comparison, Objective
 from toolkit.fitting.placed import Placer
 from toolkit.fitting.refiner import Refiner, pair_terms
 from toolkit.fitting.scene import Scene
@@ -42,9 +42,16 @@ def placer() -> Placer:
 @pytest.fixture(scope="module")
 def scene(placer: Placer) -> Scene:
     """The standing body as the camera sees it."""
+    return scene_of(placer, None)
+
+
+def scene_of(placer: Placer, unobserved: np.ndarray | None) -> Scene:
+    """The standing body, of which only what is not `unobserved` was measured."""
     depth = placer.place(BODY, standing()).drawn.depth.astype(np.float32)
+    if unobserved is not None:
+        depth[unobserved] = 0.0
     cloud = Cloud.from_depth(depth, CAMERA, LEVEL)
-    return Scene(cloud, cloud.points[[0, -1]].astype(np.float64), 50)
+    return Scene(cloud, cloud.points[[0, -1]].astype(np.float64), 50, unobserved=unobserved)
 
 
 # The loop
@@ -163,15 +170,28 @@ def test_costs_are_the_distances_of_what_may_still_be_nearest(placer: Placer, sc
 
 
 @pytest.mark.parametrize("seen", [0.0, 0.25, 0.5])
-def test_half_of_the_vertices_around_a_joint_are_all_that_a_camera_sees(placer: Placer, seen: float) -> None:
+def test_half_of_the_vertices_around_a_joint_are_all_that_a_camera_sees(
+    placer: Placer, scene: Scene, seen: float
+) -> None:
     """The back of a body is never seen: a support of one half is as much as there can be."""
     gaps = np.full(len(placer.chosen), np.nan)
     elbow = skeleton.REPORTED.index("left_elbow")
     around = np.flatnonzero(placer.around_joints[elbow])
     gaps[around[: round(seen * len(around))]] = 0.0
-    comparison = Comparison(0.1, gaps, np.zeros(1), np.zeros(1, dtype=np.int64), 0.0, None)
+    placed = placer.place(BODY, standing())
+    comparison = Comparison(0.1, gaps, np.zeros(1), np.zeros(1, dtype=np.int64), 0.0, placed, scene)
     sure = Objective(placer, SETTINGS).confidence(comparison)[elbow]
     assert sure == pytest.approx(np.interp(2.0 * seen, *CALIBRATION.T))
+
+
+def test_a_joint_of_which_nothing_was_observed_is_a_guess(placer: Placer, scene: Scene) -> None:
+    objective, pose = Objective(placer, SETTINGS), standing()
+    arm, leg = skeleton.REPORTED.index("left_elbow"), skeleton.REPORTED.index("left_knee")
+    below = np.arange(scene.depth.shape[0])[:, None] > scene.depth.shape[0] // 2
+    hidden = scene_of(placer, np.broadcast_to(below, scene.depth.shape))
+    sure, guessed = (objective.confidence(objective.compare(BODY, pose, frame)) for frame in (scene, hidden))
+    assert sure[leg] > 0.8 and guessed[leg] == pytest.approx(GUESSED)
+    assert guessed[arm] == pytest.approx(sure[arm])
 
 
 # The shape

@@ -64,7 +64,9 @@ def test_a_plainly_placed_body_is_the_compiled_one(seed: int) -> None:
         assert getattr(plain, name) == pytest.approx(getattr(fast, name), abs=1e-9), name
     assert plain.drawn.depth == pytest.approx(fast.drawn.depth, abs=1e-9)
     assert (plain.drawn.triangle == fast.drawn.triangle).mean() > 0.9999
-    assert np.array_equal(plain.visible(0.1, 0.03, scene), fast.visible(0.1, 0.03, scene))
+    assert np.array_equal(
+        plain.visible(0.1, 0.03, scene.seen, scene.intrinsics), fast.visible(0.1, 0.03, scene.seen, scene.intrinsics)
+    )
 
 
 @pytest.mark.parametrize("seed", range(5))

@@ -95,7 +95,10 @@ class Objective:
         distance += sum(evidence.cost(placed) for evidence in scene.evidence)
         if distance > bound:
             return WORSE
-        visible, points = placed.visible(s.facing, s.hidden_tolerance, scene), placed.chosen_points
+        visible, points = (
+            placed.visible(s.facing, s.hidden_tolerance, scene.seen, scene.intrinsics),
+            placed.chosen_points,
+        )
         nearest = np.full((len(points), 3), np.nan)
         scene.neighbours.medians(points, visible, s.unexplained, 1, nearest)
         gaps = linear.lengths(points - nearest)

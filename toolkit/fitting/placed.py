@@ -10,7 +10,6 @@ import numpy as np
 from toolkit.body import skeleton
 from toolkit.body.body import BELOW, Body
 from toolkit.fitting.balls import Balls
-from toolkit.fitting.scene import Scene
 from toolkit.kernels import kinematics, pairs, raster, twists
 from toolkit.sensing.camera import Camera
 
@@ -144,12 +143,15 @@ class PlacedBody:
         """The chosen vertices: float64 (C, 3)."""
         return self.vertices[self.placer.chosen]
 
-    def visible(self, facing: float, tolerance: float, scene: Scene) -> np.ndarray:
-        """Which chosen vertices would be measured in the frame, bool (C,); see `pairs.visible_vertices`."""
+    def visible(self, facing: float, tolerance: float, seen: np.ndarray, intrinsics: np.ndarray) -> np.ndarray:
+        """Which chosen vertices would be measured, bool (C,), where `seen` is that of a `Scene`.
+
+        See `pairs.visible_vertices`.
+        """
         out = np.empty(len(self.placer.chosen), dtype=np.bool_)
         pairs.visible_vertices(
             self.placer.chosen, self.vertices, self.normals, self.drawn.depth, self.placer.intrinsics,
-            scene.seen, scene.intrinsics, facing, tolerance, out,
+            seen, intrinsics, facing, tolerance, out,
         )  # fmt: skip
         return out
 

@@ -63,7 +63,10 @@ class SurfaceTerm:
 
     def targets(self, placed: PlacedBody, scene: Scene) -> np.ndarray:
         """Measured counterpart of each chosen vertex, float64 (C, 3), NaN in column 0 where it has none."""
-        visible, points = placed.visible(self.facing, self.tolerance, scene), placed.chosen_points
+        visible, points = (
+            placed.visible(self.facing, self.tolerance, scene.seen, scene.intrinsics),
+            placed.chosen_points,
+        )
         targets = np.empty_like(points)
         scene.neighbours.medians(points, visible, self.reach, self.neighbours, targets)
         return targets
