@@ -10,6 +10,7 @@ import { GLTFLoader } from "three/addons/loaders/GLTFLoader.js";
 const MILLIMETRE = 0.001;
 const JOINT_SIZE = 0.045; // metres
 const EMPTY = 2;
+const BEHIND = 2000; // of the depth buffer: the body lies some 2 cm behind itself, so that points on it are seen
 
 // A filled disc for a joint that is seen, a ring for one that is not or is unsure.
 function disc(filled) {
@@ -121,7 +122,10 @@ export class Scene {
     this._home = run.view;
     this.resetView();
 
-    gltf.scene.traverse((node) => (node.frustumCulled = false));
+    gltf.scene.traverse((node) => {
+      node.frustumCulled = false;
+      if (node.material) Object.assign(node.material, { polygonOffset: true, polygonOffsetUnits: BEHIND });
+    });
     this._mixer = new AnimationMixer(gltf.scene);
     gltf.animations.forEach((clip) => this._mixer.clipAction(clip).play());
     this._end = Math.max(...gltf.animations.map((clip) => clip.duration)) - 1e-4; // at its very end it begins again
