@@ -25,16 +25,29 @@ Clips = Annotated[
 
 
 def index(
-    motions: Clips,
     output: Output,
+    motions: Annotated[
+        list[Path] | None,
+        typer.Argument(metavar="MOTION...", help="BVH, AMC and AMASS files, run folders, folders of clips."),
+    ] = None,
     add: Annotated[bool, typer.Option("--add", help="Add to the index OUTPUT instead of writing a new one.")] = False,
+    remove: Annotated[
+        list[str] | None, typer.Option(metavar="NAME", help="Take this motion out of the index OUTPUT. Repeatable.")
+    ] = None,
+    workers: Annotated[int, typer.Option(help="Processes that read; they do not change the result.", min=1)] = 1,
 ) -> None:
     """Index motions by their relational features, for `depthmocap search`."""
     from toolkit.cli.terminal import progress_bars
-    from toolkit.retrieval.workflow.index import index_motions
+    from toolkit.errors import UsageError
+    from toolkit.retrieval.workflow.index import index_motions, remove_motions
 
-    with progress_bars() as bars:
-        made = index_motions(motions, output, add=add, progress=bars)
+    if bool(motions) == bool(remove):
+        raise UsageError("index needs motions to read or --remove with names in the index; give one of the two")
+    if remove:
+        made = remove_motions(remove, output)
+    else:
+        with progress_bars() as bars:
+            made = index_motions(motions or [], output, add=add, workers=workers, progress=bars)
     print(f"{output}: {len(made)} motions, {made.duration / 60:.1f} minutes, {made.frames} frames at 30 Hz")
 
 
@@ -64,7 +77,7 @@ def search(
     from toolkit.files import check_output
     from toolkit.retrieval.index.keyframe_index import KeyframeIndex
     from toolkit.retrieval.keyframes.query_file import choose_labels, load_queries
-    from toolkit.retrieval.workflow.search import Query, cut_example, keyframes_of_example, save_matches
+    from toolkit.retrieval.workflow.search import Query, cut_example, keyframes_of_example, one_per_label, save_matches
     from toolkit.retrieval.workflow.search import by_example as search_by_example
     from toolkit.retrieval.workflow.search import search as search_index
 
@@ -80,6 +93,7 @@ def search(
         reports = [search_index(opened, keyframes_of_example(cut_example(by_example, start, end)), threshold)]
     else:
         reports = [search_by_example(opened, cut_example(by_example, start, end), limit, threshold)]
+    reports = one_per_label(reports)
     if output is not None:
         save_matches(output, reports)
     for report in reports:
@@ -94,9 +108,11 @@ def _show(report: SearchReport, limit: int) -> None:
     title = f"{report.label or 'query'}: {len(report.matches)} results"
     if report.milliseconds:
         title += f"; keyframe search {report.milliseconds:.2f} ms, {100 * report.share:.1f} % of the data left"
-    table = Table("motion", "from", "to", "cost", title=title, title_justify="left")
+    ranked = report.refined_milliseconds > 0.0
+    table = Table("motion", "from", "to", *(["cost"] if ranked else []), title=title, title_justify="left")
     for match in report.matches[:limit]:
-        table.add_row(match.document, f"{match.start:.2f} s", f"{match.end:.2f} s", f"{match.cost:.3f}")
+        cost = [f"{match.cost:.3f}"] if ranked else []
+        table.add_row(match.document, f"{match.start:.2f} s", f"{match.end:.2f} s", *cost)
     print_table(table)
 
 

@@ -31,10 +31,11 @@ def graded_distance(
     n, features = template.shape
     length = document.shape[0]
     halo = 2 * (n - 1)
-    columns = np.empty((features, TILE + halo), np.float32)
-    costs = np.empty((3, TILE + halo), np.float32)
-    starts = np.empty((3, TILE + halo), np.int32)
-    cell = np.empty(TILE + halo, np.float32)
+    widest = min(TILE + halo, length)
+    columns = np.empty((features, widest), np.float32)
+    costs = np.empty((3, widest), np.float32)
+    starts = np.empty((3, widest), np.int32)
+    cell = np.empty(widest, np.float32)
     for begin in range(0, length, TILE):
         first, stop = max(0, begin - halo), min(length, begin + TILE)
         width = stop - first

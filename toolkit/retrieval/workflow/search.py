@@ -6,7 +6,7 @@ import csv
 import io
 import time
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from functools import lru_cache
 from pathlib import Path
 
@@ -137,6 +137,32 @@ def search(index: KeyframeIndex, query: Query, threshold: float = np.inf) -> Sea
         query.keyframes.label, tuple(matches), ranges.frames / index.frames, searched.frames / index.frames,
         1000 * (middle - begin), 1000 * (end - middle) if template is not None else 0.0,
     )  # fmt: skip
+
+
+def one_per_label(reports: Sequence[SearchReport]) -> list[SearchReport]:
+    """Reports of alternative queries of one label as one: hits of any of them, joined where they overlap."""
+    groups: dict[str, list[SearchReport]] = {}
+    for report in reports:
+        groups.setdefault(report.label, []).append(report)
+    return [group[0] if len(group) == 1 else _together(group) for group in groups.values()]
+
+
+def _together(group: Sequence[SearchReport]) -> SearchReport:
+    matches: list[Match] = []
+    for match in sorted((m for report in group for m in report.matches), key=lambda m: (m.document, m.start)):
+        last = matches[-1] if matches else None
+        if last is not None and last.document == match.document and match.start < last.end:
+            matches[-1] = replace(last, end=max(last.end, match.end), cost=min(last.cost, match.cost))
+        else:
+            matches.append(match)
+    return SearchReport(
+        group[0].label,
+        tuple(matches),
+        min(1.0, sum(report.share for report in group)),
+        min(1.0, sum(report.searched for report in group)),
+        sum(report.milliseconds for report in group),
+        sum(report.refined_milliseconds for report in group),
+    )
 
 
 def by_example(

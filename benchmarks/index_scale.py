@@ -1,0 +1,143 @@
+"""An index of 45 hours: `depthmocap bench index_scale DATA [--hours 45] [--workers 2]`.
+
+The shared mocap is 29 minutes; the rest is made from it, by mirroring, playing it at 0.7 to 1.4 times its speed, and
+giving its actors other proportions (bone lengths between 0.85 and 1.15 of theirs, along each of six chains). Measured:
+building (features included, reading the files not), writing, opening, searching by keyframes and by example, adding and
+removing a document.
+"""
+
+from __future__ import annotations
+
+import argparse
+import resource
+import tempfile
+import time
+from collections.abc import Callable, Iterator
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from benchmarks._keyframe_corpus import load_examples, load_filler
+from benchmarks._record import save_figures
+from toolkit.retrieval.features.motion import NAMED_JOINTS, Motion
+from toolkit.retrieval.features.relational import FeatureMatrix, relational_features
+from toolkit.retrieval.index.keyframe_index import KeyframeIndex
+from toolkit.retrieval.keyframes.automatic import ChoiceSettings, choose_query, template_of
+from toolkit.retrieval.search.example import Example, search_example
+from toolkit.retrieval.search.find import find
+
+CHAINS = (
+    ("root", "belly", "chest", "neck", "head", "headtop"),
+    *(
+        (start, *(f"{side}_{joint}" for joint in joints))
+        for side in ("left", "right")
+        for start, joints in (
+            ("neck", ("clavicle", "shoulder", "elbow", "wrist", "fingers")),
+            ("root", ("hip", "knee", "ankle", "toes")),
+        )
+    ),
+)
+PROPORTIONS, SPEEDS = (0.85, 1.15), (0.7, 1.4)
+QUERIES = 20
+
+
+def varied(motion: Motion, seed: int) -> Motion:
+    """Somebody else's performance, as described above."""
+    rng = np.random.default_rng(seed)
+    place = {name: number for number, name in enumerate(NAMED_JOINTS)}
+    joints = motion.joints.copy()
+    for chain in CHAINS:
+        factor = rng.uniform(*PROPORTIONS)
+        for parent, child in zip(chain[:-1], chain[1:], strict=True):
+            step = motion.joints[:, place[child]] - motion.joints[:, place[parent]]
+            joints[:, place[child]] = joints[:, place[parent]] + factor * step
+    changed = replace(motion, joints=joints).at_speed(float(rng.uniform(*SPEEDS)))
+    changed = changed.mirrored() if rng.random() < 0.5 else changed
+    return replace(changed, name=f"{motion.name} {seed}")
+
+
+_motions: list[Motion] = []
+
+
+def _keep(motions: list[Motion]) -> None:
+    """Keep the motions in a worker process, so that they are sent once."""
+    _motions[:] = motions
+
+
+def _made(seed: int) -> FeatureMatrix:
+    motion = _motions[seed % len(_motions)]
+    return relational_features(motion if seed < len(_motions) else varied(motion, seed))
+
+
+def documents(motions: list[Motion], hours: float, workers: int) -> Iterator[FeatureMatrix]:
+    """As many as needed."""
+    seconds, seed = 0.0, 0
+    with ProcessPoolExecutor(workers, initializer=_keep, initargs=(motions,)) as pool:
+        while seconds < 3600.0 * hours:
+            for features in pool.map(_made, range(seed, seed + 1000), chunksize=50):
+                if seconds < 3600.0 * hours:
+                    yield features
+                    seconds += features.duration
+            seed += 1000
+
+
+def milliseconds(run: Callable[[], object], repeats: int = 1) -> float:
+    """Least wall time."""
+    times = []
+    for _ in range(repeats):
+        begin = time.perf_counter()
+        run()
+        times.append(1000.0 * (time.perf_counter() - begin))
+    return min(times)
+
+
+def main() -> None:
+    """Parse the command line, measure, print and store the figures."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("data", type=Path, help="the shared data folder")
+    parser.add_argument("--hours", type=float, default=45.0)
+    parser.add_argument("--workers", type=int, default=2)
+    parser.add_argument("--seed", type=int, default=0, help="of the examples")
+    options = parser.parse_args()
+
+    motions = [*load_filler(options.data), *(example.motion for example in load_examples(options.data))]
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "motions.index"
+        begin = time.perf_counter()
+        built = KeyframeIndex.build(documents(motions, options.hours, options.workers))
+        middle = time.perf_counter()
+        built.save(path)
+        figures: dict[str, Any] = {
+            "hours": built.duration / 3600.0, "documents": len(built), "build_seconds": middle - begin,
+            "save_seconds": time.perf_counter() - middle, "megabytes": path.stat().st_size / 1e6,
+            "peak_megabytes": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e3,
+        }  # fmt: skip
+        figures["open_milliseconds"] = milliseconds(lambda: KeyframeIndex.open(path), 3)
+        index = KeyframeIndex.open(path)
+        rng = np.random.default_rng(options.seed)
+        chosen = [
+            relational_features(varied(motions[i], 10**6 + int(i))) for i in rng.integers(50, len(motions), QUERIES)
+        ]
+        chosen = [features for features in chosen if len(features) >= 20]
+        queries = [choose_query(template_of(f), ChoiceSettings(least_score=0.3, most=1)) for f in chosen]
+        examples = [Example.of(features) for features in chosen]
+        find(index, queries[0])
+        search_example(index, examples[0], 20)
+        by_keyframes = [milliseconds(lambda q=query: find(index, q), 3) for query in queries]  # type: ignore[misc]
+        by_example = [milliseconds(lambda e=example: search_example(index, e, 20), 2) for example in examples]  # type: ignore[misc]
+        figures["keyframe_search_milliseconds"] = {"mean": float(np.mean(by_keyframes)), "worst": max(by_keyframes)}
+        figures["by_example_milliseconds"] = {"mean": float(np.mean(by_example)), "worst": max(by_example)}
+        new = replace(chosen[0], name="one more")
+        figures["add_and_save_seconds"] = milliseconds(lambda: index.added([new]).save(path)) / 1000.0
+        index = KeyframeIndex.open(path)
+        figures["remove_and_save_seconds"] = milliseconds(lambda: index.without(["one more"]).save(path)) / 1000.0
+    for name, value in figures.items():
+        print(name, value)
+    print(save_figures("index_scale", figures, {"hours": options.hours, "workers": options.workers}))
+
+
+if __name__ == "__main__":
+    main()
