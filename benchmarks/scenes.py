@@ -81,7 +81,8 @@ def track_scenes(paths: Sequence[Path], options: argparse.Namespace) -> tuple[li
         run = options.work / "runs" / "scenes" / path.stem
         shutil.rmtree(run, ignore_errors=True)
         try:
-            track_recordings([path], tracker, run, people=options.people)
+            if track_recordings([path], tracker, run, people=options.people).interrupted:
+                raise SystemExit(f"stopped in {path.name}")
         except DepthMocapError as error:
             failed[path.stem] = str(error)
         runs.append(run)
