@@ -23,7 +23,7 @@ import numpy as np
 
 ROOT = Path(__file__).resolve().parents[1]
 DEPTH = ROOT.parent / "shared" / "data" / "depth"
-TIMES = ("stage_ms", "stage_names")
+TIMES = ("stage_ms", "stage_names", "checksum")
 """Columns of a track that are no result."""
 
 RECORDINGS: dict[str, tuple[Path, tuple[str, ...]]] = {
