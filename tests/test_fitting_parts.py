@@ -259,6 +259,16 @@ def test_shapes_are_those_of_dense_least_squares_with_forgetting_and_prior(
     assert np.abs(found[0]).max() > 0.1
 
 
+def test_a_toddler_is_measured_beyond_the_limit_of_the_population(placer: Placer) -> None:
+    space, pose, settings = ShapeSpace.load(), standing(), ShapeSettings()
+    toddler, start = space.typical(0.95), space.body(space.typical(1.05))
+    estimator = ShapeEstimator(start, settings, placer, [FakeMesh(toddler, pose, placer)])
+    for _ in range(4):
+        found = estimator.observe(pose, None)  # type: ignore[arg-type]
+    assert estimator.coefficients[0] > settings.limit
+    assert found.height == pytest.approx(0.95, abs=0.02)
+
+
 def test_coefficients_keep_within_their_limit(placer: Placer) -> None:
     giant = np.zeros(16)
     giant[0] = 4.0

@@ -78,6 +78,9 @@ class ShapeEstimator:
         self._vector = forget * self._vector + linear.combined(weight * wanted, columns)
         prior = self._settings.prior * np.eye(len(self.coefficients))
         limit = self._settings.limit
-        self.coefficients = np.clip(linear.solved(self._matrix + prior, self._vector), -limit, limit)
+        # Toddlers are no small adults: the mean that they are drawn to, and may deviate from, is that of their size.
+        mean = self._space.childhood(self.coefficients[0])
+        away = self._vector - linear.times(self._matrix, mean)
+        self.coefficients = mean + np.clip(linear.solved(self._matrix + prior, away), -limit, limit)
         self.body = self._space.body(self.coefficients)
         return self.body

@@ -8,26 +8,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-
-@njit(cache=True)
-def _cholesky(matrix: np.ndarray) -> None:
-    """Lower Cholesky factor of a positive definite matrix (N, N), in place; what is above the diagonal stays."""
-    for i in range(matrix.shape[0]):
-        for j in range(i + 1):
-            total = matrix[i, j]
-            for k in range(j):
-                total -= matrix[i, k] * matrix[j, k]
-            matrix[i, j] = np.sqrt(max(total, 1e-12)) if i == j else total / matrix[j, j]
-
-
-@njit(cache=True)
-def _solve_lower(factor: np.ndarray, vector: np.ndarray) -> None:
-    """Solve L x = b in place."""
-    for i in range(len(vector)):
-        total = vector[i]
-        for k in range(i):
-            total -= factor[i, k] * vector[k]
-        vector[i] = total / factor[i, i]
+from toolkit.kernels.linear import cholesky, substitute
 
 
 @njit(cache=True)
@@ -58,26 +39,17 @@ def condition(
             for j in range(a):
                 factor[i, j] = covariances[k, known[i], known[j]]
             factor[i, i] += noise * noise
-        _cholesky(factor)
-        # Half of the way: W = L^-1 C_known,unknown; then remaining = C - W^T W, and gains = W^T L^-1.
+        cholesky(factor)
         for i in range(b):
-            half = gains[k, i]
             for j in range(a):
-                half[j] = covariances[k, unknown[i], known[j]]
-            _solve_lower(factor, half)
+                gains[k, i, j] = covariances[k, unknown[i], known[j]]
+            substitute(factor, gains[k, i])
         for i in range(b):
             for j in range(b):
                 total = covariances[k, unknown[i], unknown[j]]
                 for m in range(a):
-                    total -= gains[k, i, m] * gains[k, j, m]
+                    total -= gains[k, i, m] * covariances[k, unknown[j], known[m]]
                 remaining[k, i, j] = total
-        for i in range(b):
-            half = gains[k, i]
-            for j in range(a - 1, -1, -1):
-                total = half[j]
-                for m in range(j + 1, a):
-                    total -= factor[m, j] * half[m]
-                half[j] = total / factor[j, j]
 
 
 @njit(cache=True)
@@ -90,15 +62,16 @@ def responsibilities(
     `values` (A,) belong to the variables `known` (A,); `means` (K, D); `factors` as `condition` fills them.
     """
     a, count = known.shape[0], means.shape[0]
-    rest = np.empty(a)
+    rest, solved = np.empty(a), np.empty(a)
     best = -np.inf
     for k in range(count):
         for i in range(a):
             rest[i] = values[i] - means[k, known[i]]
-        _solve_lower(factors[k], rest)
+            solved[i] = rest[i]
+        substitute(factors[k], solved)
         total = log_weights[k]
         for i in range(a):
-            total -= 0.5 * rest[i] * rest[i] + np.log(factors[k, i, i]) + 0.5 * np.log(2.0 * np.pi)
+            total -= 0.5 * rest[i] * solved[i] + np.log(factors[k, i, i]) + 0.5 * np.log(2.0 * np.pi)
         out[k] = total
         best = max(best, total)
     mass = 0.0

@@ -163,9 +163,13 @@ class HybridTracker:
 
     @cached_property
     def _sizes(self) -> Sequence[Body]:
-        """Bodies to try for a person of unknown size."""
-        space, shape = ShapeSpace.load(), self._first_body.shape
-        return [space.body(np.concatenate([[size], shape[1:]])) for size in self.settings.sizes]
+        """Bodies to try for a person of unknown size; the small ones have the proportions of toddlers."""
+        space, bodies = ShapeSpace.load(), []
+        for size in self.settings.sizes:
+            shape = space.childhood(size) + self._first_body.shape
+            shape[0] = size
+            bodies.append(space.body(shape))
+        return bodies
 
 
 register(

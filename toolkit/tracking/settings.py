@@ -60,7 +60,7 @@ class HybridSettings:
     promising: float = 2.5
     starts: int = 3
     momentum: float = 0.7
-    sizes: tuple[float, ...] = (-1.6, -0.6, 0.4, 1.5, 2.7)
+    sizes: tuple[float, ...] = (-1.6, -0.6, 0.4, 1.5, 2.7, 4.2, 5.8)
     smallest_person: int = 300
     lost_distance: float = 0.25
     vote_pull: float = 30.0
