@@ -34,6 +34,7 @@ RUN_GAP = 0.06  # m between the pixels of one band: a hand beside the head belon
 PLANAR = 0.8  # of a surface in one plane; people have 0.3 to 0.7, doors and cupboards 0.85 to 1
 OPEN = 0.7  # of the outline of head and chest, to the left and right, behind which the scene lies farther back
 OPEN_STEP = 0.06  # m by which it does
+FLATTEST = 0.04  # m of tolerance, at 3.8 m: beyond, people are as flat as doors
 PLANAR_SAMPLES, PLANAR_TRIPLES = 800, 200
 
 
@@ -172,10 +173,12 @@ def _run_width(across: np.ndarray, gap: float) -> float:
 
 
 def planar_share(view: View, lens: Lens, mask: np.ndarray, settings: PeopleSettings) -> float:
-    """Share of a surface's pixels that lie in one plane, 0 to 1."""
+    """Share of a surface's pixels that lie in one plane, 0 to 1; 0 as well where noise makes everything flat."""
     v, u = np.nonzero(mask)
     picked = np.linspace(0, len(v) - 1, min(PLANAR_SAMPLES, len(v))).astype(np.int64)
     points = view.points[v[picked], u[picked]].astype(np.float64)
     tolerances = 0.02 + lens.quantisation / 2 * (points**2).sum(axis=1)
+    if np.median(tolerances) > FLATTEST:
+        return 0.0
     triples = np.random.default_rng(0).integers(0, len(points), (PLANAR_TRIPLES, 3))
     return best_plane(points, tolerances, np.ones(len(points)), triples, np.zeros(4)) / len(points)

@@ -43,6 +43,8 @@ class PeopleSettings:
     patience : during which somebody who is not seen is expected where they were
     plane_area, plane_side : the least of a wall or a floor; no person shows a plane of this size
     plane_distance : of a pixel from such a plane, on top of the quantisation
+    mirror_depth, mirror_gate : somebody so far behind a wall, and so close to where somebody before it would be
+        mirrored, is that mirror image: walls are known to a few degrees
     most_people : that are followed at once; more are left out, the farthest first
     """
 
@@ -80,4 +82,6 @@ class PeopleSettings:
     plane_area: float = 1.2
     plane_side: float = 0.9
     plane_distance: float = 0.03
+    mirror_depth: float = 0.3
+    mirror_gate: float = 0.4
     most_people: int = 16

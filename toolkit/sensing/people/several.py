@@ -25,6 +25,8 @@ from toolkit.sensing.people.view import Lens, View
 from toolkit.sensing.polish import Polisher
 from toolkit.sensing.settings import SensingSettings
 
+NEVER_MOVED = 0.3
+"""Of the pixels of what may be a head: so many never moved, and it is none, where somebody is close by."""
 MIDDLE_SAMPLES = 300
 """Points of a person whose median is their middle."""
 
@@ -96,6 +98,7 @@ class SeveralPeople:
         candidates += [head_of(view, body) for body in whole.values()]
         fresh = self._newcomers.promoted(candidates, touching + [False] * len(whole), timestamp)
         fresh = sorted({*fresh, *self._where_they_were(candidates, timestamp)})
+        fresh = [i for i in fresh if not self._in_a_mirror(candidates[i], [*places, *candidates], surroundings)]
         if fresh:
             for k, i in enumerate(fresh, start=len(places) + 1):
                 seeds[whole[i] if i in whole else near_head(view, candidates[i]) & view.foreground] = k
@@ -191,7 +194,8 @@ class SeveralPeople:
         numbers = np.zeros(1 + max((p.id for p in self.people), default=0), dtype=np.int32)
         for k, person in enumerate(present, start=1):
             numbers[person.id] = k
-        here = np.abs(view.depth - self._depth) < self._settings.same_surface
+        # What never moved may be the chair that somebody has just left.
+        here = ~view.still & (np.abs(view.depth - self._depth) < self._settings.same_surface)
         stayed_seeds(view, np.where(here, numbers[self._labels], 0), places, self._settings, seeds)
 
     def _shared(
@@ -224,35 +228,52 @@ class SeveralPeople:
         children: Sequence[bool],
     ) -> tuple[list[np.ndarray], list[bool]]:
         """Heads that may be somebody new: no shoulder, knee or fist of somebody who is there or comes before; and which
-        of them touch somebody. What only a child may have is a fist where it touches somebody.
+        of them touch somebody. What only a child may have is a fist where it touches somebody, and what never moved
+        beside somebody is a chair's back.
         """
         everybody, found, touching, seeds = list(places), [], [], seeds.copy()
         for head, child in zip(heads, children, strict=True):  # adults first, then the highest
             labels, _ = self._shared(view, surroundings, seeds, everybody, [])
             here = near_head(view, head) & view.foreground
             owners = np.unique(labels[here & (labels > 0)])
-            if all(self._apart(head, everybody[k - 1]) and not child for k in owners):
+            still = np.count_nonzero(view.still & here) > NEVER_MOVED * np.count_nonzero(here)
+            chair = still and self._beside(head, everybody)
+            if not chair and all(self._apart(head, everybody[k - 1]) and not child for k in owners):
                 everybody.append(head)
                 found.append(head)
                 touching.append(len(owners) > 0)
                 seeds[here] = len(everybody)
         return found, touching
 
+    def _beside(self, place: np.ndarray, others: Sequence[np.ndarray]) -> bool:
+        asides = [float(np.hypot(place[0] - other[0], place[2] - other[2])) for other in others]
+        return min(asides, default=np.inf) < self._settings.reach_still
+
     def _apart(self, head: np.ndarray, other: np.ndarray) -> bool:
         """Whether two heads on one surface may be two people's."""
         aside = float(np.hypot(head[0] - other[0], head[2] - other[2]))
-        close = abs(head[1] - other[1]) <= self._settings.head_drop
-        return aside >= (self._settings.shoulder_distance if close else self._settings.knee_reach)
+        level = abs(head[1] - other[1]) <= aside  # what is more below than beside is the back of one who leans
+        return aside >= (self._settings.shoulder_distance if level else self._settings.knee_reach)
 
     def _headless(self, view: View, bodies: Sequence[np.ndarray], heads: Sequence[np.ndarray]) -> list[np.ndarray]:
         """Those bodies (masks) that hang under none of the heads."""
         alone = []
         for body in bodies:
             top = head_of(view, body)
-            asides = [float(np.hypot(top[0] - head[0], top[2] - head[2])) for head in heads]
-            if not asides or min(asides) > self._settings.reach_still:
+            if not self._beside(top, heads):
                 alone.append(body)
         return alone
+
+    def _in_a_mirror(self, place: np.ndarray, places: Sequence[np.ndarray], surroundings: Surroundings) -> bool:
+        """Whether a head is behind a wall, where somebody before it would be seen in a mirror."""
+        for plane in surroundings.planes:
+            normal = linear.rotated(plane.normal[None], self._lens.rotation)[0]
+            behind = linear.dot(normal, place) + plane.offset
+            if behind < -self._settings.mirror_depth:
+                image = place - 2 * behind * normal
+                if any(((image - other) ** 2).sum() < self._settings.mirror_gate**2 for other in places):
+                    return True
+        return False
 
     def _where_they_were(self, candidates: Sequence[np.ndarray], timestamp: float) -> list[int]:
         """Indices of the candidates at whose place somebody was seen last who is not there now."""
