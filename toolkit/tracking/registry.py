@@ -29,9 +29,9 @@ class Registration:
     build: Callable[[Any, Any, str], Tracker]
 
 
-_MODULES = {"hybrid": "toolkit.tracking.hybrid"}
+MODULES = {"hybrid": "toolkit.tracking.hybrid"}
 """Modules that register a tracker of this name when they are imported; trackers that nobody asks for cost nothing."""
-_REGISTERED: dict[str, Registration] = {}
+REGISTERED: dict[str, Registration] = {}
 
 
 def register(name: str, registration: Registration) -> None:
@@ -42,9 +42,9 @@ def register(name: str, registration: Registration) -> None:
     UsageError
         The name is taken.
     """
-    if _REGISTERED.get(name, registration) != registration:
+    if REGISTERED.get(name, registration) != registration:
         raise UsageError(f"a tracker is registered as {name!r} already; choose another name")
-    _REGISTERED[name] = registration
+    REGISTERED[name] = registration
 
 
 def registered(name: str) -> Registration:
@@ -55,13 +55,13 @@ def registered(name: str) -> Registration:
     SettingsError
         There is none.
     """
-    if name not in _REGISTERED and name in _MODULES:
-        import_module(_MODULES[name])
-    if name not in _REGISTERED:
+    if name not in REGISTERED and name in MODULES:
+        import_module(MODULES[name])
+    if name not in REGISTERED:
         raise SettingsError(f"there is no tracker {name!r}; there are: {', '.join(names())}")
-    return _REGISTERED[name]
+    return REGISTERED[name]
 
 
 def names() -> list[str]:
     """All trackers, by name."""
-    return sorted(_MODULES.keys() | _REGISTERED.keys())
+    return sorted(MODULES.keys() | REGISTERED.keys())

@@ -1,0 +1,82 @@
+"""Trackers by name: what `docs/extending.md` says, followed once."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import pytest
+
+from tests.fake_tracker import FakeTracker, write_recording
+from toolkit.errors import SettingsError, UsageError
+from toolkit.pipeline import load_tracker, track_recording
+from toolkit.sensing.recording import open_recording
+from toolkit.sensing.settings import SensingSettings
+from toolkit.track import RunInfo, Track
+from toolkit.tracking import registry
+from toolkit.tracking.registry import Registration, names, register, registered
+
+
+@dataclass(frozen=True)
+class ToySettings:
+    tracker: str = "toy"
+    seed: int = 0
+    weight: float = 0.5
+    sensing: SensingSettings = field(default_factory=SensingSettings)
+
+
+class ToyTracker(FakeTracker):
+    """A tracker with settings of its own."""
+
+    def __init__(self, settings: ToySettings) -> None:
+        super().__init__(weight=settings.weight)
+        self.settings = settings  # type: ignore[assignment]
+
+
+def build(settings: ToySettings, database: object, path: str) -> ToyTracker:
+    assert database is None and path == ""
+    return ToyTracker(settings)
+
+
+TOY = Registration(ToySettings, needs_database=False, build=build)
+
+
+@pytest.fixture
+def toy(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+    monkeypatch.setattr(registry, "REGISTERED", {})
+    register("toy", TOY)
+    yield
+
+
+@pytest.mark.usefixtures("toy")
+def test_a_tracker_that_the_settings_name_runs_without_a_database(tmp_path: Path) -> None:
+    (tmp_path / "toy.yaml").write_text("tracker: toy\nweight: 0.25\n")
+    tracker = load_tracker(tmp_path / "toy.yaml", {"seed": 3})
+    assert isinstance(tracker, ToyTracker) and tracker.settings.weight == 0.25
+    recording = open_recording(write_recording(tmp_path / "take.npz"))
+    track_recording(recording, tracker, tmp_path / "run")
+    info = RunInfo.load(tmp_path / "run")
+    assert (info.tracker, info.seed) == ("toy", 3)
+    assert len(Track.load(tmp_path / "run")) == len(recording)
+    assert "tracker: toy" in (tmp_path / "run" / "config.yaml").read_text()
+
+
+@pytest.mark.usefixtures("toy")
+def test_a_tracker_that_nobody_registered_is_named_with_those_that_there_are() -> None:
+    with pytest.raises(SettingsError, match="no tracker 'magic'; there are: .*hybrid.*toy"):
+        load_tracker(None, {"tracker": "magic"})
+    assert {"hybrid", "toy"} <= set(names())
+
+
+@pytest.mark.usefixtures("toy")
+def test_a_name_is_given_once() -> None:
+    register("toy", TOY)  # a module that is imported again changes nothing
+    with pytest.raises(UsageError, match="'toy' already"):
+        register("toy", Registration(ToySettings, needs_database=True, build=build))
+
+
+def test_the_hybrid_tracker_asks_for_a_database() -> None:
+    assert registered("hybrid").needs_database
+    with pytest.raises(UsageError, match="name a pose database"):
+        load_tracker()
