@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -82,7 +83,7 @@ def upright(accelerations: np.ndarray) -> np.ndarray | None:
     None where their median is not gravity: the camera was moved, or they are in another unit.
     """
     median = np.median(accelerations, axis=0)
-    length = float(np.linalg.norm(median))
+    length = math.hypot(*median)
     return median / length if abs(length - GRAVITY) < GRAVITY_TOLERANCE else None
 
 

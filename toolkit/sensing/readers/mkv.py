@@ -221,4 +221,4 @@ def _up(path: Path, file: Matroska, lenses: Calibration | None) -> np.ndarray | 
             for sample in IMU_SAMPLE.iter_unpack(file.read(block)[: block.size // IMU_SAMPLE.size * IMU_SAMPLE.size])
         ]
     measured = np.array(samples, dtype=np.float64).reshape(-1, 3)
-    return upright(measured @ lenses.R_imu_depth) if len(measured) else None
+    return upright((measured[:, :, None] * lenses.R_imu_depth).sum(axis=1)) if len(measured) else None
