@@ -23,12 +23,13 @@ class PeopleSettings:
     reach_up : from the head's centre to the fingertip of a raised arm
     reach_down : from the head's centre to the sole of a person of 2.1 m
     longest_way : over the surface from head to toe or fingertip
-    head_score : of 1, which a head must reach in a single image; `head_score_followed` where a person is expected
+    head_score : of 1, which a head must reach
     head_distance : between two heads; shoulder to shoulder, cheek to cheek
     shoulder_distance, least_drop : horizontally and downwards from a head, within and beyond which what looks like a
         head is a shoulder
-    body_distance, head_drop, knee_reach : what lies lower than `head_drop` is an elbow or a knee within `body_distance`
-        of the axis, and on the surface that the head hangs on within `knee_reach` (of one who sits, 0.55 m below)
+    body_distance, head_drop : of the axis, within which what lies lower than `head_drop` is an elbow or a knee
+    knee_reach : horizontally, within which what lies more below a head than beside it, on the surface that hangs on the
+        head, is a knee (of one who sits, 0.55 m below) or the back of one who leans
     least_area : of a person: head and chest of a child that a table cuts off
     least_cut_out : of a person where nothing but people is measured: somebody of half a metre
     least_height : of a person: head and chest of a child
@@ -45,7 +46,7 @@ class PeopleSettings:
     plane_distance : of a pixel from such a plane, on top of the quantisation
     mirror_depth, mirror_gate : somebody so far behind a wall, and so close to where somebody before it would be
         mirrored, is that mirror image: walls are known to a few degrees
-    most_people : that are followed at once; more are left out, the farthest first
+    most_people : that are told apart; whoever comes after them is left out
     """
 
     coarse_width: int = 160
@@ -60,7 +61,6 @@ class PeopleSettings:
     reach_down: float = 2.0
     longest_way: float = 2.5
     head_score: float = 0.8
-    head_score_followed: float = 0.6
     head_distance: float = 0.25
     shoulder_distance: float = 0.3
     body_distance: float = 0.45
