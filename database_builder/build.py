@@ -141,7 +141,10 @@ def build_database(
     added = procedural_clips(SEATED_MOTIONS, SEATED_RATE, body=body, variations=2) if given and seated else []
     read = _read([*given, *added], work, body, mirror, processes, report)
     skipped = tuple((one.name, one.error) for one in read if one.error)
-    if skipped and (strict or len(skipped) == len(read) - len(added)):
+    unusable = len(skipped) == len(read) - len(added)
+    if unusable:
+        remove_own_folder(work)  # it holds nothing that another build could use
+    if skipped and (strict or unusable):
         raise MocapError(f"{skipped[0][0]} cannot be used ({skipped[0][1]}); {len(skipped)} of {len(read)} such")
     pool = _Pool.of([one for one in read if not one.error])
     del read

@@ -105,13 +105,13 @@ def test_two_sensors_of_one_name_are_refused():
 def test_a_damaged_canonical_file_is_refused_in_one_sentence(tmp_path, content):
     path = tmp_path / "sensors.npz"
     path.write_bytes(content)
-    with pytest.raises(InertialError, match="cannot read .*sensors.npz"):
+    with pytest.raises(InertialError, match="sensors.npz is damaged, truncated or no NPZ"):
         Sensors.load(path)
 
 
 def test_a_pickled_object_is_never_loaded(tmp_path):
     np.savez(tmp_path / "sensors.npz", names=np.array([{"a": 1}], dtype=object))
-    with pytest.raises(InertialError, match="cannot read"):
+    with pytest.raises(InertialError, match="only numbers and text"):
         Sensors.load(tmp_path / "sensors.npz")
 
 

@@ -310,6 +310,7 @@ def test_motion_files_are_found_in_order_and_an_empty_folder_is_an_error(tmp_pat
     [
         ("length 0.45", "length 0", "length unit is 0"),
         ("dof rx ry rz", "dof rx rx rz", "twice"),
+        ("direction 0.1 0.9 0.3", "direction 0.1 0.9", "has the direction"),
         ("order TX", "order QX", "unknown degree of freedom 'qx'"),
     ],
 )

@@ -338,3 +338,32 @@ def test_text_is_cut_at_the_border_of_a_picture():
     style.write(image, "a long line of text", 5, 4, 16)
     style.write(image, "outside", 30, 30, 16)
     assert image[4:, 5:].any()
+
+
+def test_a_film_that_lost_pictures_to_a_full_disk_is_not_put_in_place(tmp_path, monkeypatch):
+    import cv2
+
+    class Full:
+        """A writer that says nothing when the disk is full, as OpenCV's."""
+
+        def __init__(self, *arguments: object) -> None:
+            self._writer, self._left = whole(*arguments), 2
+
+        def isOpened(self) -> bool:
+            return True
+
+        def write(self, picture: np.ndarray) -> None:
+            if self._left:
+                self._writer.write(picture)
+                self._left -= 1
+
+        def release(self) -> None:
+            self._writer.release()
+
+        fourcc = staticmethod(cv2.VideoWriter.fourcc)
+
+    whole = cv2.VideoWriter
+    monkeypatch.setattr(cv2, "VideoWriter", Full)
+    with pytest.raises(OutputError, match="only 2 of 8 pictures"):
+        FilmWriter(tmp_path / "film.avi", 25).write(iter([np.full((64, 80, 3), 90, np.uint8)] * 8))
+    assert not list(tmp_path.iterdir())

@@ -8,7 +8,6 @@ measured) and `valid_k`, and for all `world_up` and `source` (JSON). Its twin in
 from __future__ import annotations
 
 import json
-import zipfile
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -16,8 +15,9 @@ from typing import Any
 
 import numpy as np
 
+from toolkit.archives import load_archive, save_archive
 from toolkit.errors import InertialError
-from toolkit.files import save_npz, save_text
+from toolkit.files import parse_json, save_text
 from toolkit.inertial import quaternions as quat
 
 GRAVITY = 9.80665
@@ -215,7 +215,7 @@ class Sensors:
                     arrays[f"{key}_{k}"] = values
         origins = {stream.name: stream.origin for stream in self.streams if stream.rotations is not None}
         arrays["source"] = np.array(json.dumps({**self.source, "orientation": origins}))
-        save_npz(path, arrays)
+        save_archive(path, arrays)
 
     @classmethod
     def load(cls, path: str | Path) -> Sensors:
@@ -226,15 +226,16 @@ class Sensors:
         InertialError
             It is missing, damaged or something else.
         """
+        arrays = load_archive(path, InertialError, "write it with `depthmocap inertial read`")
         try:
-            with np.load(path, allow_pickle=False) as file:
-                arrays = {key: file[key] for key in file.files}
-            source = json.loads(str(arrays.get("source", "{}")))
+            source = parse_json(
+                str(arrays.get("source", "{}")), f"the source of {path}", InertialError, "write it again"
+            )
             names = [str(name) for name in arrays["names"]]
             origins = source.get("orientation", {})
             streams = [_stored_stream(name, k, arrays, origins.get(name, DEVICE)) for k, name in enumerate(names)]
             up = arrays.get("world_up", np.array([0.0, 0.0, 1.0]))
-        except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile, AttributeError) as error:
+        except (ValueError, KeyError, TypeError, AttributeError) as error:
             raise InertialError(
                 f"cannot read {path} as sensor data: {error}; write it with `depthmocap inertial read`"
             ) from error

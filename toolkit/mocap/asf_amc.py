@@ -212,6 +212,8 @@ def _check_channels(bone: str, channels: tuple[str, ...]) -> None:
 def _bone(lines: list[str], degrees: bool, name: str) -> Bone:
     fields = {line.split()[0].lower(): line.split()[1:] for line in lines}
     direction = np.array([float(w) for w in fields["direction"]])
+    if direction.shape != (3,) or not np.isfinite(direction).all():
+        raise ValueError(f"bone {fields['name'][0]!r} has the direction {fields['direction']}")
     norm = float(np.linalg.norm(direction))
     vector = direction * (float(fields["length"][0]) / norm) if norm > 0 else np.zeros(3)
     channels = tuple(word.lower() for word in fields.get("dof", []))

@@ -89,6 +89,7 @@ class _OpenCvEncoder:
     def __init__(self, path: Path, codec: str, rate: float, width: int, height: int) -> None:
         import cv2
 
+        self._path, self._written = path, 0
         self._writer = cv2.VideoWriter(str(path), cv2.VideoWriter.fourcc(*codec), rate, (width, height))
         if not self._writer.isOpened():
             raise OutputError(
@@ -98,6 +99,18 @@ class _OpenCvEncoder:
 
     def write(self, picture: np.ndarray) -> None:
         self._writer.write(np.ascontiguousarray(picture[:, :, ::-1]))
+        self._written += 1
 
     def close(self) -> None:
+        """Complete the file, and count what can be read back: OpenCV does not say that a disk is full."""
+        import cv2
+
         self._writer.release()
+        film, count = cv2.VideoCapture(str(self._path)), 0
+        while film.grab():
+            count += 1
+        film.release()
+        if count != self._written:
+            raise OutputError(
+                f"only {count} of {self._written} pictures of the film were written; free some space on its disk"
+            )

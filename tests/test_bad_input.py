@@ -1,0 +1,67 @@
+"""Every verb with every kind of bad input: exit code 1 or 2 and one sentence, nothing written, nothing waited for."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from tests.database_helpers import small_database
+from toolkit.cli.main import main
+
+VERBS: dict[str, tuple[str, ...]] = {
+    "database info": ("database", "info", "BAD"),
+    "database build": ("database", "build", "BAD", "--output", "OUT.npz"),
+    "info": ("info", "BAD"),
+    "simulate": ("simulate", "BAD", "--output", "OUT.npz"),
+    "track": ("track", "BAD", "--database", "POSES", "--output", "OUT"),
+    "track, database": ("track", "POSES", "--database", "BAD", "--output", "OUT"),
+    "track, settings": ("track", "POSES", "--database", "POSES", "--config", "BAD", "--output", "OUT"),
+    "track, workers": ("track", "BAD", "--database", "POSES", "--output", "OUT", "--workers", "1"),
+    "evaluate": ("evaluate", "BAD"),
+    "render": ("render", "BAD", "--output", "OUT.png"),
+    "report": ("report", "BAD", "--output", "OUT.html"),
+    "export": ("export", "BAD", "--output", "OUT.csv"),
+    "index": ("index", "BAD", "--output", "OUT.index"),
+    "search": ("search", "BAD", "--by-example", "POSES"),
+    "learn": ("learn", "BAD", "--output", "OUT.json"),
+    "annotate": ("annotate", "BAD", "--classes", "POSES", "--output", "OUT"),
+    "annotate, classes": ("annotate", "POSES", "--classes", "BAD", "--output", "OUT"),
+    "inertial read": ("inertial", "read", "BAD", "--output", "OUT.npz"),
+}
+KINDS: dict[str, Callable[[Path], object]] = {
+    "missing": lambda path: None,
+    "empty": lambda path: path.write_bytes(b""),
+    "noise": lambda path: path.write_bytes(bytes(range(256)) * 8),
+    "text": lambda path: path.write_text("hello, world\n"),
+    "an empty folder": lambda path: path.mkdir(),
+    "a pipe": lambda path: os.mkfifo(path),
+    "a link to itself": lambda path: path.symlink_to(path),
+    "a zip of nothing": lambda path: path.write_bytes(b"PK\x05\x06" + bytes(18)),
+}
+NAMES = ("bad.npz", "x" * 300)
+
+
+@pytest.mark.parametrize("verb", VERBS)
+def test_bad_input_is_one_sentence(verb: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    poses = tmp_path / "poses.npz"
+    small_database(12).save(poses)
+    for name in NAMES:
+        for kind, make in KINDS.items():
+            if len(name) > 255 and kind != "missing":
+                continue
+            folder = tmp_path / f"{name[:8]} {kind}"
+            folder.mkdir()
+            make(folder / name)
+            before = sorted(folder.rglob("*"))
+            words = {"BAD": str(folder / name), "POSES": str(poses)}
+            arguments = [words.get(a, str(folder / a) if a.startswith("OUT") else a) for a in VERBS[verb]]
+            with pytest.raises(SystemExit) as stop:
+                main(arguments)
+            said = capsys.readouterr().err
+            assert stop.value.code in (1, 2), f"{kind}: exit code {stop.value.code}"
+            assert "Traceback" not in said and "Error:" not in said, f"{kind}: {said}"
+            written = set(folder.rglob("*")) - set(before)
+            assert not [p for p in written if p.is_file() and p.suffix not in (".jsonl",)], f"{kind}: {written}"
