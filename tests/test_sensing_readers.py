@@ -379,8 +379,9 @@ def test_an_image_of_monstrous_size_is_refused(tmp_path):
         open_recording(folder)
 
 
-def test_a_cloud_of_nothing_is_an_error(tmp_path):
-    path = write_cloud(tmp_path / "a.pcd", np.full((400, 3), np.nan))
+@pytest.mark.parametrize("value", [np.nan, np.inf, 0.0])
+def test_a_cloud_of_nothing_is_an_error(tmp_path, value):
+    path = write_cloud(tmp_path / "a.pcd", np.full((400, 3), value))
     with pytest.raises(RecordingError, match="no measurement|no point"):
         open_recording(path)
 

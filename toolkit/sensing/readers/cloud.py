@@ -83,6 +83,8 @@ def load_cloud(path: Path, axes: str) -> RawCloud:
         raise RecordingError(f"no point of {path} is finite; it holds no measurement")
     if not usable.any() and (np.nan_to_num(points[:, 2]) < 0).any():
         raise RecordingError(f"all points of {path} lie behind the camera; set axes to 'graphics' if y is up there")
+    if not usable.any():
+        raise RecordingError(f"no point of {path} lies in front of the camera; it holds no measurement")
     points[~usable] = 0.0
     colors = cloud.point.colors.numpy() if "colors" in cloud.point else None
     if colors is not None and colors.dtype != np.uint8:
