@@ -1,0 +1,66 @@
+"""From a bundled motion to an error found, at the command line: simulated with sensors, tracked, calibrated, checked,
+and tracked again with the sensors as guide."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from database_builder.build import build_database
+from tests.inertial_scenes import RATE, poses_of
+from tests.test_inertial_clock import typed
+from toolkit.body import skeleton
+from toolkit.errors import InertialError
+from toolkit.evaluation.joints import joint_errors
+from toolkit.evaluation.orientations import check_runs
+from toolkit.inertial.calibration import Calibration
+from toolkit.inertial.workflow import take_of
+from toolkit.mocap.clip import PoseClip
+from toolkit.sensing.recording import open_recording
+from toolkit.simulation.inertial import Worn
+from toolkit.simulation.simulate import simulate_recording
+from toolkit.track import RunInfo, Track
+
+LIMBS = ("left_forearm", "right_forearm", "pelvis")
+
+
+@pytest.fixture(scope="module")
+def road(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with a recording, its sensors, a database and the run."""
+    folder = tmp_path_factory.mktemp("inertial")
+    build_database(None, folder / "poses.npz", parts=None, workers=1)
+    clip = PoseClip("semaphore", poses_of("semaphore")[:110], RATE, "bundled")
+    simulate_recording(clip, folder / "take.npz", furnished=False, distance=2.6, sensors=Worn(LIMBS, "mtx"))
+    words = ("--database", folder / "poses.npz", "--set", "shape.frames=0")
+    typed("track", folder / "take.npz", *words, "--output", folder / "run")
+    return folder
+
+
+def test_an_injected_error_is_found_in_a_real_track(road: Path) -> None:
+    sensors, calibration = road / "take_sensors.npz", road / "calibration.json"
+    typed("inertial", "calibrate", road / "run", "--sensors", sensors, "--output", calibration)
+    assert {s.status for s in Calibration.load(calibration).sensors.values()} == {"good"}
+    track = Track.load(road / "run")
+    poses = track.pose.copy()
+    poses[50:80, skeleton.POSE_NAMES.index("right_shoulder_rz")] += 1.3
+    wrong = road / "wrong"
+    wrong.mkdir()
+    RunInfo.load(road / "run").save(wrong)
+    Track(**{**vars(track), "pose": poses}).save(wrong)
+    (before,), (after,) = (check_runs([run], [sensors], calibration=calibration) for run in (road / "run", wrong))
+    found = [e for e in after.errors if e not in before.errors and e.limb == "right_forearm"]
+    assert any(e.start < 60 / RATE < e.end for e in found)
+
+
+def test_the_sensors_guide_the_tracker_and_do_not_check_it_then(road: Path) -> None:
+    sensors, calibration, guided = road / "take_sensors.npz", road / "calibration.json", road / "guided"
+    typed("inertial", "calibrate", road / "run", "--sensors", sensors, "--output", calibration)
+    words = ("--database", road / "poses.npz", "--set", "shape.frames=0")
+    typed("track", road / "take.npz", *words, "--inertial", sensors, "--calibration", calibration, "--output", guided)
+    truth = open_recording(road / "take.npz").joints
+    plain, better = (np.nanmean(joint_errors(Track.load(run).joints, truth)) for run in (road / "run", guided))
+    assert better < plain + 0.005
+    with pytest.raises(InertialError, match="with these very sensors"):
+        take_of(guided, sensors)
