@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from benchmarks import _record, accuracy, candidates, real, recovery, speed
+from benchmarks import _record, accuracy, candidates, prior, real, recovery, regressor, speed
 from benchmarks._rows import WatchedTracker
 from database_builder.build import build_database
 from database_builder.parts import PartsSettings
@@ -194,3 +194,38 @@ def test_the_watched_local_hypothesis_is_the_one_that_competes(bundled: Path, sm
     assert len(won) > 5
     for i in won:
         assert np.array_equal(tracker.local_joints[i].astype(np.float32), results[i].joints)
+
+
+def test_the_regressor_is_judged_by_view_with_what_it_knows_of_the_view(
+    bundled: Path, small_database: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    kinds = ("waist_up", "hidden", "child")
+    monkeypatch.setattr(regressor, "takes", lambda split: takes(split)[:2])
+    arguments = ["--views", 3, "--database", small_database, "--work", bundled, "--masked", "--kinds", *kinds]
+    run(regressor, *arguments, monkeypatch=monkeypatch)
+    rows = json.loads((bundled / "regressor_tune.json").read_text())["figures"]
+    assert [row["view"] for row in rows] == list(kinds)
+    assert rows[0]["in_view"] < 0.9 and rows[1]["in_view"] < 1.0 and rows[2]["in_view"] > 0.9
+    assert all(0.0 <= row["within_100"] <= row["within_150"] <= 1.0 for row in rows)
+
+
+def test_calibration_and_ranking_are_those_of_the_textbook() -> None:
+    happened = np.arange(100) % 2 == 0
+    assert regressor.calibration_error(np.full(100, 0.5), happened) == pytest.approx(0.0)
+    assert regressor.calibration_error(np.full(100, 0.9), happened) == pytest.approx(0.4)
+    scores = np.array([0.1, 0.4, 0.35, 0.8])
+    assert regressor.area_under_roc(scores, np.array([False, False, True, True])) == pytest.approx(0.75)
+    assert np.isnan(regressor.area_under_roc(scores, np.ones(4, dtype=bool)))
+
+
+def test_hidden_limbs_are_guessed_by_every_rival(
+    bundled: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(regressor, "takes", lambda split: takes(split)[:2])
+    clips = procedural_clips(["wave", "walk"], 15.0, variations=1)
+    build_database(clips, tmp_path / "some.npz", threshold=0.0, max_poses=150, seated=False, parts=None, workers=1)
+    run(prior, "--poses", 4, "--database", tmp_path / "some.npz", "--work", bundled, monkeypatch=monkeypatch)
+    rows = json.loads((bundled / "prior_tune.json").read_text())["figures"]
+    assert len(rows) == 2 * 3 * 2
+    legs = next(row for row in rows if row["pose"] == "standing" and row["hidden"] == "legs")
+    assert 0.0 < legs["mixture"] < 1000.0 and 0.0 < legs["neighbour"] < 1000.0
