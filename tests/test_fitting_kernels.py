@@ -215,6 +215,20 @@ def test_a_vertex_is_seen_where_it_faces_the_camera_and_nothing_is_before_it(ver
     assert out[0] == seen
 
 
+@pytest.mark.parametrize(("u", "hidden"), [(5.6, True), (6.4, True), (5.4, False), (6.6, False)])
+@pytest.mark.parametrize("along_v", [False, True])
+def test_a_vertex_is_looked_up_at_the_nearest_pixel_centre(u: float, hidden: bool, along_v: bool) -> None:
+    depth, out = np.zeros((11, 11)), np.empty(1, dtype=np.bool_)
+    depth[(6, 5) if along_v else (5, 6)] = 1.0
+    vertex = np.array([[0.0, (u - 5.0) / 5.0, 2.0] if along_v else [(u - 5.0) / 5.0, 0.0, 2.0]])
+    intrinsics = np.array([10.0, 10.0, 5.0, 5.0])
+    pairs.visible_vertices(
+        np.array([0]), vertex, -vertex / np.linalg.norm(vertex), depth, intrinsics,
+        np.zeros((11, 11), dtype=np.float32), intrinsics, 0.1, 0.03, out,
+    )  # fmt: skip
+    assert out[0] != hidden
+
+
 def test_chosen_vertices_that_are_visible_are_the_first_that_a_ray_meets(body: Body) -> None:
     from open3d.core import Tensor
     from open3d.t.geometry import RaycastingScene
