@@ -97,16 +97,11 @@ class TrackedMotion:
         Raises
         ------
         TrackError
-            There is none.
+            There is none, or it was made with another body.
         InertialError
-            The body has other joints than this version's, or fewer than three frames were tracked.
+            Fewer than three frames were tracked.
         """
         track, info = Track.load(run), RunInfo.load(run)
-        if info.body_fingerprint != skeleton.fingerprint():
-            raise InertialError(
-                f"{run} was tracked with the joint tree {info.body_fingerprint}, this version has "
-                f"{skeleton.fingerprint()}; track the recording again"
-            )
         valid = track.state == TRACKED
         if valid.sum() < 3:
             raise InertialError(f"{run} holds {valid.sum()} tracked frames; at least 3 are needed to say anything")
