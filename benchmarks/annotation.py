@@ -118,8 +118,13 @@ def classes_of(examples: Sequence[Example]) -> dict[str, list[FeatureMatrix]]:
     return found
 
 
-def train(examples: Sequence[Example], filler: Sequence[Motion], options: argparse.Namespace, kept: Path) -> Trained:
-    """Templates, threshold and keyframes from the clips of some actors and from filler of the training subjects."""
+def train(
+    examples: Sequence[Example], filler: Sequence[Motion], options: argparse.Namespace, kept: Path | None
+) -> Trained:
+    """Templates, threshold and keyframes from the clips of some actors and from filler of the training subjects.
+
+    Keyframes are learned in this run, unless `kept` is a file of an earlier one; where it is missing it is written.
+    """
     folds = []
     for actor in sorted({example.actor for example in examples}):
         seen, unseen = ([e for e in examples if (e.actor == actor) == out] for out in (False, True))
@@ -127,7 +132,9 @@ def train(examples: Sequence[Example], filler: Sequence[Motion], options: argpar
         folds.append((learn_classes(classes_of(seen)), unknown))
     threshold = learn_threshold(folds)
     clips = classes_of(examples)
-    if not kept.exists():
+    if kept is not None and kept.exists():
+        queries = load_queries(kept)
+    else:
         settings = LearningSettings(genetic=GeneticSettings(generations=options.generations), runs=options.runs)
         made = []
         for actor in sorted({example.actor for example in examples}):
@@ -138,8 +145,10 @@ def train(examples: Sequence[Example], filler: Sequence[Motion], options: argpar
                     for features, segments, _ in make_documents(own, filler, options.seed + 100 + number)
                 )
         learned = learned_from(examples, made, settings, np.random.default_rng(options.seed))
-        save_queries(kept, [query for result in learned.values() for query in result.alternatives(ALTERNATIVES)])
-    return Trained(Annotator(learn_classes(clips, threshold=threshold)), load_queries(kept), threshold)
+        queries = [query for result in learned.values() for query in result.alternatives(ALTERNATIVES)]
+        if kept is not None:
+            save_queries(kept, queries)
+    return Trained(Annotator(learn_classes(clips, threshold=threshold)), queries, threshold)
 
 
 def measured(trained: Trained, documents: Sequence[Labelled]) -> dict[str, Any]:
@@ -215,7 +224,7 @@ def hdm05(options: argparse.Namespace) -> dict[str, Any]:
     speeds = {}
     for actor in ACTORS:
         seen, unseen = ([e for e in examples if (e.actor == actor) == out] for out in (False, True))
-        kept = options.queries / f"without_{actor}.json"
+        kept = options.queries and options.queries / f"without_{actor}.json"
         trained = train(seen, training, options, kept)
         documents = make_documents(unseen, reporting, options.seed + 1)
         rotations[actor] = measured(trained, documents)
@@ -369,7 +378,7 @@ def main() -> None:
     parser.add_argument("data", type=Path, help="the shared data folder")
     parser.add_argument("--runs", type=int, default=30, help="genetic runs per class")
     parser.add_argument("--generations", type=int, default=100)
-    parser.add_argument("--queries", type=Path, default=RESULTS / "queries", help="where learned queries are kept")
+    parser.add_argument("--queries", type=Path, help="folder of queries of an earlier run, or to keep them in")
     parser.add_argument("--minutes", type=float, default=74.0, help="length of the document that is timed")
     parser.add_argument("--seed", type=int, default=0)
     options = parser.parse_args()
@@ -377,6 +386,7 @@ def main() -> None:
     print(HOW)
     figures = {"hdm05": hdm05(options), "utd_mhad": utd_mhad(options.data)}
     settings = {name: value for name, value in vars(options).items() if name not in ("data", "queries")}
+    settings["queries"] = "learned in this run" if options.queries is None else "kept from an earlier run"
     print(save_figures("annotation", figures, settings))
 
 

@@ -200,6 +200,14 @@ def test_turns_keep_people_apart_and_one_person_takes_turns_in_halves() -> None:
     assert first == fourth and second == third and not set(map(id, first)) & set(map(id, second))
 
 
+def test_classes_of_one_clip_each_are_found_by_their_cost(others: list[Motion]) -> None:
+    clips = clips_of(people=1, copies=1)
+    assert not turns_of(clips, np.random.default_rng(0)) and not leave_one_out(clips, others, np.random.default_rng(0))
+    model = train(clips, others, np.random.default_rng(0))
+    np.testing.assert_array_equal(model.judges[0].weights, Judge.of_cost().weights)
+    assert [s.label for s in model.annotate(relational_features(performed(2, 70))).segments] == ["move 2"]
+
+
 def test_hard_documents_hold_unlabelled_mirror_images_of_one_sided_classes() -> None:
     clips = clips_of(people=1)
     plain, hard = (

@@ -194,7 +194,10 @@ def _learn_model(
         totals = [totals[0] + frames, totals[1] + segments]
         table.add_row(label, str(count), *_scores_shown(frames, segments))
     table.add_row("all", str(sum(learned.clips.values())), *_scores_shown(*totals))
-    print_table(table)
+    if learned.left_out:
+        print_table(table)
+    else:
+        print(f"{output}: {len(learned.clips)} classes of one clip each; nothing could be left out to try them on")
     if not several:
         print("Nobody is named who performs the clips, so this says nothing about other people: see --pattern.")
     if not others:

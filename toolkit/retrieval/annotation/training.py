@@ -149,7 +149,10 @@ def _joined(parts: Sequence[tuple[np.ndarray, np.ndarray]]) -> tuple[np.ndarray,
 
 
 def turns_of(clips: Sequence[Clip], rng: np.random.Generator) -> list[tuple[list[Clip], list[Clip]]]:
-    """(Examples, clips for documents): each person against all others, or two random halves of every class of one."""
+    """(Examples, clips for documents): each person against all others, or two random halves of every class of one.
+
+    There are none where every class has a single clip: a clip that is sought with itself teaches nothing.
+    """
     people = sorted({clip.person for clip in clips})
     if len(people) > 1:
         return [
@@ -162,7 +165,7 @@ def turns_of(clips: Sequence[Clip], rng: np.random.Generator) -> list[tuple[list
         for place, number in enumerate(rng.permutation(len(own))):
             halves[place % 2].append(own[number])
     first, second = halves
-    return [(first, second), (second, first)] if second else [(first, first)]
+    return [(first, second), (second, first)] if second else []
 
 
 def documents_of(
