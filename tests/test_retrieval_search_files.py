@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
+from toolkit.cli.annotate import annotate as annotate_verb
 from toolkit.cli.retrieval import index as index_verb
 from toolkit.cli.retrieval import learn as learn_verb
 from toolkit.cli.retrieval import search as search_verb
@@ -21,7 +22,15 @@ from toolkit.retrieval.keyframes.query_file import choose_labels, load_queries, 
 from toolkit.retrieval.templates.quantised import WILDCARD, QuantisedTemplate
 from toolkit.retrieval.workflow.index import index_motions
 from toolkit.retrieval.workflow.motions import labels_of, load_motion
-from toolkit.retrieval.workflow.search import Query, by_example, cut_example, keyframes_of_example, save_matches, search
+from toolkit.retrieval.workflow.search import (
+    Query,
+    by_example,
+    cut_example,
+    keyframes_of_example,
+    one_per_label,
+    save_matches,
+    search,
+)
 
 KICK = KeyframeQuery(
     (Keyframe("upper", (("F1", 1),)), Keyframe("lower", (("F21", 1),)), Keyframe("mixed", (("F40", 0),))),
@@ -268,3 +277,43 @@ def test_the_commands_index_learn_and_search(squats: list[Path], tmp_path: Path)
     assert squats[0].stem in run("search", index, "--by-example", squats[0], "--from", 0.1, "--to", 0.9)
     with pytest.raises(UsageError, match="exactly one"):
         run("search", index)
+
+
+@pytest.mark.shared_data
+def test_the_commands_learn_and_annotate_label_a_flat_folder(squats: list[Path], tmp_path: Path) -> None:
+    import typer
+
+    app = typer.Typer()
+    for name, verb in (("learn", learn_verb), ("annotate", annotate_verb), ("index", index_verb)):
+        app.command(name)(verb)
+
+    def run(*arguments: object) -> str:
+        result = CliRunner().invoke(app, [str(argument) for argument in arguments])
+        assert result.exit_code == 0, (result.output, result.exception)
+        return result.output
+
+    model, labels = tmp_path / "motions.npz", tmp_path / "labels"
+    shown = run("learn", *squats, "--output", model)
+    assert "kickLFront" in shown and "Nobody is named" in shown and "Without --others" in shown
+    run("annotate", squats[1], "--classes", model, "--output", labels)
+    (row,) = list(csv.DictReader((labels / "segments.csv").read_text().splitlines()))
+    assert row["label"] == "squat1Reps" and float(row["score"]) >= 0.5
+    index = tmp_path / "motions.index"
+    run("index", *squats[:2], "--output", index)
+    assert "1 motions" in run("index", "--remove", squats[0].stem, "--output", index)
+
+
+def test_alternative_queries_of_a_label_are_one_table() -> None:
+    first, second = (KeyframeQuery((Keyframe("upper", ((name, 1),)),), label="up") for name in ("F1", "F2"))
+    index = KeyframeIndex.build(documents())
+    reports = [search(index, Query(query)) for query in (first, second)]
+    (together,) = one_per_label(reports)
+    assert together.label == "up"
+    for report in reports:
+        for match in report.matches:
+            assert any(
+                m.document == match.document and m.start <= match.start and match.end <= m.end for m in together.matches
+            )
+    edges = [(m.document, m.start, m.end) for m in together.matches]
+    assert edges == sorted(edges)
+    assert all(a[0] != b[0] or a[2] <= b[1] for a, b in zip(edges, edges[1:], strict=False))
