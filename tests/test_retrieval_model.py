@@ -11,6 +11,7 @@ import pytest
 from tests.retrieval_motions import random_motion
 from toolkit.errors import RetrievalError, UsageError
 from toolkit.kernels.graded import differences, graded_distances, nearest_example
+from toolkit.retrieval.annotation.classes import load_classes
 from toolkit.retrieval.annotation.documents import assemble
 from toolkit.retrieval.annotation.examples import ExampleSet
 from toolkit.retrieval.annotation.judge import MEASURES, USUAL_COST, Judge
@@ -266,6 +267,12 @@ def test_what_teaches_nothing_is_refused(model: MotionModel) -> None:
         model.annotate(relational_features(performed(1, 0)).sliced(0, 9))
     with pytest.raises(UsageError, match="belong to motion templates"):
         annotate_motions([], model, "anywhere", threshold=0.1)
+
+
+def test_a_model_is_not_taken_for_motion_templates(model: MotionModel, tmp_path: Path) -> None:
+    model.save(tmp_path / "model.npz")
+    with pytest.raises(RetrievalError, match="holds no motion templates; make them with .*--templates"):
+        load_classes(tmp_path / "model.npz")
 
 
 def test_a_score_counts_unknown_labels_as_missed(model: MotionModel) -> None:

@@ -113,6 +113,8 @@ def load_classes(path: str | Path) -> list[MotionClass]:
         raise RetrievalError(
             f"{path} has classes of version {header.get('version')}, not {CLASSES_VERSION}; learn them again"
         )
+    if "classes" not in header:
+        raise RetrievalError(f"{path} holds no motion templates; make them with `depthmocap annotate --templates`")
     if header.get("features") != feature_fingerprint():
         raise RetrievalError(
             f"{path} was learned with other features ({header.get('features')}, here {feature_fingerprint()}); "
