@@ -142,7 +142,11 @@ class Observation:
     def votes(self) -> JointEstimate | None:
         """The joints as the regressor sees them; None without a regressor."""
         observer = self.observer
-        return None if observer.forest is None else observer.forest.estimate(self.cloud, observer.vote_samples)
+        return (
+            None
+            if observer.forest is None
+            else observer.forest.estimate(self.cloud, observer.vote_samples, unobserved=self.unobserved)
+        )
 
     @cached_property
     def scene(self) -> Scene:
