@@ -15,7 +15,7 @@ def test_motions_are_joined_without_a_jump() -> None:
     first, second = np.zeros((300, POSE_SIZE)), np.zeros((300, POSE_SIZE))
     first[:, 0] = np.linspace(0, 1, 300)
     second[:, 0], second[:, 1], second[:, 10] = 5.0, 0.2, 0.3
-    joined = demo._joined([PoseClip("a", first, 30.0, ""), PoseClip("b", second, 30.0, "")], demo.SECONDS).poses
+    joined = demo.joined_clips([PoseClip("a", first, 30.0, ""), PoseClip("b", second, 30.0, "")], demo.SECONDS).poses
     assert len(joined) == 2 * int(30 * demo.SECONDS) + demo.BLEND
     assert np.abs(np.diff(joined, axis=0)).max() < 0.06
     assert joined[-1, 1] == pytest.approx(0.2)  # the height above the floor stays that of the clip

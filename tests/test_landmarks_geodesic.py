@@ -235,9 +235,9 @@ def test_the_closest_pair_of_two_components_is_exact_and_the_lowest_of_equal_one
     side[:2] = True, False
     a, b = np.flatnonzero(side), np.flatnonzero(~side)
     boxes = np.empty((2 * len(points) // geodesic.CHUNK + 2, 6))
-    used = geodesic._boxes(points, a, boxes)
+    used = geodesic.bounding_boxes(points, a, boxes)
     boxes_b = boxes[used:]
-    boxes_b = boxes_b[: geodesic._boxes(points, b, boxes_b)]
+    boxes_b = boxes_b[: geodesic.bounding_boxes(points, b, boxes_b)]
     found = geodesic.closest_pair(points, a, boxes[:used], b, boxes_b)
     squared = cdist(points[a].astype(float), points[b].astype(float), "sqeuclidean")
     i, j = np.unravel_index(squared.argmin(), squared.shape)

@@ -120,15 +120,15 @@ def test_an_offspring_has_keyframes_of_both_parents(breeder: Breeder) -> None:
 
 def test_removing_a_keyframe_between_two_others_adds_their_distances(breeder: Breeder) -> None:
     individual = Individual((1, 4, 9), (1, 2, 4), (1, 0, 4), (2, 3), (5, 7))
-    assert breeder._without(individual, 1) == Individual((1, 9), (1, 4), (1, 4), (5,), (12,))
-    assert breeder._without(individual, 0) == Individual((4, 9), (2, 4), (0, 4), (3,), (7,))
-    assert breeder._without(individual, 2) == Individual((1, 4), (1, 2), (1, 0), (2,), (5,))
+    assert breeder.without(individual, 1) == Individual((1, 9), (1, 4), (1, 4), (5,), (12,))
+    assert breeder.without(individual, 0) == Individual((4, 9), (2, 4), (0, 4), (3,), (7,))
+    assert breeder.without(individual, 2) == Individual((1, 4), (1, 2), (1, 0), (2,), (5,))
 
 
 def test_adding_a_keyframe_leaves_the_other_distances(breeder: Breeder) -> None:
-    n = breeder._positions[len(breeder._positions) // 2]
+    n = breeder.positions[len(breeder.positions) // 2]
     individual = Individual((n - 3, n - 1, n + 2), (1, 2, 4), (1, 0, 4), (2, 3), (5, 7))
-    grown = breeder._with(individual, n)
+    grown = breeder.extended(individual, n)
     assert grown.positions == (n - 3, n - 1, n, n + 2) and grown.keyframes[2] == (n, *breeder.columns[n])
     assert (grown.minimum[0], grown.maximum[0]) == (2, 5)
 

@@ -33,7 +33,7 @@ def documents() -> list[FeatureMatrix]:
 
 
 def same(a: KeyframeIndex, b: KeyframeIndex) -> bool:
-    pairs = zip(a._arrays().items(), b._arrays().items(), strict=True)
+    pairs = zip(a.arrays().items(), b.arrays().items(), strict=True)
     return a.names == b.names and all(
         n == m and np.array_equal(x, y) and x.dtype == y.dtype for (n, x), (m, y) in pairs
     )
@@ -113,7 +113,7 @@ def test_an_index_on_disk_is_the_index_in_memory(documents: list[FeatureMatrix],
 def test_opening_maps_the_arrays(documents: list[FeatureMatrix], tmp_path: Path) -> None:
     KeyframeIndex.build(documents).save(tmp_path / "motions.index")
     opened = KeyframeIndex.open(tmp_path / "motions.index")
-    bases = [array.base for array in opened._arrays().values()]
+    bases = [array.base for array in opened.arrays().values()]
     assert all(isinstance(base, np.memmap) for base in bases)
 
 

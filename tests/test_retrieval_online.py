@@ -71,7 +71,7 @@ def test_features_one_by_one_are_those_of_the_whole(rate):
         annotator.push(pose, i / rate)
     annotator.finish()
     whole = relational_features(from_poses(document(), body(), rate, "whole")).values
-    found = np.stack(annotator._columns, axis=1)
+    found = np.stack(annotator.columns, axis=1)
     np.testing.assert_array_equal(found, whole[:, : found.shape[1]])
     assert whole.shape[1] - found.shape[1] <= 1
 

@@ -58,7 +58,7 @@ def test_the_gradient_is_that_of_finite_differences(placer, axis):
     system.assemble(placed)
 
     def energy(pose):
-        turn = term._turn(placer.place(body, pose))
+        turn = term.turn(placer.place(body, pose))
         return 0.5 * term.weight * float((turn**2).sum())
 
     numeric = np.empty(skeleton.POSE_SIZE)

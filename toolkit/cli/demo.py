@@ -116,12 +116,12 @@ def _record(path: Path, seed: int, seconds: float, show: Show) -> Recording:
     subject = subject_body(SUBJECT, seed=SUBJECT_SEED)
     clips = procedural_clips(SUBJECT_MOTIONS[:MOTIONS], body=subject, variations=1, seed=seed)
     return simulate_recording(
-        _joined(clips, seconds), path, body=subject, sensor="tof", yaw=10.0, seed=seed,
+        joined_clips(clips, seconds), path, body=subject, sensor="tof", yaw=10.0, seed=seed,
         progress=lambda done, total: show("simulating a recording", done, total),
     )  # fmt: skip
 
 
-def _joined(clips: list[PoseClip], seconds: float) -> PoseClip:
+def joined_clips(clips: list[PoseClip], seconds: float) -> PoseClip:
     """The first seconds of clips, one after the other: each begins where the one before ended, over a short blend."""
     import numpy as np
 

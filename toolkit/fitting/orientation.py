@@ -60,7 +60,7 @@ class OrientationTerm:
 
     def attract(self, system: NormalSystem, placed: PlacedBody) -> None:
         """See `Evidence.attract`: a residual `r` about the joint costs `w |r + omega|^2`."""
-        turn = self._turn(placed)
+        turn = self.turn(placed)
         angle = math.sqrt(turn[0] ** 2 + turn[1] ** 2 + turn[2] ** 2)
         weight = self.weight / (1.0 + (angle / self.sigma) ** 2) ** 2
         hessian, gradient = system.hessian[self.joint], system.gradient[self.joint]
@@ -72,11 +72,11 @@ class OrientationTerm:
 
     def cost(self, placed: PlacedBody) -> float:
         """See `Evidence.cost`: the Geman-McClure cost of the disagreement."""
-        turn = self._turn(placed)
+        turn = self.turn(placed)
         square = (turn[0] ** 2 + turn[1] ** 2 + turn[2] ** 2) / self.sigma**2
         return self.disagreement * square / (1.0 + square)
 
-    def _turn(self, placed: PlacedBody) -> np.ndarray:
+    def turn(self, placed: PlacedBody) -> np.ndarray:
         """From the measured to the placed orientation: rotation vector (3,), camera frame; of the bone alone its swing.
 
         As a derivative it points the way in which the placed joint has to turn back.

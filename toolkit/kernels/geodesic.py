@@ -96,7 +96,7 @@ def components(neighbours: np.ndarray, roots: np.ndarray) -> None:
 
 
 @njit(cache=True)
-def _boxes(points: np.ndarray, members: np.ndarray, boxes: np.ndarray) -> int:
+def bounding_boxes(points: np.ndarray, members: np.ndarray, boxes: np.ndarray) -> int:
     """Bounding boxes (lowest and highest corner, 6 numbers) of every `CHUNK` consecutive members; returns how many."""
     count = (members.shape[0] + CHUNK - 1) // CHUNK
     for c in range(count):
@@ -202,14 +202,14 @@ def bridge_components(
         members[starts[root]] = node
         starts[root] += 1
     trunk = members[starts[largest] - sizes[largest] : starts[largest]]
-    trunk_count = _boxes(points, trunk, boxes)
+    trunk_count = bounding_boxes(points, trunk, boxes)
     trunk_boxes = boxes[:trunk_count]
     for root in range(total):
         if root == largest or sizes[root] < max(smallest, 1):
             continue
         part = members[starts[root] - sizes[root] : starts[root]]
         part_boxes = boxes[trunk_count:]
-        part_boxes = part_boxes[: _boxes(points, part, part_boxes)]
+        part_boxes = part_boxes[: bounding_boxes(points, part, part_boxes)]
         a, b, squared = closest_pair(points, part, part_boxes, trunk, trunk_boxes)
         if squared < limit * limit:
             ends[count, 0] = a

@@ -141,7 +141,7 @@ class OnlineAnnotator:
         self._pending: list[_Hit | None] = [None] * len(classes)
         self._begun: list[int] = [-1] * len(classes)
         self._told: list[tuple[int, _Hit]] = []
-        self._columns: list[np.ndarray] = []
+        self.columns: list[np.ndarray] = []
         self._times: list[float] = []
 
     def push(self, pose: np.ndarray, time: float) -> list[Event]:
@@ -160,8 +160,8 @@ class OnlineAnnotator:
         return events + self._confirmed(now, everything=True)
 
     def _push_column(self, values: np.ndarray, column_time: float, now: float) -> list[Event]:
-        column = len(self._columns)
-        self._columns.append(values)
+        column = len(self.columns)
+        self.columns.append(values)
         self._times.append(column_time)
         word = pack(values[:, None])[0]
         events = []
@@ -178,7 +178,7 @@ class OnlineAnnotator:
 
     def _confirmed(self, now: float, *, everything: bool = False) -> list[Event]:
         """Hits that no lower cost has replaced for long enough, the cheapest first."""
-        column = len(self._columns) - 1
+        column = len(self.columns) - 1
         waiting = sorted((hit.cost, row) for row, hit in enumerate(self._pending) if hit is not None)
         events: list[Event] = []
         open_hits: list[_Hit] = []
@@ -211,7 +211,7 @@ class OnlineAnnotator:
     def _keyframes_met(self, row: int, hit: _Hit) -> bool:
         if not self._queries[row]:
             return True
-        values = np.stack(self._columns[hit.start : hit.end + 1], axis=1)
+        values = np.stack(self.columns[hit.start : hit.end + 1], axis=1)
         return any(met_within(query, values) for query in self._queries[row])
 
     def _event(self, kind: str, row: int, hit: _Hit, now: float) -> Event:

@@ -162,7 +162,7 @@ class KeyframeIndex:
 
     def save(self, path: str | Path) -> None:
         """Write the index as one file, whole or not at all."""
-        arrays = self._arrays()
+        arrays = self.arrays()
         table: list[dict[str, Any]] = []
         offset = 0
         for name, array in arrays.items():
@@ -250,7 +250,8 @@ class KeyframeIndex:
         for name, lists in self.sets.items():
             lists.check(starts, len(FEATURE_SETS[name]), f"{where}, set {name}")
 
-    def _arrays(self) -> dict[str, np.ndarray]:
+    def arrays(self) -> dict[str, np.ndarray]:
+        """Everything of the index by name, as it stands in the file."""
         arrays = {"document_starts": self.document_starts, "coarse_starts": self.coarse_starts}
         for name, lists in self.sets.items():
             arrays |= {f"{name}.{field.name}": getattr(lists, field.name) for field in fields(RunLists)}

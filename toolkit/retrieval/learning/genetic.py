@@ -196,13 +196,13 @@ class Breeder:
                 f"the clips of class {template.name!r} agree in fewer than {FEWEST_KEYFRAMES} columns of their "
                 "template; give clips of one kind of motion"
             )
-        self._positions = list(self.columns)
+        self.positions = list(self.columns)
 
     def individual(self) -> Individual:
         """Algorithm 2: K random columns of the template with random tolerances of their distances."""
         wanted = round(self.rng.normal(self.settings.mean_keyframes, self.settings.keyframes_deviation))
-        count = min(max(FEWEST_KEYFRAMES, wanted), len(self._positions))
-        chosen = sorted(self.rng.choice(self._positions, count, replace=False).tolist())
+        count = min(max(FEWEST_KEYFRAMES, wanted), len(self.positions))
+        chosen = sorted(self.rng.choice(self.positions, count, replace=False).tolist())
         return self.assembled([(n, *self.columns[n]) for n in chosen])
 
     def assembled(self, keyframes: Sequence[PlacedKeyframe]) -> Individual:
@@ -236,12 +236,12 @@ class Breeder:
     def with_other_keyframes(self, individual: Individual) -> Individual:
         """Add a random column of the template or remove a random keyframe."""
         count = len(individual.positions)
-        free = [n for n in self._positions if n not in individual.positions]
+        free = [n for n in self.positions if n not in individual.positions]
         if count > FEWEST_KEYFRAMES and (not free or self.rng.random() < 0.5):
-            return self._without(individual, int(self.rng.integers(count)))
-        return self._with(individual, free[self.rng.integers(len(free))]) if free else individual
+            return self.without(individual, int(self.rng.integers(count)))
+        return self.extended(individual, free[self.rng.integers(len(free))]) if free else individual
 
-    def _without(self, individual: Individual, k: int) -> Individual:
+    def without(self, individual: Individual, k: int) -> Individual:
         """Remove keyframe k; where it stood between two others, their distances add up."""
         keyframes = [*individual.keyframes[:k], *individual.keyframes[k + 1 :]]
         bounds = list(zip(individual.minimum, individual.maximum, strict=True))
@@ -249,7 +249,7 @@ class Breeder:
         joined = [tuple(map(sum, zip(*around, strict=True)))] if 0 < k < len(bounds) else []
         return Individual.of(keyframes, [*bounds[: max(k - 1, 0)], *joined, *bounds[k + 1 :]])
 
-    def _with(self, individual: Individual, position: int) -> Individual:
+    def extended(self, individual: Individual, position: int) -> Individual:
         """Add a column of the template; the gaps beside it get new distances."""
         k = sum(n < position for n in individual.positions)
         keyframes = [*individual.keyframes[:k], (position, *self.columns[position]), *individual.keyframes[k:]]
