@@ -7,8 +7,8 @@ from typing import Annotated
 
 import typer
 
-from toolkit.cli.options import given, numbers
-from toolkit.cli.track import HELP, READING, intrinsics_of, unit_of
+from toolkit.cli.options import given
+from toolkit.cli.track import HELP, READING, reading_of
 
 
 def info(
@@ -43,15 +43,15 @@ def info(
     target = check_output(output or Path(f"{recording.stem}_info.png"), [recording], sealed=[recording])
     opened = open_recording(
         recording,
-        **given(
+        **reading_of(
             format=format_,
-            intrinsics=intrinsics_of(intrinsics),
+            intrinsics=intrinsics,
             mirrored=mirrored,
             radial=radial,
-            depth_unit=unit_of(depth_unit),
-            size=None if size is None else tuple(int(n) for n in numbers(size, 2, "--size")),
+            depth_unit=depth_unit,
+            size=size,
             frame_rate=frame_rate,
-            up_camera=None if up is None else numbers(up, 3, "--up"),
+            up=up,
             background=background,
             axes=axes,
             rotate=rotate,

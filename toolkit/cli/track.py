@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -112,15 +112,15 @@ def track(
     from toolkit.files import is_file
     from toolkit.pipeline import TrackerRecipe, load_tracker, run_folders, track_many, track_recordings
 
-    reading = given(
+    reading = reading_of(
         format=format_,
-        intrinsics=intrinsics_of(intrinsics),
+        intrinsics=intrinsics,
         mirrored=mirrored,
         radial=radial,
-        depth_unit=unit_of(depth_unit),
-        size=None if size is None else tuple(int(n) for n in numbers(size, 2, "--size")),
+        depth_unit=depth_unit,
+        size=size,
         frame_rate=frame_rate,
-        up_camera=None if up is None else numbers(up, 3, "--up"),
+        up=up,
         background=background,
         skeleton=skeleton,
         axes=axes,
@@ -256,6 +256,19 @@ def _people(text: str) -> int | None:
     if not text.isdigit() or int(text) < 1:
         raise UsageError(f"--people is {text!r}; give a number of people, or all")
     return int(text)
+
+
+def reading_of(
+    *, intrinsics: str | None, depth_unit: str | None, size: str | None, up: str | None, **others: Any
+) -> dict[str, Any]:
+    """Options of `ReaderOptions` that were given, from their texts on the command line."""
+    return given(
+        intrinsics=intrinsics_of(intrinsics),
+        depth_unit=unit_of(depth_unit),
+        size=None if size is None else tuple(int(n) for n in numbers(size, 2, "--size")),
+        up_camera=None if up is None else numbers(up, 3, "--up"),
+        **others,
+    )
 
 
 def intrinsics_of(text: str | None) -> str | tuple[float, ...] | None:
