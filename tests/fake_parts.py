@@ -58,7 +58,14 @@ class FakeObserver:
     states: list[PersonState] = field(default_factory=list)
     sizes: list[int] = field(default_factory=list)
 
-    def observe(self, cloud: Cloud, timestamp: float, state: PersonState, unobserved: np.ndarray | None = None) -> Any:
+    def observe(
+        self,
+        cloud: Cloud,
+        timestamp: float,
+        state: PersonState,
+        unobserved: np.ndarray | None = None,
+        joints: Any = None,
+    ) -> Any:
         """See `Observer.observe`."""
         self.states.append(state)
         self.sizes.append(len(cloud))

@@ -25,6 +25,7 @@ from toolkit.pipeline.sink import CONFIG_FILE, RunSink, finished_tracks
 from toolkit.pipeline.summary import RunSummary, summarised
 from toolkit.pipeline.watch import log_file, stop_request
 from toolkit.sensing.camera import level_rotation
+from toolkit.sensing.people.joints import GivenJoints, JointSource, NoJoints
 from toolkit.sensing.people.lone import LonePerson
 from toolkit.sensing.people.sighting import PeopleFinder
 from toolkit.sensing.recording import Recording
@@ -120,7 +121,8 @@ def _track(
         with log_file(folder), stop_request() as stop:
             if warm_up:
                 _warm_up(recording, tracker, people, report)
-            crowd = Crowd(tracker, _finder(recording, tracker, people), recording.up_camera)
+            finder = _finder(recording, tracker, people)
+            crowd = Crowd(tracker, finder, recording.up_camera, _joint_source(recording))
             _restore(folder, sink, crowd)
             logger.info("%s: tracking frames %d to %d", recording.name, crowd.frames, len(recording))
             if watcher is not None:
@@ -150,14 +152,18 @@ def _finder(recording: Recording, tracker: Tracker, people: int | None) -> Peopl
     return find_people(recording, sensing, most=people)
 
 
+def _joint_source(recording: Recording) -> JointSource:
+    return NoJoints() if recording.image_joints is None else GivenJoints(recording.camera)
+
+
 def _warm_up(recording: Recording, tracker: Tracker, people: int | None, report: Progress) -> None:
     """Compile on purpose: the first frames are tracked by a follower that is then forgotten."""
     total = min(WARM_UP_FRAMES, len(recording))
     report(recording.name, "compiling", 0, total)
-    finder = _finder(recording, tracker, people)
+    finder, joints = _finder(recording, tracker, people), _joint_source(recording)
     follower = tracker.follower(finder.camera, level_rotation(recording.up_camera))
-    for i, frame in enumerate(islice(recording.stream(), total)):
-        for sighting in finder.find(frame.depth_mm, frame.timestamp, {})[:1]:
+    for i, frame in enumerate(islice(recording.stream(color=joints.needs_color), total)):
+        for sighting in joints.add(frame, finder.find(frame.depth_mm, frame.timestamp, {})[:1]):
             follower.step(sighting, frame.timestamp, StageClock(tracker.stage_names))
         report(recording.name, "compiling", i + 1, total)
 
@@ -173,7 +179,7 @@ def _follow(
     """Track from the crowd's next frame to the last one, or until a stop is asked for."""
     total, remembered = len(recording), time.monotonic()
     report(recording.name, "tracking", crowd.frames, total)
-    for frame in recording.stream(crowd.frames):
+    for frame in recording.stream(crowd.frames, color=crowd.joints.needs_color):
         if stop.is_set():
             break
         _write(sink, crowd, crowd.step(frame), watcher)

@@ -21,6 +21,7 @@ from toolkit.files import is_file, is_folder
 from toolkit.sensing.camera import Camera, rotated_points
 from toolkit.sensing.checks import check_joints, check_timestamps
 from toolkit.sensing.conversion import DepthConverter, unit_in_metres
+from toolkit.sensing.joints2d import Joints2D, check_rows, mirrored_rows, rotated_rows
 from toolkit.sensing.stream import Frame
 from toolkit.sensing.vertical import Vertical
 from toolkit.sensing.writer import RecordingWriter, save_recording
@@ -55,6 +56,8 @@ class Recording(Protocol):
     joints : float32 (T, 20, 3), true joints, metres, camera frame, NaN = unknown, or None; of several people (or of
         nobody) (N, T, 20, 3), NaN while absent
     reference_joints : the same, another system's estimate, or None
+    image_joints : float32 (N, T, 20, 3), joints that a detector found in the images of up to N people in no order: u, v
+        in pixels of the depth image and confidence, NaN = unknown; or None
     options : the reader options it was opened with, fit for JSON
     """
 
@@ -65,6 +68,7 @@ class Recording(Protocol):
     background: np.ndarray | None
     joints: np.ndarray | None
     reference_joints: np.ndarray | None
+    image_joints: np.ndarray | None
     options: dict[str, Any]
 
     @property
@@ -87,11 +91,22 @@ class Recording(Protocol):
         """Colour of frame `i`, uint8 (H, W, 3), RGB registered to depth, or None."""
         ...
 
+    def joints_2d(self, i: int) -> tuple[Joints2D, ...]:
+        """Joints of everybody whom a detector found in the image of frame `i`."""
+        ...
+
+    def give_joints_2d(self, rows: np.ndarray) -> None:
+        """Take joints (T, 20, 3) or (N, T, 20, 3) found in the images as they were before they were flipped or turned.
+
+        They replace `image_joints`. A detector that saw mirrored images called the sides by each other's names.
+        """
+        ...
+
     def frames(self) -> Iterator[np.ndarray]:
         """All depth frames in order, one at a time."""
         ...
 
-    def stream(self, start: int = 0) -> Iterator[Frame]:
+    def stream(self, start: int = 0, *, color: bool = False) -> Iterator[Frame]:
         """See `Stream.stream`."""
         ...
 
@@ -230,6 +245,7 @@ class StoredRecording:
     background: np.ndarray | None = None
     joints: np.ndarray | None = None
     reference_joints: np.ndarray | None = None
+    image_joints: np.ndarray | None = None
     stored_up: np.ndarray | None = None
     options: dict[str, Any] = field(default_factory=dict)
 
@@ -260,6 +276,8 @@ class StoredRecording:
         self._turns = int(self.options.get("rotate", 0)) // 90
         if self._turns:
             self._turn()
+        if self.image_joints is not None:
+            self.give_joints_2d(self.image_joints)
 
     def _turn(self) -> None:
         self.camera = self.camera.rotated(self._turns)
@@ -285,10 +303,25 @@ class StoredRecording:
         for i, raw in enumerate(self.source.frames()):
             yield self._convert(raw, i)
 
-    def stream(self, start: int = 0) -> Iterator[Frame]:
+    def stream(self, start: int = 0, *, color: bool = False) -> Iterator[Frame]:
         """See `Stream.stream`."""
-        for depth, timestamp in islice(zip(self.frames(), self.timestamps, strict=False), start, None):
-            yield Frame(depth, float(timestamp))
+        for i, depth in islice(enumerate(self.frames()), start, None):
+            yield Frame(depth, float(self.timestamps[i]), self.joints_2d(i), self.color(i) if color else None)
+
+    def joints_2d(self, i: int) -> tuple[Joints2D, ...]:
+        """Joints of everybody whom a detector found in the image of frame `i`."""
+        if self.image_joints is None:
+            return ()
+        people = (Joints2D.of_rows(rows) for rows in self.image_joints[:, self._checked(i)])
+        return tuple(person for person in people if person.confidence.any())
+
+    def give_joints_2d(self, rows: np.ndarray) -> None:
+        """See `Recording.give_joints_2d`."""
+        joints = check_rows(rows, len(self), self.path)
+        assert joints is not None
+        if self.converter.mirrored:
+            joints = mirrored_rows(joints, self._raw_camera.width)
+        self.image_joints = rotated_rows(joints, self._raw_camera, self._turns)
 
     def color(self, i: int) -> np.ndarray | None:
         """Colour of frame `i`, uint8 (H, W, 3), RGB registered to depth, or None."""

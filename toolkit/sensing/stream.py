@@ -8,6 +8,7 @@ from typing import NamedTuple, Protocol
 import numpy as np
 
 from toolkit.sensing.camera import Camera
+from toolkit.sensing.joints2d import Joints2D
 
 
 class Frame(NamedTuple):
@@ -17,10 +18,14 @@ class Frame(NamedTuple):
     ----------
     depth_mm : uint16 (H, W), millimetres along z, 0 = no measurement
     timestamp : seconds
+    joints : of everybody whom a detector found in the image, in pixels of `depth_mm`, lens distortion included
+    color : uint8 (H', W', 3), RGB of the same view, or None where there is none or nobody asked for it
     """
 
     depth_mm: np.ndarray
     timestamp: float
+    joints: tuple[Joints2D, ...] = ()
+    color: np.ndarray | None = None
 
 
 class Stream(Protocol):
@@ -42,6 +47,6 @@ class Stream(Protocol):
         """The vertical in the camera frame, float64 (3,), of length 1."""
         ...
 
-    def stream(self, start: int = 0) -> Iterator[Frame]:
-        """Frames from number `start` on, one at a time."""
+    def stream(self, start: int = 0, *, color: bool = False) -> Iterator[Frame]:
+        """Frames from number `start` on, one at a time, with their colour if asked for."""
         ...

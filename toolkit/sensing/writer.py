@@ -16,6 +16,7 @@ from toolkit.errors import OutputError, RecordingError
 from toolkit.files import atomic_path
 from toolkit.sensing.camera import Camera
 from toolkit.sensing.checks import check_joints, check_timestamps
+from toolkit.sensing.joints2d import check_rows
 
 COMPRESSION = 3  # of 9: a segmented depth image shrinks tenfold already, at a third of the default's time
 BLOCK = 1 << 20
@@ -57,7 +58,7 @@ class RecordingWriter:
             self._fixed["background"] = self._checked(np.asarray(background), camera.shape, np.dtype(np.uint16))
         if up_camera is not None:
             self._fixed["up_camera"] = np.asarray(list(up_camera), dtype=np.float64)
-        self._rows: dict[str, list[Any]] = {"timestamps": [], "joints": [], "reference_joints": []}
+        self._rows: dict[str, list[Any]] = {"timestamps": [], "joints": [], "reference_joints": [], "joints_2d": []}
         self._images: dict[str, IO[bytes]] = {}
         self._count = 0
 
@@ -69,6 +70,7 @@ class RecordingWriter:
         color: np.ndarray | None = None,
         joints: np.ndarray | None = None,
         reference_joints: np.ndarray | None = None,
+        joints_2d: np.ndarray | None = None,
     ) -> None:
         """Add one frame.
 
@@ -79,6 +81,7 @@ class RecordingWriter:
         color : uint8 (H, W, 3), RGB registered to depth; for all frames or for none
         joints, reference_joints : (20, 3), or (N, 20, 3) of N people, metres, camera frame, NaN = unknown; for all
             frames or for none
+        joints_2d : the same with u, v in pixels of the depth image and confidence (see `Joints2D`)
 
         Raises
         ------
@@ -92,14 +95,19 @@ class RecordingWriter:
         if color is not None:
             self._write_image("color", self._checked(np.asarray(color), (*shape, 3), np.dtype(np.uint8)))
         self._rows["timestamps"].append(timestamp)
-        for key, value in (("joints", joints), ("reference_joints", reference_joints)):
+        for key, value in (("joints", joints), ("reference_joints", reference_joints), ("joints_2d", joints_2d)):
             if value is not None:
                 self._rows[key].append(np.asarray(value, dtype=np.float32))
         self._count += 1
 
-    def set_joints(self, joints: np.ndarray | None, reference_joints: np.ndarray | None) -> None:
+    def set_joints(
+        self,
+        joints: np.ndarray | None,
+        reference_joints: np.ndarray | None,
+        joints_2d: np.ndarray | None = None,
+    ) -> None:
         """Joints of all frames at once, (T, 20, 3) or (N, T, 20, 3) each or None, instead of frame by frame."""
-        for key, value in (("joints", joints), ("reference_joints", reference_joints)):
+        for key, value in (("joints", joints), ("reference_joints", reference_joints), ("joints_2d", joints_2d)):
             if value is not None:
                 array = np.asarray(value, dtype=np.float32)
                 self._rows[key] = list(array.swapaxes(0, 1) if array.ndim == 4 else array)
@@ -149,13 +157,18 @@ class RecordingWriter:
         arrays = dict(self._fixed)
         arrays["timestamps"] = check_timestamps(np.array(self._rows["timestamps"]), self._count, self._path)
         for key in ("joints", "reference_joints"):
-            rows = np.array(self._rows[key]) if self._rows[key] else None
-            if rows is not None and rows.ndim == 4:
-                rows = rows.swapaxes(0, 1)  # people first in the file
-            joints = check_joints(rows, self._count, key, self._path)
+            joints = check_joints(self._stacked(key), self._count, key, self._path)
             if joints is not None:
                 arrays[key] = joints
+        found = check_rows(self._stacked("joints_2d"), self._count, self._path)
+        if found is not None:
+            arrays["joints_2d"] = found[0] if len(found) == 1 else found
         return arrays
+
+    def _stacked(self, key: str) -> np.ndarray | None:
+        """The rows of all frames, people first, or None."""
+        rows = np.array(self._rows[key]) if self._rows[key] else None
+        return rows.swapaxes(0, 1) if rows is not None and rows.ndim == 4 else rows
 
     def _write_image(self, key: str, image: np.ndarray) -> None:
         try:
@@ -198,6 +211,7 @@ def save_recording(
     up_camera: Iterable[float] | None = None,
     joints: np.ndarray | None = None,
     reference_joints: np.ndarray | None = None,
+    joints_2d: np.ndarray | None = None,
 ) -> None:
     """Write a recording; arrays and iterators of frames will do, and nothing is held but one frame.
 
@@ -205,8 +219,8 @@ def save_recording(
     ----------
     depth : uint16 (T, H, W) or an iterable of (H, W), millimetres along z, 0 = no measurement
     timestamps : (T,), seconds
-    background, color, up_camera, joints, reference_joints : see `RecordingWriter`; the joints float32 (T, 20, 3)
-        or (N, T, 20, 3)
+    background, color, up_camera, joints, reference_joints, joints_2d : see `RecordingWriter`; the joints float32
+        (T, 20, 3) or (N, T, 20, 3)
 
     Raises
     ------
@@ -223,4 +237,4 @@ def save_recording(
             if time is None:
                 raise RecordingError(f"there are fewer timestamps than frames for {path}; give one per frame")
             writer.append(image, float(time), color=None if colors is None else next(colors, None))
-        writer.set_joints(joints, reference_joints)
+        writer.set_joints(joints, reference_joints, joints_2d)

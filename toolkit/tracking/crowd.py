@@ -16,6 +16,8 @@ import numpy as np
 from toolkit.body.body import Body
 from toolkit.errors import RecordingError
 from toolkit.sensing.camera import Camera, level_rotation
+from toolkit.sensing.joints2d import Joints2D
+from toolkit.sensing.people.joints import JointSource, NoJoints
 from toolkit.sensing.people.sighting import PeopleFinder, PredictedBody, Sighting
 from toolkit.sensing.stream import Frame
 from toolkit.track import FrameResult
@@ -41,6 +43,7 @@ class Kept(NamedTuple):
     depth: np.ndarray
     unobserved: np.ndarray | None
     camera: Camera
+    joints: Joints2D | None
 
     @classmethod
     def of(cls, sighting: Sighting) -> Kept:
@@ -50,7 +53,7 @@ class Kept(NamedTuple):
         if len(rows):
             window = slice(int(rows[0]), int(rows[-1]) + 1), slice(int(columns[0]), int(columns[-1]) + 1)
         bits = None if sighting.unobserved is None else np.packbits(sighting.unobserved)
-        return cls(sighting.id, window, sighting.depth[window].copy(), bits, sighting.camera)
+        return cls(sighting.id, window, sighting.depth[window].copy(), bits, sighting.camera, sighting.joints)
 
     def sighting(self) -> Sighting:
         """The sighting as it was."""
@@ -60,7 +63,7 @@ class Kept(NamedTuple):
         unobserved = None
         if self.unobserved is not None:
             unobserved = np.unpackbits(self.unobserved, count=shape[0] * shape[1]).reshape(shape).astype(np.bool_)
-        return Sighting(self.id, depth, unobserved, self.camera)
+        return Sighting(self.id, depth, unobserved, self.camera, self.joints)
 
 
 @dataclass
@@ -95,6 +98,7 @@ class Crowd:
     tracker : makes a follower for each person
     finder : tells the people of a frame apart
     up_camera : (3,), the vertical in the camera frame
+    joints : tells where the joints of those who were found are in the image; None for nobody's
     smallest : measured points that a sighting needs for the person's body to be learnt from it
 
     Attributes
@@ -102,8 +106,15 @@ class Crowd:
     frames : how many were taken in
     """
 
-    def __init__(self, tracker: Tracker, finder: PeopleFinder, up_camera: np.ndarray, smallest: int = 300) -> None:
-        self.tracker, self.finder = tracker, finder
+    def __init__(
+        self,
+        tracker: Tracker,
+        finder: PeopleFinder,
+        up_camera: np.ndarray,
+        joints: JointSource | None = None,
+        smallest: int = 300,
+    ) -> None:
+        self.tracker, self.finder, self.joints = tracker, finder, joints or NoJoints()
         self.level_rotation = level_rotation(up_camera)
         self._smallest = smallest
         self.frames = 0
@@ -125,7 +136,8 @@ class Crowd:
         """Take in the next frame; the rows that are known now, which may be none or those of several frames."""
         start = perf_counter()
         predicted = Predictions(self._followers)
-        sightings = {s.id: s for s in self.finder.find(frame.depth_mm, frame.timestamp, predicted)}
+        found = self.finder.find(frame.depth_mm, frame.timestamp, predicted)
+        sightings = {s.id: s for s in self.joints.add(frame, found)}
         known = self._followers.keys() | self._waiting.keys()
         prepare_ms = 1000.0 * (perf_counter() - start) / max(len(known | sightings.keys()), 1)
         for person in sorted(sightings.keys() - known):
@@ -152,6 +164,7 @@ class Crowd:
             "frames": self.frames,
             "timestamps": np.array(self._timestamps),
             "finder": self.finder.export_state(),
+            "joints": self.joints.export_state(),
             "people": {str(person): follower.export_state() for person, follower in self._followers.items()},
         }
 
@@ -159,6 +172,7 @@ class Crowd:
         """Go on from what `export_state` gave."""
         self.frames, self._timestamps, self._waiting = state["frames"], state["timestamps"].tolist(), {}
         self.finder.restore_state(state["finder"])
+        self.joints.restore_state(state["joints"])
         self._followers = {}
         for person, kept in state["people"].items():
             follower = self.tracker.follower(self.finder.camera, self.level_rotation)

@@ -76,7 +76,8 @@ class Follower:
         if sighting is None or cloud is None or len(cloud) < self._settings.smallest_person:
             return self._unseen(EMPTY, timestamp, clock)
 
-        self.observation = observation = self.observer.observe(cloud, timestamp, state, sighting.unobserved)
+        observation = self.observer.observe(cloud, timestamp, state, sighting.unobserved, sighting.joints)
+        self.observation = observation
         observation.scene, observation.facing  # noqa: B018 - looked at now, so that their time is booked here
         clock.lap("landmarks")
 

@@ -9,6 +9,7 @@ import numpy as np
 
 from toolkit.database.origin import ADULT_HEIGHT
 from toolkit.fitting.scene import Scene
+from toolkit.kernels import linear
 from toolkit.landmarks.centre import cloud_centre
 from toolkit.landmarks.extrema import Extrema, extrema_of_graph, source_node
 from toolkit.landmarks.facing import FacingFilter, estimate_facing
@@ -16,6 +17,7 @@ from toolkit.landmarks.graph import Workspace, grid_graph
 from toolkit.landmarks.parts import JointEstimate, JointForest
 from toolkit.landmarks.settings import LandmarkSettings
 from toolkit.sensing.cloud import Cloud
+from toolkit.sensing.joints2d import Joints2D, LiftedJoints, lift
 from toolkit.tracking.guide import Guide, NoGuide
 from toolkit.tracking.state import PersonState
 
@@ -58,10 +60,15 @@ class Observer:
         return Workspace()
 
     def observe(
-        self, cloud: Cloud, timestamp: float, state: PersonState, unobserved: np.ndarray | None = None
+        self,
+        cloud: Cloud,
+        timestamp: float,
+        state: PersonState,
+        unobserved: np.ndarray | None = None,
+        joints: Joints2D | None = None,
     ) -> Observation:
-        """A frame of the person, seconds; `unobserved` as in `Sighting`."""
-        return Observation(self, cloud, timestamp, state, unobserved)
+        """A frame of the person, seconds; `unobserved` and `joints` as in `Sighting`."""
+        return Observation(self, cloud, timestamp, state, unobserved, joints)
 
 
 class Observation:
@@ -72,6 +79,7 @@ class Observation:
     cloud : the person's points, level frame
     timestamp : seconds
     unobserved : bool (H, W), pixels that say nothing about the person, or None
+    joints : the person's joints in the image, in pixels of the cloud's camera, or None
     observer, state : how it is looked at, and what was known of the person before
     scale : size of the person against an adult
     """
@@ -83,8 +91,9 @@ class Observation:
         timestamp: float,
         state: PersonState,
         unobserved: np.ndarray | None = None,
+        joints: Joints2D | None = None,
     ) -> None:
-        self.cloud, self.timestamp, self.unobserved = cloud, timestamp, unobserved
+        self.cloud, self.timestamp, self.unobserved, self.joints = cloud, timestamp, unobserved, joints
         self.observer, self.state = observer, state
         self.scale = state.body.height / ADULT_HEIGHT
 
@@ -147,6 +156,14 @@ class Observation:
             if observer.forest is None
             else observer.forest.estimate(self.cloud, observer.vote_samples, unobserved=self.unobserved)
         )
+
+    @cached_property
+    def lifted(self) -> LiftedJoints | None:
+        """The joints of the image in space: metres, level frame; None without."""
+        if self.joints is None:
+            return None
+        lifted = lift(self.joints, self.cloud.depth, self.cloud.camera)
+        return lifted._replace(points=linear.rotated(lifted.points, self.cloud.rotation.T))
 
     @cached_property
     def scene(self) -> Scene:

@@ -9,9 +9,12 @@ import numpy as np
 
 from toolkit.body.body import Body
 from toolkit.sensing.camera import level_rotation
+from toolkit.sensing.joints2d import Joints2D
+from toolkit.sensing.people.joints import GivenJoints, JointSource
 from toolkit.sensing.people.lone import LonePerson
 from toolkit.sensing.people.sighting import Sighting
 from toolkit.sensing.recording import Recording
+from toolkit.sensing.stream import Frame
 from toolkit.track import FrameResult
 from toolkit.tracking.clock import StageClock
 from toolkit.tracking.protocol import PersonFollower, Tracker
@@ -24,6 +27,7 @@ class Solo:
     ----------
     tracker : how
     recording : its camera, vertical and background are used, and its first frames to learn the person's body
+    joints : tells where the person's joints are in the image; None takes those that the frames bring
 
     Attributes
     ----------
@@ -31,13 +35,15 @@ class Solo:
     level_rotation : R_level_camera, float64 (3, 3)
     """
 
-    def __init__(self, tracker: Tracker, recording: Recording) -> None:
-        self._tracker = tracker
+    def __init__(self, tracker: Tracker, recording: Recording, joints: JointSource | None = None) -> None:
+        self._tracker, self._joints = tracker, joints or GivenJoints(recording.camera)
         self.level_rotation = level_rotation(recording.up_camera)
         self._finder = self._new_finder(recording)
         camera, body = self._finder.camera, None
         if tracker.learning_frames:
+            before = self._joints.export_state()
             body = tracker.learn_body(camera, self.level_rotation, self._first_sightings(recording))
+            self._joints.restore_state(before)
         self.follower: PersonFollower = tracker.follower(camera, self.level_rotation, body)
 
     @property
@@ -45,10 +51,16 @@ class Solo:
         """The person's body."""
         return self.follower.body
 
-    def step(self, depth_mm: np.ndarray, timestamp: float) -> FrameResult:
-        """Find the person in the next frame: depth uint16 (H, W) in millimetres, timestamp in seconds."""
+    def step(
+        self,
+        depth_mm: np.ndarray,
+        timestamp: float,
+        joints: tuple[Joints2D, ...] = (),
+        color: np.ndarray | None = None,
+    ) -> FrameResult:
+        """Find the person in the next frame: depth uint16 (H, W) in millimetres, timestamp in seconds, see `Frame`."""
         clock = StageClock(self._tracker.stage_names)
-        (sighting,) = self._finder.find(depth_mm, timestamp, {})
+        sighting = self._sighting(self._finder, Frame(depth_mm, timestamp, joints, color))
         return self.follower.step(sighting, timestamp, clock)
 
     def _new_finder(self, recording: Recording) -> LonePerson:
@@ -56,6 +68,9 @@ class Solo:
 
     def _first_sightings(self, recording: Recording) -> Iterator[tuple[Sighting, float]]:
         finder = self._new_finder(recording)
-        for frame in islice(recording.stream(), self._tracker.learning_frames):
-            (sighting,) = finder.find(frame.depth_mm, frame.timestamp, {})
-            yield sighting, frame.timestamp
+        for frame in islice(recording.stream(color=self._joints.needs_color), self._tracker.learning_frames):
+            yield self._sighting(finder, frame), frame.timestamp
+
+    def _sighting(self, finder: LonePerson, frame: Frame) -> Sighting:
+        (sighting,) = self._joints.add(frame, finder.find(frame.depth_mm, frame.timestamp, {}))
+        return sighting

@@ -9,6 +9,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from toolkit.sensing.camera import Camera
+from toolkit.sensing.joints2d import Joints2D
 
 
 @dataclass(frozen=True, eq=False)
@@ -23,12 +24,14 @@ class Sighting:
         that is not the person. None where every pixel of the image says something. Whatever lies outside the image is
         unobserved as well
     camera : of that depth, without lens distortion
+    joints : the person's joints in the image, in pixels of `depth`, or None where nobody says
     """
 
     id: int
     depth: np.ndarray
     unobserved: np.ndarray | None
     camera: Camera
+    joints: Joints2D | None = None
 
 
 @dataclass(frozen=True, eq=False)

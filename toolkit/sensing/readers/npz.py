@@ -22,6 +22,7 @@ METADATA = {
     "up_camera": Column("iuf"),
     "joints": Column("iuf", gaps=True),
     "reference_joints": Column("iuf", gaps=True),
+    "joints_2d": Column("iuf", gaps=True),
 }
 """What is read at once; the rest of the file is read frame by frame, or is none of ours."""
 
@@ -82,6 +83,7 @@ def read(path: Path, options: ReaderOptions) -> Recording:
         background=chosen_background(options, small.get("background")),
         joints=small.get("joints"),
         reference_joints=small.get("reference_joints"),
+        image_joints=small.get("joints_2d"),
         stored_up=chosen_up(options, small.get("up_camera")),
         options=options.given(),
     )

@@ -1,0 +1,159 @@
+"""Joints in the image: where a detector sees them, and from there into space with the depth (Qammaz, 2.2)."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from toolkit.body import skeleton
+from toolkit.errors import RecordingError
+from toolkit.sensing.camera import Camera
+
+HALF_LIMBS = {
+    "head": 0.09, "shoulder": 0.07, "elbow": 0.04, "wrist": 0.03, "hand": 0.02,
+    "hip": 0.10, "knee": 0.05, "ankle": 0.04, "foot": 0.03,
+}  # fmt: skip
+"""Metres from the skin that the camera sees to the joint behind it."""
+SURE = 0.3
+"""Confidence from which on a joint counts as found."""
+
+_JOINTS = skeleton.REPORTED
+_BEHIND_SKIN = np.array([HALF_LIMBS.get(name.split("_")[-1], np.nan) for name in _JOINTS])
+_MIRRORED = [
+    _JOINTS.index(name.replace("left", "RIGHT").replace("right", "left").replace("RIGHT", "right")) for name in _JOINTS
+]
+
+
+class Joints2D(NamedTuple):
+    """The reported joints of one person in an image, in the order of `skeleton.REPORTED`.
+
+    Attributes
+    ----------
+    pixels : float32 (20, 2), u and v in pixels of the depth image, NaN = unknown
+    confidence : float32 (20,), 0 to 1, 0 = unknown
+    """
+
+    pixels: np.ndarray
+    confidence: np.ndarray
+
+    @classmethod
+    def of_rows(cls, rows: np.ndarray) -> Joints2D:
+        """From float (20, 3): u, v, confidence, as a recording stores them."""
+        pixels, confidence = rows[:, :2].astype(np.float32), rows[:, 2].astype(np.float32)
+        unknown = ~(np.isfinite(rows).all(axis=1) & (confidence > 0))
+        pixels[unknown], confidence[unknown] = np.nan, 0.0
+        return cls(pixels, np.clip(confidence, 0.0, 1.0))
+
+    @property
+    def rows(self) -> np.ndarray:
+        """Float32 (20, 3): u, v, confidence, NaN where unknown."""
+        rows = np.concatenate([self.pixels, self.confidence[:, None]], axis=1)
+        return np.where(self.confidence[:, None] > 0, rows, np.float32(np.nan))
+
+    @property
+    def sure(self) -> np.ndarray:
+        """Bool (20,): joints that count as found."""
+        return self.confidence >= SURE
+
+
+class LiftedJoints(NamedTuple):
+    """Joints in space.
+
+    Attributes
+    ----------
+    points : float64 (20, 3), metres, NaN = unknown
+    confidence : float32 (20,), 0 to 1, 0 = unknown
+    """
+
+    points: np.ndarray
+    confidence: np.ndarray
+
+
+def lift(joints: Joints2D, depth: np.ndarray, camera: Camera) -> LiftedJoints:
+    """Joints on the person's surface, moved half a limb behind it: camera frame.
+
+    Coarse: where something hides a joint, the surface that is seen there is taken for the joint's own.
+
+    Parameters
+    ----------
+    joints : in pixels of `depth`
+    depth : float32 (H, W), metres along z, 0 = not the person
+    camera : of that depth, without lens distortion
+    """
+    height, width = depth.shape
+    u, v = joints.pixels[:, 0].astype(np.float64), joints.pixels[:, 1].astype(np.float64)
+    known = np.isfinite(u) & np.isfinite(v) & (joints.confidence > 0)
+    column, row = (np.rint(np.where(known, np.clip(x, -9, 1 << 20), -9)).astype(np.int64) for x in (u, v))
+    offsets = np.arange(-1, 2)
+    columns = np.tile(column[:, None] + offsets, (1, 3))
+    rows = np.repeat(row[:, None] + offsets, 3, axis=1)
+    inside = (columns >= 0) & (columns < width) & (rows >= 0) & (rows < height)
+    around = depth[np.clip(rows, 0, height - 1), np.clip(columns, 0, width - 1)].astype(np.float64)
+    around = np.sort(np.where(inside & (around > 0), around, np.inf), axis=1)
+    measured = np.isfinite(around).sum(axis=1)
+    each = np.arange(len(around))
+    skin = 0.5 * (around[each, np.maximum(measured - 1, 0) // 2] + around[each, np.minimum(measured // 2, 8)])
+    z = np.where(measured > 0, skin, np.nan) + _BEHIND_SKIN
+    points = np.stack([(u - camera.cx) * z / camera.fx, (v - camera.cy) * z / camera.fy, z], axis=1)
+    found = np.isfinite(points).all(axis=1)
+    points[~found] = np.nan
+    return LiftedJoints(points, np.where(found, joints.confidence, 0.0).astype(np.float32))
+
+
+def check_rows(rows: np.ndarray | None, count: int, where: object) -> np.ndarray | None:
+    """A copy as float32 (N, count, 20, 3), from that or (count, 20, 3) of one person.
+
+    Raises
+    ------
+    RecordingError
+        It has another shape, is no numbers, or a confidence is not in [0, 1].
+    """
+    if rows is None:
+        return None
+    array, expected = np.asarray(rows), (count, len(_JOINTS), 3)
+    array = array[None] if array.ndim == 3 else array
+    if array.dtype.kind not in "iuf" or array.ndim != 4 or array.shape[1:] != expected:
+        raise RecordingError(
+            f"joints_2d of {where} is {np.asarray(rows).dtype} {np.shape(rows)}; expected numbers {expected}: u, v, "
+            "confidence of the 20 reported joints, or one such array for each of N people"
+        )
+    confidence = array[..., 2][np.isfinite(array[..., 2])]
+    if confidence.size and not (0.0 <= confidence.min() and confidence.max() <= 1.0):
+        wrong = confidence.min() if confidence.min() < 0 else confidence.max()
+        raise RecordingError(f"joints_2d of {where} holds a confidence of {wrong:g}; it goes from 0 to 1")
+    return array.astype(np.float32)
+
+
+def mirrored_rows(rows: np.ndarray, width: int) -> np.ndarray:
+    """Rows (..., 20, 3) found in a mirrored image, as the image of `width` pixels that is not mirrored shows them.
+
+    A detector calls what it sees in the mirror by the other side's name.
+    """
+    flipped = rows[..., _MIRRORED, :].copy()
+    flipped[..., 0] = width - 1 - flipped[..., 0]
+    return flipped
+
+
+def rotated_rows(rows: np.ndarray, camera: Camera, turns: int) -> np.ndarray:
+    """Rows (..., 20, 3) of `camera`, as the camera `rotated` by `turns` quarters shows them."""
+    turned, height = rows.copy(), camera.height
+    for _ in range(turns % 4):
+        turned[..., :2] = np.stack([height - 1 - turned[..., 1], turned[..., 0]], axis=-1)
+        height = camera.width if height == camera.height else camera.height
+    return turned
+
+
+def same_rays(pixels: np.ndarray, raw: Camera, flat: Camera) -> np.ndarray:
+    """Pixels (N, 2) of `raw`, lens distortion included, as `flat`, an ideal lens at the same place, sees them."""
+    seen = np.asarray(pixels, dtype=np.float64).copy()
+    if raw.distortion is not None:
+        import cv2
+
+        known = np.isfinite(seen).all(axis=1)
+        if known.any():
+            flattened = cv2.undistortPoints(seen[known][:, None], raw.matrix, np.asarray(raw.distortion), P=raw.matrix)
+            seen[known] = np.asarray(flattened)[:, 0]
+    seen[:, 0] = (seen[:, 0] - raw.cx) / raw.fx * flat.fx + flat.cx
+    seen[:, 1] = (seen[:, 1] - raw.cy) / raw.fy * flat.fy + flat.cy
+    return seen.astype(np.float32)
