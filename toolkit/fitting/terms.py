@@ -156,7 +156,7 @@ class JointTerm:
 
     def add(self, system: NormalSystem, placed: PlacedBody, scene: Scene) -> None:
         """See `PairTerm.add`."""
-        for row, (carrier, site) in enumerate(_CARRIERS):
+        for row, (carrier, site) in enumerate(CARRIERS):
             if carrier < 0 or self.weights[row] <= 0.0:
                 continue
             point = placed.origins[carrier]
@@ -200,7 +200,8 @@ def _carriers() -> list[tuple[int, int]]:
     return carriers
 
 
-_CARRIERS = _carriers()
+CARRIERS: tuple[tuple[int, int], ...] = tuple(_carriers())
+"""Of each reported joint, the articulated joint that carries it and its site, -1 for none; -1, -1 if it is derived."""
 
 
 def _robust(residual: np.ndarray, sigma: float) -> np.ndarray:

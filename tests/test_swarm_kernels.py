@@ -1,0 +1,291 @@
+"""Poses drawn and scored by the hundred, against plain twins."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from toolkit.body import skeleton
+from toolkit.body.raycast import render_depth
+from toolkit.body.shape import load_body
+from toolkit.errors import SettingsError
+from toolkit.fitting.balls import Balls
+from toolkit.fitting.discrepancy import (
+    JOINT_WEIGHTS,
+    Discrepancy,
+    DiscrepancySettings,
+    SeenJoints,
+    SmallImage,
+    figure_of,
+    small_image,
+)
+from toolkit.kernels import raster
+from toolkit.kernels import swarm as kernel
+from toolkit.sensing.camera import Camera
+from toolkit.testing.subjects import LEVEL, moving_poses
+
+BODY = load_body("neutral")
+CAMERA = Camera(60.0, 70.0, 29.2, 34.7, 60, 70)
+POSES = moving_poses(6, np.random.default_rng(0))
+
+
+def view_of(pose: np.ndarray, depth: np.ndarray, intrinsics: np.ndarray = CAMERA.intrinsics) -> kernel.View:
+    """Seen with the root's own orientation as the reference, so that a position's is 0."""
+    from scipy.spatial.transform import Rotation
+
+    turn = Rotation.from_rotvec(pose[skeleton.ROOT_ROTATION]).as_matrix()
+    return kernel.View(np.ascontiguousarray(LEVEL.T), LEVEL.T @ turn, np.array(intrinsics), depth, 0.3, 1.0)
+
+
+def drawn(pose: np.ndarray, kind: str) -> tuple[np.ndarray, kernel.Buffers]:
+    """Depth (h, w), 0 where nothing is, by the kernel."""
+    figure, view = figure_of(BODY, kind), view_of(pose, np.zeros(CAMERA.shape))
+    buffers = kernel.buffers_for(figure, CAMERA.shape)
+    position = pose.copy()
+    position[skeleton.ROOT_ROTATION] = 0.0
+    kernel.place(position, figure, view, buffers)
+    kernel.draw(figure, view, buffers)
+    inverse = buffers.inverse
+    return np.divide(1.0, inverse, out=np.zeros_like(inverse), where=inverse > 0), buffers
+
+
+def twin_balls(pose: np.ndarray) -> np.ndarray:
+    """Where rays through pixel centres meet the balls, one by one."""
+    balls, placed = Balls.of_body(BODY), BODY.place(pose)
+    depth = np.full(CAMERA.shape, np.inf)
+    v, u = np.mgrid[: CAMERA.height, : CAMERA.width]
+    rays = np.stack([(u - CAMERA.cx) / CAMERA.fx, (v - CAMERA.cy) / CAMERA.fy, np.ones(u.shape)], axis=-1)
+    for joint, offset, radius in zip(balls.joint, balls.offset, balls.radius, strict=True):
+        centre = (placed.origins[joint] + placed.rotations[joint] @ offset) @ LEVEL
+        a, b = (rays**2).sum(axis=-1), (rays * centre).sum(axis=-1)
+        inside = b**2 - a * (centre @ centre - radius**2)
+        hit = inside > 0
+        near = (b - np.sqrt(np.where(hit, inside, 0.0))) / a
+        depth = np.where(hit, np.minimum(depth, near), depth)
+    return np.where(np.isfinite(depth), depth, 0.0)
+
+
+def twin_cost(depth: np.ndarray, seen: np.ndarray, clamp: float) -> float:
+    """Eq. 3 without its division, pixel by pixel."""
+    total = 0.0
+    for h, o in zip(depth.ravel(), seen.ravel(), strict=True):
+        if np.isnan(o) or (h == 0 and o == 0):
+            continue
+        total += min(abs(h - o), clamp) if h > 0 and o > 0 else clamp
+    return total
+
+
+@pytest.mark.parametrize("pose", POSES)
+def test_joints_are_placed_as_the_body_places_them(pose: np.ndarray) -> None:
+    buffers = drawn(pose, "balls")[1]
+    placed = BODY.place(pose)
+    np.testing.assert_allclose(buffers.origins, placed.origins @ LEVEL, atol=1e-9)
+    np.testing.assert_allclose(buffers.rotations, LEVEL.T @ placed.rotations, atol=1e-9)
+
+
+@pytest.mark.parametrize("pose", POSES)
+def test_balls_are_where_rays_meet_spheres(pose: np.ndarray) -> None:
+    np.testing.assert_allclose(drawn(pose, "balls")[0], twin_balls(pose), atol=1e-9)
+
+
+def test_a_ball_at_the_camera_is_not_drawn() -> None:
+    pose = np.zeros(skeleton.POSE_SIZE)
+    assert not drawn(pose, "balls")[0].any()
+    pose[2] = 3.0  # behind it
+    assert not drawn(pose, "balls")[0].any() and not drawn(pose, "mesh")[0].any()
+
+
+@pytest.mark.parametrize("pose", POSES[:3])
+def test_the_mesh_is_drawn_as_the_z_buffer_of_the_fit_draws_it(pose: np.ndarray) -> None:
+    vertices = BODY.vertex_positions(pose) @ LEVEL
+    projected, inverse = np.empty_like(vertices), np.empty(CAMERA.shape)
+    raster.project(vertices, np.array(CAMERA.intrinsics), projected)
+    raster.rasterise(projected, BODY.faces.astype(np.int64), inverse, np.empty(CAMERA.shape, dtype=np.int32))
+    expected = np.divide(1.0, inverse, out=np.zeros_like(inverse), where=inverse > 0)
+    np.testing.assert_allclose(drawn(pose, "mesh")[0], expected, atol=1e-9)
+
+
+def test_the_mesh_is_where_rays_meet_it() -> None:
+    pose = POSES[0]
+    cast = render_depth(BODY, pose, CAMERA, LEVEL)
+    ours = drawn(pose, "mesh")[0]
+    both = (ours > 0) & (cast > 0)
+    assert both.sum() > 200 and ((ours > 0) != (cast > 0)).sum() <= 3
+    assert np.abs(ours - cast)[both].max() < 1e-3
+
+
+def test_front_faces_are_those_that_a_loop_with_branches_keeps() -> None:
+    rng = np.random.default_rng(0)
+    projected = np.concatenate([rng.uniform(-10, 70, (80, 2)), rng.choice([0.0, 0.3, 0.5], (80, 1))], axis=1)
+    faces = rng.integers(0, 80, (400, 3))
+    front = np.empty(400, dtype=np.int64)
+    count = raster.front_faces(projected, faces, 40, 50, front)
+    expected = []
+    for f, face in enumerate(faces):
+        (ax, ay, wa), (bx, by, wb), (cx, cy, wc) = projected[face]
+        u = range(max(0, int(np.ceil(min(ax, bx, cx)))), min(49, int(np.floor(max(ax, bx, cx)))) + 1)
+        v = range(max(0, int(np.ceil(min(ay, by, cy)))), min(39, int(np.floor(max(ay, by, cy)))) + 1)
+        area = (bx - ax) * (cy - ay) - (by - ay) * (cx - ax)
+        if wa and wb and wc and area < -1e-12 and len(u) and len(v):
+            expected.append(f)
+    assert front[:count].tolist() == expected and 20 < count < 200
+
+
+def mixed(depth: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+    """An observed image with all three kinds of pixels."""
+    seen = np.where(depth > 0, depth + rng.normal(0, 0.1, depth.shape), 0.0)
+    seen[rng.random(depth.shape) < 0.1] = np.nan
+    seen[rng.random(depth.shape) < 0.1] = 0.0
+    return seen
+
+
+@pytest.mark.parametrize("kind", ["balls", "mesh"])
+def test_a_batch_costs_what_plain_loops_say(kind: str) -> None:
+    rng = np.random.default_rng(1)
+    seen_depth = mixed(drawn(POSES[0], kind)[0], rng)
+    image = SmallImage(seen_depth, np.array(CAMERA.intrinsics), 2.8)
+    truth = BODY.joint_positions(POSES[0]) @ LEVEL
+    noisy = truth + rng.normal(0, 0.05, truth.shape)
+    noisy[5] = np.nan
+    slopes = truth[:, :2] / truth[:, 2:] + rng.normal(0, 0.02, (20, 2))
+    confidence = rng.uniform(0.4, 1.0, 20)
+    confidence[[7, 12]] = 0.0
+    seen = SeenJoints(slopes, noisy, confidence)
+    settings = DiscrepancySettings(kind, depth=2.0, joints_2d=0.7, joints_3d=0.4)
+    discrepancy = Discrepancy(BODY, image, seen, LEVEL, POSES[0], settings)
+    costs = discrepancy(discrepancy.position_of(POSES))
+    derived = [skeleton.REPORTED.index(name) for name in ("pelvis", "spine", "neck")]
+    w = JOINT_WEIGHTS * confidence
+    w[derived] = 0.0
+    w3 = np.where(np.isnan(noisy[:, 0]), 0.0, w)
+    for pose, cost in zip(POSES, costs, strict=True):
+        joints = BODY.joint_positions(pose) @ LEVEL
+        in_image = 2.8 * np.linalg.norm(joints[:, :2] / joints[:, 2:] - slopes, axis=1)
+        in_space = np.nan_to_num(np.linalg.norm(joints - noisy, axis=1))
+        expected = 2.0 * twin_cost(drawn(pose, kind)[0], seen_depth, 0.3) / np.count_nonzero(seen_depth > 0)
+        expected += 0.7 * (w * in_image).sum() / w.sum() + 0.4 * (w3 * in_space).sum() / w3.sum()
+        assert cost == pytest.approx(expected, abs=1e-4)
+
+
+def test_any_number_of_threads_finds_the_same_bits() -> None:
+    rng = np.random.default_rng(2)
+    image = SmallImage(mixed(drawn(POSES[0], "balls")[0], rng), np.array(CAMERA.intrinsics), 2.8)
+    poses = np.repeat(POSES, 5, axis=0)
+    poses[:, 6:] += rng.normal(0, 0.1, poses[:, 6:].shape)
+    costs = []
+    for threads in (1, 2, 3):
+        found = Discrepancy(BODY, image, None, LEVEL, POSES[0], DiscrepancySettings(threads=threads))
+        costs.append(found(found.position_of(poses)))
+    assert np.array_equal(costs[0], costs[1]) and np.array_equal(costs[0], costs[2])
+
+
+def test_the_depth_term_is_zero_at_the_pose_that_drew_the_image() -> None:
+    for kind in ("balls", "mesh"):
+        image = SmallImage(drawn(POSES[0], kind)[0], np.array(CAMERA.intrinsics), 2.8)
+        found = Discrepancy(BODY, image, None, LEVEL, POSES[0], DiscrepancySettings(kind))
+        assert found(found.position_of(POSES[:1]))[0] == pytest.approx(0.0, abs=1e-6)
+        assert (found(found.position_of(POSES[1:])) > 1e-3).all()
+
+
+def test_pixels_of_one_kind_alone_cost_the_clamp_and_unknown_ones_nothing() -> None:
+    depth, inverse = np.array([[2.0, 0.0, np.nan, 2.0, 2.0, np.nan, 0.0]]), np.array([[0.0, 0.5, 0.5, 0.5, 0.4, 0, 0]])
+    assert kernel.depth_cost(depth, inverse, 0.3, np.empty(7)) == pytest.approx(0.3 + 0.3 + 0.3)
+    assert kernel.depth_cost(depth, inverse, 10.0, np.empty(7)) == pytest.approx(10.0 + 10.0 + 0.5)
+
+
+def test_a_smaller_body_does_not_pay() -> None:
+    image = SmallImage(drawn(POSES[0], "mesh")[0], np.array(CAMERA.intrinsics), 2.8)
+    settings = DiscrepancySettings("mesh")
+    own, small = (Discrepancy(b, image, None, LEVEL, POSES[0], settings) for b in (BODY, BODY.scaled(0.7)))
+    position = own.position_of(POSES[:1])
+    assert small(position)[0] > own(position)[0] + 0.05
+
+
+def test_the_scale_of_the_image_does_not_matter_to_joints() -> None:
+    truth = BODY.joint_positions(POSES[0]) @ LEVEL
+    seen = SeenJoints(truth[:, :2] / truth[:, 2:], truth, np.ones(20))
+    costs = []
+    for scale in (1, 3):
+        image = SmallImage(np.full((4 * scale, 4 * scale), 2.8), scale * np.array([4.0, 4.0, 2.0, 2.0]), 2.8)
+        found = Discrepancy(BODY, image, seen, LEVEL, POSES[0], DiscrepancySettings()).joints_alone()
+        costs.append(found(found.position_of(POSES)))
+    assert np.array_equal(*costs)
+    assert costs[0][0] == pytest.approx(0.0, abs=1e-9)
+
+
+def test_joints_without_confidence_or_too_few_of_them_change_nothing() -> None:
+    image = SmallImage(drawn(POSES[0], "balls")[0], np.array(CAMERA.intrinsics), 2.8)
+    truth = BODY.joint_positions(POSES[0]) @ LEVEL
+    confidence = np.ones(20)
+    confidence[4] = 0.0
+
+    def costs(slopes: np.ndarray, confidence: np.ndarray) -> np.ndarray:
+        seen = SeenJoints(slopes, truth, confidence)
+        found = Discrepancy(BODY, image, seen, LEVEL, POSES[0], DiscrepancySettings())
+        return found(found.position_of(POSES))
+
+    slopes = truth[:, :2] / truth[:, 2:]
+    wrong = slopes.copy()
+    wrong[4] = 7.0
+    assert np.array_equal(costs(slopes, confidence), costs(wrong, confidence))
+    few = np.where(np.arange(20) < 8, 1.0, 0.0)  # of which pelvis, spine and neck are derived
+    none = Discrepancy(BODY, image, None, LEVEL, POSES[0], DiscrepancySettings())
+    assert np.array_equal(costs(wrong, few), none(none.position_of(POSES)))
+
+
+def test_the_small_image_holds_the_persons_box_and_what_is_known() -> None:
+    depth = np.zeros((100, 80), dtype=np.float32)
+    depth[40:60, 70:80] = 2.5
+    unobserved = np.zeros(depth.shape, dtype=bool)
+    unobserved[:45] = True
+    small = small_image(depth, unobserved, np.array([90.0, 90.0, 40.0, 50.0]), (40, 25), 1.25)
+    assert small.distance == 2.5
+    assert np.isnan(small.depth[:, -2:]).all()  # beyond the image
+    assert np.isnan(small.depth[0]).all() and (small.depth[-2:, :20] == 0.0).all()
+    # A point of the person is seen at the same place, in other pixels.
+    x, y = (75 - 40.0) / 90.0, (52 - 50.0) / 90.0
+    fx, fy, cx, cy = small.intrinsics
+    u, v = fx * x + cx, fy * y + cy
+    assert small.depth[round(v), round(u)] == 2.5
+    # Its pixels are 10 by 20, the box 12.5 by 25 around (74.5, 49.5).
+    assert (u, v) == pytest.approx(((75 - 68.25) / 0.5 - 0.5, (52 - 37) / 0.625 - 0.5))
+
+
+def test_positions_and_poses_are_there_and_back() -> None:
+    image = SmallImage(drawn(POSES[0], "balls")[0], np.array(CAMERA.intrinsics), 2.8)
+    found = Discrepancy(BODY, image, None, LEVEL, POSES[3], DiscrepancySettings())
+    assert np.allclose(found.position_of(POSES[3])[skeleton.ROOT_ROTATION], 0.0, atol=1e-12)
+    for position, pose in zip(found.position_of(POSES), POSES, strict=True):
+        np.testing.assert_allclose(found.pose_of(position), pose, atol=1e-12)
+
+
+def test_the_divisor_counts_pixels_near_the_previous_solution() -> None:
+    """Eq. 3: one number for all poses, so that small silhouettes do not pay, and at least half of the person's."""
+    depth = drawn(POSES[0], "balls")[0]
+    image = SmallImage(depth, np.array(CAMERA.intrinsics), 2.8)
+    away = POSES[0].copy()
+    away[0] += 0.15
+    settings = DiscrepancySettings()
+    for previous, least in ((POSES[0], 1.0), (away, 0.5)):
+        found = Discrepancy(BODY, image, None, LEVEL, previous, settings, previous=True)
+        plain = Discrepancy(BODY, image, None, LEVEL, previous, settings)
+        near = np.abs(drawn(previous, "balls")[0] - depth) < settings.clamp
+        share = max(np.count_nonzero(near & (depth > 0)) / image.person, 0.5)
+        assert share >= least
+        np.testing.assert_allclose(found(found.position_of(POSES)) * share, plain(plain.position_of(POSES)), rtol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("wrong", "said"),
+    [
+        ({"figure": "cones"}, "balls, mesh"),
+        ({"clamp": 0.0}, "the most that a pixel costs"),
+        ({"depth": 0.0, "joints_2d": 0.0, "joints_3d": 0.0}, "not all"),
+        ({"depth": -1.0}, "at least 0"),
+        ({"width": 1}, "at least 2x2"),
+        ({"threads": 0}, "threads"),
+    ],
+)
+def test_settings_that_compare_nothing_are_refused(wrong: dict, said: str) -> None:
+    with pytest.raises(SettingsError, match=said):
+        DiscrepancySettings(**wrong)
