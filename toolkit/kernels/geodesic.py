@@ -392,6 +392,40 @@ def extrema(
 
 
 @njit(cache=True)
+def path_to_source(
+    neighbours: np.ndarray,
+    lengths: np.ndarray,
+    more: np.ndarray,
+    from_source: np.ndarray,
+    node: int,
+    path: np.ndarray,
+) -> int:
+    """Nodes of a shortest path from `node` to the source of the map `from_source` (N,): fills `path` and returns how
+    many.
+
+    Of several shortest ways on, the first in the table is taken. `node` must be reached.
+    """
+    count = 1
+    path[0] = node
+    while from_source[node] > 0:
+        row = np.int64(node)
+        found = np.int64(-1)
+        while row >= 0 and found < 0:
+            for side in range(neighbours.shape[1]):
+                length = lengths[row, side]
+                other = np.int64(neighbours[row, side])
+                # Lengths are whole numbers, so that the sum is exact.
+                if length > 0 and from_source[other] == from_source[node] - length:
+                    found = other
+                    break
+            row = np.int64(more[row])
+        node = found
+        path[count] = node
+        count += 1
+    return count
+
+
+@njit(cache=True)
 def nearest_in_component(points: np.ndarray, roots: np.ndarray, root: int, centre: np.ndarray) -> int:
     """Lowest of the nodes of the component `root` that are nearest to `centre` (3,); -1 if it has none."""
     best = np.inf

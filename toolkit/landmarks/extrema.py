@@ -31,6 +31,8 @@ class Extrema:
     visited : int32 (n,), nodes whose distance was settled in the pass that found the extremum (Fig. 5.9). The first
         pass visits all that can be reached
     source : the source node
+    from_source : int32 (N,), geodesic distance of every node from the source, in units of `geodesic.UNIT` metres,
+        `geodesic.UNREACHED` where there is no way; valid as long as the graph
     """
 
     nodes: np.ndarray
@@ -39,6 +41,7 @@ class Extrema:
     source_distances: np.ndarray
     visited: np.ndarray
     source: int
+    from_source: np.ndarray
 
     def __len__(self) -> int:
         return len(self.nodes)
@@ -120,4 +123,5 @@ def extrema_of_graph(
         source_distances=from_source[nodes] * geodesic.UNIT,
         visited=visited[:found],
         source=source,
+        from_source=from_source,
     )

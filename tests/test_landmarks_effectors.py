@@ -1,0 +1,146 @@
+"""Candidates for head and hands, their paths and the fork."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.sparse.csgraph import dijkstra
+
+from tests.landmark_helpers import LEVEL, body_cloud, cloud_of, figure
+from toolkit.body import skeleton
+from toolkit.body.shape import load_body
+from toolkit.errors import SegmentationError, SettingsError
+from toolkit.kernels import geodesic
+from toolkit.landmarks.effectors import (
+    Effectors,
+    EffectorSettings,
+    Fork,
+    direction,
+    find_effectors,
+    find_fork,
+)
+from toolkit.landmarks.extrema import extrema_of_graph
+from toolkit.landmarks.graph import grid_graph
+from toolkit.sensing.camera import Camera
+from toolkit.sensing.cloud import Cloud
+
+
+def raised_arms(distance: float = 1.6) -> np.ndarray:
+    """Pose (P,) of somebody who faces the camera from near by, arms up to the sides."""
+    pose = np.zeros(skeleton.POSE_SIZE)
+    pose[:3] = [0.0, -0.3, -distance]
+    for name, value in {
+        "left_shoulder_rz": 0.3,
+        "right_shoulder_rz": -0.3,
+        "left_elbow_ry": -0.8,
+        "right_elbow_ry": 0.8,
+    }.items():
+        pose[skeleton.POSE_NAMES.index(name)] = value
+    return pose
+
+
+def tips(pose: np.ndarray) -> dict[str, np.ndarray]:
+    return dict(zip(skeleton.END_EFFECTORS, load_body().end_effector_positions(pose), strict=True))
+
+
+def nearest(effectors: Effectors, point: np.ndarray) -> float:
+    return float(np.linalg.norm(effectors.points - point, axis=1).min())
+
+
+@pytest.mark.parametrize("tree", [False, True])
+def test_head_and_hands_are_among_the_candidates(tree: bool) -> None:
+    pose = raised_arms()
+    effectors = find_effectors(body_cloud(load_body(), pose), EffectorSettings(tree=tree))
+    for name in ("left_hand", "right_hand", "head"):
+        assert nearest(effectors, tips(pose)[name]) < 0.1
+
+
+def test_where_the_image_cuts_the_trunk_there_is_no_candidate() -> None:
+    cloud = body_cloud(load_body(), raised_arms())
+    v = cloud.index.shape[0] - 1
+    lowest = cloud.points[cloud.index[v][cloud.index[v] >= 0]]
+    effectors = find_effectors(cloud)
+    assert len(lowest) > 0
+    gaps = np.linalg.norm(effectors.points[:, None] - lowest[None], axis=2)
+    assert gaps.min() > 0.01
+
+
+def test_the_three_of_the_fork_are_right_and_swap_in_a_mirror() -> None:
+    pose = raised_arms()
+    cloud = body_cloud(load_body(), pose)
+    effectors = find_effectors(cloud)
+    fork = find_fork(effectors)
+    assert fork is not None
+    for name, row in (("head", fork.head), ("left_hand", fork.left_hand), ("right_hand", fork.right_hand)):
+        assert np.linalg.norm(effectors.points[row] - tips(pose)[name]) < 0.1
+    flipped = Effectors(
+        effectors.points * [-1, 1, 1],
+        effectors.source * [-1, 1, 1],
+        tuple(path * [-1, 1, 1] for path in effectors.paths),
+    )
+    assert find_fork(flipped) == Fork(fork.head, fork.right_hand, fork.left_hand)
+
+
+def test_candidates_move_with_the_image() -> None:
+    cloud = cloud_of(figure())
+    camera = cloud.camera
+    moved = Camera(camera.fx, camera.fy, camera.cx + 7, camera.cy - 5, camera.width, camera.height)
+    shifted = Cloud.from_depth(np.roll(cloud.depth, (-5, 7), axis=(0, 1)), moved, LEVEL)
+    np.testing.assert_allclose(find_effectors(shifted).points, find_effectors(cloud).points, atol=1e-5)
+
+
+def test_a_path_is_a_shortest_one() -> None:
+    cloud = cloud_of(figure())
+    settings = EffectorSettings()
+    graph = grid_graph(cloud, settings.graph)
+    extrema = extrema_of_graph(graph, cloud.points, 5, 100)
+    exact = dijkstra(graph.matrix(), indices=100)
+    np.testing.assert_allclose(extrema.from_source * geodesic.UNIT, exact, atol=1e-9)
+    edges = graph.matrix()
+    for node in extrema.nodes:
+        out = np.empty(len(graph), dtype=np.int64)
+        count = geodesic.path_to_source(
+            graph.neighbours, graph.lengths, graph.more, extrema.from_source, int(node), out
+        )
+        steps = [edges[a, b] for a, b in zip(out[: count - 1], out[1:count], strict=True)]
+        assert out[0] == node and out[count - 1] == 100 and min(steps) > 0
+        assert sum(steps) == pytest.approx(exact[node])
+
+
+def test_a_direction_is_measured_from_upwards_to_the_right() -> None:
+    path = np.array([[0.0, 0.0, 0.0], [0.1, 0.1, 0.0], [0.2, 0.2, 0.0], [9.0, 0.2, 0.0]])
+    assert direction(path, 0.25) == pytest.approx(np.pi / 4)
+    assert direction(path[:1], 0.25) == 0.0
+
+
+def test_there_is_no_fork_of_two_or_of_prongs_that_lie_together() -> None:
+    straight = np.array([[0.0, 0.0, 0.0], [0.0, 0.5, 0.0]])
+    assert find_fork(Effectors(np.zeros((2, 3)), np.zeros(3), (straight, straight))) is None
+    assert find_fork(Effectors(np.zeros((3, 3)), np.zeros(3), (straight, straight, straight))) is None
+
+
+def test_one_measured_pixel_is_its_own_source_and_has_no_candidates() -> None:
+    depth = np.zeros((240, 320), dtype=np.float32)
+    depth[100, 100] = 1.5
+    for tree in (False, True):
+        effectors = find_effectors(cloud_of(depth), EffectorSettings(tree=tree, smallest_area=1e-3))
+        assert len(effectors) == 0 and find_fork(effectors) is None
+
+
+def test_an_empty_cloud_is_an_error() -> None:
+    with pytest.raises(SegmentationError, match="no points"):
+        find_effectors(cloud_of(np.zeros((240, 320), dtype=np.float32)))
+
+
+@pytest.mark.parametrize(
+    ("values", "message"),
+    [
+        ({"count": 0}, "effectors.count is 0"),
+        ({"smallest_area": -1.0}, "effectors.smallest_area is -1.0"),
+        ({"prong": 0.0}, "effectors.prong is 0.0"),
+        ({"narrowest": 80.0}, "effectors.narrowest and widest are 80.0 and 75.0"),
+    ],
+)
+def test_impossible_settings_are_named(values: dict[str, float], message: str) -> None:
+    with pytest.raises(SettingsError, match=message):
+        EffectorSettings(**values)  # type: ignore[arg-type]
