@@ -21,7 +21,7 @@ from toolkit.fitting.refiner import Refiner
 from toolkit.fitting.terms import JointTerm
 from toolkit.landmarks.parts import JointEstimate
 from toolkit.sensing.camera import Camera
-from toolkit.tracking import hybrid
+from toolkit.tracking import hybrid, searching
 from toolkit.tracking.hybrid import HybridTracker
 from toolkit.tracking.search.arms import FARTHER, ITERATIONS, ArmSearch
 from toolkit.tracking.search.extrema import ExtremaQuery
@@ -353,7 +353,9 @@ def made(monkeypatch: pytest.MonkeyPatch, part: type) -> list[dict[str, Any]]:
         calls.append(dict(inspect.signature(part).bind(*values, **named).arguments))
         return part(*values, **named)
 
-    monkeypatch.setattr(hybrid, part.__name__, make)
+    for module in (hybrid, searching):
+        if hasattr(module, part.__name__):
+            monkeypatch.setattr(module, part.__name__, make)
     return calls
 
 

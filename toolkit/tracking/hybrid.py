@@ -2,27 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
-from dataclasses import replace
 from functools import cached_property
-from itertools import islice
-
-import numpy as np
 
 from toolkit.body.body import Body
-from toolkit.body.shape import ShapeSpace, load_body
 from toolkit.database.database import PoseDatabase
 from toolkit.fitting.arms import ArmPoses
 from toolkit.fitting.objective import Objective
-from toolkit.fitting.placed import Placer
-from toolkit.fitting.refiner import Refiner, mesh_terms
-from toolkit.fitting.shape import ShapeEstimator
+from toolkit.fitting.refiner import Refiner
 from toolkit.fitting.terms import GaussianPrior, PoseTerm
-from toolkit.sensing.camera import Camera
-from toolkit.sensing.people.sighting import Sighting
-from toolkit.track import TRACKED
-from toolkit.tracking.clock import StageClock
-from toolkit.tracking.follower import PREDICTED, Follower
+from toolkit.tracking.follower import PREDICTED
 from toolkit.tracking.guide import Guide, NoGuide
 from toolkit.tracking.observation import Observer
 from toolkit.tracking.registry import Registration, register
@@ -32,14 +20,11 @@ from toolkit.tracking.search.local import LocalSearch
 from toolkit.tracking.search.lookup import DatabaseLookup, Effort, Query
 from toolkit.tracking.search.protocol import Search
 from toolkit.tracking.search.votes import VotesQuery
+from toolkit.tracking.searching import SearchingTracker
 from toolkit.tracking.settings import HybridSettings
-from toolkit.tracking.state import PersonState
-
-LARGE_IMAGE = 200
-"""Pixels of width above which the body is drawn at half the resolution of the image."""
 
 
-class HybridTracker:
+class HybridTracker(SearchingTracker):
     """Baak 2013, 5.4, with regressed joints, arms of the database, a pose prior and a learnt shape; see `Tracker`.
 
     Parameters
@@ -51,7 +36,6 @@ class HybridTracker:
     guide : what is known of the frames besides their depth
     """
 
-    kind = Follower
     stage_names = ("prepare", "landmarks", "local", "arms", "lookup", "select")
     source_names = ("local", "extrema", "joints", "arms", PREDICTED)
 
@@ -66,38 +50,10 @@ class HybridTracker:
     ) -> None:
         self.guide = guide or NoGuide()
         self.settings = settings or HybridSettings()
+        super().__init__(self.settings, body)
         self.database = database_path
         self._poses = database
-        self._known_body = body
-        self._first_body = body or load_body("neutral")
         self._forest = database.forest if "joints" in self.settings.hypotheses else None
-
-    @property
-    def learning_frames(self) -> int:
-        """See `Tracker.learning_frames`."""
-        return self.settings.shape.frames * self.settings.shape.stride if self._known_body is None else 0
-
-    def learn_body(
-        self, camera: Camera, level_rotation: np.ndarray, frames: Iterable[tuple[Sighting, float]]
-    ) -> Body | None:
-        """See `Tracker.learn_body`: the frames are tracked once, with a body that becomes the person's own."""
-        follower = self._follower(camera, level_rotation, self._first_body, sized=False)
-        estimator: ShapeEstimator | None = None
-        for sighting, timestamp in islice(frames, 0, None, self.settings.shape.stride):
-            result = follower.step(sighting, timestamp, StageClock(self.stage_names))
-            if result.state != TRACKED or follower.observation is None:
-                continue
-            if estimator is None:
-                terms = mesh_terms(self.settings.fitting)
-                estimator = ShapeEstimator(follower.body, self.settings.shape, follower.objective.placer, terms)
-            body = estimator.observe(result.pose, follower.observation.scene)
-            follower.state = replace(follower.state, body=body)
-        return follower.body if follower.state.sized else None
-
-    def follower(self, camera: Camera, level_rotation: np.ndarray, body: Body | None = None) -> Follower:
-        """See `Tracker.follower`."""
-        known = body or self._known_body
-        return self._follower(camera, level_rotation, known or self._first_body, sized=known is not None)
 
     def searches(self, objective: Objective, refiner: Refiner) -> tuple[Search, ...]:
         """The searches of the settings, in the order in which they are asked."""
@@ -121,24 +77,6 @@ class HybridTracker:
             queries.append(self._votes)
         return queries
 
-    def assembled(
-        self, objective: Objective, refiner: Refiner, observer: Observer, level_rotation: np.ndarray, state: PersonState
-    ) -> Follower:
-        """A follower from these parts."""
-        members = self.searches(objective, refiner)
-        return self.kind(
-            observer, members, objective, level_rotation, self.settings, self._sizes, self.source_names, state
-        )
-
-    def _follower(self, camera: Camera, level_rotation: np.ndarray, body: Body, *, sized: bool) -> Follower:
-        settings = self.settings
-        small = camera.subsampled(2) if camera.width > LARGE_IMAGE else camera
-        placer = Placer(self._first_body, small, level_rotation)
-        objective = Objective(placer, settings.fitting, self._priors)
-        refiner = Refiner(placer, settings.fitting, self._priors)
-        state = PersonState.begin(body, sized=sized, seed=settings.seed)
-        return self.assembled(objective, refiner, self.observer, level_rotation, state)
-
     @property
     def observer(self) -> Observer:
         """How this tracker looks at sightings."""
@@ -148,7 +86,8 @@ class HybridTracker:
         )
 
     @cached_property
-    def _priors(self) -> tuple[PoseTerm, ...]:
+    def priors(self) -> tuple[PoseTerm, ...]:
+        """See `SearchingTracker`: the database's own poses are likely."""
         weight = self.settings.fitting.prior_weight
         return (GaussianPrior.of_poses(self._poses.poses, weight),) if weight > 0.0 else ()
 
@@ -160,16 +99,6 @@ class HybridTracker:
     def _arms(self) -> ArmPoses | None:
         wanted = {"local", "arms"} <= set(self.settings.hypotheses)
         return ArmPoses(self._poses.poses, self._first_body, self.settings.arms.count) if wanted else None
-
-    @cached_property
-    def _sizes(self) -> Sequence[Body]:
-        """Bodies to try for a person of unknown size; the small ones have the proportions of toddlers."""
-        space, bodies = ShapeSpace.load(), []
-        for size in self.settings.sizes:
-            shape = space.childhood(size) + self._first_body.shape
-            shape[0] = size
-            bodies.append(space.body(shape))
-        return bodies
 
 
 register(

@@ -1,0 +1,143 @@
+"""What trackers have in common whose followers ask searches: camera, body and its learning from the first frames."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Iterable, Sequence
+from dataclasses import replace
+from functools import cached_property
+from itertools import islice
+from typing import Protocol
+
+import numpy as np
+
+from toolkit.body.body import Body
+from toolkit.body.shape import ShapeSpace, load_body
+from toolkit.fitting.objective import Objective
+from toolkit.fitting.placed import Placer
+from toolkit.fitting.refiner import Refiner, mesh_terms
+from toolkit.fitting.settings import FittingSettings
+from toolkit.fitting.shape import ShapeEstimator, ShapeSettings
+from toolkit.fitting.terms import PoseTerm
+from toolkit.sensing.camera import Camera
+from toolkit.sensing.people.sighting import Sighting
+from toolkit.track import TRACKED
+from toolkit.tracking.clock import StageClock
+from toolkit.tracking.follower import Follower
+from toolkit.tracking.observation import Observer
+from toolkit.tracking.protocol import TrackerSettings
+from toolkit.tracking.search.protocol import Search
+from toolkit.tracking.settings import FollowerSettings
+from toolkit.tracking.state import PersonState
+
+LARGE_IMAGE = 200
+"""Pixels of width above which the body is drawn at half the resolution of the image."""
+
+
+class SearchingSettings(TrackerSettings, FollowerSettings, Protocol):
+    """What the settings of such a tracker hold besides those of its searches; see `HybridSettings`."""
+
+    @property
+    def sizes(self) -> tuple[float, ...]: ...  # noqa: D102
+    @property
+    def fitting(self) -> FittingSettings: ...  # noqa: D102
+    @property
+    def shape(self) -> ShapeSettings: ...  # noqa: D102
+
+
+class SearchingTracker(ABC):
+    """Makes followers that ask searches, and learns the body of each person from what the first frames show of them.
+
+    Members say how sightings are looked at and which searches are asked; see `Tracker` for the rest.
+
+    Parameters
+    ----------
+    settings : see `SearchingSettings`
+    body : the person's own body, if it is known; otherwise it is learnt from the recording
+    """
+
+    kind = Follower
+
+    def __init__(self, settings: SearchingSettings, body: Body | None) -> None:
+        self._common = settings
+        self._known_body = body
+        self._first_body = body or load_body("neutral")
+
+    @property
+    @abstractmethod
+    def stage_names(self) -> tuple[str, ...]:
+        """See `Tracker`."""
+
+    @property
+    @abstractmethod
+    def source_names(self) -> tuple[str, ...]:
+        """See `Tracker`."""
+
+    @property
+    def priors(self) -> Sequence[PoseTerm]:
+        """Terms in the pose vector, of the local optimisation and of comparisons."""
+        return ()
+
+    @property
+    @abstractmethod
+    def observer(self) -> Observer:
+        """How this tracker looks at sightings."""
+
+    @abstractmethod
+    def searches(self, objective: Objective, refiner: Refiner) -> tuple[Search, ...]:
+        """The searches of the settings, in the order in which they are asked."""
+
+    @property
+    def learning_frames(self) -> int:
+        """See `Tracker.learning_frames`."""
+        return self._common.shape.frames * self._common.shape.stride if self._known_body is None else 0
+
+    def learn_body(
+        self, camera: Camera, level_rotation: np.ndarray, frames: Iterable[tuple[Sighting, float]]
+    ) -> Body | None:
+        """See `Tracker.learn_body`: the frames are tracked once, with a body that becomes the person's own."""
+        follower = self._follower(camera, level_rotation, self._first_body, sized=False)
+        estimator: ShapeEstimator | None = None
+        for sighting, timestamp in islice(frames, 0, None, self._common.shape.stride):
+            result = follower.step(sighting, timestamp, StageClock(self.stage_names))
+            if result.state != TRACKED or follower.observation is None:
+                continue
+            if estimator is None:
+                terms = mesh_terms(self._common.fitting)
+                estimator = ShapeEstimator(follower.body, self._common.shape, follower.objective.placer, terms)
+            body = estimator.observe(result.pose, follower.observation.scene)
+            follower.state = replace(follower.state, body=body)
+        return follower.body if follower.state.sized else None
+
+    def follower(self, camera: Camera, level_rotation: np.ndarray, body: Body | None = None) -> Follower:
+        """See `Tracker.follower`."""
+        known = body or self._known_body
+        return self._follower(camera, level_rotation, known or self._first_body, sized=known is not None)
+
+    def assembled(
+        self, objective: Objective, refiner: Refiner, observer: Observer, level_rotation: np.ndarray, state: PersonState
+    ) -> Follower:
+        """A follower from these parts."""
+        members = self.searches(objective, refiner)
+        return self.kind(
+            observer, members, objective, level_rotation, self._common, self._sizes, self.source_names, state
+        )
+
+    def _follower(self, camera: Camera, level_rotation: np.ndarray, body: Body, *, sized: bool) -> Follower:
+        settings = self._common
+        small = camera.subsampled(2) if camera.width > LARGE_IMAGE else camera
+        placer = Placer(self._first_body, small, level_rotation)
+        objective = Objective(placer, settings.fitting, self.priors)
+        refiner = Refiner(placer, settings.fitting, self.priors)
+        state = PersonState.begin(body, sized=sized, seed=settings.seed)
+        return self.assembled(objective, refiner, self.observer, level_rotation, state)
+
+    @cached_property
+    def _sizes(self) -> Sequence[Body]:
+        """Bodies to try for a person of unknown size; the small ones have the proportions of toddlers."""
+        space, bodies = ShapeSpace.load(), []
+        for size in self._common.sizes:
+            shape = space.childhood(size) + self._first_body.shape
+            shape[0] = size
+            bodies.append(space.body(shape))
+        return bodies
