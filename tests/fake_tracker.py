@@ -7,7 +7,7 @@ import time
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
@@ -38,6 +38,7 @@ class FakeTracker:
 
     stage_names = ("prepare", "fit")
     source_names = ("local", "database")
+    joints_wanted: Literal["none", "welcome", "required"] = "none"
     database = ""
 
     def __init__(

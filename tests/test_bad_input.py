@@ -16,6 +16,7 @@ VERBS: dict[str, tuple[str, ...]] = {
     "database build": ("database", "build", "BAD", "--output", "OUT.npz"),
     "info": ("info", "BAD"),
     "simulate": ("simulate", "BAD", "--output", "OUT.npz"),
+    "joints": ("joints", "BAD", "--output", "OUT.npz"),
     "track": ("track", "BAD", "--database", "POSES", "--output", "OUT"),
     "track, database": ("track", "POSES", "--database", "BAD", "--output", "OUT"),
     "track, settings": ("track", "POSES", "--database", "POSES", "--config", "BAD", "--output", "OUT"),

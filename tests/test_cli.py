@@ -33,6 +33,7 @@ VERBS = (
     "demo",
     "database",
     "simulate",
+    "joints",
     "track",
     "evaluate",
     "render",

@@ -51,5 +51,9 @@ class InertialError(DepthMocapError):
     """Sensor data, a placement, a clock or a calibration that cannot be read or used."""
 
 
+class ModelError(DepthMocapError):
+    """A detector whose model or runtime is missing, or is not the one that is expected."""
+
+
 class OutputError(DepthMocapError):
     """A result that cannot be written: no permission, no space, a name already taken."""

@@ -19,6 +19,7 @@ from toolkit.cli import (
     export,
     inertial,
     info,
+    joints,
     render,
     report,
     retrieval,
@@ -58,6 +59,7 @@ app.command()(demo.demo)
 app.add_typer(database.app, name="database")
 app.command()(info.info)
 app.command()(simulate.simulate)
+app.command()(joints.joints)
 app.command()(track.track)
 app.command()(evaluate.evaluate)
 app.command()(render.render)

@@ -14,6 +14,7 @@ from toolkit.errors import UsageError
 if TYPE_CHECKING:
     from toolkit.cli.terminal import Bars
     from toolkit.pipeline.events import EventStream
+    from toolkit.pipeline.joints import JointChoice
     from toolkit.pipeline.manifest import ManifestRow
     from toolkit.tracking.guide import Guide
 
@@ -32,11 +33,21 @@ HELP = {
     "axes": "camera (x right, y down, z forward) or graphics (y up, z backward), for clouds.",
     "rotate": "Degrees (90, 180, 270) by which the images are turned clockwise, for a camera that stands on its side.",
     "segment": "How to cut the person out: segmented, background, empty-frames:N, range:NEAR,FAR, person, seed:U,V.",
+    "joints": "Joints in the image: a folder of OpenPose JSON, colour or depth (detect them there), or none.",
+    "joints_size": "Width,height of the images in which the joints of a folder were found.",
     "subject": "Who is meant among several people: only, largest or nearest.",
 }
 READING = "How to read the recording"
 SENSORS = "Inertial sensors"
 EVENTS = "Live labels"
+
+JointsOption = Annotated[
+    str | None,
+    typer.Option(
+        metavar="FOLDER|colour|depth|none", help=HELP["joints"], show_default="the recording's, colour, depth"
+    ),
+]
+JointsSizeOption = Annotated[str | None, typer.Option(help=HELP["joints_size"])]
 
 
 def track(
@@ -58,6 +69,8 @@ def track(
     people: Annotated[
         str, typer.Option(metavar="all|N", help="Follow several people, each in OUTPUT/person_NN.")
     ] = "1",
+    joints: JointsOption = None,
+    joints_size: JointsSizeOption = None,
     classes: Annotated[
         Path | None, typer.Option(help="Class file of `depthmocap annotate`, for --events.", rich_help_panel=EVENTS)
     ] = None,
@@ -129,6 +142,7 @@ def track(
     )
     sensing = given(segment=segment, subject=subject, half_resolution=half_resolution or None)
     overrides = {f"sensing.{name}": value for name, value in sensing.items()} | parse_overrides(settings or [])
+    choice = joint_choice(joints, joints_size, len(recordings))
     runs = list(run_folders(recordings, output).values())
     batch = workers is not None or retry_failed
     if not (overwrite or resume or batch):
@@ -143,8 +157,8 @@ def track(
         if batch:
             recipe = TrackerRecipe(config, overrides, database, max_poses)
             rows = track_many(
-                recordings, recipe, output, people=_people(people), reader_options=reading, workers=workers or 1,
-                retry_failed=retry_failed, overwrite=overwrite, progress=bars,
+                recordings, recipe, output, people=people_of(people), reader_options=reading, joints=choice,
+                workers=workers or 1, retry_failed=retry_failed, overwrite=overwrite, progress=bars,
             )  # fmt: skip
     if batch:
         _print_rows(rows)
@@ -157,13 +171,14 @@ def track(
             recordings,
             tracker,
             output,
-            people=_people(people),
+            people=people_of(people),
             reader_options=reading,
             resume=resume,
             settings_file=config if is_file(config) else None,
             progress=bars.of_recording,
             sensors_sha256=sensors_sha256,
             watcher=watcher,
+            joints=choice,
         )
     for summary in report.done:
         print(summary.text())
@@ -250,12 +265,22 @@ def _print_rows(rows: list[ManifestRow]) -> None:
         raise typer.Exit(1)
 
 
-def _people(text: str) -> int | None:
+def people_of(text: str) -> int | None:
+    """The option `--people`: a number, or None for all."""
     if text == "all":
         return None
     if not text.isdigit() or int(text) < 1:
         raise UsageError(f"--people is {text!r}; give a number of people, or all")
     return int(text)
+
+
+def joint_choice(joints: str | None, size: str | None, recordings: int = 1) -> JointChoice:
+    """The options `--joints` and `--joints-size`."""
+    from toolkit.pipeline.joints import JointChoice
+
+    choice = JointChoice(**given(source=joints, size=None if size is None else size_of(size, "--joints-size")))
+    choice.check(recordings)
+    return choice
 
 
 def reading_of(
@@ -265,10 +290,16 @@ def reading_of(
     return given(
         intrinsics=intrinsics_of(intrinsics),
         depth_unit=unit_of(depth_unit),
-        size=None if size is None else tuple(int(n) for n in numbers(size, 2, "--size")),
+        size=None if size is None else size_of(size, "--size"),
         up_camera=None if up is None else numbers(up, 3, "--up"),
         **others,
     )
+
+
+def size_of(text: str, option: str) -> tuple[int, int]:
+    """A width and height in pixels."""
+    width, height = numbers(text, 2, option)
+    return int(width), int(height)
 
 
 def intrinsics_of(text: str | None) -> str | tuple[float, ...] | None:

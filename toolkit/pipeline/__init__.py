@@ -1,6 +1,7 @@
 """A tracker run over recordings: progress, timing, interruption, resuming and the run folder."""
 
 from toolkit.pipeline.batch import run_folders, track_recordings
+from toolkit.pipeline.joints import JointChoice
 from toolkit.pipeline.manifest import Manifest, ManifestRow
 from toolkit.pipeline.many import TrackerRecipe, track_many
 from toolkit.pipeline.run import Progress, track_recording
@@ -9,6 +10,7 @@ from toolkit.pipeline.trackers import load_tracker
 
 __all__ = [
     "BatchReport",
+    "JointChoice",
     "Manifest",
     "ManifestRow",
     "Progress",

@@ -9,6 +9,7 @@ from typing import Any
 from toolkit.errors import DepthMocapError, UsageError
 from toolkit.files import check_output
 from toolkit.pipeline.events import RowWatcher
+from toolkit.pipeline.joints import JointChoice
 from toolkit.pipeline.run import STATE_FILE, Progress, track_recording
 from toolkit.pipeline.sink import CONFIG_FILE
 from toolkit.pipeline.summary import BatchReport
@@ -34,6 +35,7 @@ def track_recordings(
     progress: Progress | None = None,
     sensors_sha256: str = "",
     watcher: RowWatcher | None = None,
+    joints: JointChoice | None = None,
 ) -> BatchReport:
     """Track one recording into `output`, or several into `output/<stem>`.
 
@@ -61,7 +63,7 @@ def track_recordings(
             first = not report.done
             summary = track_recording(
                 recording, tracker, run, people=people, resume=resume, warm_up=first, progress=progress,
-                sensors_sha256=sensors_sha256, watcher=watcher,
+                sensors_sha256=sensors_sha256, watcher=watcher, joints=joints,
             )  # fmt: skip
         except DepthMocapError as error:
             if len(runs) == 1:

@@ -16,6 +16,7 @@ from typing import Any
 from toolkit.errors import DepthMocapError, UsageError
 from toolkit.files import check_output, is_file
 from toolkit.pipeline.batch import run_folders
+from toolkit.pipeline.joints import JointChoice
 from toolkit.pipeline.manifest import DONE, FAILED, INTERRUPTED, Manifest, ManifestRow
 from toolkit.pipeline.run import track_recording
 from toolkit.pipeline.trackers import load_tracker
@@ -50,6 +51,7 @@ def track_many(
     *,
     people: int | None = 1,
     reader_options: Mapping[str, Any] | None = None,
+    joints: JointChoice | None = None,
     workers: int | None = None,
     retry_failed: bool = False,
     overwrite: bool = False,
@@ -61,7 +63,7 @@ def track_many(
     ----------
     paths : recordings, of different stems
     recipe : how each process builds its tracker
-    people, reader_options : as in `track_recordings`
+    people, reader_options, joints : as in `track_recordings`
     workers : processes of one thread each; None = as the surrounding `joblib.parallel_config` says, else one
     retry_failed : only the recordings that the manifest says failed or were interrupted
     overwrite : track again what is finished, and replace runs of other recordings or settings
@@ -96,7 +98,7 @@ def track_many(
     pending, total, status, reason = dict(jobs), len(jobs), FAILED, ""
     for round_ in range(ROUNDS):
         tasks = (
-            joblib.delayed(_task)(recipe, path, str(run), people, options, not overwrite)
+            joblib.delayed(_task)(recipe, path, str(run), people, options, joints, not overwrite)
             for path, run in pending.items()
         )
         try:
@@ -146,7 +148,13 @@ _TRACKERS: dict[str, Tracker] = {}
 
 
 def _task(
-    recipe: TrackerRecipe, path: str, run: str, people: int | None, options: dict[str, Any], resume: bool
+    recipe: TrackerRecipe,
+    path: str,
+    run: str,
+    people: int | None,
+    options: dict[str, Any],
+    joints: JointChoice | None,
+    resume: bool,
 ) -> ManifestRow:
     """Track one recording; whatever happens is in the row."""
     start, first = time.perf_counter(), repr(recipe) not in _TRACKERS
@@ -155,7 +163,7 @@ def _task(
             _TRACKERS[repr(recipe)] = recipe.build()
         recording = open_recording(path, **options)
         tracker = _TRACKERS[repr(recipe)]
-        summary = track_recording(recording, tracker, run, people=people, resume=resume, warm_up=first)
+        summary = track_recording(recording, tracker, run, people=people, resume=resume, warm_up=first, joints=joints)
     except Exception as error:  # a task that raised would end the whole batch
         reason = f"{error}" if isinstance(error, DepthMocapError) else f"{type(error).__name__}: {error}"
         return ManifestRow(path, run, FAILED, reason, seconds=time.perf_counter() - start)

@@ -11,7 +11,7 @@ from dataclasses import asdict, replace
 from importlib.metadata import version
 from itertools import islice
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -21,11 +21,12 @@ from toolkit.config import settings_text
 from toolkit.errors import DepthMocapError, RecordingError, TrackError, UsageError
 from toolkit.files import locked, sha256_of
 from toolkit.pipeline.events import RowWatcher
+from toolkit.pipeline.joints import JointChoice, give_joints, joint_source, name_of
 from toolkit.pipeline.sink import CONFIG_FILE, RunSink, finished_tracks
 from toolkit.pipeline.summary import RunSummary, summarised
 from toolkit.pipeline.watch import log_file, stop_request
 from toolkit.sensing.camera import level_rotation
-from toolkit.sensing.people.joints import GivenJoints, JointSource, NoJoints
+from toolkit.sensing.people.joints import JointSource
 from toolkit.sensing.people.lone import LonePerson
 from toolkit.sensing.people.sighting import PeopleFinder
 from toolkit.sensing.recording import Recording
@@ -46,6 +47,23 @@ WARM_UP_FRAMES = 3
 logger = logging.getLogger(__name__)
 
 
+class Job(NamedTuple):
+    """What is tracked, and how.
+
+    Attributes
+    ----------
+    recording : read frame by frame
+    tracker : makes a follower for each person
+    people : how many are followed; None = all
+    joints : tells where their joints are in the image
+    """
+
+    recording: Recording
+    tracker: Tracker
+    people: int | None
+    joints: JointSource
+
+
 def track_recording(
     recording: Recording,
     tracker: Tracker,
@@ -57,6 +75,7 @@ def track_recording(
     progress: Progress | None = None,
     sensors_sha256: str = "",
     watcher: RowWatcher | None = None,
+    joints: JointChoice | None = None,
 ) -> RunSummary:
     """Follow the person, or the people, through a recording and write the run folder.
 
@@ -74,11 +93,15 @@ def track_recording(
     progress : told what is going on
     sensors_sha256 : of the inertial sensors that guide the tracker, if any do
     watcher : told every row of the one person who is followed
+    joints : where joints in the image are to come from
 
     Raises
     ------
     UsageError
-        The folder holds an unfinished track and `resume` is not set, or several people are to be watched.
+        The folder holds an unfinished track and `resume` is not set, several people are to be watched, or joints are
+        chosen for a tracker that uses none.
+    ModelError
+        Joints have to be detected, and the detector cannot be used.
     TrackError
         The unfinished track belongs to another recording or database, or to other settings.
     OutputError
@@ -88,24 +111,26 @@ def track_recording(
     """
     if watcher is not None and people != 1:
         raise UsageError("events are told of one person; leave --people away")
+    choice = joints or JointChoice()
+    give_joints(recording, choice)
+    job = Job(recording, tracker, people, joint_source(recording, choice, tracker.joints_wanted))
     with locked(run):
-        info = replace(_run_info(recording, tracker), sensors_sha256=sensors_sha256)
-        return _track(recording, tracker, info, Path(run), people, resume, warm_up, progress or _silent, watcher)
+        used = name_of(job.joints, recording)
+        info = replace(_run_info(recording, tracker), sensors_sha256=sensors_sha256, joints_2d=used)
+        return _track(job, info, Path(run), resume, warm_up, progress or _silent, watcher)
 
 
 def _track(
-    recording: Recording,
-    tracker: Tracker,
+    job: Job,
     info: RunInfo,
     folder: Path,
-    people: int | None,
     resume: bool,
     warm_up: bool,
     report: Progress,
     watcher: RowWatcher | None,
 ) -> RunSummary:
     """As `track_recording`, in a folder that is this process's own."""
-    several = people != 1
+    recording, tracker, several = job.recording, job.tracker, job.people != 1
     if resume and (folder / RUN_FILE).exists():
         same = _is_same_run(folder, info, tracker)
         if not same and (_is_unfinished(folder) or finished_tracks(folder, several=several) is not None):
@@ -120,9 +145,8 @@ def _track(
     try:
         with log_file(folder), stop_request() as stop:
             if warm_up:
-                _warm_up(recording, tracker, people, report)
-            finder = _finder(recording, tracker, people)
-            crowd = Crowd(tracker, finder, recording.up_camera, _joint_source(recording))
+                _warm_up(job, report)
+            crowd = Crowd(tracker, _finder(job), recording.up_camera, job.joints)
             _restore(folder, sink, crowd)
             logger.info("%s: tracking frames %d to %d", recording.name, crowd.frames, len(recording))
             if watcher is not None:
@@ -143,29 +167,27 @@ def _silent(name: str, doing: str, done: int, total: int) -> None:
     """Progress that nobody watches."""
 
 
-def _finder(recording: Recording, tracker: Tracker, people: int | None) -> PeopleFinder:
-    sensing = tracker.settings.sensing
-    if people == 1:
+def _finder(job: Job) -> PeopleFinder:
+    recording, sensing = job.recording, job.tracker.settings.sensing
+    if job.people == 1:
         return LonePerson(recording.camera, recording.background, sensing, recording.up_camera)
     from toolkit.sensing.people.survey import find_people
 
-    return find_people(recording, sensing, most=people)
+    return find_people(recording, sensing, most=job.people)
 
 
-def _joint_source(recording: Recording) -> JointSource:
-    return NoJoints() if recording.image_joints is None else GivenJoints(recording.camera)
-
-
-def _warm_up(recording: Recording, tracker: Tracker, people: int | None, report: Progress) -> None:
+def _warm_up(job: Job, report: Progress) -> None:
     """Compile on purpose: the first frames are tracked by a follower that is then forgotten."""
+    recording, tracker, joints = job.recording, job.tracker, job.joints
     total = min(WARM_UP_FRAMES, len(recording))
     report(recording.name, "compiling", 0, total)
-    finder, joints = _finder(recording, tracker, people), _joint_source(recording)
+    finder, before = _finder(job), joints.export_state()
     follower = tracker.follower(finder.camera, level_rotation(recording.up_camera))
     for i, frame in enumerate(islice(recording.stream(color=joints.needs_color), total)):
         for sighting in joints.add(frame, finder.find(frame.depth_mm, frame.timestamp, {})[:1]):
             follower.step(sighting, frame.timestamp, StageClock(tracker.stage_names))
         report(recording.name, "compiling", i + 1, total)
+    joints.restore_state(before)
 
 
 def _follow(
@@ -253,6 +275,7 @@ def _is_same_run(folder: Path, info: RunInfo, tracker: Tracker) -> bool:
         "version",
         "tracker",
         "sensors_sha256",
+        "joints_2d",
     )
     return (
         all(_as_json(getattr(before, fact)) == _as_json(getattr(info, fact)) for fact in facts)

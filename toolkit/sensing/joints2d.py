@@ -144,16 +144,21 @@ def rotated_rows(rows: np.ndarray, camera: Camera, turns: int) -> np.ndarray:
     return turned
 
 
-def same_rays(pixels: np.ndarray, raw: Camera, flat: Camera) -> np.ndarray:
-    """Pixels (N, 2) of `raw`, lens distortion included, as `flat`, an ideal lens at the same place, sees them."""
-    seen = np.asarray(pixels, dtype=np.float64).copy()
-    if raw.distortion is not None:
+def same_rays(pixels: np.ndarray, here: Camera, there: Camera) -> np.ndarray:
+    """Pixels (N, 2) of one camera where another at the same place sees the same: float32 (N, 2), lenses included."""
+    seen = np.full((len(pixels), 2), np.nan)
+    known = np.isfinite(pixels).all(axis=1)
+    if not known.any():
+        return seen.astype(np.float32)
+    slopes = (np.asarray(pixels, dtype=np.float64)[known] - (here.cx, here.cy)) / (here.fx, here.fy)
+    if here.distortion != there.distortion:
         import cv2
 
-        known = np.isfinite(seen).all(axis=1)
-        if known.any():
-            flattened = cv2.undistortPoints(seen[known][:, None], raw.matrix, np.asarray(raw.distortion), P=raw.matrix)
-            seen[known] = np.asarray(flattened)[:, 0]
-    seen[:, 0] = (seen[:, 0] - raw.cx) / raw.fx * flat.fx + flat.cx
-    seen[:, 1] = (seen[:, 1] - raw.cy) / raw.fy * flat.fy + flat.cy
+        if here.distortion is not None:
+            slopes = np.asarray(cv2.undistortPoints(slopes[:, None], np.eye(3), np.asarray(here.distortion)))[:, 0]
+        if there.distortion is not None:
+            rays = np.concatenate([slopes, np.ones((len(slopes), 1))], axis=1)
+            bent = cv2.projectPoints(rays, np.zeros(3), np.zeros(3), np.eye(3), np.asarray(there.distortion))
+            slopes = np.asarray(bent[0])[:, 0]
+    seen[known] = slopes * (there.fx, there.fy) + (there.cx, there.cy)
     return seen.astype(np.float32)

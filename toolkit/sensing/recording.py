@@ -50,6 +50,7 @@ class Recording(Protocol):
     name : stem of the file or name of the folder
     path : where it was read from
     camera : intrinsics of every frame, lens distortion included
+    raw_camera : the same of the images as they lie in the file, before they are flipped or turned
     up_camera : float64 (3,), the vertical in the camera frame
     timestamps : float64 (T,), seconds
     background : uint16 (H, W), depth of the empty scene, or None
@@ -64,6 +65,7 @@ class Recording(Protocol):
     name: str
     path: Path
     camera: Camera
+    raw_camera: Camera
     timestamps: np.ndarray
     background: np.ndarray | None
     joints: np.ndarray | None
@@ -248,6 +250,7 @@ class StoredRecording:
     image_joints: np.ndarray | None = None
     stored_up: np.ndarray | None = None
     options: dict[str, Any] = field(default_factory=dict)
+    raw_camera: Camera = field(init=False)
 
     def __post_init__(self) -> None:
         count, shape = len(self.source), self.camera.shape
@@ -265,7 +268,7 @@ class StoredRecording:
                     f"the background of {self.path} has shape {self.background.shape}, the frames have {shape}; "
                     "give one of the same size"
                 )
-        self._raw_camera = self.camera
+        self.raw_camera = self.camera
         if self.converter.mirrored:
             self.camera = self.camera.mirrored()
             for joints in (self.joints, self.reference_joints):
@@ -320,8 +323,8 @@ class StoredRecording:
         joints = check_rows(rows, len(self), self.path)
         assert joints is not None
         if self.converter.mirrored:
-            joints = mirrored_rows(joints, self._raw_camera.width)
-        self.image_joints = rotated_rows(joints, self._raw_camera, self._turns)
+            joints = mirrored_rows(joints, self.raw_camera.width)
+        self.image_joints = rotated_rows(joints, self.raw_camera, self._turns)
 
     def color(self, i: int) -> np.ndarray | None:
         """Colour of frame `i`, uint8 (H, W, 3), RGB registered to depth, or None."""
@@ -353,7 +356,7 @@ class StoredRecording:
         return i
 
     def _convert(self, raw: np.ndarray, i: int) -> np.ndarray:
-        return self._upright(self.converter.convert(raw, self._raw_camera, f"frame {i} of {self.path}"))
+        return self._upright(self.converter.convert(raw, self.raw_camera, f"frame {i} of {self.path}"))
 
 
 def open_recording(path: str | Path, **options: Any) -> Recording:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from typing import Protocol
+from typing import Literal, Protocol
 
 import numpy as np
 
@@ -77,6 +77,8 @@ class Tracker(Protocol):
     stage_names : of the timed stages, in the order of `FrameResult.stage_ms`; the first is "prepare"
     source_names : of the hypotheses that can win, indexed by `FrameResult.source`
     learning_frames : frames of a person from which a body is learnt before the first row is written; 0 = none
+    joints_wanted : what it does with joints in the image: "none" has no use for them, "welcome" uses those that there
+        are, "required" is nothing without them unless the user says so
     """
 
     database: str
@@ -98,6 +100,11 @@ class Tracker(Protocol):
 
     @property
     def learning_frames(self) -> int:
+        """See above."""
+        ...
+
+    @property
+    def joints_wanted(self) -> Literal["none", "welcome", "required"]:
         """See above."""
         ...
 

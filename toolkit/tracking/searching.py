@@ -7,7 +7,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from functools import cached_property
 from itertools import islice
-from typing import Protocol
+from typing import Literal, Protocol
 
 import numpy as np
 
@@ -86,6 +86,11 @@ class SearchingTracker(ABC):
     @abstractmethod
     def searches(self, objective: Objective, refiner: Refiner) -> tuple[Search, ...]:
         """The searches of the settings, in the order in which they are asked."""
+
+    @property
+    def joints_wanted(self) -> Literal["none", "welcome", "required"]:
+        """See `Tracker.joints_wanted`: none of the searches uses them, unless a member says otherwise."""
+        return "none"
 
     @property
     def learning_frames(self) -> int:

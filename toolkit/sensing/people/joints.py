@@ -83,7 +83,7 @@ class GivenJoints(NoJoints):
         if not frame.joints or not sightings:
             return tuple(sightings)
         seen = [self._seen_by(joints, sightings[0].camera) for joints in frame.joints]
-        claims = np.array([[_on_cut_out(joints, s.depth) for joints in seen] for s in sightings])
+        claims = np.array([[on_cut_out(joints, s.depth) for joints in seen] for s in sightings])
         sure = np.array([np.count_nonzero(joints.sure) for joints in seen])
         claims[claims < LEAST_SHARE * sure] = 0
         with_joints = list(sightings)
@@ -102,7 +102,7 @@ class GivenJoints(NoJoints):
         return Joints2D.of_rows(rows)
 
 
-def _on_cut_out(joints: Joints2D, depth: np.ndarray) -> int:
+def on_cut_out(joints: Joints2D, depth: np.ndarray) -> int:
     """How many of the sure joints lie on a person's depth (H, W), or close beside it."""
     count = 0
     for u, v in np.rint(joints.pixels[joints.sure]).astype(np.int64):

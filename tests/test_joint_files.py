@@ -1,0 +1,241 @@
+"""Joints from folders of JSON, and where a run takes its joints from."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from tests.fake_tracker import FakeTracker
+from toolkit.body import skeleton
+from toolkit.errors import ModelError, RecordingError, UsageError
+from toolkit.landmarks.pose_model import MODEL_FILE, PoseModel
+from toolkit.pipeline import JointChoice, track_recording
+from toolkit.pipeline.joints import give_joints, joint_source
+from toolkit.sensing.camera import Camera
+from toolkit.sensing.joint_files import read_joints
+from toolkit.sensing.joint_formats import BODY_25, COCO_17, COCO_18, Points
+from toolkit.sensing.people.joints import GivenJoints, NoJoints
+from toolkit.sensing.recording import Recording, open_recording, save_recording
+from toolkit.track import RunInfo
+
+CAMERA = Camera(60.0, 60.0, 31.0, 23.5, 64, 48)
+WRIST, HEAD = skeleton.REPORTED.index("left_wrist"), skeleton.REPORTED.index("head")
+FORMATS = {75: BODY_25, 54: COCO_18, 51: COCO_17}
+
+
+def truth(seed: int = 0) -> np.ndarray:
+    """Pixels and confidences of the 20 joints, (20, 3)."""
+    rng = np.random.default_rng(seed)
+    return np.column_stack([rng.uniform(3, 60, 20), rng.uniform(3, 44, 20), rng.uniform(0.4, 1.0, 20)])
+
+
+def written(rows: np.ndarray, points: Points, numbers: int) -> list[float]:
+    """Joints (20, 3) as a detector of some format would write them: every point of a joint where the joint is."""
+    flat = np.zeros((numbers // 3, 3))
+    for name, sources in points.items():
+        flat[list(sources)] = rows[skeleton.REPORTED.index(name)]
+    return [float(x) for x in flat.ravel()]
+
+
+def person(rows: np.ndarray) -> dict[str, Any]:
+    """A person as OpenPose writes them."""
+    return {"pose_keypoints_2d": written(rows, BODY_25, 75)}
+
+
+def folder_of(path: Path, *frames: Any) -> Path:
+    """A folder of JSON, one file for each frame; text is written as it is."""
+    path.mkdir(exist_ok=True)
+    for i, frame in enumerate(frames):
+        text = frame if isinstance(frame, str) else json.dumps(frame)
+        (path / f"take_{i}_keypoints.json").write_text(text)
+    return path
+
+
+def one(rows: np.ndarray) -> dict[str, Any]:
+    """A file that holds one person."""
+    return {"people": [person(rows)]}
+
+
+@pytest.mark.parametrize("numbers", list(FORMATS))
+def test_three_formats_written_from_one_truth_give_the_same_joints(tmp_path: Path, numbers: int) -> None:
+    rows, points = truth(), FORMATS[numbers]
+    frame = {"people": [{"pose_keypoints_2d": written(rows, points, numbers)}]}
+    found = read_joints(folder_of(tmp_path / "json", frame), 1, CAMERA)
+    known = [skeleton.REPORTED.index(name) for name in points]
+    np.testing.assert_allclose(found[0, 0, known], rows[known], atol=1e-5)
+    assert np.isnan(np.delete(found[0, 0], known, axis=0)).all()
+
+
+def test_left_and_right_are_those_of_the_format() -> None:
+    """By the published lists of points: number 4 of BODY_25 is the right wrist, of COCO-17 number 9 the left one."""
+    assert BODY_25["right_wrist"] == COCO_18["right_wrist"] == (4,) and COCO_17["left_wrist"] == (9,)
+    assert BODY_25["left_foot"] == (19,) and BODY_25["head"] == (18, 17)
+    assert COCO_18["left_hip"] == (11,) and COCO_17["right_ankle"] == (16,)
+
+
+def test_of_two_ears_the_one_that_is_seen_is_the_head(tmp_path: Path) -> None:
+    numbers = written(truth(), BODY_25, 75)
+    numbers[3 * 18 : 3 * 18 + 3] = 10.0, 12.0, 0.8
+    numbers[3 * 17 : 3 * 17 + 3] = 0.0, 0.0, 0.0
+    found = read_joints(folder_of(tmp_path / "json", {"people": [{"pose_keypoints_2d": numbers}]}), 1, CAMERA)
+    np.testing.assert_allclose(found[0, 0, HEAD], (10, 12, 0.8), atol=1e-6)
+
+
+def test_files_come_in_natural_order(tmp_path: Path) -> None:
+    folder = folder_of(tmp_path / "json", *(one(truth(i)) for i in range(12)))
+    found = read_joints(folder, 12, CAMERA)
+    np.testing.assert_allclose(found[0, 10, WRIST], truth(10)[WRIST], atol=1e-5)
+
+
+def test_fewer_files_are_matched_by_the_number_of_their_frame(tmp_path: Path) -> None:
+    folder = folder_of(tmp_path / "json")
+    for i in (2, 5):
+        (folder / f"clip7_{i:012d}_keypoints.json").write_text(json.dumps(one(truth(i))))
+    found = read_joints(folder, 9, CAMERA)
+    assert [i for i in range(9) if np.isfinite(found[0, i]).any()] == [2, 5]
+    np.testing.assert_allclose(found[0, 5, WRIST], truth(5)[WRIST], atol=1e-5)
+
+
+def test_several_people_a_frame_without_people_and_one_without_any_confidence(tmp_path: Path) -> None:
+    unsure = truth() * [1, 1, 0]
+    folder = folder_of(tmp_path / "json", {"people": [person(truth(1)), person(truth(2))]}, {"people": []}, one(unsure))
+    found = read_joints(folder, 3, CAMERA)
+    assert found.shape == (2, 3, 20, 3)
+    assert np.isfinite(found).any(axis=(2, 3)).tolist() == [[True, False, False], [True, False, False]]
+
+
+def test_joints_found_at_another_size_are_scaled_to_the_depth(tmp_path: Path) -> None:
+    rows = truth()
+    larger = rows * [2, 2, 1] + [0.5, 0.5, 0]
+    found = read_joints(folder_of(tmp_path / "json", one(larger)), 1, CAMERA, (128, 96))
+    np.testing.assert_allclose(found[0, 0, WRIST], rows[WRIST], atol=1e-4)
+
+
+@pytest.mark.parametrize(
+    ("frames", "said"),
+    [
+        ([], "holds no"),
+        ([one(truth())] * 2, "2 files for 1 frames"),
+        (["{"], "json"),
+        ([{"version": 1.3}], "no list 'people'"),
+        ([[1, 2]], "no list 'people'"),
+        ([{"people": [{}]}], "no list of numbers"),
+        ([{"people": [{"pose_keypoints_2d": [1.0] * 74}]}], "74 numbers; there are formats of 75 .BODY_25."),
+        ([{"people": [{"pose_keypoints_2d": ["x"] * 75}]}], "no list of numbers"),
+        (['{"people": [{"pose_keypoints_2d": [NaN, 1, 1]}]}'], "NaN"),
+        ([one(truth() / [64, 48, 1])], "pixels .OpenPose: keypoint_scale 0."),
+        ([one(truth() * [3, 3, 1])], "--joints-size"),
+    ],
+)
+def test_a_folder_that_cannot_be_right_is_refused_with_a_reason(tmp_path: Path, frames: list[Any], said: str) -> None:
+    with pytest.raises(RecordingError, match=said):
+        read_joints(folder_of(tmp_path / "json", *frames), 1, CAMERA)
+
+
+def test_a_folder_that_is_not_there_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(RecordingError, match="--joints is one of"):
+        read_joints(tmp_path / "nowhere", 1, CAMERA)
+
+
+def take(path: Path, *, color: bool = False, joints: bool = False) -> Recording:
+    """A recording of somebody who stands still, three frames."""
+    depth = np.zeros((3, *CAMERA.shape), dtype=np.uint16)
+    depth[:, 5:45, 20:40] = 2000
+    save_recording(
+        path,
+        depth=depth,
+        camera=CAMERA,
+        timestamps=np.arange(3) / 30,
+        color=np.zeros((3, *CAMERA.shape, 3), dtype=np.uint8) if color else None,
+        joints_2d=np.stack([truth(i) for i in range(3)]) if joints else None,
+    )
+    return open_recording(path)
+
+
+@pytest.fixture
+def no_model(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A user without the pose model."""
+    monkeypatch.setenv("DEPTHMOCAP_DATA", str(tmp_path / "data"))
+    return tmp_path / "data"
+
+
+def test_joints_of_the_recording_come_before_any_detector(tmp_path: Path, no_model: Path) -> None:
+    recording = take(tmp_path / "take.npz", color=True, joints=True)
+    assert isinstance(joint_source(recording, JointChoice(), "required"), GivenJoints)
+
+
+def test_a_folder_replaces_the_joints_of_the_recording(tmp_path: Path) -> None:
+    recording = take(tmp_path / "take.npz", joints=True)
+    choice = JointChoice(folder_of(tmp_path / "json", *(one(truth(9)) for _ in range(3))))
+    give_joints(recording, choice)
+    np.testing.assert_allclose(recording.joints_2d(2)[0].pixels[WRIST], truth(9)[WRIST, :2], atol=1e-4)
+    assert isinstance(joint_source(recording, choice, "required"), GivenJoints)
+
+
+@pytest.mark.parametrize("source", ["auto", "colour", "depth"])
+def test_without_the_model_the_error_names_the_script_and_the_option(
+    tmp_path: Path, no_model: Path, source: str
+) -> None:
+    with pytest.raises(ModelError, match=r"scripts/fetch_pose_model.py.*--joints"):
+        joint_source(take(tmp_path / "take.npz", color=True), JointChoice(source), "required")
+
+
+def test_a_model_of_another_checksum_is_refused(no_model: Path) -> None:
+    no_model.mkdir()
+    (no_model / MODEL_FILE).write_bytes(b"something else")
+    with pytest.raises(ModelError, match=r"SHA-256.*fetch_pose_model.*--joints"):
+        PoseModel.load()
+
+
+def test_without_the_runtime_the_error_names_the_extra_and_the_option(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(__import__("sys").modules, "ai_edge_litert.interpreter", None)
+    with pytest.raises(ModelError, match=r"depthmocap\[joints\].*--joints"):
+        PoseModel(b"")
+
+
+def test_a_tracker_that_only_welcomes_joints_goes_without_the_model(tmp_path: Path, no_model: Path) -> None:
+    assert isinstance(joint_source(take(tmp_path / "take.npz"), JointChoice(), "welcome"), NoJoints)
+
+
+def test_no_joints_at_all_are_a_choice(tmp_path: Path, no_model: Path) -> None:
+    recording = take(tmp_path / "take.npz", joints=True)
+    assert isinstance(joint_source(recording, JointChoice("none"), "required"), NoJoints)
+
+
+def test_joints_in_colour_need_colour(tmp_path: Path) -> None:
+    with pytest.raises(RecordingError, match="has no colour.*--joints depth"):
+        joint_source(take(tmp_path / "take.npz"), JointChoice("colour"), "required")
+
+
+def test_joints_for_a_tracker_without_use_for_them_are_refused(tmp_path: Path) -> None:
+    with pytest.raises(UsageError, match="uses no joints"):
+        track_recording(
+            take(tmp_path / "take.npz"), FakeTracker(), tmp_path / "run", joints=JointChoice("depth"), warm_up=False
+        )
+
+
+@pytest.mark.parametrize(
+    ("choice", "recordings", "said"),
+    [(JointChoice(size=(64, 48)), 1, "--joints-size belongs"), (JointChoice("json"), 2, "belong to one recording")],
+)
+def test_a_choice_that_cannot_work_is_refused(choice: JointChoice, recordings: int, said: str) -> None:
+    with pytest.raises(UsageError, match=said):
+        choice.check(recordings)
+
+
+class JointTracker(FakeTracker):
+    """A tracker that has a use for joints."""
+
+    joints_wanted = "required"
+
+
+def test_a_run_says_which_joints_it_was_told(tmp_path: Path) -> None:
+    recording = take(tmp_path / "take.npz", joints=True)
+    track_recording(recording, JointTracker(), tmp_path / "given", warm_up=False)
+    track_recording(recording, JointTracker(), tmp_path / "none", warm_up=False, joints=JointChoice("none"))
+    assert RunInfo.load(tmp_path / "given").joints_2d.startswith("given ")
+    assert RunInfo.load(tmp_path / "none").joints_2d == "none"

@@ -1,0 +1,222 @@
+"""The detector: its crops, what it finds in pictures of known bodies, and that it follows a person."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from toolkit.body import skeleton
+from toolkit.body.shape import subject_body
+from toolkit.errors import ModelError, RecordingError
+from toolkit.landmarks import pose_model
+from toolkit.landmarks.detection import DetectedJoints
+from toolkit.landmarks.pose_model import CENTRE, POINTS, SIDE, UPWARD, Crop, Landmarks, PoseModel, cropped, refined
+from toolkit.landmarks.shaded import ENLARGED, shaded
+from toolkit.pipeline.store_joints import store_joints
+from toolkit.sensing.camera import Camera
+from toolkit.sensing.people.sighting import Sighting
+from toolkit.sensing.recording import open_recording
+from toolkit.sensing.stream import Frame
+from toolkit.testing.subjects import LEVEL, camera_for, draw, moving_poses, write_recording
+
+CAMERA = camera_for(6000)
+HEAD = skeleton.REPORTED.index("head")
+VISIBLE = [i for i, name in enumerate(skeleton.REPORTED) if name not in ("pelvis", "spine", "neck")]
+
+
+def model_or_skip(threads: int = 1) -> PoseModel:
+    """The model, if somebody has fetched it."""
+    try:
+        return PoseModel.load(threads=threads)
+    except ModelError as error:
+        pytest.skip(str(error))
+
+
+def subject(seed: int) -> tuple[np.ndarray, np.ndarray]:
+    """A body in some pose before the camera: depth in metres, and the pixels (20, 2) of its joints."""
+    rng = np.random.default_rng(seed)
+    body = subject_body("neutral", seed=seed)
+    pose = moving_poses(40, rng)[seed % 40]
+    return draw(body, pose, CAMERA, rng), CAMERA.project(body.joint_positions(pose) @ LEVEL)
+
+
+@given(
+    st.floats(-50, 400), st.floats(-50, 400), st.floats(10, 900), st.floats(-3.1, 3.1), st.floats(0, 255),
+    st.floats(0, 255),
+)  # fmt: skip
+def test_a_pixel_of_a_crop_comes_back_from_the_picture(
+    u: float, v: float, side: float, angle: float, x: float, y: float
+) -> None:
+    crop = Crop(u, v, side, angle)
+    matrix = np.vstack([crop.to_picture, [0, 0, 1]])
+    there = crop.placed(np.array([[x, y]]))[0]
+    back = np.linalg.inv(matrix) @ [*there, 1.0]
+    np.testing.assert_allclose(back[:2], (x, y), atol=0.1)
+
+
+def test_a_crop_shows_what_is_there_and_black_outside() -> None:
+    picture = np.zeros((60, 80, 3), dtype=np.uint8)
+    picture[20:23, 50:53] = 255
+    crop = Crop(51.0, 21.0, 32.0, 0.0)
+    seen = cropped(picture, crop)
+    assert seen.shape == (SIDE, SIDE, 3) and seen.max() == 1.0
+    where = np.argwhere(seen[..., 0] > 0.5).mean(axis=0)
+    np.testing.assert_allclose(crop.placed(where[None, ::-1])[0], (51.0, 21.0), atol=0.1)
+    assert not cropped(np.full((60, 80, 3), 255, np.uint8), Crop(-500.0, 0.0, 40.0, 0.0)).any()
+
+
+def test_a_crop_of_two_points_has_the_second_above_the_first() -> None:
+    crop = Crop.of_points(np.array([100.0, 50.0]), np.array([130.0, 50.0]))
+    middle = 0.5 * (SIDE - 1)
+    centre, above = crop.placed(np.array([[middle, middle], [middle, middle - SIDE / 2.5]]))
+    np.testing.assert_allclose(centre, (100.0, 50.0), atol=1e-9)
+    np.testing.assert_allclose(above, (130.0, 50.0), atol=1e-9)
+
+
+def test_a_point_moves_to_the_middle_of_the_heat_around_it_where_that_is_sure() -> None:
+    heat = np.full((64, 64, POINTS), -20.0)
+    heat[20, 30, 0] = 20.0
+    heat[20, 30, 1] = -1.0
+    points = np.full((POINTS, 2), (29.0 / 64 * SIDE, 21.0 / 64 * SIDE))
+    moved = refined(points, heat)
+    np.testing.assert_allclose(moved[0], (30.5 / 64 * SIDE - 0.5, 20.5 / 64 * SIDE - 0.5), atol=1e-3)
+    np.testing.assert_array_equal(moved[1:], points[1:])
+
+
+def test_a_shaded_picture_shows_the_person_on_grey_lit_where_they_face_the_camera() -> None:
+    depth, _ = subject(0)
+    picture = shaded(depth, CAMERA)
+    assert picture.shape == (ENLARGED * CAMERA.height, ENLARGED * CAMERA.width, 3)
+    large = cv2.resize((depth > 0).astype(np.uint8), picture.shape[1::-1], interpolation=cv2.INTER_NEAREST)
+    far = cv2.erode(1 - large, np.ones((9, 9)))
+    assert (picture[far > 0] == 120).all()
+    assert np.median(picture[large > 0][:, 0]) > 170
+
+
+def test_a_plane_is_shaded_evenly_and_the_more_it_turns_away_the_darker() -> None:
+    def light(slope: float) -> float:
+        camera = Camera(100.0, 100.0, 19.5, 19.5, 40, 40)
+        rays = camera.rays()[..., 0]
+        depth = (2.0 / (1.0 - slope * rays)).astype(np.float32)
+        return float(shaded(depth, camera)[50:70, 50:70].mean())
+
+    assert light(0.0) > light(1.0) > light(3.0)
+
+
+class FakeModel:
+    """Finds the middle of what is bright, and says how often it was asked."""
+
+    def __init__(self, somebody: float = 0.9) -> None:
+        self.somebody, self.crops = somebody, []
+
+    def find(self, picture: np.ndarray, crop: Crop) -> Landmarks:
+        self.crops.append(crop)
+        rows, columns = np.nonzero((picture != 120).any(axis=-1))
+        points = np.tile([columns.mean(), rows.mean()], (POINTS, 1))
+        points[UPWARD] = points[CENTRE] - (0.0, 60.0)
+        return Landmarks(points, np.ones(POINTS), self.somebody)
+
+
+def frame_at(column: int, color: np.ndarray | None = None) -> tuple[Frame, Sighting]:
+    """A block of a person at a column of the image."""
+    depth = np.zeros(CAMERA.shape, dtype=np.float32)
+    depth[60:180, column : column + 40] = 2.5
+    sighting = Sighting(1, depth, None, CAMERA)
+    return Frame((1000 * depth).astype(np.uint16), 0.0, (), color), sighting
+
+
+def test_a_new_person_is_looked_for_twice_and_then_once_a_frame() -> None:
+    model = FakeModel()
+    source = DetectedJoints(model, CAMERA, in_color=False)  # type: ignore[arg-type]
+    for column, asked in ((100, 2), (102, 3), (104, 4)):
+        frame, sighting = frame_at(column)
+        (seen,) = source.add(frame, [sighting])
+        assert seen.joints is not None and len(model.crops) == asked
+        assert abs(seen.joints.pixels[VISIBLE[0], 0] - (column + 19.5)) < 0.6
+    assert model.crops[0].angle == 0.0 and model.crops[0].side == pytest.approx(1.25 * 120 * ENLARGED)
+    assert model.crops[2].side == pytest.approx(2.5 * 60)
+
+
+def test_a_crop_that_has_lost_the_person_is_laid_anew() -> None:
+    model = FakeModel()
+    source = DetectedJoints(model, CAMERA, in_color=False)  # type: ignore[arg-type]
+    source.add(frame_at(100)[0], [frame_at(100)[1]])
+    model.somebody = 0.2
+    (seen,) = source.add(frame_at(100)[0], [frame_at(100)[1]])
+    assert seen.joints is None and len(model.crops) == 5 and source.export_state() == {}
+
+
+def test_nobody_is_looked_for_where_nothing_is_measured() -> None:
+    model = FakeModel()
+    source = DetectedJoints(model, CAMERA, in_color=False)  # type: ignore[arg-type]
+    empty = Sighting(1, np.zeros(CAMERA.shape, dtype=np.float32), None, CAMERA)
+    assert source.add(frame_at(0)[0], [empty])[0].joints is None and not model.crops
+
+
+def test_the_crops_go_on_from_their_state() -> None:
+    one, other = (DetectedJoints(FakeModel(), CAMERA, in_color=False) for _ in range(2))  # type: ignore[arg-type]
+    one.add(*(lambda f: (f[0], [f[1]]))(frame_at(90)))
+    other.restore_state(one.export_state())
+    a, b = (source.add(frame_at(95)[0], [frame_at(95)[1]])[0].joints for source in (one, other))
+    assert a is not None and b is not None
+    np.testing.assert_array_equal(a.rows, b.rows)
+    assert len(other._model.crops) == 1  # type: ignore[attr-defined]
+
+
+@pytest.mark.parametrize("factor", [1, 2])
+def test_colour_of_another_size_gives_joints_in_pixels_of_the_depth(factor: int) -> None:
+    frame, sighting = frame_at(100)
+    color = np.where(sighting.depth[..., None] > 0, 200, 120).astype(np.uint8).repeat(3, axis=-1)
+    color = color.repeat(factor, axis=0).repeat(factor, axis=1)
+    source = DetectedJoints(FakeModel(), CAMERA, in_color=True)  # type: ignore[arg-type]
+    (seen,) = source.add(frame._replace(color=color), [sighting])
+    assert seen.joints is not None
+    np.testing.assert_allclose(seen.joints.pixels[VISIBLE[0]], (119.5, 119.5), atol=0.01)
+
+
+def test_colour_that_shows_something_else_or_is_missing_is_refused() -> None:
+    frame, sighting = frame_at(100)
+    source = DetectedJoints(FakeModel(), CAMERA, in_color=True)  # type: ignore[arg-type]
+    with pytest.raises(RecordingError, match="register it to the depth"):
+        source.add(frame._replace(color=np.zeros((100, 100, 3), np.uint8)), [sighting])
+    with pytest.raises(RecordingError, match="no colour"):
+        source.add(frame, [sighting])
+
+
+def test_one_thread_and_two_find_the_same_bits() -> None:
+    depth, _ = subject(1)
+    picture, crop = shaded(depth, CAMERA), Crop.around(depth > 0).scaled(ENLARGED)
+    one, two = (model_or_skip(threads).find(picture, crop) for threads in (1, 2))
+    np.testing.assert_array_equal(one.points, two.points)
+    np.testing.assert_array_equal(one.visibility, two.visibility)
+
+
+def test_the_runtime_computes_what_opencv_computes() -> None:
+    model = model_or_skip()
+    depth, _ = subject(1)
+    picture, crop = shaded(depth, CAMERA), Crop.around(depth > 0).scaled(ENLARGED)
+    path = str(pose_model.data_folder() / pose_model.MODEL_FILE)
+    engine = (cv2.dnn.ENGINE_CLASSIC,) if hasattr(cv2.dnn, "ENGINE_CLASSIC") else ()
+    net = cv2.dnn.readNetFromTFLite(path, *engine)
+    net.setInput(cropped(picture, crop).transpose(2, 0, 1)[None].copy())
+    outputs = {np.asarray(out).size: np.asarray(out) for out in net.forward(net.getUnconnectedOutLayersNames())}
+    expected = outputs[5 * POINTS].reshape(POINTS, 5)[:, :2].astype(np.float64)
+    heat = outputs[64 * 64 * POINTS].reshape(POINTS, 64, 64).transpose(1, 2, 0)
+    found = model.find(picture, crop).points
+    np.testing.assert_allclose(found, crop.placed(refined(expected, heat)), atol=0.01)
+
+
+def test_joints_are_found_once_and_stored_with_the_recording(tmp_path: Path) -> None:
+    model_or_skip()
+    write_recording(tmp_path / "take.npz", 6000, 3)
+    recording = open_recording(tmp_path / "take.npz")
+    stored = store_joints(recording, tmp_path / "with.npz")
+    for i in range(3):
+        np.testing.assert_array_equal(stored.depth(i), recording.depth(i))
+        (joints,) = stored.joints_2d(i)
+        assert joints.confidence[VISIBLE].all() and recording.depth(i)[tuple(joints.pixels[HEAD, ::-1].astype(int))]

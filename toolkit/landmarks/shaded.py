@@ -1,0 +1,67 @@
+"""A depth image as a picture of a person, for detectors that know people from photographs."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from toolkit.sensing.camera import Camera
+
+ENLARGED = 3
+"""The picture is so much larger than the depth image: its contours are smooth as in a photograph."""
+SMOOTHED = 5
+"""Pixels: side of the window over which depth is averaged before normals are taken."""
+SKIN = (224.0, 172.0, 138.0)
+GREY = 120.0
+"""Of the background."""
+AMBIENT, HEAD_LIGHT, KEY_LIGHT = 0.35, 0.4, 0.35
+"""Shares of the light that comes from everywhere, from the camera, and from above to the left."""
+KEY = np.array([-0.48, -0.64, -0.6])
+"""Direction towards the light, camera frame."""
+
+
+def shaded(depth: np.ndarray, camera: Camera) -> np.ndarray:
+    """A person's depth, float32 (H, W), metres, 0 elsewhere, as a picture: uint8 (3H, 3W, 3), RGB, on grey.
+
+    Pixels keep their areas: pixel u of the depth image is around 3u + 1 in the picture.
+    """
+    import cv2
+
+    mask = (depth > 0).astype(np.float32)
+    window = (SMOOTHED, SMOOTHED)
+    share = cv2.blur(mask, window, borderType=cv2.BORDER_CONSTANT)
+    smooth = np.where(mask > 0, cv2.blur(depth, window, borderType=cv2.BORDER_CONSTANT) / np.maximum(share, 1e-6), 0.0)
+    normals, slopes = _normals(smooth, mask > 0, camera)
+    from_head = -(normals * slopes).sum(axis=-1) / np.sqrt((slopes * slopes).sum(axis=-1))
+    from_key = (normals * KEY).sum(axis=-1)
+    light = AMBIENT + HEAD_LIGHT * np.maximum(from_head, 0.0) + KEY_LIGHT * np.maximum(from_key, 0.0)
+    picture = np.where(mask[..., None] > 0, np.array(SKIN) * light[..., None], GREY)
+    size = (ENLARGED * depth.shape[1], ENLARGED * depth.shape[0])
+    large = cv2.resize(picture.astype(np.float32), size, interpolation=cv2.INTER_CUBIC)
+    return np.clip(np.rint(large), 0, 255).astype(np.uint8)
+
+
+def _normals(depth: np.ndarray, mask: np.ndarray, camera: Camera) -> tuple[np.ndarray, np.ndarray]:
+    """Unit normals towards the camera (H, W, 3) of the surface, and the pixels' rays (H, W, 3) with z = 1."""
+    slopes = np.concatenate([camera.rays(), np.ones((*camera.shape, 1))], axis=-1)
+    points = slopes * depth[..., None]
+    across, down = _difference(points, mask, 1), _difference(points, mask, 0)
+    normals = np.cross(down, across)
+    length = np.sqrt((normals * normals).sum(axis=-1, keepdims=True))
+    towards = np.where(
+        length > 0, normals / np.maximum(length, 1e-12), -slopes / np.linalg.norm(slopes, axis=-1, keepdims=True)
+    )
+    return towards, slopes
+
+
+def _difference(points: np.ndarray, mask: np.ndarray, axis: int) -> np.ndarray:
+    """Differences of neighbours along one axis, from both sides where both are there, else from one; else 0."""
+    after, before = np.roll(points, -1, axis), np.roll(points, 1, axis)
+    has_after, has_before = np.roll(mask, -1, axis), np.roll(mask, 1, axis)
+    edge: list[slice | int] = [slice(None), slice(None)]
+    edge[axis] = -1
+    has_after[tuple(edge)] = False
+    edge[axis] = 0
+    has_before[tuple(edge)] = False
+    ahead = np.where(has_after[..., None], after, points)
+    behind = np.where(has_before[..., None], before, points)
+    return np.where(mask[..., None], ahead - behind, 0.0)

@@ -1,0 +1,104 @@
+"""Joints found once and stored with the recording, so that tracking it needs no detector."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+
+from toolkit.errors import UsageError
+from toolkit.files import check_output
+from toolkit.pipeline.joints import JointChoice, give_joints, joint_source
+from toolkit.sensing.joints2d import Joints2D, same_rays
+from toolkit.sensing.people.joints import GivenJoints, JointSource, NoJoints
+from toolkit.sensing.people.lone import LonePerson
+from toolkit.sensing.people.sighting import PeopleFinder
+from toolkit.sensing.people.survey import find_people
+from toolkit.sensing.recording import Recording, open_recording, save_recording
+from toolkit.sensing.settings import SensingSettings
+
+
+def store_joints(
+    recording: Recording,
+    output: str | Path,
+    choice: JointChoice | None = None,
+    *,
+    people: int | None = 1,
+    sensing: SensingSettings | None = None,
+    progress: Callable[[int, int], None] | None = None,
+) -> Recording:
+    """Write a recording as NPZ with its joints in the image (`depthmocap joints`).
+
+    Parameters
+    ----------
+    choice : where the joints are to come from
+    people : how many are looked for, None = all; 1 is the one person whom the settings mean
+    sensing : how people are cut out
+    progress : called with the number of frames done and of all frames
+
+    Returns
+    -------
+    The new recording, opened for reading.
+
+    Raises
+    ------
+    UsageError
+        No joints are chosen, or `output` is no .npz file or would replace the recording.
+    RecordingError
+        See `give_joints`.
+    ModelError
+        The detector cannot be used.
+    OutputError
+        The file cannot be written.
+    """
+    if Path(output).suffix != ".npz":
+        raise UsageError(f"a recording is one .npz file, not {output}; choose a name such as take.npz")
+    check_output(output, [recording.path], sealed=[recording.path])
+    choice = choice or JointChoice()
+    give_joints(recording, choice)
+    source = joint_source(recording, choice, "required")
+    if isinstance(source, GivenJoints):
+        rows = recording.image_joints
+    elif isinstance(source, NoJoints):
+        raise UsageError("there is nothing to store with --joints none; choose colour, depth or a folder")
+    else:
+        rows = _found(recording, source, _finder(recording, people, sensing or SensingSettings()), progress)
+    frames, known = range(len(recording)), recording.vertical.source in ("file", "option")
+    has_color = recording.color(0) is not None
+    save_recording(
+        output,
+        depth=recording.frames(),
+        camera=recording.camera,
+        timestamps=recording.timestamps,
+        background=recording.background,
+        color=(image for i in frames if (image := recording.color(i)) is not None) if has_color else None,
+        up_camera=recording.up_camera if known else None,
+        joints=recording.joints,
+        reference_joints=recording.reference_joints,
+        joints_2d=rows,
+    )
+    return open_recording(output)
+
+
+def _finder(recording: Recording, people: int | None, sensing: SensingSettings) -> PeopleFinder:
+    if people == 1:
+        return LonePerson(recording.camera, recording.background, sensing, recording.up_camera)
+    return find_people(recording, sensing, most=people)
+
+
+def _found(
+    recording: Recording, source: JointSource, finder: PeopleFinder, progress: Callable[[int, int], None] | None
+) -> np.ndarray:
+    """Joints of everybody in all frames, float32 (N, T, 20, 3), in pixels of the recording's depth."""
+    total = len(recording)
+    people: dict[int, np.ndarray] = {1: np.full((total, 20, 3), np.nan, dtype=np.float32)}
+    for i, frame in enumerate(recording.stream(color=source.needs_color)):
+        for sighting in source.add(frame, finder.find(frame.depth_mm, frame.timestamp, {})):
+            rows = people.setdefault(sighting.id, np.full((total, 20, 3), np.nan, dtype=np.float32))
+            if sighting.joints is not None:
+                pixels = same_rays(sighting.joints.pixels, sighting.camera, recording.camera)
+                rows[i] = Joints2D(pixels, sighting.joints.confidence).rows
+        if progress is not None:
+            progress(i + 1, total)
+    return np.stack([people[number] for number in sorted(people)])
