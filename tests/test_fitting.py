@@ -14,7 +14,6 @@ from toolkit.body.body import Body
 from toolkit.body.raycast import render_depth
 from toolkit.body.shape import ShapeSpace, load_body
 from toolkit.errors import SettingsError
-from toolkit.fitting.objective import CALIBRATION
 from toolkit.fitting.placed import NormalSystem, Placer, choose_vertices
 from toolkit.fitting.refiner import mesh_terms
 from toolkit.fitting.scene import Scene
@@ -295,7 +294,7 @@ def test_confidence_lies_in_its_range_and_is_low_for_hidden_joints(body: Body, f
     confidence = fit.confidence(fit.compare(behind, scene_of(body, behind)))
     assert confidence.shape == (20,)
     assert ((confidence >= 0) & (confidence <= 1)).all()
-    assert confidence[left] < 0.76 < 0.88 < confidence[right]
+    assert confidence[left] < 0.85 < 0.95 < confidence[right]
 
 
 def test_joints_that_the_image_contradicts_are_not_believed(body: Body, fit: Fit) -> None:
@@ -304,8 +303,8 @@ def test_joints_that_the_image_contradicts_are_not_believed(body: Body, fit: Fit
     wrist = skeleton.REPORTED.index("left_wrist")
     assert (
         fit.confidence(fit.compare(wrong, scene))[wrist]
-        < 0.76
-        < 0.88
+        < 0.85
+        < 0.95
         < fit.confidence(fit.compare(standing(), scene))[wrist]
     )
 
@@ -328,7 +327,7 @@ def test_almost_empty_images_leave_everything_finite(body: Body, fit: Fit, point
             assert compared.distance == pytest.approx(SETTINGS.unexplained), (
                 "of every vertex that the camera should see"
             )
-            assert fit.confidence(compared) == pytest.approx(np.full(20, CALIBRATION[0, 1]))
+            assert (fit.confidence(compared) < 0.1).all()
 
 
 def test_a_body_behind_the_camera_or_beside_the_image_is_survived(body: Body, fit: Fit) -> None:

@@ -12,7 +12,7 @@ import pytest
 from toolkit.body import skeleton
 from toolkit.body.shape import ShapeSpace, load_body
 from toolkit.fitting import terms as terms_room
-from toolkit.fitting.objective import CALIBRATION, GUESSED, WORSE, Comparison, Objective
+from toolkit.fitting.objective import FARTHEST, NEAREST, ODDS, USUAL, WORSE, Comparison, Objective
 from toolkit.fitting.placed import Placer
 from toolkit.fitting.refiner import Refiner, pair_terms
 from toolkit.fitting.scene import Scene
@@ -179,9 +179,10 @@ def test_costs_are_the_distances_of_what_may_still_be_nearest(placer: Placer, sc
     assert np.isinf(objective.costs(BODY, poses, scene, distances[1] * 0.99)).all()
 
 
-@pytest.mark.parametrize("seen", [0.0, 0.25, 0.5])
-def test_half_of_the_vertices_around_a_joint_are_all_that_a_camera_sees(
-    placer: Placer, scene: Scene, seen: float
+@pytest.mark.parametrize("distance", [0.001, NEAREST, 0.05, FARTHEST, 0.8])
+@pytest.mark.parametrize("seen", [0.0, 0.25, 0.5, 1.0])
+def test_a_joint_is_as_sure_as_its_support_and_the_whole_pose_allow(
+    placer: Placer, scene: Scene, seen: float, distance: float
 ) -> None:
     """The back of a body is never seen: a support of one half is as much as there can be."""
     gaps = np.full(len(placer.chosen), np.nan)
@@ -189,18 +190,22 @@ def test_half_of_the_vertices_around_a_joint_are_all_that_a_camera_sees(
     around = np.flatnonzero(placer.around_joints[elbow])
     gaps[around[: round(seen * len(around))]] = 0.0
     placed = placer.place(BODY, standing())
-    comparison = Comparison(0.1, gaps, np.zeros(1), np.zeros(1, dtype=np.int64), 0.0, placed, scene)
+    comparison = Comparison(distance, gaps, np.zeros(1), np.zeros(1, dtype=np.int64), 0.0, placed, scene)
     sure = Objective(placer, SETTINGS).confidence(comparison)[elbow]
-    assert sure == pytest.approx(np.interp(2.0 * seen, *CALIBRATION.T))
+    none, supported, observed, far = ODDS
+    odds = none + supported * min(2.0 * seen, 1.0) ** 0.5 + observed
+    odds += far * np.log(np.clip(distance, NEAREST, FARTHEST) / USUAL)
+    assert np.log(sure / (1.0 - sure)) == pytest.approx(odds)
 
 
-def test_a_joint_of_which_nothing_was_observed_is_a_guess(placer: Placer, scene: Scene) -> None:
+def test_a_joint_of_which_nothing_was_observed_is_more_likely_wrong_than_right(placer: Placer, scene: Scene) -> None:
     objective, pose = Objective(placer, SETTINGS), standing()
     arm, leg = skeleton.REPORTED.index("left_elbow"), skeleton.REPORTED.index("left_knee")
     below = np.arange(scene.depth.shape[0])[:, None] > scene.depth.shape[0] // 2
     hidden = scene_of(placer, np.broadcast_to(below, scene.depth.shape))
-    sure, guessed = (objective.confidence(objective.compare(BODY, pose, frame)) for frame in (scene, hidden))
-    assert sure[leg] > 0.8 and guessed[leg] == pytest.approx(GUESSED)
+    compared = [replace(objective.compare(BODY, pose, frame), distance=USUAL) for frame in (scene, hidden)]
+    sure, guessed = (objective.confidence(comparison) for comparison in compared)
+    assert sure[leg] > 0.9 and guessed[leg] < 0.5
     assert guessed[arm] == pytest.approx(sure[arm])
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -26,6 +27,7 @@ from toolkit.sensing.people.sighting import Sighting
 from toolkit.track import EMPTY, LOST, TRACKED, FrameResult
 from toolkit.tracking.clock import StageClock
 from toolkit.tracking.follower import UNSEEN, Follower
+from toolkit.tracking.guess import Guess
 from toolkit.tracking.search.protocol import NOTHING, Proposal
 from toolkit.tracking.state import PersonState, Previous
 
@@ -51,13 +53,14 @@ def follower(
     observer: FakeObserver | None = None,
     settings: SimpleNamespace = SETTINGS,
     sizes: Sequence[Body] = (),
+    guesser: Any = None,
     **state: object,
 ) -> Follower:
     """A follower of somebody whose body is known, unless `state` says otherwise."""
     begun = PersonState.begin(load_body("neutral"), sized=True, seed=3)
     return Follower(
         observer or FakeObserver(), searches, FakeObjective(distances or {}), ROTATION, settings, sizes, SOURCES,
-        replace(begun, **state),
+        replace(begun, **state), guesser,
     )  # fmt: skip
 
 
@@ -267,6 +270,28 @@ def test_a_step_replaces_the_state_and_leaves_the_old_one_as_it_was() -> None:
     step(person)
     assert person.state is not before
     assert str(before.export()) == exported
+
+
+def test_unobserved_limbs_do_not_jump_where_the_winner_does_not_continue() -> None:
+    asked: list[object] = []
+
+    def guess(pose: np.ndarray, seen: object, objective: object, before: object) -> Guess:
+        asked.append(before)
+        spread = np.zeros(20)
+        spread[19] = 10.0
+        return Guess(pose + 0.25, spread)
+
+    answers = iter(
+        [says("extrema", pose_at(1.0)), says("joints", pose_at(1.0)), says("local", pose_at(1.0), continues=True)]
+    )
+    search = FakeSearch("first", lambda state, best: Proposal((next(answers),)))
+    person = follower([search], distances={1.0: NEAR}, guesser=SimpleNamespace(guess=guess))
+    first, second, third = (step(person, timestamp=float(t)) for t in range(3))
+    assert first.pose.tolist() == (pose_at(1.0) + 0.25).tolist()
+    assert asked[0] is None and asked[2] is None
+    assert np.array_equal(asked[1], first.pose)  # type: ignore[arg-type]
+    assert second.confidence[:19] == pytest.approx(1.0 - NEAR)
+    assert third.confidence[19] < 0.01
 
 
 # What is reported

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -18,13 +19,16 @@ SUPPORT = 0.04
 """Metres from a measured point at which a vertex no longer supports its joint."""
 WITHIN = 0.05
 """Metres: what the confidence of a joint is the probability of being within."""
-CALIBRATION: np.ndarray = np.array(
-    [(0.0, 0.64), (0.1, 0.76), (0.25, 0.82), (0.5, 0.885), (0.75, 0.93), (1.0, 0.955)], dtype=np.float64
-)
-"""Support of a joint, and the share of the joints that then were within 5 cm on the tuning split of the benchmark."""
-
-GUESSED = 0.25
-"""Confidence of a joint of which nothing was observed: how often the prior is within 5 cm there."""
+ODDS: tuple[float, float, float, float] = (-0.43, 2.61, 0.98, -3.44)
+"""Log odds of a joint to be within 5 cm: of one of which nothing is observed; per root of its support; for being
+observed; per natural logarithm of the pose's distance in units of `USUAL`. A logistic regression over the tuning splits
+of `bench scenes` and `bench accuracy`."""
+USUAL = 0.04
+"""Metres: distance of a good pose from its frame."""
+NEAREST, FARTHEST = 0.03, 0.3
+"""Metres: distances beyond which a pose is taken to be no better and no worse."""
+OBSERVED = 0.4
+"""Share of the vertices around a joint that has to be observed for the joint to count as wholly so."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -118,14 +122,18 @@ class Objective:
     def confidence(self, comparison: Comparison) -> np.ndarray:
         """Probability that each reported joint of a compared pose is within 5 cm: float64 (20,), in [0, 1].
 
-        It rises with the support of the joint: of the chosen vertices around it, the share that the camera sees times
-        how near measured points are. As far as they lie where nothing was observed, it is that of a guess.
+        Its odds rise with the support of the joint (of the chosen vertices around it, the share that the camera sees
+        times how near measured points are) and with the share of these vertices that lie where something was observed.
+        They fall with the distance of the pose: where the whole is off, no part can be trusted.
         """
         around = self.placer.around_joints
         near = np.exp(-(np.nan_to_num(comparison.gaps, nan=np.inf) ** 2) / (2.0 * SUPPORT**2))
-        supported = np.interp(2.0 * linear.times(around, near), *CALIBRATION.T)
-        observed = linear.times(around, self.observed(comparison))
-        return GUESSED + observed * (supported - GUESSED)
+        support = np.minimum(2.0 * linear.times(around, near), 1.0)
+        observed = np.minimum(linear.times(around, self.observed(comparison)) / OBSERVED, 1.0)
+        distance = math.log(min(max(comparison.distance, NEAREST), FARTHEST) / USUAL)
+        none, supported, seen, far = ODDS
+        odds = none + supported * np.sqrt(support) + seen * observed + far * distance
+        return np.asarray(1.0 / (1.0 + np.exp(-odds)))
 
     def observed(self, comparison: Comparison) -> np.ndarray:
         """Which chosen vertices of a compared pose lie where something was observed: float64 (C,), 1 or 0."""

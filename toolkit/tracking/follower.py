@@ -15,6 +15,7 @@ from toolkit.sensing.cloud import Cloud
 from toolkit.sensing.people.sighting import PredictedBody, Sighting
 from toolkit.track import EMPTY, LOST, TRACKED, FrameResult
 from toolkit.tracking.clock import StageClock
+from toolkit.tracking.guess import Guess, LimbGuesser
 from toolkit.tracking.observation import Observation, Observer
 from toolkit.tracking.search.labelings import EFFECTORS
 from toolkit.tracking.search.protocol import Rival, Search
@@ -39,6 +40,7 @@ class Follower:
     sizes : the bodies that are tried where the person's size is unknown
     sources : names of the hypotheses that can win, in the order in which the track numbers them
     state : before the first frame
+    guesser : judges limbs of which nothing is observed; None believes whatever pose wins
 
     Attributes
     ----------
@@ -56,13 +58,14 @@ class Follower:
         sizes: Sequence[Body],
         sources: Sequence[str],
         state: PersonState,
+        guesser: LimbGuesser | None = None,
     ) -> None:
         self.observer, self.searches, self.objective = observer, tuple(searches), objective
         self.level_rotation = level_rotation
         self._settings, self._sizes = settings, tuple(sizes)
         self.state = state
         self.observation: Observation | None = None
-        self._sources = tuple(sources)
+        self._sources, self._guesser = tuple(sources), guesser
 
     def step(self, sighting: Sighting | None, timestamp: float, clock: StageClock) -> FrameResult:
         """Find the person in the next frame, at `timestamp` seconds; without a sighting nobody is there.
@@ -140,7 +143,9 @@ class Follower:
     def _commit(self, winner: Rival, observation: Observation, timestamp: float) -> FrameResult:
         """Remember the winner and report it."""
         settings, state, body = self._settings, self.state, winner.body
-        source, pose = winner.hypothesis.source, winner.hypothesis.pose
+        source = winner.hypothesis.source
+        guess = self._completed(winner)
+        pose = guess.pose
         tracked = winner.comparison.distance < settings.lost_distance
         extrema = observation.free_extrema[:EFFECTORS]
         before = state.previous.pose if state.previous is not None and winner.hypothesis.continues else None
@@ -162,8 +167,17 @@ class Follower:
             smoothed=smoother.last,
         )
         joints = previous.joints if reported is pose else body.joint_positions(reported)
-        confidence = self.objective.confidence(winner.comparison) if tracked else np.zeros(len(joints))
+        found = self.objective.confidence(winner.comparison) if tracked else np.zeros(len(joints))
+        confidence = guess.confidence(found)
         return self._result(reported, joints, confidence, TRACKED if tracked else LOST, source)
+
+    def _completed(self, winner: Rival) -> Guess:
+        """The winner, whose unobserved limbs do not jump."""
+        pose, previous = winner.hypothesis.pose, self.state.previous
+        if self._guesser is None:
+            return Guess(pose, np.zeros(len(skeleton.REPORTED)))
+        before = None if previous is None or winner.hypothesis.continues else previous.pose
+        return self._guesser.guess(pose, winner.comparison, self.objective, before)
 
     def _unseen(self, state: int, timestamp: float, clock: StageClock) -> FrameResult:
         """The last known pose, or a standing one before there was any, for a frame that shows nobody.

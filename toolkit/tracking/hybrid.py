@@ -11,6 +11,7 @@ from toolkit.fitting.objective import Objective
 from toolkit.fitting.refiner import Refiner
 from toolkit.fitting.terms import GaussianPrior, PoseTerm
 from toolkit.tracking.follower import PREDICTED
+from toolkit.tracking.guess import LimbGuesser
 from toolkit.tracking.guide import Guide, NoGuide
 from toolkit.tracking.observation import Observer
 from toolkit.tracking.registry import Registration, register
@@ -90,6 +91,11 @@ class HybridTracker(SearchingTracker):
         """See `SearchingTracker`: the database's own poses are likely."""
         weight = self.settings.fitting.prior_weight
         return (GaussianPrior.of_poses(self._poses.poses, weight),) if weight > 0.0 else ()
+
+    @cached_property
+    def guesser(self) -> LimbGuesser | None:
+        """See `SearchingTracker`; databases from before there were pose priors have none."""
+        return None if self._poses.prior is None else LimbGuesser(self._poses.prior)
 
     @cached_property
     def _votes(self) -> VotesQuery:

@@ -24,6 +24,7 @@ from toolkit.sensing.people.sighting import Sighting
 from toolkit.track import TRACKED
 from toolkit.tracking.clock import StageClock
 from toolkit.tracking.follower import Follower
+from toolkit.tracking.guess import LimbGuesser
 from toolkit.tracking.observation import Observer
 from toolkit.tracking.protocol import TrackerSettings
 from toolkit.tracking.search.protocol import Search
@@ -79,6 +80,11 @@ class SearchingTracker(ABC):
         return ()
 
     @property
+    def guesser(self) -> LimbGuesser | None:
+        """Judges limbs of which nothing is observed; None believes whatever pose wins."""
+        return None
+
+    @property
     @abstractmethod
     def observer(self) -> Observer:
         """How this tracker looks at sightings."""
@@ -125,8 +131,9 @@ class SearchingTracker(ABC):
         """A follower from these parts."""
         members = self.searches(objective, refiner)
         return self.kind(
-            observer, members, objective, level_rotation, self._common, self._sizes, self.source_names, state
-        )
+            observer, members, objective, level_rotation, self._common, self._sizes, self.source_names, state,
+            self.guesser,
+        )  # fmt: skip
 
     def _follower(self, camera: Camera, level_rotation: np.ndarray, body: Body, *, sized: bool) -> Follower:
         settings = self._common

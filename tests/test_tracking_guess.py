@@ -1,0 +1,136 @@
+"""Limbs of which nothing is observed: they stay, and are said to be as uncertain as they are."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from scipy.stats import chi
+
+from toolkit.body import skeleton
+from toolkit.body.shape import load_body
+from toolkit.database.prior import ANGLES, SIZE, PosePrior, variables
+from toolkit.fitting.objective import WITHIN, Comparison, Objective
+from toolkit.fitting.placed import Placer
+from toolkit.fitting.scene import Scene
+from toolkit.fitting.settings import FittingSettings
+from toolkit.sensing.camera import Camera, level_rotation
+from toolkit.sensing.cloud import Cloud
+from toolkit.tracking.guess import FOUND, Guess, LimbGuesser, spread_of_joints, unobserved_joints
+
+BODY = load_body("neutral")
+CAMERA = Camera(100.0, 100.0, 39.5, 49.5, 80, 100)
+LEVEL = level_rotation(np.array([0.0, -1.0, 0.0]))
+KNEE = skeleton.POSE_NAMES.index("left_knee_rx")
+LEG = [i for i, name in enumerate(skeleton.POSE_NAMES) if name.startswith(("left_hip", "left_knee", "left_ankle"))]
+LEGS = [i for i, name in enumerate(skeleton.POSE_NAMES) if any(part in name for part in ("hip", "knee", "ankle"))]
+
+
+def standing(knee: float = 0.0) -> np.ndarray:
+    pose = np.zeros(skeleton.POSE_SIZE)
+    pose[skeleton.ROOT_POSITION] = 0.0, 0.0, -2.5
+    pose[KNEE] = knee
+    return pose
+
+
+@pytest.fixture(scope="module")
+def objective() -> Objective:
+    return Objective(Placer(BODY, CAMERA, LEVEL), FittingSettings())
+
+
+@pytest.fixture(scope="module")
+def prior() -> PosePrior:
+    """Everybody bends the knees by half a radian, more or less."""
+    mean = variables(standing(), BODY)
+    mean[ANGLES][KNEE - 6] = 0.5
+    return PosePrior(np.ones(1), mean[None], 0.01 * np.eye(SIZE)[None], np.zeros(1, dtype=np.int64))
+
+
+def looked_at(objective: Objective, pose: np.ndarray, last_row: int) -> Comparison:
+    """The body in a pose before a camera of which only the rows down to `last_row` say something."""
+    depth = objective.placer.place(BODY, pose).drawn.depth.astype(np.float32)
+    unobserved = np.arange(len(depth))[:, None] > np.full(depth.shape[1], last_row)
+    depth[unobserved] = 0.0
+    cloud = Cloud.from_depth(depth, CAMERA, LEVEL)
+    return objective.compare(BODY, pose, Scene(cloud, np.zeros((0, 3)), 100, unobserved=unobserved))
+
+
+def test_a_body_that_is_all_in_view_is_left_as_it_is(objective: Objective, prior: PosePrior) -> None:
+    pose = standing(knee=0.1)
+    guess = LimbGuesser(prior).guess(pose, looked_at(objective, pose, 99), objective, standing())
+    assert guess.pose is pose
+    assert not guess.spread.any()
+    found = np.linspace(0.0, 1.0, 20)
+    assert guess.confidence(found).tolist() == found.tolist()
+
+
+def test_legs_below_the_image_are_unobserved_and_nothing_else_is(objective: Objective) -> None:
+    pose = standing()
+    waist = int(objective.placer.intrinsics[3] + 100.0 * 0.02 / 2.5)
+    seen = looked_at(objective, pose, waist)
+    assert seen.placed is not None
+    hidden = unobserved_joints(seen.placed, objective.observed(seen))
+    legs = {name for name in skeleton.JOINT_NAMES if name.endswith(("hip", "knee", "ankle"))}
+    assert {name for name, is_hidden in zip(skeleton.JOINT_NAMES, hidden, strict=True) if is_hidden} == legs
+
+
+def test_unobserved_limbs_stay_where_they_were_and_all_else_is_believed(objective: Objective, prior: PosePrior) -> None:
+    before, pose = standing(knee=0.3), standing(knee=2.0)
+    seen, guesser = looked_at(objective, pose, 40), LimbGuesser(prior)
+    guess = guesser.guess(pose, seen, objective, before)
+    assert guess.pose[KNEE] == before[KNEE]
+    others = np.delete(np.arange(skeleton.POSE_SIZE), LEGS)
+    before_elsewhere = before.copy()
+    before_elsewhere[others] += 0.1
+    assert guesser.guess(pose, seen, objective, before_elsewhere).pose.tolist() == guess.pose.tolist()
+    assert guesser.guess(pose, seen, objective, None).pose is pose
+
+
+def test_a_guess_is_as_uncertain_as_the_prior_given_what_is_seen(objective: Objective) -> None:
+    """One knee follows the other with nine tenths of its variance, and nothing follows the arms."""
+    pose, spreads = standing(), []
+    mean = variables(pose, BODY)
+    right = skeleton.POSE_NAMES.index("right_knee_rx") - 6
+    for scale in (0.01, 0.04):
+        covariance = scale * np.eye(SIZE)
+        covariance[KNEE - 6, right] = covariance[right, KNEE - 6] = 0.9 * scale
+        prior = PosePrior(np.ones(1), mean[None], covariance[None], np.zeros(1, dtype=np.int64))
+        guess = LimbGuesser(prior).guess(pose, looked_at(objective, pose, 40), objective, None)
+        moved = {skeleton.REPORTED[i] for i in np.flatnonzero(guess.spread)}
+        assert moved == {f"{side}_{part}" for side in ("left", "right") for part in ("knee", "ankle", "foot")}
+        spreads.append(guess.spread)
+    assert spreads[1] == pytest.approx(2.0 * spreads[0])
+
+
+def test_limbs_that_sensors_tell_of_are_not_guessed(objective: Objective, prior: PosePrior) -> None:
+    pose = standing(knee=2.0)
+    seen = looked_at(objective, pose, 40)
+    assert seen.scene is not None
+    seen.scene.evidence = (SimpleNamespace(cost=lambda placed: 0.0),)  # type: ignore[assignment]
+    assert LimbGuesser(prior).guess(pose, seen, objective, standing()).pose is pose
+
+
+def test_the_spread_of_a_joint_is_that_of_poses_with_such_angles(objective: Objective) -> None:
+    rng, pose = np.random.default_rng(0), standing(knee=0.7)
+    entries = np.array(LEG) - 6
+    mix = rng.normal(scale=0.01, size=(len(LEG), len(LEG)))
+    poses = np.repeat(pose[None], 4000, axis=0)
+    poses[:, LEG] += rng.multivariate_normal(np.zeros(len(LEG)), mix @ mix.T, len(poses))
+    apart = BODY.joint_positions(poses) - BODY.joint_positions(pose)
+    expected = np.sqrt((apart**2).mean(axis=(0, 2)))
+    spread = spread_of_joints(objective.placer.place(BODY, pose), entries, mix @ mix.T)
+    moved = expected > 1e-9
+    assert {skeleton.REPORTED[i] for i in np.flatnonzero(moved)} == {"left_knee", "left_ankle", "left_foot"}
+    assert spread[moved] == pytest.approx(expected[moved], rel=0.05)
+    assert not spread[~moved].any()
+
+
+def test_a_guess_is_as_sure_as_its_spread_allows_and_never_surer_than_what_was_found() -> None:
+    spread = np.zeros(20)
+    spread[:3] = 0.01, 0.1, 0.4
+    found = np.full(20, 0.3)
+    sure = Guess(standing(), spread).confidence(found)
+    own = chi(3).cdf(WITHIN / np.hypot(spread[:3], FOUND))
+    assert own[0] > 0.3 > own[1] > own[2]
+    assert sure.tolist() == pytest.approx([0.3, own[1], own[2], *[0.3] * 17])

@@ -1,0 +1,127 @@
+"""Limbs of which nothing was observed: what becomes of them, and how sure that is."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from toolkit.body import skeleton
+from toolkit.body.body import BELOW
+from toolkit.database.prior import HEIGHT, SIZE, PosePrior, variables
+from toolkit.fitting.objective import WITHIN, Comparison, Objective
+from toolkit.fitting.placed import PlacedBody
+from toolkit.fitting.terms import CARRIERS
+from toolkit.kernels import linear
+
+LEAST_OBSERVED = 0.15
+"""Share of the chosen vertices at and below a joint that has to be observed before its angles are known."""
+FOUND = 0.04
+"""Metres, a standard deviation: how far the joint is off from which a guessed limb hangs."""
+
+
+@dataclass(frozen=True, eq=False)
+class Guess:
+    """A pose of which the angles that nothing is known of were guessed.
+
+    Attributes
+    ----------
+    pose : float64 (P,), level frame
+    spread : float64 (20,), metres: standard deviation, in each direction, of the reported joints that were guessed;
+        0 of all others
+    """
+
+    pose: np.ndarray
+    spread: np.ndarray
+
+    def confidence(self, found: np.ndarray) -> np.ndarray:
+        """Probabilities (20,) of joints to be within 5 cm: those `found` from the frame, at most the guess's own."""
+        own = [_within(WITHIN / math.hypot(spread, FOUND)) if spread > 0.0 else 1.0 for spread in self.spread]
+        return np.minimum(found, own)
+
+
+class LimbGuesser:
+    """Judges limbs of which nothing is observed, and keeps them from jumping.
+
+    Where nothing is observed the pose term of the fit alone moves a limb, to where the rest of the body lets it be
+    expected. A pose that was retrieved for the sake of the rest knows no better.
+
+    Parameters
+    ----------
+    prior : what poses are like, situation by situation: how uncertain these limbs are, given the rest
+    """
+
+    def __init__(self, prior: PosePrior) -> None:
+        self._prior = prior
+
+    def guess(self, pose: np.ndarray, seen: Comparison, objective: Objective, before: np.ndarray | None) -> Guess:
+        """A pose (P,) with its unobserved limbs, and how far these may be from the true ones.
+
+        Parameters
+        ----------
+        seen : the pose against the frame, as `objective` compared it
+        before : pose (P,) of the frame before, whose unobserved limbs stay; None where the pose itself goes on from it,
+            or where there is none
+        """
+        nothing = Guess(pose, np.zeros(len(skeleton.REPORTED)))
+        placed, scene = seen.placed, seen.scene
+        if placed is None or scene is None or scene.evidence:
+            return nothing
+        hidden = unobserved_joints(placed, objective.observed(seen))
+        entries = np.flatnonzero(hidden[skeleton.DOF_JOINT[3:]])
+        if not len(entries):
+            return nothing
+        if before is not None:
+            pose = pose.copy()
+            pose[6 + entries] = before[6 + entries]
+            placed = objective.placer.place(placed.body, pose)
+        known = np.ones(SIZE, dtype=np.bool_)
+        known[entries] = known[HEIGHT] = False
+        count = len(entries)
+        covariance = self._prior.expected(variables(pose, placed.body), known).covariance[:count, :count]
+        return Guess(pose, spread_of_joints(placed, entries, covariance))
+
+
+def unobserved_joints(placed: PlacedBody, observed: np.ndarray) -> np.ndarray:
+    """Bool (18,): joints whose angles nothing is known of, because next to nothing at and below them was observed.
+
+    `observed` : float64 (C,), 1 for chosen vertices that lie where something was observed, else 0
+    """
+    below = BELOW[:, placed.body.part[placed.placer.chosen]].astype(np.float64)
+    hidden = linear.times(below, observed) < LEAST_OBSERVED * below.sum(axis=1)
+    hidden[0] = False
+    return hidden
+
+
+def spread_of_joints(placed: PlacedBody, entries: np.ndarray, covariance: np.ndarray) -> np.ndarray:
+    """How far reported joints may be, where angles are as uncertain as this.
+
+    Parameters
+    ----------
+    entries : int64 (B,), angles, as entries of `pose[6:]`
+    covariance : float64 (B, B), radians squared
+
+    Returns
+    -------
+    float64 (20,), metres: standard deviation in each direction, to first order; 0 of derived joints
+    """
+    out = np.zeros(len(skeleton.REPORTED))
+    joints = skeleton.DOF_JOINT[3 + entries]
+    for row, (carrier, site) in enumerate(CARRIERS):
+        if carrier < 0:
+            continue
+        moves = np.flatnonzero(BELOW[joints, carrier])
+        point = placed.origins[carrier]
+        if site >= 0:
+            offset = placed.body.sites[site] - placed.body.joints[carrier]
+            point = point + linear.times(placed.rotations[carrier], offset)
+        levers = np.cross(placed.axes[3 + entries[moves]], point - placed.origins[joints[moves]])
+        products = (levers[:, None] * levers[None]).sum(axis=2)
+        out[row] = math.sqrt(max(float((covariance[np.ix_(moves, moves)] * products).sum()) / 3.0, 0.0))
+    return out
+
+
+def _within(radius: float) -> float:
+    """Probability that a normal vector in space, of standard deviation 1 in each direction, is shorter than this."""
+    return math.erf(radius / math.sqrt(2.0)) - math.sqrt(2.0 / math.pi) * radius * math.exp(-0.5 * radius**2)
