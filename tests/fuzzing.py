@@ -32,7 +32,10 @@ from toolkit.retrieval.annotation.classes import learn_classes, load_classes, sa
 from toolkit.retrieval.annotation.report import read_segments
 from toolkit.retrieval.features.relational import FeatureMatrix
 from toolkit.retrieval.index.keyframe_index import KeyframeIndex
+from toolkit.retrieval.keyframes.query import Keyframe, KeyframeQuery
 from toolkit.retrieval.keyframes.query_file import load_queries
+from toolkit.retrieval.search.example import Example, search_example
+from toolkit.retrieval.search.find import find
 from toolkit.retrieval.workflow.motions import labels_of
 from toolkit.runs import load_people
 from toolkit.sensing.recording import Recording, open_recording, save_recording
@@ -282,6 +285,20 @@ def _classes(folder: Path) -> Path:
     return folder / "classes.npz"
 
 
+def _read_index(path: Path) -> Any:
+    index = KeyframeIndex.open(path)
+    index.check()
+    return index.names, index.arrays()
+
+
+def _search_index(path: Path) -> Any:
+    index = KeyframeIndex.open(path)
+    moment = Keyframe("upper", (("F1", 1),))
+    found = find(index, KeyframeQuery((moment, moment), ((0, 9),)))
+    example = _matrices()[0].sliced(0, 30)
+    return found.starts, search_example(index, Example.of(example), 3)
+
+
 def _index(folder: Path) -> Path:
     KeyframeIndex.build(_matrices()).save(folder / "motions.index")
     return folder / "motions.index"
@@ -361,7 +378,8 @@ FORMATS: dict[str, Format] = {
     "recording r3d": Format(_r3d, _recording),
     "pose database": Format(_database, PoseDatabase.load, checked=True),
     "motion classes": Format(_classes, load_classes, checked=True),
-    "keyframe index": Format(_index, KeyframeIndex.open, checked=True),
+    "keyframe index": Format(_index, _read_index, checked=True),
+    "keyframe index, searched": Format(_index, _search_index),
     "track npz": Format(_track, Track.load, checked=True),
     "run json": Format(_run, lambda path: RunInfo.load(path.parent)),
     "people json": Format(_people, lambda path: load_people(path.parent)),

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -11,7 +13,10 @@ from tests.retrieval_motions import random_motion
 from toolkit.errors import RetrievalError
 from toolkit.kernels import graded
 from toolkit.kernels.graded import distinct_hits, graded_distances
+from toolkit.retrieval.features.geometry import BodyLengths
 from toolkit.retrieval.features.grades import BLOCK, FULL, coarse, grade, importance
+from toolkit.retrieval.features.motion import NAMED_JOINTS
+from toolkit.retrieval.features.places import LIMBS, STEPS, places_of
 from toolkit.retrieval.features.relational import FeatureMatrix, relational_features
 from toolkit.retrieval.index.keyframe_index import KeyframeIndex
 from toolkit.retrieval.search.example import Example, search_example
@@ -132,3 +137,37 @@ def test_an_example_longer_than_every_document_is_refused() -> None:
         search_example(index, Example.of(relational_features(random_motion(2, seconds=3.0))), limit=1)
     with pytest.raises(RetrievalError, match=r"lasts 0.33 s; give between 0.53 and 100 s"):
         Example.of(relational_features(random_motion(2, seconds=3.0)).sliced(0, 10))
+
+
+def test_places_of_limbs_forget_where_somebody_is_how_tall_and_which_way_they_face() -> None:
+    motion = random_motion(3, seconds=1.0)
+    turn = np.array([[0.6, 0.0, 0.8], [0.0, 1.0, 0.0], [-0.8, 0.0, 0.6]])
+    moved = replace(motion, joints=1.7 * motion.joints @ turn.T + [3.0, 0.5, -2.0])
+    frames = np.arange(len(motion))
+    here, there = (places_of(m, frames).astype(int) for m in (motion, moved))
+    assert np.abs(here - there).max() <= 1 and np.abs(here).max() > STEPS / 10
+    left_wrist, root = (NAMED_JOINTS.index(name) for name in ("left_wrist", "root"))
+    height = motion.joints[:, left_wrist, 1] - motion.joints[:, root, 1]
+    expected = np.clip(STEPS * height / BodyLengths.of(motion).body, -FULL, FULL)
+    np.testing.assert_allclose(here[3 * LIMBS.index("left_wrist") + 1], expected, atol=0.51)
+
+
+def test_mirrored_features_have_the_places_of_the_mirrored_motion() -> None:
+    motion = random_motion(5, seconds=1.0)
+    length = BodyLengths.of(motion).body / BodyLengths.of(motion.mirrored()).body  # its right leg, then its left
+    mirrored = relational_features(motion).mirrored().places * length
+    np.testing.assert_allclose(mirrored, relational_features(motion.mirrored()).places, atol=2.0)
+
+
+def test_limbs_held_otherwise_cost_where_no_relation_changes() -> None:
+    motion = random_motion(7, seconds=4.0)
+    joints = motion.joints.copy()
+    joints[:, NAMED_JOINTS.index("left_elbow"), 2] += 0.02
+    features, other = relational_features(motion), relational_features(replace(motion, joints=joints))
+    index = KeyframeIndex.build([replace(features, placed=other.placed)])
+    costs = [search_example(index, Example.of(e.sliced(30, 90)), 1)[0].cost for e in (features, index_of(index))]
+    assert costs[1] == 0.0 < costs[0]
+
+
+def index_of(index: KeyframeIndex) -> FeatureMatrix:
+    return index.features(0, 0, index.frames)

@@ -13,6 +13,7 @@ from toolkit.errors import OutputError, RetrievalError
 from toolkit.kernels.keyframe_search import keyframe_list
 from toolkit.retrieval.features.relational import FEATURE_SETS, FeatureMatrix, pack
 from toolkit.retrieval.index import keyframe_index as index_module
+from toolkit.retrieval.index import storage as storage_module
 from toolkit.retrieval.index.keyframe_index import KeyframeIndex
 from toolkit.retrieval.index.runs import RunLists
 from toolkit.retrieval.keyframes.query import Keyframe
@@ -159,7 +160,7 @@ def test_an_index_of_other_features_or_another_version_is_refused(
     monkeypatch.setattr(index_module, "INDEX_VERSION", 0)
     index.save(path)
     monkeypatch.undo()
-    with pytest.raises(RetrievalError, match="version 0, not 3"):
+    with pytest.raises(RetrievalError, match="version 0, not 4"):
         KeyframeIndex.open(path)
 
 
@@ -173,24 +174,44 @@ def test_a_file_that_is_no_whole_index_is_refused(documents: list[FeatureMatrix]
     KeyframeIndex.build(documents).save(path)
     whole = path.read_bytes()
     path.write_bytes(whole[:-100])
-    with pytest.raises(RetrievalError, match="checksum"):
+    with pytest.raises(RetrievalError, match="cut short"):
         KeyframeIndex.open(path)
     path.write_bytes(whole[:60])
-    with pytest.raises(RetrievalError, match="no JSON"):
+    with pytest.raises(RetrievalError, match="header is damaged"):
         KeyframeIndex.open(path)
 
 
-def test_every_changed_byte_of_an_index_before_the_grades_is_noticed(
+def test_opening_reads_neither_lists_nor_grades(
+    documents: list[FeatureMatrix], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = tmp_path / "motions.index"
+    KeyframeIndex.build(documents).save(path)
+    read: list[str] = []
+    checked = storage_module.StoredArrays.checked
+
+    def noted(self: storage_module.StoredArrays, name: str) -> np.ndarray:
+        read.append(name)
+        return checked(self, name)
+
+    monkeypatch.setattr(storage_module.StoredArrays, "checked", noted)
+    index = KeyframeIndex.open(path)
+    assert read == ["document_starts", "coarse_starts"]
+    index.keyframe_list(Keyframe("lower", (("F20", 0),)))
+    index.keyframe_list(Keyframe("lower", (("F21", 0),)))
+    assert sorted(set(read)) == sorted(read) and {name.split(".")[0] for name in read[2:]} == {"lower"}
+
+
+def test_every_changed_byte_of_an_index_is_noticed_where_all_of_it_is_read(
     documents: list[FeatureMatrix], tmp_path: Path
 ) -> None:
     path = tmp_path / "motions.index"
     KeyframeIndex.build(documents).save(path)
     whole = path.read_bytes()
-    leading = len(whole) - sum(getattr(KeyframeIndex.build(documents), name).size for name in index_module.GRADED)
-    for place in np.random.default_rng(0).integers(0, leading - 128, 60):
+    filled = {place for place in range(len(whole)) if whole[place]}  # zeros may be what fills up to a boundary
+    for place in np.random.default_rng(0).choice(sorted(filled), 60):
         path.write_bytes(whole[:place] + bytes([whole[place] ^ 1]) + whole[place + 1 :])
         with pytest.raises(RetrievalError):
-            KeyframeIndex.open(path)
+            KeyframeIndex.open(path).check()
 
 
 @pytest.mark.parametrize(
@@ -211,9 +232,10 @@ def test_lists_that_lead_out_of_the_index_are_refused(
 ) -> None:
     index = KeyframeIndex.build(documents)
     lists = replace(index.sets["upper"], **{name: change(getattr(index.sets["upper"], name))})
-    replace(index, sets=index.sets | {"upper": lists}).save(tmp_path / "motions.index")
+    replace(index, sets={**index.sets, "upper": lists}).save(tmp_path / "motions.index")
+    opened = KeyframeIndex.open(tmp_path / "motions.index")
     with pytest.raises(RetrievalError, match="build it again"):
-        KeyframeIndex.open(tmp_path / "motions.index")
+        opened.keyframe_list(Keyframe("upper", (("F1", 1),)))
 
 
 @pytest.mark.parametrize(
@@ -222,6 +244,7 @@ def test_lists_that_lead_out_of_the_index_are_refused(
         ("grades", lambda a: a[:-1]),
         ("grades", lambda a: a.astype(np.int16)),
         ("coarse", lambda a: a[:, :39].copy()),
+        ("places", lambda a: a[:-1]),
         ("coarse_starts", lambda a: a + 1),
         ("coarse_starts", lambda a: a[:-1]),
     ],
@@ -246,7 +269,7 @@ def test_a_failed_save_leaves_the_old_index(
         raise OSError(28, "No space left on device")
 
     index = KeyframeIndex.build(documents)
-    monkeypatch.setattr(index_module, "bytes", full, raising=False)
+    monkeypatch.setattr(storage_module, "bytes", full, raising=False)
     with pytest.raises(OutputError, match="No space left"):
         index.save(path)
     assert path.read_bytes() == before

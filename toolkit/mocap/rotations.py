@@ -2,30 +2,36 @@
 
 from __future__ import annotations
 
+import re
+from itertools import pairwise
+
 import numpy as np
 
 from toolkit.errors import MocapError
+from toolkit.kernels.euler import euler_matrices
 
 LARGEST_TURN = 1000.0
 """Full turns: what winds up over a motion stays far below."""
+_ORDER = re.compile("[xyz]{1,3}|[XYZ]{1,3}")
 
 
 def of_euler(order: str, angles: np.ndarray, *, degrees: bool, name: str) -> np.ndarray:
-    """Rotations (N, 3, 3) from Euler angles (N, len(order)) about the axes of `order`, as files list them.
+    """Rotations (N, 3, 3) from Euler angles (N, len(order)), or one (3, 3) from (len(order),), as files list them.
+
+    Axes in small letters stay fixed, those in capitals turn with the rotations before them.
 
     Raises
     ------
     MocapError
         An axis is unknown or follows itself, or an angle makes more than `LARGEST_TURN`.
     """
-    from scipy.spatial.transform import Rotation
-
     if angles.size and np.abs(angles).max() > LARGEST_TURN * (360.0 if degrees else 2 * np.pi):
         raise MocapError(f"{name} turns by {np.abs(angles).max():g}, which is no angle of a joint; repair or remove it")
-    try:
-        return Rotation.from_euler(order, angles, degrees=degrees).as_matrix()
-    except ValueError as error:
-        raise MocapError(f"{name} turns about the axes {order!r} ({error}); export it again") from error
+    if not _ORDER.fullmatch(order) or any(first == second for first, second in pairwise(order)):
+        raise MocapError(f"{name} turns about the axes {order!r}, which cannot be; export it again")
+    axes = np.array(["xyz".index(axis) for axis in order.lower()])
+    radians = np.deg2rad(angles) if degrees else np.asarray(angles, np.float64)
+    return euler_matrices(axes, order.isupper(), np.atleast_2d(radians)).reshape(*radians.shape[:-1], 3, 3)
 
 
 def unit(vectors: np.ndarray) -> np.ndarray:

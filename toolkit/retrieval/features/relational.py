@@ -19,6 +19,7 @@ from toolkit.errors import RetrievalError
 from toolkit.retrieval.features.geometry import BodyLengths, Geometry
 from toolkit.retrieval.features.grades import FULL, SCALES, grade
 from toolkit.retrieval.features.motion import NAMED_JOINTS, Motion
+from toolkit.retrieval.features.places import ROWS, mirrored, places_of
 
 FEATURE_RATE = 30.0
 """Columns per second of a feature matrix."""
@@ -34,12 +35,14 @@ class FeatureMatrix:
     values : bool (40, T), row i is feature F(i+1)
     frame_rate : columns per second
     measured : int8 (40, T), grades of the features (`grades.grade`), None where only the booleans are known
+    placed : int8 (24, T), places of the limbs (`places.places_of`), None where they are not known
     """
 
     name: str
     values: np.ndarray
     frame_rate: float = FEATURE_RATE
     measured: np.ndarray | None = None
+    placed: np.ndarray | None = None
 
     def __post_init__(self) -> None:
         if self.values.ndim != 2 or self.values.shape[0] != len(FEATURES) or self.values.dtype != bool:
@@ -66,19 +69,25 @@ class FeatureMatrix:
         """Grades of the features, int8 (40, T); of those not measured the farthest from the threshold."""
         return np.where(self.values, FULL, -FULL).astype(np.int8) if self.measured is None else self.measured
 
+    @property
+    def places(self) -> np.ndarray:
+        """Places of the limbs, int8 (24, T); all 0 where they are not known."""
+        return np.zeros((ROWS, len(self)), dtype=np.int8) if self.placed is None else self.placed
+
     def rows(self, feature_set: str) -> np.ndarray:
         """Bool (n, T): the features of one set of `FEATURE_SETS`."""
         return self.values[FEATURE_SETS[feature_set]]
 
     def sliced(self, start: int, stop: int) -> FeatureMatrix:
         """Columns start to stop - 1."""
-        measured = None if self.measured is None else self.measured[:, start:stop]
-        return replace(self, values=self.values[:, start:stop], measured=measured)
+        measured, placed = (None if a is None else a[:, start:stop] for a in (self.measured, self.placed))
+        return replace(self, values=self.values[:, start:stop], measured=measured, placed=placed)
 
     def mirrored(self) -> FeatureMatrix:
         """The matrix with right and left features exchanged."""
         measured = None if self.measured is None else self.measured[MIRROR]
-        return replace(self, values=self.values[MIRROR], measured=measured)
+        placed = None if self.placed is None else mirrored(self.placed)
+        return replace(self, values=self.values[MIRROR], measured=measured, placed=placed)
 
 
 def pack(values: np.ndarray) -> np.ndarray:
@@ -255,13 +264,14 @@ def relational_features(motion: Motion, lengths: BodyLengths | None = None) -> F
     Returns
     -------
     FeatureMatrix
-        bool (40, T30) and their grades: the columns nearest to multiples of 1/30 s, every 4th one of a 120 Hz motion.
+        bool (40, T30), their grades and the places of the limbs: the columns nearest to multiples of 1/30 s, every 4th one of a 120 Hz motion.
     """
     native, margins = _evaluated(motion, lengths)
     count = max(1, int(np.ceil(len(motion) * FEATURE_RATE / motion.frame_rate - 1e-9)))
     columns = np.rint(np.arange(count) * motion.frame_rate / FEATURE_RATE).astype(np.int64)
     columns = np.minimum(columns, len(motion) - 1)
-    return FeatureMatrix(motion.name, native[:, columns], measured=grade(margins[:, columns]))
+    grades = grade(margins[:, columns])
+    return FeatureMatrix(motion.name, native[:, columns], measured=grades, placed=places_of(motion, columns))
 
 
 def native_features(motion: Motion, lengths: BodyLengths | None = None) -> np.ndarray:

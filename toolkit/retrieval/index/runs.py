@@ -10,9 +10,8 @@ import numpy as np
 from toolkit.archives import Column, check_columns
 from toolkit.errors import RetrievalError
 from toolkit.kernels.keyframe_search import keyframe_list, keyframe_list_near, listed_runs, runs_of
+from toolkit.retrieval.index.storage import REBUILD
 from toolkit.retrieval.keyframes.query import Keyframe
-
-REBUILD = "build it again"
 
 
 @dataclass(frozen=True, eq=False)

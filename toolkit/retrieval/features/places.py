@@ -1,0 +1,40 @@
+"""Places of the limbs as graded columns: what the relations leave open, such as how high an arm is carried in a sneak.
+
+Elbows, wrists, knees and ankles, seen from the root, turned so that the hips lie along x, in body lengths. A search by
+example compares them beside the grades (`search.example`). This goes beyond the thesis.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from toolkit.retrieval.features.geometry import BodyLengths
+from toolkit.retrieval.features.grades import FULL
+from toolkit.retrieval.features.motion import NAMED_JOINTS, SIDES, Motion
+
+LIMBS: tuple[str, ...] = tuple(f"{side}_{joint}" for side in SIDES for joint in ("elbow", "wrist", "knee", "ankle"))
+"""The joints, three rows (x, y, z) each."""
+ROWS = 3 * len(LIMBS)
+STEPS = 200.0
+"""Steps of a place per body length: an outstretched arm, 0.6 of it, still fits into `FULL`."""
+
+_CHOSEN = np.array([NAMED_JOINTS.index(name) for name in LIMBS])
+_LEFT, _RIGHT, _ROOT = (NAMED_JOINTS.index(name) for name in ("left_hip", "right_hip", "root"))
+
+
+def places_of(motion: Motion, columns: np.ndarray) -> np.ndarray:
+    """Places of the limbs in some frames (T,) of a motion, int8 (24, T), `STEPS` to a body length."""
+    joints = motion.joints[columns]
+    across = joints[:, _LEFT] - joints[:, _RIGHT]
+    yaw = np.arctan2(-across[:, 2], across[:, 0])
+    cosine, sine = np.cos(yaw)[:, None], np.sin(yaw)[:, None]
+    x, y, z = np.moveaxis(joints[:, _CHOSEN] - joints[:, [_ROOT]], -1, 0)
+    size = BodyLengths.of(motion).body
+    turned = np.stack([cosine * x - sine * z, y, sine * x + cosine * z], axis=-1) * (STEPS / (size or 1.0))
+    return np.ascontiguousarray(np.clip(np.rint(turned), -FULL, FULL).astype(np.int8).reshape(len(columns), ROWS).T)
+
+
+def mirrored(places: np.ndarray) -> np.ndarray:
+    """Places (24, T) of the mirrored motion: left and right change, x changes sign."""
+    sides = places.reshape(len(SIDES), -1, 3, places.shape[1])[::-1]
+    return np.ascontiguousarray((sides * np.array([-1, 1, 1], np.int8)[:, None]).reshape(places.shape))

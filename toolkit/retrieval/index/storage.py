@@ -1,0 +1,133 @@
+"""One file of named integer arrays that is opened without being read.
+
+A magic word and the length of a header, the header in JSON and its SHA-256, then one array after the other, each on a
+64-byte boundary. The header tells name, type, shape, place and CRC-32 of every array. Opening reads the header alone
+and maps the arrays; each is compared with its checksum where that is asked for.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import zlib
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from toolkit.errors import RetrievalError
+from toolkit.files import atomic_path, is_file, parse_json
+
+REBUILD = "build it again"
+
+_MAGIC = b"depthmocap index\n"
+_ALIGNMENT = 64
+_DIGEST = hashlib.sha256().digest_size
+_ENTRIES = {"version", "features", "names", "arrays", "bytes"}
+
+
+@dataclass(frozen=True, eq=False)
+class StoredArrays:
+    """An opened file.
+
+    Attributes
+    ----------
+    path : the file
+    header : what was written: version, features, names, and the table of arrays
+    """
+
+    path: Path
+    header: dict[str, Any]
+    _table: dict[str, dict[str, Any]]
+    _start: int
+
+    @classmethod
+    def open(cls, path: str | Path) -> StoredArrays:
+        """Read the header.
+
+        Raises
+        ------
+        RetrievalError
+            The file is missing, no index, or cut short, or its header is damaged.
+        """
+        path = Path(path)
+        if not is_file(path):
+            raise RetrievalError(f"there is no index {path}; make one with `depthmocap index`")
+        try:
+            with path.open("rb") as stream:
+                if stream.read(len(_MAGIC)) != _MAGIC:
+                    raise RetrievalError(f"{path} is no keyframe index; make one with `depthmocap index`")
+                length, size = int.from_bytes(stream.read(8), "little"), path.stat().st_size
+                text, digest = stream.read(min(length, size)), stream.read(_DIGEST)
+                start = _padded(stream.tell())
+        except OSError as error:
+            raise RetrievalError(f"cannot read the index {path} ({error}); {REBUILD}") from error
+        if digest != hashlib.sha256(text).digest():
+            raise RetrievalError(f"the index {path} is of an older version, or its header is damaged; {REBUILD}")
+        header = parse_json(text.decode("utf-8"), f"the header of the index {path}", RetrievalError, REBUILD)
+        if not isinstance(header, dict) or not _ENTRIES <= header.keys():
+            raise RetrievalError(f"the header of the index {path} lacks entries; {REBUILD}")
+        if size != start + int(header["bytes"]):
+            raise RetrievalError(f"{path} is cut short: it has {size} bytes, not {start + header['bytes']}; {REBUILD}")
+        table = {entry["name"]: entry for entry in header["arrays"]}
+        return cls(path, header, table, start)
+
+    def mapped(self, name: str) -> np.ndarray:
+        """An array without a look at its content; copy-on-write, so that compiled code sees the type it knows.
+
+        Raises
+        ------
+        RetrievalError
+            There is none of that name, or it is no array of integers of this machine.
+        """
+        try:
+            entry = self._table[name]
+            kind = np.dtype(entry["dtype"])
+            if kind.kind not in "iu" or not kind.isnative:
+                raise ValueError(f"it is of type {kind}")
+            place = self._start + entry["offset"]
+            return np.asarray(np.memmap(self.path, kind, "c", place, tuple(entry["shape"])))
+        except (KeyError, TypeError, ValueError, OverflowError, OSError) as error:
+            raise RetrievalError(f"the array {name} of {self.path} cannot be mapped ({error}); {REBUILD}") from error
+
+    def checked(self, name: str) -> np.ndarray:
+        """An array that was read once and compared with its checksum.
+
+        Raises
+        ------
+        RetrievalError
+            As `mapped`, or the checksum does not fit.
+        """
+        array = self.mapped(name)
+        if zlib.crc32(array.data) != self._table[name]["crc32"]:
+            raise RetrievalError(f"{name} of {self.path} is damaged: its checksum does not fit its content; {REBUILD}")
+        return array
+
+    def check(self) -> None:
+        """Compare every array with its checksum, which reads the whole file."""
+        for name in self._table:
+            self.checked(name)
+
+
+def write_arrays(path: str | Path, header: Mapping[str, Any], arrays: Mapping[str, np.ndarray]) -> None:
+    """Write a header and arrays as one file, whole or not at all."""
+    table: list[dict[str, Any]] = []
+    offset = 0
+    for name, array in arrays.items():
+        crc = zlib.crc32(np.ascontiguousarray(array).data)
+        entry = {"name": name, "dtype": array.dtype.str, "shape": list(array.shape), "offset": offset, "crc32": crc}
+        table.append(entry)
+        offset += _padded(array.nbytes)
+    text = json.dumps({**header, "arrays": table, "bytes": offset}).encode()
+    with atomic_path(path) as temporary, temporary.open("wb") as stream:
+        start = stream.write(_MAGIC + len(text).to_bytes(8, "little") + text + hashlib.sha256(text).digest())
+        stream.write(bytes(_padded(start) - start))
+        for array in arrays.values():
+            stream.write(np.ascontiguousarray(array).data)
+            stream.write(bytes(_padded(array.nbytes) - array.nbytes))
+
+
+def _padded(size: int) -> int:
+    return -(-size // _ALIGNMENT) * _ALIGNMENT
