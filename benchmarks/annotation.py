@@ -2,8 +2,8 @@
 
 For each of the HDM05 actors bd, bk and dg, motion templates, keyframes and one threshold are learned from the cut clips
 of the other two, and documents of this one are annotated, without and with keyframe preselection (thesis 5.4, Table
-5.2). The threshold is chosen by learning from each training actor alone and annotating documents of the other. Nothing
-is chosen on the actor that is reported. Documents are put together from cut clips, with blended joins and unlabelled
+5.2). The threshold is chosen by learning templates and keyframes from each training actor alone and annotating documents
+of the other with both. Nothing is chosen on the actor that is reported. Documents are put together from cut clips, with blended joins and unlabelled
 filler.
 
 UTD-MHAD (27 actions, 4 subjects, Kinect skeletons) is the harder set: whole clips of a subject left out are given the
@@ -31,7 +31,7 @@ from toolkit.retrieval.annotation.annotator import (
     MotionClass,
     distance_function,
 )
-from toolkit.retrieval.annotation.classes import learn_classes, learn_threshold
+from toolkit.retrieval.annotation.classes import Fold, learn_classes, learn_threshold
 from toolkit.retrieval.annotation.documents import assemble, shuffled_parts
 from toolkit.retrieval.annotation.measures import Scores, Segment, confusion, frame_scores, label_frames, segment_scores
 from toolkit.retrieval.annotation.preselection import preselect
@@ -129,26 +129,32 @@ def train(
     for actor in sorted({example.actor for example in examples}):
         seen, unseen = ([e for e in examples if (e.actor == actor) == out] for out in (False, True))
         unknown = [(features, segments) for features, segments, _ in make_documents(unseen, filler, options.seed)]
-        folds.append((learn_classes(classes_of(seen)), unknown))
+        folds.append(Fold(learn_classes(classes_of(seen)), unknown, keyframes_of(seen, filler, options)))
     threshold = learn_threshold(folds)
-    clips = classes_of(examples)
     if kept is not None and kept.exists():
         queries = load_queries(kept)
     else:
-        settings = LearningSettings(genetic=GeneticSettings(generations=options.generations), runs=options.runs)
-        made = []
-        for actor in sorted({example.actor for example in examples}):
-            own = [example for example in examples if example.actor == actor]
-            for number in range(COUNTEREXAMPLES):
-                made.extend(
-                    LabelledDocument(features, actor, tuple((*s.frames(FEATURE_RATE), s.label) for s in segments))
-                    for features, segments, _ in make_documents(own, filler, options.seed + 100 + number)
-                )
-        learned = learned_from(examples, made, settings, np.random.default_rng(options.seed))
-        queries = [query for result in learned.values() for query in result.alternatives(ALTERNATIVES)]
+        queries = keyframes_of(examples, filler, options)
         if kept is not None:
             save_queries(kept, queries)
-    return Trained(Annotator(learn_classes(clips, threshold=threshold)), queries, threshold)
+    return Trained(Annotator(learn_classes(classes_of(examples), threshold=threshold)), queries, threshold)
+
+
+def keyframes_of(
+    examples: Sequence[Example], filler: Sequence[Motion], options: argparse.Namespace
+) -> list[KeyframeQuery]:
+    """Keyframes learned from clips, and from what bears no label in documents made of them."""
+    settings = LearningSettings(genetic=GeneticSettings(generations=options.generations), runs=options.runs)
+    made = []
+    for actor in sorted({example.actor for example in examples}):
+        own = [example for example in examples if example.actor == actor]
+        for number in range(COUNTEREXAMPLES):
+            made.extend(
+                LabelledDocument(features, actor, tuple((*s.frames(FEATURE_RATE), s.label) for s in segments))
+                for features, segments, _ in make_documents(own, filler, options.seed + 100 + number)
+            )
+    learned = learned_from(examples, made, settings, np.random.default_rng(options.seed))
+    return [query for result in learned.values() for query in result.alternatives(ALTERNATIVES)]
 
 
 def measured(trained: Trained, documents: Sequence[Labelled]) -> dict[str, Any]:

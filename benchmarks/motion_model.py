@@ -35,14 +35,15 @@ from benchmarks._keyframe_corpus import (
     load_filler,
 )
 from benchmarks._record import RESULTS, save_figures
-from benchmarks.annotation import HOLDS_A_CLASS, LAST_TRAINING_SUBJECT, plot_confusion
+from benchmarks.annotation import ALTERNATIVES, HOLDS_A_CLASS, LAST_TRAINING_SUBJECT, plot_confusion
 from toolkit.retrieval.annotation.annotator import Annotation, Annotator
-from toolkit.retrieval.annotation.classes import learn_classes, learn_threshold
+from toolkit.retrieval.annotation.classes import Fold, learn_classes, learn_threshold
 from toolkit.retrieval.annotation.measures import Scores, confusion, frame_scores, label_frames, segment_scores
 from toolkit.retrieval.annotation.preselection import preselect_in
 from toolkit.retrieval.annotation.training import Clip, TrainedDocument, documents_of, train, two_sided
 from toolkit.retrieval.features.motion import Motion
 from toolkit.retrieval.features.relational import FEATURE_RATE, relational_features
+from toolkit.retrieval.keyframes.query import KeyframeQuery
 from toolkit.retrieval.learning.genetic import GeneticSettings
 from toolkit.retrieval.learning.queries import LearningSettings
 
@@ -55,32 +56,47 @@ Annotate = Any
 
 
 def templates(clips: Sequence[Clip], filler: Sequence[Motion], seed: int, keyframe_runs: int) -> dict[str, Annotate]:
-    """The thesis's annotators, learned from the same clips."""
+    """The thesis's annotators, learned from the same clips, each with the threshold that it needs."""
     rng = np.random.default_rng(seed)
     folds = []
     for person in sorted({clip.person for clip in clips}):
         seen, unseen = ([c for c in clips if (c.person == person) == out] for out in (False, True))
         documents = documents_of(unseen, filler, rng, hard=False)
-        folds.append((learn_classes(matrices(seen)), [(d.features, d.segments) for d in documents]))
+        folds.append(Fold(learn_classes(matrices(seen)), [(d.features, d.segments) for d in documents]))
     annotator = Annotator(learn_classes(matrices(clips), threshold=learn_threshold(folds)))
     rows: dict[str, Annotate] = {"motion templates": annotator.annotate}
     if keyframe_runs:
-        made = [
-            LabelledDocument(d.features, person, tuple((*s.frames(FEATURE_RATE), s.label) for s in d.segments))
-            for person in sorted({clip.person for clip in clips})
-            for hard in SETS.values()
-            for d in documents_of([c for c in clips if c.person == person], filler, rng, hard=hard)
-        ]
-        settings = LearningSettings(genetic=GeneticSettings(), runs=keyframe_runs)
-        examples = [Example(clip.motion, clip.person, clip.label) for clip in clips]
-        learned = learned_from(examples, made, settings, rng)
-        queries = [query for result in learned.values() for query in result.alternatives(1)]
+        people = sorted({clip.person for clip in clips})
+        others = [keyframes(learned_with(clips, without=person), filler, rng, keyframe_runs) for person in people]
+        as_used = [fold._replace(queries=queries) for fold, queries in zip(folds, others, strict=True)]
+        behind = Annotator(learn_classes(matrices(clips), threshold=learn_threshold(as_used)))
+        queries = keyframes(clips, filler, rng, keyframe_runs)
 
         def narrowed(features: Any) -> Annotation:
-            return annotator.annotate(features, preselect_in([features], queries, annotator.labels)[0])
+            return behind.annotate(features, preselect_in([features], queries, behind.labels)[0])
 
         rows["motion templates with keyframes"] = narrowed
     return rows
+
+
+def learned_with(clips: Sequence[Clip], without: str) -> list[Clip]:
+    """Everybody's clips but one person's."""
+    return [clip for clip in clips if clip.person != without]
+
+
+def keyframes(
+    clips: Sequence[Clip], filler: Sequence[Motion], rng: np.random.Generator, runs: int
+) -> list[KeyframeQuery]:
+    """The best keyframes of each class, learned from clips and from what bears no label in documents of them."""
+    made = [
+        LabelledDocument(d.features, person, tuple((*s.frames(FEATURE_RATE), s.label) for s in d.segments))
+        for person in sorted({clip.person for clip in clips})
+        for hard in SETS.values()
+        for d in documents_of([c for c in clips if c.person == person], filler, rng, hard=hard)
+    ]
+    examples = [Example(clip.motion, clip.person, clip.label) for clip in clips]
+    learned = learned_from(examples, made, LearningSettings(genetic=GeneticSettings(), runs=runs), rng)
+    return [query for result in learned.values() for query in result.alternatives(ALTERNATIVES)]
 
 
 def matrices(clips: Sequence[Clip]) -> dict[str, list[Any]]:

@@ -15,7 +15,7 @@ from toolkit.errors import RetrievalError, UsageError
 from toolkit.export.bvh import export_bvh
 from toolkit.mocap.procedural import procedural_clips
 from toolkit.retrieval.annotation.annotator import Annotator, MotionClass
-from toolkit.retrieval.annotation.classes import THRESHOLDS, learn_classes, learn_threshold, load_classes, save_classes
+from toolkit.retrieval.annotation.classes import THRESHOLDS, Fold, learn_classes, learn_threshold, load_classes, save_classes
 from toolkit.retrieval.annotation.measures import Segment
 from toolkit.retrieval.annotation.preselection import preselect_in
 from toolkit.retrieval.annotation.report import read_segments, score, write_report
@@ -121,10 +121,31 @@ def test_the_learned_threshold_finds_the_motions_and_leaves_the_rest(
     matrices: dict[str, list[FeatureMatrix]], document: tuple[FeatureMatrix, list[Segment]]
 ) -> None:
     some = learn_classes({name: clips[:2] for name, clips in matrices.items()})
-    threshold = learn_threshold([(some, [document])])
+    threshold = learn_threshold([Fold(some, [document])])
     assert threshold in THRESHOLDS.tolist()
     annotated = Annotator([replace(c, threshold=threshold) for c in some]).annotate(document[0])
     assert score(annotated, document[1])["frames"].f > 0.7
+
+
+def test_a_threshold_is_learned_behind_the_keyframes_that_it_is_used_with(
+    matrices: dict[str, list[FeatureMatrix]], document: tuple[FeatureMatrix, list[Segment]]
+) -> None:
+    some = learn_classes({name: clips[:1] for name, clips in matrices.items()})
+    features, truth = document
+    raised = KeyframeQuery((Keyframe("lower", (("F18", 1),)),), (), 12, 12, "kick_front")
+    plain = features.values.copy()
+    for segment in truth:
+        first, stop = segment.frames(30.0)
+        plain[17, first:stop] = segment.label == "kick_front"
+    features = replace(features, values=plain)
+    intervals = preselect_in([features], [raised], [c.label for c in some])[0]
+
+    def behind(queries: list[KeyframeQuery]) -> float:
+        threshold = learn_threshold([Fold(some, [(features, truth)], queries)])
+        found = Annotator([replace(c, threshold=threshold) for c in some]).annotate(features, intervals)
+        return score(found, truth)["frames"].f
+
+    assert behind([raised]) >= behind([])
 
 
 def test_preselection_keeps_the_widened_hits_of_a_query_and_all_frames_of_a_class_without_one() -> None:

@@ -5,16 +5,18 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from toolkit.archives import Column, check_columns, load_archive, save_archive
 from toolkit.errors import RetrievalError
 from toolkit.files import parse_json
-from toolkit.retrieval.annotation.annotator import THRESHOLD, Annotator, MotionClass
+from toolkit.retrieval.annotation.annotator import THRESHOLD, Annotator, Intervals, MotionClass
 from toolkit.retrieval.annotation.measures import Segment, label_frames
+from toolkit.retrieval.annotation.preselection import preselect_in
 from toolkit.retrieval.features.relational import FEATURES, FeatureMatrix, feature_fingerprint
+from toolkit.retrieval.keyframes.query import KeyframeQuery
 from toolkit.retrieval.templates.quantised import WILDCARD, QuantisedTemplate
 from toolkit.retrieval.templates.template import MotionTemplate
 
@@ -55,29 +57,45 @@ def learn_classes(
     ]
 
 
-def learn_threshold(
-    folds: Sequence[tuple[Sequence[MotionClass], Sequence[tuple[FeatureMatrix, Sequence[Segment]]]]],
-) -> float:
-    """The threshold, common to all classes, with the best F over frames on documents of actors that were left out.
+class Fold(NamedTuple):
+    """What was learned from some people, and what it is tried on.
 
-    Parameters
+    Attributes
     ----------
-    folds : classes learned from some actors, and documents with true segments of an actor that they do not know
+    classes : learned from some people
+    documents : with true segments, of somebody whom they do not know
+    queries : keyframes learned from the same people, if keyframes will narrow the search down
+    """
+
+    classes: Sequence[MotionClass]
+    documents: Sequence[tuple[FeatureMatrix, Sequence[Segment]]]
+    queries: Sequence[KeyframeQuery] = ()
+
+
+def learn_threshold(folds: Sequence[Fold]) -> float:
+    """The threshold, common to all classes, with the best F over frames on documents of people that were left out.
+
+    It is learned as it will be used: behind keyframes, which keep most of what is no motion away, a looser one is best.
 
     Returns
     -------
     One of `THRESHOLDS`, the smallest among equals.
     """
     found, right, true = (np.zeros(len(THRESHOLDS)) for _ in range(3))
-    for classes, documents in folds:
+    for classes, documents, queries in folds:
+        labels = [motion_class.label for motion_class in classes]
+        matrices = [features for features, _ in documents]
+        narrowed: Sequence[Intervals | None] = [None] * len(documents)
+        if queries:
+            narrowed = preselect_in(matrices, queries, labels)
         for number, threshold in enumerate(THRESHOLDS):
             annotator = Annotator([MotionClass(c.label, c.templates, float(threshold)) for c in classes])
-            for features, segments in documents:
-                frames = annotator.annotate(features).frames
-                labels = label_frames(segments, annotator.labels, len(features), features.frame_rate)
+            for (features, segments), intervals in zip(documents, narrowed, strict=True):
+                frames = annotator.annotate(features, intervals).frames
+                truth = label_frames(segments, annotator.labels, len(features), features.frame_rate)
                 found[number] += frames.sum()
-                right[number] += (frames & labels).sum()
-                true[number] += labels.sum()
+                right[number] += (frames & truth).sum()
+                true[number] += truth.sum()
     return float(THRESHOLDS[int((2.0 * right / (found + true)).argmax())])
 
 
