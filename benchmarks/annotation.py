@@ -2,9 +2,9 @@
 
 For each of the HDM05 actors bd, bk and dg, motion templates, keyframes and one threshold are learned from the cut clips
 of the other two, and documents of this one are annotated, without and with keyframe preselection (thesis 5.4, Table
-5.2). The threshold is chosen by learning templates and keyframes from each training actor alone and annotating documents
-of the other with both. Nothing is chosen on the actor that is reported. Documents are put together from cut clips, with blended joins and unlabelled
-filler.
+5.2). The threshold is chosen by learning templates and keyframes from each training actor alone and annotating
+documents of the other with both. Nothing is chosen on the actor that is reported. Documents are put together from cut
+clips, with blended joins and unlabelled filler.
 
 UTD-MHAD (27 actions, 4 subjects, Kinect skeletons) is the harder set: whole clips of a subject left out are given the
 class whose template fits best somewhere within them.

@@ -15,7 +15,14 @@ from toolkit.errors import RetrievalError, UsageError
 from toolkit.export.bvh import export_bvh
 from toolkit.mocap.procedural import procedural_clips
 from toolkit.retrieval.annotation.annotator import Annotator, MotionClass
-from toolkit.retrieval.annotation.classes import THRESHOLDS, Fold, learn_classes, learn_threshold, load_classes, save_classes
+from toolkit.retrieval.annotation.classes import (
+    THRESHOLDS,
+    Fold,
+    learn_classes,
+    learn_threshold,
+    load_classes,
+    save_classes,
+)
 from toolkit.retrieval.annotation.measures import Segment
 from toolkit.retrieval.annotation.preselection import preselect_in
 from toolkit.retrieval.annotation.report import read_segments, score, write_report

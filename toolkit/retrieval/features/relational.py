@@ -264,7 +264,8 @@ def relational_features(motion: Motion, lengths: BodyLengths | None = None) -> F
     Returns
     -------
     FeatureMatrix
-        bool (40, T30), their grades and the places of the limbs: the columns nearest to multiples of 1/30 s, every 4th one of a 120 Hz motion.
+        bool (40, T30), their grades and the places of the limbs: the columns nearest to multiples of 1/30 s, every 4th
+        one of a 120 Hz motion.
     """
     native, margins = _evaluated(motion, lengths)
     count = max(1, int(np.ceil(len(motion) * FEATURE_RATE / motion.frame_rate - 1e-9)))

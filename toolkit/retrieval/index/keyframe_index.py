@@ -122,7 +122,9 @@ class KeyframeIndex:
         leaving = set(names)
         unknown = sorted(leaving - set(self.names))
         if unknown:
-            raise RetrievalError(f"there is no document {unknown[0]!r} in the index; `depthmocap search` names those it finds")
+            raise RetrievalError(
+                f"there is no document {unknown[0]!r} in the index; `depthmocap search` names those it finds"
+            )
         kept = [number for number, name in enumerate(self.names) if name not in leaving]
         if not kept:
             raise RetrievalError("nothing would be left in the index; delete the file instead")
