@@ -1,8 +1,8 @@
 """An index of 45 hours: `depthmocap bench index_scale DATA [--hours 45] [--workers 2]`.
 
 The shared mocap is 11 minutes; the rest is made from it, by mirroring, playing it at 0.7 to 1.4 times its speed, and
-giving its actors other proportions (bone lengths between 0.85 and 1.15 of theirs, along each of six chains). A quarter,
-half and all of it are indexed: features (reading the files not included), building, writing, opening, the first search
+giving its actors other proportions (bone lengths between 0.85 and 1.15 of theirs, along each of six chains). A quarter
+and all of it are indexed: features (reading the files not included), building, writing, opening, the first search
 by keyframes, which looks through the lists, later ones, searches by example, adding and removing a document. Times are
 of processors, so that what else runs does not count; those of the features add up over the workers.
 """
@@ -43,8 +43,8 @@ CHAINS = (
     ),
 )
 PROPORTIONS, SPEEDS = (0.85, 1.15), (0.7, 1.4)
-QUERIES = 20
-SHARES = (0.25, 0.5, 1.0)
+QUERIES = 10
+SHARES = (0.25, 1.0)
 """Of the hours, to see how everything grows."""
 
 
