@@ -159,13 +159,14 @@ def test_nobody_is_looked_for_where_nothing_is_measured() -> None:
 
 
 def test_the_crops_go_on_from_their_state() -> None:
-    one, other = (DetectedJoints(FakeModel(), CAMERA, in_color=False) for _ in range(2))  # type: ignore[arg-type]
+    models = FakeModel(), FakeModel()
+    one, other = (DetectedJoints(model, CAMERA, in_color=False) for model in models)  # type: ignore[arg-type]
     one.add(*(lambda f: (f[0], [f[1]]))(frame_at(90)))
     other.restore_state(one.export_state())
     a, b = (source.add(frame_at(95)[0], [frame_at(95)[1]])[0].joints for source in (one, other))
     assert a is not None and b is not None
     np.testing.assert_array_equal(a.rows, b.rows)
-    assert len(other._model.crops) == 1  # type: ignore[attr-defined]
+    assert len(models[1].crops) == 1
 
 
 @pytest.mark.parametrize("factor", [1, 2])

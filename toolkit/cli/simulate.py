@@ -83,6 +83,12 @@ def simulate(
         bool,
         typer.Option("--background/--no-background", help="Hold the depth of the empty room.", rich_help_panel=ROOM),
     ] = True,
+    color: Annotated[
+        bool, typer.Option("--color", help="Hold colour too, registered to the depth.", rich_help_panel=ROOM)
+    ] = False,
+    skinning: Annotated[
+        str, typer.Option(help="How skin follows the joints: linear, or dual quaternions.", rich_help_panel=PEOPLE)
+    ] = "linear",
     inertial: Annotated[
         str | None,
         typer.Option(
@@ -124,7 +130,7 @@ def simulate(
     boxes = tuple(box for file in files for box in read_boxes(file))
     shot = Shot(
         sensor=sensor, distance=distance, height=height, tilt=tilt, frame_rate=frame_rate, furnished=furnished,
-        background=background, boxes=boxes, seconds=seconds, seed=seed,
+        background=background, boxes=boxes, seconds=seconds, seed=seed, color=color, skinning=skinning,
     )  # fmt: skip
     worn_sensors = Worn(_words(inertial or ""), inertial_noise)
     with progress_bars() as bars:

@@ -69,11 +69,13 @@ class Performer(NamedTuple):
     body : in clothes
     poses : float64 (T, P) on the floor plan: x right in the image, y up from the floor, z towards the camera
     first : frame of the recording that shows the first pose
+    hanging : how many of the body's last vertices are a skirt's
     """
 
     body: Body
     poses: np.ndarray
     first: int
+    hanging: int = 0
 
     @property
     def end(self) -> int:
@@ -138,7 +140,9 @@ def prepare_person(person: Person, frame_rate: float, rng: np.random.Generator) 
     else:
         poses = poses - np.eye(skeleton.POSE_SIZE)[1] * floor_of(naked, poses)
     placed = _placed(poses, person.at, float(np.deg2rad(person.yaw)))
-    return Performer(dressed(naked, person.clothes), placed, round(person.enters * frame_rate))
+    body = dressed(naked, person.clothes)
+    hanging = len(body.vertices) - len(naked.vertices)
+    return Performer(body, placed, round(person.enters * frame_rate), hanging)
 
 
 def _placed(poses: np.ndarray, at: tuple[float, float], yaw: float) -> np.ndarray:

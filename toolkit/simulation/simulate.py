@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -19,11 +19,14 @@ from toolkit.mocap.clip import PoseClip
 from toolkit.sensing.camera import Camera
 from toolkit.sensing.recording import Recording, open_recording
 from toolkit.sensing.writer import RecordingWriter
+from toolkit.simulation.appearance import Appearance, vertex_colors
 from toolkit.simulation.furniture import Box, Mesh, boxes_mesh, joined
 from toolkit.simulation.inertial import SimulatedSensors, Worn, simulate_sensors
 from toolkit.simulation.person import Performer, Person, check_apart, check_clear, furniture_of, prepare_person
+from toolkit.simulation.picture import FINER, Backdrop, Drawn
 from toolkit.simulation.scene import View, place_camera, room
 from toolkit.simulation.sensors import Sensor, Surface, make_sensor
+from toolkit.simulation.skinning import SKINNINGS
 
 EMPTY_FRAMES = 9
 """Frames of the empty room whose median becomes the recorded background."""
@@ -50,7 +53,9 @@ class Shot:
     background : whether a furnished recording holds the depth of its room without people
     boxes : furniture of the room, on the floor plan
     seconds : length of a recording without people
-    seed : of the sensor's noise and of how somebody sits
+    seed : of the sensor's noise, of how somebody sits, and of what is seen in colour
+    color : whether it holds colour, registered to the depth, of people in a room
+    skinning : how skin follows the joints: "linear" blending, or "dual" quaternions, which keep the volume of a twist
 
     Raises
     ------
@@ -68,6 +73,8 @@ class Shot:
     boxes: tuple[Box, ...] = ()
     seconds: float = 3.0
     seed: int = 0
+    color: bool = False
+    skinning: str = "linear"
 
     def __post_init__(self) -> None:
         if not 0 < self.frame_rate <= FASTEST:
@@ -78,6 +85,8 @@ class Shot:
             raise UsageError(f"a recording of {self.seconds} seconds is impossible; give a positive number")
         if self.seed < 0:
             raise UsageError(f"the seed {self.seed} is negative; give a whole number from 0 on")
+        if self.skinning not in SKINNINGS:
+            raise UsageError(f"skinning {self.skinning!r} is none of: {', '.join(SKINNINGS)}")
 
 
 @dataclass(frozen=True)
@@ -90,12 +99,14 @@ class SimulatedFrame:
     joints : float32 (N, 20, 3), true reported joints, metres, camera frame; NaN for who is absent
     person : int16 (H, W), number of the person whom a pixel measures, -1 = nobody
     timestamp : seconds
+    color : uint8 (H, W, 3), RGB registered to the depth, or None
     """
 
     depth: np.ndarray
     joints: np.ndarray
     person: np.ndarray
     timestamp: float
+    color: np.ndarray | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -112,6 +123,7 @@ class Simulation:
     frame_rate : frames a second
     furnished : True: the depth shows a room. False: all that is not a person is 0
     seed : of all noise
+    color, skinning : see `Shot`
     """
 
     performers: tuple[Performer, ...]
@@ -122,6 +134,8 @@ class Simulation:
     frame_rate: float
     furnished: bool = True
     seed: int = 0
+    color: bool = False
+    skinning: str = "linear"
 
     @cached_property
     def _rays(self) -> Camera:
@@ -129,15 +143,33 @@ class Simulation:
         return self.sensor.camera.scaled(self.sensor.rays_per_side)
 
     @cached_property
-    def _room(self) -> Surface:
-        """The room without people."""
+    def _room_mesh(self) -> Mesh:
+        """The room without people, camera frame."""
         used = [p.body.joint_positions(p.poses).reshape(-1, 3) for p in self.performers] or [NOBODY_REACH]
         points = np.concatenate([*used, self.furniture.vertices])
         mesh = joined([room(np.array([points.min(axis=0), points.max(axis=0)]), self.view.position), self.furniture])
-        hits = cast(self.view.to_camera(mesh.vertices), mesh.faces, self._rays)
+        return Mesh(self.view.to_camera(mesh.vertices), mesh.faces)
+
+    @cached_property
+    def _room(self) -> Surface:
+        """What the rays meet in the room without people."""
+        hits = cast(self._room_mesh.vertices, self._room_mesh.faces, self._rays)
         everywhere = np.ones(hits.depth.shape, dtype=bool)
         cosines = self._cosines(hits, everywhere).reshape(everywhere.shape)
         return Surface(hits.depth, cosines, np.full(everywhere.shape, -1, dtype=np.int16))
+
+    @cached_property
+    def _backdrop(self) -> Backdrop:
+        """What is seen in colour of the room without people."""
+        camera = self.sensor.camera.scaled(FINER)
+        hits = cast(self._room_mesh.vertices, self._room_mesh.faces, camera)
+        return Backdrop.of_room(hits, camera, self.view, np.random.default_rng([self.seed, 4]))
+
+    @cached_property
+    def _skins(self) -> tuple[np.ndarray, ...]:
+        """Colours of the vertices of each performer."""
+        looks = (Appearance.drawn(np.random.default_rng([self.seed, 5, i])) for i in range(len(self.performers)))
+        return tuple(vertex_colors(p.body, look, p.hanging) for p, look in zip(self.performers, looks, strict=True))
 
     def background(self) -> np.ndarray | None:
         """Depth of the empty room, uint16 (H, W) millimetres, median of a few noisy frames; None if not furnished."""
@@ -149,30 +181,42 @@ class Simulation:
 
     def frames(self) -> Iterator[SimulatedFrame]:
         """Frame after frame, always the same for the same seed."""
-        rng = np.random.default_rng([self.seed, 0])
+        rng, painter = (np.random.default_rng([self.seed, k]) for k in (0, 3))
         joints = self.joints()
         for i in range(self.frames_in_all):
-            depth, person = self.sensor.measure(self._surface(i), rng)
+            present = self._present(i)
+            depth, person = self.sensor.measure(self._surface(present), rng)
             if not self.furnished:
                 depth = np.where(person >= 0, depth, 0).astype(np.uint16)
             measured = np.where(depth > 0, person, -1).astype(np.int16)
-            yield SimulatedFrame(depth, joints[:, i], measured, i / self.frame_rate)
+            color = self._picture(present, painter) if self.color else None
+            yield SimulatedFrame(depth, joints[:, i], measured, i / self.frame_rate, color)
 
     def joints(self) -> np.ndarray:
         """True joints of everybody, float32 (N, T, 20, 3), metres, camera frame, NaN while absent."""
         joints = np.full((len(self.performers), self.frames_in_all, len(skeleton.REPORTED), 3), np.nan, np.float32)
-        for own, (body, poses, first) in zip(joints, self.performers, strict=True):
+        for own, (body, poses, first, _) in zip(joints, self.performers, strict=True):
             own[first : first + len(poses)] = self.view.to_camera(body.joint_positions(poses))
         return joints
 
-    def _surface(self, frame: int) -> Surface:
-        """What the rays meet in a frame: the nearest of all people who are there, or the room."""
-        present = [(i, p) for i, p in enumerate(self.performers) if p.first <= frame < p.end]
+    def _present(self, frame: int) -> dict[int, np.ndarray]:
+        """The vertices (V, 3) of those who are there in a frame, camera frame, by number."""
+        return {
+            i: self.view.to_camera(SKINNINGS[self.skinning](p.body, p.poses[frame - p.first]))
+            for i, p in enumerate(self.performers)
+            if p.first <= frame < p.end
+        }
+
+    def _picture(self, present: Mapping[int, np.ndarray], rng: np.random.Generator) -> np.ndarray:
+        people = [Drawn(at, self.performers[i].body.faces, self._skins[i]) for i, at in present.items()]
+        return self._backdrop.with_people(people, rng)
+
+    def _surface(self, present: Mapping[int, np.ndarray]) -> Surface:
+        """What the rays meet: the nearest of the people whose vertices these are, or the room."""
         behind = self._room
         depth, cosine, person = behind.depth.copy(), behind.cosine.copy(), behind.person.copy()
-        for i, performer in present:
-            vertices = performer.body.vertex_positions(performer.poses[frame - performer.first])
-            hits = cast(self.view.to_camera(vertices), performer.body.faces, self._rays)
+        for i, vertices in present.items():
+            hits = cast(vertices, self.performers[i].body.faces, self._rays)
             nearer = (hits.depth > 0) & ((depth == 0) | (hits.depth <= depth))
             depth[nearer] = hits.depth[nearer]
             cosine[nearer] = self._cosines(hits, nearer)
@@ -211,6 +255,8 @@ def prepare(people: Sequence[Person], shot: Shot | None = None) -> Simulation:
         rate,
         shot.furnished,
         shot.seed,
+        shot.color,
+        shot.skinning,
     )
 
 
@@ -258,7 +304,7 @@ def simulate_scene(
     ) as writer:
         for i, frame in enumerate(simulation.frames()):
             joints = frame.joints[0] if len(people) == 1 else frame.joints
-            writer.append(frame.depth, frame.timestamp, joints=joints)
+            writer.append(frame.depth, frame.timestamp, color=frame.color, joints=joints)
             if progress is not None:
                 progress(i + 1, simulation.frames_in_all)
     if measured is not None:
@@ -270,7 +316,7 @@ def _worn_sensors(simulation: Simulation, worn: Worn) -> SimulatedSensors:
     """Sensors of the first person; the floor plan's axes are those of the level frame."""
     if not simulation.performers:
         raise UsageError(f"nobody is there to wear sensors on {', '.join(worn.limbs)}; name a clip")
-    body, poses, first = simulation.performers[0]
+    body, poses, first, _ = simulation.performers[0]
     rate = simulation.frame_rate
     return simulate_sensors(body, poses, rate, worn.limbs, worn.noise, simulation.seed, first / rate)
 

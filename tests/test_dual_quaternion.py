@@ -1,0 +1,88 @@
+"""Dual quaternion skinning against its definition written out."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from toolkit.body import skeleton
+from toolkit.body.body import Body
+from toolkit.body.shape import load_body
+from toolkit.kernels.dual_quaternion import quaternion_of, skin_dual
+
+
+def random_pose(seed: int) -> np.ndarray:
+    """A pose within the limits."""
+    rng = np.random.default_rng(seed)
+    pose = rng.normal(0.0, 1.0, skeleton.POSE_SIZE)
+    pose[6:] = rng.uniform(*skeleton.POSE_LIMITS[6:].T)
+    return pose
+
+
+def skinned(body: Body, pose: np.ndarray) -> np.ndarray:
+    """The mesh of a pose, (V, 3)."""
+    placed, out = body.place(pose), np.empty_like(body.vertices)
+    skin_dual(body.vertices, body.skin_joints, body.skin_weights, body.joints, placed.rotations, placed.origins, out)
+    return out
+
+
+def product(p: np.ndarray, q: np.ndarray) -> np.ndarray:
+    """Of quaternions w, x, y, z."""
+    return np.array([p[0] * q[0] - p[1:] @ q[1:], *(p[0] * q[1:] + q[0] * p[1:] + np.cross(p[1:], q[1:]))])
+
+
+def plain(body: Body, pose: np.ndarray, vertex: int) -> np.ndarray:
+    """One vertex by Kavan 2008, Eq. 5: the normalised sum of dual quaternions, applied."""
+    placed, real, dual = body.place(pose), np.zeros(4), np.zeros(4)
+    first = None
+    for j, weight in zip(body.skin_joints[vertex], body.skin_weights[vertex], strict=True):
+        q = np.roll(Rotation.from_matrix(placed.rotations[j]).as_quat(), 1)
+        first = q if first is None else first
+        q = q if first @ q >= 0 else -q
+        moved = placed.origins[j] - placed.rotations[j] @ body.joints[j]
+        real += weight * q
+        dual += weight * 0.5 * product(np.array([0.0, *moved]), q)
+    length = np.linalg.norm(real)
+    real, dual = real / length, dual / length
+    conjugate = real * [1, -1, -1, -1]
+    shift = 2.0 * product(dual, conjugate)[1:]
+    return product(product(real, np.array([0.0, *body.vertices[vertex]])), conjugate)[1:] + shift
+
+
+def test_vertices_are_moved_by_the_normalised_sum_of_dual_quaternions() -> None:
+    body = load_body("neutral")
+    for seed in range(3):
+        pose = random_pose(seed)
+        found = skinned(body, pose)
+        for vertex in range(0, len(body.vertices), 37):
+            np.testing.assert_allclose(found[vertex], plain(body, pose, vertex), atol=1e-9)
+
+
+def test_what_one_joint_carries_moves_as_in_linear_skinning() -> None:
+    body, pose = load_body("neutral"), random_pose(5)
+    rigid = body.skin_weights.max(axis=1) > 1 - 1e-12
+    assert rigid.sum() > 50
+    np.testing.assert_allclose(skinned(body, pose)[rigid], body.vertex_positions(pose)[rigid], atol=1e-9)
+
+
+def test_a_twisted_limb_keeps_its_girth() -> None:
+    body, pose = load_body("neutral"), np.zeros(skeleton.POSE_SIZE)
+    pose[skeleton.POSE_NAMES.index("left_shoulder_rx")] = 2.2
+    upper = (body.part == skeleton.JOINT_NAMES.index("left_shoulder")) & (body.skin_weights.max(axis=1) < 0.7)
+
+    def girth(vertices: np.ndarray) -> float:
+        return float(
+            np.linalg.norm((vertices - body.joints[skeleton.JOINT_NAMES.index("left_shoulder")])[upper, 1:]).mean()
+        )
+
+    rest = girth(body.vertices)
+    assert abs(girth(skinned(body, pose)) - rest) < abs(girth(body.vertex_positions(pose)) - rest)
+
+
+def test_quaternions_are_those_of_scipy_for_every_largest_component() -> None:
+    out = np.empty(4)
+    for vector in ([0.1, 0.2, -0.3], [3.1, 0.1, 0.2], [0.1, -3.1, 0.2], [0.2, 0.1, 3.1], [0, 0, 0]):
+        rotation = Rotation.from_rotvec(vector)
+        quaternion_of(rotation.as_matrix(), out)
+        expected = np.roll(rotation.as_quat(), 1)
+        np.testing.assert_allclose(out * np.sign(out @ expected), expected, atol=1e-12)

@@ -1,0 +1,108 @@
+"""Colour pictures of simulated people in their room, registered to the depth."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from toolkit.body.body import vertex_normals
+from toolkit.body.raycast import Hits
+from toolkit.kernels.shading import shade_triangles
+from toolkit.sensing.camera import Camera
+from toolkit.simulation.scene import View
+
+FINER = 2
+"""Pictures are drawn so many times finer, and averaged: contours are smooth."""
+NOISE = 2.5
+"""Grey levels: standard deviation of a picture's noise."""
+LIGHTS = np.array([0.35, 0.5, 0.2])
+"""Shares of the light that comes from everywhere, from a lamp, and from the camera."""
+KEY_SPREAD = 0.6
+"""How far the lamp may be from above and before the people, as the tangent of an angle."""
+BOX_FACES = 12
+"""Triangles of a box; the first box of a room is its shell."""
+
+
+class Drawn(NamedTuple):
+    """A mesh to be drawn.
+
+    Attributes
+    ----------
+    vertices : float64 (V, 3), metres, camera frame
+    faces : int32 (F, 3), counter-clockwise from outside
+    colors : float64 (V, 3), RGB, 0 to 255
+    """
+
+    vertices: np.ndarray
+    faces: np.ndarray
+    colors: np.ndarray
+
+
+@dataclass(frozen=True, eq=False)
+class Backdrop:
+    """The room without people, as the camera sees it.
+
+    Attributes
+    ----------
+    image : float64 (H, W, 3), RGB
+    depth : float64 (H, W), metres, infinite where nothing is
+    key : (3,), direction towards the lamp, camera frame
+    camera : of both, `FINER` times finer than the depth camera
+    """
+
+    image: np.ndarray
+    depth: np.ndarray
+    key: np.ndarray
+    camera: Camera
+
+    @classmethod
+    def of_room(cls, hits: Hits, camera: Camera, view: View, rng: np.random.Generator) -> Backdrop:
+        """Walls with paint and pictures, a floor of planks, furniture: what `camera` sees of a room of boxes."""
+        aside, before = rng.uniform(-KEY_SPREAD, KEY_SPREAD), rng.uniform(0.2, 0.2 + KEY_SPREAD)
+        lamp = np.array([aside, 1.0, before])
+        key = lamp / np.linalg.norm(lamp) @ view.R_level_camera
+        rays = np.concatenate([camera.rays(), np.ones((*camera.shape, 1))], axis=-1)
+        seen = hits.depth > 0
+        points = (rays * hits.depth[..., None])[seen] @ view.R_level_camera.T + view.position
+        normals = hits.normals[seen].astype(np.float64)
+        normals *= np.where((normals * rays[seen]).sum(axis=1) > 0, -1.0, 1.0)[:, None]
+        light = LIGHTS[0] + LIGHTS[1] * np.maximum((normals * key).sum(axis=1), 0.0) + 0.5 * LIGHTS[2]
+        image = np.zeros((*camera.shape, 3))
+        image[seen] = _paint(points, hits.triangles[seen] // BOX_FACES, rng) * light[:, None]
+        return cls(image, np.where(seen, hits.depth, np.inf).astype(np.float64), key, camera)
+
+    def with_people(self, people: Sequence[Drawn], rng: np.random.Generator) -> np.ndarray:
+        """A picture of people in the room, uint8 (h, w, 3), RGB, of the depth camera's size; `rng` draws its noise."""
+        image, depth = np.clip(self.image, 0, 255).astype(np.uint8), self.depth.copy()
+        for mesh in people:
+            normals = vertex_normals(mesh.vertices, mesh.faces)
+            shade_triangles(
+                mesh.vertices, normals, mesh.colors, mesh.faces, self.camera.intrinsics, LIGHTS, self.key, depth, image
+            )
+        fine = image.reshape(len(image) // FINER, FINER, -1, FINER, 3)
+        coarse = fine.mean(axis=(1, 3), dtype=np.float32)
+        return np.clip(np.rint(coarse + rng.normal(0.0, NOISE, coarse.shape)), 0, 255).astype(np.uint8)
+
+
+def _paint(points: np.ndarray, box: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+    """Colours (N, 3) of points (N, 3) on the boxes of a room, on the floor plan: every room has its own."""
+    palette = rng.uniform(60.0, 190.0, (int(box.max()) + 1, 3))
+    palette[0] = rng.uniform(150.0, 215.0) + rng.normal(0.0, 10.0, 3)
+    colors = palette[box]
+    x, y, z = points.T
+    blotches = np.zeros(len(points))
+    for frequency in (0.7, 1.5, 3.0, 6.0):
+        blotches += np.sin((points * rng.normal(0.0, frequency, 3)).sum(axis=1) + rng.uniform(0.0, 6.0))
+    colors += 4.0 * blotches[:, None]
+    floor = (y < 0.01) & (box == 0)
+    plank = np.sin(12.9898 * np.floor(x / 0.12) + 3.1 * np.floor(z / 1.1 + 0.37 * np.floor(x / 0.12)))
+    colors[floor] = np.array([140.0, 104.0, 70.0]) + 14.0 * plank[floor, None] + 3.0 * blotches[floor, None]
+    for _ in range(3):  # pictures on the far wall
+        left, low, width, height = rng.uniform((-2.0, 1.0, 0.3, 0.3), (1.5, 1.5, 0.8, 0.7))
+        hung = (box == 0) & ~floor & (z < z.min() + 0.05)
+        hung &= (x > left) & (x < left + width) & (y > low) & (y < low + height)
+        colors[hung] = rng.uniform(40.0, 220.0, 3) + 25.0 * np.sin(9.0 * x[hung] + 7.0 * y[hung])[:, None]
+    return colors
