@@ -85,8 +85,10 @@ def kernel_question(
     z = depth[v, u]
     point = np.array([(u - camera.cx) * z / camera.fx, (v - camera.cy) * z / camera.fy, z, 0.0])
     point[3] = -rotation[2] @ point[:3]
-    axes = rotation[0].copy(), -rotation[1], -rotation[2]
-    return float(forest.question(depth, camera.intrinsics, *axes, point, offsets, blind))
+    level = np.empty(depth.shape)
+    forest.depth_along(depth, camera.intrinsics, -rotation[2], level)
+    axes = rotation[0].copy(), -rotation[1]
+    return float(forest.question(level, camera.intrinsics, *axes, point, offsets, blind))
 
 
 TINY = Camera(25.0, 35.0, 20.0, 15.0, 40, 30)

@@ -20,52 +20,62 @@ UNOBSERVED = 65535
 """In a training image: what was measured here says nothing about the person."""
 
 
-@njit(cache=True)
-def probe(
-    depth: np.ndarray, camera: np.ndarray, across: np.ndarray, down: np.ndarray, along: np.ndarray, pixel: np.ndarray,
-    x: float, y: float, blind: float,
-) -> float:  # fmt: skip
-    """Clipped difference of the measured depth at a probe to that of its pixel, metres.
-
-    `depth` float32 (H, W), metres: 0 = nothing, negative = unobserved. `camera` holds fx, fy, cx, cy; `across`, `down`
-    and `along` (3,) are the level frame's +x, -y and -z in the camera frame; `pixel` (4,) is the pixel's point in the
-    camera frame and its depth along `along`. The probe is at `x` across and `y` down of it. Outside the image and where
-    it is unobserved the answer is `blind`.
-    """
-    px = pixel[0] + x * across[0] + y * down[0]
-    py = pixel[1] + x * across[1] + y * down[1]
-    pz = pixel[2] + x * across[2] + y * down[2]
-    if pz < NEAREST:
-        return blind
-    iu = int(np.rint(camera[2] + camera[0] * px / pz))
-    iv = int(np.rint(camera[3] + camera[1] * py / pz))
-    if iu < 0 or iv < 0 or iv >= depth.shape[0] or iu >= depth.shape[1]:
-        return blind
-    d = depth[iv, iu]
-    if d <= 0.0:
-        return blind if d < 0.0 else REACH
-    level = d * (
-        along[0] * (iu - camera[2]) / camera[0] + along[1] * (iv - camera[3]) / camera[1] + along[2]
-    )  # fmt: skip
-    return min(max(level - pixel[3], -REACH), REACH)
-
-
 NEAREST = 0.05
 """Metres before the camera where probes end."""
 
 
 @njit(cache=True)
+def depth_along(depth: np.ndarray, camera: np.ndarray, along: np.ndarray, out: np.ndarray) -> None:
+    """How far along the level frame's -z everything is that was measured: fills `out` float64 (H, W), metres.
+
+    `depth` float32 (H, W), metres: 0 = nothing, negative = unobserved; both stay. `camera` holds fx, fy, cx, cy;
+    `along` (3,) is the level frame's -z in the camera frame.
+    """
+    for v in range(depth.shape[0]):
+        down = along[1] * (v - camera[3]) / camera[1] + along[2]
+        for u in range(depth.shape[1]):
+            d = depth[v, u]
+            out[v, u] = d * (along[0] * (u - camera[2]) / camera[0] + down) if d > 0.0 else d
+
+
+@njit(cache=True)
+def probe(
+    level: np.ndarray, camera: np.ndarray, across: np.ndarray, down: np.ndarray, pixel: np.ndarray,
+    x: float, y: float, blind: float,
+) -> float:  # fmt: skip
+    """Clipped difference of the measured depth at a probe to that of its pixel, metres.
+
+    `level` comes from `depth_along`; `camera` holds fx, fy, cx, cy; `across` and `down` (3,) are the level frame's +x
+    and -y in the camera frame; `pixel` (4,) is the pixel's point in the camera frame and its depth along the level
+    frame's -z. The probe is at `x` across and `y` down of it. Outside the image and where it is unobserved the answer
+    is `blind`.
+    """
+    px = pixel[0] + x * across[0] + y * down[0]
+    py = pixel[1] + x * across[1] + y * down[1]
+    pz = pixel[2] + x * across[2] + y * down[2]
+    inverse = 1.0 / max(pz, NEAREST)
+    iu = int(np.rint(camera[2] + camera[0] * px * inverse))
+    iv = int(np.rint(camera[3] + camera[1] * py * inverse))
+    if pz < NEAREST or iu < 0 or iv < 0 or iv >= level.shape[0] or iu >= level.shape[1]:
+        return blind
+    d = level[iv, iu]
+    if d <= 0.0:
+        return blind if d < 0.0 else REACH
+    return min(max(d - pixel[3], -REACH), REACH)
+
+
+@njit(cache=True)
 def question(
-    depth: np.ndarray, camera: np.ndarray, across: np.ndarray, down: np.ndarray, along: np.ndarray, pixel: np.ndarray,
+    level: np.ndarray, camera: np.ndarray, across: np.ndarray, down: np.ndarray, pixel: np.ndarray,
     offsets: np.ndarray, blind: float,
 ) -> float:  # fmt: skip
     """Answer of one question with probe offsets a_x, a_y, b_x, b_y, metres across and down; else as in `probe`."""
-    return probe(depth, camera, across, down, along, pixel, offsets[0], offsets[1], blind) - probe(
-        depth, camera, across, down, along, pixel, offsets[2], offsets[3], blind
+    return probe(level, camera, across, down, pixel, offsets[0], offsets[1], blind) - probe(
+        level, camera, across, down, pixel, offsets[2], offsets[3], blind
     )
 
 
-BLOCK = 16
+BLOCK = 64
 """Pixels that walk down a tree side by side, so that one steps while another waits for memory."""
 
 
@@ -82,13 +92,20 @@ def find_leaves(
 ) -> None:
     """Leaf that each pixel reaches in each tree: fills `leaves` (N, trees).
 
-    `depth`, `camera` and `blind` as in `probe`; `pixels` (N,) are flat indices; `rotation` (3, 3) is R_level_camera;
-    `nodes` float32 (nodes, 7) hold a question's probe offsets, its threshold and both children in a row, of which a
-    negative one is leaf `-1 - child`; an answer below the threshold goes to the first.
+    `depth` and `camera` as in `depth_along`, `blind` as in `probe`; `pixels` (N,) are flat indices; `rotation` (3, 3)
+    is R_level_camera; `nodes` float32 (nodes, 7) hold a question's probe offsets, its threshold and both children in a
+    row, of which a negative one is leaf `-1 - child`; an answer below the threshold goes to the first.
     """
     width = depth.shape[1]
-    across, down, along = rotation[0].copy(), -rotation[1], -rotation[2]
+    along = -rotation[2]
+    level = np.empty(depth.shape)
+    depth_along(depth, camera, along, level)
+    # As tuples they stay in registers.
+    lens = (camera[0], camera[1], camera[2], camera[3])
+    across = (rotation[0, 0], rotation[0, 1], rotation[0, 2])
+    down = (-rotation[1, 0], -rotation[1, 1], -rotation[1, 2])
     at = np.empty(BLOCK, dtype=np.int64)
+    walking = np.empty(BLOCK, dtype=np.int64)
     point = np.empty((BLOCK, 4))
     for start in range(0, pixels.shape[0], BLOCK):
         block = min(BLOCK, pixels.shape[0] - start)
@@ -101,15 +118,19 @@ def find_leaves(
             point[k, 3] = along[0] * point[k, 0] + along[1] * point[k, 1] + along[2] * z
         for t in range(roots.shape[0]):
             at[:] = roots[t]
-            walking = roots[t] >= 0
-            while walking:
-                walking = False
-                for k in range(block):
-                    if at[k] >= 0:
-                        node = nodes[at[k]]
-                        answer = question(depth, camera, across, down, along, point[k], node, blind)
-                        at[k] = int(node[5] if answer < node[4] else node[6])
-                        walking |= at[k] >= 0
+            walking[:] = np.arange(BLOCK)
+            left = block if roots[t] >= 0 else 0
+            while left > 0:
+                still = 0
+                for i in range(left):
+                    k = walking[i]
+                    node = nodes[at[k]]
+                    answer = question(level, lens, across, down, point[k], node, blind)
+                    at[k] = int(node[5] if answer < node[4] else node[6])
+                    # Written whether it walks on or not: a branch here would be guessed wrong at every leaf.
+                    walking[still] = k
+                    still += at[k] >= 0
+                left = still
             for k in range(block):
                 leaves[start + k, t] = -1 - at[k]
 
