@@ -10,7 +10,7 @@ import numpy as np
 from toolkit.body import skeleton
 from toolkit.body.body import BELOW, Body
 from toolkit.fitting.balls import Balls
-from toolkit.kernels import kinematics, pairs, raster, twists
+from toolkit.kernels import pairs, placing, twists
 from toolkit.sensing.camera import Camera
 
 QUOTAS: dict[str, int] = {
@@ -113,29 +113,20 @@ class PlacedBody:
     def __init__(self, placer: Placer, body: Body, pose: np.ndarray) -> None:
         self.placer, self.body = placer, body
         joints, dofs = len(skeleton.JOINTS), len(skeleton.DOF_JOINT)
-        vectors = np.empty((joints, 3))
-        rotations, origins, axes = np.empty((joints, 3, 3)), np.empty((joints, 3)), np.empty((dofs, 3))
-        kinematics.forward_kinematics(
-            pose, skeleton.PARENTS, body.joints, skeleton.DOF_JOINT, skeleton.DOF_AXIS, vectors, rotations, origins
-        )
-        kinematics.world_axes(skeleton.PARENTS, vectors, rotations, skeleton.DOF_JOINT, skeleton.DOF_AXIS, axes)
-        self.rotations, self.origins, self.axes = np.empty_like(rotations), np.empty_like(origins), np.empty_like(axes)
-        pairs.to_camera(placer.from_level, rotations, origins, axes, self.rotations, self.origins, self.axes)
+        self.rotations, self.origins, self.axes = np.empty((joints, 3, 3)), np.empty((joints, 3)), np.empty((dofs, 3))
         self.vertices, self.normals = np.empty_like(body.vertices), np.empty_like(body.vertices)
-        kinematics.skin(
-            body.vertices, body.skin_joints, body.skin_weights, body.joints, self.rotations, self.origins, self.vertices
-        )
-        pairs.skin_normals(body.normals, body.skin_joints, body.skin_weights, self.rotations, self.normals)
+        placing.place(
+            pose, skeleton.PARENTS, body.joints, skeleton.DOF_JOINT, skeleton.DOF_AXIS, placer.from_level,
+            body.vertices, body.normals, body.skin_joints, body.skin_weights,
+            self.rotations, self.origins, self.axes, self.vertices, self.normals,
+        )  # fmt: skip
 
     @cached_property
     def drawn(self) -> Drawn:
         """The body as the camera would see it alone."""
-        projected = np.empty_like(self.vertices)
-        raster.project(self.vertices, self.placer.intrinsics, projected)
         shape = self.placer.camera.shape
-        inverse, drawn = np.empty(shape), Drawn(np.empty(shape), np.empty(shape, dtype=np.int32))
-        raster.rasterise(projected, self.placer.faces, inverse, drawn.triangle)
-        pairs.depth_from_inverse(inverse, drawn.depth)
+        drawn = Drawn(np.empty(shape), np.empty(shape, dtype=np.int32))
+        placing.draw(self.vertices, self.placer.faces, self.placer.intrinsics, *drawn)
         return drawn
 
     @property

@@ -9,7 +9,7 @@ import numpy as np
 
 from toolkit.fitting.orientation import Evidence
 from toolkit.kernels import linear, pairs
-from toolkit.sensing.cloud import Cloud
+from toolkit.sensing.cloud import Cloud, marked
 
 
 class Neighbours(Protocol):
@@ -81,7 +81,7 @@ class Scene:
     ) -> None:
         self.evidence = tuple(evidence)
         self.depth = cloud.depth
-        self.seen = cloud.depth if unobserved is None else np.where(unobserved, np.float32(np.nan), cloud.depth)
+        self.seen = cloud.depth if unobserved is None else marked(cloud.depth, unobserved, np.nan)
         self.cut = np.zeros(len(extrema_level), dtype=np.bool_) if cut is None else cut
         self.intrinsics = np.array(cloud.camera.intrinsics, dtype=np.float64)
         count = len(cloud.points)

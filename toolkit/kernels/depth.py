@@ -186,6 +186,73 @@ def _sorted_3(a: int, b: int, c: int) -> tuple[int, int, int]:
 
 
 @njit(cache=True)
+def depth_quantile(depth: np.ndarray, samples: int, share: float) -> float:
+    """The `share` quantile of about `samples` depths of an image (H, W), 0 = nothing, evenly spread in scan order.
+
+    Linear between the two nearest of them, as NumPy has it; 0 for an image of nothing.
+    """
+    flat = depth.reshape(-1)
+    count = 0
+    for i in range(flat.shape[0]):
+        count += flat[i] > 0
+    if count == 0:
+        return 0.0
+    step = max(1, count // samples)
+    values = np.empty((count + step - 1) // step)
+    met = 0
+    for i in range(flat.shape[0]):
+        if flat[i] > 0:
+            if met % step == 0:
+                values[met // step] = flat[i]
+            met += 1
+    values.sort()
+    place = share * (values.shape[0] - 1)
+    low = int(place)
+    high = min(low + 1, values.shape[0] - 1)
+    return values[low] + (place - low) * (values[high] - values[low])
+
+
+@njit(cache=True)
+def hidden_pixels(whole: np.ndarray, depth: np.ndarray, farthest: float, missing: bool, out: np.ndarray) -> int:
+    """Pixels of `whole` (H, W) nearer than `farthest` that are not among those of `depth` (H, W): fills `out` bool.
+
+    Where nothing was measured (0) the answer is `missing`. Returns how many pixels are hidden.
+    """
+    count = 0
+    for v in range(whole.shape[0]):
+        for u in range(whole.shape[1]):
+            z = whole[v, u]
+            hidden = (missing if z == 0 else z < farthest) and not depth[v, u] > 0
+            out[v, u] = hidden
+            count += hidden
+    return count
+
+
+@njit(cache=True)
+def mark(depth: np.ndarray, mask: np.ndarray, value: float, out: np.ndarray) -> None:
+    """Copy `depth` (H, W) to `out` with `value` where `mask` (H, W) is set."""
+    for v in range(depth.shape[0]):
+        for u in range(depth.shape[1]):
+            out[v, u] = value if mask[v, u] else depth[v, u]
+
+
+@njit(cache=True)
+def count_around(mask: np.ndarray, pixels: np.ndarray, reach: int, counts: np.ndarray, areas: np.ndarray) -> None:
+    """Of the window of `reach` pixels around each of the flat `pixels` (N,), cut at the border of `mask` (H, W):
+    fills how many pixels are set, `counts` (N,), and how many there are, `areas` (N,).
+    """
+    height, width = mask.shape
+    for i in range(pixels.shape[0]):
+        v, u = pixels[i] // width, pixels[i] % width
+        v0, v1, u0, u1 = max(v - reach, 0), min(v + reach, height - 1), max(u - reach, 0), min(u + reach, width - 1)
+        counts[i] = 0
+        for row in range(v0, v1 + 1):
+            for column in range(u0, u1 + 1):
+                counts[i] += mask[row, column]
+        areas[i] = (v1 - v0 + 1) * (u1 - u0 + 1)
+
+
+@njit(cache=True)
 def z_buffer(points: np.ndarray, intrinsics: np.ndarray, image: np.ndarray) -> None:
     """Depth of the nearest of `points` (N, 3) in every pixel; `image` (H, W) is 0 where there is none, and must come
     so.

@@ -15,66 +15,6 @@ from toolkit.kernels.twists import add_pair
 
 
 @njit(cache=True)
-def to_camera(
-    rotation: np.ndarray,
-    rotations: np.ndarray,
-    origins: np.ndarray,
-    axes: np.ndarray,
-    rotations_camera: np.ndarray,
-    origins_camera: np.ndarray,
-    axes_camera: np.ndarray,
-) -> None:
-    """Turn placed joints and axes by `rotation` (3, 3), R_camera_level."""
-    for j in range(origins.shape[0]):
-        for a in range(3):
-            total = 0.0
-            for c in range(3):
-                total += rotation[a, c] * origins[j, c]
-                value = 0.0
-                for b in range(3):
-                    value += rotation[a, b] * rotations[j, b, c]
-                rotations_camera[j, a, c] = value
-            origins_camera[j, a] = total
-    for k in range(axes.shape[0]):
-        for a in range(3):
-            axes_camera[k, a] = rotation[a, 0] * axes[k, 0] + rotation[a, 1] * axes[k, 1] + rotation[a, 2] * axes[k, 2]
-
-
-@njit(cache=True)
-def skin_normals(
-    normals: np.ndarray,
-    skin_joints: np.ndarray,
-    skin_weights: np.ndarray,
-    rotations: np.ndarray,
-    out: np.ndarray,
-) -> None:
-    """Rest normals (V, 3) turned by the blended rotations and normalised; fills `out` (V, 3)."""
-    for v in range(normals.shape[0]):
-        x = y = z = 0.0
-        for s in range(skin_joints.shape[1]):
-            w = skin_weights[v, s]
-            if w == 0.0:
-                continue
-            r = rotations[skin_joints[v, s]]
-            x += w * (r[0, 0] * normals[v, 0] + r[0, 1] * normals[v, 1] + r[0, 2] * normals[v, 2])
-            y += w * (r[1, 0] * normals[v, 0] + r[1, 1] * normals[v, 1] + r[1, 2] * normals[v, 2])
-            z += w * (r[2, 0] * normals[v, 0] + r[2, 1] * normals[v, 1] + r[2, 2] * normals[v, 2])
-        length = max(np.sqrt(x * x + y * y + z * z), 1e-12)
-        out[v, 0] = x / length
-        out[v, 1] = y / length
-        out[v, 2] = z / length
-
-
-@njit(cache=True)
-def depth_from_inverse(inverse_depth: np.ndarray, depth: np.ndarray) -> None:
-    """Depth (H, W) from inverse depth, 0 where nothing was drawn."""
-    for v in range(inverse_depth.shape[0]):
-        for u in range(inverse_depth.shape[1]):
-            w = inverse_depth[v, u]
-            depth[v, u] = 1.0 / w if w > 0.0 else 0.0
-
-
-@njit(cache=True)
 def visible_vertices(
     chosen: np.ndarray,
     vertices: np.ndarray,

@@ -3,8 +3,9 @@
 A pixel on ring r around the pixel of q is at least r - 1/2 pixels away from the projection of q, in the image or
 outside of it. A point p seen there lies on the ray d = (x, y, 1), and its distance to q is at least that of q to this
 ray, `|q x d| / |d| >= z (r - 1/2) / (f |d|)`, with z the depth of q, f the larger focal length and |d| at most the
-length of the longest ray of the image. Once that bound passes the best distance found, no farther ring can hold a
-nearer point: the answer equals that of a tree over all points, and no tree has to be built.
+length of the longest ray of the image, or of those as near to q as the best distance found. Once that bound passes the
+best distance, no farther ring can hold a nearer point: the answer equals that of a tree over all points, and no tree
+has to be built.
 """
 
 from __future__ import annotations
@@ -46,14 +47,21 @@ def nearest_pixels(
         return 0
     centre_u = int(np.rint(fx * x / z + cx))
     centre_v = int(np.rint(fy * y / z + cy))
-    limit = reach * reach
-    step = z / (max(fx, fy) * ray)
+    limit = looked_up = reach * reach
+    focal = max(fx, fy)
+    step = near_step = z / (focal * ray)
     last = int(np.ceil(reach / step)) + 1
     # Rings that lie wholly outside the image hold nothing: start with the first one that touches it.
     first = max(0, -centre_u, centre_u - (width - 1), -centre_v, centre_v - (height - 1))
     found = 0
     for ring in range(first, last + 1):
-        bound = (ring - 0.5) * step
+        if limit < looked_up:
+            # What is within the limit lies on rays near that of q, which are shorter than the longest of the image.
+            looked_up = limit
+            around = np.sqrt(limit) / step + 1.0
+            a, b = abs(x / z) + around / fx, abs(y / z) + around / fy
+            near_step = max(step, z / (focal * np.sqrt(1.0 + a * a + b * b)))
+        bound = (ring - 0.5) * near_step
         if bound > 0.0 and bound * bound >= limit:
             break
         for v in range(max(0, centre_v - ring), min(height - 1, centre_v + ring) + 1):

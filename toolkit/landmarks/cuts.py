@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from toolkit.kernels import depth as kernels
 from toolkit.sensing.cloud import Cloud
 
 CUT_PIXELS = 3
@@ -21,14 +22,16 @@ def on_cuts(cloud: Cloud, nodes: np.ndarray, unobserved: np.ndarray | None) -> n
     A narrow piece that leaves by another border than the lower one is a hand, of which little is missing. `unobserved`
     (H, W) are pixels that say nothing about the person, or None.
     """
-    cut = np.zeros(len(nodes), dtype=np.bool_)
-    for i, pixel in enumerate(cloud.pixels[nodes]):
-        v, u = divmod(int(pixel), cloud.camera.width)
-        cut[i] = _leaves_image(cloud, v, u)
-        if unobserved is not None:
-            rows = slice(max(v - CUT_PIXELS, 0), v + CUT_PIXELS + 1)
-            around = unobserved[rows, max(u - CUT_PIXELS, 0) : u + CUT_PIXELS + 1]
-            cut[i] |= np.count_nonzero(around) > CUT_SHARE * around.size
+    pixels = cloud.pixels[nodes]
+    cut = np.zeros(len(pixels), dtype=np.bool_)
+    if unobserved is not None:
+        counts, areas = np.empty((2, len(pixels)), dtype=np.int64)
+        kernels.count_around(unobserved, pixels, CUT_PIXELS, counts, areas)
+        cut = counts > CUT_SHARE * areas
+    (height, width), (rows, columns) = cloud.camera.shape, np.divmod(pixels, cloud.camera.width)
+    to_border = np.minimum(np.minimum(rows, height - 1 - rows), np.minimum(columns, width - 1 - columns))
+    for i in np.flatnonzero(to_border < CUT_PIXELS):
+        cut[i] |= _leaves_image(cloud, int(rows[i]), int(columns[i]))
     return cut
 
 

@@ -17,7 +17,7 @@ from toolkit.archives import Column, check_columns
 from toolkit.body import skeleton
 from toolkit.errors import DatabaseError
 from toolkit.kernels import forest
-from toolkit.sensing.cloud import Cloud
+from toolkit.sensing.cloud import Cloud, marked
 
 BANDWIDTH = 0.06
 """Metres: width of the mean-shift kernel at its end, about half the width of a limb plus the spread of one leaf."""
@@ -137,7 +137,7 @@ class JointForest:
         person: something nearer hides what is there. The image's border needs no mention.
         """
         rows = np.linspace(0, len(cloud) - 1, min(samples, len(cloud))).astype(np.int64)
-        depth = cloud.depth if unobserved is None else np.where(unobserved, np.float32(-1.0), cloud.depth)
+        depth = cloud.depth if unobserved is None else marked(cloud.depth, unobserved, -1.0)
         votes = self.votes(depth, cloud.camera.intrinsics, cloud.rotation, cloud.pixels[rows], cloud.points[rows])
         return self.judged(*votes)
 

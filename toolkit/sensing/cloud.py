@@ -52,3 +52,10 @@ class Cloud:
     def points_camera(self) -> np.ndarray:
         """The points in the camera frame: float64 (N, 3), metres."""
         return linear.rotated(self.points, self.rotation)
+
+
+def marked(depth: np.ndarray, mask: np.ndarray, value: float) -> np.ndarray:
+    """A depth image (H, W) with `value` where `mask` (H, W) is set: a new array of its type."""
+    out = np.empty_like(depth)
+    kernels.mark(depth, mask, value, out)
+    return out

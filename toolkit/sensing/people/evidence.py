@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from toolkit.kernels import depth as kernels
+
 THICKNESS = 0.1
 """Metres behind the farthest measured point of a person that the rest of the body may reach."""
 
@@ -25,13 +27,9 @@ def unobserved_pixels(whole_mm: np.ndarray, depth: np.ndarray, *, cut_out: bool)
     bool (H, W), or None if there is no such pixel. Something that is not this person hides what is behind it; it does
     so for a person whose farthest measured point lies behind it.
     """
-    own = depth > 0
-    measured = depth[own]
-    if not len(measured):
+    farthest = kernels.depth_quantile(depth, SAMPLES, 0.95)
+    if farthest == 0.0:
         return None
-    sampled = measured[:: max(1, len(measured) // SAMPLES)]
-    farthest = 1000 * (float(np.percentile(sampled, 95)) + THICKNESS)
-    mask = (whole_mm < farthest) & ~own
-    if cut_out:
-        mask &= whole_mm > 0
-    return mask if mask.any() else None
+    mask = np.empty(depth.shape, dtype=np.bool_)
+    hidden = kernels.hidden_pixels(whole_mm, depth, 1000 * (farthest + THICKNESS), not cut_out, mask)
+    return mask if hidden else None
