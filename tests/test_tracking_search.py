@@ -27,7 +27,7 @@ from toolkit.tracking.search.arms import FARTHER, ITERATIONS, ArmSearch
 from toolkit.tracking.search.extrema import ExtremaQuery
 from toolkit.tracking.search.labelings import LookupSettings
 from toolkit.tracking.search.local import LocalSearch, moved_on
-from toolkit.tracking.search.lookup import FIRST_ROUNDS, PULLED_ITERATIONS, DatabaseLookup, Effort
+from toolkit.tracking.search.lookup import FIRST_ROUNDS, PULLED_ITERATIONS, DatabaseLookup, Effort, is_asked
 from toolkit.tracking.search.protocol import NOTHING, Rival
 from toolkit.tracking.search.votes import VOTE_SIGMA, VotesQuery
 from toolkit.tracking.settings import HybridSettings
@@ -267,11 +267,11 @@ class FakeArmObjective:
         return self.known[float(pose[0])]
 
 
-def arm_search(arms: list[FakeArm], objective: Any, refiner: FakeRefiner | None = None) -> ArmSearch:
+def arm_search(arms: list[FakeArm], objective: Any, refiner: FakeRefiner | None = None, rest: int = 0) -> ArmSearch:
     poses: Any = SimpleNamespace(of=lambda body: tuple(arms))
     if isinstance(objective, dict):
         objective = FakeArmObjective(objective)
-    return ArmSearch(poses, objective, refiner or FakeRefiner(), ArmSettings(margin=0.001, prior=0.5))
+    return ArmSearch(poses, objective, refiner or FakeRefiner(), ArmSettings(margin=0.001, prior=0.5), rest)
 
 
 BEST = rival(pose_at(), 0.1, gaps=0.010, energy=0.0)
@@ -317,6 +317,18 @@ def test_arms_are_searched_only_for_somebody_who_is_followed() -> None:
     search = arm_search([FakeArm(1.0)], {1.0: compared(0.01, gaps=0.0)})
     assert search.propose(observation(), state(), RNG, BEST) is NOTHING
     assert search.propose(observation(), state(pose_at()), RNG, None) is NOTHING
+
+
+def test_arms_wait_where_it_is_the_turn_of_whole_poses_unless_something_is_lost() -> None:
+    search = arm_search([FakeArm(1.0)], {1.0: compared(0.01, gaps=0.0)}, rest=2)
+    turns = [state(pose_at(), turn=turn) for turn in range(6)]
+    waits = [False, False, True, False, False, True]
+    assert [search.propose(observation(), now, RNG, BEST) is NOTHING for now in turns] == waits
+    assert [is_asked(now, 2) for now in turns] == waits
+    assert all(is_asked(replace(now, lost=1), 2) for now in turns)
+    assert search.propose(observation(), replace(turns[2], lost=1), RNG, BEST) is not NOTHING
+    always = arm_search([FakeArm(1.0)], {1.0: compared(0.01, gaps=0.0)})
+    assert always.propose(observation(), turns[2], RNG, BEST) is not NOTHING
 
 
 # How the hybrid tracker puts them together
@@ -379,14 +391,15 @@ def test_settings_reach_the_searches_that_they_are_for(database: PoseDatabase, m
     local, lookups, arms = (made(monkeypatch, part) for part in (LocalSearch, DatabaseLookup, ArmSearch))
     settings = HybridSettings(
         hypotheses=("local", "extrema", "arms"), momentum=0.4, candidates=4, starts=6, promising=1.5,
-        arms=ArmSettings(margin=0.25),
+        rest=3, arms=ArmSettings(margin=0.25),
     )  # fmt: skip
     HybridTracker(database, settings).follower(CAMERA, LEVEL)
-    HybridTracker(database, replace(settings, hypotheses=("local", "extrema"))).follower(CAMERA, LEVEL)
+    HybridTracker(database, replace(settings, hypotheses=("extrema",))).follower(CAMERA, LEVEL)
     assert local[0]["momentum"] == 0.4
     assert arms[0]["settings"].margin == 0.25
-    # Where arms are searched, whole poses are asked for every other frame.
-    assert [call["effort"] for call in lookups] == [Effort(4, 6, 1.5, rest=1), Effort(4, 6, 1.5, rest=0)]
+    # Where nothing is followed locally, every frame has to ask for whole poses.
+    assert [call["effort"] for call in lookups] == [Effort(4, 6, 1.5, rest=3), Effort(4, 6, 1.5, rest=0)]
+    assert arms[0]["rest"] == 3
 
 
 def test_the_body_that_was_learnt_is_the_one_that_is_followed(database: PoseDatabase) -> None:

@@ -199,12 +199,13 @@ def depth_quantile(depth: np.ndarray, samples: int, share: float) -> float:
         return 0.0
     step = max(1, count // samples)
     values = np.empty((count + step - 1) // step)
-    met = 0
+    taken, skip = 0, 0
     for i in range(flat.shape[0]):
         if flat[i] > 0:
-            if met % step == 0:
-                values[met // step] = flat[i]
-            met += 1
+            if skip == 0:
+                values[taken] = flat[i]
+                taken, skip = taken + 1, step
+            skip -= 1
     values.sort()
     place = share * (values.shape[0] - 1)
     low = int(place)

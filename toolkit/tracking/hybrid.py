@@ -62,12 +62,13 @@ class HybridTracker(SearchingTracker):
         members: list[Search] = []
         if "local" in asked:
             members.append(LocalSearch(refiner, settings.momentum))
+        queries = self.queries()
+        # Without the local hypothesis every frame has to ask.
+        rest = settings.rest if "local" in asked else 0
         if self._arms is not None:
-            members.append(ArmSearch(self._arms, objective, refiner, settings.arms))
-        # Where arms are searched, whole poses are retrieved every other frame.
-        rest = 0 if self._arms is None else 1
+            members.append(ArmSearch(self._arms, objective, refiner, settings.arms, rest if queries else 0))
         effort = Effort(settings.candidates, settings.starts, settings.promising, rest)
-        return (*members, DatabaseLookup(self.queries(), objective, refiner, effort))
+        return (*members, DatabaseLookup(queries, objective, refiner, effort))
 
     def queries(self) -> list[Query]:
         """The ways of the settings to ask the database for whole poses."""

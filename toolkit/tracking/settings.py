@@ -41,6 +41,7 @@ class HybridSettings:
     candidates : retrieved poses that are compared before one of them is refined; 1 takes the best by Eq. 5.6 unseen
     promising : the best retrieved pose is refined if its distance is at most this times that of the local hypothesis
     momentum : share of the previous step by which the local optimisation expects the pose to move on, in [0, 1]
+    rest : frames between two in which the database is asked for whole poses, while all is well
     starts : poses refined on a first frame or after a loss, per size of the body
     sizes : first coefficients of the shape space (standard deviations of height, tall to small) tried on the first
         frame
@@ -58,6 +59,7 @@ class HybridSettings:
     extrema: int = 20
     candidates: int = 2
     promising: float = 2.5
+    rest: int = 2
     starts: int = 3
     momentum: float = 0.7
     sizes: tuple[float, ...] = (-1.6, -0.6, 0.4, 1.5, 2.7, 4.2, 5.8)
@@ -82,5 +84,7 @@ class HybridSettings:
             raise SettingsError(f"a tracker needs a hypothesis; choose from {', '.join(known)}")
         if not 0.0 <= self.momentum <= 1.0:
             raise SettingsError(f"momentum is {self.momentum}; it is a share and lies in [0, 1]")
+        if self.rest < 0:
+            raise SettingsError(f"rest is {self.rest}; it is a number of frames, at least 0")
         if self.extrema < 5 or self.candidates < 1 or self.starts < 1 or not self.sizes:
             raise SettingsError("extrema is at least 5; candidates, starts and the number of sizes at least 1")

@@ -8,6 +8,7 @@ from toolkit.fitting.arms import ArmPoses, ArmSettings
 from toolkit.fitting.objective import Comparison, Objective
 from toolkit.fitting.refiner import Refiner
 from toolkit.tracking.observation import Observation
+from toolkit.tracking.search.lookup import is_asked
 from toolkit.tracking.search.protocol import NOTHING, Hypothesis, Proposal, Rival
 from toolkit.tracking.state import PersonState
 
@@ -22,18 +23,29 @@ class ArmSearch:
 
     Decided by what a pose leaves unexplained of the frame and by the pose prior. The other parts of the sparse distance
     do not help here: they are least for an arm that hides in the body. So what is found supersedes what it came from.
+
+    Parameters
+    ----------
+    poses : the arms of the database
+    objective, refiner : compare the answers with the frame, and refine
+    settings : see `ArmSettings`
+    rest : of `DatabaseLookup`: where its turn comes, arms wait for the next frame, so that no frame bears both; 0 = never
     """
 
     name = "arms"
 
-    def __init__(self, poses: ArmPoses, objective: Objective, refiner: Refiner, settings: ArmSettings) -> None:
+    def __init__(
+        self, poses: ArmPoses, objective: Objective, refiner: Refiner, settings: ArmSettings, rest: int = 0
+    ) -> None:
         self._poses, self._objective, self._refiner, self._settings = poses, objective, refiner, settings
+        self._rest = rest
 
     def propose(
         self, observation: Observation, state: PersonState, rng: np.random.Generator, best: Rival | None
     ) -> Proposal:
         """See `Search.propose`."""
-        if state.previous is None or best is None:
+        queried = self._rest > 0 and not state.lost and is_asked(state, self._rest)
+        if state.previous is None or best is None or queried:
             return NOTHING
         body, scene = best.body, observation.scene
         pose, compared = best.hypothesis.pose, best.comparison

@@ -61,6 +61,11 @@ class Effort:
     rest: int
 
 
+def is_asked(state: PersonState, rest: int) -> bool:
+    """Whether the database is asked for whole poses: whenever all is not well, else after `rest` frames each time."""
+    return bool(state.lost) or (state.turn + 1) % (rest + 1) == 0
+
+
 class DatabaseLookup:
     """Asks every query after a loss or on a first frame, and one after the other in turn while all is well.
 
@@ -75,9 +80,6 @@ class DatabaseLookup:
     def __init__(self, queries: Sequence[Query], objective: Objective, refiner: Refiner, effort: Effort) -> None:
         self._queries, self._effort = tuple(queries), effort
         self._objective, self._refiner = objective, refiner
-        self._turns: list[Query | None] = []
-        for query in self._queries:
-            self._turns += [query, *[None] * effort.rest]
 
     def propose(
         self, observation: Observation, state: PersonState, rng: np.random.Generator, best: Rival | None
@@ -99,10 +101,11 @@ class DatabaseLookup:
 
     def _asked(self, state: PersonState) -> tuple[Query, ...]:
         """The queries of this frame: one or none in turn while all is well, else all."""
-        if state.lost or not self._turns:
+        if state.lost or not self._queries:
             return self._queries
-        query = self._turns[(state.turn + 1) % len(self._turns)]
-        return () if query is None else (query,)
+        if not is_asked(state, self._effort.rest):
+            return ()
+        return (self._queries[(state.turn + 1) // (self._effort.rest + 1) % len(self._queries)],)
 
     def _first(self, query: Query, observation: Observation, body: Body) -> Hypothesis | None:
         """The answer of a query that is nearest to the frame once refined; None if it has none."""
