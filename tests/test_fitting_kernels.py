@@ -50,6 +50,32 @@ def body() -> Body:
     return load_body("slim_male")
 
 
+# The body before the camera
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_placed_body_is_the_body_s_own_pose_turned_to_the_camera(body: Body, seed: int) -> None:
+    pose = some_pose(seed)
+    posed, own = placed(body, pose), body.place(pose)
+    assert posed.vertices == pytest.approx(body.vertex_positions(pose) @ TILTED, abs=1e-12)
+    assert posed.origins == pytest.approx(own.origins @ TILTED, abs=1e-12)
+    assert posed.rotations == pytest.approx(np.einsum("ba,jbc->jac", TILTED, own.rotations), abs=1e-12)
+    turned = np.einsum("vs,vsab,vb->va", body.skin_weights, posed.rotations[body.skin_joints], body.normals)
+    assert posed.normals == pytest.approx(turned / np.linalg.norm(turned, axis=1, keepdims=True), abs=1e-12)
+
+
+def test_the_axes_of_a_placed_body_are_those_about_which_its_joints_turn(body: Body) -> None:
+    pose, step = some_pose(1), 1e-6
+    posed = placed(body, pose)
+    for entry in range(3, skeleton.POSE_SIZE):
+        moved = pose.copy()
+        moved[entry] += step
+        joint = skeleton.DOF_JOINT[entry - 3]
+        turn = placed(body, moved).rotations[joint] @ posed.rotations[joint].T
+        axis = np.array([turn[2, 1] - turn[1, 2], turn[0, 2] - turn[2, 0], turn[1, 0] - turn[0, 1]]) / (2 * step)
+        assert posed.axes[entry - 3] == pytest.approx(axis, abs=1e-5)
+
+
 # The z-buffer
 
 

@@ -180,3 +180,43 @@ def test_overlap_and_selection_follow_the_labels():
     components.keep_labels(depth, box, labels, np.array([False, True, False]))
     assert depth[1:-1, 1:-1].tolist() == [[5, 0, 0], [5, 0, 0]]
     assert box.tolist() == [1, 2, 1, 3]
+
+
+@pytest.mark.parametrize("samples", [7, 100, 10**6])
+def test_the_quantile_of_an_image_is_numpy_s_of_every_nth_depth(samples):
+    depth = blobs(4)[0].astype(np.float32)
+    measured = depth[depth > 0]
+    for share in (0.0, 0.3, 0.95, 1.0):
+        expected = np.quantile(measured[:: max(1, len(measured) // samples)].astype(np.float64), share)
+        assert kernels.depth_quantile(depth, samples, share) == pytest.approx(expected)
+    assert kernels.depth_quantile(np.zeros((3, 4), np.float32), samples, 0.5) == 0.0
+
+
+@pytest.mark.parametrize("missing", [False, True])
+def test_hidden_is_what_something_nearer_or_nothing_was_measured_before(missing):
+    (scene, _), (own, _) = blobs(5), blobs(6)
+    own = own.astype(np.float32)
+    out = np.empty(scene.shape, dtype=np.bool_)
+    count = kernels.hidden_pixels(scene, own, 2100.0, missing, out)
+    expected = np.where(scene == 0, missing, scene < 2100.0) & ~(own > 0)
+    assert np.array_equal(out, expected) and count == expected.sum() > 0
+
+
+def test_pixels_around_a_place_are_counted_within_the_image():
+    mask = np.random.default_rng(0).random((12, 17)) < 0.4
+    pixels = np.array([0, 16, 5 * 17 + 8, 11 * 17, 12 * 17 - 1])
+    counts, areas = np.empty((2, 5), dtype=np.int64)
+    kernels.count_around(mask, pixels, 3, counts, areas)
+    for i, pixel in enumerate(pixels):
+        v, u = divmod(int(pixel), 17)
+        window = mask[max(v - 3, 0) : v + 4, max(u - 3, 0) : u + 4]
+        assert (counts[i], areas[i]) == (window.sum(), window.size)
+
+
+def test_marking_leaves_the_rest_and_the_original_as_they_are():
+    depth = blobs(7)[0].astype(np.float32)
+    mask = np.random.default_rng(1).random(depth.shape) < 0.2
+    before, out = depth.copy(), np.empty_like(depth)
+    kernels.mark(depth, mask, np.nan, out)
+    assert np.array_equal(out, np.where(mask, np.float32(np.nan), depth), equal_nan=True)
+    assert np.array_equal(depth, before)

@@ -29,7 +29,7 @@ class ArmSearch:
     poses : the arms of the database
     objective, refiner : compare the answers with the frame, and refine
     settings : see `ArmSettings`
-    rest : of `DatabaseLookup`: where its turn comes, arms wait for the next frame, so that no frame bears both; 0 = never
+    rest : of `DatabaseLookup`: where its turn comes arms wait, so that no frame bears both; 0 = they never do
     """
 
     name = "arms"
