@@ -416,9 +416,9 @@ def test_a_person_of_unknown_size_is_tried_in_every_size_of_the_settings(
     calls: list[Any] = []
     monkeypatch.setattr(HybridTracker, "kind", staticmethod(lambda *parts: calls.append(parts)))
     HybridTracker(database, HybridSettings(hypotheses=("extrema",), sizes=(-1.0, 2.0, 5.0))).follower(CAMERA, LEVEL)
-    _, _, _, _, _, sizes, _, begun = calls[0]
+    sizes, begun = calls[0][5], calls[0][7]
     assert [body.shape[0] for body in sizes] == [-1.0, 2.0, 5.0]
     assert sizes[2].height == pytest.approx(0.96, abs=0.03) and np.abs(sizes[2].shape[1:]).max() > 1.0  # a toddler
     assert not begun.sized
     HybridTracker(database, HybridSettings(hypotheses=("extrema",)), body=BODY).follower(CAMERA, LEVEL)
-    assert calls[1][-1].sized and calls[1][-1].body is BODY
+    assert calls[1][7].sized and calls[1][7].body is BODY

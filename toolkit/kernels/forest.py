@@ -12,6 +12,9 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
+Numbers = np.ndarray | tuple[float, ...]
+"""A few numbers: compiled code keeps those of a tuple in registers."""
+
 REACH = 1.0
 """Metres: how much nearer or farther than its pixel a probe can say that something is."""
 
@@ -40,7 +43,7 @@ def depth_along(depth: np.ndarray, camera: np.ndarray, along: np.ndarray, out: n
 
 @njit(cache=True)
 def probe(
-    level: np.ndarray, camera: np.ndarray, across: np.ndarray, down: np.ndarray, pixel: np.ndarray,
+    level: np.ndarray, camera: Numbers, across: Numbers, down: Numbers, pixel: np.ndarray,
     x: float, y: float, blind: float,
 ) -> float:  # fmt: skip
     """Clipped difference of the measured depth at a probe to that of its pixel, metres.
@@ -66,7 +69,7 @@ def probe(
 
 @njit(cache=True)
 def question(
-    level: np.ndarray, camera: np.ndarray, across: np.ndarray, down: np.ndarray, pixel: np.ndarray,
+    level: np.ndarray, camera: Numbers, across: Numbers, down: Numbers, pixel: np.ndarray,
     offsets: np.ndarray, blind: float,
 ) -> float:  # fmt: skip
     """Answer of one question with probe offsets a_x, a_y, b_x, b_y, metres across and down; else as in `probe`."""
@@ -100,7 +103,6 @@ def find_leaves(
     along = -rotation[2]
     level = np.empty(depth.shape)
     depth_along(depth, camera, along, level)
-    # As tuples they stay in registers.
     lens = (camera[0], camera[1], camera[2], camera[3])
     across = (rotation[0, 0], rotation[0, 1], rotation[0, 2])
     down = (-rotation[1, 0], -rotation[1, 1], -rotation[1, 2])
