@@ -26,7 +26,7 @@ from toolkit.sensing.camera import Camera, level_rotation
 from toolkit.sensing.people.sighting import Sighting
 from toolkit.track import EMPTY, LOST, TRACKED, FrameResult
 from toolkit.tracking.clock import StageClock
-from toolkit.tracking.follower import UNSEEN, Follower
+from toolkit.tracking.follower import HELD, UNSEEN, Follower
 from toolkit.tracking.guess import Guess
 from toolkit.tracking.search.protocol import NOTHING, Proposal
 from toolkit.tracking.state import PersonState, Previous
@@ -262,6 +262,27 @@ def test_who_goes_away_may_come_back_anywhere() -> None:
     state = person.state
     assert (state.previous, state.centre, state.facing, state.smoothed) == (None, None, None, None)
     assert state.timestamp == 5.0 and state.pose is kept["pose"] and state.turn == 7
+
+
+@pytest.mark.parametrize(("away", "asked"), [(0.9, 2), (HELD + 0.1, 1)])
+def test_who_was_hidden_for_a_moment_goes_on_as_before_unless_somewhere_else_is_nearer(away: float, asked: int) -> None:
+    def answer(state: PersonState, best: object) -> Proposal:
+        return Proposal(
+            (says("extrema" if state.previous is None else "local", pose_at(1.0 + (state.previous is None))),)
+        )
+
+    kept = followed(previous=Previous.of_pose(load_body("neutral"), pose_at(), before=pose_at()))
+    for distances, source in (({1.0: NEAR, 2.0: FAR}, "local"), ({1.0: FAR, 2.0: NEAR}, "extrema")):
+        search = FakeSearch("first", answer)
+        person = follower([search], distances=distances, **kept)
+        person.step(None, 0.1, StageClock(STAGES))
+        person.step(None, 0.2, StageClock(STAGES))
+        assert person.state.held is not None and person.state.held.before is None
+        person.restore_state(person.export_state())
+        result = step(person, timestamp=away)
+        assert [state.previous is None for _, state, _ in search.asked] == [False, True][2 - asked :]
+        assert SOURCES[result.source] == (source if asked == 2 else "extrema")
+        assert person.state.held is None
 
 
 def test_a_step_replaces_the_state_and_leaves_the_old_one_as_it_was() -> None:

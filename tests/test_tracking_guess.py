@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from types import SimpleNamespace
-
 import numpy as np
 import pytest
 from scipy.stats import chi
@@ -12,6 +10,7 @@ from toolkit.body import skeleton
 from toolkit.body.shape import load_body
 from toolkit.database.prior import ANGLES, SIZE, PosePrior, variables
 from toolkit.fitting.objective import WITHIN, Comparison, Objective
+from toolkit.fitting.orientation import OrientationTerm
 from toolkit.fitting.placed import Placer
 from toolkit.fitting.scene import Scene
 from toolkit.fitting.settings import FittingSettings
@@ -107,7 +106,7 @@ def test_limbs_that_sensors_tell_of_are_not_guessed(objective: Objective, prior:
     pose = standing(knee=2.0)
     seen = looked_at(objective, pose, 40)
     assert seen.scene is not None
-    seen.scene.evidence = (SimpleNamespace(cost=lambda placed: 0.0),)  # type: ignore[assignment]
+    seen.scene.evidence = (OrientationTerm(0, np.eye(3), -1, 0.3, 0.5, 0.1),)
     assert LimbGuesser(prior).guess(pose, seen, objective, standing()).pose is pose
 
 

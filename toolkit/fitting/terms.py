@@ -159,10 +159,7 @@ class JointTerm:
         for row, (carrier, site) in enumerate(CARRIERS):
             if carrier < 0 or self.weights[row] <= 0.0:
                 continue
-            point = placed.origins[carrier]
-            if site >= 0:
-                offset = placed.body.sites[site] - placed.body.joints[carrier]
-                point = point + linear.times(placed.rotations[carrier], offset)
+            point = carried(placed, carrier, site)
             e = point - self.targets[row]
             ratio = 1.0 + linear.dot(e, e) / self.sigma**2
             p = point - system.reference
@@ -170,6 +167,15 @@ class JointTerm:
                 system.hessian, system.gradient, carrier, p[0], p[1], p[2], 0.0, 0.0, 0.0, e[0], e[1], e[2],
                 0.0, self.weights[row] / ratio**2,
             )  # fmt: skip
+
+
+def carried(placed: PlacedBody, carrier: int, site: int) -> np.ndarray:
+    """Where a reported joint is that stands in `CARRIERS` as this: float64 (3,), camera frame, metres."""
+    point = np.asarray(placed.origins[carrier])
+    if site < 0:
+        return point
+    offset = placed.body.sites[site] - placed.body.joints[carrier]
+    return point + linear.times(placed.rotations[carrier], offset)
 
 
 @dataclass(frozen=True)

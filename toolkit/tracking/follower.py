@@ -25,6 +25,8 @@ from toolkit.tracking.state import PersonState, Previous, State
 
 PREDICTED = "predicted"
 """The source of a pose that no hypothesis gave: the last one that was found."""
+HELD = 1.0
+"""Seconds out of sight after which nobody is expected to come back in the pose in which they went."""
 UNSEEN = (0.0, 0.0, -3.0)
 """Metres, level frame: where the root is said to be before anybody was seen."""
 
@@ -86,6 +88,8 @@ class Follower:
 
         rivals: list[Rival] = []
         rng, carry = state.rng(), dict(state.carry)
+        if state.held is not None and state.held_since is not None and timestamp - state.held_since <= HELD:
+            self._propose(observation, replace(state, previous=state.held), rng, carry, rivals, clock)
         for body in (state.body,) if state.sized else self._sizes:
             self._propose(observation, replace(state, body=body), rng, carry, rivals, clock)
         self.state = state = replace(state, carry=carry, generator=rng.bit_generator.state, turn=_turn(state))
@@ -159,6 +163,7 @@ class Follower:
             body=body,
             sized=True,
             previous=None if given_up else previous,
+            held=None,
             pose=pose,
             centre=observation.centre,
             facing=observation.facing,
@@ -182,10 +187,17 @@ class Follower:
     def _unseen(self, state: int, timestamp: float, clock: StageClock) -> FrameResult:
         """The last known pose, or a standing one before there was any, for a frame that shows nobody.
 
-        Whoever comes back may stand anywhere, in any pose, facing anywhere.
+        Whoever comes back may stand anywhere, in any pose, facing anywhere; but who was hidden for a moment is probably
+        where they went.
         """
-        pose = self._last_pose()
-        self.state = replace(self.state, previous=None, centre=None, facing=None, timestamp=timestamp, smoothed=None)
+        pose, before = self._last_pose(), self.state
+        held, since = (before.held, before.held_since)
+        if before.previous is not None:
+            held, since = replace(before.previous, before=None), before.timestamp
+        self.state = replace(
+            before, previous=None, held=held, held_since=since, centre=None, facing=None, timestamp=timestamp,
+            smoothed=None,
+        )  # fmt: skip
         joints = self.state.body.joint_positions(pose)
         result = self._result(pose, joints, np.zeros(len(joints)), state, PREDICTED)
         return replace(result, stage_ms=clock.milliseconds)

@@ -11,8 +11,9 @@ from toolkit.body import skeleton
 from toolkit.body.body import BELOW
 from toolkit.database.prior import HEIGHT, SIZE, PosePrior, variables
 from toolkit.fitting.objective import WITHIN, Comparison, Objective
+from toolkit.fitting.orientation import OrientationTerm
 from toolkit.fitting.placed import PlacedBody
-from toolkit.fitting.terms import CARRIERS
+from toolkit.fitting.terms import CARRIERS, carried
 from toolkit.kernels import linear
 
 LEAST_OBSERVED = 0.15
@@ -66,7 +67,7 @@ class LimbGuesser:
         """
         nothing = Guess(pose, np.zeros(len(skeleton.REPORTED)))
         placed, scene = seen.placed, seen.scene
-        if placed is None or scene is None or scene.evidence:
+        if placed is None or scene is None or any(isinstance(known, OrientationTerm) for known in scene.evidence):
             return nothing
         hidden = unobserved_joints(placed, objective.observed(seen))
         entries = np.flatnonzero(hidden[skeleton.DOF_JOINT[3:]])
@@ -112,10 +113,7 @@ def spread_of_joints(placed: PlacedBody, entries: np.ndarray, covariance: np.nda
         if carrier < 0:
             continue
         moves = np.flatnonzero(BELOW[joints, carrier])
-        point = placed.origins[carrier]
-        if site >= 0:
-            offset = placed.body.sites[site] - placed.body.joints[carrier]
-            point = point + linear.times(placed.rotations[carrier], offset)
+        point = carried(placed, carrier, site)
         levers = np.cross(placed.axes[3 + entries[moves]], point - placed.origins[joints[moves]])
         products = (levers[:, None] * levers[None]).sum(axis=2)
         out[row] = math.sqrt(max(float((covariance[np.ix_(moves, moves)] * products).sum()) / 3.0, 0.0))

@@ -84,8 +84,9 @@ class HybridTracker(SearchingTracker):
         """How this tracker looks at sightings."""
         s = self.settings
         return Observer(
-            s.landmarks, s.extrema, s.fitting.cloud_samples, s.fitting.search, self._forest, s.vote_samples, self.guide
-        )
+            s.landmarks, s.extrema, s.fitting.cloud_samples, s.fitting.search, self._forest, s.vote_samples, self.guide,
+            s.vote_pull,
+        )  # fmt: skip
 
     @cached_property
     def priors(self) -> tuple[PoseTerm, ...]:

@@ -9,6 +9,7 @@ import numpy as np
 
 from toolkit.database.origin import ADULT_HEIGHT
 from toolkit.fitting.scene import Scene
+from toolkit.fitting.voted import VotedJoints
 from toolkit.kernels import linear
 from toolkit.landmarks.centre import cloud_centre
 from toolkit.landmarks.cuts import on_cuts
@@ -37,6 +38,9 @@ class Observer:
     samples, search : of the scene, see `Scene`
     forest, vote_samples : the joint regressor, None for no votes, and how many pixels vote
     guide : what is known besides the depth
+    vote_pull : weight of a joint that the votes are sure of against one correspondence, where it is not known yet how
+        large the person is or where they stand; 0 = none
+    learning : whether the body is being learnt, so that this holds for all frames
     """
 
     landmarks: LandmarkSettings
@@ -46,6 +50,8 @@ class Observer:
     forest: JointForest | None
     vote_samples: int
     guide: Guide = field(default_factory=NoGuide)
+    vote_pull: float = 0.0
+    learning: bool = False
 
     @cached_property
     def workspace(self) -> Workspace:
@@ -153,12 +159,15 @@ class Observation:
     def scene(self) -> Scene:
         """The frame as a fit needs it."""
         observer = self.observer
+        evidence = list(observer.guide.evidence(self.timestamp, self.cloud.rotation))
+        if observer.vote_pull > 0.0 and (observer.learning or self.state.previous is None) and self.votes is not None:
+            evidence.append(VotedJoints(self.votes, self.cloud.rotation, observer.vote_pull))
         return Scene(
             self.cloud,
             self.extrema.points.astype(np.float64),
             observer.samples,
             observer.search,
-            observer.guide.evidence(self.timestamp, self.cloud.rotation),
+            evidence,
             unobserved=self.unobserved,
             cut=self.cut,
         )

@@ -108,6 +108,7 @@ class SearchingTracker(ABC):
     ) -> Body | None:
         """See `Tracker.learn_body`: the frames are tracked once, with a body that becomes the person's own."""
         follower = self._follower(camera, level_rotation, self._first_body, sized=False)
+        follower.observer = replace(follower.observer, learning=True)
         estimator: ShapeEstimator | None = None
         for sighting, timestamp in islice(frames, 0, None, self._common.shape.stride):
             result = follower.step(sighting, timestamp, StageClock(self.stage_names))

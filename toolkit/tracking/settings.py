@@ -47,7 +47,8 @@ class HybridSettings:
         frame
     smallest_person : measured points below which a frame counts as empty
     lost_distance : sparse distance (metres) of the winner above which a frame counts as lost
-    vote_pull : weight of the regressed joints against one correspondence while their hypothesis is refined; 0 = none
+    vote_pull : weight of the regressed joints against one correspondence while their hypothesis is refined, and of
+        those that are sure while the body is learnt or the person looked for; 0 = none
     patience : lost frames in a row after which the next one is treated as a first frame
     smoothing : seconds by which the reported poses are smoothed and lag; 0 = not at all
     vote_samples : points that vote for the joints

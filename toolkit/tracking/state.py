@@ -52,6 +52,8 @@ class PersonState:
     sized : whether the body's size is known; otherwise the first frame tries several
     generator : state of the random generator, as NumPy's `bit_generator.state` has it
     previous : the frame before; None where the person has to be found anew
+    held : the last frame in which the person was seen, while they are out of sight for a moment
+    held_since : seconds, of that frame
     pose : the last pose (P,) that was found, also before a loss; None before the first
     centre : float64 (3,), metres, level frame, of the frame before
     facing : float64 (2,), smoothed direction in the ground plane, or None
@@ -66,6 +68,8 @@ class PersonState:
     sized: bool
     generator: Mapping[str, Any]
     previous: Previous | None = None
+    held: Previous | None = None
+    held_since: float | None = None
     pose: np.ndarray | None = None
     centre: np.ndarray | None = None
     facing: np.ndarray | None = None
@@ -95,9 +99,10 @@ class PersonState:
             "generator": {key: str(value) for key, value in _flat(self.generator).items()},
             "carry": {name: dict(kept) for name, kept in self.carry.items()},
             "previous": None if self.previous is None else dict(vars(self.previous)),
+            "held": None if self.held is None else dict(vars(self.held)),
             "smoothed": None if self.smoothed is None else {"pose": self.smoothed[0], "timestamp": self.smoothed[1]},
         }
-        plain = ("pose", "centre", "facing", "timestamp", "lost", "turn")
+        plain = ("held_since", "pose", "centre", "facing", "timestamp", "lost", "turn")
         return state | {name: getattr(self, name) for name in plain}
 
     @classmethod
@@ -105,11 +110,12 @@ class PersonState:
         """What `export` gave."""
         body = ShapeSpace.load().body(state["body"]["shape"], scale=state["body"]["scale"], name=state["body"]["name"])
         smoothed = state["smoothed"]
-        plain = ("sized", "pose", "centre", "facing", "timestamp", "lost", "turn", "carry")
+        plain = ("sized", "held_since", "pose", "centre", "facing", "timestamp", "lost", "turn", "carry")
         return cls(
             body=body,
             generator=_nested({key: _number(value) for key, value in state["generator"].items()}),
             previous=None if state["previous"] is None else Previous(**state["previous"]),
+            held=None if state["held"] is None else Previous(**state["held"]),
             smoothed=None if smoothed is None else (smoothed["pose"], smoothed["timestamp"]),
             **{name: state[name] for name in plain},
         )

@@ -1,0 +1,80 @@
+"""Joints that the regressor is sure of, as evidence."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from toolkit.body import skeleton
+from toolkit.body.shape import load_body
+from toolkit.fitting.placed import NormalSystem, PlacedBody, Placer
+from toolkit.fitting.voted import CAP, SURE, WITHIN, VotedJoints
+from toolkit.landmarks.parts import JointEstimate
+from toolkit.sensing.camera import Camera, level_rotation
+
+BODY = load_body("neutral")
+LEVEL = level_rotation(np.array([0.1, -0.9, -0.3]))
+PLACER = Placer(BODY, Camera(100.0, 100.0, 39.5, 49.5, 80, 100), LEVEL)
+HEAD, HAND = skeleton.REPORTED.index("head"), skeleton.REPORTED.index("left_hand")
+
+
+def placed(**angles: float) -> PlacedBody:
+    return PLACER.place(BODY, pose(**angles))
+
+
+def pose(**entries: float) -> np.ndarray:
+    found = np.zeros(skeleton.POSE_SIZE)
+    found[2] = -2.5
+    for name, value in entries.items():
+        found[skeleton.POSE_NAMES.index(name)] += value
+    return found
+
+
+def votes(shift: dict[int, np.ndarray], reliability: float = 1.0) -> JointEstimate:
+    """Votes at the joints of the standing body, some of them shifted; nobody is sure of the others."""
+    points = BODY.joint_positions(pose())
+    sure = np.zeros(20)
+    for joint, by in shift.items():
+        points[joint] += by
+        sure[joint] = reliability
+    return JointEstimate(points, sure, np.ones(20), sure)
+
+
+def normal(evidence: VotedJoints, body: PlacedBody) -> NormalSystem:
+    system = NormalSystem()
+    system.reset(body.origins[0])
+    evidence.attract(system, body)
+    system.assemble(body)
+    return system
+
+
+def test_within_ten_centimetres_a_vote_says_nothing() -> None:
+    evidence = VotedJoints(votes({HEAD: np.array([0.0, 0.9 * WITHIN, 0.0])}), LEVEL, 30.0)
+    assert evidence.cost(placed()) == 0.0
+    assert not normal(evidence, placed()).vector.any()
+
+
+@pytest.mark.parametrize("reliability", [SURE - 0.01, 0.0])
+def test_what_is_not_sure_says_nothing(reliability: float) -> None:
+    evidence = VotedJoints(votes({HEAD: np.array([0.0, 1.0, 0.0])}, reliability), LEVEL, 30.0)
+    assert evidence.cost(placed()) == 0.0
+    assert not normal(evidence, placed()).vector.any()
+
+
+def test_a_pose_costs_what_its_sure_joints_are_too_far_on_average() -> None:
+    shifts = {HEAD: np.array([0.0, 0.15, 0.0]), HAND: np.array([2.0, 0.0, 0.0])}
+    assert VotedJoints(votes(shifts), LEVEL, 1.0).cost(placed()) == pytest.approx((0.15 - WITHIN + CAP) / 2)
+
+
+def test_a_vote_pulls_as_the_gradient_of_what_it_costs_says() -> None:
+    """Near the ten centimetres the Geman-McClure weight is 1: half the square of what a joint is too far."""
+    evidence = VotedJoints(votes({HAND: np.array([0.02, 0.11, -0.03])}), LEVEL, 4.0)
+    vector, step = normal(evidence, placed()).vector, 1e-5
+
+    def energy(**entries: float) -> float:
+        return 0.5 * 4.0 * evidence.cost(placed(**entries)) ** 2
+
+    for name in ("root_tx", "root_ty", "root_tz", "root_rz", "left_shoulder_rz"):
+        slope = (energy(**{name: step}) - energy(**{name: -step})) / (2 * step)
+        assert vector[skeleton.POSE_NAMES.index(name)] == pytest.approx(slope, rel=0.02, abs=1e-4)
+    assert np.linalg.norm(vector) > 0.01

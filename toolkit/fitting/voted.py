@@ -1,0 +1,63 @@
+"""What the regressor is sure of, as evidence: where no body has been learnt yet, a fit may settle in a wrong size."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from toolkit.fitting.placed import NormalSystem, PlacedBody
+from toolkit.fitting.terms import CARRIERS, carried
+from toolkit.kernels import linear, twists
+from toolkit.landmarks.parts import JointEstimate
+
+SURE = 0.8
+"""Reliability from which on a voted joint is evidence."""
+WITHIN = 0.1
+"""Metres: what the reliability of a vote is the probability of being within; so far it says nothing against a pose."""
+CAP = 0.2
+"""Metres that a joint is too far, at most: what `FittingSettings.unexplained` is for a point."""
+SIGMA = 0.3
+"""Metres too far at which a vote's pull has fallen to a quarter."""
+
+
+class VotedJoints:
+    """Joints that are surely within 10 cm of where the pixels vote for them.
+
+    Parameters
+    ----------
+    votes : level frame
+    rotation : R_level_camera, float64 (3, 3)
+    weight : of one sure joint against one correspondence
+    """
+
+    def __init__(self, votes: JointEstimate, rotation: np.ndarray, weight: float) -> None:
+        self._rows = [
+            row for row, (carrier, _) in enumerate(CARRIERS) if carrier >= 0 and votes.reliability[row] >= SURE
+        ]
+        self._targets = linear.rotated(votes.points, rotation)
+        self._weight = weight
+
+    def attract(self, system: NormalSystem, placed: PlacedBody) -> None:
+        """See `Evidence.attract`: joints are drawn to within 10 cm of their votes, and no nearer."""
+        for row in self._rows:
+            point, e = self._beyond(placed, row)
+            p, weight = point - system.reference, self._weight / (1.0 + linear.dot(e, e) / SIGMA**2) ** 2
+            if e.any():
+                twists.add_pair(
+                    system.hessian, system.gradient, CARRIERS[row][0], p[0], p[1], p[2], 0.0, 0.0, 0.0,
+                    e[0], e[1], e[2], 0.0, weight,
+                )  # fmt: skip
+
+    def cost(self, placed: PlacedBody) -> float:
+        """See `Evidence.cost`: by how much the sure joints are too far, on average."""
+        if not self._rows:
+            return 0.0
+        return sum(min(math.hypot(*self._beyond(placed, row)[1]), CAP) for row in self._rows) / len(self._rows)
+
+    def _beyond(self, placed: PlacedBody, row: int) -> tuple[np.ndarray, np.ndarray]:
+        """A reported joint (3,), and by how much it is too far from its vote (3,), camera frame, metres."""
+        point = carried(placed, *CARRIERS[row])
+        away = point - self._targets[row]
+        length = math.hypot(*away)
+        return point, away * max(1.0 - WITHIN / max(length, WITHIN), 0.0)
