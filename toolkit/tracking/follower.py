@@ -191,13 +191,10 @@ class Follower:
         where they went.
         """
         pose, before = self._last_pose(), self.state
-        held, since = (before.held, before.held_since)
+        self.state = replace(before, previous=None, centre=None, facing=None, timestamp=timestamp, smoothed=None)
         if before.previous is not None:
-            held, since = replace(before.previous, before=None), before.timestamp
-        self.state = replace(
-            before, previous=None, held=held, held_since=since, centre=None, facing=None, timestamp=timestamp,
-            smoothed=None,
-        )  # fmt: skip
+            held = replace(before.previous, before=None)
+            self.state = replace(self.state, held=held, held_since=before.timestamp)
         joints = self.state.body.joint_positions(pose)
         result = self._result(pose, joints, np.zeros(len(joints)), state, PREDICTED)
         return replace(result, stage_ms=clock.milliseconds)
