@@ -29,7 +29,7 @@ class Registration:
     build: Callable[[Any, Any, str], Tracker]
 
 
-MODULES = {"hybrid": "toolkit.tracking.hybrid"}
+MODULES = {"hybrid": "toolkit.tracking.hybrid", "particles": "toolkit.tracking.particles"}
 """Modules that register a tracker of this name when they are imported; trackers that nobody asks for cost nothing."""
 REGISTERED: dict[str, Registration] = {}
 

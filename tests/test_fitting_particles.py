@@ -1,0 +1,311 @@
+"""The particle filter of an upper body."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from toolkit.body import skeleton
+from toolkit.body.shape import load_body
+from toolkit.errors import SettingsError
+from toolkit.fitting.initial import InitialSettings, initial_pose, place_hands, sized_body
+from toolkit.fitting.particles import (
+    ParticleFrame,
+    ParticleImage,
+    ParticleSettings,
+    UpperFilter,
+    by_inverse_kinematics,
+    likelihood,
+)
+from toolkit.fitting.upper import UpperBodies, UpperBody
+from toolkit.kernels import particles as kernel
+from toolkit.landmarks.effectors import Effectors, Fork
+from toolkit.landmarks.silhouette import arm_length, shoulder_breadth
+from toolkit.sensing.camera import Camera
+from toolkit.sensing.cloud import Cloud
+
+LEVEL = np.diag([1.0, -1.0, -1.0])
+CAMERA = Camera(285.6, 285.6, 159.5, 119.5, 320, 240)
+NOTHING = np.empty((0, 3))
+
+
+@pytest.fixture(scope="module")
+def upper() -> UpperBody:
+    return UpperBodies(LEVEL).of(load_body())
+
+
+def pose_of(**angles: float) -> np.ndarray:
+    """Somebody who faces the camera, arms down to the sides unless said otherwise: pose (P,)."""
+    pose = np.zeros(skeleton.POSE_SIZE)
+    pose[:3] = [0.0, -0.45, -1.5]
+    for name, value in ({"left_shoulder_rz": -0.9, "right_shoulder_rz": 0.9} | angles).items():
+        pose[skeleton.POSE_NAMES.index(name)] = value
+    return pose
+
+
+def depth_of(upper: UpperBody, pose: np.ndarray) -> np.ndarray:
+    depth = np.empty(CAMERA.shape)
+    kernel.draw(pose, upper.whole, np.array(CAMERA.intrinsics), depth)
+    return depth.astype(np.float32)
+
+
+def frame_of(depth: np.ndarray, candidates: np.ndarray = NOTHING) -> ParticleFrame:
+    coarse = ParticleImage.of(depth, None, CAMERA, 80, "particles.trunk_columns")
+    return ParticleFrame(coarse, ParticleImage.of(depth, None, CAMERA, 160, "particles.arm_columns"), candidates)
+
+
+def hands_off(upper: UpperBody, found: np.ndarray, truth: np.ndarray) -> np.ndarray:
+    return np.linalg.norm(place_hands(upper, found) - place_hands(upper, truth), axis=1)
+
+
+@given(st.lists(st.floats(0.0, 1e4), min_size=1, max_size=50), st.floats(-1e4, 1e4))
+@settings(max_examples=100, deadline=None)
+def test_weights_sum_to_one_and_ignore_a_constant_in_all_costs(costs: list[float], constant: float) -> None:
+    weights = likelihood(np.array(costs))
+    assert weights.sum() == pytest.approx(1.0) and np.isfinite(weights).all()
+    np.testing.assert_allclose(likelihood(np.array(costs) + constant), weights, rtol=1e-6, atol=1e-12)
+
+
+@pytest.mark.parametrize(("alpha", "aimed"), [(1.0, 0), (0.5, 32), (0.25, 48), (0.0, 64)])
+def test_alpha_says_how_many_are_aimed_and_they_are_spread(alpha: float, aimed: int) -> None:
+    chosen = by_inverse_kinematics(64, alpha)
+    assert chosen.sum() == aimed
+    assert abs(int(chosen[:32].sum()) - aimed / 2) <= 1
+
+
+def test_the_true_pose_costs_least_among_a_thousand(upper: UpperBody) -> None:
+    rng = np.random.default_rng(0)
+    truth = pose_of(left_elbow_ry=-0.8, right_elbow_ry=1.4)
+    frame, filtering = frame_of(depth_of(upper, truth)), UpperFilter(ParticleSettings())
+    best = filtering.cost(upper, truth, frame)
+    spread = filtering.settings.diffusion()
+    for _ in range(1000):
+        other = np.clip(truth + spread * rng.standard_normal(len(truth)), *skeleton.POSE_LIMITS.T)
+        assert filtering.cost(upper, other, frame) > best
+
+
+def filtered(
+    upper: UpperBody,
+    start: np.ndarray,
+    frame: ParticleFrame,
+    frames: int,
+    seed: int = 0,
+    first: int = 0,
+    **settings: float,
+) -> np.ndarray:
+    """The estimate after some frames of the same picture."""
+    filtering, rng = UpperFilter(ParticleSettings(**settings)), np.random.default_rng(seed)  # type: ignore[arg-type]
+    particles, pose = np.repeat(start[None], filtering.settings.count, axis=0), start
+    for turn in range(frames):
+        particles = filtering.trunk(upper, particles, pose, frame, 1 / 30, rng)
+        result = filtering.arms(upper, particles, pose, frame, 1 / 30, (first + turn) % 2, rng)
+        particles, pose = result.particles, result.estimate
+    return pose
+
+
+def test_the_filter_follows_the_trunk_and_both_arms(upper: UpperBody) -> None:
+    truth = pose_of(left_elbow_ry=-0.9, right_elbow_ry=0.9)
+    start = truth.copy()
+    start[:3] += [0.04, 0.02, 0.05]
+    start[[skeleton.POSE_NAMES.index("left_elbow_ry"), skeleton.POSE_NAMES.index("right_elbow_ry")]] = [-0.4, 0.4]
+    found = filtered(upper, start, frame_of(depth_of(upper, truth)), 15)
+    assert np.linalg.norm(found[:3] - truth[:3]) < 0.04
+    assert hands_off(upper, found, truth).max() < 0.09
+
+
+def test_a_raised_hand_is_found_by_a_hanging_arm_through_its_candidate(upper: UpperBody) -> None:
+    truth = pose_of(left_shoulder_rz=0.6, left_elbow_ry=-0.6)
+    candidates = place_hands(upper, truth)[:1]
+    frame = frame_of(depth_of(upper, truth), candidates)
+    aimed = filtered(upper, pose_of(), frame, 3)
+    blind = filtered(upper, pose_of(), frame, 3, alpha=1.0)
+    assert hands_off(upper, aimed, truth)[0] < 0.12
+    assert hands_off(upper, blind, truth)[0] > 0.3
+
+
+def test_alpha_of_one_is_the_filter_without_candidates_draw_for_draw(upper: UpperBody) -> None:
+    truth = pose_of(left_elbow_ry=-0.5)
+    depth = depth_of(upper, truth)
+    plain = filtered(upper, pose_of(), frame_of(depth, place_hands(upper, truth)[:0]), 2, alpha=1.0)
+    # The candidates move the window in which an arm is weighed, so they are where the arm is anyway.
+    same = filtered(upper, pose_of(), frame_of(depth), 2, alpha=0.5)
+    np.testing.assert_array_equal(plain, same)
+
+
+def test_a_hand_that_the_other_arm_holds_hardly_counts_and_a_far_one_has_its_floor(upper: UpperBody) -> None:
+    pose = pose_of()
+    left, right = place_hands(upper, pose)
+    far = left + [0.0, 1.0, 0.0]
+    settings_ = ParticleSettings()
+    weights = UpperFilter(settings_).candidate_weights(upper, pose[None], 0, np.stack([left, right, far]))[0]
+    assert weights.sum() == pytest.approx(1.0)
+    assert weights[2] / weights[0] == pytest.approx(settings_.floor)
+    distance = np.linalg.norm(left - right)
+    expected = max(np.exp(-distance / settings_.near), settings_.floor) * settings_.held
+    assert weights[1] / weights[0] == pytest.approx(expected)
+
+
+def test_one_seed_gives_one_pose_and_another_seed_another(upper: UpperBody) -> None:
+    frame = frame_of(depth_of(upper, pose_of(left_elbow_ry=-0.5)))
+    first, again, other = (filtered(upper, pose_of(), frame, 1, seed) for seed in (1, 1, 2))
+    np.testing.assert_array_equal(first, again)
+    assert (first != other).any()
+
+
+def test_neither_arm_is_favoured_in_a_mirror(upper: UpperBody) -> None:
+    truth = pose_of(left_elbow_ry=-0.8)
+    mirrored = pose_of(right_elbow_ry=0.8)
+    errors = np.array(
+        [
+            (
+                hands_off(upper, filtered(upper, pose_of(), frame_of(depth_of(upper, truth)), 6, seed, 0), truth),
+                hands_off(upper, filtered(upper, pose_of(), frame_of(depth_of(upper, mirrored)), 6, seed, 1), mirrored)[
+                    ::-1
+                ],
+            )
+            for seed in range(6)
+        ]
+    )
+    difference = errors[:, 0] - errors[:, 1]
+    spread = errors.std(axis=(0, 1)) / np.sqrt(len(errors))
+    assert (np.abs(difference.mean(axis=0)) < 4 * spread + 0.01).all()
+
+
+def test_a_gap_of_two_seconds_diffuses_no_farther_than_half_a_second(upper: UpperBody) -> None:
+    frame, filtering = frame_of(depth_of(upper, pose_of())), UpperFilter(ParticleSettings())
+    start = np.repeat(pose_of()[None], 64, axis=0)
+    two, half = (filtering.trunk(upper, start, pose_of(), frame, dt, np.random.default_rng(0)) for dt in (2.0, 0.5))
+    np.testing.assert_array_equal(two, half)
+
+
+@pytest.mark.parametrize("where", [[0.0, 0.0, 5.0], [40.0, 0.0, -1.5]])
+def test_a_person_behind_the_camera_or_beside_the_image_is_weighed_equally_everywhere(
+    upper: UpperBody, where: list[float]
+) -> None:
+    start = pose_of()
+    start[:3] = where
+    found = filtered(upper, start, frame_of(depth_of(upper, pose_of()), np.array([[0.0, 0.0, -1.5]])), 2)
+    assert np.isfinite(found).all()
+
+
+def test_when_all_candidates_are_out_of_reach_everything_is_diffused(upper: UpperBody) -> None:
+    truth = pose_of()
+    frame = frame_of(depth_of(upper, truth), np.array([[9.0, 9.0, -9.0]]))
+    filtering, rng = UpperFilter(ParticleSettings()), np.random.default_rng(0)
+    particles = np.repeat(truth[None], 64, axis=0)
+    assert filtering.arms(upper, particles, truth, frame, 1 / 30, 0, rng).aimed == 0.0
+
+
+def test_a_candidate_at_a_shoulder_leaves_a_finite_pose(upper: UpperBody) -> None:
+    truth = pose_of()
+    shoulder = upper.body.joint_positions(truth)[[skeleton.REPORTED.index("left_shoulder")]]
+    found = filtered(upper, truth, frame_of(depth_of(upper, truth), shoulder), 2)
+    assert np.isfinite(found).all()
+
+
+def test_one_measured_pixel_is_enough_to_go_on(upper: UpperBody) -> None:
+    depth = np.zeros(CAMERA.shape, dtype=np.float32)
+    depth[120, 160] = 1.5
+    assert np.isfinite(filtered(upper, pose_of(), frame_of(depth), 2)).all()
+
+
+def test_what_was_not_observed_costs_nothing(upper: UpperBody) -> None:
+    unobserved = np.ones(CAMERA.shape, dtype=np.bool_)
+    images = [ParticleImage.of(depth_of(upper, pose_of()), unobserved, CAMERA, columns, "x") for columns in (80, 160)]
+    pose = pose_of(left_shoulder_rz=0.5)
+    assert UpperFilter(ParticleSettings()).cost(upper, pose, ParticleFrame(*images, NOTHING)) == pytest.approx(
+        0, abs=0.1
+    )
+
+
+def effectors_of(points: np.ndarray) -> Effectors:
+    return Effectors(points, points.mean(axis=0), tuple(points[None, i] for i in range(len(points))))
+
+
+@pytest.mark.parametrize("labelled", [True, False])
+def test_a_first_pose_has_head_and_hands_where_they_were_found(upper: UpperBody, labelled: bool) -> None:
+    truth = pose_of(left_shoulder_rz=0.4, right_shoulder_rz=-0.2, left_elbow_ry=-0.9, right_elbow_ry=1.2)
+    crown = upper.body.end_effector_positions(truth)[skeleton.END_EFFECTORS.index("head")]
+    effectors = effectors_of(np.stack([crown, *place_hands(upper, truth)]))
+    frame = frame_of(depth_of(upper, truth), effectors.points)
+    fork = Fork(0, 1, 2) if labelled else None
+    first = initial_pose(
+        upper, UpperFilter(ParticleSettings()), effectors, fork, frame, InitialSettings(), np.random.default_rng(0)
+    )
+    found = upper.body.end_effector_positions(first.pose)[skeleton.END_EFFECTORS.index("head")]
+    assert np.linalg.norm(found - crown) < 0.08
+    assert hands_off(upper, first.pose, truth).max() < 0.12
+    assert first.score > InitialSettings().accepted
+
+
+def test_a_first_pose_of_hands_that_are_nowhere_is_not_accepted(upper: UpperBody) -> None:
+    depth = depth_of(upper, pose_of())
+    head = upper.body.end_effector_positions(pose_of())[skeleton.END_EFFECTORS.index("head")]
+    effectors = effectors_of(head + np.array([[0.0, 0.9, 0.0], [1.5, 0.9, 0.0], [-1.5, 0.9, 0.0]]))
+    first = initial_pose(
+        upper, UpperFilter(ParticleSettings()), effectors, Fork(0, 1, 2), frame_of(depth), InitialSettings(),
+        np.random.default_rng(0),
+    )  # fmt: skip
+    assert first.score < InitialSettings().accepted
+
+
+def test_shoulders_and_arms_are_measured_and_give_a_body_of_that_size(upper: UpperBody) -> None:
+    pose = pose_of()
+    breadth = shoulder_breadth(Cloud.from_depth(depth_of(upper, pose), CAMERA, LEVEL))
+    shoulders = upper.body.joint_positions(pose)[[skeleton.REPORTED.index(f"{s}_shoulder") for s in ("left", "right")]]
+    assert breadth == pytest.approx(np.linalg.norm(shoulders[0] - shoulders[1]), abs=0.08)
+    assert sized_body([], []) is None
+    small, large = sized_body([0.30], [0.5]), sized_body([0.42], [0.65])
+    assert small is not None and large is not None
+    assert small.height < load_body().height < large.height
+
+
+def test_an_arm_is_the_path_beyond_its_bend() -> None:
+    along = np.linspace(0.0, 0.35, 36)
+    up = np.stack([np.zeros(36), along, np.zeros(36)], axis=1)
+    out = np.stack([np.linspace(0.01, 0.6, 60), np.full(60, 0.35), np.zeros(60)], axis=1)
+    assert arm_length(np.concatenate([up, out])) == pytest.approx(0.6, abs=0.05)
+    assert arm_length(up[:3]) is None
+    assert shoulder_breadth(Cloud.from_depth(np.zeros(CAMERA.shape, dtype=np.float32), CAMERA, LEVEL)) is None
+
+
+def test_an_image_coarser_than_asked_for_is_an_error() -> None:
+    with pytest.raises(SettingsError, match="particles.arm_columns is 640, finer than the image, which has 320"):
+        ParticleImage.of(np.zeros(CAMERA.shape, dtype=np.float32), None, CAMERA, 640, "particles.arm_columns")
+
+
+@pytest.mark.parametrize(
+    ("values", "message"),
+    [
+        ({"count": 0}, "particles.count is 0"),
+        ({"bases": -1}, "particles.bases is -1"),
+        ({"alpha": 1.5}, "particles.alpha is 1.5"),
+        ({"alpha": -0.1}, "particles.alpha is -0.1"),
+        ({"shoulder": -0.2}, "particles.shoulder is -0.2"),
+        ({"spread": 0.0}, "particles.spread is 0.0"),
+        ({"cap": float("nan")}, "particles.cap is nan"),
+    ],
+)
+def test_impossible_settings_are_named(values: dict[str, float], message: str) -> None:
+    with pytest.raises(SettingsError, match=message):
+        ParticleSettings(**values)  # type: ignore[arg-type]
+
+
+def test_a_filter_of_a_linear_gaussian_toy_agrees_with_a_kalman_filter() -> None:
+    """Weights and resampling are those of the filter; the toy's costs are the exact -log likelihood."""
+    rng, count, q, r = np.random.default_rng(0), 20_000, 0.3, 0.5
+    states, mean, variance, truth = rng.normal(0.0, 1.0, count), 0.0, 1.0, 0.3
+    for _ in range(10):
+        truth += rng.normal(0.0, q)
+        measured = truth + rng.normal(0.0, r)
+        states = states + rng.normal(0.0, q, count)
+        weights = likelihood(0.5 * ((states - measured) / r) ** 2)
+        variance += q**2
+        gain = variance / (variance + r**2)
+        mean, variance = mean + gain * (measured - mean), (1.0 - gain) * variance
+        assert (weights * states).sum() == pytest.approx(mean, abs=5 * np.sqrt(variance / count) + 0.01)
+        chosen = np.empty(count, dtype=np.int64)
+        kernel.systematic(weights, rng.random(), chosen)
+        states = states[chosen]

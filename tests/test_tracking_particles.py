@@ -1,0 +1,266 @@
+"""The particle filter as a tracker, on drawn sequences of an upper body."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from toolkit.body import skeleton
+from toolkit.body.shape import load_body
+from toolkit.config import load_settings
+from toolkit.errors import SettingsError
+from toolkit.fitting.upper import UNSEEN, UpperBodies
+from toolkit.kernels import particles as kernel
+from toolkit.pipeline import load_tracker
+from toolkit.sensing.camera import Camera
+from toolkit.sensing.people.sighting import Sighting
+from toolkit.track import EMPTY, LOST, TRACKED, FrameResult
+from toolkit.tracking.clock import StageClock
+from toolkit.tracking.particles import LEG_ENTRIES, ParticleFollower, ParticleTracker, ParticleTrackerSettings
+from toolkit.tracking.registry import registered
+
+LEVEL = np.diag([1.0, -1.0, -1.0])
+CAMERA = Camera(142.8, 142.8, 79.5, 59.5, 160, 120)
+UPPER = UpperBodies(LEVEL).of(load_body())
+HANDS = [skeleton.REPORTED.index(f"{side}_hand") for side in ("left", "right")]
+SETTINGS = ParticleTrackerSettings(measured_frames=0)
+
+
+def pose_of(turn: float = 0.0, **angles: float) -> np.ndarray:
+    """Somebody 1.5 m away who faces the camera, both hands up; `turn` bends the elbows further."""
+    pose = np.zeros(skeleton.POSE_SIZE)
+    pose[:3] = [0.0, -0.5, -1.5]
+    given = {
+        "left_shoulder_rz": -0.2,
+        "right_shoulder_rz": 0.2,
+        "left_elbow_ry": -0.7 - turn,
+        "right_elbow_ry": 0.7 + turn,
+    }
+    for name, value in (given | angles).items():
+        pose[skeleton.POSE_NAMES.index(name)] = value
+    return pose
+
+
+def sighting_of(pose: np.ndarray, camera: Camera = CAMERA) -> Sighting:
+    depth = np.empty(camera.shape)
+    kernel.draw(pose, UPPER.whole, np.array(camera.intrinsics), depth)
+    return Sighting(1, depth.astype(np.float32), None, camera)
+
+
+def of_depth(depth: np.ndarray) -> Sighting:
+    return Sighting(1, depth.astype(np.float32), None, CAMERA)
+
+
+def follower(settings: ParticleTrackerSettings = SETTINGS, seed: int = 0) -> ParticleFollower:
+    return ParticleTracker(replace(settings, seed=seed)).follower(CAMERA, LEVEL)
+
+
+def step(person: ParticleFollower, sighting: Sighting | None, at: float) -> FrameResult:
+    return person.step(sighting, at, StageClock(ParticleTracker.stage_names))
+
+
+def followed(
+    person: ParticleFollower, poses: list[np.ndarray], rate: float = 30.0, start: float = 0.0
+) -> list[FrameResult]:
+    return [step(person, sighting_of(pose), start + i / rate) for i, pose in enumerate(poses)]
+
+
+def hands_off(result: FrameResult, pose: np.ndarray) -> float:
+    truth = load_body().joint_positions(pose)[HANDS] @ LEVEL
+    return float(np.linalg.norm(result.joints[HANDS] - truth, axis=1).max())
+
+
+WAVING = [pose_of(0.5 * np.sin(0.2 * i)) for i in range(12)]
+
+
+@pytest.mark.parametrize("refined", [False, True])
+def test_somebody_is_found_and_followed_and_legs_stay_where_nobody_sees_them(refined: bool) -> None:
+    results = followed(follower(replace(SETTINGS, refined=refined)), WAVING)
+    assert [ParticleTracker.source_names[r.source] for r in results[:2]] == ["detected", "particles"]
+    assert all(r.state == TRACKED for r in results)
+    assert max(hands_off(r, pose) for r, pose in zip(results, WAVING, strict=True)) < 0.15
+    for result in results:
+        assert np.isfinite(result.joints).all() and (result.pose[LEG_ENTRIES] == 0.0).all()
+        assert (result.confidence[UNSEEN] == 0.0).all() and result.confidence[0] > 0.0
+
+
+def test_one_seed_gives_one_track_and_an_interrupted_one_goes_on_the_same() -> None:
+    whole = followed(follower(), WAVING)
+    again = followed(follower(), WAVING)
+    first, second = follower(), follower(seed=7)
+    followed(first, WAVING[:5])
+    second.restore_state(first.export_state())
+    rest = followed(second, WAVING[5:], start=5 / 30.0)
+    for a, b in zip(whole, again, strict=True):
+        np.testing.assert_array_equal(a.pose, b.pose)
+    for a, b in zip(whole[5:], rest, strict=True):
+        np.testing.assert_array_equal(a.pose, b.pose)
+
+
+def test_a_frame_without_anybody_is_empty() -> None:
+    person = follower()
+    results = [step(person, None, 0.0), step(person, of_depth(np.zeros(CAMERA.shape)), 0.1)]
+    depth = np.zeros(CAMERA.shape)
+    depth[60, 80] = 1.5
+    results.append(step(person, of_depth(depth), 0.2))
+    assert all(r.state == EMPTY and np.isfinite(r.joints).all() and not r.confidence.any() for r in results)
+
+
+def test_one_measured_pixel_that_counts_as_a_person_is_lost_and_not_a_crash() -> None:
+    depth = np.zeros(CAMERA.shape)
+    depth[60, 80] = 1.5
+    person = follower(replace(SETTINGS, smallest_person=1))
+    assert step(person, of_depth(depth), 0.0).state == LOST
+    followed(person, WAVING[:1], start=0.1)
+    assert step(person, of_depth(depth), 0.2).state in (LOST, TRACKED)
+
+
+FOLDED = pose_of(left_shoulder_rz=-1.2, right_shoulder_rz=1.2, left_elbow_ry=-2.0, right_elbow_ry=2.0,
+                 left_shoulder_rx=0.8, right_shoulder_rx=0.8)  # fmt: skip
+BEHIND = pose_of(left_shoulder_rz=-1.3, right_shoulder_rz=1.3, left_shoulder_ry=0.9, right_shoulder_ry=-0.9)
+
+
+def test_without_a_fork_the_papers_tracker_keeps_trying() -> None:
+    person = follower(load_settings(ParticleTrackerSettings, "lopez2011", {"measured_frames": 0}))
+    waiting = followed(person, [FOLDED] * 2)
+    assert all(r.state == LOST and np.isfinite(r.joints).all() for r in waiting)
+    assert followed(person, [pose_of()] * 3, start=1.0)[-1].state == TRACKED
+
+
+@pytest.mark.parametrize("pose", [FOLDED, BEHIND], ids=["folded", "behind the back"])
+def test_arms_that_are_hidden_are_guessed_or_the_frame_is_lost(pose: np.ndarray) -> None:
+    for result in followed(follower(), [pose] * 2):
+        assert result.state in (LOST, TRACKED) and np.isfinite(result.joints).all()
+
+
+def test_one_hand_only_and_a_back_to_the_camera_end_in_no_crash() -> None:
+    one = pose_of(right_shoulder_ry=-1.0, right_shoulder_rz=1.4)
+    back = pose_of()
+    back[4] = np.pi
+    for pose in (one, back):
+        for result in followed(follower(), [pose] * 2):
+            assert np.isfinite(result.joints).all()
+
+
+def test_a_hand_in_a_hole_and_a_hand_out_of_the_image_do_not_lose_the_person() -> None:
+    person = follower()
+    followed(person, WAVING[:3])
+    sighting = sighting_of(WAVING[3])
+    hole = sighting.depth.copy()
+    hole[:, 125:] = 0.0
+    unobserved = np.zeros(CAMERA.shape, dtype=np.bool_)
+    unobserved[:, 125:] = True
+    result = step(person, Sighting(1, hole, unobserved, CAMERA), 0.1)
+    assert result.state == TRACKED and hands_off(result, WAVING[3]) < 0.4
+    left_of = Camera(CAMERA.fx, CAMERA.fy, 20.0, CAMERA.cy, 160, 120)
+    moved = [replace_place(pose, 0.0) for pose in WAVING[:3]]
+    outside = ParticleTracker(SETTINGS).follower(left_of, LEVEL)
+    for i, pose in enumerate(moved):
+        result = step(outside, sighting_of(pose, left_of), i / 30)
+        assert np.isfinite(result.joints).all()
+
+
+def replace_place(pose: np.ndarray, x: float) -> np.ndarray:
+    pose = pose.copy()
+    pose[0] = x
+    return pose
+
+
+def test_both_hands_together_leave_two_arms() -> None:
+    together = pose_of(left_shoulder_ry=-1.0, right_shoulder_ry=1.0, left_elbow_ry=-1.2, right_elbow_ry=1.2)
+    person = follower()
+    followed(person, WAVING[:3])
+    for result in followed(person, [together] * 6, start=0.1):
+        assert result.state == TRACKED
+    elbows = [skeleton.REPORTED.index(f"{side}_elbow") for side in ("left", "right")]
+    assert result.joints[elbows[0], 0] > result.joints[elbows[1], 0]
+
+
+def test_two_pieces_are_one_person() -> None:
+    sighting = sighting_of(pose_of())
+    depth = sighting.depth.copy()
+    depth[:, 104:108] = 0.0
+    assert followed_depth(depth).state == TRACKED
+
+
+def test_what_stays_of_a_chair_and_somebody_behind_do_not_crash_it() -> None:
+    depth = sighting_of(pose_of()).depth.copy()
+    depth[80:, 20:40] = 1.4
+    depth[20:100, 130:150][depth[20:100, 130:150] == 0] = 2.4
+    assert np.isfinite(followed_depth(depth).joints).all()
+
+
+def followed_depth(depth: np.ndarray) -> FrameResult:
+    person = follower()
+    return [step(person, of_depth(depth), i / 30) for i in range(3)][-1]
+
+
+def test_who_leaves_and_comes_back_elsewhere_is_found_anew() -> None:
+    person = follower()
+    followed(person, WAVING[:3])
+    assert step(person, None, 0.1).state == EMPTY
+    elsewhere = [replace_place(pose, 0.25) for pose in WAVING[:3]]
+    results = followed(person, elsewhere, start=1.0)
+    assert ParticleTracker.source_names[results[0].source] == "detected"
+    assert hands_off(results[-1], elsewhere[-1]) < 0.15
+
+
+@pytest.mark.parametrize("rate", [5.0, 60.0])
+def test_other_frame_rates_are_followed(rate: float) -> None:
+    poses = [pose_of(0.3 * np.sin(6.0 * i / rate)) for i in range(8)]
+    results = followed(follower(), poses, rate=rate)
+    assert all(r.state == TRACKED for r in results) and hands_off(results[-1], poses[-1]) < 0.15
+
+
+def test_a_gap_of_two_seconds_is_bridged() -> None:
+    person = follower()
+    followed(person, WAVING[:3])
+    result = followed(person, [pose_of(-0.4)] * 4, start=2.1)[-1]
+    assert result.state == TRACKED and hands_off(result, pose_of(-0.4)) < 0.15
+
+
+def test_who_is_not_explained_any_more_is_looked_for_again() -> None:
+    person = follower(replace(SETTINGS, patience=2, lost_cost=15.0))
+    followed(person, WAVING[:2])
+    wall = of_depth(np.full(CAMERA.shape, 0.8))
+    states = [step(person, wall, 0.1 + i / 30).state for i in range(2)]
+    assert states == [LOST, LOST] and person.state.previous is None
+    assert followed(person, [pose_of()], start=1.0)[0].state == TRACKED
+
+
+def test_it_needs_no_database_and_is_the_one_that_the_papers_settings_name() -> None:
+    assert not registered("particles").needs_database
+    tracker = load_tracker("lopez2011")
+    assert isinstance(tracker, ParticleTracker) and not tracker.settings.refined
+    assert tracker.database == ""
+
+
+def test_the_size_is_measured_from_the_first_frames() -> None:
+    tracker = ParticleTracker()
+    body = tracker.learn_body(CAMERA, LEVEL, [(sighting_of(pose), i / 30) for i, pose in enumerate(WAVING)])
+    assert body is not None and 1.5 < body.height < 2.0
+    assert tracker.learn_body(CAMERA, LEVEL, [(of_depth(np.zeros(CAMERA.shape)), 0.0)]) is None
+    assert ParticleTracker(body=body).learning_frames == 0
+
+
+@pytest.mark.parametrize(
+    ("values", "message"),
+    [
+        ({"patience": 0}, "patience and lost_cost are 0"),
+        ({"lost_cost": -1.0}, "patience and lost_cost are 5 and -1.0"),
+        ({"measured_frames": -1}, "measured_frames is -1"),
+    ],
+)
+def test_impossible_settings_are_named(values: dict[str, float], message: str) -> None:
+    with pytest.raises(SettingsError, match=message):
+        ParticleTrackerSettings(**values)  # type: ignore[arg-type]
+
+
+def test_an_unknown_tracker_and_a_setting_of_another_one_are_named(tmp_path: Path) -> None:
+    with pytest.raises(SettingsError, match="there is no tracker 'particle'"):
+        load_tracker(overrides={"tracker": "particle"})
+    with pytest.raises(SettingsError, match="momentum"):
+        load_tracker("lopez2011", {"momentum": 0.5})

@@ -1,0 +1,328 @@
+"""The tracker of Lopez-Mendez 2011: people seen from the waist up, by a hierarchical particle filter."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, field, replace
+from typing import Literal
+
+import numpy as np
+
+from toolkit.body import skeleton
+from toolkit.body.body import Body
+from toolkit.body.shape import load_body
+from toolkit.errors import SettingsError
+from toolkit.fitting.initial import InitialSettings, initial_pose, sized_body
+from toolkit.fitting.objective import Comparison, Objective
+from toolkit.fitting.particles import ParticleFrame, ParticleImage, ParticleSettings, UpperFilter
+from toolkit.fitting.placed import Placer
+from toolkit.fitting.refiner import Refiner
+from toolkit.fitting.scene import Scene
+from toolkit.fitting.settings import FittingSettings
+from toolkit.fitting.upper import LEGS, UNSEEN, UpperBodies
+from toolkit.kernels import linear
+from toolkit.landmarks.effectors import Effectors, EffectorSettings, find_effectors, find_fork
+from toolkit.landmarks.graph import Workspace
+from toolkit.landmarks.silhouette import arm_length, shoulder_breadth
+from toolkit.sensing.camera import Camera
+from toolkit.sensing.cloud import Cloud
+from toolkit.sensing.people.sighting import PredictedBody, Sighting
+from toolkit.sensing.settings import SensingSettings
+from toolkit.track import EMPTY, LOST, TRACKED, FrameResult
+from toolkit.tracking.clock import StageClock
+from toolkit.tracking.follower import PREDICTED
+from toolkit.tracking.follower import UNSEEN as NOWHERE
+from toolkit.tracking.registry import Registration, register
+from toolkit.tracking.state import PersonState, Previous, State
+
+PARTICLES, DETECTED = "particles", "detected"
+LEG_ENTRIES: np.ndarray = np.array([i for i, name in enumerate(skeleton.POSE_NAMES) if name.rpartition("_")[0] in LEGS])
+"""Where the angles of the legs stand in a pose."""
+
+
+@dataclass(frozen=True)
+class ParticleTrackerSettings:
+    """Settings of the particle filter's tracker; the reasons stand beside the values in `configs/lopez2011.yaml`.
+
+    Attributes
+    ----------
+    tracker : the name under which this tracker is registered
+    seed : of everything random
+    refined : whether the filtered pose and the one before, both refined by local optimisation, compete
+    measured_frames : frames at the beginning in which the person's size is measured; 0 = an average body
+    smallest_person : measured points below which a frame counts as empty
+    lost_cost : of an estimate, in which measured pixels that are missed weigh `particles.depth`; above it a frame
+        counts as lost
+    patience : lost frames in a row after which a first pose is looked for again
+    """
+
+    tracker: Literal["particles"] = "particles"
+    seed: int = 0
+    refined: bool = True
+    measured_frames: int = 45
+    smallest_person: int = 300
+    lost_cost: float = 38.0
+    patience: int = 5
+    sensing: SensingSettings = field(default_factory=SensingSettings)
+    effectors: EffectorSettings = field(default_factory=EffectorSettings)
+    particles: ParticleSettings = field(default_factory=ParticleSettings)
+    initial: InitialSettings = field(default_factory=InitialSettings)
+    fitting: FittingSettings = field(default_factory=FittingSettings)
+
+    def __post_init__(self) -> None:
+        for name in ("measured_frames", "smallest_person"):
+            if getattr(self, name) < 0:
+                raise SettingsError(f"{name} is {getattr(self, name)}; it is a count and not negative")
+        if self.patience < 1 or not self.lost_cost > 0:
+            raise SettingsError(
+                f"patience and lost_cost are {self.patience} and {self.lost_cost}; give at least 1 and more than 0"
+            )
+
+
+class Seen:
+    """One sighting as the filter needs it: cloud, candidates, images."""
+
+    def __init__(self, sighting: Sighting, level_rotation: np.ndarray, settings: ParticleTrackerSettings) -> None:
+        particles, depth, unobserved = settings.particles, sighting.depth, sighting.unobserved
+        self.coarse = ParticleImage.of(
+            depth, unobserved, sighting.camera, particles.trunk_columns, "particles.trunk_columns"
+        )
+        self.fine = ParticleImage.of(depth, unobserved, sighting.camera, particles.arm_columns, "particles.arm_columns")
+        step = max(1, sighting.camera.width // particles.arm_columns)
+        self.unobserved = None if unobserved is None else unobserved[::step, ::step]
+        self.cloud = Cloud.from_depth(depth[::step, ::step], sighting.camera.subsampled(step), level_rotation)
+        self.points = len(self.cloud) * step * step
+
+    def effectors(self, settings: EffectorSettings, workspace: Workspace) -> Effectors:
+        """Candidates for head and hands."""
+        return find_effectors(self.cloud, settings, self.unobserved, workspace)
+
+    def frame(self, effectors: Effectors) -> ParticleFrame:
+        """For the filter."""
+        return ParticleFrame(self.coarse, self.fine, effectors.points)
+
+    def scene(self, effectors: Effectors, settings: FittingSettings) -> Scene:
+        """For the local optimisation."""
+        return Scene(self.cloud, effectors.points, settings.cloud_samples, settings.search, unobserved=self.unobserved)
+
+
+class ParticleFollower:
+    """Follows one person's upper body; see `PersonFollower`.
+
+    Attributes
+    ----------
+    state : everything that the next step depends on besides the sighting; replaced, never changed, by `step`
+    """
+
+    def __init__(
+        self, settings: ParticleTrackerSettings, camera: Camera, level_rotation: np.ndarray, state: PersonState
+    ) -> None:
+        self.settings, self.level_rotation, self.state = settings, level_rotation, state
+        small = camera.subsampled(max(1, camera.width // settings.particles.arm_columns))
+        self._bodies = UpperBodies(level_rotation)
+        self._filter = UpperFilter(settings.particles)
+        placer = Placer(state.body, small, level_rotation)
+        self._objective = Objective(placer, settings.fitting)
+        self._refiner = Refiner(placer, settings.fitting)
+        self._workspace = Workspace()
+
+    def step(self, sighting: Sighting | None, timestamp: float, clock: StageClock) -> FrameResult:
+        """See `PersonFollower.step`: the three layers of the filter, or a first pose by the fork."""
+        seen = None if sighting is None else Seen(sighting, self.level_rotation, self.settings)
+        clock.lap("prepare")
+        if seen is None or seen.points < max(self.settings.smallest_person, 1):
+            self.state = replace(self.state, previous=None, timestamp=timestamp)
+            return self._predicted_row(EMPTY, clock)
+        effectors = seen.effectors(self.settings.effectors, self._workspace)
+        clock.lap("detect")
+        state, rng = self.state, self.state.rng()
+        if state.previous is None:
+            found = self._first(effectors, seen.frame(effectors), rng)
+            source = DETECTED
+        else:
+            found = self._next(effectors, seen.frame(effectors), timestamp, rng, clock)
+            source = PARTICLES
+        self.state = state = replace(self.state, generator=rng.bit_generator.state, turn=state.turn + 1)
+        if found is None:
+            clock.lap("detect")
+            self.state = replace(state, timestamp=timestamp)
+            return self._predicted_row(LOST, clock)
+        pose, particles, cost = found
+        scene = seen.scene(effectors, self.settings.fitting)
+        if self.settings.refined:
+            pose = self._refined(pose, scene)
+            particles[0] = pose
+            cost = self._filter.cost(self._bodies.of(state.body), pose, seen.frame(effectors))
+        row = self._commit(pose, particles, cost, self._compared(pose, scene), source, timestamp)
+        clock.lap("refine")
+        return replace(row, stage_ms=clock.milliseconds)
+
+    @property
+    def body(self) -> Body:
+        """See `PersonFollower.body`."""
+        return self.state.body
+
+    def predicted(self) -> PredictedBody:
+        """See `PersonFollower.predicted`."""
+        body = self.state.body
+        placed = self._objective.placer.place(body, self._last_pose())
+        return PredictedBody(placed.vertices, body.faces, body.height)
+
+    def export_state(self) -> State:
+        """See `PersonFollower.export_state`."""
+        return self.state.export()
+
+    def restore_state(self, state: State) -> None:
+        """See `PersonFollower.restore_state`."""
+        self.state = PersonState.restore(state)
+
+    def _first(
+        self, effectors: Effectors, frame: ParticleFrame, rng: np.random.Generator
+    ) -> tuple[np.ndarray, np.ndarray, float] | None:
+        """Pose, particles and cost by the fork, if there is one (or need not be) and Eq. 7 accepts them."""
+        fork, initial = find_fork(effectors, self.settings.effectors), self.settings.initial
+        if len(effectors) == 0 or (fork is None and not initial.unlabelled):
+            return None
+        upper = self._bodies.of(self.state.body)
+        first = initial_pose(upper, self._filter, effectors, fork, frame, initial, rng)
+        if not first.score > initial.accepted:
+            return None
+        return first.pose, first.particles, self._filter.cost(upper, first.pose, frame)
+
+    def _next(
+        self, effectors: Effectors, frame: ParticleFrame, timestamp: float, rng: np.random.Generator, clock: StageClock
+    ) -> tuple[np.ndarray, np.ndarray, float]:
+        """Pose, particles and cost by the three layers; arms take turns in coming first."""
+        state, upper = self.state, self._bodies.of(self.state.body)
+        assert state.previous is not None and state.timestamp is not None
+        dt, before = timestamp - state.timestamp, state.previous.pose
+        particles = self._filter.trunk(upper, state.carry[PARTICLES]["poses"], before, frame, dt, rng)
+        clock.lap("trunk")
+        filtered = self._filter.arms(upper, particles, before, frame, dt, state.turn % 2, rng)
+        clock.lap("arms")
+        return filtered.estimate, filtered.particles, filtered.cost
+
+    def _refined(self, pose: np.ndarray, scene: Scene) -> np.ndarray:
+        """Of the filtered pose and the one before, both refined, the one that leaves less of the frame unexplained."""
+        body, previous = self.state.body, self.state.previous
+        best, least = pose, np.inf
+        for start in (pose,) if previous is None else (previous.pose, pose):
+            refined = self._refiner.refine(body, start, scene)
+            refined[LEG_ENTRIES] = 0.0
+            gaps = self._compared(refined, scene).sample_gaps
+            unexplained = float(gaps.mean()) if len(gaps) else 0.0
+            if unexplained < least:
+                best, least = refined, unexplained
+        return best
+
+    def _compared(self, pose: np.ndarray, scene: Scene) -> Comparison:
+        return self._objective.compare(self.state.body, pose, scene)
+
+    def _commit(
+        self, pose: np.ndarray, particles: np.ndarray, cost: float, compared: Comparison, source: str, timestamp: float
+    ) -> FrameResult:
+        """Remember the pose and report it."""
+        state, settings = self.state, self.settings
+        tracked = cost < settings.lost_cost
+        lost = 0 if tracked else state.lost + 1
+        given_up = lost >= settings.patience
+        self.state = replace(
+            state,
+            previous=None if given_up else Previous.of_pose(state.body, pose),
+            pose=pose,
+            timestamp=timestamp,
+            lost=0 if given_up else lost,
+            carry={PARTICLES: {"poses": particles}},
+        )
+        confidence = self._objective.confidence(compared) if tracked else np.zeros(len(skeleton.REPORTED))
+        confidence[UNSEEN] = 0.0
+        return self._row(pose, confidence, TRACKED if tracked else LOST, source)
+
+    def _predicted_row(self, state: int, clock: StageClock) -> FrameResult:
+        """The last known pose, or one behind the camera before there was any."""
+        row = self._row(self._last_pose(), np.zeros(len(skeleton.REPORTED)), state, PREDICTED)
+        return replace(row, stage_ms=clock.milliseconds)
+
+    def _last_pose(self) -> np.ndarray:
+        if self.state.pose is not None:
+            return self.state.pose
+        pose = np.zeros(skeleton.POSE_SIZE)
+        pose[skeleton.ROOT_POSITION] = NOWHERE
+        return pose
+
+    def _row(self, pose: np.ndarray, confidence: np.ndarray, state: int, source: str) -> FrameResult:
+        joints = self.state.body.joint_positions(pose)
+        return FrameResult(
+            pose=pose,
+            joints=linear.rotated(joints, self.level_rotation).astype(np.float32),
+            confidence=confidence.astype(np.float32),
+            state=state,
+            source=ParticleTracker.source_names.index(source),
+            stage_ms=np.empty(0, dtype=np.float32),
+        )
+
+
+class ParticleTracker:
+    """Lopez-Mendez 2011: first pose and size by geodesic candidates, then the particle filter; see `Tracker`.
+
+    Legs are not looked for: they hang straight down, with confidence 0.
+
+    Parameters
+    ----------
+    settings : see `ParticleTrackerSettings`
+    body : the person's own body, if it is known; otherwise its size is measured
+    """
+
+    stage_names = ("prepare", "detect", "trunk", "arms", "refine")
+    source_names = (PARTICLES, DETECTED, PREDICTED)
+    database = ""
+
+    def __init__(self, settings: ParticleTrackerSettings | None = None, *, body: Body | None = None) -> None:
+        self.settings = settings or ParticleTrackerSettings()
+        self._known_body = body
+
+    @property
+    def joints_wanted(self) -> Literal["none", "welcome", "required"]:
+        """See `Tracker.joints_wanted`."""
+        return "none"
+
+    @property
+    def learning_frames(self) -> int:
+        """See `Tracker.learning_frames`."""
+        return self.settings.measured_frames if self._known_body is None else 0
+
+    def learn_body(
+        self, camera: Camera, level_rotation: np.ndarray, frames: Iterable[tuple[Sighting, float]]
+    ) -> Body | None:
+        """See `Tracker.learn_body`: shoulder breadth and arm length, measured wherever the fork is seen."""
+        breadths: list[float] = []
+        arms: list[float] = []
+        workspace = Workspace()
+        for sighting, _ in frames:
+            seen = Seen(sighting, level_rotation, self.settings)
+            if seen.points < max(self.settings.smallest_person, 1):
+                continue
+            breadth = shoulder_breadth(seen.cloud)
+            breadths += [] if breadth is None else [breadth]
+            effectors = seen.effectors(self.settings.effectors, workspace)
+            fork = find_fork(effectors, self.settings.effectors)
+            if fork is not None:
+                lengths = [arm_length(effectors.paths[row]) for row in (fork.left_hand, fork.right_hand)]
+                arms += [length for length in lengths if length is not None]
+        return sized_body(breadths, arms)
+
+    def follower(self, camera: Camera, level_rotation: np.ndarray, body: Body | None = None) -> ParticleFollower:
+        """See `Tracker.follower`."""
+        known = body or self._known_body
+        state = PersonState.begin(known or load_body("neutral"), sized=known is not None, seed=self.settings.seed)
+        return ParticleFollower(self.settings, camera, level_rotation, state)
+
+
+register(
+    "particles",
+    Registration(
+        ParticleTrackerSettings,
+        needs_database=False,
+        build=lambda settings, database, path: ParticleTracker(settings),
+    ),
+)
