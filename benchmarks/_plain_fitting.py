@@ -14,10 +14,11 @@ from toolkit.body import skeleton
 from toolkit.body.body import BELOW, Body
 from toolkit.fitting.objective import WORSE, Comparison, Objective
 from toolkit.fitting.placed import Drawn, NormalSystem, PlacedBody, Placer
+from toolkit.fitting.priors import PoseTerm
 from toolkit.fitting.refiner import Refiner, pair_terms
 from toolkit.fitting.scene import Scene
 from toolkit.fitting.settings import FittingSettings
-from toolkit.fitting.terms import CloudTerm, PoseTerm, SurfaceTerm
+from toolkit.fitting.terms import CloudTerm, SurfaceTerm
 from toolkit.sensing.cloud import Cloud
 
 

@@ -9,10 +9,11 @@ import numpy as np
 from toolkit.body.body import Body
 from toolkit.fitting.objective import Comparison, Objective
 from toolkit.fitting.placed import Placer
+from toolkit.fitting.priors import PoseTerm
 from toolkit.fitting.refiner import Refiner
 from toolkit.fitting.scene import Scene
 from toolkit.fitting.settings import FittingSettings
-from toolkit.fitting.terms import PairTerm, PoseTerm
+from toolkit.fitting.terms import PairTerm
 from toolkit.sensing.camera import Camera
 
 

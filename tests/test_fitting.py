@@ -15,11 +15,12 @@ from toolkit.body.raycast import render_depth
 from toolkit.body.shape import ShapeSpace, load_body
 from toolkit.errors import SettingsError
 from toolkit.fitting.placed import NormalSystem, Placer, choose_vertices
+from toolkit.fitting.priors import GaussianPrior
 from toolkit.fitting.refiner import mesh_terms
 from toolkit.fitting.scene import Scene
 from toolkit.fitting.settings import FittingSettings
 from toolkit.fitting.shape import ShapeEstimator, ShapeSettings
-from toolkit.fitting.terms import GaussianPrior, JointTerm
+from toolkit.fitting.terms import JointTerm
 from toolkit.sensing.camera import Camera, level_rotation
 from toolkit.sensing.cloud import Cloud
 

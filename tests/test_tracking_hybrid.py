@@ -35,7 +35,8 @@ from toolkit.tracking.solo import Solo
 
 MOTIONS = ("idle", "raise_sideways", "raise_forward", "arm_circles", "march", "wave", "twist")
 SETTINGS = HybridSettings(hypotheses=("local", "extrema", "arms"))
-SOURCES, STAGES = HybridTracker.source_names, HybridTracker.stage_names
+SOURCES = ("local", "extrema", "joints", "arms", "predicted")
+STAGES = ("prepare", "landmarks", "local", "arms", "lookup", "select")
 FRAMES = 20
 
 Record = Callable[..., Recording]

@@ -24,6 +24,7 @@ from toolkit.cli import (
     report,
     retrieval,
     simulate,
+    stabilise,
     track,
 )
 from toolkit.cli.examples import add_examples
@@ -68,6 +69,7 @@ app.command()(retrieval.index)
 app.command()(retrieval.search)
 app.command()(retrieval.learn)
 app.command()(annotate.annotate)
+app.command()(stabilise.stabilise)
 app.add_typer(inertial.app, name="inertial")
 app.command()(export.export)
 app.command(context_settings=bench.CONTEXT)(bench.bench)

@@ -10,9 +10,10 @@ import numpy as np
 
 from toolkit.body.body import Body
 from toolkit.fitting.placed import PlacedBody, Placer
+from toolkit.fitting.priors import PoseTerm
 from toolkit.fitting.scene import Scene
 from toolkit.fitting.settings import FittingSettings
-from toolkit.fitting.terms import PoseTerm, nearest_drawn
+from toolkit.fitting.terms import nearest_drawn
 from toolkit.kernels import linear, pairs
 
 SUPPORT = 0.04
@@ -116,7 +117,7 @@ class Objective:
             distance += float(sample_gaps.mean())
         if distance > bound:
             return WORSE
-        energy = sum(term.energy(pose) for term in self.pose_terms)
+        energy = sum(term.energy(pose) for term in (*self.pose_terms, *scene.priors))
         return Comparison(distance, gaps, sample_gaps, drawn, energy, placed, scene)
 
     def confidence(self, comparison: Comparison) -> np.ndarray:

@@ -10,9 +10,10 @@ import numpy as np
 from toolkit.body import skeleton
 from toolkit.body.body import Body
 from toolkit.fitting.placed import NormalSystem, Placer
+from toolkit.fitting.priors import PoseTerm
 from toolkit.fitting.scene import Scene
 from toolkit.fitting.settings import FittingSettings
-from toolkit.fitting.terms import CloudTerm, ContactTerm, PairTerm, PoseTerm, SurfaceTerm
+from toolkit.fitting.terms import CloudTerm, ContactTerm, PairTerm, SurfaceTerm
 from toolkit.kernels import twists
 
 Solve = Callable[[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray], None]
@@ -84,7 +85,7 @@ class Refiner:
             for evidence in scene.evidence:
                 evidence.attract(system, placed)
             system.assemble(placed)
-            for prior in self.pose_terms:
+            for prior in (*self.pose_terms, *scene.priors):
                 prior.add(system, pose)
             self._solve(system.matrix, system.vector, pose, skeleton.POSE_LIMITS, self._damping, step)
             pose += step

@@ -8,6 +8,7 @@ from typing import Protocol
 import numpy as np
 
 from toolkit.fitting.orientation import Evidence
+from toolkit.fitting.priors import PoseTerm
 from toolkit.kernels import linear, pairs
 from toolkit.sensing.cloud import Cloud, marked
 
@@ -65,7 +66,7 @@ class Scene:
     extrema : float64 (E, 3), camera frame: the geodesic extrema (`E_I^20`)
     cut : bool (E,), extrema that lie where the border or an occluder cuts the person: no limbs
     neighbours : search among the measured points
-    evidence : what is known of the frame besides its depth
+    evidence, priors : what is known of the frame besides its depth: of the placed body, and of the pose
     """
 
     def __init__(
@@ -76,10 +77,11 @@ class Scene:
         neighbours: str = "pixels",
         evidence: Sequence[Evidence] = (),
         *,
+        priors: Sequence[PoseTerm] = (),
         unobserved: np.ndarray | None = None,
         cut: np.ndarray | None = None,
     ) -> None:
-        self.evidence = tuple(evidence)
+        self.evidence, self.priors = tuple(evidence), tuple(priors)
         self.depth = cloud.depth
         self.seen = cloud.depth if unobserved is None else marked(cloud.depth, unobserved, np.nan)
         self.cut = np.zeros(len(extrema_level), dtype=np.bool_) if cut is None else cut

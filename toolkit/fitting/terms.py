@@ -36,16 +36,6 @@ class MeshTerm(PairTerm, Protocol):
         """The correspondences themselves."""
 
 
-class PoseTerm(Protocol):
-    """A term in the pose vector itself; called after `system.assemble`."""
-
-    def add(self, system: NormalSystem, pose: np.ndarray) -> None:
-        """Add this term's quadratic in the pose."""
-
-    def energy(self, pose: np.ndarray) -> float:
-        """What the term costs at `pose` (P,), at least 0."""
-
-
 @dataclass(frozen=True)
 class SurfaceTerm:
     """Visible chosen vertices to the median of their nearest measured points (Baak 2013, 5.4.1).
@@ -217,36 +207,3 @@ def _robust(residual: np.ndarray, sigma: float) -> np.ndarray:
 
 SOFT = 0.8
 """Share of the sum of two balls' radii within which they penetrate: flesh gives way, and trunks are no balls."""
-SPREAD = 0.1
-"""Radians: spread that the pose prior adds to every angle."""
-
-
-@dataclass(frozen=True)
-class GaussianPrior:
-    """Joint angles near a mean: `1/2 weight (pose - mean)' precision (pose - mean)` over the entries after the root's.
-
-    mean : float64 (P,), radians; precision : float64 (P - 6, P - 6)
-    """
-
-    weight: float
-    mean: np.ndarray
-    precision: np.ndarray
-
-    @classmethod
-    def of_poses(cls, poses: np.ndarray, weight: float) -> GaussianPrior:
-        """The prior of a sample of poses (N, P); `SPREAD` keeps angles that it never moves from being frozen."""
-        angles = np.asarray(poses, dtype=np.float64)[:, 6:]
-        mean, covariance = linear.moments(angles)
-        precision = linear.inverse(covariance + SPREAD**2 * np.eye(angles.shape[1]))
-        return cls(weight, np.concatenate([np.zeros(6), mean]), precision)
-
-    def add(self, system: NormalSystem, pose: np.ndarray) -> None:
-        """See `PoseTerm.add`."""
-        free = slice(6, skeleton.POSE_SIZE)
-        system.matrix[free, free] += self.weight * self.precision
-        system.vector[free] += self.weight * linear.times(self.precision, pose[free] - self.mean[free])
-
-    def energy(self, pose: np.ndarray) -> float:
-        """See `PoseTerm.energy`."""
-        away = (pose - self.mean)[6:]
-        return 0.5 * self.weight * linear.dot(away, linear.times(self.precision, away))

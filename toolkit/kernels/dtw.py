@@ -177,6 +177,60 @@ def push_column(
 
 
 @njit(cache=True)
+def trace(
+    bits: np.ndarray, mask: np.ndarray, scale: np.ndarray, document: np.ndarray, unknown: np.ndarray
+) -> tuple[float, np.ndarray]:
+    """The cheapest alignment of a quantised template that ends in the last column of a document, column by column.
+
+    Steps and weights are those of `distance_function`. Rows that are unknown in a document column are left out of its
+    cells, and the others count for them.
+
+    Parameters
+    ----------
+    bits, mask, scale : as for `distance_function`
+    document : uint64 (L,), the document's columns
+    unknown : uint64 (L,), rows of each column that nothing is known of
+
+    Returns
+    -------
+    cost : of the alignment, infinite where there is none
+    columns : int64 (L,), template column of each document column, -1 outside the alignment. A column that the
+        alignment skips goes with the one before it
+    """
+    n, length = bits.shape[0], document.shape[0]
+    costs = np.full((n, length), np.inf)
+    steps = np.zeros((n, length), dtype=np.int8)
+    for i in range(n):
+        whole = max(ones(mask[i]), np.uint64(1))
+        for j in range(length):
+            known = mask[i] & ~unknown[j]
+            share = whole / max(ones(known), np.uint64(1))
+            cell = scale[i] * share * ones((document[j] ^ bits[i]) & known)
+            if i == 0:
+                costs[i, j] = cell
+            elif j > 0:
+                best, step = costs[i - 1, j - 1], 1
+                if j > 1 and costs[i - 1, j - 2] < best:
+                    best, step = costs[i - 1, j - 2], 2
+                if i > 1 and costs[i - 2, j - 1] + cell < best:
+                    best, step = costs[i - 2, j - 1] + cell, 3
+                costs[i, j], steps[i, j] = best + cell, step
+    columns = np.full(length, -1, dtype=np.int64)
+    if length == 0 or not np.isfinite(costs[n - 1, length - 1]):
+        return np.inf, columns
+    i, j = n - 1, length - 1
+    while True:
+        columns[j] = i
+        step = steps[i, j]
+        if i == 0:
+            break
+        if step == 2:
+            columns[j - 1] = i - 1
+        i, j = i - (2 if step == 3 else 1), j - (2 if step == 2 else 1)
+    return costs[n - 1, length - 1], columns
+
+
+@njit(cache=True)
 def minima_below(values: np.ndarray, threshold: float) -> np.ndarray:
     """Last frames of the plateaus (of one frame or more) that lie below `threshold` and what is beside them: int64."""
     found = np.empty(values.shape[0], dtype=np.int64)

@@ -10,6 +10,7 @@ import numpy as np
 from toolkit.body.body import BONE_AXIS
 from toolkit.errors import InertialError
 from toolkit.fitting.orientation import Evidence, OrientationSettings, OrientationTerm
+from toolkit.fitting.priors import PoseTerm
 from toolkit.inertial import quaternions as quat
 from toolkit.inertial.calibration import Calibration, TakeClock
 from toolkit.inertial.limbs import LIMBS, joint_of
@@ -20,22 +21,47 @@ TWISTLESS = ("elbow", "wrist")
 
 
 class Guide(Protocol):
-    """Evidence about every frame."""
+    """What is known about every frame.
+
+    Attributes
+    ----------
+    proposes : whether it ever proposes poses
+    """
+
+    proposes: bool
 
     def evidence(self, timestamp: float, level_rotation: np.ndarray) -> Sequence[Evidence]:
-        """What is known at `timestamp` seconds; `level_rotation` is R_level_camera, float64 (3, 3)."""
+        """What is known at `timestamp` seconds of the placed body; `level_rotation` is R_level_camera, (3, 3)."""
+        ...
+
+    def priors(self, timestamp: float) -> Sequence[PoseTerm]:
+        """What is known at `timestamp` seconds of the pose."""
+        ...
+
+    def poses(self, timestamp: float, pose: np.ndarray) -> Sequence[np.ndarray]:
+        """Poses (P,) that may be tried beside the best one found so far, `pose` (P,), level frame."""
         ...
 
 
 class NoGuide:
-    """Nothing is known but the depth."""
+    """Nothing is known but the depth. Guides that know some things only extend it."""
+
+    proposes = False
 
     def evidence(self, timestamp: float, level_rotation: np.ndarray) -> Sequence[Evidence]:
         """See `Guide.evidence`."""
         return ()
 
+    def priors(self, timestamp: float) -> Sequence[PoseTerm]:
+        """See `Guide.priors`."""
+        return ()
 
-class InertialGuide:
+    def poses(self, timestamp: float, pose: np.ndarray) -> Sequence[np.ndarray]:
+        """See `Guide.poses`."""
+        return ()
+
+
+class InertialGuide(NoGuide):
     """Orientations of calibrated sensors (thesis 7; as evidence for the tracker it is beyond the thesis).
 
     Parameters

@@ -8,8 +8,8 @@ from toolkit.body.body import Body
 from toolkit.database.database import PoseDatabase
 from toolkit.fitting.arms import ArmPoses
 from toolkit.fitting.objective import Objective
+from toolkit.fitting.priors import GaussianPrior, PoseTerm
 from toolkit.fitting.refiner import Refiner
-from toolkit.fitting.terms import GaussianPrior, PoseTerm
 from toolkit.tracking.follower import PREDICTED
 from toolkit.tracking.guess import LimbGuesser
 from toolkit.tracking.guide import Guide, NoGuide
@@ -17,6 +17,7 @@ from toolkit.tracking.observation import Observer
 from toolkit.tracking.registry import Registration, register
 from toolkit.tracking.search.arms import ArmSearch
 from toolkit.tracking.search.extrema import ExtremaQuery
+from toolkit.tracking.search.guided import GuidedSearch
 from toolkit.tracking.search.local import LocalSearch
 from toolkit.tracking.search.lookup import DatabaseLookup, Effort, Query
 from toolkit.tracking.search.protocol import Search
@@ -37,9 +38,6 @@ class HybridTracker(SearchingTracker):
     guide : what is known of the frames besides their depth
     """
 
-    stage_names = ("prepare", "landmarks", "local", "arms", "lookup", "select")
-    source_names = ("local", "extrema", "joints", "arms", PREDICTED)
-
     def __init__(
         self,
         database: PoseDatabase,
@@ -56,6 +54,18 @@ class HybridTracker(SearchingTracker):
         self._poses = database
         self._forest = database.forest if "joints" in self.settings.hypotheses else None
 
+    @property
+    def stage_names(self) -> tuple[str, ...]:
+        """See `Tracker.stage_names`; a guide that proposes poses is one more."""
+        guided = ("guided",) if self.guide.proposes else ()
+        return ("prepare", "landmarks", "local", "arms", "lookup", *guided, "select")
+
+    @property
+    def source_names(self) -> tuple[str, ...]:
+        """See `Tracker.source_names`."""
+        guided = ("guided",) if self.guide.proposes else ()
+        return ("local", "extrema", "joints", "arms", *guided, PREDICTED)
+
     def searches(self, objective: Objective, refiner: Refiner) -> tuple[Search, ...]:
         """The searches of the settings, in the order in which they are asked."""
         settings, asked = self.settings, self.settings.hypotheses
@@ -68,7 +78,10 @@ class HybridTracker(SearchingTracker):
         if self._arms is not None:
             members.append(ArmSearch(self._arms, objective, refiner, settings.arms, rest if queries else 0))
         effort = Effort(settings.candidates, settings.starts, settings.promising, rest)
-        return (*members, DatabaseLookup(queries, objective, refiner, effort))
+        members.append(DatabaseLookup(queries, objective, refiner, effort))
+        if self.guide.proposes:
+            members.append(GuidedSearch(self.guide, objective, refiner, settings.arms))
+        return tuple(members)
 
     def queries(self) -> list[Query]:
         """The ways of the settings to ask the database for whole poses."""

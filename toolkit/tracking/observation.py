@@ -168,6 +168,7 @@ class Observation:
             observer.samples,
             observer.search,
             evidence,
+            priors=observer.guide.priors(self.timestamp),
             unobserved=self.unobserved,
             cut=self.cut,
         )

@@ -15,10 +15,10 @@ from toolkit.body.body import Body
 from toolkit.body.shape import ShapeSpace, load_body
 from toolkit.fitting.objective import Objective
 from toolkit.fitting.placed import Placer
+from toolkit.fitting.priors import PoseTerm
 from toolkit.fitting.refiner import Refiner, mesh_terms
 from toolkit.fitting.settings import FittingSettings
 from toolkit.fitting.shape import ShapeEstimator, ShapeSettings
-from toolkit.fitting.terms import PoseTerm
 from toolkit.sensing.camera import Camera
 from toolkit.sensing.people.sighting import Sighting
 from toolkit.track import TRACKED

@@ -16,6 +16,7 @@ import numpy as np
 
 from toolkit.errors import RetrievalError, SettingsError
 from toolkit.kernels import dtw
+from toolkit.retrieval.annotation.class_motion import ClassMotion
 from toolkit.retrieval.annotation.measures import Segment
 from toolkit.retrieval.features.relational import FeatureMatrix, pack
 from toolkit.retrieval.templates.quantised import QuantisedTemplate, expand
@@ -61,13 +62,17 @@ class MotionClass:
     label : its name in segments
     templates : quantised templates of its subclasses, at least one
     threshold : costs at or above it are no hits
+    motions : how it moves along the columns of each template; empty where only the templates are known
     """
 
     label: str
     templates: tuple[QuantisedTemplate, ...]
     threshold: float = THRESHOLD
+    motions: tuple[ClassMotion, ...] = ()
 
     def __post_init__(self) -> None:
+        if self.motions and len(self.motions) != len(self.templates):
+            raise RetrievalError(f"motion class {self.label!r} has a motion for some templates only; learn it again")
         if not self.templates:
             raise RetrievalError(f"motion class {self.label!r} has no template; give it at least one training clip")
         if not 0.0 < self.threshold <= 1.0:
@@ -125,6 +130,11 @@ class PreparedTemplate:
         """Distance function and start frames (L,) of packed document columns, uint64 (L,) (Equation 5.3)."""
         return dtw.distance_function(self.bits, self.mask, self.scale, document)
 
+    def trace(self, document: np.ndarray, unknown: np.ndarray) -> tuple[float, np.ndarray]:
+        """Cost and template columns (L,) of the cheapest alignment that ends in the last of some packed document
+        columns (L,), -1 outside it; rows `unknown` (L,) in a column do not count."""
+        return dtw.trace(self.bits, self.mask, self.scale, document, unknown)
+
     def lower(
         self, modified: np.ndarray, document: np.ndarray, pieces: np.ndarray, threshold: float, overlap: float
     ) -> None:
@@ -162,6 +172,11 @@ class Annotator:
         self.settings = settings or DecisionSettings()
         self._templates = [[PreparedTemplate(template) for template in c.templates] for c in classes]
 
+    @property
+    def shortest(self) -> int:
+        """Fewest frames that a document needs for any class."""
+        return min(template.shortest for templates in self._templates for template in templates)
+
     def annotate(self, features: FeatureMatrix, intervals: Intervals | None = None) -> Annotation:
         """Label a document's frames.
 
@@ -179,12 +194,12 @@ class Annotator:
         unknown = sorted(set(intervals or ()) - set(self.labels))
         if unknown:
             raise RetrievalError(f"intervals for unknown class {unknown[0]!r}; the classes: {', '.join(self.labels)}")
-        shortest = [min(template.shortest for template in templates) for templates in self._templates]
-        if len(features) < min(shortest):
+        if len(features) < self.shortest:
             raise RetrievalError(
                 f"motion {features.name!r} has {len(features)} frames at 30 Hz, but the shortest template needs "
-                f"{min(shortest)}; give a longer motion"
+                f"{self.shortest}; give a longer motion"
             )
+        shortest = [min(template.shortest for template in templates) for templates in self._templates]
         distances = self._distances(features, intervals)
         decided = decide(distances)
         frames = extend(decided, distances, self.settings.visible)

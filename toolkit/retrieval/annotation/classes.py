@@ -13,6 +13,7 @@ from toolkit.archives import Column, check_columns, load_archive, save_archive
 from toolkit.errors import RetrievalError
 from toolkit.files import parse_json
 from toolkit.retrieval.annotation.annotator import THRESHOLD, Annotator, Intervals, MotionClass
+from toolkit.retrieval.annotation.class_motion import ANGLE_COUNT, ClassMotion, Example, learn_motion
 from toolkit.retrieval.annotation.measures import Segment, label_frames
 from toolkit.retrieval.annotation.preselection import preselect_in
 from toolkit.retrieval.features.relational import FEATURES, FeatureMatrix, feature_fingerprint
@@ -20,24 +21,37 @@ from toolkit.retrieval.keyframes.query import KeyframeQuery
 from toolkit.retrieval.templates.quantised import WILDCARD, QuantisedTemplate
 from toolkit.retrieval.templates.template import MotionTemplate
 
-CLASSES_VERSION = 1
+CLASSES_VERSION = 2
+OLDER_VERSIONS = (1,)
+"""Versions that are read as well; version 1 has no motions."""
 RELEARN = "learn it again from labelled clips"
 _TEMPLATE = {
     "values": Column("i", (len(FEATURES), "columns"), WILDCARD, 1),
     "weights": Column("f", ("columns",), 0, 1e6),
+}
+_MOTION = {
+    "mean": Column("f", ("expanded", ANGLE_COUNT), -10, 10),
+    "spread": Column("f", ("expanded", ANGLE_COUNT), 1e-6, 10),
+    "covariance": Column("f", (ANGLE_COUNT, ANGLE_COUNT), -100, 100),
+    "memory": Column("f", (), 1e-3, 1e3),
 }
 THRESHOLDS: np.ndarray = np.round(np.arange(0.02, 0.15, 0.01), 3)
 """Thresholds that `learn_threshold` chooses from."""
 
 
 def learn_classes(
-    clips: Mapping[str, Sequence[FeatureMatrix]], *, delta: float = 0.05, threshold: float = THRESHOLD
+    clips: Mapping[str, Sequence[FeatureMatrix]],
+    *,
+    poses: Mapping[str, Sequence[np.ndarray]] | None = None,
+    delta: float = 0.05,
+    threshold: float = THRESHOLD,
 ) -> list[MotionClass]:
     """One motion class per label from cut clips, a single template each (thesis 2.3), sorted by label.
 
     Parameters
     ----------
     clips : label -> feature matrices of its clips
+    poses : label -> poses (T, P) of the same clips, one for each column; a label that has them knows how it moves
     delta : quantisation threshold, in [0, 0.5)
     threshold : `tau`, costs at or above it are no hits
 
@@ -51,10 +65,14 @@ def learn_classes(
     empty = sorted(label for label, matrices in clips.items() if not matrices)
     if empty:
         raise RetrievalError(f"class {empty[0]!r} has no clips; give it at least one or leave it out")
-    return [
-        MotionClass(label, (MotionTemplate().fit(clips[label]).quantised(label, delta),), threshold)
-        for label in sorted(clips)
-    ]
+    classes = []
+    for label in sorted(clips):
+        template = MotionTemplate().fit(clips[label])
+        motions: tuple[ClassMotion, ...] = ()
+        if poses is not None and label in poses:
+            motions = (learn_motion(template, [*map(Example, clips[label], poses[label])]),)
+        classes.append(MotionClass(label, (template.quantised(label, delta),), threshold, motions))
+    return classes
 
 
 class Fold(NamedTuple):
@@ -107,6 +125,8 @@ def save_classes(path: str | Path, classes: Sequence[MotionClass]) -> None:
         for part, template in enumerate(motion_class.templates):
             arrays[f"values_{number}_{part}"] = template.values
             arrays[f"weights_{number}_{part}"] = template.weights
+        for part, motion in enumerate(motion_class.motions):
+            arrays |= {f"{name}_{number}_{part}": getattr(motion, name) for name in _MOTION}
         names = [template.name for template in motion_class.templates]
         table.append({"label": motion_class.label, "threshold": motion_class.threshold, "templates": names})
     header = {"version": CLASSES_VERSION, "features": feature_fingerprint(), "classes": table}
@@ -127,7 +147,7 @@ def load_classes(path: str | Path) -> list[MotionClass]:
     header = parse_json(str(arrays["header"]), f"the header of {path}", RetrievalError, RELEARN)
     if not isinstance(header, dict):
         raise RetrievalError(f"{path} is not a class file; learn one from labelled clips")
-    if header.get("version") != CLASSES_VERSION:
+    if header.get("version") not in (CLASSES_VERSION, *OLDER_VERSIONS):
         raise RetrievalError(
             f"{path} has classes of version {header.get('version')}, not {CLASSES_VERSION}; learn them again"
         )
@@ -145,9 +165,13 @@ def load_classes(path: str | Path) -> list[MotionClass]:
 
 
 def _stored_class(entry: dict[str, Any], number: int, arrays: dict[str, np.ndarray]) -> MotionClass:
-    templates = []
+    templates, motions = [], []
     for part, name in enumerate(entry["templates"]):
         values, weights = arrays[f"values_{number}_{part}"], arrays[f"weights_{number}_{part}"]
         check_columns({"values": values, "weights": weights}, _TEMPLATE, RetrievalError, f"class {number}", RELEARN)
         templates.append(QuantisedTemplate(str(name), values, weights))
-    return MotionClass(str(entry["label"]), tuple(templates), float(entry["threshold"]))
+        if f"mean_{number}_{part}" in arrays:
+            parts = {key: arrays[f"{key}_{number}_{part}"] for key in _MOTION}
+            check_columns(parts, _MOTION, RetrievalError, f"class {number}", RELEARN)
+            motions.append(ClassMotion(parts["mean"], parts["spread"], parts["covariance"], float(parts["memory"])))
+    return MotionClass(str(entry["label"]), tuple(templates), float(entry["threshold"]), tuple(motions))

@@ -230,9 +230,13 @@ def _carried_points(body: Body) -> dict[str, tuple[int, np.ndarray]]:
 
 def from_track(track: Track, body: Body, name: str) -> Motion:
     """The named joints of a track through its poses (level frame), at the median rate of its time stamps."""
-    steps = np.diff(track.timestamps)
-    rate = 1.0 / float(np.median(steps)) if len(steps) and np.median(steps) > 0 else 30.0
-    return from_poses(track.pose, body, rate, name)
+    return from_poses(track.pose, body, frame_rate_of(track.timestamps), name)
+
+
+def frame_rate_of(timestamps: np.ndarray) -> float:
+    """Frames per second of `timestamps` (T,), seconds, by their median step; 30 where that says nothing."""
+    steps = np.diff(timestamps)
+    return 1.0 / float(np.median(steps)) if len(steps) and np.median(steps) > 0 else 30.0
 
 
 def _clip_points(clip: Clip, positions: np.ndarray, rotations: np.ndarray) -> dict[str, np.ndarray]:

@@ -268,11 +268,16 @@ def relational_features(motion: Motion, lengths: BodyLengths | None = None) -> F
         one of a 120 Hz motion.
     """
     native, margins = _evaluated(motion, lengths)
-    count = max(1, int(np.ceil(len(motion) * FEATURE_RATE / motion.frame_rate - 1e-9)))
-    columns = np.rint(np.arange(count) * motion.frame_rate / FEATURE_RATE).astype(np.int64)
-    columns = np.minimum(columns, len(motion) - 1)
+    columns = feature_columns(len(motion), motion.frame_rate)
     grades = grade(margins[:, columns])
     return FeatureMatrix(motion.name, native[:, columns], measured=grades, placed=places_of(motion, columns))
+
+
+def feature_columns(frames: int, frame_rate: float) -> np.ndarray:
+    """The frames of a motion that are columns of its feature matrix, those nearest to a 30 Hz clock: int64 (T30,)."""
+    count = max(1, int(np.ceil(frames * FEATURE_RATE / frame_rate - 1e-9)))
+    columns = np.rint(np.arange(count) * frame_rate / FEATURE_RATE).astype(np.int64)
+    return np.minimum(columns, frames - 1)
 
 
 def native_features(motion: Motion, lengths: BodyLengths | None = None) -> np.ndarray:

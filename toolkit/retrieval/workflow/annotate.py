@@ -7,8 +7,10 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+import numpy as np
+
 from toolkit.archives import archive_names
-from toolkit.errors import RetrievalError, UsageError
+from toolkit.errors import RetrievalError, RigError, UsageError
 from toolkit.files import check_output
 from toolkit.retrieval.annotation.annotator import THRESHOLD, Annotation, Annotator, MotionClass
 from toolkit.retrieval.annotation.classes import learn_classes, load_classes
@@ -18,7 +20,7 @@ from toolkit.retrieval.annotation.preselection import preselect_in
 from toolkit.retrieval.annotation.report import REPORT_FILES, read_segments, write_report
 from toolkit.retrieval.features.relational import FeatureMatrix, relational_features
 from toolkit.retrieval.keyframes.query import KeyframeQuery
-from toolkit.retrieval.workflow.motions import find_motions, load_motion
+from toolkit.retrieval.workflow.motions import find_motions, load_motion, load_poses
 
 Progress = Callable[[str, int, int], None]
 """Called with what is done, how much of it, and how much there is."""
@@ -40,7 +42,7 @@ def classes_from_clips(
     threshold: float = THRESHOLD,
     progress: Progress | None = None,
 ) -> list[MotionClass]:
-    """Learn motion classes from cut clips.
+    """Learn motion classes from cut clips, with how they move.
 
     Parameters
     ----------
@@ -50,11 +52,18 @@ def classes_from_clips(
     progress : told after each file
     """
     matrices: dict[str, list[FeatureMatrix]] = {}
+    poses: dict[str, list[np.ndarray]] = {}
+    unposed: set[str] = set()
     for number, (path, label) in enumerate(clips.items(), start=1):
         matrices.setdefault(label, []).append(relational_features(load_motion(path)))
+        try:
+            poses.setdefault(label, []).append(load_poses(path))
+        except RigError:  # a skeleton that has the joints of the features and no joint map: its class has no motion
+            unposed.add(label)
         if progress is not None:
             progress("learning classes", number, len(clips))
-    return learn_classes(matrices, delta=delta, threshold=threshold)
+    poses = {label: found for label, found in poses.items() if label not in unposed}
+    return learn_classes(matrices, poses=poses, delta=delta, threshold=threshold)
 
 
 def annotate_motions(

@@ -7,10 +7,15 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import NamedTuple
 
+import numpy as np
+
+from toolkit.body.shape import load_body
 from toolkit.errors import RetrievalError, UsageError
 from toolkit.files import read_table
 from toolkit.mocap.read import find_clips, read_clip
-from toolkit.retrieval.features.motion import Motion, from_clip, from_track
+from toolkit.mocap.retarget import retarget
+from toolkit.retrieval.features.motion import Motion, frame_rate_of, from_clip, from_track
+from toolkit.retrieval.features.relational import feature_columns
 from toolkit.track import RunInfo, Track
 
 
@@ -28,6 +33,25 @@ def load_motion(path: str | Path) -> Motion:
     if path.is_dir():
         return from_track(Track.load(path), RunInfo.load(path).body(), path.name)
     return from_clip(read_clip(path))
+
+
+def load_poses(path: str | Path) -> np.ndarray:
+    """Poses (T, P) of a clip file on the neutral body, or of a run folder, one for each column of its features.
+
+    Raises
+    ------
+    RigError
+        No joint map fits the clip.
+    """
+    path = Path(path)
+    if path.is_dir():
+        track = Track.load(path)
+        return track.pose[feature_columns(len(track), frame_rate_of(track.timestamps))]
+    clip = read_clip(path)
+    poses = retarget(clip, load_body("neutral")).poses
+    # Retargeting drops leading calibration frames: they hold the first pose.
+    rows = feature_columns(len(clip), float(clip.frame_rate)) - (len(clip) - len(poses))
+    return poses[np.maximum(rows, 0)]
 
 
 def labels_of(files: Sequence[Path], pattern: str | None = None, table: str | Path | None = None) -> dict[Path, str]:

@@ -1,0 +1,122 @@
+"""Tracks before and after stabilising: `depthmocap bench stabilise [--split report] [--config hybrid] [--filler]`.
+
+Sequences of one actor's clips (`toolkit.testing.labelled.py`) are simulated, tracked, and stabilised with classes of
+the other actors. Mean error over joints and frames, of joints that the camera sees and of hidden ones, before, after
+the first round and at the end; how well the labels are those performed.
+"""
+
+from __future__ import annotations
+
+import argparse
+import time
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from benchmarks._options import add_database_options, poses_of
+from benchmarks._record import save_figures
+from toolkit.evaluation.joints import NEAR, joint_errors, visible_joints
+from toolkit.pipeline import load_tracker, track_recording
+from toolkit.retrieval.annotation.annotator import MotionClass
+from toolkit.retrieval.annotation.measures import Scores, frame_scores, label_frames, segment_scores
+from toolkit.retrieval.workflow.annotate import classes_from_clips
+from toolkit.sensing.recording import Recording, open_recording
+from toolkit.stabilising.loop import Round, stabilise
+from toolkit.stabilising.settings import StabiliseSettings
+from toolkit.stabilising.source import open_source
+from toolkit.testing.labelled import SEQUENCES, MotionSequence, Performed, class_clips, record_sequence
+from toolkit.track import TRACK_FILE, Track
+
+FIGURES = ("mean mm", "seen mm", "hidden mm", "hidden within 100 mm")
+NOTHING = Scores(0, 0, 0, 0)
+
+
+def visible(recording: Recording) -> np.ndarray:
+    """Which true joints the camera sees: bool (T, 20)."""
+    assert recording.joints is not None  # simulated
+    frames = zip(recording.joints, recording.stream(), strict=True)
+    return np.array([visible_joints(j, f.depth_mm.astype(np.float32) / 1000, recording.camera) for j, f in frames])
+
+
+def figures_of(track: Track, truth: np.ndarray, seen: np.ndarray) -> list[float]:
+    """`FIGURES` of a track."""
+    errors = joint_errors(track.joints, truth)
+    hidden = errors[~seen] if (~seen).any() else np.zeros(1)
+    return [1000 * errors.mean(), 1000 * errors[seen].mean(), 1000 * hidden.mean(), float((hidden < NEAR).mean())]
+
+
+def labels_of(found: Round, performed: Performed, classes: list[MotionClass]) -> tuple[Scores, Scores]:
+    """Scores over segments and over frames of the labels that a round began with."""
+    labels = [c.label for c in classes]
+    length = len(performed.clip)
+    frames = [label_frames(s, labels, length, performed.clip.frame_rate) for s in (performed.segments, found.segments)]
+    return segment_scores(performed.segments, found.segments), frame_scores(*frames)
+
+
+def tracked(
+    sequence: MotionSequence, split: str, config: str, database: Path, work: Path, filler: bool
+) -> tuple[Path, Performed]:
+    """The sequence's run folder, made if it is not there yet, and what was performed."""
+    path, performed = record_sequence(sequence, split, work, filler=filler)
+    run = work / "sequences" / "runs" / config / path.stem
+    if not (run / TRACK_FILE).exists():
+        tracker = load_tracker(config, database=database)
+        track_recording(open_recording(path), tracker, run, warm_up=False)
+    return run, performed
+
+
+def main() -> None:
+    """Track, stabilise, compare, print, write JSON."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--split", choices=("tune", "report"), default="tune", help="report is not for tuning")
+    parser.add_argument("--config", default="hybrid", help="settings of the tracker")
+    parser.add_argument("--sequences", nargs="*", help="names of some; all")
+    parser.add_argument("--filler", action="store_true", help="other motions between the clips")
+    parser.add_argument("--rounds", type=int, default=StabiliseSettings.rounds)
+    add_database_options(parser)
+    options = parser.parse_args()
+    settings, database = StabiliseSettings(rounds=options.rounds), poses_of(options)
+    classes = classes_from_clips(class_clips(options.split))
+    rows: dict[str, Any] = {}
+    segments = frames = NOTHING
+    for sequence in SEQUENCES:
+        if options.sequences and sequence.name not in options.sequences:
+            continue
+        run, performed = tracked(sequence, options.split, options.config, database, options.work, options.filler)
+        source = open_source(run, database=database)
+        start = time.process_time()
+        rounds = stabilise(source, classes, settings)
+        seconds = time.process_time() - start
+        truth, seen = np.asarray(source.recording.joints), visible(source.recording)
+        tracks = [source.track, *(found.track for found in rounds)]
+        own = [figures_of(track, truth, seen) for track in tracks]
+        found = labels_of(rounds[-1], performed, classes)
+        segments, frames = segments + found[0], frames + found[1]
+        rows[sequence.name] = {
+            "frames": len(source.track), "rounds": [dict(zip(FIGURES, f, strict=True)) for f in own],
+            "F segments": found[0].f, "F frames": found[1].f, "seconds of processor": seconds,
+        }  # fmt: skip
+        print(sequence.name, " | ".join(" ".join(f"{v:.2f}" if v <= 1 else f"{v:.1f}" for v in f) for f in own))
+    figures = {"sequences": rows, **_summary(rows), "F segments": segments.f, "F frames": frames.f}
+    for name, value in figures.items():
+        if name != "sequences":
+            print(name, value)
+    words = [options.split, *([options.config] if options.config != "hybrid" else []), *["filler"] * options.filler]
+    print("written:", save_figures("_".join(["stabilise", *words]), figures, asdict(settings)))
+
+
+def _summary(rows: dict[str, Any]) -> dict[str, Any]:
+    """Means over the sequences, and the largest harm."""
+
+    def mean(place: int) -> dict[str, float]:
+        per = [r["rounds"][min(place, len(r["rounds"]) - 1) if place >= 0 else -1] for r in rows.values()]
+        return {name: float(np.mean([p[name] for p in per])) for name in FIGURES}
+
+    harm = [r["rounds"][-1]["mean mm"] - r["rounds"][0]["mean mm"] for r in rows.values()]
+    return {"before": mean(0), "after one round": mean(1), "at the end": mean(-1), "most harm mm": float(max(harm))}
+
+
+if __name__ == "__main__":
+    main()

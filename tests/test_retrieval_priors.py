@@ -1,0 +1,307 @@
+"""What labels say about hidden limbs: alignments, class motions, gaps, bridges as conditioned Gaussians."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from toolkit.body import skeleton
+from toolkit.body.shape import load_body
+from toolkit.errors import RetrievalError, SettingsError
+from toolkit.kernels import dtw
+from toolkit.mocap.procedural import procedural_clips
+from toolkit.retrieval.annotation.annotator import Annotator, MotionClass, PreparedTemplate
+from toolkit.retrieval.annotation.class_motion import ANGLE_COUNT, ANGLES, ClassMotion, Example, learn_motion
+from toolkit.retrieval.annotation.classes import learn_classes, load_classes, save_classes
+from toolkit.retrieval.annotation.measures import Segment
+from toolkit.retrieval.features.motion import from_poses
+from toolkit.retrieval.features.relational import FeatureMatrix, relational_features
+from toolkit.retrieval.priors.allocation import Allocation, allocate, unknown_rows
+from toolkit.retrieval.priors.bridge import End, bridge
+from toolkit.retrieval.priors.expectation import ExpectationSettings, Told, expect, fill
+from toolkit.retrieval.priors.gaps import Gap, GapSettings, find_gaps
+from toolkit.retrieval.priors.limbs import ENTRIES, LIMBS, LIMBS_OF_FEATURE, OUTER
+from toolkit.retrieval.templates.quantised import QuantisedTemplate
+from toolkit.retrieval.templates.template import MotionTemplate
+
+BODY = load_body("neutral")
+
+
+def document_of(rng: np.random.Generator, columns: int) -> np.ndarray:
+    return rng.integers(0, 64, columns).astype(np.uint64)
+
+
+def template_of(rng: np.random.Generator, columns: int) -> PreparedTemplate:
+    values = rng.choice([-1, 0, 1], size=(40, columns), p=[0.3, 0.4, 0.3]).astype(np.int8)
+    return PreparedTemplate(QuantisedTemplate("x", values, np.ones(columns)))
+
+
+def cheapest_by_hand(template: PreparedTemplate, words: np.ndarray, unknown: np.ndarray) -> float:
+    """The cheapest alignment that ends in the last column, every path tried."""
+
+    def cell(i: int, j: int) -> float:
+        known = int(template.mask[i]) & ~int(unknown[j])
+        share = max(int(template.mask[i]).bit_count(), 1) / max(known.bit_count(), 1)
+        return float(template.scale[i]) * share * ((int(words[j]) ^ int(template.bits[i])) & known).bit_count()
+
+    def to(i: int, j: int) -> float:
+        if i == 0:
+            return cell(0, j)
+        ways = [to(i - 1, j - 1)] if j >= 1 else []
+        ways += [to(i - 1, j - 2)] if j >= 2 else []
+        ways += [to(i - 2, j - 1) + cell(i, j)] if i >= 2 and j >= 1 else []
+        return min(ways, default=np.inf) + cell(i, j)
+
+    return to(template.length - 1, len(words) - 1)
+
+
+@pytest.mark.parametrize("seed", range(6))
+@pytest.mark.parametrize("hidden", (False, True))
+def test_a_trace_costs_what_the_cheapest_of_all_paths_costs(seed, hidden):
+    rng = np.random.default_rng(seed)
+    template, words = template_of(rng, 5), document_of(rng, 7)
+    unknown = document_of(rng, 7) if hidden else np.zeros(7, dtype=np.uint64)
+    cost, columns = template.trace(words, unknown)
+    assert cost == pytest.approx(cheapest_by_hand(template, words, unknown))
+    if not hidden:
+        assert cost == template.distance(words)[0][-1]
+    inside = columns[columns >= 0]
+    assert inside[0] == 0 and inside[-1] == template.length - 1
+    assert (np.diff(inside) >= 0).all() and (np.diff(inside) <= 2).all()
+
+
+def test_what_cannot_be_aligned_has_no_trace():
+    rng = np.random.default_rng(0)
+    cost, columns = template_of(rng, 9).trace(document_of(rng, 3), np.zeros(3, dtype=np.uint64))
+    assert np.isinf(cost) and (columns == -1).all()
+    assert dtw.trace(*vars_of(template_of(rng, 2)), np.empty(0, np.uint64), np.empty(0, np.uint64))[1].size == 0
+
+
+def vars_of(template: PreparedTemplate) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    return template.bits, template.mask, template.scale
+
+
+def gaussian_bridge(times: np.ndarray, memory: float, offsets: list[tuple[float, float, float]], spread: float):
+    """An Ornstein-Uhlenbeck process given values at some times, by conditioning a Gaussian: mean and variance."""
+    known = np.array([time for time, _, _ in offsets])
+    values = np.array([value for _, value, _ in offsets])
+    across = spread**2 * np.exp(-np.abs(times[:, None] - known[None]) / memory)
+    gain = across @ np.linalg.inv(spread**2 * np.exp(-np.abs(known[:, None] - known[None]) / memory))
+    own = np.array([variance for _, _, variance in offsets])
+    return gain @ values, spread**2 - (gain * across).sum(axis=1) + gain**2 @ own
+
+
+@pytest.mark.parametrize("ends", ("both", "start", "end"))
+@pytest.mark.parametrize("memory", (0.2, 1.5))
+def test_a_bridge_is_a_gaussian_conditioned_on_the_ends(ends, memory):
+    times, length, spread = np.arange(1, 12) / 30.0, 12 / 30.0, 0.3
+    first, last = End(np.array([0.4]), np.array([0.01])), End(np.array([-0.2]), np.array([0.02]))
+    start, end = (first if ends != "end" else None), (last if ends != "start" else None)
+    offsets = [(0.0, 0.4, 0.01)] * (start is not None) + [(length, -0.2, 0.02)] * (end is not None)
+    found = bridge(np.ones((11, 1)), np.full((11, 1), spread), memory, times, length, start, end)
+    mean, variance = gaussian_bridge(times, memory, offsets, spread)
+    np.testing.assert_allclose(found.mean[:, 0], 1.0 + mean, atol=1e-12)
+    np.testing.assert_allclose(found.variance[:, 0], variance, atol=1e-12)
+
+
+@given(st.floats(0.05, 3.0), st.floats(0.1, 20.0), st.floats(-1.0, 1.0), st.floats(-1.0, 1.0))
+def test_a_bridge_passes_through_both_ends_and_forgets_them_far_away(memory, length, left, right):
+    sure = np.zeros(1)
+    u = np.array([0.0, length / 2, length])
+    found = bridge(
+        np.full((3, 1), 0.7), np.full((3, 1), 0.5), memory, u, length, End(np.array([left]), sure),
+        End(np.array([right]), sure),
+    )  # fmt: skip
+    np.testing.assert_allclose(found.mean[[0, 2], 0], [0.7 + left, 0.7 + right], atol=1e-9)
+    assert (found.variance <= 0.25 + 1e-12).all() and (found.variance >= 0.0).all()
+    assert abs(found.mean[1, 0] - 0.7) <= 2.0 * np.exp(-0.5 * length / memory) * max(abs(left), abs(right)) + 1e-9
+
+
+def test_a_bridge_without_ends_is_the_expected_motion():
+    expected = np.random.default_rng(0).normal(size=(5, 3))
+    found = bridge(expected, np.full((5, 3), 0.2), 0.5, np.arange(1, 6) / 30, 0.2, None, None)
+    np.testing.assert_array_equal(found.mean, expected)
+    np.testing.assert_allclose(found.variance, 0.04)
+
+
+@cache
+def example_of(name: str, seed: int = 0, rate: float = 30.0, frames: int | None = None) -> Example:
+    poses = procedural_clips([name], rate=rate, body=BODY, seed=seed)[0].poses[:frames]
+    return Example(relational_features(from_poses(poses, BODY, 30.0, name)), poses)
+
+
+def test_a_class_of_equal_clips_has_that_clip_as_its_motion():
+    example = example_of("knee_to_elbow")
+    example = Example(example.features.sliced(0, 60), example.poses[:60])
+    template = MotionTemplate().fit([example.features] * 3)
+    motion = learn_motion(template, [example] * 3)
+    assert len(motion) == 60
+    np.testing.assert_allclose(motion.mean, example.poses[:, ANGLES], atol=1e-9)
+    np.testing.assert_allclose(motion.covariance, 0.0, atol=1e-12)
+
+
+def test_a_class_motion_lies_between_clips_of_different_speeds():
+    slow, fast = example_of("knee_to_elbow", rate=36.0), example_of("knee_to_elbow", rate=30.0)
+    template = MotionTemplate().fit([slow.features, fast.features])
+    motion = learn_motion(template, [slow, fast])
+    knee = skeleton.POSE_NAMES.index("left_knee_rx")
+    reach = [np.ptp(e.poses[:, knee]) for e in (slow, fast)]
+    assert np.ptp(motion.mean[:, knee - 6]) > 0.8 * min(reach)
+    assert motion.spread.max() < 0.6
+
+
+def test_clips_without_a_pose_for_each_column_are_refused():
+    example = example_of("knee_to_elbow")
+    template = MotionTemplate().fit([example.features])
+    with pytest.raises(RetrievalError, match="columns but 5 poses"):
+        learn_motion(template, [Example(example.features, example.poses[:5])])
+    with pytest.raises(RetrievalError, match="at least one training clip"):
+        learn_motion(template, [])
+
+
+@cache
+def classes_of(*names: str, frames: int | None = None) -> list[MotionClass]:
+    examples = {name: [example_of(name, seed, frames=frames) for seed in (0, 1)] for name in names}
+    return learn_classes(
+        {name: [e.features for e in found] for name, found in examples.items()},
+        poses={name: [e.poses for e in found] for name, found in examples.items()},
+    )
+
+
+def test_classes_keep_their_motions_in_their_file(tmp_path):
+    classes = classes_of("knee_to_elbow", "semaphore")
+    save_classes(tmp_path / "classes.npz", classes)
+    for before, after in zip(classes, load_classes(tmp_path / "classes.npz"), strict=True):
+        for name in ("mean", "spread", "covariance", "memory"):
+            np.testing.assert_array_equal(getattr(after.motions[0], name), getattr(before.motions[0], name))
+
+
+def test_a_class_file_of_version_1_annotates_and_has_no_motions(tmp_path):
+    import json
+
+    from toolkit.archives import load_archive, save_archive
+
+    classes = [replace(c, motions=()) for c in classes_of("knee_to_elbow")]
+    save_classes(tmp_path / "new.npz", classes)
+    arrays = load_archive(tmp_path / "new.npz", RetrievalError, "")
+    header = json.loads(str(arrays["header"])) | {"version": 1}
+    save_archive(tmp_path / "old.npz", arrays | {"header": np.array(json.dumps(header))})
+    (old,) = load_classes(tmp_path / "old.npz")
+    assert old.motions == ()
+    assert Annotator([old]).annotate(example_of("knee_to_elbow").features).segments
+
+
+def test_a_class_motion_of_impossible_shape_is_refused():
+    with pytest.raises(RetrievalError, match="learn the classes again"):
+        ClassMotion(np.zeros((3, ANGLE_COUNT)), np.ones((2, ANGLE_COUNT)), np.eye(ANGLE_COUNT), 1.0)
+
+
+def test_each_feature_is_of_the_limbs_that_its_words_name():
+    assert LIMBS_OF_FEATURE[6] == ("right_arm",) and LIMBS_OF_FEATURE[7] == ("left_arm",)
+    assert LIMBS_OF_FEATURE[8] == ("left_arm", "right_arm")
+    assert LIMBS_OF_FEATURE[14] == LIMBS_OF_FEATURE[22] == ("left_leg", "right_leg")
+    assert LIMBS_OF_FEATURE[24] == ("right_leg",) and LIMBS_OF_FEATURE[31] == ()
+
+
+def confidence_of(frames: int, limb: str, *gaps: tuple[int, int]) -> np.ndarray:
+    confidence = np.full((frames, 20), 0.9)
+    for start, stop in gaps:
+        confidence[start:stop, OUTER[limb]] = 0.3
+    return confidence
+
+
+def test_gaps_are_where_a_limb_has_no_support():
+    confidence = confidence_of(60, "left_arm", (20, 40))
+    (gap,) = find_gaps(confidence, np.ones(60, bool))
+    assert gap.limb == "left_arm" and abs(gap.start - 20) <= 2 and abs(gap.stop - 40) <= 2
+
+
+def test_near_gaps_are_one_and_short_ones_none():
+    settings = GapSettings(smoothing=1)
+    joined = find_gaps(confidence_of(60, "right_leg", (10, 20), (22, 30), (40, 43)), np.ones(60, bool), settings)
+    assert joined == [Gap("right_leg", 10, 30)]
+
+
+def test_a_gap_ends_where_nobody_is_there():
+    present = np.ones(60, dtype=bool)
+    present[30:35] = False
+    found = find_gaps(confidence_of(60, "left_arm", (20, 50)), present, GapSettings(smoothing=1))
+    assert found == [Gap("left_arm", 20, 30), Gap("left_arm", 35, 50)]
+
+
+def test_impossible_gaps_are_refused():
+    with pytest.raises(SettingsError, match="hidden <= ends"):
+        GapSettings(hidden=0.9, ends=0.5)
+
+
+def told_of(poses: np.ndarray, hidden: dict[str, np.ndarray], classes=(), segments=()) -> Told:
+    features = relational_features(from_poses(poses, BODY, 30.0, "take"))
+    allocation = allocate(features, segments, classes, unknown_rows(hidden, len(features)))
+    return Told(poses, np.arange(len(poses)) / 30.0, hidden, allocation, classes)
+
+
+def hiding(frames: int, limb: str, start: int, stop: int) -> dict[str, np.ndarray]:
+    flags = {name: np.zeros(frames, dtype=bool) for name in LIMBS}
+    flags[limb][start:stop] = True
+    return flags
+
+
+def test_a_labelled_limb_is_told_by_its_class():
+    classes = classes_of("knee_to_elbow", "semaphore")
+    poses = example_of("semaphore", 2).poses
+    wrong = poses.copy()
+    gap = Gap("left_arm", 20, len(poses) - 20)
+    rows, entries = slice(gap.start, gap.stop), ENTRIES["left_arm"]
+    wrong[rows, entries] = wrong[19, entries]
+    hidden = hiding(len(poses), *gap)
+    told = told_of(wrong, hidden, classes, [Segment(0.0, len(poses) / 30.0, "semaphore")])
+    (by_class, source), (straight, plain) = fill(told, gap), fill(told_of(wrong, hidden), gap)
+    assert source == "class" and plain == "interpolation"
+
+    def error(angles: np.ndarray) -> float:
+        return float(np.abs(angles - poses[rows, entries]).mean())
+
+    assert error(by_class.mean) < 0.6 * min(error(straight.mean), error(wrong[rows, entries]))
+
+
+def test_repetitions_alone_tell_a_limb_where_it_was_seen_before():
+    one = example_of("semaphore", 2).poses
+    poses = np.concatenate([one, one])
+    gap = Gap("right_arm", len(one) + 20, 2 * len(one) - 20)
+    wrong = poses.copy()
+    wrong[gap.start : gap.stop, ENTRIES["right_arm"]] = 0.0
+    half = len(one) / 30.0
+    segments = [Segment(0.0, half, "semaphore"), Segment(half, 2 * half, "semaphore")]
+    plain = [replace(c, motions=()) for c in classes_of("semaphore")]
+    found, source = fill(told_of(wrong, hiding(len(poses), *gap), plain, segments), gap)
+    assert source == "repetitions"
+    away = np.abs(found.mean - poses[gap.start : gap.stop, ENTRIES["right_arm"]])
+    assert np.median(away) < 0.15
+
+
+def test_what_no_label_covers_wanders():
+    poses = example_of("semaphore").poses
+    told = told_of(poses, hiding(len(poses), "left_arm", 5, 9))
+    found = expect(told, "left_arm", np.arange(5, 9), ExpectationSettings())
+    assert found.source == "interpolation" and (found.spread > 0.5).all()
+
+
+def test_the_cheaper_of_overlapping_stretches_counts():
+    classes = classes_of("knee_to_elbow", "semaphore")
+    features = example_of("semaphore").features
+    whole = len(features) / 30.0
+    found = allocate(features, [Segment(0, whole, "knee_to_elbow"), Segment(0, whole, "semaphore")], classes)
+    labels = [c.label for c in classes]
+    assert (found.label[found.label >= 0] == labels.index("semaphore")).mean() > 0.8
+
+
+def test_a_label_of_no_class_cannot_be_allocated():
+    features = FeatureMatrix("x", np.zeros((40, 30), dtype=bool))
+    with pytest.raises(RetrievalError, match="'jump' is not one of the classes"):
+        allocate(features, [Segment(0, 1, "jump")], classes_of("semaphore"))
+    assert (Allocation.nothing(3).label == -1).all()

@@ -1,0 +1,231 @@
+"""A track stabilised by the motions found in it: the choice among ways, the loop, the run folder, what is refused."""
+
+from __future__ import annotations
+
+import itertools
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tests.run_helpers import write_people, write_run
+from tests.test_inertial_clock import typed
+from tests.test_retrieval_priors import BODY, classes_of, example_of
+from toolkit.body import skeleton
+from toolkit.database.canonical import canonicalise
+from toolkit.database.database import PoseDatabase
+from toolkit.errors import RecordingError, RetrievalError, SettingsError, TrackError, UsageError
+from toolkit.evaluation.joints import joint_errors
+from toolkit.fitting.placed import NormalSystem
+from toolkit.fitting.priors import LimbPrior
+from toolkit.mocap.clip import PoseClip
+from toolkit.retrieval.annotation.classes import save_classes
+from toolkit.retrieval.priors.gaps import Gap
+from toolkit.retrieval.priors.limbs import ENTRIES, OUTER
+from toolkit.sensing.recording import open_recording
+from toolkit.simulation.simulate import simulate_recording
+from toolkit.stabilising.choice import cheapest_path
+from toolkit.stabilising.loop import stabilise
+from toolkit.stabilising.settings import ChoiceSettings, StabiliseSettings
+from toolkit.stabilising.source import open_source
+from toolkit.stabilising.ways import widened
+from toolkit.stabilising.workflow import output_folders, stabilise_run
+from toolkit.track import RunInfo, Track
+
+ARM = "right_arm"
+FRAMES = 70
+WRONG = slice(30, 48)
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_the_cheapest_path_is_the_best_of_all(seed):
+    rng = np.random.default_rng(seed)
+    costs, angles = rng.random((3, 6)), rng.normal(size=(3, 6, 2))
+
+    def cost(path: tuple[int, ...]) -> float:
+        here = np.arange(6)
+        steps = np.diff(angles[list(path), here], axis=0)
+        return float(costs[list(path), here].sum() + 0.3 * (steps**2).sum())
+
+    best = min(itertools.product(range(3), repeat=6), key=cost)
+    np.testing.assert_array_equal(cheapest_path(costs, angles, 0.3), best)
+
+
+def test_a_way_that_is_not_open_is_not_taken():
+    costs = np.array([[1.0, 1.0, 1.0], [np.inf, 0.0, np.inf]])
+    np.testing.assert_array_equal(cheapest_path(costs, np.zeros((2, 3, 1)), 0.1), [0, 1, 0])
+
+
+def test_a_limb_prior_is_the_gradient_of_its_energy():
+    rng = np.random.default_rng(0)
+    entries = ENTRIES[ARM]
+    prior = LimbPrior(0.3, entries, rng.normal(size=len(entries)), rng.uniform(0.1, 1.0, len(entries)))
+    pose, system = rng.normal(size=skeleton.POSE_SIZE), NormalSystem()
+    system.matrix[:], system.vector[:] = 0.0, 0.0
+    prior.add(system, pose)
+    numeric = np.array(
+        [(prior.energy(pose + step) - prior.energy(pose - step)) / 2e-6 for step in 1e-6 * np.eye(skeleton.POSE_SIZE)]
+    )
+    np.testing.assert_allclose(system.vector, numeric, atol=1e-7)
+    np.testing.assert_allclose(np.diag(system.matrix)[entries], 0.3 / prior.variance)
+
+
+def test_gaps_grow_and_meet_within_the_track():
+    gaps = [Gap("left_arm", 5, 10), Gap("left_arm", 30, 40), Gap("left_leg", 50, 58)]
+    assert widened(gaps, 60, 10, 3) == [Gap("left_arm", 0, 50), Gap("left_leg", 40, 60)]
+    assert widened(gaps, 60, 0, 3) == gaps
+
+
+def test_impossible_settings_are_refused():
+    with pytest.raises(SettingsError, match="0 rounds"):
+        StabiliseSettings(rounds=0)
+    with pytest.raises(SettingsError, match="metres from 0 on"):
+        ChoiceSettings(margin=-1.0)
+
+
+@pytest.fixture(scope="module")
+def road(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with a recording, classes, a database, its run, and a run with an arm in a wrong place for a while."""
+    folder = tmp_path_factory.mktemp("stabilising")
+    poses = example_of("semaphore", 2, frames=FRAMES).poses
+    _save_database(folder / "poses.npz", example_of("knee_to_elbow").poses)
+    simulate_recording(
+        PoseClip("semaphore", poses, 30.0, "bundled"), folder / "take.npz", furnished=False, distance=2.6
+    )
+    typed("track", folder / "take.npz", "--database", folder / "poses.npz", "--set", "shape.frames=0", "-o",
+          folder / "run")  # fmt: skip
+    save_classes(folder / "classes.npz", classes_of("knee_to_elbow", "semaphore", frames=FRAMES))
+    _mislead(folder / "run", folder / "wrong")
+    return folder
+
+
+def _save_database(path: Path, poses: np.ndarray) -> None:
+    """Every third of these poses, without a regressor."""
+    canonical = canonicalise(poses[::3])[0]
+    count = len(canonical)
+    PoseDatabase.of_poses(
+        canonical, BODY, sources=["bundled"], hashes=["0"], pose_source=np.zeros(count), pose_frame=np.arange(count),
+        mirrored=np.zeros(count),
+    ).save(path)  # fmt: skip
+
+
+def _mislead(run: Path, wrong: Path) -> None:
+    """The run with its right arm before the chest for a while, as if nobody had seen it."""
+    track, info = Track.load(run), RunInfo.load(run)
+    poses, joints, confidence = track.pose.copy(), track.joints.copy(), track.confidence.copy()
+    poses[WRONG, ENTRIES[ARM]] = poses[WRONG, ENTRIES[ARM]] + 0.7
+    joints[WRONG] = info.body().joint_positions(poses[WRONG]) @ info.R_level_camera
+    confidence[WRONG, OUTER[ARM]] = 0.3
+    wrong.mkdir()
+    (wrong / "config.yaml").write_bytes((run / "config.yaml").read_bytes())
+    info.save(wrong)
+    replace(track, pose=poses, joints=joints, confidence=confidence).save(wrong)
+
+
+def error_of(run: Path, road: Path) -> float:
+    truth = open_recording(road / "take.npz").joints
+    return float(np.nanmean(joint_errors(Track.load(run).joints, truth)[WRONG][:, OUTER[ARM]]))
+
+
+def test_a_limb_that_was_lost_is_found_again(road: Path) -> None:
+    output = road / "stabilised"
+    typed("stabilise", road / "wrong", "--classes", road / "classes.npz", "--output", output, "--rounds", 2)
+    assert error_of(output, road) < 0.6 * error_of(road / "wrong", road)
+    before, after = Track.load(road / "wrong"), Track.load(output)
+    # The neck lies between the shoulders, and the spine below it: they move with a collar bone.
+    moving = ("right_shoulder", "neck", "spine")
+    others = [j for j, name in enumerate(skeleton.REPORTED) if j not in OUTER[ARM] and name not in moving]
+    np.testing.assert_allclose(after.joints[:, others], before.joints[:, others], atol=1e-6)
+    result = json.loads((output / "stabilise.json").read_text())
+    gap = result["rounds"][0]["gaps"][0]
+    assert gap["limb"] == ARM and gap["accepted"] and gap["residual_after"] <= gap["residual_before"]
+    assert {"segments.csv", "segments.json", "annotation.png", "report.html"} <= {p.name for p in output.iterdir()}
+    typed("evaluate", output)
+    typed("track", road / "take.npz", "--database", road / "poses.npz", "--set", "shape.frames=0", "-o", output,
+          "--resume")  # fmt: skip
+    np.testing.assert_array_equal(Track.load(output).joints, after.joints)
+
+
+def test_without_a_gap_nothing_changes(road: Path) -> None:
+    source = open_source(road / "run")
+    quiet = StabiliseSettings(gaps=replace(StabiliseSettings().gaps, hidden=0.0))
+    (only,) = stabilise(source, classes_of("semaphore"), quiet)
+    assert only.track is source.track and only.gaps == ()
+
+
+def test_given_segments_take_the_place_of_labels(road: Path) -> None:
+    (road / "segments.csv").write_text("start,end,label\n0.0,2.3,semaphore\n")
+    rounds = stabilise_run(
+        road / "wrong", road / "classes.npz", road / "given", settings=StabiliseSettings(rounds=1),
+        segments=road / "segments.csv",
+    )  # fmt: skip
+    assert rounds[0].annotation is None and [s.label for s in rounds[0].segments] == ["semaphore"]
+    assert error_of(road / "given", road) < error_of(road / "wrong", road)
+
+
+@pytest.mark.parametrize(
+    ("lines", "match"),
+    [
+        ("0.0,2.0,semaphore\n1.5,2.3,semaphore", "overlaps the one that ends at 2 s"),
+        ("0.0,9.0,semaphore", "ends after the track, which has 2.30 s"),
+        ("2.0,1.0,semaphore", "has no length"),
+        ("0.0,1.0,jump", "bears no known label; the classes are knee_to_elbow, semaphore"),
+    ],
+)
+def test_segments_that_cannot_be_are_refused(road: Path, tmp_path: Path, lines: str, match: str) -> None:
+    (tmp_path / "segments.csv").write_text(f"start,end,label\n{lines}\n")
+    with pytest.raises(RetrievalError, match=match):
+        stabilise_run(road / "run", road / "classes.npz", tmp_path / "out", segments=tmp_path / "segments.csv")
+
+
+def test_classes_without_motions_serve_repetitions_only(road: Path, tmp_path: Path) -> None:
+    save_classes(tmp_path / "plain.npz", [replace(c, motions=()) for c in classes_of("semaphore")])
+    with pytest.raises(RetrievalError, match="holds no class motions; learn .* --repetitions-only"):
+        stabilise_run(road / "run", tmp_path / "plain.npz", tmp_path / "out")
+    typed("stabilise", road / "run", "--classes", tmp_path / "plain.npz", "-o", tmp_path / "out", "--repetitions-only")
+    assert len(Track.load(tmp_path / "out")) == FRAMES
+
+
+def test_no_hit_leaves_the_track_to_what_is_seen(road: Path, tmp_path: Path) -> None:
+    save_classes(tmp_path / "other.npz", classes_of("knee_to_elbow"))
+    rounds = stabilise_run(
+        road / "run", tmp_path / "other.npz", tmp_path / "out", settings=StabiliseSettings(threshold=1e-6, rounds=1)
+    )
+    assert rounds[0].segments == ()
+
+
+def test_what_cannot_be_stabilised_is_refused(road: Path, tmp_path: Path) -> None:
+    with pytest.raises(TrackError, match=r"holds no track\.npz"):
+        stabilise_run(tmp_path, road / "classes.npz", tmp_path / "out")
+    with pytest.raises(UsageError, match="would be overwritten"):
+        stabilise_run(road / "run", road / "classes.npz", road / "run")
+    people = write_people(tmp_path / "people", np.zeros((4, skeleton.POSE_SIZE)))
+    with pytest.raises(UsageError, match="one of several people's runs"):
+        open_source(people / "person_01")
+    other = write_run(tmp_path / "other", np.zeros((4, skeleton.POSE_SIZE)))
+    with pytest.raises(TrackError, match=r"holds no config\.yaml"):
+        open_source(other)
+    replace(RunInfo.load(other), tracker="swarm").save(other)
+    with pytest.raises(UsageError, match="tracker 'swarm'; stabilise needs the hybrid one"):
+        open_source(other)
+
+
+def test_a_recording_that_was_moved_has_to_be_named(road: Path, tmp_path: Path) -> None:
+    moved = tmp_path / "run"
+    moved.mkdir()
+    for name in ("track.npz", "config.yaml"):
+        (moved / name).write_bytes((road / "run" / name).read_bytes())
+    info = RunInfo.load(road / "run")
+    replace(info, recording=str(tmp_path / "gone.npz"), folder="").save(moved)
+    with pytest.raises(RecordingError, match="is gone; put it back there, or name it with --recording"):
+        open_source(moved)
+    assert len(open_source(moved, recording=road / "take.npz").track) == FRAMES
+
+
+def test_several_runs_go_to_folders_of_their_names(tmp_path: Path) -> None:
+    runs = [tmp_path / "a", tmp_path / "b"]
+    assert output_folders(runs, tmp_path / "out") == {run: tmp_path / "out" / run.name for run in runs}
+    with pytest.raises(UsageError, match="two runs are called 'a'"):
+        output_folders([tmp_path / "a", tmp_path / "c" / "a"], tmp_path / "out")

@@ -1,0 +1,60 @@
+"""`depthmocap stabilise`."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from toolkit.errors import UsageError
+
+
+def stabilise(
+    runs: Annotated[
+        list[Path], typer.Argument(metavar="RUN...", help="Run folders of the hybrid tracker.", show_default=False)
+    ],
+    classes: Annotated[
+        Path, typer.Option(help="Class file of `depthmocap annotate --templates --examples`.", show_default=False)
+    ],
+    output: Annotated[
+        Path, typer.Option("--output", "-o", help="Run folder; several runs go to OUTPUT/<name>.", show_default=False)
+    ],
+    rounds: Annotated[int, typer.Option(help="At most so many times.", min=1)] = 5,
+    threshold: Annotated[float, typer.Option(help="Largest cost of a template: share of features that differ.")] = 0.1,
+    segments: Annotated[
+        Path | None, typer.Option(help="CSV of labelled stretches (start, end, label), instead of annotating.")
+    ] = None,
+    repetitions_only: Annotated[
+        bool, typer.Option("--repetitions-only", help="Learn hidden limbs from the person's repetitions alone.")
+    ] = False,
+    recording: Annotated[Path | None, typer.Option(help="Where the recording has been moved to.")] = None,
+    database: Annotated[
+        Path | None, typer.Option("--database", "-d", help="Where the pose database has been moved to.")
+    ] = None,
+) -> None:
+    """Fill in what limbs did while they were hidden, by the motions that are recognised in the track itself."""
+    from rich.table import Table
+
+    from toolkit.cli.terminal import print_table, progress_bars
+    from toolkit.stabilising.settings import StabiliseSettings
+    from toolkit.stabilising.workflow import output_folders, stabilise_run
+
+    if (segments is not None or recording is not None) and len(runs) > 1:
+        raise UsageError("--segments and --recording belong to one run; name one")
+    plain = StabiliseSettings(rounds=rounds, threshold=threshold)
+    settings = replace(plain, expectation=replace(plain.expectation, class_motions=not repetitions_only))
+    table = Table("run", "rounds", "labels", "gaps", "filled", "moved mm", "result")
+    with progress_bars() as bars:
+        for run, folder in output_folders(runs, output).items():
+            done = stabilise_run(
+                run, classes, folder, settings=settings, segments=segments, recording=recording, database=database,
+                progress=bars,
+            )  # fmt: skip
+            gaps = [gap for found in done for gap in found.gaps]
+            table.add_row(
+                run.name, str(len(done)), str(len(done[-1].segments)), str(len(gaps)),
+                str(sum(gap.accepted for gap in gaps)), f"{1000 * sum(found.moved for found in done):.1f}", str(folder),
+            )  # fmt: skip
+    print_table(table)

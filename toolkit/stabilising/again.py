@@ -1,0 +1,121 @@
+"""A recording tracked again with what is expected of hidden limbs, and every way through a gap held against it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from toolkit.fitting.priors import LimbPrior
+from toolkit.fitting.scene import Scene
+from toolkit.retrieval.priors.limbs import OUTER
+from toolkit.sensing.people.lone import LonePerson
+from toolkit.stabilising.settings import StabiliseSettings
+from toolkit.stabilising.source import Source
+from toolkit.stabilising.ways import AGAIN, GapWays
+from toolkit.track import FrameResult
+from toolkit.tracking.clock import StageClock
+from toolkit.tracking.follower import Follower
+from toolkit.tracking.guide import NoGuide
+
+Progress = Callable[[int, int], None]
+
+
+class GapGuide(NoGuide):
+    """What is expected of limbs, where they are hidden and nowhere else (after thesis 6.4.3).
+
+    A prior on all limbs makes those worse that are seen; see `docs/architecture.md`.
+    """
+
+    proposes = True
+
+    def __init__(self, ways: Sequence[GapWays], times: np.ndarray, settings: StabiliseSettings) -> None:
+        self._priors: dict[float, list[LimbPrior]] = {}
+        for way in ways:
+            for place in np.flatnonzero(way.hidden):
+                mean, variance = way.expected.mean[place], way.expected.variance[place]
+                prior = LimbPrior(settings.prior_weight, way.entries, mean, variance + settings.prior_spread**2)
+                self._priors.setdefault(float(times[way.gap.start + place]), []).append(prior)
+
+    def priors(self, timestamp: float) -> Sequence[LimbPrior]:
+        """See `Guide.priors`."""
+        return self._priors.get(timestamp, ())
+
+    def poses(self, timestamp: float, pose: np.ndarray) -> Sequence[np.ndarray]:
+        """See `Guide.poses`: each hidden limb as it is expected."""
+        found = []
+        for prior in self.priors(timestamp):
+            moved = pose.copy()
+            moved[prior.entries] = prior.mean
+            found.append(moved)
+        return found
+
+
+class Again(NamedTuple):
+    """What tracking again gave.
+
+    Attributes
+    ----------
+    rows : one result per frame
+    distances : for each gap float64 (C, D), metres, of every way from every frame; infinite where nobody was seen
+    angles : for each gap float64 (C, D, A), with those of tracking again
+    confidence : for each gap float64 (C, D, 3), of the limb's outer joints on every way
+    """
+
+    rows: list[FrameResult]
+    distances: list[np.ndarray]
+    angles: list[np.ndarray]
+    confidence: list[np.ndarray]
+
+
+def track_again(
+    source: Source, poses: np.ndarray, ways: Sequence[GapWays], settings: StabiliseSettings, progress: Progress
+) -> Again:
+    """Track the recording once more, guided in the gaps, and compare all ways through them with its frames.
+
+    Parameters
+    ----------
+    source : the run
+    poses : float64 (T, P), as they are so far: a way exchanges a limb of theirs
+    ways : through each gap
+    progress : told after each frame
+    """
+    tracker, recording = source.tracker, source.recording
+    tracker.guide = GapGuide(ways, source.track.timestamps, settings)
+    finder = LonePerson(recording.camera, recording.background, tracker.settings.sensing, recording.up_camera)
+    follower = tracker.follower(finder.camera, source.info.R_level_camera, source.body)
+    rows: list[FrameResult] = []
+    angles = [way.angles.copy() for way in ways]
+    distances = [np.full(way.angles.shape[:2], np.inf) for way in ways]
+    confidence = [np.zeros((*way.angles.shape[:2], len(OUTER[way.gap.limb]))) for way in ways]
+    for frame in recording.stream():
+        number = len(rows)
+        if number == len(poses):
+            break
+        (sighting,) = finder.find(frame.depth_mm, frame.timestamp, {})
+        rows.append(follower.step(sighting, frame.timestamp, StageClock(tracker.stage_names)))
+        for gap, way in enumerate(ways):
+            if way.gap.start <= number < way.gap.stop:
+                place = number - way.gap.start
+                angles[gap][way.names.index(AGAIN), place] = rows[-1].pose[way.entries]
+                if follower.observation is not None:
+                    distances[gap][:, place], confidence[gap][:, place] = _compared(
+                        follower, follower.observation.scene, poses[number], way, angles[gap][:, place]
+                    )
+        progress(number + 1, len(poses))
+    return Again(rows, distances, angles, confidence)
+
+
+def _compared(
+    follower: Follower, scene: Scene, pose: np.ndarray, way: GapWays, angles: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """A pose (P,) with a limb's angles (C, A) against a frame: distances (C,) and confidence of its outer joints."""
+    distances, confidence = np.empty(len(angles)), np.empty((len(angles), len(OUTER[way.gap.limb])))
+    for row, own in enumerate(angles):
+        moved = pose.copy()
+        moved[way.entries] = own
+        compared = follower.objective.compare(follower.body, moved, scene)
+        distances[row] = compared.distance
+        confidence[row] = follower.objective.confidence(compared)[OUTER[way.gap.limb]]
+    return distances, confidence

@@ -1,0 +1,211 @@
+"""The loop of the thesis's Fig. 6.1: label a track, say what its hidden limbs probably did, track again, choose."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+
+import numpy as np
+
+from toolkit.kernels import linear
+from toolkit.retrieval.annotation.annotator import Annotation, Annotator, MotionClass
+from toolkit.retrieval.annotation.measures import Segment, frame_scores, label_frames
+from toolkit.retrieval.features.motion import frame_rate_of, from_poses
+from toolkit.retrieval.features.relational import FEATURE_RATE, FeatureMatrix, relational_features
+from toolkit.retrieval.priors.allocation import allocate, unknown_rows
+from toolkit.retrieval.priors.expectation import Told
+from toolkit.retrieval.priors.gaps import Gap, find_gaps
+from toolkit.retrieval.priors.limbs import OUTER
+from toolkit.stabilising.again import Again, track_again
+from toolkit.stabilising.choice import cheapest_path
+from toolkit.stabilising.settings import StabiliseSettings
+from toolkit.stabilising.source import Source
+from toolkit.stabilising.ways import KEPT, GapWays, flags_of, ways_through
+from toolkit.track import Track
+
+SOURCE = "prior"
+"""The source of frames of which a limb was exchanged, in `Track.source_names`."""
+
+Progress = Callable[[str, int, int], None]
+
+
+@dataclass(frozen=True)
+class FilledGap:
+    """What became of a gap.
+
+    Attributes
+    ----------
+    limb, start, stop : which limb, and the frames that were looked at; the last one is exclusive
+    hidden : in how many of them it is hidden
+    sources : ways that were taken, each with its number of frames
+    changed : metres that the limb's outer joints moved, on average over the gap
+    before, after : metres, mean distance of the whole body from its frames
+    """
+
+    limb: str
+    start: int
+    stop: int
+    hidden: int
+    sources: dict[str, int]
+    changed: float
+    before: float
+    after: float
+
+    @property
+    def accepted(self) -> bool:
+        """Whether anything was exchanged."""
+        return set(self.sources) != {KEPT}
+
+
+@dataclass(frozen=True, eq=False)
+class Round:
+    """One turn of the loop: the labels that it began with, its gaps, the track that it left, and what moved.
+
+    Attributes
+    ----------
+    annotation : of the track before, None where the segments were given
+    segments : by which the gaps were filled
+    gaps : what became of each
+    track : afterwards
+    moved : metres, of all joints on average
+    """
+
+    annotation: Annotation | None
+    segments: tuple[Segment, ...]
+    gaps: tuple[FilledGap, ...]
+    track: Track
+    moved: float
+
+
+def stabilise(
+    source: Source,
+    classes: Sequence[MotionClass],
+    settings: StabiliseSettings | None = None,
+    *,
+    segments: Sequence[Segment] | None = None,
+    progress: Progress | None = None,
+) -> list[Round]:
+    """Stabilise a track in rounds; the track of the last one is the result.
+
+    Parameters
+    ----------
+    source : the run
+    classes : motion classes; those with motions say what a limb does, the others which stretches are repetitions
+    segments : labelled stretches in place of those that annotation finds
+    progress : told what is going on
+
+    Raises
+    ------
+    RetrievalError
+        Segments that overlap, end after the track, or bear an unknown label.
+    """
+    settings = settings or StabiliseSettings()
+    track, rounds = source.track, []
+    for number in range(settings.rounds):
+        told = partial(progress or _silent, f"round {number + 1}")
+        found = _round(source, track, classes, settings, segments, told)
+        rounds.append(found)
+        track = found.track
+        if found.moved == 0.0 or (number and _settled(rounds[-2], found, settings)):
+            break
+    return rounds
+
+
+def _silent(doing: str, done: int, total: int) -> None:
+    """Progress that nobody watches."""
+
+
+def _settled(before: Round, after: Round, settings: StabiliseSettings) -> bool:
+    labels = sorted({s.label for s in (*before.segments, *after.segments)})
+    frames = [label_frames(r.segments, labels, len(r.track), FEATURE_RATE) for r in (before, after)]
+    return after.moved < settings.moved and (not labels or frame_scores(*frames).f >= settings.agreed)
+
+
+def _round(
+    source: Source,
+    track: Track,
+    classes: Sequence[MotionClass],
+    settings: StabiliseSettings,
+    segments: Sequence[Segment] | None,
+    progress: Callable[[int, int], None],
+) -> Round:
+    gaps = find_gaps(track.confidence, source.present, settings.gaps)
+    told, annotation, labelled = _told(source, track, classes, gaps, settings, segments)
+    ways = ways_through(told, gaps, settings)
+    if not ways:
+        return Round(annotation, labelled, (), track, 0.0)
+    again = track_again(source, track.pose, ways, settings, progress)
+    paths = [choose(*of_gap, settings) for of_gap in zip(ways, again.distances, again.angles, strict=True)]
+    fresh = _exchanged(source, track, ways, again, paths)
+    moved = linear.lengths((fresh.joints - track.joints).reshape(-1, 3).astype(np.float64)).reshape(len(track), -1)
+    filled = tuple(_filled(*of_gap, moved) for of_gap in zip(ways, paths, again.distances, strict=True))
+    return Round(annotation, labelled, filled, fresh, float(moved.mean()))
+
+
+def choose(way: GapWays, distances: np.ndarray, angles: np.ndarray, settings: StabiliseSettings) -> np.ndarray:
+    """Which way (D,) to take through a gap: near the frames, likely, smooth, and the track's own unless one is better.
+
+    The thesis accepts what it allocates (6.6 names the harm of a wrong one); here what is seen has the last word.
+    """
+    rules = settings.choice
+    spread = way.expected.variance + settings.prior_spread**2
+    unlikely = ((angles - way.expected.mean) ** 2 / spread).sum(axis=2)
+    costs = distances + rules.unlikely * unlikely
+    costs[way.names.index(KEPT)] -= rules.margin
+    costs = np.where(np.isfinite(costs), costs, np.where(np.arange(len(costs))[:, None] == 0, 0.0, np.inf))
+    return cheapest_path(costs, np.nan_to_num(angles), rules.stiffness)
+
+
+def _told(
+    source: Source, track: Track, classes: Sequence[MotionClass], gaps: Sequence[Gap], settings: StabiliseSettings,
+    segments: Sequence[Segment] | None,
+) -> tuple[Told, Annotation | None, tuple[Segment, ...]]:  # fmt: skip
+    """The track with its labels and where its limbs are hidden."""
+    rate = frame_rate_of(track.timestamps)
+    features = relational_features(from_poses(track.pose, source.body, rate, source.run.name))
+    annotation = None
+    if segments is None:
+        annotation = annotate(features, classes, settings.threshold)
+    labelled = tuple(segments if segments is not None else annotation.segments if annotation else ())
+    hidden = flags_of(gaps, len(track))
+    columns = np.minimum(np.rint(np.arange(len(track)) * FEATURE_RATE / rate).astype(np.int64), len(features) - 1)
+    first = np.searchsorted(columns, np.arange(len(features)))
+    unknown = unknown_rows({limb: flags[first] for limb, flags in hidden.items()}, len(features))
+    allocation = allocate(features, labelled, classes, unknown).at(columns)
+    return Told(track.pose, track.timestamps, hidden, allocation, classes), annotation, labelled
+
+
+def annotate(features: FeatureMatrix, classes: Sequence[MotionClass], threshold: float) -> Annotation | None:
+    """The labels of a track without keyframes (thesis 6.3); None for one that is too short for any class."""
+    annotator = Annotator([replace(motion_class, threshold=threshold) for motion_class in classes])
+    return annotator.annotate(features) if len(features) >= annotator.shortest else None
+
+
+def _exchanged(
+    source: Source, track: Track, ways: Sequence[GapWays], again: Again, paths: Sequence[np.ndarray]
+) -> Track:
+    """The track with the limbs that were chosen, and what their joints can be trusted there."""
+    poses, confidence, touched = track.pose.copy(), track.confidence.copy(), np.zeros(len(track), dtype=np.bool_)
+    for way, angles, trust, path in zip(ways, again.angles, again.confidence, paths, strict=True):
+        outer = OUTER[way.gap.limb]
+        for place in np.flatnonzero(path != way.names.index(KEPT)):
+            frame = way.gap.start + place
+            poses[frame, way.entries] = angles[path[place], place]
+            confidence[frame, outer] = trust[path[place], place]
+            touched[frame] = True
+    joints, at = track.joints.copy(), track.source.copy()
+    for frame in np.flatnonzero(touched):
+        joints[frame] = linear.rotated(source.body.joint_positions(poses[frame]), source.info.R_level_camera)
+    names = track.source_names if SOURCE in track.source_names else (*track.source_names, SOURCE)
+    at[touched] = names.index(SOURCE)
+    return replace(track, joints=joints, pose=poses, confidence=confidence, source=at, source_names=names)
+
+
+def _filled(way: GapWays, path: np.ndarray, distances: np.ndarray, moved: np.ndarray) -> FilledGap:
+    gap, here = way.gap, np.arange(len(path))
+    taken = {name: int((path == row).sum()) for row, name in enumerate(way.names) if (path == row).any()}
+    seen = np.isfinite(distances[0])
+    before, after = (float(d[seen].mean()) if seen.any() else 0.0 for d in (distances[0], distances[path, here]))
+    changed = float(moved[gap.start : gap.stop, OUTER[gap.limb]].mean())
+    return FilledGap(gap.limb, gap.start, gap.stop, int(way.hidden.sum()), taken, changed, before, after)

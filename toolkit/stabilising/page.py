@@ -1,0 +1,177 @@
+"""One page about a stabilised run: labels, gaps, the largest changes, and the error where the truth is known."""
+
+from __future__ import annotations
+
+import base64
+import io
+from collections.abc import Sequence
+from html import escape
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from toolkit.body import skeleton
+from toolkit.evaluation.joints import frame_errors, joint_errors
+from toolkit.files import save_text
+from toolkit.retrieval.priors.limbs import LIMBS, OUTER
+from toolkit.stabilising.loop import Round
+from toolkit.stabilising.source import Source
+from toolkit.stabilising.ways import KEPT
+from toolkit.track import Track
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+PAGE = "report.html"
+SHOWN = 3
+"""Changes that are drawn."""
+APART = 20
+"""Frames between two changes that are drawn."""
+MARGIN = 12
+"""Pixels around the person."""
+_BONES = (
+    ("pelvis", "spine"), ("spine", "neck"), ("neck", "head"),
+    *((f"{side}_{a}", f"{side}_{b}") for side in ("left", "right") for a, b in (
+        ("shoulder", "elbow"), ("elbow", "wrist"), ("wrist", "hand"), ("hip", "knee"), ("knee", "ankle"),
+        ("ankle", "foot"),
+    )),
+    ("neck", "left_shoulder"), ("neck", "right_shoulder"), ("pelvis", "left_hip"), ("pelvis", "right_hip"),
+)  # fmt: skip
+_STYLE = """body{font:15px/1.5 sans-serif;max-width:76em;margin:2em auto;padding:0 1em;color:#222}
+table{border-collapse:collapse;margin:1em 0}td,th{padding:.25em .8em;border-bottom:1px solid #ccc;text-align:left}
+img{max-width:100%}"""
+
+
+def write_page(source: Source, rounds: Sequence[Round], folder: Path) -> Path:
+    """Write `report.html` into a folder (after the thesis's Fig. 6.11, 6.13 and 6.14)."""
+    name = escape(source.run.name)
+    last = rounds[-1]
+    parts = [
+        f"<!doctype html><html lang='en'><head><meta charset='utf-8'><title>{name}</title><style>{_STYLE}</style>",
+        f"</head><body><h1>{name}: stabilised</h1>",
+        f"<p>{len(rounds)} rounds; {sum(g.accepted for r in rounds for g in r.gaps)} of "
+        f"{sum(len(r.gaps) for r in rounds)} gaps were filled.</p>",
+        _picture(_curves(source, rounds), "costs, gaps and errors over time"),
+    ]
+    changes = largest_changes(source.track, last.track)
+    if changes:
+        parts.append("<h2>The largest changes</h2><p>Red: before. Green: afterwards. White: the truth, if known.</p>")
+        parts.append(_picture(_drawn(source, last.track, changes), "poses before and after"))
+    parts.append("<h2>Gaps</h2>" + _table(source, rounds))
+    path = folder / PAGE
+    save_text(path, "\n".join(parts) + "</body></html>\n")
+    return path
+
+
+def largest_changes(before: Track, after: Track) -> list[int]:
+    """Frames in which limbs moved most, at most `SHOWN`, apart from each other."""
+    moved = np.linalg.norm(after.joints - before.joints, axis=2).max(axis=1)
+    found: list[int] = []
+    for frame in np.argsort(-moved, kind="stable"):
+        if moved[frame] <= 0.0 or len(found) == SHOWN:
+            break
+        if all(abs(int(frame) - other) >= APART for other in found):
+            found.append(int(frame))
+    return found
+
+
+def _truth(source: Source) -> np.ndarray | None:
+    """True joints (T, 20, 3) of the one person, if the recording knows them."""
+    joints = source.recording.joints
+    return None if joints is None or np.ndim(joints) != 3 else np.asarray(joints)
+
+
+def _curves(source: Source, rounds: Sequence[Round]) -> Figure:
+    from matplotlib.figure import Figure
+
+    times = source.track.timestamps
+    truth = _truth(source)
+    figure = Figure(figsize=(11.0, 7.0), layout="constrained")
+    costs, gaps, errors = figure.subplots(3, 1, sharex=True)
+    for number, found in enumerate(rounds, start=1):
+        if found.annotation is not None:
+            least = found.annotation.distances.min(axis=0)
+            own = times[0] + np.arange(len(least)) / found.annotation.frame_rate
+            costs.plot(own, np.where(np.isfinite(least), least, np.nan), label=f"round {number}")
+            costs.legend(fontsize=7)
+    costs.set_ylabel("least cost", fontsize=8)
+    for segment in rounds[-1].segments:
+        costs.axvspan(times[0] + segment.start, times[0] + segment.end, color="0.9", lw=0)
+        costs.text(times[0] + segment.start, costs.get_ylim()[1], segment.label, fontsize=6, va="top")
+    for gap in (g for found in rounds for g in found.gaps):
+        colour = "tab:green" if gap.accepted else "0.7"
+        gaps.barh(LIMBS.index(gap.limb), times[gap.stop - 1] - times[gap.start], left=times[gap.start], color=colour)
+    gaps.set_yticks(range(len(LIMBS)), [limb.replace("_", " ") for limb in LIMBS], fontsize=8)
+    gaps.set_title("gaps: filled (green) and left as they were", fontsize=9, loc="left")
+    for track, colour, label in ((source.track, "tab:red", "before"), (rounds[-1].track, "tab:green", "afterwards")):
+        if truth is not None:
+            own_errors = frame_errors(joint_errors(track.joints, truth[: len(track)]))
+            errors.plot(times, 1000.0 * own_errors, color=colour, lw=0.9, label=label)
+        else:
+            limbs = np.concatenate([OUTER[limb] for limb in LIMBS])
+            errors.plot(times, track.confidence[:, limbs].mean(axis=1), color=colour, lw=0.9, label=label)
+    errors.set_ylabel("mean error, mm" if truth is not None else "confidence of the limbs", fontsize=8)
+    errors.set_xlabel("time, s", fontsize=8)
+    errors.legend(fontsize=7)
+    return figure
+
+
+def _drawn(source: Source, after: Track, frames: Sequence[int]) -> Figure:
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(4.0 * len(frames), 4.6), layout="constrained")
+    panels = figure.subplots(1, len(frames), squeeze=False)[0]
+    truth, camera = _truth(source), source.recording.camera
+    depths = {i: f.depth_mm for i, f in enumerate(source.recording.stream()) if i in set(frames)}
+    for panel, frame in zip(panels, frames, strict=True):
+        depth = np.where(depths[frame] > 0, depths[frame], np.nan)
+        panel.imshow(depth, cmap="gray_r")
+        shown = [(source.track.joints[frame], "tab:red"), (after.joints[frame], "tab:green")]
+        if truth is not None:
+            shown.insert(0, (truth[frame], "white"))
+        for joints, colour in shown:
+            _draw_bones(panel, camera.project(joints), colour)
+        pixels = camera.project(after.joints[frame])
+        low, high = pixels.min(axis=0) - MARGIN, pixels.max(axis=0) + MARGIN
+        panel.set(xlim=(low[0], high[0]), ylim=(high[1], low[1]), xticks=[], yticks=[])
+        panel.set_title(f"frame {frame}", fontsize=9)
+    return figure
+
+
+def _draw_bones(panel: Axes, pixels: np.ndarray, colour: str) -> None:
+    for a, b in _BONES:
+        ends = pixels[[skeleton.REPORTED.index(a), skeleton.REPORTED.index(b)]]
+        panel.plot(ends[:, 0], ends[:, 1], color=colour, lw=1.6)
+
+
+def _picture(figure: Figure, words: str) -> str:
+    stream = io.BytesIO()
+    figure.savefig(stream, dpi=100, format="png")
+    return f"<img alt='{words}' src='data:image/png;base64,{base64.b64encode(stream.getvalue()).decode('ascii')}'>"
+
+
+def _table(source: Source, rounds: Sequence[Round]) -> str:
+    head = (
+        "round",
+        "limb",
+        "from (s)",
+        "to (s)",
+        "hidden frames",
+        "taken",
+        "moved (mm)",
+        "distance before, after (mm)",
+    )
+    times = source.track.timestamps
+    lines = ["<table><tr>" + "".join(f"<th>{word}</th>" for word in head) + "</tr>"]
+    for number, found in enumerate(rounds, start=1):
+        for gap in found.gaps:
+            taken = ", ".join(f"{name} {count}" for name, count in gap.sources.items() if name != KEPT) or "nothing"
+            row = (
+                str(number), gap.limb.replace("_", " "), f"{times[gap.start]:.2f}", f"{times[gap.stop - 1]:.2f}",
+                str(gap.hidden), escape(taken), f"{1000 * gap.changed:.0f}",
+                f"{1000 * gap.before:.1f}, {1000 * gap.after:.1f}",
+            )  # fmt: skip
+            lines.append("<tr>" + "".join(f"<td>{cell}</td>" for cell in row) + "</tr>")
+    return "\n".join(lines) + "</table>"

@@ -1,0 +1,163 @@
+"""Stabilising from files to files: run folders and a class file in, run folders and reports out."""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, replace
+from pathlib import Path
+
+from toolkit.errors import RetrievalError, UsageError
+from toolkit.files import check_output, locked, save_json
+from toolkit.pipeline.sink import CONFIG_FILE
+from toolkit.retrieval.annotation.annotator import MotionClass
+from toolkit.retrieval.annotation.classes import load_classes
+from toolkit.retrieval.annotation.measures import Segment
+from toolkit.retrieval.annotation.report import REPORT_FILES, read_segments, write_report
+from toolkit.stabilising.loop import Round, stabilise
+from toolkit.stabilising.page import write_page
+from toolkit.stabilising.settings import StabiliseSettings
+from toolkit.stabilising.source import Source, open_source
+from toolkit.track import RUN_FILE, TRACK_FILE
+
+RESULT_FILE = "stabilise.json"
+
+Progress = Callable[[str, int, int], None]
+
+
+def stabilise_run(
+    run: str | Path,
+    classes: str | Path,
+    output: str | Path,
+    *,
+    settings: StabiliseSettings | None = None,
+    segments: str | Path | None = None,
+    recording: str | Path | None = None,
+    database: str | Path | None = None,
+    progress: Progress | None = None,
+) -> list[Round]:
+    """Stabilise a run and write a run folder with its report (`depthmocap stabilise`).
+
+    Parameters
+    ----------
+    run : a finished run of one person, by the hybrid tracker
+    classes : class file that `depthmocap annotate --templates` wrote
+    output : a run folder, with segments.csv and .json, annotation.png, stabilise.json and report.html
+    settings : see `StabiliseSettings`
+    segments : CSV of labelled stretches (start, end, label), in place of those that annotation finds
+    recording, database : where they have been moved to
+    progress : told what is going on
+
+    Returns
+    -------
+    The rounds; the track of the last one is what was written.
+
+    Raises
+    ------
+    TrackError
+        There is no finished run.
+    RecordingError, DatabaseError
+        The recording or the database is gone or has changed.
+    RetrievalError
+        The class file holds no motions, or the segments cannot be.
+    UsageError
+        The output is the run itself, or the run is of several people or of another tracker.
+    """
+    settings, folder = settings or StabiliseSettings(), Path(output)
+    for name in (TRACK_FILE, RUN_FILE, CONFIG_FILE, RESULT_FILE, *REPORT_FILES):
+        check_output(folder / name, [Path(run) / TRACK_FILE, Path(run) / RUN_FILE, Path(run) / CONFIG_FILE, classes])
+    wanted = _classes(classes, settings)
+    source = open_source(run, recording=recording, database=database)
+    labelled = None if segments is None else _segments(segments, source, wanted)
+    with locked(folder):
+        rounds = stabilise(source, wanted, settings, segments=labelled, progress=progress)
+        _write(source, rounds, settings, folder)
+    return rounds
+
+
+def _classes(path: str | Path, settings: StabiliseSettings) -> list[MotionClass]:
+    """The classes; without motions only where repetitions alone are asked for."""
+    classes = load_classes(path)
+    if settings.expectation.class_motions and not any(c.motions for c in classes):
+        raise RetrievalError(
+            f"{path} holds no class motions; learn the classes again with `depthmocap annotate --templates`, or "
+            "stabilise with --repetitions-only"
+        )
+    return classes
+
+
+def _segments(path: str | Path, source: Source, classes: Sequence[MotionClass]) -> list[Segment]:
+    """Labelled stretches that lie in the track, one after the other.
+
+    Raises
+    ------
+    RetrievalError
+        One ends before it begins, after the track, or overlaps another; or its label is of no class.
+    """
+    found = sorted(read_segments(path), key=lambda s: s.start)
+    last = float(source.track.timestamps[-1] - source.track.timestamps[0]) if len(source.track) else 0.0
+    labels = [c.label for c in classes]
+    for before, segment in zip([None, *found], found, strict=False):
+        what = f"segment {segment.label!r} of {path} from {segment.start:g} to {segment.end:g} s"
+        if not 0.0 <= segment.start < segment.end:
+            raise RetrievalError(f"{what} has no length; correct it")
+        if segment.end > last + 0.5:
+            raise RetrievalError(f"{what} ends after the track, which has {last:.2f} s; correct it")
+        if before is not None and segment.start < before.end - 1e-6:
+            raise RetrievalError(f"{what} overlaps the one that ends at {before.end:g} s; a frame bears one label")
+        if segment.label not in labels:
+            raise RetrievalError(f"{what} bears no known label; the classes are {', '.join(labels)}")
+    return found
+
+
+def _write(source: Source, rounds: Sequence[Round], settings: StabiliseSettings, folder: Path) -> None:
+    """The run folder and what belongs to it; the track comes last, so that a folder with one is whole."""
+    folder.mkdir(parents=True, exist_ok=True)
+    annotation = rounds[-1].annotation
+    if annotation is not None:
+        write_report(replace(annotation, segments=rounds[-1].segments), folder)
+    save_json(folder / RESULT_FILE, result_of(source, rounds, settings))
+    write_page(source, rounds, folder)
+    shutil.copyfile(source.run / CONFIG_FILE, folder / CONFIG_FILE)
+    source.info.save(folder)
+    rounds[-1].track.save(folder)
+
+
+def result_of(source: Source, rounds: Sequence[Round], settings: StabiliseSettings) -> dict[str, object]:
+    """What `stabilise.json` says: rounds, labels, gaps and what they were filled from."""
+    times = source.track.timestamps
+
+    def gaps(found: Round) -> list[dict[str, object]]:
+        return [
+            {
+                "limb": gap.limb, "start": float(times[gap.start]), "end": float(times[gap.stop - 1]),
+                "hidden_frames": gap.hidden, "sources": gap.sources, "accepted": gap.accepted,
+                "changed": gap.changed, "residual_before": gap.before, "residual_after": gap.after,
+            }
+            for gap in found.gaps
+        ]  # fmt: skip
+
+    return {
+        "run": source.run.name,
+        "settings": asdict(settings),
+        "rounds": [
+            {"segments": [asdict(s) for s in found.segments], "gaps": gaps(found), "moved": found.moved}
+            for found in rounds
+        ],
+    }
+
+
+def output_folders(runs: Sequence[Path], output: Path) -> dict[Path, Path]:
+    """Where each run goes: one into `output` itself, several into `output`/<name>.
+
+    Raises
+    ------
+    UsageError
+        Two runs have one name.
+    """
+    if len(runs) == 1:
+        return {runs[0]: output}
+    names = [run.resolve().name for run in runs]
+    if twice := sorted({name for name in names if names.count(name) > 1}):
+        raise UsageError(f"two runs are called {twice[0]!r}, and so would be their results; rename one")
+    return {run: output / name for run, name in zip(runs, names, strict=True)}

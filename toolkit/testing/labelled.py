@@ -1,0 +1,164 @@
+"""Sequences: recordings of several clips of one actor, joined at the poses, whose motion classes are known.
+
+Eight sequences per split: kicks and elbow to knee from the front and from the side, arm rotations, throws, grabs from
+the side, hops and squats. The `tune` split is HDM05 actor bk, the `report` split actor dg. With filler, excerpts of
+other motions of CMU stand between the clips; neither they nor the joins belong to a class.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from toolkit.body import skeleton
+from toolkit.body.body import Body
+from toolkit.body.shape import subject_body
+from toolkit.mocap.clip import PoseClip
+from toolkit.mocap.read import read_clip
+from toolkit.mocap.retarget import retarget
+from toolkit.retrieval.annotation.measures import Segment
+from toolkit.simulation.sensors import make_sensor
+from toolkit.simulation.simulate import simulate_recording
+from toolkit.testing.suite import MOCAP, RATE, Take, digest_of, distance_needed, in_place
+
+ACTORS = {"tune": "bk", "report": "dg"}
+JOIN = 12
+"""Frames (0.4 s) between two clips, eased."""
+FILLERS = ("02_05", "49_10", "49_06")
+"""CMU clips of which excerpts stand between the clips of the second set."""
+FILLER = 60
+"""Frames of an excerpt."""
+
+
+@dataclass(frozen=True)
+class MotionSequence:
+    """A sequence before it is made.
+
+    Attributes
+    ----------
+    name : in tables
+    motions : kinds of motion as in the names of the files, with the most clips of each
+    body, sensor, yaw : as in `suite.Take`
+    """
+
+    name: str
+    motions: tuple[tuple[str, int], ...]
+    body: str
+    sensor: str = "kinect"
+    yaw: float = 0.0
+
+
+SEQUENCES = (
+    MotionSequence("kick_front", (("kick", 5),), "slim_male", "tof", 10.0),
+    MotionSequence("kick_side", (("kick", 5),), "short_female", yaw=-60.0),
+    MotionSequence("elbow_front", (("elbowToKnee", 4),), "tall_male", yaw=-15.0),
+    MotionSequence("elbow_side", (("elbowToKnee", 4),), "heavy_female", "tof", 70.0),
+    MotionSequence("arms", (("rotateArms", 4),), "average_female", yaw=20.0),
+    MotionSequence("throw", (("throwBasketball", 3),), "athletic_male", "tof", 30.0),
+    MotionSequence("grab_side", (("grabHigh", 4),), "elderly", yaw=50.0),
+    MotionSequence("hop_squat", (("hop", 3), ("squat", 3)), "heavy_male", yaw=-25.0),
+)
+
+
+@dataclass(frozen=True, eq=False)
+class Performed:
+    """A sequence on its subject's body: poses at `suite.RATE`, and the true segments, seconds."""
+
+    clip: PoseClip
+    body: Body
+    segments: tuple[Segment, ...]
+
+
+def label_of(path: Path) -> str:
+    """Motion class of a clip of HDM05: the third word of its name."""
+    return path.stem.split("_")[2]
+
+
+def clips_of(actor: str, motion: str = "") -> list[Path]:
+    """Clips of an actor of HDM05 whose class begins with `motion`, sorted."""
+    return sorted(MOCAP.glob(f"hdm05/HDM_{actor}_{motion}*.amc"))
+
+
+def class_clips(split: str) -> dict[Path, str]:
+    """Clips of the actors who are not in the split, with their classes: what is known before."""
+    others = sorted({"bd", "bk", "dg"} - {ACTORS[split]})
+    return {path: label_of(path) for actor in others for path in clips_of(actor)}
+
+
+def perform(sequence: MotionSequence, split: str, *, filler: bool = False) -> Performed:
+    """The sequence by the split's actor."""
+    body = subject_body(sequence.body, seed=7 if split == "tune" else 107)
+    paths = [path for motion, most in sequence.motions for path in clips_of(ACTORS[split], motion)[:most]]
+    parts: list[tuple[np.ndarray, str | None]] = []
+    for number, path in enumerate(paths):
+        parts.append((retarget(read_clip(path).resampled(RATE), body).poses, label_of(path)))
+        if filler and number % 2:
+            other = retarget(read_clip(MOCAP / f"cmu/{FILLERS[number // 2 % 3]}.bvh").resampled(RATE), body).poses
+            parts.append((other[20 : 20 + FILLER], None))
+    poses, segments = joined(parts)
+    return Performed(PoseClip(sequence.name, in_place(poses), RATE, sequence.name), body, segments)
+
+
+def joined(parts: Sequence[tuple[np.ndarray, str | None]]) -> tuple[np.ndarray, tuple[Segment, ...]]:
+    """Poses (T, P) of parts one after the other, each turned and moved to where the one before it ended.
+
+    Between two parts lie `JOIN` frames that ease from pose to pose; they bear no label.
+    """
+    pieces, segments, frames = [parts[0][0]], [], 0
+    for number, (part, label) in enumerate(parts):
+        if number:
+            part = _continuing(pieces[-1][-1], part)
+            pieces += [_eased(pieces[-1][-1], part[0]), part]
+            frames += JOIN
+        if label is not None:
+            segments.append(Segment(frames / RATE, (frames + len(part)) / RATE, label))
+        frames += len(part)
+    return np.concatenate(pieces), tuple(segments)
+
+
+def record_sequence(
+    sequence: MotionSequence, split: str, work: Path, *, filler: bool = False
+) -> tuple[Path, Performed]:
+    """The sequence as a recording in `work`, made if it is not there yet, and what was performed."""
+    made_by = (perform, joined, _continuing, _eased)
+    folders = ["toolkit/simulation", "toolkit/mocap", "toolkit/body"]
+    digest = digest_of(made_by, folders, sequence, split, filler)
+    path = work / "sequences" / f"{sequence.name}_{split}{'_filler' if filler else ''}_{digest}.npz"
+    done = perform(sequence, split, filler=filler)
+    if not path.exists():
+        take = Take("basic", sequence.name, sequence.body, sequence.sensor, yaw=sequence.yaw, height=1.1)
+        distance = distance_needed(take, done.body, done.clip, make_sensor(sequence.sensor).camera)
+        simulate_recording(
+            done.clip, path, body=done.body, sensor=sequence.sensor, distance=distance, height=take.height,
+            yaw=sequence.yaw, seed=len(sequence.name), furnished=False,
+        )  # fmt: skip
+    return path, done
+
+
+def _continuing(last: np.ndarray, part: np.ndarray) -> np.ndarray:
+    """A part (T, P) turned about the vertical and moved over the floor so that it begins where `last` (P,) stands."""
+    turn = Rotation.from_euler("y", _yaw(last) - _yaw(part[0]))
+    moved = part.copy()
+    moved[:, :3] = turn.apply(part[:, :3] - part[0, :3] * [1.0, 0.0, 1.0]) + last[:3] * [1.0, 0.0, 1.0]
+    moved[:, skeleton.ROOT_ROTATION] = (turn * Rotation.from_rotvec(part[:, skeleton.ROOT_ROTATION])).as_rotvec()
+    return moved
+
+
+def _yaw(pose: np.ndarray) -> float:
+    facing = Rotation.from_rotvec(pose[skeleton.ROOT_ROTATION]).apply([0.0, 0.0, 1.0])
+    return float(np.arctan2(facing[0], facing[2]))
+
+
+def _eased(before: np.ndarray, after: np.ndarray) -> np.ndarray:
+    """`JOIN` poses strictly between two."""
+    place = np.arange(1, JOIN + 1)[:, None] / (JOIN + 1.0)
+    ease = place * place * (3.0 - 2.0 * place)
+    poses = before + ease * (after - before)
+    first, last = (Rotation.from_rotvec(pose[skeleton.ROOT_ROTATION]) for pose in (before, after))
+    turn = (last * first.inv()).as_rotvec()
+    poses[:, skeleton.ROOT_ROTATION] = (Rotation.from_rotvec(ease * turn) * first).as_rotvec()
+    return poses
