@@ -168,7 +168,7 @@ class PoseModel:
         interpreter.invoke()
         rows, flag, heat = (np.asarray(interpreter.get_tensor(k))[0] for k in self._outputs)
         rows = rows.reshape(POINTS, 5).astype(np.float64)
-        points = refined(rows[:, :2], heat)
+        points = refined(rows[:, :2], heat) - 0.5
         return Landmarks(crop.placed(points), _share(rows[:, 3]), float(flag[0]))
 
 
@@ -182,9 +182,10 @@ def cropped(picture: np.ndarray, crop: Crop) -> np.ndarray:
 
 
 def refined(points: np.ndarray, heat: np.ndarray) -> np.ndarray:
-    """Points (39, 2), pixels of the crop, moved to the middle of the heat around them where it is sure.
+    """Points (39, 2), moved to the middle of the heat around them where it is sure.
 
-    `heat` (64, 64, 39) holds logits.
+    `heat` (64, 64, 39) holds logits. The network measures from the crop's upper left corner, which is half a pixel
+    before the centre of its first pixel, and means the corner of a cell of heat, not its middle.
     """
     moved, scale = points.copy(), HEAT_SIDE / SIDE
     for k, (x, y) in enumerate(points * scale):
@@ -196,8 +197,8 @@ def refined(points: np.ndarray, heat: np.ndarray) -> np.ndarray:
         if around.max() < HEAT_LEAST:
             continue
         total, height, width = around.sum(), *around.shape
-        moved[k, 0] = ((around.sum(axis=0) * (u0 + 0.5 + np.arange(width))).sum() / total) / scale - 0.5
-        moved[k, 1] = ((around.sum(axis=1) * (v0 + 0.5 + np.arange(height))).sum() / total) / scale - 0.5
+        moved[k, 0] = ((around.sum(axis=0) * (u0 + np.arange(width))).sum() / total) / scale
+        moved[k, 1] = ((around.sum(axis=1) * (v0 + np.arange(height))).sum() / total) / scale
     return moved
 
 
