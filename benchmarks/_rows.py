@@ -32,7 +32,7 @@ ROWS: dict[str, tuple[str, dict[str, Any]]] = {
     "local": ("hybrid", {"patience": 1_000_000, "hypotheses": ["local", "extrema", "joints"]}),
     "lookup": ("hybrid", {"hypotheses": ["extrema", "joints"]}),
     "baak2013": ("baak2013", {}),
-    "no shape": ("hybrid", {"shape.frames": 0}),
+    "no shape": ("hybrid", {"shape.seconds": 0.0}),
     "no prior": ("hybrid", {"fitting.prior_weight": 0.0}),
     "no regressor": ("hybrid", {"hypotheses": ["local", "extrema", "arms"]}),
     "no cloud": ("hybrid", {"fitting.cloud_samples": 0}),

@@ -14,7 +14,7 @@ from toolkit.body.body import Body
 from toolkit.fitting.objective import WORSE, Comparison
 from toolkit.sensing.cloud import Cloud
 from toolkit.tracking.search.protocol import Hypothesis, Proposal, Rival
-from toolkit.tracking.state import PersonState
+from toolkit.tracking.state import FIRST_STEP, PersonState
 
 CENTRE = np.array([0.1, 0.2, -3.0])
 FACING = np.array([0.6, 0.8])
@@ -41,6 +41,7 @@ def observation(extrema: int = 20, votes: Any = None, **others: Any) -> Any:
         "scene": object(),
         "centre": CENTRE,
         "facing": FACING,
+        "elapsed": FIRST_STEP,
         "yaw": float(np.arctan2(*FACING)),
         "extrema": SimpleNamespace(points=points),
         "free_extrema": points.astype(np.float64),

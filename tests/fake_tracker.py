@@ -42,10 +42,10 @@ class FakeTracker:
     database = ""
 
     def __init__(
-        self, seconds: float = 0.0, broken: int | None = None, weight: float = 0.5, learning_frames: int = 0
+        self, seconds: float = 0.0, broken: int | None = None, weight: float = 0.5, learning_seconds: float = 0.0
     ) -> None:
         self.settings = FakeSettings(weight=weight)
-        self.seconds, self.broken, self.learning_frames = seconds, broken, learning_frames
+        self.seconds, self.broken, self.learning_seconds = seconds, broken, learning_seconds
         self.steps = 0
         self.learnt: list[int] = []
 

@@ -23,7 +23,7 @@ from toolkit.testing.misled import wrong_pose
 from toolkit.testing.suite import GROUPS, REPORT, TUNE, chosen_takes, performed, record, takes
 from toolkit.tracking.solo import Solo
 
-QUICK = ("--set", "shape.frames=2")
+QUICK = ("--set", "shape.seconds=0.1")
 """The shape is learnt from two frames only."""
 
 

@@ -32,4 +32,4 @@ def test_the_hybrid_file_shows_the_defaults() -> None:
 def test_the_papers_variant_has_its_two_hypotheses_and_nothing_learnt() -> None:
     settings = load_settings(HybridSettings, "baak2013")
     assert settings.hypotheses == ("local", "extrema")
-    assert settings.shape.frames == 0 and settings.fitting.prior_weight == 0.0 and settings.fitting.cloud_samples == 0
+    assert settings.shape.seconds == 0 and settings.fitting.prior_weight == 0.0 and settings.fitting.cloud_samples == 0

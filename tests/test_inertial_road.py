@@ -33,7 +33,7 @@ def road(tmp_path_factory: pytest.TempPathFactory) -> Path:
     build_database(None, folder / "poses.npz", parts=None, workers=1)
     clip = PoseClip("semaphore", poses_of("semaphore")[:110], RATE, "bundled")
     simulate_recording(clip, folder / "take.npz", furnished=False, distance=2.6, sensors=Worn(LIMBS, "mtx"))
-    words = ("--database", folder / "poses.npz", "--set", "shape.frames=0")
+    words = ("--database", folder / "poses.npz", "--set", "shape.seconds=0")
     typed("track", folder / "take.npz", *words, "--output", folder / "run")
     return folder
 
@@ -57,7 +57,7 @@ def test_an_injected_error_is_found_in_a_real_track(road: Path) -> None:
 def test_the_sensors_guide_the_tracker_and_do_not_check_it_then(road: Path) -> None:
     sensors, calibration, guided = road / "take_sensors.npz", road / "calibration.json", road / "guided"
     typed("inertial", "calibrate", road / "run", "--sensors", sensors, "--output", calibration)
-    words = ("--database", road / "poses.npz", "--set", "shape.frames=0")
+    words = ("--database", road / "poses.npz", "--set", "shape.seconds=0")
     typed("track", road / "take.npz", *words, "--inertial", sensors, "--calibration", calibration, "--output", guided)
     truth = open_recording(road / "take.npz").joints
     plain, better = (np.nanmean(joint_errors(Track.load(run).joints, truth)) for run in (road / "run", guided))

@@ -79,7 +79,7 @@ def test_the_benchmark_scores_everybody_and_draws_the_worst(
     build_database(
         procedural_clips(["wave"], variations=1), database, threshold=0.05, seated=False, parts=parts, workers=1
     )
-    arguments = ["--groups", "behind,several,empty", "--takes", 1, "--frames", 3, "--set", "shape.frames=0"]
+    arguments = ["--groups", "behind,several,empty", "--takes", 1, "--frames", 3, "--set", "shape.seconds=0"]
     monkeypatch.setattr(
         sys, "argv", ["bench", *map(str, arguments), "--database", str(database), "--work", str(bundled)]
     )

@@ -230,11 +230,11 @@ def test_a_first_frame_has_no_step_before_it() -> None:
     assert person.state.previous is not None and person.state.previous.before is None
 
 
-def test_patience_is_counted_and_then_the_person_is_looked_for_anew() -> None:
+def test_patience_lasts_its_seconds_and_then_the_person_is_looked_for_anew() -> None:
     person = follower([FakeSearch("first", Proposal((says("local", pose_at(1.0), HOPELESS),)))], **followed())
     states = []
     for frame in range(4):
-        assert step(person, timestamp=float(frame)).state == LOST
+        assert step(person, timestamp=frame + 1.0).state == LOST
         states.append((person.state.lost, person.state.previous is None))
     assert states == [(1, False), (2, False), (0, True), (1, False)]
     assert person.state.pose is not None

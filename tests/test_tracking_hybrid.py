@@ -338,7 +338,7 @@ def test_clouds_of_a_few_points_are_survived(database: PoseDatabase, recording: 
 def test_frames_that_no_pose_explains_are_lost_and_the_search_begins_anew(
     database: PoseDatabase, recording: Recording
 ) -> None:
-    settings = replace(SETTINGS, lost_distance=1e-6, patience=2)
+    settings = replace(SETTINGS, lost_distance=1e-6, patience=1.5 / 30.0)
     found = run(known(database, settings), recording, 6)
     check_sound(found)
     assert {result.state for result in found} == {LOST}

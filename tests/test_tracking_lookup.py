@@ -35,7 +35,7 @@ from toolkit.tracking.search.labelings import (
     labelings,
 )
 from toolkit.tracking.search.votes import VotesQuery, facing_of_joints
-from toolkit.tracking.state import Previous
+from toolkit.tracking.state import FIRST_STEP, Previous
 
 # A person with the left hand beside the head: left hand, right hand, left foot, right foot, head.
 STANDING = np.array([[0.2, 0.5, 0.0], [-0.7, 0.3, 0.0], [0.15, -0.9, 0.1], [-0.15, -0.9, 0.1], [0.0, 0.6, 0.0]])
@@ -77,24 +77,25 @@ def test_jumping_extrema_add_the_twelve_labelings_with_the_lowest_two_as_feet() 
 
 
 def test_extra_labelings_come_only_with_a_jump_and_each_labeling_once() -> None:
-    settings = LookupSettings(label_distance=0.5, jump_distance=0.2)
+    settings = LookupSettings(label_distance=0.5, jump_speed=6.0)
     admissible = as_set(admissible_labelings(STANDING, STANDING, 0.5))
     extra = as_set(feet_below_labelings(STANDING))
     assert admissible & extra and admissible - extra == set() and len(extra) > len(admissible)
-    calm = labelings(STANDING, STANDING, STANDING[::-1] + 0.05, settings)
+    calm = labelings(STANDING, STANDING, STANDING[::-1] + 0.05, FIRST_STEP, settings)
     jumped = STANDING + [[0.0, 0.0, 0.0], [0.0, 0.0, 0.25], [0, 0, 0], [0, 0, 0], [0, 0, 0]]
     assert as_set(calm) == admissible
     for rows in (
-        labelings(STANDING, STANDING, jumped, settings),
-        labelings(STANDING, STANDING, None, settings),
-        labelings(STANDING, None, None, settings),
+        labelings(STANDING, STANDING, jumped, FIRST_STEP, settings),
+        labelings(STANDING, STANDING, None, FIRST_STEP, settings),
+        labelings(STANDING, None, None, FIRST_STEP, settings),
     ):
         assert as_set(rows) == extra
         assert len(rows) == 12
+    assert as_set(labelings(STANDING, STANDING, jumped, 2 * FIRST_STEP, settings)) == admissible
 
 
 def test_no_admissible_labeling_and_no_jump_ask_for_nothing() -> None:
-    rows = labelings(STANDING, STANDING + 3.0, STANDING, LookupSettings())
+    rows = labelings(STANDING, STANDING + 3.0, STANDING, FIRST_STEP, LookupSettings())
     assert rows.shape == (0, 5)
 
 

@@ -26,7 +26,7 @@ from toolkit.tracking.hybrid import HybridTracker
 from toolkit.tracking.search.arms import FARTHER, ITERATIONS, ArmSearch
 from toolkit.tracking.search.extrema import ExtremaQuery
 from toolkit.tracking.search.labelings import LookupSettings
-from toolkit.tracking.search.local import LocalSearch, moved_on
+from toolkit.tracking.search.local import FARTHEST, LocalSearch, moved_on
 from toolkit.tracking.search.lookup import FIRST_ROUNDS, PULLED_ITERATIONS, DatabaseLookup, Effort, is_asked
 from toolkit.tracking.search.protocol import NOTHING, Rival
 from toolkit.tracking.search.votes import VOTE_SIGMA, VotesQuery
@@ -71,12 +71,18 @@ def test_momentum_moves_on_by_its_share_of_the_last_step() -> None:
     assert start[skeleton.POSE_NAMES.index("left_elbow_ry")] == pytest.approx(-0.5 - 0.7 * 0.2)
 
 
+def test_momentum_is_a_speed_and_foresees_no_more_than_a_few_steps() -> None:
+    for elapsed, steps in ((0.1, 1.0), (0.05, 0.5), (0.2, 2.0), (5.0, FARTHEST)):
+        moved = moved_on(Previous.of_pose(BODY, pose_at(1.0), None, pose_at(0.9), 0.1), 0.5, elapsed)
+        assert moved[0] == pytest.approx(1.0 + 0.5 * steps * 0.1)
+
+
 def test_momentum_turns_the_root_the_short_way_and_keeps_the_limits() -> None:
     almost, beyond = np.zeros(skeleton.POSE_SIZE), np.zeros(skeleton.POSE_SIZE)
     almost[4], beyond[4] = np.pi - 0.05, -np.pi + 0.05  # 0.1 further about y
     knee = skeleton.POSE_NAMES.index("left_knee_rx")
     almost[knee], beyond[knee] = 2.3, 2.5
-    moved = moved_on(Previous.of_pose(BODY, beyond, None, almost), 1.0)
+    moved = moved_on(Previous.of_pose(BODY, beyond, None, almost, 0.1), 1.0, 0.1)
     assert moved[4] == pytest.approx(-np.pi + 0.15)
     assert moved[knee] == skeleton.POSE_LIMITS[knee, 1] < 2.7
 
@@ -406,8 +412,8 @@ def test_the_body_that_was_learnt_is_the_one_that_is_followed(database: PoseData
     tracker = HybridTracker(database, HybridSettings(hypotheses=("extrema",)))
     learnt = load_body("child")
     assert tracker.follower(CAMERA, LEVEL, learnt).body is learnt
-    assert tracker.learning_frames == tracker.settings.shape.frames * tracker.settings.shape.stride
-    assert HybridTracker(database, body=BODY).learning_frames == 0
+    assert tracker.learning_seconds == tracker.settings.shape.seconds > 0.0
+    assert HybridTracker(database, body=BODY).learning_seconds == 0.0
 
 
 def test_a_person_of_unknown_size_is_tried_in_every_size_of_the_settings(

@@ -25,14 +25,15 @@ class ShapeSettings:
 
     Attributes
     ----------
-    frames : frames at the beginning of a recording that take part, every `stride`-th; 0 keeps the first body
+    seconds : how long what is seen of a person first takes part; 0 keeps the first body
+    rate : frames per second of it that take part, at most
     prior : weight of the population's mean against one correspondence of one frame at 1 cm
     forgetting : factor on the equations of earlier frames, per frame
     limit : standard deviations that a coefficient may reach
     """
 
-    frames: int = 45
-    stride: int = 2
+    seconds: float = 3.0
+    rate: float = 15.0
     prior: float = 3.0
     forgetting: float = 0.97
     limit: float = 3.0

@@ -192,14 +192,15 @@ class Crowd:
         if waiting.seen_since is None and sighting is not None:
             if np.count_nonzero(sighting.depth) >= self._smallest:
                 waiting.seen_since = len(waiting.frames) - 1
-        since = waiting.seen_since
-        return since is not None and len(waiting.frames) - since >= self.tracker.learning_frames
+        if waiting.seen_since is None:
+            return False
+        return timestamp - waiting.frames[waiting.seen_since][1] >= self.tracker.learning_seconds
 
     def _learnt(self, person: int) -> list[Row]:
         """Learn a person's body from the frames kept, and track them with it."""
         waiting, camera = self._waiting.pop(person), self.finder.camera
         body = None
-        if waiting.seen_since is not None and self.tracker.learning_frames:
+        if waiting.seen_since is not None and self.tracker.learning_seconds:
             learning = waiting.frames[waiting.seen_since :]
             frames = ((kept.sighting(), moment) for kept, moment, _ in learning if kept is not None)
             body = self.tracker.learn_body(camera, self.level_rotation, frames)

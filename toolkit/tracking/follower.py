@@ -153,8 +153,9 @@ class Follower:
         tracked = winner.comparison.distance < settings.lost_distance
         extrema = observation.free_extrema[:EFFECTORS]
         before = state.previous.pose if state.previous is not None and winner.hypothesis.continues else None
-        previous = Previous.of_pose(body, pose, extrema if len(extrema) == EFFECTORS else None, before)
-        lost = 0 if tracked else state.lost + 1
+        elapsed = observation.elapsed
+        previous = Previous.of_pose(body, pose, extrema if len(extrema) == EFFECTORS else None, before, elapsed)
+        lost = 0.0 if tracked else state.lost + elapsed
         given_up = lost >= settings.patience
         smoother = PoseSmoother(settings.smoothing, state.smoothed)
         reported = smoother.update(pose, timestamp)
@@ -168,7 +169,7 @@ class Follower:
             centre=observation.centre,
             facing=observation.facing,
             timestamp=timestamp,
-            lost=0 if given_up else lost,
+            lost=0.0 if given_up else lost,
             smoothed=smoother.last,
         )
         joints = previous.joints if reported is pose else body.joint_positions(reported)

@@ -21,10 +21,7 @@ from toolkit.landmarks.settings import LandmarkSettings
 from toolkit.sensing.cloud import Cloud
 from toolkit.sensing.joints2d import Joints2D, LiftedJoints, lift
 from toolkit.tracking.guide import Guide, NoGuide
-from toolkit.tracking.state import PersonState
-
-FIRST_STEP = 1.0 / 30.0
-"""Seconds between the first frame and the one before that there never was."""
+from toolkit.tracking.state import FIRST_STEP, PersonState
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,6 +93,12 @@ class Observation:
         self.observer, self.state = observer, state
         self.scale = state.body.height / ADULT_HEIGHT
 
+    @property
+    def elapsed(self) -> float:
+        """Seconds since the frame before."""
+        before = self.state.timestamp
+        return FIRST_STEP if before is None else self.timestamp - before
+
     @cached_property
     def centre(self) -> np.ndarray:
         """Float64 (3,), metres, level frame (Baak 2013, 5.3.4)."""
@@ -104,10 +107,9 @@ class Observation:
     @cached_property
     def facing(self) -> np.ndarray:
         """Float64 (2,): the smoothed direction that the person faces, in the ground plane."""
-        before, landmarks = self.state.timestamp, self.observer.landmarks
-        dt = FIRST_STEP if before is None else self.timestamp - before
+        landmarks = self.observer.landmarks
         smooth = FacingFilter(landmarks, self.state.facing)
-        smooth.update(estimate_facing(self.cloud.points, self.centre, landmarks, self.scale), dt, self.centre)
+        smooth.update(estimate_facing(self.cloud.points, self.centre, landmarks, self.scale), self.elapsed, self.centre)
         assert smooth.direction is not None
         return smooth.direction
 

@@ -76,7 +76,7 @@ class Tracker(Protocol):
     database : path of the pose database it uses, empty for none
     stage_names : of the timed stages, in the order of `FrameResult.stage_ms`; the first is "prepare"
     source_names : of the hypotheses that can win, indexed by `FrameResult.source`
-    learning_frames : frames of a person from which a body is learnt before the first row is written; 0 = none
+    learning_seconds : how long a person is seen before a body is learnt and the first row is written; 0 = no body is
     joints_wanted : what it does with joints in the image: "none" has no use for them, "welcome" uses those that there
         are, "required" is nothing without them unless the user says so
     """
@@ -99,7 +99,7 @@ class Tracker(Protocol):
         ...
 
     @property
-    def learning_frames(self) -> int:
+    def learning_seconds(self) -> float:
         """See above."""
         ...
 

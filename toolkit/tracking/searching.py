@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
+import math
 from abc import ABC, abstractmethod
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 from functools import cached_property
-from itertools import islice
 from typing import Literal, Protocol
 
 import numpy as np
@@ -99,9 +99,9 @@ class SearchingTracker(ABC):
         return "none"
 
     @property
-    def learning_frames(self) -> int:
-        """See `Tracker.learning_frames`."""
-        return self._common.shape.frames * self._common.shape.stride if self._known_body is None else 0
+    def learning_seconds(self) -> float:
+        """See `Tracker.learning_seconds`."""
+        return self._common.shape.seconds if self._known_body is None else 0.0
 
     def learn_body(
         self, camera: Camera, level_rotation: np.ndarray, frames: Iterable[tuple[Sighting, float]]
@@ -110,7 +110,7 @@ class SearchingTracker(ABC):
         follower = self._follower(camera, level_rotation, self._first_body, sized=False)
         follower.observer = replace(follower.observer, learning=True)
         estimator: ShapeEstimator | None = None
-        for sighting, timestamp in islice(frames, 0, None, self._common.shape.stride):
+        for sighting, timestamp in thinned(frames, self._common.shape.rate):
             result = follower.step(sighting, timestamp, StageClock(self.stage_names))
             if result.state != TRACKED or follower.observation is None:
                 continue
@@ -154,3 +154,13 @@ class SearchingTracker(ABC):
             shape[0] = size
             bodies.append(space.body(shape))
         return bodies
+
+
+def thinned(frames: Iterable[tuple[Sighting, float]], rate: float) -> Iterator[tuple[Sighting, float]]:
+    """Of sightings and their times, seconds, evenly spread ones: at most about `rate` in a second."""
+    due = -math.inf
+    for sighting, timestamp in frames:
+        # Clocks are not even: a third of the time between two is let go.
+        if timestamp >= due - 0.3 / rate:
+            due = max(due, timestamp) + 1.0 / rate
+            yield sighting, timestamp

@@ -22,7 +22,7 @@ class FollowerSettings(Protocol):
     @property
     def lost_distance(self) -> float: ...  # noqa: D102
     @property
-    def patience(self) -> int: ...  # noqa: D102
+    def patience(self) -> float: ...  # noqa: D102
     @property
     def smoothing(self) -> float: ...  # noqa: D102
 
@@ -49,7 +49,7 @@ class HybridSettings:
     lost_distance : sparse distance (metres) of the winner above which a frame counts as lost
     vote_pull : weight of the regressed joints against one correspondence while their hypothesis is refined, and of
         those that are sure while the body is learnt or the person looked for; 0 = none
-    patience : lost frames in a row after which the next one is treated as a first frame
+    patience : seconds of lost frames in a row after which the next one is treated as a first frame
     smoothing : seconds by which the reported poses are smoothed and lag; 0 = not at all
     vote_samples : points that vote for the joints
     """
@@ -67,7 +67,7 @@ class HybridSettings:
     smallest_person: int = 300
     lost_distance: float = 0.25
     vote_pull: float = 30.0
-    patience: int = 5
+    patience: float = 0.15
     smoothing: float = 0.0
     vote_samples: int = 500
     sensing: SensingSettings = field(default_factory=SensingSettings)

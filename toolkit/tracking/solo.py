@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from itertools import islice
 
 import numpy as np
 
@@ -40,7 +39,7 @@ class Solo:
         self.level_rotation = level_rotation(recording.up_camera)
         self._finder = self._new_finder(recording)
         camera, body = self._finder.camera, None
-        if tracker.learning_frames:
+        if tracker.learning_seconds:
             before = self._joints.export_state()
             body = tracker.learn_body(camera, self.level_rotation, self._first_sightings(recording))
             self._joints.restore_state(before)
@@ -68,8 +67,12 @@ class Solo:
 
     def _first_sightings(self, recording: Recording) -> Iterator[tuple[Sighting, float]]:
         finder = self._new_finder(recording)
-        for frame in islice(recording.stream(color=self._joints.needs_color), self._tracker.learning_frames):
+        since: float | None = None
+        for frame in recording.stream(color=self._joints.needs_color):
+            since = frame.timestamp if since is None else since
             yield self._sighting(finder, frame), frame.timestamp
+            if frame.timestamp - since >= self._tracker.learning_seconds:
+                return
 
     def _sighting(self, finder: LonePerson, frame: Frame) -> Sighting:
         (sighting,) = self._joints.add(frame, finder.find(frame.depth_mm, frame.timestamp, {}))

@@ -11,6 +11,9 @@ import numpy as np
 from toolkit.body.body import Body
 from toolkit.body.shape import ShapeSpace
 
+FIRST_STEP = 1.0 / 30.0
+"""Seconds between the first frame and the one before that there never was."""
+
 State = dict[str, Any]
 """Arrays, numbers, text and None by name, nested: what `files.save_state` writes and nothing else."""
 
@@ -26,6 +29,7 @@ class Previous:
     extrema : float64 (5, 3), metres, or None where there were fewer
     before : pose (P,) that the local optimisation came from, or None where another hypothesis won: there is no momentum
         from one hypothesis to another
+    elapsed : seconds from `before` to `pose`
     """
 
     pose: np.ndarray
@@ -33,13 +37,19 @@ class Previous:
     effectors: np.ndarray
     extrema: np.ndarray | None
     before: np.ndarray | None
+    elapsed: float
 
     @classmethod
     def of_pose(
-        cls, body: Body, pose: np.ndarray, extrema: np.ndarray | None = None, before: np.ndarray | None = None
+        cls,
+        body: Body,
+        pose: np.ndarray,
+        extrema: np.ndarray | None = None,
+        before: np.ndarray | None = None,
+        elapsed: float = FIRST_STEP,
     ) -> Previous:
         """A body's joints and end effectors in a pose, with what else is known."""
-        return cls(pose, body.joint_positions(pose), body.end_effector_positions(pose), extrema, before)
+        return cls(pose, body.joint_positions(pose), body.end_effector_positions(pose), extrema, before, elapsed)
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,7 +68,7 @@ class PersonState:
     centre : float64 (3,), metres, level frame, of the frame before
     facing : float64 (2,), smoothed direction in the ground plane, or None
     timestamp : seconds, of the frame before
-    lost : frames in a row that no pose explained
+    lost : seconds since a pose last explained a frame; 0 while one does
     turn : frames since the start in which all was well; searches that take turns count by it
     smoothed : pose (P,) last reported by the smoother, and its timestamp
     carry : what each search keeps for itself, by its name
@@ -74,7 +84,7 @@ class PersonState:
     centre: np.ndarray | None = None
     facing: np.ndarray | None = None
     timestamp: float | None = None
-    lost: int = 0
+    lost: float = 0.0
     turn: int = 0
     smoothed: tuple[np.ndarray, float] | None = None
     carry: Mapping[str, Mapping[str, np.ndarray]] = field(default_factory=dict)

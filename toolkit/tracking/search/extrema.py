@@ -61,7 +61,7 @@ class ExtremaQuery:
         if len(extrema) >= EFFECTORS:
             effectors = None if previous is None else previous.effectors
             before = None if previous is None else previous.extrema
-            points = extrema[labelings(extrema[:EFFECTORS], effectors, before, settings)]
+            points = extrema[labelings(extrema[:EFFECTORS], effectors, before, observation.elapsed, settings)]
             present = np.ones(points.shape[:2], dtype=np.bool_)
         expected = [] if observation.votes is None else [observation.votes.points[TIPS]]
         expected += [] if previous is None else [previous.effectors]

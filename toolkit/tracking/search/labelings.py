@@ -27,7 +27,7 @@ class LookupSettings:
     ----------
     neighbours : K, poses retrieved per labeling
     label_distance : mu of Eq. 5.4
-    jump_distance : an extremum that is farther than this from every extremum of the frame before has jumped
+    jump_speed : metres per second; an extremum that is farther from every extremum of the frame before has jumped
     balance : lambda of Eq. 5.6
     candidate_distance : an extremum within this of where an end effector is expected is a candidate for it; 0 = the
         first five extrema alone are asked for, as in the paper
@@ -35,7 +35,7 @@ class LookupSettings:
 
     neighbours: int = 5
     label_distance: float = 0.5
-    jump_distance: float = 0.2
+    jump_speed: float = 6.0
     balance: float = 0.5
     candidate_distance: float = 0.25
 
@@ -75,11 +75,18 @@ def extrema_jumped(extrema: np.ndarray, previous: np.ndarray | None, jump_distan
 
 
 def labelings(
-    extrema: np.ndarray, effectors: np.ndarray | None, previous_extrema: np.ndarray | None, settings: LookupSettings
+    extrema: np.ndarray,
+    effectors: np.ndarray | None,
+    previous_extrema: np.ndarray | None,
+    elapsed: float,
+    settings: LookupSettings,
 ) -> np.ndarray:
-    """Labelings to query, each once: Eq. 5.4, and the 12 extra ones when the extrema jump; int64 (S, 5)."""
+    """Labelings to query, each once: Eq. 5.4, and the 12 extra ones when the extrema jump; int64 (S, 5).
+
+    `elapsed` seconds have passed since the frame before.
+    """
     rows = [] if effectors is None else [admissible_labelings(extrema, effectors, settings.label_distance)]
-    if effectors is None or extrema_jumped(extrema, previous_extrema, settings.jump_distance):
+    if effectors is None or extrema_jumped(extrema, previous_extrema, elapsed * settings.jump_speed):
         rows.append(feet_below_labelings(extrema))
     if len(rows) == 1:
         return rows[0]

@@ -33,19 +33,27 @@ class LocalSearch:
         """See `Search.propose`."""
         if state.previous is None:
             return NOTHING
-        start = moved_on(state.previous, self._momentum)
+        start = moved_on(state.previous, self._momentum, observation.elapsed)
         pose = self._refiner.refine(state.body, start, observation.scene)
         return Proposal((Hypothesis("local", pose, continues=True),))
 
 
-def moved_on(previous: Previous, momentum: float) -> np.ndarray:
-    """The previous pose (P,), moved on within the limits of the joints by a share of the step before it."""
+FARTHEST = 3.0
+"""Steps: a motion is not foreseen for longer, however long it is since the frame before."""
+
+
+def moved_on(previous: Previous, momentum: float, elapsed: float) -> np.ndarray:
+    """The previous pose (P,), moved on within the limits of the joints by `momentum` times its speed.
+
+    `elapsed` seconds have passed since then.
+    """
     pose, before = previous.pose, previous.before
     if before is None or momentum == 0.0:
         return pose
     step = pose - before
     step[skeleton.ROOT_ROTATION] = least_turn(before[skeleton.ROOT_ROTATION], pose[skeleton.ROOT_ROTATION])
-    return np.clip(pose + momentum * step, *skeleton.POSE_LIMITS.T)
+    steps = min(elapsed / previous.elapsed, FARTHEST)
+    return np.clip(pose + momentum * steps * step, *skeleton.POSE_LIMITS.T)
 
 
 def least_turn(before: np.ndarray, after: np.ndarray) -> np.ndarray:
