@@ -70,6 +70,8 @@ class FakeObserver:
         """See `Observer.observe`."""
         self.states.append(state)
         self.sizes.append(len(cloud))
+        if state.timestamp is not None:
+            self.shown.elapsed = timestamp - state.timestamp
         return self.shown
 
 
