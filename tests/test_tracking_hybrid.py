@@ -308,7 +308,7 @@ def test_who_comes_back_elsewhere_facing_elsewhere_is_tracked_at_once(
 
 def test_a_recording_of_one_frame_is_tracked(database: PoseDatabase, recording: Recording, tmp_path: Path) -> None:
     single = saved(tmp_path / "one.npz", recording, [recording.depth(0)])
-    settings = replace(SETTINGS, shape=ShapeSettings(frames=3), starts=1)
+    settings = replace(SETTINGS, shape=ShapeSettings(seconds=0.15), starts=1)
     found = run(HybridTracker(database, settings), single)
     check_sound(found)
     assert found[0].state == TRACKED
@@ -380,7 +380,7 @@ def test_the_number_of_threads_does_not_change_a_bit(
 
 
 def test_a_state_on_disk_continues_exactly(database: PoseDatabase, recording: Recording, tmp_path: Path) -> None:
-    settings = replace(SETTINGS, shape=ShapeSettings(frames=3), starts=1, smoothing=0.05)
+    settings = replace(SETTINGS, shape=ShapeSettings(seconds=0.15), starts=1, smoothing=0.05)
     tracker = HybridTracker(database, settings)
     expected = run(tracker, recording, 12)
     first = Solo(tracker, recording)
@@ -406,7 +406,7 @@ def test_the_body_of_the_person_is_learnt_from_the_recording(
     person = subject_body(name)
     motion = PoseClip(name, clip.poses[:8], 30.0, "procedural")
     film = record(name, motion, body=person, distance=3.1)  # all of the person is in the image
-    tracker = HybridTracker(database, replace(SETTINGS, shape=ShapeSettings(frames=8, stride=1), starts=1))
+    tracker = HybridTracker(database, replace(SETTINGS, shape=ShapeSettings(seconds=1.0, rate=30.0), starts=1))
     solo = Solo(tracker, film)
     learnt = solo.body
     neutral = load_body("neutral").height

@@ -15,8 +15,8 @@ from toolkit.landmarks.settings import LandmarkSettings
 from toolkit.sensing.camera import Camera
 from toolkit.sensing.cloud import Cloud
 from toolkit.tracking import observation as room
-from toolkit.tracking.observation import FIRST_STEP, Observation, Observer
-from toolkit.tracking.state import PersonState
+from toolkit.tracking.observation import Observation, Observer
+from toolkit.tracking.state import FIRST_STEP, PersonState
 
 OBSERVER = Observer(LandmarkSettings(), 20, 100, "pixels", None, 100)
 CENTRE = np.array([0.0, 0.1, -3.0])

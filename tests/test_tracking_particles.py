@@ -26,7 +26,7 @@ LEVEL = np.diag([1.0, -1.0, -1.0])
 CAMERA = Camera(142.8, 142.8, 79.5, 59.5, 160, 120)
 UPPER = UpperBodies(LEVEL).of(load_body())
 HANDS = [skeleton.REPORTED.index(f"{side}_hand") for side in ("left", "right")]
-SETTINGS = ParticleTrackerSettings(measured_frames=0)
+SETTINGS = ParticleTrackerSettings(measured_seconds=0.0)
 
 
 def pose_of(turn: float = 0.0, **angles: float) -> np.ndarray:
@@ -124,7 +124,7 @@ BEHIND = pose_of(left_shoulder_rz=-1.3, right_shoulder_rz=1.3, left_shoulder_ry=
 
 
 def test_without_a_fork_the_papers_tracker_keeps_trying() -> None:
-    person = follower(load_settings(ParticleTrackerSettings, "lopez2011", {"measured_frames": 0}))
+    person = follower(load_settings(ParticleTrackerSettings, "lopez2011", {"measured_seconds": 0.0}))
     waiting = followed(person, [FOLDED] * 2)
     assert all(r.state == LOST and np.isfinite(r.joints).all() for r in waiting)
     assert followed(person, [pose_of()] * 3, start=1.0)[-1].state == TRACKED
@@ -223,7 +223,7 @@ def test_a_gap_of_two_seconds_is_bridged() -> None:
 
 
 def test_who_is_not_explained_any_more_is_looked_for_again() -> None:
-    person = follower(replace(SETTINGS, patience=2, lost_cost=15.0))
+    person = follower(replace(SETTINGS, patience=1.5 / 30.0, lost_cost=15.0))
     followed(person, WAVING[:2])
     wall = of_depth(np.full(CAMERA.shape, 0.8))
     states = [step(person, wall, 0.1 + i / 30).state for i in range(2)]
@@ -243,15 +243,15 @@ def test_the_size_is_measured_from_the_first_frames() -> None:
     body = tracker.learn_body(CAMERA, LEVEL, [(sighting_of(pose), i / 30) for i, pose in enumerate(WAVING)])
     assert body is not None and 1.5 < body.height < 2.0
     assert tracker.learn_body(CAMERA, LEVEL, [(of_depth(np.zeros(CAMERA.shape)), 0.0)]) is None
-    assert ParticleTracker(body=body).learning_frames == 0
+    assert ParticleTracker(body=body).learning_seconds == 0.0
 
 
 @pytest.mark.parametrize(
     ("values", "message"),
     [
         ({"patience": 0}, "patience and lost_cost are 0"),
-        ({"lost_cost": -1.0}, "patience and lost_cost are 5 and -1.0"),
-        ({"measured_frames": -1}, "measured_frames is -1"),
+        ({"lost_cost": -1.0}, "patience and lost_cost are 0.15 and -1.0"),
+        ({"measured_seconds": -1.0}, "measured_seconds is -1.0"),
     ],
 )
 def test_impossible_settings_are_named(values: dict[str, float], message: str) -> None:

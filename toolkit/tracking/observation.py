@@ -21,7 +21,7 @@ from toolkit.landmarks.settings import LandmarkSettings
 from toolkit.sensing.cloud import Cloud
 from toolkit.sensing.joints2d import Joints2D, LiftedJoints, lift
 from toolkit.tracking.guide import Guide, NoGuide
-from toolkit.tracking.state import FIRST_STEP, PersonState
+from toolkit.tracking.state import PersonState
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,8 +96,7 @@ class Observation:
     @property
     def elapsed(self) -> float:
         """Seconds since the frame before."""
-        before = self.state.timestamp
-        return FIRST_STEP if before is None else self.timestamp - before
+        return self.state.elapsed(self.timestamp)
 
     @cached_property
     def centre(self) -> np.ndarray:

@@ -49,20 +49,20 @@ class ParticleTrackerSettings:
     tracker : the name under which this tracker is registered
     seed : of everything random
     refined : whether the filtered pose and the one before, both refined by local optimisation, compete
-    measured_frames : frames at the beginning in which the person's size is measured; 0 = an average body
+    measured_seconds : how long at the beginning the person's size is measured; 0 = an average body
     smallest_person : measured points below which a frame counts as empty
     lost_cost : of an estimate, in which measured pixels that are missed weigh `particles.depth`; above it a frame
         counts as lost
-    patience : lost frames in a row after which a first pose is looked for again
+    patience : seconds of lost frames in a row after which a first pose is looked for again
     """
 
     tracker: Literal["particles"] = "particles"
     seed: int = 0
     refined: bool = True
-    measured_frames: int = 45
+    measured_seconds: float = 1.5
     smallest_person: int = 300
     lost_cost: float = 38.0
-    patience: int = 5
+    patience: float = 0.15
     sensing: SensingSettings = field(default_factory=SensingSettings)
     effectors: EffectorSettings = field(default_factory=EffectorSettings)
     particles: ParticleSettings = field(default_factory=ParticleSettings)
@@ -70,13 +70,11 @@ class ParticleTrackerSettings:
     fitting: FittingSettings = field(default_factory=FittingSettings)
 
     def __post_init__(self) -> None:
-        for name in ("measured_frames", "smallest_person"):
+        for name in ("measured_seconds", "smallest_person"):
             if getattr(self, name) < 0:
-                raise SettingsError(f"{name} is {getattr(self, name)}; it is a count and not negative")
-        if self.patience < 1 or not self.lost_cost > 0:
-            raise SettingsError(
-                f"patience and lost_cost are {self.patience} and {self.lost_cost}; give at least 1 and more than 0"
-            )
+                raise SettingsError(f"{name} is {getattr(self, name)}; it is not negative")
+        if not self.patience > 0 or not self.lost_cost > 0:
+            raise SettingsError(f"patience and lost_cost are {self.patience} and {self.lost_cost}; give more than 0")
 
 
 class Seen:
@@ -224,14 +222,14 @@ class ParticleFollower:
         """Remember the pose and report it."""
         state, settings = self.state, self.settings
         tracked = cost < settings.lost_cost
-        lost = 0 if tracked else state.lost + 1
+        lost = 0.0 if tracked else state.lost + state.elapsed(timestamp)
         given_up = lost >= settings.patience
         self.state = replace(
             state,
             previous=None if given_up else Previous.of_pose(state.body, pose),
             pose=pose,
             timestamp=timestamp,
-            lost=0 if given_up else lost,
+            lost=0.0 if given_up else lost,
             carry={PARTICLES: {"poses": particles}},
         )
         confidence = self._objective.confidence(compared) if tracked else np.zeros(len(skeleton.REPORTED))
@@ -287,9 +285,9 @@ class ParticleTracker:
         return "none"
 
     @property
-    def learning_frames(self) -> int:
-        """See `Tracker.learning_frames`."""
-        return self.settings.measured_frames if self._known_body is None else 0
+    def learning_seconds(self) -> float:
+        """See `Tracker.learning_seconds`."""
+        return self.settings.measured_seconds if self._known_body is None else 0.0
 
     def learn_body(
         self, camera: Camera, level_rotation: np.ndarray, frames: Iterable[tuple[Sighting, float]]

@@ -94,6 +94,10 @@ class PersonState:
         """Before the first frame."""
         return cls(body, sized, np.random.Generator(np.random.PCG64(seed)).bit_generator.state)
 
+    def elapsed(self, timestamp: float) -> float:
+        """Seconds from the frame before to `timestamp`."""
+        return FIRST_STEP if self.timestamp is None else timestamp - self.timestamp
+
     def rng(self) -> np.random.Generator:
         """The generator as it stands; its state after a step belongs into the next `PersonState`."""
         bits = np.random.PCG64()
