@@ -118,7 +118,7 @@ class FakeRefiner:
 
     step: float = 0.0
     calls: list[SimpleNamespace] = field(default_factory=list)
-    settings: Any = field(default_factory=lambda: SimpleNamespace(iterations=5))
+    settings: Any = field(default_factory=lambda: SimpleNamespace(iterations=5, sigma=0.12))
 
     def refine(
         self, body: Body, pose: np.ndarray, scene: Any, *, terms: Any = (), iterations: Any = None

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import fields, is_dataclass
 from pathlib import Path
 from typing import Any
 
 import yaml
 
-from toolkit.config import load_settings, settings_text
+from scripts.write_configs import hybrid_text
+from toolkit.config import attributes_of, load_settings, settings_text
 from toolkit.tracking.settings import HybridSettings
 
 CONFIGS = Path(__file__).parents[1] / "configs"
@@ -21,11 +23,28 @@ def settings_by_name(values: dict[str, Any], section: str = "") -> dict[str, Any
     return found
 
 
+def settings_classes(kind: type) -> list[type]:
+    """A settings class and those inside it."""
+    inner = [type(getattr(kind(), field.name)) for field in fields(kind)]
+    return [kind, *(found for part in inner if is_dataclass(part) for found in settings_classes(part))]
+
+
+def test_every_setting_is_explained_where_its_value_stands() -> None:
+    for kind in settings_classes(HybridSettings):
+        told = [name for names in attributes_of(kind) for name in names.split(", ")]
+        plain = [field.name for field in fields(kind) if not is_dataclass(getattr(kind(), field.name))]
+        assert told == plain, kind
+        assert all(attributes_of(kind).values())
+
+
+def test_the_hybrid_file_is_the_one_that_the_settings_classes_write() -> None:
+    assert (CONFIGS / "hybrid.yaml").read_text(encoding="utf-8") == hybrid_text()
+
+
 def test_the_hybrid_file_shows_the_defaults() -> None:
     shown = settings_by_name(yaml.safe_load((CONFIGS / "hybrid.yaml").read_text(encoding="utf-8")))
     defaults = settings_by_name(yaml.safe_load(settings_text(HybridSettings())))
-    assert shown == {name: defaults[name] for name in shown}
-    assert {"hypotheses", "momentum", "patience", "fitting.iterations", "arms.margin"} <= set(shown)
+    assert shown == defaults
     assert load_settings(HybridSettings, "hybrid") == HybridSettings()
 
 

@@ -258,7 +258,7 @@ class FakeArm:
     def __init__(self, *places: float) -> None:
         self._places, self.starts = places, []
 
-    def propose(self, pose: np.ndarray, comparison: Any, scene: Any, settings: Any) -> list[np.ndarray]:
+    def propose(self, pose: np.ndarray, comparison: Any, scene: Any, settings: Any, sigma: float) -> list[np.ndarray]:
         self.starts.append((float(pose[0]), comparison.distance))
         return [pose_at(x) for x in self._places]
 

@@ -6,6 +6,8 @@ wrong type or a value out of range is an error that lists what there is.
 
 from __future__ import annotations
 
+import inspect
+import textwrap
 import types
 import typing
 from collections.abc import Mapping
@@ -82,6 +84,46 @@ def save_settings(settings: Any, path: str | Path) -> None:
 def settings_text(settings: Any) -> str:
     """All values of a settings dataclass as YAML."""
     return yaml.safe_dump(_plain(asdict(settings)), sort_keys=False, default_flow_style=False)
+
+
+def explained_text(settings: Any, indent: str = "") -> str:
+    """As `settings_text`, with what its class says of each value above it.
+
+    The settings dataclasses tell of every field in the `Attributes` of their docstring what it is, in which unit, and
+    why it has its value: there and nowhere else.
+    """
+    lines: list[str] = []
+    said = attributes_of(type(settings))
+    for field in fields(settings):
+        value = getattr(settings, field.name)
+        for names, text in said.items():
+            if names.split(", ")[0] == field.name:
+                told = f"{names}: {text}" if ", " in names else text
+                lines += textwrap.wrap(
+                    told, 110, initial_indent=f"{indent}# ", subsequent_indent=f"{indent}# ", break_on_hyphens=False
+                )
+        if is_dataclass(value):
+            lines += [f"{indent}{field.name}:", explained_text(value, indent + "  "), ""]
+        else:
+            plain = _plain(value)
+            flow = yaml.safe_dump(plain, default_flow_style=True, width=1000).removesuffix("\n...\n").strip()
+            lines.append(f"{indent}{field.name}: {flow}")
+    return "\n".join(lines).rstrip("\n") + ("\n" if not indent else "")
+
+
+def attributes_of(kind: type) -> dict[str, str]:
+    """What the docstring of a class says of its attributes: text by name, or by names with commas between them."""
+    told: dict[str, str] = {}
+    _, _, section = inspect.cleandoc(kind.__doc__ or "").partition("Attributes\n----------\n")
+    for line in section.splitlines():
+        if line and not line.startswith(" "):
+            names, _, text = line.partition(" : ")
+            told[names] = text
+        elif line:
+            told[names] += " " + line.strip()
+        else:
+            break
+    return told
 
 
 def _plain(value: Any) -> Any:

@@ -9,9 +9,33 @@ from toolkit.errors import SettingsError
 
 @dataclass(frozen=True)
 class FittingSettings:
-    """Constants of the local optimisation; the reasons stand beside the values in `configs/*.yaml`.
+    """Constants of the local optimisation and of the comparison of poses. Lengths in metres, angles in radians.
 
-    Lengths in metres, angles in radians.
+    Attributes
+    ----------
+    iterations : linearisations, at most
+    neighbours : l, measured points whose median a vertex is drawn to: less than the paper's 5, because hands are
+        small and the 3x3 median has taken the noise away
+    reach : metres from a vertex to its measured point, at most: the largest jump between frames, mu of Eq. 5.4
+    unexplained : metres that a point costs at most in the comparison of poses; more only takes longer to find
+    sigma : metres; a correspondence that is wrong by a limb's width pulls a quarter
+    facing : cosine between a vertex's normal and the direction to the camera; at a grazing angle there is no reliable
+        counterpart
+    hidden_tolerance : metres behind the drawn body from which a vertex is hidden: below the thickness of a hand,
+        above the facets of the mesh
+    surface_plane, surface_point : weights of the two parts of a pair from mesh to cloud: point to plane converges,
+        the point part keeps limbs from sliding
+    cloud_samples : measured points that are drawn to the mesh; 0 = only the mesh is drawn to the points, as in the
+        paper
+    cloud_plane, cloud_point : weights of the two parts of a pair from cloud to mesh
+    extremum_weight : of a geodesic extremum against another sample: they are on the limbs, which the torso outnumbers
+    prior_weight : of the Gaussian pose prior of the database; 0 = none
+    contact_weight : of two overlapping parts of the body against one vertex: no self-penetration; 5 and 20 are no
+        better
+    angle_damping, root_damping : of the angles, and of the root, which has to follow the whole body at once
+    converged : radians and metres; when no entry of a step is larger, what is left is below 2 mm. With 0.002 no frame
+        is better and most are slower
+    search : "pixels", or "open3d", which is the reference and finds the same points
     """
 
     iterations: int = 5

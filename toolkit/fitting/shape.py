@@ -25,10 +25,10 @@ class ShapeSettings:
 
     Attributes
     ----------
-    seconds : how long what is seen of a person first takes part; 0 keeps the first body
-    rate : frames per second of it that take part, at most
+    seconds : how long what is seen of a person first takes part, and the first rows wait; 0 keeps the first body
+    rate : frames per second of it that take part, at most: more say the same again
     prior : weight of the population's mean against one correspondence of one frame at 1 cm
-    forgetting : factor on the equations of earlier frames, per frame
+    forgetting : factor on the equations of earlier frames, per frame: the first were fitted with a wrong shape
     limit : standard deviations that a coefficient may reach
     """
 

@@ -29,29 +29,36 @@ class FollowerSettings(Protocol):
 
 @dataclass(frozen=True)
 class HybridSettings:
-    """Settings of the hybrid tracker (Baak 2013, 5.4).
+    """Settings of the hybrid tracker (Baak 2013, 5.4, with what its section 5.5.5 left open).
 
     Attributes
     ----------
     tracker : the name under which this tracker is registered
     seed : of everything random
-    hypotheses : which hypotheses compete: "local", "extrema" (lookup by geodesic extrema), "joints" (lookup by
-        regressed joints), "arms" (the local one with arms of other poses)
-    extrema : geodesic extrema per frame (20 in the paper)
-    candidates : retrieved poses that are compared before one of them is refined; 1 takes the best by Eq. 5.6 unseen
-    promising : the best retrieved pose is refined if its distance is at most this times that of the local hypothesis
-    momentum : share of the previous step by which the local optimisation expects the pose to move on, in [0, 1]
-    rest : frames between two in which the database is asked for whole poses, while all is well
-    starts : poses refined on a first frame or after a loss, per size of the body
-    sizes : first coefficients of the shape space (standard deviations of height, tall to small) tried on the first
-        frame
-    smallest_person : measured points below which a frame counts as empty
-    lost_distance : sparse distance (metres) of the winner above which a frame counts as lost
-    vote_pull : weight of the regressed joints against one correspondence while their hypothesis is refined, and of
-        those that are sure while the body is learnt or the person looked for; 0 = none
-    patience : seconds of lost frames in a row after which the next one is treated as a first frame
-    smoothing : seconds by which the reported poses are smoothed and lag; 0 = not at all
-    vote_samples : points that vote for the joints
+    hypotheses : which compete: "local", "extrema" (lookup by geodesic extrema), "joints" (lookup by regressed joints,
+        where extrema merge with the body), "arms" (the local one with arms of other poses)
+    extrema : geodesic extrema per frame, Eq. 5.8
+    candidates : retrieved poses that are compared before one of them is refined: a comparison costs a fifth of a
+        refinement; 1 takes the best by Eq. 5.6 unseen
+    promising : the best retrieved pose is refined if its distance is at most this times that of the local hypothesis:
+        a refinement halves a distance, seldom more, so that a farther pose cannot win
+    rest : frames between two in which the database is asked for whole poses, while all is well. Arms are searched in
+        these; with 1 or 2 the error is the same, and no frame bears both
+    starts : poses refined on a first frame or after a loss, per size of the body: no previous pose says which one is
+        right
+    momentum : share of the last speed at which the pose is expected to move on, in [0, 1], so that fast limbs stay
+        within reach; the noise of a step is carried on by as much
+    sizes : standard deviations of height, tall to small: bodies of 1.84, 1.71, 1.58, 1.44, 1.28, 1.07 and 0.85 m are
+        tried on the first frame
+    smallest_person : measured points below which a frame counts as empty: a person at 8 m in a 176x144 image
+    lost_distance : metres of the sparse distance of the winner above which a frame counts as lost: over twice the
+        largest of a correct pose on the tuning suite
+    vote_pull : weight of a sure joint of the regressor against one correspondence while a pose is refined that was
+        found by the joints, or a body is learnt, or somebody is looked for: as much as the vertices around it; 0 = none
+    patience : seconds of lost frames in a row after which the next one is treated as a first frame: some frames of bad
+        luck are not a loss
+    smoothing : seconds by which the reported poses are smoothed and lag; users of still pictures want none
+    vote_samples : points that vote for the joints; hands have few, so that with fewer votes they are found less often
     """
 
     tracker: Literal["hybrid"] = "hybrid"

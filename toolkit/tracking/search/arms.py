@@ -51,7 +51,7 @@ class ArmSearch:
         pose, compared = best.hypothesis.pose, best.comparison
         for arm in self._poses.of(body):
             start = pose, compared
-            for candidate in arm.propose(*start, scene, self._settings):
+            for candidate in arm.propose(*start, scene, self._settings, self._refiner.settings.sigma):
                 refined = self._refiner.refine(body, candidate, scene, iterations=ITERATIONS)
                 tried = self._objective.compare(body, refined, scene, FARTHER * compared.distance)
                 if self._unexplained(tried) < self._unexplained(compared) - self._settings.margin:

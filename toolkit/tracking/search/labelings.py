@@ -21,16 +21,17 @@ _LEFT_FOOT, _RIGHT_FOOT = skeleton.END_EFFECTORS.index("left_foot"), skeleton.EN
 
 @dataclass(frozen=True)
 class LookupSettings:
-    """Constants of the lookup; the reasons stand beside the values in `configs/*.yaml`. Lengths in metres.
+    """Constants of the lookup (Baak 2013, 5.4.3). Lengths in metres.
 
     Attributes
     ----------
-    neighbours : K, poses retrieved per labeling
-    label_distance : mu of Eq. 5.4
-    jump_speed : metres per second; an extremum that is farther from every extremum of the frame before has jumped
-    balance : lambda of Eq. 5.6
-    candidate_distance : an extremum within this of where an end effector is expected is a candidate for it; 0 = the
-        first five extrema alone are asked for, as in the paper
+    neighbours : K, poses retrieved per labeling; the tree answers 5 in the time of 1
+    label_distance : metres, mu of Eq. 5.4, the paper's
+    jump_speed : metres per second; an extremum that is farther from every extremum of the frame before than this lets
+        it come has jumped. The paper leaves it open; a fast hand
+    balance : lambda of Eq. 5.6, the paper's
+    candidate_distance : metres; an extremum within this of where an end effector is expected is a candidate for it; 0
+        = the first five extrema alone are asked for, as in the paper
     """
 
     neighbours: int = 5
