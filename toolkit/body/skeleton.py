@@ -101,6 +101,12 @@ REPORTED: tuple[str, ...] = (
 )  # fmt: skip
 """The 20 joints that every tracker reports, in the order of the track file."""
 
+OTHER_SIDE: tuple[int, ...] = tuple(
+    REPORTED.index({"left": "right_", "right": "left_"}.get(side, side) + rest)
+    for side, _, rest in (name.partition("_") for name in REPORTED)
+)
+"""For each reported joint the row of the same joint on the other side."""
+
 END_EFFECTORS: tuple[str, ...] = ("left_hand", "right_hand", "left_foot", "right_foot", "head")
 """Order of the five end effectors in every 15-dimensional feature (`E^5` in Baak 2013, 5.3.3)."""
 

@@ -152,8 +152,7 @@ def track(
     if batch and (guide is not None or watcher is not None):
         raise UsageError("sensors and events belong to one recording; leave --workers and --retry-failed out")
     with progress_bars() as bars:
-        if database is None:
-            database = _default_database(config, overrides, bars)
+        database = _database(database, config, overrides, bars)
         if batch:
             recipe = TrackerRecipe(config, overrides, database, max_poses)
             rows = track_many(
@@ -206,13 +205,17 @@ def _keep_finished(runs: list[Path]) -> None:
             raise UsageError(f"{run} holds a finished run; add --overwrite to replace it, or choose another --output")
 
 
-def _default_database(config: str, overrides: dict[str, object], bars: Bars) -> Path | None:
-    """The database of the user's cache, said with its path; None for a tracker that looks no poses up."""
+def _database(named: Path | None, config: str, overrides: dict[str, object], bars: Bars) -> Path | None:
+    """The database named, or that of the user's cache; None for a tracker that looks no poses up. Both are said."""
     from toolkit.cli.default_database import default_database
     from toolkit.pipeline.trackers import needs_database
 
     if not needs_database(config, overrides):
+        if named is not None:
+            print(f"{named} is not used: this tracker looks no poses up", file=sys.stderr)
         return None
+    if named is not None:
+        return named
     path = default_database(bars)
     print(f"poses of bundled motions: {path} (--database names your own)", file=sys.stderr)
     return path

@@ -46,7 +46,7 @@ class DiscrepancySettings:
     margin: float = 1.25
     clamp: float = 0.3
     depth: float = 1.0
-    joints_2d: float = 1.0
+    joints_2d: float = 0.5
     joints_3d: float = 0.2
     fewest: int = 6
     threads: int = 1

@@ -29,7 +29,11 @@ class Registration:
     build: Callable[[Any, Any, str], Tracker]
 
 
-MODULES = {"hybrid": "toolkit.tracking.hybrid", "particles": "toolkit.tracking.particles"}
+MODULES = {
+    "hybrid": "toolkit.tracking.hybrid",
+    "particles": "toolkit.tracking.particles",
+    "swarm": "toolkit.tracking.swarm",
+}
 """Modules that register a tracker of this name when they are imported; trackers that nobody asks for cost nothing."""
 REGISTERED: dict[str, Registration] = {}
 

@@ -1,0 +1,372 @@
+"""The swarm tracker: a person followed by their depth and joints in the image, without any motion capture."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+import yaml
+from typer.testing import CliRunner
+
+from tests.test_configs import CONFIGS, settings_by_name
+from toolkit.body import skeleton
+from toolkit.body.shape import load_body
+from toolkit.checkpoint import load_checkpoint, save_checkpoint
+from toolkit.cli.main import app
+from toolkit.config import load_settings, settings_text
+from toolkit.errors import SettingsError
+from toolkit.fitting.discrepancy import DiscrepancySettings, SeenJoints
+from toolkit.fitting.swarm import SwarmSettings
+from toolkit.pipeline import load_tracker
+from toolkit.sensing.joints2d import Joints2D
+from toolkit.sensing.recording import Recording, open_recording, save_recording
+from toolkit.testing.joints import DERIVED, DetectorErrors, detected
+from toolkit.testing.subjects import LEVEL, camera_for, draw, moving_poses
+from toolkit.track import EMPTY, TRACKED, FrameResult, RunInfo, Track
+from toolkit.tracking.search.seen import exchanged, gap, looks_exchanged
+from toolkit.tracking.search.swarm import SwarmSearchSettings
+from toolkit.tracking.solo import Solo
+from toolkit.tracking.swarm import SwarmTracker, SwarmTrackerSettings
+
+BODY = load_body("neutral")
+CAMERA = camera_for(3000)
+SETTINGS = SwarmTrackerSettings(swarm=SwarmSettings(particles=24, generations=16))
+FRAMES = 24
+EXACT = DetectorErrors(sigma=0.0, missed=0.0, swapped=0.0)
+
+
+def entry(name: str) -> int:
+    return skeleton.POSE_NAMES.index(name)
+
+
+def true_joints(poses: np.ndarray) -> np.ndarray:
+    """Camera frame, metres."""
+    return BODY.joint_positions(poses) @ LEVEL
+
+
+def write(path: Path, poses: np.ndarray, rows: np.ndarray | None) -> Recording:
+    rng = np.random.default_rng(0)
+    frames = (np.rint(1000 * draw(BODY, pose, CAMERA, rng)).astype(np.uint16) for pose in poses)
+    save_recording(
+        path, depth=frames, camera=CAMERA, timestamps=np.arange(len(poses)) / 30.0,
+        joints=true_joints(poses).astype(np.float32), joints_2d=rows,
+    )  # fmt: skip
+    return open_recording(path)
+
+
+@pytest.fixture(scope="module")
+def poses() -> np.ndarray:
+    return moving_poses(FRAMES, np.random.default_rng(4))
+
+
+@pytest.fixture(scope="module")
+def recording(tmp_path_factory: pytest.TempPathFactory, poses: np.ndarray) -> Recording:
+    rows = detected(true_joints(poses), CAMERA, np.random.default_rng(1), DetectorErrors(swapped=0.0))
+    return write(tmp_path_factory.mktemp("swarm") / "take.npz", poses, rows)
+
+
+def tracker(settings: SwarmTrackerSettings = SETTINGS) -> SwarmTracker:
+    return SwarmTracker(settings, body=BODY)
+
+
+def run(
+    recording: Recording, joints: Sequence[Joints2D | None] | None = None, settings: SwarmTrackerSettings = SETTINGS
+) -> list[FrameResult]:
+    """The whole recording, with other joints in the image if they are given."""
+    solo = Solo(tracker(settings), recording)
+    results = []
+    for i in range(len(recording)):
+        seen = recording.joints_2d(i) if joints is None else () if joints[i] is None else (joints[i],)
+        results.append(solo.step(recording.depth(i), float(recording.timestamps[i]), seen))
+    return results
+
+
+def errors(results: list[FrameResult], recording: Recording) -> np.ndarray:
+    """Mean error of each frame, metres."""
+    return np.linalg.norm(np.array([r.joints for r in results]) - recording.joints[: len(results)], axis=2).mean(axis=1)
+
+
+def digest(results: list[FrameResult]) -> str:
+    parts = [part for r in results for part in (r.pose, r.joints, r.confidence, np.array([r.state, r.source]))]
+    return hashlib.sha256(b"".join(np.ascontiguousarray(part).tobytes() for part in parts)).hexdigest()
+
+
+@pytest.fixture(scope="module")
+def results(recording: Recording) -> list[FrameResult]:
+    return run(recording)
+
+
+def test_a_person_is_found_and_followed_without_a_database(results: list[FrameResult], recording: Recording) -> None:
+    assert errors(results, recording).mean() < 0.045
+    assert all(r.state == TRACKED for r in results)
+    assert tracker().database == "" and tracker().joints_wanted == "required"
+
+
+def test_the_same_bits_come_again_and_with_any_number_of_threads(
+    results: list[FrameResult], recording: Recording
+) -> None:
+    two = replace(SETTINGS, discrepancy=DiscrepancySettings(threads=2))
+    assert digest(run(recording)) == digest(results)
+    assert digest(run(recording, settings=two)) == digest(results)
+
+
+def test_a_state_on_disk_continues_exactly(results: list[FrameResult], recording: Recording, tmp_path: Path) -> None:
+    solo = Solo(tracker(), recording)
+    for i in range(6):
+        solo.step(recording.depth(i), float(recording.timestamps[i]), recording.joints_2d(i))
+    save_checkpoint(tmp_path / "state.npz", "person", solo.follower.export_state())
+    other = Solo(tracker(), recording)
+    other.follower.restore_state(load_checkpoint(tmp_path / "state.npz", "person"))
+    rest = [
+        other.step(recording.depth(i), float(recording.timestamps[i]), recording.joints_2d(i)) for i in range(6, FRAMES)
+    ]
+    assert digest(rest) == digest(results[6:])
+
+
+def turned(pose: np.ndarray, degrees: float) -> np.ndarray:
+    pose = pose.copy()
+    pose[skeleton.ROOT_ROTATION] = [0.0, np.radians(degrees), 0.0]
+    return pose
+
+
+def test_poses_are_found_from_nothing_whichever_way_the_person_faces(tmp_path: Path) -> None:
+    """True body, exact joints; backs and sides included, arms and legs bent in all ways."""
+    rng = np.random.default_rng(0)
+    chosen = moving_poses(400, rng)[::40]
+    chosen = np.array([turned(pose, degrees) for pose, degrees in zip(chosen, np.arange(0, 360, 36), strict=True)])
+    recording = write(tmp_path / "poses.npz", chosen, detected(true_joints(chosen), CAMERA, rng, EXACT))
+    found = []
+    for i in range(len(chosen)):
+        solo = Solo(tracker(SwarmTrackerSettings()), recording)
+        found.append(solo.step(recording.depth(i), 0.0, recording.joints_2d(i)))
+    assert np.median(errors(found, recording)) < 0.04
+    assert (errors(found, recording) < 0.12).sum() >= 9
+
+
+def test_poses_are_found_from_the_previous_frame(poses: np.ndarray, tmp_path: Path) -> None:
+    """True body, exact joints: 15 mm."""
+    rows = detected(true_joints(poses), CAMERA, np.random.default_rng(0), EXACT)
+    recording = write(tmp_path / "exact.npz", poses, rows)
+    assert np.median(errors(run(recording, settings=SwarmTrackerSettings()), recording)[5:]) < 0.015
+
+
+def other_side(joints: Joints2D) -> Joints2D:
+    rows = list(skeleton.OTHER_SIDE)
+    return Joints2D(joints.pixels[rows], joints.confidence[rows])
+
+
+def test_sides_that_are_exchanged_for_some_frames_are_found_out(recording: Recording) -> None:
+    joints = [recording.joints_2d(i)[0] for i in range(FRAMES)]
+    joints[8:12] = [other_side(j) for j in joints[8:12]]
+    assert errors(run(recording, joints), recording).max() < 0.12
+
+
+@pytest.mark.parametrize("wrong", ["elsewhere", "frozen", "nobody"])
+def test_ten_frames_of_wrong_joints_do_not_lose_the_person(recording: Recording, wrong: str) -> None:
+    joints: list[Joints2D | None] = [recording.joints_2d(i)[0] for i in range(FRAMES)]
+    for i in range(8, 18):
+        now = joints[i]
+        assert now is not None
+        moved = now._replace(pixels=now.pixels + np.float32([40, 0]))
+        joints[i] = {"elsewhere": moved, "frozen": joints[7], "nobody": None}[wrong]
+    found = errors(run(recording, joints), recording)
+    assert found[8:].max() < 0.2 and found[20:].max() < 0.08
+
+
+def test_one_joint_far_off_does_little_harm(recording: Recording) -> None:
+    joints = []
+    for i in range(FRAMES):
+        pixels = recording.joints_2d(i)[0].pixels.copy()
+        pixels[skeleton.REPORTED.index("left_wrist")] += 60
+        joints.append(Joints2D(pixels, recording.joints_2d(i)[0].confidence))
+    assert errors(run(recording, joints), recording).mean() < 0.07
+
+
+def test_without_any_joints_a_person_is_followed_by_the_depth_alone(recording: Recording) -> None:
+    results = run(recording, [recording.joints_2d(0)[0], *[None] * (FRAMES - 1)])
+    assert errors(results, recording).mean() < 0.08
+
+
+def test_joints_of_confidence_zero_are_none(recording: Recording) -> None:
+    nothing = Joints2D(np.full((20, 2), np.nan, np.float32), np.zeros(20, np.float32))
+    first = recording.joints_2d(0)[0]
+    assert digest(run(recording, [first, *[nothing] * (FRAMES - 1)])) == digest(
+        run(recording, [first, *[None] * (FRAMES - 1)])
+    )
+
+
+def test_nobody_and_few_pixels_are_empty_and_who_comes_back_is_found(recording: Recording) -> None:
+    solo = Solo(tracker(), recording)
+    depths = [recording.depth(i) for i in range(6)]
+    few = np.zeros_like(depths[0])
+    few[40:45, 50:60] = 2500
+    frames = [np.zeros_like(few), depths[0], few, np.zeros_like(few), depths[4], depths[5]]
+    found = [solo.step(depth, i / 30.0, recording.joints_2d(i)) for i, depth in enumerate(frames)]
+    assert [r.state for r in found] == [EMPTY, TRACKED, EMPTY, EMPTY, TRACKED, TRACKED]
+    assert errors(found[4:], recording).shape == (2,) and all(np.isfinite(r.joints).all() for r in found)
+    assert np.linalg.norm(found[5].joints - recording.joints[5], axis=1).mean() < 0.08
+
+
+def test_a_person_cut_off_by_the_border_is_survived(recording: Recording) -> None:
+    solo = Solo(tracker(), recording)
+    for i in range(4):
+        depth = recording.depth(i).copy()
+        depth[:, : depth.shape[1] // 2] = 0
+        result = solo.step(depth, i / 30.0, recording.joints_2d(i))
+    assert np.isfinite(result.joints).all()
+
+
+def test_a_mirrored_person_is_tracked_in_the_mirror(
+    results: list[FrameResult], recording: Recording, tmp_path: Path
+) -> None:
+    rows = np.array([recording.joints_2d(i)[0].rows for i in range(FRAMES)])[:, list(skeleton.OTHER_SIDE)]
+    rows[..., 0] = CAMERA.width - 1 - rows[..., 0]
+    truth = recording.joints[:, list(skeleton.OTHER_SIDE)] * [-1, 1, 1]
+    path = tmp_path / "mirrored.npz"
+    save_recording(
+        path, depth=(recording.depth(i)[:, ::-1].copy() for i in range(FRAMES)), camera=CAMERA.mirrored(),
+        timestamps=recording.timestamps, joints=truth.astype(np.float32), joints_2d=rows,
+    )  # fmt: skip
+    mirrored = open_recording(path)
+    back = np.array([r.joints for r in run(mirrored)])[:, list(skeleton.OTHER_SIDE)] * [-1, 1, 1]
+    apart = np.linalg.norm(back - np.array([r.joints for r in results]), axis=2)
+    assert np.median(apart) < 0.02
+
+
+def test_the_body_is_learnt_from_the_recording(recording: Recording) -> None:
+    settings = replace(SETTINGS, sizes=(0.4, 1.5), shape=replace(SETTINGS.shape, seconds=0.3))
+    solo = Solo(SwarmTracker(settings), recording)
+    found = [solo.step(recording.depth(i), i / 30.0, recording.joints_2d(i)) for i in range(8)]
+    assert abs(solo.body.height - BODY.height) < 0.1
+    assert errors(found, recording).mean() < 0.06
+
+
+def seen_at(joints: np.ndarray) -> SeenJoints:
+    confidence = np.ones(20)
+    confidence[DERIVED] = 0.0
+    return SeenJoints(joints[:, :2] / joints[:, 2:], joints, confidence)
+
+
+def test_sides_look_exchanged_where_the_previous_joints_say_so() -> None:
+    front, side = (true_joints(turned(moving_poses(1, np.random.default_rng(0))[0], a)[None])[0] for a in (0, 90))
+    assert looks_exchanged(exchanged(seen_at(front)), front) and not looks_exchanged(seen_at(front), front)
+    assert not looks_exchanged(seen_at(front + [0.3, 0.0, 0.0]), front)
+    assert not looks_exchanged(seen_at(side), side)
+    nobody = seen_at(front)._replace(confidence=np.zeros(20))
+    assert not looks_exchanged(nobody, front)
+
+
+def test_the_gap_is_the_weighted_mean_distance_of_joints_that_are_known() -> None:
+    joints = true_joints(moving_poses(1, np.random.default_rng(0)))[0]
+    seen = seen_at(joints + [0.0, 0.03, 0.04])
+    assert gap(seen, joints) == pytest.approx(0.05)
+    seen.points[4] = np.nan
+    assert gap(seen, joints) == pytest.approx(0.05)
+    assert gap(None, joints) == 0.0 == gap(seen._replace(confidence=np.zeros(20)), joints)
+
+
+def test_the_swarm_file_shows_the_defaults() -> None:
+    shown = settings_by_name(yaml.safe_load((CONFIGS / "swarm.yaml").read_text(encoding="utf-8")))
+    defaults = settings_by_name(yaml.safe_load(settings_text(SwarmTrackerSettings())))
+    assert shown == {name: defaults[name] for name in shown}
+    assert load_settings(SwarmTrackerSettings, "swarm") == SwarmTrackerSettings()
+
+
+def test_the_papers_variant_has_its_dimensions_and_limits() -> None:
+    settings = load_settings(SwarmTrackerSettings, "qammaz")
+    assert settings.hypotheses == ("swarm",)
+    assert (settings.swarm.particles, settings.swarm.generations) == (64, 64)
+    assert settings.search.pulled == settings.search.refined == 0 and settings.search.disagreement == 0.0
+    low, high = settings.search.pose_limits().T
+    # Position 3, quaternion 4, angles 29: ours turns the root by three numbers.
+    assert np.count_nonzero(high > low) == 35
+    joints = [j for j in skeleton.JOINT_NAMES[1:] if j not in settings.search.frozen]
+    assert len(joints) == 14
+
+
+@pytest.mark.parametrize(
+    ("moved", "by", "joint", "axis", "sign"),
+    [
+        ("left_knee_rx", 1.0, "left_ankle", 2, -1),  # a knee bends the shin backwards
+        ("right_hip_rx", -1.0, "right_knee", 2, 1),  # a hip bends the thigh forwards
+        ("left_hip_rz", 0.8, "left_knee", 0, 1),  # and spreads it to the subject's left
+        ("right_hip_rz", -0.8, "right_knee", 0, -1),
+        ("left_elbow_ry", -1.0, "left_wrist", 2, 1),  # elbows bend forwards
+        ("right_elbow_ry", 1.0, "right_wrist", 2, 1),
+        ("lumbar_rx", 0.4, "neck", 2, 1),  # the spine bends forwards
+        ("left_shoulder_rz", -1.5, "left_wrist", 1, -1),  # arms hang down
+        ("right_shoulder_rz", 1.5, "right_wrist", 1, -1),
+    ],
+)
+def test_the_papers_limits_allow_what_people_do(moved: str, by: float, joint: str, axis: int, sign: int) -> None:
+    limits = load_settings(SwarmTrackerSettings, "qammaz").search.pose_limits()
+    pose = np.zeros(skeleton.POSE_SIZE)
+    pose[entry(moved)] = by
+    assert limits[entry(moved), 0] <= by <= limits[entry(moved), 1]
+    row = skeleton.REPORTED.index(joint)
+    there, rest = (BODY.joint_positions(p)[row, axis] for p in (pose, np.zeros(skeleton.POSE_SIZE)))
+    assert sign * (there - rest) > 0.05
+
+
+def test_the_papers_way_follows_a_person(recording: Recording) -> None:
+    settings = load_settings(
+        SwarmTrackerSettings, "qammaz", {"discrepancy.figure": "balls", "swarm.generations": 32, "tracker": "swarm"}
+    )
+    found = run(recording, settings=settings)
+    assert errors(found, recording).mean() < 0.12
+    frozen = found[-1].pose[entry("left_wrist_ry")], found[-1].pose[entry("thorax_rx")]
+    assert frozen == (0.0, 0.0)
+
+
+@pytest.mark.parametrize(
+    ("wrong", "said"),
+    [
+        ({"window": 0.0}, "more than 0"),
+        ({"copies": -1}, "at least 0"),
+        ({"tries": 0}, "at least once"),
+        ({"frozen": ("tail",)}, "no joints; there are: .*lumbar"),
+        ({"limits": {"left_elbow_ry": (1.0, 0.0)}}, "lower limit first"),
+        ({"limits": {"tail_rx": (0.0, 1.0)}}, "name an angle"),
+    ],
+)
+def test_impossible_search_settings_are_refused(wrong: dict, said: str) -> None:
+    with pytest.raises(SettingsError, match=said):
+        SwarmSearchSettings(**wrong)
+
+
+@pytest.mark.parametrize(
+    ("wrong", "said"),
+    [
+        ({"hypotheses": ("local",)}, "'swarm' and at most 'local'"),
+        ({"hypotheses": ("swarm", "magic")}, "magic"),
+        ({"momentum": 2.0}, "share"),
+        ({"sizes": ()}, "number of sizes"),
+        ({"fitting": replace(SETTINGS.fitting, prior_weight=0.1)}, "no prior"),
+    ],
+)
+def test_impossible_tracker_settings_are_refused(wrong: dict, said: str) -> None:
+    with pytest.raises(SettingsError, match=said):
+        SwarmTrackerSettings(**wrong)
+
+
+def test_the_command_tracks_without_a_database_and_says_that_one_is_not_used(
+    recording: Recording, tmp_path: Path
+) -> None:
+    quick = ["--set", "shape.seconds=0", "--set", "sizes=[0.4]", "--set", "swarm.particles=12"]
+    command = ["track", str(recording.path), "--config", "swarm", *quick, "--output"]
+    done = CliRunner().invoke(app, [*command, str(tmp_path / "run")])
+    assert done.exit_code == 0, done.output
+    assert len(Track.load(tmp_path / "run")) == FRAMES
+    info = RunInfo.load(tmp_path / "run")
+    assert info.tracker == "swarm" and info.database in ("", None)
+    other = CliRunner().invoke(app, [*command, str(tmp_path / "other"), "--database", str(tmp_path / "poses.npz")])
+    assert other.exit_code == 0 and "not used" in other.output
+
+
+def test_the_tracker_is_built_by_its_name() -> None:
+    made = load_tracker("swarm", {"seed": 3})
+    assert isinstance(made, SwarmTracker) and made.settings.seed == 3

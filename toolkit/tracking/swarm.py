@@ -1,0 +1,111 @@
+"""The swarm tracker: no motion capture, no regressor; joints in the image and the depth are all it is told (Qammaz)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Literal
+
+from toolkit.body.body import Body
+from toolkit.errors import SettingsError
+from toolkit.fitting.discrepancy import DiscrepancySettings
+from toolkit.fitting.objective import Objective
+from toolkit.fitting.refiner import Refiner
+from toolkit.fitting.settings import FittingSettings
+from toolkit.fitting.shape import ShapeSettings
+from toolkit.fitting.swarm import SwarmSettings
+from toolkit.landmarks.settings import LandmarkSettings
+from toolkit.sensing.settings import SensingSettings
+from toolkit.tracking.follower import PREDICTED
+from toolkit.tracking.observation import Observer
+from toolkit.tracking.registry import Registration, register
+from toolkit.tracking.search.local import LocalSearch
+from toolkit.tracking.search.protocol import Search
+from toolkit.tracking.search.swarm import SwarmSearch, SwarmSearchSettings
+from toolkit.tracking.searching import SearchingTracker
+
+HYPOTHESES = ("local", "swarm")
+
+
+@dataclass(frozen=True)
+class SwarmTrackerSettings:
+    """Settings of the swarm tracker, one section per room that owns them.
+
+    Attributes
+    ----------
+    tracker : the name under which this tracker is registered
+    hypotheses : which compete: "local", the previous pose refined, and "swarm"
+    seed, extrema, momentum, sizes, smallest_person, lost_distance, patience, smoothing : as of `HybridSettings`
+    search, swarm, discrepancy : where the swarm looks, how it moves, and what it minimises
+    """
+
+    tracker: Literal["swarm"] = "swarm"
+    seed: int = 0
+    hypotheses: tuple[str, ...] = HYPOTHESES
+    extrema: int = 20
+    momentum: float = 0.7
+    sizes: tuple[float, ...] = (-1.6, -0.6, 0.4, 1.5, 2.7, 4.2, 5.8)
+    smallest_person: int = 300
+    lost_distance: float = 0.25
+    patience: float = 0.15
+    smoothing: float = 0.0
+    sensing: SensingSettings = field(default_factory=SensingSettings)
+    landmarks: LandmarkSettings = field(default_factory=LandmarkSettings)
+    search: SwarmSearchSettings = field(default_factory=SwarmSearchSettings)
+    swarm: SwarmSettings = field(default_factory=SwarmSettings)
+    discrepancy: DiscrepancySettings = field(default_factory=DiscrepancySettings)
+    fitting: FittingSettings = field(default_factory=lambda: FittingSettings(prior_weight=0.0))
+    shape: ShapeSettings = field(default_factory=ShapeSettings)
+
+    def __post_init__(self) -> None:
+        if "swarm" not in self.hypotheses or (unknown := [n for n in self.hypotheses if n not in HYPOTHESES]):
+            wrong = unknown if "swarm" in self.hypotheses else list(self.hypotheses)
+            raise SettingsError(
+                f"hypotheses of the swarm tracker are 'swarm' and at most 'local' beside it, not {wrong}"
+            )
+        if not 0.0 <= self.momentum <= 1.0:
+            raise SettingsError(f"momentum is {self.momentum}; it is a share and lies in [0, 1]")
+        if self.extrema < 5 or not self.sizes:
+            raise SettingsError("extrema is at least 5, and the number of sizes at least 1")
+        if self.fitting.prior_weight:
+            raise SettingsError(
+                f"fitting.prior_weight is {self.fitting.prior_weight}; without a database there is no prior: set 0"
+            )
+
+
+class SwarmTracker(SearchingTracker):
+    """Qammaz, with the local optimisation after the swarm and beside it; see `Tracker`.
+
+    Parameters
+    ----------
+    settings : see `SwarmTrackerSettings`
+    body : the person's own body, if it is known; otherwise it is learnt from the recording
+    """
+
+    stage_names = ("prepare", "landmarks", "local", "swarm", "select")
+    source_names = ("local", "swarm", "joints", PREDICTED)
+    database = ""
+    joints_wanted: Literal["none", "welcome", "required"] = "required"
+
+    def __init__(self, settings: SwarmTrackerSettings | None = None, *, body: Body | None = None) -> None:
+        self.settings = settings or SwarmTrackerSettings()
+        super().__init__(self.settings, body)
+
+    def searches(self, objective: Objective, refiner: Refiner) -> tuple[Search, ...]:
+        """See `SearchingTracker.searches`."""
+        s = self.settings
+        swarm = SwarmSearch(s.search, s.swarm, s.discrepancy, objective, refiner)
+        return (LocalSearch(refiner, s.momentum), swarm) if "local" in s.hypotheses else (swarm,)
+
+    @property
+    def observer(self) -> Observer:
+        """See `SearchingTracker.observer`."""
+        s = self.settings
+        return Observer(s.landmarks, s.extrema, s.fitting.cloud_samples, s.fitting.search, None, 0)
+
+
+register(
+    "swarm",
+    Registration(
+        SwarmTrackerSettings, needs_database=False, build=lambda settings, database, path: SwarmTracker(settings)
+    ),
+)
