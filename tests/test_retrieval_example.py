@@ -13,6 +13,7 @@ from tests.retrieval_motions import random_motion
 from toolkit.errors import RetrievalError
 from toolkit.kernels import graded
 from toolkit.kernels.graded import distinct_hits, graded_distances
+from toolkit.retrieval.annotation.documents import assemble
 from toolkit.retrieval.features.geometry import BodyLengths
 from toolkit.retrieval.features.grades import BLOCK, FULL, coarse, grade, importance
 from toolkit.retrieval.features.motion import NAMED_JOINTS
@@ -119,6 +120,29 @@ def test_a_stretch_is_found_where_it_was_performed_slower_or_faster(speed: float
     assert best.document == index.names[-1]
     assert best.start == pytest.approx(2.0 / speed, abs=0.2) and best.end == pytest.approx(4.0 / speed, abs=0.2)
     assert best.cost < 0.05
+
+
+@pytest.mark.parametrize("rate", [24.0, 30.0, 60.0, 120.0])
+def test_an_example_finds_what_was_recorded_at_another_rate(rate: float) -> None:
+    documents = [random_motion(seed, seconds=8.0, rate=r) for seed, r in zip(range(20, 24), (24, 30, 60, 120), strict=True)]
+    index = KeyframeIndex.build([relational_features(m) for m in (*documents, random_motion(11, 6.0, rate))])
+    best = search_example(index, Example.of(relational_features(random_motion(11, 6.0)).sliced(60, 120)), limit=1)[0]
+    assert best.document == "random 11"
+    assert (best.start, best.end) == (pytest.approx(2.0, abs=0.15), pytest.approx(4.0, abs=0.15))
+
+
+def test_an_example_cut_through_a_motion_finds_that_part_of_others() -> None:
+    whole = random_motion(11, seconds=3.0)
+    other = replace(whole, joints=whole.joints + np.random.default_rng(0).normal(0.0, 0.008, whole.joints.shape[1:]))
+    parts = [(random_motion(30, 3.0), None), (other, "it"), (random_motion(31, 3.0), None)]
+    document = assemble("long", parts)
+    segment = document.segments[0]
+    index = KeyframeIndex.build([relational_features(document.motion), relational_features(random_motion(32, 8.0))])
+    for start, stop in ((0, 45), (45, 90), (20, 70)):
+        best = search_example(index, Example.of(relational_features(whole).sliced(start, stop)), limit=1)[0]
+        assert best.document == "long"
+        assert best.start == pytest.approx(segment.start + start / 30.0, abs=0.25)
+        assert best.end == pytest.approx(segment.start + stop / 30.0, abs=0.25)
 
 
 def test_results_are_in_order_below_the_threshold_and_no_more_than_asked_for() -> None:

@@ -27,7 +27,7 @@ from toolkit.retrieval.features.motion import (
     joint_maps,
 )
 from toolkit.retrieval.features.relational import relational_features
-from toolkit.track import Track
+from toolkit.track import EMPTY, LOST, Track
 
 FILES = {"asf": "mocap/hdm05/HDM_bd_squat1Reps_001_120.amc", "cmu_bvh": "mocap/cmu/02_01.bvh"}
 
@@ -86,6 +86,33 @@ def test_a_track_has_the_features_of_its_poses_at_the_rate_of_its_time_stamps() 
     assert motion.frame_rate == pytest.approx(30.0)
     assert relational_features(motion).values[2:4].any()  # a hand waves above the neck
     np.testing.assert_array_equal(motion.joints, from_poses(clip.poses, body, 30.0, "run").joints)
+
+
+def test_lost_frames_of_a_track_are_bridged_and_missing_ones_keep_their_time() -> None:
+    body = load_body("neutral")
+    clip = procedural_clips(["wave"], 30.0, body=body, variations=1)[0]
+    frames = len(clip)
+    whole = from_poses(clip.poses, body, 30.0, "run")
+    lost = slice(20, 32)
+    poses = clip.poses.copy()
+    poses[lost] = poses[19]  # what a tracker holds meanwhile
+    poses[:2] = 0.0
+    state = np.zeros(frames, np.uint8)
+    state[lost], state[:2] = LOST, EMPTY
+    kept = np.delete(np.arange(frames), np.arange(50, 56))
+    track = Track(
+        joints=body.joint_positions(poses[kept]).astype(np.float32), pose=poses[kept],
+        confidence=np.ones((len(kept), 20), np.float32), state=state[kept], source=np.zeros(len(kept), np.uint8),
+        timestamps=5.0 + kept / 30.0, stage_ms=np.zeros((len(kept), 1), np.float32), source_names=("local",),
+        stage_names=("all",),
+    )  # fmt: skip
+    motion = from_track(track, body, "run")
+    assert len(motion) == frames
+    seen = np.r_[2:20, 32:50, 56:frames]
+    np.testing.assert_allclose(motion.joints[seen], whole.joints[seen], atol=1e-9)
+    np.testing.assert_allclose(motion.joints[0], whole.joints[2], atol=1e-9)
+    steps = np.linalg.norm(np.diff(motion.joints[19:33], axis=0), axis=-1)
+    assert np.ptp(steps, axis=0).max() < 1e-9, "a straight line at one speed"
 
 
 def test_a_joint_that_is_not_finite_is_named_with_its_frame() -> None:

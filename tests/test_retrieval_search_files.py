@@ -4,6 +4,7 @@ import csv
 import json
 from pathlib import Path
 
+import cv2
 import numpy as np
 import pytest
 from typer.testing import CliRunner
@@ -275,8 +276,15 @@ def test_the_commands_index_learn_and_search(squats: list[Path], tmp_path: Path)
     rows = list(csv.DictReader(hits.read_text().splitlines()))
     assert {row["document"] for row in rows} >= {file.stem for file in squats[:4]}
     assert squats[0].stem in run("search", index, "--by-example", squats[0], "--from", 0.1, "--to", 0.9)
+    film = tmp_path / "hits.webm"
+    run("search", index, "--by-example", squats[0], "--limit", 2, "--play", film, "--mocap", squats[0].parent)
+    capture = cv2.VideoCapture(str(film))
+    frames = int(capture.get(cv2.CAP_PROP_FRAME_COUNT))
+    assert frames >= 30 * load_motion(squats[0]).duration and capture.read()[1].std() > 5.0
     with pytest.raises(UsageError, match="exactly one"):
         run("search", index)
+    with pytest.raises(UsageError, match="--play needs --mocap"):
+        run("search", index, "--by-example", squats[0], "--play", film)
 
 
 @pytest.mark.shared_data

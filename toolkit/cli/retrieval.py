@@ -11,7 +11,11 @@ from toolkit.cli.options import Output, Seed
 
 if TYPE_CHECKING:
     from toolkit.retrieval.annotation.measures import Scores
+    from toolkit.retrieval.search.rank import Match
     from toolkit.retrieval.workflow.search import SearchReport
+
+PLAYED = 5
+"""Results in a film."""
 
 Index = Annotated[
     Path, typer.Argument(metavar="INDEX", help="Index that `depthmocap index` wrote.", show_default=False)
@@ -68,9 +72,15 @@ def search(
     ] = False,
     threshold: Annotated[
         float, typer.Option(help="Largest cost of a result by example, 0 (equal) to 1 (opposite).")
-    ] = 0.3,
+    ] = 0.2,
     limit: Annotated[int, typer.Option(help="Results per query: shown, and by example also written.", min=1)] = 20,
     output: Annotated[Path | None, typer.Option("--output", "-o", help="Write all results (.csv or .json).")] = None,
+    play: Annotated[
+        Path | None, typer.Option(metavar="FILM", help="Film (.mp4, .webm) of the example and the first results.")
+    ] = None,
+    mocap: Annotated[
+        list[Path] | None, typer.Option(help="For --play: the files and folders that were indexed. Repeatable.")
+    ] = None,
 ) -> None:
     """Find motions in an index: by learned or written keyframes, or by an example."""
     from toolkit.errors import UsageError
@@ -83,8 +93,10 @@ def search(
 
     if (queries is None) == (by_example is None):
         raise UsageError("search needs one of --queries and --by-example; give exactly one")
-    if output is not None:
-        check_output(output, [path for path in (index, queries, by_example) if path is not None])
+    if (play is None) != (not mocap):
+        raise UsageError("--play needs --mocap, the files and folders that were indexed, and the other way round")
+    for written in filter(None, (output, play)):
+        check_output(written, [path for path in (index, queries, by_example) if path is not None])
     opened = KeyframeIndex.open(index)
     if by_example is None:
         wanted = choose_labels(load_queries(queries or Path()), label)
@@ -98,6 +110,30 @@ def search(
         save_matches(output, reports)
     for report in reports:
         _show(report, limit)
+    if play is not None:
+        ranked = sorted((match for report in reports for match in report.matches), key=lambda match: match.cost)
+        _play(play, ranked[:PLAYED], mocap or [], (by_example, start, end) if by_example else None)
+
+
+def _play(
+    film: Path, matches: list[Match], mocap: list[Path], example: tuple[Path, float, float | None] | None
+) -> None:
+    """A film of the example and of what was found."""
+    from toolkit.rendering.motions import film_of_motions
+    from toolkit.retrieval.workflow.motions import load_motion
+    from toolkit.retrieval.workflow.search import stretches
+
+    titled = []
+    if example is not None:
+        path, start, end = example
+        motion = load_motion(path)
+        rate = motion.frame_rate
+        stop = len(motion) if end is None else round(end * rate)
+        titled.append((f"example\n{path.stem}", motion.sliced(round(start * rate), stop)))
+    for match, motion in zip(matches, stretches(matches, mocap), strict=True):
+        titled.append((f"{match.document}\n{match.start:.1f} to {match.end:.1f} s", motion))
+    if titled:
+        print(film_of_motions(film, titled))
 
 
 def _show(report: SearchReport, limit: int) -> None:

@@ -22,6 +22,7 @@ from toolkit.files import shipped
 from toolkit.kernels import kinematics
 from toolkit.mocap.retarget import retarget
 from toolkit.mocap.rig import load_rig
+from toolkit.track import TRACKED
 
 if TYPE_CHECKING:
     from toolkit.mocap.clip import Clip
@@ -229,8 +230,28 @@ def _carried_points(body: Body) -> dict[str, tuple[int, np.ndarray]]:
 
 
 def from_track(track: Track, body: Body, name: str) -> Motion:
-    """The named joints of a track through its poses (level frame), at the median rate of its time stamps."""
-    return from_poses(track.pose, body, frame_rate_of(track.timestamps), name)
+    """The named joints of a track through its poses (level frame), at the median rate of its time stamps.
+
+    Where the person was lost or not there, or frames are missing, joints go straight on to where they are known again:
+    the pose that a track holds meanwhile, and the jump that ends it, are nobody's motion.
+    """
+    rate = frame_rate_of(track.timestamps)
+    motion = from_poses(track.pose, body, rate, name)
+    known = np.flatnonzero(track.state == TRACKED)
+    places = (track.timestamps - track.timestamps[0]) * rate
+    even = np.abs(places - np.arange(len(places))).max() < 0.5
+    if not len(known) or (even and len(known) == len(places)):
+        return motion
+    wanted = np.arange(round(float(places[-1])) + 1.0)
+    high = np.clip(np.searchsorted(places[known], wanted), 1, max(len(known) - 1, 1))
+    low, high = known[high - 1], known[np.minimum(high, len(known) - 1)]
+    share = np.clip((wanted - places[low]) / np.maximum(places[high] - places[low], 1e-9), 0.0, 1.0)[:, None]
+    assert motion.root_axis is not None  # poses have one
+    return replace(
+        motion,
+        joints=motion.joints[low] + share[..., None] * (motion.joints[high] - motion.joints[low]),
+        root_axis=motion.root_axis[low] + share * (motion.root_axis[high] - motion.root_axis[low]),
+    )
 
 
 def frame_rate_of(timestamps: np.ndarray) -> float:

@@ -15,6 +15,7 @@ import numpy as np
 from toolkit.errors import RetrievalError, UsageError
 from toolkit.files import save_json, save_text
 from toolkit.retrieval.annotation.annotator import distance_function
+from toolkit.retrieval.features.motion import Motion
 from toolkit.retrieval.features.relational import FEATURE_RATE, FEATURES, FeatureMatrix, relational_features
 from toolkit.retrieval.index.keyframe_index import KeyframeIndex
 from toolkit.retrieval.keyframes.automatic import ChoiceSettings, choose_query, steady_entries, template_of
@@ -23,7 +24,7 @@ from toolkit.retrieval.search.example import Example, search_example
 from toolkit.retrieval.search.find import find, pieces
 from toolkit.retrieval.search.rank import Match, rank
 from toolkit.retrieval.templates.quantised import WILDCARD, QuantisedTemplate
-from toolkit.retrieval.workflow.motions import load_motion
+from toolkit.retrieval.workflow.motions import find_motions, load_motion
 
 EXAMPLE_CHOICE = ChoiceSettings(least_score=0.3, most=1, steady=9)
 """Keyframes from a single example: entries steady for 0.3 s on both sides, one keyframe per set."""
@@ -57,6 +58,25 @@ def cut_example(clip: str | Path, start: float = 0.0, end: float | None = None) 
             "give a start and a later end inside it"
         )
     return features.sliced(round(start * FEATURE_RATE), round(end * FEATURE_RATE))
+
+
+def stretches(matches: Sequence[Match], mocap: Sequence[str | Path]) -> list[Motion]:
+    """The motions that matches name, cut out of the files that were indexed.
+
+    Raises
+    ------
+    RetrievalError
+        A document is not among the files.
+    """
+    files = {file.stem: file for file in find_motions(mocap)}
+    found = []
+    for match in matches:
+        if match.document not in files:
+            raise RetrievalError(f"there is no motion {match.document!r} in the folders given; name those indexed")
+        motion = load_motion(files[match.document])
+        start, stop = (round(seconds * motion.frame_rate) for seconds in (match.start, match.end))
+        found.append(motion.sliced(min(start, len(motion) - 1), max(stop, start + 1)))
+    return found
 
 
 def keyframes_of_example(example: FeatureMatrix, choice: ChoiceSettings = EXAMPLE_CHOICE) -> Query:
