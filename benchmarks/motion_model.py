@@ -50,6 +50,10 @@ from toolkit.retrieval.learning.queries import LearningSettings
 SETS = {"easy": False, "hard": True}
 SHARES = (0.34, 0.67, 1.0)
 """Of the clips of each class and training actor, for the curve."""
+ONE, TWO = "one person, 100 % of the clips", "motion model"
+"""Rows between which the curve has its second person."""
+DRAWS = 2000
+"""Of the bootstrap over people and seeds."""
 NOTHING = Scores(0, 0, 0, 0)
 Annotate = Any
 """A function from a feature matrix to an `Annotation`."""
@@ -132,20 +136,50 @@ def thinned(clips: Sequence[Clip], share: float) -> list[Clip]:
     return kept
 
 
+def interval(rows: Sequence[dict[str, Any]], key: str) -> tuple[float, float]:
+    """95 % interval of F by a bootstrap over the people left out and the seeds."""
+    counts = np.array([[r[key].right_found, r[key].found, r[key].right_true, r[key].true] for r in rows])
+    drawn = np.random.default_rng(0).integers(len(rows), size=(DRAWS, len(rows)))
+    values = [Scores(*map(int, part)).f for part in counts[drawn].sum(axis=1)]
+    return float(np.percentile(values, 2.5)), float(np.percentile(values, 97.5))
+
+
 def shown(name: str, rows: Sequence[dict[str, Any]]) -> dict[str, Any]:
-    """Print and return the scores of an annotator over all rotations and seeds, with the range over rotations."""
+    """Print and return the scores of an annotator over all rotations and seeds, with their intervals."""
     frames, segments = (sum((row[key] for row in rows), NOTHING) for key in ("frames", "segments"))
-    spread = [[row[key].f for row in rows] for key in ("frames", "segments")]
+    spread = [interval(rows, key) for key in ("frames", "segments")]
     print(
-        f"  {name:34s} F frames {frames.f:.3f} ({min(spread[0]):.2f} to {max(spread[0]):.2f}), "
-        f"segments {segments.f:.3f} ({min(spread[1]):.2f} to {max(spread[1]):.2f}); "
+        f"  {name:34s} F frames {frames.f:.3f} ({spread[0][0]:.2f} to {spread[0][1]:.2f}), "
+        f"segments {segments.f:.3f} ({spread[1][0]:.2f} to {spread[1][1]:.2f}); "
         f"P {segments.precision:.2f}, R {segments.recall:.2f}",
         flush=True,
     )
     return {
         "frames": frames.f, "segments": segments.f, "precision": segments.precision, "recall": segments.recall,
-        "frames_by_rotation": spread[0], "segments_by_rotation": spread[1],
+        "frames_interval": spread[0], "segments_interval": spread[1],
+        "frames_by_rotation": [row["frames"].f for row in rows],
+        "segments_by_rotation": [row["segments"].f for row in rows],
     }  # fmt: skip
+
+
+def second_person(results: dict[str, list[dict[str, Any]]]) -> dict[str, list[float]]:
+    """What a second training person adds to F, per rotation of the first seed, against the mean of either alone."""
+    gains: dict[str, list[float]] = {}
+    for key in ("frames", "segments"):
+        alone = np.array([row[key].f for row in results[ONE]]).reshape(len(ACTORS), -1).mean(axis=1)
+        both = np.array([row[key].f for row in results[TWO][: len(ACTORS)]])
+        gains[key] = (both - alone).tolist()
+        print(f"    a second person adds to F {key}: {', '.join(f'{gain:+.3f}' for gain in gains[key])}")
+    return gains
+
+
+def mistakes(table: np.ndarray, names: Sequence[str], most: int = 6) -> None:
+    """Print the largest entries of a confusion matrix off its diagonal, as shares of their row."""
+    shares = table / np.maximum(table.sum(axis=1, keepdims=True), 1)
+    np.fill_diagonal(shares, 0.0)
+    ranked = np.argsort(shares, axis=None)[::-1][:most]
+    found = [(names[k // len(names)], names[k % len(names)], shares.flat[k]) for k in ranked]
+    print("    mistaken:", "; ".join(f"{a} for {b} {100 * share:.0f} %" for a, b, share in found))
 
 
 def main() -> None:
@@ -206,8 +240,12 @@ def main() -> None:
         figures[name]["classes"] = {
             label: sum((row["classes"][label] for row in model_rows), NOTHING).f for label in labels
         }
-        print("   ", ", ".join(f"{label} {f:.2f}" for label, f in figures[name]["classes"].items()))
+        classes = ", ".join(f"{label} {f:.2f}" for label, f in figures[name]["classes"].items())
+        print("    F segments of classes:", classes)
         table = sum(row["confusion"] for row in model_rows)
+        if options.curve:
+            figures[name]["second_person"] = second_person(results)
+        mistakes(table, [*labels, "no class"])
         figures[name]["confusion"] = {"labels": [*labels, "no class"], "frames": table}
         plot_confusion(table, [*labels, "no class"], RESULTS / f"motion_model_{name}.png", f"HDM05, {name}, frames")
     figures["seconds"] = {name: float(np.median(values)) for name, values in seconds.items()}

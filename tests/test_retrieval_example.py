@@ -124,7 +124,9 @@ def test_a_stretch_is_found_where_it_was_performed_slower_or_faster(speed: float
 
 @pytest.mark.parametrize("rate", [24.0, 30.0, 60.0, 120.0])
 def test_an_example_finds_what_was_recorded_at_another_rate(rate: float) -> None:
-    documents = [random_motion(seed, seconds=8.0, rate=r) for seed, r in zip(range(20, 24), (24, 30, 60, 120), strict=True)]
+    documents = [
+        random_motion(seed, seconds=8.0, rate=r) for seed, r in zip(range(20, 24), (24, 30, 60, 120), strict=True)
+    ]
     index = KeyframeIndex.build([relational_features(m) for m in (*documents, random_motion(11, 6.0, rate))])
     best = search_example(index, Example.of(relational_features(random_motion(11, 6.0)).sliced(60, 120)), limit=1)[0]
     assert best.document == "random 11"
