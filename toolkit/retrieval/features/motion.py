@@ -235,23 +235,30 @@ def from_track(track: Track, body: Body, name: str) -> Motion:
     Where the person was lost or not there, or frames are missing, joints go straight on to where they are known again:
     the pose that a track holds meanwhile, and the jump that ends it, are nobody's motion.
     """
-    rate = frame_rate_of(track.timestamps)
-    motion = from_poses(track.pose, body, rate, name)
-    known = np.flatnonzero(track.state == TRACKED)
-    places = (track.timestamps - track.timestamps[0]) * rate
-    even = np.abs(places - np.arange(len(places))).max() < 0.5
-    if not len(known) or (even and len(known) == len(places)):
-        return motion
-    wanted = np.arange(round(float(places[-1])) + 1.0)
-    high = np.clip(np.searchsorted(places[known], wanted), 1, max(len(known) - 1, 1))
-    low, high = known[high - 1], known[np.minimum(high, len(known) - 1)]
-    share = np.clip((wanted - places[low]) / np.maximum(places[high] - places[low], 1e-9), 0.0, 1.0)[:, None]
+    motion = from_poses(track.pose, body, frame_rate_of(track.timestamps), name)
+    low, high, share = even_frames(track)
     assert motion.root_axis is not None  # poses have one
     return replace(
         motion,
-        joints=motion.joints[low] + share[..., None] * (motion.joints[high] - motion.joints[low]),
-        root_axis=motion.root_axis[low] + share * (motion.root_axis[high] - motion.root_axis[low]),
+        joints=motion.joints[low] + share[:, None, None] * (motion.joints[high] - motion.joints[low]),
+        root_axis=motion.root_axis[low] + share[:, None] * (motion.root_axis[high] - motion.root_axis[low]),
     )
+
+
+def even_frames(track: Track) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """A track on an even clock: for each tick the followed frames before and behind it, int64 (T,) each, and how far it
+    lies on the way from one to the other, float64 (T,) in [0, 1]. A track without a gap gives its own frames.
+    """
+    places = (track.timestamps - track.timestamps[0]) * frame_rate_of(track.timestamps)
+    known = np.flatnonzero(track.state == TRACKED)
+    even = np.abs(places - np.arange(len(places))).max() < 0.5
+    if not len(known) or (even and len(known) == len(places)):
+        return np.arange(len(places)), np.arange(len(places)), np.zeros(len(places))
+    ticks = np.arange(round(float(places[-1])) + 1.0)
+    after = np.searchsorted(places[known], ticks)
+    low, high = known[np.maximum(after - 1, 0)], known[np.minimum(after, len(known) - 1)]
+    share = np.clip((ticks - places[low]) / np.maximum(places[high] - places[low], 1e-9), 0.0, 1.0)
+    return low, high, share
 
 
 def frame_rate_of(timestamps: np.ndarray) -> float:

@@ -14,7 +14,7 @@ from toolkit.errors import RetrievalError, UsageError
 from toolkit.files import read_table
 from toolkit.mocap.read import find_clips, read_clip
 from toolkit.mocap.retarget import retarget
-from toolkit.retrieval.features.motion import Motion, frame_rate_of, from_clip, from_track
+from toolkit.retrieval.features.motion import Motion, even_frames, frame_rate_of, from_clip, from_track
 from toolkit.retrieval.features.relational import feature_columns
 from toolkit.track import RunInfo, Track
 
@@ -46,7 +46,9 @@ def load_poses(path: str | Path) -> np.ndarray:
     path = Path(path)
     if path.is_dir():
         track = Track.load(path)
-        return track.pose[feature_columns(len(track), frame_rate_of(track.timestamps))]
+        low, high, share = even_frames(track)
+        rows = np.where(share < 0.5, low, high)
+        return track.pose[rows[feature_columns(len(rows), frame_rate_of(track.timestamps))]]
     clip = read_clip(path)
     poses = retarget(clip, load_body("neutral")).poses
     # Retargeting drops leading calibration frames: they hold the first pose.
