@@ -29,8 +29,9 @@ quick:
 	$(BIN)/ruff check .
 	$(BIN)/pytest -x -m quick
 
+# A file of tests stays with one worker, so that what its tests share is made once.
 test: lint node
-	$(BIN)/pytest
+	$(BIN)/pytest -n logical --dist loadfile
 
 wheel: environment
 	scripts/check_wheel.sh $(BIN)/python
