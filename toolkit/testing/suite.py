@@ -200,18 +200,18 @@ def chosen_takes(split: str, groups: Sequence[str] = (), count: int | None = Non
     return [take for group in wanted for take in by_group[group][:count]]
 
 
-def record(take: Take, work: Path, frames: int = LONGEST) -> Path:
-    """The take as a recording of at most `frames` frames in `work`, made if it is not there yet."""
+def record(take: Take, work: Path, frames: int = LONGEST, *, color: bool = False) -> Path:
+    """The take as a recording of at most `frames` frames in `work`, made if it is not there yet; in colour if asked."""
     made_by = (performed, cut, in_place, spun, motion_of, motion_files, distance_needed)
     digest = digest_of(made_by, ["toolkit/simulation", "toolkit/mocap", "toolkit/body"], take, frames)
-    path = work / "recordings" / f"{take.name}_{digest}.npz"
+    path = work / "recordings" / f"{take.name}_{'color_' if color else ''}{digest}.npz"
     if not path.exists():
         body = subject_body(take.body, seed=take.seed)
         clip = performed(take, body, frames)
         distance = take.room * distance_needed(take, body, clip, make_sensor(take.sensor).camera)
         simulate_recording(
             clip, path, body=body, sensor=take.sensor, distance=distance, height=take.height, yaw=take.yaw,
-            seed=take.seed, furnished=take.furnished,
+            seed=take.seed, furnished=take.furnished, color=color,
         )  # fmt: skip
     return path
 
