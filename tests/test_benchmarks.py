@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from benchmarks import _record, accuracy, candidates, prior, real, recovery, regressor, speed
+from benchmarks import _record, accuracy, candidates, prior, real, recovery, regressor, speed, swarm
 from benchmarks._rows import WatchedTracker
 from database_builder.build import build_database
 from database_builder.parts import PartsSettings
@@ -102,6 +102,21 @@ def test_accuracy_compares_trackers_and_writes_figures_and_plots(
     assert sum(entry["joints"] for entry in figures["confidence"]) == 2 * 6 * 20
     assert (bundled / "accuracy_tune_part.png").exists()
     assert (bundled / "accuracy_tune_part_confidence.png").exists()
+
+
+def test_the_swarm_is_compared_with_its_parts_and_on_first_frames(
+    bundled: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    few = [f"--set={name}" for name in ("sizes=[0.4]", "swarm.particles=6", "swarm.generations=4", "shape.seconds=0.1")]
+    arguments = ["--takes", 1, "--frames", 4, "--joints", "truth", "--rows", "swarm,no 3D", "--work", bundled, *few]
+    monkeypatch.setattr(swarm, "EVERY", 2)
+    for cold in ([], ["--cold"]):
+        run(swarm, *arguments, *cold, monkeypatch=monkeypatch)
+        figures = json.loads((bundled / f"swarm_tune{'_cold' if cold else ''}_part.json").read_text())["figures"]
+        assert list(figures) == ["truth, swarm", "truth, no 3D"]
+        assert set(figures["truth, swarm"]["groups"]) == {*GROUPS, "overall"}
+        assert 0.0 < figures["truth, swarm"]["groups"]["overall"]["delta_mm"] < 1000.0
+        assert {"mean", "low", "high"} <= set(figures["truth, no 3D"]["worse_mm"])
 
 
 def test_recovery_counts_frames_until_the_pose_is_right(
