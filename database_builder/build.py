@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -29,6 +29,7 @@ from toolkit.errors import MocapError, UsageError
 from toolkit.files import check_output, free_folder, is_folder, make_own_folder, remove_own_folder
 from toolkit.mocap.clip import PoseClip
 from toolkit.mocap.procedural import SEATED_MOTIONS, procedural_clips
+from toolkit.progress import Progress
 
 THRESHOLD = 0.009
 """Metres in the unit of Eq. 5.1, 4 cm root mean square per joint: half of the paper's 1.8 cm. Below it the curve of
@@ -46,9 +47,6 @@ RESIDUAL_VIEWS = (
     View(yaw=np.radians(-45)), View(yaw=np.radians(-20)), View(yaw=np.radians(20)), View(yaw=np.radians(45)),
     View(distance=2.0), View(distance=4.0),
 )  # fmt: skip
-
-Progress = Callable[[str, int, int], None]
-"""Called with the name of the stage, the steps done and their number."""
 
 
 @dataclass(frozen=True)

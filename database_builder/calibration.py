@@ -6,11 +6,12 @@ from dataclasses import replace
 
 import numpy as np
 
-from database_builder.views import FOCAL, Progress, View, ViewSettings, draw_view, is_seated
+from database_builder.views import FOCAL, View, ViewSettings, draw_view, is_seated
 from toolkit.body import skeleton
 from toolkit.body.shape import ShapeSpace
 from toolkit.kernels import forest as kernels
 from toolkit.landmarks.parts import JointForest
+from toolkit.progress import Count
 
 CLOSE = 0.1
 """Metres from the true joint within which an estimate counts as right."""
@@ -24,7 +25,7 @@ FEWEST = 60
 
 def calibrated(
     trained: JointForest, poses: np.ndarray, settings: ViewSettings, views: int, rng: np.random.Generator,
-    progress: Progress,
+    progress: Count,
 ) -> JointForest:  # fmt: skip
     """The forest with the calibration that `views` new views of canonical `poses` (N, P) give it."""
     space = ShapeSpace.load()

@@ -10,10 +10,11 @@ from itertools import repeat
 import numpy as np
 
 from database_builder.calibration import calibrated
-from database_builder.views import FOCAL, Progress, TrainingImages, ViewSettings, draw_images
+from database_builder.views import FOCAL, TrainingImages, ViewSettings, draw_images
 from toolkit.errors import SettingsError
 from toolkit.kernels import forest
 from toolkit.landmarks.parts import OFFSET_UNIT, JointForest, sureness
+from toolkit.progress import Count
 
 
 @dataclass(frozen=True)
@@ -121,7 +122,7 @@ def train_forest(
     *,
     seed: int = 0,
     workers: int = 1,
-    progress: Progress | None = None,
+    progress: Count | None = None,
 ) -> JointForest:
     """Train the joint regressor of canonical database poses (N, P).
 

@@ -7,7 +7,6 @@ in other pixels; the regressor asks its questions in the level frame, so that al
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -19,8 +18,7 @@ from toolkit.body.shape import ShapeSpace
 from toolkit.database.prior import SITUATIONS, situations, variables
 from toolkit.errors import SettingsError
 from toolkit.kernels import forest, raster
-
-Progress = Callable[[int, int], None]
+from toolkit.progress import Count
 
 FOCAL = 150.0
 """Pixels: half the resolution of a Kinect; questions are in metres, so any other serves as well."""
@@ -129,7 +127,7 @@ def body_labels(body: Body) -> np.ndarray:
 
 
 def draw_images(
-    poses: np.ndarray, settings: ViewSettings, images: int, pixels: int, rng: np.random.Generator, progress: Progress
+    poses: np.ndarray, settings: ViewSettings, images: int, pixels: int, rng: np.random.Generator, progress: Count
 ) -> TrainingImages:
     """Draw `images` people in database poses (N, P), each another view, and choose `pixels` pixels of each."""
     space = ShapeSpace.load()

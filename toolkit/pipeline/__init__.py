@@ -4,16 +4,17 @@ from toolkit.pipeline.batch import run_folders, track_recordings
 from toolkit.pipeline.joints import JointChoice
 from toolkit.pipeline.manifest import Manifest, ManifestRow
 from toolkit.pipeline.many import TrackerRecipe, track_many
-from toolkit.pipeline.run import Progress, track_recording
+from toolkit.pipeline.run import track_recording
 from toolkit.pipeline.summary import BatchReport, RunSummary
 from toolkit.pipeline.trackers import load_tracker
+from toolkit.progress import RecordingProgress
 
 __all__ = [
     "BatchReport",
     "JointChoice",
     "Manifest",
     "ManifestRow",
-    "Progress",
+    "RecordingProgress",
     "RunSummary",
     "TrackerRecipe",
     "load_tracker",

@@ -10,10 +10,11 @@ from toolkit.errors import DepthMocapError, UsageError
 from toolkit.files import check_output
 from toolkit.pipeline.events import RowWatcher
 from toolkit.pipeline.joints import JointChoice
-from toolkit.pipeline.run import STATE_FILE, Progress, track_recording
+from toolkit.pipeline.run import STATE_FILE, track_recording
 from toolkit.pipeline.sink import CONFIG_FILE
 from toolkit.pipeline.summary import BatchReport
 from toolkit.pipeline.watch import LOG_FILE
+from toolkit.progress import RecordingProgress
 from toolkit.runs import PEOPLE_FILE
 from toolkit.sensing.recording import ReaderOptions, open_recording
 from toolkit.track import PARTIAL_FILE, RUN_FILE, TRACK_FILE
@@ -32,7 +33,7 @@ def track_recordings(
     reader_options: dict[str, Any] | None = None,
     resume: bool = False,
     settings_file: str | Path | None = None,
-    progress: Progress | None = None,
+    progress: RecordingProgress | None = None,
     sensors_sha256: str = "",
     watcher: RowWatcher | None = None,
     joints: JointChoice | None = None,

@@ -8,7 +8,7 @@ cluster.
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -20,14 +20,12 @@ from toolkit.pipeline.joints import JointChoice
 from toolkit.pipeline.manifest import DONE, FAILED, INTERRUPTED, Manifest, ManifestRow
 from toolkit.pipeline.run import track_recording
 from toolkit.pipeline.trackers import load_tracker
+from toolkit.progress import Progress
 from toolkit.sensing.recording import ReaderOptions, open_recording
 from toolkit.tracking.protocol import Tracker
 
 ROUNDS = 3
 """How often what dead processes left is started again."""
-
-Progress = Callable[[str, int, int], None]
-"""Called with what is done, how many recordings are, and how many there are."""
 
 
 @dataclass(frozen=True)

@@ -6,7 +6,6 @@ import json
 import logging
 import threading
 import time
-from collections.abc import Callable
 from dataclasses import asdict, replace
 from importlib.metadata import version
 from itertools import islice
@@ -25,6 +24,7 @@ from toolkit.pipeline.joints import JointChoice, give_joints, joint_source, name
 from toolkit.pipeline.sink import CONFIG_FILE, RunSink, finished_tracks
 from toolkit.pipeline.summary import RunSummary, summarised
 from toolkit.pipeline.watch import log_file, stop_request
+from toolkit.progress import RecordingProgress
 from toolkit.sensing.camera import level_rotation
 from toolkit.sensing.people.joints import JointSource
 from toolkit.sensing.people.lone import LonePerson
@@ -34,9 +34,6 @@ from toolkit.track import PARTIAL_FILE, RUN_FILE, RunInfo
 from toolkit.tracking.clock import StageClock
 from toolkit.tracking.crowd import Crowd, Row
 from toolkit.tracking.protocol import Tracker
-
-Progress = Callable[[str, str, int, int], None]
-"""Called with a recording's name, what is done ("compiling", "learning", "tracking"), frames done and all frames."""
 
 STATE_FILE = "state.npz"
 MEMORY_SECONDS = 2.0
@@ -72,7 +69,7 @@ def track_recording(
     people: int | None = 1,
     resume: bool = False,
     warm_up: bool = True,
-    progress: Progress | None = None,
+    progress: RecordingProgress | None = None,
     sensors_sha256: str = "",
     watcher: RowWatcher | None = None,
     joints: JointChoice | None = None,
@@ -126,7 +123,7 @@ def _track(
     folder: Path,
     resume: bool,
     warm_up: bool,
-    report: Progress,
+    report: RecordingProgress,
     watcher: RowWatcher | None,
 ) -> RunSummary:
     """As `track_recording`, in a folder that is this process's own."""
@@ -164,7 +161,7 @@ def _track(
 
 
 def _silent(name: str, doing: str, done: int, total: int) -> None:
-    """Progress that nobody watches."""
+    """RecordingProgress that nobody watches."""
 
 
 def _finder(job: Job) -> PeopleFinder:
@@ -176,7 +173,7 @@ def _finder(job: Job) -> PeopleFinder:
     return find_people(recording, sensing, most=job.people)
 
 
-def _warm_up(job: Job, report: Progress) -> None:
+def _warm_up(job: Job, report: RecordingProgress) -> None:
     """Compile on purpose: the first frames are tracked by a follower that is then forgotten."""
     recording, tracker, joints = job.recording, job.tracker, job.joints
     total = min(WARM_UP_FRAMES, len(recording))
@@ -194,7 +191,7 @@ def _follow(
     recording: Recording,
     crowd: Crowd,
     sink: RunSink,
-    report: Progress,
+    report: RecordingProgress,
     stop: threading.Event,
     watcher: RowWatcher | None,
 ) -> None:

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
 
 from toolkit.errors import OutputError, UsageError
 from toolkit.files import atomic_path, check_output
+from toolkit.progress import Count
 from toolkit.rendering import style
 from toolkit.rendering.encoders import FILM_SUFFIXES, open_encoder
 from toolkit.rendering.painter import FramePainter, RenderSettings
@@ -16,9 +17,6 @@ from toolkit.runs import Person, load_persons, person_runs
 from toolkit.sensing.recording import Recording
 from toolkit.sensing.settings import SensingSettings
 from toolkit.track import RUN_FILE, TRACK_FILE, RunInfo, Track
-
-Progress = Callable[[int, int], None]
-"""Called with the frames done and all frames."""
 
 DEFAULT_RATE = 25.0  # frames per second of a recording whose timestamps say nothing
 LARGEST_RATE = 240.0  # frames per second that players and codecs take
@@ -76,7 +74,7 @@ def render_people(
     settings: RenderSettings | None = None,
     frames: range | None = None,
     rate: float | None = None,
-    progress: Progress | None = None,
+    progress: Count | None = None,
 ) -> Path:
     """Draw tracks: a film for .mp4, .webm and .avi, a contact sheet for .png, or one PNG per frame into a folder.
 
@@ -130,7 +128,7 @@ def render_run(
     settings: RenderSettings | None = None,
     frames: range | None = None,
     rate: float | None = None,
-    progress: Progress | None = None,
+    progress: Count | None = None,
 ) -> Path:
     """Draw everybody in a run folder; recording, bodies and sensing settings come from `run.json`.
 
@@ -175,7 +173,7 @@ def save_png(path: str | Path, picture: np.ndarray) -> None:
 
 
 def _pictures(
-    painter: FramePainter, recording: Recording, wanted: range | list[int], progress: Progress | None
+    painter: FramePainter, recording: Recording, wanted: range | list[int], progress: Count | None
 ) -> Iterator[np.ndarray]:
     """Pictures of the wanted frames in order; frames between are read, since segmentation follows the person."""
     chosen, last, done = set(wanted), max(wanted), 0

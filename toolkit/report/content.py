@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -16,6 +16,7 @@ from toolkit.evaluation.evaluate import match_people
 from toolkit.evaluation.joints import frame_errors, joint_errors
 from toolkit.evaluation.reference import find_reference
 from toolkit.export.glb import export_glb
+from toolkit.progress import Progress
 from toolkit.rendering import style
 from toolkit.rendering.film import render_run
 from toolkit.rendering.mesh import part_colors
@@ -32,9 +33,6 @@ FILM = RenderSettings(panels=("depth", "body"), height=400, aspect=0.8, extrema=
 """Of the film in a page; the scene beside it takes the place of the side view."""
 STAGE_COLORS = ("#5b8ff9", "#f6903d", "#61ddaa", "#d3adf7", "#f6bd16", "#ff99c3", "#65789b", "#269a99")
 MILLIMETRES = 1000.0
-
-Progress = Callable[[str, int, int], None]
-"""Called with what is being done, the steps done and all steps."""
 
 
 @dataclass(frozen=True, eq=False)

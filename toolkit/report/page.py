@@ -12,7 +12,8 @@ from pathlib import Path
 from toolkit.errors import UsageError
 from toolkit.evaluation.evaluate import find_runs
 from toolkit.files import save_text
-from toolkit.report.content import Progress, RunContent, describe_run
+from toolkit.progress import Progress
+from toolkit.report.content import RunContent, describe_run
 
 ASSETS = Path(__file__).parent / "assets"
 

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 
 from toolkit.fitting.priors import LimbPrior
 from toolkit.fitting.scene import Scene
+from toolkit.progress import Count
 from toolkit.retrieval.priors.limbs import OUTER
 from toolkit.sensing.people.lone import LonePerson
 from toolkit.stabilising.settings import StabiliseSettings
@@ -18,8 +19,6 @@ from toolkit.track import FrameResult
 from toolkit.tracking.clock import StageClock
 from toolkit.tracking.follower import Follower
 from toolkit.tracking.guide import NoGuide
-
-Progress = Callable[[int, int], None]
 
 
 class GapGuide(NoGuide):
@@ -70,7 +69,7 @@ class Again(NamedTuple):
 
 
 def track_again(
-    source: Source, poses: np.ndarray, ways: Sequence[GapWays], settings: StabiliseSettings, progress: Progress
+    source: Source, poses: np.ndarray, ways: Sequence[GapWays], settings: StabiliseSettings, progress: Count
 ) -> Again:
     """Track the recording once more, guided in the gaps, and compare all ways through them with its frames.
 

@@ -9,6 +9,7 @@ from functools import partial
 import numpy as np
 
 from toolkit.kernels import linear
+from toolkit.progress import Progress
 from toolkit.retrieval.annotation.annotator import Annotation, Annotator, MotionClass
 from toolkit.retrieval.annotation.measures import Segment, frame_scores, label_frames
 from toolkit.retrieval.features.motion import frame_rate_of, from_poses
@@ -26,8 +27,6 @@ from toolkit.track import Track
 
 SOURCE = "prior"
 """The source of frames of which a limb was exchanged, in `Track.source_names`."""
-
-Progress = Callable[[str, int, int], None]
 
 
 @dataclass(frozen=True)

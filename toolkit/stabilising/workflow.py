@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import shutil
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import asdict, replace
 from pathlib import Path
 
 from toolkit.errors import RetrievalError, UsageError
 from toolkit.files import check_output, locked, save_json
 from toolkit.pipeline.sink import CONFIG_FILE
+from toolkit.progress import Progress
 from toolkit.retrieval.annotation.annotator import MotionClass
 from toolkit.retrieval.annotation.classes import load_classes
 from toolkit.retrieval.annotation.measures import Segment
@@ -21,8 +22,6 @@ from toolkit.stabilising.source import Source, open_source
 from toolkit.track import RUN_FILE, TRACK_FILE
 
 RESULT_FILE = "stabilise.json"
-
-Progress = Callable[[str, int, int], None]
 
 
 def stabilise_run(

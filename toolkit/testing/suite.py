@@ -35,6 +35,7 @@ from toolkit.mocap.clip import PoseClip
 from toolkit.mocap.procedural import SUBJECT_MOTIONS, procedural_clips
 from toolkit.mocap.read import read_clip
 from toolkit.mocap.retarget import retarget
+from toolkit.progress import Progress
 from toolkit.sensing.camera import Camera
 from toolkit.simulation.person import Person, prepare_person
 from toolkit.simulation.scene import place_camera
@@ -55,8 +56,6 @@ SLOW = 0.5
 """Seconds: standard deviation of the Gaussian that tells the path from the swaying."""
 MARGIN = 0.14
 """Metres from a joint to the outline of a body, at most."""
-
-Progress = Callable[[str, int, int], None]
 
 
 @dataclass(frozen=True)

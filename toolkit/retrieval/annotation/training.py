@@ -8,13 +8,14 @@ and slower ones too, is what the judges learn from. With one person alone, clips
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
 
 from toolkit.errors import RetrievalError
+from toolkit.progress import Progress
 from toolkit.retrieval.annotation.documents import HARD_JOINS, JOINS, assemble, shuffled_parts
 from toolkit.retrieval.annotation.examples import ExampleSet, Proposals
 from toolkit.retrieval.annotation.judge import Judge
@@ -33,9 +34,6 @@ ONE_SIDED = 1.5
 """A class is one-sided if its mirror images cost more than this many times what its clips cost one another."""
 ALIKE = 1.25
 """Two classes are alike if clips of one cost, by examples of the other, less than this many times their own."""
-
-Progress = Callable[[str, int, int], None]
-"""Called with what is done, how much of it, and how much there is."""
 
 
 @dataclass(frozen=True, eq=False)

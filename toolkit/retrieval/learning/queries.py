@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import astuple, dataclass, field, replace
 
 import numpy as np
 
 from toolkit.errors import RetrievalError, SettingsError
+from toolkit.progress import Progress
 from toolkit.retrieval.features.geometry import BodyLengths
 from toolkit.retrieval.features.motion import Motion
 from toolkit.retrieval.features.relational import FEATURES, FeatureMatrix, relational_features
@@ -28,9 +29,6 @@ from toolkit.retrieval.learning.genetic import (
 )
 from toolkit.retrieval.templates.quantised import WILDCARD, QuantisedTemplate
 from toolkit.retrieval.templates.template import MotionTemplate
-
-Progress = Callable[[str, int, int], None]
-"""Called with the label being learned, the genetic runs done and the runs asked for, over all labels."""
 
 
 @dataclass(frozen=True)

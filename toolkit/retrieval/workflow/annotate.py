@@ -12,6 +12,7 @@ import numpy as np
 from toolkit.archives import archive_names
 from toolkit.errors import RetrievalError, RigError, UsageError
 from toolkit.files import check_output
+from toolkit.progress import Progress
 from toolkit.retrieval.annotation.annotator import THRESHOLD, Annotation, Annotator, MotionClass
 from toolkit.retrieval.annotation.classes import learn_classes, load_classes
 from toolkit.retrieval.annotation.measures import Scores
@@ -21,9 +22,6 @@ from toolkit.retrieval.annotation.report import REPORT_FILES, read_segments, wri
 from toolkit.retrieval.features.relational import FeatureMatrix, relational_features
 from toolkit.retrieval.keyframes.query import KeyframeQuery
 from toolkit.retrieval.workflow.motions import find_motions, load_motion, load_poses
-
-Progress = Callable[[str, int, int], None]
-"""Called with what is done, how much of it, and how much there is."""
 
 
 @dataclass(frozen=True, eq=False)

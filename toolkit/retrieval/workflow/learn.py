@@ -9,12 +9,13 @@ from pathlib import Path
 import numpy as np
 
 from toolkit.files import check_output
+from toolkit.progress import Progress
 from toolkit.retrieval.annotation.model import MotionModel
 from toolkit.retrieval.annotation.training import Clip, LeftOut, alike, leave_one_out, train
 from toolkit.retrieval.features.motion import Motion
 from toolkit.retrieval.features.relational import relational_features
 from toolkit.retrieval.keyframes.query_file import save_queries
-from toolkit.retrieval.learning.queries import LearnedQuery, LearningSettings, Progress, learn, training_clips
+from toolkit.retrieval.learning.queries import LearnedQuery, LearningSettings, learn, training_clips
 from toolkit.retrieval.workflow.motions import Tag, find_motions, load_motion
 
 
