@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import fields
 from typing import Any
 
 import numpy as np
@@ -15,12 +16,14 @@ from toolkit.fitting.objective import Objective
 from toolkit.fitting.refiner import Refiner
 from toolkit.kernels import linear
 from toolkit.sensing.camera import Camera
-from toolkit.sensing.people.sighting import Sighting
+from toolkit.sensing.cloud import Cloud
+from toolkit.sensing.joints2d import Joints2D
+from toolkit.sensing.people.sighting import PredictedBody, Sighting
 from toolkit.track import FrameResult
 from toolkit.tracking.clock import StageClock
 from toolkit.tracking.follower import Follower
 from toolkit.tracking.hybrid import HybridTracker
-from toolkit.tracking.observation import Observation
+from toolkit.tracking.observation import Observation, Observer
 from toolkit.tracking.search.local import LocalSearch
 from toolkit.tracking.search.lookup import DatabaseLookup
 from toolkit.tracking.search.protocol import NOTHING, Proposal, Rival, Search
@@ -38,11 +41,19 @@ ROWS: dict[str, tuple[str, dict[str, Any]]] = {
     "no cloud": ("hybrid", {"fitting.cloud_samples": 0}),
     "no arms": ("hybrid", {"hypotheses": ["local", "extrema", "joints"]}),
     "no contact": ("hybrid", {"fitting.contact_weight": 0.0}),
+    "no unobserved": ("hybrid", {}),
+    "no sharing": ("hybrid", {}),
 }
 """Name of the row, shipped settings that it starts from, and overrides.
 
+`no unobserved` takes all that was not measured as the person's for free space, but for what is outside the image; in
+`no sharing` no body says whose pixels are whose. Without a retrained regressor or seated poses is another `--database`.
 `local` takes its first pose from the lookup and never asks it again. Without personal shape only the size is chosen,
 out of five."""
+
+
+NOWHERE = 1e6
+"""Metres from the camera: beyond every gate."""
 
 
 class WatchedSearch(LocalSearch):
@@ -134,6 +145,46 @@ class LocalTracker(HybridTracker):
         return tuple(FirstFrames(member) if isinstance(member, DatabaseLookup) else member for member in members)
 
 
+class BlindObserver(Observer):
+    """Does not know which pixels say nothing."""
+
+    def observe(
+        self,
+        cloud: Cloud,
+        timestamp: float,
+        state: PersonState,
+        unobserved: np.ndarray | None = None,
+        joints: Joints2D | None = None,
+    ) -> Observation:
+        """See `Observer.observe`."""
+        return super().observe(cloud, timestamp, state, None, joints)
+
+
+class BlindTracker(HybridTracker):
+    """The hybrid tracker, for which what was not measured is free."""
+
+    @property
+    def observer(self) -> Observer:
+        """See `SearchingTracker.observer`."""
+        known = super().observer
+        return BlindObserver(**{entry.name: getattr(known, entry.name) for entry in fields(known)})
+
+
+class UnsharingFollower(Follower):
+    """A follower whose body is nowhere, so that it claims no pixels."""
+
+    def predicted(self) -> PredictedBody:
+        """See `PersonFollower.predicted`."""
+        body = super().predicted()
+        return PredictedBody(np.full_like(body.vertices, NOWHERE), body.faces, body.stature)
+
+
+class UnsharingTracker(HybridTracker):
+    """The hybrid tracker, whose bodies do not say whose pixels are whose."""
+
+    kind = UnsharingFollower
+
+
 def settings_of(row: str, overrides: Mapping[str, Any] | None = None) -> HybridSettings:
     """Settings of a row with overrides on top."""
     config, own = ROWS[row]
@@ -144,8 +195,17 @@ def make_tracker(
     row: str, database: PoseDatabase, overrides: Mapping[str, Any] | None = None, path: str = ""
 ) -> HybridTracker:
     """The tracker of a row; the overrides apply to it unless the row itself says otherwise."""
-    kind = {"hybrid": WatchedTracker, "local": LocalTracker}.get(row, HybridTracker)
+    kind = KINDS.get(row, HybridTracker)
     return kind(database, settings_of(row, overrides), database_path=path)
+
+
+KINDS: dict[str, type[HybridTracker]] = {
+    "hybrid": WatchedTracker,
+    "local": LocalTracker,
+    "no unobserved": BlindTracker,
+    "no sharing": UnsharingTracker,
+}
+"""What is built for a row, where it is no plain hybrid tracker."""
 
 
 def figures_of(scores: RunScores) -> dict[str, Any]:

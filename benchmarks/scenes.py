@@ -7,7 +7,8 @@ lie inside the image, with the first surface on their ray within 0.22 m; whoever
 CLEAR MOT counts (gate 0.5 m). The calibration error is taken over all joints of everybody who was found; unobserved
 joints are the ones that are not seen. `--runs FOLDER` scores run folders that were made before, named after their
 recordings, of one person (RUN/track.npz) or of several (RUN/people.json). Results of a part of the suite go to files
-ending in `_part`.
+ending in `_part`. `--row` switches a part of the tracker off (`benchmarks/_rows.py`); another `--database` stands for
+one without seated poses, or whose regressor was trained on other views.
 """
 
 from __future__ import annotations
@@ -22,7 +23,9 @@ import numpy as np
 
 from benchmarks._options import add_database_options, poses_of
 from benchmarks._record import RESULTS, save_figures
+from benchmarks._rows import ROWS, make_tracker
 from toolkit.config import parse_overrides
+from toolkit.database.database import PoseDatabase
 from toolkit.errors import DepthMocapError
 from toolkit.evaluation.scenes import SceneScore, scene_figures, score_scene
 from toolkit.pipeline import load_tracker, track_recordings
@@ -33,7 +36,7 @@ from toolkit.runs import person_runs
 from toolkit.sensing.recording import Recording, open_recording
 from toolkit.testing.scenes import GROUPS, LONGEST, Scene, chosen_scenes, record_scene, scenes
 from toolkit.testing.suite import has_mocap
-from toolkit.track import EMPTY, TRACK_FILE, Track
+from toolkit.track import EMPTY, TRACK_FILE, TRACKED, Track
 
 LINES = {
     "waist up and seated": ("waist", "seated"),
@@ -66,6 +69,8 @@ COLUMNS = (
     ("recordings_tracked", "tracked", "d", 1.0),
 )
 """Figure, heading, format and factor of the printed table."""
+WHOLE = "hybrid"
+"""The row in which nothing is switched off."""
 WORST = 12
 """Recordings on the contact sheet."""
 SCALE = 2
@@ -75,7 +80,10 @@ TRUTH = (255, 0, 160)
 
 def track_scenes(paths: Sequence[Path], options: argparse.Namespace) -> tuple[list[Path], dict[str, str]]:
     """Run folders of all recordings, and why those failed that did."""
-    tracker = load_tracker(overrides=parse_overrides(options.set), database=poses_of(options))
+    overrides, database = parse_overrides(options.set), poses_of(options)
+    tracker = load_tracker(overrides=overrides, database=database)
+    if options.row != WHOLE:
+        tracker = make_tracker(options.row, PoseDatabase.load(database), overrides, str(database))
     runs, failed = [], {}
     for i, path in enumerate(paths):
         run = options.work / "runs" / "scenes" / path.stem
@@ -122,6 +130,20 @@ def print_table(figures: dict[str, dict[str, Any]]) -> None:
             text = "-" if value is None else format(factor * value if factor != 1.0 else value, style_)
             cells.append(f"{text:>{max(len(heading), 8)}}")
         print(f"{line:<21}", *cells)
+
+
+def frame_times(recordings: Sequence[Sequence[Track]]) -> dict[int, float]:
+    """Milliseconds, median over the frames in which so many people are tracked, without reading them, by their number.
+
+    Frames are those of recordings with the tracks of everybody in them.
+    """
+    times: dict[int, list[float]] = {}
+    for tracks in recordings:
+        for frame in range(max(map(len, tracks), default=0)):
+            there = [track for track in tracks if frame < len(track)]
+            count = sum(bool(track.state[frame] == TRACKED) for track in there)
+            times.setdefault(count, []).append(sum(float(track.stage_ms[frame].sum()) for track in there))
+    return {count: float(np.median(times[count])) for count in sorted(times) if count}
 
 
 def badness(score: SceneScore) -> float:
@@ -182,6 +204,7 @@ def parse() -> argparse.Namespace:
     parser.add_argument("--takes", type=int, help="at most so many scenes of each group")
     parser.add_argument("--frames", type=int, default=LONGEST, help="at most so many frames of each scene")
     parser.add_argument("--people", type=_people, default=None, metavar="all|N", help="as of `depthmocap track`")
+    parser.add_argument("--row", choices=ROWS, default=WHOLE, help="with a part of the tracker switched off")
     parser.add_argument("--runs", type=Path, help="score the run folders in here instead of tracking")
     add_database_options(parser)
     return parser.parse_args()
@@ -206,11 +229,13 @@ def main() -> None:
     for name, reason in failed.items():
         print(f"{name} was not tracked: {reason}")
     complete = len(chosen) == len(scenes(options.split)) and options.frames >= LONGEST
-    whole = complete and not options.set and options.people is None
+    whole = complete and not options.set and options.people is None and options.row == WHOLE
     stem = f"scenes_{options.split}{'' if whole else '_part'}"
     recordings = {name: scene_figures([score]) for name, score in scores.items()}
-    content = {"lines": figures, "recordings": recordings, "failed": failed}
-    described = {name: getattr(options, name) for name in ("set", "frames", "groups")}
+    times = frame_times([tracks_of(run) for run in runs])
+    print("ms per frame:", ", ".join(f"{count} people {ms:.1f}" for count, ms in times.items()))
+    content = {"lines": figures, "recordings": recordings, "failed": failed, "frame_ms": times}
+    described = {name: getattr(options, name) for name in ("set", "frames", "groups", "row")}
     described |= {"mocap": has_mocap(), "people": options.people or "all"}
     print("written:", save_figures(stem, content, described))
     write_sheet(paths, runs, scores, RESULTS / f"{stem}.png")

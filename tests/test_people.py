@@ -100,10 +100,13 @@ def test_a_second_person_who_enters_is_number_two_within_half_a_second():
     assert ids[:5] == [(1,)] * 5 and ids[12:] == [(1, 2)] * 8
 
 
-def test_no_more_people_than_asked_for_are_told_apart():
+def test_no_more_people_than_asked_for_are_told_apart_and_that_is_said_once(caplog):
     depth, _ = scene(KINECT, ((-0.7, 2.8), (0.6, 2.4), (0.0, 3.6)))
     finder = SeveralPeople(KINECT, UP, most=2)
-    assert [len(finder.find(depth, k / 30, {})) for k in range(8)] == [2] * 8
+    with caplog.at_level("WARNING"):
+        assert [len(finder.find(depth, k / 30, {})) for k in range(8)] == [2] * 8
+    (told,) = [record.getMessage() for record in caplog.records]
+    assert "2 people are followed already; raise --people" in told
 
 
 def test_a_restored_finder_goes_on_bit_for_bit():

@@ -35,8 +35,8 @@ def color_depth(depth_mm: np.ndarray, person: np.ndarray, near: float, far: floa
     return np.take(_depth_table(), entry, axis=0)
 
 
-SURE = 0.8
-"""Confidence of a joint below which it is drawn as a ring."""
+SURE = 0.5
+"""Confidence of a joint below which it is drawn as a ring: it is more likely a guess than found."""
 
 
 @lru_cache(maxsize=1)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
@@ -24,6 +25,8 @@ from toolkit.sensing.people.tracks import Person, export_people, known_again, ma
 from toolkit.sensing.people.view import Lens, View
 from toolkit.sensing.polish import Polisher
 from toolkit.sensing.settings import SensingSettings
+
+logger = logging.getLogger(__name__)
 
 NEVER_MOVED = 0.3
 """Of the pixels of what may be a head: so many never moved, and it is none, where somebody is close by."""
@@ -65,7 +68,7 @@ class SeveralPeople:
         self._surroundings = surroundings
         self._most = self._settings.most_people if most is None else most
         self.people: list[Person] = []
-        self._newcomers = Newcomers()
+        self._newcomers, self._left_out = Newcomers(), False
         self._labels = np.zeros(self._lens.camera.shape, dtype=np.int32)
         self._depth = np.zeros(self._lens.camera.shape, dtype=np.float32)
         self._padded = np.zeros((camera.height + 2, camera.width + 2), dtype=np.uint16)
@@ -321,6 +324,14 @@ class SeveralPeople:
                         number, place, np.zeros(3), timestamp, timestamp, float(place[1]), middle, area
                     )
                     ids[k + 1] = number
+                elif not self._left_out:
+                    self._left_out = True
+                    logger.warning(
+                        "at %.2f s somebody came who is left out: %d people are followed already; raise --people to "
+                        "follow more",
+                        timestamp,
+                        self._most,
+                    )
         self.people = [known[i] for i in sorted(known)]
         return ids
 
