@@ -211,18 +211,16 @@ def test_an_empty_frame_is_empty_and_the_next_one_is_not(options):
     assert cleaner.clean(person_alone(KINECT, 0.1)).any()
 
 
-def test_nothing_is_left_beside_the_window_of_the_frame_before():
-    def polished(polisher, window):
-        v0, v1, u0, u1 = window
-        padded = np.zeros((KINECT.height + 2, KINECT.width + 2), dtype=np.uint16)
-        padded[v0:v1, u0:u1] = 2000
-        return polisher.polish(padded, np.array(window))
-
-    used = Polisher(KINECT, SensingSettings(contour="keep"))
-    assert polished(used, (20, 200, 30, 280)).any()
-    small = (60, 120, 90, 150)
-    expected = polished(Polisher(KINECT, SensingSettings(contour="keep")), small)
-    assert expected.any() and (polished(used, small) == expected).all()
+def test_what_was_beside_the_person_before_says_nothing_about_them_now():
+    rng = np.random.default_rng(0)
+    camera = Camera(100.0, 100.0, 19.5, 14.5, 40, 30)
+    before = np.pad(rng.integers(1500, 1600, camera.shape, dtype=np.uint16), 1)
+    now = np.zeros_like(before)
+    now[8:20, 10:24] = rng.integers(2500, 2520, (12, 14), dtype=np.uint16)
+    window = np.array([8, 20, 10, 24])
+    kept, fresh = (Polisher(camera, SensingSettings()) for _ in range(2))
+    kept.polish(before, np.array([1, 31, 1, 41]))
+    np.testing.assert_array_equal(kept.polish(now, window), fresh.polish(now, window))
 
 
 def test_specks_without_a_person_are_an_empty_frame():
