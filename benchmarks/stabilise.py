@@ -1,4 +1,4 @@
-"""Tracks before and after stabilising: `depthmocap bench stabilise [--split report] [--config hybrid] [--filler]`.
+"""Tracks before and after stabilising: `depthmocap bench stabilise [--split report] [--config hybrid] [--live]`.
 
 Sequences of one actor's clips (`toolkit.testing.labelled.py`) are simulated, tracked, and stabilised with classes of
 the other actors. Mean error over joints and frames, of joints that the camera sees and of hidden ones, before, after
@@ -8,6 +8,7 @@ the first round and at the end; how well the labels are those performed.
 from __future__ import annotations
 
 import argparse
+import shutil
 import time
 from dataclasses import asdict
 from pathlib import Path
@@ -19,13 +20,14 @@ from benchmarks._options import add_database_options, poses_of
 from benchmarks._record import save_figures
 from toolkit.evaluation.joints import NEAR, joint_errors, visible_joints
 from toolkit.pipeline import load_tracker, track_recording
+from toolkit.pipeline.class_guide import ClassGuide
 from toolkit.retrieval.annotation.annotator import MotionClass
 from toolkit.retrieval.annotation.measures import Scores, frame_scores, label_frames, segment_scores
 from toolkit.retrieval.workflow.annotate import classes_from_clips
 from toolkit.sensing.recording import Recording, open_recording
 from toolkit.stabilising.loop import Round, stabilise
 from toolkit.stabilising.settings import StabiliseSettings
-from toolkit.stabilising.source import open_source
+from toolkit.stabilising.source import Source, open_source
 from toolkit.testing.labelled import SEQUENCES, MotionSequence, Performed, class_clips, record_sequence
 from toolkit.track import TRACK_FILE, Track
 
@@ -67,6 +69,16 @@ def tracked(
     return run, performed
 
 
+def tracked_live(source: Source, classes: list[MotionClass]) -> Track:
+    """The recording tracked anew, guided by the classes as `depthmocap track --priors` does."""
+    guide = ClassGuide(classes)
+    source.tracker.guide = guide
+    run = source.run.with_name(source.run.name + "_live")
+    shutil.rmtree(run, ignore_errors=True)
+    track_recording(source.recording, source.tracker, run, warm_up=False, watcher=guide)
+    return Track.load(run)
+
+
 def main() -> None:
     """Track, stabilise, compare, print, write JSON."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
@@ -74,6 +86,7 @@ def main() -> None:
     parser.add_argument("--config", default="hybrid", help="settings of the tracker")
     parser.add_argument("--sequences", nargs="*", help="names of some; all")
     parser.add_argument("--filler", action="store_true", help="other motions between the clips")
+    parser.add_argument("--live", action="store_true", help="classes guide the tracker while it runs instead")
     parser.add_argument("--rounds", type=int, default=StabiliseSettings.rounds)
     add_database_options(parser)
     options = parser.parse_args()
@@ -87,12 +100,15 @@ def main() -> None:
         run, performed = tracked(sequence, options.split, options.config, database, options.work, options.filler)
         source = open_source(run, database=database)
         start = time.process_time()
-        rounds = stabilise(source, classes, settings)
+        if options.live:
+            tracks, found = [source.track, tracked_live(source, classes)], (NOTHING, NOTHING)
+        else:
+            rounds = stabilise(source, classes, settings)
+            tracks = [source.track, *(found.track for found in rounds)]
+            found = labels_of(rounds[-1], performed, classes)
         seconds = time.process_time() - start
         truth, seen = np.asarray(source.recording.joints), visible(source.recording)
-        tracks = [source.track, *(found.track for found in rounds)]
         own = [figures_of(track, truth, seen) for track in tracks]
-        found = labels_of(rounds[-1], performed, classes)
         segments, frames = segments + found[0], frames + found[1]
         rows[sequence.name] = {
             "frames": len(source.track), "rounds": [dict(zip(FIGURES, f, strict=True)) for f in own],
@@ -103,7 +119,12 @@ def main() -> None:
     for name, value in figures.items():
         if name != "sequences":
             print(name, value)
-    words = [options.split, *([options.config] if options.config != "hybrid" else []), *["filler"] * options.filler]
+    words = [
+        options.split,
+        *([options.config] if options.config != "hybrid" else []),
+        *["filler"] * options.filler,
+        *["live"] * options.live,
+    ]
     print("written:", save_figures("_".join(["stabilise", *words]), figures, asdict(settings)))
 
 

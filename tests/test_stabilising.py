@@ -22,15 +22,18 @@ from toolkit.fitting.placed import NormalSystem
 from toolkit.fitting.priors import LimbPrior
 from toolkit.mocap.clip import PoseClip
 from toolkit.retrieval.annotation.classes import save_classes
+from toolkit.retrieval.annotation.measures import Segment
+from toolkit.retrieval.priors.allocation import Allocation, allocate
+from toolkit.retrieval.priors.expectation import Told
 from toolkit.retrieval.priors.gaps import Gap
-from toolkit.retrieval.priors.limbs import ENTRIES, OUTER
+from toolkit.retrieval.priors.limbs import ENTRIES, LIMBS, OUTER
 from toolkit.sensing.recording import open_recording
 from toolkit.simulation.simulate import simulate_recording
 from toolkit.stabilising.choice import cheapest_path
 from toolkit.stabilising.loop import stabilise
 from toolkit.stabilising.settings import ChoiceSettings, StabiliseSettings
 from toolkit.stabilising.source import open_source
-from toolkit.stabilising.ways import widened
+from toolkit.stabilising.ways import bad_frames, whole_priors, widened
 from toolkit.stabilising.workflow import output_folders, stabilise_run
 from toolkit.track import RunInfo, Track
 
@@ -124,9 +127,9 @@ def _mislead(run: Path, wrong: Path) -> None:
     replace(track, pose=poses, joints=joints, confidence=confidence).save(wrong)
 
 
-def error_of(run: Path, road: Path) -> float:
+def error_of(run: Path, road: Path, joints: np.ndarray | slice = OUTER[ARM]) -> float:
     truth = open_recording(road / "take.npz").joints
-    return float(np.nanmean(joint_errors(Track.load(run).joints, truth)[WRONG][:, OUTER[ARM]]))
+    return float(np.nanmean(joint_errors(Track.load(run).joints, truth)[WRONG][:, joints]))
 
 
 def test_a_limb_that_was_lost_is_found_again(road: Path) -> None:
@@ -146,6 +149,43 @@ def test_a_limb_that_was_lost_is_found_again(road: Path) -> None:
     typed("track", road / "take.npz", "--database", road / "poses.npz", "--set", "shape.seconds=0", "-o", output,
           "--resume")  # fmt: skip
     np.testing.assert_array_equal(Track.load(output).joints, after.joints)
+
+
+def test_a_person_who_was_mistaken_as_a_whole_is_tracked_again(road: Path, tmp_path: Path) -> None:
+    run, track, info = tmp_path / "lost", Track.load(road / "run"), RunInfo.load(road / "run")
+    poses, joints, confidence = track.pose.copy(), track.joints.copy(), track.confidence.copy()
+    poses[WRONG, 6:] = 0.6 * skeleton.POSE_LIMITS[6:, 1]
+    joints[WRONG] = info.body().joint_positions(poses[WRONG]) @ info.R_level_camera
+    confidence[WRONG] = 0.2
+    run.mkdir()
+    (run / "config.yaml").write_bytes((road / "run" / "config.yaml").read_bytes())
+    replace(info, folder="").save(run)
+    replace(track, pose=poses, joints=joints, confidence=confidence).save(run)
+    (tmp_path / "segments.csv").write_text("start,end,label\n0.0,2.3,semaphore\n")
+    stabilise_run(
+        run, road / "classes.npz", tmp_path / "out", settings=StabiliseSettings(rounds=1),
+        segments=tmp_path / "segments.csv",
+    )  # fmt: skip
+    assert error_of(tmp_path / "out", road, slice(None)) < 0.3 * error_of(run, road, slice(None))
+
+
+def test_a_label_gives_the_whole_pose_of_bad_frames_alone() -> None:
+    classes = classes_of("semaphore", frames=FRAMES)
+    example = example_of("semaphore", 2, frames=FRAMES)
+    hidden = {limb: np.zeros(FRAMES, dtype=bool) for limb in LIMBS}
+    for limb in LIMBS[:3]:
+        hidden[limb][20:30] = True
+    hidden[LIMBS[3]][50:55] = True
+    bad = bad_frames(hidden)
+    np.testing.assert_array_equal(np.flatnonzero(bad), np.arange(20, 30))
+    allocation = allocate(example.features, [Segment(0.0, FRAMES / 30.0, "semaphore")], classes)
+    told = Told(example.poses, np.arange(FRAMES) / 30.0, hidden, allocation, classes)
+    priors = whole_priors(told, bad, StabiliseSettings())
+    assert set(priors) <= set(range(20, 30)) and priors
+    away = [np.abs(prior.mean[6:] - example.poses[frame, 6:]).mean() for frame, prior in priors.items()]
+    assert np.mean(away) < 0.2
+    nothing = replace(told, allocation=Allocation.nothing(FRAMES))
+    assert whole_priors(nothing, bad, StabiliseSettings()) == {}
 
 
 def test_without_a_gap_nothing_changes(road: Path) -> None:

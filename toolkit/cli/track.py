@@ -13,7 +13,7 @@ from toolkit.errors import UsageError
 
 if TYPE_CHECKING:
     from toolkit.cli.terminal import Bars
-    from toolkit.pipeline.events import EventStream
+    from toolkit.pipeline.events import RowWatcher
     from toolkit.pipeline.joints import JointChoice
     from toolkit.pipeline.manifest import ManifestRow
     from toolkit.tracking.guide import Guide
@@ -72,8 +72,12 @@ def track(
     joints: JointsOption = None,
     joints_size: JointsSizeOption = None,
     classes: Annotated[
-        Path | None, typer.Option(help="Class file of `depthmocap annotate`, for --events.", rich_help_panel=EVENTS)
+        Path | None, typer.Option(help="Class file of `depthmocap annotate --templates`.", rich_help_panel=EVENTS)
     ] = None,
+    priors: Annotated[
+        bool,
+        typer.Option("--priors", help="Let the classes tell what hidden limbs do.", rich_help_panel=EVENTS),
+    ] = False,
     queries: Annotated[
         Path | None, typer.Option(help="Keyframe queries of `depthmocap learn`.", rich_help_panel=EVENTS)
     ] = None,
@@ -149,8 +153,13 @@ def track(
         _keep_finished(runs)
     watcher = _watcher(recordings, events, classes, queries, early)
     guide, sensors_sha256 = _guide(recordings, inertial, calibration)
+    classes_sha256 = ""
+    if priors:
+        if guide is not None:
+            raise UsageError("classes and inertial sensors do not guide one tracker together; give one of them")
+        guide, watcher, classes_sha256 = _class_guide(recordings, classes, watcher)
     if batch and (guide is not None or watcher is not None):
-        raise UsageError("sensors and events belong to one recording; leave --workers and --retry-failed out")
+        raise UsageError("sensors, events and priors belong to one recording; leave --workers and --retry-failed out")
     with progress_bars() as bars:
         database = _database(database, config, overrides, bars)
         if batch:
@@ -176,6 +185,7 @@ def track(
             settings_file=config if is_file(config) else None,
             progress=bars.of_recording,
             sensors_sha256=sensors_sha256,
+            classes_sha256=classes_sha256,
             watcher=watcher,
             joints=choice,
         )
@@ -223,7 +233,7 @@ def _database(named: Path | None, config: str, overrides: dict[str, object], bar
 
 def _watcher(
     recordings: list[Path], events: str | None, classes: Path | None, queries: Path | None, early: bool
-) -> EventStream | None:
+) -> RowWatcher | None:
     """What tells events, if any are wanted."""
     if events is None:
         return None
@@ -236,6 +246,21 @@ def _watcher(
 
     wanted = load_queries(queries) if queries else ()
     return EventStream(load_classes(classes), wanted, events, OnlineSettings(early=early))
+
+
+def _class_guide(
+    recordings: list[Path], classes: Path | None, watcher: RowWatcher | None
+) -> tuple[Guide, RowWatcher, str]:
+    """The guide of the classes, told every row beside what tells events, and the digest of their file."""
+    if classes is None or len(recordings) != 1:
+        raise UsageError("--priors tells the limbs of one person in one recording; name it, and --classes")
+    from toolkit.files import sha256_of
+    from toolkit.pipeline.class_guide import ClassGuide
+    from toolkit.pipeline.events import Watchers
+    from toolkit.retrieval.annotation.classes import load_classes
+
+    guide = ClassGuide(load_classes(classes))
+    return guide, guide if watcher is None else Watchers(guide, watcher), sha256_of(classes)
 
 
 def _guide(recordings: list[Path], inertial: Path | None, calibration: Path | None) -> tuple[Guide | None, str]:

@@ -71,6 +71,7 @@ def track_recording(
     warm_up: bool = True,
     progress: RecordingProgress | None = None,
     sensors_sha256: str = "",
+    classes_sha256: str = "",
     watcher: RowWatcher | None = None,
     joints: JointChoice | None = None,
 ) -> RunSummary:
@@ -88,7 +89,7 @@ def track_recording(
     resume : continue an unfinished run; one that is finished already is left alone
     warm_up : track the first frames once beforehand, so that no compilation is timed
     progress : told what is going on
-    sensors_sha256 : of the inertial sensors that guide the tracker, if any do
+    sensors_sha256, classes_sha256 : of the inertial sensors or the motion classes that guide the tracker, if any do
     watcher : told every row of the one person who is followed
     joints : where joints in the image are to come from
 
@@ -113,7 +114,9 @@ def track_recording(
     job = Job(recording, tracker, people, joint_source(recording, choice, tracker.joints_wanted))
     with locked(run):
         used = name_of(job.joints, recording)
-        info = replace(_run_info(recording, tracker), sensors_sha256=sensors_sha256, joints_2d=used)
+        info = replace(
+            _run_info(recording, tracker), sensors_sha256=sensors_sha256, classes_sha256=classes_sha256, joints_2d=used
+        )
         return _track(job, info, Path(run), resume, warm_up, progress or _silent, watcher)
 
 
@@ -272,6 +275,7 @@ def _is_same_run(folder: Path, info: RunInfo, tracker: Tracker) -> bool:
         "version",
         "tracker",
         "sensors_sha256",
+        "classes_sha256",
         "joints_2d",
     )
     return (

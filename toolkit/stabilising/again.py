@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
 
-from toolkit.fitting.priors import LimbPrior
+from toolkit.fitting.priors import GaussianPrior, LimbPrior, PoseTerm
 from toolkit.fitting.scene import Scene
 from toolkit.progress import Count
+from toolkit.retrieval.annotation.class_motion import ANGLES
 from toolkit.retrieval.priors.limbs import OUTER
 from toolkit.sensing.people.lone import LonePerson
 from toolkit.stabilising.settings import StabiliseSettings
@@ -22,29 +23,42 @@ from toolkit.tracking.guide import NoGuide
 
 
 class GapGuide(NoGuide):
-    """What is expected of limbs, where they are hidden and nowhere else (after thesis 6.4.3).
+    """What is expected of limbs where they are hidden, of the whole pose in bad frames, and nothing elsewhere (6.4.3).
 
     A prior on all limbs makes those worse that are seen; see `docs/architecture.md`.
     """
 
     proposes = True
 
-    def __init__(self, ways: Sequence[GapWays], times: np.ndarray, settings: StabiliseSettings) -> None:
+    def __init__(
+        self,
+        ways: Sequence[GapWays],
+        whole: Mapping[int, GaussianPrior],
+        times: np.ndarray,
+        settings: StabiliseSettings,
+    ) -> None:
+        self._whole = {float(times[frame]): prior for frame, prior in whole.items()}
         self._priors: dict[float, list[LimbPrior]] = {}
         for way in ways:
             for place in np.flatnonzero(way.hidden):
+                if way.gap.start + place in whole:
+                    continue
                 mean, variance = way.expected.mean[place], way.expected.variance[place]
                 prior = LimbPrior(settings.prior_weight, way.entries, mean, variance + settings.prior_spread**2)
                 self._priors.setdefault(float(times[way.gap.start + place]), []).append(prior)
 
-    def priors(self, timestamp: float) -> Sequence[LimbPrior]:
+    def priors(self, timestamp: float) -> Sequence[PoseTerm]:
         """See `Guide.priors`."""
-        return self._priors.get(timestamp, ())
+        return [self._whole[timestamp]] if timestamp in self._whole else self._priors.get(timestamp, [])
 
     def poses(self, timestamp: float, pose: np.ndarray) -> Sequence[np.ndarray]:
-        """See `Guide.poses`: each hidden limb as it is expected."""
+        """See `Guide.poses`: each hidden limb as it is expected, or the whole pose."""
         found = []
-        for prior in self.priors(timestamp):
+        if timestamp in self._whole:
+            moved = pose.copy()
+            moved[ANGLES] = self._whole[timestamp].mean[ANGLES]
+            return [moved]
+        for prior in self._priors.get(timestamp, []):
             moved = pose.copy()
             moved[prior.entries] = prior.mean
             found.append(moved)
@@ -60,16 +74,23 @@ class Again(NamedTuple):
     distances : for each gap float64 (C, D), metres, of every way from every frame; infinite where nobody was seen
     angles : for each gap float64 (C, D, A), with those of tracking again
     confidence : for each gap float64 (C, D, 3), of the limb's outer joints on every way
+    whole : float64 (2, T), metres: distances of the whole pose as it was and tracked again; NaN where all is well
     """
 
     rows: list[FrameResult]
     distances: list[np.ndarray]
     angles: list[np.ndarray]
     confidence: list[np.ndarray]
+    whole: np.ndarray
 
 
 def track_again(
-    source: Source, poses: np.ndarray, ways: Sequence[GapWays], settings: StabiliseSettings, progress: Count
+    source: Source,
+    poses: np.ndarray,
+    ways: Sequence[GapWays],
+    bad: np.ndarray,
+    guide: GapGuide,
+    progress: Count,
 ) -> Again:
     """Track the recording once more, guided in the gaps, and compare all ways through them with its frames.
 
@@ -78,13 +99,16 @@ def track_again(
     source : the run
     poses : float64 (T, P), as they are so far: a way exchanges a limb of theirs
     ways : through each gap
+    bad : bool (T,), frames in which the whole pose may be exchanged
+    guide : what is known beside the depth
     progress : told after each frame
     """
     tracker, recording = source.tracker, source.recording
-    tracker.guide = GapGuide(ways, source.track.timestamps, settings)
+    tracker.guide = guide
     finder = LonePerson(recording.camera, recording.background, tracker.settings.sensing, recording.up_camera)
     follower = tracker.follower(finder.camera, source.info.R_level_camera, source.body)
     rows: list[FrameResult] = []
+    whole = np.full((2, len(poses)), np.nan)
     angles = [way.angles.copy() for way in ways]
     distances = [np.full(way.angles.shape[:2], np.inf) for way in ways]
     confidence = [np.zeros((*way.angles.shape[:2], len(OUTER[way.gap.limb]))) for way in ways]
@@ -102,8 +126,12 @@ def track_again(
                     distances[gap][:, place], confidence[gap][:, place] = _compared(
                         follower, follower.observation.scene, poses[number], way, angles[gap][:, place]
                     )
+        if bad[number] and follower.observation is not None:
+            for place, pose in enumerate((poses[number], rows[-1].pose)):
+                scene = follower.observation.scene
+                whole[place, number] = follower.objective.compare(follower.body, pose, scene).distance
         progress(number + 1, len(poses))
-    return Again(rows, distances, angles, confidence)
+    return Again(rows, distances, angles, confidence, whole)
 
 
 def _compared(

@@ -10,7 +10,8 @@ import numpy as np
 
 from toolkit.kernels import linear
 from toolkit.progress import Progress
-from toolkit.retrieval.annotation.annotator import Annotation, Annotator, MotionClass
+from toolkit.retrieval.annotation.annotator import Annotation, Annotator, MotionClass, runs
+from toolkit.retrieval.annotation.class_motion import ANGLES
 from toolkit.retrieval.annotation.measures import Segment, frame_scores, label_frames
 from toolkit.retrieval.features.motion import frame_rate_of, from_poses
 from toolkit.retrieval.features.relational import FEATURE_RATE, FeatureMatrix, relational_features
@@ -18,11 +19,11 @@ from toolkit.retrieval.priors.allocation import allocate, unknown_rows
 from toolkit.retrieval.priors.expectation import Told
 from toolkit.retrieval.priors.gaps import Gap, find_gaps
 from toolkit.retrieval.priors.limbs import OUTER
-from toolkit.stabilising.again import Again, track_again
+from toolkit.stabilising.again import Again, GapGuide, track_again
 from toolkit.stabilising.choice import cheapest_path
 from toolkit.stabilising.settings import StabiliseSettings
 from toolkit.stabilising.source import Source
-from toolkit.stabilising.ways import KEPT, GapWays, flags_of, ways_through
+from toolkit.stabilising.ways import KEPT, GapWays, bad_frames, flags_of, ways_through, whole_priors
 from toolkit.track import Track
 
 SOURCE = "prior"
@@ -134,9 +135,11 @@ def _round(
     ways = ways_through(told, gaps, settings)
     if not ways:
         return Round(annotation, labelled, (), track, 0.0)
-    again = track_again(source, track.pose, ways, settings, progress)
+    bad = bad_frames(told.hidden)
+    guide = GapGuide(ways, whole_priors(told, bad, settings), track.timestamps, settings)
+    again = track_again(source, track.pose, ways, _around(bad, settings.widened), guide, progress)
     paths = [choose(*of_gap, settings) for of_gap in zip(ways, again.distances, again.angles, strict=True)]
-    fresh = _exchanged(source, track, ways, again, paths)
+    fresh = _exchanged(source, track, ways, again, paths, choose_rows(track, again, settings))
     moved = linear.lengths((fresh.joints - track.joints).reshape(-1, 3).astype(np.float64)).reshape(len(track), -1)
     filled = tuple(_filled(*of_gap, moved) for of_gap in zip(ways, paths, again.distances, strict=True))
     return Round(annotation, labelled, filled, fresh, float(moved.mean()))
@@ -154,6 +157,25 @@ def choose(way: GapWays, distances: np.ndarray, angles: np.ndarray, settings: St
     costs[way.names.index(KEPT)] -= rules.margin
     costs = np.where(np.isfinite(costs), costs, np.where(np.arange(len(costs))[:, None] == 0, 0.0, np.inf))
     return cheapest_path(costs, np.nan_to_num(angles), rules.stiffness)
+
+
+def choose_rows(track: Track, again: Again, settings: StabiliseSettings) -> np.ndarray:
+    """Bool (T,): frames of which the whole pose is taken from tracking again: nearer to the frame, and in one go."""
+    taken = np.zeros(len(track), dtype=np.bool_)
+    angles = np.stack([track.pose, np.array([row.pose for row in again.rows])])[:, :, ANGLES]
+    for start, stop in runs(np.isfinite(again.whole).all(axis=0)):
+        costs = again.whole[:, start:stop].copy()
+        costs[0] -= settings.choice.margin
+        taken[start:stop] = cheapest_path(costs, angles[:, start:stop], settings.choice.stiffness) == 1
+    return taken
+
+
+def _around(flags: np.ndarray, by: int) -> np.ndarray:
+    """Frames (T,) within `by` of one that is flagged."""
+    wide = np.zeros_like(flags)
+    for start, stop in runs(flags):
+        wide[max(0, start - by) : stop + by] = True
+    return wide
 
 
 def _told(
@@ -182,9 +204,14 @@ def annotate(features: FeatureMatrix, classes: Sequence[MotionClass], threshold:
 
 
 def _exchanged(
-    source: Source, track: Track, ways: Sequence[GapWays], again: Again, paths: Sequence[np.ndarray]
+    source: Source,
+    track: Track,
+    ways: Sequence[GapWays],
+    again: Again,
+    paths: Sequence[np.ndarray],
+    whole: np.ndarray,
 ) -> Track:
-    """The track with the limbs that were chosen, and what their joints can be trusted there."""
+    """The track with the limbs and the whole poses that were chosen, and what their joints can be trusted there."""
     poses, confidence, touched = track.pose.copy(), track.confidence.copy(), np.zeros(len(track), dtype=np.bool_)
     for way, angles, trust, path in zip(ways, again.angles, again.confidence, paths, strict=True):
         outer = OUTER[way.gap.limb]
@@ -193,6 +220,9 @@ def _exchanged(
             poses[frame, way.entries] = angles[path[place], place]
             confidence[frame, outer] = trust[path[place], place]
             touched[frame] = True
+    for frame in np.flatnonzero(whole):
+        poses[frame], confidence[frame] = again.rows[frame].pose, again.rows[frame].confidence
+    touched |= whole
     joints, at = track.joints.copy(), track.source.copy()
     for frame in np.flatnonzero(touched):
         joints[frame] = linear.rotated(source.body.joint_positions(poses[frame]), source.info.R_level_camera)

@@ -2,19 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
+from toolkit.fitting.priors import SPREAD, GaussianPrior
+from toolkit.kernels import linear
 from toolkit.retrieval.priors.allocation import Allocation
 from toolkit.retrieval.priors.bridge import Bridge
-from toolkit.retrieval.priors.expectation import Told, fill
+from toolkit.retrieval.priors.expectation import ROOT, Told, fill
 from toolkit.retrieval.priors.gaps import Gap
 from toolkit.retrieval.priors.limbs import ENTRIES, LIMBS
 from toolkit.stabilising.settings import StabiliseSettings
 
 KEPT, AGAIN, STRAIGHT = "track", "tracked again", "interpolation"
+MOST = 3
+"""Of the four limbs: with so many hidden at once a frame is bad."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,6 +64,28 @@ def flags_of(gaps: Sequence[Gap], frames: int) -> dict[str, np.ndarray]:
     for gap in gaps:
         flags[gap.limb][gap.start : gap.stop] = True
     return flags
+
+
+def bad_frames(hidden: Mapping[str, np.ndarray]) -> np.ndarray:
+    """Bool (T,): frames in which most limbs are hidden: where the whole is wrong, no part of it is supported."""
+    return np.sum([hidden[limb] for limb in LIMBS], axis=0) >= MOST
+
+
+def whole_priors(told: Told, bad: np.ndarray, settings: StabiliseSettings) -> dict[int, GaussianPrior]:
+    """Frame -> the class's whole pose, in bad frames (T,) that bear the label of a class with a motion."""
+    precisions: dict[tuple[int, int], np.ndarray] = {}
+    found = {}
+    for frame in np.flatnonzero(bad & (told.allocation.label >= 0)):
+        row, part = int(told.allocation.label[frame]), int(told.allocation.template[frame])
+        if not told.classes[row].motions:
+            continue
+        motion = told.classes[row].motions[part]
+        if (row, part) not in precisions:
+            covariance = motion.covariance + SPREAD**2 * np.eye(len(motion.covariance))
+            precisions[row, part] = linear.inverse(covariance)
+        mean = np.concatenate([np.zeros(ROOT), motion.mean[told.allocation.column[frame]]])
+        found[int(frame)] = GaussianPrior(settings.prior_weight, mean, precisions[row, part])
+    return found
 
 
 def ways_through(told: Told, gaps: Sequence[Gap], settings: StabiliseSettings) -> list[GapWays]:

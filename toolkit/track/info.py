@@ -41,7 +41,8 @@ class RunInfo:
     tracker : name of the tracker
     seed : of everything random
     up_source : how the vertical was known, see `Vertical`
-    sensors_sha256 : of the file of inertial sensors that guided the tracker, empty without
+    sensors_sha256, classes_sha256 : of the file of inertial sensors or of motion classes that guided the tracker, empty
+        without
     joints_2d : which joints in the image the tracker was told: "none", "colour", "depth", or "given" and their digest
     folder : the run folder that was read, empty for a new one; not written
     """
@@ -60,6 +61,7 @@ class RunInfo:
     seed: int = 0
     up_source: str = ""
     sensors_sha256: str = ""
+    classes_sha256: str = ""
     joints_2d: str = "none"
     recording_relative: str = field(default="", compare=False)
     folder: str = field(default="", compare=False)

@@ -137,7 +137,7 @@ class OnlineAnnotator:
         self.labels = tuple(motion_class.label for motion_class in classes)
         self._classes = [_Alignments(motion_class, self.settings.begun) for motion_class in classes]
         self._queries = [[q for q in queries if q.label == label] for label in self.labels]
-        self._features = _FeatureStream(body, frame_rate)
+        self._features = FeatureStream(body, frame_rate)
         self._pending: list[_Hit | None] = [None] * len(classes)
         self._begun: list[int] = [-1] * len(classes)
         self._told: list[tuple[int, _Hit]] = []
@@ -219,7 +219,7 @@ class OnlineAnnotator:
         return Event(kind, self.labels[row], start, end, now, now - end, hit.cost)
 
 
-class _FeatureStream:
+class FeatureStream:
     """Feature columns at 30 Hz from poses at any rate, as `relational_features` gives them for the whole."""
 
     def __init__(self, body: Body, frame_rate: float) -> None:
