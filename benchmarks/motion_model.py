@@ -20,6 +20,7 @@ from __future__ import annotations
 import argparse
 import time
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -39,19 +40,24 @@ from benchmarks.annotation import ALTERNATIVES, HOLDS_A_CLASS, LAST_TRAINING_SUB
 from toolkit.retrieval.annotation.annotator import Annotation, Annotator
 from toolkit.retrieval.annotation.classes import Fold, learn_classes, learn_threshold
 from toolkit.retrieval.annotation.measures import Scores, confusion, frame_scores, label_frames, segment_scores
+from toolkit.retrieval.annotation.model import MotionModel
 from toolkit.retrieval.annotation.preselection import preselect_in
 from toolkit.retrieval.annotation.training import Clip, TrainedDocument, documents_of, train, two_sided
 from toolkit.retrieval.features.motion import Motion
 from toolkit.retrieval.features.relational import FEATURE_RATE, relational_features
+from toolkit.retrieval.index.keyframe_index import KeyframeIndex
 from toolkit.retrieval.keyframes.query import KeyframeQuery
 from toolkit.retrieval.learning.genetic import GeneticSettings
 from toolkit.retrieval.learning.queries import LearningSettings
+from toolkit.retrieval.workflow.search import by_class
 
 SETS = {"easy": False, "hard": True}
 SHARES = (0.34, 0.67, 1.0)
 """Of the clips of each class and training actor, for the curve."""
 ONE, TWO = "one person, 100 % of the clips", "motion model"
 """Rows between which the curve has its second person."""
+DOUBTS = (0.5, 0.7, 0.8, 0.85, 0.9, 0.95)
+"""Largest doubts of a search for classes."""
 DRAWS = 2000
 """Of the bootstrap over people and seeds."""
 NOTHING = Scores(0, 0, 0, 0)
@@ -124,6 +130,47 @@ def judged(annotate: Annotate, documents: Sequence[TrainedDocument], labels: Seq
             parts = ([s for s in side if s.label == label] for side in (document.segments, found.segments))
             classes[label] += segment_scores(*parts)
     return {"frames": frames, "segments": segments, "classes": classes, "confusion": table}
+
+
+def found_by_search(model: MotionModel, documents: Sequence[TrainedDocument]) -> np.ndarray:
+    """What `depthmocap search --classes` leaves, over all classes: int64 (D, 5).
+
+    For each of `DOUBTS` frames left, frames of true segments, segments of which a frame is left, of which half is, all.
+    """
+    index = KeyframeIndex.build(replace(d.features, name=str(k)) for k, d in enumerate(documents))
+    table = np.zeros((len(DOUBTS), 5), dtype=np.int64)
+    for report in by_class(index, model, doubt=max(DOUBTS)):
+        true = [
+            (k, *s.frames(FEATURE_RATE)) for k, d in enumerate(documents) for s in d.segments if s.label == report.label
+        ]
+        for row, doubt in enumerate(DOUBTS):
+            left = [np.zeros(len(document.features), dtype=bool) for document in documents]
+            for match in report.matches:
+                if match.cost <= doubt:
+                    left[int(match.document)][round(match.start * FEATURE_RATE) : round(match.end * FEATURE_RATE)] = (
+                        True
+                    )
+            shares = np.array([left[k][a:b].mean() for k, a, b in true])
+            relevant = sum(b - a for _, a, b in true)
+            table[row] += [
+                sum(map(np.count_nonzero, left)),
+                relevant,
+                (shares > 0).sum(),
+                (shares >= 0.5).sum(),
+                len(true),
+            ]
+    return table
+
+
+def show_search(table: np.ndarray) -> list[dict[str, float]]:
+    """Print and return what a search for classes leaves."""
+    rows = [
+        {"doubt": doubt, "touched": touched / all_, "half": half / all_, "left_over_relevant": left / relevant}
+        for doubt, (left, relevant, touched, half, all_) in zip(DOUBTS, table.tolist(), strict=True)
+    ]
+    for row in rows:
+        print("    search:", ", ".join(f"{key} {value:.3f}" for key, value in row.items()))
+    return rows
 
 
 def thinned(clips: Sequence[Clip], share: float) -> list[Clip]:
@@ -200,6 +247,7 @@ def main() -> None:
     )
     symmetric = two_sided(clips)
     rows: dict[str, dict[str, list[dict[str, Any]]]] = {name: {} for name in SETS}
+    searched = {name: np.zeros((len(DOUBTS), 5), dtype=np.int64) for name in SETS}
     seconds: dict[str, list[float]] = {"training": [], "minutes annotated per second": []}
     for seed in range(options.seed, options.seed + options.seeds):
         for actor in ACTORS:
@@ -224,6 +272,7 @@ def main() -> None:
                 few = train(thinned(seen, share), early, np.random.default_rng(seed))
                 annotators[f"two people, {100 * share:.0f} % of the clips"] = few.annotate
             for name, part in documents.items():
+                searched[name] += found_by_search(model, part)
                 for row, annotate in annotators.items():
                     begin = time.process_time()
                     result = judged(annotate, part, labels)
@@ -245,6 +294,7 @@ def main() -> None:
         table = sum(row["confusion"] for row in model_rows)
         if options.curve:
             figures[name]["second_person"] = second_person(results)
+        figures[name]["search"] = show_search(searched[name])
         mistakes(table, [*labels, "no class"])
         figures[name]["confusion"] = {"labels": [*labels, "no class"], "frames": table}
         plot_confusion(table, [*labels, "no class"], RESULTS / f"motion_model_{name}.png", f"HDM05, {name}, frames")

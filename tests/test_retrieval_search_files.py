@@ -292,7 +292,9 @@ def test_the_commands_learn_and_annotate_label_a_flat_folder(squats: list[Path],
     import typer
 
     app = typer.Typer()
-    for name, verb in (("learn", learn_verb), ("annotate", annotate_verb), ("index", index_verb)):
+    for name, verb in (
+        ("learn", learn_verb), ("annotate", annotate_verb), ("index", index_verb), ("search", search_verb),
+    ):  # fmt: skip
         app.command(name)(verb)
 
     def run(*arguments: object) -> str:
@@ -308,6 +310,11 @@ def test_the_commands_learn_and_annotate_label_a_flat_folder(squats: list[Path],
     assert row["label"] == "squat1Reps" and float(row["score"]) >= 0.5
     index = tmp_path / "motions.index"
     run("index", *squats[:2], "--output", index)
+    hits = tmp_path / "hits.csv"
+    assert "squat1Reps" in run("search", index, "--classes", model, "--label", "squat1Reps", "-o", hits)
+    rows = list(csv.DictReader(hits.read_text().splitlines()))
+    assert {row["document"] for row in rows} == {file.stem for file in squats[:2]}
+    assert all(float(row["cost"]) <= 0.9 for row in rows) and float(rows[0]["cost"]) < 0.5
     assert "1 motions" in run("index", "--remove", squats[0].stem, "--output", index)
 
 

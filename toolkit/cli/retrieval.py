@@ -16,6 +16,8 @@ if TYPE_CHECKING:
 
 PLAYED = 5
 """Results in a film."""
+EXAMPLE_COST = 0.25
+"""Largest cost of a result by example, unless told otherwise: chance costs about as much."""
 
 Index = Annotated[
     Path, typer.Argument(metavar="INDEX", help="Index that `depthmocap index` wrote.", show_default=False)
@@ -60,7 +62,11 @@ def search(
     queries: Annotated[
         Path | None, typer.Option(help="Query file: learned by `depthmocap learn`, or written by hand.")
     ] = None,
-    label: Annotated[list[str] | None, typer.Option(help="Only these queries of the file.")] = None,
+    classes: Annotated[
+        Path | None,
+        typer.Option(help="Motion model of `depthmocap learn`: where its classes are, likeliest first."),
+    ] = None,
+    label: Annotated[list[str] | None, typer.Option(help="Only these queries or classes.")] = None,
     by_example: Annotated[Path | None, typer.Option(help="A clip to search for, instead of a query file.")] = None,
     start: Annotated[float, typer.Option("--from", help="Start of the example, seconds.")] = 0.0,
     end: Annotated[
@@ -71,8 +77,12 @@ def search(
         typer.Option("--keyframes", help="Look only where keyframes of the example match; this misses more."),
     ] = False,
     threshold: Annotated[
-        float, typer.Option(help="Largest cost of a result by example, 0 (equal) to 1 (opposite).")
-    ] = 0.2,
+        float | None,
+        typer.Option(
+            help="Largest cost: by example 0 (equal) to 1 (opposite), of classes 1 minus probability.",
+            show_default="0.25, 0.9",
+        ),
+    ] = None,
     limit: Annotated[int, typer.Option(help="Results per query: shown, and by example also written.", min=1)] = 20,
     output: Annotated[Path | None, typer.Option("--output", "-o", help="Write all results (.csv or .json).")] = None,
     play: Annotated[
@@ -82,29 +92,41 @@ def search(
         list[Path] | None, typer.Option(help="For --play: the files and folders that were indexed. Repeatable.")
     ] = None,
 ) -> None:
-    """Find motions in an index: by learned or written keyframes, or by an example."""
+    """Find motions in an index: by an example, by a motion model, or by learned or written keyframes."""
     from toolkit.errors import UsageError
     from toolkit.files import check_output
+    from toolkit.retrieval.annotation.model import MotionModel
     from toolkit.retrieval.index.keyframe_index import KeyframeIndex
     from toolkit.retrieval.keyframes.query_file import choose_labels, load_queries
-    from toolkit.retrieval.workflow.search import Query, cut_example, keyframes_of_example, one_per_label, save_matches
+    from toolkit.retrieval.workflow.search import (
+        DOUBT,
+        Query,
+        cut_example,
+        keyframes_of_example,
+        one_per_label,
+        save_matches,
+    )
+    from toolkit.retrieval.workflow.search import by_class as search_classes
     from toolkit.retrieval.workflow.search import by_example as search_by_example
     from toolkit.retrieval.workflow.search import search as search_index
 
-    if (queries is None) == (by_example is None):
-        raise UsageError("search needs one of --queries and --by-example; give exactly one")
+    if sum(way is not None for way in (queries, by_example, classes)) != 1:
+        raise UsageError("search needs one of --by-example, --classes and --queries; give exactly one")
     if (play is None) != (not mocap):
         raise UsageError("--play needs --mocap, the files and folders that were indexed, and the other way round")
     for written in filter(None, (output, play)):
-        check_output(written, [path for path in (index, queries, by_example) if path is not None])
+        check_output(written, [path for path in (index, queries, by_example, classes) if path is not None])
     opened = KeyframeIndex.open(index)
-    if by_example is None:
+    largest = EXAMPLE_COST if threshold is None else threshold
+    if classes is not None:
+        reports = search_classes(opened, MotionModel.load(classes), label, DOUBT if threshold is None else threshold)
+    elif by_example is None:
         wanted = choose_labels(load_queries(queries or Path()), label)
-        reports = [search_index(opened, Query(query), threshold) for query in wanted]
+        reports = [search_index(opened, Query(query), largest) for query in wanted]
     elif keyframes:
-        reports = [search_index(opened, keyframes_of_example(cut_example(by_example, start, end)), threshold)]
+        reports = [search_index(opened, keyframes_of_example(cut_example(by_example, start, end)), largest)]
     else:
-        reports = [search_by_example(opened, cut_example(by_example, start, end), limit, threshold)]
+        reports = [search_by_example(opened, cut_example(by_example, start, end), limit, largest)]
     reports = one_per_label(reports)
     if output is not None:
         save_matches(output, reports)

@@ -15,6 +15,8 @@ import numpy as np
 from toolkit.errors import RetrievalError, UsageError
 from toolkit.files import save_json, save_text
 from toolkit.retrieval.annotation.annotator import distance_function
+from toolkit.retrieval.annotation.model import MotionModel
+from toolkit.retrieval.features.grades import BLOCK
 from toolkit.retrieval.features.motion import Motion
 from toolkit.retrieval.features.relational import FEATURE_RATE, FEATURES, FeatureMatrix, relational_features
 from toolkit.retrieval.index.keyframe_index import KeyframeIndex
@@ -32,6 +34,10 @@ EXAMPLE_STEADY = 3
 """Columns on both sides over which an entry of an example has to be steady to count in the refined search."""
 SHORTEST_EXAMPLE = 0.3
 """Seconds."""
+
+
+DOUBT = 0.9
+"""What a motion model holds for likelier than one in ten is a result of a search."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -199,6 +205,49 @@ def by_example(
     begin = time.perf_counter()
     matches = search_example(index, wanted, limit, threshold)
     return SearchReport(example.name, tuple(matches), 1.0, 1.0, 0.0, 1000 * (time.perf_counter() - begin))
+
+
+def by_class(
+    index: KeyframeIndex, model: MotionModel, labels: Sequence[str] | None = None, doubt: float = DOUBT
+) -> list[SearchReport]:
+    """Where a motion model sees its classes, the likeliest first: one report per class, costs being doubts.
+
+    Parameters
+    ----------
+    index : what to search
+    model : examples and judges
+    labels : of these classes only; all by default
+    doubt : 1 minus the smallest probability of a result; `MotionModel.annotate` says only what it is sure of, a search
+        leaves the choice to whoever looks
+
+    Raises
+    ------
+    RetrievalError
+        A label that the model does not know.
+    """
+    unknown = sorted(set(labels or ()) - set(model.labels))
+    if unknown:
+        raise RetrievalError(f"the model knows no class {unknown[0]!r}; it knows {', '.join(model.labels)}")
+    reports = []
+    for label, judge in zip(model.labels, model.judges, strict=True):
+        if labels and label not in labels:
+            continue
+        begin = time.perf_counter()
+        places = model.examples.propose_in(label, index.coarse_starts, index.coarse)
+        doubts = 1.0 - judge.probability(places.described)
+        lengths = np.diff(index.document_starts)
+        stops = np.minimum(BLOCK * (places.lasts + 1), lengths[places.documents])
+        matches = [
+            Match(
+                index.names[places.documents[k]], BLOCK * int(places.firsts[k]) / FEATURE_RATE,
+                int(stops[k]) / FEATURE_RATE, float(doubts[k]),
+            )
+            for k in np.argsort(doubts, kind="stable")
+            if doubts[k] <= doubt
+        ]  # fmt: skip
+        share = sum(match.end - match.start for match in matches) / index.duration
+        reports.append(SearchReport(label, tuple(matches), share, 1.0, 0.0, 1000 * (time.perf_counter() - begin)))
+    return reports
 
 
 @lru_cache(maxsize=1)
