@@ -8,6 +8,7 @@ from typing import Annotated
 import typer
 
 from toolkit.cli.options import Seed
+from toolkit.cli.retrieval import cautions
 
 
 def annotate(
@@ -95,7 +96,7 @@ def annotate(
             )  # fmt: skip
             wanted = learned.model
             counts = ", ".join(f"{label} ({count})" for label, count in learned.clips.items())
-            print(f"classes: {counts}")
+            print(f"classes: {counts}", *cautions(learned, others or ()), sep="\n")
         done = annotate_motions(
             motions, wanted, output, queries=load_queries(queries) if queries else (), truth=truth,
             threshold=threshold, progress=bars,

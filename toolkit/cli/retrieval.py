@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -12,6 +13,7 @@ from toolkit.cli.options import Output, Seed
 if TYPE_CHECKING:
     from toolkit.retrieval.annotation.measures import Scores
     from toolkit.retrieval.search.rank import Match
+    from toolkit.retrieval.workflow.learn import LearnedModel
     from toolkit.retrieval.workflow.search import SearchReport
 
 PLAYED = 5
@@ -258,10 +260,22 @@ def _learn_model(
         print(f"{output}: {len(learned.clips)} classes of one clip each; nothing could be left out to try them on")
     if not several:
         print("Nobody is named who performs the clips, so this says nothing about other people: see --pattern.")
+    for line in cautions(learned, others):
+        print(line)
+
+
+def cautions(learned: LearnedModel, others: Sequence[Path]) -> list[str]:
+    """What whoever learned a model should know about it."""
+    lines = [
+        f"{first} is hard to tell from {second}: only {ratio:.2f} times as far from it as from its own clips."
+        for first, second, ratio in learned.alike
+    ]
     if not others:
-        print("Without --others (motions of no class) the model knows only its own classes, mirrored and joined.")
-    for first, second, ratio in learned.alike:
-        print(f"{first} is hard to tell from {second}: only {ratio:.2f} times as far from it as from its own clips.")
+        lines.append(
+            "Without --others the model knows only its own classes, and labels whatever resembles one of them:"
+        )
+        lines.append("give motions of no class, such as walking, sitting, standing about.")
+    return lines
 
 
 def _scores_shown(frames: Scores, segments: Scores) -> tuple[str, ...]:
