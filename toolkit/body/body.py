@@ -42,6 +42,8 @@ class Body:
     end_effectors : int64 (5,), mesh vertices at the tips, ordered as `skeleton.END_EFFECTORS`
     shape : float64 (K,), coefficients in the shape space that made it (empty for a body that came from elsewhere)
     scale : uniform factor already contained in the positions
+    offsets : float64 (V,), metres before scaling by which vertices lie outside the body of these coefficients, along
+        its normals; None for none
     """
 
     name: str
@@ -54,6 +56,7 @@ class Body:
     end_effectors: np.ndarray
     shape: np.ndarray
     scale: float = 1.0
+    offsets: np.ndarray | None = None
 
     def __post_init__(self) -> None:
         if self.joints.shape != (len(skeleton.JOINTS), 3) or self.sites.shape != (len(skeleton.SITES), 3):

@@ -94,21 +94,33 @@ class ShapeSpace:
         return len(self.basis)
 
     def body(
-        self, coefficients: Sequence[float] | np.ndarray | None = None, scale: float = 1.0, name: str = "body"
+        self,
+        coefficients: Sequence[float] | np.ndarray | None = None,
+        scale: float = 1.0,
+        name: str = "body",
+        offsets: np.ndarray | None = None,
     ) -> Body:
         """The body of up to K coefficients (standard deviations; missing ones are 0), uniformly scaled by `scale`.
+
+        `offsets` (V,), metres before scaling, move its vertices outwards along their normals.
 
         Raises
         ------
         BodyError
-            There are more than K coefficients, one is not finite, or the scale is not positive.
+            There are more than K coefficients or other than V offsets, one is not finite, or the scale is not positive.
         """
         shape = _padded(coefficients, self.size)
         points = self.mean + linear.combined(shape, self.basis)
         vertices, joints, sites = _split(points)
+        if offsets is not None:
+            offsets = np.asarray(offsets, dtype=np.float64)
+            if offsets.shape != (len(vertices),) or not np.isfinite(offsets).all():
+                raise BodyError(f"offsets of shape {offsets.shape} do not fit {len(vertices)} vertices; scan again")
+            vertices = vertices + offsets[:, None] * vertex_normals(vertices, self.faces)
         body = Body(
-            name, vertices, self.faces, self.skin_joints, self.skin_weights, joints, sites, self.end_effectors, shape
-        )
+            name, vertices, self.faces, self.skin_joints, self.skin_weights, joints, sites, self.end_effectors, shape,
+            offsets=offsets,
+        )  # fmt: skip
         return body if scale == 1.0 else body.scaled(scale)
 
     def typical(self, stature: float) -> np.ndarray:

@@ -13,6 +13,7 @@ import typer
 from toolkit.cli import (
     annotate,
     bench,
+    body,
     database,
     demo,
     evaluate,
@@ -58,6 +59,7 @@ def _root(
 
 app.command()(demo.demo)
 app.add_typer(database.app, name="database")
+app.add_typer(body.app, name="body")
 app.command()(info.info)
 app.command()(simulate.simulate)
 app.command()(joints.joints)

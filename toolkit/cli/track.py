@@ -60,6 +60,7 @@ def track(
         Path | None,
         typer.Option("--database", "-d", help="Pose database.", show_default="of bundled motions, built once"),
     ] = None,
+    body: Annotated[Path | None, typer.Option(help="The person's own, of `depthmocap body scan`.")] = None,
     config: Annotated[str, typer.Option(help="Settings: a YAML file or the name of a shipped one.")] = "hybrid",
     settings: SettingOption = None,
     max_poses: Annotated[int | None, typer.Option(help="Use only the first poses of the database.", min=2)] = None,
@@ -126,7 +127,7 @@ def track(
     """Track the person in depth recordings and write what was found into run folders."""
     from toolkit.cli.terminal import next_commands, progress_bars
     from toolkit.config import parse_overrides
-    from toolkit.files import is_file
+    from toolkit.files import is_file, sha256_of
     from toolkit.pipeline import TrackerRecipe, load_tracker, run_folders, track_many, track_recordings
 
     reading = reading_of(
@@ -163,7 +164,7 @@ def track(
     with progress_bars() as bars:
         database = _database(database, config, overrides, bars)
         if batch:
-            recipe = TrackerRecipe(config, overrides, database, max_poses)
+            recipe = TrackerRecipe(config, overrides, database, max_poses, body)
             rows = track_many(
                 recordings, recipe, output, people=people_of(people), reader_options=reading, joints=choice,
                 workers=workers or 1, retry_failed=retry_failed, overwrite=overwrite, progress=bars,
@@ -173,7 +174,7 @@ def track(
         return
     with progress_bars() as bars:
         bars("preparing (compiles for a minute the first time)", 0, 1)
-        tracker = load_tracker(config, overrides, database=database, max_poses=max_poses, guide=guide)
+        tracker = load_tracker(config, overrides, database=database, max_poses=max_poses, guide=guide, body=body)
         bars("preparing (compiles for a minute the first time)", 1, 1)
         report = track_recordings(
             recordings,
@@ -188,6 +189,7 @@ def track(
             classes_sha256=classes_sha256,
             watcher=watcher,
             joints=choice,
+            body_sha256=sha256_of(body) if body else "",
         )
     for summary in report.done:
         print(summary.text())

@@ -58,9 +58,13 @@ class ShapeEstimator:
         self._matrix = np.zeros((size, size))
         self._vector = np.zeros(size)
 
-    def observe(self, pose: np.ndarray, scene: Scene) -> Body:
-        """Take in a frame in which the body as it is so far was found in `pose` (P,); returns the new body."""
-        placed = self._placer.place(self.body, pose)
+    def observe(self, pose: np.ndarray, scene: Scene, placer: Placer | None = None) -> Body:
+        """Take in a frame in which the body as it is so far was found in `pose` (P,); returns the new body.
+
+        A frame of another camera brings its own `placer`.
+        """
+        placer = placer or self._placer
+        placed = placer.place(self.body, pose)
         pairs = [term.pairs(placed, scene) for term in self._terms]
         vertex = np.concatenate([p.vertex for p in pairs])
         residual = np.concatenate([p.residual for p in pairs])
@@ -70,7 +74,7 @@ class ShapeEstimator:
         for k in range(len(self.coefficients)):
             changed = self.coefficients.copy()
             changed[k] += STEP
-            moved = self._placer.place(self._space.body(changed), pose).vertices[vertex]
+            moved = placer.place(self._space.body(changed), pose).vertices[vertex]
             columns[:, k] = linear.dots(normals, moved - base) / STEP
         weight = weight / NOISE**2
         wanted = linear.times(columns, self.coefficients) - linear.dots(normals, residual)

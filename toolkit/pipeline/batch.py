@@ -38,6 +38,7 @@ def track_recordings(
     classes_sha256: str = "",
     watcher: RowWatcher | None = None,
     joints: JointChoice | None = None,
+    body_sha256: str = "",
 ) -> BatchReport:
     """Track one recording into `output`, or several into `output/<stem>`.
 
@@ -66,6 +67,7 @@ def track_recordings(
             summary = track_recording(
                 recording, tracker, run, people=people, resume=resume, warm_up=first, progress=progress,
                 sensors_sha256=sensors_sha256, classes_sha256=classes_sha256, watcher=watcher, joints=joints,
+                body_sha256=body_sha256,
             )  # fmt: skip
         except DepthMocapError as error:
             if len(runs) == 1:

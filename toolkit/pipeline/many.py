@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from toolkit.errors import DepthMocapError, UsageError
-from toolkit.files import check_output, is_file
+from toolkit.files import check_output, is_file, sha256_of
 from toolkit.pipeline.batch import run_folders
 from toolkit.pipeline.joints import JointChoice
 from toolkit.pipeline.manifest import DONE, FAILED, INTERRUPTED, Manifest, ManifestRow
@@ -36,10 +36,13 @@ class TrackerRecipe:
     overrides: Mapping[str, Any] = field(default_factory=dict)
     database: str | Path | None = None
     max_poses: int | None = None
+    body: str | Path | None = None
 
     def build(self) -> Tracker:
         """The tracker."""
-        return load_tracker(self.config, self.overrides, database=self.database, max_poses=self.max_poses)
+        return load_tracker(
+            self.config, self.overrides, database=self.database, max_poses=self.max_poses, body=self.body
+        )
 
 
 def track_many(
@@ -161,7 +164,16 @@ def _task(
             _TRACKERS[repr(recipe)] = recipe.build()
         recording = open_recording(path, **options)
         tracker = _TRACKERS[repr(recipe)]
-        summary = track_recording(recording, tracker, run, people=people, resume=resume, warm_up=first, joints=joints)
+        summary = track_recording(
+            recording,
+            tracker,
+            run,
+            people=people,
+            resume=resume,
+            warm_up=first,
+            joints=joints,
+            body_sha256=sha256_of(recipe.body) if recipe.body else "",
+        )
     except Exception as error:  # a task that raised would end the whole batch
         reason = f"{error}" if isinstance(error, DepthMocapError) else f"{type(error).__name__}: {error}"
         return ManifestRow(path, run, FAILED, reason, seconds=time.perf_counter() - start)

@@ -74,6 +74,7 @@ def track_recording(
     classes_sha256: str = "",
     watcher: RowWatcher | None = None,
     joints: JointChoice | None = None,
+    body_sha256: str = "",
 ) -> RunSummary:
     """Follow the person, or the people, through a recording and write the run folder.
 
@@ -92,6 +93,7 @@ def track_recording(
     sensors_sha256, classes_sha256 : of the inertial sensors or the motion classes that guide the tracker, if any do
     watcher : told every row of the one person who is followed
     joints : where joints in the image are to come from
+    body_sha256 : of the file of the person's own body, if the tracker was given one
 
     Raises
     ------
@@ -115,7 +117,11 @@ def track_recording(
     with locked(run):
         used = name_of(job.joints, recording)
         info = replace(
-            _run_info(recording, tracker), sensors_sha256=sensors_sha256, classes_sha256=classes_sha256, joints_2d=used
+            _run_info(recording, tracker),
+            sensors_sha256=sensors_sha256,
+            classes_sha256=classes_sha256,
+            joints_2d=used,
+            body_sha256=body_sha256,
         )
         return _track(job, info, Path(run), resume, warm_up, progress or _silent, watcher)
 
@@ -277,6 +283,7 @@ def _is_same_run(folder: Path, info: RunInfo, tracker: Tracker) -> bool:
         "sensors_sha256",
         "classes_sha256",
         "joints_2d",
+        "body_sha256",
     )
     return (
         all(_as_json(getattr(before, fact)) == _as_json(getattr(info, fact)) for fact in facts)

@@ -88,7 +88,8 @@ class RunSink:
             if person in bodies:
                 body = bodies[person]
                 shape, scale = [float(c) for c in body.shape], float(body.scale)
-                replace(self._info, shape=shape, scale=scale).save(writer.run)
+                offsets = [] if body.offsets is None else [float(o) for o in body.offsets]
+                replace(self._info, shape=shape, scale=scale, offsets=offsets).save(writer.run)
             tracks[person] = Track.load(writer.finish(complete=complete).parent)
         if self._several:
             save_people(self.run, [self._summary(p, track, bodies[p]) for p, track in tracks.items()])

@@ -34,6 +34,7 @@ class RunInfo:
     reader_options : the options with which its reader was called
     body_fingerprint : names the joint tree and its parametrisation, not the shape
     shape, scale : coefficients in the shape space and the uniform factor of the fitted body
+    offsets : metres by which a scanned body's vertices lie outside that of the shape space; empty for none
     database : path of the pose database, empty for a tracker that uses none
     level_rotation : R_level_camera, 9 numbers row by row: p_level = R p_camera
     sensing : settings with which the depth was segmented and cleaned, by name
@@ -43,6 +44,7 @@ class RunInfo:
     up_source : how the vertical was known, see `Vertical`
     sensors_sha256, classes_sha256 : of the file of inertial sensors or of motion classes that guided the tracker, empty
         without
+    body_sha256 : of the file of the person's own body, empty where it was learnt
     joints_2d : which joints in the image the tracker was told: "none", "colour", "depth", or "given" and their digest
     folder : the run folder that was read, empty for a new one; not written
     """
@@ -63,6 +65,8 @@ class RunInfo:
     sensors_sha256: str = ""
     classes_sha256: str = ""
     joints_2d: str = "none"
+    body_sha256: str = ""
+    offsets: list[float] = field(default_factory=list)
     recording_relative: str = field(default="", compare=False)
     folder: str = field(default="", compare=False)
 
@@ -73,7 +77,8 @@ class RunInfo:
 
     def body(self) -> Body:
         """The body as it was fitted."""
-        return ShapeSpace.load().body(self.shape, scale=self.scale)
+        offsets = np.array(self.offsets, dtype=np.float64) if self.offsets else None
+        return ShapeSpace.load().body(self.shape, scale=self.scale, offsets=offsets)
 
     def open_recording(self, path: str | Path | None = None) -> Recording:
         """The recording, as it was when it was tracked; `path` says where it has been moved to.
@@ -117,7 +122,7 @@ class RunInfo:
         values = read_json(path, TrackError, AGAIN)
         if not isinstance(values, dict):
             raise TrackError(f"{path} holds no names with values; {AGAIN}")
-        wanted = [f.name for f in fields(cls) if f.default is MISSING]
+        wanted = [f.name for f in fields(cls) if f.default is MISSING and f.default_factory is MISSING]
         if missing := [name for name in wanted if name not in values]:
             raise TrackError(f"{path} lacks {', '.join(missing)}; {AGAIN}")
         known = {f.name: values[f.name] for f in fields(cls) if f.name in values}
@@ -139,12 +144,14 @@ def _check_values(values: dict[str, Any], path: Path) -> None:
             raise TrackError(f"{f.name} in {path} is {type(value).__name__}; it must be {f.type}; {AGAIN}")
     try:
         numbers = {
-            name: np.array(values[name], dtype=np.float64, ndmin=1) for name in ("shape", "level_rotation", "scale")
+            name: np.array(values.get(name, []), dtype=np.float64, ndmin=1)
+            for name in ("shape", "level_rotation", "scale", "offsets")
         }
     except (TypeError, ValueError) as error:
         raise TrackError(f"{path} holds something else than numbers ({error}); {AGAIN}") from error
     columns = {
         "shape": Column("f", ("n",), -100, 100),
+        "offsets": Column("f", ("m",), -0.1, 0.1),
         "level_rotation": Column("f", (9,)),
         "scale": Column("f", (1,), 0.01, 100),
     }

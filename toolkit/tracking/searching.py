@@ -61,8 +61,14 @@ class SearchingTracker(ABC):
 
     def __init__(self, settings: SearchingSettings, body: Body | None) -> None:
         self._common = settings
-        self._known_body = body
-        self._first_body = body or load_body("neutral")
+        self._known_body: Body | None = None
+        self._first_body = load_body("neutral")
+        if body is not None:
+            self.know(body)
+
+    def know(self, body: Body) -> None:
+        """Take a body for that of everybody who is tracked from now on; none is learnt."""
+        self._known_body = self._first_body = body
 
     @property
     @abstractmethod

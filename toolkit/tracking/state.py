@@ -107,7 +107,12 @@ class PersonState:
     def export(self) -> State:
         """As plain arrays, numbers and text."""
         state: State = {
-            "body": {"shape": self.body.shape, "scale": float(self.body.scale), "name": self.body.name},
+            "body": {
+                "shape": self.body.shape,
+                "scale": float(self.body.scale),
+                "name": self.body.name,
+                "offsets": self.body.offsets,
+            },
             "sized": self.sized,
             # JSON keeps integers of any size only as text in every reader.
             "generator": {key: str(value) for key, value in _flat(self.generator).items()},
@@ -122,7 +127,8 @@ class PersonState:
     @classmethod
     def restore(cls, state: Mapping[str, Any]) -> PersonState:
         """What `export` gave."""
-        body = ShapeSpace.load().body(state["body"]["shape"], scale=state["body"]["scale"], name=state["body"]["name"])
+        own = state["body"]
+        body = ShapeSpace.load().body(own["shape"], scale=own["scale"], name=own["name"], offsets=own["offsets"])
         smoothed = state["smoothed"]
         plain = ("sized", "held_since", "pose", "centre", "facing", "timestamp", "lost", "turn", "carry")
         return cls(
