@@ -140,7 +140,7 @@ def test_track_writes_a_run_and_says_so(tmp_path: Path, fake: FakeTracker, capsy
     assert len(Track.load(tmp_path / "run")) == 12
     assert fake.asked == (  # type: ignore[attr-defined]
         ("hybrid", {"sensing.segment": "person", "sensing.half_resolution": True, "extrema": 10}),
-        {"database": Path("d.npz"), "max_poses": 7, "guide": None},
+        {"database": Path("d.npz"), "max_poses": 7, "guide": None, "body": None},
     )
 
 
