@@ -47,6 +47,7 @@ EXAMPLES: dict[str, tuple[str, ...]] = {
     ),
     "learn": ("depthmocap learn clips/ --output queries.yaml",),
     "annotate": ("depthmocap annotate long.amc --examples clips/ --output annotated",),
+    "stabilise": ("depthmocap stabilise run --classes annotated/classes.npz --output stable",),
     "inertial read": ("depthmocap inertial read sensors.csv --output sensors.npz",),
     "inertial synchronise": ("depthmocap inertial synchronise run --sensors sensors.npz",),
     "inertial calibrate": ("depthmocap inertial calibrate run --sensors sensors.npz --output calibration",),
