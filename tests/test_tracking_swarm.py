@@ -6,12 +6,14 @@ import hashlib
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 import yaml
 from typer.testing import CliRunner
 
+from tests.database_helpers import small_database
 from tests.test_configs import CONFIGS, settings_by_name
 from toolkit.body import skeleton
 from toolkit.body.shape import load_body
@@ -22,13 +24,16 @@ from toolkit.errors import SettingsError
 from toolkit.fitting.discrepancy import DiscrepancySettings, SeenJoints
 from toolkit.fitting.swarm import SwarmSettings
 from toolkit.pipeline import load_tracker
+from toolkit.pipeline.joints import JointChoice, joint_source
 from toolkit.sensing.joints2d import Joints2D
 from toolkit.sensing.recording import Recording, open_recording, save_recording
 from toolkit.testing.joints import DERIVED, DetectorErrors, detected
 from toolkit.testing.subjects import LEVEL, camera_for, draw, moving_poses
 from toolkit.track import EMPTY, TRACKED, FrameResult, RunInfo, Track
+from toolkit.tracking.hybrid import HybridTracker
 from toolkit.tracking.search.seen import exchanged, gap, looks_exchanged
 from toolkit.tracking.search.swarm import SwarmSearchSettings
+from toolkit.tracking.settings import HybridSettings
 from toolkit.tracking.solo import Solo
 from toolkit.tracking.swarm import SwarmTracker, SwarmTrackerSettings
 
@@ -365,6 +370,30 @@ def test_the_command_tracks_without_a_database_and_says_that_one_is_not_used(
     assert info.tracker == "swarm" and info.database in ("", None)
     other = CliRunner().invoke(app, [*command, str(tmp_path / "other"), "--database", str(tmp_path / "poses.npz")])
     assert other.exit_code == 0 and "not used" in other.output
+
+
+def test_the_hybrid_tracker_looks_with_a_swarm_on_first_frames_that_show_joints(recording: Recording) -> None:
+    database = small_database()
+
+    def first(hypotheses: tuple[str, ...], joints: tuple[Joints2D, ...]) -> list[FrameResult]:
+        solo = Solo(HybridTracker(database, HybridSettings(hypotheses=hypotheses), body=BODY), recording)
+        return [solo.step(recording.depth(i), i / 30.0, joints) for i in range(2)]
+
+    asked, seen = ("local", "extrema", "swarm"), recording.joints_2d(0)
+    with_joints, without = first(asked, seen), first(asked, ())
+    assert digest(without) == digest(first(("local", "extrema"), seen))
+    assert errors(with_joints, recording).mean() < 0.06
+    assert errors(with_joints, recording)[0] <= errors(without, recording)[0] + 0.02
+
+
+def test_joints_are_offered_to_the_hybrid_tracker_and_not_detected_for_it(recording: Recording) -> None:
+    database = small_database()
+    assert HybridTracker(database).joints_wanted == "offered"
+    assert HybridTracker(database, HybridSettings(hypotheses=("local", "extrema"))).joints_wanted == "none"
+    assert joint_source(recording, JointChoice(), "offered").name == "given"
+    assert joint_source(recording, JointChoice("none"), "offered").name == "none"
+    bare = SimpleNamespace(image_joints=None)
+    assert joint_source(bare, JointChoice(), "offered").name == "none"  # type: ignore[arg-type]
 
 
 def test_the_tracker_is_built_by_its_name() -> None:

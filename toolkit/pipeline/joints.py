@@ -26,6 +26,7 @@ class JointChoice:
     ----------
     source : "colour" or "depth" detects them in the colour or in the shaded depth images, "none" goes without, anything
         else is a folder of OpenPose JSON. "auto" takes those that the recording holds, else its colour, else its depth
+        (a tracker to which they are "offered" has none detected unless the user says where)
     size : width and height of the images in which the joints of a folder were found, if they are not the depth's
     """
 
@@ -84,6 +85,8 @@ def joint_source(recording: Recording, choice: JointChoice, wanted: str) -> Join
         return NoJoints()
     if source not in (COLOUR, DEPTH) and recording.image_joints is not None:
         return GivenJoints(recording.camera)
+    if wanted == "offered" and source == AUTO:
+        return NoJoints()
     has_color = recording.color(0) is not None
     if source == COLOUR and not has_color:
         raise RecordingError(f"{recording.path} has no colour; use --joints depth, a folder of OpenPose JSON, or none")

@@ -7,13 +7,16 @@ from functools import cached_property
 from toolkit.body.body import Body
 from toolkit.database.database import PoseDatabase
 from toolkit.fitting.arms import ArmPoses
+from toolkit.fitting.discrepancy import DiscrepancySettings
 from toolkit.fitting.objective import Objective
 from toolkit.fitting.priors import GaussianPrior, PoseTerm
 from toolkit.fitting.refiner import Refiner
+from toolkit.fitting.swarm import SwarmSettings
 from toolkit.tracking.follower import PREDICTED
 from toolkit.tracking.guess import LimbGuesser
 from toolkit.tracking.guide import Guide, NoGuide
 from toolkit.tracking.observation import Observer
+from toolkit.tracking.protocol import Wanted
 from toolkit.tracking.registry import Registration, register
 from toolkit.tracking.search.arms import ArmSearch
 from toolkit.tracking.search.extrema import ExtremaQuery
@@ -21,6 +24,7 @@ from toolkit.tracking.search.guided import GuidedSearch
 from toolkit.tracking.search.local import LocalSearch
 from toolkit.tracking.search.lookup import DatabaseLookup, Effort, Query
 from toolkit.tracking.search.protocol import Search
+from toolkit.tracking.search.swarm import SwarmSearch, SwarmSearchSettings
 from toolkit.tracking.search.votes import VotesQuery
 from toolkit.tracking.searching import SearchingTracker
 from toolkit.tracking.settings import HybridSettings
@@ -58,13 +62,18 @@ class HybridTracker(SearchingTracker):
     def stage_names(self) -> tuple[str, ...]:
         """See `Tracker.stage_names`; a guide that proposes poses is one more."""
         guided = ("guided",) if self.guide.proposes else ()
-        return ("prepare", "landmarks", "local", "arms", "lookup", *guided, "select")
+        return ("prepare", "landmarks", "local", "arms", "lookup", *self._swarm, *guided, "select")
 
     @property
     def source_names(self) -> tuple[str, ...]:
         """See `Tracker.source_names`."""
         guided = ("guided",) if self.guide.proposes else ()
-        return ("local", "extrema", "joints", "arms", *guided, PREDICTED)
+        return ("local", "extrema", "joints", "arms", *self._swarm, *guided, PREDICTED)
+
+    @property
+    def joints_wanted(self) -> Wanted:
+        """See `Tracker.joints_wanted`: the swarm starts from them."""
+        return "offered" if self._swarm else "none"
 
     def searches(self, objective: Objective, refiner: Refiner) -> tuple[Search, ...]:
         """The searches of the settings, in the order in which they are asked."""
@@ -79,6 +88,9 @@ class HybridTracker(SearchingTracker):
             members.append(ArmSearch(self._arms, objective, refiner, settings.arms, rest if queries else 0))
         effort = Effort(settings.candidates, settings.starts, settings.promising, rest)
         members.append(DatabaseLookup(queries, objective, refiner, effort))
+        if self._swarm:
+            parts = SwarmSearchSettings(), SwarmSettings(), DiscrepancySettings()
+            members.append(SwarmSearch(*parts, objective, refiner, first_only=True))
         if self.guide.proposes:
             members.append(GuidedSearch(self.guide, objective, refiner, settings.arms))
         return tuple(members)
@@ -111,6 +123,11 @@ class HybridTracker(SearchingTracker):
     def guesser(self) -> LimbGuesser | None:
         """See `SearchingTracker`; databases from before there were pose priors have none."""
         return None if self._poses.prior is None else LimbGuesser(self._poses.prior)
+
+    @property
+    def _swarm(self) -> tuple[str, ...]:
+        """The name of the swarm's stage and source, if it is asked."""
+        return ("swarm",) if "swarm" in self.settings.hypotheses else ()
 
     @cached_property
     def _votes(self) -> VotesQuery:

@@ -15,6 +15,8 @@ from toolkit.track import FrameResult
 from toolkit.tracking.clock import StageClock
 from toolkit.tracking.state import State
 
+Wanted = Literal["none", "offered", "welcome", "required"]
+
 
 class TrackerSettings(Protocol):
     """A frozen dataclass of settings.
@@ -77,8 +79,9 @@ class Tracker(Protocol):
     stage_names : of the timed stages, in the order of `FrameResult.stage_ms`; the first is "prepare"
     source_names : of the hypotheses that can win, indexed by `FrameResult.source`
     learning_seconds : how long a person is seen before a body is learnt and the first row is written; 0 = no body is
-    joints_wanted : what it does with joints in the image: "none" has no use for them, "welcome" uses those that there
-        are, "required" is nothing without them unless the user says so
+    joints_wanted : what it does with joints in the image: "none" has no use for them, "offered" uses those that the
+        recording or the user brings, "welcome" also has them detected where that can be done, "required" is nothing
+        without them unless the user says so
     """
 
     database: str
@@ -104,7 +107,7 @@ class Tracker(Protocol):
         ...
 
     @property
-    def joints_wanted(self) -> Literal["none", "welcome", "required"]:
+    def joints_wanted(self) -> Wanted:
         """See above."""
         ...
 

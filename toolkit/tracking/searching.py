@@ -7,7 +7,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 from functools import cached_property
-from typing import Literal, Protocol
+from typing import Protocol
 
 import numpy as np
 
@@ -26,7 +26,7 @@ from toolkit.tracking.clock import StageClock
 from toolkit.tracking.follower import Follower
 from toolkit.tracking.guess import LimbGuesser
 from toolkit.tracking.observation import Observer
-from toolkit.tracking.protocol import TrackerSettings
+from toolkit.tracking.protocol import TrackerSettings, Wanted
 from toolkit.tracking.search.protocol import Search
 from toolkit.tracking.settings import FollowerSettings
 from toolkit.tracking.state import PersonState
@@ -100,7 +100,7 @@ class SearchingTracker(ABC):
         """The searches of the settings, in the order in which they are asked."""
 
     @property
-    def joints_wanted(self) -> Literal["none", "welcome", "required"]:
+    def joints_wanted(self) -> Wanted:
         """See `Tracker.joints_wanted`: none of the searches uses them, unless a member says otherwise."""
         return "none"
 

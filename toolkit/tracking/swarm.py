@@ -17,6 +17,7 @@ from toolkit.landmarks.settings import LandmarkSettings
 from toolkit.sensing.settings import SensingSettings
 from toolkit.tracking.follower import PREDICTED
 from toolkit.tracking.observation import Observer
+from toolkit.tracking.protocol import Wanted
 from toolkit.tracking.registry import Registration, register
 from toolkit.tracking.search.local import LocalSearch
 from toolkit.tracking.search.protocol import Search
@@ -84,7 +85,7 @@ class SwarmTracker(SearchingTracker):
     stage_names = ("prepare", "landmarks", "local", "swarm", "select")
     source_names = ("local", "swarm", "joints", PREDICTED)
     database = ""
-    joints_wanted: Literal["none", "welcome", "required"] = "required"
+    joints_wanted: Wanted = "required"
 
     def __init__(self, settings: SwarmTrackerSettings | None = None, *, body: Body | None = None) -> None:
         self.settings = settings or SwarmTrackerSettings()

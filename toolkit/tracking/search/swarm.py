@@ -22,7 +22,7 @@ from toolkit.fitting.swarm import SwarmSettings, minimise
 from toolkit.fitting.terms import JointTerm
 from toolkit.kernels import linear
 from toolkit.tracking.observation import Observation
-from toolkit.tracking.search.protocol import Hypothesis, Proposal, Rival
+from toolkit.tracking.search.protocol import NOTHING, Hypothesis, Proposal, Rival
 from toolkit.tracking.search.seen import exchanged, first_poses, gap, looks_exchanged, seen_joints
 from toolkit.tracking.state import PersonState
 
@@ -105,6 +105,7 @@ class SwarmSearch:
     Parameters
     ----------
     objective, refiner : compare what it finds with the frame, and refine it
+    first_only : it speaks only where there is no previous pose and joints were seen
     """
 
     name = "swarm"
@@ -116,7 +117,10 @@ class SwarmSearch:
         discrepancy: DiscrepancySettings,
         objective: Objective,
         refiner: Refiner,
+        *,
+        first_only: bool = False,
     ) -> None:
+        self._first_only = first_only
         self._settings, self._swarm, self._discrepancy = settings, swarm, discrepancy
         self._objective, self._refiner = objective, refiner
         self._limits = settings.pose_limits()
@@ -125,6 +129,8 @@ class SwarmSearch:
         self, observation: Observation, state: PersonState, rng: np.random.Generator, best: Rival | None
     ) -> Proposal:
         """See `Search.propose`."""
+        if self._first_only and (state.previous is not None or observation.joints is None):
+            return NOTHING
         frame, doubts = self._frame(observation, state)
         if state.previous is None:
             found = self._afresh(frame, state.body, rng)
