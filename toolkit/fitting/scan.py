@@ -36,7 +36,7 @@ class ScanSettings:
 
     Attributes
     ----------
-    rounds : times that poses and coefficients are fitted in turn
+    rounds : times that poses and coefficients are fitted in turn; a limb and the pose of its joint part slowly
     first_iterations, iterations : of each pose, in the first round and after it
     prior : see `ShapeSettings.prior`; every view has far more equations than that
     reach : a measured point farther along the normal than this is not the vertex's own
@@ -48,7 +48,7 @@ class ScanSettings:
     unlike : relative difference of statures above which the views show different people
     """
 
-    rounds: int = 6
+    rounds: int = 60
     first_iterations: int = 20
     iterations: int = 4
     prior: float = 3.0
