@@ -115,7 +115,8 @@ def main() -> None:
             "F segments": found[0].f, "F frames": found[1].f, "seconds of processor": seconds,
         }  # fmt: skip
         print(sequence.name, " | ".join(" ".join(f"{v:.2f}" if v <= 1 else f"{v:.1f}" for v in f) for f in own))
-    figures = {"sequences": rows, **_summary(rows), "F segments": segments.f, "F frames": frames.f}
+    labels = {} if options.live else {"F segments": segments.f, "F frames": frames.f}
+    figures = {"sequences": rows, **_summary(rows), **labels}
     for name, value in figures.items():
         if name != "sequences":
             print(name, value)
