@@ -1,0 +1,82 @@
+"""The fold over frames with a tracker and a finder made up: who waits, from what a body is learnt, when rows come."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+import pytest
+
+from tests.fake_tracker import CAMERA, FakeTracker
+from toolkit.sensing.people.sighting import PredictedBody, Sighting
+from toolkit.sensing.stream import Frame
+from toolkit.tracking.crowd import Crowd, Row
+
+UP = np.array([0.0, -1.0, 0.0])
+LEARNT = 7.0
+"""Scale of the body that `FakeTracker` learns."""
+
+
+class FakeFinder:
+    """Sees person 1 wherever something was measured, and person 2 from half a second on."""
+
+    camera = CAMERA
+
+    def find(
+        self, depth_mm: np.ndarray, timestamp: float, predicted: Mapping[int, PredictedBody]
+    ) -> tuple[Sighting, ...]:
+        depth = depth_mm.astype(np.float32) / 1000
+        seen = [1] if depth.any() else []
+        return tuple(Sighting(person, depth, None, CAMERA) for person in seen + [2] * (timestamp >= 0.5))
+
+    def export_state(self) -> dict[str, Any]:
+        return {}
+
+    def restore_state(self, state: Mapping[str, Any]) -> None:
+        pass
+
+
+def rows_of(crowd: Crowd, frames: int = 40, rate: float = 20.0) -> list[tuple[int, list[Row]]]:
+    """Frames of a recording that begins with an empty one, and the rows that come with each."""
+    depth = np.zeros(CAMERA.shape, dtype=np.uint16)
+    depth[20:50, 20:50] = 2000
+    return [(k, crowd.step(Frame(depth * (k > 0), k / rate))) for k in range(frames)]
+
+
+def test_a_body_is_learnt_from_the_first_seconds_and_all_rows_are_tracked_with_it() -> None:
+    tracker = FakeTracker(learning_seconds=0.3)
+    crowd = Crowd(tracker, FakeFinder(), UP)
+    came = rows_of(crowd)
+    first = [(k, [row.frame for row in rows if row.person == 1]) for k, rows in came]
+    # Nobody was seen in frame 0, so that learning lasts from frame 1 to frame 7, and frame 0 waits for it as well.
+    assert [k for k, frames in first if frames] == list(range(7, 40))
+    assert first[7][1] == list(range(8)) and first[8][1] == [8]
+    assert tracker.learnt == [7, 7]
+    assert {person: body.scale for person, body in crowd.bodies.items()} == {1: LEARNT, 2: LEARNT}
+
+
+def test_who_comes_later_has_rows_for_the_frames_before() -> None:
+    crowd = Crowd(FakeTracker(learning_seconds=0.3), FakeFinder(), UP)
+    second = [row for _, rows in rows_of(crowd) for row in rows if row.person == 2]
+    assert [row.frame for row in second] == list(range(40))
+    assert [row.timestamp for row in second] == pytest.approx([k / 20 for k in range(40)])
+
+
+def test_without_learning_every_row_comes_with_its_frame() -> None:
+    tracker = FakeTracker()
+    came = rows_of(Crowd(tracker, FakeFinder(), UP))
+    assert [[row.frame for row in rows if row.person == 1] for _, rows in came[1:]] == [
+        [0, 1],
+        *([k] for k in range(2, 40)),
+    ]
+    assert tracker.learnt == []
+
+
+def test_who_was_seen_too_shortly_is_learnt_from_what_there_is_at_the_end() -> None:
+    tracker = FakeTracker(learning_seconds=9.0)
+    crowd = Crowd(tracker, FakeFinder(), UP)
+    assert not any(rows for _, rows in rows_of(crowd)) and not crowd.settled
+    rows = crowd.finish()
+    assert [row.frame for row in rows if row.person == 1] == list(range(40)) and crowd.settled
+    assert tracker.learnt == [39, 30] and crowd.bodies[2].scale == LEARNT
