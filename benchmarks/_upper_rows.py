@@ -6,6 +6,7 @@ from typing import Any
 
 ROWS: dict[str, tuple[str | None, dict[str, Any]]] = {
     "hybrid": ("hybrid", {}),
+    "hybrid alone": ("hybrid", {"hypotheses": ["local", "extrema", "joints", "arms"]}),
     "lopez2011": ("lopez2011", {}),
     "plain": ("lopez2011", {"particles.alpha": 1.0}),
     "tree": ("lopez2011", {"effectors.tree": True}),
@@ -18,4 +19,5 @@ ROWS: dict[str, tuple[str | None, dict[str, Any]]] = {
 }
 """Name of the row, settings that it starts from, and overrides. `plain` is blind to the candidates, `tree` takes them
 from the component tree, `six` takes six extrema, `unlabelled` does not wait for a fork, and `particles`, the tracker's
-own defaults, lets local optimisation compete as well."""
+own defaults, lets local optimisation compete as well; `hybrid alone` is the
+hybrid tracker without the filter's first poses."""

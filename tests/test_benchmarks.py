@@ -9,7 +9,19 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from benchmarks import _record, accuracy, candidates, prior, real, recovery, regressor, speed, swarm
+from benchmarks import (
+    _record,
+    accuracy,
+    candidates,
+    effectors,
+    prior,
+    real,
+    recovery,
+    regressor,
+    speed,
+    swarm,
+    upper,
+)
 from benchmarks._rows import WatchedTracker
 from database_builder.build import build_database
 from database_builder.parts import PartsSettings
@@ -165,7 +177,7 @@ def test_speed_times_every_stage_at_full_and_half_resolution(
     run(speed, small_database, *arguments, monkeypatch=monkeypatch)
     full, half = json.loads((bundled / "speed_part.json").read_text())["figures"]["times"]
     assert (full["half_resolution"], half["half_resolution"]) == (False, True)
-    assert set(full["stages"]) == {"prepare", "landmarks", "local", "arms", "lookup", "swarm", "select"}
+    assert set(full["stages"]) == {"prepare", "landmarks", "local", "arms", "lookup", "particles", "swarm", "select"}
 
 
 @pytest.mark.shared_data
@@ -244,3 +256,17 @@ def test_hidden_limbs_are_guessed_by_every_rival(
     assert len(rows) == 2 * 3 * 2
     legs = next(row for row in rows if row["pose"] == "standing" and row["hidden"] == "legs")
     assert 0.0 < legs["mixture"] < 1000.0 and 0.0 < legs["neighbour"] < 1000.0
+
+
+def test_upper_bodies_are_tracked_and_their_candidates_counted(
+    small_database: Path, bundled: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(upper, "RESULTS", bundled)
+    common = ("--takes", 1, "--frames", 3, "--work", bundled)
+    arguments = ("--groups", "cut", "--rows", "lopez2011,hybrid", "--recovery", "--database", small_database)
+    run(upper, *arguments, *common, monkeypatch=monkeypatch)
+    figures = json.loads((bundled / "upper_tune_part.json").read_text())["figures"]
+    assert figures["lopez2011"]["frames"] == 3 and figures["hybrid"]["upper_px"] < 120.0
+    run(effectors, *common, "--stride", 3, monkeypatch=monkeypatch)
+    counts = json.loads((bundled / "effectors_tune_part.json").read_text())["figures"]
+    assert counts["8 extrema"]["all_three"] >= counts["3 extrema"]["all_three"]

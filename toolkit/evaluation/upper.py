@@ -10,6 +10,7 @@ import numpy as np
 
 from toolkit.body import skeleton
 from toolkit.sensing.camera import Camera
+from toolkit.track import TRACKED
 
 JOINTS = ("head", "left_shoulder", "right_shoulder", "left_elbow", "right_elbow", "left_hand", "right_hand")
 ROWS: np.ndarray = np.array([skeleton.REPORTED.index(name) for name in JOINTS])
@@ -59,7 +60,7 @@ def score_upper(name: str, joints: np.ndarray, states: np.ndarray, truth: np.nda
     pixels = camera.project(known.reshape(-1, 3)).reshape(*known.shape[:2], 2)
     mm = 1000.0 * np.linalg.norm(found - known, axis=-1)
     capped = np.minimum(pixel_errors(found, pixels, camera), 2 * BAD)
-    return UpperScore(name, capped, np.minimum(mm, 1000.0), states == 0)
+    return UpperScore(name, capped, np.minimum(mm, 1000.0), states == TRACKED)
 
 
 def upper_figures(scores: Sequence[UpperScore]) -> dict[str, Any]:
@@ -76,7 +77,7 @@ def upper_figures(scores: Sequence[UpperScore]) -> dict[str, Any]:
         "upper_px": float(np.mean([np.nanmean(score.pixels) for score in scores])),
         "median_px": float(np.nanmedian(pixels)),
         "hands_px": float(np.mean([np.nanmean(score.pixels[:, HANDS]) for score in scores])),
-        "upper_mm": float(np.mean([np.nanmean(score.mm) for score in scores])),
+        "upper_mm": float(np.mean([score.mm.mean() for score in scores])),
         "first_px": float(np.nanmean(first)) if first else None,
         "hands_near": float(np.mean(pixels[:, HANDS] <= FAR)),
         "tracked": float(tracked.mean()),

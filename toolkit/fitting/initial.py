@@ -29,6 +29,9 @@ FLESH = 0.02
 HIDDEN = 0.10
 """Metres of an arm before the point at which its path bends, below the shoulder."""
 
+HEADS = 3
+"""Candidates that may be the head where no fork says which one is: raised hands are above it."""
+
 
 @dataclass(frozen=True)
 class InitialSettings:
@@ -39,7 +42,7 @@ class InitialSettings:
     swivels : of each arm that are tried
     rounds : times that the first frame is filtered
     accepted : the first pose is taken if the log-probability of Eq. 7 is above this (`th`)
-    unlabelled : whether a person without a fork is looked for too, with the highest candidate as head
+    unlabelled : whether a person without a fork is looked for too, with one of the highest candidates as head
     """
 
     swivels: int = 24
@@ -86,34 +89,48 @@ def initial_pose(
 ) -> Initial:
     """The model moved to the head, arms by inverse kinematics, filtered on the same frame, and its probability (Eq. 7).
 
-    The places that the fork names are terms of Eq. 7, by their distances from crown and hands. Without a fork the
-    highest candidate is the head, and an arm hangs or reaches for any candidate of its own side.
+    The places that the fork names are terms of Eq. 7, by their distances from crown and hands. Without a fork each of
+    the highest candidates may be the head, and an arm hangs or reaches for any candidate of its own side; the cheapest
+    pose is filtered.
     """
     points = effectors.points
-    head = points[int(points[:, 1].argmax())] if fork is None else points[fork.head]
-    pose = standing_pose(upper, head)
+    labelled = frame
     if fork is None:
-        targets = _sides(points[np.abs(points - head).max(axis=1) > 0.0], pose)
-        labelled = frame
+        highest = np.argsort(-points[:, 1], kind="stable")[:HEADS]
+        starts = [_guessed(upper, filtering, points, int(row), frame, settings.swivels) for row in highest]
+        costs = [filtering.cost(upper, start, frame) for start in starts]
+        best = int(np.argmin(costs))
+        pose, wanted = starts[best], points[[highest[best]]]
     else:
-        targets = points[[fork.left_hand]], points[[fork.right_hand]]
-        labelled = frame._replace(candidates=np.concatenate(targets))
-    for side in range(2):
-        pose = _best_arm(upper, filtering, pose, side, targets[side], frame, settings.swivels, hanging=fork is None)
+        wanted = points[[fork.head, fork.left_hand, fork.right_hand]]
+        labelled = frame._replace(candidates=wanted[1:])
+        pose = standing_pose(upper, wanted[0])
+        for side in range(2):
+            targets = wanted[[1 + side]]
+            pose = _best_arm(upper, filtering, pose, side, targets, frame, settings.swivels, hanging=False)
     particles = np.repeat(pose[None], filtering.settings.count, axis=0)
     for turn in range(settings.rounds):
         particles = filtering.trunk(upper, particles, pose, labelled, FRAME_TIME, rng)
         filtered = filtering.arms(upper, particles, pose, labelled, FRAME_TIME, turn % 2, rng)
         particles, pose = filtered.particles, filtered.estimate
-    found = upper.body.end_effector_positions(pose)[[skeleton.END_EFFECTORS.index("head")]]
-    wanted = head[None]
-    if fork is not None:
-        found, wanted = np.concatenate([found, place_hands(upper, pose)]), np.concatenate([wanted, *targets])
+    crown = upper.body.end_effector_positions(pose)[[skeleton.END_EFFECTORS.index("head")]]
+    found = np.concatenate([crown, place_hands(upper, pose)])[: len(wanted)]
     missed = linear.lengths(found - wanted) / filtering.settings.spread
     return Initial(pose, particles, -0.5 * float((missed**2).mean()) - filtering.cost(upper, pose, frame))
 
 
-def _sides(points: np.ndarray, pose: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _guessed(
+    upper: UpperBody, filtering: UpperFilter, points: np.ndarray, head: int, frame: ParticleFrame, swivels: int
+) -> np.ndarray:
+    """A pose (P,) with the crown at one of the candidates (M, 3) and arms that hang or reach for the others."""
+    pose = standing_pose(upper, points[head])
+    others = sides_of(np.delete(points, head, axis=0), pose)
+    for side in range(2):
+        pose = _best_arm(upper, filtering, pose, side, others[side], frame, swivels, hanging=True)
+    return pose
+
+
+def sides_of(points: np.ndarray, pose: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Points (n, 3) on the left and on the right of somebody in a pose (P,), seen along the ground."""
     yaw = pose[skeleton.ROOT_ROTATION][1]
     away = points - pose[skeleton.ROOT_POSITION]

@@ -23,6 +23,7 @@ from toolkit.tracking.search.extrema import ExtremaQuery
 from toolkit.tracking.search.guided import GuidedSearch
 from toolkit.tracking.search.local import LocalSearch
 from toolkit.tracking.search.lookup import DatabaseLookup, Effort, Query
+from toolkit.tracking.search.particles import ParticleSearch
 from toolkit.tracking.search.protocol import Search
 from toolkit.tracking.search.swarm import SwarmSearch, SwarmSearchSettings
 from toolkit.tracking.search.votes import VotesQuery
@@ -60,15 +61,20 @@ class HybridTracker(SearchingTracker):
 
     @property
     def stage_names(self) -> tuple[str, ...]:
-        """See `Tracker.stage_names`; a guide that proposes poses is one more."""
-        guided = ("guided",) if self.guide.proposes else ()
-        return ("prepare", "landmarks", "local", "arms", "lookup", *self._swarm, *guided, "select")
+        """See `Tracker.stage_names`."""
+        return ("prepare", "landmarks", "local", "arms", "lookup", *self._more, "select")
 
     @property
     def source_names(self) -> tuple[str, ...]:
         """See `Tracker.source_names`."""
+        return ("local", "extrema", "joints", "arms", *self._more, PREDICTED)
+
+    @property
+    def _more(self) -> tuple[str, ...]:
+        """Searches that not every hybrid tracker has: particles, the swarm, and a guide that proposes poses."""
+        particles = ("particles",) if "particles" in self.settings.hypotheses else ()
         guided = ("guided",) if self.guide.proposes else ()
-        return ("local", "extrema", "joints", "arms", *self._swarm, *guided, PREDICTED)
+        return (*particles, *self._swarm, *guided)
 
     @property
     def joints_wanted(self) -> Wanted:
@@ -88,6 +94,8 @@ class HybridTracker(SearchingTracker):
             members.append(ArmSearch(self._arms, objective, refiner, settings.arms, rest if queries else 0))
         effort = Effort(settings.candidates, settings.starts, settings.promising, rest)
         members.append(DatabaseLookup(queries, objective, refiner, effort))
+        if "particles" in asked:
+            members.append(ParticleSearch(objective, refiner, settings.arms, objective.placer.from_level.T))
         if self._swarm:
             parts = SwarmSearchSettings(), SwarmSettings(), DiscrepancySettings()
             members.append(SwarmSearch(*parts, objective, refiner, first_only=True))

@@ -36,8 +36,9 @@ class HybridSettings:
     tracker : the name under which this tracker is registered
     seed : of everything random
     hypotheses : which compete: "local", "extrema" (lookup by geodesic extrema), "joints" (lookup by regressed joints,
-        where extrema merge with the body), "arms" (the local one with arms of other poses), "swarm"
-        (on first frames and after losses, where joints are seen in the image; set up as in configs/swarm.yaml)
+        where extrema merge with the body), "arms" (the local one with arms of other poses), "particles" (on first
+        frames and after losses, hands where the cloud ends), "swarm" (likewise, where joints are seen in the image; set
+        up as in configs/swarm.yaml)
     extrema : geodesic extrema per frame, Eq. 5.8
     candidates : retrieved poses that are compared before one of them is refined: a comparison costs a fifth of a
         refinement; 1 takes the best by Eq. 5.6 unseen
@@ -64,7 +65,7 @@ class HybridSettings:
 
     tracker: Literal["hybrid"] = "hybrid"
     seed: int = 0
-    hypotheses: tuple[str, ...] = ("local", "extrema", "joints", "arms", "swarm")
+    hypotheses: tuple[str, ...] = ("local", "extrema", "joints", "arms", "particles", "swarm")
     extrema: int = 20
     candidates: int = 2
     promising: float = 2.5
@@ -86,7 +87,7 @@ class HybridSettings:
     shape: ShapeSettings = field(default_factory=ShapeSettings)
 
     def __post_init__(self) -> None:
-        known = ("local", "extrema", "joints", "arms", "swarm")
+        known = ("local", "extrema", "joints", "arms", "particles", "swarm")
         if unknown := [name for name in self.hypotheses if name not in known]:
             raise SettingsError(f"hypotheses {unknown} are unknown; choose from {', '.join(known)}")
         if not self.hypotheses:

@@ -54,13 +54,15 @@ class ArmSearch:
             for candidate in arm.propose(*start, scene, self._settings, self._refiner.settings.sigma):
                 refined = self._refiner.refine(body, candidate, scene, iterations=ITERATIONS)
                 tried = self._objective.compare(body, refined, scene, FARTHER * compared.distance)
-                if self._unexplained(tried) < self._unexplained(compared) - self._settings.margin:
+                if unexplained(tried, self._settings) < unexplained(compared, self._settings) - self._settings.margin:
                     pose, compared = refined, tried
         if pose is best.hypothesis.pose:
             return NOTHING
         return Proposal((Hypothesis("arms", pose, compared, supersedes=True),))
 
-    def _unexplained(self, compared: Comparison) -> float:
-        if not np.isfinite(compared.distance):
-            return np.inf
-        return float(compared.sample_gaps.mean()) + self._settings.prior * compared.energy
+
+def unexplained(compared: Comparison, settings: ArmSettings) -> float:
+    """What decides between arms, metres: how far the samples are from the drawn body, and how unlikely the pose is."""
+    if not np.isfinite(compared.distance):
+        return np.inf
+    return float(compared.sample_gaps.mean()) + settings.prior * compared.energy

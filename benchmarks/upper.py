@@ -1,0 +1,246 @@
+"""People seen from the waist up: `depthmocap bench upper [--split report] [--rows hybrid,lopez2011,particles]`.
+
+The takes are described in `toolkit/testing/upper.py`: cut by the image, behind a desk, on a chair, near the camera,
+wide, turned. Trackers are told nothing. Errors are those of head, shoulders, elbows and hands, seen or not, in pixels
+of a 640x480 image (at most 120) and in millimetres (at most 1 m); frames before somebody is found count. First are
+the first tracked frames. `--recovery` hangs both arms down, or raises them, at frame 30 of each take, and counts frames
+until the mean error of the seven joints is below 60 mm for 5 frames. `--real` tracks the 8 stills of Skeltrack, each on
+its own, and the seated man of `realsense`, against the annotations in `benchmarks/annotations/`.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import time
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from benchmarks._options import add_database_options, poses_of
+from benchmarks._record import RESULTS, save_figures
+from benchmarks._upper_rows import ROWS
+from toolkit.body import skeleton
+from toolkit.config import parse_overrides
+from toolkit.errors import DepthMocapError
+from toolkit.evaluation import upper
+from toolkit.fitting.arms import SIDES, entries_of
+from toolkit.pipeline.trackers import load_tracker
+from toolkit.rendering.film import contact_sheet, save_png
+from toolkit.rendering.overlay import color_depth, draw_points, draw_skeleton
+from toolkit.sensing.recording import Recording, open_recording
+from toolkit.testing.scenes import record_scene
+from toolkit.testing.suite import ROOT
+from toolkit.testing.upper import GROUPS, upper_scenes
+from toolkit.track import TRACKED
+from toolkit.tracking.protocol import Tracker
+from toolkit.tracking.solo import Solo
+from toolkit.tracking.state import Previous
+
+DEPTH = ROOT.parent / "shared" / "data" / "depth"
+ANNOTATIONS = Path(__file__).parent / "annotations"
+STILL_CAMERA = (575.0, 575.0, 320.0, 240.0)
+DISTURBED, WITHIN, LASTING, WAITED = 30, 60.0, 5, 30
+"""Frame at which arms are set wrong; millimetres, frames in a row and frames at most of a recovery."""
+COLUMNS = (
+    ("upper_px", "px", 1.0),
+    ("median_px", "median", 1.0),
+    ("hands_px", "hands px", 1.0),
+    ("upper_mm", "mm", 1.0),
+    ("first_px", "first px", 1.0),
+    ("hands_near", "hands < 100 %", 100.0),
+    ("tracked", "tracked %", 100.0),
+    ("wrong_tracked", "wrong tracked %", 100.0),
+    ("frame_rate", "frames/s", 1.0),
+    ("recovered", "recovered %", 100.0),
+    ("recovery_frames", "median frames", 1.0),
+)
+
+
+def tracker_of(row: str, options: argparse.Namespace, **sensing: str) -> Tracker:
+    """The tracker of a row; `sensing` are settings of the cut-out."""
+    config, own = ROWS[row]
+    overrides = parse_overrides(options.set) | own | {f"sensing.{name}": value for name, value in sensing.items()}
+    return load_tracker(config, overrides, database=poses_of(options) if config == "hybrid" else None)
+
+
+def follow(tracker: Tracker, recording: Recording, frames: int) -> tuple[upper.UpperScore, float]:
+    """Score of a take, and seconds of processor time a frame without reading and learning."""
+    solo, joints, states, spent = Solo(tracker, recording), [], [], 0.0
+    for i in range(min(frames, len(recording))):
+        depth, begun = recording.depth(i), time.process_time()
+        result = solo.step(depth, float(recording.timestamps[i]))
+        spent += time.process_time() - begun
+        joints.append(result.joints)
+        states.append(result.state)
+    truth = recording.joints[: len(joints)]
+    score = upper.score_upper(recording.name, np.array(joints), np.array(states), truth, recording.camera)
+    return score, spent / len(joints)
+
+
+def wrong_arms(pose: np.ndarray, *, raised: bool) -> np.ndarray:
+    """The pose (P,) with both arms hanging or raised."""
+    wrong = pose.copy()
+    for side, sign in zip(SIDES, (1.0, -1.0), strict=True):
+        wrong[entries_of(side)] = 0.0
+        wrong[skeleton.POSE_NAMES.index(f"{side}_shoulder_rz")] = sign * (1.2 if raised else -1.1)
+    return wrong
+
+
+def recovery(tracker: Tracker, recording: Recording, *, raised: bool) -> int | None:
+    """Frames that it takes until the arms are right again; None for more than `WAITED`, or where nobody was tracked."""
+    solo, right = Solo(tracker, recording), 0
+    for i in range(min(DISTURBED + WAITED + LASTING, len(recording))):
+        if i == DISTURBED:
+            state = solo.follower.state  # type: ignore[attr-defined]
+            if state.previous is None:
+                return None
+            wrong = wrong_arms(state.pose, raised=raised)
+            carry = {name: dict(kept) for name, kept in state.carry.items()}
+            for kept in carry.values():
+                if "poses" in kept:
+                    kept["poses"] = np.repeat(wrong[None], len(kept["poses"]), axis=0)
+            changed = replace(state, pose=wrong, previous=Previous.of_pose(state.body, wrong), carry=carry)
+            solo.follower.state = changed  # type: ignore[attr-defined]
+        joints = solo.step(recording.depth(i), float(recording.timestamps[i])).joints
+        error = 1000.0 * np.linalg.norm(joints[upper.ROWS] - recording.joints[i][upper.ROWS], axis=1).mean()
+        right = right + 1 if i >= DISTURBED and error < WITHIN else 0
+        if right == LASTING:
+            return i - DISTURBED - LASTING + 2
+    return None
+
+
+def annotated(file: str) -> dict[str, np.ndarray]:
+    """Places in the image (7, 2) by name: the mean of both readings."""
+    content = json.loads((ANNOTATIONS / file).read_text(encoding="utf-8"))
+    found = {name: np.array(places, dtype=np.float64) for name, places in content["first"].items()}
+    for name, others in content["second"].items():
+        for joint, place in others.items():
+            row = content["joints"].index(joint)
+            found[name][row] = 0.5 * (found[name][row] + place)
+    return found
+
+
+def picture_of(recording: Recording, frame: int, joints: np.ndarray, confidence: np.ndarray, truth: np.ndarray) -> Any:
+    """A frame with a skeleton (20, 3) and the annotated places (7, 2)."""
+    depth = recording.depth(frame)
+    near, far = np.percentile(depth[depth > 0] / 1000.0, [1, 90])
+    picture = np.ascontiguousarray(color_depth(depth, np.ones(depth.shape, dtype=bool), float(near), float(far)))
+    draw_skeleton(picture, recording.camera.project(joints.astype(np.float64)), confidence)
+    for shift in np.ndindex(4, 4):
+        draw_points(picture, truth + shift, (255, 0, 160))
+    return picture
+
+
+def stills(row: str, options: argparse.Namespace) -> tuple[dict[str, Any], list[Any]]:
+    """Figures of the 8 stills, each tracked on its own, and pictures."""
+    scores, pictures = [], []
+    for name, places in annotated("stills.json").items():
+        recording = open_recording(DEPTH / "skeltrack" / f"depth-data-{name}", intrinsics=STILL_CAMERA)
+        result = Solo(tracker_of(row, options, subject="nearest"), recording).step(recording.depth(0), 0.0)
+        errors = upper.pixel_errors(result.joints[None, upper.ROWS].astype(np.float64), places[None], recording.camera)
+        scores.append(upper.UpperScore(name, errors, np.full((1, 7), np.nan), np.array([result.state == TRACKED])))
+        pictures.append(picture_of(recording, 0, result.joints, result.confidence, places))
+    return _real_figures(scores), pictures
+
+
+def seated(row: str, options: argparse.Namespace) -> tuple[dict[str, Any], list[Any]]:
+    """Figures of the seated man in 8 annotated frames of 40, and pictures."""
+    recording = open_recording(DEPTH / "realsense" / "images_n40")
+    solo = Solo(tracker_of(row, options, segment="person", subject="nearest"), recording)
+    places, pictures, errors, tracked = annotated("seated.json"), [], [], []
+    for i in range(len(recording)):
+        result = solo.step(recording.depth(i), float(recording.timestamps[i]))
+        if str(i) in places:
+            truth = places[str(i)]
+            found = result.joints[None, upper.ROWS].astype(np.float64)
+            errors.append(upper.pixel_errors(found, truth[None], recording.camera)[0])
+            tracked.append(result.state == TRACKED)
+            pictures.append(picture_of(recording, i, result.joints, result.confidence, truth))
+    score = upper.UpperScore("seated", np.array(errors), np.full((len(errors), 7), np.nan), np.array(tracked))
+    return _real_figures([score]), pictures
+
+
+def _real_figures(scores: Sequence[upper.UpperScore]) -> dict[str, Any]:
+    """Those of the figures that need no metres, and the mean of each recording."""
+    figures = {name: value for name, value in upper.upper_figures(scores).items() if name != "upper_mm"}
+    return figures | {"each": {score.name: [round(float(v), 1) for v in score.pixels.mean(axis=1)] for score in scores}}
+
+
+def print_table(figures: dict[str, dict[str, Any]]) -> None:
+    """One line for each row."""
+    print(f"{'':<16}", *(f"{heading:>{max(len(heading), 7)}}" for _, heading, _ in COLUMNS))
+    for row, values in figures.items():
+        cells = []
+        for name, heading, factor in COLUMNS:
+            value = values.get(name)
+            cells.append(f"{'-' if value is None else format(factor * value, '.1f'):>{max(len(heading), 7)}}")
+        print(f"{row:<16}", *cells)
+
+
+def run_row(row: str, recordings: Sequence[Recording], options: argparse.Namespace) -> dict[str, Any]:
+    """Figures of one tracker over all takes."""
+    tracker = tracker_of(row, options)
+    scores, seconds, frames = [], [], []
+    for recording in recordings:
+        try:
+            score, spent = follow(tracker, recording, options.frames)
+        except DepthMocapError as error:
+            print(f"{row}: {recording.name}: {error}")
+            continue
+        scores.append(score)
+        seconds.append(spent)
+        if options.recovery:
+            frames += [recovery(tracker, recording, raised=raised) for raised in (False, True)]
+    figures = upper.upper_figures(scores) | {"frame_rate": 1.0 / float(np.median(seconds))}
+    if frames:
+        taken = [WAITED if n is None else n for n in frames]
+        figures |= {
+            "recovered": float(np.mean([n is not None for n in frames])),
+            "recovery_frames": float(np.median(taken)),
+        }
+    each = {s.name: {"px": float(s.pixels.mean()), "hands_px": float(s.pixels[:, upper.HANDS].mean())} for s in scores}
+    return figures | {"takes": each}
+
+
+def parse() -> argparse.Namespace:
+    """The command line."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--split", choices=("tune", "report"), default="tune", help="report is not for tuning")
+    parser.add_argument("--rows", default="hybrid,lopez2011,particles", help="out of: " + ", ".join(ROWS))
+    parser.add_argument("--groups", default=",".join(GROUPS))
+    parser.add_argument("--takes", type=int, help="at most so many of each group")
+    parser.add_argument("--frames", type=int, default=90, help="at most so many of each take")
+    parser.add_argument("--recovery", action="store_true")
+    parser.add_argument("--real", action="store_true", help="the stills and the seated man instead of the takes")
+    add_database_options(parser)
+    return parser.parse_args()
+
+
+def main() -> None:
+    """Make what is missing, track, print, write JSON and contact sheets."""
+    options = parse()
+    rows = options.rows.split(",")
+    figures: dict[str, Any] = {}
+    if options.real:
+        for row in rows:
+            for name, run in (("stills", stills), ("seated", seated)):
+                figures[f"{row} {name}"], pictures = run(row, options)
+                save_png(RESULTS / f"upper_{name}_{row.replace(' ', '_')}.png", contact_sheet(pictures, columns=4))
+    else:
+        scenes = upper_scenes(options.split, tuple(options.groups.split(",")), options.takes)
+        recordings = [open_recording(record_scene(scene, options.work, options.frames)) for scene in scenes]
+        for row in rows:
+            figures[row] = run_row(row, recordings, options)
+    print_table(figures)
+    whole = options.takes is None and options.frames >= 90 and not options.set and options.groups == ",".join(GROUPS)
+    stem = "upper_real" if options.real else f"upper_{options.split}"
+    settings = {name: getattr(options, name) for name in ("rows", "frames", "groups", "set")}
+    print("written:", save_figures(stem + ("" if whole else "_part"), figures, settings))
+
+
+if __name__ == "__main__":
+    main()
