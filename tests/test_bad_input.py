@@ -66,3 +66,31 @@ def test_bad_input_is_one_sentence(verb: str, tmp_path: Path, capsys: pytest.Cap
             assert "Traceback" not in said and "Error:" not in said, f"{kind}: {said}"
             written = set(folder.rglob("*")) - set(before)
             assert not [p for p in written if p.is_file() and p.suffix not in (".jsonl",)], f"{kind}: {written}"
+
+
+OVERWRITES: dict[str, tuple[str, ...]] = {
+    "joints": ("joints", "READ.npz", "--output", "READ.npz"),
+    "track": ("track", "READ.npz", "--database", "POSES", "--output", "READ.npz"),
+    "evaluate": ("evaluate", "RUN", "--reference", "table.csv", "--output", "."),
+    "render": ("render", "RUN", "--output", "RUN"),
+    "export": ("export", "RUN", "--output", "RUN"),
+    "inertial read": ("inertial", "read", "READ.npz", "--output", "READ.npz"),
+    "inertial calibrate": ("inertial", "calibrate", "RUN", "--sensors", "READ.npz", "--output", "READ.npz"),
+}
+
+
+@pytest.mark.parametrize("verb", OVERWRITES)
+def test_nothing_is_written_over_what_is_read(
+    verb: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    small_database(12).save("poses.npz")
+    for name in ("READ.npz", "table.csv"):
+        Path(name).write_bytes(b"mine")
+    Path("RUN").mkdir()
+    Path("RUN/track.npz").write_bytes(b"mine")
+    with pytest.raises(SystemExit) as stop:
+        main([{"POSES": "poses.npz"}.get(word, word) for word in OVERWRITES[verb]])
+    assert stop.value.code in (1, 2) and "Traceback" not in capsys.readouterr().err
+    for name in ("READ.npz", "table.csv", "RUN/track.npz"):
+        assert Path(name).read_bytes() == b"mine"

@@ -42,7 +42,12 @@ def evaluate(
     from toolkit.cli.terminal import print_table, progress_bars
     from toolkit.evaluation.agreement import UTD_SUBJECT
     from toolkit.evaluation.evaluate import evaluate_runs
+    from toolkit.evaluation.report import FILES, write_evaluation
+    from toolkit.files import check_output
 
+    if output is not None:
+        for name in FILES:
+            check_output(output / name, references or ())
     with progress_bars() as bars:
         table = evaluate_runs(
             runs,
@@ -56,7 +61,5 @@ def evaluate(
     if not wide:
         print("every figure: --wide; as files, with plots: --output FOLDER", file=sys.stderr)
     if output is not None:
-        from toolkit.evaluation.report import write_evaluation
-
         for path in write_evaluation(table, output):
             print(path)

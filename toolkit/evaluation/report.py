@@ -7,6 +7,9 @@ from pathlib import Path
 from toolkit.evaluation.plots import plot_accuracy, plot_errors
 from toolkit.evaluation.scores import EvaluationTable
 
+FILES = ("table.csv", "table.json", "accuracy.png", "error.png")
+"""What `write_evaluation` writes."""
+
 
 def write_evaluation(table: EvaluationTable, folder: str | Path) -> list[Path]:
     """Write `table.csv` and `table.json`, and where something was compared `accuracy.png` and `error.png`.
@@ -15,12 +18,11 @@ def write_evaluation(table: EvaluationTable, folder: str | Path) -> list[Path]:
     -------
     the files that were written
     """
-    root = Path(folder)
-    table.to_csv(root / "table.csv")
-    table.to_json(root / "table.json")
-    written = [root / "table.csv", root / "table.json"]
-    if any(row.curve.size for row in table):
-        plot_accuracy(table, root / "accuracy.png")
-        plot_errors(table, root / "error.png")
-        written += [root / "accuracy.png", root / "error.png"]
-    return written
+    rows, figures, accuracy, error = (Path(folder) / name for name in FILES)
+    table.to_csv(rows)
+    table.to_json(figures)
+    if not any(row.curve.size for row in table):
+        return [rows, figures]
+    plot_accuracy(table, accuracy)
+    plot_errors(table, error)
+    return [rows, figures, accuracy, error]

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from toolkit.errors import InertialError, UsageError
-from toolkit.files import sha256_of
+from toolkit.files import check_output, sha256_of
 from toolkit.inertial.calibrate import CalibrationSettings, Take, better_clock, calibrate
 from toolkit.inertial.calibration import Calibration, TakeClock
 from toolkit.inertial.distance import worlds_of
@@ -59,10 +59,12 @@ def read_sensors(
     Raises
     ------
     InertialError, UsageError
-        See `read_files`, `placed` and `oriented`.
+        See `read_files`, `placed` and `oriented`; or the output is one of the files.
     OutputError
         The output cannot be written.
     """
+    if output is not None:
+        check_output(output, [*files, *([] if placement is None else [placement])])
     raw = placed(read_files(files, options), None if placement is None else load_placement(placement))
     doubts = suspicions(raw)
     sensors = oriented(raw, fusion)
@@ -98,10 +100,12 @@ def calibrate_runs(
     Raises
     ------
     UsageError
-        Runs and sensor files do not go together.
+        Runs and sensor files do not go together, or the output is one of them.
     TrackError, InertialError
         A run cannot be read, no clock can be told, or the motion determines no sensor.
     """
+    if output is not None:
+        check_output(output, [*runs, *(file for file in sensors if not isinstance(file, Sensors))])
     takes, notes = [], []
     for run, file in paired(runs, sensors):
         try:

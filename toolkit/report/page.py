@@ -11,7 +11,7 @@ from pathlib import Path
 
 from toolkit.errors import UsageError
 from toolkit.evaluation.evaluate import find_runs
-from toolkit.files import save_text
+from toolkit.files import check_output, save_text
 from toolkit.progress import Progress
 from toolkit.report.content import RunContent, describe_run
 
@@ -43,7 +43,7 @@ def write_report(
     Raises
     ------
     UsageError
-        The output is no `.html`, there is no run, or a recording is named for several.
+        The output is no `.html` or is read, there is no run, or a recording is named for several.
     TrackError
         A folder holds no finished track.
     OutputError
@@ -54,6 +54,7 @@ def write_report(
     folders = find_runs(runs)
     if not folders or (recording is not None and len(folders) > 1):
         raise UsageError(f"{len(folders)} runs do not fit; give at least one, and --recording only with one")
+    check_output(output, [*folders, *references, *([] if recording is None else [recording])])
     contents = []
     for i, folder in enumerate(folders):
         if progress is not None:
