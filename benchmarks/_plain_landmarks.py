@@ -7,7 +7,7 @@ from scipy.sparse import csr_matrix
 from scipy.sparse.csgraph import connected_components, dijkstra
 from scipy.spatial import cKDTree
 
-from toolkit.kernels.geodesic import UNIT
+from toolkit.kernels.geodesic import UNIT, UNREACHED
 from toolkit.landmarks.centre import MAX_STEPS, TOLERANCE
 from toolkit.landmarks.extrema import Extrema
 from toolkit.landmarks.settings import LandmarkSettings
@@ -76,7 +76,8 @@ def plain_extrema(matrix: csr_matrix, points: np.ndarray, source: int, count: in
         reach.append(float(distances[farthest]))
         before = distances
     rows = np.array(nodes, dtype=np.int32)
-    return Extrema(rows, points[rows], np.array(reach), first[rows], np.array(visited, dtype=np.int32), source)
+    units = np.where(np.isfinite(first), np.rint(first / UNIT), UNREACHED).astype(np.int32)
+    return Extrema(rows, points[rows], np.array(reach), first[rows], np.array(visited, dtype=np.int32), source, units)
 
 
 def plain_source(

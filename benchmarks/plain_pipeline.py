@@ -32,6 +32,7 @@ from toolkit.fitting.scene import Scene
 from toolkit.landmarks.extrema import Extrema
 from toolkit.sensing.camera import Camera
 from toolkit.sensing.cloud import Cloud
+from toolkit.sensing.joints2d import Joints2D
 from toolkit.sensing.recording import Recording, open_recording
 from toolkit.testing.subjects import write_recording
 from toolkit.tracking.follower import Follower
@@ -73,10 +74,15 @@ class PlainObserver(Observer):
     """Looks at sightings by SciPy and NumPy."""
 
     def observe(
-        self, cloud: Cloud, timestamp: float, state: PersonState, unobserved: np.ndarray | None = None
+        self,
+        cloud: Cloud,
+        timestamp: float,
+        state: PersonState,
+        unobserved: np.ndarray | None = None,
+        joints: Joints2D | None = None,
     ) -> Observation:
         """See `Observer.observe`."""
-        return PlainObservation(self, cloud, timestamp, state, unobserved)
+        return PlainObservation(self, cloud, timestamp, state, unobserved, joints)
 
 
 class PlainTracker(HybridTracker):
