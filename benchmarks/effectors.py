@@ -21,8 +21,9 @@ from toolkit.landmarks.effectors import EffectorSettings, find_effectors, find_f
 from toolkit.landmarks.graph import Workspace
 from toolkit.sensing.camera import level_rotation
 from toolkit.sensing.cloud import Cloud
+from toolkit.sensing.opening import open_recording
 from toolkit.sensing.people.lone import LonePerson
-from toolkit.sensing.recording import Recording, open_recording
+from toolkit.sensing.recording import Recording
 from toolkit.sensing.settings import SensingSettings
 from toolkit.testing.scenes import record_scene
 from toolkit.testing.suite import WORK

@@ -35,7 +35,7 @@ from toolkit.mocap.read import read_clip
 from toolkit.mocap.retarget import retarget
 from toolkit.pipeline import track_recording
 from toolkit.retrieval.annotation.measures import Scores, Segment
-from toolkit.sensing.recording import open_recording
+from toolkit.sensing.opening import open_recording
 from toolkit.simulation.inertial import SensorNoise, simulate_sensors
 from toolkit.simulation.sensors import make_sensor
 from toolkit.simulation.simulate import simulate_recording

@@ -25,11 +25,12 @@ from toolkit.landmarks.detection import DetectedJoints
 from toolkit.landmarks.pose_model import PoseModel
 from toolkit.sensing.joint_formats import COCO_18, POSE_MODEL, reported_rows
 from toolkit.sensing.joints2d import Joints2D, lift, mirrored_rows
+from toolkit.sensing.opening import open_recording
 from toolkit.sensing.people.joints import on_cut_out
 from toolkit.sensing.people.lone import LonePerson
 from toolkit.sensing.people.sighting import Sighting
 from toolkit.sensing.people.survey import find_people
-from toolkit.sensing.recording import Recording, open_recording
+from toolkit.sensing.recording import Recording
 from toolkit.sensing.settings import SensingSettings
 from toolkit.simulation.sensors import make_sensor
 from toolkit.simulation.simulate import simulate_recording

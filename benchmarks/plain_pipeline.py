@@ -33,7 +33,8 @@ from toolkit.landmarks.extrema import Extrema
 from toolkit.sensing.camera import Camera
 from toolkit.sensing.cloud import Cloud
 from toolkit.sensing.joints2d import Joints2D
-from toolkit.sensing.recording import Recording, open_recording
+from toolkit.sensing.opening import open_recording
+from toolkit.sensing.recording import Recording
 from toolkit.testing.subjects import write_recording
 from toolkit.tracking.follower import Follower
 from toolkit.tracking.hybrid import HybridTracker

@@ -27,7 +27,7 @@ from toolkit.evaluation.evaluate import evaluate_runs
 from toolkit.evaluation.extrema import BONES, OWNERS
 from toolkit.evaluation.scores import EvaluationTable
 from toolkit.pipeline import track_recordings
-from toolkit.sensing.recording import open_recording
+from toolkit.sensing.opening import open_recording
 from toolkit.testing.suite import ROOT
 from toolkit.track import RunInfo, Track
 

@@ -24,7 +24,8 @@ from benchmarks._rows import ROWS, make_tracker, settings_of
 from toolkit.config import parse_overrides
 from toolkit.database.database import PoseDatabase
 from toolkit.evaluation.joints import joint_errors
-from toolkit.sensing.recording import Recording, open_recording
+from toolkit.sensing.opening import open_recording
+from toolkit.sensing.recording import Recording
 from toolkit.testing.misled import KINDS, misled, wrong_pose
 from toolkit.testing.suite import LONGEST, chosen_takes, record
 from toolkit.tracking.protocol import Tracker

@@ -33,7 +33,8 @@ from toolkit.rendering import style
 from toolkit.rendering.film import contact_sheet, save_png
 from toolkit.rendering.overlay import color_depth, draw_points, draw_skeleton
 from toolkit.runs import person_runs
-from toolkit.sensing.recording import Recording, open_recording
+from toolkit.sensing.opening import open_recording
+from toolkit.sensing.recording import Recording
 from toolkit.testing.scenes import GROUPS, LONGEST, Scene, chosen_scenes, record_scene, scenes
 from toolkit.testing.suite import has_mocap
 from toolkit.track import EMPTY, TRACK_FILE, TRACKED, Track

@@ -29,7 +29,7 @@ from toolkit.body.shape import load_body
 from toolkit.config import load_settings
 from toolkit.database.database import PoseDatabase
 from toolkit.evaluation.joints import accuracy, frame_errors, joint_errors
-from toolkit.sensing.recording import open_recording
+from toolkit.sensing.opening import open_recording
 from toolkit.testing.subjects import write_recording
 from toolkit.tracking.hybrid import HybridTracker
 from toolkit.tracking.settings import HybridSettings

@@ -24,7 +24,8 @@ from toolkit.pipeline.class_guide import ClassGuide
 from toolkit.retrieval.annotation.annotator import MotionClass
 from toolkit.retrieval.annotation.measures import Scores, frame_scores, label_frames, segment_scores
 from toolkit.retrieval.workflow.annotate import classes_from_clips
-from toolkit.sensing.recording import Recording, open_recording
+from toolkit.sensing.opening import open_recording
+from toolkit.sensing.recording import Recording
 from toolkit.stabilising.loop import Round, stabilise
 from toolkit.stabilising.settings import StabiliseSettings
 from toolkit.stabilising.source import Source, open_source

@@ -27,8 +27,9 @@ from toolkit.config import load_settings, parse_overrides
 from toolkit.evaluation.bootstrap import paired_bootstrap
 from toolkit.pipeline.joints import JointChoice, joint_source
 from toolkit.sensing.joints2d import Joints2D
+from toolkit.sensing.opening import open_recording
 from toolkit.sensing.people.joints import JointSource
-from toolkit.sensing.recording import Recording, open_recording
+from toolkit.sensing.recording import Recording
 from toolkit.sensing.stream import Frame
 from toolkit.testing.joints import detected
 from toolkit.testing.suite import GROUPS, LONGEST, WORK, Take, chosen_takes, record

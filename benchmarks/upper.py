@@ -31,7 +31,8 @@ from toolkit.fitting.arms import SIDES, entries_of
 from toolkit.pipeline.trackers import load_tracker
 from toolkit.rendering.film import contact_sheet, save_png
 from toolkit.rendering.overlay import color_depth, draw_points, draw_skeleton
-from toolkit.sensing.recording import Recording, open_recording
+from toolkit.sensing.opening import open_recording
+from toolkit.sensing.recording import Recording
 from toolkit.testing.scenes import record_scene
 from toolkit.testing.suite import ROOT
 from toolkit.testing.upper import GROUPS, upper_scenes

@@ -23,7 +23,7 @@ from toolkit.database.database import PoseDatabase
 from toolkit.files import save_text
 from toolkit.fitting.shape import ShapeSettings
 from toolkit.pipeline.run import track_recording
-from toolkit.sensing.recording import open_recording
+from toolkit.sensing.opening import open_recording
 from toolkit.testing.subjects import moving_poses, write_recording
 from toolkit.tracking.hybrid import HybridTracker
 from toolkit.tracking.settings import HybridSettings

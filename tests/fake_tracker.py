@@ -17,8 +17,8 @@ from toolkit.errors import RecordingError
 from toolkit.pipeline import track_recordings
 from toolkit.sensing.camera import Camera
 from toolkit.sensing.people.sighting import PredictedBody, Sighting
-from toolkit.sensing.recording import save_recording
 from toolkit.sensing.settings import SensingSettings
+from toolkit.sensing.writer import save_recording
 from toolkit.track import EMPTY, TRACKED, FrameResult
 from toolkit.tracking.clock import StageClock
 

@@ -38,7 +38,9 @@ from toolkit.retrieval.search.example import Example, search_example
 from toolkit.retrieval.search.find import find
 from toolkit.retrieval.workflow.motions import labels_of
 from toolkit.runs import load_people
-from toolkit.sensing.recording import Recording, open_recording, save_recording
+from toolkit.sensing.opening import open_recording
+from toolkit.sensing.recording import Recording
+from toolkit.sensing.writer import save_recording
 from toolkit.track import FrameResult, RunInfo, Track, TrackWriter
 from toolkit.tracking.hybrid import HybridSettings
 

@@ -28,7 +28,7 @@ from database_builder.parts import PartsSettings
 from toolkit.body.shape import subject_body
 from toolkit.database.database import PoseDatabase
 from toolkit.mocap.procedural import procedural_clips
-from toolkit.sensing.recording import open_recording
+from toolkit.sensing.opening import open_recording
 from toolkit.simulation.person import facing_of
 from toolkit.testing import suite
 from toolkit.testing.misled import wrong_pose

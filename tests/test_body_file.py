@@ -17,7 +17,7 @@ from toolkit.cli.main import main
 from toolkit.errors import BodyError, UsageError
 from toolkit.pipeline.scan import scan_recordings
 from toolkit.pipeline.trackers import load_tracker
-from toolkit.sensing.recording import save_recording
+from toolkit.sensing.writer import save_recording
 from toolkit.testing.subjects import LEVEL, camera_for, draw
 from toolkit.track import RunInfo
 from toolkit.tracking import registry

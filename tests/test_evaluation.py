@@ -22,7 +22,7 @@ from toolkit.evaluation.scores import EvaluationTable, RunScores
 from toolkit.files import sha256_of
 from toolkit.runs import PersonSummary, save_people
 from toolkit.sensing.camera import Camera, level_rotation
-from toolkit.sensing.recording import save_recording
+from toolkit.sensing.writer import save_recording
 from toolkit.track import LOST, TRACKED, FrameResult, RunInfo, TrackWriter
 
 CAMERA = Camera(100.0, 100.0, 40.0, 30.0, 80, 60)

@@ -19,7 +19,7 @@ from toolkit.files import sha256_of
 from toolkit.landmarks.settings import LandmarkSettings
 from toolkit.sensing.camera import Camera, level_rotation
 from toolkit.sensing.cloud import Cloud
-from toolkit.sensing.recording import save_recording
+from toolkit.sensing.writer import save_recording
 from toolkit.track import TRACKED, FrameResult, RunInfo, TrackWriter
 
 CAMERA = Camera(285.6, 285.6, 159.5, 119.5, 320, 240)

@@ -18,7 +18,7 @@ from toolkit.evaluation.orientations import check_runs
 from toolkit.inertial.calibration import Calibration
 from toolkit.inertial.workflow import take_of
 from toolkit.mocap.clip import PoseClip
-from toolkit.sensing.recording import open_recording
+from toolkit.sensing.opening import open_recording
 from toolkit.simulation.inertial import Worn
 from toolkit.simulation.simulate import simulate_recording
 from toolkit.track import RunInfo, Track

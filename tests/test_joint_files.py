@@ -18,8 +18,10 @@ from toolkit.pipeline.joints import give_joints, joint_source
 from toolkit.sensing.camera import Camera
 from toolkit.sensing.joint_files import read_joints
 from toolkit.sensing.joint_formats import BODY_25, COCO_17, COCO_18, Points
+from toolkit.sensing.opening import open_recording
 from toolkit.sensing.people.joints import GivenJoints, NoJoints
-from toolkit.sensing.recording import Recording, open_recording, save_recording
+from toolkit.sensing.recording import Recording
+from toolkit.sensing.writer import save_recording
 from toolkit.track import RunInfo
 
 CAMERA = Camera(60.0, 60.0, 31.0, 23.5, 64, 48)

@@ -14,10 +14,11 @@ from toolkit.body import skeleton
 from toolkit.errors import RecordingError
 from toolkit.sensing.camera import Camera
 from toolkit.sensing.joints2d import Joints2D, lift, mirrored_rows, rotated_rows
+from toolkit.sensing.opening import open_recording
 from toolkit.sensing.people.joints import GivenJoints, NoJoints
 from toolkit.sensing.people.sighting import Sighting
-from toolkit.sensing.recording import open_recording, save_recording
 from toolkit.sensing.stream import Frame
+from toolkit.sensing.writer import save_recording
 
 CAMERA = Camera(60.0, 60.0, 31.0, 23.5, 64, 48)
 LEFT_HAND, RIGHT_HAND = skeleton.REPORTED.index("left_hand"), skeleton.REPORTED.index("right_hand")

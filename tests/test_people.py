@@ -9,6 +9,7 @@ from tests.sensing_scenes import KINECT, TOF, neutral, scene, standing, up_of_ti
 from toolkit.body.raycast import cast
 from toolkit.errors import RecordingError
 from toolkit.sensing.camera import Camera, level_rotation
+from toolkit.sensing.opening import open_recording
 from toolkit.sensing.people.describe import describe
 from toolkit.sensing.people.evidence import unobserved_pixels
 from toolkit.sensing.people.several import SeveralPeople
@@ -16,8 +17,8 @@ from toolkit.sensing.people.sighting import PredictedBody
 from toolkit.sensing.people.surroundings import Surroundings
 from toolkit.sensing.people.survey import find_people
 from toolkit.sensing.people.view import Lens
-from toolkit.sensing.recording import open_recording, save_recording
 from toolkit.sensing.settings import SensingSettings
+from toolkit.sensing.writer import save_recording
 
 UP = np.array([0.0, -1.0, 0.0])
 

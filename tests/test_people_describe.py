@@ -10,8 +10,9 @@ from tests.sensing_scenes import KINECT, scene, up_of_tilt
 from toolkit.cli.main import main
 from toolkit.rendering.look import picture
 from toolkit.rendering.style import person_color
+from toolkit.sensing.opening import open_recording
 from toolkit.sensing.people.describe import describe
-from toolkit.sensing.recording import open_recording, save_recording
+from toolkit.sensing.writer import save_recording
 
 
 def recorded(folder, frames, camera=KINECT, **more):

@@ -15,8 +15,8 @@ from tests.fake_tracker import FakeFollower, FakeTracker, write_recording
 from toolkit.errors import OutputError, RecordingError, TrackError, UsageError
 from toolkit.files import sha256_of
 from toolkit.pipeline import track_recording, track_recordings
+from toolkit.sensing.opening import open_recording
 from toolkit.sensing.people.sighting import Sighting
-from toolkit.sensing.recording import open_recording
 from toolkit.track import FrameResult, RunInfo, Track, TrackWriter
 from toolkit.tracking.clock import StageClock
 

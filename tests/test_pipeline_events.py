@@ -12,7 +12,7 @@ from tests.test_retrieval_online import RATE, body, classes, document
 from toolkit.errors import UsageError
 from toolkit.pipeline import track_recording
 from toolkit.pipeline.events import EventStream
-from toolkit.sensing.recording import open_recording
+from toolkit.sensing.opening import open_recording
 from toolkit.track import EMPTY, TRACKED, FrameResult
 
 ROW = np.dtype([("pose", "<f8", (43,)), ("state", "u1"), ("timestamps", "<f8")])

@@ -22,7 +22,7 @@ from toolkit.landmarks.extrema import extrema_of_graph, source_node
 from toolkit.landmarks.graph import grid_graph
 from toolkit.landmarks.settings import LandmarkSettings
 from toolkit.sensing.cloud import Cloud
-from toolkit.sensing.recording import open_recording
+from toolkit.sensing.opening import open_recording
 from toolkit.testing.subjects import LEVEL, camera_for, draw, moving_poses, write_recording
 from toolkit.tracking.settings import HybridSettings
 

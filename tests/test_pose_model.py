@@ -20,8 +20,9 @@ from toolkit.landmarks.shaded import ENLARGED, shaded
 from toolkit.mocap.clip import PoseClip
 from toolkit.pipeline.store_joints import store_joints
 from toolkit.sensing.camera import Camera
+from toolkit.sensing.opening import open_recording
 from toolkit.sensing.people.sighting import Sighting
-from toolkit.sensing.recording import Recording, open_recording
+from toolkit.sensing.recording import Recording
 from toolkit.sensing.stream import Frame
 from toolkit.simulation.simulate import simulate_recording
 from toolkit.testing.subjects import LEVEL, camera_for, draw, moving_poses, write_recording

@@ -20,7 +20,8 @@ from toolkit.rendering.painter import FramePainter, RenderSettings
 from toolkit.rendering.views import side_view_of, window_on
 from toolkit.runs import Person, PersonSummary, save_people
 from toolkit.sensing.camera import level_rotation
-from toolkit.sensing.recording import open_recording, save_recording
+from toolkit.sensing.opening import open_recording
+from toolkit.sensing.writer import save_recording
 from toolkit.track import EMPTY, LOST, RunInfo, Track
 
 LEVEL = level_rotation(np.array([0.0, -1.0, 0.0]))

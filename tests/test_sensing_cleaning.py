@@ -9,8 +9,8 @@ from tests.sensing_scenes import KINECT, TOF, person_alone, scene
 from toolkit.errors import RecordingError, SegmentationError, SettingsError
 from toolkit.sensing.camera import Camera
 from toolkit.sensing.cleaning import Cleaner
+from toolkit.sensing.opening import open_recording
 from toolkit.sensing.polish import Polisher
-from toolkit.sensing.recording import open_recording
 from toolkit.sensing.segmentation import median_background
 from toolkit.sensing.settings import SensingSettings
 

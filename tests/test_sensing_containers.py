@@ -26,7 +26,8 @@ from tests.container_files import (
 from tests.sensing_scenes import TOF, up_of_tilt
 from toolkit.errors import RecordingError, UsageError
 from toolkit.sensing.camera import Camera
-from toolkit.sensing.recording import Recording, open_recording
+from toolkit.sensing.opening import open_recording
+from toolkit.sensing.recording import Recording
 
 
 def assert_frames(recording: Recording, wanted: list[np.ndarray]) -> None:

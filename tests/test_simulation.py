@@ -14,7 +14,7 @@ from toolkit.body.shape import load_body
 from toolkit.errors import BodyError, UsageError
 from toolkit.mocap.clip import PoseClip
 from toolkit.sensing.camera import Camera, level_rotation
-from toolkit.sensing.recording import open_recording
+from toolkit.sensing.opening import open_recording
 from toolkit.simulation.person import Person
 from toolkit.simulation.scene import place_camera
 from toolkit.simulation.sensors import KinectV1, Sensor, Surface, TimeOfFlight, make_sensor

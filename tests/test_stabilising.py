@@ -27,7 +27,7 @@ from toolkit.retrieval.priors.allocation import Allocation, allocate
 from toolkit.retrieval.priors.expectation import Told
 from toolkit.retrieval.priors.gaps import Gap
 from toolkit.retrieval.priors.limbs import ENTRIES, LIMBS, OUTER
-from toolkit.sensing.recording import open_recording
+from toolkit.sensing.opening import open_recording
 from toolkit.simulation.simulate import simulate_recording
 from toolkit.stabilising.choice import cheapest_path
 from toolkit.stabilising.loop import stabilise

@@ -24,7 +24,9 @@ from toolkit.errors import SettingsError
 from toolkit.fitting.shape import ShapeSettings
 from toolkit.mocap.clip import PoseClip
 from toolkit.mocap.procedural import perform, procedural_clips
-from toolkit.sensing.recording import Recording, open_recording, save_recording
+from toolkit.sensing.opening import open_recording
+from toolkit.sensing.recording import Recording
+from toolkit.sensing.writer import save_recording
 from toolkit.simulation.simulate import simulate_recording
 from toolkit.testing.misled import misled
 from toolkit.track import EMPTY, LOST, TRACKED, FrameResult

@@ -26,7 +26,9 @@ from toolkit.fitting.swarm import SwarmSettings
 from toolkit.pipeline import load_tracker
 from toolkit.pipeline.joints import JointChoice, joint_source
 from toolkit.sensing.joints2d import Joints2D
-from toolkit.sensing.recording import Recording, open_recording, save_recording
+from toolkit.sensing.opening import open_recording
+from toolkit.sensing.recording import Recording
+from toolkit.sensing.writer import save_recording
 from toolkit.testing.joints import DERIVED, DetectorErrors, detected
 from toolkit.testing.subjects import LEVEL, camera_for, draw, moving_poses
 from toolkit.track import EMPTY, TRACKED, FrameResult, RunInfo, Track

@@ -8,7 +8,8 @@ from pathlib import Path
 import numpy as np
 
 from toolkit.errors import RecordingError
-from toolkit.sensing.recording import Recording, open_recording
+from toolkit.sensing.opening import open_recording
+from toolkit.sensing.recording import Recording
 
 
 @dataclass(frozen=True, eq=False)

@@ -13,7 +13,8 @@ from toolkit.fitting.scan import Scan, ScanView, fit_scan
 from toolkit.sensing.camera import level_rotation
 from toolkit.sensing.cleaning import Cleaner
 from toolkit.sensing.cloud import Cloud
-from toolkit.sensing.recording import Recording, open_recording
+from toolkit.sensing.opening import open_recording
+from toolkit.sensing.recording import Recording
 from toolkit.sensing.settings import SensingSettings
 
 FRAMES = 9

@@ -17,7 +17,8 @@ from toolkit.errors import UsageError
 from toolkit.files import check_output
 from toolkit.mocap.clip import PoseClip
 from toolkit.sensing.camera import Camera
-from toolkit.sensing.recording import Recording, open_recording
+from toolkit.sensing.opening import open_recording
+from toolkit.sensing.recording import Recording
 from toolkit.sensing.writer import RecordingWriter
 from toolkit.simulation.appearance import Appearance, vertex_colors
 from toolkit.simulation.furniture import Box, Mesh, boxes_mesh, joined

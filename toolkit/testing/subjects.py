@@ -12,7 +12,7 @@ from toolkit.body.shape import subject_body
 from toolkit.kernels import raster
 from toolkit.sensing.camera import Camera
 from toolkit.sensing.cloud import Cloud
-from toolkit.sensing.recording import save_recording
+from toolkit.sensing.writer import save_recording
 
 LEVEL = np.diag([1.0, -1.0, -1.0])
 """`R_level_camera` of a camera that looks horizontally."""

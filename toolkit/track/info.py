@@ -15,7 +15,8 @@ from toolkit.body.body import Body
 from toolkit.body.shape import ShapeSpace
 from toolkit.errors import RecordingError, TrackError, UsageError
 from toolkit.files import is_file, read_json, save_json, sha256_of
-from toolkit.sensing.recording import ReaderOptions, Recording, open_recording
+from toolkit.sensing.opening import open_recording
+from toolkit.sensing.recording import ReaderOptions, Recording
 from toolkit.sensing.settings import SensingSettings
 from toolkit.track.track import AGAIN
 

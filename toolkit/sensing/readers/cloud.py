@@ -19,7 +19,8 @@ from toolkit.kernels import depth as kernels
 from toolkit.sensing.camera import Camera
 from toolkit.sensing.conversion import DepthConverter
 from toolkit.sensing.readers.common import chosen_background, chosen_camera, chosen_up, frame_times, natural_key
-from toolkit.sensing.recording import ReaderOptions, Recording, StoredRecording
+from toolkit.sensing.recording import ReaderOptions, Recording
+from toolkit.sensing.stored import StoredRecording
 
 SUFFIXES = (".pcd", ".ply")
 GRID_RESIDUAL = 0.5  # pixels by which points may miss the pixel they claim to be from

@@ -22,7 +22,8 @@ from toolkit.sensing.camera import Camera
 from toolkit.sensing.conversion import DepthConverter
 from toolkit.sensing.readers.common import chosen_background, chosen_camera, chosen_up, damaged, upright
 from toolkit.sensing.readers.matroska import Matroska, Track
-from toolkit.sensing.recording import ReaderOptions, Recording, StoredRecording
+from toolkit.sensing.recording import ReaderOptions, Recording
+from toolkit.sensing.stored import StoredRecording
 
 DEPTH_CODE, COLOR_CODE = b"b16g", b"MJPG"
 """Four letters at byte 16 of a video track's description (a BITMAPINFOHEADER)."""

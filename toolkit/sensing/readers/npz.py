@@ -12,7 +12,8 @@ from toolkit.errors import RecordingError
 from toolkit.sensing.conversion import DepthConverter
 from toolkit.sensing.npz_stream import RECORD_AGAIN, MemberReader
 from toolkit.sensing.readers.common import chosen_background, chosen_camera, chosen_up, frame_times
-from toolkit.sensing.recording import ReaderOptions, Recording, StoredRecording
+from toolkit.sensing.recording import ReaderOptions, Recording
+from toolkit.sensing.stored import StoredRecording
 
 METADATA = {
     "intrinsics": Column("iuf"),

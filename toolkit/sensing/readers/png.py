@@ -19,7 +19,8 @@ from toolkit.sensing.readers.common import (
     read_depth_png,
     read_image,
 )
-from toolkit.sensing.recording import ReaderOptions, Recording, StoredRecording
+from toolkit.sensing.recording import ReaderOptions, Recording
+from toolkit.sensing.stored import StoredRecording
 
 COLOR_SUFFIXES = (".png", ".jpg", ".jpeg")
 

@@ -18,7 +18,8 @@ from toolkit.files import is_file, parse_json
 from toolkit.sensing.camera import Camera
 from toolkit.sensing.conversion import DepthConverter
 from toolkit.sensing.readers.common import chosen_background, chosen_camera, chosen_up, damaged, frame_times
-from toolkit.sensing.recording import ReaderOptions, Recording, StoredRecording
+from toolkit.sensing.recording import ReaderOptions, Recording
+from toolkit.sensing.stored import StoredRecording
 
 LARGEST_SIDE = 4096
 """Pixels: no phone measures more depth."""

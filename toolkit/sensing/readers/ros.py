@@ -22,7 +22,8 @@ from toolkit.sensing.conversion import DepthConverter
 from toolkit.sensing.readers import ros_messages as decode
 from toolkit.sensing.readers.common import chosen_background, chosen_camera, chosen_up, damaged, upright
 from toolkit.sensing.readers.ros_files import BAG_SUFFIXES, METADATA, SQLITE_SUFFIX, MessageFile, open_messages
-from toolkit.sensing.recording import ReaderOptions, Recording, StoredRecording
+from toolkit.sensing.recording import ReaderOptions, Recording
+from toolkit.sensing.stored import StoredRecording
 
 IMAGE, COMPRESSED, CAMERA, IMU = (
     f"sensor_msgs/{name}" for name in ("Image", "CompressedImage", "CameraInfo", "Imu")

@@ -16,7 +16,8 @@ from toolkit.sensing.camera import Camera
 from toolkit.sensing.conversion import DepthConverter
 from toolkit.sensing.readers.common import chosen_background, chosen_camera, chosen_up, frame_times, natural_key
 from toolkit.sensing.readers.png import PngFrames
-from toolkit.sensing.recording import ReaderOptions, Recording, StoredRecording
+from toolkit.sensing.recording import ReaderOptions, Recording
+from toolkit.sensing.stored import StoredRecording
 
 MATRIX, ODOMETRY = "camera_matrix.csv", "odometry.csv"
 WIDTH = 1920

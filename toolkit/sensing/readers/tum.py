@@ -15,7 +15,8 @@ from toolkit.files import is_file, is_folder, read_text
 from toolkit.sensing.conversion import DepthConverter
 from toolkit.sensing.readers.common import camera_beside, chosen_background, chosen_camera, chosen_up
 from toolkit.sensing.readers.png import PngFrames
-from toolkit.sensing.recording import ReaderOptions, Recording, StoredRecording
+from toolkit.sensing.recording import ReaderOptions, Recording
+from toolkit.sensing.stored import StoredRecording
 
 DEPTH_LIST, COLOR_LIST = "depth.txt", "rgb.txt"
 UNIT = 0.0002

@@ -17,7 +17,8 @@ import numpy as np
 from toolkit.errors import RecordingError
 from toolkit.sensing.conversion import DepthConverter
 from toolkit.sensing.readers.common import chosen_background, chosen_camera, chosen_up, frame_times
-from toolkit.sensing.recording import ReaderOptions, Recording, StoredRecording
+from toolkit.sensing.recording import ReaderOptions, Recording
+from toolkit.sensing.stored import StoredRecording
 
 INTRINSICS = (285.63, 285.63, 160.0, 120.0)  # of the raw, mirrored image
 SUFFIX = "_depth"
