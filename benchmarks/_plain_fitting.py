@@ -13,6 +13,7 @@ from scipy.spatial.transform import Rotation
 from toolkit.body import skeleton
 from toolkit.body.body import BELOW, Body
 from toolkit.fitting.objective import WORSE, Comparison, Objective
+from toolkit.fitting.orientation import Evidence
 from toolkit.fitting.placed import Drawn, NormalSystem, PlacedBody, Placer
 from toolkit.fitting.priors import PoseTerm
 from toolkit.fitting.refiner import Refiner, pair_terms
@@ -44,8 +45,15 @@ class ScipyNeighbours:
 class PlainScene(Scene):
     """A scene searched by SciPy's kd-tree."""
 
-    def __init__(self, cloud: Cloud, extrema_level: np.ndarray, samples: int, **marks: np.ndarray | None) -> None:
-        super().__init__(cloud, extrema_level, samples, **marks)
+    def __init__(
+        self,
+        cloud: Cloud,
+        extrema_level: np.ndarray,
+        samples: int,
+        evidence: Sequence[Evidence] = (),
+        **marks: np.ndarray | None,
+    ) -> None:
+        super().__init__(cloud, extrema_level, samples, evidence=evidence, **marks)
         self.neighbours = ScipyNeighbours(back_projected(self.depth, self.intrinsics)[0])
 
 
@@ -321,7 +329,8 @@ class PlainObjective(Objective):
         if scene.plain_samples:
             parts.append(sample_gaps)
         distance = sum(_mean_capped(part, s.unexplained) for part in parts)
-        energy = sum(term.energy(pose) for term in self.pose_terms)
+        distance += sum(evidence.cost(placed) for evidence in scene.evidence)
+        energy = sum(term.energy(pose) for term in (*self.pose_terms, *scene.priors))
         return Comparison(distance, gaps, sample_gaps, drawn, energy, placed, scene) if distance <= bound else WORSE
 
 

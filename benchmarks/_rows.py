@@ -16,8 +16,6 @@ from toolkit.fitting.objective import Objective
 from toolkit.fitting.refiner import Refiner
 from toolkit.kernels import linear
 from toolkit.sensing.camera import Camera
-from toolkit.sensing.cloud import Cloud
-from toolkit.sensing.joints2d import Joints2D
 from toolkit.sensing.people.sighting import PredictedBody, Sighting
 from toolkit.track import FrameResult
 from toolkit.tracking.clock import StageClock
@@ -145,19 +143,18 @@ class LocalTracker(HybridTracker):
         return tuple(FirstFrames(member) if isinstance(member, DatabaseLookup) else member for member in members)
 
 
+class BlindObservation(Observation):
+    """An observation that does not know which pixels say nothing."""
+
+    def __init__(self, *parts: Any) -> None:
+        observer, cloud, timestamp, state, _, joints = parts
+        super().__init__(observer, cloud, timestamp, state, None, joints)
+
+
 class BlindObserver(Observer):
     """Does not know which pixels say nothing."""
 
-    def observe(
-        self,
-        cloud: Cloud,
-        timestamp: float,
-        state: PersonState,
-        unobserved: np.ndarray | None = None,
-        joints: Joints2D | None = None,
-    ) -> Observation:
-        """See `Observer.observe`."""
-        return super().observe(cloud, timestamp, state, None, joints)
+    kind = BlindObservation
 
 
 class BlindTracker(HybridTracker):

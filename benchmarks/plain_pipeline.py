@@ -31,8 +31,6 @@ from toolkit.database.database import PoseDatabase
 from toolkit.fitting.scene import Scene
 from toolkit.landmarks.extrema import Extrema
 from toolkit.sensing.camera import Camera
-from toolkit.sensing.cloud import Cloud
-from toolkit.sensing.joints2d import Joints2D
 from toolkit.sensing.opening import open_recording
 from toolkit.sensing.recording import Recording
 from toolkit.testing.subjects import write_recording
@@ -41,7 +39,6 @@ from toolkit.tracking.hybrid import HybridTracker
 from toolkit.tracking.observation import Observation, Observer
 from toolkit.tracking.settings import HybridSettings
 from toolkit.tracking.solo import Solo
-from toolkit.tracking.state import PersonState
 
 SIZES = (3_000, 6_000, 16_000)
 WARM_UP = 50
@@ -68,22 +65,13 @@ class PlainObservation(Observation):
     def scene(self) -> Scene:
         """See `Observation.scene`."""
         extrema, marks = self.extrema.points.astype(np.float64), {"unobserved": self.unobserved, "cut": self.cut}
-        return PlainScene(self.cloud, extrema, self.observer.samples, **marks)
+        return PlainScene(self.cloud, extrema, self.observer.samples, self.evidence, **marks)
 
 
 class PlainObserver(Observer):
     """Looks at sightings by SciPy and NumPy."""
 
-    def observe(
-        self,
-        cloud: Cloud,
-        timestamp: float,
-        state: PersonState,
-        unobserved: np.ndarray | None = None,
-        joints: Joints2D | None = None,
-    ) -> Observation:
-        """See `Observer.observe`."""
-        return PlainObservation(self, cloud, timestamp, state, unobserved, joints)
+    kind = PlainObservation
 
 
 class PlainTracker(HybridTracker):

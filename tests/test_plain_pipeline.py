@@ -16,10 +16,12 @@ from toolkit.fitting.placed import Placer
 from toolkit.fitting.scene import Scene
 from toolkit.fitting.settings import FittingSettings
 from toolkit.fitting.terms import JointTerm
+from toolkit.fitting.voted import VotedJoints
 from toolkit.kernels import twists
 from toolkit.landmarks.centre import cloud_centre
 from toolkit.landmarks.extrema import extrema_of_graph, source_node
 from toolkit.landmarks.graph import grid_graph
+from toolkit.landmarks.parts import JointEstimate
 from toolkit.landmarks.settings import LandmarkSettings
 from toolkit.sensing.cloud import Cloud
 from toolkit.sensing.opening import open_recording
@@ -98,6 +100,11 @@ def test_the_plain_refiner_finds_the_pose_of_the_compiled_one(seed: int) -> None
         joints = BODY.joint_positions(np.stack([found, again]))
         assert np.linalg.norm(joints[0] - joints[1], axis=1).max() < 1e-3
     assert plain.distance(pose, plain_scene) == pytest.approx(fast.distance(pose, scene), abs=1e-9)
+    away = JointEstimate(BODY.joint_positions(pose) + [0.25, 0.0, 0.0], np.ones(20))
+    known = [VotedJoints(away, cloud.rotation, 30.0)]
+    with_votes = fast.distance(pose, Scene(cloud, extrema, 200, evidence=known))
+    assert plain.distance(pose, PlainScene(cloud, extrema, 200, known)) == pytest.approx(with_votes, abs=1e-9)
+    assert with_votes > fast.distance(pose, scene) + 0.1
 
 
 def test_the_plain_tracker_finds_the_poses_of_the_hybrid_tracker(tmp_path) -> None:

@@ -26,8 +26,9 @@ from toolkit.sensing.camera import Camera, level_rotation
 from toolkit.sensing.people.sighting import Sighting
 from toolkit.track import EMPTY, LOST, TRACKED, FrameResult
 from toolkit.tracking.clock import StageClock
-from toolkit.tracking.follower import HELD, UNSEEN, Follower
+from toolkit.tracking.follower import HELD, Follower
 from toolkit.tracking.guess import Guess
+from toolkit.tracking.person import UNSEEN
 from toolkit.tracking.search.protocol import NOTHING, Proposal
 from toolkit.tracking.state import PersonState, Previous
 

@@ -150,13 +150,16 @@ class JointTerm:
             if carrier < 0 or self.weights[row] <= 0.0:
                 continue
             point = carried(placed, carrier, site)
-            e = point - self.targets[row]
-            ratio = 1.0 + linear.dot(e, e) / self.sigma**2
-            p = point - system.reference
-            twists.add_pair(
-                system.hessian, system.gradient, carrier, p[0], p[1], p[2], 0.0, 0.0, 0.0, e[0], e[1], e[2],
-                0.0, self.weights[row] / ratio**2,
-            )  # fmt: skip
+            pull(system, carrier, point, point - self.targets[row], self.weights[row], self.sigma)
+
+
+def pull(system: NormalSystem, carrier: int, point: np.ndarray, away: np.ndarray, weight: float, sigma: float) -> None:
+    """Draw a point (3,) of joint `carrier` back by `away` (3,), metres, with a weight that falls as Geman-McClure's."""
+    p, robust = point - system.reference, weight / (1.0 + linear.dot(away, away) / sigma**2) ** 2
+    twists.add_pair(
+        system.hessian, system.gradient, carrier, p[0], p[1], p[2], 0.0, 0.0, 0.0, away[0], away[1], away[2],
+        0.0, robust,
+    )  # fmt: skip
 
 
 def carried(placed: PlacedBody, carrier: int, site: int) -> np.ndarray:

@@ -7,8 +7,8 @@ import math
 import numpy as np
 
 from toolkit.fitting.placed import NormalSystem, PlacedBody
-from toolkit.fitting.terms import CARRIERS, carried
-from toolkit.kernels import linear, twists
+from toolkit.fitting.terms import CARRIERS, carried, pull
+from toolkit.kernels import linear
 from toolkit.landmarks.parts import JointEstimate
 
 SURE = 0.8
@@ -41,13 +41,9 @@ class VotedJoints:
     def attract(self, system: NormalSystem, placed: PlacedBody) -> None:
         """See `Evidence.attract`: joints are drawn to within 10 cm of their votes, and no nearer."""
         for row in self._rows:
-            point, e = self._beyond(placed, row)
-            p, weight = point - system.reference, self._weight / (1.0 + linear.dot(e, e) / SIGMA**2) ** 2
-            if e.any():
-                twists.add_pair(
-                    system.hessian, system.gradient, CARRIERS[row][0], p[0], p[1], p[2], 0.0, 0.0, 0.0,
-                    e[0], e[1], e[2], 0.0, weight,
-                )  # fmt: skip
+            point, beyond = self._beyond(placed, row)
+            if beyond.any():
+                pull(system, CARRIERS[row][0], point, beyond, self._weight, SIGMA)
 
     def cost(self, placed: PlacedBody) -> float:
         """See `Evidence.cost`: by how much the sure joints are too far, on average."""

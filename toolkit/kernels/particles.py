@@ -13,7 +13,7 @@ import numpy as np
 from numba import njit
 
 from toolkit.kernels.kinematics import carry, forward_kinematics, skin
-from toolkit.kernels.raster import project, rasterise
+from toolkit.kernels.placing import draw as draw_mesh
 
 NEAREST = 0.05
 """Metres before the camera from which on something is drawn."""
@@ -115,15 +115,10 @@ def draw(pose: np.ndarray, rig: Rig, intrinsics: np.ndarray, depth: np.ndarray) 
     joints = rig.parents.shape[0]
     vectors, origins, rotations = np.empty((joints, 3)), np.empty((joints, 3)), np.empty((joints, 3, 3))
     forward_kinematics(pose, rig.parents, rig.rest, rig.dof_joint, rig.dof_axis, vectors, rotations, origins)
-    points, projected = np.empty_like(rig.vertices), np.empty_like(rig.vertices)
+    points = np.empty_like(rig.vertices)
     skin(rig.vertices, rig.skin_joints, rig.skin_weights, rig.rest, rotations, origins, points)
     _turn(rig.from_level, points)
-    project(points, intrinsics, projected)
-    rasterise(projected, rig.faces, depth, np.empty(depth.shape, dtype=np.int32))
-    for v in range(depth.shape[0]):
-        for u in range(depth.shape[1]):
-            if depth[v, u] > 0.0:
-                depth[v, u] = 1.0 / depth[v, u]
+    draw_mesh(points, rig.faces, intrinsics, depth, np.empty(depth.shape, dtype=np.int32))
 
 
 @njit(cache=True)

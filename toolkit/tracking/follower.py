@@ -10,28 +10,24 @@ import numpy as np
 from toolkit.body import skeleton
 from toolkit.body.body import Body
 from toolkit.fitting.objective import Objective
-from toolkit.kernels import linear
 from toolkit.sensing.cloud import Cloud
-from toolkit.sensing.people.sighting import PredictedBody, Sighting
+from toolkit.sensing.people.sighting import Sighting
 from toolkit.track import EMPTY, LOST, TRACKED, FrameResult
 from toolkit.tracking.clock import StageClock
 from toolkit.tracking.guess import Guess, LimbGuesser
 from toolkit.tracking.observation import Observation, Observer
+from toolkit.tracking.person import Person
 from toolkit.tracking.search.labelings import EFFECTORS
 from toolkit.tracking.search.protocol import Rival, Search
 from toolkit.tracking.settings import FollowerSettings
 from toolkit.tracking.smoothing import PoseSmoother
-from toolkit.tracking.state import PersonState, Previous, State
+from toolkit.tracking.state import PersonState, Previous
 
-PREDICTED = "predicted"
-"""The source of a pose that no hypothesis gave: the last one that was found."""
 HELD = 1.0
 """Seconds out of sight after which nobody is expected to come back in the pose in which they went."""
-UNSEEN = (0.0, 0.0, -3.0)
-"""Metres, level frame: where the root is said to be before anybody was seen."""
 
 
-class Follower:
+class Follower(Person):
     """One person before one camera.
 
     Parameters
@@ -62,12 +58,10 @@ class Follower:
         state: PersonState,
         guesser: LimbGuesser | None = None,
     ) -> None:
+        super().__init__(state, objective.placer, level_rotation, sources)
         self.observer, self.searches, self.objective = observer, tuple(searches), objective
-        self.level_rotation = level_rotation
-        self._settings, self._sizes = settings, tuple(sizes)
-        self.state = state
+        self._settings, self._sizes, self._guesser = settings, tuple(sizes), guesser
         self.observation: Observation | None = None
-        self._sources, self._guesser = tuple(sources), guesser
 
     def step(self, sighting: Sighting | None, timestamp: float, clock: StageClock) -> FrameResult:
         """Find the person in the next frame, at `timestamp` seconds; without a sighting nobody is there.
@@ -100,25 +94,6 @@ class Follower:
         result = self._commit(winner, observation, timestamp)
         clock.lap("select")
         return replace(result, stage_ms=clock.milliseconds)
-
-    @property
-    def body(self) -> Body:
-        """See `PersonFollower.body`."""
-        return self.state.body
-
-    def export_state(self) -> State:
-        """See `PersonFollower.export_state`."""
-        return self.state.export()
-
-    def restore_state(self, state: State) -> None:
-        """See `PersonFollower.restore_state`."""
-        self.state = PersonState.restore(state)
-
-    def predicted(self) -> PredictedBody:
-        """See `PersonFollower.predicted`: the body where it was last found."""
-        state = self.state
-        placed = self.objective.placer.place(state.body, self._last_pose())
-        return PredictedBody(placed.vertices, state.body.faces, state.body.height)
 
     def _propose(
         self,
@@ -175,7 +150,7 @@ class Follower:
         joints = previous.joints if reported is pose else body.joint_positions(reported)
         found = self.objective.confidence(winner.comparison) if tracked else np.zeros(len(joints))
         confidence = guess.confidence(found)
-        return self._result(reported, joints, confidence, TRACKED if tracked else LOST, source)
+        return self.row(reported, joints, confidence, TRACKED if tracked else LOST, source)
 
     def _completed(self, winner: Rival) -> Guess:
         """The winner, whose unobserved limbs do not jump."""
@@ -191,34 +166,12 @@ class Follower:
         Whoever comes back may stand anywhere, in any pose, facing anywhere; but who was hidden for a moment is probably
         where they went.
         """
-        pose, before = self._last_pose(), self.state
+        before = self.state
         self.state = replace(before, previous=None, centre=None, facing=None, timestamp=timestamp, smoothed=None)
         if before.previous is not None:
             held = replace(before.previous, before=None)
             self.state = replace(self.state, held=held, held_since=before.timestamp)
-        joints = self.state.body.joint_positions(pose)
-        result = self._result(pose, joints, np.zeros(len(joints)), state, PREDICTED)
-        return replace(result, stage_ms=clock.milliseconds)
-
-    def _last_pose(self) -> np.ndarray:
-        if self.state.pose is not None:
-            return self.state.pose
-        pose = np.zeros(skeleton.POSE_SIZE)
-        pose[skeleton.ROOT_POSITION] = UNSEEN
-        return pose
-
-    def _result(
-        self, pose: np.ndarray, joints: np.ndarray, confidence: np.ndarray, state: int, source: str
-    ) -> FrameResult:
-        """A row of the track: `joints` (20, 3) in the level frame; without times."""
-        return FrameResult(
-            pose=pose,
-            joints=linear.rotated(joints, self.level_rotation).astype(np.float32),
-            confidence=confidence.astype(np.float32),
-            state=state,
-            source=self._sources.index(source),
-            stage_ms=np.empty(0, dtype=np.float32),
-        )
+        return replace(self.predicted_row(state), stage_ms=clock.milliseconds)
 
 
 def _turn(state: PersonState) -> int:

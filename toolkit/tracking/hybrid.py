@@ -12,10 +12,10 @@ from toolkit.fitting.objective import Objective
 from toolkit.fitting.priors import GaussianPrior, PoseTerm
 from toolkit.fitting.refiner import Refiner
 from toolkit.fitting.swarm import SwarmSettings
-from toolkit.tracking.follower import PREDICTED
 from toolkit.tracking.guess import LimbGuesser
 from toolkit.tracking.guide import Guide, NoGuide
 from toolkit.tracking.observation import Observer
+from toolkit.tracking.person import PREDICTED
 from toolkit.tracking.protocol import Wanted
 from toolkit.tracking.registry import Registration, register
 from toolkit.tracking.search.arms import ArmSearch

@@ -8,6 +8,7 @@ from functools import cached_property
 import numpy as np
 
 from toolkit.database.origin import ADULT_HEIGHT
+from toolkit.fitting.orientation import Evidence
 from toolkit.fitting.scene import Scene
 from toolkit.fitting.voted import VotedJoints
 from toolkit.kernels import linear
@@ -50,6 +51,11 @@ class Observer:
     vote_pull: float = 0.0
     learning: bool = False
 
+    @property
+    def kind(self) -> type[Observation]:
+        """What is made of a sighting."""
+        return Observation
+
     @cached_property
     def workspace(self) -> Workspace:
         """Buffers of the graph, kept from frame to frame."""
@@ -64,7 +70,7 @@ class Observer:
         joints: Joints2D | None = None,
     ) -> Observation:
         """A frame of the person, seconds; `unobserved` and `joints` as in `Sighting`."""
-        return Observation(self, cloud, timestamp, state, unobserved, joints)
+        return self.kind(self, cloud, timestamp, state, unobserved, joints)
 
 
 class Observation:
@@ -157,18 +163,24 @@ class Observation:
         return lifted._replace(points=linear.rotated(lifted.points, self.cloud.rotation.T))
 
     @cached_property
-    def scene(self) -> Scene:
-        """The frame as a fit needs it."""
+    def evidence(self) -> list[Evidence]:
+        """What is known of the frame besides its depth, and what the regressor is sure of."""
         observer = self.observer
         evidence = list(observer.guide.evidence(self.timestamp, self.cloud.rotation))
         if observer.vote_pull > 0.0 and (observer.learning or self.state.previous is None) and self.votes is not None:
             evidence.append(VotedJoints(self.votes, self.cloud.rotation, observer.vote_pull))
+        return evidence
+
+    @cached_property
+    def scene(self) -> Scene:
+        """The frame as a fit needs it."""
+        observer = self.observer
         return Scene(
             self.cloud,
             self.extrema.points.astype(np.float64),
             observer.samples,
             observer.search,
-            evidence,
+            self.evidence,
             priors=observer.guide.priors(self.timestamp),
             unobserved=self.unobserved,
             cut=self.cut,

@@ -20,20 +20,19 @@ from toolkit.fitting.refiner import Refiner
 from toolkit.fitting.scene import Scene
 from toolkit.fitting.settings import FittingSettings
 from toolkit.fitting.upper import LEGS, UNSEEN, UpperBodies
-from toolkit.kernels import linear
 from toolkit.landmarks.effectors import Effectors, EffectorSettings, find_effectors, find_fork
 from toolkit.landmarks.graph import Workspace
 from toolkit.landmarks.silhouette import arm_length, shoulder_breadth
 from toolkit.sensing.camera import Camera
 from toolkit.sensing.cloud import Cloud
-from toolkit.sensing.people.sighting import PredictedBody, Sighting
+from toolkit.sensing.people.sighting import Sighting
 from toolkit.sensing.settings import SensingSettings
 from toolkit.track import EMPTY, LOST, TRACKED, FrameResult
 from toolkit.tracking.clock import StageClock
-from toolkit.tracking.follower import PREDICTED
-from toolkit.tracking.follower import UNSEEN as NOWHERE
+from toolkit.tracking.person import PREDICTED, Person
+from toolkit.tracking.protocol import Wanted
 from toolkit.tracking.registry import Registration, register
-from toolkit.tracking.state import PersonState, Previous, State
+from toolkit.tracking.state import PersonState, Previous
 
 PARTICLES, DETECTED = "particles", "detected"
 LEG_ENTRIES: np.ndarray = np.array([i for i, name in enumerate(skeleton.POSE_NAMES) if name.rpartition("_")[0] in LEGS])
@@ -104,7 +103,7 @@ class Seen:
         return Scene(self.cloud, effectors.points, settings.cloud_samples, settings.search, unobserved=self.unobserved)
 
 
-class ParticleFollower:
+class ParticleFollower(Person):
     """Follows one person's upper body; see `PersonFollower`.
 
     Attributes
@@ -115,11 +114,12 @@ class ParticleFollower:
     def __init__(
         self, settings: ParticleTrackerSettings, camera: Camera, level_rotation: np.ndarray, state: PersonState
     ) -> None:
-        self.settings, self.level_rotation, self.state = settings, level_rotation, state
         small = camera.subsampled(max(1, camera.width // settings.particles.arm_columns))
         self._bodies = UpperBodies(level_rotation)
         self._filter = UpperFilter(settings.particles)
         placer = Placer(state.body, small, level_rotation)
+        super().__init__(state, placer, level_rotation, ParticleTracker.source_names)
+        self.settings = settings
         self._objective = Objective(placer, settings.fitting)
         self._refiner = Refiner(placer, settings.fitting)
         self._workspace = Workspace()
@@ -130,7 +130,7 @@ class ParticleFollower:
         clock.lap("prepare")
         if seen is None or seen.points < max(self.settings.smallest_person, 1):
             self.state = replace(self.state, previous=None, timestamp=timestamp)
-            return self._predicted_row(EMPTY, clock)
+            return replace(self.predicted_row(EMPTY), stage_ms=clock.milliseconds)
         effectors = seen.effectors(self.settings.effectors, self._workspace)
         clock.lap("detect")
         state, rng = self.state, self.state.rng()
@@ -144,7 +144,7 @@ class ParticleFollower:
         if found is None:
             clock.lap("detect")
             self.state = replace(state, timestamp=timestamp)
-            return self._predicted_row(LOST, clock)
+            return replace(self.predicted_row(LOST), stage_ms=clock.milliseconds)
         pose, particles, cost = found
         scene = seen.scene(effectors, self.settings.fitting)
         if self.settings.refined:
@@ -154,25 +154,6 @@ class ParticleFollower:
         row = self._commit(pose, particles, cost, self._compared(pose, scene), source, timestamp)
         clock.lap("refine")
         return replace(row, stage_ms=clock.milliseconds)
-
-    @property
-    def body(self) -> Body:
-        """See `PersonFollower.body`."""
-        return self.state.body
-
-    def predicted(self) -> PredictedBody:
-        """See `PersonFollower.predicted`."""
-        body = self.state.body
-        placed = self._objective.placer.place(body, self._last_pose())
-        return PredictedBody(placed.vertices, body.faces, body.height)
-
-    def export_state(self) -> State:
-        """See `PersonFollower.export_state`."""
-        return self.state.export()
-
-    def restore_state(self, state: State) -> None:
-        """See `PersonFollower.restore_state`."""
-        self.state = PersonState.restore(state)
 
     def _first(
         self, effectors: Effectors, frame: ParticleFrame, rng: np.random.Generator
@@ -234,30 +215,8 @@ class ParticleFollower:
         )
         confidence = self._objective.confidence(compared) if tracked else np.zeros(len(skeleton.REPORTED))
         confidence[UNSEEN] = 0.0
-        return self._row(pose, confidence, TRACKED if tracked else LOST, source)
-
-    def _predicted_row(self, state: int, clock: StageClock) -> FrameResult:
-        """The last known pose, or one behind the camera before there was any."""
-        row = self._row(self._last_pose(), np.zeros(len(skeleton.REPORTED)), state, PREDICTED)
-        return replace(row, stage_ms=clock.milliseconds)
-
-    def _last_pose(self) -> np.ndarray:
-        if self.state.pose is not None:
-            return self.state.pose
-        pose = np.zeros(skeleton.POSE_SIZE)
-        pose[skeleton.ROOT_POSITION] = NOWHERE
-        return pose
-
-    def _row(self, pose: np.ndarray, confidence: np.ndarray, state: int, source: str) -> FrameResult:
-        joints = self.state.body.joint_positions(pose)
-        return FrameResult(
-            pose=pose,
-            joints=linear.rotated(joints, self.level_rotation).astype(np.float32),
-            confidence=confidence.astype(np.float32),
-            state=state,
-            source=ParticleTracker.source_names.index(source),
-            stage_ms=np.empty(0, dtype=np.float32),
-        )
+        joints = state.body.joint_positions(pose)
+        return self.row(pose, joints, confidence, TRACKED if tracked else LOST, source)
 
 
 class ParticleTracker:
@@ -274,15 +233,11 @@ class ParticleTracker:
     stage_names = ("prepare", "detect", "trunk", "arms", "refine")
     source_names = (PARTICLES, DETECTED, PREDICTED)
     database = ""
+    joints_wanted: Wanted = "none"
 
     def __init__(self, settings: ParticleTrackerSettings | None = None, *, body: Body | None = None) -> None:
         self.settings = settings or ParticleTrackerSettings()
         self._known_body = body
-
-    @property
-    def joints_wanted(self) -> Literal["none", "welcome", "required"]:
-        """See `Tracker.joints_wanted`."""
-        return "none"
 
     @property
     def learning_seconds(self) -> float:

@@ -15,8 +15,8 @@ from toolkit.fitting.shape import ShapeSettings
 from toolkit.fitting.swarm import SwarmSettings
 from toolkit.landmarks.settings import LandmarkSettings
 from toolkit.sensing.settings import SensingSettings
-from toolkit.tracking.follower import PREDICTED
 from toolkit.tracking.observation import Observer
+from toolkit.tracking.person import PREDICTED
 from toolkit.tracking.protocol import Wanted
 from toolkit.tracking.registry import Registration, register
 from toolkit.tracking.search.local import LocalSearch

@@ -1,0 +1,83 @@
+"""What every follower of one person has: a state, the body in it, and rows of the track made of it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from toolkit.body import skeleton
+from toolkit.body.body import Body
+from toolkit.fitting.placed import Placer
+from toolkit.kernels import linear
+from toolkit.sensing.people.sighting import PredictedBody
+from toolkit.track import FrameResult
+from toolkit.tracking.state import PersonState, State
+
+PREDICTED = "predicted"
+"""The source of a pose that no hypothesis gave: the last one that was found."""
+UNSEEN = (0.0, 0.0, -3.0)
+"""Metres, level frame: where the root is said to be before anybody was seen."""
+
+
+class Person:
+    """One person before one camera; a `PersonFollower` but for its step.
+
+    Parameters
+    ----------
+    state : before the first frame
+    placer : places bodies before that camera
+    level_rotation : R_level_camera, float64 (3, 3)
+    sources : names of what a pose can come from, in the order in which the track numbers them
+
+    Attributes
+    ----------
+    state : everything that the next step depends on besides the sighting; replaced, never changed, by a step
+    """
+
+    def __init__(self, state: PersonState, placer: Placer, level_rotation: np.ndarray, sources: Sequence[str]) -> None:
+        self.state, self.level_rotation = state, level_rotation
+        self._placer, self._sources = placer, tuple(sources)
+
+    @property
+    def body(self) -> Body:
+        """See `PersonFollower.body`."""
+        return self.state.body
+
+    def export_state(self) -> State:
+        """See `PersonFollower.export_state`."""
+        return self.state.export()
+
+    def restore_state(self, state: State) -> None:
+        """See `PersonFollower.restore_state`."""
+        self.state = PersonState.restore(state)
+
+    def predicted(self) -> PredictedBody:
+        """See `PersonFollower.predicted`: the body where it was last found."""
+        body = self.state.body
+        return PredictedBody(self._placer.place(body, self.last_pose).vertices, body.faces, body.height)
+
+    @property
+    def last_pose(self) -> np.ndarray:
+        """The last pose (P,) that was found, a standing one before there was any."""
+        if self.state.pose is not None:
+            return self.state.pose
+        pose = np.zeros(skeleton.POSE_SIZE)
+        pose[skeleton.ROOT_POSITION] = UNSEEN
+        return pose
+
+    def row(self, pose: np.ndarray, joints: np.ndarray, confidence: np.ndarray, state: int, source: str) -> FrameResult:
+        """A row of the track, without times: `joints` (20, 3) in the level frame."""
+        return FrameResult(
+            pose=pose,
+            joints=linear.rotated(joints, self.level_rotation).astype(np.float32),
+            confidence=confidence.astype(np.float32),
+            state=state,
+            source=self._sources.index(source),
+            stage_ms=np.empty(0, dtype=np.float32),
+        )
+
+    def predicted_row(self, state: int) -> FrameResult:
+        """The row of a frame in which no pose was found, without times: the last one, of which nothing is sure."""
+        joints = self.state.body.joint_positions(self.last_pose)
+        return self.row(self.last_pose, joints, np.zeros(len(joints)), state, PREDICTED)
