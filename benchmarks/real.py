@@ -20,6 +20,7 @@ import numpy as np
 from benchmarks._options import add_database_options, poses_of
 from benchmarks._record import save_figures
 from benchmarks._rows import ROWS, figures_of, make_tracker, settings_of
+from benchmarks._swarm_rows import settings_of as swarm_settings
 from toolkit.body.skeleton import END_EFFECTORS
 from toolkit.config import parse_overrides
 from toolkit.database.database import PoseDatabase
@@ -30,6 +31,8 @@ from toolkit.pipeline import track_recordings
 from toolkit.sensing.opening import open_recording
 from toolkit.testing.suite import ROOT
 from toolkit.track import RunInfo, Track
+from toolkit.tracking.protocol import Tracker
+from toolkit.tracking.swarm import SwarmTracker
 
 RECORDINGS = ROOT.parent / "shared" / "data" / "depth" / "utd_mhad"
 LIMB_BONES = BONES[(OWNERS >= 0) & (OWNERS < END_EFFECTORS.index("head"))]
@@ -45,6 +48,8 @@ COLUMNS = (
     ("frame_ms", "ms/frame", 1.0),
 )
 WORST = 10
+SWARMS = ("swarm", "qammaz")
+"""Rows without a database: the joints are found in the shaded depth images."""
 
 
 def bone_variation(joints: np.ndarray) -> float:
@@ -65,11 +70,16 @@ def anatomy(runs: Sequence[Path], paths: Sequence[Path]) -> dict[str, dict[str, 
     return found
 
 
-def run_row(row: str, paths: Sequence[Path], poses_path: Path, overrides: dict[str, Any], work: Path) -> list[Path]:
+def run_row(row: str, paths: Sequence[Path], options: argparse.Namespace, overrides: dict[str, Any]) -> list[Path]:
     """Track all recordings with a tracker; its run folders in the same order."""
-    output = work / "runs" / "real" / row.replace(" ", "_")
+    output = options.work / "runs" / "real" / row.replace(" ", "_")
     shutil.rmtree(output, ignore_errors=True)
-    tracker = make_tracker(row, PoseDatabase.load(poses_path), overrides, str(poses_path))
+    tracker: Tracker
+    if row in SWARMS:
+        tracker = SwarmTracker(swarm_settings(row, overrides))
+    else:
+        poses_path = poses_of(options)
+        tracker = make_tracker(row, PoseDatabase.load(poses_path), overrides, str(poses_path))
     report = track_recordings(paths, tracker, output)
     for path, reason in report.failed.items():
         print(f"{path.name} failed: {reason}")
@@ -100,23 +110,22 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--recordings", type=Path, default=RECORDINGS, help="folder of UTD-MHAD")
     parser.add_argument("--stride", type=int, default=1, help="every so many recordings")
-    parser.add_argument("--rows", default="hybrid", help="comma-separated, out of: " + ", ".join(ROWS))
+    parser.add_argument("--rows", default="hybrid", help="comma-separated, out of: " + ", ".join((*ROWS, *SWARMS)))
     add_database_options(parser)
     options = parser.parse_args()
     paths = sorted(options.recordings.glob("*_depth.mat"))[:: options.stride]
     if not paths:
         parser.error(f"{options.recordings} holds no recording of UTD-MHAD; name its folder with --recordings")
     overrides = parse_overrides(options.set)
-    poses = poses_of(options)
     figures, settings = {}, {}
     for row in options.rows.split(","):
-        runs = run_row(row, paths, poses, overrides, options.work)
+        runs = run_row(row, paths, options, overrides)
         table = evaluate_runs(runs)
         bones = anatomy(runs, [Path(RunInfo.load(run).recording) for run in runs])
         print_row(row, table, bones)
         recordings = {scores.recording: figures_of(scores) | bones[scores.recording] for scores in table}
         figures[row] = {"mean": figures_of(table.mean()), "recordings": recordings}
-        settings[row] = asdict(settings_of(row, overrides))
+        settings[row] = asdict(swarm_settings(row, overrides) if row in SWARMS else settings_of(row, overrides))
     whole = options.stride == 1 and not options.set and options.recordings == RECORDINGS
     print("written:", save_figures("real" if whole else "real_part", figures, settings))
 

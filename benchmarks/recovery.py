@@ -6,6 +6,7 @@ left and right swapped; the body turned by 180 degrees; the arms swapped; the bo
 direction. Then the frames are counted until 18 of 20 joints are within 150 mm of the truth, the first one counts 1.
 Recordings that end before are played on backwards. A start counts only if the wrong pose is wrong by that measure. A
 tracker that has not recovered after 90 frames counts as 90; undisturbed frames that miss the measure are counted too.
+With `--joints` every frame brings joints in the image (see `bench swarm`), which the swarm of the hybrid tracker uses.
 """
 
 from __future__ import annotations
@@ -21,24 +22,17 @@ import numpy as np
 from benchmarks._options import add_database_options, add_take_options, poses_of
 from benchmarks._record import save_figures
 from benchmarks._rows import ROWS, make_tracker, settings_of
+from benchmarks._takes import SOURCES, is_right, joints_of, prepared
 from toolkit.config import parse_overrides
 from toolkit.database.database import PoseDatabase
-from toolkit.evaluation.joints import joint_errors
-from toolkit.sensing.opening import open_recording
 from toolkit.sensing.recording import Recording
 from toolkit.testing.misled import KINDS, misled, wrong_pose
-from toolkit.testing.suite import LONGEST, chosen_takes, record
+from toolkit.testing.suite import LONGEST, chosen_takes
 from toolkit.tracking.protocol import Tracker
 from toolkit.tracking.solo import Solo
 
-ENOUGH, WITHIN = 18, 0.15
 CAP = 90
 """Frames after which nobody waits any longer."""
-
-
-def is_right(joints: np.ndarray, truth: np.ndarray) -> bool:
-    """Whether 18 of the 20 joints (20, 3) are within 150 mm."""
-    return int((joint_errors(joints[None], truth[None]) < WITHIN).sum()) >= ENOUGH
 
 
 def frames_from(start: int, total: int) -> Iterator[int]:
@@ -56,7 +50,7 @@ def recovery(solo: Solo, recording: Recording, start: int, wrong: np.ndarray) ->
     taken = None
     for count, i in enumerate(islice(frames_from(start, len(recording)), CAP), start=1):
         timestamp += step
-        if is_right(solo.step(recording.depth(i), timestamp).joints, recording.joints[i]):
+        if is_right(solo.step(recording.depth(i), timestamp, joints_of(recording, i)).joints, recording.joints[i]):
             taken = count
             break
     solo.follower.state = undisturbed
@@ -76,7 +70,7 @@ def run(
         waiting = sorted(zip(rng.integers(1, max(2, int(0.7 * len(recording))), len(due)).tolist(), due, strict=True))
         solo = Solo(tracker, recording)
         for i in range(len(recording)):
-            result = solo.step(recording.depth(i), float(recording.timestamps[i]))
+            result = solo.step(recording.depth(i), float(recording.timestamps[i]), joints_of(recording, i))
             right.append(is_right(result.joints, recording.joints[i]))
             if not right[-1] or solo.follower.state.previous is None:
                 continue
@@ -117,10 +111,11 @@ def main() -> None:
     add_take_options(parser)
     parser.add_argument("--starts", type=int, default=50, help="of each kind")
     parser.add_argument("--row", choices=ROWS, default="hybrid")
+    parser.add_argument("--joints", choices=SOURCES, default="none")
     add_database_options(parser)
     options = parser.parse_args()
     takes = chosen_takes(options.split, count=options.takes)
-    recordings = [open_recording(record(take, options.work, options.frames)) for take in takes]
+    recordings = [prepared(take, options.joints, options.work, options.frames) for take in takes]
     poses = PoseDatabase.load(poses_of(options))
     overrides = parse_overrides(options.set)
     tracker = make_tracker(options.row, poses, overrides)
@@ -135,7 +130,8 @@ def main() -> None:
     whole = options.takes is None and options.frames >= LONGEST and not options.set and options.row == "hybrid"
     figures = {"kinds": kinds, "starts": found, "undisturbed_right": right}
     settings = asdict(settings_of(options.row, overrides)) | {"poses": len(poses), "cap": CAP}
-    print("written:", save_figures(f"recovery_{options.split}{'' if whole else '_part'}", figures, settings))
+    name = f"recovery_{options.split}{'' if options.joints == 'none' else '_joints'}{'' if whole else '_part'}"
+    print("written:", save_figures(name, figures, settings | {"joints": options.joints}))
 
 
 if __name__ == "__main__":

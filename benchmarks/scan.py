@@ -16,27 +16,12 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from benchmarks._record import save_figures
-from toolkit.body import skeleton
+from benchmarks._sequences import TURNS, view_of
 from toolkit.body.body import Body
 from toolkit.body.shape import load_body
-from toolkit.mocap.clip import PoseClip
-from toolkit.pipeline.scan import FRAMES, scan_recordings
-from toolkit.simulation.simulate import simulate_recording
-from toolkit.testing.sequences import DISTANCE, SEQUENCES, sequence_body
+from toolkit.pipeline.scan import scan_recordings
+from toolkit.testing.sequences import SEQUENCES, sequence_body
 from toolkit.testing.suite import WORK
-
-TURNS = (0.0, 90.0, 180.0, 270.0)
-
-
-def view_of(name: str, degrees: float, work: Path) -> Path:
-    """The subject of a sequence in a T-pose, turned."""
-    path = work / "scans" / f"{name}_{degrees:.0f}.npz"
-    clip = PoseClip("T-pose", np.zeros((FRAMES, skeleton.POSE_SIZE)), 30.0, "scan")
-    simulate_recording(
-        clip, path, body=sequence_body(name), yaw=degrees, sensor="kinect", distance=DISTANCE, height=1.2,
-        furnished=False, seed=int(degrees),
-    )  # fmt: skip
-    return path
 
 
 def skin_mm(body: Body, truth: Body) -> np.ndarray:

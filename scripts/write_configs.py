@@ -1,4 +1,4 @@
-"""Writes `configs/hybrid.yaml` from the settings classes: `python scripts/write_configs.py`."""
+"""Writes the settings files that show a tracker's defaults: `python scripts/write_configs.py`."""
 
 from __future__ import annotations
 
@@ -7,19 +7,30 @@ from pathlib import Path
 from toolkit.config import explained_text
 from toolkit.files import save_text
 from toolkit.tracking.settings import HybridSettings
+from toolkit.tracking.swarm import SwarmTrackerSettings
 
-HYBRID = Path(__file__).parents[1] / "configs" / "hybrid.yaml"
-HEAD = """# The default tracker: Baak 2013 with what its section 5.5.5 left open. Copy this file to change values;
+FOLDER = Path(__file__).parents[1] / "configs"
+HEADS: dict[type, str] = {
+    HybridSettings: """
+# The default tracker: Baak 2013 with what its section 5.5.5 left open. Copy this file to change values;
 # what stays may be left out. configs/baak2013.yaml switches back to the paper.
-# Written by scripts/write_configs.py from the settings classes, where values, units and reasons stand.
+""",
+    SwarmTrackerSettings: """
+# The swarm tracker: joints in the image and the depth are all it is told; no motion capture, no regressor,
+# no database. A particle swarm (Qammaz) looks for the pose, the local optimisation of the hybrid tracker
+# refines it, and the nearer of swarm and previous pose wins. Copy this file to change values; what stays may
+# be left out. configs/qammaz.yaml is the paper's own variant.
+""",
+}
+"""What stands above the settings of each class."""
+WRITTEN = "# Written by scripts/write_configs.py from the settings classes, where values, units and reasons stand.\n\n"
 
-"""
 
-
-def hybrid_text() -> str:
-    """What stands in the file."""
-    return HEAD + explained_text(HybridSettings())
+def config_text(kind: type) -> str:
+    """What stands in the file of a settings class."""
+    return HEADS[kind].lstrip() + WRITTEN + explained_text(kind())
 
 
 if __name__ == "__main__":
-    save_text(HYBRID, hybrid_text())
+    for settings in HEADS:
+        save_text(FOLDER / f"{settings().tracker}.yaml", config_text(settings))

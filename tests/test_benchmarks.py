@@ -11,21 +11,26 @@ import pytest
 
 from benchmarks import (
     _record,
+    _swarm_rows,
+    _takes,
     accuracy,
     candidates,
+    cold,
     effectors,
     prior,
+    qammaz,
     real,
     recovery,
     regressor,
     speed,
     swarm,
+    swarm_speed,
     upper,
 )
 from benchmarks._rows import WatchedTracker
 from database_builder.build import build_database
 from database_builder.parts import PartsSettings
-from toolkit.body.shape import subject_body
+from toolkit.body.shape import load_body, subject_body
 from toolkit.database.database import PoseDatabase
 from toolkit.mocap.procedural import procedural_clips
 from toolkit.sensing.opening import open_recording
@@ -37,6 +42,8 @@ from toolkit.tracking.solo import Solo
 
 QUICK = ("--set", "shape.seconds=0.1")
 """The shape is learnt from two frames only."""
+FEW = [f"--set={name}" for name in ("sizes=[0.4]", "swarm.particles=6", "swarm.generations=4", "shape.seconds=0.1")]
+"""The same, by a swarm too small to find much."""
 
 
 @pytest.fixture(scope="module")
@@ -52,7 +59,7 @@ def small_database(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def bundled(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Path:
     """The suite of bundled motions, with results in a temporary folder, which is returned."""
     monkeypatch.setattr(suite, "MOCAP", tmp_path / "absent")
-    for module in (_record, accuracy):
+    for module in (_record, accuracy, qammaz):
         monkeypatch.setattr(module, "RESULTS", tmp_path)
     return tmp_path
 
@@ -119,23 +126,57 @@ def test_accuracy_compares_trackers_and_writes_figures_and_plots(
 def test_the_swarm_is_compared_with_its_parts_and_on_first_frames(
     bundled: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    few = [f"--set={name}" for name in ("sizes=[0.4]", "swarm.particles=6", "swarm.generations=4", "shape.seconds=0.1")]
-    arguments = ["--takes", 1, "--frames", 4, "--joints", "truth", "--rows", "swarm,no 3D", "--work", bundled, *few]
-    monkeypatch.setattr(swarm, "EVERY", 2)
-    for cold in ([], ["--cold"]):
-        run(swarm, *arguments, *cold, monkeypatch=monkeypatch)
-        figures = json.loads((bundled / f"swarm_tune{'_cold' if cold else ''}_part.json").read_text())["figures"]
+    arguments = ["--takes", 1, "--frames", 4, "--joints", "truth", "--rows", "swarm,no 3D", "--work", bundled, *FEW]
+    monkeypatch.setattr(_swarm_rows, "EVERY", 2)
+    for more in ([], ["--cold"]):
+        run(swarm, *arguments, *more, monkeypatch=monkeypatch)
+        figures = json.loads((bundled / f"swarm_tune{'_cold' if more else ''}_part.json").read_text())["figures"]
         assert list(figures) == ["truth, swarm", "truth, no 3D"]
         assert set(figures["truth, swarm"]["groups"]) == {*GROUPS, "overall"}
         assert 0.0 < figures["truth, swarm"]["groups"]["overall"]["delta_mm"] < 1000.0
         assert {"mean", "low", "high"} <= set(figures["truth, no 3D"]["worse_mm"])
 
 
+def test_tables_of_the_swarms_paper_are_made_of_short_sequences(bundled: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(qammaz, "scanned", lambda name, work: load_body("neutral"))
+    monkeypatch.setattr(qammaz, "PARTICLES", (4, 8))
+    monkeypatch.setattr(qammaz, "GENERATIONS", (3,))
+    arguments = ["--sequences", "MS_1", "--frames", 3, "--joints", "truth", "--work", bundled, *FEW]
+    for part in qammaz.PARTS:
+        run(qammaz, part, *arguments, monkeypatch=monkeypatch)
+        figures = json.loads((bundled / f"qammaz_{part}_part.json").read_text())["figures"]
+        assert all(0.0 < row["delta_mm"] < 1500.0 for row in figures["ours"].values())
+        assert (bundled / f"qammaz_{part}_part.png").exists() == (part != "figure3")
+        if part == "models":
+            assert "MS_1 with neutral" in figures["ours"] and figures["paper_mm"]["MS_1 with MS_2"] == 103.7
+
+
+def test_first_frames_are_counted_with_the_swarm_and_without(
+    bundled: Path, small_database: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    arguments = ["--takes", 1, "--frames", 4, "--joints", "truth", "--rows", "hybrid,no swarm", "--every", 2]
+    run(cold, *arguments, "--database", small_database, "--work", bundled, *QUICK, monkeypatch=monkeypatch)
+    figures = json.loads((bundled / "cold_tune_truth_part.json").read_text())["figures"]
+    assert [figures[row]["overall"]["starts"] for row in ("hybrid", "no swarm")] == [10, 10]
+    assert {"mean", "low", "high"} <= set(figures["no swarm"]["fewer_right_points"])
+
+
+def test_the_swarms_time_is_told_by_stage_and_by_hypothesis(bundled: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(swarm_speed, "POSES", 4)
+    monkeypatch.setattr(swarm_speed, "SIZES", ((30, 40),))
+    run(swarm_speed, "--frames", 3, "--rows", "swarm", "--work", bundled, monkeypatch=monkeypatch)
+    figures = json.loads((bundled / "swarm_speed_part.json").read_text())["figures"]
+    assert list(figures["times"]) == ["swarm, 1", "swarm, 2"] and set(figures["hypothesis_us"]) == {
+        "balls", "small", "mesh",
+    }  # fmt: skip
+    assert set(figures["times"]["swarm, 1"]["stages"]) == {"prepare", "landmarks", "local", "swarm", "select"}
+
+
 def test_recovery_counts_frames_until_the_pose_is_right(
     bundled: Path, small_database: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(recovery, "CAP", 3)
-    monkeypatch.setattr(recovery, "WITHIN", 0.5)
+    monkeypatch.setattr(_takes, "WITHIN", 0.5)
     arguments = ["--takes", 1, "--frames", 4, "--starts", 5, "--database", small_database, "--work", bundled]
     run(recovery, *arguments, *QUICK, monkeypatch=monkeypatch)
     figures = json.loads((bundled / "recovery_tune_part.json").read_text())["figures"]

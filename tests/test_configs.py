@@ -6,9 +6,10 @@ from dataclasses import fields, is_dataclass
 from pathlib import Path
 from typing import Any
 
+import pytest
 import yaml
 
-from scripts.write_configs import hybrid_text
+from scripts.write_configs import HEADS, config_text
 from toolkit.config import attributes_of, load_settings, settings_text
 from toolkit.tracking.settings import HybridSettings
 
@@ -29,23 +30,21 @@ def settings_classes(kind: type) -> list[type]:
     return [kind, *(found for part in inner if is_dataclass(part) for found in settings_classes(part))]
 
 
-def test_every_setting_is_explained_where_its_value_stands() -> None:
-    for kind in settings_classes(HybridSettings):
-        told = [name for names in attributes_of(kind) for name in names.split(", ")]
-        plain = [field.name for field in fields(kind) if not is_dataclass(getattr(kind(), field.name))]
-        assert told == plain, kind
-        assert all(attributes_of(kind).values())
+@pytest.mark.parametrize("kind", [inner for kind in HEADS for inner in settings_classes(kind)])
+def test_every_setting_is_explained_where_its_value_stands(kind: type) -> None:
+    told = [name for names in attributes_of(kind) for name in names.split(", ")]
+    plain = [field.name for field in fields(kind) if not is_dataclass(getattr(kind(), field.name))]
+    assert told == plain
+    assert all(attributes_of(kind).values())
 
 
-def test_the_hybrid_file_is_the_one_that_the_settings_classes_write() -> None:
-    assert (CONFIGS / "hybrid.yaml").read_text(encoding="utf-8") == hybrid_text()
-
-
-def test_the_hybrid_file_shows_the_defaults() -> None:
-    shown = settings_by_name(yaml.safe_load((CONFIGS / "hybrid.yaml").read_text(encoding="utf-8")))
-    defaults = settings_by_name(yaml.safe_load(settings_text(HybridSettings())))
-    assert shown == defaults
-    assert load_settings(HybridSettings, "hybrid") == HybridSettings()
+@pytest.mark.parametrize("kind", HEADS)
+def test_a_file_of_defaults_is_the_one_that_the_settings_classes_write(kind: type) -> None:
+    name = kind().tracker
+    assert (CONFIGS / f"{name}.yaml").read_text(encoding="utf-8") == config_text(kind)
+    shown = settings_by_name(yaml.safe_load((CONFIGS / f"{name}.yaml").read_text(encoding="utf-8")))
+    assert shown == settings_by_name(yaml.safe_load(settings_text(kind())))
+    assert load_settings(kind, name) == kind()
 
 
 def test_the_papers_variant_has_its_two_hypotheses_and_nothing_learnt() -> None:

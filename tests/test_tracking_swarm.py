@@ -10,16 +10,14 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-import yaml
 from typer.testing import CliRunner
 
 from tests.database_helpers import small_database
-from tests.test_configs import CONFIGS, settings_by_name
 from toolkit.body import skeleton
 from toolkit.body.shape import load_body
 from toolkit.checkpoint import load_checkpoint, save_checkpoint
 from toolkit.cli.main import app
-from toolkit.config import load_settings, settings_text
+from toolkit.config import load_settings
 from toolkit.errors import SettingsError
 from toolkit.fitting.discrepancy import DiscrepancySettings, SeenJoints
 from toolkit.fitting.swarm import SwarmSettings
@@ -27,11 +25,13 @@ from toolkit.pipeline import load_tracker
 from toolkit.pipeline.joints import JointChoice, joint_source
 from toolkit.sensing.joints2d import Joints2D
 from toolkit.sensing.opening import open_recording
+from toolkit.sensing.people.lone import LonePerson
 from toolkit.sensing.recording import Recording
 from toolkit.sensing.writer import save_recording
 from toolkit.testing.joints import DERIVED, DetectorErrors, detected
 from toolkit.testing.subjects import LEVEL, camera_for, draw, moving_poses
 from toolkit.track import EMPTY, TRACKED, FrameResult, RunInfo, Track
+from toolkit.tracking.clock import StageClock
 from toolkit.tracking.hybrid import HybridTracker
 from toolkit.tracking.search.seen import exchanged, gap, looks_exchanged
 from toolkit.tracking.search.swarm import SwarmSearchSettings
@@ -193,6 +193,50 @@ def test_one_joint_far_off_does_little_harm(recording: Recording) -> None:
     assert errors(run(recording, joints), recording).mean() < 0.07
 
 
+def test_sides_that_are_exchanged_in_the_whole_take_are_put_right_by_the_depth(recording: Recording) -> None:
+    joints = [other_side(recording.joints_2d(i)[0]) for i in range(FRAMES)]
+    found = errors(run(recording, joints, SwarmTrackerSettings()), recording)
+    assert found.mean() < 0.06 and found.max() < 0.15
+
+
+def test_a_joint_300_pixels_off_is_outside_the_image_and_unknown(
+    results: list[FrameResult], recording: Recording
+) -> None:
+    joints = []
+    for i in range(FRAMES):
+        pixels = recording.joints_2d(i)[0].pixels.copy()
+        pixels[skeleton.REPORTED.index("right_knee"), 0] += 300
+        joints.append(Joints2D(pixels, recording.joints_2d(i)[0].confidence))
+    found = errors(run(recording, joints), recording)
+    assert found.mean() < errors(results, recording).mean() + 0.02
+
+
+def test_joints_that_are_frozen_for_the_whole_take_do_not_hold_the_person(recording: Recording) -> None:
+    found = errors(run(recording, [recording.joints_2d(0)[0]] * FRAMES), recording)
+    still = np.linalg.norm(recording.joints - recording.joints[0], axis=2).mean(axis=1)
+    assert found[12:].mean() < 0.5 * still[12:].mean()
+
+
+def test_one_frame_is_enough(recording: Recording) -> None:
+    solo = Solo(SwarmTracker(replace(SETTINGS, sizes=(0.4, 1.5))), recording)
+    result = solo.step(recording.depth(0), 0.0, recording.joints_2d(0))
+    assert result.state == TRACKED and np.linalg.norm(result.joints - recording.joints[0], axis=1).mean() < 0.1
+
+
+def test_pixels_of_which_nothing_is_known_change_nothing(recording: Recording) -> None:
+    """A frame around whose person nothing at all was observed is tracked as if everything there were free, or hidden."""
+    finder = LonePerson(recording.camera, None, SETTINGS.sensing, recording.up_camera)
+    found = []
+    for unknown in (False, True):
+        solo = Solo(tracker(), recording)
+        (seen,) = finder.find(recording.depth(0), 0.0, {})
+        unobserved = seen.depth == 0 if unknown else np.zeros(seen.depth.shape, dtype=bool)
+        sighting = replace(seen, unobserved=unobserved, joints=recording.joints_2d(0)[0])
+        found.append(solo.follower.step(sighting, 0.0, StageClock(tracker().stage_names)))
+    assert [f.state for f in found] == [TRACKED, TRACKED]
+    assert errors([found[1]], recording)[0] < 0.12
+
+
 def test_without_any_joints_a_person_is_followed_by_the_depth_alone(recording: Recording) -> None:
     results = run(recording, [recording.joints_2d(0)[0], *[None] * (FRAMES - 1)])
     assert errors(results, recording).mean() < 0.08
@@ -274,13 +318,6 @@ def test_the_gap_is_the_weighted_mean_distance_of_joints_that_are_known() -> Non
     seen.points[4] = np.nan
     assert gap(seen, joints) == pytest.approx(0.05)
     assert gap(None, joints) == 0.0 == gap(seen._replace(confidence=np.zeros(20)), joints)
-
-
-def test_the_swarm_file_shows_the_defaults() -> None:
-    shown = settings_by_name(yaml.safe_load((CONFIGS / "swarm.yaml").read_text(encoding="utf-8")))
-    defaults = settings_by_name(yaml.safe_load(settings_text(SwarmTrackerSettings())))
-    assert shown == {name: defaults[name] for name in shown}
-    assert load_settings(SwarmTrackerSettings, "swarm") == SwarmTrackerSettings()
 
 
 def test_the_papers_variant_has_its_dimensions_and_limits() -> None:

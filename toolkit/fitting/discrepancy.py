@@ -12,8 +12,10 @@ import numpy as np
 
 from toolkit.body import skeleton
 from toolkit.body.body import Body
+from toolkit.body.shape import load_body
 from toolkit.errors import SettingsError
 from toolkit.fitting.placed import balls_of
+from toolkit.fitting.small_mesh import simplified
 from toolkit.fitting.terms import CARRIERS
 from toolkit.inertial import quaternions as quat
 from toolkit.kernels import swarm as kernel
@@ -21,23 +23,28 @@ from toolkit.kernels import swarm as kernel
 WEIGHTS: dict[str, float] = {"hip": 0.2, "wrist": 1.8, "ankle": 1.8}
 """Of joints that detectors find badly or well (Qammaz, 2.3.2); 1 for the others."""
 JOINT_WEIGHTS: np.ndarray = np.array([WEIGHTS.get(name.split("_")[-1], 1.0) for name in skeleton.REPORTED])
-FIGURES = ("balls", "mesh")
+FIGURES = ("balls", "small", "mesh")
 
 
 @dataclass(frozen=True)
 class DiscrepancySettings:
-    """Constants of the objective (Qammaz, 2.3); the reasons stand beside the values in `configs/*.yaml`.
+    """Constants of the objective (Qammaz, 2.3).
 
     Attributes
     ----------
-    figure : what is drawn: 40 "balls", or the body's "mesh"
-    width, height : pixels of the small image that is compared
-    margin : size of its box against that of the silhouette, at least 1
-    clamp : T of Eq. 3, metres
-    depth, joints_2d, joints_3d : weights of the mean distances of pixels, of joints in the image at the person's
-        distance, and of joints in space; all in metres
-    fewest : joints that have to be seen, otherwise none counts
-    threads : among which the poses are divided; the result does not depend on it
+    figure : what is drawn: 40 "balls", the body's "mesh", or a "small" one of 360 of its vertices. Balls cost a fifth
+        of the mesh, and the local optimisation has the mesh
+    width, height : pixels of the small image that is compared: a limb has two across
+    margin : size of its box against that of the silhouette, at least 1: an arm that is not where it is thought to be
+        has to cost something
+    clamp : metres, the most that a pixel costs, T of Eq. 3: the paper's
+    depth : weight of the mean distance of pixels. All is in metres, so that a mean pixel counts as a mean joint
+    joints_2d : weight of the mean distance of joints in the image, at the person's distance; detectors are 2 to 3 cm
+        off where the pose is right
+    joints_3d : weight of the mean distance of joints in space; hidden ones are lifted to what hides them
+    fewest : joints that have to be seen, otherwise none counts: fewer say less than they can spoil
+    threads : among which the poses are divided; the result does not depend on it, and more than one pay from 64
+        particles of the mesh on
     """
 
     figure: str = "balls"
@@ -135,12 +142,24 @@ def figure_of(body: Body, kind: str) -> kernel.Figure:
     """The body as it is drawn, `kind` out of `FIGURES`."""
     balls = balls_of(body)
     drawn = slice(None) if kind == "balls" else slice(0)
+    vertices, faces = np.arange(len(body.vertices)), np.empty((0, 3), dtype=np.int64)
+    if kind == "mesh":
+        faces = body.faces.astype(np.int64)
+    elif kind == "small":
+        vertices, faces = _few(body.faces.tobytes())
     return kernel.Figure(
         skeleton.PARENTS, skeleton.DOF_JOINT, skeleton.DOF_AXIS, body.joints,
         balls.joint[drawn], balls.offset[drawn], balls.radius[drawn],
-        body.vertices, body.skin_joints, body.skin_weights,
-        body.faces.astype(np.int64) if kind == "mesh" else np.empty((0, 3), dtype=np.int64),
+        body.vertices[vertices], body.skin_joints[vertices], body.skin_weights[vertices], faces,
     )  # fmt: skip
+
+
+@lru_cache(maxsize=2)
+def _few(topology: bytes) -> tuple[np.ndarray, np.ndarray]:
+    """Vertices int64 (W,) of a mesh's small figure, and its triangles (G, 3) of them: the same for all bodies."""
+    faces = simplified(load_body("neutral").vertices, np.frombuffer(topology, dtype=np.int32).reshape(-1, 3))
+    used = np.unique(faces)
+    return used, np.searchsorted(used, faces)
 
 
 def targets_of(body: Body, seen: SeenJoints | None, distance: float, settings: DiscrepancySettings) -> kernel.Targets:

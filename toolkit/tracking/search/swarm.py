@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -29,28 +29,38 @@ from toolkit.tracking.state import PersonState
 ANGLES = np.arange(6, skeleton.POSE_SIZE)
 """Entries of a pose that perturbations change."""
 BELIEVED = 0.35
-"""Seconds for which the person is believed more than a detector that says left for right."""
+"""Seconds after which a detector that says left for right is asked again, and the frame decides."""
 
 
 @dataclass(frozen=True)
 class SwarmSearchSettings:
-    """Where a swarm looks, and what becomes of what it finds; the reasons stand beside the values in `configs/*.yaml`.
+    """Where a swarm looks, and what becomes of what it finds.
 
     Attributes
     ----------
-    window : radians, how far each angle, and the root's orientation about each axis, may be from the previous pose
+    window : radians, how far each angle, and the root's orientation about each axis, may be from the previous pose:
+        more than any joint turns in a 30th of a second
     reach : metres, how far the root may be from its previous place in each direction
-    tilt : radians, the same for the root's orientation where there is no previous pose, from what the joints say
-    tries : times that the person is looked for afresh each way round, before a last swarm around the best
-    history : previous poses that are particles too
-    joints_first : a swarm on the joints alone shows the swarm on everything where to begin
-    copies : of its best that begin there, `spread` apart: radians and metres
-    frozen : joints of `skeleton.JOINT_NAMES` that stay as in the T-pose
-    limits : other limits of single angles, by `skeleton.POSE_NAMES`, radians
-    pulled, refined : iterations of the local optimisation with and without the pull of the joints; 0 and 0 for none
-    pull : weight of a sure joint against one correspondence; pull_sigma : metres at which a joint loses its pull
-    disagreement : metres, mean distance from the joints above which everything is looked for afresh; 0 for never
-    trust : metres that a metre from the joints counts then
+    tilt : radians, the same for the root's orientation where there is no previous pose: shoulders and hips say how the
+        trunk stands, as well as they are lifted
+    tries : times that the person is looked for afresh each way round, before a last swarm around the best: a third
+        more first frames are right than after one
+    history : previous poses that are particles too; the paper's
+    joints_first : a swarm on the joints alone, which costs a fifth, shows the swarm on everything where to begin
+    copies : of its best that begin there
+    spread : radians and metres by which they are apart
+    frozen : joints of `skeleton.JOINT_NAMES` that stay as in the T-pose; none, for people move them all
+    limits : other limits of single angles, by `skeleton.POSE_NAMES`, radians; None keeps those of the skeleton
+    pulled, refined : iterations of the local optimisation with and without the pull of the joints, 0 and 0 for none:
+        joints are coarse, and the depth has the last word
+    pull : weight of a sure joint against one correspondence: as much as the vertices around it
+    pull_sigma : metres at which a joint loses its pull, so that one that is hidden, and lifted to what hides it, pulls
+        nothing
+    disagreement : metres, mean distance from the joints above which everything is looked for afresh, 0 for never:
+        twice what lifted joints are off where the pose is right
+    trust : metres that a metre from the joints counts then: the frame counts twice as much
+    sides : metres by which a body has to be nearer that is looked for with left and right of the joints exchanged:
+        detectors that see no faces take a twentieth of the backs for fronts
     """
 
     window: float = 0.7
@@ -69,6 +79,7 @@ class SwarmSearchSettings:
     pull_sigma: float = 0.1
     disagreement: float = 0.08
     trust: float = 0.5
+    sides: float = 0.015
 
     def __post_init__(self) -> None:
         if min(self.window, self.reach, self.tilt, self.pull_sigma) <= 0.0:
@@ -133,16 +144,16 @@ class SwarmSearch:
             return NOTHING
         frame, doubts = self._frame(observation, state)
         if state.previous is None:
-            found = self._afresh(frame, state.body, rng)
+            found, _ = self._afresh(frame, state.body, rng)
             return Proposal((Hypothesis("swarm", found.pose, found.comparison),), _carry(found.pose[None], 0.0))
         poses = self._history(state)
-        carry = _carry(poses[: self._settings.history], doubts)
+        carry = _carry(poses[: self._settings.history], doubts if doubts <= BELIEVED else 0.0)
         rivals = [] if best is None else [_Found(best.hypothesis.pose, best.comparison)]
         found = self._follow(frame, state.body, poses, rivals, rng)
         nearest = min([*rivals, found], key=lambda rival: rival.comparison.distance)
-        if self._disagrees(frame, state.body, nearest):
-            afresh = self._afresh(frame, state.body, rng)
-            if self._judged(frame, state.body, afresh) < self._judged(frame, state.body, nearest):
+        if doubts > BELIEVED or self._disagrees(frame, state.body, nearest):
+            afresh, judged = self._afresh(frame, state.body, rng)
+            if judged < self._judged(frame, state.body, nearest):
                 hypothesis = Hypothesis("joints", afresh.pose, afresh.comparison, supersedes=True)
                 return Proposal((hypothesis,), carry)
         return Proposal((Hypothesis("swarm", found.pose, found.comparison, continues=True),), carry)
@@ -154,7 +165,7 @@ class SwarmSearch:
             doubts = float(state.carry.get(self.name, {}).get("doubts", np.zeros(1))[0])
             wrong = looks_exchanged(seen, linear.rotated(state.previous.joints, cloud.rotation))
             doubts = doubts + observation.elapsed if wrong else 0.0
-            if 0.0 < doubts <= BELIEVED:
+            if wrong:
                 seen = exchanged(seen)
         image = small_image(cloud.depth, observation.unobserved, cloud.camera.intrinsics, (s.height, s.width), s.margin)
         return _Frame(observation, seen, image), doubts
@@ -177,8 +188,24 @@ class SwarmSearch:
         limits = self._window(starts[0], half)
         return self._finished(frame, body, costs, self._searched(costs, starts, limits, rng))
 
-    def _afresh(self, frame: _Frame, body: Body, rng: np.random.Generator) -> _Found:
-        """The best pose within all limits, whichever way the person may face; then the best around that."""
+    def _afresh(self, frame: _Frame, body: Body, rng: np.random.Generator) -> tuple[_Found, float]:
+        """The best pose within all limits, whichever way the person may face, and how it is judged, metres.
+
+        A detector may have taken left for right. Turned round, a body lies farther from the frame, and that decides.
+        """
+        best, least = None, np.inf
+        for sides, handicap in ((frame, 0.0), (frame.exchanged(), self._settings.sides)):
+            if sides is None:
+                continue
+            found = self._anywhere(sides, body, rng)
+            judged = self._judged(sides, body, found) + handicap
+            if best is None or judged < least:
+                best, least = found, judged
+        assert best is not None
+        return best, least
+
+    def _anywhere(self, frame: _Frame, body: Body, rng: np.random.Generator) -> _Found:
+        """The best pose within all limits for joints whose sides are known; then the best around that."""
         found = []
         s = self._settings
         half = np.full(skeleton.POSE_SIZE, np.inf)
@@ -245,6 +272,10 @@ class _Frame:
     observation: Observation
     seen: SeenJoints | None
     image: SmallImage
+
+    def exchanged(self) -> _Frame | None:
+        """The same with left and right of the joints the other way round; None without joints."""
+        return None if self.seen is None else replace(self, seen=exchanged(self.seen))
 
     def discrepancy(
         self, body: Body, around: np.ndarray, settings: DiscrepancySettings, *, previous: bool = False

@@ -1,0 +1,53 @@
+"""Takes of the simulated suite with joints in the image, and when a result is right."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from toolkit.evaluation.joints import joint_errors
+from toolkit.pipeline.joints import JointChoice
+from toolkit.pipeline.store_joints import store_joints
+from toolkit.sensing.joints2d import Joints2D
+from toolkit.sensing.opening import open_recording
+from toolkit.sensing.recording import Recording
+from toolkit.testing.joints import detected
+from toolkit.testing.suite import Take, digest_of, record
+
+SOURCES = ("colour", "depth", "truth", "none")
+"""Where joints come from: found by the network in colour or in shaded depth, the true ones with its errors, nowhere."""
+ENOUGH, WITHIN = 18, 0.15
+
+
+def is_right(joints: np.ndarray, truth: np.ndarray) -> bool:
+    """Whether 18 of the 20 joints (20, 3) are within 150 mm."""
+    return int((joint_errors(joints[None], truth[None]) < WITHIN).sum()) >= ENOUGH
+
+
+def prepared(take: Take, source: str, work: Path, frames: int) -> Recording:
+    """The take with joints in the image from `source`."""
+    path = record(take, work, frames, color=source == "colour")
+    return with_joints(path, source, work, take.seed)
+
+
+def with_joints(path: Path, source: str, work: Path, seed: int = 0) -> Recording:
+    """A recording with joints in the image from `source`; what a network finds is kept beside it.
+
+    `seed` is that of the errors of joints that are the true ones.
+    """
+    if source == "none":
+        return open_recording(path)
+    if source == "truth":
+        recording = open_recording(path)
+        rng = np.random.default_rng(seed)
+        recording.give_joints_2d(detected(np.asarray(recording.joints), recording.camera.undistorted(), rng))
+        return recording
+    folders = ["toolkit/landmarks", "toolkit/sensing"]
+    kept = work / "joints" / f"{path.stem}_{source}_{digest_of([], folders)}.npz"
+    return open_recording(kept) if kept.exists() else store_joints(open_recording(path), kept, JointChoice(source))
+
+
+def joints_of(recording: Recording, i: int) -> tuple[Joints2D, ...]:
+    """What the frame itself brings."""
+    return () if recording.image_joints is None else recording.joints_2d(i)
