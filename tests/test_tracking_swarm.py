@@ -223,8 +223,8 @@ def test_one_frame_is_enough(recording: Recording) -> None:
     assert result.state == TRACKED and np.linalg.norm(result.joints - recording.joints[0], axis=1).mean() < 0.1
 
 
-def test_pixels_of_which_nothing_is_known_change_nothing(recording: Recording) -> None:
-    """A frame around whose person nothing at all was observed is tracked as if everything there were free, or hidden."""
+def test_a_person_is_tracked_where_nothing_else_was_observed(recording: Recording) -> None:
+    """A person around whom nothing at all was observed is tracked all the same."""
     finder = LonePerson(recording.camera, None, SETTINGS.sensing, recording.up_camera)
     found = []
     for unknown in (False, True):
