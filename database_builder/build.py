@@ -3,30 +3,32 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
+from itertools import chain
 from pathlib import Path
 
 import numpy as np
 
 from database_builder.parts import PartsSettings, train_forest
+from database_builder.pool import PosePool
 from database_builder.prior import learn_prior
 from database_builder.reading import (
     CanonicalPoses,
+    Source,
     find_sources,
     of_clip,
     process_pool,
     read_source,
     usable_processors,
 )
-from database_builder.sampling import farthest_first
 from toolkit.body.body import Body
 from toolkit.body.shape import load_body
 from toolkit.database.database import PoseDatabase
 from toolkit.database.origin import View, observed_offsets
 from toolkit.errors import MocapError, UsageError
-from toolkit.files import check_output, free_folder, is_folder, make_own_folder, remove_own_folder
+from toolkit.files import check_output, free_folder, is_folder, locked, make_own_folder, remove_own_folder
 from toolkit.mocap.clip import PoseClip
 from toolkit.mocap.procedural import SEATED_MOTIONS, procedural_clips
 from toolkit.progress import Progress
@@ -136,77 +138,63 @@ def build_database(
     clock = _Clock()
 
     given = list(procedural_clips(body=body) if sources is None else sources)
-    added = procedural_clips(SEATED_MOTIONS, SEATED_RATE, body=body, variations=2) if given and seated else []
-    read = _read([*given, *added], work, body, mirror, processes, report)
-    skipped = tuple((one.name, one.error) for one in read if one.error)
-    unusable = len(skipped) == len(read) - len(added)
-    if unusable:
-        remove_own_folder(work)  # it holds nothing that another build could use
-    if skipped and (strict or unusable):
-        raise MocapError(f"{skipped[0][0]} cannot be used ({skipped[0][1]}); {len(skipped)} of {len(read)} such")
-    pool = _Pool.of([one for one in read if not one.error])
-    del read
-    clock.lap("read")
+    clips = [s for s in given if isinstance(s, PoseClip)]
+    files = find_sources([Path(s) for s in given if not isinstance(s, PoseClip)], work)
+    if not files and not clips:
+        raise UsageError("there is no source to build a pose database from; give a folder with mocap")
+    added = procedural_clips(SEATED_MOTIONS, SEATED_RATE, body=body, variations=2) if seated else []
+    make_own_folder(work)
+    with locked(work):
+        pool = PosePool(threshold, max_poses)
+        skipped = _collect(pool, _read(files, [*clips, *added], body, mirror, processes, report), strict)
+        if len(skipped) == len(files) + len(clips):
+            remove_own_folder(work)  # it holds nothing that another build could use
+            raise MocapError(f"no file can be used; {skipped[0][0]}: {skipped[0][1]}; give BVH, ASF/AMC or AMASS")
+        clock.lap("read")
 
-    report("sample", 0, 1)
-    chosen = farthest_first(pool.joints, threshold, max_poses)
-    report("sample", 1, 1)
-    clock.lap("sample")
+        report("sample", 0, 1)
+        selected = pool.select()
+        report("sample", 1, 1)
+        clock.lap("sample")
 
-    poses = pool.poses[chosen]
-    offsets = _look(body, poses, processes, report)
-    clock.lap("look")
+        poses, source, frame, mirrored = selected.rows.poses, *selected.rows[2:]
+        offsets = _look(body, poses, processes, report)
+        clock.lap("look")
 
-    source, frame, mirrored = pool.traced(chosen)
-    notes = {
-        "poses_read": len(pool.poses), "mirror": mirror, "seated": seated, "max_poses": max_poses,
-        "skipped": [list(s) for s in skipped],
-        "residual": residual(body, poses, offsets),
-    }  # fmt: skip
-    forest = None
-    if parts is not None:
-        forest = train_forest(poses, parts, workers=processes, progress=partial(report, "train"))
-        clock.lap("train")
-    prior = learn_prior(poses, body)
-    clock.lap("prior")
-    database = PoseDatabase.of_poses(
-        poses, body, offsets=offsets, sources=pool.names, hashes=pool.digests, pose_source=source, pose_frame=frame,
-        mirrored=mirrored, threshold=threshold, notes=notes, forest=forest, prior=prior,
-    )  # fmt: skip
-    database.save(target)
-    if not keep_work:
-        remove_own_folder(work)
-    clock.lap("write")
-    return BuildReport(target, database, len(pool.poses), skipped, clock.seconds)
+        notes = {
+            "poses_read": pool.poses_read, "mirror": mirror, "seated": seated, "max_poses": max_poses,
+            "skipped": [list(s) for s in skipped],
+            "thinned": selected.thinned,
+            "residual": residual(body, poses, offsets),
+        }  # fmt: skip
+        forest = None
+        if parts is not None:
+            forest = train_forest(poses, parts, workers=processes, progress=partial(report, "train"))
+            clock.lap("train")
+        prior = learn_prior(poses, body)
+        clock.lap("prior")
+        database = PoseDatabase.of_poses(
+            poses, body, offsets=offsets, sources=pool.names, hashes=pool.digests, pose_source=source,
+            pose_frame=frame, mirrored=mirrored, threshold=threshold, notes=notes, forest=forest, prior=prior,
+        )  # fmt: skip
+        database.save(target)
+        if not keep_work:
+            remove_own_folder(work)
+        clock.lap("write")
+    return BuildReport(target, database, pool.poses_read, tuple(skipped), clock.seconds)
 
 
-@dataclass(frozen=True, eq=False)
-class _Pool:
-    """All poses to choose from, one source after the other: float32 (N, P) and joints (N, 20, 3)."""
-
-    poses: np.ndarray
-    joints: np.ndarray
-    names: list[str]
-    digests: list[str]
-    frames: np.ndarray
-    starts: np.ndarray
-
-    @classmethod
-    def of(cls, read: list[CanonicalPoses]) -> _Pool:
-        return cls(
-            poses=np.concatenate([one.poses for one in read]),
-            joints=np.concatenate([one.joints for one in read]),
-            names=[one.name for one in read],
-            digests=[one.digest for one in read],
-            frames=np.array([one.frames for one in read]),
-            starts=np.cumsum([0] + [len(one.poses) for one in read]),
-        )
-
-    def traced(self, rows: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Number of the source, frame in it, and whether it is a mirror image, for each of `rows`."""
-        source = np.searchsorted(self.starts, rows, side="right") - 1
-        place = rows - self.starts[source]
-        return source, place % self.frames[source], place >= self.frames[source]
+def _collect(pool: PosePool, read: Iterator[CanonicalPoses], strict: bool) -> list[tuple[str, str]]:
+    """Put the poses of all sources into the pool; name and reason of every one that could not be used."""
+    skipped: list[tuple[str, str]] = []
+    for one in read:
+        if not one.error:
+            pool.add(one)
+        elif strict:
+            raise MocapError(f"{one.name} cannot be used ({one.error}); leave it out, or build without --strict")
+        else:
+            skipped.append((one.name, one.error))
+    return skipped
 
 
 def residual(body: Body, poses: np.ndarray, offsets: np.ndarray) -> list[dict[str, float]]:
@@ -260,24 +248,16 @@ def _silent(stage: str, done: int, total: int) -> None:
 
 
 def _read(
-    sources: Sequence[str | Path | PoseClip], work: Path, body: Body, mirror: bool, processes: int, report: Progress
-) -> list[CanonicalPoses]:
-    """Canonical poses of all files, in sorted order, then of all clips in the given order."""
-    paths = [Path(s) for s in sources if not isinstance(s, PoseClip)]
-    clips = [s for s in sources if isinstance(s, PoseClip)]
-    if not paths and not clips:
-        raise UsageError("there is no source to build a pose database from; give a folder with mocap")
-    files = find_sources(paths, work)
-    make_own_folder(work)
-    found: list[CanonicalPoses] = []
+    files: Sequence[Source], clips: Sequence[PoseClip], body: Body, mirror: bool, processes: int, report: Progress
+) -> Iterator[CanonicalPoses]:
+    """Canonical poses of all files, then of all clips, one at a time."""
+    done = 0
     with process_pool(processes if len(files) >= MANY_FILES else 1) as mapped:
-        for result in mapped(partial(read_source, body=body, mirror=mirror), files):
-            found.append(result)
-            report("read", len(found), len(files) + len(clips))
-    for clip in clips:
-        found.append(of_clip(clip, body, mirror))
-        report("read", len(found), len(files) + len(clips))
-    return found
+        of_files = mapped(partial(read_source, body=body, mirror=mirror), files)
+        for result in chain(of_files, (of_clip(clip, body, mirror) for clip in clips)):
+            done += 1
+            report("read", done, len(files) + len(clips))
+            yield result
 
 
 def _look(body: Body, poses: np.ndarray, processes: int, report: Progress) -> np.ndarray:

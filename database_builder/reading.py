@@ -4,13 +4,10 @@ from __future__ import annotations
 
 import hashlib
 import os
-import signal
 from collections.abc import Callable, Iterable, Iterator
-from concurrent.futures import ProcessPoolExecutor
-from concurrent.futures.process import BrokenProcessPool
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass
-from multiprocessing import get_context
+from itertools import islice
 from pathlib import Path
 from typing import Any
 
@@ -28,6 +25,8 @@ from toolkit.mocap.retarget import retarget
 
 READING_VERSION = 1
 """Raised whenever reading or retargeting changes what comes out, so that older intermediate files are not used."""
+WAITING = 8
+"""Results of each process that may wait to be taken."""
 
 
 @dataclass(frozen=True)
@@ -144,27 +143,36 @@ def _kept(source: Source, digest: str, key: str) -> CanonicalPoses | None:
 def process_pool(workers: int) -> Iterator[Callable[..., Iterator[Any]]]:
     """Yield a `map` in order over `workers` processes, or the built-in one for a single worker.
 
-    New processes are spawned, not forked, because numerical libraries keep threads and locks that a fork would break.
+    They are joblib's, so that inside `joblib.parallel_config(backend="dask")` a cluster takes their place. No more than
+    `WAITING` results for each of them wait to be taken, so that memory does not grow with the number of items.
 
     Raises
     ------
     DatabaseError
         A process was killed.
     """
-    if workers <= 1:
+    import joblib
+    from joblib.externals.loky.process_executor import TerminatedWorkerError
+
+    around = joblib.parallel.get_active_backend()[0]
+    if workers <= 1 and isinstance(around, joblib.parallel.LokyBackend):
         yield map
         return
-    # Ctrl-C is handled here alone: a process that is reading finishes its file, which is kept.
-    ignore = (signal.SIGINT, signal.SIG_IGN)
-    with ProcessPoolExecutor(workers, get_context("spawn"), signal.signal, ignore) as pool:
-        try:
-            yield pool.map
-        except BrokenProcessPool as error:
-            raise DatabaseError(
-                "a process of the build was killed, by lack of memory perhaps; use fewer workers"
-            ) from error
-        finally:
-            pool.shutdown(wait=True, cancel_futures=True)
+
+    def mapped(function: Callable[[Any], Any], items: Iterable[Any]) -> Iterator[Any]:
+        rest = iter(items)
+        while some := list(islice(rest, WAITING * workers)):
+            yield from parallel(joblib.delayed(function)(item) for item in some)
+
+    own = isinstance(around, joblib.parallel.LokyBackend)
+    try:
+        with joblib.parallel_config("loky", inner_max_num_threads=1) if own else nullcontext():
+            with joblib.Parallel(n_jobs=workers, return_as="generator") as parallel:
+                yield mapped
+    except TerminatedWorkerError as error:
+        raise DatabaseError(
+            "a process of the build was killed, by lack of memory perhaps; use fewer workers"
+        ) from error
 
 
 def usable_processors() -> int:

@@ -121,7 +121,7 @@ def test_a_bad_file_is_fatal_when_strict_and_nothing_is_written(mocap: Path, tmp
 
 def test_only_bad_files_is_an_error(tmp_path: Path) -> None:
     (tmp_path / "broken.bvh").write_text("nothing")
-    with pytest.raises(MocapError, match="broken.bvh cannot be used .*1 of 1"):
+    with pytest.raises(MocapError, match="no file can be used; broken.bvh: "):
         build_database([tmp_path], tmp_path / "out" / "poses.npz")
 
 
@@ -263,3 +263,35 @@ def test_a_database_does_not_replace_its_source(tmp_path: Path) -> None:
     write_bvh(tmp_path / "clip.npz", seed=0)
     with pytest.raises(UsageError, match="would be overwritten"):
         build_database([tmp_path / "clip.npz"], tmp_path / "clip.npz")
+
+
+def test_two_builds_of_one_output_do_not_disturb_each_other(mocap: Path, tmp_path: Path) -> None:
+    refused: list[str] = []
+
+    def second(stage: str, done: int, total: int) -> None:
+        if stage == "sample" and not refused:
+            with pytest.raises(OutputError, match=f"process {os.getpid()} on ") as error:
+                build_database([mocap], tmp_path / "poses.npz")
+            refused.append(str(error.value))
+
+    build_database([mocap], tmp_path / "poses.npz", progress=second)
+    assert len(refused) == 1 and not (tmp_path / "poses.work").exists()
+
+
+def test_a_backend_that_is_configured_around_reads_instead(tmp_path: Path) -> None:
+    import joblib
+
+    with joblib.parallel_config("threading"), reading.process_pool(2) as mapped:
+        assert set(mapped(lambda _: os.getpid(), range(4))) == {os.getpid()}
+
+
+def test_no_more_results_wait_than_can_be_kept(monkeypatch: pytest.MonkeyPatch) -> None:
+    import joblib
+
+    monkeypatch.setattr(reading, "WAITING", 2)
+    given: list[int] = []
+    with joblib.parallel_config("threading"), reading.process_pool(2) as mapped:
+        results = mapped(abs, (given.append(number) or number for number in range(100)))
+        next(results)
+        assert len(given) == 4
+        assert [*results] == [*range(1, 100)]

@@ -7,7 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tests.fuzzing import FORMATS, fuzz, meaning, mutated
+from tests.fuzz_formats import FORMATS
+from tests.fuzzing import FINDING, fuzz, meaning, mutated
 
 MUTATIONS = 25
 """Per format; `depthmocap bench fuzz` does as many as one likes."""
@@ -15,9 +16,9 @@ MUTATIONS = 25
 
 @pytest.mark.parametrize("name", sorted(FORMATS))
 def test_a_mutated_file_is_refused_or_read(name: str, tmp_path: Path) -> None:
-    found = fuzz(name, tmp_path, MUTATIONS, seed=0)
+    found = fuzz(name, FORMATS[name], tmp_path, MUTATIONS, seed=0)
     assert sum(found.values()) == MUTATIONS
-    assert not [outcome for outcome in found if outcome.startswith("FINDING")], dict(found)
+    assert not [outcome for outcome in found if outcome.startswith(FINDING)], dict(found)
 
 
 def test_mutations_are_seeded_and_change_something() -> None:

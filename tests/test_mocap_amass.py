@@ -6,42 +6,16 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from scipy.spatial.transform import Rotation
 
 from database_builder.build import build_database
 from tests.database_helpers import moving_clip, neutral, small_database
-from toolkit.body import skeleton
 from toolkit.errors import MocapError
-from toolkit.mocap.amass import JOINTS, is_amass, read_amass
-from toolkit.mocap.clip import PoseClip
+from toolkit.mocap.amass import is_amass, read_amass
 from toolkit.mocap.read import find_clips, read_clip
 from toolkit.mocap.retarget import retarget
 from toolkit.retrieval.features.relational import FEATURES
 from toolkit.retrieval.workflow.index import index_motions
-
-OURS = {"pelvis": "root", "spine2": "lumbar", "spine3": "thorax", "neck": "cervical"}
-"""SMPL joints whose rotation is one of ours under another name."""
-
-
-def write_amass(path: Path, clip: PoseClip, **changes: object) -> Path:
-    """Our poses as an AMASS file of SMPL-H (156 numbers a frame), z up, feet where they are."""
-    poses = np.zeros((len(clip), 52, 3))
-    vectors = np.zeros((len(clip), len(skeleton.JOINT_NAMES), 3))
-    vectors[:, skeleton.DOF_JOINT, skeleton.DOF_AXIS] = clip.poses[:, 3:]
-    for j, (name, _) in enumerate(JOINTS):
-        ours = OURS.get(name, name.replace("collar", "clavicle"))
-        if ours in skeleton.JOINT_NAMES:
-            poses[:, j] = vectors[:, skeleton.JOINT_NAMES.index(ours)]
-    z_up = Rotation.from_euler("x", 90, degrees=True)
-    poses[:, 0] = (z_up * Rotation.from_rotvec(poses[:, 0])).as_rotvec()
-    pelvis = clip.poses[:, :3] + 0.09 * Rotation.from_rotvec(clip.poses[:, 3:6]).apply([0.0, 1.0, 0.0])
-    arrays = {
-        "poses": poses.reshape(len(clip), -1), "trans": z_up.apply(pelvis),
-        "mocap_framerate": np.array(clip.frame_rate), "betas": np.zeros(16),
-        "gender": np.array("neutral"), "dmpls": np.zeros((len(clip), 8)),
-    }  # fmt: skip
-    np.savez(path, **{name: value for name, value in {**arrays, **changes}.items() if value is not None})
-    return path
+from toolkit.testing.amass import write_amass
 
 
 def test_a_motion_goes_there_and_back(tmp_path: Path) -> None:

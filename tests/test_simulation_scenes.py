@@ -206,7 +206,7 @@ def test_boxes_are_read_from_a_file(tmp_path: Path) -> None:
         ("boxes:\n  - {low: [0, a, 0], high: [1, 1, 1]}", "three numbers"),
         ("boxes:\n  - {low: [0, 0, 0]}", "no list of boxes"),
         ("desk", "no list of boxes"),
-        ("a: [", "no list of boxes"),
+        ("a: [", "is no YAML"),
     ],
 )
 def test_a_furniture_file_that_makes_no_sense_is_refused(tmp_path: Path, text: str, words: str) -> None:

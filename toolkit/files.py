@@ -22,6 +22,8 @@ from toolkit.errors import DepthMocapError, OutputError, UsageError
 
 LARGEST_TEXT = 1 << 28
 """Bytes: a larger file is no settings, table or motion, and would only fill the memory."""
+MOST_DIGITS = 300
+"""Of a whole number in JSON; a float holds no more."""
 LOCK_FILE, OWN_MARK = ".lock", ".made-by-depthmocap"
 
 
@@ -143,9 +145,11 @@ def read_json(path: str | Path, error: type[DepthMocapError], hint: str) -> Any:
 
 
 def parse_json(text: str, where: str, error: type[DepthMocapError], hint: str) -> Any:
-    """The value of a JSON text. NaN and Infinity, which JSON does not know, are refused, and so is endless nesting."""
+    """The value of a JSON text. NaN and Infinity, which JSON does not know, are refused, and so are endless nesting and
+    whole numbers that no float holds.
+    """
     try:
-        return json.loads(text, parse_constant=_no_constant)
+        return json.loads(text, parse_constant=_no_constant, parse_int=_whole)
     except (ValueError, RecursionError) as problem:
         raise error(f"{where} is no JSON ({problem}); {hint}") from problem
 
@@ -170,6 +174,12 @@ def read_table(path: str | Path, error: type[DepthMocapError], hint: str) -> lis
     if not rows:
         raise error(f"{path} is empty; {hint}")
     return [dict(zip(rows[0], row, strict=False)) for row in rows[1:] if row]
+
+
+def _whole(digits: str) -> int:
+    if len(digits) > MOST_DIGITS:
+        raise ValueError(f"a number of {len(digits)} digits")
+    return int(digits)
 
 
 def _no_constant(word: str) -> None:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import csv
-import io
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -11,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from toolkit.errors import InertialError
+from toolkit.files import read_table
 from toolkit.inertial.calibrate import CalibrationSettings
 from toolkit.inertial.calibration import Calibration
 from toolkit.inertial.distance import CheckSettings, Distances, TrackError, distances, errors_of, runs_above
@@ -145,12 +144,8 @@ def read_truth(path: str | Path) -> list[tuple[str, Segment]]:
         The file cannot be read, or a line is no error of a known part of the body.
     """
     file = Path(path)
-    try:
-        rows = list(csv.DictReader(io.StringIO(file.read_text(encoding="utf-8-sig"))))
-    except (OSError, UnicodeDecodeError) as error:
-        raise InertialError(f"cannot read known errors from {file}: {error}") from error
     found = []
-    for line, row in enumerate(rows, start=2):
+    for line, row in enumerate(read_table(file, InertialError, "give a CSV file with limb, start and end"), start=2):
         try:
             segment = Segment(float(row["start"]), float(row["end"]), row["limb"].strip())
         except (KeyError, TypeError, ValueError, AttributeError):

@@ -8,12 +8,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import yaml
 
 from toolkit.body import skeleton
 from toolkit.body.body import Body
 from toolkit.errors import RigError
-from toolkit.files import shipped
+from toolkit.files import parse_yaml, read_text, shipped
 
 OWN = "toolkit"
 """The rig of the body's own joints."""
@@ -130,15 +129,13 @@ def _tips(body: Body, parents: np.ndarray, turns: np.ndarray) -> dict[int, np.nd
 
 def _read_bones(path: Path) -> dict[str, tuple[str | None, Any]]:
     """Name -> parent and place of every joint in the `export:` section."""
+    hint = "write `export:` with `name: [parent, place]` per joint"
+    content = parse_yaml(read_text(path, RigError, hint), f"the rig {path.name}", RigError, hint)
     try:
-        rows: Mapping[str, Any] = yaml.safe_load(path.read_text(encoding="utf-8"))["export"]
+        rows: Mapping[str, Any] = content["export"]
         bones = {str(name): (parent, place) for name, (parent, place) in rows.items()}
-    except OSError as error:
-        raise RigError(f"cannot read the rig {path}: {error.strerror or error}; check the path") from error
-    except (yaml.YAMLError, KeyError, TypeError, ValueError, AttributeError, UnicodeDecodeError) as error:
-        raise RigError(
-            f"the rig {path.name} is not understood; write `export:` with `name: [parent, place]` per joint"
-        ) from error
+    except (KeyError, TypeError, ValueError, AttributeError) as error:
+        raise RigError(f"the rig {path.name} is not understood; {hint}") from error
     names, known = list(bones), {*skeleton.JOINT_NAMES, *SITE_NAMES}
     turning = [place for _, place in bones.values() if isinstance(place, str) and place in skeleton.JOINT_NAMES]
     for i, (name, (parent, place)) in enumerate(bones.items()):

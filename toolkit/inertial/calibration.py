@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
@@ -10,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from toolkit.errors import InertialError
-from toolkit.files import save_json
+from toolkit.files import read_json, save_json
 from toolkit.inertial.stream import Sensors
 
 GOOD, WEAK, REFUSED = "good", "weak", "refused"
@@ -112,8 +111,9 @@ class Calibration:
         InertialError
             It is missing, damaged or something else.
         """
+        hint = "write it with `depthmocap inertial calibrate`"
+        values: dict[str, Any] = read_json(path, InertialError, hint)
         try:
-            values: dict[str, Any] = json.loads(Path(path).read_text(encoding="utf-8"))
             sensors = {
                 limb: Mounting(**{**s, "mounting": _quaternion(s["mounting"])}) for limb, s in values["sensors"].items()
             }
@@ -122,10 +122,8 @@ class Calibration:
                 for name, t in values["takes"].items()
             }
             return cls(values["method"], values["heading"], sensors, takes, tuple(values.get("notes", ())))
-        except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
-            raise InertialError(
-                f"cannot read {path} as a calibration: {error}; write it with `depthmocap inertial calibrate`"
-            ) from error
+        except (ValueError, KeyError, TypeError, AttributeError) as error:
+            raise InertialError(f"cannot read {path} as a calibration: {error}; {hint}") from error
 
 
 def _quaternion(values: Any) -> tuple[float, float, float, float]:

@@ -7,6 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from toolkit.errors import InertialError
+from toolkit.files import parse_yaml, read_text
 from toolkit.inertial.limbs import LIMBS
 from toolkit.inertial.stream import Sensors, SensorStream
 
@@ -46,16 +47,10 @@ def load_placement(path: str | Path) -> dict[str, str]:
     InertialError
         It cannot be read, is no table of names, or names a part that does not exist or twice the same.
     """
-    import yaml
-
-    try:
-        table = yaml.safe_load(Path(path).read_text(encoding="utf-8"))
-    except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
-        raise InertialError(
-            f"cannot read the placement {path}: {error}; write lines such as 00B421AF: left_shin"
-        ) from error
+    hint = "write lines such as 00B421AF: left_shin"
+    table = parse_yaml(read_text(path, InertialError, hint), f"the placement {path}", InertialError, hint)
     if not isinstance(table, dict) or not table:
-        raise InertialError(f"{path} is no table of sensors; write lines such as 00B421AF: left_shin")
+        raise InertialError(f"{path} is no table of sensors; {hint}")
     placement = {str(device): str(limb) for device, limb in table.items()}
     check_limbs(placement.values())
     return placement

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 from dataclasses import asdict, dataclass, fields
 from pathlib import Path
 
@@ -12,6 +13,8 @@ from toolkit.files import is_file, parse_json, read_text
 MANIFEST_FILE = "manifest.jsonl"
 COMMAND = "track"
 DONE, FAILED, INTERRUPTED = "done", "failed", "interrupted"
+LONGEST_LINE = 1 << 20
+"""Bytes at the end of the file that are looked at for a line that was cut short."""
 
 
 @dataclass(frozen=True)
@@ -35,6 +38,12 @@ class ManifestRow:
     text: str = ""
     seconds: float = 0.0
     frames: int = 0
+
+
+KINDS: dict[str, tuple[type, ...]] = {
+    f.name: {"str": (str,), "int": (int,), "float": (float, int)}[str(f.type)] for f in fields(ManifestRow)
+}
+"""Field of a row -> the types that JSON gives it."""
 
 
 class Manifest:
@@ -66,10 +75,11 @@ class Manifest:
         return lines
 
     def _remember(self, value: object, number: int) -> None:
-        names = {f.name for f in fields(ManifestRow)}
-        if not isinstance(value, dict) or not {"recording", "status"} <= value.keys() <= names | {"run"}:
+        if not (isinstance(value, dict) and {"recording", "run", "status"} <= value.keys() <= KINDS.keys()) or not all(
+            type(value[name]) in KINDS[name] for name in value
+        ):
             raise UsageError(f"line {number + 1} of {self.path} is no row of a manifest; choose another output")
-        row = ManifestRow(**{"run": "", **value})
+        row = ManifestRow(**value)
         self.rows[row.recording] = row
 
     def append(self, row: ManifestRow) -> None:
@@ -83,13 +93,12 @@ class Manifest:
         self.rows[row.recording] = row
         try:
             self.path.parent.mkdir(parents=True, exist_ok=True)
-            whole = is_file(self.path) and self.path.read_bytes().endswith(b"\n")
-            with self.path.open("a" if whole else "w", encoding="utf-8") as stream:
-                if not whole:  # new, or its last line was cut short
-                    stream.write(json.dumps({"command": COMMAND}) + "\n")
-                    for other in self.rows.values():
-                        if other is not row:
-                            stream.write(json.dumps(asdict(other)) + "\n")
-                stream.write(json.dumps(asdict(row)) + "\n")
+            with self.path.open("a+b") as stream:
+                end = stream.seek(0, os.SEEK_END)
+                stream.seek(-min(end, LONGEST_LINE), os.SEEK_END)
+                torn = len(stream.read().rpartition(b"\n")[2])  # of a last line that was cut short
+                stream.truncate(end - torn)
+                lines = [] if end > torn else [{"command": COMMAND}]
+                stream.write("".join(json.dumps(line) + "\n" for line in [*lines, asdict(row)]).encode())
         except OSError as error:
             raise OutputError(f"cannot write {self.path}: {error.strerror or error}; free some space") from error

@@ -9,6 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from toolkit.errors import UsageError
+from toolkit.files import parse_yaml, read_text
 
 SEAT_HEIGHT = 0.26
 """Height of a seat over the sitter's stature: 0.45 m for an adult of 1.75 m, and a child gets a child's chair."""
@@ -110,17 +111,12 @@ def read_boxes(path: str | Path) -> tuple[Box, ...]:
     UsageError
         The file is missing or not of this form, or a box has crossed corners.
     """
-    import yaml
-
+    hint = "write `boxes:` and entries such as {low: [0, 0, 0], high: [1, 0.7, 0.5]}"
+    content = parse_yaml(read_text(path, UsageError, hint), f"the furniture {path}", UsageError, hint)
     try:
-        content = yaml.safe_load(Path(path).read_text(encoding="utf-8"))
         entries = [(entry["low"], entry["high"]) for entry in content["boxes"]]
-    except OSError as error:
-        raise UsageError(f"cannot read furniture from {path}: {error.strerror}; check the path") from error
-    except (yaml.YAMLError, UnicodeDecodeError, TypeError, KeyError) as error:
-        raise UsageError(
-            f"{path} is no list of boxes; write `boxes:` and entries such as {{low: [0, 0, 0], high: [1, 0.7, 0.5]}}"
-        ) from error
+    except (TypeError, KeyError) as error:
+        raise UsageError(f"{path} is no list of boxes; {hint}") from error
     return tuple(_checked_box(low, high, i + 1, path) for i, (low, high) in enumerate(entries))
 
 

@@ -1,0 +1,233 @@
+"""Every format that the project reads: a small whole file, and everything that is read from it."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from tests.container_files import mkv_recording
+from tests.fuzz_files import (
+    amass_file,
+    body_file,
+    bvh_file,
+    calibration_file,
+    classes_file,
+    cloud_file,
+    database_file,
+    feature_matrices,
+    index_file,
+    inertial_matlab_file,
+    intrinsics_file,
+    joints_file,
+    manifest_file,
+    mat_file,
+    npz_file,
+    people_file,
+    png_file,
+    r3d_file,
+    raw_file,
+    realsense_file,
+    ros_file,
+    run_file,
+    sensors_file,
+    state_file,
+    stored_npz_file,
+    stray_file,
+    text_file,
+    track_file,
+    tum_file,
+)
+from tests.fuzzing import Format, changed, resealed
+from tests.mocap_helpers import AMC_ARM, ASF_ARM
+from tests.sensing_scenes import TOF
+from toolkit.body import skeleton
+from toolkit.body.personal import load_body_file
+from toolkit.checkpoint import load_checkpoint
+from toolkit.config import load_settings
+from toolkit.database.database import PoseDatabase
+from toolkit.database.prior import known_without
+from toolkit.database.search import FEATURE_SIZE
+from toolkit.evaluation.orientations import read_truth
+from toolkit.export.tree import _read_bones
+from toolkit.inertial.calibration import Calibration
+from toolkit.inertial.placement import load_placement
+from toolkit.inertial.readers import read_file
+from toolkit.inertial.readers.total_capture import read_calibration
+from toolkit.mocap.read import read_clip
+from toolkit.mocap.rig import _read_map
+from toolkit.pipeline.manifest import Manifest
+from toolkit.retrieval.annotation.classes import load_classes
+from toolkit.retrieval.annotation.report import read_segments
+from toolkit.retrieval.index.keyframe_index import KeyframeIndex
+from toolkit.retrieval.keyframes.query import Keyframe, KeyframeQuery
+from toolkit.retrieval.keyframes.query_file import load_queries
+from toolkit.retrieval.search.example import Example, search_example
+from toolkit.retrieval.search.find import find
+from toolkit.retrieval.workflow.motions import labels_of
+from toolkit.runs import load_people
+from toolkit.sensing.joint_files import read_joints
+from toolkit.sensing.opening import open_recording
+from toolkit.sensing.recording import Recording
+from toolkit.simulation.furniture import read_boxes
+from toolkit.track import RunInfo, Track
+from toolkit.tracking.hybrid import HybridSettings
+
+
+def _recording(path: Path) -> Any:
+    recording: Recording = open_recording(path if path.suffix not in (".png", ".json", ".csv", ".txt") else path.parent)
+    return _everything(recording)
+
+
+def _raw_recording(path: Path) -> Any:
+    return _everything(open_recording(path.parent, intrinsics=(220.0, 220.0, 87.5, 71.5), size=(176, 144)))
+
+
+def _everything(recording: Recording) -> dict[str, Any]:
+    known = {
+        name: getattr(recording, name)
+        for name in ("camera", "timestamps", "background", "joints", "reference_joints", "stored_up")
+    }
+    colors = [recording.color(i) for i in range(len(recording))]
+    return {**known, "frames": [frame.copy() for frame in recording.frames()], "colors": colors}
+
+
+def _read_index(path: Path) -> Any:
+    index = KeyframeIndex.open(path)
+    index.check()
+    return index.names, index.arrays()
+
+
+def _search_index(path: Path) -> Any:
+    index = KeyframeIndex.open(path)
+    moment = Keyframe("upper", (("F1", 1),))
+    found = find(index, KeyframeQuery((moment, moment), ((0, 9),)))
+    example = feature_matrices()[0].sliced(0, 30)
+    return found.starts, search_example(index, Example.of(example), 3)
+
+
+def _database_at_work(path: Path) -> Any:
+    """A database and what its index, its forest and its prior answer."""
+    database = PoseDatabase.load(path)
+    found = database.query(np.linspace(-1, 1, FEATURE_SIZE), 3)
+    votes = expected = None
+    if database.forest is not None:
+        depth, pixels = np.full((20, 30), 2.0, np.float32), np.arange(0, 600, 7)
+        points = np.random.default_rng(0).normal(0, 1, (len(pixels), 3))
+        votes = database.forest.votes(depth, np.array([30.0, 30.0, 15.0, 10.0]), np.eye(3), pixels, points)
+    if database.prior is not None:
+        known = known_without(("left_knee",))
+        expected = database.prior.expected(np.zeros(len(known)), known).mean
+    return found, votes, expected
+
+
+QUERIES = json.dumps(
+    {"version": 1, "queries": [{"label": "a", "keyframes": [{"F1": 1}, {"F20": 0}], "distances": [[0, 30]], "lead": 3}]}
+)
+RIG = "joints:\n  root: Hips\n  thorax: [Spine2, Chest]\n  head: Head\n"
+
+MT = "// Update Rate: 100.0Hz\nPacketCounter\tRoll\tPitch\tYaw\n1\t10\t20\t30\n2\t11\t20\t30\n"
+DOT = (
+    "sep=,\nDeviceTag:,7,\n\nPacketCounter,SampleTimeFine,Quat_W,Quat_X,Quat_Y,Quat_Z\n"
+    "1,16667,1,0,0,0\n2,33334,0.8,0.6,0,0\n"
+)
+MVNX = (
+    '<?xml version="1.0" encoding="UTF-8"?><mvnx version="4"><subject label="S" frameRate="60"><segments>'
+    '<segment label="Pelvis" id="1"/></segments><frames>'
+    '<frame time="0" index="0" type="normal"><orientation>1 0 0 0</orientation></frame>'
+    '<frame time="17" index="1" type="normal"><orientation>0.8 0.6 0 0</orientation></frame>'
+    "</frames></subject></mvnx>"
+)
+TOTAL = "1\t2\n1\nHead\t1\t0\t0\t0\t0\t0\t9.8\n2\nHead\t0.8\t0.6\t0\t0\t0\t0\t9.8\n"
+STO = "DataRate=100.0\nDataType=Quaternion\nversion=3\nendheader\ntime\tpelvis_imu\n0.00\t1,0,0,0\n0.01\t0.8,0.6,0,0\n"
+BOXES = "boxes:\n- {low: [0, 0, 0], high: [1, 0.7, 0.5]}\n- low: [-1, 0, 0]\n  high: [0, 1, 1]\n"
+BONES = "export:\n" + "".join(
+    f"  {name}: [{'null' if parent < 0 else skeleton.JOINT_NAMES[parent]}, {name}]\n"
+    for name, parent in zip(skeleton.JOINT_NAMES, skeleton.PARENTS, strict=True)
+)
+
+
+def _sensors(name: str, text: str) -> Format:
+    """A text file of some sensor's software."""
+    return Format(text_file(name, text), read_file)
+
+
+FORMATS: dict[str, Format] = {
+    "recording npz": Format(npz_file, _recording, checked=True, mutate=changed),
+    "recording npz, stored": Format(stored_npz_file, _recording, checked=True, mutate=changed),
+    "recording png": Format(png_file, _recording),
+    "recording intrinsics json": Format(intrinsics_file, _recording),
+    "recording tum list": Format(tum_file, _recording),
+    "recording stray odometry": Format(stray_file, _recording),
+    "recording mat": Format(mat_file, _recording),
+    "recording pcd": Format(cloud_file(".pcd"), _recording),
+    "recording ply": Format(cloud_file(".ply"), _recording),
+    "recording mkv": Format(lambda folder: mkv_recording(folder / "take.mkv"), _recording),
+    "recording bag": Format(ros_file("take.bag"), _recording),
+    "recording db3": Format(ros_file("take_sqlite"), _recording),
+    "recording mcap": Format(ros_file("take_mcap"), _recording),
+    "recording r3d": Format(r3d_file, _recording),
+    "pose database": Format(database_file, PoseDatabase.load, checked=True),
+    "motion classes": Format(classes_file, load_classes, checked=True),
+    "keyframe index": Format(index_file, _read_index, checked=True),
+    "keyframe index, searched": Format(index_file, _search_index),
+    "track npz": Format(track_file, Track.load, checked=True),
+    "run json": Format(run_file, lambda path: RunInfo.load(path.parent)),
+    "people json": Format(people_file, lambda path: load_people(path.parent)),
+    "tracker state": Format(state_file, lambda path: load_checkpoint(path, "hybrid"), checked=True),
+    "queries json": Format(text_file("q.json", QUERIES), load_queries),
+    "labels csv": Format(
+        text_file("l.csv", "clip,label\na,walk\nb,jump\n"), lambda path: labels_of([Path("a.bvh")], table=path)
+    ),
+    "segments csv": Format(text_file("s.csv", "start,end,label\n0,1.5,walk\n1.5,2,jump\n"), read_segments),
+    "settings yaml": Format(
+        text_file("s.yaml", "seed: 3\nsensing:\n  segment: person\n"), lambda path: load_settings(HybridSettings, path)
+    ),
+    "rig yaml": Format(text_file("r.yaml", RIG), _read_map),
+    "bvh": Format(bvh_file, read_clip),
+    "amc": Format(text_file("arm_1.amc", AMC_ARM, {"arm.asf": ASF_ARM}), read_clip),
+    "asf": Format(
+        text_file("arm.asf", ASF_ARM, {"arm_1.amc": AMC_ARM}), lambda path: read_clip(path.with_name("arm_1.amc"))
+    ),
+    "amass npz": Format(amass_file, read_clip, checked=True, mutate=changed),
+    "recording realsense db3": Format(realsense_file, _recording),
+    "recording raw": Format(raw_file, _raw_recording),
+    "joints json": Format(joints_file, lambda path: read_joints(path.parent, 2, TOF)),
+    "body npz": Format(body_file, load_body_file, checked=True),
+    "batch manifest": Format(manifest_file, lambda path: Manifest(path.parent).rows),
+    "furniture yaml": Format(text_file("boxes.yaml", BOXES), read_boxes),
+    "export rig yaml": Format(text_file("rig.yaml", BONES), _read_bones),
+    "sensors npz": Format(sensors_file(".npz"), read_file, checked=True),
+    "sensors csv": Format(sensors_file(".csv"), read_file),
+    "sensors xsens mt": _sensors("MT_00B421AF.txt", MT),
+    "sensors xsens dot": _sensors("dot.csv", DOT),
+    "sensors mvnx": _sensors("take.mvnx", MVNX),
+    "sensors total capture": _sensors("s1.sensors", TOTAL),
+    "sensors sto": _sensors("take.sto", STO),
+    "sensors czu text": _sensors("pi03", "0 0 1 0 0 90 100.0\n0 0 1 0 0 90 100.003\n"),
+    "sensors mat": Format(inertial_matlab_file, read_file),
+    "total capture calibration": Format(text_file("imu_bone.txt", "1\nHead 0.5 0.5 0.5 -0.5\n"), read_calibration),
+    "sensor placement yaml": Format(text_file("p.yaml", "00B421AF: left_shin\n7: pelvis\n"), load_placement),
+    "sensor calibration json": Format(calibration_file, Calibration.load),
+    "known errors csv": Format(text_file("truth.csv", "run,limb,start,end\na,left_shin,1.5,2\n"), read_truth),
+}
+
+SEALED: dict[str, Callable[[Path], Any]] = {
+    "recording npz": _recording,
+    "pose database": _database_at_work,
+    "motion classes": load_classes,
+    "track npz": Track.load,
+    "tracker state": lambda path: load_checkpoint(path, "hybrid"),
+    "amass npz": read_clip,
+    "body npz": load_body_file,
+    "sensors npz": read_file,
+}
+"""Formats whose content is changed under a right checksum too, and what then has to stand it."""
+FORMATS |= {
+    f"{name}, resealed": replace(FORMATS[name], read=read, checked=False, mutate=resealed)
+    for name, read in SEALED.items()
+}
