@@ -20,6 +20,7 @@ from toolkit.files import (
     locked,
     make_own_folder,
     parse_json,
+    parse_yaml,
     read_json,
     read_text,
     remove_own_folder,
@@ -156,3 +157,12 @@ def test_what_is_no_json_is_one_sentence(text: str) -> None:
 def test_a_byte_order_mark_is_left_out(tmp_path: Path) -> None:
     (tmp_path / "a.txt").write_bytes(b"\xef\xbb\xbfHIERARCHY")
     assert read_text(tmp_path / "a.txt", MocapError, "") == "HIERARCHY"
+
+
+@pytest.mark.parametrize(
+    "text", ["a: [", "a: " + "9" * 400, "a: 2026-99-99", "[" * 5000, "!!python/object:os.system x"]
+)
+def test_what_is_no_plain_yaml_is_one_sentence(text: str) -> None:
+    with pytest.raises(MocapError, match="the notes is no YAML .*; write them again") as error:
+        parse_yaml(text, "the notes", MocapError, "write them again")
+    assert "\n" not in str(error.value)

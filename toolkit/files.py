@@ -13,6 +13,7 @@ import socket
 import tempfile
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
+from functools import cache
 from pathlib import Path
 from typing import Any, Literal
 
@@ -23,7 +24,7 @@ from toolkit.errors import DepthMocapError, OutputError, UsageError
 LARGEST_TEXT = 1 << 28
 """Bytes: a larger file is no settings, table or motion, and would only fill the memory."""
 MOST_DIGITS = 300
-"""Of a whole number in JSON; a float holds no more."""
+"""Of a whole number in a text; a float holds no more."""
 LOCK_FILE, OWN_MARK = ".lock", ".made-by-depthmocap"
 
 
@@ -159,9 +160,25 @@ def parse_yaml(text: str, where: str, error: type[DepthMocapError], hint: str) -
     import yaml
 
     try:
-        return yaml.safe_load(text)
+        return yaml.load(text, _plain_yaml())  # a safe loader
     except (yaml.YAMLError, ValueError, RecursionError) as problem:
         raise error(f"{where} is no YAML ({' '.join(str(problem).split())}); {hint}") from problem
+
+
+@cache
+def _plain_yaml() -> Any:
+    """The safe loader, which also refuses whole numbers that no float holds."""
+    import yaml
+
+    class Plain(yaml.SafeLoader):
+        def construct_yaml_int(self, node: Any) -> int:
+            value = super().construct_yaml_int(node)
+            if abs(value) >= 10**MOST_DIGITS:
+                raise ValueError(f"a number of more than {MOST_DIGITS} digits")
+            return value
+
+    Plain.add_constructor("tag:yaml.org,2002:int", Plain.construct_yaml_int)
+    return Plain
 
 
 def read_table(path: str | Path, error: type[DepthMocapError], hint: str) -> list[dict[str, str]]:
