@@ -63,7 +63,7 @@ class DepthConverter:
         return np.ascontiguousarray(depth[:, ::-1] if self.mirrored else depth)
 
     def _millimetres(self, raw: np.ndarray, camera: Camera) -> np.ndarray:
-        with np.errstate(over="ignore"):  # what overflows is beyond every range
+        with np.errstate(over="ignore", invalid="ignore"):  # what overflows, or is no number, is beyond every range
             values = raw.astype(np.float64) * self._factor
         if self.radial:
             if self._slant is None:
