@@ -177,6 +177,37 @@ def push_column(
 
 
 @njit(cache=True)
+def push_columns(
+    bits: np.ndarray, mask: np.ndarray, scale: np.ndarray, bounds: np.ndarray, word: np.uint64, column: int,
+    costs: np.ndarray, starts: np.ndarray,
+) -> None:  # fmt: skip
+    """`push_column` for M templates whose K columns lie one after the other, from `bounds` (M + 1,) to the next."""
+    for t in range(bounds.shape[0] - 1):
+        a, b = bounds[t], bounds[t + 1]
+        push_column(bits[a:b], mask[a:b], scale[a:b], word, column, costs[:, a:b], starts[:, a:b])
+
+
+@njit(cache=True)
+def cheapest_of(
+    costs: np.ndarray, starts: np.ndarray, places: np.ndarray, factors: np.ndarray, owner: np.ndarray,
+    costs_out: np.ndarray, starts_out: np.ndarray,
+) -> None:  # fmt: skip
+    """For each owner the least of `factors` (M,) times `costs` (K,) at `places` (M,), the first on ties, and its start.
+
+    Parameters
+    ----------
+    owner : int64 (M,), rows of the outputs
+    costs_out, starts_out : float64 and int64 (P,), filled; infinite and -1 for none
+    """
+    costs_out[:] = np.inf
+    starts_out[:] = -1
+    for m in range(places.shape[0]):
+        cost = factors[m] * costs[places[m]]
+        if cost < costs_out[owner[m]]:
+            costs_out[owner[m]], starts_out[owner[m]] = cost, starts[places[m]]
+
+
+@njit(cache=True)
 def trace(
     bits: np.ndarray, mask: np.ndarray, scale: np.ndarray, document: np.ndarray, unknown: np.ndarray
 ) -> tuple[float, np.ndarray]:

@@ -16,11 +16,10 @@ import numpy as np
 
 from toolkit.body.body import Body
 from toolkit.errors import SettingsError
-from toolkit.kernels import dtw
-from toolkit.retrieval.annotation.annotator import DecisionSettings, MotionClass, PreparedTemplate
-from toolkit.retrieval.features.geometry import BodyLengths
-from toolkit.retrieval.features.motion import Motion, from_poses
-from toolkit.retrieval.features.relational import FEATURE_RATE, FEATURES, pack, tests_of
+from toolkit.retrieval.annotation.annotator import DecisionSettings, MotionClass
+from toolkit.retrieval.annotation.causal import CausalAlignments
+from toolkit.retrieval.features.frames import FrameFeatures
+from toolkit.retrieval.features.relational import FEATURE_RATE, FEATURES, pack
 from toolkit.retrieval.keyframes.query import KeyframeQuery
 from toolkit.retrieval.keyframes.within import met_within
 
@@ -86,31 +85,6 @@ class _Hit:
     end: int
 
 
-class _Alignments:
-    """The templates of a class against the columns so far."""
-
-    def __init__(self, motion_class: MotionClass, begun: float) -> None:
-        self.threshold = motion_class.threshold
-        self._templates = [PreparedTemplate(template) for template in motion_class.templates]
-        self._costs = [np.full((3, t.length), np.inf) for t in self._templates]
-        self._starts = [np.full((3, t.length), -1, dtype=np.int64) for t in self._templates]
-        self._begun = [max(1, int(np.ceil(begun * t.length)) - 1) for t in self._templates]
-
-    def push(self, word: np.uint64, column: int) -> tuple[_Hit, _Hit]:
-        """The cheapest alignment that ends in this column: of a whole template, and of its beginning."""
-        best = early = _Hit(np.inf, -1, column)
-        arrays = zip(self._templates, self._costs, self._starts, self._begun, strict=True)
-        for template, costs, starts, row in arrays:
-            dtw.push_column(template.bits, template.mask, template.scale, word, column, costs, starts)
-            cost, start = costs[column % 3], starts[column % 3]
-            if cost[-1] < best.cost:
-                best = _Hit(float(cost[-1]), int(start[-1]), column)
-            share = float(cost[row]) * template.length / (row + 1)
-            if share < early.cost:
-                early = _Hit(share, int(start[row]), column)
-        return best, early
-
-
 class OnlineAnnotator:
     """Labels a motion pose by pose.
 
@@ -135,7 +109,13 @@ class OnlineAnnotator:
     ) -> None:
         self.settings, self.decision = settings or OnlineSettings(), decision or DecisionSettings()
         self.labels = tuple(motion_class.label for motion_class in classes)
-        self._classes = [_Alignments(motion_class, self.settings.begun) for motion_class in classes]
+        self._thresholds = np.array([motion_class.threshold for motion_class in classes])
+        self._alignments = aligned = CausalAlignments(classes)
+        begun = np.maximum(1, np.ceil(self.settings.begun * aligned.lengths).astype(np.int64) - 1)
+        self._reach = 2 * int(aligned.lengths.max(initial=0))  # columns of the longest hit: every step may take two
+        self._whole = aligned.first + aligned.lengths - 1, np.ones(len(aligned.lengths))
+        # The cost of a beginning counts for all of the template's columns: per column of its own.
+        self._early = aligned.first + begun, aligned.lengths / (begun + 1.0)
         self._queries = [[q for q in queries if q.label == label] for label in self.labels]
         self._features = FeatureStream(body, frame_rate)
         self._pending: list[_Hit | None] = [None] * len(classes)
@@ -160,26 +140,34 @@ class OnlineAnnotator:
         return events + self._confirmed(now, everything=True)
 
     def _push_column(self, values: np.ndarray, column_time: float, now: float) -> list[Event]:
-        column = len(self.columns)
         self.columns.append(values)
         self._times.append(column_time)
-        word = pack(values[:, None])[0]
-        events = []
-        for row, alignments in enumerate(self._classes):
-            hit, early = alignments.push(word, column)
+        self._alignments.push(pack(values[:, None])[0])
+        column = self._alignments.column
+        costs, starts = self._alignments.cheapest(*self._whole)
+        for row in np.flatnonzero(costs < self._thresholds):
             pending = self._pending[row]
-            if hit.cost < alignments.threshold and (pending is None or hit.cost < pending.cost):
-                self._pending[row] = hit
-            if self.settings.early and early.cost < alignments.threshold and early.start > self._begun[row]:
-                if not self._explained(row, early):
-                    self._begun[row] = early.end
-                    events.append(self._event(BEGIN, row, early, now))
-        return events + self._confirmed(now)
+            if pending is None or costs[row] < pending.cost:
+                self._pending[row] = _Hit(float(costs[row]), int(starts[row]), column)
+        return (self._beginnings(column, now) if self.settings.early else []) + self._confirmed(now)
+
+    def _beginnings(self, column: int, now: float) -> list[Event]:
+        """Classes of which a beginning ends in this column, once for each motion."""
+        costs, starts = self._alignments.cheapest(*self._early)
+        events = []
+        for row in np.flatnonzero(costs < self._thresholds):
+            early = _Hit(float(costs[row]), int(starts[row]), column)
+            if early.start > self._begun[row] and not self._explained(int(row), early):
+                self._begun[row] = early.end
+                events.append(self._event(BEGIN, int(row), early, now))
+        return events
 
     def _confirmed(self, now: float, *, everything: bool = False) -> list[Event]:
         """Hits that no lower cost has replaced for long enough, the cheapest first."""
         column = len(self.columns) - 1
         waiting = sorted((hit.cost, row) for row, hit in enumerate(self._pending) if hit is not None)
+        if not waiting:
+            return []
         events: list[Event] = []
         open_hits: list[_Hit] = []
         for _, row in waiting:
@@ -192,7 +180,7 @@ class OnlineAnnotator:
             self._pending[row] = None
             if self._explained(row, hit) or not self._keyframes_met(row, hit):
                 continue
-            self._told.append((row, hit))
+            self._told = [(r, told) for r, told in self._told if told.end >= column - self._reach] + [(row, hit)]
             events.append(self._event(END, row, hit, now))
         return sorted(events, key=lambda event: (event.end, event.label))
 
@@ -223,13 +211,12 @@ class FeatureStream:
     """Feature columns at 30 Hz from poses at any rate, as `relational_features` gives them for the whole."""
 
     def __init__(self, body: Body, frame_rate: float) -> None:
-        self._body, self._rate = body, frame_rate
+        self._features, self._rate = FrameFeatures(body, frame_rate), frame_rate
         window = max(1, int(np.ceil(SMOOTHING * frame_rate - 1e-9)))
         self._ahead, self._behind = window // 2 + 1, (window - 1) // 2 + 1
         self._frames: deque[tuple[np.ndarray, np.ndarray, float]] = deque(maxlen=self._ahead + self._behind + 1)
         self._count = 0
         self._next = 0
-        self._lengths: BodyLengths | None = None
         self._on = np.zeros(len(FEATURES), dtype=bool)
 
     @property
@@ -239,11 +226,10 @@ class FeatureStream:
 
     def push(self, pose: np.ndarray, time: float) -> list[tuple[np.ndarray, float]]:
         """Columns bool (40,) and their times that are known after one more pose."""
-        motion = from_poses(pose, self._body, self._rate, "now")
-        assert motion.root_axis is not None  # poses have one
-        if self._lengths is None:
-            self._lengths = BodyLengths.of(motion)
-        self._frames.append((motion.joints[0], motion.root_axis[0], time))
+        joints, axis = self._features.joints(pose)
+        if not self._count:
+            self._features.measure(joints)
+        self._frames.append((joints, axis, time))
         self._count += 1
         if self._count <= self._ahead:
             return []
@@ -257,12 +243,10 @@ class FeatureStream:
     def _columns(self, frame: int, count: int) -> list[tuple[np.ndarray, float]]:
         """Columns that fall on some frames; hysteresis needs every frame, at whatever rate."""
         joints, axes, times = (np.array(part) for part in zip(*self._frames, strict=True))
-        assert self._lengths is not None  # set by the first pose
-        loose, strict, _ = tests_of(Motion("now", joints, self._rate, axes), self._lengths)
         first = self._count - len(self._frames)
         found = []
         for i in range(frame, frame + count):
-            self._on = strict[:, i - first] | (self._on & loose[:, i - first])
+            self._features.push(joints, axes, i - first, self._on)
             while int(np.rint(self._next * self._rate / FEATURE_RATE)) <= i:
                 found.append((self._on.copy(), float(times[i - first])))
                 self._next += 1

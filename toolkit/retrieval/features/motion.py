@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import lru_cache
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 import yaml
@@ -195,26 +195,54 @@ def from_poses(poses: np.ndarray, body: Body, frame_rate: float, name: str) -> M
     from the chain and from the end-effector vertices.
     """
     poses = np.ascontiguousarray(np.atleast_2d(skeleton.check_pose(poses)))
+    carried = _carried(body)
+    centres = np.empty((len(poses), len(skeleton.JOINTS), 3))
+    moved = np.empty((len(poses), len(carried.points), 3))
+    kinematics.key_points(
+        poses, skeleton.PARENTS, body.joints, skeleton.DOF_JOINT, skeleton.DOF_AXIS, *carried[1:], centres, moved
+    )
+    names = (*skeleton.JOINT_NAMES, *carried.names)
+    points = dict(zip(names, np.concatenate([centres, moved], axis=1).transpose(1, 0, 2), strict=True))
+    from scipy.spatial.transform import Rotation
+
+    axis = Rotation.from_rotvec(poses[:, skeleton.ROOT_ROTATION]).as_matrix()[:, :, 0]
+    return Motion(name, _gather(points, name), frame_rate, axis)
+
+
+class _Carried(NamedTuple):
+    """Points of a body beside the joint centres: their names, rest positions (V, 3), skin joints and weights (V, S)."""
+
+    names: tuple[str, ...]
+    points: np.ndarray
+    skin_joints: np.ndarray
+    skin_weights: np.ndarray
+
+
+def _carried(body: Body) -> _Carried:
+    """The tips of the end effectors, and points of trunk and head."""
     extras = _carried_points(body)
     joints = np.zeros((len(extras), body.skin_joints.shape[1]), dtype=np.int64)
     joints[:, 0] = [joint for joint, _ in extras.values()]
     weights = np.zeros(joints.shape)
     weights[:, 0] = 1.0
     tips = body.end_effectors
-    centres = np.empty((len(poses), len(skeleton.JOINTS), 3))
-    moved = np.empty((len(poses), len(tips) + len(extras), 3))
-    kinematics.key_points(
-        poses, skeleton.PARENTS, body.joints, skeleton.DOF_JOINT, skeleton.DOF_AXIS,
+    return _Carried(
+        (*(f"{tip}.end" for tip in skeleton.END_EFFECTORS), *extras),
         np.concatenate([body.vertices[tips], [place for _, place in extras.values()]]),
-        np.concatenate([body.skin_joints[tips], joints]), np.concatenate([body.skin_weights[tips], weights]),
-        centres, moved,
-    )  # fmt: skip
-    names = (*skeleton.JOINT_NAMES, *(f"{tip}.end" for tip in skeleton.END_EFFECTORS), *extras)
-    points = dict(zip(names, np.concatenate([centres, moved], axis=1).transpose(1, 0, 2), strict=True))
-    from scipy.spatial.transform import Rotation
+        np.concatenate([body.skin_joints[tips], joints]),
+        np.concatenate([body.skin_weights[tips], weights]),
+    )
 
-    axis = Rotation.from_rotvec(poses[:, skeleton.ROOT_ROTATION]).as_matrix()[:, :, 0]
-    return Motion(name, _gather(points, name), frame_rate, axis)
+
+def points_of_body(body: Body) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """What `relations.named_joints` needs of a body: points, skin joints, skin weights, and the weights of the means."""
+    carried = _carried(body)
+    sources = (*skeleton.JOINT_NAMES, *carried.names)
+    gather = np.zeros((len(NAMED_JOINTS), len(sources)))
+    for row, joint in enumerate(NAMED_JOINTS):
+        for source, weight in joint_maps()["body"][joint].items():
+            gather[row, sources.index(source)] = weight
+    return *carried[1:], gather
 
 
 def _carried_points(body: Body) -> dict[str, tuple[int, np.ndarray]]:

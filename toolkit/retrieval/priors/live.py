@@ -7,8 +7,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from toolkit.kernels import dtw
-from toolkit.retrieval.annotation.annotator import MotionClass, PreparedTemplate
+from toolkit.retrieval.annotation.annotator import MotionClass
+from toolkit.retrieval.annotation.causal import CausalAlignments
 
 BEGUN = 0.25
 """Share of a template that has to be seen before it says how the motion goes on."""
@@ -24,7 +24,7 @@ class Going(NamedTuple):
 
 
 class LiveAlignment:
-    """The templates of all classes against the columns so far (thesis, Eq. 5.2, column by column).
+    """The templates of all classes against the columns so far.
 
     Parameters
     ----------
@@ -33,28 +33,22 @@ class LiveAlignment:
     """
 
     def __init__(self, classes: Sequence[MotionClass], threshold: float) -> None:
-        self._threshold = threshold
-        self._templates = [
-            (row, part, PreparedTemplate(template))
-            for row, motion_class in enumerate(classes)
-            for part, template in enumerate(motion_class.templates)
-        ]
-        self._costs = [np.full((3, t.length), np.inf) for _, _, t in self._templates]
-        self._starts = [np.full((3, t.length), -1, dtype=np.int64) for _, _, t in self._templates]
-        self._columns = 0
+        self._threshold, self._aligned = threshold, CausalAlignments(classes)
+        # The cost of a beginning counts for all of the template's columns: per column of its own.
+        columns = [np.arange(1, length + 1) for length in self._aligned.lengths]
+        begun = [column > max(1.0, np.ceil(BEGUN * len(column))) for column in columns]
+        self._open = np.flatnonzero(np.concatenate(begun))
+        self._shares = np.concatenate([len(column) / column for column in columns])[self._open]
 
     def push(self, word: np.uint64) -> Going | None:
         """One more column, as a bit word; the cheapest beginning of a template that ends in it, if there is one."""
-        column, best = self._columns, None
-        self._columns += 1
-        for (row, part, template), costs, starts in zip(self._templates, self._costs, self._starts, strict=True):
-            dtw.push_column(template.bits, template.mask, template.scale, word, column, costs, starts)
-            first = max(1, int(np.ceil(BEGUN * template.length)))
-            # The cost of a beginning counts for all of the template's columns: per column of its own.
-            shares = costs[column % 3, first:] * template.length / np.arange(first + 1, template.length + 1)
-            if not len(shares):
-                continue
-            place = int(shares.argmin())
-            if shares[place] < self._threshold and (best is None or shares[place] < best.cost):
-                best = Going(row, part, first + place, float(shares[place]))
-        return best
+        aligned = self._aligned
+        aligned.push(word)
+        shares = aligned.costs[self._open] * self._shares
+        cheapest = int(shares.argmin()) if len(shares) else -1
+        if cheapest < 0 or not shares[cheapest] < self._threshold:
+            return None
+        place = int(self._open[cheapest])
+        row = int(np.searchsorted(aligned.first, place, side="right")) - 1
+        column = place - int(aligned.first[row])
+        return Going(int(aligned.owner[row]), int(aligned.part[row]), column, float(shares[cheapest]))

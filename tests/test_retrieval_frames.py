@@ -1,0 +1,75 @@
+"""Features of single frames and alignments of all templates at once: compiled, against their plain twins."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from tests.test_retrieval_online import body, classes, document
+from toolkit.body import skeleton
+from toolkit.kernels import dtw
+from toolkit.retrieval.annotation.annotator import PreparedTemplate
+from toolkit.retrieval.annotation.causal import CausalAlignments
+from toolkit.retrieval.features.frames import FrameFeatures
+from toolkit.retrieval.features.geometry import BodyLengths, Geometry
+from toolkit.retrieval.features.motion import NAMED_JOINTS, Motion, from_poses
+from toolkit.retrieval.features.relational import FEATURES, native_features, relational_features
+
+
+@pytest.mark.parametrize("rate", (30.0, 55.0, 8.0))
+@pytest.mark.parametrize("frames", (1, 2, 12))
+def test_every_quantity_of_a_frame_is_that_of_the_whole_motion(rate, frames):
+    rng = np.random.default_rng(frames)
+    motion = Motion("any", rng.normal(size=(frames, len(NAMED_JOINTS), 3)), rate, rng.normal(size=(frames, 3)))
+    geometry, single = Geometry(motion), FrameFeatures(body(), rate)
+    whole = np.stack([np.broadcast_to(feature.quantity(geometry), frames) for feature in FEATURES])
+    for frame in range(frames):
+        found = single.quantities(motion.joints, motion.root_axis, frame)
+        np.testing.assert_allclose(found, whole[:, frame], rtol=1e-9, atol=1e-6)
+
+
+def test_points_without_distance_have_the_quantities_of_distance_zero():
+    joints, axes = np.zeros((3, len(NAMED_JOINTS), 3)), np.tile([1.0, 0.0, 0.0], (3, 1))
+    whole = np.stack([f.quantity(Geometry(Motion("point", joints, 30.0, axes))) for f in FEATURES])
+    np.testing.assert_allclose(FrameFeatures(body(), 30.0).quantities(joints, axes, 1), whole[:, 1], atol=1e-9)
+
+
+def test_named_joints_of_a_pose_are_those_of_the_motion():
+    rng = np.random.default_rng(0)
+    pose = rng.uniform(-0.5, 0.5, skeleton.POSE_SIZE)
+    motion = from_poses(pose, body(), 30.0, "one")
+    joints, axis = FrameFeatures(body(), 30.0).joints(pose)
+    np.testing.assert_allclose(joints, motion.joints[0], atol=1e-12)
+    np.testing.assert_allclose(axis, motion.root_axis[0], atol=1e-12)
+
+
+def test_features_pushed_frame_by_frame_have_the_hysteresis_of_the_whole():
+    motion = from_poses(document(), body(), 30.0, "whole")
+    single, on = FrameFeatures(body(), 30.0), np.zeros(len(FEATURES), dtype=bool)
+    single.measure(motion.joints[0])
+    whole = native_features(motion, BodyLengths.of(motion))
+    for frame in range(len(motion)):
+        single.push(motion.joints, motion.root_axis, frame, on)
+        np.testing.assert_array_equal(on, whole[:, frame])
+
+
+def test_alignments_of_all_templates_are_those_of_each():
+    words = relational_features(from_poses(document(), body(), 30.0, "whole")).words
+    together = CausalAlignments(classes())
+    each = [PreparedTemplate(template) for c in classes() for template in c.templates]
+    state = [(np.full((3, t.length), np.inf), np.full((3, t.length), -1)) for t in each]
+    for column, word in enumerate(words):
+        together.push(word)
+        for template, (costs, starts) in zip(each, state, strict=True):
+            dtw.push_column(template.bits, template.mask, template.scale, word, column, costs, starts)
+        np.testing.assert_array_equal(together.costs, np.concatenate([c[column % 3] for c, _ in state]))
+        np.testing.assert_array_equal(together.starts, np.concatenate([s[column % 3] for _, s in state]))
+
+
+def test_the_cheapest_of_an_owner_is_the_first_of_its_least_costs():
+    costs, starts = np.array([3.0, 1.0, 1.0, np.inf]), np.array([7, 8, 9, -1])
+    best, begun = np.empty(3), np.empty(3, dtype=np.int64)
+    places, owner = np.arange(4), np.array([0, 0, 0, 2])
+    dtw.cheapest_of(costs, starts, places, np.array([0.1, 1.0, 1.0, 1.0]), owner, best, begun)
+    np.testing.assert_allclose(best, [0.3, np.inf, np.inf])
+    np.testing.assert_array_equal(begun, [7, -1, -1])

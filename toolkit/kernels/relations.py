@@ -1,0 +1,215 @@
+"""The relational quantities of one frame, compiled: what a live annotator asks for thirty times a second (thesis 2.2).
+
+A program says what each quantity is: one row per quantity with an operation, up to five points, a window of velocities
+and a sign. `toolkit.retrieval.features.frames` writes it, `features.geometry` says the same of
+whole motions.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numba import njit
+
+from toolkit.kernels.kinematics import forward_kinematics, skin
+
+PLANE, NPLANE, VPLANE, VNPLANE, SPEED, SLOWER, ANGLE, INCLINE, HEIGHT, TALL, WIDE, YAW = range(12)
+"""Operations: d - e along the normal of the plane through a, b, c or along the direction from a to b, and the same of
+their velocities; the speed of a, or the lower one of a and b; the angle of a to b with c to d, or with the vertical;
+the height of a over the lowest point; extents upwards and in the ground plane; the rate of the root's turn."""
+BELOW, AT_MOST, ABOVE, AT_LEAST, WITHIN = range(5)
+"""Comparisons with a threshold; `WITHIN` is that distance from 90 degrees, ends included."""
+
+
+@njit(cache=True)
+def named_joints(
+    pose: np.ndarray, parents: np.ndarray, rest: np.ndarray, dof_joint: np.ndarray, dof_axis: np.ndarray,
+    points: np.ndarray, skin_joints: np.ndarray, skin_weights: np.ndarray, gather: np.ndarray,
+    joints_out: np.ndarray, axis_out: np.ndarray,
+) -> None:  # fmt: skip
+    """Weighted means of joint centres and skinned points of a pose (P,), and the root's x axis.
+
+    Parameters
+    ----------
+    points, skin_joints, skin_weights : as for `kinematics.skin`
+    gather : float64 (N, J + V), weights of the J joint centres and V points in each mean
+    joints_out, axis_out : float64 (N, 3) and (3,), filled
+    """
+    count = parents.shape[0]
+    vectors, rotations, centres = np.empty((count, 3)), np.empty((count, 3, 3)), np.empty((count, 3))
+    moved = np.empty((points.shape[0], 3))
+    forward_kinematics(pose, parents, rest, dof_joint, dof_axis, vectors, rotations, centres)
+    skin(points, skin_joints, skin_weights, rest, rotations, centres, moved)
+    joints_out[:] = 0.0
+    for n in range(gather.shape[0]):
+        for k in range(gather.shape[1]):
+            weight = gather[n, k]
+            if weight != 0.0:
+                for c in range(3):
+                    joints_out[n, c] += weight * (centres[k, c] if k < count else moved[k - count, c])
+    for c in range(3):
+        axis_out[c] = rotations[0, c, 0]
+
+
+@njit(cache=True)
+def quantities(
+    joints: np.ndarray, axes: np.ndarray, frame: int, rate: float, program: np.ndarray, out: np.ndarray
+) -> None:
+    """Every quantity of a program in one frame of a motion.
+
+    Parameters
+    ----------
+    joints, axes : float64 (T, N, 3) and (T, 3), the points and the root's x axis in the frames around; y is up
+    frame : which of them
+    rate : frames per second
+    program : int64 (Q, 8): operation, points a to e, window of the velocity in frames, and a factor of 1 or -1, or 0 if
+        the size alone counts. For `HEIGHT` b holds the points that are left out as bits, for `WIDE` a those meant
+    out : float64 (Q,), filled
+    """
+    here = joints[frame]
+    normal, first, second = np.empty(3), np.empty(3), np.empty(3)
+    for row in range(program.shape[0]):
+        op, a, b, c, d, e, window, sign = program[row]
+        if op == PLANE or op == VPLANE:
+            _normal(here, a, b, c, normal)
+        elif op == NPLANE or op == VNPLANE:
+            _direction(here, a, b, normal)
+        value = 0.0
+        if op == PLANE or op == NPLANE:
+            value = _along(normal, here[d], here[e])
+        elif op == VPLANE or op == VNPLANE:
+            _velocity(joints, frame, d, window, rate, first)
+            _velocity(joints, frame, e, window, rate, second)
+            value = _along(normal, first, second)
+        elif op == SPEED or op == SLOWER:
+            _velocity(joints, frame, a, window, rate, first)
+            value = _length(first)
+            if op == SLOWER:
+                _velocity(joints, frame, b, window, rate, second)
+                value = min(value, _length(second))
+        elif op == ANGLE:
+            _direction(here, a, b, first)
+            _direction(here, c, d, second)
+            value = _degrees(first[0] * second[0] + first[1] * second[1] + first[2] * second[2])
+        elif op == INCLINE:
+            _direction(here, a, b, first)
+            value = _degrees(first[1])
+        elif op == HEIGHT:
+            value = here[a, 1] - _extreme(here, b, -1.0)
+        elif op == TALL:
+            value = _extreme(here, 0, 1.0) - _extreme(here, 0, -1.0)
+        elif op == WIDE:
+            value = _ground_extent(here, a)
+        elif op == YAW and frame + 1 < axes.shape[0]:
+            x, z, next_x, next_z = axes[frame, 0], axes[frame, 2], axes[frame + 1, 0], axes[frame + 1, 2]
+            value = abs(math.degrees(math.atan2(x * next_z - z * next_x, x * next_x + z * next_z))) * rate
+        out[row] = abs(value) if sign == 0 else sign * value
+
+
+@njit(cache=True)
+def push_tests(values: np.ndarray, tests: np.ndarray, loose: np.ndarray, strict: np.ndarray, on: np.ndarray) -> None:
+    """One more frame of every feature: on from a strict test on, for as long as the loose one holds.
+
+    Parameters
+    ----------
+    values : float64 (Q,), from `quantities`
+    tests : int64 (Q,), comparisons
+    loose, strict : float64 (Q,), thresholds
+    on : bool (Q,), as the frame before left it; changed in place
+    """
+    for row in range(len(values)):
+        kept = on[row] and _holds(tests[row], values[row], loose[row])
+        on[row] = kept or _holds(tests[row], values[row], strict[row])
+
+
+@njit(cache=True)
+def _holds(test: int, value: float, threshold: float) -> bool:
+    if test == BELOW:
+        return value < threshold
+    if test == AT_MOST:
+        return value <= threshold
+    if test == ABOVE:
+        return value > threshold
+    if test == AT_LEAST:
+        return value >= threshold
+    return abs(value - 90.0) <= threshold
+
+
+@njit(cache=True)
+def _velocity(joints: np.ndarray, frame: int, joint: int, window: int, rate: float, out: np.ndarray) -> None:
+    """Forward differences averaged over a window around a frame, mirrored at both ends; the last one repeats."""
+    count = joints.shape[0]
+    out[:] = 0.0
+    if count == 1:
+        return
+    for place in range(frame - (window - 1) // 2, frame + window // 2 + 1):
+        at = place
+        while at < 0 or at >= count:
+            at = -1 - at if at < 0 else 2 * count - 1 - at
+        at = min(at, count - 2)
+        for c in range(3):
+            out[c] += joints[at + 1, joint, c] - joints[at, joint, c]
+    for c in range(3):
+        out[c] *= rate / window
+
+
+@njit(cache=True)
+def _normal(here: np.ndarray, a: int, b: int, c: int, out: np.ndarray) -> None:
+    u0, u1, u2 = here[a, 0] - here[c, 0], here[a, 1] - here[c, 1], here[a, 2] - here[c, 2]
+    v0, v1, v2 = here[b, 0] - here[c, 0], here[b, 1] - here[c, 1], here[b, 2] - here[c, 2]
+    out[0], out[1], out[2] = u1 * v2 - u2 * v1, u2 * v0 - u0 * v2, u0 * v1 - u1 * v0
+    _normalise(out)
+
+
+@njit(cache=True)
+def _direction(here: np.ndarray, a: int, b: int, out: np.ndarray) -> None:
+    for c in range(3):
+        out[c] = here[b, c] - here[a, c]
+    _normalise(out)
+
+
+@njit(cache=True)
+def _normalise(vector: np.ndarray) -> None:
+    """To length 1; a vector without direction stays zero."""
+    length = _length(vector)
+    if length > 0.0:
+        for c in range(3):
+            vector[c] /= length
+
+
+@njit(cache=True)
+def _length(u: np.ndarray) -> float:
+    return math.sqrt(u[0] * u[0] + u[1] * u[1] + u[2] * u[2])
+
+
+@njit(cache=True)
+def _along(normal: np.ndarray, u: np.ndarray, v: np.ndarray) -> float:
+    return normal[0] * (u[0] - v[0]) + normal[1] * (u[1] - v[1]) + normal[2] * (u[2] - v[2])
+
+
+@njit(cache=True)
+def _degrees(cosine: float) -> float:
+    return math.degrees(math.acos(min(max(cosine, -1.0), 1.0)))
+
+
+@njit(cache=True)
+def _extreme(here: np.ndarray, without: int, sign: float) -> float:
+    """Highest (`sign` 1) or lowest (-1) y of the points, those in the bits of `without` left out."""
+    best = -np.inf
+    for n in range(here.shape[0]):
+        if not (without >> n) & 1:
+            best = max(best, sign * here[n, 1])
+    return sign * best
+
+
+@njit(cache=True)
+def _ground_extent(here: np.ndarray, meant: int) -> float:
+    """Largest distance in the ground plane between any two of the points in the bits of `meant`."""
+    best = 0.0
+    for a in range(here.shape[0]):
+        for b in range(a):
+            if (meant >> a) & 1 and (meant >> b) & 1:
+                x, z = here[a, 0] - here[b, 0], here[a, 2] - here[b, 2]
+                best = max(best, x * x + z * z)
+    return math.sqrt(best)
