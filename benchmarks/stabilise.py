@@ -10,7 +10,7 @@ from __future__ import annotations
 import argparse
 import shutil
 import time
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
@@ -23,10 +23,13 @@ from toolkit.pipeline import load_tracker, track_recording
 from toolkit.pipeline.class_guide import ClassGuide
 from toolkit.retrieval.annotation.annotator import MotionClass
 from toolkit.retrieval.annotation.measures import Scores, frame_scores, label_frames, segment_scores
+from toolkit.retrieval.features.relational import FEATURES
+from toolkit.retrieval.priors.marks import MarkSettings
+from toolkit.retrieval.templates.quantised import WILDCARD
 from toolkit.retrieval.workflow.annotate import classes_from_clips
 from toolkit.sensing.opening import open_recording
 from toolkit.sensing.recording import Recording
-from toolkit.stabilising.loop import Round, stabilise
+from toolkit.stabilising.loop import Round, best_round, stabilise
 from toolkit.stabilising.settings import StabiliseSettings
 from toolkit.stabilising.source import Source, open_source
 from toolkit.testing.labelled import SEQUENCES, MotionSequence, Performed, class_clips, record_sequence
@@ -88,13 +91,17 @@ def main() -> None:
     parser.add_argument("--sequences", nargs="*", help="names of some; all")
     parser.add_argument("--filler", action="store_true", help="other motions between the clips")
     parser.add_argument("--live", action="store_true", help="classes guide the tracker while it runs instead")
+    parser.add_argument("--without-marks", action="store_true", help="leave out the MT priors")
     parser.add_argument("--rounds", type=int, default=StabiliseSettings.rounds)
     add_database_options(parser)
     options = parser.parse_args()
     settings, database = StabiliseSettings(rounds=options.rounds), poses_of(options)
+    if options.without_marks:
+        settings = replace(settings, marks=MarkSettings(weight=0.0))
     classes = classes_from_clips(class_clips(options.split))
     rows: dict[str, Any] = {}
     segments = frames = NOTHING
+    marked = np.zeros(len(FEATURES), dtype=np.int64)
     for sequence in SEQUENCES:
         if options.sequences and sequence.name not in options.sequences:
             continue
@@ -105,7 +112,10 @@ def main() -> None:
             tracks, found = [source.track, tracked_live(source, classes)], (NOTHING, NOTHING)
         else:
             rounds = stabilise(source, classes, settings)
-            tracks = [source.track, *(found.track for found in rounds)]
+            best = best_round(rounds, settings)
+            tracks = [source.track, *(found.track for found in rounds[: rounds.index(best) + 1])]
+            for found_round in rounds:
+                marked += (found_round.priors != WILDCARD).sum(axis=1)
             found = labels_of(rounds[-1], performed, classes)
         seconds = time.process_time() - start
         truth, seen = np.asarray(source.recording.joints), visible(source.recording)
@@ -116,7 +126,8 @@ def main() -> None:
             "F segments": found[0].f, "F frames": found[1].f, "seconds of processor": seconds,
         }  # fmt: skip
         print(sequence.name, " | ".join(" ".join(f"{v:.2f}" if v <= 1 else f"{v:.1f}" for v in f) for f in own))
-    labels = {} if options.live else {"F segments": segments.f, "F frames": frames.f}
+    labels: dict[str, Any] = {} if options.live else {"F segments": segments.f, "F frames": frames.f}
+    labels["frames marked by MT priors"] = {f"F{row + 1}": int(n) for row, n in enumerate(marked) if n}
     figures = {"sequences": rows, **_summary(rows), **labels}
     for name, value in figures.items():
         if name != "sequences":
@@ -126,6 +137,7 @@ def main() -> None:
         *([options.config] if options.config != "hybrid" else []),
         *["filler"] * options.filler,
         *["live"] * options.live,
+        *["without_marks"] * options.without_marks,
     ]
     print("written:", save_figures("_".join(["stabilise", *words]), figures, asdict(settings)))
 

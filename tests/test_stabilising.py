@@ -228,12 +228,15 @@ def test_classes_without_motions_serve_repetitions_only(road: Path, tmp_path: Pa
     assert len(Track.load(tmp_path / "out")) == FRAMES
 
 
-def test_no_hit_leaves_the_track_to_what_is_seen(road: Path, tmp_path: Path) -> None:
+def test_without_a_hit_the_track_comes_out_as_it_was(road: Path, tmp_path: Path) -> None:
     save_classes(tmp_path / "other.npz", classes_of("knee_to_elbow"))
     rounds = stabilise_run(
-        road / "run", tmp_path / "other.npz", tmp_path / "out", settings=StabiliseSettings(threshold=1e-6, rounds=1)
+        road / "wrong", tmp_path / "other.npz", tmp_path / "out", settings=StabiliseSettings(threshold=1e-6, rounds=2)
     )
-    assert rounds[0].segments == ()
+    assert [found.segments for found in rounds] == [()]
+    before, after = Track.load(road / "wrong"), Track.load(tmp_path / "out")
+    np.testing.assert_array_equal(after.joints, before.joints)
+    np.testing.assert_array_equal(after.pose, before.pose)
 
 
 def test_what_cannot_be_stabilised_is_refused(road: Path, tmp_path: Path) -> None:

@@ -26,6 +26,12 @@ def stabilise(
     segments: Annotated[
         Path | None, typer.Option(help="CSV of labelled stretches (start, end, label), instead of annotating.")
     ] = None,
+    marks: Annotated[
+        Path | None,
+        typer.Option(
+            help="YAML of entries of templates that hold: `class: [{feature: 26, value: 0, columns: [3, 9]}]`."
+        ),
+    ] = None,
     repetitions_only: Annotated[
         bool, typer.Option("--repetitions-only", help="Learn hidden limbs from the person's repetitions alone.")
     ] = False,
@@ -49,8 +55,8 @@ def stabilise(
     with progress_bars() as bars:
         for run, folder in output_folders(runs, output).items():
             done = stabilise_run(
-                run, classes, folder, settings=settings, segments=segments, recording=recording, database=database,
-                progress=bars,
+                run, classes, folder, settings=settings, segments=segments, marks=marks, recording=recording,
+                database=database, progress=bars,
             )  # fmt: skip
             gaps = [gap for found in done for gap in found.gaps]
             table.add_row(

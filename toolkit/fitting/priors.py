@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -24,6 +25,8 @@ class PoseTerm(Protocol):
 
 SPREAD = 0.1
 """Radians: spread that the pose prior adds to every angle."""
+STEP = 1e-5
+"""Radians: step of finite differences."""
 
 
 @dataclass(frozen=True)
@@ -78,3 +81,42 @@ class LimbPrior:
     def energy(self, pose: np.ndarray) -> float:
         """See `PoseTerm.energy`."""
         return 0.5 * self.weight * float(((pose[self.entries] - self.mean) ** 2 / self.variance).sum())
+
+
+@dataclass(frozen=True, eq=False)
+class ResidualTerm:
+    """Residuals of the pose, each robust by itself: `1/2 weight sigma^2 sum r^2 / (sigma^2 + r^2)` (Geman-McClure).
+
+    Linearised by finite differences over the entries that may give way; all others stay as they are.
+
+    weight : of a residual against one correspondence; sigma : metres; entries : int64 (A,)
+    residuals : from a pose (P,) to float64 (R,), metres
+    """
+
+    weight: float
+    sigma: float
+    entries: np.ndarray
+    residuals: Callable[[np.ndarray], np.ndarray]
+
+    def violation(self, pose: np.ndarray) -> float:
+        """How much of what is demanded `pose` (P,) contradicts: 0 to the number of residuals."""
+        square = (self.residuals(pose) / self.sigma) ** 2
+        return float((square / (1.0 + square)).sum())
+
+    def add(self, system: NormalSystem, pose: np.ndarray) -> None:
+        """See `PoseTerm.add`."""
+        here = self.residuals(pose)
+        if not here.any():
+            return
+        slopes = np.empty((len(self.entries), len(here)))
+        for row, entry in enumerate(self.entries):
+            moved = pose.copy()
+            moved[entry] += STEP
+            slopes[row] = (self.residuals(moved) - here) / STEP
+        robust = self.weight / (1.0 + (here / self.sigma) ** 2) ** 2
+        system.vector[self.entries] += (slopes * robust * here).sum(axis=1)
+        system.matrix[np.ix_(self.entries, self.entries)] += (slopes[:, None] * slopes[None] * robust).sum(axis=2)
+
+    def energy(self, pose: np.ndarray) -> float:
+        """See `PoseTerm.energy`."""
+        return 0.5 * self.weight * self.sigma**2 * self.violation(pose)

@@ -267,6 +267,7 @@ def _run_info(recording: Recording, tracker: Tracker) -> RunInfo:
         tracker=tracker.settings.tracker,
         seed=tracker.settings.seed,
         up_source=recording.vertical.source,
+        floor=[] if recording.vertical.height is None else [recording.vertical.height],
     )
 
 

@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
 
-from toolkit.fitting.priors import GaussianPrior, LimbPrior, PoseTerm
-from toolkit.fitting.scene import Scene
+from toolkit.fitting.priors import GaussianPrior, LimbPrior, PoseTerm, ResidualTerm
 from toolkit.progress import Count
 from toolkit.retrieval.annotation.class_motion import ANGLES
 from toolkit.retrieval.priors.limbs import OUTER
 from toolkit.sensing.people.lone import LonePerson
+from toolkit.stabilising.marked import contradiction
 from toolkit.stabilising.settings import StabiliseSettings
 from toolkit.stabilising.source import Source
 from toolkit.stabilising.ways import AGAIN, GapWays
@@ -26,6 +27,14 @@ class GapGuide(NoGuide):
     """What is expected of limbs where they are hidden, of the whole pose in bad frames, and nothing elsewhere (6.4.3).
 
     A prior on all limbs makes those worse that are seen; see `docs/architecture.md`.
+
+    Parameters
+    ----------
+    ways : through each gap, with what is expected there
+    whole : frame -> the whole pose, in bad frames
+    times : of the frames, seconds
+    settings : what a limb's prior weighs
+    marked : frame -> what is demanded of hidden limbs
     """
 
     proposes = True
@@ -36,7 +45,10 @@ class GapGuide(NoGuide):
         whole: Mapping[int, GaussianPrior],
         times: np.ndarray,
         settings: StabiliseSettings,
+        marked: Mapping[int, Sequence[ResidualTerm]],
     ) -> None:
+        self._marked = {float(times[frame]): tuple(terms) for frame, terms in marked.items()}
+        self._marks = settings.marks
         self._whole = {float(times[frame]): prior for frame, prior in whole.items()}
         self._priors: dict[float, list[LimbPrior]] = {}
         for way in ways:
@@ -49,7 +61,12 @@ class GapGuide(NoGuide):
 
     def priors(self, timestamp: float) -> Sequence[PoseTerm]:
         """See `Guide.priors`."""
-        return [self._whole[timestamp]] if timestamp in self._whole else self._priors.get(timestamp, [])
+        likely = [self._whole[timestamp]] if timestamp in self._whole else self._priors.get(timestamp, [])
+        return [*likely, *self._marked.get(timestamp, ())]
+
+    def contradicts(self, timestamp: float, pose: np.ndarray) -> float:
+        """Metres that a pose (P,) is farther from the frame than it looks, for what is marked of hidden limbs."""
+        return contradiction(self._marked.get(timestamp, ()), pose, self._marks)
 
     def poses(self, timestamp: float, pose: np.ndarray) -> Sequence[np.ndarray]:
         """See `Guide.poses`: each hidden limb as it is expected, or the whole pose."""
@@ -74,6 +91,7 @@ class Again(NamedTuple):
     distances : for each gap float64 (C, D), metres, of every way from every frame; infinite where nobody was seen
     angles : for each gap float64 (C, D, A), with those of tracking again
     confidence : for each gap float64 (C, D, 3), of the limb's outer joints on every way
+    explained : float64 (T,), metres: distances of the poses as they were; infinite where nobody was seen
     whole : float64 (2, T), metres: distances of the whole pose as it was and tracked again; NaN where all is well
     """
 
@@ -81,6 +99,7 @@ class Again(NamedTuple):
     distances: list[np.ndarray]
     angles: list[np.ndarray]
     confidence: list[np.ndarray]
+    explained: np.ndarray
     whole: np.ndarray
 
 
@@ -108,7 +127,7 @@ def track_again(
     finder = LonePerson(recording.camera, recording.background, tracker.settings.sensing, recording.up_camera)
     follower = tracker.follower(finder.camera, source.info.R_level_camera, source.body)
     rows: list[FrameResult] = []
-    whole = np.full((2, len(poses)), np.nan)
+    explained, whole = np.full(len(poses), np.inf), np.full((2, len(poses)), np.nan)
     angles = [way.angles.copy() for way in ways]
     distances = [np.full(way.angles.shape[:2], np.inf) for way in ways]
     confidence = [np.zeros((*way.angles.shape[:2], len(OUTER[way.gap.limb]))) for way in ways]
@@ -124,25 +143,30 @@ def track_again(
                 angles[gap][way.names.index(AGAIN), place] = rows[-1].pose[way.entries]
                 if follower.observation is not None:
                     distances[gap][:, place], confidence[gap][:, place] = _compared(
-                        follower, follower.observation.scene, poses[number], way, angles[gap][:, place]
-                    )
-        if bad[number] and follower.observation is not None:
-            for place, pose in enumerate((poses[number], rows[-1].pose)):
-                scene = follower.observation.scene
-                whole[place, number] = follower.objective.compare(follower.body, pose, scene).distance
+                        follower, partial(guide.contradicts, frame.timestamp), poses[number], way,
+                        angles[gap][:, place],
+                    )  # fmt: skip
+        if follower.observation is not None:
+            scene = follower.observation.scene
+            explained[number] = follower.objective.compare(follower.body, poses[number], scene).distance
+            if bad[number]:
+                fresh = follower.objective.compare(follower.body, rows[-1].pose, scene)
+                whole[:, number] = explained[number], fresh.distance
         progress(number + 1, len(poses))
-    return Again(rows, distances, angles, confidence, whole)
+    return Again(rows, distances, angles, confidence, explained, whole)
 
 
 def _compared(
-    follower: Follower, scene: Scene, pose: np.ndarray, way: GapWays, angles: np.ndarray
+    follower: Follower, contradicts: Callable[[np.ndarray], float], pose: np.ndarray, way: GapWays, angles: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """A pose (P,) with a limb's angles (C, A) against a frame: distances (C,) and confidence of its outer joints."""
+    """A pose (P,) with a limb's angles (C, A) against the frame: distances (C,) and confidence of its outer joints."""
+    assert follower.observation is not None  # asked before
+    scene = follower.observation.scene
     distances, confidence = np.empty(len(angles)), np.empty((len(angles), len(OUTER[way.gap.limb])))
     for row, own in enumerate(angles):
         moved = pose.copy()
         moved[way.entries] = own
         compared = follower.objective.compare(follower.body, moved, scene)
-        distances[row] = compared.distance
+        distances[row] = compared.distance + contradicts(moved)
         confidence[row] = follower.objective.confidence(compared)[OUTER[way.gap.limb]]
     return distances, confidence

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
+from typing import NamedTuple
 
 import numpy as np
 
@@ -19,8 +20,10 @@ from toolkit.retrieval.priors.allocation import allocate, unknown_rows
 from toolkit.retrieval.priors.expectation import Told
 from toolkit.retrieval.priors.gaps import Gap, find_gaps
 from toolkit.retrieval.priors.limbs import OUTER
+from toolkit.retrieval.priors.marks import Marks, marks_of_classes, tracking_priors
 from toolkit.stabilising.again import Again, GapGuide, track_again
 from toolkit.stabilising.choice import cheapest_path
+from toolkit.stabilising.marked import FloorHeight, floor_of, marked_terms
 from toolkit.stabilising.settings import StabiliseSettings
 from toolkit.stabilising.source import Source
 from toolkit.stabilising.ways import KEPT, GapWays, bad_frames, flags_of, ways_through, whole_priors
@@ -58,6 +61,15 @@ class FilledGap:
         return set(self.sources) != {KEPT}
 
 
+class Known(NamedTuple):
+    """What all rounds know: the classes, labelled stretches or None, MT priors, and the floor."""
+
+    classes: tuple[MotionClass, ...]
+    segments: Sequence[Segment] | None
+    marks: Marks
+    floor: FloorHeight
+
+
 @dataclass(frozen=True, eq=False)
 class Round:
     """One turn of the loop: the labels that it began with, its gaps, the track that it left, and what moved.
@@ -69,6 +81,8 @@ class Round:
     gaps : what became of each
     track : afterwards
     moved : metres, of all joints on average
+    priors : int8 (40, T), what was marked of the frames' features: 0, 1 or `WILDCARD`
+    before, after : metres, mean distance of the track from its frames as the round found it and as it left it
     """
 
     annotation: Annotation | None
@@ -76,6 +90,9 @@ class Round:
     gaps: tuple[FilledGap, ...]
     track: Track
     moved: float
+    priors: np.ndarray
+    before: float = 0.0
+    after: float = 0.0
 
 
 def stabilise(
@@ -84,15 +101,17 @@ def stabilise(
     settings: StabiliseSettings | None = None,
     *,
     segments: Sequence[Segment] | None = None,
+    marks: Marks | None = None,
     progress: Progress | None = None,
 ) -> list[Round]:
-    """Stabilise a track in rounds; the track of the last one is the result.
+    """Stabilise a track in rounds; that of `best_round` is the result.
 
     Parameters
     ----------
     source : the run
     classes : motion classes; those with motions say what a limb does, the others which stretches are repetitions
     segments : labelled stretches in place of those that annotation finds
+    marks : MT priors in place of those that the classes have by themselves
     progress : told what is going on
 
     Raises
@@ -101,15 +120,21 @@ def stabilise(
         Segments that overlap, end after the track, or bear an unknown label.
     """
     settings = settings or StabiliseSettings()
-    track, rounds = source.track, []
+    known = Known(tuple(classes), segments, marks or marks_of_classes(classes, settings.marks), floor_of(source))
+    track, rounds = source.track, list[Round]()
     for number in range(settings.rounds):
-        told = partial(progress or _silent, f"round {number + 1}")
-        found = _round(source, track, classes, settings, segments, told)
+        found = _round(source, track, known, settings, partial(progress or _silent, f"round {number + 1}"))
         rounds.append(found)
         track = found.track
         if found.moved == 0.0 or (number and _settled(rounds[-2], found, settings)):
             break
     return rounds
+
+
+def best_round(rounds: Sequence[Round], settings: StabiliseSettings | None = None) -> Round:
+    """The last round, or an earlier one whose track is clearly nearer to its frames (thesis 6.6: wrong priors harm)."""
+    worst = min(found.after for found in rounds) + (settings or StabiliseSettings()).choice.margin
+    return next(found for found in reversed(rounds) if found.after <= worst)
 
 
 def _silent(doing: str, done: int, total: int) -> None:
@@ -123,26 +148,32 @@ def _settled(before: Round, after: Round, settings: StabiliseSettings) -> bool:
 
 
 def _round(
-    source: Source,
-    track: Track,
-    classes: Sequence[MotionClass],
-    settings: StabiliseSettings,
-    segments: Sequence[Segment] | None,
-    progress: Callable[[int, int], None],
+    source: Source, track: Track, known: Known, settings: StabiliseSettings, progress: Callable[[int, int], None]
 ) -> Round:
     gaps = find_gaps(track.confidence, source.present, settings.gaps)
-    told, annotation, labelled = _told(source, track, classes, gaps, settings, segments)
-    ways = ways_through(told, gaps, settings)
-    if not ways:
-        return Round(annotation, labelled, (), track, 0.0)
+    told, annotation, labelled = _told(source, track, known, gaps, settings)
+    priors = tracking_priors(told.allocation, known.classes, known.marks)
+    ways = ways_through(told, gaps, settings) if labelled else []
+    if not ways:  # nothing is hidden, or nothing is known of what is
+        return Round(annotation, labelled, (), track, 0.0, priors)
     bad = bad_frames(told.hidden)
-    guide = GapGuide(ways, whole_priors(told, bad, settings), track.timestamps, settings)
+    marked = marked_terms(source, told, priors, known.floor, settings.marks)
+    guide = GapGuide(ways, whole_priors(told, bad, settings), track.timestamps, settings, marked)
     again = track_again(source, track.pose, ways, _around(bad, settings.widened), guide, progress)
     paths = [choose(*of_gap, settings) for of_gap in zip(ways, again.distances, again.angles, strict=True)]
     fresh = _exchanged(source, track, ways, again, paths, choose_rows(track, again, settings))
     moved = linear.lengths((fresh.joints - track.joints).reshape(-1, 3).astype(np.float64)).reshape(len(track), -1)
     filled = tuple(_filled(*of_gap, moved) for of_gap in zip(ways, paths, again.distances, strict=True))
-    return Round(annotation, labelled, filled, fresh, float(moved.mean()))
+    before, after = _explained(track, again, filled)
+    return Round(annotation, labelled, filled, fresh, float(moved.mean()), priors, before, after)
+
+
+def _explained(track: Track, again: Again, filled: Sequence[FilledGap]) -> tuple[float, float]:
+    """Metres, mean distance of the track from its frames before and after gaps were filled."""
+    seen = np.isfinite(again.explained)
+    before = float(again.explained[seen].mean()) if seen.any() else 0.0
+    gained = sum((gap.after - gap.before) * (gap.stop - gap.start) for gap in filled)
+    return before, before + gained / max(len(track), 1)
 
 
 def choose(way: GapWays, distances: np.ndarray, angles: np.ndarray, settings: StabiliseSettings) -> np.ndarray:
@@ -179,10 +210,10 @@ def _around(flags: np.ndarray, by: int) -> np.ndarray:
 
 
 def _told(
-    source: Source, track: Track, classes: Sequence[MotionClass], gaps: Sequence[Gap], settings: StabiliseSettings,
-    segments: Sequence[Segment] | None,
-) -> tuple[Told, Annotation | None, tuple[Segment, ...]]:  # fmt: skip
+    source: Source, track: Track, known: Known, gaps: Sequence[Gap], settings: StabiliseSettings
+) -> tuple[Told, Annotation | None, tuple[Segment, ...]]:
     """The track with its labels and where its limbs are hidden."""
+    classes, segments = known.classes, known.segments
     rate = frame_rate_of(track.timestamps)
     features = relational_features(from_poses(track.pose, source.body, rate, source.run.name))
     annotation = None

@@ -13,8 +13,10 @@ import numpy as np
 
 from toolkit.body import skeleton
 from toolkit.evaluation.joints import frame_errors, joint_errors
-from toolkit.files import save_text
+from toolkit.files import atomic_path, save_text
+from toolkit.retrieval.annotation.annotator import runs
 from toolkit.retrieval.priors.limbs import LIMBS, OUTER
+from toolkit.retrieval.priors.marks import USED
 from toolkit.stabilising.loop import Round
 from toolkit.stabilising.source import Source
 from toolkit.stabilising.ways import KEPT
@@ -24,7 +26,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-PAGE = "report.html"
+PAGE, CHANGES = "report.html", "changes.png"
 SHOWN = 3
 """Changes that are drawn."""
 APART = 20
@@ -44,21 +46,24 @@ table{border-collapse:collapse;margin:1em 0}td,th{padding:.25em .8em;border-bott
 img{max-width:100%}"""
 
 
-def write_page(source: Source, rounds: Sequence[Round], folder: Path) -> Path:
-    """Write `report.html` into a folder (after the thesis's Fig. 6.11, 6.13 and 6.14)."""
+def write_page(source: Source, rounds: Sequence[Round], best: Round, folder: Path) -> Path:
+    """Write `report.html` into a folder (after the thesis's Fig. 6.11, 6.13 and 6.14), and `changes.png` if anything
+    changed; `best` is the round that was kept."""
     name = escape(source.run.name)
-    last = rounds[-1]
     parts = [
         f"<!doctype html><html lang='en'><head><meta charset='utf-8'><title>{name}</title><style>{_STYLE}</style>",
         f"</head><body><h1>{name}: stabilised</h1>",
         f"<p>{len(rounds)} rounds; {sum(g.accepted for r in rounds for g in r.gaps)} of "
         f"{sum(len(r.gaps) for r in rounds)} gaps were filled.</p>",
-        _picture(_curves(source, rounds), "costs, gaps and errors over time"),
+        _picture(_png(_curves(source, rounds, best)), "costs, gaps, priors and errors over time"),
     ]
-    changes = largest_changes(source.track, last.track)
+    changes = largest_changes(source.track, best.track)
     if changes:
+        drawn = _png(_drawn(source, best.track, changes))
         parts.append("<h2>The largest changes</h2><p>Red: before. Green: afterwards. White: the truth, if known.</p>")
-        parts.append(_picture(_drawn(source, last.track, changes), "poses before and after"))
+        parts.append(_picture(drawn, "poses before and after"))
+        with atomic_path(folder / CHANGES) as file:
+            file.write_bytes(drawn)
     parts.append("<h2>Gaps</h2>" + _table(source, rounds))
     path = folder / PAGE
     save_text(path, "\n".join(parts) + "</body></html>\n")
@@ -83,13 +88,13 @@ def _truth(source: Source) -> np.ndarray | None:
     return None if joints is None or np.ndim(joints) != 3 else np.asarray(joints)
 
 
-def _curves(source: Source, rounds: Sequence[Round]) -> Figure:
+def _curves(source: Source, rounds: Sequence[Round], best: Round) -> Figure:
     from matplotlib.figure import Figure
 
     times = source.track.timestamps
     truth = _truth(source)
-    figure = Figure(figsize=(11.0, 7.0), layout="constrained")
-    costs, gaps, errors = figure.subplots(3, 1, sharex=True)
+    figure = Figure(figsize=(11.0, 9.0), layout="constrained")
+    costs, gaps, priors, errors = figure.subplots(4, 1, sharex=True)
     for number, found in enumerate(rounds, start=1):
         if found.annotation is not None:
             least = found.annotation.distances.min(axis=0)
@@ -97,7 +102,7 @@ def _curves(source: Source, rounds: Sequence[Round]) -> Figure:
             costs.plot(own, np.where(np.isfinite(least), least, np.nan), label=f"round {number}")
             costs.legend(fontsize=7)
     costs.set_ylabel("least cost", fontsize=8)
-    for segment in rounds[-1].segments:
+    for segment in best.segments:
         costs.axvspan(times[0] + segment.start, times[0] + segment.end, color="0.9", lw=0)
         costs.text(times[0] + segment.start, costs.get_ylim()[1], segment.label, fontsize=6, va="top")
     for gap in (g for found in rounds for g in found.gaps):
@@ -105,7 +110,8 @@ def _curves(source: Source, rounds: Sequence[Round]) -> Figure:
         gaps.barh(LIMBS.index(gap.limb), times[gap.stop - 1] - times[gap.start], left=times[gap.start], color=colour)
     gaps.set_yticks(range(len(LIMBS)), [limb.replace("_", " ") for limb in LIMBS], fontsize=8)
     gaps.set_title("gaps: filled (green) and left as they were", fontsize=9, loc="left")
-    for track, colour, label in ((source.track, "tab:red", "before"), (rounds[-1].track, "tab:green", "afterwards")):
+    _draw_priors(priors, best.priors, times)
+    for track, colour, label in ((source.track, "tab:red", "before"), (best.track, "tab:green", "afterwards")):
         if truth is not None:
             own_errors = frame_errors(joint_errors(track.joints, truth[: len(track)]))
             errors.plot(times, 1000.0 * own_errors, color=colour, lw=0.9, label=label)
@@ -116,6 +122,16 @@ def _curves(source: Source, rounds: Sequence[Round]) -> Figure:
     errors.set_xlabel("time, s", fontsize=8)
     errors.legend(fontsize=7)
     return figure
+
+
+def _draw_priors(panel: Axes, priors: np.ndarray, times: np.ndarray) -> None:
+    """What MT priors say over time: 1 dark, 0 light, a row for each feature."""
+    for place, number in enumerate(USED):
+        for value, colour in ((1, "tab:blue"), (0, "lightskyblue")):
+            for start, stop in runs(priors[number - 1] == value):
+                panel.barh(place, times[stop - 1] - times[start], left=times[start], color=colour)
+    panel.set_yticks(range(len(USED)), [f"F{number}" for number in USED], fontsize=6)
+    panel.set_title("priors: features that are 1 (dark) and 0 (light) by the label", fontsize=9, loc="left")
 
 
 def _drawn(source: Source, after: Track, frames: Sequence[int]) -> Figure:
@@ -146,10 +162,14 @@ def _draw_bones(panel: Axes, pixels: np.ndarray, colour: str) -> None:
         panel.plot(ends[:, 0], ends[:, 1], color=colour, lw=1.6)
 
 
-def _picture(figure: Figure, words: str) -> str:
+def _png(figure: Figure) -> bytes:
     stream = io.BytesIO()
     figure.savefig(stream, dpi=100, format="png")
-    return f"<img alt='{words}' src='data:image/png;base64,{base64.b64encode(stream.getvalue()).decode('ascii')}'>"
+    return stream.getvalue()
+
+
+def _picture(png: bytes, words: str) -> str:
+    return f"<img alt='{words}' src='data:image/png;base64,{base64.b64encode(png).decode('ascii')}'>"
 
 
 def _table(source: Source, rounds: Sequence[Round]) -> str:

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from toolkit.errors import SettingsError
 from toolkit.retrieval.priors.expectation import ExpectationSettings
 from toolkit.retrieval.priors.gaps import GapSettings
+from toolkit.retrieval.priors.marks import MarkSettings
 
 
 @dataclass(frozen=True)
@@ -57,6 +58,7 @@ class StabiliseSettings:
     gaps: GapSettings = field(default_factory=GapSettings)
     expectation: ExpectationSettings = field(default_factory=ExpectationSettings)
     choice: ChoiceSettings = field(default_factory=ChoiceSettings)
+    marks: MarkSettings = field(default_factory=MarkSettings)
 
     def __post_init__(self) -> None:
         if self.rounds < 1:

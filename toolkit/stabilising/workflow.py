@@ -15,7 +15,10 @@ from toolkit.retrieval.annotation.annotator import MotionClass
 from toolkit.retrieval.annotation.classes import load_classes
 from toolkit.retrieval.annotation.measures import Segment
 from toolkit.retrieval.annotation.report import REPORT_FILES, read_segments, write_report
-from toolkit.stabilising.loop import Round, stabilise
+from toolkit.retrieval.priors.marks import load_marks
+from toolkit.retrieval.templates.quantised import WILDCARD
+from toolkit.stabilising.loop import Round, best_round, stabilise
+from toolkit.stabilising.marked import floor_of
 from toolkit.stabilising.page import write_page
 from toolkit.stabilising.settings import StabiliseSettings
 from toolkit.stabilising.source import Source, open_source
@@ -31,6 +34,7 @@ def stabilise_run(
     *,
     settings: StabiliseSettings | None = None,
     segments: str | Path | None = None,
+    marks: str | Path | None = None,
     recording: str | Path | None = None,
     database: str | Path | None = None,
     progress: Progress | None = None,
@@ -44,12 +48,13 @@ def stabilise_run(
     output : a run folder, with segments.csv and .json, annotation.png, stabilise.json and report.html
     settings : see `StabiliseSettings`
     segments : CSV of labelled stretches (start, end, label), in place of those that annotation finds
+    marks : YAML of MT priors, see `load_marks`, in place of those that the classes have by themselves
     recording, database : where they have been moved to
     progress : told what is going on
 
     Returns
     -------
-    The rounds; the track of the last one is what was written.
+    The rounds; the track of the best one is what was written.
 
     Raises
     ------
@@ -58,7 +63,7 @@ def stabilise_run(
     RecordingError, DatabaseError
         The recording or the database is gone or has changed.
     RetrievalError
-        The class file holds no motions, or the segments cannot be.
+        The class file holds no motions, or the segments or marks cannot be.
     UsageError
         The output is the run itself, or the run is of several people or of another tracker.
     """
@@ -68,8 +73,9 @@ def stabilise_run(
     wanted = _classes(classes, settings)
     source = open_source(run, recording=recording, database=database)
     labelled = None if segments is None else _segments(segments, source, wanted)
+    marked = None if marks is None else load_marks(marks, wanted, settings.marks)
     with locked(folder):
-        rounds = stabilise(source, wanted, settings, segments=labelled, progress=progress)
+        rounds = stabilise(source, wanted, settings, segments=labelled, marks=marked, progress=progress)
         _write(source, rounds, settings, folder)
     return rounds
 
@@ -112,14 +118,14 @@ def _segments(path: str | Path, source: Source, classes: Sequence[MotionClass]) 
 def _write(source: Source, rounds: Sequence[Round], settings: StabiliseSettings, folder: Path) -> None:
     """The run folder and what belongs to it; the track comes last, so that a folder with one is whole."""
     folder.mkdir(parents=True, exist_ok=True)
-    annotation = rounds[-1].annotation
-    if annotation is not None:
-        write_report(replace(annotation, segments=rounds[-1].segments), folder)
+    best = best_round(rounds, settings)
+    if best.annotation is not None:
+        write_report(replace(best.annotation, segments=best.segments), folder)
     save_json(folder / RESULT_FILE, result_of(source, rounds, settings))
-    write_page(source, rounds, folder)
+    write_page(source, rounds, best, folder)
     shutil.copyfile(source.run / CONFIG_FILE, folder / CONFIG_FILE)
     source.info.save(folder)
-    rounds[-1].track.save(folder)
+    best.track.save(folder)
 
 
 def result_of(source: Source, rounds: Sequence[Round], settings: StabiliseSettings) -> dict[str, object]:
@@ -140,10 +146,25 @@ def result_of(source: Source, rounds: Sequence[Round], settings: StabiliseSettin
         "run": source.run.name,
         "settings": asdict(settings),
         "rounds": [
-            {"segments": [asdict(s) for s in found.segments], "gaps": gaps(found), "moved": found.moved}
+            {
+                "segments": [asdict(s) for s in found.segments],
+                "gaps": gaps(found),
+                "moved": found.moved,
+                "marked_frames": _marked(found),
+                "distance_before": found.before,
+                "distance_after": found.after,
+            }
             for found in rounds
         ],
+        "result": rounds.index(best_round(rounds, settings)) + 1,
+        "floor": floor_of(source)._asdict(),
     }
+
+
+def _marked(found: Round) -> dict[str, int]:
+    """Feature -> frames of which MT priors say something of it."""
+    counts = (found.priors != WILDCARD).sum(axis=1)
+    return {f"F{row + 1}": int(count) for row, count in enumerate(counts) if count}
 
 
 def output_folders(runs: Sequence[Path], output: Path) -> dict[Path, Path]:

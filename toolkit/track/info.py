@@ -43,6 +43,7 @@ class RunInfo:
     tracker : name of the tracker
     seed : of everything random
     up_source : how the vertical was known, see `Vertical`
+    floor : metres of the camera above the floor, one number; empty where none is seen
     sensors_sha256, classes_sha256 : of the file of inertial sensors or of motion classes that guided the tracker, empty
         without
     body_sha256 : of the file of the person's own body, empty where it was learnt
@@ -68,6 +69,7 @@ class RunInfo:
     joints_2d: str = "none"
     body_sha256: str = ""
     offsets: list[float] = field(default_factory=list)
+    floor: list[float] = field(default_factory=list)
     recording_relative: str = field(default="", compare=False)
     folder: str = field(default="", compare=False)
 
@@ -146,7 +148,7 @@ def _check_values(values: dict[str, Any], path: Path) -> None:
     try:
         numbers = {
             name: np.array(values.get(name, []), dtype=np.float64, ndmin=1)
-            for name in ("shape", "level_rotation", "scale", "offsets")
+            for name in ("shape", "level_rotation", "scale", "offsets", "floor")
         }
     except (TypeError, ValueError) as error:
         raise TrackError(f"{path} holds something else than numbers ({error}); {AGAIN}") from error
@@ -155,6 +157,7 @@ def _check_values(values: dict[str, Any], path: Path) -> None:
         "offsets": Column("f", ("m",), -0.1, 0.1),
         "level_rotation": Column("f", (9,)),
         "scale": Column("f", (1,), 0.01, 100),
+        "floor": Column("f", ("f",), 0, 100),
     }
     check_columns(numbers, columns, TrackError, str(path), AGAIN)
     turn = numbers["level_rotation"].reshape(3, 3)

@@ -37,9 +37,9 @@ class CausalAlignments:
         self.lengths = np.array([template.length for _, _, template in found], dtype=np.int64)
         self._bounds = np.concatenate([[0], np.cumsum(self.lengths)])
         self.first = self._bounds[:-1]
-        self._columns = tuple(
-            np.concatenate([getattr(template, name) for _, _, template in found]) for name in ("bits", "mask", "scale")
-        )
+        self._bits = np.concatenate([template.bits for _, _, template in found])
+        self._mask = np.concatenate([template.mask for _, _, template in found])
+        self._scale = np.concatenate([template.scale for _, _, template in found])
         self._costs = np.full((3, self._bounds[-1]), np.inf)
         self._starts = np.full(self._costs.shape, -1, dtype=np.int64)
         self.column = -1
@@ -47,7 +47,9 @@ class CausalAlignments:
     def push(self, word: np.uint64) -> None:
         """One more column of the document, as a bit word."""
         self.column += 1
-        dtw.push_columns(*self._columns, self._bounds, word, self.column, self._costs, self._starts)
+        dtw.push_columns(
+            self._bits, self._mask, self._scale, self._bounds, word, self.column, self._costs, self._starts
+        )
 
     @property
     def costs(self) -> np.ndarray:

@@ -115,10 +115,13 @@ class FrameFeatures:
         )  # fmt: skip
         return joints, axis
 
-    def quantities(self, joints: np.ndarray, axes: np.ndarray, frame: int) -> np.ndarray:
-        """What the features compare with their thresholds, float64 (40,), in a frame of joints (T, 24, 3)."""
-        values = np.empty(len(FEATURES))
-        r.quantities(joints, axes, frame, self._rate, self._program, values)
+    def quantities(
+        self, joints: np.ndarray, axes: np.ndarray, frame: int, rows: np.ndarray | slice = slice(None)
+    ) -> np.ndarray:
+        """What features compare with their thresholds, float64 (40,), in a frame of joints (T, 24, 3), or some."""
+        wanted = self._program[rows]
+        values = np.empty(len(wanted))
+        r.quantities(joints, axes, frame, self._rate, wanted, values)
         return values
 
     def push(self, joints: np.ndarray, axes: np.ndarray, frame: int, on: np.ndarray) -> None:

@@ -235,7 +235,7 @@ def _carried(body: Body) -> _Carried:
 
 
 def points_of_body(body: Body) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """What `relations.named_joints` needs of a body: points, skin joints, skin weights, and the weights of the means."""
+    """What `relations.named_joints` needs of a body: points, their skin joints and weights, and those of the means."""
     carried = _carried(body)
     sources = (*skeleton.JOINT_NAMES, *carried.names)
     gather = np.zeros((len(NAMED_JOINTS), len(sources)))

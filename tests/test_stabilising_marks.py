@@ -1,0 +1,227 @@
+"""MT priors: what is marked in templates, what it says of a track, and the terms that hold limbs to it."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from tests.inertial_scenes import write_run
+from tests.test_inertial_clock import typed
+from tests.test_retrieval_priors import BODY, classes_of
+from tests.test_stabilising import road  # noqa: F401  # the fixture
+from toolkit.body import skeleton
+from toolkit.errors import RetrievalError, SettingsError
+from toolkit.fitting.placed import NormalSystem
+from toolkit.fitting.priors import ResidualTerm
+from toolkit.fitting.sole import FEET, Sole, floor_term
+from toolkit.retrieval.annotation.annotator import MotionClass
+from toolkit.retrieval.features.motion import from_poses
+from toolkit.retrieval.features.relational import FEATURES, native_features
+from toolkit.retrieval.priors.allocation import Allocation
+from toolkit.retrieval.priors.limbs import ENTRIES, LIMBS_OF_FEATURE
+from toolkit.retrieval.priors.marks import (
+    DEMANDED,
+    Demands,
+    Mark,
+    MarkSettings,
+    load_marks,
+    marks_of,
+    marks_of_classes,
+    rests,
+    tracking_priors,
+)
+from toolkit.retrieval.templates.quantised import WILDCARD, QuantisedTemplate
+from toolkit.stabilising.loop import Round, best_round
+from toolkit.stabilising.marked import floor_of
+from toolkit.stabilising.source import open_source
+from toolkit.track import RunInfo, Track
+
+STANDING = np.zeros(skeleton.POSE_SIZE)
+
+
+def some_pose(seed: int) -> np.ndarray:
+    low, high = (np.clip(side, -2.4, 2.4) * (0.1, 0.4, 0.9)[seed % 3] for side in skeleton.POSE_LIMITS.T)
+    return np.random.default_rng(seed).uniform(low, high)
+
+
+def system_of(term: ResidualTerm, pose: np.ndarray) -> NormalSystem:
+    system = NormalSystem()
+    system.matrix[:], system.vector[:] = 0.0, 0.0
+    term.add(system, pose)
+    return system
+
+
+def demanded(number: int, value: int) -> np.ndarray:
+    priors = np.full(len(FEATURES), WILDCARD, dtype=np.int8)
+    priors[number - 1] = value
+    return priors
+
+
+def template(values: np.ndarray) -> QuantisedTemplate:
+    return QuantisedTemplate("x", values.astype(np.int8), np.ones(values.shape[1]))
+
+
+def descended(term: ResidualTerm, pose: np.ndarray) -> np.ndarray:
+    """The pose after damped steps on this term alone."""
+    pose = pose.copy()
+    for _ in range(60):
+        system = system_of(term, pose)
+        own = np.ix_(term.entries, term.entries)
+        pose[term.entries] -= np.linalg.solve(
+            system.matrix[own] + 0.01 * np.eye(len(term.entries)), system.vector[term.entries]
+        )
+    return pose
+
+
+def test_long_runs_of_equal_entries_are_marked():
+    values = np.full((40, 12), WILDCARD)
+    values[6, 2:8], values[6, 8:12], values[25, 0:5], values[8, :] = 1, 0, 0, 1
+    assert marks_of(template(values), 5) == [Mark(7, True, 2, 8), Mark(26, False, 0, 5)]
+    assert Mark(7, False, 8, 12) in marks_of(template(values), 4)
+
+
+def test_marks_go_to_the_frames_that_were_aligned_with_their_columns():
+    values = np.full((40, 6), WILDCARD)
+    values[6, 1:6], values[16], values[24] = 1, 0, 0
+    classes = [MotionClass("bend", (template(values),))]
+    allocation = replace(Allocation.nothing(8), label=np.array([-1, 0, 0, 0, 0, 0, 0, -1]),
+                         template=np.zeros(8, dtype=int), column=np.array([-1, 0, 1, 2, 2, 4, 5, -1]))  # fmt: skip
+    priors = tracking_priors(allocation, classes, marks_of_classes(classes))
+    np.testing.assert_array_equal(priors[6], [-1, -1, 1, 1, 1, 1, 1, -1])
+    np.testing.assert_array_equal(rests(priors, "right_leg"), [False, *[True] * 6, False])
+    assert not rests(priors, "left_leg").any()
+
+
+@pytest.mark.parametrize("number", DEMANDED)
+@pytest.mark.parametrize("value", (0, 1))
+def test_a_demand_is_the_gradient_of_its_energy_and_holds_where_the_feature_does(number, value):
+    (limb,) = LIMBS_OF_FEATURE[number - 1]
+    demands, violated = Demands(BODY, STANDING, MarkSettings(sigma=0.3)), 0
+    for seed in range(60):
+        pose = some_pose(seed)
+        term = demands.term(limb, demanded(number, value))
+        assert term is not None
+        poses = np.stack([STANDING, pose])
+        on = native_features(from_poses(poses, BODY, 30.0, "two"))[number - 1, 1]
+        if term.violation(pose) == 0.0:
+            continue
+        violated += 1
+        assert on != value
+        system = system_of(term, pose)
+        steps = 1e-6 * np.eye(skeleton.POSE_SIZE)[term.entries]
+        numeric = [(term.energy(pose + step) - term.energy(pose - step)) / 2e-6 for step in steps]
+        np.testing.assert_allclose(system.vector[term.entries], numeric, atol=2e-5)
+        others = np.setdiff1d(np.arange(skeleton.POSE_SIZE), ENTRIES[limb])
+        assert not system.vector[others].any() and not system.matrix[others].any()
+        better = descended(term, pose)
+        assert term.violation(better) < 0.5 * term.violation(pose)
+        if violated == 3:
+            break
+    assert violated
+
+
+def test_nothing_is_demanded_of_a_limb_of_which_nothing_is_marked():
+    demands = Demands(BODY, STANDING)
+    assert demands.term("left_arm", demanded(7, 1)) is None
+    assert demands.term("right_arm", np.full(len(FEATURES), WILDCARD)) is None
+
+
+@pytest.mark.parametrize("leg", FEET)
+@pytest.mark.parametrize("known", (False, True))
+def test_a_foot_that_rests_is_pulled_to_the_floor_and_to_its_place(leg, known):
+    sole, floor = Sole.of(BODY, leg), float(BODY.vertices[:, 1].min())
+    standing = sole.at(BODY, STANDING)
+    np.testing.assert_allclose(standing[:, 1], floor, atol=0.02)
+    floating = STANDING.copy()
+    floating[ENTRIES[leg][0]], floating[ENTRIES[leg][3]] = -0.5, 0.6  # hip and knee bent
+    term = floor_term(BODY, leg, ENTRIES[leg], floor, standing if known else None, 1.0, 0.2)
+    system = system_of(term, floating)
+    steps = 1e-6 * np.eye(skeleton.POSE_SIZE)
+    numeric = [(term.energy(floating + step) - term.energy(floating - step)) / 2e-6 for step in steps[ENTRIES[leg]]]
+    np.testing.assert_allclose(system.vector[ENTRIES[leg]], numeric, atol=2e-5)
+    after = sole.at(BODY, descended(term, floating))
+    np.testing.assert_allclose(after[:, 1], standing[:, 1], atol=0.02)
+    if known:
+        np.testing.assert_allclose(after, standing, atol=0.03)
+
+
+def test_marks_of_a_file_take_the_place_of_those_of_their_classes(tmp_path):
+    values = np.full((40, 9), WILDCARD)
+    values[6] = 1
+    classes = [MotionClass("bend", (template(values),)), MotionClass("stand", (template(values),))]
+    (tmp_path / "marks.yaml").write_text("bend: [{feature: 26, value: 0, columns: [3, 7]}]\n")
+    found = load_marks(tmp_path / "marks.yaml", classes)
+    assert found == {"bend": [[Mark(26, False, 2, 7)]], "stand": [[Mark(7, True, 0, 9)]]}
+    (tmp_path / "marks.yaml").write_text("bend: []\n")
+    assert load_marks(tmp_path / "marks.yaml", classes)["bend"] == [[]]
+
+
+@pytest.mark.parametrize(
+    ("text", "match"),
+    (
+        ("- 1", "holds no classes with marks"),
+        ("a: [", "is no YAML"),
+        ("walk: []", "marks the class 'walk'; there are: bend"),
+        ("bend: [{feature: 7, value: 1}]", "give feature, value, columns"),
+        ("bend: [{feature: 9, value: 1, columns: [1, 2]}]", "names feature 9; used are 3, 4, 7"),
+        ("bend: [{feature: 7, value: 2, columns: [1, 2]}]", "has the value 2; give 0 or 1"),
+        ("bend: [{feature: 7, value: 1, columns: [1, 99]}]", r"columns \[1, 99\]; give first and last within 1 to 9"),
+        ("bend: [{feature: 7, value: 1, columns: [1, 2], template: 2}]", "names template 2; there are 1"),
+    ),
+)
+def test_marks_that_cannot_be_are_refused(tmp_path, text: str, match: str):
+    (tmp_path / "marks.yaml").write_text(text)
+    with pytest.raises(RetrievalError, match=match):
+        load_marks(tmp_path / "marks.yaml", [MotionClass("bend", (template(np.ones((40, 9))),))])
+
+
+def test_impossible_settings_of_marks_are_refused():
+    with pytest.raises(SettingsError, match="weights from 0 on"):
+        MarkSettings(sigma=0.0)
+
+
+def test_the_floor_is_that_of_the_run_else_below_the_soles(road: Path):  # noqa: F811
+    source = open_source(road / "run")
+    assert floor_of(replace(source, info=replace(source.info, floor=[1.2]))) == (-1.2, "run")
+    found = floor_of(source)
+    lowest = min(Sole.of(source.body, leg).at(source.body, pose)[:, 1].min() for leg in FEET for pose in
+                 source.track.pose)  # fmt: skip
+    assert found.source == "soles" and lowest <= found.height <= lowest + 0.1
+
+
+def test_a_floor_is_kept_in_the_run(tmp_path):
+    run = write_run(tmp_path / "run", np.zeros((3, skeleton.POSE_SIZE)))
+    replace(RunInfo.load(run), floor=[0.9]).save(run)
+    assert RunInfo.load(run).floor == [0.9]
+
+
+def test_the_best_round_is_the_last_unless_an_earlier_one_explains_more():
+    def rounds(*after: float) -> list[Round]:
+        blank: Any = None
+        return [Round(None, (), (), blank, 0.0, blank, 0.0, distance) for distance in after]
+
+    better = rounds(0.030, 0.028, 0.0282)
+    assert best_round(better) is better[-1]
+    worse = rounds(0.030, 0.024, 0.029)
+    assert best_round(worse) is worse[1]
+
+
+def test_stabilise_takes_marks_and_says_what_became_of_them(road: Path, tmp_path: Path):  # noqa: F811
+    (tmp_path / "marks.yaml").write_text("semaphore: [{feature: 7, value: 0, columns: [2, 30]}]\nknee_to_elbow: []\n")
+    typed("stabilise", road / "wrong", "--classes", road / "classes.npz", "--output", tmp_path / "out", "--rounds", 1,
+          "--marks", tmp_path / "marks.yaml")  # fmt: skip
+    result = json.loads((tmp_path / "out" / "stabilise.json").read_text())
+    assert set(result["rounds"][0]["marked_frames"]) == {"F7"} and result["result"] == 1
+    assert result["floor"]["source"] == "soles"
+    assert (tmp_path / "out" / "changes.png").stat().st_size > 1000
+    assert len(Track.load(tmp_path / "out")) == len(Track.load(road / "wrong"))
+
+
+def test_classes_learnt_from_clips_mark_themselves():
+    marks = marks_of_classes(classes_of("semaphore"))
+    assert sum(len(own) for own in marks["semaphore"]) > 3

@@ -1,0 +1,194 @@
+"""MT priors: entries of motion templates that say what a limb does, and what becomes of them in a track (thesis 6.4.1).
+
+Runs of equal entries of a template are marked by themselves; a file may mark others. Used is what can be demanded of
+single poses: bent and abducted joints, hands above the neck and lowered, and feet that rest.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from toolkit.body.body import Body
+from toolkit.errors import RetrievalError, SettingsError
+from toolkit.files import parse_yaml, read_text
+from toolkit.fitting.priors import ResidualTerm
+from toolkit.retrieval.annotation.annotator import MotionClass, runs
+from toolkit.retrieval.features.frames import FrameFeatures
+from toolkit.retrieval.features.relational import FEATURE_RATE, FEATURES
+from toolkit.retrieval.priors.allocation import Allocation
+from toolkit.retrieval.priors.limbs import ENTRIES, LIMBS_OF_FEATURE
+from toolkit.retrieval.templates.quantised import WILDCARD, QuantisedTemplate, expand
+
+DEMANDED = (3, 4, 7, 8, 20, 21, 27, 28, 29, 30, 33, 34)
+"""Numbers of the features that a pose fulfils or not: hands above the neck, bent elbows and knees, abducted upper arms
+and thighs, lowered hands."""
+RESTING: dict[str, tuple[int, int]] = {"right_leg": (17, 25), "left_leg": (18, 26)}
+"""Leg -> the features that are 0 where its foot rests: raised, and fast."""
+USED: tuple[int, ...] = tuple(sorted({*DEMANDED, *(number for pair in RESTING.values() for number in pair)}))
+"""Numbers of all features that are marked."""
+HINT = "write lines such as `kick: [{feature: 26, value: 0, columns: [22, 58]}]`"
+
+
+@dataclass(frozen=True)
+class MarkSettings:
+    """How MT priors are found and what they weigh.
+
+    Attributes
+    ----------
+    shortest : columns of equal entries that are marked by themselves
+    weight : of one demand against one correspondence; 0 leaves them out
+    sigma : metres, scale of the Geman-McClure weight of a demand
+    lever : metres that a radian beyond the bound of an angle counts as: half a forearm
+    disagreement : metres by which a pose that contradicts one demand altogether is farther from its frame
+    """
+
+    shortest: int = 5
+    weight: float = 1.0
+    sigma: float = 0.1
+    lever: float = 0.15
+    disagreement: float = 0.001
+
+    def __post_init__(self) -> None:
+        if self.shortest < 1 or min(self.weight, self.disagreement) < 0.0 or min(self.sigma, self.lever) <= 0.0:
+            raise SettingsError("marks need at least 1 column and weights from 0 on; leave them as they are")
+
+
+class Mark(NamedTuple):
+    """Feature `number` has `value` in the template's columns `first` to `stop` - 1."""
+
+    number: int
+    value: bool
+    first: int
+    stop: int
+
+
+Marks = Mapping[str, Sequence[Sequence[Mark]]]
+"""Class -> the marks of each of its templates."""
+
+
+def marks_of(template: QuantisedTemplate, shortest: int) -> list[Mark]:
+    """Runs of at least `shortest` equal entries, of the features in `USED`."""
+    values = expand(template.values, template.weights)[0]
+    return [
+        Mark(number, bool(value), first, stop)
+        for number in USED
+        for value in (0, 1)
+        for first, stop in runs(values[number - 1] == value)
+        if stop - first >= shortest
+    ]
+
+
+def marks_of_classes(classes: Sequence[MotionClass], settings: MarkSettings | None = None) -> dict[str, list[Any]]:
+    """What is marked by itself: class -> marks of each of its templates."""
+    shortest = (settings or MarkSettings()).shortest
+    return {c.label: [marks_of(template, shortest) for template in c.templates] for c in classes}
+
+
+def load_marks(path: str | Path, classes: Sequence[MotionClass], settings: MarkSettings | None = None) -> Marks:
+    """Marks of a file in place of those that the classes it names have by themselves.
+
+    YAML: class -> list of `{feature: 26, value: 0, columns: [22, 58], template: 1}`; columns and templates count from
+    1, both ends included, and `template` may be left out. An empty list marks nothing.
+
+    Raises
+    ------
+    RetrievalError
+        The file is none of that kind, or names a class, a feature, a template or columns that are not there.
+    """
+    raw = parse_yaml(read_text(path, RetrievalError, HINT), str(path), RetrievalError, HINT)
+    found = marks_of_classes(classes, settings)
+    known = {c.label: c for c in classes}
+    if not isinstance(raw, dict):
+        raise RetrievalError(f"{path} holds no classes with marks; {HINT}")
+    for label, entries in raw.items():
+        if label not in known:
+            raise RetrievalError(f"{path} marks the class {label!r}; there are: {', '.join(known)}")
+        lengths = [expand(t.values, t.weights)[0].shape[1] for t in known[label].templates]
+        found[label] = [[] for _ in lengths]
+        for entry in entries or []:
+            template, mark = _mark(entry, lengths, f"{label} in {path}")
+            found[label][template].append(mark)
+    return found
+
+
+def _mark(entry: Any, lengths: Sequence[int], where: str) -> tuple[int, Mark]:
+    """The row of a template and its mark, from one entry of a file."""
+    wanted = {"feature", "value", "columns"}
+    if not isinstance(entry, dict) or not wanted <= set(entry) <= {*wanted, "template"}:
+        raise RetrievalError(f"a mark of {where} is {entry!r}; give feature, value, columns and perhaps template")
+    number, value, template = entry["feature"], entry["value"], entry.get("template", 1)
+    if number not in USED:
+        raise RetrievalError(f"a mark of {where} names feature {number}; used are {', '.join(map(str, USED))}")
+    if value not in (0, 1):
+        raise RetrievalError(f"a mark of {where} has the value {value!r}; give 0 or 1")
+    if template not in range(1, len(lengths) + 1):
+        raise RetrievalError(f"a mark of {where} names template {template}; there are {len(lengths)}")
+    columns = entry["columns"]
+    whole = isinstance(columns, list) and len(columns) == 2 and all(isinstance(c, int) for c in columns)
+    if not whole or not 1 <= columns[0] <= columns[1] <= lengths[template - 1]:
+        raise RetrievalError(
+            f"a mark of {where} has columns {columns!r}; give first and last within 1 to {lengths[template - 1]}"
+        )
+    return template - 1, Mark(number, bool(value), columns[0] - 1, columns[1])
+
+
+def tracking_priors(allocation: Allocation, classes: Sequence[MotionClass], marks: Marks) -> np.ndarray:
+    """What the marks say of each frame that bears a label: int8 (40, T), 0, 1 or `WILDCARD` (thesis 6.4.1)."""
+    found = np.full((len(FEATURES), len(allocation.label)), WILDCARD, dtype=np.int8)
+    for row, motion_class in enumerate(classes):
+        for part, own in enumerate(marks.get(motion_class.label, ())):
+            here = (allocation.label == row) & (allocation.template == part)
+            for mark in own:
+                inside = here & (allocation.column >= mark.first) & (allocation.column < mark.stop)
+                found[mark.number - 1, inside] = mark.value
+    return found
+
+
+def rests(priors: np.ndarray, leg: str) -> np.ndarray:
+    """Bool (T,): frames in which tracking priors (40, T) say that the foot of a leg rests."""
+    return np.asarray((priors[[number - 1 for number in RESTING[leg]]] == 0).all(axis=0))
+
+
+class Demands:
+    """Terms that hold a limb of one body to what is marked of it.
+
+    Parameters
+    ----------
+    body : whose poses are fitted
+    pose : float64 (P,), in which its lengths are measured, as features do it in the first frame
+    settings : see `MarkSettings`
+    """
+
+    def __init__(self, body: Body, pose: np.ndarray, settings: MarkSettings | None = None) -> None:
+        self.settings = settings or MarkSettings()
+        self._features = FrameFeatures(body, FEATURE_RATE)
+        self._features.measure(self._features.joints(pose)[0])
+
+    def term(self, limb: str, priors: np.ndarray) -> ResidualTerm | None:
+        """How far a limb is beyond what tracking priors (40,) of one frame demand; None where they say nothing of it.
+
+        A feature that is 1 demands its loose threshold, one that is 0 that its strict one is not passed.
+        """
+        rows = np.array([
+            number - 1 for number in DEMANDED if priors[number - 1] >= 0 and limb in LIMBS_OF_FEATURE[number - 1]
+        ], dtype=np.int64)  # fmt: skip
+        if not len(rows):
+            return None
+        on = priors[rows] == 1
+        bounds = np.where(on, self._features.loose[rows], self._features.strict[rows])
+        rising = np.array([FEATURES[row].test.startswith(">") for row in rows])
+        sides = np.where(on == rising, -1.0, 1.0)  # -1: at least the bound, 1: at most
+        degrees = np.array([FEATURES[row].unit == "deg" for row in rows])
+        scales = sides * np.where(degrees, np.radians(1.0) * self.settings.lever, 1.0)
+
+        def residuals(pose: np.ndarray) -> np.ndarray:
+            joints, axis = self._features.joints(pose)
+            values = self._features.quantities(joints[None], axis[None], 0, rows)
+            return np.maximum(scales * (values - bounds), 0.0)
+
+        return ResidualTerm(self.settings.weight, self.settings.sigma, ENTRIES[limb], residuals)

@@ -1,0 +1,94 @@
+"""MT priors on the hidden limbs of a track: demands on their poses, and feet on the floor (thesis 6.4.1, 6.4.2)."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from toolkit.errors import RecordingError
+from toolkit.fitting.priors import ResidualTerm
+from toolkit.fitting.sole import FEET, Sole, floor_term
+from toolkit.retrieval.annotation.annotator import runs
+from toolkit.retrieval.priors.expectation import Told
+from toolkit.retrieval.priors.limbs import ENTRIES, LIMBS
+from toolkit.retrieval.priors.marks import Demands, MarkSettings, rests
+from toolkit.sensing.people.up import find_vertical
+from toolkit.stabilising.source import Source
+
+SOLES = 0.05
+"""Share of the tracked soles that may lie below the floor where none is seen."""
+
+
+class FloorHeight(NamedTuple):
+    """Metres, y of the floor in the level frame, and how it is known."""
+
+    height: float
+    source: str
+
+
+def floor_of(source: Source) -> FloorHeight:
+    """The floor under the person: as the run or the recording knows it, else below nearly all tracked soles."""
+    if source.info.floor:
+        return FloorHeight(-source.info.floor[0], "run")
+    try:
+        seen = find_vertical(source.recording).height
+    except RecordingError:
+        seen = None
+    if seen is not None:
+        return FloorHeight(-seen, "recording")
+    soles = [Sole.of(source.body, leg) for leg in FEET]
+    present = source.track.pose[source.present]
+    heights = [sole.at(source.body, pose)[:, 1].min() for pose in present for sole in soles]
+    return FloorHeight(float(np.quantile(heights, SOLES)) if heights else 0.0, "soles")
+
+
+def marked_terms(
+    source: Source, told: Told, priors: np.ndarray, floor: FloorHeight, settings: MarkSettings
+) -> dict[int, list[ResidualTerm]]:
+    """Frame -> terms on the limbs that are hidden in it.
+
+    Parameters
+    ----------
+    source : the run
+    told : its track, and where its limbs are hidden
+    priors : int8 (40, T), tracking priors
+    floor : under the feet
+    settings : what demands weigh
+    """
+    found: dict[int, list[ResidualTerm]] = {}
+    if settings.weight == 0.0:
+        return found
+    demands = Demands(source.body, told.poses[0], settings)
+    for limb in LIMBS:
+        for frame in np.flatnonzero(told.hidden[limb]).tolist():
+            term = demands.term(limb, priors[:, frame])
+            if term is not None:
+                found.setdefault(frame, []).append(term)
+    for leg in FEET:
+        for frame, resting in _resting(source, told, rests(priors, leg), leg, floor, settings).items():
+            found.setdefault(frame, []).append(resting)
+    return found
+
+
+def _resting(
+    source: Source, told: Told, resting: np.ndarray, leg: str, floor: FloorHeight, settings: MarkSettings
+) -> Mapping[int, ResidualTerm]:
+    """Frame -> the foot on the floor, where it rests and is hidden; in its place if it was seen there meanwhile."""
+    found, sole = {}, Sole.of(source.body, leg)
+    for start, stop in runs(resting):
+        hidden = told.hidden[leg][start:stop]
+        if not hidden.any():
+            continue
+        seen = np.flatnonzero(~hidden) + start
+        places = np.array([sole.at(source.body, told.poses[frame]) for frame in seen])
+        rest = np.median(places, axis=0) if len(seen) else None
+        term = floor_term(source.body, leg, ENTRIES[leg], floor.height, rest, settings.weight, settings.sigma)
+        found.update(dict.fromkeys((np.flatnonzero(hidden) + start).tolist(), term))
+    return found
+
+
+def contradiction(terms: Sequence[ResidualTerm], pose: np.ndarray, settings: MarkSettings) -> float:
+    """Metres by which a pose (P,) is farther from its frame than it looks, for what is demanded of it."""
+    return settings.disagreement * sum(term.violation(pose) for term in terms)
