@@ -19,6 +19,7 @@ import numpy as np
 
 from benchmarks._options import add_database_options, poses_of
 from benchmarks._record import save_figures
+from benchmarks._sensors import levelled
 from toolkit.body import skeleton
 from toolkit.body.body import Body
 from toolkit.body.shape import subject_body
@@ -254,8 +255,8 @@ def _tracked_figures(options: argparse.Namespace) -> dict[str, Any]:
     rows, motions = [], []
     for seed, (take, run, clip) in enumerate(found):
         track, body = Track.load(run), subject_body(take.body, seed=take.seed)
-        simulated = simulate_sensors(body, _levelled(clip.poses, take.yaw), RATE, LIMBS, NOISE, seed)
-        rows.append((track, body, _levelled(clip.poses, take.yaw), simulated))
+        simulated = simulate_sensors(body, levelled(clip.poses, take.yaw), RATE, LIMBS, NOISE, seed)
+        rows.append((track, body, levelled(clip.poses, take.yaw), simulated))
         motion = TrackedMotion.of_poses(body, track.pose, track.timestamps, track.state == 0, take.name)
         motions.append((motion, simulated))
     pool = np.concatenate(clips_of(options.split, subject_body("neutral"), 20))
@@ -264,18 +265,6 @@ def _tracked_figures(options: argparse.Namespace) -> dict[str, Any]:
         "errors, robust": error_figures(rows, pool, "robust"),
         "errors, thesis": error_figures(rows, pool, "thesis"),
     }
-
-
-def _levelled(poses: np.ndarray, yaw: float) -> np.ndarray:
-    """Poses (T, P) of a clip in the camera's level frame: turned so that the first one faces it, then by yaw."""
-    facing = quat.rotate(quat.exponential(poses[0, skeleton.ROOT_ROTATION]), [0.0, 0.0, 1.0])
-    turn = quat.exponential([0.0, np.radians(yaw) - np.arctan2(facing[0], facing[2]), 0.0])
-    out = poses.copy()
-    out[:, :3] = quat.rotate(turn, poses[:, :3])
-    out[:, skeleton.ROOT_ROTATION] = quat.logarithm(
-        quat.multiply(turn, quat.exponential(poses[:, skeleton.ROOT_ROTATION]))
-    )
-    return out
 
 
 if __name__ == "__main__":

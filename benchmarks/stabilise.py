@@ -16,6 +16,7 @@ from typing import Any
 
 import numpy as np
 
+from benchmarks._gap_causes import gap_causes, shares
 from benchmarks._options import add_database_options, poses_of
 from benchmarks._record import save_figures
 from toolkit.evaluation.joints import NEAR, joint_errors, visible_joints
@@ -92,6 +93,7 @@ def main() -> None:
     parser.add_argument("--filler", action="store_true", help="other motions between the clips")
     parser.add_argument("--live", action="store_true", help="classes guide the tracker while it runs instead")
     parser.add_argument("--without-marks", action="store_true", help="leave out the MT priors")
+    parser.add_argument("--gaps", action="store_true", help="every gap of the first round, and why its error is left")
     parser.add_argument("--rounds", type=int, default=StabiliseSettings.rounds)
     add_database_options(parser)
     options = parser.parse_args()
@@ -100,6 +102,7 @@ def main() -> None:
         settings = replace(settings, marks=MarkSettings(weight=0.0))
     classes = classes_from_clips(class_clips(options.split))
     rows: dict[str, Any] = {}
+    gaps: dict[str, Any] = {}
     segments = frames = NOTHING
     marked = np.zeros(len(FEATURES), dtype=np.int64)
     for sequence in SEQUENCES:
@@ -116,6 +119,8 @@ def main() -> None:
             tracks = [source.track, *(found.track for found in rounds[: rounds.index(best) + 1])]
             for found_round in rounds:
                 marked += (found_round.priors != WILDCARD).sum(axis=1)
+            if options.gaps:
+                gaps[sequence.name] = _gaps(source, rounds[0])
             found = labels_of(rounds[-1], performed, classes)
         seconds = time.process_time() - start
         truth, seen = np.asarray(source.recording.joints), visible(source.recording)
@@ -128,9 +133,9 @@ def main() -> None:
         print(sequence.name, " | ".join(" ".join(f"{v:.2f}" if v <= 1 else f"{v:.1f}" for v in f) for f in own))
     labels: dict[str, Any] = {} if options.live else {"F segments": segments.f, "F frames": frames.f}
     labels["frames marked by MT priors"] = {f"F{row + 1}": int(n) for row, n in enumerate(marked) if n}
-    figures = {"sequences": rows, **_summary(rows), **labels}
+    figures = {"sequences": rows, **_summary(rows), **labels, **({"gaps": gaps} if options.gaps else {})}
     for name, value in figures.items():
-        if name != "sequences":
+        if name not in ("sequences", "gaps"):
             print(name, value)
     words = [
         options.split,
@@ -138,8 +143,21 @@ def main() -> None:
         *["filler"] * options.filler,
         *["live"] * options.live,
         *["without_marks"] * options.without_marks,
+        *["gaps"] * options.gaps,
     ]
     print("written:", save_figures("_".join(["stabilise", *words]), figures, asdict(settings)))
+
+
+def _gaps(source: Source, found: Round) -> dict[str, Any]:
+    """The gaps of a round, and what their error comes from: printed, and returned."""
+    truth, seen = np.asarray(source.recording.joints), visible(source.recording)
+    causes = gap_causes(source, source.track, found, truth, seen)
+    for cause in sorted(causes, key=lambda c: -c.joints * c.before):
+        print("   ", *(f"{value:.0f}" if isinstance(value, float) else value for value in cause))
+    own = shares(causes, source.track, truth, seen)
+    for name, (share, left) in own.items():
+        print(f"    {name}: {100 * share:.0f} % of the error, {left:.1f} mm to win")
+    return {"gaps": [cause._asdict() for cause in causes], "shares": own}
 
 
 def _summary(rows: dict[str, Any]) -> dict[str, Any]:

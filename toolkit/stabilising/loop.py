@@ -33,15 +33,17 @@ SOURCE = "prior"
 """The source of frames of which a limb was exchanged, in `Track.source_names`."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class FilledGap:
     """What became of a gap.
 
     Attributes
     ----------
     limb, start, stop : which limb, and the frames that were looked at; the last one is exclusive
-    hidden : in how many of them it is hidden
-    sources : ways that were taken, each with its number of frames
+    hidden : bool (D,), in which of them it is hidden
+    names : of the ways through it
+    angles : float64 (C, D, A), radians, of each way
+    path : int64 (D,), the way that was taken in each frame
     changed : metres that the limb's outer joints moved, on average over the gap
     before, after : metres, mean distance of the whole body from its frames
     """
@@ -49,11 +51,18 @@ class FilledGap:
     limb: str
     start: int
     stop: int
-    hidden: int
-    sources: dict[str, int]
+    hidden: np.ndarray
+    names: tuple[str, ...]
+    angles: np.ndarray
+    path: np.ndarray
     changed: float
     before: float
     after: float
+
+    @property
+    def sources(self) -> dict[str, int]:
+        """The ways that were taken, each with its number of frames."""
+        return {name: int((self.path == k).sum()) for k, name in enumerate(self.names) if (self.path == k).any()}
 
     @property
     def accepted(self) -> bool:
@@ -163,7 +172,7 @@ def _round(
     paths = [choose(*of_gap, settings) for of_gap in zip(ways, again.distances, again.angles, strict=True)]
     fresh = _exchanged(source, track, ways, again, paths, choose_rows(track, again, settings))
     moved = linear.lengths((fresh.joints - track.joints).reshape(-1, 3).astype(np.float64)).reshape(len(track), -1)
-    filled = tuple(_filled(*of_gap, moved) for of_gap in zip(ways, paths, again.distances, strict=True))
+    filled = tuple(_filled(*of_gap, moved) for of_gap in zip(ways, paths, again.angles, again.distances, strict=True))
     before, after = _explained(track, again, filled)
     return Round(annotation, labelled, filled, fresh, float(moved.mean()), priors, before, after)
 
@@ -262,10 +271,9 @@ def _exchanged(
     return replace(track, joints=joints, pose=poses, confidence=confidence, source=at, source_names=names)
 
 
-def _filled(way: GapWays, path: np.ndarray, distances: np.ndarray, moved: np.ndarray) -> FilledGap:
+def _filled(way: GapWays, path: np.ndarray, angles: np.ndarray, distances: np.ndarray, moved: np.ndarray) -> FilledGap:
     gap, here = way.gap, np.arange(len(path))
-    taken = {name: int((path == row).sum()) for row, name in enumerate(way.names) if (path == row).any()}
     seen = np.isfinite(distances[0])
     before, after = (float(d[seen].mean()) if seen.any() else 0.0 for d in (distances[0], distances[path, here]))
     changed = float(moved[gap.start : gap.stop, OUTER[gap.limb]].mean())
-    return FilledGap(gap.limb, gap.start, gap.stop, int(way.hidden.sum()), taken, changed, before, after)
+    return FilledGap(gap.limb, gap.start, gap.stop, way.hidden, way.names, angles, path, changed, before, after)

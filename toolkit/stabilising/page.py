@@ -190,7 +190,7 @@ def _table(source: Source, rounds: Sequence[Round]) -> str:
             taken = ", ".join(f"{name} {count}" for name, count in gap.sources.items() if name != KEPT) or "nothing"
             row = (
                 str(number), gap.limb.replace("_", " "), f"{times[gap.start]:.2f}", f"{times[gap.stop - 1]:.2f}",
-                str(gap.hidden), escape(taken), f"{1000 * gap.changed:.0f}",
+                str(gap.hidden.sum()), escape(taken), f"{1000 * gap.changed:.0f}",
                 f"{1000 * gap.before:.1f}, {1000 * gap.after:.1f}",
             )  # fmt: skip
             lines.append("<tr>" + "".join(f"<td>{cell}</td>" for cell in row) + "</tr>")

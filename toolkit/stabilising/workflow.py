@@ -136,7 +136,7 @@ def result_of(source: Source, rounds: Sequence[Round], settings: StabiliseSettin
         return [
             {
                 "limb": gap.limb, "start": float(times[gap.start]), "end": float(times[gap.stop - 1]),
-                "hidden_frames": gap.hidden, "sources": gap.sources, "accepted": gap.accepted,
+                "hidden_frames": int(gap.hidden.sum()), "sources": gap.sources, "accepted": gap.accepted,
                 "changed": gap.changed, "residual_before": gap.before, "residual_after": gap.after,
             }
             for gap in found.gaps
