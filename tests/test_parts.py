@@ -82,13 +82,13 @@ def plain_question(
 def kernel_question(
     depth: np.ndarray, camera: Camera, rotation: np.ndarray, u: int, v: int, offsets: np.ndarray, blind: float = -1.0
 ) -> float:
-    z = depth[v, u]
-    point = np.array([(u - camera.cx) * z / camera.fx, (v - camera.cy) * z / camera.fy, z, 0.0])
-    point[3] = -rotation[2] @ point[:3]
-    level = np.empty(depth.shape)
-    forest.depth_along(depth, camera.intrinsics, -rotation[2], level)
-    axes = rotation[0].copy(), -rotation[1]
-    return float(forest.question(level, camera.intrinsics, *axes, point, offsets, blind))
+    view, asked = forest.View(depth, camera.intrinsics, rotation, blind), forest.empty_block()
+    forest.place_pixels(view, np.array([v * depth.shape[1] + u]), 0, asked)
+    asked.offsets[:] = offsets[:, None]
+    forest.answer(view, asked)
+    first, second = asked.answers
+    assert len(set(first)) == len(set(second)) == 1  # all places of a block are asked alike
+    return float(first[0] - second[0])
 
 
 TINY = Camera(25.0, 35.0, 20.0, 15.0, 40, 30)
@@ -183,7 +183,8 @@ def test_pixels_reach_the_leaves_that_a_plain_walk_reaches() -> None:
     depth, trained = some_depth(rng), random_forest(rng)
     pixels = np.flatnonzero(depth.ravel())[::3]
     leaves = np.empty((len(pixels), 3), dtype=np.int64)
-    forest.find_leaves(depth, pixels, TINY.intrinsics, TILTED, trained.nodes, trained.roots, -1.0, leaves)
+    view = forest.View(depth, TINY.intrinsics, TILTED, -1.0)
+    forest.find_leaves(view, pixels, trained.nodes, trained.roots, leaves)
     for row, pixel in enumerate(pixels):
         for tree in range(3):
             node = trained.roots[tree]

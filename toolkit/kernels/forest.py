@@ -9,11 +9,10 @@ that can see nothing, outside the image or behind something else, as `REACH` bef
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 from numba import njit
-
-Numbers = np.ndarray | tuple[float, ...]
-"""A few numbers: compiled code keeps those of a tuple in registers."""
 
 REACH = 1.0
 """Metres: how much nearer or farther than its pixel a probe can say that something is."""
@@ -27,113 +26,126 @@ NEAREST = 0.05
 """Metres before the camera where probes end."""
 
 
-@njit(cache=True)
-def depth_along(depth: np.ndarray, camera: np.ndarray, along: np.ndarray, out: np.ndarray) -> None:
-    """How far along the level frame's -z everything is that was measured: fills `out` float64 (H, W), metres.
-
-    `depth` float32 (H, W), metres: 0 = nothing, negative = unobserved; both stay. `camera` holds fx, fy, cx, cy;
-    `along` (3,) is the level frame's -z in the camera frame.
-    """
-    for v in range(depth.shape[0]):
-        down = along[1] * (v - camera[3]) / camera[1] + along[2]
-        for u in range(depth.shape[1]):
-            d = depth[v, u]
-            out[v, u] = d * (along[0] * (u - camera[2]) / camera[0] + down) if d > 0.0 else d
-
-
-@njit(cache=True)
-def probe(
-    level: np.ndarray, camera: Numbers, across: Numbers, down: Numbers, pixel: np.ndarray,
-    x: float, y: float, blind: float,
-) -> float:  # fmt: skip
-    """Clipped difference of the measured depth at a probe to that of its pixel, metres.
-
-    `level` comes from `depth_along`; `camera` holds fx, fy, cx, cy; `across` and `down` (3,) are the level frame's +x
-    and -y in the camera frame; `pixel` (4,) is the pixel's point in the camera frame and its depth along the level
-    frame's -z. The probe is at `x` across and `y` down of it. Outside the image and where it is unobserved the answer
-    is `blind`.
-    """
-    px = pixel[0] + x * across[0] + y * down[0]
-    py = pixel[1] + x * across[1] + y * down[1]
-    pz = pixel[2] + x * across[2] + y * down[2]
-    inverse = 1.0 / max(pz, NEAREST)
-    iu = int(np.rint(camera[2] + camera[0] * px * inverse))
-    iv = int(np.rint(camera[3] + camera[1] * py * inverse))
-    if pz < NEAREST or iu < 0 or iv < 0 or iv >= level.shape[0] or iu >= level.shape[1]:
-        return blind
-    d = level[iv, iu]
-    if d <= 0.0:
-        return blind if d < 0.0 else REACH
-    return min(max(d - pixel[3], -REACH), REACH)
-
-
-@njit(cache=True)
-def question(
-    level: np.ndarray, camera: Numbers, across: Numbers, down: Numbers, pixel: np.ndarray,
-    offsets: np.ndarray, blind: float,
-) -> float:  # fmt: skip
-    """Answer of one question with probe offsets a_x, a_y, b_x, b_y, metres across and down; else as in `probe`."""
-    return probe(level, camera, across, down, pixel, offsets[0], offsets[1], blind) - probe(
-        level, camera, across, down, pixel, offsets[2], offsets[3], blind
-    )
-
-
 BLOCK = 64
-"""Pixels that walk down a tree side by side, so that one steps while another waits for memory."""
+"""Pixels that are asked side by side, so that their arithmetic is done in vectors and one waits for memory while
+another computes."""
+
+
+class View(NamedTuple):
+    """What questions are put to.
+
+    depth : float32 (H, W), metres: 0 = nothing, negative = unobserved
+    camera : float64 (4,), fx, fy, cx, cy
+    rotation : float64 (3, 3), R_level_camera
+    blind : the answer of a probe that can see nothing
+    """
+
+    depth: np.ndarray
+    camera: np.ndarray
+    rotation: np.ndarray
+    blind: float
+
+
+class Asked(NamedTuple):
+    """A block of pixels and the question that each is asked.
+
+    points : float64 (4, BLOCK), their points in the camera frame, metres, and how far these are along the level frame's
+        -z
+    offsets : float64 (4, BLOCK), a_x, a_y, b_x, b_y, metres across and down
+    places : int32 (2, BLOCK), room for column and row of the pixel that a probe meets, the column -1 outside the image
+    answers : float64 (2, BLOCK), room for those of both probes
+    """
+
+    points: np.ndarray
+    offsets: np.ndarray
+    places: np.ndarray
+    answers: np.ndarray
 
 
 @njit(cache=True)
-def find_leaves(
-    depth: np.ndarray,
-    pixels: np.ndarray,
-    camera: np.ndarray,
-    rotation: np.ndarray,
-    nodes: np.ndarray,
-    roots: np.ndarray,
-    blind: float,
-    leaves: np.ndarray,
-) -> None:
-    """Leaf that each pixel reaches in each tree: fills `leaves` (N, trees).
+def empty_block() -> Asked:
+    """Room for one block."""
+    return Asked(
+        np.empty((4, BLOCK)), np.empty((4, BLOCK)), np.empty((2, BLOCK), dtype=np.int32), np.empty((2, BLOCK))
+    )  # fmt: skip
 
-    `depth` and `camera` as in `depth_along`, `blind` as in `probe`; `pixels` (N,) are flat indices; `rotation` (3, 3)
-    is R_level_camera; `nodes` float32 (nodes, 7) hold a question's probe offsets, its threshold and both children in a
-    row, of which a negative one is leaf `-1 - child`; an answer below the threshold goes to the first.
+
+@njit(cache=True)
+def place_pixels(view: View, pixels: np.ndarray, start: int, asked: Asked) -> None:
+    """Fill the points of `asked` with `pixels` (N,), flat indices, from `start` on; the last one fills what is left."""
+    width = view.depth.shape[1]
+    for k in range(BLOCK):
+        pixel = pixels[min(start + k, pixels.shape[0] - 1)]
+        z = view.depth[pixel // width, pixel % width]
+        x = (pixel % width - view.camera[2]) * z / view.camera[0]
+        y = (pixel // width - view.camera[3]) * z / view.camera[1]
+        asked.points[0, k], asked.points[1, k], asked.points[2, k] = x, y, z
+        asked.points[3, k] = -(view.rotation[2, 0] * x + view.rotation[2, 1] * y + view.rotation[2, 2] * z)
+
+
+@njit(cache=True)
+def answer(view: View, asked: Asked) -> None:
+    """Put a block's questions: fills its answers with the clipped differences of measured depth, metres, of each probe.
+
+    The answer to a question is that of the first probe less that of the second.
     """
-    width = depth.shape[1]
-    along = -rotation[2]
-    level = np.empty(depth.shape)
-    depth_along(depth, camera, along, level)
-    lens = (camera[0], camera[1], camera[2], camera[3])
-    across = (rotation[0, 0], rotation[0, 1], rotation[0, 2])
-    down = (-rotation[1, 0], -rotation[1, 1], -rotation[1, 2])
-    at = np.empty(BLOCK, dtype=np.int64)
-    walking = np.empty(BLOCK, dtype=np.int64)
-    point = np.empty((BLOCK, 4))
+    fx, fy, cx, cy = view.camera[0], view.camera[1], view.camera[2], view.camera[3]
+    across_x, across_y, across_z = view.rotation[0, 0], view.rotation[0, 1], view.rotation[0, 2]
+    down_x, down_y, down_z = -view.rotation[1, 0], -view.rotation[1, 1], -view.rotation[1, 2]
+    along_x, along_y, along_z = -view.rotation[2, 0], -view.rotation[2, 1], -view.rotation[2, 2]
+    height, width = view.depth.shape
+    depth, blind = view.depth, view.blind
+    start_x, start_y, start_z, start = asked.points[0], asked.points[1], asked.points[2], asked.points[3]
+    columns, rows = asked.places[0], asked.places[1]
+    for s in range(2):
+        x, y, answers = asked.offsets[2 * s], asked.offsets[2 * s + 1], asked.answers[s]
+        # Two loops, the first free of branches and of memory at random: it is computed in vectors.
+        for k in range(BLOCK):
+            px = start_x[k] + x[k] * across_x + y[k] * down_x
+            py = start_y[k] + x[k] * across_y + y[k] * down_y
+            pz = start_z[k] + x[k] * across_z + y[k] * down_z
+            inverse = 1.0 / max(pz, NEAREST)
+            u = np.int32(np.rint(cx + fx * px * inverse))
+            v = np.int32(np.rint(cy + fy * py * inverse))
+            inside = (pz >= NEAREST) & (u >= 0) & (v >= 0) & (u < width) & (v < height)
+            columns[k], rows[k] = (u if inside else np.int32(-1)), (v if inside else np.int32(0))
+        for k in range(BLOCK):
+            u, v = columns[k], rows[k]
+            d = float(depth[v, max(u, 0)])
+            along = d * (along_x * (u - cx) / fx + (along_y * (v - cy) / fy + along_z))
+            measured = min(max(along - start[k], -REACH), REACH)
+            nothing = REACH if d == 0.0 else blind
+            answers[k] = blind if u < 0 else (measured if d > 0.0 else nothing)
+
+
+@njit(cache=True)
+def find_leaves(view: View, pixels: np.ndarray, nodes: np.ndarray, roots: np.ndarray, leaves: np.ndarray) -> None:
+    """Leaf that each of `pixels` (N,), flat indices, reaches in each tree: fills `leaves` (N, trees).
+
+    `nodes` float32 (nodes, 7) hold a question's probe offsets, its threshold and both children in a row, of which a
+    negative one is leaf `-1 - child`; an answer below the threshold goes to the first.
+    """
+    asked, at, turns = empty_block(), np.empty(BLOCK, dtype=np.int32), np.empty((3, BLOCK), dtype=np.float32)
     for start in range(0, pixels.shape[0], BLOCK):
-        block = min(BLOCK, pixels.shape[0] - start)
-        for k in range(block):
-            u, v = pixels[start + k] % width, pixels[start + k] // width
-            z = depth[v, u]
-            point[k, 0] = (u - camera[2]) * z / camera[0]
-            point[k, 1] = (v - camera[3]) * z / camera[1]
-            point[k, 2] = z
-            point[k, 3] = along[0] * point[k, 0] + along[1] * point[k, 1] + along[2] * z
+        place_pixels(view, pixels, start, asked)
         for t in range(roots.shape[0]):
             at[:] = roots[t]
-            walking[:] = np.arange(BLOCK)
-            left = block if roots[t] >= 0 else 0
-            while left > 0:
-                still = 0
-                for i in range(left):
-                    k = walking[i]
-                    node = nodes[at[k]]
-                    answer = question(level, lens, across, down, point[k], node, blind)
-                    at[k] = int(node[5] if answer < node[4] else node[6])
-                    # Written whether it walks on or not: a branch here would be guessed wrong at every leaf.
-                    walking[still] = k
-                    still += at[k] >= 0
-                left = still
-            for k in range(block):
+            walking = roots[t] >= 0
+            while walking:
+                for k in range(BLOCK):
+                    node = nodes[max(at[k], 0)]
+                    for i in range(4):
+                        asked.offsets[i, k] = node[i]
+                    for i in range(3):
+                        turns[i, k] = node[4 + i]
+                answer(view, asked)
+                walking = False
+                for k in range(BLOCK):
+                    below = asked.answers[0, k] - asked.answers[1, k] < turns[0, k]
+                    child = np.int32(turns[1, k] if below else turns[2, k])
+                    at[k] = child if at[k] >= 0 else at[k]  # who has reached a leaf waits there for the others
+                    walking |= at[k] >= 0
+            for k in range(min(BLOCK, pixels.shape[0] - start)):
                 leaves[start + k, t] = -1 - at[k]
 
 

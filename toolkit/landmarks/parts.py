@@ -159,7 +159,7 @@ class JointForest:
         """
         leaves = np.empty((len(pixels), len(self.roots)), dtype=np.int64)
         blind = forest.REACH if self.leaf_in_view is None else -forest.REACH
-        forest.find_leaves(depth, pixels, intrinsics, rotation, self.nodes, self.roots, blind, leaves)
+        forest.find_leaves(forest.View(depth, intrinsics, rotation, blind), pixels, self.nodes, self.roots, leaves)
         joints = np.empty((len(skeleton.REPORTED), 3))
         confidence, evidence = np.empty((2, len(skeleton.REPORTED)))
         forest.vote(
