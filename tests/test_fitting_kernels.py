@@ -367,7 +367,7 @@ def surface_system(posed: PlacedBody, chosen: np.ndarray, residuals: np.ndarray,
     system.reset(posed.origins[0])
     body = posed.body
     pairs.add_surface_pairs(
-        chosen, posed.vertices[chosen] - residuals, np.ones(len(chosen)), posed.vertices, posed.normals,
+        chosen, posed.vertices[chosen] - residuals, posed.vertices, posed.normals,
         body.skin_joints, body.skin_weights, system.reference, sigma, 1.0, 0.3, system.hessian, system.gradient,
     )  # fmt: skip
     system.assemble(posed)
@@ -449,7 +449,7 @@ def test_the_normal_equations_do_not_depend_on_the_reference_point(body: Body) -
         system = NormalSystem()
         system.reset(reference)
         pairs.add_surface_pairs(
-            posed.placer.chosen, posed.chosen_points - residuals, np.ones(len(residuals)), posed.vertices,
+            posed.placer.chosen, posed.chosen_points - residuals, posed.vertices,
             posed.normals, body.skin_joints, body.skin_weights, system.reference, 0.1, 1.0, 0.3,
             system.hessian, system.gradient,
         )  # fmt: skip

@@ -69,7 +69,7 @@ def test_legs_below_the_image_are_unobserved_and_nothing_else_is(objective: Obje
     waist = int(objective.placer.intrinsics[3] + 100.0 * 0.02 / 2.5)
     seen = looked_at(objective, pose, waist)
     assert seen.placed is not None
-    hidden = unobserved_joints(seen.placed, objective.observed(seen))
+    hidden = unobserved_joints(seen.placed, seen.observed)
     legs = {name for name in skeleton.JOINT_NAMES if name.endswith(("hip", "knee", "ankle"))}
     assert {name for name, is_hidden in zip(skeleton.JOINT_NAMES, hidden, strict=True) if is_hidden} == legs
 

@@ -149,29 +149,35 @@ class Body:
 
     def joint_positions(self, poses: np.ndarray) -> np.ndarray:
         """The 20 reported joints (`P_chi`) of one or many poses (..., P): float64 (..., 20, 3), metres."""
-        return self._key_points(poses)[0]
+        return self.key_points(poses)[0]
 
     def end_effector_positions(self, poses: np.ndarray) -> np.ndarray:
         """The five end-effector vertices (`E_chi^5`) of one or many poses (..., P): float64 (..., 5, 3), metres."""
-        return self._key_points(poses)[1]
+        return self.key_points(poses)[1]
 
-    def _key_points(self, poses: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    @cached_property
+    def _carried(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Sites and end effectors: rest positions (10, 3), skinning joints (10, S) and weights (10, S)."""
+        tips = self.end_effectors
+        joints = np.zeros((len(self.sites), self.skin_joints.shape[1]), dtype=np.int64)
+        joints[:, 0] = skeleton.SITE_PARENTS
+        weights = np.zeros(joints.shape)
+        weights[:, 0] = 1.0
+        return (
+            np.concatenate([self.sites, self.vertices[tips]]),
+            np.concatenate([joints, self.skin_joints[tips]]),
+            np.concatenate([weights, self.skin_weights[tips]]),
+        )
+
+    def key_points(self, poses: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Both of `joint_positions` and `end_effector_positions`."""
         poses = skeleton.check_pose(poses)
         flat = np.ascontiguousarray(poses.reshape(-1, skeleton.POSE_SIZE))
-        tips = self.end_effectors
-        points = np.concatenate([self.sites, self.vertices[tips]])
-        site_joints = np.zeros((len(self.sites), self.skin_joints.shape[1]), dtype=np.int64)
-        site_joints[:, 0] = skeleton.SITE_PARENTS
-        site_weights = np.zeros(site_joints.shape)
-        site_weights[:, 0] = 1.0
         joints = np.empty((len(flat), len(skeleton.JOINTS), 3))
-        moved = np.empty((len(flat), len(points), 3))
+        moved = np.empty((len(flat), len(self._carried[0]), 3))
         kinematics.key_points(
-            flat, skeleton.PARENTS, self.joints, skeleton.DOF_JOINT, skeleton.DOF_AXIS, points,
-            np.concatenate([site_joints, self.skin_joints[tips]]),
-            np.concatenate([site_weights, self.skin_weights[tips]]),
-            joints, moved,
-        )  # fmt: skip
+            flat, skeleton.PARENTS, self.joints, skeleton.DOF_JOINT, skeleton.DOF_AXIS, *self._carried, joints, moved
+        )
         sites = len(self.sites)
         sources = np.concatenate([joints, moved[:, :sites]], axis=1)
         reported = np.einsum("rk,nkc->nrc", skeleton.REPORTED_FROM_POINTS, sources)

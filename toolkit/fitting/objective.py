@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -55,6 +56,15 @@ class Comparison:
     placed: PlacedBody | None
     scene: Scene | None
 
+    @cached_property
+    def observed(self) -> np.ndarray:
+        """Which chosen vertices lie where something was observed: float64 (C,), 1 or 0; none for one given up."""
+        if self.placed is None or self.scene is None:
+            return np.empty(0)
+        out = np.empty(len(self.placed.chosen_points))
+        pairs.observed_points(self.placed.chosen_points, self.scene.seen, self.scene.intrinsics, out)
+        return out
+
 
 WORSE = Comparison(np.inf, np.empty(0), np.empty(0), np.empty(0, dtype=np.int64), np.inf, None, None)
 """A pose that was given up because it is farther than asked for."""
@@ -104,17 +114,15 @@ class Objective:
             placed.visible(s.facing, s.hidden_tolerance, scene.seen, scene.intrinsics),
             placed.chosen_points,
         )
-        nearest = np.full((len(points), 3), np.nan)
+        nearest, gaps = np.full(points.shape, np.nan), np.empty(len(points))
         scene.neighbours.medians(points, visible, s.unexplained, 1, nearest)
-        gaps = linear.lengths(points - nearest)
-        distance += _mean_capped(gaps[visible], s.unexplained)
+        distance += pairs.vertex_gaps(points, nearest, visible, s.unexplained, gaps)
         if distance > bound:
             return WORSE
         samples = scene.samples[: scene.plain_samples]
         points, drawn = nearest_drawn(placed, samples, s.unexplained)
-        sample_gaps = np.where(drawn >= 0, np.fmin(linear.lengths(points - samples), s.unexplained), s.unexplained)
-        if len(samples):
-            distance += float(sample_gaps.mean())
+        sample_gaps = np.empty(len(samples))
+        distance += pairs.sample_gaps(points, drawn, samples, s.unexplained, sample_gaps)
         if distance > bound:
             return WORSE
         energy = sum(term.energy(pose) for term in (*self.pose_terms, *scene.priors))
@@ -128,24 +136,11 @@ class Objective:
         They fall with the distance of the pose: where the whole is off, no part can be trusted.
         """
         around = self.placer.around_joints
-        near = np.exp(-(np.nan_to_num(comparison.gaps, nan=np.inf) ** 2) / (2.0 * SUPPORT**2))
+        near = np.exp(-(comparison.gaps**2) / (2.0 * SUPPORT**2))
+        near[np.isnan(near)] = 0.0  # nothing measured within reach, or not seen
         support = np.minimum(2.0 * linear.times(around, near), 1.0)
-        observed = np.minimum(linear.times(around, self.observed(comparison)) / OBSERVED, 1.0)
+        observed = np.minimum(linear.times(around, comparison.observed) / OBSERVED, 1.0)
         distance = math.log(min(max(comparison.distance, NEAREST), FARTHEST) / USUAL)
         none, supported, seen, far = ODDS
         odds = none + supported * np.sqrt(support) + seen * observed + far * distance
         return np.asarray(1.0 / (1.0 + np.exp(-odds)))
-
-    def observed(self, comparison: Comparison) -> np.ndarray:
-        """Which chosen vertices of a compared pose lie where something was observed: float64 (C,), 1 or 0."""
-        placed, scene = comparison.placed, comparison.scene
-        if placed is None or scene is None:
-            return np.zeros(len(self.placer.chosen))
-        out = np.empty(len(self.placer.chosen))
-        pairs.observed_points(placed.chosen_points, scene.seen, scene.intrinsics, out)
-        return out
-
-
-def _mean_capped(lengths: np.ndarray, cap: float) -> float:
-    """Mean of `lengths` (N,), each at most `cap`; NaN counts as the cap, no lengths at all as well."""
-    return float(np.fmin(lengths, cap).mean()) if len(lengths) else cap

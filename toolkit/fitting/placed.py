@@ -129,10 +129,10 @@ class PlacedBody:
         placing.draw(self.vertices, self.placer.faces, self.placer.intrinsics, *drawn)
         return drawn
 
-    @property
+    @cached_property
     def chosen_points(self) -> np.ndarray:
         """The chosen vertices: float64 (C, 3)."""
-        return self.vertices[self.placer.chosen]
+        return self.vertices.take(self.placer.chosen, axis=0)
 
     def visible(self, facing: float, tolerance: float, seen: np.ndarray, intrinsics: np.ndarray) -> np.ndarray:
         """Which chosen vertices would be measured, bool (C,), where `seen` is that of a `Scene`.

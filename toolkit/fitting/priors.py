@@ -8,9 +8,8 @@ from typing import Protocol
 
 import numpy as np
 
-from toolkit.body import skeleton
 from toolkit.fitting.placed import NormalSystem
-from toolkit.kernels import linear
+from toolkit.kernels import linear, twists
 
 
 class PoseTerm(Protocol):
@@ -50,9 +49,7 @@ class GaussianPrior:
 
     def add(self, system: NormalSystem, pose: np.ndarray) -> None:
         """See `PoseTerm.add`."""
-        free = slice(6, skeleton.POSE_SIZE)
-        system.matrix[free, free] += self.weight * self.precision
-        system.vector[free] += self.weight * linear.times(self.precision, pose[free] - self.mean[free])
+        twists.add_gaussian(system.matrix, system.vector, pose, self.mean, self.precision, self.weight)
 
     def energy(self, pose: np.ndarray) -> float:
         """See `PoseTerm.energy`."""

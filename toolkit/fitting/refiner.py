@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Sequence
 
 import numpy as np
@@ -88,16 +87,6 @@ class Refiner:
             for prior in (*self.pose_terms, *scene.priors):
                 prior.add(system, pose)
             self._solve(system.matrix, system.vector, pose, skeleton.POSE_LIMITS, self._damping, step)
-            pose += step
-            _wrap_root(pose)
-            if np.abs(step).max() < self.settings.converged:
+            if twists.advance(pose, step) < self.settings.converged:
                 break
         return pose
-
-
-def _wrap_root(pose: np.ndarray) -> None:
-    """Keep the root's rotation vector shorter than pi (the same rotation, turned the other way)."""
-    vector = pose[skeleton.ROOT_ROTATION]
-    angle = math.hypot(*vector)
-    if angle > np.pi:
-        vector *= 1.0 - 2.0 * np.pi / angle

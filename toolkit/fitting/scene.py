@@ -98,3 +98,11 @@ class Scene:
             if neighbours == "pixels"
             else Open3DNeighbours(cloud.points_camera)
         )
+        self._weights: dict[float, np.ndarray] = {}
+
+    def weights(self, extremum: float) -> np.ndarray:
+        """How much each sample counts, float64 (N,): `extremum` for a geodesic extremum that may be a limb, else 1."""
+        if extremum not in self._weights:
+            free = np.where(self.cut, 1.0, extremum)
+            self._weights[extremum] = np.concatenate([np.ones(self.plain_samples), free])
+        return self._weights[extremum]

@@ -53,10 +53,8 @@ class SurfaceTerm:
 
     def targets(self, placed: PlacedBody, scene: Scene) -> np.ndarray:
         """Measured counterpart of each chosen vertex, float64 (C, 3), NaN in column 0 where it has none."""
-        visible, points = (
-            placed.visible(self.facing, self.tolerance, scene.seen, scene.intrinsics),
-            placed.chosen_points,
-        )
+        visible = placed.visible(self.facing, self.tolerance, scene.seen, scene.intrinsics)
+        points = placed.chosen_points
         targets = np.empty_like(points)
         scene.neighbours.medians(points, visible, self.reach, self.neighbours, targets)
         return targets
@@ -73,7 +71,7 @@ class SurfaceTerm:
         """See `PairTerm.add`."""
         targets = self.targets(placed, scene)
         pairs.add_surface_pairs(
-            placed.placer.chosen, targets, np.ones(len(targets)), placed.vertices, placed.normals,
+            placed.placer.chosen, targets, placed.vertices, placed.normals,
             placed.body.skin_joints, placed.body.skin_weights, system.reference,
             self.sigma, self.plane, self.point, system.hessian, system.gradient,
         )  # fmt: skip
@@ -104,11 +102,10 @@ class CloudTerm:
         """See `PairTerm.add`."""
         samples = scene.samples
         points, vertex_of = self.nearest(placed, scene)
-        weights = np.ones(len(samples))
-        weights[scene.plain_samples :] = np.where(scene.cut, 1.0, self.extremum_weight)
         pairs.add_cloud_pairs(
-            samples, points, vertex_of, weights, placed.normals, placed.body.skin_joints, placed.body.skin_weights,
-            system.reference, self.sigma, self.plane, self.point, system.hessian, system.gradient,
+            samples, points, vertex_of, scene.weights(self.extremum_weight), placed.normals,
+            placed.body.skin_joints, placed.body.skin_weights, system.reference,
+            self.sigma, self.plane, self.point, system.hessian, system.gradient,
         )  # fmt: skip
 
 

@@ -118,7 +118,6 @@ def nearest_medians(
 def add_surface_pairs(
     vertex_of: np.ndarray,
     targets: np.ndarray,
-    weights: np.ndarray,
     vertices: np.ndarray,
     normals: np.ndarray,
     skin_joints: np.ndarray,
@@ -139,7 +138,7 @@ def add_surface_pairs(
         ey = vertices[v, 1] - targets[i, 1]
         ez = vertices[v, 2] - targets[i, 2]
         ratio = 1.0 + (ex * ex + ey * ey + ez * ez) / (sigma * sigma)
-        robust = weights[i] / (ratio * ratio)
+        robust = 1.0 / (ratio * ratio)
         for s in range(skin_joints.shape[1]):
             w = skin_weights[v, s] * robust
             if w > 0.0:
@@ -148,6 +147,39 @@ def add_surface_pairs(
                     vertices[v, 0] - reference[0], vertices[v, 1] - reference[1], vertices[v, 2] - reference[2],
                     normals[v, 0], normals[v, 1], normals[v, 2], ex, ey, ez, w * plane, w * point,
                 )  # fmt: skip
+
+
+@njit(cache=True)
+def vertex_gaps(points: np.ndarray, nearest: np.ndarray, visible: np.ndarray, cap: float, gaps: np.ndarray) -> float:
+    """Mean distance of the visible of `points` (C, 3) to their `nearest` (C, 3) measured ones, each at most `cap`.
+
+    What has none, NaN, counts as the cap; so does a body of which nothing is visible. Fills `gaps` (C,) with the
+    distances themselves.
+    """
+    total, count = 0.0, 0
+    for i in range(points.shape[0]):
+        dx, dy, dz = points[i, 0] - nearest[i, 0], points[i, 1] - nearest[i, 1], points[i, 2] - nearest[i, 2]
+        gaps[i] = np.sqrt(dx * dx + dy * dy + dz * dz)
+        if visible[i]:
+            total += gaps[i] if gaps[i] < cap else cap
+            count += 1
+    return total / count if count else cap
+
+
+@njit(cache=True)
+def sample_gaps(points: np.ndarray, vertex_of: np.ndarray, samples: np.ndarray, cap: float, gaps: np.ndarray) -> float:
+    """Mean distance of `samples` (N, 3) to their `points` (N, 3) on the drawn body, each at most `cap`; 0 without any.
+
+    A sample whose `vertex_of` is negative has none and counts as the cap. Fills `gaps` (N,) with the distances.
+    """
+    total = 0.0
+    for i in range(samples.shape[0]):
+        gaps[i] = cap
+        if vertex_of[i] >= 0:
+            dx, dy, dz = points[i, 0] - samples[i, 0], points[i, 1] - samples[i, 1], points[i, 2] - samples[i, 2]
+            gaps[i] = min(np.sqrt(dx * dx + dy * dy + dz * dz), cap)
+        total += gaps[i]
+    return total / max(samples.shape[0], 1)
 
 
 @njit(cache=True)

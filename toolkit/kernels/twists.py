@@ -161,6 +161,40 @@ def assemble(
 
 
 @njit(cache=True)
+def add_gaussian(
+    matrix: np.ndarray, vector: np.ndarray, pose: np.ndarray, mean: np.ndarray, precision: np.ndarray, weight: float
+) -> None:
+    """Add `1/2 weight (pose - mean)' precision (pose - mean)` over the entries after the root's, linearised at `pose`.
+
+    `pose`, `mean` and `vector` (P,), `matrix` (P, P), `precision` (P - 6, P - 6).
+    """
+    for i in range(precision.shape[0]):
+        total = 0.0
+        for k in range(precision.shape[1]):
+            matrix[6 + i, 6 + k] += weight * precision[i, k]
+            total += precision[i, k] * (pose[6 + k] - mean[6 + k])
+        vector[6 + i] += weight * total
+
+
+@njit(cache=True)
+def advance(pose: np.ndarray, step: np.ndarray) -> float:
+    """Add `step` (P,) to `pose` (P,), in place; returns the largest entry of the step.
+
+    The root's rotation vector stays shorter than pi: a longer one is written as the same rotation, turned the other
+    way.
+    """
+    largest = 0.0
+    for i in range(pose.shape[0]):
+        pose[i] += step[i]
+        largest = max(largest, abs(step[i]))
+    angle = np.sqrt(pose[3] ** 2 + pose[4] ** 2 + pose[5] ** 2)
+    if angle > np.pi:
+        for i in range(3, 6):
+            pose[i] *= 1.0 - 2.0 * np.pi / angle
+    return largest
+
+
+@njit(cache=True)
 def bounded_step(
     matrix: np.ndarray,
     vector: np.ndarray,

@@ -81,12 +81,12 @@ class Follower(Person):
         clock.lap("landmarks")
 
         rivals: list[Rival] = []
-        rng, carry = state.rng(), dict(state.carry)
+        rng, carry = self.rng(), dict(state.carry)
         if state.held is not None and state.held_since is not None and timestamp - state.held_since <= HELD:
             self._propose(observation, replace(state, previous=state.held), rng, carry, rivals, clock)
         for body in (state.body,) if state.sized else self._sizes:
             self._propose(observation, replace(state, body=body), rng, carry, rivals, clock)
-        self.state = state = replace(state, carry=carry, generator=rng.bit_generator.state, turn=_turn(state))
+        self.state = state = replace(state, carry=carry, generator=self.after(rng), turn=_turn(state))
         if not rivals:
             return self._unseen(LOST, timestamp, clock)
 

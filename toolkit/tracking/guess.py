@@ -69,7 +69,7 @@ class LimbGuesser:
         placed, scene = seen.placed, seen.scene
         if placed is None or scene is None or any(isinstance(known, OrientationTerm) for known in scene.evidence):
             return nothing
-        hidden = unobserved_joints(placed, objective.observed(seen))
+        hidden = unobserved_joints(placed, seen.observed)
         entries = np.flatnonzero(hidden[skeleton.DOF_JOINT[3:]])
         if not len(entries):
             return nothing

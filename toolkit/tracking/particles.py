@@ -133,14 +133,14 @@ class ParticleFollower(Person):
             return replace(self.predicted_row(EMPTY), stage_ms=clock.milliseconds)
         effectors = seen.effectors(self.settings.effectors, self._workspace)
         clock.lap("detect")
-        state, rng = self.state, self.state.rng()
+        state, rng = self.state, self.rng()
         if state.previous is None:
             found = self._first(effectors, seen.frame(effectors), rng)
             source = DETECTED
         else:
             found = self._next(effectors, seen.frame(effectors), timestamp, rng, clock)
             source = PARTICLES
-        self.state = state = replace(self.state, generator=rng.bit_generator.state, turn=state.turn + 1)
+        self.state = state = replace(self.state, generator=self.after(rng), turn=state.turn + 1)
         if found is None:
             clock.lap("detect")
             self.state = replace(state, timestamp=timestamp)

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 
@@ -38,6 +39,7 @@ class Person:
     def __init__(self, state: PersonState, placer: Placer, level_rotation: np.ndarray, sources: Sequence[str]) -> None:
         self.state, self.level_rotation = state, level_rotation
         self._placer, self._sources = placer, tuple(sources)
+        self._drawn: tuple[Mapping[str, Any], np.random.Generator] | None = None
 
     @property
     def body(self) -> Body:
@@ -56,6 +58,17 @@ class Person:
         """See `PersonFollower.predicted`: the body where it was last found."""
         body = self.state.body
         return PredictedBody(self._placer.place(body, self.last_pose).vertices, body.faces, body.height)
+
+    def rng(self) -> np.random.Generator:
+        """The generator as the state has it; made anew only where somebody else replaced the state."""
+        if self._drawn is None or self._drawn[0] is not self.state.generator:
+            self._drawn = self.state.generator, self.state.rng()
+        return self._drawn[1]
+
+    def after(self, rng: np.random.Generator) -> Mapping[str, Any]:
+        """What the next state says of a generator that was drawn from."""
+        self._drawn = rng.bit_generator.state, rng
+        return self._drawn[0]
 
     @property
     def last_pose(self) -> np.ndarray:

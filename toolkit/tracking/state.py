@@ -49,7 +49,7 @@ class Previous:
         elapsed: float = FIRST_STEP,
     ) -> Previous:
         """A body's joints and end effectors in a pose, with what else is known."""
-        return cls(pose, body.joint_positions(pose), body.end_effector_positions(pose), extrema, before, elapsed)
+        return cls(pose, *body.key_points(pose), extrema, before, elapsed)
 
 
 @dataclass(frozen=True, eq=False)
