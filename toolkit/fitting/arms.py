@@ -42,8 +42,8 @@ class ArmSettings:
     fitted : the cheapest of them that are fitted, as chains of balls; the right one is seldom the cheapest before the
         fit
     iterations : of that fit; the refinement with the whole body does the rest
-    refined : the cheapest of those that are refined with the whole body; each costs as much as the local hypothesis,
-        and with 1 the error on the tuning split is 1.3 mm larger
+    refined : the cheapest of those that are refined with the whole body, of both arms together in one frame; each costs
+        as much as the local hypothesis
     explained : metres; a sample nearer to the body than this, and not at the arm itself, needs no arm: what the local
         hypothesis leaves where it is right
     tolerance : metres that a sample may be off from an arm made of balls
@@ -116,11 +116,11 @@ class Arm:
         self._of_vertex = np.isin(body.part, joints_of(side)[1:])
 
     def propose(
-        self, pose: np.ndarray, compared: Comparison, scene: Scene, settings: ArmSettings, sigma: float
+        self, pose: np.ndarray, compared: Comparison, scene: Scene, settings: ArmSettings, sigma: float, most: int
     ) -> list[np.ndarray]:
         """`pose` (P,), as it `compared` with the frame, with other arms that leave less unexplained; the best first.
 
-        `sigma` metres off a sample pulls a quarter, see `FittingSettings`.
+        There are at `most` so many. `sigma` metres off a sample pulls a quarter, see `FittingSettings`.
         """
         placed = compared.placed
         samples = scene.samples[: scene.plain_samples]
@@ -137,7 +137,7 @@ class Arm:
         angles, costs = self._fitted(self.angles[cheapest], measured, settings, sigma)
         chosen: list[np.ndarray] = []
         for k in np.argsort(costs, kind="stable"):
-            if costs[k] > own - settings.margin or len(chosen) == settings.refined:
+            if costs[k] > own - settings.margin or len(chosen) == most:
                 break
             if all(np.abs(angles[k] - other).max() > DIFFERENT for other in chosen):
                 chosen.append(angles[k])

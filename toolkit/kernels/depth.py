@@ -136,20 +136,32 @@ def median_to_metres(padded: np.ndarray, box: np.ndarray, step: int, median: boo
     `out` is float32 (ceil(H / step), ceil(W / step)), zero outside the window already.
     """
     values = np.empty(9, dtype=np.int32)
+    u0, u1 = box[2], box[3]
+    middles, least = np.empty(u1 - u0, dtype=np.int32), np.empty(u1 - u0, dtype=np.int32)
     first_v = box[0] + (1 - box[0]) % step
-    first_u = box[2] + (1 - box[2]) % step
+    first_u = u0 + (1 - u0) % step
     for v in range(first_v, box[1], step):
-        for u in range(first_u, box[3], step):
+        above, here, below = padded[v - 1, u0 - 1 : u1 + 1], padded[v, u0 - 1 : u1 + 1], padded[v + 1, u0 - 1 : u1 + 1]
+        if median:
+            # Of all pixels, also those beside nothing, so that it is computed in vectors.
+            for u in range(u1 - u0):
+                least[u], middles[u] = _least_and_median(
+                    above[u], above[u + 1], above[u + 2], here[u], here[u + 1], here[u + 2],
+                    below[u], below[u + 1], below[u + 2],
+                )  # fmt: skip
+        for u in range(first_u, u1, step):
             z = np.int32(padded[v, u])
             if z == 0:
                 continue
-            if median:
+            if median and least[u - u0] > 0:
+                z = middles[u - u0]
+            elif median:
                 n = 0
-                for dv in range(-1, 2):
-                    for du in range(-1, 2):
-                        values[n] = padded[v + dv, u + du]
+                for row in (above, here, below):
+                    for du in range(3):
+                        values[n] = row[u - u0 + du]
                         n += values[n] > 0
-                z = _median_of_9(values) if n == 9 else _lower_median(values, n)
+                z = _lower_median(values, n)
             out[(v - 1) // step, (u - 1) // step] = z * np.float32(1e-3)
 
 
@@ -166,17 +178,19 @@ def _lower_median(values: np.ndarray, n: int) -> int:
 
 
 @njit(cache=True)
-def _median_of_9(p: np.ndarray) -> int:
-    """Median without branches: sorted columns, then the median of the largest low, the middle middle and the least
-    high.
+def _least_and_median(
+    a: int, b: int, c: int, d: int, e: int, f: int, g: int, h: int, i: int
+) -> tuple[int, int]:  # fmt: skip
+    """Least and median without branches: sorted rows, then the median of the largest low, the middle middle and the
+    least high.
     """
-    a0, a1, a2 = _sorted_3(p[0], p[1], p[2])
-    b0, b1, b2 = _sorted_3(p[3], p[4], p[5])
-    c0, c1, c2 = _sorted_3(p[6], p[7], p[8])
+    a0, a1, a2 = _sorted_3(a, b, c)
+    b0, b1, b2 = _sorted_3(d, e, f)
+    c0, c1, c2 = _sorted_3(g, h, i)
     low = max(max(a0, b0), c0)
     high = min(min(a2, b2), c2)
     middle = max(min(a1, b1), min(max(a1, b1), c1))
-    return max(min(low, middle), min(max(low, middle), high))
+    return min(min(a0, b0), c0), max(min(low, middle), min(max(low, middle), high))
 
 
 @njit(cache=True)

@@ -13,9 +13,6 @@ from toolkit.landmarks.graph import Graph, Workspace, grid_graph
 from toolkit.landmarks.settings import LandmarkSettings
 from toolkit.sensing.cloud import Cloud
 
-BUCKET_SHIFT = 12
-"""Queue buckets are 2**12 units (4 mm) wide: no wider than most edges, so that hardly any node is corrected twice."""
-
 
 @dataclass(frozen=True, eq=False)
 class Extrema:
@@ -106,14 +103,12 @@ def extrema_of_graph(
         raise UsageError(f"source node {source} is not in a graph of {len(graph)} nodes; use a row of the cloud")
     workspace = workspace or Workspace()
     total = len(graph)
-    buckets = 1 << ((int(graph.lengths.max()) >> BUCKET_SHIFT) + 1).bit_length()
     nodes, reach, visited = (np.empty(count, dtype=np.int32) for _ in range(3))
     from_source = workspace.take("from source", total)
     found = geodesic.extrema(
-        graph.neighbours, graph.lengths, graph.more, source, BUCKET_SHIFT,
-        workspace.take("distances", total), from_source, workspace.take("after", total),
-        workspace.take("before", total), workspace.take("stamps", total), workspace.take("heads", buckets),
-        nodes, reach, visited,
+        graph.neighbours, graph.lengths, graph.more, source, workspace.take("distances", total), from_source,
+        workspace.take("queue", total), workspace.take("waiting", total, dtype=np.bool_),
+        workspace.take("stamps", total), nodes, reach, visited,
     )  # fmt: skip
     nodes = nodes[:found]
     return Extrema(

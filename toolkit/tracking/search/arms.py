@@ -49,9 +49,14 @@ class ArmSearch:
             return NOTHING
         body, scene = best.body, observation.scene
         pose, compared = best.hypothesis.pose, best.comparison
-        for arm in self._poses.of(body):
-            start = pose, compared
-            for candidate in arm.propose(*start, scene, self._settings, self._refiner.settings.sigma):
+        # Both share what a frame may cost, so each of them comes first in its turn.
+        arms, left = self._poses.of(body), self._settings.refined
+        for arm in arms if state.turn % 2 else arms[::-1]:
+            if left == 0:
+                break
+            proposed = arm.propose(pose, compared, scene, self._settings, self._refiner.settings.sigma, left)
+            left -= len(proposed)
+            for candidate in proposed:
                 refined = self._refiner.refine(body, candidate, scene, iterations=ITERATIONS)
                 tried = self._objective.compare(body, refined, scene, FARTHER * compared.distance)
                 if unexplained(tried, self._settings) < unexplained(compared, self._settings) - self._settings.margin:

@@ -125,4 +125,5 @@ class ParticleSearch:
         if len(reached) == 0:
             return []
         arm = Arm(side, body, np.ascontiguousarray(reached[:, entries_of(side)]))
-        return arm.propose(pose, compared, observation.scene, self._settings, self._refiner.settings.sigma)
+        s = self._settings
+        return arm.propose(pose, compared, observation.scene, s, self._refiner.settings.sigma, s.refined)
