@@ -258,9 +258,11 @@ class FakeArm:
     def __init__(self, *places: float) -> None:
         self._places, self.starts = places, []
 
-    def propose(self, pose: np.ndarray, comparison: Any, scene: Any, settings: Any, sigma: float) -> list[np.ndarray]:
+    def propose(
+        self, pose: np.ndarray, comparison: Any, scene: Any, settings: Any, sigma: float, most: int
+    ) -> list[np.ndarray]:
         self.starts.append((float(pose[0]), comparison.distance))
-        return [pose_at(x) for x in self._places]
+        return [pose_at(x) for x in self._places[:most]]
 
 
 class FakeArmObjective:
@@ -312,12 +314,24 @@ def test_an_arm_that_is_in_the_way_of_what_was_measured_is_given_up() -> None:
     assert worse.propose(observation(), state(pose_at()), RNG, BEST) is NOTHING
 
 
-def test_the_second_arm_starts_from_the_pose_with_the_first_one_exchanged() -> None:
-    left, right = FakeArm(1.0), FakeArm(2.0)
-    search = arm_search([left, right], {1.0: compared(0.09, gaps=0.005), 2.0: compared(0.08, gaps=0.001)})
-    (found,) = search.propose(observation(), state(pose_at()), RNG, BEST).hypotheses
-    assert left.starts == [(0.0, 0.1)] and right.starts == [(1.0, 0.09)]
-    assert found.pose[0] == 2.0
+def test_the_second_arm_starts_from_the_pose_with_the_first_one_exchanged_and_either_is_first_in_turn() -> None:
+    for turn, order in ((1, (1.0, 2.0)), (2, (2.0, 1.0))):
+        left, right = FakeArm(order[0]), FakeArm(order[1])
+        first, second = (left, right) if turn % 2 else (right, left)
+        search = arm_search([left, right], {1.0: compared(0.09, gaps=0.005), 2.0: compared(0.08, gaps=0.001)})
+        (found,) = search.propose(observation(), state(pose_at(), turn=turn), RNG, BEST).hypotheses
+        assert first.starts == [(0.0, 0.1)] and second.starts == [(1.0, 0.09)]
+        assert found.pose[0] == 2.0
+
+
+def test_both_arms_share_the_candidates_of_a_frame() -> None:
+    known = {x: compared(0.2, gaps=0.02) for x in (1.0, 2.0, 3.0, 4.0)}
+    for many, asked in ((1, 2), (2, 1)):
+        left, right, refiner = FakeArm(*[1.0, 2.0][:many]), FakeArm(3.0, 4.0), FakeRefiner()
+        search = arm_search([left, right], known, refiner)
+        search.propose(observation(), state(pose_at(), turn=1), RNG, BEST)
+        assert len(left.starts) + len(right.starts) == asked
+        assert len(refiner.calls) == ArmSettings().refined == 2
 
 
 def test_arms_are_searched_only_for_somebody_who_is_followed() -> None:

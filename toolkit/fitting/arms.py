@@ -43,7 +43,7 @@ class ArmSettings:
         fit
     iterations : of that fit; the refinement with the whole body does the rest
     refined : the cheapest of those that are refined with the whole body, of both arms together in one frame; each costs
-        as much as the local hypothesis
+        as much as the local hypothesis, and with 1 the error on the tuning split is 1.0 mm larger
     explained : metres; a sample nearer to the body than this, and not at the arm itself, needs no arm: what the local
         hypothesis leaves where it is right
     tolerance : metres that a sample may be off from an arm made of balls
