@@ -18,7 +18,7 @@ from toolkit.tracking.guess import Guess, LimbGuesser
 from toolkit.tracking.observation import Observation, Observer
 from toolkit.tracking.person import Person
 from toolkit.tracking.search.labelings import EFFECTORS
-from toolkit.tracking.search.protocol import Rival, Search
+from toolkit.tracking.search.protocol import Finisher, Rival, Search
 from toolkit.tracking.settings import FollowerSettings
 from toolkit.tracking.smoothing import PoseSmoother
 from toolkit.tracking.state import PersonState, Previous
@@ -39,6 +39,7 @@ class Follower(Person):
     sources : names of the hypotheses that can win, in the order in which the track numbers them
     state : before the first frame
     guesser : judges limbs of which nothing is observed; None believes whatever pose wins
+    finisher : has the last word where the person has to be found anew; None leaves it to the searches
 
     Attributes
     ----------
@@ -57,10 +58,11 @@ class Follower(Person):
         sources: Sequence[str],
         state: PersonState,
         guesser: LimbGuesser | None = None,
+        finisher: Finisher | None = None,
     ) -> None:
         super().__init__(state, objective.placer, level_rotation, sources)
         self.observer, self.searches, self.objective = observer, tuple(searches), objective
-        self._settings, self._sizes, self._guesser = settings, tuple(sizes), guesser
+        self._settings, self._sizes, self._guesser, self._finisher = settings, tuple(sizes), guesser, finisher
         self.observation: Observation | None = None
 
     def step(self, sighting: Sighting | None, timestamp: float, clock: StageClock) -> FrameResult:
@@ -86,6 +88,9 @@ class Follower(Person):
             self._propose(observation, replace(state, previous=state.held), rng, carry, rivals, clock)
         for body in (state.body,) if state.sized else self._sizes:
             self._propose(observation, replace(state, body=body), rng, carry, rivals, clock)
+        if self._finisher is not None and state.previous is None and rivals:
+            rivals += self._finisher.finished(observation, rivals)
+            clock.lap(self._finisher.name)
         self.state = state = replace(state, carry=carry, generator=self.after(rng), turn=_turn(state))
         if not rivals:
             return self._unseen(LOST, timestamp, clock)

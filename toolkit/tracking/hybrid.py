@@ -12,14 +12,17 @@ from toolkit.fitting.objective import Objective
 from toolkit.fitting.priors import GaussianPrior, PoseTerm
 from toolkit.fitting.refiner import Refiner
 from toolkit.fitting.swarm import SwarmSettings
+from toolkit.fitting.upper import UpperBodies
 from toolkit.tracking.guess import LimbGuesser
 from toolkit.tracking.guide import Guide, NoGuide
 from toolkit.tracking.observation import Observer
 from toolkit.tracking.person import PREDICTED
 from toolkit.tracking.protocol import Wanted
 from toolkit.tracking.registry import Registration, register
+from toolkit.tracking.search.aimed import AimedArms
 from toolkit.tracking.search.arms import ArmSearch
 from toolkit.tracking.search.extrema import ExtremaQuery
+from toolkit.tracking.search.finisher import FirstFrames
 from toolkit.tracking.search.guided import GuidedSearch
 from toolkit.tracking.search.local import LocalSearch
 from toolkit.tracking.search.lookup import DatabaseLookup, Effort, Query
@@ -95,13 +98,20 @@ class HybridTracker(SearchingTracker):
         effort = Effort(settings.candidates, settings.starts, settings.promising, rest)
         members.append(DatabaseLookup(queries, objective, refiner, effort))
         if "particles" in asked:
-            members.append(ParticleSearch(objective, refiner, settings.arms, objective.placer.from_level.T))
+            members.append(ParticleSearch(objective, refiner, UpperBodies(objective.placer.from_level.T)))
         if self._swarm:
             parts = SwarmSearchSettings(), SwarmSettings(), DiscrepancySettings()
             members.append(SwarmSearch(*parts, objective, refiner, first_only=True))
         if self.guide.proposes:
             members.append(GuidedSearch(self.guide, objective, refiner, settings.arms))
         return tuple(members)
+
+    def finisher(self, objective: Objective, refiner: Refiner) -> FirstFrames | None:
+        """See `SearchingTracker.finisher`."""
+        if "particles" not in self.settings.hypotheses:
+            return None
+        arms = AimedArms(objective, refiner, self.settings.arms, UpperBodies(objective.placer.from_level.T))
+        return FirstFrames(objective, refiner, arms)
 
     def queries(self) -> list[Query]:
         """The ways of the settings to ask the database for whole poses."""

@@ -27,7 +27,7 @@ from toolkit.tracking.follower import Follower
 from toolkit.tracking.guess import LimbGuesser
 from toolkit.tracking.observation import Observer
 from toolkit.tracking.protocol import TrackerSettings, Wanted
-from toolkit.tracking.search.protocol import Search
+from toolkit.tracking.search.protocol import Finisher, Search
 from toolkit.tracking.settings import FollowerSettings
 from toolkit.tracking.state import PersonState
 
@@ -99,6 +99,10 @@ class SearchingTracker(ABC):
     def searches(self, objective: Objective, refiner: Refiner) -> tuple[Search, ...]:
         """The searches of the settings, in the order in which they are asked."""
 
+    def finisher(self, objective: Objective, refiner: Refiner) -> Finisher | None:
+        """Has the last word on first frames; None leaves it to the distances of what the searches say."""
+        return None
+
     @property
     def joints_wanted(self) -> Wanted:
         """See `Tracker.joints_wanted`: none of the searches uses them, unless a member says otherwise."""
@@ -139,7 +143,7 @@ class SearchingTracker(ABC):
         members = self.searches(objective, refiner)
         return self.kind(
             observer, members, objective, level_rotation, self._common, self._sizes, self.source_names, state,
-            self.guesser,
+            self.guesser, self.finisher(objective, refiner),
         )  # fmt: skip
 
     def _follower(self, camera: Camera, level_rotation: np.ndarray, body: Body, *, sized: bool) -> Follower:

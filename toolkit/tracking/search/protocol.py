@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -72,4 +72,19 @@ class Search(Protocol):
 
         Without `state.previous` the person has to be found anew, with the body `state.body`.
         """
+        ...
+
+
+class Finisher(Protocol):
+    """Asked once where the person has to be found anew, after all searches were asked for all bodies.
+
+    Attributes
+    ----------
+    name : under which its time is booked
+    """
+
+    name: str
+
+    def finished(self, observation: Observation, rivals: Sequence[Rival]) -> list[Rival]:
+        """Further rivals, given all that were judged."""
         ...
