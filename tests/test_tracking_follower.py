@@ -16,6 +16,7 @@ from tests.fake_parts import (
     FakeObjective,
     FakeObserver,
     FakeSearch,
+    compared,
     observation,
     pose_at,
     says,
@@ -29,7 +30,7 @@ from toolkit.tracking.clock import StageClock
 from toolkit.tracking.follower import HELD, Follower
 from toolkit.tracking.guess import Guess
 from toolkit.tracking.person import UNSEEN
-from toolkit.tracking.search.protocol import NOTHING, Proposal
+from toolkit.tracking.search.protocol import NOTHING, Proposal, Rival
 from toolkit.tracking.state import PersonState, Previous
 
 CAMERA = Camera(100.0, 100.0, 19.5, 14.5, 40, 30)
@@ -55,13 +56,14 @@ def follower(
     settings: SimpleNamespace = SETTINGS,
     sizes: Sequence[Body] = (),
     guesser: Any = None,
+    finisher: Any = None,
     **state: object,
 ) -> Follower:
     """A follower of somebody whose body is known, unless `state` says otherwise."""
     begun = PersonState.begin(load_body("neutral"), sized=True, seed=3)
     return Follower(
         observer or FakeObserver(), searches, FakeObjective(distances or {}), ROTATION, settings, sizes, SOURCES,
-        replace(begun, **state), guesser,
+        replace(begun, **state), guesser, finisher,
     )  # fmt: skip
 
 
@@ -138,6 +140,36 @@ def test_a_person_of_unknown_size_gets_the_body_that_the_winner_was_found_with()
     assert person.state.previous.joints == pytest.approx(expected)
     step(person)
     assert len(search.asked) == 4
+
+
+class FakeFinisher:
+    """Says one more thing of whatever was judged."""
+
+    name = "second"
+
+    def __init__(self, place: float) -> None:
+        self.place, self.told = place, 0
+
+    def finished(self, observation: object, rivals: Sequence[Rival]) -> list[Rival]:
+        self.told = len(rivals)
+        return [replace(rivals[0], hypothesis=says("joints", pose_at(self.place)), comparison=compared(NEAR))]
+
+
+def test_where_somebody_has_to_be_found_the_finisher_is_told_what_was_said_of_all_bodies_and_competes() -> None:
+    bodies, finisher = [load_body("child"), load_body("neutral")], FakeFinisher(5.0)
+    search = FakeSearch("first", Proposal((says("extrema", pose_at(1.0), FAR),)))
+    person = follower([search], sizes=bodies, sized=False, finisher=finisher)
+    result = step(person)
+    assert finisher.told == 2
+    assert result.pose[0] == 5.0 and SOURCES[result.source] == "joints"
+
+
+def test_while_somebody_is_followed_or_nothing_was_said_there_is_nothing_to_finish() -> None:
+    finisher = FakeFinisher(5.0)
+    said = Proposal((says("local", pose_at(1.0), FAR),))
+    assert step(follower([FakeSearch("first", said)], finisher=finisher, **followed())).pose[0] == 1.0
+    step(follower([FakeSearch("first", NOTHING)], finisher=finisher))
+    assert finisher.told == 0
 
 
 # Who is asked, and what with

@@ -8,15 +8,17 @@ from typing import Any
 import numpy as np
 import pytest
 
+from toolkit.body import skeleton
 from toolkit.body.shape import load_body
 from toolkit.database.origin import ADULT_HEIGHT
 from toolkit.landmarks.facing import FacingEstimate, FacingFilter
+from toolkit.landmarks.parts import JointEstimate
 from toolkit.landmarks.settings import LandmarkSettings
 from toolkit.sensing.camera import Camera
 from toolkit.sensing.cloud import Cloud
 from toolkit.tracking import observation as room
 from toolkit.tracking.observation import Observation, Observer
-from toolkit.tracking.state import FIRST_STEP, PersonState
+from toolkit.tracking.state import FIRST_STEP, PersonState, Previous
 
 OBSERVER = Observer(LandmarkSettings(), 20, 100, "pixels", None, 100)
 CENTRE = np.array([0.0, 0.1, -3.0])
@@ -97,3 +99,23 @@ def test_every_part_is_computed_once(cloud: Cloud) -> None:
     assert seen.scene is seen.scene and seen.extrema is seen.extrema and seen.centre is seen.centre
     assert len(seen.extrema) == 20
     assert len(seen.scene.extrema) == 20
+
+
+@pytest.mark.parametrize(
+    ("followed", "learning", "cut", "evidence"),
+    [
+        (False, False, False, True),
+        (True, False, True, False),
+        (True, True, False, False),
+        (True, True, True, True),
+    ],
+)
+def test_sure_votes_are_evidence_where_somebody_is_looked_for_and_while_one_who_is_cut_off_is_learnt(
+    cloud: Cloud, monkeypatch: pytest.MonkeyPatch, followed: bool, learning: bool, cut: bool, evidence: bool
+) -> None:
+    observer = replace(OBSERVER, vote_pull=30.0, learning=learning)
+    monkeypatch.setattr(Observation, "votes", JointEstimate(np.zeros((20, 3)), np.ones(20)))
+    monkeypatch.setattr(Observation, "cut", np.array([False, cut]))
+    pose = np.zeros(skeleton.POSE_SIZE)
+    previous = Previous.of_pose(load_body("neutral"), pose) if followed else None
+    assert bool(observer.observe(cloud, 0.0, state(previous=previous)).evidence) == evidence

@@ -1,13 +1,16 @@
-"""Hands brought to where the cloud ends, as a search of the hybrid tracker."""
+"""First frames: the pose of the fork, hands brought to where the cloud ends, and both ways round, finished alike."""
 
 from __future__ import annotations
 
 import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from tests.fitting_helpers import Fit
 from toolkit.body import skeleton
-from toolkit.body.body import Body
 from toolkit.body.shape import load_body
+from toolkit.database.canonical import body_facing
 from toolkit.fitting.arms import ArmSettings
 from toolkit.fitting.settings import FittingSettings
 from toolkit.fitting.upper import UpperBodies
@@ -16,6 +19,8 @@ from toolkit.landmarks.settings import LandmarkSettings
 from toolkit.sensing.camera import Camera
 from toolkit.sensing.cloud import Cloud
 from toolkit.tracking.observation import Observation, Observer
+from toolkit.tracking.search.aimed import AimedArms
+from toolkit.tracking.search.finisher import APART, FACINGS, FirstFrames, facing_apart, other_ways_round
 from toolkit.tracking.search.particles import ParticleSearch
 from toolkit.tracking.search.protocol import Hypothesis, Proposal, Rival
 from toolkit.tracking.state import PersonState, Previous
@@ -24,6 +29,8 @@ LEVEL = np.diag([1.0, -1.0, -1.0])
 CAMERA = Camera(142.8, 142.8, 79.5, 59.5, 160, 120)
 BODY = load_body()
 FIT = Fit(BODY, CAMERA, LEVEL, FittingSettings())
+BODIES = UpperBodies(LEVEL)
+ARMS = AimedArms(FIT.objective, FIT.refiner, ArmSettings(), BODIES)
 HAND = skeleton.REPORTED.index("left_hand")
 
 
@@ -36,48 +43,104 @@ def pose_of(**angles: float) -> np.ndarray:
 
 
 RAISED = pose_of(left_shoulder_rz=0.5, left_elbow_ry=-0.5)
+FORWARD = pose_of(left_elbow_ry=-1.6, right_elbow_ry=1.6, left_shoulder_rz=-0.9, right_shoulder_rz=0.9)
 
 
 def observed(pose: np.ndarray) -> Observation:
     """A frame of somebody in a pose, without legs."""
     depth = np.empty(CAMERA.shape)
-    kernel.draw(pose, UpperBodies(LEVEL).of(BODY).whole, np.array(CAMERA.intrinsics), depth)
+    kernel.draw(pose, BODIES.of(BODY).whole, np.array(CAMERA.intrinsics), depth)
     observer = Observer(LandmarkSettings(smallest_component=5), 20, 400, "pixels", None, 0)
     state = PersonState.begin(BODY, sized=True, seed=0)
     return Observation(observer, Cloud.from_depth(depth.astype(np.float32), CAMERA, LEVEL), 0.0, state)
 
 
-def asked(truth: np.ndarray, best: np.ndarray | None, *, first: bool, body: Body = BODY) -> Proposal:
-    """What the search says of a frame of `truth` where `best` is the best pose so far."""
-    search, observation = ParticleSearch(FIT.objective, FIT.refiner, ArmSettings(), LEVEL), observed(truth)
+def rival(pose: np.ndarray, observation: Observation) -> Rival:
+    return Rival(Hypothesis("joints", pose), BODY, FIT.compare(pose, observation.scene))
+
+
+def asked(truth: np.ndarray, *, first: bool) -> Proposal:
+    """What the search says of a frame of `truth`."""
+    search, observation = ParticleSearch(FIT.objective, FIT.refiner, BODIES), observed(truth)
     state = PersonState(
-        body, True, observation.state.generator, previous=None if first else Previous.of_pose(BODY, pose_of())
+        BODY, True, observation.state.generator, previous=None if first else Previous.of_pose(BODY, pose_of())
     )
-    rival = None if best is None else Rival(Hypothesis("local", best), BODY, FIT.compare(best, observation.scene))
-    return search.propose(observation, state, np.random.default_rng(0), rival)
+    return search.propose(observation, state, np.random.default_rng(0), None)
 
 
 def hand_off(pose: np.ndarray) -> float:
     return float(np.linalg.norm((BODY.joint_positions(pose) - BODY.joint_positions(RAISED))[HAND]))
 
 
-def test_a_hanging_arm_is_brought_to_a_raised_hand_on_a_first_frame() -> None:
-    found = asked(RAISED, pose_of(), first=True).hypotheses[-1]
-    assert found.source == "particles"
-    assert hand_off(pose_of()) > 0.5 and hand_off(found.pose) < 0.12
-
-
-def test_while_somebody_is_followed_it_says_nothing() -> None:
-    assert asked(RAISED, pose_of(), first=False).hypotheses == ()
-
-
-def test_a_hypothesis_of_another_size_is_left_alone() -> None:
-    proposal = asked(RAISED, pose_of(), first=True, body=load_body("child"))
-    assert not any(hypothesis.supersedes for hypothesis in proposal.hypotheses)
-
-
 def test_on_a_first_frame_a_fork_gives_a_pose_of_its_own() -> None:
     both = pose_of(left_shoulder_rz=0.2, right_shoulder_rz=-0.2, left_elbow_ry=-0.8, right_elbow_ry=0.8)
-    found = asked(both, None, first=True).hypotheses[-1].pose
+    found = asked(both, first=True).hypotheses[-1].pose
     off = (BODY.joint_positions(found) - BODY.joint_positions(both))[[HAND, skeleton.REPORTED.index("right_hand")]]
     assert np.linalg.norm(off, axis=1).max() < 0.12
+
+
+def test_while_somebody_is_followed_the_fork_says_nothing() -> None:
+    both = pose_of(left_shoulder_rz=0.2, right_shoulder_rz=-0.2, left_elbow_ry=-0.8, right_elbow_ry=0.8)
+    assert asked(both, first=False).hypotheses == ()
+
+
+def test_a_hanging_arm_is_brought_to_a_raised_hand() -> None:
+    observation = observed(RAISED)
+    found = ARMS.of(rival(pose_of(), observation), observation)
+    assert found.hypothesis.source == "particles"
+    assert hand_off(pose_of()) > 0.5 and hand_off(found.hypothesis.pose) < 0.12
+
+
+def test_arms_that_leave_nothing_unexplained_stay() -> None:
+    observation = observed(RAISED)
+    right = rival(RAISED, observation)
+    assert ARMS.of(right, observation) is right
+
+
+@given(yaw=st.floats(-3.0, 3.0), lean=st.floats(-0.5, 0.5), elbow=st.floats(0.0, 2.0))
+def test_the_other_way_round_is_half_a_turn_in_the_same_place_and_again_the_pose_itself(
+    yaw: float, lean: float, elbow: float
+) -> None:
+    pose = pose_of(root_ry=yaw, lumbar_rx=lean, left_elbow_ry=-elbow)
+    for turned, way in zip(other_ways_round(pose), (0, 1), strict=True):
+        turn = np.angle(np.exp(1j * (body_facing(turned) - body_facing(pose))))
+        assert abs(turn) == pytest.approx(np.pi, abs=1e-6)
+        assert turned[:3] == pytest.approx(pose[:3])
+        assert BODY.joint_positions(other_ways_round(turned)[way]) == pytest.approx(
+            BODY.joint_positions(pose), abs=1e-6
+        )
+
+
+def test_mirrored_and_turned_limbs_stay_on_their_side_of_the_image() -> None:
+    _, mirrored = other_ways_round(FORWARD)
+    joints, others = BODY.joint_positions(FORWARD), BODY.joint_positions(mirrored)[list(skeleton.OTHER_SIDE)]
+    assert others[:, :2] == pytest.approx(joints[:, :2], abs=0.05)
+    assert (others[HAND] - others[0])[2] == pytest.approx(-(joints[HAND] - joints[0])[2], abs=0.05)
+
+
+def test_of_rivals_the_nearest_of_each_facing_is_finished() -> None:
+    observation = observed(FORWARD)
+    yaws = (0.0, 0.4, np.pi, 1.6)
+    rivals = [rival(pose_of(root_ry=yaw), observation) for yaw in yaws]
+    chosen = facing_apart(rivals)
+    assert len(chosen) == FACINGS
+    assert chosen[0] is min(rivals, key=lambda one: one.comparison.distance)
+    facings = [float(body_facing(one.hypothesis.pose)) for one in chosen]
+    assert abs(np.angle(np.exp(1j * (facings[0] - facings[1])))) >= APART
+
+
+def test_who_was_taken_back_to_front_is_turned_round() -> None:
+    observation = observed(FORWARD)
+    wrong = rival(other_ways_round(FORWARD)[1], observation)
+    found = FirstFrames(FIT.objective, FIT.refiner, ARMS).finished(observation, [wrong])
+    best = min([wrong, *found], key=lambda one: one.comparison.distance)
+    assert abs(float(body_facing(best.hypothesis.pose))) < 0.3
+    assert abs(float(body_facing(wrong.hypothesis.pose))) > 3.0
+
+
+def test_whoever_is_seen_as_they_are_is_not_turned() -> None:
+    observation = observed(FORWARD)
+    right = rival(FORWARD, observation)
+    found = FirstFrames(FIT.objective, FIT.refiner, ARMS).finished(observation, [right])
+    best = min([right, *found], key=lambda one: one.comparison.distance)
+    assert abs(float(body_facing(best.hypothesis.pose))) < 0.1

@@ -37,8 +37,8 @@ class HybridSettings:
     seed : of everything random
     hypotheses : which compete: "local", "extrema" (lookup by geodesic extrema), "joints" (lookup by regressed joints,
         where extrema merge with the body), "arms" (the local one with arms of other poses), "particles" (on first
-        frames and after losses, hands where the cloud ends), "swarm" (likewise, where joints are seen in the image; set
-        up as in configs/swarm.yaml)
+        frames and after losses, hands where the cloud ends, and the best pose turned round), "swarm" (likewise, where
+        joints are seen in the image; set up as in configs/swarm.yaml)
     extrema : geodesic extrema per frame, Eq. 5.8
     candidates : retrieved poses that are compared before one of them is refined: a comparison costs a fifth of a
         refinement; 1 takes the best by Eq. 5.6 unseen
@@ -56,7 +56,8 @@ class HybridSettings:
     lost_distance : metres of the sparse distance of the winner above which a frame counts as lost: over twice the
         largest of a correct pose on the tuning suite
     vote_pull : weight of a sure joint of the regressor against one correspondence while a pose is refined that was
-        found by the joints, or a body is learnt, or somebody is looked for: as much as the vertices around it; 0 = none
+        found by the joints, or the body of one who is cut off is learnt, or somebody is looked for: as much as the
+        vertices around it; 0 = none
     patience : seconds of lost frames in a row after which the next one is treated as a first frame: some frames of bad
         luck are not a loss
     smoothing : seconds by which the reported poses are smoothed and lag; users of still pictures want none
