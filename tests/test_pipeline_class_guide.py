@@ -11,7 +11,7 @@ from tests.test_retrieval_priors import BODY, classes_of, example_of
 from toolkit.cli.main import main
 from toolkit.errors import RetrievalError, SettingsError
 from toolkit.pipeline.class_guide import ClassGuide, ClassGuideSettings
-from toolkit.pipeline.events import Watchers
+from toolkit.pipeline.rows import Watchers
 from toolkit.retrieval.annotation.annotator import PreparedTemplate
 from toolkit.retrieval.annotation.classes import save_classes
 from toolkit.retrieval.priors.limbs import ENTRIES, OUTER

@@ -13,9 +13,9 @@ from toolkit.errors import UsageError
 
 if TYPE_CHECKING:
     from toolkit.cli.terminal import Bars
-    from toolkit.pipeline.events import RowWatcher
     from toolkit.pipeline.joints import JointChoice
     from toolkit.pipeline.manifest import ManifestRow
+    from toolkit.pipeline.rows import RowWatcher
     from toolkit.tracking.guide import Guide
 
 HELP = {
@@ -258,7 +258,7 @@ def _class_guide(
         raise UsageError("--priors tells the limbs of one person in one recording; name it, and --classes")
     from toolkit.files import sha256_of
     from toolkit.pipeline.class_guide import ClassGuide
-    from toolkit.pipeline.events import Watchers
+    from toolkit.pipeline.rows import Watchers
     from toolkit.retrieval.annotation.classes import load_classes
 
     guide = ClassGuide(load_classes(classes))

@@ -8,8 +8,8 @@ from typing import Any
 
 from toolkit.errors import DepthMocapError, UsageError
 from toolkit.files import check_output
-from toolkit.pipeline.events import RowWatcher
 from toolkit.pipeline.joints import JointChoice
+from toolkit.pipeline.rows import RowWatcher
 from toolkit.pipeline.run import STATE_FILE, track_recording
 from toolkit.pipeline.sink import CONFIG_FILE
 from toolkit.pipeline.summary import BatchReport

@@ -19,8 +19,8 @@ from toolkit.checkpoint import load_checkpoint, save_checkpoint
 from toolkit.config import settings_text
 from toolkit.errors import DepthMocapError, RecordingError, TrackError, UsageError
 from toolkit.files import locked, sha256_of
-from toolkit.pipeline.events import RowWatcher
 from toolkit.pipeline.joints import JointChoice, give_joints, joint_source, name_of
+from toolkit.pipeline.rows import RowWatcher
 from toolkit.pipeline.sink import CONFIG_FILE, RunSink, finished_tracks
 from toolkit.pipeline.summary import RunSummary, summarised
 from toolkit.pipeline.watch import log_file, stop_request
