@@ -35,7 +35,8 @@ class Bars:
 
 def doing_words(doing: str) -> str:
     """What the pipeline is doing, in words for people."""
-    return "preparing (compiles for a minute the first time)" if doing == "compiling" else doing
+    words = {"compiling": "preparing", "learning": "learning the body"}
+    return f"{words[doing]} (compiles for a minute the first time)" if doing in words else doing
 
 
 @contextmanager

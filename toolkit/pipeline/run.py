@@ -150,10 +150,10 @@ def _track(
     sink = RunSink(folder, tracker, info, several=several, resume=resume)
     try:
         with log_file(folder), stop_request() as stop:
-            if warm_up:
-                _warm_up(job, report)
             crowd = Crowd(tracker, _finder(job), recording.up_camera, job.joints)
             _restore(folder, sink, crowd)
+            if warm_up and (crowd.frames or not tracker.learning_seconds):
+                _warm_up(job, report)  # else learning the body comes first, and is not timed
             logger.info("%s: tracking frames %d to %d", recording.name, crowd.frames, len(recording))
             if watcher is not None:
                 watcher.begin(_frame_rate(recording), crowd.bodies.get(1), sink.past())
@@ -206,7 +206,7 @@ def _follow(
 ) -> None:
     """Track from the crowd's next frame to the last one, or until a stop is asked for."""
     total, remembered = len(recording), time.monotonic()
-    report(recording.name, "tracking", crowd.frames, total)
+    report(recording.name, "tracking" if crowd.frames else "learning", crowd.frames, total)
     for frame in recording.stream(crowd.frames, color=crowd.joints.needs_color):
         if stop.is_set():
             break
