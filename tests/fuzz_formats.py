@@ -53,13 +53,13 @@ from toolkit.database.database import PoseDatabase
 from toolkit.database.prior import known_without
 from toolkit.database.search import FEATURE_SIZE
 from toolkit.evaluation.orientations import read_truth
-from toolkit.export.tree import _read_bones
+from toolkit.export.tree import read_bones
 from toolkit.inertial.calibration import Calibration
 from toolkit.inertial.placement import load_placement
 from toolkit.inertial.readers import read_file
 from toolkit.inertial.readers.total_capture import read_calibration
 from toolkit.mocap.read import read_clip
-from toolkit.mocap.rig import _read_map
+from toolkit.mocap.rig import read_map
 from toolkit.pipeline.manifest import Manifest
 from toolkit.retrieval.annotation.classes import load_classes
 from toolkit.retrieval.annotation.report import read_segments
@@ -187,7 +187,7 @@ FORMATS: dict[str, Format] = {
     "settings yaml": Format(
         text_file("s.yaml", "seed: 3\nsensing:\n  segment: person\n"), lambda path: load_settings(HybridSettings, path)
     ),
-    "rig yaml": Format(text_file("r.yaml", RIG), _read_map),
+    "rig yaml": Format(text_file("r.yaml", RIG), read_map),
     "bvh": Format(bvh_file, read_clip),
     "amc": Format(text_file("arm_1.amc", AMC_ARM, {"arm.asf": ASF_ARM}), read_clip),
     "asf": Format(
@@ -200,7 +200,7 @@ FORMATS: dict[str, Format] = {
     "body npz": Format(body_file, load_body_file, checked=True),
     "batch manifest": Format(manifest_file, lambda path: Manifest(path.parent).rows),
     "furniture yaml": Format(text_file("boxes.yaml", BOXES), read_boxes),
-    "export rig yaml": Format(text_file("rig.yaml", BONES), _read_bones),
+    "export rig yaml": Format(text_file("rig.yaml", BONES), read_bones),
     "sensors npz": Format(sensors_file(".npz"), read_file, checked=True),
     "sensors csv": Format(sensors_file(".csv"), read_file),
     "sensors xsens mt": _sensors("MT_00B421AF.txt", MT),

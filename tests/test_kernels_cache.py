@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from toolkit.kernels import cache, linear
+from toolkit.kernels import cache, pairs
 
 INNER = "from numba import njit\n\n@njit(cache=True)\ndef inner():\n    return {value}\n"
 OUTER = (
@@ -121,7 +121,7 @@ def test_every_source_changes_the_digest(installed: Path) -> None:
 def test_functions_of_other_packages_are_cached_as_numba_does() -> None:
     from numba.core.caching import CompileResultCacheImpl
 
-    assert cache.sources_digest() in CompileResultCacheImpl(linear._dot.py_func).filename_base
+    assert cache.sources_digest() in CompileResultCacheImpl(pairs.mean_nearest.py_func).filename_base
     assert cache.sources_digest() not in CompileResultCacheImpl(run).filename_base
 
 

@@ -65,7 +65,7 @@ def test_frames_without_anybody_are_left_out(tmp_path):
     assert (tmp_path / "events.jsonl").read_text() == ""
 
 
-def test_a_watcher_is_told_every_row_of_a_run(tmp_path):
+def test_arow_watcher_is_told_every_row_of_a_run(tmp_path):
     told = []
 
     class Watcher:
@@ -86,9 +86,9 @@ def test_a_watcher_is_told_every_row_of_a_run(tmp_path):
 
 
 def test_events_need_classes_and_one_recording(tmp_path):
-    from toolkit.cli.track import _watcher
+    from toolkit.cli.track import row_watcher
 
-    assert _watcher([tmp_path / "a.npz"], None, None, None, False) is None
+    assert row_watcher([tmp_path / "a.npz"], None, None, None, False) is None
     for recordings, file in (([tmp_path / "a.npz"], None), ([tmp_path / "a.npz"] * 2, tmp_path / "c.npz")):
         with pytest.raises(UsageError, match="--events tells the motions of one recording"):
-            _watcher(recordings, "-", file, None, False)
+            row_watcher(recordings, "-", file, None, False)

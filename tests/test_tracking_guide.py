@@ -149,10 +149,10 @@ def test_a_run_is_not_checked_by_the_sensors_that_made_it(tmp_path):
 
 
 def test_sensors_and_calibration_go_together(tmp_path):
-    from toolkit.cli.track import _guide
+    from toolkit.cli.track import sensor_guide
 
     with pytest.raises(UsageError, match="go together"):
-        _guide([tmp_path / "take.npz"], tmp_path / "sensors.npz", None)
+        sensor_guide([tmp_path / "take.npz"], tmp_path / "sensors.npz", None)
     with pytest.raises(UsageError, match="belong to one recording"):
-        _guide([tmp_path / "a.npz", tmp_path / "b.npz"], tmp_path / "s.npz", tmp_path / "c.json")
-    assert _guide([tmp_path / "take.npz"], None, None) == (None, "")
+        sensor_guide([tmp_path / "a.npz", tmp_path / "b.npz"], tmp_path / "s.npz", tmp_path / "c.json")
+    assert sensor_guide([tmp_path / "take.npz"], None, None) == (None, "")

@@ -152,8 +152,8 @@ def track(
     batch = workers is not None or retry_failed
     if not (overwrite or resume or batch):
         _keep_finished(runs)
-    watcher = _watcher(recordings, events, classes, queries, early)
-    guide, sensors_sha256 = _guide(recordings, inertial, calibration)
+    watcher = row_watcher(recordings, events, classes, queries, early)
+    guide, sensors_sha256 = sensor_guide(recordings, inertial, calibration)
     classes_sha256 = ""
     if priors:
         if guide is not None:
@@ -233,10 +233,10 @@ def _database(named: Path | None, config: str, overrides: dict[str, object], bar
     return path
 
 
-def _watcher(
+def row_watcher(
     recordings: list[Path], events: str | None, classes: Path | None, queries: Path | None, early: bool
 ) -> RowWatcher | None:
-    """What tells events, if any are wanted."""
+    """What tells events, if any are wanted; raises UsageError where they cannot be told."""
     if events is None:
         return None
     if classes is None or len(recordings) != 1:
@@ -265,8 +265,8 @@ def _class_guide(
     return guide, guide if watcher is None else Watchers(guide, watcher), sha256_of(classes)
 
 
-def _guide(recordings: list[Path], inertial: Path | None, calibration: Path | None) -> tuple[Guide | None, str]:
-    """The guide of the sensors, if there are any, and the digest of their file."""
+def sensor_guide(recordings: list[Path], inertial: Path | None, calibration: Path | None) -> tuple[Guide | None, str]:
+    """The guide of the sensors, if there are any, and the digest of their file; raises UsageError for half of it."""
     if inertial is None and calibration is None:
         return None, ""
     if inertial is None or calibration is None:

@@ -100,7 +100,7 @@ def _rig_tree(body: Body, rig: str) -> JointTree:
     is_file = rig.endswith((".yaml", ".yml"))
     if not is_file and rig not in known:
         raise RigError(f"there is no rig {rig!r} to export; there are {', '.join(export_rigs())}, or give a YAML file")
-    bones = _read_bones(Path(rig) if is_file else known[rig])
+    bones = read_bones(Path(rig) if is_file else known[rig])
     names = tuple(bones)
     places = [place for _, place in bones.values()]
     joints = [skeleton.JOINT_NAMES.index(p) if p in skeleton.JOINT_NAMES else -1 for p in places]
@@ -127,8 +127,14 @@ def _tips(body: Body, parents: np.ndarray, turns: np.ndarray) -> dict[int, np.nd
     return {i: tips[int(carried[i])] for i in leaves if int(carried[i]) in tips}
 
 
-def _read_bones(path: Path) -> dict[str, tuple[str | None, Any]]:
-    """Name -> parent and place of every joint in the `export:` section."""
+def read_bones(path: Path) -> dict[str, tuple[str | None, Any]]:
+    """Name -> parent and place of every joint in the `export:` section of a file.
+
+    Raises
+    ------
+    RigError
+        The file is not understood, or its joints do not make a tree over the body's.
+    """
     hint = "write `export:` with `name: [parent, place]` per joint"
     content = parse_yaml(read_text(path, RigError, hint), f"the rig {path.name}", RigError, hint)
     try:

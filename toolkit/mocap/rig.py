@@ -77,7 +77,7 @@ def _missing(joints: dict[str, str]) -> list[str]:
 
 def _load_map(name: str) -> dict[str, list[str]]:
     if name.endswith((".yaml", ".yml")):
-        return _read_map(Path(name))
+        return read_map(Path(name))
     if name not in rig_names():
         raise RigError(f"there is no joint map {name!r}; there are {', '.join(rig_names())}, or give a YAML file")
     return _shipped_map(name)
@@ -85,10 +85,17 @@ def _load_map(name: str) -> dict[str, list[str]]:
 
 @cache
 def _shipped_map(name: str) -> dict[str, list[str]]:
-    return _read_map(shipped("rigs", f"{name}.yaml"))
+    return read_map(shipped("rigs", f"{name}.yaml"))
 
 
-def _read_map(path: Path) -> dict[str, list[str]]:
+def read_map(path: Path) -> dict[str, list[str]]:
+    """Names in the motion, the first that is there counts, of each joint in the `joints:` section of a file.
+
+    Raises
+    ------
+    RigError
+        The file is not understood or names joints that are none of the body's.
+    """
     hint = "write `joints:` with a name or a list of names per joint"
     table = parse_yaml(read_text(path, RigError, hint), f"the joint map {path.name}", RigError, hint)
     try:

@@ -1,0 +1,40 @@
+"""Tests and benchmarks hold the product by what it shows."""
+
+from __future__ import annotations
+
+import ast
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[1]
+PRODUCT = ("toolkit", "database_builder")
+
+
+def private_names(source: str) -> list[str]:
+    """Names with a leading underscore that a source imports from the product, or asks one of its modules for."""
+    tree, modules, found = ast.parse(source), set(), []
+    for node in ast.walk(tree):
+        if isinstance(node, ast.ImportFrom) and (node.module or "").split(".")[0] in PRODUCT:
+            modules |= {alias.asname or alias.name for alias in node.names}
+            found += [f"{node.module}.{alias.name}" for alias in node.names if alias.name.startswith("_")]
+            found += [node.module or "" for part in (node.module or "").split(".") if part.startswith("_")]
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Attribute) and isinstance(node.value, ast.Name) and node.value.id in modules:
+            found += [f"{node.value.id}.{node.attr}"] if node.attr.startswith("_") and node.attr[1] != "_" else []
+    return found
+
+
+@pytest.mark.quick
+def test_no_test_and_no_benchmark_names_a_private_of_the_product() -> None:
+    files = sorted((*(ROOT / "tests").glob("*.py"), *(ROOT / "benchmarks").glob("*.py")))
+    assert len(files) > 100
+    assert {f"{path.name}: {name}" for path in files for name in private_names(path.read_text())} == set()
+
+
+@pytest.mark.quick
+def test_a_private_name_would_be_found() -> None:
+    source = (
+        "from toolkit.kernels import linear\nfrom toolkit.mocap.rig import _read\nlinear._dot(1, 2)\nlinear.dot()\n"
+    )
+    assert private_names(source) == ["toolkit.mocap.rig._read", "linear._dot"]
