@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import replace
 from functools import cache
 
@@ -10,6 +11,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from toolkit.archives import load_archive, save_archive
 from toolkit.body import skeleton
 from toolkit.body.shape import load_body
 from toolkit.errors import RetrievalError, SettingsError
@@ -182,10 +184,6 @@ def test_classes_keep_their_motions_in_their_file(tmp_path):
 
 
 def test_a_class_file_of_version_1_annotates_and_has_no_motions(tmp_path):
-    import json
-
-    from toolkit.archives import load_archive, save_archive
-
     classes = [replace(c, motions=()) for c in classes_of("knee_to_elbow")]
     save_classes(tmp_path / "new.npz", classes)
     arrays = load_archive(tmp_path / "new.npz", RetrievalError, "")
@@ -194,6 +192,28 @@ def test_a_class_file_of_version_1_annotates_and_has_no_motions(tmp_path):
     (old,) = load_classes(tmp_path / "old.npz")
     assert old.motions == ()
     assert Annotator([old]).annotate(example_of("knee_to_elbow").features).segments
+
+
+def test_classes_of_another_body_are_refused(tmp_path):
+    save_classes(tmp_path / "classes.npz", classes_of("knee_to_elbow"))
+    arrays = load_archive(tmp_path / "classes.npz", RetrievalError, "")
+    header = json.loads(str(arrays["header"])) | {"body": "0123"}
+    save_archive(tmp_path / "other.npz", arrays | {"header": np.array(json.dumps(header))})
+    with pytest.raises(RetrievalError, match=r"learned with another body \(0123, here .*\); learn it again"):
+        load_classes(tmp_path / "other.npz")
+
+
+def test_a_limb_that_is_hidden_throughout_is_told_by_the_class_alone():
+    poses = example_of("semaphore", 2).poses
+    hidden = hiding(len(poses), "left_arm", 0, len(poses))
+    wrong = poses.copy()
+    wrong[:, ENTRIES["left_arm"]] = 5.0  # whatever the track says of it, nobody asks
+    told = told_of(
+        wrong, hidden, classes_of("knee_to_elbow", "semaphore"), [Segment(0.0, len(poses) / 30, "semaphore")]
+    )
+    found, source = fill(told, Gap("left_arm", 0, len(poses)))
+    assert source == "class"
+    assert np.abs(found.mean - poses[:, ENTRIES["left_arm"]]).mean() < 0.35
 
 
 def test_a_class_motion_of_impossible_shape_is_refused():

@@ -103,11 +103,13 @@ def heading(
 
     `q_I = yaw(psi_group) q_T q_L_sensor`. Given the headings a mounting is a weighted chordal mean; given the mountings
     a heading has a closed form. Every start fixes the first heading; the others follow through the sensors they share.
-    The best few of them, by the widest scale, compete to the end. `known` headings and mountings are only improved.
+    One more start needs no heading: the mountings that bring the vertical of all strands together. The best few of
+    them, by the widest scale, compete to the end. `known` headings and mountings are only improved.
     """
     if known is None:
         rough = [strand.thinned(ROUGH_ROWS) for strand in strands]
         starts = [_spread(rough, groups, sensors, psi) for psi in np.arange(STARTS) * (2.0 * np.pi / STARTS)]
+        starts.append(_by_vertical(rough, groups, sensors))
         tried = sorted(
             (_alternated(rough, sensors, start, SCALES[:1].repeat(ROUNDS)) for start in starts),
             key=lambda found: found[2],
@@ -172,6 +174,31 @@ def _spread(strands: Sequence[Strand], groups: int, sensors: int, start: float) 
         if all(np.isnan(mountings[s.sensor, 0]) for s in strands if np.isnan(psis[s.group])):
             psis[open_groups[0]] = start
     return np.nan_to_num(psis), np.where(np.isnan(mountings), quat.IDENTITY, mountings)
+
+
+def _by_vertical(strands: Sequence[Strand], groups: int, sensors: int) -> tuple[np.ndarray, np.ndarray]:
+    """Headings and mountings that bring the vertical as the sensors see it on to that of the limbs, then robustly."""
+    psis, mountings = np.zeros(groups), np.tile(quat.IDENTITY, (sensors, 1))
+    for k in {s.sensor for s in strands}:
+        own = [s for s in strands if s.sensor == k]
+        ups = [
+            np.concatenate([quat.rotate(quat.conjugate(getattr(s, name)), [0.0, 1.0, 0.0]) for s in own])
+            for name in ("inertial", "tracked")
+        ]
+        weights = np.ones(len(ups[0]))
+        for scale in SCALES.repeat(ROUNDS):
+            mountings[k] = quat.from_matrices(_wahba(*ups, weights))
+            cosine = (quat.rotate(mountings[k], ups[0]) * ups[1]).sum(axis=1)
+            weights = weights_of(np.arccos(np.clip(cosine, -1.0, 1.0)), float(scale))
+    for g in {s.group for s in strands}:
+        psis[g] = heading_given([s for s in strands if s.group == g], mountings)
+    return psis, mountings
+
+
+def _wahba(vectors: np.ndarray, targets: np.ndarray, weights: np.ndarray) -> np.ndarray:
+    """The rotation (3, 3) that brings `vectors` (N, 3) on to `targets` (N, 3) best."""
+    u, _, v = np.linalg.svd(np.einsum("n,ni,nj->ij", weights, targets, vectors))
+    return np.asarray((u * [1.0, 1.0, np.linalg.det(u) * np.linalg.det(v)]) @ v)
 
 
 def _mounting(own: Sequence[tuple[Strand, np.ndarray]], psis: np.ndarray) -> np.ndarray:

@@ -8,7 +8,7 @@ signals of all sensors of one clock are summed, by how many rows each has. `t_se
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -33,7 +33,8 @@ class SyncSettings:
     rates : least and largest ratio, sensor seconds per camera second
     rate_step : relative step between ratios; over 3 s one step shifts the ends by 15 ms
     step : s, of the common grid of times
-    smoothing : s, standard deviation of the low-pass that both signals pass; the camera's frames are 0.03 s apart
+    smoothing : s, standard deviation of the low-pass that both signals pass, at least
+    frames : the same in frames of the camera: slower cameras say less about fast turns
     least_overlap : share of the track that a lag must leave
     margin : by how much the highest correlation must exceed that of any other peak; periodic motion locks a period off
     apart : s, a second peak is at least so far away
@@ -45,6 +46,7 @@ class SyncSettings:
     rate_step: float = 0.01
     step: float = 0.01
     smoothing: float = 0.06
+    frames: float = 2.0
     least_overlap: float = 0.5
     margin: float = 0.05
     apart: float = 0.2
@@ -98,6 +100,8 @@ def synchronise(
         No sensor overlaps the track or all rest; the best lag is the last one looked at, or hardly better than another.
     """
     settings = settings or SyncSettings()
+    rates = _rates(settings)
+    settings = _for_camera(settings, motion, float(np.sqrt(rates[0] * rates[-1])))
     moving = [stream for stream in sensors if not is_still(stream)]
     if not moving:
         raise InertialError(
@@ -106,7 +110,6 @@ def synchronise(
     measured = [sensor_signals(stream, settings) for stream in moving]
     reach = round(settings.max_offset / settings.step)
     lags = np.arange(-reach, reach + 1)
-    rates = _rates(settings)
     # a clock may start anywhere: offsets are looked for around that which lets both begin together
     base = float(min(stream.times[stream.valid][0] for stream in moving))
     scores = np.full((len(rates), len(lags)), np.nan)
@@ -135,6 +138,12 @@ def synchronise(
     if check:
         _check(clock, int(k) in (0, len(lags) - 1), motion, settings)
     return clock
+
+
+def _for_camera(settings: SyncSettings, motion: TrackedMotion, rate: float) -> SyncSettings:
+    """The settings for a camera of so slow a rate, in seconds of the sensors."""
+    step = float(np.median(np.diff(motion.times))) if len(motion.times) > 1 else 0.0
+    return replace(settings, smoothing=max(settings.smoothing, settings.frames * rate * step))
 
 
 def is_still(stream: SensorStream) -> bool:
@@ -271,6 +280,7 @@ def _check(clock: Clock, at_border: bool, motion: TrackedMotion, settings: SyncS
 
 def speed_correlation(motion: TrackedMotion, stream: SensorStream, clock: Clock, settings: SyncSettings) -> float:
     """Correlation, -1 to 1, of the angular speeds of a sensor and its part of the body at a clock; NaN if unknown."""
+    settings = _for_camera(settings, motion, clock.rate)
     tracked = track_signals(motion, stream.name, clock.rate, settings)[0]
     measured = sensor_signals(stream, settings)[0]
     out = np.empty(1)

@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from toolkit.archives import Column, check_columns, load_archive, save_archive
+from toolkit.body import skeleton
 from toolkit.errors import RetrievalError
 from toolkit.files import parse_json
 from toolkit.retrieval.annotation.annotator import THRESHOLD, Annotator, Intervals, MotionClass
@@ -129,7 +130,9 @@ def save_classes(path: str | Path, classes: Sequence[MotionClass]) -> None:
             arrays |= {f"{name}_{number}_{part}": getattr(motion, name) for name in _MOTION}
         names = [template.name for template in motion_class.templates]
         table.append({"label": motion_class.label, "threshold": motion_class.threshold, "templates": names})
-    header = {"version": CLASSES_VERSION, "features": feature_fingerprint(), "classes": table}
+    header = {
+        "version": CLASSES_VERSION, "features": feature_fingerprint(), "body": skeleton.fingerprint(), "classes": table
+    }  # fmt: skip
     save_archive(path, {"header": np.array(json.dumps(header)), **arrays})
 
 
@@ -139,7 +142,7 @@ def load_classes(path: str | Path) -> list[MotionClass]:
     Raises
     ------
     RetrievalError
-        The file is missing, no class file, of another version, or made with other features.
+        The file is missing, no class file, of another version, or made with other features or another body.
     """
     arrays = load_archive(path, RetrievalError, RELEARN)
     if "header" not in arrays:
@@ -157,6 +160,10 @@ def load_classes(path: str | Path) -> list[MotionClass]:
         raise RetrievalError(
             f"{path} was learned with other features ({header.get('features')}, here {feature_fingerprint()}); "
             "learn it again"
+        )
+    if header.get("body", skeleton.fingerprint()) != skeleton.fingerprint():
+        raise RetrievalError(
+            f"{path} was learned with another body ({header['body']}, here {skeleton.fingerprint()}); learn it again"
         )
     try:
         return [_stored_class(entry, number, arrays) for number, entry in enumerate(header["classes"])]
