@@ -28,6 +28,8 @@ from toolkit.evaluation.evaluate import evaluate_runs
 from toolkit.evaluation.extrema import BONES, OWNERS
 from toolkit.evaluation.scores import EvaluationTable
 from toolkit.pipeline import track_recordings
+from toolkit.retrieval.features.motion import from_track
+from toolkit.retrieval.features.relational import FEATURES, relational_features
 from toolkit.sensing.opening import open_recording
 from toolkit.testing.suite import ROOT
 from toolkit.track import RunInfo, Track
@@ -48,6 +50,8 @@ COLUMNS = (
     ("frame_ms", "ms/frame", 1.0),
 )
 WORST = 10
+MOVING = {"moving", "approaching", "fast", "rotates"}
+"""Words of features that are velocities."""
 SWARMS = ("swarm", "qammaz")
 """Rows without a database: the joints are found in the shaded depth images."""
 
@@ -70,6 +74,17 @@ def anatomy(runs: Sequence[Path], paths: Sequence[Path]) -> dict[str, dict[str, 
     return found
 
 
+def fast_share(runs: Sequence[Path]) -> float:
+    """Share of ones among the features that are velocities, of all recordings: they take the frames' times at their
+    word."""
+    fast = [row for row, feature in enumerate(FEATURES) if set(feature.meaning.split()) & MOVING]
+    values = []
+    for run in runs:
+        motion = from_track(Track.load(run), RunInfo.load(run).body(), run.name)
+        values.append(relational_features(motion).values[fast])
+    return float(np.concatenate(values, axis=1).mean())
+
+
 def run_row(row: str, paths: Sequence[Path], options: argparse.Namespace, overrides: dict[str, Any]) -> list[Path]:
     """Track all recordings with a tracker; its run folders in the same order."""
     output = options.work / "runs" / "real" / row.replace(" ", "_")
@@ -80,7 +95,8 @@ def run_row(row: str, paths: Sequence[Path], options: argparse.Namespace, overri
     else:
         poses_path = poses_of(options)
         tracker = make_tracker(row, PoseDatabase.load(poses_path), overrides, str(poses_path))
-    report = track_recordings(paths, tracker, output)
+    reader = {"frame_rate": options.frame_rate} if options.frame_rate else None
+    report = track_recordings(paths, tracker, output, reader_options=reader)
     for path, reason in report.failed.items():
         print(f"{path.name} failed: {reason}")
     return [summary.run for summary in report.done]
@@ -110,6 +126,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--recordings", type=Path, default=RECORDINGS, help="folder of UTD-MHAD")
     parser.add_argument("--stride", type=int, default=1, help="every so many recordings")
+    parser.add_argument("--frame-rate", type=float, help="another one than the reader's own")
     parser.add_argument("--rows", default="hybrid", help="comma-separated, out of: " + ", ".join((*ROWS, *SWARMS)))
     add_database_options(parser)
     options = parser.parse_args()
@@ -123,10 +140,12 @@ def main() -> None:
         table = evaluate_runs(runs)
         bones = anatomy(runs, [Path(RunInfo.load(run).recording) for run in runs])
         print_row(row, table, bones)
+        moving = fast_share(runs)
+        print(f"  velocity features that are 1: {100 * moving:.2f} %")
         recordings = {scores.recording: figures_of(scores) | bones[scores.recording] for scores in table}
-        figures[row] = {"mean": figures_of(table.mean()), "recordings": recordings}
+        figures[row] = {"mean": figures_of(table.mean()), "moving": moving, "recordings": recordings}
         settings[row] = asdict(swarm_settings(row, overrides) if row in SWARMS else settings_of(row, overrides))
-    whole = options.stride == 1 and not options.set and options.recordings == RECORDINGS
+    whole = options.stride == 1 and not options.set and not options.frame_rate and options.recordings == RECORDINGS
     print("written:", save_figures("real" if whole else "real_part", figures, settings))
 
 

@@ -93,11 +93,13 @@ def main() -> None:
     parser.add_argument("--filler", action="store_true", help="other motions between the clips")
     parser.add_argument("--live", action="store_true", help="classes guide the tracker while it runs instead")
     parser.add_argument("--without-marks", action="store_true", help="leave out the MT priors")
+    parser.add_argument("--alternatives", type=int, default=1, help="2 tries the second cheapest class too")
     parser.add_argument("--gaps", action="store_true", help="every gap of the first round, and why its error is left")
     parser.add_argument("--rounds", type=int, default=StabiliseSettings.rounds)
     add_database_options(parser)
     options = parser.parse_args()
-    settings, database = StabiliseSettings(rounds=options.rounds), poses_of(options)
+    settings = StabiliseSettings(rounds=options.rounds, alternatives=options.alternatives)
+    database = poses_of(options)
     if options.without_marks:
         settings = replace(settings, marks=MarkSettings(weight=0.0))
     classes = classes_from_clips(class_clips(options.split))
@@ -144,6 +146,7 @@ def main() -> None:
         *["live"] * options.live,
         *["without_marks"] * options.without_marks,
         *["gaps"] * options.gaps,
+        *["alternatives"] * (options.alternatives > 1),
     ]
     print("written:", save_figures("_".join(["stabilise", *words]), figures, asdict(settings)))
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import cv2
 import numpy as np
 import pytest
 
@@ -12,12 +13,14 @@ from database_builder.build import build_database
 from tests.inertial_scenes import RATE, poses_of
 from tests.test_inertial_clock import typed
 from toolkit.body import skeleton
+from toolkit.cli.main import main
 from toolkit.errors import InertialError
 from toolkit.evaluation.joints import joint_errors
 from toolkit.evaluation.orientations import check_runs
 from toolkit.inertial.calibration import Calibration
-from toolkit.inertial.workflow import take_of
+from toolkit.inertial.workflow import checked_take, take_of
 from toolkit.mocap.clip import PoseClip
+from toolkit.rendering.axes import limb_axes
 from toolkit.sensing.opening import open_recording
 from toolkit.simulation.inertial import Worn
 from toolkit.simulation.simulate import simulate_recording
@@ -64,3 +67,19 @@ def test_the_sensors_guide_the_tracker_and_do_not_check_it_then(road: Path) -> N
     assert better < plain + 0.005
     with pytest.raises(InertialError, match="with these very sensors"):
         take_of(guided, sensors)
+
+
+def test_axes_of_track_and_sensors_are_drawn_side_by_side(road: Path, capsys) -> None:
+    sensors = road / "take_sensors.npz"
+    typed("render", road / "run", "--inertial", sensors, "-o", road / "axes.png", "--to", 3)
+    typed("render", road / "run", "-o", road / "plain.png", "--to", 3)
+    with_axes, plain = (cv2.imread(str(road / name)) for name in ("axes.png", "plain.png"))
+    assert (with_axes != plain).any()
+    found, take = checked_take(road / "run", sensors)
+    axes = limb_axes(found, take, RunInfo.load(road / "run").R_level_camera)
+    known = np.isfinite(axes.measured).all(axis=(2, 3))
+    cosines = (axes.tracked * axes.measured).sum(axis=2)[known]
+    assert axes.limbs == LIMBS and np.median(cosines) > 0.9
+    with pytest.raises(SystemExit) as ended:
+        main(["render", str(road / "run"), "--calibration", "x.json", "-o", str(road / "y.png")])
+    assert ended.value.code == 2 and "--calibration belongs to sensors" in capsys.readouterr().err

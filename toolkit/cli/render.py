@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from toolkit.cli.options import Run
+from toolkit.errors import UsageError
+
+if TYPE_CHECKING:
+    from toolkit.rendering.axes import LimbAxes
 
 
 def render(
@@ -25,20 +29,41 @@ def render(
     rate: Annotated[float | None, typer.Option(help="Frames per second.", show_default="the recording's")] = None,
     start: Annotated[int, typer.Option("--from", help="First frame.")] = 0,
     end: Annotated[int | None, typer.Option("--to", help="Frame after the last.", show_default="all")] = None,
+    inertial: Annotated[
+        Path | None, typer.Option(help="Canonical file of inertial sensors, whose axes are drawn beside the limbs'.")
+    ] = None,
+    calibration: Annotated[
+        Path | None, typer.Option(help="Of these sensors.", show_default="made on this very run")
+    ] = None,
 ) -> None:
     """Draw a track beside its depth: mesh, skeleton and extrema, from the camera and from the side."""
     from toolkit.cli.terminal import progress_bars
     from toolkit.rendering.film import render_run
     from toolkit.track import Track
 
+    if calibration is not None and inertial is None:
+        raise UsageError("--calibration belongs to sensors; name them with --inertial")
     frames = None if (start, end) == (0, None) else range(start, len(Track.load(run)) if end is None else end)
     with progress_bars() as bars:
         written = render_run(
             run,
             output,
             recording=recording,
+            axes=None if inertial is None else _axes(run, inertial, calibration),
             frames=frames,
             rate=rate,
             progress=lambda done, total: bars("drawing", done, total),
         )
     print(written)
+
+
+def _axes(run: Path, sensors: Path, calibration: Path | None) -> LimbAxes:
+    """The axes of a run's limbs and of the sensors that they carry."""
+    from toolkit.inertial.calibration import Calibration
+    from toolkit.inertial.workflow import checked_take
+    from toolkit.rendering.axes import limb_axes
+    from toolkit.track import RunInfo
+
+    known = None if calibration is None else Calibration.load(calibration)
+    found, take = checked_take(run, sensors, known)
+    return limb_axes(found, take, RunInfo.load(run).R_level_camera)

@@ -114,14 +114,18 @@ def distances(calibration: Calibration, take: Take, *, drift: bool = False) -> l
     return found
 
 
+def measured_limb(limb: str, take: Take, world: np.ndarray, mounting: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """What a sensor says of its limb in the level frame, quaternions (T, 4), and where it is known, bool (T,)."""
+    stream = next(stream for stream in take.sensors if stream.name == limb)
+    inertial, known = stream.at(take.clock.sensor_times(take.motion.times))
+    said = quat.multiply(quat.multiply(quat.conjugate(world), inertial), quat.conjugate(mounting))
+    return said, known & take.motion.valid
+
+
 def _distances(limb: str, take: Take, world: np.ndarray, mounting: np.ndarray, drift: bool) -> Distances:
     motion = take.motion
-    stream = next(stream for stream in take.sensors if stream.name == limb)
-    inertial, known = stream.at(take.clock.sensor_times(motion.times))
-    known = known & motion.valid
     tracked = motion.orientation(limb)
-    # what the sensor says of the limb, in the level frame
-    said = quat.multiply(quat.multiply(quat.conjugate(world), inertial), quat.conjugate(mounting))
+    said, known = measured_limb(limb, take, world, mounting)
     rate = 0.0
     if drift:
         turn, rate = _drift(said, tracked, known, motion.times)

@@ -11,6 +11,7 @@ from toolkit.errors import OutputError, UsageError
 from toolkit.files import atomic_path, check_output
 from toolkit.progress import Count
 from toolkit.rendering import style
+from toolkit.rendering.axes import LimbAxes
 from toolkit.rendering.encoders import FILM_SUFFIXES, open_encoder
 from toolkit.rendering.painter import FramePainter, RenderSettings
 from toolkit.runs import Person, load_persons, person_runs
@@ -72,6 +73,7 @@ def render_people(
     *,
     sensing: SensingSettings | None = None,
     settings: RenderSettings | None = None,
+    axes: LimbAxes | None = None,
     frames: range | None = None,
     rate: float | None = None,
     progress: Count | None = None,
@@ -80,7 +82,7 @@ def render_people(
 
     Parameters
     ----------
-    people, recording, sensing, settings : see `FramePainter`
+    people, recording, sensing, settings, axes : see `FramePainter`
     output : the file to write; a name without suffix is a folder
     frames : which ones; all by default
     rate : frames per second of the film; by default the recording's own
@@ -108,7 +110,7 @@ def render_people(
         raise UsageError(f"cannot draw to {target}; name it {films}, *.png or a folder")
     if settings is None and target.suffix == ".png":
         settings = SHEET_SETTINGS
-    painter = FramePainter(people, recording, sensing=sensing, settings=settings)
+    painter = FramePainter(people, recording, sensing=sensing, settings=settings, axes=axes)
     if target.suffix == ".png":
         wanted = [chosen[k] for k in np.linspace(0, len(chosen) - 1, min(SHEET_FRAMES, len(chosen))).astype(int)]
         save_png(target, contact_sheet(list(_pictures(painter, recording, wanted, progress))))
@@ -126,6 +128,7 @@ def render_run(
     *,
     recording: str | Path | None = None,
     settings: RenderSettings | None = None,
+    axes: LimbAxes | None = None,
     frames: range | None = None,
     rate: float | None = None,
     progress: Count | None = None,
@@ -143,6 +146,7 @@ def render_run(
         output,
         sensing=SensingSettings(**info.sensing),
         settings=settings,
+        axes=axes,
         frames=frames,
         rate=rate,
         progress=progress,

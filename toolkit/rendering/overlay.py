@@ -87,6 +87,16 @@ def draw_extrema(image: np.ndarray, pixels: np.ndarray) -> None:
         cv2.polylines(image, [outline], True, PAPER, 1, cv2.LINE_AA, SHIFT)
 
 
+def draw_line(
+    image: np.ndarray, start: np.ndarray, end: np.ndarray, color: tuple[int, int, int], thickness: int
+) -> None:
+    """Draw a line between two pixels (2,) on an RGB image; pixels that are not known draw nothing."""
+    import cv2
+
+    if np.isfinite(start).all() and np.isfinite(end).all():
+        cv2.line(image, _fixed(start), _fixed(end), color, thickness, cv2.LINE_AA, SHIFT)
+
+
 def draw_points(image: np.ndarray, pixels: np.ndarray, color: tuple[int, int, int]) -> None:
     """Set one pixel for every point at pixels (n, 2) that lies in the RGB image."""
     at = np.rint(pixels[np.isfinite(pixels).all(axis=1)]).astype(np.int64)

@@ -11,6 +11,7 @@ from toolkit.body.body import Body
 from toolkit.errors import SegmentationError, SettingsError, TrackError
 from toolkit.landmarks.extrema import geodesic_extrema
 from toolkit.rendering import style
+from toolkit.rendering.axes import LimbAxes
 from toolkit.rendering.mesh import draw_mesh, part_colors
 from toolkit.rendering.overlay import color_depth, draw_extrema, draw_points, draw_skeleton
 from toolkit.rendering.views import side_view_of, window_on
@@ -72,6 +73,7 @@ class FramePainter:
     recording : with as many frames as their tracks
     sensing : with which the depth was cleaned; decides what counts as the person where there is one
     settings : what to draw
+    axes : of limbs that carry sensors, drawn over the depth of the first person; None for none
 
     Raises
     ------
@@ -86,6 +88,7 @@ class FramePainter:
         *,
         sensing: SensingSettings | None = None,
         settings: RenderSettings | None = None,
+        axes: LimbAxes | None = None,
     ) -> None:
         for person in people:
             if len(person.track) != len(recording):
@@ -93,7 +96,7 @@ class FramePainter:
                     f"the track has {len(person.track)} frames and the recording {recording.name} has "
                     f"{len(recording)}; name the recording that was tracked"
                 )
-        self.settings = settings or RenderSettings()
+        self.settings, self._axes = settings or RenderSettings(), axes
         self._people, self._name = tuple(people), recording.name
         self._rotation = people[0].R_level_camera
         self._cleaner = Cleaner(recording.camera, recording.background, sensing, recording.up_camera)
@@ -117,6 +120,8 @@ class FramePainter:
             image = self._blank(panel, backdrop)
             draw[panel](image, i, cloud)
             title = "depth, skeletons" if panel == "depth" and not self._extrema else TITLES[panel]
+            if panel == "depth" and self._axes is not None:
+                title = "axes of the limbs: track thin, sensors bold"
             style.write(image, title, 10, 8, self._text)
             panels.append(image)
         return np.vstack([self._head(i, sum(p.shape[1] for p in panels)), np.hstack(panels), self._legend(panels)])
@@ -179,10 +184,12 @@ class FramePainter:
         if self._extrema and len(cloud):
             extrema = geodesic_extrema(cloud, self._extrema)
             draw_extrema(image, self._window.camera.project(extrema.points @ self._rotation))
+        if self._axes is not None:
+            self._axes.draw(image, self._window.camera, i)
 
     @property
     def _extrema(self) -> int:
-        return 0 if self._several else self.settings.extrema
+        return 0 if self._several or self._axes is not None else self.settings.extrema
 
     def _draw_body(self, image: np.ndarray, i: int, cloud: Cloud) -> None:
         depth = None
