@@ -181,18 +181,21 @@ def _by_vertical(strands: Sequence[Strand], groups: int, sensors: int) -> tuple[
     psis, mountings = np.zeros(groups), np.tile(quat.IDENTITY, (sensors, 1))
     for k in {s.sensor for s in strands}:
         own = [s for s in strands if s.sensor == k]
-        ups = [
-            np.concatenate([quat.rotate(quat.conjugate(getattr(s, name)), [0.0, 1.0, 0.0]) for s in own])
-            for name in ("inertial", "tracked")
-        ]
-        weights = np.ones(len(ups[0]))
+        seen = _verticals(np.concatenate([s.inertial for s in own]))
+        tracked = _verticals(np.concatenate([s.tracked for s in own]))
+        weights = np.ones(len(seen))
         for scale in SCALES.repeat(ROUNDS):
-            mountings[k] = quat.from_matrices(_wahba(*ups, weights))
-            cosine = (quat.rotate(mountings[k], ups[0]) * ups[1]).sum(axis=1)
+            mountings[k] = quat.from_matrices(_wahba(seen, tracked, weights))
+            cosine = (quat.rotate(mountings[k], seen) * tracked).sum(axis=1)
             weights = weights_of(np.arccos(np.clip(cosine, -1.0, 1.0)), float(scale))
     for g in {s.group for s in strands}:
         psis[g] = heading_given([s for s in strands if s.group == g], mountings)
     return psis, mountings
+
+
+def _verticals(orientations: np.ndarray) -> np.ndarray:
+    """The vertical as somebody of these orientations (N, 4) sees it: float64 (N, 3)."""
+    return quat.rotate(quat.conjugate(orientations), np.array([0.0, 1.0, 0.0]))
 
 
 def _wahba(vectors: np.ndarray, targets: np.ndarray, weights: np.ndarray) -> np.ndarray:
