@@ -46,7 +46,8 @@ from toolkit.retrieval.annotation.annotator import distance_function
 from toolkit.retrieval.annotation.documents import HARD_JOINS, JOINS, Joins, assemble
 from toolkit.retrieval.features.geometry import BodyLengths
 from toolkit.retrieval.features.grades import FULL, SCALES, grade, importance
-from toolkit.retrieval.features.motion import NAMED_JOINTS, Motion, from_joints
+from toolkit.retrieval.features.motion import NAMED_JOINTS, SIDES, Motion, from_joints
+from toolkit.retrieval.features.places import places_of, spread
 from toolkit.retrieval.features.relational import FEATURE_RATE, FEATURES, MIRROR, FeatureMatrix, relational_features
 from toolkit.retrieval.index.keyframe_index import KeyframeIndex
 from toolkit.retrieval.search import example as shipped
@@ -350,6 +351,8 @@ def print_constants(examples: Sequence[Example], filler: Sequence[Motion]) -> No
     spreads = grade(margins * (SCALES / scales)[:, None]).std(axis=1)
     print("scales", *(f"{value:.2g}" for value in scales))
     print("spreads", *(f"{value:.0f}" for value in 0.5 * (spreads + spreads[MIRROR])))
+    placed = np.concatenate([places_of(motion, np.arange(len(motion))) for motion in chosen], axis=1)
+    print("spreads of limbs", *(f"{value:.0f}" for value in spread(placed).reshape(len(SIDES), -1).mean(axis=0)))
 
 
 def main() -> None:

@@ -12,15 +12,17 @@ from hypothesis import strategies as st
 from tests.retrieval_motions import random_motion
 from toolkit.errors import RetrievalError
 from toolkit.kernels import graded
-from toolkit.kernels.graded import distinct_hits, graded_distances
+from toolkit.kernels.graded import cheapest, distinct_hits, graded_distances
 from toolkit.retrieval.annotation.documents import assemble
+from toolkit.retrieval.features import places
 from toolkit.retrieval.features.geometry import BodyLengths
 from toolkit.retrieval.features.grades import BLOCK, FULL, coarse, grade, importance
 from toolkit.retrieval.features.motion import NAMED_JOINTS
 from toolkit.retrieval.features.places import LIMBS, STEPS, places_of
 from toolkit.retrieval.features.relational import FeatureMatrix, relational_features
 from toolkit.retrieval.index.keyframe_index import KeyframeIndex
-from toolkit.retrieval.search.example import Example, search_example
+from toolkit.retrieval.search import example as searching
+from toolkit.retrieval.search.example import Example, coarse_hits, search_example
 
 
 def written_recursion(
@@ -82,6 +84,56 @@ def test_the_cheapest_hits_come_first_and_the_same_motion_counts_once() -> None:
     wide = np.zeros(6, np.int32)
     lone = np.array([9, 9, 9, 1, 9, 3], np.float32)
     assert distinct_hits(lone, wide, starts[:2], np.inf, 9).tolist() == [[0, 0, 3]], "four of six columns are covered"
+
+
+@settings(max_examples=40, deadline=None)
+@given(st.lists(st.integers(0, 9), min_size=1, max_size=40), st.integers(1, 45))
+def test_the_cheapest_are_the_first_of_a_stable_sort_and_their_equals(values: list[int], most: int) -> None:
+    found = cheapest(np.array(values, np.float32), most)
+    order = np.argsort(values, kind="stable")
+    np.testing.assert_array_equal(found, order[: len(found)])
+    last = values[order[min(most, len(values)) - 1]]
+    assert len(found) == sum(value <= last for value in values)
+
+
+@settings(max_examples=30, deadline=None)
+@given(st.integers(0, 2**32 - 1), st.integers(1, 6))
+def test_hits_do_not_depend_on_how_many_are_put_in_order_first(seed: int, most: int) -> None:
+    rng = np.random.default_rng(seed)
+    cost, edges = rng.integers(0, 20, 60).astype(np.float32), np.array([0, 25, 60])
+    start = np.concatenate([np.maximum(np.arange(n) - rng.integers(0, 12, n), 0) for n in (25, 35)]).astype(np.int32)
+    np.testing.assert_array_equal(
+        distinct_hits(cost, start, edges, np.inf, most), distinct_hits(cost, start, edges, np.inf, 60)[:most]
+    )
+
+
+def test_a_large_index_is_looked_through_by_its_sketch_and_gives_the_same_hits(monkeypatch: pytest.MonkeyPatch) -> None:
+    whole = random_motion(11, seconds=6.0)
+    others = [random_motion(seed, seconds=5.0) for seed in range(20, 60)]
+    slower = [replace(whole.at_speed(speed), name=f"at {speed}") for speed in (0.8, 1.0, 1.2)]
+    index = KeyframeIndex.build([relational_features(motion) for motion in (*others, *slower)])
+    example = Example.of(relational_features(whole).sliced(60, 130))
+    thorough = coarse_hits(index, example, 3, everywhere=True)
+    assert sorted(index.names[document] for document in thorough[:, 0]) == ["at 0.8", "at 1.0", "at 1.2"]
+    monkeypatch.setattr(searching, "CANDIDATES", 3)
+    monkeypatch.setattr(searching, "SPARSE", 0)
+    looked_at: list[int] = []
+
+    def watched(*arguments: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        looked_at.append(len(arguments[2]))
+        return graded_distances(*arguments)
+
+    monkeypatch.setattr(searching, "graded_distances", watched)
+    np.testing.assert_array_equal(coarse_hits(index, example, 3), thorough)
+    assert looked_at[0] == index.sketch.shape[1] and looked_at[1] < len(index.coarse) / 3
+
+
+def test_the_limb_that_an_example_moves_weighs_most() -> None:
+    moved = np.zeros((3 * len(LIMBS), 20), np.int8)
+    assert places.importance(moved) == pytest.approx(1 / len(moved)), "nothing moves"
+    moved[3 * LIMBS.index("right_wrist") + 1] = np.linspace(-60, 60, 20)
+    weights = places.importance(moved).reshape(-1, 3)
+    assert weights.sum() == pytest.approx(1.0) and weights[LIMBS.index("right_wrist")].sum() > 0.9
 
 
 def test_a_grade_has_the_sign_of_its_feature_and_its_mean_is_the_coarse_one() -> None:

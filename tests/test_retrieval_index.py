@@ -160,7 +160,7 @@ def test_an_index_of_other_features_or_another_version_is_refused(
     monkeypatch.setattr(index_module, "INDEX_VERSION", 0)
     index.save(path)
     monkeypatch.undo()
-    with pytest.raises(RetrievalError, match="version 0, not 4"):
+    with pytest.raises(RetrievalError, match="version 0, not 5"):
         KeyframeIndex.open(path)
 
 

@@ -7,54 +7,83 @@ from numba import njit
 
 TILE: int = 1024
 """Document columns that are compared at a time, so that all rows of a tile stay near the processor."""
+CROWDED: int = 20
+"""Hits of which one is distinct, at most: so many are put in order first."""
 
 
 @njit(cache=True)
-def graded_distance(
-    template: np.ndarray, weights: np.ndarray, document: np.ndarray, cost: np.ndarray, start: np.ndarray
-) -> None:
-    """Subsequence DTW of an example with a document (thesis 5.2, Eq. 5.3, on graded features).
+def graded_distances(
+    template: np.ndarray, weights: np.ndarray, columns: np.ndarray, document_starts: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Subsequence DTW of an example with each of many documents (thesis 5.2, Eq. 5.3, on graded features).
 
     A cell costs the weighted sum of absolute differences. Steps, template by document: (1,1) and (1,2) with weight 1,
     (2,1) with weight 2 on the cell that it arrives at. No step stays in a row, so a whole row is computed at once, in
-    tiles of the document; an alignment that ends in a tile starts at most 2 (N - 1) columns before it, and the tile is
-    computed from there.
+    tiles of all documents; an alignment that ends in a tile starts at most 2 (N - 1) columns before it, and the tile is
+    computed from there. Steps that came from the document before are taken back.
 
     Parameters
     ----------
     template : float32 (N, F), the example's columns, F a multiple of 4
     weights : float32 (F,)
-    document : int8 (L, F)
-    cost : float32 (L,), filled: cheapest alignment that ends in each column, infinite where none does
-    start : int32 (L,), filled: first column of that alignment
+    columns : int8 (M, F), all documents, one after the other
+    document_starts : int64 (D + 1,), first column of each document, ending with M
+
+    Returns
+    -------
+    cost : float32 (M,), cheapest alignment that ends in each column, infinite where none does
+    start : int32 (M,), first column of that alignment, counted within the document
     """
     n, features = template.shape
-    length = document.shape[0]
+    length = columns.shape[0]
+    cost, start = np.empty(length, np.float32), np.empty(length, np.int32)
     halo = 2 * (n - 1)
     widest = min(TILE + halo, length)
-    columns = np.empty((features, widest), np.float32)
+    weighted = np.empty((features, widest), np.float32)
     costs = np.empty((3, widest), np.float32)
     starts = np.empty((3, widest), np.int32)
     cell = np.empty(widest, np.float32)
+    document = 0
     for begin in range(0, length, TILE):
         first, stop = max(0, begin - halo), min(length, begin + TILE)
         width = stop - first
-        for j in range(width):
-            for f in range(features):
-                columns[f, j] = weights[f] * np.float32(document[first + j, f])
+        while document > 0 and document_starts[document] >= first:
+            document -= 1
+        while document_starts[document] < first:
+            document += 1
+        for f in range(features):
+            weight = weights[f]
+            for j in range(width):
+                weighted[f, j] = weight * np.float32(columns[first + j, f])
         for i in range(n):
-            _cells(template[i], weights, columns, width, cell)
+            _cells(template[i], weights, weighted, width, cell)
             row, row_starts = costs[i % 3], starts[i % 3]
             if i == 0:
                 for j in range(width):
                     row[j] = cell[j]
                     row_starts[j] = first + j
                 continue
-            _step(row, row_starts, costs[(i - 1) % 3], starts[(i - 1) % 3], cell, width)
+            before, before_starts = costs[(i - 1) % 3], starts[(i - 1) % 3]
+            _step(row, row_starts, before, before_starts, cell, width)
             if i > 1:
                 _skip(row, row_starts, costs[(i - 2) % 3], starts[(i - 2) % 3], cell, width)
+            for d in range(document, document_starts.size - 1):
+                j = document_starts[d] - first
+                if j >= width:
+                    break
+                row[j], row_starts[j] = np.inf, -1
+                if j + 1 < width and document_starts[d + 1] - first > j + 1:
+                    row[j + 1], row_starts[j + 1] = before[j] + cell[j + 1], before_starts[j]
+                    other = costs[(i - 2) % 3, j] + cell[j + 1] + cell[j + 1]
+                    if i > 1 and other < row[j + 1]:
+                        row[j + 1], row_starts[j + 1] = other, starts[(i - 2) % 3, j]
         cost[begin:stop] = costs[(n - 1) % 3, begin - first : width]
         start[begin:stop] = starts[(n - 1) % 3, begin - first : width]
+    for d in range(document_starts.size - 1):
+        for j in range(document_starts[d], document_starts[d + 1]):
+            if start[j] >= 0:
+                start[j] -= document_starts[d]
+    return cost, start
 
 
 @njit(cache=True)
@@ -97,31 +126,6 @@ def _skip(
 
 
 @njit(cache=True)
-def graded_distances(
-    template: np.ndarray, weights: np.ndarray, columns: np.ndarray, document_starts: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
-    """`graded_distance` of an example with each of many documents.
-
-    Parameters
-    ----------
-    template, weights : as for `graded_distance`
-    columns : int8 (M, F), all documents, one after the other
-    document_starts : int64 (D + 1,), first column of each document, ending with M
-
-    Returns
-    -------
-    cost : float32 (M,)
-    start : int32 (M,), first columns, counted within the document
-    """
-    cost = np.empty(columns.shape[0], np.float32)
-    start = np.empty(columns.shape[0], np.int32)
-    for d in range(document_starts.size - 1):
-        a, b = document_starts[d], document_starts[d + 1]
-        graded_distance(template, weights, columns[a:b], cost[a:b], start[a:b])
-    return cost, start
-
-
-@njit(cache=True)
 def distinct_hits(
     cost: np.ndarray, start: np.ndarray, document_starts: np.ndarray, threshold: float, most: int
 ) -> np.ndarray:
@@ -136,6 +140,18 @@ def distinct_hits(
     threshold : hits have to cost less
     most : largest number of hits
     """
+    ends, owners = local_minima(cost, document_starts, threshold)
+    looked = min(ends.size, CROWDED * most)
+    while True:
+        hits = _distinct(cost, start, document_starts, ends, owners, looked, most)
+        if hits.shape[0] == min(most, ends.size) or looked == ends.size:
+            return hits
+        looked = ends.size
+
+
+@njit(cache=True)
+def local_minima(cost: np.ndarray, document_starts: np.ndarray, threshold: float) -> tuple[np.ndarray, np.ndarray]:
+    """Columns int64 (K,) below the threshold and what is beside them in their documents, and their documents."""
     ends = np.empty(cost.shape[0], np.int64)
     owners = np.empty(cost.shape[0], np.int64)
     count = 0
@@ -145,10 +161,36 @@ def distinct_hits(
             if falls and cost[j] < threshold and (j + 1 == document_starts[d + 1] or cost[j] < cost[j + 1]):
                 ends[count], owners[count] = j, d
                 count += 1
-    hits = np.empty((min(most, count), 3), np.int64)
+    return ends[:count], owners[:count]
+
+
+@njit(cache=True)
+def cheapest(cost: np.ndarray, most: int) -> np.ndarray:
+    """Places of the `most` smallest values, the smallest first, the earlier on ties: int64 (K,).
+
+    Equals of the last one come as well, so that K may be larger.
+    """
+    chosen = np.arange(cost.size)
+    if most < cost.size:
+        chosen = np.flatnonzero(cost <= np.partition(cost, most - 1)[most - 1])
+    return chosen[np.argsort(cost[chosen], kind="mergesort")]
+
+
+@njit(cache=True)
+def _distinct(
+    cost: np.ndarray,
+    start: np.ndarray,
+    document_starts: np.ndarray,
+    ends: np.ndarray,
+    owners: np.ndarray,
+    looked: int,
+    most: int,
+) -> np.ndarray:
+    """The first `most` distinct ones of the `looked` cheapest hits, as `distinct_hits`."""
+    hits = np.empty((min(most, looked), 3), np.int64)
     taken = np.zeros(cost.shape[0], np.bool_)
     found = 0
-    for k in np.argsort(cost[ends[:count]], kind="mergesort"):
+    for k in cheapest(cost[ends], looked) if looked else ends[:0]:
         if found == hits.shape[0]:
             break
         begin = document_starts[owners[k]]

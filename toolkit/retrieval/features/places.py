@@ -17,6 +17,12 @@ LIMBS: tuple[str, ...] = tuple(f"{side}_{joint}" for side in SIDES for joint in 
 ROWS = 3 * len(LIMBS)
 STEPS = 200.0
 """Steps of a place per body length: an outstretched arm, 0.6 of it, still fits into `FULL`."""
+SPREADS: np.ndarray = np.array([35, 50, 41, 58, 35, 50, 41, 58], dtype=np.float64)
+"""float64 (8,): root mean square of how far each limb's place is from its mean in the mocap of `grades.SPREADS`, left
+and right alike, in steps. `depthmocap bench by_example DATA --constants` prints them."""
+IDLE_WEIGHT = 0.01
+"""Weight of a limb that an example holds still, against 1 for one that it moves as much as is usual: next to nothing,
+for how somebody holds an idle arm is their own."""
 
 _CHOSEN = np.array([NAMED_JOINTS.index(name) for name in LIMBS])
 _LEFT, _RIGHT, _ROOT = (NAMED_JOINTS.index(name) for name in ("left_hip", "right_hip", "root"))
@@ -32,6 +38,20 @@ def places_of(motion: Motion, columns: np.ndarray) -> np.ndarray:
     size = BodyLengths.of(motion).body
     turned = np.stack([cosine * x - sine * z, y, sine * x + cosine * z], axis=-1) * (STEPS / (size or 1.0))
     return np.ascontiguousarray(np.clip(np.rint(turned), -FULL, FULL).astype(np.int8).reshape(len(columns), ROWS).T)
+
+
+def spread(places: np.ndarray) -> np.ndarray:
+    """Root mean square distance of each limb from its mean place, float64 (8,), in places (24, T)."""
+    return np.asarray(np.sqrt(places.var(axis=1, dtype=np.float64).reshape(-1, 3).sum(axis=1)))
+
+
+def importance(places: np.ndarray) -> np.ndarray:
+    """Weight of each row in a comparison with an example's places (24, T): float64 (24,), sum 1.
+
+    As `grades.importance`, by limbs: which arm somebody throws with counts, what the other one does meanwhile hardly.
+    """
+    weights = np.repeat(IDLE_WEIGHT + spread(places) / SPREADS, 3)
+    return np.asarray(weights / weights.sum())
 
 
 def mirrored(places: np.ndarray) -> np.ndarray:

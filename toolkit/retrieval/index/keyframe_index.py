@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields
+from functools import cached_property
 from pathlib import Path
 
 import numpy as np
@@ -28,7 +29,7 @@ from toolkit.retrieval.index.runs import RunLists
 from toolkit.retrieval.index.storage import REBUILD, StoredArrays, write_arrays
 from toolkit.retrieval.keyframes.query import Keyframe
 
-INDEX_VERSION: int = 4
+INDEX_VERSION: int = 5
 
 _NUMBERS = {"grades": len(FEATURES), "coarse": len(FEATURES), "places": ROWS}
 """Arrays that are read where a hit is, and their columns."""
@@ -47,6 +48,8 @@ class KeyframeIndex:
     places : int8 (N, 24), places of the limbs in all frames
     coarse : int8 (M, 40), means of `grades.BLOCK` frames each, in which a search by example begins
     coarse_starts : int64 (D + 1,), first coarse column of each document; the last entry is M
+    sketch : int8 (40, S), means of `grades.BLOCK` coarse columns each, features first: what a search by example in a
+        large index looks through as a whole
     stored : the file that it is mapped from
     """
 
@@ -57,6 +60,7 @@ class KeyframeIndex:
     places: np.ndarray
     coarse: np.ndarray
     coarse_starts: np.ndarray
+    sketch: np.ndarray
     stored: StoredArrays | None = None
 
     @classmethod
@@ -85,9 +89,11 @@ class KeyframeIndex:
             np.concatenate([np.ascontiguousarray(getattr(document, name).T) for document in documents])
             for name in ("grades", "places")
         )
-        blocks = [np.ascontiguousarray(coarse(document.grades).T) for document in documents]
-        coarse_starts = np.cumsum([0, *map(len, blocks)])
-        return cls(names, starts, sets, grades, places, np.concatenate(blocks), coarse_starts)
+        blocks = [coarse(document.grades) for document in documents]
+        coarse_starts = np.cumsum([0, *(block.shape[1] for block in blocks)])
+        columns = np.ascontiguousarray(np.concatenate(blocks, axis=1).T)
+        sketch = np.concatenate([coarse(block) for block in blocks], axis=1)
+        return cls(names, starts, sets, grades, places, columns, coarse_starts, sketch)
 
     def added(self, documents: Iterable[FeatureMatrix]) -> KeyframeIndex:
         """A new index with further documents behind the present ones.
@@ -108,6 +114,7 @@ class KeyframeIndex:
             np.concatenate([self.places, new.places]),
             np.concatenate([self.coarse, new.coarse]),
             _continued(self.coarse_starts, new.coarse_starts),
+            np.concatenate([self.sketch, new.sketch], axis=1),
         )
 
     def without(self, names: Iterable[str]) -> KeyframeIndex:
@@ -136,10 +143,16 @@ class KeyframeIndex:
             _chosen(self.places, self.document_starts, kept),
             _chosen(self.coarse, self.coarse_starts, kept),
             _restarted(self.coarse_starts, kept),
+            np.ascontiguousarray(_chosen(self.sketch.T, self.sketch_starts, kept).T),
         )
 
     def __len__(self) -> int:
         return len(self.names)
+
+    @cached_property
+    def sketch_starts(self) -> np.ndarray:
+        """First column of each document in the sketch, int64 (D + 1,); the last entry is S."""
+        return _starts_of_blocks(self.coarse_starts)
 
     @property
     def frames(self) -> int:
@@ -200,6 +213,7 @@ class KeyframeIndex:
             _StoredSets(stored, starts),
             **{name: stored.mapped(name) for name in _NUMBERS},
             coarse_starts=stored.checked("coarse_starts"),
+            sketch=stored.mapped("sketch"),
             stored=stored,
         )
         index._check_documents()
@@ -225,21 +239,23 @@ class KeyframeIndex:
         check_columns({"document_starts": starts}, {"document_starts": frames}, RetrievalError, where, REBUILD)
         if not len(self) or starts[0] != 0 or (np.diff(starts) <= 0).any():
             raise RetrievalError(f"the documents of {where} are empty or out of order; {REBUILD}")
-        blocks = -(-np.diff(starts) // BLOCK)
-        rows = {"grades": self.frames, "places": self.frames, "coarse": int(blocks.sum())}
-        for name, columns in _NUMBERS.items():
-            array = getattr(self, name)
-            if array.dtype != np.int8 or array.shape != (rows[name], columns):
-                raise RetrievalError(f"{name} of {where} are {array.dtype} of shape {array.shape}; {REBUILD}")
-        if not np.array_equal(self.coarse_starts, np.cumsum([0, *blocks])):
+        blocks = _starts_of_blocks(starts)
+        if not np.array_equal(self.coarse_starts, blocks):
             raise RetrievalError(f"the coarse columns of {where} do not fit its documents; {REBUILD}")
+        rows = {"grades": self.frames, "places": self.frames, "coarse": int(blocks[-1])}
+        shapes = {name: (rows[name], columns) for name, columns in _NUMBERS.items()}
+        shapes["sketch"] = (len(FEATURES), int(self.sketch_starts[-1]))
+        for name, shape in shapes.items():
+            array = getattr(self, name)
+            if array.dtype != np.int8 or array.shape != shape:
+                raise RetrievalError(f"{name} of {where} are {array.dtype} of shape {array.shape}; {REBUILD}")
 
     def arrays(self) -> dict[str, np.ndarray]:
         """Everything of the index by name, as it stands in the file."""
         arrays = {"document_starts": self.document_starts, "coarse_starts": self.coarse_starts}
         for name, lists in self.sets.items():
             arrays |= {f"{name}.{field.name}": getattr(lists, field.name) for field in fields(RunLists)}
-        return arrays | {name: getattr(self, name) for name in _NUMBERS}
+        return arrays | {name: getattr(self, name) for name in (*_NUMBERS, "sketch")}
 
 
 class _StoredSets(Mapping[str, RunLists]):
@@ -271,6 +287,11 @@ def _distinct(names: Sequence[str]) -> tuple[str, ...]:
             raise RetrievalError(f"two documents have the name {name!r}; give each its own")
         seen.add(name)
     return tuple(names)
+
+
+def _starts_of_blocks(starts: np.ndarray) -> np.ndarray:
+    """First block of each document, int64 (D + 1,), from their first columns."""
+    return np.concatenate([[0], np.cumsum(-(-np.diff(starts) // BLOCK))])
 
 
 def _continued(starts: np.ndarray, further: np.ndarray) -> np.ndarray:
