@@ -34,6 +34,7 @@ def main() -> None:
     add_take_options(parser)
     parser.add_argument("--joints", default="colour", help=f"out of {', '.join(SOURCES)}, with commas between them")
     parser.add_argument("--rows", default="swarm", help=f"out of {', '.join(ROWS)}, with commas between them")
+    parser.add_argument("--first", type=int, help="follow only so many frames of each take")
     parser.add_argument("--cold", action="store_true", help="every sixth frame as a first frame")
     parser.add_argument("--seed", type=int, default=0, help="of the swarms")
     parser.add_argument("--set", action="append", default=[], metavar="NAME=VALUE", help="setting of all rows")
@@ -49,7 +50,7 @@ def main() -> None:
             tracked = []
             for take in takes:
                 recording = prepared(take, source, options.work, options.frames)
-                tracked.append(follow(settings, recording, cold=options.cold))
+                tracked.append(follow(settings, recording, cold=options.cold, frames=options.first))
                 print_row(f"  {take.name[:25]}", figures_of(tracked[-1:]))
             groups = {
                 group: figures_of([t for t, take in zip(tracked, takes, strict=True) if take.group == group])
@@ -69,9 +70,9 @@ def main() -> None:
             worse = paired_bootstrap(deltas[row], deltas[first], np.random.default_rng(0))
             figures[f"{source}, {row}"]["worse_mm"] = asdict(worse)
             print(f"{row} is worse than {first} by {worse.mean:.1f} mm ({worse.low:.1f} to {worse.high:.1f})")
-    whole = options.takes is None and options.frames >= LONGEST and not options.set
+    whole = options.takes is None and options.frames >= LONGEST and not (options.first or options.set)
     name = f"swarm_{options.split}{'_cold' if options.cold else ''}{'' if whole else '_part'}"
-    settings = {"rows": options.rows, "joints": options.joints, "seed": options.seed, "set": options.set}
+    settings = {"rows": options.rows, "joints": options.joints, "seed": options.seed, "set": options.set, "first": options.first}
     print("written:", save_figures(name, figures, settings))
 
 
