@@ -71,8 +71,9 @@ def main() -> None:
             figures[f"{source}, {row}"]["worse_mm"] = asdict(worse)
             print(f"{row} is worse than {first} by {worse.mean:.1f} mm ({worse.low:.1f} to {worse.high:.1f})")
     whole = options.takes is None and options.frames >= LONGEST and not (options.first or options.set)
-    name = f"swarm_{options.split}{'_cold' if options.cold else ''}{'' if whole else '_part'}"
-    settings = {"rows": options.rows, "joints": options.joints, "seed": options.seed, "set": options.set, "first": options.first}
+    told = options.joints.replace(",", "_")
+    name = f"swarm_{options.split}_{told}{'_cold' if options.cold else ''}{'' if whole else '_part'}"
+    settings = {key: getattr(options, key) for key in ("rows", "joints", "seed", "set", "first")}
     print("written:", save_figures(name, figures, settings))
 
 

@@ -130,7 +130,7 @@ def test_the_swarm_is_compared_with_its_parts_and_on_first_frames(
     monkeypatch.setattr(_swarm_rows, "EVERY", 2)
     for more in ([], ["--cold"]):
         run(swarm, *arguments, *more, monkeypatch=monkeypatch)
-        figures = json.loads((bundled / f"swarm_tune{'_cold' if more else ''}_part.json").read_text())["figures"]
+        figures = json.loads((bundled / f"swarm_tune_truth{'_cold' if more else ''}_part.json").read_text())["figures"]
         assert list(figures) == ["truth, swarm", "truth, no 3D"]
         assert set(figures["truth, swarm"]["groups"]) == {*GROUPS, "overall"}
         assert 0.0 < figures["truth, swarm"]["groups"]["overall"]["delta_mm"] < 1000.0
