@@ -88,6 +88,15 @@ def test_a_tracker_without_use_for_a_body_refuses_it(tmp_path: Path, monkeypatch
         load_tracker(None, {"tracker": "fake"}, body=tmp_path / "me.npz")
 
 
+@pytest.mark.parametrize("config", ["swarm", "qammaz", "lopez2011"])
+def test_every_tracker_without_a_database_takes_a_body(tmp_path: Path, config: str) -> None:
+    save_body(own(), tmp_path / "me.npz")
+    tracker = load_tracker(config, body=tmp_path / "me.npz")
+    assert tracker.learning_seconds == 0.0
+    follower = tracker.follower(CAMERA, LEVEL)
+    np.testing.assert_allclose(follower.body.vertices, own().vertices, atol=1e-12)
+
+
 def recorded(path: Path, degrees: float) -> Path:
     """A recording of the neutral body in a T-pose."""
     pose = np.zeros(skeleton.POSE_SIZE)

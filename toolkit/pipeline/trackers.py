@@ -65,10 +65,10 @@ def _embodied(tracker: Tracker, body: str | Path | None) -> Tracker:
     if body is None:
         return tracker
     from toolkit.body.personal import load_body_file
-    from toolkit.tracking.searching import SearchingTracker
+    from toolkit.tracking.protocol import TakesBody
 
     own = load_body_file(body)
-    if not isinstance(tracker, SearchingTracker):
+    if not isinstance(tracker, TakesBody):
         raise UsageError(f"the tracker {tracker.settings.tracker!r} takes no body; leave --body out")
     tracker.know(own)
     return tracker

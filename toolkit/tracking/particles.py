@@ -244,6 +244,10 @@ class ParticleTracker:
         """See `Tracker.learning_seconds`."""
         return self.settings.measured_seconds if self._known_body is None else 0.0
 
+    def know(self, body: Body) -> None:
+        """See `TakesBody.know`."""
+        self._known_body = body
+
     def learn_body(
         self, camera: Camera, level_rotation: np.ndarray, frames: Iterable[tuple[Sighting, float]]
     ) -> Body | None:

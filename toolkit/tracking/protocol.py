@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from typing import Literal, Protocol
+from typing import Literal, Protocol, runtime_checkable
 
 import numpy as np
 
@@ -66,6 +66,15 @@ class PersonFollower(Protocol):
 
     def restore_state(self, state: State) -> None:
         """Go on from what `export_state` of a follower of the same tracker gave."""
+        ...
+
+
+@runtime_checkable
+class TakesBody(Protocol):
+    """A tracker to which the person's own body may be told."""
+
+    def know(self, body: Body) -> None:
+        """Take a body for that of everybody who is tracked from now on; none is learnt."""
         ...
 
 
