@@ -127,6 +127,15 @@ def test_a_run_is_not_continued_with_another_database(tmp_path: Path) -> None:
     assert track_recording(open_recording(recording), first, run, resume=True).frames == 12
 
 
+def test_a_run_is_not_continued_with_a_body_that_was_changed_since(tmp_path: Path) -> None:
+    recording, run = write_recording(tmp_path / "take.npz"), tmp_path / "run"
+    with pytest.raises(RecordingError):
+        track_recording(open_recording(recording), FakeTracker(broken=5), run, body_sha256="one")
+    with pytest.raises(TrackError, match="another recording"):
+        track_recording(open_recording(recording), FakeTracker(), run, resume=True, body_sha256="two")
+    assert track_recording(open_recording(recording), FakeTracker(), run, resume=True, body_sha256="one").frames == 12
+
+
 def test_a_finished_run_is_left_alone_by_resume_and_replaced_without(tmp_path: Path) -> None:
     recording, run, tracker = open_recording(write_recording(tmp_path / "take.npz")), tmp_path / "run", FakeTracker()
     track_recording(recording, tracker, run)
