@@ -29,6 +29,7 @@ from toolkit.database.database import PoseDatabase
 from toolkit.errors import DepthMocapError
 from toolkit.evaluation.scenes import SceneScore, scene_figures, score_scene
 from toolkit.pipeline import load_tracker, track_recordings
+from toolkit.pipeline.joints import JointChoice
 from toolkit.rendering import style
 from toolkit.rendering.film import contact_sheet, save_png
 from toolkit.rendering.overlay import color_depth, draw_points, draw_skeleton
@@ -90,7 +91,8 @@ def track_scenes(paths: Sequence[Path], options: argparse.Namespace) -> tuple[li
         run = options.work / "runs" / "scenes" / path.stem
         shutil.rmtree(run, ignore_errors=True)
         try:
-            if track_recordings([path], tracker, run, people=options.people).interrupted:
+            joints = JointChoice(options.joints)
+            if track_recordings([path], tracker, run, people=options.people, joints=joints).interrupted:
                 raise SystemExit(f"stopped in {path.name}")
         except DepthMocapError as error:
             failed[path.stem] = str(error)
@@ -206,6 +208,7 @@ def parse() -> argparse.Namespace:
     parser.add_argument("--frames", type=int, default=LONGEST, help="at most so many frames of each scene")
     parser.add_argument("--people", type=_people, default=None, metavar="all|N", help="as of `depthmocap track`")
     parser.add_argument("--row", choices=ROWS, default=WHOLE, help="with a part of the tracker switched off")
+    parser.add_argument("--joints", default="none", help="in the image, as of `depthmocap track`: depth shades it")
     parser.add_argument("--runs", type=Path, help="score the run folders in here instead of tracking")
     add_database_options(parser)
     return parser.parse_args()
@@ -230,7 +233,8 @@ def main() -> None:
     for name, reason in failed.items():
         print(f"{name} was not tracked: {reason}")
     complete = len(chosen) == len(scenes(options.split)) and options.frames >= LONGEST
-    whole = complete and not options.set and options.people is None and options.row == WHOLE
+    plain = options.people is None and options.row == WHOLE and options.joints == "none"
+    whole = complete and plain and not options.set
     stem = f"scenes_{options.split}{'' if whole else '_part'}"
     recordings = {name: scene_figures([score]) for name, score in scores.items()}
     times = frame_times([tracks_of(run) for run in runs])
