@@ -30,6 +30,8 @@ ANGLES = np.arange(6, skeleton.POSE_SIZE)
 """Entries of a pose that perturbations change."""
 BELIEVED = 0.35
 """Seconds after which a detector that says left for right is asked again, and the frame decides."""
+REST = 0.3
+"""Seconds after a fresh start that found nothing better in which none is tried: what misleads it lasts longer."""
 
 
 @dataclass(frozen=True)
@@ -145,24 +147,27 @@ class SwarmSearch:
         frame, doubts = self._frame(observation, state)
         if state.previous is None:
             found, _ = self._afresh(frame, state.body, rng)
-            return Proposal((Hypothesis("swarm", found.pose, found.comparison),), _carry(found.pose[None], 0.0))
+            return Proposal((Hypothesis("swarm", found.pose, found.comparison),), _carry(found.pose[None], 0.0, 0.0))
         poses = self._history(state)
-        carry = _carry(poses[: self._settings.history], doubts if doubts <= BELIEVED else 0.0)
+        kept, asked = poses[: self._settings.history], doubts > BELIEVED
+        rest = max(_carried(state, "rest") - observation.elapsed, 0.0)
         rivals = [] if best is None else [_Found(best.hypothesis.pose, best.comparison)]
         found = self._follow(frame, state.body, poses, rivals, rng)
         nearest = min([*rivals, found], key=lambda rival: rival.comparison.distance)
-        if doubts > BELIEVED or self._disagrees(frame, state.body, nearest):
+        if asked or (rest == 0.0 and self._disagrees(frame, state.body, nearest)):
             afresh, judged = self._afresh(frame, state.body, rng)
             if judged < self._judged(frame, state.body, nearest):
                 hypothesis = Hypothesis("joints", afresh.pose, afresh.comparison, supersedes=True)
-                return Proposal((hypothesis,), carry)
+                return Proposal((hypothesis,), _carry(kept, 0.0, 0.0))
+            rest = REST
+        carry = _carry(kept, 0.0 if asked else doubts, rest)
         return Proposal((Hypothesis("swarm", found.pose, found.comparison, continues=True),), carry)
 
     def _frame(self, observation: Observation, state: PersonState) -> tuple[_Frame, float]:
         """The frame, and for how many seconds sides have been seen the wrong way round."""
         s, cloud, seen, doubts = self._discrepancy, observation.cloud, seen_joints(observation), 0.0
         if seen is not None and state.previous is not None:
-            doubts = float(state.carry.get(self.name, {}).get("doubts", np.zeros(1))[0])
+            doubts = _carried(state, "doubts")
             wrong = looks_exchanged(seen, linear.rotated(state.previous.joints, cloud.rotation))
             doubts = doubts + observation.elapsed if wrong else 0.0
             if wrong:
@@ -289,5 +294,10 @@ class _Frame:
         return gap(self.seen, linear.rotated(body.joint_positions(pose), self.observation.cloud.rotation))
 
 
-def _carry(poses: np.ndarray, doubts: float) -> dict[str, np.ndarray]:
-    return {"poses": poses, "doubts": np.array([doubts])}
+def _carry(poses: np.ndarray, doubts: float, rest: float) -> dict[str, np.ndarray]:
+    """What is remembered: poses (K, P); seconds of exchanged sides, and until a fresh start is tried again."""
+    return {"poses": poses, "doubts": np.array([doubts]), "rest": np.array([rest])}
+
+
+def _carried(state: PersonState, name: str) -> float:
+    return float(state.carry.get(SwarmSearch.name, {}).get(name, np.zeros(1))[0])
