@@ -154,6 +154,12 @@ def figure_of(body: Body, kind: str) -> kernel.Figure:
     )  # fmt: skip
 
 
+@lru_cache(maxsize=4)
+def _pool(threads: int) -> ThreadPoolExecutor:
+    """Threads that stay: to begin them costs as much as a hundred poses."""
+    return ThreadPoolExecutor(threads)
+
+
 @lru_cache(maxsize=2)
 def _few(topology: bytes) -> tuple[np.ndarray, np.ndarray]:
     """Vertices int64 (W,) of a mesh's small figure, and its triangles (G, 3) of them: the same for all bodies."""
@@ -263,8 +269,7 @@ class Discrepancy:
         if len(parts) == 1:
             kernel.discrepancies(*parts[0])
         else:
-            with ThreadPoolExecutor(len(parts)) as pool:
-                list(pool.map(lambda part: kernel.discrepancies(*part), parts))
+            list(_pool(len(parts)).map(lambda part: kernel.discrepancies(*part), parts))
         return out
 
     def _explained(self, position: np.ndarray) -> int:
