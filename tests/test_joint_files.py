@@ -18,9 +18,12 @@ from toolkit.pipeline.joints import give_joints, joint_source
 from toolkit.sensing.camera import Camera
 from toolkit.sensing.joint_files import read_joints
 from toolkit.sensing.joint_formats import BODY_25, COCO_17, COCO_18, Points
+from toolkit.sensing.joints2d import lift
 from toolkit.sensing.opening import open_recording
 from toolkit.sensing.people.joints import GivenJoints, NoJoints
+from toolkit.sensing.people.survey import find_people
 from toolkit.sensing.recording import Recording
+from toolkit.sensing.settings import SensingSettings
 from toolkit.sensing.writer import save_recording
 from toolkit.track import RunInfo
 
@@ -241,3 +244,22 @@ def test_a_run_says_which_joints_it_was_told(tmp_path: Path) -> None:
     track_recording(recording, JointTracker(), tmp_path / "none", warm_up=False, joints=JointChoice("none"))
     assert RunInfo.load(tmp_path / "given").joints_2d.startswith("given ")
     assert RunInfo.load(tmp_path / "none").joints_2d == "none"
+
+
+@pytest.mark.shared_data
+def test_openpose_joints_of_a_real_frame_land_on_the_right_people_and_sides(shared_data: Path, tmp_path: Path) -> None:
+    clip = shared_data / "depth" / "realsense" / "image_i1"
+    people = [{"pose_keypoints_2d": rows.ravel().tolist()} for rows in np.load(clip / "body_joints.npy")]
+    recording = open_recording(clip)
+    folder = folder_of(tmp_path / "json", {"people": people})
+    recording.give_joints_2d(read_joints(folder, len(recording), recording.raw_camera))
+    frame = next(iter(recording.stream()))
+    sightings = find_people(recording, SensingSettings()).find(frame.depth_mm, frame.timestamp, {})
+    given = [s for s in GivenJoints(recording.camera).add(frame, sightings) if s.joints is not None]
+    assert given
+    for sighting in given:
+        points = lift(sighting.joints, sighting.depth, sighting.camera).points
+        for part in ("shoulder", "elbow", "hip"):
+            left, right = (points[skeleton.REPORTED.index(f"{side}_{part}")] for side in ("left", "right"))
+            assert np.isnan(left[0] + right[0]) or left[0] > right[0] + 0.05  # both face the camera
+        assert np.nanmax(np.linalg.norm(points - np.nanmedian(points, axis=0), axis=1)) < 1.5
