@@ -16,7 +16,7 @@ from toolkit.errors import ModelError, RecordingError
 from toolkit.landmarks import pose_model
 from toolkit.landmarks.detection import DetectedJoints
 from toolkit.landmarks.pose_model import CENTRE, POINTS, SIDE, UPWARD, Crop, Landmarks, PoseModel, cropped, refined
-from toolkit.landmarks.shaded import ENLARGED, shaded
+from toolkit.landmarks.shaded import ENLARGED, lit, shaded
 from toolkit.mocap.clip import PoseClip
 from toolkit.pipeline.store_joints import store_joints
 from toolkit.sensing.camera import Camera
@@ -99,6 +99,18 @@ def test_a_shaded_picture_shows_the_person_on_grey_lit_where_they_face_the_camer
     far = cv2.erode(1 - large, np.ones((9, 9)))
     assert (picture[far > 0] == 120).all()
     assert np.median(picture[large > 0][:, 0]) > 170
+
+
+@pytest.mark.parametrize("corner", [(0, 0), (11, 20), (28, 44)])
+def test_only_the_person_is_shaded_and_looks_as_in_the_whole_image(corner: tuple[int, int]) -> None:
+    camera = Camera(60.0, 60.0, 31.0, 23.5, 64, 48)
+    depth = np.zeros(camera.shape, dtype=np.float32)
+    row, column = corner
+    depth[row : row + 20, column : column + 20] = 2.0 + 0.01 * np.random.default_rng(0).random((20, 20))
+    slopes = np.concatenate([camera.rays(), np.ones((*camera.shape, 1))], axis=-1)
+    apart = np.abs(shaded(depth, camera).astype(int) - lit(depth, slopes).astype(int))
+    assert apart.max() <= 1
+    assert (shaded(np.zeros_like(depth), camera) == 120).all()
 
 
 def test_a_plane_is_shaded_evenly_and_the_more_it_turns_away_the_darker() -> None:

@@ -10,6 +10,8 @@ ENLARGED = 3
 """The picture is so much larger than the depth image: its contours are smooth as in a photograph."""
 SMOOTHED = 5
 """Pixels: side of the window over which depth is averaged before normals are taken."""
+BORDER = 4
+"""Pixels around a person that are shaded with them: the enlarged contour reaches two."""
 SKIN = (224.0, 172.0, 138.0)
 GREY = 120.0
 """Of the background."""
@@ -24,13 +26,30 @@ def shaded(depth: np.ndarray, camera: Camera) -> np.ndarray:
 
     Pixels keep their areas: pixel u of the depth image is around 3u + 1 in the picture.
     """
+    height, width = depth.shape
+    picture = np.full((ENLARGED * height, ENLARGED * width, 3), int(GREY), dtype=np.uint8)
+    rows, columns = np.flatnonzero(depth.any(axis=1)), np.flatnonzero(depth.any(axis=0))
+    if not len(rows):
+        return picture
+    box, large = [], []
+    for there, size in ((rows, height), (columns, width)):
+        first, last = max(int(there[0]) - BORDER, 0), min(int(there[-1]) + BORDER + 1, size)
+        box.append(slice(first, last))
+        large.append(slice(ENLARGED * first, ENLARGED * last))
+    slopes = np.concatenate([camera.rays(), np.ones((*camera.shape, 1))], axis=-1)
+    picture[tuple(large)] = lit(depth[tuple(box)], slopes[tuple(box)])
+    return picture
+
+
+def lit(depth: np.ndarray, slopes: np.ndarray) -> np.ndarray:
+    """As `shaded`, of any part of an image; `slopes` (H, W, 3) are the rays of its pixels with z = 1."""
     import cv2
 
     mask = (depth > 0).astype(np.float32)
     window = (SMOOTHED, SMOOTHED)
     share = cv2.blur(mask, window, borderType=cv2.BORDER_CONSTANT)
     smooth = np.where(mask > 0, cv2.blur(depth, window, borderType=cv2.BORDER_CONSTANT) / np.maximum(share, 1e-6), 0.0)
-    normals, slopes = _normals(smooth, mask > 0, camera)
+    normals = _normals(smooth, mask > 0, slopes)
     from_head = -(normals * slopes).sum(axis=-1) / np.sqrt((slopes * slopes).sum(axis=-1))
     from_key = (normals * KEY).sum(axis=-1)
     light = AMBIENT + HEAD_LIGHT * np.maximum(from_head, 0.0) + KEY_LIGHT * np.maximum(from_key, 0.0)
@@ -40,17 +59,14 @@ def shaded(depth: np.ndarray, camera: Camera) -> np.ndarray:
     return np.clip(np.rint(large), 0, 255).astype(np.uint8)
 
 
-def _normals(depth: np.ndarray, mask: np.ndarray, camera: Camera) -> tuple[np.ndarray, np.ndarray]:
-    """Unit normals towards the camera (H, W, 3) of the surface, and the pixels' rays (H, W, 3) with z = 1."""
-    slopes = np.concatenate([camera.rays(), np.ones((*camera.shape, 1))], axis=-1)
+def _normals(depth: np.ndarray, mask: np.ndarray, slopes: np.ndarray) -> np.ndarray:
+    """Unit normals towards the camera (H, W, 3) of the surface."""
     points = slopes * depth[..., None]
     across, down = _difference(points, mask, 1), _difference(points, mask, 0)
     normals = np.cross(down, across)
     length = np.sqrt((normals * normals).sum(axis=-1, keepdims=True))
-    towards = np.where(
-        length > 0, normals / np.maximum(length, 1e-12), -slopes / np.linalg.norm(slopes, axis=-1, keepdims=True)
-    )
-    return towards, slopes
+    away = slopes / np.sqrt((slopes * slopes).sum(axis=-1, keepdims=True))
+    return np.where(length > 0, normals / np.maximum(length, 1e-12), -away)
 
 
 def _difference(points: np.ndarray, mask: np.ndarray, axis: int) -> np.ndarray:
