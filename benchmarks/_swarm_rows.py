@@ -45,9 +45,12 @@ EVERY = 6
 
 
 class Tracked(NamedTuple):
-    """One recording: errors (T, 20), metres, milliseconds (T,) per frame, and which frames are right, bool (T,)."""
+    """One recording: errors (T, 20), metres, and confidences (T, 20) of the joints; milliseconds (T,) per frame, and
+    which frames are right, bool (T,).
+    """
 
     errors: np.ndarray
+    confidence: np.ndarray
     milliseconds: np.ndarray
     right: np.ndarray
 
@@ -72,16 +75,17 @@ def follow(
     """
     solo = Solo(SwarmTracker(settings, body=body), recording)
     first = solo.follower.state
-    errors, milliseconds, right = [], [], []
+    errors, confidence, milliseconds, right = [], [], [], []
     for i in range(0, min(len(recording), frames or len(recording)), EVERY if cold else 1):
         if cold:
             solo.follower.state = first
         result = solo.step(recording.depth(i), float(recording.timestamps[i]), joints_of(recording, i))
         truth = recording.joints[i]
         errors.append(np.linalg.norm(result.joints - truth, axis=1))
+        confidence.append(result.confidence)
         milliseconds.append(float(result.stage_ms.sum()))
         right.append(is_right(result.joints, truth))
-    return Tracked(np.array(errors), np.array(milliseconds), np.array(right))
+    return Tracked(np.array(errors), np.array(confidence), np.array(milliseconds), np.array(right))
 
 
 def figures_of(tracked: Sequence[Tracked]) -> dict[str, float]:
@@ -94,6 +98,19 @@ def figures_of(tracked: Sequence[Tracked]) -> dict[str, float]:
     figures["right"] = float(np.mean([t.right.mean() for t in tracked]))
     figures["median_ms"], figures["p99_ms"] = (float(np.percentile(times, q)) for q in (50, 99))
     return figures
+
+
+def calibration(tracked: Sequence[Tracked]) -> list[dict[str, float]]:
+    """What the confidence says, and the share of joints within 50 mm that is found, in tenths of the confidence."""
+    said = np.concatenate([t.confidence.ravel() for t in tracked])
+    within = np.concatenate([t.errors.ravel() for t in tracked]) < 0.05
+    tenth = np.minimum((10.0 * said).astype(int), 9)
+    rows = []
+    for k in np.unique(tenth):
+        inside = tenth == k
+        row = {"said": said[inside].mean(), "found": within[inside].mean(), "joints": inside.sum()}
+        rows.append({name: float(value) for name, value in row.items()})
+    return rows
 
 
 def print_row(name: str, figures: dict[str, float]) -> None:

@@ -21,7 +21,7 @@ import numpy as np
 
 from benchmarks._options import add_take_options
 from benchmarks._record import save_figures
-from benchmarks._swarm_rows import ROWS, figures_of, follow, print_row, settings_of
+from benchmarks._swarm_rows import ROWS, calibration, figures_of, follow, print_row, settings_of
 from benchmarks._takes import SOURCES, prepared
 from toolkit.config import parse_overrides
 from toolkit.evaluation.bootstrap import paired_bootstrap
@@ -61,8 +61,11 @@ def main() -> None:
             for group, found in groups.items():
                 print_row(f"{source}, {row}, {group}", found)
             deltas[row] = np.array([1000.0 * t.errors.mean() for t in tracked])
+            bins = calibration(tracked)
+            print("confidence, found:", ", ".join(f"{b['said']:.2f} {b['found']:.2f}" for b in bins))
             figures[f"{source}, {row}"] = {
                 "groups": groups,
+                "confidence": bins,
                 "recordings": {take.name: figures_of([t]) for take, t in zip(takes, tracked, strict=True)},
             }
         first, *others = deltas

@@ -135,6 +135,8 @@ def test_the_swarm_is_compared_with_its_parts_and_on_first_frames(
         assert set(figures["truth, swarm"]["groups"]) == {*GROUPS, "overall"}
         assert 0.0 < figures["truth, swarm"]["groups"]["overall"]["delta_mm"] < 1000.0
         assert {"mean", "low", "high"} <= set(figures["truth, no 3D"]["worse_mm"])
+        counted = sum(entry["joints"] for entry in figures["truth, swarm"]["confidence"])
+        assert counted == 5 * (2 if more else 4) * 20
 
 
 def test_tables_of_the_swarms_paper_are_made_of_short_sequences(bundled: Path, monkeypatch: pytest.MonkeyPatch) -> None:
