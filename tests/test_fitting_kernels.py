@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from hypothesis.extra import numpy as hnp
 from scipy.optimize import lsq_linear
 from scipy.spatial import cKDTree
 
@@ -15,7 +16,7 @@ from toolkit.body.raycast import cast_body
 from toolkit.body.shape import load_body
 from toolkit.fitting.placed import NormalSystem, PlacedBody, Placer
 from toolkit.fitting.scene import Open3DNeighbours, PixelNeighbours
-from toolkit.kernels import pairs, raster, twists
+from toolkit.kernels import depth, pairs, raster, twists
 from toolkit.kernels.pixel_search import longest_ray, nearest_pixels
 from toolkit.sensing.camera import Camera, level_rotation
 
@@ -528,3 +529,51 @@ def test_a_matrix_that_is_not_positive_definite_gives_no_step() -> None:
     limits = np.tile([-np.inf, np.inf], (2, 1))
     twists.bounded_step(np.zeros((2, 2)), np.ones(2), np.zeros(2), limits, np.zeros(2), step)
     assert step.tolist() == [0.0, 0.0]
+
+
+# What a joint rests on
+
+
+@settings(deadline=None)
+@given(
+    hnp.arrays(np.float64, 12, elements=st.floats(0.0, 0.3) | st.just(np.nan)),
+    hnp.arrays(np.float64, 12, elements=st.sampled_from([0.0, 1.0])),
+    st.integers(0, 5),
+)
+def test_the_support_of_joints_is_that_of_the_plain_sums(gaps: np.ndarray, observed: np.ndarray, seed: int) -> None:
+    around = np.random.default_rng(seed).dirichlet(np.ones(12), size=4)
+    support, share = np.empty((2, 4))
+    pairs.support_of_joints(around, gaps, observed, 0.04, support, share)
+    near = np.nan_to_num(np.exp(-(gaps**2) / (2 * 0.04**2)), nan=0.0)
+    assert support == pytest.approx(np.minimum(2 * around @ near, 1.0))
+    assert share == pytest.approx(around @ observed)
+
+
+# Distances of a compared pose
+
+
+@settings(deadline=None)
+@given(st.integers(0, 1000), st.floats(0.01, 0.2))
+def test_mean_gaps_are_capped_means(seed: int, cap: float) -> None:
+    rng = np.random.default_rng(seed)
+    points, nearest = rng.normal(0.0, 0.1, (2, 30, 3))
+    nearest[rng.random(30) < 0.2] = np.nan
+    visible, vertex = rng.random(30) < 0.6, rng.integers(-1, 5, 30)
+    away, gaps = np.linalg.norm(points - nearest, axis=1), np.empty(30)
+    expected = np.fmin(away[visible], cap).mean() if visible.any() else cap
+    assert pairs.vertex_gaps(points, nearest, visible, cap, gaps) == pytest.approx(expected)
+    np.testing.assert_allclose(gaps, away)
+    assert pairs.vertex_gaps(points, nearest, np.zeros(30, dtype=np.bool_), cap, gaps) == cap
+    samples = np.nan_to_num(nearest, nan=0.3)
+    capped = np.where(vertex >= 0, np.fmin(np.linalg.norm(points - samples, axis=1), cap), cap)
+    assert pairs.sample_gaps(points, vertex, samples, cap, gaps) == pytest.approx(capped.mean())
+    np.testing.assert_allclose(gaps, capped)
+    assert pairs.sample_gaps(points[:0], vertex[:0], samples[:0], cap, gaps[:0]) == 0.0
+
+
+@settings(deadline=None)
+@given(st.integers(1, 5000), st.integers(0, 600))
+def test_rows_are_spread_evenly(total: int, count: int) -> None:
+    rows = np.empty(min(count, total), dtype=np.int64)
+    depth.spread(total, rows)
+    assert rows.tolist() == np.linspace(0, total - 1, len(rows)).astype(np.int64).tolist()

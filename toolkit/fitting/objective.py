@@ -15,7 +15,7 @@ from toolkit.fitting.priors import PoseTerm
 from toolkit.fitting.scene import Scene
 from toolkit.fitting.settings import FittingSettings
 from toolkit.fitting.terms import nearest_drawn
-from toolkit.kernels import linear, pairs
+from toolkit.kernels import pairs
 
 SUPPORT = 0.04
 """Metres from a measured point at which a vertex no longer supports its joint."""
@@ -135,12 +135,11 @@ class Objective:
         times how near measured points are) and with the share of these vertices that lie where something was observed.
         They fall with the distance of the pose: where the whole is off, no part can be trusted.
         """
-        around = self.placer.around_joints
-        near = np.exp(-(comparison.gaps**2) / (2.0 * SUPPORT**2))
-        near[np.isnan(near)] = 0.0  # nothing measured within reach, or not seen
-        support = np.minimum(2.0 * linear.times(around, near), 1.0)
-        observed = np.minimum(linear.times(around, comparison.observed) / OBSERVED, 1.0)
         distance = math.log(min(max(comparison.distance, NEAREST), FARTHEST) / USUAL)
         none, supported, seen, far = ODDS
-        odds = none + supported * np.sqrt(support) + seen * observed + far * distance
+        support, observed = np.empty((2, len(self.placer.around_joints)))
+        pairs.support_of_joints(
+            self.placer.around_joints, comparison.gaps, comparison.observed, SUPPORT, support, observed
+        )
+        odds = none + supported * np.sqrt(support) + seen * np.minimum(observed / OBSERVED, 1.0) + far * distance
         return np.asarray(1.0 / (1.0 + np.exp(-odds)))

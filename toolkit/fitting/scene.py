@@ -86,12 +86,11 @@ class Scene:
         self.seen = cloud.depth if unobserved is None else marked(cloud.depth, unobserved, np.nan)
         self.cut = np.zeros(len(extrema_level), dtype=np.bool_) if cut is None else cut
         self.intrinsics = np.array(cloud.camera.intrinsics, dtype=np.float64)
-        count = len(cloud.points)
-        rows = np.linspace(0, count - 1, min(samples, count)).astype(np.int64) if samples else np.empty(0, int)
+        rows = cloud.spread_rows(samples)
         self.extrema = linear.rotated(extrema_level, cloud.rotation)
         self.plain_samples = len(rows)
         self.samples = np.ascontiguousarray(
-            np.concatenate([linear.rotated(cloud.points[rows], cloud.rotation), self.extrema])
+            np.concatenate([linear.rotated(cloud.points.take(rows, axis=0), cloud.rotation), self.extrema])
         )
         self.neighbours: Neighbours = (
             PixelNeighbours(self.depth, self.intrinsics)

@@ -43,6 +43,16 @@ def back_project(
 
 
 @njit(cache=True)
+def spread(total: int, rows: np.ndarray) -> None:
+    """Fill `rows` (n,) with n numbers from 0 to `total` - 1 that lie evenly spread, rising, as truncated."""
+    last = rows.shape[0] - 1
+    for i in range(last):
+        rows[i] = int(i * ((total - 1) / last))
+    if last >= 0:
+        rows[last] = total - 1 if last > 0 else 0
+
+
+@njit(cache=True)
 def take_foreground(
     depth: np.ndarray,
     background: np.ndarray,

@@ -101,9 +101,8 @@ def principal_axes(matrix: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Eigenvalues (3,), rising, and unit eigenvectors (3, 3), its columns, of a symmetric `matrix` (3, 3)."""
     diagonal, vectors = np.array(matrix, dtype=np.float64), np.eye(3)
     _jacobi(diagonal, vectors)
-    values = np.diag(diagonal)
-    order = np.argsort(values, kind="stable")
-    return values[order], vectors[:, order]
+    order = sorted(range(3), key=lambda axis: diagonal[axis, axis])
+    return diagonal.diagonal()[order], vectors[:, order]
 
 
 def _plain(array: np.ndarray) -> np.ndarray:

@@ -71,6 +71,27 @@ def observed_points(points: np.ndarray, evidence: np.ndarray, intrinsics: np.nda
 
 
 @njit(cache=True)
+def support_of_joints(
+    around: np.ndarray, gaps: np.ndarray, observed: np.ndarray, width: float, support: np.ndarray, share: np.ndarray
+) -> None:
+    """How near measured points are to the vertices around each joint, and how much of these was observed.
+
+    `around` (J, C) holds weights of the C vertices around each joint; `gaps` (C,) metres, NaN for none: they count as a
+    Gaussian of `width`; `observed` (C,) is 1 or 0. Fills `support` (J,), twice the mean, at most 1, and `share` (J,).
+    """
+    near = np.empty(gaps.shape[0])
+    for i in range(gaps.shape[0]):
+        near[i] = 0.0 if np.isnan(gaps[i]) else np.exp(-gaps[i] * gaps[i] / (2.0 * width * width))
+    for j in range(around.shape[0]):
+        close, seen = 0.0, 0.0
+        for i in range(gaps.shape[0]):
+            close += around[j, i] * near[i]
+            seen += around[j, i] * observed[i]
+        support[j] = min(2.0 * close, 1.0)
+        share[j] = seen
+
+
+@njit(cache=True)
 def nearest_medians(
     points: np.ndarray,
     wanted_points: np.ndarray,

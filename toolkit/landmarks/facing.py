@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -27,7 +28,7 @@ class FacingEstimate:
 
 def camera_yaw(centre: np.ndarray) -> float:
     """Yaw of a person at `centre` (3,), level frame, who faces the camera, radians."""
-    return float(np.arctan2(-centre[0], -centre[2]))
+    return math.atan2(-centre[0], -centre[2])
 
 
 def estimate_facing(
@@ -69,19 +70,19 @@ def estimate_facing(
     circularity = values[1] / values[2]
     flat = _ramp(curvature, settings.curved_curvature, settings.flat_curvature)
     round_ = _ramp(circularity, settings.long_circularity, settings.round_circularity)
-    horizontal = float(np.hypot(normal[0], normal[2]))
-    turn = settings.turn_gain * _wrapped(float(np.arctan2(normal[0], normal[2])) - towards_camera)
+    horizontal = math.hypot(normal[0], normal[2])
+    turn = settings.turn_gain * _wrapped(math.atan2(normal[0], normal[2]) - towards_camera)
     return FacingEstimate(_wrapped(towards_camera + turn), flat * round_ * horizontal)
 
 
 def _wrapped(angle: float) -> float:
     """The same angle in (-pi, pi]."""
-    return float(np.arctan2(np.sin(angle), np.cos(angle)))
+    return math.atan2(math.sin(angle), math.cos(angle))
 
 
 def _ramp(value: float, zero: float, one: float) -> float:
     """0 at `zero`, 1 at `one`, linear between them and constant outside."""
-    return float(np.clip((value - zero) / (one - zero), 0.0, 1.0))
+    return min(max((value - zero) / (one - zero), 0.0), 1.0)
 
 
 class FacingFilter:

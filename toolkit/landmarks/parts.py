@@ -136,7 +136,7 @@ class JointForest:
         `unobserved` bool (H, W), where it is known, are the pixels of the cloud's image that say nothing about the
         person: something nearer hides what is there. The image's border needs no mention.
         """
-        rows = np.linspace(0, len(cloud) - 1, min(samples, len(cloud))).astype(np.int64)
+        rows = cloud.spread_rows(samples)
         depth = cloud.depth if unobserved is None else marked(cloud.depth, unobserved, -1.0)
         votes = self.votes(depth, cloud.camera.intrinsics, cloud.rotation, cloud.pixels[rows], cloud.points[rows])
         return self.judged(*votes)

@@ -48,6 +48,12 @@ class Cloud:
     def __len__(self) -> int:
         return len(self.points)
 
+    def spread_rows(self, count: int) -> np.ndarray:
+        """About `count` rows of the cloud, evenly spread in scan order: int64 (min(count, N),)."""
+        rows = np.empty(min(count, len(self)), dtype=np.int64)
+        kernels.spread(len(self), rows)
+        return rows
+
     @property
     def points_camera(self) -> np.ndarray:
         """The points in the camera frame: float64 (N, 3), metres."""
