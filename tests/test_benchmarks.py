@@ -16,6 +16,7 @@ from benchmarks import (
     accuracy,
     candidates,
     cold,
+    crowd_speed,
     effectors,
     prior,
     qammaz,
@@ -313,3 +314,25 @@ def test_upper_bodies_are_tracked_and_their_candidates_counted(
     run(effectors, *common, "--stride", 3, monkeypatch=monkeypatch)
     counts = json.loads((bundled / "effectors_tune_part.json").read_text())["figures"]
     assert counts["8 extrema"]["all_three"] >= counts["3 extrema"]["all_three"]
+
+
+def test_time_by_the_number_of_people_and_of_unobserved_space_is_told(
+    bundled: Path, small_database: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(crowd_speed, "WARM_UP", 1)
+    run(crowd_speed, small_database, "--people", "1,2", "--frames", 8, monkeypatch=monkeypatch)
+    figures = json.loads((bundled / "crowd_speed.json").read_text())["figures"]
+    people, unobserved = figures["crowd"]["people"], figures["unobserved"]
+    assert list(people) == ["1", "2"] and people["1"]["excess_ms"] == 0.0
+    assert people["2"]["excess_ms"] == pytest.approx(people["2"]["median_ms"] - 2 * people["1"]["median_ms"])
+    assert unobserved["finding_ms"] > 0.0 and unobserved["frames"] > 0
+
+
+def test_of_people_in_a_row_nobody_hides_another_and_a_crate_hides_shins() -> None:
+    camera = crowd_speed.wide_camera(2)
+    one, two = (crowd_speed.row_of_people(n, 2, 1) for n in (1, 2))
+    assert (two[one > 0] == one[one > 0]).mean() > 0.99
+    assert 0.7 < (two > 0).sum() / 2 / crowd_speed.PIXELS < 1.3
+    hidden, empty = crowd_speed.behind_a_crate(one, camera)
+    assert (hidden <= empty).all()
+    assert 0 < ((one > 0) & (hidden == empty)).sum() < 0.4 * (one > 0).sum()
