@@ -20,7 +20,7 @@ from toolkit.sensing.camera import Camera
 from toolkit.sensing.cloud import Cloud
 from toolkit.tracking.observation import Observation, Observer
 from toolkit.tracking.search.aimed import AimedArms
-from toolkit.tracking.search.finisher import APART, FACINGS, FirstFrames, facing_apart, other_ways_round
+from toolkit.tracking.search.finisher import FirstFrames, best_of_each_body, facing_elsewhere, other_ways_round
 from toolkit.tracking.search.particles import ParticleSearch
 from toolkit.tracking.search.protocol import Hypothesis, Proposal, Rival
 from toolkit.tracking.state import PersonState, Previous
@@ -119,15 +119,15 @@ def test_mirrored_and_turned_limbs_stay_on_their_side_of_the_image() -> None:
     assert (others[HAND] - others[0])[2] == pytest.approx(-(joints[HAND] - joints[0])[2], abs=0.05)
 
 
-def test_of_rivals_the_nearest_of_each_facing_is_finished() -> None:
+def test_the_nearest_of_every_body_and_the_nearest_that_faces_elsewhere_are_finished() -> None:
     observation = observed(FORWARD)
-    yaws = (0.0, 0.4, np.pi, 1.6)
-    rivals = [rival(pose_of(root_ry=yaw), observation) for yaw in yaws]
-    chosen = facing_apart(rivals)
-    assert len(chosen) == FACINGS
-    assert chosen[0] is min(rivals, key=lambda one: one.comparison.distance)
-    facings = [float(body_facing(one.hypothesis.pose)) for one in chosen]
-    assert abs(np.angle(np.exp(1j * (facings[0] - facings[1])))) >= APART
+    rivals = [rival(pose_of(root_ry=yaw), observation) for yaw in (0.0, 0.4, np.pi, 1.6)]
+    child = Rival(rivals[0].hypothesis, load_body("child"), rivals[1].comparison)
+    best = min(rivals, key=lambda one: one.comparison.distance)
+    assert {id(one) for one in best_of_each_body([*rivals, child])} == {id(best), id(child)}
+    (elsewhere,) = facing_elsewhere(rivals[0], rivals)
+    assert elsewhere is min(rivals[2:], key=lambda one: one.comparison.distance)
+    assert facing_elsewhere(rivals[0], rivals[:2]) == []
 
 
 def test_who_was_taken_back_to_front_is_turned_round() -> None:

@@ -84,11 +84,13 @@ class Follower(Person):
 
         rivals: list[Rival] = []
         rng, carry = self.rng(), dict(state.carry)
-        if state.held is not None and state.held_since is not None and timestamp - state.held_since <= HELD:
+        held = state.held is not None and state.held_since is not None and timestamp - state.held_since <= HELD
+        if held:
             self._propose(observation, replace(state, previous=state.held), rng, carry, rivals, clock)
         for body in (state.body,) if state.sized else self._sizes:
             self._propose(observation, replace(state, body=body), rng, carry, rivals, clock)
-        if self._finisher is not None and state.previous is None and rivals:
+        # Nobody turns round in the moment for which they were hidden.
+        if self._finisher is not None and state.previous is None and rivals and not held:
             rivals += self._finisher.finished(observation, rivals)
             clock.lap(self._finisher.name)
         self.state = state = replace(state, carry=carry, generator=self.after(rng), turn=_turn(state))

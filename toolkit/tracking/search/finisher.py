@@ -19,8 +19,6 @@ from toolkit.tracking.search.aimed import AimedArms
 from toolkit.tracking.search.lookup import FIRST_ROUNDS
 from toolkit.tracking.search.protocol import Hypothesis, Rival
 
-FACINGS = 2
-"""Rivals that are finished, besides the other way round of the best: more found nothing on the tuning splits."""
 APART = math.radians(60.0)
 """Turn between two facings from which on no refinement leads from one to the other."""
 
@@ -28,8 +26,9 @@ APART = math.radians(60.0)
 class FirstFrames:
     """Finishes the hypotheses of a first frame, or of one after a loss; the nearest of them is the person's pose.
 
-    The best of all bodies, the best that faces elsewhere, and the best turned to the other side have their arms brought
-    to where the cloud ends (Lopez-Mendez 2011, 2.2).
+    The best of each body, the best that faces elsewhere than the best of all, and that one turned to the other side
+    have their arms brought to where the cloud ends (Lopez-Mendez 2011, 2.2). A wrong size, too, is often the nearest
+    only until the arms are where they belong.
 
     Parameters
     ----------
@@ -44,35 +43,36 @@ class FirstFrames:
 
     def finished(self, observation: Observation, rivals: Sequence[Rival]) -> list[Rival]:
         """Further rivals for a frame of which `rivals` is what every search said of every body."""
-        chosen = facing_apart(rivals)
-        return [self._arms.of(rival, observation) for rival in (*chosen, *self._turned(observation, chosen[:1]))]
+        aimed = [self._arms.of(rival, observation) for rival in best_of_each_body(rivals)]
+        best = min(aimed, key=_distance)
+        others = [*facing_elsewhere(best, rivals), self._turned(best, observation)]
+        return aimed + [self._arms.of(rival, observation) for rival in others]
 
-    def _turned(self, observation: Observation, rivals: Sequence[Rival]) -> list[Rival]:
-        """Each the other way round, refined: with its limbs or with their mirror image, whichever is nearer."""
-        found = []
+    def _turned(self, rival: Rival, observation: Observation) -> Rival:
+        """The other way round, refined: with its limbs or with their mirror image, whichever is nearer."""
+        both = []
         iterations = FIRST_ROUNDS * self._refiner.settings.iterations
-        for rival in rivals:
-            both = []
-            for turned in other_ways_round(rival.hypothesis.pose):
-                pose = self._refiner.refine(rival.body, turned, observation.scene, iterations=iterations)
-                compared = self._objective.compare(rival.body, pose, observation.scene)
-                both.append(Rival(Hypothesis(rival.hypothesis.source, pose, compared), rival.body, compared))
-            found.append(min(both, key=lambda other: other.comparison.distance))
-        return found
+        for turned in other_ways_round(rival.hypothesis.pose):
+            pose = self._refiner.refine(rival.body, turned, observation.scene, iterations=iterations)
+            compared = self._objective.compare(rival.body, pose, observation.scene)
+            both.append(Rival(Hypothesis(rival.hypothesis.source, pose, compared), rival.body, compared))
+        return min(both, key=_distance)
 
 
-def facing_apart(rivals: Sequence[Rival]) -> list[Rival]:
-    """The nearest rivals that face at least `APART` from each other, at most `FACINGS`, the nearest first."""
-    chosen: list[Rival] = []
-    yaws: list[float] = []
-    for rival in sorted(rivals, key=lambda rival: rival.comparison.distance):
-        yaw = float(canonical.body_facing(rival.hypothesis.pose))
-        if all(abs(math.remainder(yaw - other, math.tau)) >= APART for other in yaws):
-            chosen.append(rival)
-            yaws.append(yaw)
-        if len(chosen) == FACINGS:
-            break
-    return chosen
+def best_of_each_body(rivals: Sequence[Rival]) -> list[Rival]:
+    """The nearest rival of every body."""
+    best: dict[int, Rival] = {}
+    for rival in sorted(rivals, key=_distance, reverse=True):
+        best[id(rival.body)] = rival
+    return list(best.values())
+
+
+def facing_elsewhere(best: Rival, rivals: Sequence[Rival]) -> list[Rival]:
+    """Of the rivals that face at least `APART` from the best one the nearest, if there are any."""
+    yaw = float(canonical.body_facing(best.hypothesis.pose))
+    turns = [float(canonical.body_facing(rival.hypothesis.pose)) - yaw for rival in rivals]
+    apart = [r for r, turn in zip(rivals, turns, strict=True) if abs(math.remainder(turn, math.tau)) >= APART]
+    return sorted(apart, key=_distance)[:1]
 
 
 def other_ways_round(pose: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -82,3 +82,7 @@ def other_ways_round(pose: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         canonical.place(limbs, np.zeros(4), position, yaw + np.pi) for limbs in (own, canonical.mirrored(own))
     )
     return turned, mirrored
+
+
+def _distance(rival: Rival) -> float:
+    return rival.comparison.distance
