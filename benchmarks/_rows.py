@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import fields
+from dataclasses import fields, replace
 from typing import Any
 
 import numpy as np
@@ -41,11 +41,13 @@ ROWS: dict[str, tuple[str, dict[str, Any]]] = {
     "no contact": ("hybrid", {"fitting.contact_weight": 0.0}),
     "no unobserved": ("hybrid", {}),
     "no sharing": ("hybrid", {}),
+    "no seated": ("hybrid", {}),
 }
 """Name of the row, shipped settings that it starts from, and overrides.
 
 `no unobserved` takes all that was not measured as the person's for free space, but for what is outside the image; in
-`no sharing` no body says whose pixels are whose. Without a retrained regressor or seated poses is another `--database`.
+`no sharing` no body says whose pixels are whose; `no seated` leaves the bundled seated poses out of the database.
+Without a retrained regressor is another `--database`.
 `local` takes its first pose from the lookup and never asks it again. Without personal shape only the size is chosen,
 out of five."""
 
@@ -193,7 +195,16 @@ def make_tracker(
 ) -> HybridTracker:
     """The tracker of a row; the overrides apply to it unless the row itself says otherwise."""
     kind = KINDS.get(row, HybridTracker)
+    if row == "no seated":
+        database = without_sources(database, "seated_")
     return kind(database, settings_of(row, overrides), database_path=path)
+
+
+def without_sources(database: PoseDatabase, prefix: str) -> PoseDatabase:
+    """A database without the poses whose source's name begins so; its regressor and prior stay as they are."""
+    kept = np.array([not name.startswith(prefix) for name in database.sources])[database.pose_source]
+    names = ("poses", "joints", "features", "offsets", "pose_source", "pose_frame", "mirrored")
+    return replace(database, **{name: getattr(database, name)[kept] for name in names})
 
 
 KINDS: dict[str, type[HybridTracker]] = {

@@ -236,6 +236,8 @@ def main() -> None:
     plain = options.people is None and options.row == WHOLE and options.joints == "none"
     whole = complete and plain and not options.set
     stem = f"scenes_{options.split}{'' if whole else '_part'}"
+    if options.row != WHOLE:
+        stem += "_" + options.row.replace(" ", "_")
     recordings = {name: scene_figures([score]) for name, score in scores.items()}
     times = frame_times([tracks_of(run) for run in runs])
     print("ms per frame:", ", ".join(f"{count} people {ms:.1f}" for count, ms in times.items()))
