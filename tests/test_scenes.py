@@ -13,7 +13,7 @@ import pytest
 
 from benchmarks import _record
 from benchmarks import scenes as bench
-from benchmarks._rows import make_tracker
+from benchmarks._rows import make_tracker, without_sources
 from database_builder.build import build_database
 from database_builder.parts import PartsSettings
 from tests.database_helpers import small_database
@@ -122,6 +122,15 @@ def test_a_part_of_the_tracker_can_be_switched_off() -> None:
     )
     assert np.linalg.norm(near.vertices, axis=1).max() < 10.0 < np.linalg.norm(far.vertices, axis=1).min()
     assert far.stature == near.stature
+
+
+def test_without_a_source_its_poses_are_gone_and_all_others_stay() -> None:
+    poses = small_database()
+    first = poses.sources[0]
+    rest = without_sources(poses, first)
+    kept = [poses.sources[k] != first for k in poses.pose_source]
+    assert (rest.poses == poses.poses[kept]).all() and len(rest) == sum(kept)
+    assert len(without_sources(poses, "nobody")) == len(poses)
 
 
 def test_times_are_counted_by_how_many_people_are_tracked() -> None:

@@ -172,6 +172,17 @@ def test_while_somebody_is_followed_or_nothing_was_said_there_is_nothing_to_fini
     assert finisher.told == 0
 
 
+@pytest.mark.parametrize(("away", "asked"), [(HELD, False), (HELD + 0.1, True)])
+def test_whoever_was_out_of_sight_for_a_moment_has_not_turned_round(away: float, asked: bool) -> None:
+    finisher = FakeFinisher(5.0)
+    person = follower([FakeSearch("first", Proposal((says("local", pose_at(1.0), FAR),)))], finisher=finisher)
+    step(person, timestamp=0.0)
+    finisher.told = 0
+    person.step(None, 0.0, StageClock(STAGES))
+    step(person, timestamp=away)
+    assert bool(finisher.told) == asked
+
+
 # Who is asked, and what with
 
 
