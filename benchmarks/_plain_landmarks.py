@@ -7,7 +7,8 @@ from scipy.sparse import csr_matrix
 from scipy.sparse.csgraph import connected_components, dijkstra
 from scipy.spatial import cKDTree
 
-from toolkit.kernels.geodesic import UNIT, UNREACHED
+from toolkit.kernels.cloud_graph import UNIT
+from toolkit.kernels.geodesic import UNREACHED
 from toolkit.landmarks.centre import MAX_STEPS, TOLERANCE
 from toolkit.landmarks.extrema import Extrema
 from toolkit.landmarks.settings import LandmarkSettings
@@ -53,7 +54,7 @@ def plain_graph(cloud: Cloud, settings: LandmarkSettings) -> tuple[csr_matrix, n
 
 
 def _in_units(differences: np.ndarray) -> np.ndarray:
-    """Lengths of differences (E, 3) in whole units of `geodesic.UNIT`, float64 (E,)."""
+    """Lengths of differences (E, 3) in whole units of `cloud_graph.UNIT`, float64 (E,)."""
     x, y, z = differences.T
     return np.maximum(np.floor(np.sqrt(x * x + y * y + z * z).astype(np.float64) / UNIT + 0.5), 1.0)
 

@@ -12,7 +12,7 @@ import numpy as np
 from database_builder.calibration import calibrated
 from database_builder.views import FOCAL, TrainingImages, ViewSettings, draw_images
 from toolkit.errors import SettingsError
-from toolkit.kernels import forest
+from toolkit.kernels import forest_training
 from toolkit.landmarks.parts import OFFSET_UNIT, JointForest, sureness
 from toolkit.progress import Count
 
@@ -105,11 +105,11 @@ def _split(
     )  # fmt: skip
     judges = rows if len(rows) <= settings.node_samples else rng.choice(rows, settings.node_samples, replace=False)
     where = (data.depth, data.starts, data.shapes, data.windows, FOCAL, data.sample_image, data.sample_u, data.sample_v)
-    best, threshold, _ = forest.best_split(*where, data.labels, judges, candidates, settings.bins, classes)
+    best, threshold, _ = forest_training.best_split(*where, data.labels, judges, candidates, settings.bins, classes)
     if best < 0:
         return None
     answer = np.empty(len(rows), dtype=np.float32)
-    forest.answers(*where, rows, candidates[best], answer)
+    forest_training.answers(*where, rows, candidates[best], answer)
     below = int((answer < threshold).sum())
     if min(below, len(rows) - below) < settings.smallest_leaf // 2:
         return None

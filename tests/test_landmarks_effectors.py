@@ -10,7 +10,7 @@ from tests.landmark_helpers import LEVEL, body_cloud, cloud_of, figure
 from toolkit.body import skeleton
 from toolkit.body.shape import load_body
 from toolkit.errors import SegmentationError, SettingsError
-from toolkit.kernels import geodesic
+from toolkit.kernels import cloud_graph, geodesic
 from toolkit.landmarks.effectors import (
     Effectors,
     EffectorSettings,
@@ -95,7 +95,7 @@ def test_a_path_is_a_shortest_one() -> None:
     graph = grid_graph(cloud, settings.graph)
     extrema = extrema_of_graph(graph, cloud.points, 5, 100)
     exact = dijkstra(graph.matrix(), indices=100)
-    np.testing.assert_allclose(extrema.from_source * geodesic.UNIT, exact, atol=1e-9)
+    np.testing.assert_allclose(extrema.from_source * cloud_graph.UNIT, exact, atol=1e-9)
     edges = graph.matrix()
     for node in extrema.nodes:
         out = np.empty(len(graph), dtype=np.int64)

@@ -14,7 +14,7 @@ from scipy.spatial.distance import cdist
 from benchmarks.extrema import run
 from tests.landmark_helpers import CAMERA, cloud_of, figure, paint
 from toolkit.errors import SegmentationError, SettingsError, UsageError
-from toolkit.kernels import geodesic
+from toolkit.kernels import cloud_graph
 from toolkit.landmarks.extrema import extrema_of_graph, geodesic_extrema, source_node
 from toolkit.landmarks.graph import Graph, Workspace, grid_graph, nearest_neighbour_graph
 from toolkit.landmarks.settings import LandmarkSettings
@@ -28,7 +28,7 @@ def graph_of(nodes: int, ends: np.ndarray, lengths: np.ndarray, width: int = 2) 
     neighbours = np.repeat(np.arange(rows, dtype=np.int32)[:, None], width, axis=1)
     table = np.zeros((rows, width), dtype=np.int32)
     more = np.empty(rows, dtype=np.int32)
-    used = geodesic.add_bridges(ends, lengths, neighbours, table, more, nodes)
+    used = cloud_graph.add_bridges(ends, lengths, neighbours, table, more, nodes)
     return Graph(neighbours[:used], table[:used], more[:used], np.zeros(nodes, np.int32), ends, len(ends))
 
 
@@ -122,7 +122,7 @@ def test_nodes_distances_and_visits_are_those_of_algorithm_1(graph_and_source: t
     found = extrema_of_graph(graph, points, count, source)
     nodes, reach, visits = algorithm_1(graph, source, count)
     assert found.nodes.tolist() == nodes
-    assert (found.distances / geodesic.UNIT).tolist() == reach
+    assert (found.distances / cloud_graph.UNIT).tolist() == reach
     assert found.visited.tolist() == visits
 
 
@@ -133,8 +133,8 @@ def test_extrema_are_those_of_a_restarted_dijkstra_with_zero_cost_edges(graph_an
     found = extrema_of_graph(graph, np.zeros((len(graph), 3), dtype=np.float32), 10, source)
     nodes, reach, first = restarted(graph, source, 10)
     assert found.nodes.tolist() == nodes
-    assert (found.distances / geodesic.UNIT).tolist() == reach
-    assert (found.source_distances / geodesic.UNIT).tolist() == first[nodes].tolist()
+    assert (found.distances / cloud_graph.UNIT).tolist() == reach
+    assert (found.source_distances / cloud_graph.UNIT).tolist() == first[nodes].tolist()
 
 
 def person(rng: np.random.Generator) -> np.ndarray:
@@ -154,7 +154,7 @@ def test_extrema_of_a_person_are_those_of_algorithm_1_and_of_scipy(seed: int) ->
     source = source_node(graph, cloud.points, np.array([0.0, 0.0, -2.6]))
     found = extrema_of_graph(graph, cloud.points, 20, source)
     nodes, reach, visits = algorithm_1(graph, source, 20)
-    assert (found.nodes.tolist(), (found.distances / geodesic.UNIT).tolist()) == (nodes, reach)
+    assert (found.nodes.tolist(), (found.distances / cloud_graph.UNIT).tolist()) == (nodes, reach)
     assert found.visited.tolist() == visits
     again, again_reach, _ = restarted(graph, source, 20)
     assert (nodes, reach) == (again, again_reach)
@@ -208,7 +208,7 @@ def test_the_grid_has_exactly_the_near_pairs_of_the_8_neighbourhood(seed: int) -
     edges = edges_of(graph)
     assert edges.keys() == expected.keys()
     assert graph.edges == len(expected) // 2
-    difference = [edges[pair] * geodesic.UNIT - expected[pair] for pair in expected]
+    difference = [edges[pair] * cloud_graph.UNIT - expected[pair] for pair in expected]
     assert np.abs(difference).max() < 1e-6
 
 
@@ -220,7 +220,7 @@ def test_components_are_those_of_scipy_and_named_by_their_lowest_node(graph_and_
     width = max((len(row) for row in matrix.rows), default=0)
     table = np.array([[*row, *[node] * (width - len(row))] for node, row in enumerate(matrix.rows)], dtype=np.int32)
     roots = np.empty(len(graph), dtype=np.int32)
-    geodesic.components(table.reshape(len(graph), width), roots)
+    cloud_graph.components(table.reshape(len(graph), width), roots)
     labels = connected_components(matrix.tocsr(), directed=False)[1]
     assert roots.tolist() == [int(np.flatnonzero(labels == label)[0]) for label in labels]
 
@@ -234,11 +234,11 @@ def test_the_closest_pair_of_two_components_is_exact_and_the_lowest_of_equal_one
     side = rng.random(len(points)) < 0.3
     side[:2] = True, False
     a, b = np.flatnonzero(side), np.flatnonzero(~side)
-    boxes = np.empty((2 * len(points) // geodesic.CHUNK + 2, 6))
-    used = geodesic.bounding_boxes(points, a, boxes)
+    boxes = np.empty((2 * len(points) // cloud_graph.CHUNK + 2, 6))
+    used = cloud_graph.bounding_boxes(points, a, boxes)
     boxes_b = boxes[used:]
-    boxes_b = boxes_b[: geodesic.bounding_boxes(points, b, boxes_b)]
-    found = geodesic.closest_pair(points, a, boxes[:used], b, boxes_b)
+    boxes_b = boxes_b[: cloud_graph.bounding_boxes(points, b, boxes_b)]
+    found = cloud_graph.closest_pair(points, a, boxes[:used], b, boxes_b)
     squared = cdist(points[a].astype(float), points[b].astype(float), "sqeuclidean")
     i, j = np.unravel_index(squared.argmin(), squared.shape)
     assert found[2] == pytest.approx(squared.min(), abs=1e-12)
@@ -285,7 +285,7 @@ def test_a_node_takes_any_number_of_bridges() -> None:
 @given(random_graphs())
 def test_the_sparse_matrix_of_a_graph_holds_each_edge_in_both_directions(graph_and_source: tuple[Graph, int]) -> None:
     graph, _ = graph_and_source
-    assert (graph.matrix() != geodesic.UNIT * matrix_of(graph)).nnz == 0
+    assert (graph.matrix() != cloud_graph.UNIT * matrix_of(graph)).nnz == 0
 
 
 def test_ties_fall_to_the_lowest_node_and_fewer_extrema_are_found_where_there_are_fewer() -> None:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from toolkit.errors import UsageError
-from toolkit.kernels import geodesic
+from toolkit.kernels import cloud_graph, geodesic
 from toolkit.landmarks.centre import cloud_centre
 from toolkit.landmarks.graph import Graph, Workspace, grid_graph
 from toolkit.landmarks.settings import LandmarkSettings
@@ -28,7 +28,7 @@ class Extrema:
     visited : int32 (n,), nodes whose distance was settled in the pass that found the extremum (Fig. 5.9). The first
         pass visits all that can be reached
     source : the source node
-    from_source : int32 (N,), geodesic distance of every node from the source, in units of `geodesic.UNIT` metres,
+    from_source : int32 (N,), geodesic distance of every node from the source, in units of `cloud_graph.UNIT` metres,
         `geodesic.UNREACHED` where there is no way; valid as long as the graph
     """
 
@@ -114,8 +114,8 @@ def extrema_of_graph(
     return Extrema(
         nodes=nodes,
         points=points[nodes],
-        distances=reach[:found] * geodesic.UNIT,
-        source_distances=from_source[nodes] * geodesic.UNIT,
+        distances=reach[:found] * cloud_graph.UNIT,
+        source_distances=from_source[nodes] * cloud_graph.UNIT,
         visited=visited[:found],
         source=source,
         from_source=from_source,

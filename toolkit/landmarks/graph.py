@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from toolkit.errors import SegmentationError
-from toolkit.kernels import geodesic
+from toolkit.kernels import cloud_graph
 from toolkit.landmarks.settings import LandmarkSettings
 from toolkit.sensing.cloud import Cloud
 
@@ -24,7 +24,7 @@ class Graph:
     Attributes
     ----------
     neighbours : int32 (R, D), the nodes at the other ends of a node's edges; a free place names the node itself
-    lengths : int32 (R, D), above 0, in units of `geodesic.UNIT` metres; 0 in a free place
+    lengths : int32 (R, D), above 0, in units of `cloud_graph.UNIT` metres; 0 in a free place
     more : int32 (R,), the row with further edges of the same node, -1 for none
     roots : int32 (N,), lowest node of each node's component before components were joined
     bridges : int32 (B, 2), the edges that join a component to the largest one, whose node stands second
@@ -54,7 +54,7 @@ class Graph:
         for row in range(len(self), len(self.more)):
             nodes[row] = nodes[np.flatnonzero(self.more == row)[0]]
         rows, places = np.nonzero(self.lengths)
-        metres = self.lengths[rows, places] * geodesic.UNIT
+        metres = self.lengths[rows, places] * cloud_graph.UNIT
         return csr_matrix((metres, (nodes[rows], self.neighbours[rows, places])), shape=(len(self), len(self)))
 
 
@@ -89,8 +89,8 @@ def grid_graph(cloud: Cloud, settings: LandmarkSettings, workspace: Workspace | 
     rows = _rows(len(points), settings)
     neighbours = workspace.take("neighbours", rows, 8)
     lengths = workspace.take("lengths", rows, 8)
-    threshold = round(settings.neighbour_distance / geodesic.UNIT)
-    edges = geodesic.grid_table(points, cloud.pixels, cloud.index, threshold, neighbours, lengths)
+    threshold = round(settings.neighbour_distance / cloud_graph.UNIT)
+    edges = cloud_graph.grid_table(points, cloud.pixels, cloud.index, threshold, neighbours, lengths)
     return _connected(points, neighbours, lengths, edges, settings, workspace)
 
 
@@ -112,8 +112,8 @@ def nearest_neighbour_graph(
     pairs = np.stack([np.repeat(np.arange(len(points)), nearest.shape[1]), nearest.ravel()], axis=1)
     pairs = np.unique(np.sort(pairs[pairs[:, 0] != pairs[:, 1]], axis=1), axis=0)
     metres = np.linalg.norm(points[pairs[:, 0]].astype(np.float64) - points[pairs[:, 1]], axis=1)
-    units = np.maximum(np.rint(metres / geodesic.UNIT), 1).astype(np.int32)
-    near = units < round(settings.neighbour_distance / geodesic.UNIT)
+    units = np.maximum(np.rint(metres / cloud_graph.UNIT), 1).astype(np.int32)
+    near = units < round(settings.neighbour_distance / cloud_graph.UNIT)
     pairs, units = pairs[near], units[near]
     here, there = np.concatenate([pairs, pairs[:, ::-1]]).T
     order = np.argsort(here, kind="stable")
@@ -149,15 +149,15 @@ def _connected(
     """Find the components of a table of edges and join them."""
     nodes = len(points)
     roots = workspace.take("roots", nodes)
-    geodesic.components(neighbours, roots)
+    cloud_graph.components(neighbours, roots)
     ends = workspace.take("bridge ends", nodes, 2)
     bridge_lengths = workspace.take("bridge lengths", nodes)
-    count = geodesic.bridge_components(
+    count = cloud_graph.bridge_components(
         points, roots, settings.smallest_component, settings.bridge_distance,
         workspace.take("members", nodes), workspace.take("sizes", nodes), workspace.take("starts", nodes),
-        workspace.take("boxes", 2 * nodes // geodesic.CHUNK + 2, 6, dtype=np.float64), ends, bridge_lengths,
+        workspace.take("boxes", 2 * nodes // cloud_graph.CHUNK + 2, 6, dtype=np.float64), ends, bridge_lengths,
     )  # fmt: skip
     bridges = ends[:count]
     more = workspace.take("more", len(neighbours))
-    rows = geodesic.add_bridges(bridges, bridge_lengths[:count], neighbours, lengths, more, nodes)
+    rows = cloud_graph.add_bridges(bridges, bridge_lengths[:count], neighbours, lengths, more, nodes)
     return Graph(neighbours[:rows], lengths[:rows], more[:rows], roots, bridges, edges + count)
