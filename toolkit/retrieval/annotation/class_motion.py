@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -17,7 +17,9 @@ from toolkit.errors import RetrievalError
 from toolkit.kernels import dtw
 from toolkit.retrieval.features.relational import FEATURE_RATE, FeatureMatrix
 from toolkit.retrieval.templates.quantised import expand
-from toolkit.retrieval.templates.template import MotionTemplate
+
+if TYPE_CHECKING:
+    from toolkit.retrieval.templates.template import MotionTemplate
 
 ANGLES = slice(6, skeleton.POSE_SIZE)
 """Where the A = 37 joint angles stand in a pose."""

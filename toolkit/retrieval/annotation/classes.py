@@ -20,7 +20,6 @@ from toolkit.retrieval.annotation.preselection import preselect_in
 from toolkit.retrieval.features.relational import FEATURES, FeatureMatrix, feature_fingerprint
 from toolkit.retrieval.keyframes.query import KeyframeQuery
 from toolkit.retrieval.templates.quantised import WILDCARD, QuantisedTemplate
-from toolkit.retrieval.templates.template import MotionTemplate
 
 CLASSES_VERSION = 2
 OLDER_VERSIONS = (1,)
@@ -61,6 +60,8 @@ def learn_classes(
     RetrievalError
         No labels, or a label without clips.
     """
+    from toolkit.retrieval.templates.template import MotionTemplate
+
     if not clips:
         raise RetrievalError("there are no labelled clips to learn classes from; give at least one")
     empty = sorted(label for label, matrices in clips.items() if not matrices)
