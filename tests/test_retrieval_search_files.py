@@ -2,6 +2,8 @@ from __future__ import annotations
 
 import csv
 import json
+import subprocess
+import sys
 from pathlib import Path
 
 import cv2
@@ -332,3 +334,12 @@ def test_alternative_queries_of_a_label_are_one_table() -> None:
     edges = [(m.document, m.start, m.end) for m in together.matches]
     assert edges == sorted(edges)
     assert all(a[0] != b[0] or a[2] <= b[1] for a, b in zip(edges, edges[1:], strict=False))
+
+
+def test_searching_loads_nothing_that_only_learning_needs() -> None:
+    script = (
+        "import sys, toolkit.retrieval.annotation.model, toolkit.retrieval.workflow.search; "
+        "print([m for m in ('sklearn', 'matplotlib', 'open3d', 'cv2', 'scipy.optimize') if m in sys.modules])"
+    )
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "[]"

@@ -31,7 +31,11 @@ def annotate(
         ),
     ] = None,
     others: Annotated[
-        list[Path] | None, typer.Option(help="Motions of no class: what the examples are not to be mistaken for.")
+        list[Path] | None,
+        typer.Option(
+            help="Motions of no class: what the examples are not to be mistaken for.",
+            show_default="what is least like the examples in the motions",
+        ),
     ] = None,
     pattern: Annotated[
         str | None,
@@ -91,12 +95,12 @@ def annotate(
         else:
             tags = tags_of(find_motions(examples or []), pattern, labels)
             learned = learn_model(
-                tags, output / "classes.npz", np.random.default_rng(seed), others=others or (), check=False,
-                progress=bars,
+                tags, output / "classes.npz", np.random.default_rng(seed), others=others or (), unlabelled=motions,
+                check=False, progress=bars,
             )  # fmt: skip
             wanted = learned.model
             counts = ", ".join(f"{label} ({count})" for label, count in learned.clips.items())
-            print(f"classes: {counts}", *cautions(learned, others or ()), sep="\n")
+            print(f"classes: {counts}", *cautions(learned, others or (), mined=True), sep="\n")
         done = annotate_motions(
             motions, wanted, output, queries=load_queries(queries) if queries else (), truth=truth,
             threshold=threshold, progress=bars,

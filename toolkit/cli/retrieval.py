@@ -264,13 +264,16 @@ def _learn_model(
         print(line)
 
 
-def cautions(learned: LearnedModel, others: Sequence[Path]) -> list[str]:
-    """What whoever learned a model should know about it."""
+def cautions(learned: LearnedModel, others: Sequence[Path], *, mined: bool = False) -> list[str]:
+    """What whoever learned a model should know about it; `mined` if counterexamples come from what is annotated."""
     lines = [
         f"{first} is hard to tell from {second}: only {ratio:.2f} times as far from it as from its own clips."
         for first, second, ratio in learned.alike
     ]
-    if not others:
+    if mined and not others:
+        lines.append("Without --others the counterexamples are what is least like the examples in the motions given;")
+        lines.append("motions known to be of no class, such as walking, sitting, standing about, teach more.")
+    elif not others:
         lines.append(
             "Without --others the model knows only its own classes, and labels whatever resembles one of them:"
         )

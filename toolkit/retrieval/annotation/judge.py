@@ -22,6 +22,8 @@ THRESHOLDS = (0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 0.95)
 """Probabilities from which on a judge may say yes."""
 MEASURES = len(FEATURES) + 2
 """Differences of the features, cost in tenths, logarithm of the relative duration."""
+COST = len(FEATURES)
+"""Which measure is the cost."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,7 +61,7 @@ class Judge:
     def of_cost(cls, usual: float = USUAL_COST) -> Judge:
         """A judge that looks at the cost alone."""
         mean, weights = np.zeros(MEASURES), np.zeros(MEASURES)
-        mean[-2], weights[-2] = 10.0 * usual, -0.1 * STEEPNESS
+        mean[COST], weights[COST] = 10.0 * usual, -0.1 * STEEPNESS
         return cls(mean, np.ones(MEASURES), weights, 0.0)
 
     @classmethod

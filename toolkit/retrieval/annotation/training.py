@@ -20,6 +20,7 @@ from toolkit.retrieval.annotation.documents import HARD_JOINS, JOINS, assemble, 
 from toolkit.retrieval.annotation.examples import ExampleSet, Proposals
 from toolkit.retrieval.annotation.judge import Judge
 from toolkit.retrieval.annotation.measures import Scores, Segment, frame_scores, label_frames, segment_scores
+from toolkit.retrieval.annotation.mining import Turn, with_unlike
 from toolkit.retrieval.annotation.model import MotionModel
 from toolkit.retrieval.features.grades import BLOCK
 from toolkit.retrieval.features.motion import Motion
@@ -86,7 +87,11 @@ class LeftOut:
 
 
 def train(
-    clips: Sequence[Clip], others: Sequence[Motion], rng: np.random.Generator, progress: Progress | None = None
+    clips: Sequence[Clip],
+    others: Sequence[Motion],
+    rng: np.random.Generator,
+    progress: Progress | None = None,
+    unlabelled: Sequence[FeatureMatrix] = (),
 ) -> MotionModel:
     """Learn a model: all clips are its examples, its judges come from what some clips find in documents of others.
 
@@ -96,6 +101,7 @@ def train(
     others : motions that hold none of the classes: counterexamples
     rng : source of all randomness
     progress : told after each part
+    unlabelled : motions of unknown content, in which counterexamples are mined (`mining`)
 
     Raises
     ------
@@ -105,7 +111,7 @@ def train(
     if not clips:
         raise RetrievalError("there are no labelled clips to learn from; give at least one")
     labels = sorted({clip.label for clip in clips})
-    if len(labels) == 1 and not others:
+    if len(labels) == 1 and not others and not unlabelled:
         raise RetrievalError(
             f"all clips have the label {labels[0]!r}, so there is nothing to tell it from; give clips of other "
             "classes, or motions of none"
@@ -117,7 +123,8 @@ def train(
         for side in (motion, motion.mirrored())
         for speed in SPEEDS
     ]
-    rows: dict[str, dict[int, list[tuple[np.ndarray, np.ndarray]]]] = {label: {} for label in labels}
+    rows: dict[str, dict[int, list[Turn]]] = {label: {} for label in labels}
+    unknown: dict[str, dict[int, np.ndarray]] = {label: {} for label in labels}
     steps = [
         (turn, parts, hard)
         for _ in range(ROUNDS)
@@ -130,19 +137,23 @@ def train(
         for label in examples.classes:
             places = examples.propose(label, [document.features for document in documents])
             rows[label].setdefault(turn, []).append((places.described, rightness(places, label, documents)))
+            if unlabelled and turn not in unknown[label]:
+                unknown[label][turn] = examples.propose(label, unlabelled).described
         if progress is not None:
             progress("learning", number, len(steps))
     several = len({clip.person for clip in clips}) > 1  # halves of one person teach no caution about others
     judges = []
     for label in labels:
         turns = [_joined(parts) for parts in rows[label].values()]
+        if unlabelled:
+            turns = with_unlike(turns, list(unknown[label].values()))
         judges.append(
             Judge.cautious(turns) if several else Judge.learned(*_joined(turns)) if turns else Judge.of_cost()
         )
     return MotionModel(ExampleSet.of([(clip.features, clip.label) for clip in clips]), tuple(judges))
 
 
-def _joined(parts: Sequence[tuple[np.ndarray, np.ndarray]]) -> tuple[np.ndarray, np.ndarray]:
+def _joined(parts: Sequence[Turn]) -> Turn:
     return np.concatenate([measures for measures, _ in parts]), np.concatenate([true for _, true in parts])
 
 
