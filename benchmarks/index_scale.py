@@ -1,4 +1,4 @@
-"""An index of 45 hours: `depthmocap bench index_scale DATA [--hours 45] [--workers 2]`.
+"""An index of 45 hours: `depthmocap bench index_scale DATA [--hours 45] [--workers 2] [--index FILE]`.
 
 The shared mocap is 11 minutes; the rest is made from it, by mirroring, playing it at 0.7 to 1.4 times its speed, and
 giving its actors other proportions (bone lengths between 0.85 and 1.15 of theirs, along each of six chains). A quarter
@@ -6,7 +6,8 @@ and all of it are indexed: features (reading the files not included), building, 
 by keyframes, which looks through the lists, later ones, searches by example and how many of their first 20 hits an
 exhaustive search has too, adding and removing a document. Documents repeat: of every motion there are some 200
 variations, which crowd the first places as no real collection does. Times are of processors, so that what else runs
-does not count; those of the features add up over the workers.
+does not count; those of the features add up over the workers. `--index` keeps the index, and where there is one already
+only searches it, which is soon done on a machine that has nothing else to do.
 """
 
 from __future__ import annotations
@@ -100,34 +101,43 @@ def milliseconds(run: Callable[[], object], repeats: int = 1) -> float:
     return min(times)
 
 
-def figures_of(made: list[FeatureMatrix], wanted: list[FeatureMatrix], path: Path) -> dict[str, Any]:
-    """Everything about the index of some documents."""
-    figures: dict[str, Any] = {}
+def made_figures(made: list[FeatureMatrix], path: Path) -> dict[str, Any]:
+    """What it takes to build an index of some documents."""
     begin = time.process_time()
     built = KeyframeIndex.build(made)
     middle = time.process_time()
     built.save(path)
-    figures |= {
+    return {
         "hours": built.duration / 3600.0, "documents": len(built), "build_seconds": middle - begin,
         "save_seconds": time.process_time() - middle, "megabytes": path.stat().st_size / 1e6,
     }  # fmt: skip
-    del built
-    figures["open_milliseconds"] = milliseconds(lambda: KeyframeIndex.open(path), 3)
+
+
+def changed_figures(path: Path, document: FeatureMatrix) -> dict[str, float]:
+    """What it takes to add a document to an index and to remove it."""
+    index, new = KeyframeIndex.open(path), replace(document, name="one more")
+    added = milliseconds(lambda: index.added([new]).save(path)) / 1000.0
+    index = KeyframeIndex.open(path)
+    removed = milliseconds(lambda: index.without(["one more"]).save(path)) / 1000.0
+    return {"add_and_save_seconds": added, "remove_and_save_seconds": removed}
+
+
+def searched_figures(path: Path, wanted: list[FeatureMatrix]) -> dict[str, Any]:
+    """What it takes to open an index and to search it."""
+    figures: dict[str, Any] = {"open_milliseconds": milliseconds(lambda: KeyframeIndex.open(path), 3)}
     index = KeyframeIndex.open(path)
     queries = [choose_query(template_of(f), ChoiceSettings(least_score=0.3, most=1)) for f in wanted]
     examples = [Example.of(features) for features in wanted]
     figures["first_keyframe_search_milliseconds"] = milliseconds(lambda: find(index, queries[0]))
     search_example(index, examples[0], 20)
     by_keyframes = [milliseconds(lambda q=query: find(index, q), 3) for query in queries]  # type: ignore[misc]
-    by_example = [milliseconds(lambda e=example: search_example(index, e, 20), 2) for example in examples]  # type: ignore[misc]
+    by_example = [milliseconds(lambda e=example: search_example(index, e, 20), 3) for example in examples]  # type: ignore[misc]
     for name, times in (("keyframe_search", by_keyframes), ("by_example", by_example)):
-        figures[f"{name}_milliseconds"] = {"mean": float(np.mean(times)), "worst": max(times)}
+        figures[f"{name}_milliseconds"] = {
+            "mean": float(np.mean(times)), "median": float(np.median(times)), "worst": max(times),
+        }  # fmt: skip
     same = [shared_hits(index, example) for example in examples]
     figures["hits_of_an_exhaustive_search"] = {"mean": float(np.mean(same)), "worst": min(same)}
-    new = replace(wanted[0], name="one more")
-    figures["add_and_save_seconds"] = milliseconds(lambda: index.added([new]).save(path)) / 1000.0
-    index = KeyframeIndex.open(path)
-    figures["remove_and_save_seconds"] = milliseconds(lambda: index.without(["one more"]).save(path)) / 1000.0
     return figures
 
 
@@ -149,26 +159,35 @@ def main() -> None:
     parser.add_argument("--hours", type=float, default=45.0)
     parser.add_argument("--workers", type=int, default=2)
     parser.add_argument("--seed", type=int, default=0, help="of the examples")
+    parser.add_argument("--index", type=Path, help="where the index stays; one that is there is searched only")
     options = parser.parse_args()
 
     motions = [*load_filler(options.data), *(example.motion for example in load_examples(options.data))]
+    rng = np.random.default_rng(options.seed)
+    wanted = [relational_features(varied(motions[i], 10**6 + int(i))) for i in rng.integers(50, len(motions), QUERIES)]
+    wanted = [features for features in wanted if len(features) >= 20]
+    find(*_warm(wanted))
+    if options.index is not None and options.index.exists():
+        figures = searched_figures(options.index, wanted)
+        print(json.dumps(figures))
+        print(save_figures("index_scale_searched", figures, {"seed": options.seed}))
+        return
     begin = time.perf_counter()
     made = list(documents(motions, options.hours, options.workers))
     usage = (resource.getrusage(who) for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN))
-    figures: dict[str, Any] = {
+    figures = {
         "features": {
             "wall_seconds": time.perf_counter() - begin,
             "processor_seconds": sum(u.ru_utime + u.ru_stime for u in usage), "workers": options.workers,
         }
     }  # fmt: skip
-    rng = np.random.default_rng(options.seed)
-    wanted = [relational_features(varied(motions[i], 10**6 + int(i))) for i in rng.integers(50, len(motions), QUERIES)]
-    wanted = [features for features in wanted if len(features) >= 20]
-    find(*_warm(wanted))
     with tempfile.TemporaryDirectory() as folder:
+        path = options.index or Path(folder) / "motions.index"
         for share in SHARES:
             part = made[: max(1, round(share * len(made)))]
-            figures[f"{share:g}"] = figures_of(part, wanted, Path(folder) / "motions.index")
+            figures[f"{share:g}"] = (
+                made_figures(part, path) | searched_figures(path, wanted) | changed_figures(path, wanted[0])
+            )
             print(json.dumps(figures[f"{share:g}"]), flush=True)
     figures["peak_megabytes"] = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e3
     print(json.dumps({name: figures[name] for name in ("features", "peak_megabytes")}))

@@ -33,8 +33,8 @@ and hard filler and on UTD-MHAD subjects 1 and 3."""
 HASTE = 0.02
 """Cost of a match e times as long as the example or as short, chosen likewise: sneaking is a slow walk, among other
 things."""
-SKETCHED = 7
-"""Coarse columns of the shortest example that is sought in the sketch first; a shorter one is two means there."""
+SKETCHED = 5
+"""Coarse columns of the shortest example that is sought in the sketch first; a shorter one would be one mean there."""
 CANDIDATES = 100
 """Places in the sketch that are looked at more closely, for every hit asked for."""
 SPARSE = 2
