@@ -309,7 +309,7 @@ def main() -> None:
     corpus_minutes = sum(relational_features(c.motion).duration for c in clips) / 60.0
     print(figures["seconds"], f"of {corpus_minutes:.1f} minutes of clips")
     settings = {name: value for name, value in vars(options).items() if name != "data"}
-    print(save_figures("motion_model", figures, settings))
+    print(save_figures(f"motion_model{'_keyframes' if options.keyframe_runs else ''}", figures, settings))
 
 
 if __name__ == "__main__":
