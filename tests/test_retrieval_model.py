@@ -221,6 +221,9 @@ def test_a_model_learns_from_the_motions_that_it_will_annotate(others: list[Moti
         assert segment.start == pytest.approx(true.start, abs=0.3) and segment.end == pytest.approx(true.end, abs=0.3)
     without = train(clips_of(), [], np.random.default_rng(0))
     assert any((a.weights != b.weights).any() for a, b in zip(learned.judges, without.judges, strict=True))
+    alone, unmined = (train(clips_of(people=1), [], np.random.default_rng(0), unlabelled=u) for u in (unknown, ()))
+    for a, b in zip(alone.judges, unmined.judges, strict=True):
+        np.testing.assert_array_equal(a.weights, b.weights, err_msg="one person's clips do not say what is unlike")
 
 
 def test_turns_keep_people_apart_and_one_person_takes_turns_in_halves() -> None:

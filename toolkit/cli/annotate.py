@@ -34,7 +34,7 @@ def annotate(
         list[Path] | None,
         typer.Option(
             help="Motions of no class: what the examples are not to be mistaken for.",
-            show_default="what is least like the examples in the motions",
+            show_default="of examples by several people: what is least like them in the motions",
         ),
     ] = None,
     pattern: Annotated[

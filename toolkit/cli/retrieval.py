@@ -270,7 +270,7 @@ def cautions(learned: LearnedModel, others: Sequence[Path], *, mined: bool = Fal
         f"{first} is hard to tell from {second}: only {ratio:.2f} times as far from it as from its own clips."
         for first, second, ratio in learned.alike
     ]
-    if mined and not others:
+    if mined and not others and len(learned.people) > 1:
         lines.append("Without --others the counterexamples are what is least like the examples in the motions given;")
         lines.append("motions known to be of no class, such as walking, sitting, standing about, teach more.")
     elif not others:

@@ -101,7 +101,8 @@ def train(
     others : motions that hold none of the classes: counterexamples
     rng : source of all randomness
     progress : told after each part
-    unlabelled : motions of unknown content, in which counterexamples are mined (`mining`)
+    unlabelled : motions of unknown content, in which counterexamples are mined (`mining`), if clips are by several
+        people: one person's clips do not tell how far another's may be from them
 
     Raises
     ------
@@ -123,6 +124,8 @@ def train(
         for side in (motion, motion.mirrored())
         for speed in SPEEDS
     ]
+    several = len({clip.person for clip in clips}) > 1  # halves of one person teach no caution about others
+    unlabelled = unlabelled if several else ()
     rows: dict[str, dict[int, list[Turn]]] = {label: {} for label in labels}
     unknown: dict[str, dict[int, np.ndarray]] = {label: {} for label in labels}
     steps = [
@@ -141,7 +144,6 @@ def train(
                 unknown[label][turn] = examples.propose(label, unlabelled).described
         if progress is not None:
             progress("learning", number, len(steps))
-    several = len({clip.person for clip in clips}) > 1  # halves of one person teach no caution about others
     judges = []
     for label in labels:
         turns = [_joined(parts) for parts in rows[label].values()]

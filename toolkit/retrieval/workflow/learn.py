@@ -99,8 +99,8 @@ def learn_model(
     output : the model file (NPZ); None writes nothing
     rng : source of all randomness
     others : clips, folders of clips: motions of no class
-    unlabelled : motions of unknown content, such as those to be annotated; where there are no others, what is least
-        like a class in them is a counterexample
+    unlabelled : motions of unknown content, such as those to be annotated; where there are no others, and several
+        people, what is least like a class in them is a counterexample
     check : leave each person out once; without it `left_out` is empty
     progress : told what is done, how much of it, and how much there is
     """
