@@ -36,12 +36,13 @@ COLUMNS = 160
 UNBRIDGED = 0.01
 """Metres: bridges as short as this join nothing."""
 KINDS: dict[str, EffectorSettings] = {
-    "3 extrema, no bridges": EffectorSettings(count=3, bridge_distance=UNBRIDGED),
-    "3 extrema": EffectorSettings(count=3),
-    "6 extrema": EffectorSettings(count=6),
-    "8 extrema": EffectorSettings(count=8),
-    "3 of the tree": EffectorSettings(count=3, tree=True),
-    "6 of the tree": EffectorSettings(count=6, tree=True),
+    "3 extrema, no bridges": EffectorSettings(cuts=0, count=3, bridge_distance=UNBRIDGED),
+    "3 extrema": EffectorSettings(cuts=0, count=3),
+    "6 extrema": EffectorSettings(cuts=0, count=6),
+    "8 extrema": EffectorSettings(cuts=0, count=8),
+    "6 extrema, 2 cuts": EffectorSettings(),
+    "3 of the tree": EffectorSettings(cuts=0, count=3, tree=True),
+    "6 of the tree": EffectorSettings(cuts=0, count=6, tree=True),
 }
 
 

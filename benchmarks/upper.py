@@ -68,9 +68,9 @@ def tracker_of(row: str, options: argparse.Namespace, **sensing: str) -> Tracker
     return load_tracker(config, overrides, database=poses_of(options) if config == "hybrid" else None)
 
 
-def follow(tracker: Tracker, recording: Recording, frames: int) -> tuple[upper.UpperScore, float]:
+def score_take(solo: Solo, recording: Recording, frames: int) -> tuple[upper.UpperScore, float]:
     """Score of a take, and seconds of processor time a frame without reading and learning."""
-    solo, joints, states, spent = Solo(tracker, recording), [], [], 0.0
+    joints, states, spent = [], [], 0.0
     for i in range(min(frames, len(recording))):
         depth, begun = recording.depth(i), time.process_time()
         result = solo.step(depth, float(recording.timestamps[i]))
@@ -188,7 +188,7 @@ def run_row(row: str, recordings: Sequence[Recording], options: argparse.Namespa
     scores, seconds, frames = [], [], []
     for recording in recordings:
         try:
-            score, spent = follow(tracker, recording, options.frames)
+            score, spent = score_take(Solo(tracker, recording), recording, options.frames)
         except DepthMocapError as error:
             print(f"{row}: {recording.name}: {error}")
             continue

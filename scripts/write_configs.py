@@ -6,6 +6,7 @@ from pathlib import Path
 
 from toolkit.config import explained_text
 from toolkit.files import save_text
+from toolkit.tracking.particles import ParticleTrackerSettings
 from toolkit.tracking.settings import HybridSettings
 from toolkit.tracking.swarm import SwarmTrackerSettings
 
@@ -20,6 +21,11 @@ HEADS: dict[type, str] = {
 # no database. A particle swarm (Qammaz) looks for the pose, the local optimisation of the hybrid tracker
 # refines it, and the nearer of swarm and previous pose wins. Copy this file to change values; what stays may
 # be left out. configs/qammaz.yaml is the paper's own variant.
+""",
+    ParticleTrackerSettings: """
+# The particle filter of Lopez-Mendez 2011 for people seen from the waist up, without any motion capture, with
+# local optimisation in competition. Copy this file to change values; what stays may be left out.
+# configs/lopez2011.yaml is the paper's own variant.
 """,
 }
 """What stands above the settings of each class."""

@@ -27,12 +27,16 @@ from benchmarks import (
     swarm,
     swarm_speed,
     upper,
+    upper_parts,
+    upper_peer,
+    upper_speed,
 )
 from benchmarks._rows import WatchedTracker
 from database_builder.build import build_database
 from database_builder.parts import PartsSettings
 from toolkit.body.shape import load_body, subject_body
 from toolkit.database.database import PoseDatabase
+from toolkit.errors import UsageError
 from toolkit.mocap.procedural import procedural_clips
 from toolkit.sensing.opening import open_recording
 from toolkit.simulation.person import facing_of
@@ -336,3 +340,47 @@ def test_of_people_in_a_row_nobody_hides_another_and_a_crate_hides_shins() -> No
     hidden, empty = crowd_speed.behind_a_crate(one, camera)
     assert (hidden <= empty).all()
     assert 0 < ((one > 0) & (hidden == empty)).sum() < 0.4 * (one > 0).sum()
+
+
+def test_parts_of_the_particle_filter_are_compared_and_timed(bundled: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    common = ("--groups", "cut", "--takes", 1, "--frames", 3, "--work", bundled)
+    rows = ("plain", "geodesic", "one layer of 192", "nothing told", "fork only")
+    run(upper_parts, *common, "--rows", ",".join(rows), monkeypatch=monkeypatch)
+    figures = json.loads((bundled / "upper_parts_tune_part.json").read_text())["figures"]
+    assert tuple(figures) == rows and all(figures[row]["frames"] == 3 for row in rows)
+    difference = figures["geodesic"]["upper_px"] - figures["plain"]["upper_px"]
+    assert figures["geodesic"]["worse"]["mean"] == pytest.approx(difference)
+    assert figures["plain"]["upper_px"] < 60.0, "body and first pose are given"
+    monkeypatch.setattr(upper_speed, "WARM_UP", 1)
+    run(upper_speed, *common[:2], *common[4:], "--counts", "8", monkeypatch=monkeypatch)
+    assert json.loads((bundled / "upper_speed_part.json").read_text())["figures"]["8"]["frame_rate"] > 0
+
+
+PEER = """
+import json, sys, numpy
+frames = numpy.load(sys.argv[1])["depth"]
+json.dump([{"head": [160.0, 100.0], "left_hand": None}] * len(frames), open(sys.argv[2], "w"))
+"""
+
+
+def test_another_program_is_asked_for_joints_in_the_image(
+    bundled: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    program = tmp_path / "peer.py"
+    program.write_text(PEER, encoding="utf-8")
+    common = ("--groups", "cut", "--takes", 1, "--frames", 3, "--work", bundled)
+    run(upper_peer, *common, "--command", f"{sys.executable} {program}", monkeypatch=monkeypatch)
+    figures = json.loads((bundled / "upper_peer_tune_part.json").read_text())["figures"]
+    assert figures["hands_px"] == upper_peer.MISSING and figures["missing"] == pytest.approx(6 / 7)
+    for command, message in (
+        (f"{tmp_path}/nowhere", "cannot be started"),
+        (f"{sys.executable} -c 'import sys; sys.exit(\"it is not installed\")'", "failed: it is not installed"),
+        (f'{sys.executable} -c \'import sys; open(sys.argv[2], "w").write("[]")\'', "answered 0 of 2 frames"),
+    ):
+        with pytest.raises(UsageError, match=message):
+            upper_peer.ask(command, np.zeros((2, 4, 4), dtype=np.uint16))
+
+
+def test_without_skeltrack_one_sentence_says_so() -> None:
+    with pytest.raises(UsageError, match="Skeltrack's GObject bindings .* are not installed"):
+        upper_peer.ask(upper_peer.SKELTRACK.replace("python3", sys.executable, 1), np.zeros((1, 4, 4), dtype=np.uint16))

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from toolkit.body import skeleton
 from toolkit.body.shape import load_body
 from toolkit.errors import SettingsError
-from toolkit.fitting.initial import InitialSettings, initial_pose, place_hands, sized_body
+from toolkit.fitting.initial import InitialSettings, initial_pose, place_hands
 from toolkit.fitting.particles import (
     ParticleFrame,
     ParticleImage,
@@ -19,6 +19,7 @@ from toolkit.fitting.particles import (
     by_inverse_kinematics,
     likelihood,
 )
+from toolkit.fitting.sizing import lowest, sized_body
 from toolkit.fitting.upper import UpperBodies, UpperBody
 from toolkit.kernels import particles as kernel
 from toolkit.landmarks.effectors import Effectors, Fork
@@ -221,7 +222,8 @@ def test_what_was_not_observed_costs_nothing(upper: UpperBody) -> None:
 
 
 def effectors_of(points: np.ndarray) -> Effectors:
-    return Effectors(points, points.mean(axis=0), tuple(points[None, i] for i in range(len(points))))
+    highest = points[points[:, 1].argmax()]
+    return Effectors(points, points.mean(axis=0), highest, tuple(points[None, i] for i in range(len(points))))
 
 
 @pytest.mark.parametrize("labelled", [True, False])
@@ -234,8 +236,9 @@ def test_a_first_pose_has_head_and_hands_where_they_were_found(upper: UpperBody,
     first = initial_pose(
         upper, UpperFilter(ParticleSettings()), effectors, fork, frame, InitialSettings(), np.random.default_rng(0)
     )
+    assert first is not None
     found = upper.body.end_effector_positions(first.pose)[skeleton.END_EFFECTORS.index("head")]
-    assert np.linalg.norm(found - crown) < 0.08
+    assert np.linalg.norm(found - crown) < (0.08 if labelled else 0.15)
     assert hands_off(upper, first.pose, truth).max() < 0.12
     assert first.score > InitialSettings().accepted
 
@@ -248,6 +251,7 @@ def test_a_first_pose_of_hands_that_are_nowhere_is_not_accepted(upper: UpperBody
         upper, UpperFilter(ParticleSettings()), effectors, Fork(0, 1, 2), frame_of(depth), InitialSettings(),
         np.random.default_rng(0),
     )  # fmt: skip
+    assert first is not None
     assert first.score < InitialSettings().accepted
 
 
@@ -309,3 +313,10 @@ def test_a_filter_of_a_linear_gaussian_toy_agrees_with_a_kalman_filter() -> None
         chosen = np.empty(count, dtype=np.int64)
         kernel.systematic(weights, rng.random(), chosen)
         states = states[chosen]
+
+
+def test_a_parabola_has_its_lowest_place_between_the_sizes_and_never_beyond_them() -> None:
+    places = (-2.0, -1.0, 0.0, 1.0)
+    assert lowest(places, (np.array(places) - 0.3) ** 2) == pytest.approx(0.3)
+    assert lowest(places, np.array(places) ** 1) == -2.0
+    assert lowest(places, np.zeros(4)) == -2.0

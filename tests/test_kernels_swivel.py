@@ -126,3 +126,14 @@ def test_rotation_vectors_go_there_and_back(seed: int, angle: float) -> None:
     rotation_vector(rotation.as_matrix(), found)
     assert (Rotation.from_rotvec(found) * rotation.inv()).magnitude() < 1e-7
     assert np.linalg.norm(found) <= np.pi + 1e-9
+
+
+@pytest.mark.parametrize("side", ["left", "right"])
+@pytest.mark.parametrize("swivel", [0.0, 1.3])
+def test_a_target_on_the_line_of_a_straight_arm_is_hit(side: str, swivel: float) -> None:
+    bones, fore = bones_of(side, FREE)
+    straight = hand_of(bones, fore, np.zeros(4))
+    for target in (0.8 * straight, straight, -0.8 * straight, 0.8 * np.linalg.norm(straight) * np.eye(3)[1]):
+        arm = np.zeros(4)
+        assert solve_arm(bones, fore, target, swivel, arm) < 1e-6
+        np.testing.assert_allclose(hand_of(bones, fore, arm), target, atol=1e-6)

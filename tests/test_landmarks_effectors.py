@@ -59,7 +59,7 @@ def test_where_the_image_cuts_the_trunk_there_is_no_candidate() -> None:
     cloud = body_cloud(load_body(), raised_arms())
     v = cloud.index.shape[0] - 1
     lowest = cloud.points[cloud.index[v][cloud.index[v] >= 0]]
-    effectors = find_effectors(cloud)
+    effectors = find_effectors(cloud, EffectorSettings(cuts=0))
     assert len(lowest) > 0
     gaps = np.linalg.norm(effectors.points[:, None] - lowest[None], axis=2)
     assert gaps.min() > 0.01
@@ -76,6 +76,7 @@ def test_the_three_of_the_fork_are_right_and_swap_in_a_mirror() -> None:
     flipped = Effectors(
         effectors.points * [-1, 1, 1],
         effectors.source * [-1, 1, 1],
+        effectors.summit * [-1, 1, 1],
         tuple(path * [-1, 1, 1] for path in effectors.paths),
     )
     assert find_fork(flipped) == Fork(fork.head, fork.right_hand, fork.left_hand)
@@ -115,8 +116,8 @@ def test_a_direction_is_measured_from_upwards_to_the_right() -> None:
 
 def test_there_is_no_fork_of_two_or_of_prongs_that_lie_together() -> None:
     straight = np.array([[0.0, 0.0, 0.0], [0.0, 0.5, 0.0]])
-    assert find_fork(Effectors(np.zeros((2, 3)), np.zeros(3), (straight, straight))) is None
-    assert find_fork(Effectors(np.zeros((3, 3)), np.zeros(3), (straight, straight, straight))) is None
+    assert find_fork(Effectors(np.zeros((2, 3)), np.zeros(3), np.zeros(3), (straight, straight))) is None
+    assert find_fork(Effectors(np.zeros((3, 3)), np.zeros(3), np.zeros(3), (straight, straight, straight))) is None
 
 
 def test_one_measured_pixel_is_its_own_source_and_has_no_candidates() -> None:
@@ -144,3 +145,12 @@ def test_an_empty_cloud_is_an_error() -> None:
 def test_impossible_settings_are_named(values: dict[str, float], message: str) -> None:
     with pytest.raises(SettingsError, match=message):
         EffectorSettings(**values)  # type: ignore[arg-type]
+
+
+def test_the_summit_is_the_highest_point_above_the_source() -> None:
+    pose = np.zeros(skeleton.POSE_SIZE)
+    pose[:3] = [0.0, 0.0, -2.0]
+    effectors = find_effectors(body_cloud(load_body(), pose))
+    crown = tips(pose)["head"]
+    assert np.linalg.norm(effectors.summit - crown) < 0.12
+    assert abs(effectors.summit[0] - effectors.source[0]) < 0.15

@@ -13,6 +13,7 @@ from toolkit.body.shape import load_body
 from toolkit.config import load_settings
 from toolkit.errors import SettingsError
 from toolkit.fitting.upper import UNSEEN, UpperBodies
+from toolkit.kernels import aiming
 from toolkit.kernels import particles as kernel
 from toolkit.pipeline import load_tracker
 from toolkit.sensing.camera import Camera
@@ -123,14 +124,18 @@ FOLDED = pose_of(left_shoulder_rz=-1.2, right_shoulder_rz=1.2, left_elbow_ry=-2.
 BEHIND = pose_of(left_shoulder_rz=-1.3, right_shoulder_rz=1.3, left_shoulder_ry=0.9, right_shoulder_ry=-0.9)
 
 
-def test_without_a_fork_the_papers_tracker_keeps_trying() -> None:
-    person = follower(load_settings(ParticleTrackerSettings, "lopez2011", {"measured_seconds": 0.0}))
+CLASPED = pose_of(left_shoulder_ry=-1.0, right_shoulder_ry=1.0, left_elbow_ry=-1.2, right_elbow_ry=1.2)
+
+
+def test_where_only_the_fork_counts_nobody_is_found_without_one_and_everybody_after_it() -> None:
+    waits = {"measured_seconds": 0.0, "initial.unlabelled": False}
+    person = follower(load_settings(ParticleTrackerSettings, "lopez2011", waits))
     waiting = followed(person, [FOLDED] * 2)
     assert all(r.state == LOST and np.isfinite(r.joints).all() for r in waiting)
     assert followed(person, [pose_of()] * 3, start=1.0)[-1].state == TRACKED
 
 
-@pytest.mark.parametrize("pose", [FOLDED, BEHIND], ids=["folded", "behind the back"])
+@pytest.mark.parametrize("pose", [FOLDED, BEHIND, CLASPED], ids=["folded", "behind the back", "clasped"])
 def test_arms_that_are_hidden_are_guessed_or_the_frame_is_lost(pose: np.ndarray) -> None:
     for result in followed(follower(), [pose] * 2):
         assert result.state in (LOST, TRACKED) and np.isfinite(result.joints).all()
@@ -169,11 +174,84 @@ def replace_place(pose: np.ndarray, x: float) -> np.ndarray:
     return pose
 
 
+def test_hands_that_are_cut_off_need_no_fork() -> None:
+    low = Camera(CAMERA.fx, CAMERA.fy, CAMERA.cx, 100.0, 160, 120)
+    hanging = pose_of(left_shoulder_rz=-1.3, right_shoulder_rz=1.3, left_elbow_ry=-0.1, right_elbow_ry=0.1)
+    person = ParticleTracker(SETTINGS).follower(low, LEVEL)
+    for i in range(3):
+        result = step(person, sighting_of(hanging, low), i / 30)
+        assert result.state == TRACKED and trunk_off(result, hanging) < 0.1
+
+
+def trunk_off(result: FrameResult, pose: np.ndarray) -> float:
+    """Mean distance of neck, head and shoulders from the truth, metres."""
+    rows = [skeleton.REPORTED.index(name) for name in ("neck", "head", "left_shoulder", "right_shoulder")]
+    truth = load_body().joint_positions(pose)[rows] @ LEVEL
+    return float(np.linalg.norm(result.joints[rows] - truth, axis=1).mean())
+
+
+def reaching(side: str, target: np.ndarray) -> np.ndarray:
+    """Both hands up, and one of them at `target` (3,), metres, level frame."""
+    poses, scores = pose_of()[None].copy(), np.empty(1)
+    arm = UPPER.arms[("left", "right").index(side)]
+    anything = aiming.Aim(0.03, 0.0, -np.inf)
+    aiming.aim_arms(poses, arm, np.ones(1, dtype=np.bool_), target[None], np.zeros(1), anything, scores)
+    assert np.isfinite(scores).all()
+    return poses[0]
+
+
+CROWN = load_body().end_effector_positions(pose_of())[skeleton.END_EFFECTORS.index("head")]
+
+
+@pytest.mark.parametrize(
+    ("side", "away"),
+    [("left", (0.02, -0.26, 0.12)), ("right", (0.0, -0.12, 0.22)), ("left", (-0.12, -0.5, 0.25))],
+    ids=["on the chin", "before the face", "across the body"],
+)
+def test_a_hand_at_the_head_or_across_the_body_takes_neither_head_nor_trunk_along(
+    side: str, away: tuple[float, float, float]
+) -> None:
+    person, touching = follower(), reaching(side, CROWN + np.array(away))
+    followed(person, WAVING[:3])
+    for result in followed(person, [touching] * 8, start=0.1):
+        assert result.state == TRACKED and trunk_off(result, touching) < 0.1
+    assert hands_off(result, touching) < 0.2
+
+
+def test_what_a_desk_hides_does_not_move_what_is_seen() -> None:
+    hidden = np.zeros(CAMERA.shape, dtype=np.bool_)
+    hidden[95:] = True
+    person = follower()
+    for i, pose in enumerate(WAVING):
+        depth = np.where(hidden, 0.0, sighting_of(pose).depth)
+        result = step(person, Sighting(1, depth.astype(np.float32), hidden, CAMERA), i / 30)
+        assert result.state == TRACKED and trunk_off(result, pose) < 0.1
+    assert hands_off(result, WAVING[-1]) < 0.15
+
+
+def test_a_head_that_leaves_the_image_does_not_lose_the_trunk() -> None:
+    high = Camera(CAMERA.fx, CAMERA.fy, CAMERA.cx, 12.0, 160, 120)
+    person = ParticleTracker(SETTINGS).follower(CAMERA, LEVEL)
+    followed(person, WAVING[:3])
+    person = ParticleFollower(SETTINGS, high, LEVEL, person.state)
+    for i, pose in enumerate(WAVING[3:]):
+        result = step(person, sighting_of(pose, high), 0.1 + i / 30)
+        assert np.isfinite(result.joints).all() and trunk_off(result, pose) < 0.2
+
+
+def test_a_mirrored_recording_gives_the_mirrored_track_within_the_spread_over_seeds() -> None:
+    one_up = [pose_of(0.4 * np.sin(0.2 * i), right_shoulder_rz=0.9) for i in range(8)]
+    mirror = [pose_of(0.4 * np.sin(0.2 * i), left_shoulder_rz=-0.9) for i in range(8)]
+    plain = np.array([followed(follower(seed=k), one_up)[-1].joints[HANDS] for k in range(3)])
+    flipped = np.array([followed(follower(seed=k), mirror)[-1].joints[HANDS[::-1]] for k in range(3)])
+    spread = max(plain.std(axis=0).max(), flipped.std(axis=0).max())
+    assert np.abs(plain.mean(axis=0) - flipped.mean(axis=0) * [-1.0, 1.0, 1.0]).max() < 3.0 * spread + 0.03
+
+
 def test_both_hands_together_leave_two_arms() -> None:
-    together = pose_of(left_shoulder_ry=-1.0, right_shoulder_ry=1.0, left_elbow_ry=-1.2, right_elbow_ry=1.2)
     person = follower()
     followed(person, WAVING[:3])
-    for result in followed(person, [together] * 6, start=0.1):
+    for result in followed(person, [CLASPED] * 6, start=0.1):
         assert result.state == TRACKED
     elbows = [skeleton.REPORTED.index(f"{side}_elbow") for side in ("left", "right")]
     assert result.joints[elbows[0], 0] > result.joints[elbows[1], 0]
@@ -206,6 +284,16 @@ def test_who_leaves_and_comes_back_elsewhere_is_found_anew() -> None:
     results = followed(person, elsewhere, start=1.0)
     assert ParticleTracker.source_names[results[0].source] == "detected"
     assert hands_off(results[-1], elsewhere[-1]) < 0.15
+
+
+def test_somebody_smaller_who_comes_after_is_found_too() -> None:
+    person, small = follower(), UpperBodies(LEVEL).of(load_body().scaled(0.85))
+    followed(person, WAVING[:3])
+    step(person, None, 0.1)
+    depth = np.empty(CAMERA.shape)
+    kernel.draw(replace_place(pose_of(), -0.2), small.whole, np.array(CAMERA.intrinsics), depth)
+    states = [step(person, of_depth(depth), 1.0 + i / 30).state for i in range(3)]
+    assert states[-1] == TRACKED
 
 
 @pytest.mark.parametrize("rate", [5.0, 60.0])

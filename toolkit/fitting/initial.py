@@ -3,18 +3,16 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
 from toolkit.body import skeleton
-from toolkit.body.body import Body
-from toolkit.body.shape import ShapeSpace
 from toolkit.errors import SettingsError
 from toolkit.fitting.arms import SIDES
 from toolkit.fitting.particles import ParticleFrame, UpperFilter
-from toolkit.fitting.upper import UpperBody, arm_of
+from toolkit.fitting.upper import UpperBody
 from toolkit.kernels import aiming, linear
 from toolkit.landmarks.effectors import Effectors, Fork
 
@@ -22,35 +20,45 @@ HANGING = 1.1
 """Radians by which the arms hang down from the T-pose before they are aimed."""
 FRAME_TIME = 1.0 / 30.0
 """Seconds of diffusion in each round on the first frame."""
-BREADTH_NOISE, ARM_NOISE = 0.04, 0.09
-"""Metres: standard deviations of the two measurements of a person's size, as their medians over a take."""
-FLESH = 0.02
-"""Metres by which a silhouette is broader at the shoulders than the distance of their joints."""
-HIDDEN = 0.10
-"""Metres of an arm before the point at which its path bends, below the shoulder."""
-
 HEADS = 3
 """Candidates that may be the head where no fork says which one is: raised hands are above it."""
+TURNS = (-0.6, 0.0, 0.6)
+"""Radians by which somebody may be turned away from the camera, where no fork says that they face it."""
+FILTERED = 2
+"""Starts that are filtered: the cheapest one may be a hand taken for the head."""
+LIFTS, BENDS = (-HANGING, -0.5, 0.2, 1.0), (0.0, 0.6)
+"""Radians from the T-pose, and shares of the elbow's range, of arms that need no candidate: hidden or cut-off hands."""
 
 
 @dataclass(frozen=True)
 class InitialSettings:
-    """How a first pose is found; the reasons stand beside the values in `configs/lopez2011.yaml`.
+    """How a first pose is found.
 
     Attributes
     ----------
-    swivels : of each arm that are tried
-    rounds : times that the first frame is filtered
-    accepted : the first pose is taken if the log-probability of Eq. 7 is above this (`th`)
-    unlabelled : whether a person without a fork is looked for too, with one of the highest candidates as head
+    swivels : of each arm that are tried: 15 degrees apart
+    rounds : times that the first frame is filtered: trunk and size are rough at first
+    accepted : log-probability of Eq. 7 above which the first pose is taken (`th`): nothing is found otherwise, and a
+        wrong pose is lost again by its cost
+    fork : whether the fork names head and hands (Lopez-Mendez 2011, 3)
+    unlabelled : whether somebody is looked for without it too, with one of the highest places as head: hands that are
+        cut off or hidden make no fork, and shoulders may make one
+    sizes : of the shape space's first component, tall to small, evenly apart: bodies of 2.03 to 1.37 m of which the one
+        whose first poses explain the first frames best is taken; none: a body is measured as in the paper
+    sized_on : frames on which they are tried
     """
 
     swivels: int = 24
     rounds: int = 10
-    accepted: float = -40.0
+    accepted: float = -60.0
+    fork: bool = True
     unlabelled: bool = True
+    sizes: tuple[float, ...] = (-3.0, -2.0, -1.0, 0.0, 1.0, 2.0)
+    sized_on: int = 3
 
     def __post_init__(self) -> None:
+        if self.sized_on < 1:
+            raise SettingsError(f"initial.sized_on is {self.sized_on}; a size needs at least 1 frame")
         if self.swivels < 1 or self.rounds < 0:
             raise SettingsError(
                 f"initial.swivels and rounds are {self.swivels} and {self.rounds}; give at least 1 and 0"
@@ -66,10 +74,20 @@ class Initial:
     score: float
 
 
-def standing_pose(upper: UpperBody, head: np.ndarray) -> np.ndarray:
-    """Somebody upright who faces the camera, arms hanging, with the crown at `head` (3,): pose (P,), level frame."""
+class Start(NamedTuple):
+    """A pose (P,), and where its crown, and perhaps left and right hand, ought to be: (1, 3) or (3, 3), level frame."""
+
+    pose: np.ndarray
+    wanted: np.ndarray
+
+
+def standing_pose(upper: UpperBody, head: np.ndarray, turned: float = 0.0) -> np.ndarray:
+    """Somebody upright, arms hanging, with the crown at `head` (3,): pose (P,), level frame.
+
+    They face the camera, but for `turned` radians to their left.
+    """
     pose = np.zeros(skeleton.POSE_SIZE)
-    yaw = math.atan2(-head[0], -head[2])
+    yaw = math.atan2(-head[0], -head[2]) + turned
     pose[skeleton.ROOT_ROTATION] = [0.0, yaw, 0.0]
     for side, sign in zip(SIDES, (-1.0, 1.0), strict=True):
         pose[skeleton.POSE_NAMES.index(f"{side}_shoulder_rz")] = sign * HANGING
@@ -86,28 +104,43 @@ def initial_pose(
     frame: ParticleFrame,
     settings: InitialSettings,
     rng: np.random.Generator,
-) -> Initial:
+) -> Initial | None:
     """The model moved to the head, arms by inverse kinematics, filtered on the same frame, and its probability (Eq. 7).
 
-    The places that the fork names are terms of Eq. 7, by their distances from crown and hands. Without a fork each of
-    the highest candidates may be the head, and an arm hangs or reaches for any candidate of its own side; the cheapest
-    pose is filtered.
+    The places that the fork names are terms of Eq. 7, by their distances from crown and hands. Without a fork, and
+    beside one, which may be of shoulders, each of the highest places may be the head, and an arm rests or reaches for
+    any candidate of its own side. Poses that are far apart are compared over the whole image; the cheapest are
+    filtered, and the cheapest of these is the answer. None if nothing may be tried.
     """
+    starts = [] if fork is None else [_labelled(upper, filtering, effectors.points, fork, frame, settings)]
+    if settings.unlabelled:
+        starts += [
+            _unlabelled(upper, filtering, effectors.points, head, turned, frame, settings)
+            for head in _heads(effectors)
+            for turned in TURNS
+        ]
+    if not starts:
+        return None
+    costs = filtering.whole_costs(upper, np.stack([start.pose for start in starts]), frame)
+    cheapest = np.argsort(costs, kind="stable")[:FILTERED]
+    found = [_filtered(upper, filtering, starts[row], frame, settings, rng) for row in cheapest]
+    return found[int(np.argmin(filtering.whole_costs(upper, np.stack([first.pose for first in found]), frame)))]
+
+
+def _heads(effectors: Effectors) -> np.ndarray:
+    """Where the crown may be (K, 3): the highest candidates, and the highest point above the source."""
     points = effectors.points
-    labelled = frame
-    if fork is None:
-        highest = np.argsort(-points[:, 1], kind="stable")[:HEADS]
-        starts = [_guessed(upper, filtering, points, int(row), frame, settings.swivels) for row in highest]
-        costs = [filtering.cost(upper, start, frame) for start in starts]
-        best = int(np.argmin(costs))
-        pose, wanted = starts[best], points[[highest[best]]]
-    else:
-        wanted = points[[fork.head, fork.left_hand, fork.right_hand]]
-        labelled = frame._replace(candidates=wanted[1:])
-        pose = standing_pose(upper, wanted[0])
-        for side in range(2):
-            targets = wanted[[1 + side]]
-            pose = _best_arm(upper, filtering, pose, side, targets, frame, settings.swivels, hanging=False)
+    highest = points[np.argsort(-points[:, 1], kind="stable")[:HEADS]]
+    return np.concatenate([highest, effectors.summit[None]])
+
+
+def _filtered(
+    upper: UpperBody, filtering: UpperFilter, start: Start, frame: ParticleFrame, settings: InitialSettings,
+    rng: np.random.Generator,
+) -> Initial:  # fmt: skip
+    """The pose that a start leads to on the same frame."""
+    pose, wanted = start
+    labelled = frame._replace(candidates=wanted[1:]) if len(wanted) > 1 else frame
     particles = np.repeat(pose[None], filtering.settings.count, axis=0)
     for turn in range(settings.rounds):
         particles = filtering.trunk(upper, particles, pose, labelled, FRAME_TIME, rng)
@@ -119,15 +152,28 @@ def initial_pose(
     return Initial(pose, particles, -0.5 * float((missed**2).mean()) - filtering.cost(upper, pose, frame))
 
 
-def _guessed(
-    upper: UpperBody, filtering: UpperFilter, points: np.ndarray, head: int, frame: ParticleFrame, swivels: int
-) -> np.ndarray:
-    """A pose (P,) with the crown at one of the candidates (M, 3) and arms that hang or reach for the others."""
-    pose = standing_pose(upper, points[head])
-    others = sides_of(np.delete(points, head, axis=0), pose)
+def _labelled(
+    upper: UpperBody, filtering: UpperFilter, points: np.ndarray, fork: Fork, frame: ParticleFrame,
+    settings: InitialSettings,
+) -> Start:  # fmt: skip
+    """A pose with crown and hands where the fork names them."""
+    wanted = points[[fork.head, fork.left_hand, fork.right_hand]]
+    pose = standing_pose(upper, wanted[0])
     for side in range(2):
-        pose = _best_arm(upper, filtering, pose, side, others[side], frame, swivels, hanging=True)
-    return pose
+        pose = _best_arm(upper, filtering, pose, side, wanted[[1 + side]], frame, settings.swivels, resting=False)
+    return Start(pose, wanted)
+
+
+def _unlabelled(
+    upper: UpperBody, filtering: UpperFilter, points: np.ndarray, head: np.ndarray, turned: float,
+    frame: ParticleFrame, settings: InitialSettings,
+) -> Start:  # fmt: skip
+    """A pose with the crown at `head` (3,) and arms that rest or reach for the candidates (M, 3) on their sides."""
+    pose = standing_pose(upper, head, turned)
+    others = sides_of(points[(points != head).any(axis=1)], pose)
+    for side in range(2):
+        pose = _best_arm(upper, filtering, pose, side, others[side], frame, settings.swivels, resting=True)
+    return Start(pose, head[None])
 
 
 def sides_of(points: np.ndarray, pose: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -148,11 +194,11 @@ def place_hands(upper: UpperBody, pose: np.ndarray) -> np.ndarray:
 
 def _best_arm(
     upper: UpperBody, filtering: UpperFilter, pose: np.ndarray, side: int, targets: np.ndarray, frame: ParticleFrame,
-    swivels: int, *, hanging: bool,
+    swivels: int, *, resting: bool,
 ) -> np.ndarray:  # fmt: skip
     """The pose (P,) with the hand of one arm at one of `targets` (n, 3) at some swivel, whatever costs least.
 
-    The arm as it is takes part if it may be `hanging`, and is kept if no target can be reached.
+    Arms that rest take part if they may; the arm as it is stays if no target can be reached.
     """
     count = swivels * len(targets)
     poses, scores = np.repeat(pose[None], count, axis=0), np.empty(count)
@@ -160,48 +206,18 @@ def _best_arm(
     anything = aiming.Aim(filtering.settings.spread, 0.0, -np.inf)
     wanted = np.ones(count, dtype=np.bool_)
     aiming.aim_arms(poses, upper.arms[side], wanted, np.repeat(targets, swivels, axis=0), angles, anything, scores)
-    poses = np.concatenate([pose[None], poses[np.isfinite(scores)]])
-    if not hanging and len(poses) > 1:
-        poses = poses[1:]
-    costs = filtering.costs_of_arm(upper, poses, side, frame._replace(candidates=targets))
-    return poses[int(costs.argmin())]
+    poses = poses[np.isfinite(scores)]
+    if resting or len(poses) == 0:
+        poses = np.concatenate([_rested(pose, side) if resting else pose[None], poses])
+    return poses[int(filtering.costs_of_arms(upper, poses, frame).argmin())]
 
 
-def sized_body(breadths: Sequence[float], arms: Sequence[float]) -> Body | None:
-    """The likeliest body of the shape space for measured shoulder breadths and arm lengths, metres; None without any.
-
-    Both are linear in the coefficients to good approximation, and the coefficients are Gaussian: given the medians of
-    the measurements, without outliers, the body is their conditional mean.
-    """
-    space = ShapeSpace.load()
-    measured = [
-        (_settled(values), noise, read)
-        for values, noise, read in ((breadths, BREADTH_NOISE, _breadth), (arms, ARM_NOISE, _arm))
-        if len(values)
-    ]
-    if not measured:
-        return None
-    mean = space.body()
-    rows = [[read(space.body(unit)) - read(mean) for unit in np.eye(space.size)] for _, _, read in measured]
-    change = np.array(rows)
-    noise = np.diag([sigma**2 for _, sigma, _ in measured])
-    away = np.array([value - read(mean) for value, _, read in measured])
-    gain = linear.solved(linear.gram(change.T.copy(), np.ones(space.size)) + noise, away)
-    return space.body(linear.combined(gain, change))
-
-
-def _settled(values: Sequence[float]) -> float:
-    """Mean of the values within one standard deviation of their median (Lopez-Mendez 2011, 3)."""
-    array = np.array(values)
-    near = np.abs(array - np.median(array)) <= array.std() + 1e-9
-    return float(array[near].mean())
-
-
-def _breadth(body: Body) -> float:
-    left, right = (body.joints[skeleton.JOINT_NAMES.index(f"{side}_shoulder")] for side in SIDES)
-    return float(left[0] - right[0]) + FLESH
-
-
-def _arm(body: Body) -> float:
-    arm = arm_of("left", body)
-    return float(linear.lengths(np.stack([arm.bones.upper, arm.fore, arm.hand])).sum()) - HIDDEN
+def _rested(pose: np.ndarray, side: int) -> np.ndarray:
+    """The pose (P,) with one arm hanging, lifted or raised, straight or bent: float64 (n, P)."""
+    lift = skeleton.POSE_NAMES.index(f"{SIDES[side]}_shoulder_rz")
+    bend = skeleton.POSE_NAMES.index(f"{SIDES[side]}_elbow_ry")
+    low, high = skeleton.POSE_LIMITS[bend]
+    poses = np.repeat(pose[None], len(LIFTS) * len(BENDS), axis=0)
+    poses[:, lift] = np.repeat((1.0, -1.0)[side] * np.array(LIFTS), len(BENDS))
+    poses[:, bend] = np.tile((low if -low > high else high) * np.array(BENDS), len(LIFTS))
+    return poses

@@ -43,25 +43,37 @@ TRUNK_JOINTS: np.ndarray = np.array(
 
 @dataclass(frozen=True)
 class ParticleSettings:
-    """Constants of the filter; the reasons stand beside the values in `configs/lopez2011.yaml`. Metres, radians.
+    """Constants of the filter, metres and radians; what Lopez-Mendez 2011 leaves open has its reason.
 
     Attributes
     ----------
-    count : particles in each of the three layers
-    alpha : share of the arm particles that diffuse (Eq. 6); 1 is the plain filter
-    trunk_columns, arm_columns : width in pixels of the images that trunks and arms are weighed in, at most
-    bases : different trunks that are kept after the first layer
-    spread : of a hand about a candidate (`Sigma_e`)
-    smoothness, least : `lambda` of Eq. 4, and the log-probability below which an arm is diffused instead
-    swivel : spread about the swivel nearest to the arm before
-    near : a candidate counts exp(-distance / near) as much as one at the hand before (`f` of Eq. 5)
-    floor : but at least this, so that a raised hand is proposed to a hanging arm
-    holding, held : a candidate within `holding` of the other hand counts `held` times as much
-    root_position, root_rotation, spine, neck, clavicle, shoulder, elbow, wrist : spread of the diffusion of one frame
-        at 30 Hz
-    cap : largest difference of depths that counts (`d_max`)
-    depth, silhouette, overlap : weights of the costs (`lambda_1` to `lambda_3`)
-    trunk_margin, arm_margin : a layer is weighed within this distance of its joints, for an arm of its candidates too
+    count : particles in each of the three layers: 64 is the paper's online figure, 256 its reported one
+    alpha : share of the arm particles that diffuse (Eq. 6), in [0, 1]; refusals make it more; 1 is the plain filter
+    trunk_columns, arm_columns : pixels of width, at most, of the images that trunks and arms are weighed in: a trunk
+        needs no more, and a hand has 8 pixels across at 1.4 m
+    bases : different trunks that are kept after the first layer: more are seldom left
+    spread : metres of a hand about a candidate (`Sigma_e`), which lies on the surface, at tip or knuckles
+    smoothness : `lambda` of Eq. 4: an arm may turn by two radians for a candidate
+    least : log-probability of Eq. 4 below which an arm is diffused instead: four spreads from the candidate
+    swivel : radians of spread about the swivel nearest to the arm before
+    looks : swivels all round at which every candidate is held against the frame before every second aimed arm is drawn,
+        by what they cost: from an arm that is folded the wrong way the near ones lead beyond the joint limits; 0 = the
+        paper's blind draw
+    near : metres: a candidate counts exp(-distance / near) as much as one at the hand before (`f` of Eq. 5)
+    floor : but at least this share, or a raised hand is never proposed to a hanging arm
+    holding : metres: the other hand holds a candidate that is as near as this
+    held : share that such a candidate counts, or both arms take the same hand
+    root_position : metres by which the root diffuses in a frame at 30 Hz
+    root_rotation : radians, 3 degrees, likewise
+    spine, neck, clavicle : radians per entry, likewise: they move little within a thirtieth of a second
+    shoulder, elbow : radians, likewise: fast arms turn by 6 radians a second
+    wrist : radians, likewise
+    cap : metres, the largest difference of depths that counts (`d_max`): a limb's width
+    depth : cost of a mean squared difference of depths in units of the cap (`lambda_1`)
+    silhouette : cost of silhouettes that nowhere agree (`lambda_2`): half of what a missed depth costs
+    overlap : cost of squared overlaps in units of the balls' radii (`lambda_3`)
+    trunk_margin : metres around the trunk's joints within which it is weighed, at their depth: half a shoulder more
+    arm_margin : metres around an arm's joints and its candidates: the box must hold the proposed hands
     """
 
     count: int = 64
@@ -73,6 +85,7 @@ class ParticleSettings:
     smoothness: float = 0.1
     least: float = -8.0
     swivel: float = 0.5
+    looks: int = 12
     near: float = 0.25
     floor: float = 0.3
     holding: float = 0.15
@@ -96,9 +109,11 @@ class ParticleSettings:
         for name in ("count", "trunk_columns", "arm_columns", "bases"):
             if getattr(self, name) < 1:
                 raise SettingsError(f"particles.{name} is {getattr(self, name)}; give at least 1")
+        if self.looks < 0:
+            raise SettingsError(f"particles.looks is {self.looks}; give 0 for none, or a number of swivels")
         if not 0.0 <= self.alpha <= 1.0:
             raise SettingsError(f"particles.alpha is {self.alpha}; it is a share and lies in [0, 1]")
-        signed = ("count", "alpha", "trunk_columns", "arm_columns", "bases", "least")
+        signed = ("count", "alpha", "looks", "trunk_columns", "arm_columns", "bases", "least")
         for name in (field.name for field in fields(self) if field.name not in signed):
             value = getattr(self, name)
             if not (value > 0 or (value == 0 and name not in ("spread", "near", "cap"))):
@@ -210,6 +225,13 @@ def by_inverse_kinematics(count: int, alpha: float) -> np.ndarray:
     return np.diff(steps) > 0
 
 
+def _drawn(weights: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+    """A column for each row of `weights` (N, M), by the row's weights: int64 (N,)."""
+    reached = np.cumsum(weights, axis=1)
+    rows = (reached < rng.random((len(weights), 1)) * reached[:, -1:]).sum(axis=1)
+    return np.minimum(rows, weights.shape[1] - 1)
+
+
 class UpperFilter:
     """Filters the poses of an upper body from frame to frame.
 
@@ -232,11 +254,11 @@ class UpperFilter:
         `before` (P,) is the last estimate, `dt` the seconds since then.
         """
         poses = particles.copy()
-        self._diffuse(poses, TRUNK_ENTRIES, dt, rng)
+        self.move_trunk(poses, dt, rng)
         tile = frame.coarse.tile(self._joints(upper, before, TRUNK_JOINTS), self.settings.trunk_margin, self.settings)
         costs = np.empty(len(poses))
         kernel.trunk_costs(poses, upper.whole, tile, costs)
-        return poses[self._resampled(likelihood(costs), rng)]
+        return poses[self.resampled(costs, rng)]
 
     def arms(
         self, upper: UpperBody, particles: np.ndarray, before: np.ndarray, frame: ParticleFrame, dt: float,
@@ -250,11 +272,11 @@ class UpperFilter:
         kernel.draw_bases(bases, upper.trunk, self._whole(frame.fine), pictures)
         estimate, aimed = poses[0], 0.0
         for side in (first, 1 - first):
-            wanted = self._move(upper, poses, side, frame.candidates, dt, rng)
+            wanted = self.move_arm(upper, poses, side, frame, dt, rng)
             aimed += 0.5 * float(wanted.mean())
             costs = self.arm_costs(upper, poses, side, before, frame, base_of, pictures)
             estimate = poses[int(costs.argmin())]
-            chosen = self._resampled(likelihood(costs), rng)
+            chosen = self.resampled(costs, rng)
             poses, base_of = poses[chosen], base_of[chosen]
         return Filtered(poses, estimate, self.cost(upper, estimate, frame), aimed)
 
@@ -263,38 +285,57 @@ class UpperFilter:
         base_of: np.ndarray, pictures: np.ndarray,
     ) -> np.ndarray:  # fmt: skip
         """What each of `poses` (N, P) costs (N,) around one arm, laid over the `pictures` (K, h, w) of its trunk."""
+        tile = frame.fine.tile(self._around_arm(upper, side, before, frame), self.settings.arm_margin, self.settings)
+        return self._overlaid(upper, poses, tile, base_of, pictures)
+
+    def _overlaid(
+        self, upper: UpperBody, poses: np.ndarray, tile: kernel.Tile, base_of: np.ndarray, pictures: np.ndarray
+    ) -> np.ndarray:
+        """Costs (N,) of the arms of `poses` (N, P) as balls over the `pictures` (K, h, w) of their trunks."""
         balls = np.empty((len(poses), len(upper.trunk.radii), 3))
         kernel.place_balls(poses, upper.trunk, balls)
         rows = np.concatenate(upper.of_arm)
-        tile = frame.fine.tile(self._around_arm(upper, side, before, frame), self.settings.arm_margin, self.settings)
         costs, overlap = np.empty(len(poses)), np.empty(len(poses))
         arms = np.ascontiguousarray(balls[:, rows])
         kernel.overlay_costs(arms, upper.trunk.radii[rows], base_of, pictures, tile, costs)
         kernel.overlap_costs(balls, upper.trunk.radii, upper.apart, SOFT, overlap)
         return costs + self.settings.overlap * overlap
 
-    def costs_of_arm(self, upper: UpperBody, poses: np.ndarray, side: int, frame: ParticleFrame) -> np.ndarray:
-        """What each of `poses` (N, P), which share a trunk, costs (N,) around one arm and its candidates."""
-        picture = np.empty((1, *frame.fine.seen.shape))
-        kernel.draw_bases(poses[:1], upper.trunk, self._whole(frame.fine), picture)
-        base_of = np.zeros(len(poses), dtype=np.int64)
-        return self.arm_costs(upper, poses, side, poses[0], frame, base_of, picture)
+    def costs_of_arms(self, upper: UpperBody, poses: np.ndarray, frame: ParticleFrame) -> np.ndarray:
+        """What each of `poses` (N, P), which share a trunk, costs (N,) over the whole image."""
+        return self._over_one_trunk(upper, poses, self._whole(frame.fine))
+
+    def whole_costs(self, upper: UpperBody, poses: np.ndarray, frame: ParticleFrame) -> np.ndarray:
+        """What each of `poses` (N, P) costs (N,) over the whole image: for poses that are far apart."""
+        costs = np.empty(len(poses))
+        kernel.trunk_costs(poses, upper.whole, self._whole(frame.coarse), costs)
+        return costs
+
+    def _over_one_trunk(self, upper: UpperBody, poses: np.ndarray, tile: kernel.Tile) -> np.ndarray:
+        picture = np.empty((1, *tile.seen.shape))
+        kernel.draw_bases(poses[:1], upper.trunk, tile, picture)
+        return self._overlaid(upper, poses, tile, np.zeros(len(poses), dtype=np.int64), picture)
 
     def cost(self, upper: UpperBody, pose: np.ndarray, frame: ParticleFrame) -> float:
         """Mean cost of a pose (P,) over the three layers (the last term of Eq. 7)."""
         tile = frame.coarse.tile(self._joints(upper, pose, TRUNK_JOINTS), self.settings.trunk_margin, self.settings)
         trunk = np.empty(1)
         kernel.trunk_costs(pose[None], upper.whole, tile, trunk)
-        alone = frame._replace(candidates=np.empty((0, 3)))
-        arms = [self.costs_of_arm(upper, pose[None], side, alone) for side in range(2)]
+        arms = []
+        for side in range(2):
+            tile = frame.fine.tile(self._arm_joints(upper, side, pose), self.settings.arm_margin, self.settings)
+            arms.append(self._over_one_trunk(upper, pose[None], tile))
         return float(trunk[0] + arms[0][0] + arms[1][0]) / 3.0
 
-    def _move(
-        self, upper: UpperBody, poses: np.ndarray, side: int, candidates: np.ndarray, dt: float,
-        rng: np.random.Generator,
-    ) -> np.ndarray:  # fmt: skip
+    def move_trunk(self, poses: np.ndarray, dt: float, rng: np.random.Generator) -> None:
+        """Diffuse root, spine and neck of `poses` (N, P), in place, `dt` seconds after the frame before."""
+        self._diffuse(poses, TRUNK_ENTRIES, dt, rng)
+
+    def move_arm(
+        self, upper: UpperBody, poses: np.ndarray, side: int, frame: ParticleFrame, dt: float, rng: np.random.Generator
+    ) -> np.ndarray:
         """Sample one arm of `poses` (N, P) by Eq. 6, in place; bool (N,), which were moved by inverse kinematics."""
-        s, arm, entries = self.settings, upper.arms[side], entries_of(SIDES[side])
+        s, arm, entries, candidates = self.settings, upper.arms[side], entries_of(SIDES[side]), frame.candidates
         start = poses.copy()
         self._diffuse(poses, entries, dt, rng)
         wanted = by_inverse_kinematics(len(poses), s.alpha if len(candidates) else 1.0)
@@ -302,9 +343,17 @@ class UpperFilter:
             return wanted
         aimed = poses.copy()
         # Clavicle and wrist diffuse with the others; shoulder and elbow are what inverse kinematics starts from.
-        swing = [arm.shoulder_entry, arm.shoulder_entry + 1, arm.shoulder_entry + 2, arm.elbow_entry]
+        swing = np.array([arm.shoulder_entry, arm.shoulder_entry + 1, arm.shoulder_entry + 2, arm.elbow_entry])
         aimed[:, swing] = start[:, swing]
-        target = candidates[self._chosen(upper, start, side, candidates, rng)]
+        weights = self.candidate_weights(upper, start, side, candidates)
+        target = candidates[_drawn(weights, rng)]
+        if s.looks > 0:
+            informed = np.flatnonzero(wanted)[::2]
+            arms, reached, costs = self._looked(upper, start[0], side, frame)
+            if len(arms):
+                cells = _drawn(np.tile(likelihood(costs) * weights[0, reached], (len(informed), 1)), rng)
+                aimed[np.ix_(informed, swing)] = arms[np.ix_(cells, swing)]
+                target[informed] = candidates[reached[cells]]
         target = target + s.spread * rng.standard_normal((len(poses), 3))
         swivels = s.swivel * rng.standard_normal(len(poses))
         scores = np.empty(len(poses))
@@ -313,13 +362,25 @@ class UpperFilter:
         poses[taken] = aimed[taken]
         return taken
 
-    def _chosen(
-        self, upper: UpperBody, poses: np.ndarray, side: int, candidates: np.ndarray, rng: np.random.Generator
-    ) -> np.ndarray:
-        """A candidate for the arm of each pose, int64 (N,), by the weights of Eq. 5."""
-        weights = self.candidate_weights(upper, poses, side, candidates)
-        reached = np.cumsum(weights, axis=1)
-        return np.minimum((reached < rng.random((len(poses), 1)) * reached[:, -1:]).sum(axis=1), len(candidates) - 1)
+    def _looked(
+        self, upper: UpperBody, pose: np.ndarray, side: int, frame: ParticleFrame
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """One arm of a pose (P,) at every candidate, at swivels all round, as far as its joints allow.
+
+        Poses (n, P), which candidate each has in its hand (n,), and what each costs (n,).
+        """
+        looks, candidates = self.settings.looks, frame.candidates
+        reached = np.repeat(np.arange(len(candidates)), looks)
+        swivels = np.tile(np.linspace(-np.pi, np.pi, looks, endpoint=False), len(candidates))
+        poses, scores = np.repeat(pose[None], len(reached), axis=0), np.empty(len(reached))
+        anything = self._aim._replace(smoothness=0.0)
+        wanted = np.ones(len(reached), dtype=np.bool_)
+        aiming.aim_arms(poses, upper.arms[side], wanted, candidates[reached], swivels, anything, scores)
+        found = np.isfinite(scores)
+        if not found.any():
+            return poses[found], reached[found], scores[found]
+        tile = frame.fine.tile(self._around_arm(upper, side, pose, frame), self.settings.arm_margin, self.settings)
+        return poses[found], reached[found], self._over_one_trunk(upper, poses[found], tile)
 
     def candidate_weights(self, upper: UpperBody, poses: np.ndarray, side: int, candidates: np.ndarray) -> np.ndarray:
         """Weights (N, M), which sum to 1, of the `candidates` (M, 3) for one arm of each of `poses` (N, P) (Eq. 5)."""
@@ -341,9 +402,10 @@ class UpperFilter:
         poses[:, entries] += scale * self._spread[entries] * noise
         poses[:, entries] = np.clip(poses[:, entries], *skeleton.POSE_LIMITS[entries].T)
 
-    def _resampled(self, weights: np.ndarray, rng: np.random.Generator) -> np.ndarray:
-        chosen = np.empty(len(weights), dtype=np.int64)
-        kernel.systematic(weights, rng.random(), chosen)
+    def resampled(self, costs: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+        """Which particles go on, int64 (N,), by their costs (N,)."""
+        chosen = np.empty(len(costs), dtype=np.int64)
+        kernel.systematic(likelihood(costs), rng.random(), chosen)
         return chosen
 
     def _bases(self, upper: UpperBody, poses: np.ndarray, frame: ParticleFrame) -> tuple[np.ndarray, np.ndarray]:
@@ -357,9 +419,9 @@ class UpperFilter:
 
     def _whole(self, image: ParticleImage) -> kernel.Tile:
         s, (height, width) = self.settings, image.seen.shape
-        return kernel.Tile(
-            image.seen, image.intrinsics, np.array([0, height, 0, width]), 1, s.cap, s.depth, s.silhouette
-        )
+        pixels = max(int(np.count_nonzero(image.seen > 0)), 1)
+        window = np.array([0, height, 0, width])
+        return kernel.Tile(image.seen, image.intrinsics, window, pixels, s.cap, s.depth, s.silhouette)
 
     def _joints(self, upper: UpperBody, pose: np.ndarray, rows: np.ndarray) -> np.ndarray:
         return linear.rotated(upper.body.joint_positions(pose)[rows], upper.whole.from_level.T)

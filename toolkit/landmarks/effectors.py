@@ -16,24 +16,35 @@ from toolkit.landmarks.graph import Graph, Workspace, grid_graph
 from toolkit.landmarks.settings import LandmarkSettings
 from toolkit.sensing.cloud import Cloud
 
+COLUMN = 0.15
+"""Metres to either side of the source within which a head stands above it."""
+
 
 @dataclass(frozen=True)
 class EffectorSettings:
-    """How head and hands are looked for; the reasons stand beside the values in `configs/*.yaml`. Metres, degrees.
+    """How head and hands are looked for.
 
     Attributes
     ----------
-    count : candidates per frame
+    count : candidates per frame: the paper takes 3; head and both hands are oftener among the first 6
+    cuts : further candidates where the image's border or an occluder cuts the person: an arm that leaves goes there,
+        and what a hand is near to is better than nothing
     tree : whether the candidates are the summits of the geodesic map's component tree with the largest dynamics,
-        instead of its first extrema
-    smallest_area : square metres, summits of less surface are noise
-    neighbour_distance, bridge_distance, smallest_component : of the graph, see `LandmarkSettings`
-    source_drop : the source lies this far below the centre of mass
-    prong : metres along a path from the source at which its direction is taken
-    narrowest, widest : degrees between neighbouring prongs of the fork
+        instead of its first extrema, of which they are no better
+    smallest_area : square metres, summits of less surface are noise: half a fist
+    neighbour_distance : metres between neighbours of the graph: with bridges hardly anything changes from 0.05 to 0.12
+    bridge_distance : metres over which pieces are joined: forearms that point at the camera are not measured, and hands
+        float
+    smallest_component : nodes of a piece: a hand at 2 m has 30 of 160x120
+    source_drop : metres by which the source lies below the centre of mass ("lowered")
+    prong : metres along a path at which its direction is taken: beyond the source's own neighbourhood, before the
+        shoulder
+    narrowest, widest : degrees between neighbouring prongs of the fork; the paper's cosines of all three pairs hardly
+        ever hold
     """
 
     count: int = 6
+    cuts: int = 2
     tree: bool = False
     smallest_area: float = 0.004
     neighbour_distance: float = 0.10
@@ -45,6 +56,8 @@ class EffectorSettings:
     widest: float = 75.0
 
     def __post_init__(self) -> None:
+        if self.cuts < 0:
+            raise SettingsError(f"effectors.cuts is {self.cuts}; give 0 for none, or a number of candidates")
         if self.count < 1:
             raise SettingsError(f"effectors.count is {self.count}; ask for at least 1 candidate")
         for name in ("smallest_area", "source_drop"):
@@ -77,11 +90,13 @@ class Effectors:
     ----------
     points : float64 (n, 3), metres, frame of the cloud
     source : float64 (3,), metres, where the geodesic map begins
+    summit : float64 (3,), metres, the highest point of the cloud above the source: the crown, unless a hand is there
     paths : for each candidate the points of its shortest path, float64 (k, 3), metres, from the source on
     """
 
     points: np.ndarray
     source: np.ndarray
+    summit: np.ndarray
     paths: tuple[np.ndarray, ...]
 
     def __len__(self) -> int:
@@ -103,7 +118,7 @@ def find_effectors(
     unobserved: np.ndarray | None = None,
     workspace: Workspace | None = None,
 ) -> Effectors:
-    """Candidates in an organised cloud of one person; those where the border or an occluder cuts the person are none.
+    """Candidates in an organised cloud of one person; those where the border or an occluder cuts the person come last.
 
     Parameters
     ----------
@@ -125,9 +140,17 @@ def find_effectors(
     # As many more are found as there may be cuts.
     extrema = extrema_of_graph(graph, cloud.points, 1 if settings.tree else 2 * settings.count, source, workspace)
     nodes = _summits(cloud, graph, extrema, settings.smallest_area) if settings.tree else extrema.nodes
-    nodes = nodes[~on_cuts(cloud, nodes, unobserved)][: settings.count]
+    cut = on_cuts(cloud, nodes, unobserved)
+    nodes = np.concatenate([nodes[~cut][: settings.count], nodes[cut][: settings.cuts]])
     paths = tuple(_path(graph, extrema, int(node), cloud.points) for node in nodes)
-    return Effectors(cloud.points[nodes].astype(np.float64), cloud.points[source].astype(np.float64), paths)
+    start = cloud.points[source].astype(np.float64)
+    return Effectors(cloud.points[nodes].astype(np.float64), start, _summit(cloud.points, start), paths)
+
+
+def _summit(points: np.ndarray, source: np.ndarray) -> np.ndarray:
+    """The highest of `points` (N, 3) in a column around the source (3,)."""
+    column = np.flatnonzero(np.abs(points[:, 0] - source[0]) < COLUMN)
+    return points[column[np.argmax(points[column, 1])]].astype(np.float64)
 
 
 def _summits(cloud: Cloud, graph: Graph, extrema: Extrema, smallest_area: float) -> np.ndarray:

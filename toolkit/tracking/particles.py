@@ -12,13 +12,14 @@ from toolkit.body import skeleton
 from toolkit.body.body import Body
 from toolkit.body.shape import load_body
 from toolkit.errors import SettingsError
-from toolkit.fitting.initial import InitialSettings, initial_pose, sized_body
+from toolkit.fitting.initial import InitialSettings, initial_pose
 from toolkit.fitting.objective import Comparison, Objective
 from toolkit.fitting.particles import ParticleFrame, ParticleImage, ParticleSettings, UpperFilter
 from toolkit.fitting.placed import Placer
 from toolkit.fitting.refiner import Refiner
 from toolkit.fitting.scene import Scene
 from toolkit.fitting.settings import FittingSettings
+from toolkit.fitting.sizing import FirstFrame, fitting_body, sized_body
 from toolkit.fitting.upper import LEGS, UNSEEN, UpperBodies
 from toolkit.landmarks.effectors import Effectors, EffectorSettings, find_effectors, find_fork
 from toolkit.landmarks.graph import Workspace
@@ -41,18 +42,21 @@ LEG_ENTRIES: np.ndarray = np.array([i for i, name in enumerate(skeleton.POSE_NAM
 
 @dataclass(frozen=True)
 class ParticleTrackerSettings:
-    """Settings of the particle filter's tracker; the reasons stand beside the values in `configs/lopez2011.yaml`.
+    """Settings of the particle filter's tracker.
 
     Attributes
     ----------
     tracker : the name under which this tracker is registered
     seed : of everything random
-    refined : whether the filtered pose and the one before, both refined by local optimisation, compete
-    measured_seconds : how long at the beginning the person's size is measured; 0 = an average body
-    smallest_person : measured points below which a frame counts as empty
-    lost_cost : of an estimate, in which measured pixels that are missed weigh `particles.depth`; above it a frame
-        counts as lost
-    patience : seconds of lost frames in a row after which a first pose is looked for again
+    refined : whether the filtered pose and the one before, both refined by local optimisation, compete; the paper
+        has no such step
+    measured_seconds : how long at the beginning the person's size is measured, "a short period of time"; 0 = an
+        average body
+    smallest_person : measured points below which a frame counts as empty: a person at 8 m in a 176x144 image
+    lost_cost : of an estimate above which a frame counts as lost, of 60 for a body that explains nothing; a right one
+        whose size is wrong costs 20 to 30
+    patience : seconds of lost frames in a row after which a first pose is looked for again: some frames of bad luck are
+        not a loss
     """
 
     tracker: Literal["particles"] = "particles"
@@ -109,6 +113,7 @@ class ParticleFollower(Person):
     Attributes
     ----------
     state : everything that the next step depends on besides the sighting; replaced, never changed, by `step`
+    filtering : the three layers
     """
 
     def __init__(
@@ -116,7 +121,7 @@ class ParticleFollower(Person):
     ) -> None:
         small = camera.subsampled(max(1, camera.width // settings.particles.arm_columns))
         self._bodies = UpperBodies(level_rotation)
-        self._filter = UpperFilter(settings.particles)
+        self.filtering = UpperFilter(settings.particles)
         placer = Placer(state.body, small, level_rotation)
         super().__init__(state, placer, level_rotation, ParticleTracker.source_names)
         self.settings = settings
@@ -150,7 +155,7 @@ class ParticleFollower(Person):
         if self.settings.refined:
             pose = self._refined(pose, scene)
             particles[0] = pose
-            cost = self._filter.cost(self._bodies.of(state.body), pose, seen.frame(effectors))
+            cost = self.filtering.cost(self._bodies.of(state.body), pose, seen.frame(effectors))
         row = self._commit(pose, particles, cost, self._compared(pose, scene), source, timestamp)
         clock.lap("refine")
         return replace(row, stage_ms=clock.milliseconds)
@@ -159,14 +164,13 @@ class ParticleFollower(Person):
         self, effectors: Effectors, frame: ParticleFrame, rng: np.random.Generator
     ) -> tuple[np.ndarray, np.ndarray, float] | None:
         """Pose, particles and cost by the fork, if there is one (or need not be) and Eq. 7 accepts them."""
-        fork, initial = find_fork(effectors, self.settings.effectors), self.settings.initial
-        if len(effectors) == 0 or (fork is None and not initial.unlabelled):
-            return None
+        initial = self.settings.initial
+        fork = find_fork(effectors, self.settings.effectors) if initial.fork else None
         upper = self._bodies.of(self.state.body)
-        first = initial_pose(upper, self._filter, effectors, fork, frame, initial, rng)
-        if not first.score > initial.accepted:
+        first = initial_pose(upper, self.filtering, effectors, fork, frame, initial, rng)
+        if first is None or not first.score > initial.accepted:
             return None
-        return first.pose, first.particles, self._filter.cost(upper, first.pose, frame)
+        return first.pose, first.particles, self.filtering.cost(upper, first.pose, frame)
 
     def _next(
         self, effectors: Effectors, frame: ParticleFrame, timestamp: float, rng: np.random.Generator, clock: StageClock
@@ -175,9 +179,9 @@ class ParticleFollower(Person):
         state, upper = self.state, self._bodies.of(self.state.body)
         assert state.previous is not None and state.timestamp is not None
         dt, before = timestamp - state.timestamp, state.previous.pose
-        particles = self._filter.trunk(upper, state.carry[PARTICLES]["poses"], before, frame, dt, rng)
+        particles = self.filtering.trunk(upper, state.carry[PARTICLES]["poses"], before, frame, dt, rng)
         clock.lap("trunk")
-        filtered = self._filter.arms(upper, particles, before, frame, dt, state.turn % 2, rng)
+        filtered = self.filtering.arms(upper, particles, before, frame, dt, state.turn % 2, rng)
         clock.lap("arms")
         return filtered.estimate, filtered.particles, filtered.cost
 
@@ -251,14 +255,27 @@ class ParticleTracker:
     def learn_body(
         self, camera: Camera, level_rotation: np.ndarray, frames: Iterable[tuple[Sighting, float]]
     ) -> Body | None:
-        """See `Tracker.learn_body`: shoulder breadth and arm length, measured wherever the fork is seen."""
+        """See `Tracker.learn_body`: by first poses of several sizes, or as the paper measures it; see `sizing`."""
+        settings, workspace = self.settings, Workspace()
+        every = [Seen(sighting, level_rotation, settings) for sighting, _ in frames]
+        seen = [one for one in every if one.points >= max(settings.smallest_person, 1)]
+        if not settings.initial.sizes:
+            return self._measured(seen, workspace)
+        if not seen:
+            return None
+        firsts = []
+        for row in np.linspace(0, len(seen) - 1, min(settings.initial.sized_on, len(seen))).round().astype(int):
+            effectors = seen[row].effectors(settings.effectors, workspace)
+            fork = find_fork(effectors, settings.effectors) if settings.initial.fork else None
+            firsts.append(FirstFrame(effectors, fork, seen[row].frame(effectors)))
+        bodies, filtering = UpperBodies(level_rotation), UpperFilter(settings.particles)
+        return fitting_body(bodies, filtering, firsts, settings.initial, settings.seed)
+
+    def _measured(self, frames: Iterable[Seen], workspace: Workspace) -> Body | None:
+        """By shoulder breadth and arm length, wherever the fork is seen."""
         breadths: list[float] = []
         arms: list[float] = []
-        workspace = Workspace()
-        for sighting, _ in frames:
-            seen = Seen(sighting, level_rotation, self.settings)
-            if seen.points < max(self.settings.smallest_person, 1):
-                continue
+        for seen in frames:
             breadth = shoulder_breadth(seen.cloud)
             breadths += [] if breadth is None else [breadth]
             effectors = seen.effectors(self.settings.effectors, workspace)

@@ -16,9 +16,9 @@ from toolkit.tracking.search.lookup import FIRST_ROUNDS
 from toolkit.tracking.search.protocol import NOTHING, Hypothesis, Proposal, Rival
 from toolkit.tracking.state import PersonState
 
-FORK = EffectorSettings()
+FORK = EffectorSettings(cuts=0)
 """How head and hands are looked for where nothing is known of the person yet."""
-ROUNDS = InitialSettings(rounds=4)
+ROUNDS = InitialSettings(rounds=4, unlabelled=False)
 """How the first pose is found: less often filtered than by the particle filter alone, because it is refined."""
 
 
@@ -62,6 +62,7 @@ class ParticleSearch:
         )
         frame = ParticleFrame(coarse, fine, effectors.points)
         first = initial_pose(self._bodies.of(body), self._filter, effectors, fork, frame, ROUNDS, rng)
+        assert first is not None
         iterations = FIRST_ROUNDS * self._refiner.settings.iterations
         pose = self._refiner.refine(body, first.pose, observation.scene, iterations=iterations)
         compared = self._objective.compare(body, pose, observation.scene)
