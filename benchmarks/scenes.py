@@ -173,7 +173,7 @@ def worst_frame(recording: Recording, tracks: Sequence[Track], score: SceneScore
     camera = recording.camera.scaled(factor)
     for track in tracks:
         if frame < len(track) and track.state[frame] != EMPTY:
-            draw_skeleton(picture, camera.project(track.joints[frame]), track.confidence[frame])
+            draw_skeleton(picture, camera.project(track.joints[frame]), track.observed[frame])
     truth = recording.joints if recording.joints.ndim == 4 else recording.joints[None]
     for person in truth[:, frame]:
         pixels = camera.project(person)

@@ -125,12 +125,12 @@ def annotated(file: str) -> dict[str, np.ndarray]:
     return found
 
 
-def picture_of(recording: Recording, frame: int, joints: np.ndarray, confidence: np.ndarray, truth: np.ndarray) -> Any:
+def picture_of(recording: Recording, frame: int, joints: np.ndarray, observed: np.ndarray, truth: np.ndarray) -> Any:
     """A frame with a skeleton (20, 3) and the annotated places (7, 2)."""
     depth = recording.depth(frame)
     near, far = np.percentile(depth[depth > 0] / 1000.0, [1, 90])
     picture = np.ascontiguousarray(color_depth(depth, np.ones(depth.shape, dtype=bool), float(near), float(far)))
-    draw_skeleton(picture, recording.camera.project(joints.astype(np.float64)), confidence)
+    draw_skeleton(picture, recording.camera.project(joints.astype(np.float64)), observed)
     for shift in np.ndindex(4, 4):
         draw_points(picture, truth + shift, (255, 0, 160))
     return picture

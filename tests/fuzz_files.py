@@ -163,7 +163,7 @@ def track_file(folder: Path) -> Path:
 
 def run_file(folder: Path) -> Path:
     turn = np.diag([1.0, -1.0, -1.0]).ravel().tolist()
-    RunInfo("/r.npz", "ab", {"mirrored": True}, skeleton.fingerprint(), [0.5], 1.0, "d", turn, {}, "1").save(folder)
+    RunInfo("/r.npz", "ab", {"mirrored": True}, skeleton.fingerprint(), [0.5], 1.0, "d", turn, {}, "0").save(folder)
     return folder / "run.json"
 
 

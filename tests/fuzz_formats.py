@@ -176,7 +176,7 @@ FORMATS: dict[str, Format] = {
     "keyframe index": Format(index_file, _read_index, checked=True),
     "keyframe index, searched": Format(index_file, _search_index),
     "track npz": Format(track_file, Track.load, checked=True),
-    "run json": Format(run_file, lambda path: RunInfo.load(path.parent)),
+    "run json": Format(run_file, lambda path: replace(RunInfo.load(path.parent), folder="")),
     "people json": Format(people_file, lambda path: load_people(path.parent)),
     "tracker state": Format(state_file, lambda path: load_checkpoint(path, "hybrid"), checked=True),
     "queries json": Format(text_file("q.json", QUERIES), load_queries),

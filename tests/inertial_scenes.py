@@ -47,6 +47,7 @@ def write_run(folder: Path, poses: np.ndarray, state: np.ndarray | None = None) 
         source=np.zeros(count, np.uint8),
         timestamps=np.arange(count) / RATE,
         stage_ms=np.ones((count, 1), np.float32),
+        observed=np.ones((count, 20), dtype=bool),
         source_names=("local",),
         stage_names=("fit",),
     )

@@ -138,23 +138,41 @@ def test_points_belong_to_the_limb_of_the_nearest_bone() -> None:
 def test_offsets_of_other_subjects_undo_a_constant_displacement_however_the_person_stands() -> None:
     rng = np.random.default_rng(0)
     offsets = rng.normal(scale=0.1, size=(20, 3))
-    tracks, references = [], []
+    differences, plain = [], []
     for yaw in (0.0, 1.0, 2.0):
         c, s = np.cos(yaw), np.sin(yaw)
         track = standing().astype(np.float64) @ np.array([[c, 0, -s], [0, 1, 0], [s, 0, c]])
-        tracks.append(track)
-        references.append(agreement.apply_offsets(track, offsets))
-    assert agreement.agreement(tracks[0], references[0]) < 0.7
-    scores = agreement.agreement_with_offsets(tracks, references, ["1", "2", "2"])
-    assert scores == [1.0, 1.0, 1.0]
-    np.testing.assert_allclose(agreement.fit_offsets(tracks, references), offsets, atol=1e-9)
+        reference = track + np.einsum("tac,jc->tja", agreement.torso_frames(track), offsets)
+        plain.append(agreement.agreement(track, reference))
+        differences.append(agreement.local_differences(track, reference))
+        np.testing.assert_allclose(differences[-1][0], offsets[agreement.COMPARED], atol=1e-6)
+    assert max(plain) < 0.7
+    assert agreement.agreement_with_offsets(differences, ["1", "2", "2"]) == [1.0, 1.0, 1.0]
+
+
+def test_offsets_are_the_medians_of_all_other_subjects_together() -> None:
+    runs = [
+        np.full((frames, 16, 3), metres, np.float32) for frames, metres in ((3, 0.0), (4, 0.3), (1, 0.9), (9, 0.32))
+    ]
+    # The medians of the others, along each axis: 0.32 m for a and b, 0.3 m for c, who is 35 mm away.
+    assert agreement.agreement_with_offsets(runs, ["a", "b", "b", "c"]) == [0.0, 1.0, 0.0, 1.0]
 
 
 def test_offsets_are_never_fitted_on_the_own_subject() -> None:
     found = standing()
-    alone = agreement.agreement_with_offsets([found, found], [found, found], ["1", "1"])
-    assert np.isnan(alone).all()
-    assert np.isnan(agreement.agreement_with_offsets([found], [found], [None])).all()
+    nothing = agreement.local_differences(found, found)
+    assert np.isnan(agreement.agreement_with_offsets([nothing, nothing], ["1", "1"])).all()
+    assert np.isnan(agreement.agreement_with_offsets([nothing], [None])).all()
+
+
+def test_of_a_long_run_evenly_spaced_frames_are_kept() -> None:
+    found = np.repeat(standing().astype(np.float64)[:1], agreement.FRAMES + 500, axis=0)
+    moved = found + np.arange(len(found))[:, None, None] * 1e-3
+    kept = agreement.local_differences(found, moved)
+    assert len(kept) == agreement.FRAMES
+    lengths = np.linalg.norm(kept[:, 0], axis=1)
+    assert lengths[0] == 0 and lengths[-1] == pytest.approx(1e-3 * np.sqrt(3) * (len(found) - 1), rel=1e-4)
+    assert np.diff(lengths).max() < 2.1e-3 * np.sqrt(3)
 
 
 def test_the_subject_is_read_from_the_name_of_the_recording() -> None:

@@ -48,6 +48,7 @@ def track_of(joints: np.ndarray, state: np.ndarray | int = TRACKED, confidence: 
         source=np.zeros(frames, dtype=np.uint8),
         timestamps=np.arange(frames) / 10.0,
         stage_ms=np.ones((frames, 1), dtype=np.float32),
+        observed=np.ones((frames, 20), dtype=bool),
         source_names=("local",),
         stage_names=("all",),
     )

@@ -45,7 +45,7 @@ def track_of(poses, state=(0, LOST, EMPTY, 0)):
     return Track(
         joints=joints.astype(np.float32), pose=poses, confidence=np.ones((len(poses), 20), np.float32),
         state=np.array(state, np.uint8), source=np.zeros(len(poses), np.uint8), timestamps=np.arange(len(poses)) / 20,
-        stage_ms=np.zeros((len(poses), 1), np.float32), source_names=("local",), stage_names=("all",),
+        stage_ms=np.zeros((len(poses), 1), np.float32), observed=np.ones((len(poses), 20), dtype=bool), source_names=("local",), stage_names=("all",),
     )  # fmt: skip
 
 
@@ -178,6 +178,9 @@ def test_joints_that_are_not_known_are_not_drawn():
     pixels[REPORTED.index("left_hand")] = 50
     draw_skeleton(image, pixels)
     assert tuple(image[50, 50]) == style.LEFT
+    guessed = np.zeros((100, 100, 3), np.uint8)
+    draw_skeleton(guessed, pixels, np.zeros(20, dtype=bool))
+    assert tuple(guessed[50, 50]) == style.PAPER and (guessed == style.LEFT).all(axis=2).any(), "a ring"
 
 
 @pytest.mark.parametrize("suffix", [".mp4", ".webm", ".avi"])

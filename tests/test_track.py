@@ -15,6 +15,7 @@ import numpy as np
 import pytest
 
 from tests.fake_tracker import write_recording
+from toolkit.archives import load_archive, save_archive
 from toolkit.body import skeleton
 from toolkit.errors import OutputError, RecordingError, TrackError, UsageError
 from toolkit.files import sha256_of
@@ -32,6 +33,7 @@ def result(i: int) -> FrameResult:
         state=EMPTY if i == 2 else TRACKED,
         source=i % 2,
         stage_ms=np.array([1.0, i], dtype=np.float32),
+        observed=rng.random(20) < 0.5,
     )
 
 
@@ -51,7 +53,7 @@ def test_a_track_read_back_equals_the_rows_that_were_appended(tmp_path: Path) ->
     assert len(track) == 5
     assert track.stage_names == STAGES and track.source_names == SOURCES and track.joint_names == skeleton.REPORTED
     for i in range(5):
-        for name in ("pose", "joints", "confidence", "state", "source", "stage_ms"):
+        for name in ("pose", "joints", "confidence", "state", "source", "stage_ms", "observed"):
             np.testing.assert_array_equal(getattr(track, name)[i], getattr(result(i), name))
     np.testing.assert_array_equal(track.timestamps, np.arange(5) / 30)
     assert track.joints.dtype == np.float32 and track.pose.dtype == np.float64 and track.state.dtype == np.uint8
@@ -183,6 +185,16 @@ def test_joints_that_are_not_finite_are_refused(tmp_path: Path) -> None:
     assert not (tmp_path / "track.npz").exists()
 
 
+def test_a_track_of_an_earlier_version_counts_everything_as_observed(tmp_path: Path) -> None:
+    writer = TrackWriter(tmp_path, STAGES, SOURCES)
+    writer.append(result(0), 0)
+    writer.finish()
+    arrays = load_archive(tmp_path / "track.npz", TrackError, "")
+    del arrays["observed"]
+    save_archive(tmp_path / "track.npz", arrays)
+    assert Track.load(tmp_path).observed.all()
+
+
 def test_run_information_goes_there_and_back(tmp_path: Path) -> None:
     info().save(tmp_path)
     assert RunInfo.load(tmp_path) == info()
@@ -235,6 +247,8 @@ def test_a_run_folder_that_is_moved_with_its_recording_finds_it_again_and_the_di
         ({"level_rotation": [1.0, 0.0]}, "expected .9"),
         ({"level_rotation": [2.0, 0, 0, 0, 1, 0, 0, 0, 1]}, "no rotation"),
         ({"body_fingerprint": "0123456789abcdef"}, "another body"),
+        ({"version": "99.0"}, "version '99.0', this is .*; install"),
+        ({"version": "soon"}, "version 'soon'"),
         ({"sensing": {"magic": 1}}, "unknown setting sensing.magic"),
         ({"reader_options": {"magic": 1}}, "unknown reader option"),
         ({"reader_options": []}, "reader_options .* is list"),

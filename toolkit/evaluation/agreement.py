@@ -8,6 +8,7 @@ given plain, and with one constant offset per joint, expressed in the frame of t
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -20,6 +21,9 @@ UTD_SUBJECT = r"_s(\d+)_"
 
 COMPARED = np.setdiff1d(np.arange(len(skeleton.REPORTED)), HANDS_AND_FEET)
 """Joints that agreement counts: all but hands and feet, which the Kinect SDK itself loses."""
+
+FRAMES = 1000
+"""Of a longer run, agreement with offsets counts so many frames, evenly spaced: 190 kB."""
 
 _NECK, _PELVIS = skeleton.REPORTED.index("neck"), skeleton.REPORTED.index("pelvis")
 _LEFT_HIP, _RIGHT_HIP = skeleton.REPORTED.index("left_hip"), skeleton.REPORTED.index("right_hip")
@@ -54,37 +58,42 @@ def torso_frames(joints: np.ndarray) -> np.ndarray:
     return np.stack([left, up, np.cross(left, up)], axis=-1)
 
 
-def fit_offsets(tracks: list[np.ndarray], references: list[np.ndarray]) -> np.ndarray:
-    """Median offset of each joint from the tracked to the reference one, torso's frame: float64 (20, 3), metres."""
-    local = [
-        np.einsum("tca,tjc->tja", torso_frames(track), reference - track)
-        for track, reference in zip(tracks, references, strict=True)
-    ]
-    return np.nan_to_num(np.nanmedian(np.concatenate(local), axis=0))
+def local_differences(joints: np.ndarray, reference: np.ndarray) -> np.ndarray:
+    """From tracked joints (T, 20, 3) to the reference's, in the torso's frame, hands and feet left out.
 
-
-def apply_offsets(joints: np.ndarray, offsets: np.ndarray) -> np.ndarray:
-    """Joints (T, 20, 3) moved by offsets (20, 3) that are given in the torso's frame."""
-    return np.asarray(joints, dtype=np.float64) + np.einsum("tac,jc->tja", torso_frames(joints), offsets)
+    Returns
+    -------
+    float32 (F, 16, 3), metres, of at most `FRAMES` frames, evenly spaced: what is kept of one run among thousands
+    """
+    rows = np.unique(np.linspace(0, len(joints) - 1, min(FRAMES, len(joints))).astype(np.int64))
+    tracked = np.asarray(joints, dtype=np.float64)[rows]
+    apart = reference[rows] - tracked
+    return np.einsum("tca,tjc->tja", torso_frames(tracked), apart)[:, COMPARED].astype(np.float32)
 
 
 def agreement(joints: np.ndarray, reference: np.ndarray) -> float:
     """Share of joints, hands and feet left out, that lie within 100 mm of the reference; NaN if none is known."""
-    distances = np.linalg.norm(np.asarray(joints, np.float64)[:, COMPARED] - reference[:, COMPARED], axis=-1)
+    return share_near(np.linalg.norm(np.asarray(joints, np.float64)[:, COMPARED] - reference[:, COMPARED], axis=-1))
+
+
+def agreement_with_offsets(differences: Sequence[np.ndarray], subjects: Sequence[str | None]) -> list[float]:
+    """Agreement of each run after the offsets fitted on the runs of all other subjects; NaN where there is none.
+
+    `differences` : of each run, see `local_differences`. An offset of a joint is the median of its differences.
+    """
+    offsets: dict[str, np.ndarray] = {}
+    for subject in {subject for subject in subjects if subject is not None}:
+        others = [d for d, other in zip(differences, subjects, strict=True) if other not in (None, subject)]
+        if others:  # joint by joint, so that thousands of runs need no second copy
+            medians = [np.nanmedian(np.concatenate([d[:, j] for d in others]), axis=0) for j in range(len(COMPARED))]
+            offsets[subject] = np.nan_to_num(np.stack(medians))
+    return [
+        share_near(np.linalg.norm(run - offsets[subject], axis=-1)) if subject in offsets else float("nan")
+        for run, subject in zip(differences, subjects, strict=True)
+    ]
+
+
+def share_near(distances: np.ndarray) -> float:
+    """Share of the known distances, metres, that are within 100 mm; NaN if none is known."""
     known = np.isfinite(distances)
     return float((distances[known] <= NEAR).mean()) if known.any() else float("nan")
-
-
-def agreement_with_offsets(
-    tracks: list[np.ndarray], references: list[np.ndarray], subjects: list[str | None]
-) -> list[float]:
-    """Agreement of each track after the offsets fitted on the tracks of all other subjects; NaN where there is none."""
-    scores = []
-    for track, reference, subject in zip(tracks, references, subjects, strict=True):
-        others = [i for i, other in enumerate(subjects) if subject is not None and other not in (None, subject)]
-        if not others:
-            scores.append(float("nan"))
-            continue
-        offsets = fit_offsets([tracks[i] for i in others], [references[i] for i in others])
-        scores.append(agreement(apply_offsets(track, offsets), reference))
-    return scores

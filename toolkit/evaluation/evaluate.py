@@ -12,7 +12,13 @@ import numpy as np
 from toolkit.body.skeleton import REPORTED
 from toolkit.errors import TrackError, UsageError
 from toolkit.evaluation import joints as metrics
-from toolkit.evaluation.agreement import UTD_SUBJECT, agreement, agreement_with_offsets, subject_of
+from toolkit.evaluation.agreement import (
+    UTD_SUBJECT,
+    agreement,
+    agreement_with_offsets,
+    local_differences,
+    subject_of,
+)
 from toolkit.evaluation.extrema import TIPS, all_free, extrema_found
 from toolkit.evaluation.identities import assigned
 from toolkit.evaluation.reference import Reference, find_reference
@@ -30,11 +36,10 @@ from toolkit.track import EMPTY, PARTIAL_FILE, STATE_NAMES, TRACK_FILE, TRACKED,
 
 @dataclass(frozen=True, eq=False)
 class _Evaluated:
-    """One run's scores and what the agreement over subjects still needs."""
+    """One run's scores and what the agreement over subjects still needs: `local_differences`, None of a truth."""
 
     scores: RunScores
-    joints: np.ndarray
-    reference: Reference | None
+    differences: np.ndarray | None = None
 
 
 def evaluate_runs(
@@ -154,7 +159,7 @@ def _not_found(recording: Recording, run: Path, person: Reference) -> _Evaluated
     scores = RunScores(f"{recording.name}/not found", str(run), 0, len(recording))
     if person.is_truth and np.isfinite(errors).any():
         scores = replace(scores, **_error_figures(errors))
-    return _Evaluated(scores, nowhere, None)
+    return _Evaluated(scores)
 
 
 def _evaluate_person(
@@ -174,7 +179,9 @@ def _evaluate_person(
         scores = replace(scores, **_distances(track, reference))
     if surface:
         scores = replace(scores, **_frame_figures(track, info, recording, reference))
-    return _Evaluated(scores, track.joints, reference)
+    if reference is None or reference.is_truth:
+        return _Evaluated(scores)
+    return _Evaluated(scores, local_differences(track.joints, reference.joints))
 
 
 def _selection(track: Track) -> dict[str, Any]:
@@ -288,9 +295,9 @@ def _median(values: np.ndarray) -> float | None:
 def _with_offsets(evaluated: list[_Evaluated], pattern: str) -> EvaluationTable:
     """Fill in the agreement with offsets, which needs the runs of other subjects."""
     rows = [item.scores for item in evaluated]
-    agreed = {i: e.reference.joints for i, e in enumerate(evaluated) if e.reference and not e.reference.is_truth}
+    agreed = {i: item.differences for i, item in enumerate(evaluated) if item.differences is not None}
     subjects = [subject_of(rows[i].recording, pattern) for i in agreed]
-    shares = agreement_with_offsets([evaluated[i].joints for i in agreed], list(agreed.values()), subjects)
+    shares = agreement_with_offsets(list(agreed.values()), subjects)
     for i, share in zip(agreed, shares, strict=True):
         rows[i] = replace(rows[i], agreement_offsets=share if np.isfinite(share) else None)
     return EvaluationTable(rows)

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
+from toolkit.errors import OutputError
 from toolkit.files import atomic_path
 from toolkit.rendering.style import FAINT, INK, PAPER, person_color
 from toolkit.sensing.people.describe import Look
@@ -50,4 +51,5 @@ def save_picture(look: Look, path: str | Path) -> None:
     import cv2
 
     with atomic_path(path) as temporary:
-        cv2.imwrite(str(temporary), np.ascontiguousarray(picture(look)[:, :, ::-1]))
+        if not cv2.imwrite(str(temporary), np.ascontiguousarray(picture(look)[:, :, ::-1])):
+            raise OutputError(f"cannot write {path}; check the space left on its disk")

@@ -35,10 +35,6 @@ def color_depth(depth_mm: np.ndarray, person: np.ndarray, near: float, far: floa
     return np.take(_depth_table(), entry, axis=0)
 
 
-SURE = 0.5
-"""Confidence of a joint below which it is drawn as a ring: it is more likely a guess than found."""
-
-
 @lru_cache(maxsize=1)
 def _depth_table() -> np.ndarray:
     bright = depth_palette()
@@ -48,10 +44,10 @@ def _depth_table() -> np.ndarray:
 def draw_skeleton(
     image: np.ndarray,
     joints: np.ndarray,
-    confidence: np.ndarray | None = None,
+    observed: np.ndarray | None = None,
     color: tuple[int, int, int] | None = None,
 ) -> None:
-    """Draw 20 joints at pixels (20, 2) with their bones on an RGB image; joints of low confidence become rings.
+    """Draw 20 joints at pixels (20, 2) with their bones on an RGB image; joints that were not observed become rings.
 
     Left, right and middle have their own colours, or all of it has the one that is given.
     """
@@ -68,9 +64,9 @@ def draw_skeleton(
         if point is None:
             continue
         radius = int((thickness + 1.5) * 2**SHIFT)
-        sure = confidence is None or confidence[k] >= SURE
+        seen = observed is None or observed[k]
         cv2.circle(image, point, radius + 2**SHIFT, PAPER, -1, cv2.LINE_AA, SHIFT)
-        cv2.circle(image, point, radius, color or JOINT_COLORS[k], -1 if sure else 1, cv2.LINE_AA, SHIFT)
+        cv2.circle(image, point, radius, color or JOINT_COLORS[k], -1 if seen else 1, cv2.LINE_AA, SHIFT)
 
 
 def draw_extrema(image: np.ndarray, pixels: np.ndarray) -> None:

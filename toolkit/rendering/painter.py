@@ -180,7 +180,7 @@ class FramePainter:
         for k, person in self._there(i):
             color = style.person_color(k) if self._several else None
             pixels = self._window.camera.project(person.track.joints[i])
-            draw_skeleton(image, pixels, person.track.confidence[i], color)
+            draw_skeleton(image, pixels, person.track.observed[i], color)
         if self._extrema and len(cloud):
             extrema = geodesic_extrema(cloud, self._extrema)
             draw_extrema(image, self._window.camera.project(extrema.points @ self._rotation))

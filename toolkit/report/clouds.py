@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import zlib
 from dataclasses import dataclass
 
 import numpy as np
 
+from toolkit.sensing.camera import Camera
 from toolkit.sensing.recording import Recording
 
 REACH = 0.45
@@ -25,7 +25,9 @@ UNIT = 0.004
 
 @dataclass(frozen=True, eq=False)
 class SceneClouds:
-    """Points in the level frame, int16, in units of `UNIT`.
+    """Points as a camera sees them, int16: column and row in pixels, and the depth in units of `UNIT`.
+
+    Neighbours are then alike but for their depth, and a page needs half as many bytes as for points in space.
 
     Attributes
     ----------
@@ -39,14 +41,13 @@ class SceneClouds:
     room: np.ndarray
 
 
-def gather_clouds(recording: Recording, joints: np.ndarray, rotation: np.ndarray, frames: range) -> SceneClouds:
+def gather_clouds(recording: Recording, joints: np.ndarray, frames: range) -> SceneClouds:
     """Read the frames once and keep what a page can show.
 
     Parameters
     ----------
     recording : that was tracked
     joints : float (T, J, 3), joints of everybody in every frame, camera frame, metres; NaN where nobody is there
-    rotation : float64 (3, 3), R_level_camera
     frames : which ones are shown, in order
     """
     limit = min(POINTS, max(50, TOTAL // len(frames)))
@@ -58,7 +59,7 @@ def gather_clouds(recording: Recording, joints: np.ndarray, rotation: np.ndarray
         if i in shown:
             near = _near_people(depth, rays, joints[i])
             chosen = _thinned(near, limit)
-            points.append(rays[chosen] * (depth[chosen] / MILLIMETRES)[:, None])
+            points.append(_seen(recording.camera, chosen, depth[chosen]))
             counts.append(len(points[-1]))
             if shown[i] in for_room:
                 still.append(np.where(near, 0, depth))
@@ -66,9 +67,8 @@ def gather_clouds(recording: Recording, joints: np.ndarray, rotation: np.ndarray
             break
     scene = _median(np.stack([recording.background] if recording.background is not None else still))
     there = _thinned(scene > 0, ROOM_POINTS)
-    room = rays[there] * (scene[there] / MILLIMETRES)[:, None]
-    together = np.concatenate(points) if points else np.zeros((0, 3))
-    return SceneClouds(_in_units(together, rotation), np.array(counts, dtype=np.int64), _in_units(room, rotation))
+    together = np.concatenate(points) if points else np.zeros((0, 3), dtype=np.int16)
+    return SceneClouds(together, np.array(counts, dtype=np.int64), _seen(recording.camera, there, scene[there]))
 
 
 def _near_people(depth_mm: np.ndarray, rays: np.ndarray, joints: np.ndarray) -> np.ndarray:
@@ -98,9 +98,12 @@ def _thinned(mask: np.ndarray, limit: int) -> tuple[np.ndarray, np.ndarray]:
 
 
 def pack(points: np.ndarray) -> bytes:
-    """Points (N, 3), int16, as few bytes: differences of neighbours, coordinate by coordinate, deflated."""
+    """Points (N, 3), int16, as bytes that deflate well: differences of neighbours, coordinate by coordinate, all low
+    bytes before all high ones.
+    """
     steps = np.diff(points.astype(np.int32), axis=0, prepend=0).astype("<i2")  # wraps, and so do the sums
-    return zlib.compress(np.ascontiguousarray(steps.T).tobytes(), 9)
+    halves = np.ascontiguousarray(steps.T).view(np.uint8).reshape(-1, 2)
+    return halves.T.tobytes()
 
 
 def _median(images: np.ndarray) -> np.ndarray:
@@ -112,6 +115,9 @@ def _median(images: np.ndarray) -> np.ndarray:
     return out
 
 
-def _in_units(points_camera: np.ndarray, rotation: np.ndarray) -> np.ndarray:
-    level = np.rint(points_camera @ rotation.T / UNIT)
-    return np.clip(level, -32768, 32767).astype(np.int16)
+def _seen(camera: Camera, pixels: tuple[np.ndarray, np.ndarray], depth_mm: np.ndarray) -> np.ndarray:
+    """Points (N, 3) at rows and columns; where the lens bends, those of a straight one to half a pixel."""
+    slopes = camera.rays()[pixels]
+    column, row = slopes[:, 0] * camera.fx + camera.cx, slopes[:, 1] * camera.fy + camera.cy
+    points = np.rint(np.column_stack([column, row, depth_mm / (MILLIMETRES * UNIT)]))
+    return np.clip(points, -32768, 32767).astype(np.int16)

@@ -20,7 +20,6 @@ from toolkit.progress import Progress
 from toolkit.rendering import style
 from toolkit.rendering.film import render_run
 from toolkit.rendering.mesh import part_colors
-from toolkit.rendering.overlay import SURE
 from toolkit.rendering.painter import RenderSettings
 from toolkit.report.clouds import UNIT, gather_clouds, pack
 from toolkit.runs import Person, load_persons, person_runs
@@ -29,7 +28,7 @@ from toolkit.track import EMPTY, STATE_NAMES, RunInfo, Track
 
 LONGEST = 3000
 """Frames that a report shows unless others are asked for: the page of a longer recording would be too large to mail."""
-FILM = RenderSettings(panels=("depth", "body"), height=400, aspect=0.8, extrema=0)
+FILM = RenderSettings(panels=("depth", "body"), height=320, aspect=0.8, extrema=0)
 """Of the film in a page; the scene beside it takes the place of the side view."""
 STAGE_COLORS = ("#5b8ff9", "#f6903d", "#61ddaa", "#d3adf7", "#f6bd16", "#ff99c3", "#65789b", "#269a99")
 MILLIMETRES = 1000.0
@@ -96,7 +95,7 @@ def describe_run(
 
 def _cut(track: Track, frames: range) -> Track:
     rows = slice(frames.start, frames.stop)
-    columns = ("joints", "pose", "confidence", "state", "source", "timestamps", "stage_ms")
+    columns = ("joints", "pose", "confidence", "state", "source", "timestamps", "stage_ms", "observed")
     return replace(track, **{name: getattr(track, name)[rows] for name in columns})
 
 
@@ -116,10 +115,10 @@ def _numbers(run: str | Path, info: RunInfo, people: list[Person], frames: range
         "times": np.round(times, 4).tolist(),
         "joint_names": skeleton.REPORTED,
         "bones": style.BONE_ROWS.tolist(),
-        "sure": round(100 * SURE),
         "view": {"target": np.round(target, 3).tolist(), "from": np.round(target + (1.6, 0.5, 3.0), 3).tolist()},
         "floor": round(float(np.percentile(feet, 5)) - 0.05, 3),
-        "camera": [0.0, 0.0, info.R_level_camera.tolist()],
+        "lens": [1.0, 1.0, 0.0, 0.0, 0, 0],
+        "to_level": info.R_level_camera.tolist(),
         "film": None,
         "rate": 1.0,
         "unit": UNIT,
@@ -143,7 +142,7 @@ def _person(person: Person, number: int, of: int) -> dict[str, Any]:
         "joint_colors": [_hex(color) for color in colors],
         "state": track.state.tolist(),
         "joints": [row if here else None for row, here in zip(joints, there, strict=True)],
-        "confidence": np.rint(100 * track.confidence).astype(int).tolist(),
+        "observed": ["".join("01"[seen] for seen in row) for row in track.observed.astype(int).tolist()],
     }
 
 
@@ -239,11 +238,11 @@ def _seen(
         [np.where((person.track.state == EMPTY)[:, None, None], np.nan, person.track.joints) for person in people],
         axis=1,
     )
-    clouds = gather_clouds(recording, joints, people[0].R_level_camera, frames)
+    clouds = gather_clouds(recording, joints, frames)
     blocks |= {"points": pack(clouds.points), "room": pack(clouds.room)}
-    slopes = [camera.width / 2 / camera.fx, camera.height / 2 / camera.fy]
     facts = {"rate": rate, "point_counts": clouds.counts.tolist()}
-    return facts | {"camera": [*slopes, people[0].R_level_camera.tolist()]}, blocks
+    lens = [camera.fx, camera.fy, camera.cx, camera.cy, camera.width, camera.height]
+    return facts | {"lens": lens}, blocks
 
 
 def _glb(people: list[Person]) -> bytes:

@@ -6,6 +6,7 @@ import base64
 import html
 import json
 import re
+import zlib
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -75,21 +76,20 @@ def page(contents: Sequence[RunContent]) -> str:
     names = ", ".join(content.data["name"] for content in contents)
     blocks = [
         f'<script type="text/plain" id="{html.escape(key)}">{base64.b64encode(data).decode()}</script>'
-        for content in contents
-        for key, data in content.blocks.items()
+        for key, data in _blocks(contents).items()
     ]
     values = {
         "title": html.escape(f"depthmocap: {names}"),
-        "data": _json({"runs": [content.data for content in contents]}),
         "blocks": "\n".join(blocks),
-        "viewer": (ASSETS / "viewer.js").read_text(encoding="utf-8"),
         "licence": html.escape((ASSETS / "LICENSE.three.txt").read_text(encoding="utf-8")),
     }
     template = (ASSETS / "page.html").read_text(encoding="utf-8")
     return re.sub(r"\{\{(\w+)\}\}", lambda match: values[match[1]], template)
 
 
-def _json(value: object) -> str:
-    """JSON that can stand in a script element: no tag can begin or end in it."""
-    text = json.dumps(value, separators=(",", ":"), allow_nan=False)
-    return text.replace("<", "\\u003c").replace(">", "\\u003e").replace("&", "\\u0026")
+def _blocks(contents: Sequence[RunContent]) -> dict[str, bytes]:
+    """What stands in a page, deflated: its viewer, its data, and the blocks that the data name."""
+    data = json.dumps({"runs": [content.data for content in contents]}, separators=(",", ":"), allow_nan=False)
+    named = {key: block for content in contents for key, block in content.blocks.items()}
+    plain = {"viewer": (ASSETS / "viewer.js").read_bytes(), "data": data.encode(), **named}
+    return {key: zlib.compress(block, 9) for key, block in plain.items()}

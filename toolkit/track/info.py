@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import os
+import re
 from dataclasses import MISSING, asdict, dataclass, field, fields
+from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
@@ -117,7 +119,8 @@ class RunInfo:
         Raises
         ------
         TrackError
-            There is no such file, it is not JSON, a key is missing or of another type, or the run has another body.
+            There is no such file, it is not JSON, a key is missing or of another type, or the run is another body's or
+            a later version's.
         """
         path = Path(run) / RUN_FILE
         if not is_file(path):
@@ -163,6 +166,11 @@ def _check_values(values: dict[str, Any], path: Path) -> None:
     turn = numbers["level_rotation"].reshape(3, 3)
     if np.abs(turn @ turn.T - np.eye(3)).max() > 1e-6 or np.linalg.det(turn) < 0:
         raise TrackError(f"level_rotation in {path} is no rotation; {AGAIN}")
+    release, own = _release(values["version"]), version("depthmocap")
+    if release is None or release > (_release(own) or ()):
+        raise TrackError(
+            f"{path} was written by version {values['version']!r}, this is {own}; install that one or a later one"
+        )
     if values["body_fingerprint"] != skeleton.fingerprint():
         raise TrackError(
             f"{path} was made with another body (fingerprint {values['body_fingerprint']}, this one has "
@@ -175,6 +183,12 @@ def _check_values(values: dict[str, Any], path: Path) -> None:
         ReaderOptions.from_mapping(values["reader_options"])
     except UsageError as error:
         raise TrackError(f"the reader options in {path} cannot be used: {error}; {AGAIN}") from error
+
+
+def _release(text: str) -> tuple[int, int] | None:
+    """The first two numbers of a version; a file of a later release may mean something that this one does not know."""
+    numbers = re.match(r"(\d{1,9})(?:\.(\d{1,9}))?(?!\w)", text)
+    return None if numbers is None else (int(numbers[1]), int(numbers[2] or 0))
 
 
 def _relative(recording: str, folder: Path) -> str:

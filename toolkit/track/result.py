@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
+
+from toolkit.body.skeleton import REPORTED
 
 TRACKED, LOST, EMPTY = 0, 1, 2
 """States of a frame: followed; somebody is there but not explained; nobody is there."""
@@ -23,6 +25,7 @@ class FrameResult:
     state : `TRACKED`, `LOST` or `EMPTY`
     source : index into the tracker's `source_names`, the hypothesis that won
     stage_ms : float32 (S,), milliseconds per stage of the tracker's `stage_names`, disjoint
+    observed : bool (20,), False for a joint that was guessed, because nothing was measured where it has to be
     """
 
     pose: np.ndarray
@@ -31,3 +34,4 @@ class FrameResult:
     state: int
     source: int
     stage_ms: np.ndarray
+    observed: np.ndarray = field(default_factory=lambda: np.ones(len(REPORTED), dtype=np.bool_))

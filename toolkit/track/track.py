@@ -32,6 +32,7 @@ class Track:
     state, source : uint8 (T,), indices into `STATE_NAMES` and `source_names`
     timestamps : float64 (T,), seconds
     stage_ms : float32 (T, S), milliseconds, without reading the file
+    observed : bool (T, 20), as in `FrameResult`
     """
 
     joints: np.ndarray
@@ -41,6 +42,7 @@ class Track:
     source: np.ndarray
     timestamps: np.ndarray
     stage_ms: np.ndarray
+    observed: np.ndarray
     source_names: tuple[str, ...]
     stage_names: tuple[str, ...]
     joint_names: tuple[str, ...] = field(default=skeleton.REPORTED)
@@ -55,6 +57,7 @@ class Track:
         }  # fmt: skip
         kinds = {name: "u" if name in ("state", "source") else "f" for name in spans}
         wanted = {name: Column(kinds[name], ("frames", *shapes[name]), *span) for name, span in spans.items()}
+        wanted["observed"] = Column("b", ("frames", *shapes["observed"]))
         check_columns(vars(self), wanted, TrackError, "a track", "a tracker writes one such row per frame")
         if (np.diff(self.timestamps) < 0).any():
             raise TrackError("a track's timestamps run backwards; a tracker writes its rows in order")
@@ -85,6 +88,8 @@ class Track:
             raise TrackError(f"{folder} holds no {TRACK_FILE}; name a run folder that `depthmocap track` wrote")
         arrays = load_archive(path, TrackError, AGAIN)
         names = [f.name for f in fields(cls)]
+        if "confidence" in arrays:  # earlier versions did not say what was observed
+            arrays.setdefault("observed", np.ones(arrays["confidence"].shape, dtype=np.bool_))
         if missing := [name for name in names if name not in arrays]:
             raise TrackError(f"{path} lacks {', '.join(missing)}; {AGAIN}")
         texts = {name: Column("U", ("names",)) for name in names if name.endswith("_names")}
@@ -110,6 +115,7 @@ def columns(pose_size: int, stages: int) -> dict[str, tuple[int, ...]]:
         "source": (),
         "timestamps": (),
         "stage_ms": (stages,),
+        "observed": (joints,),
     }
 
 

@@ -21,7 +21,10 @@ from toolkit.track.track import PARTIAL_FILE, Track, columns
 
 
 def _record(stages: int) -> np.dtype:
-    types = dict(joints="<f4", pose="<f8", confidence="<f4", state="u1", source="u1", timestamps="<f8", stage_ms="<f4")
+    types = dict(
+        joints="<f4", pose="<f8", confidence="<f4", state="u1", source="u1", timestamps="<f8", stage_ms="<f4",
+        observed="?",
+    )  # fmt: skip
     return np.dtype([(name, types[name], tail) for name, tail in columns(skeleton.POSE_SIZE, stages).items()])
 
 
@@ -52,6 +55,7 @@ class TrackWriter:
         self._path = self.run / PARTIAL_FILE
         self._record = _record(len(stage_names))
         names = {
+            "columns": list(self._record.names or ()),
             "joint_names": skeleton.REPORTED,
             "pose_names": skeleton.POSE_NAMES,
             "stage_names": stage_names,
@@ -106,7 +110,7 @@ class TrackWriter:
             The row cannot be written, for example because the disk is full; the rows before it stay.
         """
         row = np.zeros((), dtype=self._record)
-        for name in ("joints", "pose", "confidence", "state", "source", "stage_ms"):
+        for name in ("joints", "pose", "confidence", "state", "source", "stage_ms", "observed"):
             row[name] = getattr(result, name)
         row["timestamps"] = timestamp
         try:

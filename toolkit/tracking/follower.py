@@ -157,7 +157,7 @@ class Follower(Person):
         joints = previous.joints if reported is pose else body.joint_positions(reported)
         found = self.objective.confidence(winner.comparison) if tracked else np.zeros(len(joints))
         confidence = guess.confidence(found)
-        return self.row(reported, joints, confidence, TRACKED if tracked else LOST, source)
+        return self.row(reported, joints, confidence, guess.observed, TRACKED if tracked else LOST, source)
 
     def _completed(self, winner: Rival) -> Guess:
         """The winner, whose unobserved limbs do not jump."""

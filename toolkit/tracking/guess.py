@@ -36,6 +36,11 @@ class Guess:
     pose: np.ndarray
     spread: np.ndarray
 
+    @property
+    def observed(self) -> np.ndarray:
+        """Bool (20,): the reported joints that were not guessed."""
+        return self.spread == 0.0
+
     def confidence(self, found: np.ndarray) -> np.ndarray:
         """Probabilities (20,) of joints to be within 5 cm: those `found` from the frame, at most the guess's own."""
         own = [_within(WITHIN / math.hypot(spread, FOUND)) if spread > 0.0 else 1.0 for spread in self.spread]

@@ -219,8 +219,10 @@ class ParticleFollower(Person):
         )
         confidence = self._objective.confidence(compared) if tracked else np.zeros(len(skeleton.REPORTED))
         confidence[UNSEEN] = 0.0
+        observed = np.ones(len(confidence), dtype=np.bool_)
+        observed[UNSEEN] = False
         joints = state.body.joint_positions(pose)
-        return self.row(pose, joints, confidence, TRACKED if tracked else LOST, source)
+        return self.row(pose, joints, confidence, observed, TRACKED if tracked else LOST, source)
 
 
 class ParticleTracker:

@@ -79,7 +79,15 @@ class Person:
         pose[skeleton.ROOT_POSITION] = UNSEEN
         return pose
 
-    def row(self, pose: np.ndarray, joints: np.ndarray, confidence: np.ndarray, state: int, source: str) -> FrameResult:
+    def row(
+        self,
+        pose: np.ndarray,
+        joints: np.ndarray,
+        confidence: np.ndarray,
+        observed: np.ndarray,
+        state: int,
+        source: str,
+    ) -> FrameResult:
         """A row of the track, without times: `joints` (20, 3) in the level frame."""
         return FrameResult(
             pose=pose,
@@ -88,9 +96,11 @@ class Person:
             state=state,
             source=self._sources.index(source),
             stage_ms=np.empty(0, dtype=np.float32),
+            observed=observed,
         )
 
     def predicted_row(self, state: int) -> FrameResult:
         """The row of a frame in which no pose was found, without times: the last one, of which nothing is sure."""
         joints = self.state.body.joint_positions(self.last_pose)
-        return self.row(self.last_pose, joints, np.zeros(len(joints)), state, PREDICTED)
+        nothing = np.zeros(len(joints), dtype=np.bool_)
+        return self.row(self.last_pose, joints, np.zeros(len(joints)), nothing, state, PREDICTED)

@@ -1,14 +1,12 @@
 // The film follows the clock: it plays along, and is set right where it has drifted away.
-import { bytes } from "./data.js";
-
 const DRIFT = 0.12; // seconds of the film
 
 export class Film {
-  constructor(video, run) {
+  constructor(video, run, film) {
     this._video = video;
     this._rate = run.rate;
-    video.hidden = !run.film;
-    this._url = run.film ? URL.createObjectURL(new Blob([bytes(run.film)], { type: "video/webm" })) : null;
+    video.hidden = !film;
+    this._url = film ? URL.createObjectURL(new Blob([film], { type: "video/webm" })) : null;
     if (this._url) video.src = this._url;
   }
 

@@ -30,8 +30,9 @@ async function show(run) {
   clock.setTimes(run.times);
   find("slider").max = run.times.length - 1;
   const plots = drawPlots(find("plots"), run, (frame) => clock.jump(frame));
-  const film = new Film(find("film"), run);
-  const scene = await Scene.make(find("scene"), find("labels"), run, await unpack(run)).catch((error) => {
+  const blocks = await unpack(run);
+  const film = new Film(find("film"), run, blocks.film);
+  const scene = await Scene.make(find("scene"), find("labels"), run, blocks).catch((error) => {
     find("note").textContent += ` The scene cannot be drawn here: ${error.message}`;
     return null;
   });
@@ -85,7 +86,8 @@ function loop(now) {
   requestAnimationFrame(loop);
 }
 
-const data = readData();
-listen(data);
-show(data.runs[0]);
-requestAnimationFrame(loop);
+readData().then((data) => {
+  listen(data);
+  show(data.runs[0]);
+  requestAnimationFrame(loop);
+});

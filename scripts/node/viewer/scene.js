@@ -12,7 +12,7 @@ const JOINT_SIZE = 0.045; // metres
 const EMPTY = 2;
 const BEHIND = 2000; // of the depth buffer: the body lies some 2 cm behind itself, so that points on it are seen
 
-// A filled disc for a joint that is seen, a ring for one that is not or is unsure.
+// A filled disc for a joint that was observed, a ring for one that was guessed.
 function disc(filled) {
   const canvas = document.createElement("canvas");
   canvas.width = canvas.height = 64;
@@ -32,10 +32,10 @@ function pointCloud(values, size, color) {
   return new Points(geometry, new PointsMaterial({ size, color, sizeAttenuation: true }));
 }
 
-// The camera that recorded: its image plane half a metre in front of it.
-function cameraPyramid(halfWidth, halfHeight, toLevel) {
-  const corners = [[-1, -1], [1, -1], [1, 1], [-1, 1]].map(([u, v]) => {
-    const [x, y, z] = [0.3 * u * halfWidth, 0.3 * v * halfHeight, 0.3];
+// The camera that recorded: its image plane 30 cm in front of it.
+function cameraPyramid([fx, fy, cx, cy, width, height], toLevel) {
+  const corners = [[0, 0], [width, 0], [width, height], [0, height]].map(([u, v]) => {
+    const [x, y, z] = [(0.3 * (u - cx)) / fx, (0.3 * (v - cy)) / fy, 0.3];
     return toLevel.map((row) => row[0] * x + row[1] * y + row[2] * z);
   });
   const lines = corners.flatMap((corner, i) => [[0, 0, 0], corner, corner, corners[(i + 1) % 4]]);
@@ -79,9 +79,9 @@ class Figure {
     this._labels.forEach((label) => (label.hidden = true));
     if (!there || !at) return;
     this._sprites.forEach((sprite, j) => {
-      const sure = this._person.confidence[frame][j] >= this._run.sure;
+      const seen = this._person.observed[frame][j] === "1";
       sprite.position.copy(at[j]);
-      const texture = this._textures[sure ? 1 : 0];
+      const texture = this._textures[seen ? 1 : 0];
       if (sprite.material.map !== texture) {
         sprite.material.map = texture;
         sprite.material.needsUpdate = true;
@@ -90,7 +90,7 @@ class Figure {
       const place = at[j].clone().project(camera);
       const label = this._labels[j];
       label.hidden = Math.abs(place.x) > 1 || Math.abs(place.y) > 1 || place.z > 1;
-      label.classList.toggle("unsure", !sure);
+      label.classList.toggle("guessed", !seen);
       label.style.transform = `translate(${((place.x + 1) / 2) * width + 7}px, ${((1 - place.y) / 2) * height - 7}px)`;
     });
     const ends = this._bones.geometry.attributes.position;
@@ -136,7 +136,7 @@ export class Scene {
     this._points = pointCloud(new Float32Array(3 * Math.max(1, ...run.point_counts)), 0.018, 0x96e6be);
     this._points.frustumCulled = false;
     const room = new Group();
-    room.add(pointCloud(blocks.room, 0.02, 0x5f6b80), cameraPyramid(...run.camera));
+    room.add(pointCloud(blocks.room, 0.02, 0x5f6b80), cameraPyramid(run.lens, run.to_level));
     const grid = new GridHelper(6, 12, 0x39414f, 0x262c37);
     grid.position.set(run.view.target[0], run.floor, run.view.target[2]);
     room.add(grid);
