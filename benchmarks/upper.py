@@ -144,7 +144,7 @@ def stills(row: str, options: argparse.Namespace) -> tuple[dict[str, Any], list[
         result = Solo(tracker_of(row, options, subject="nearest"), recording).step(recording.depth(0), 0.0)
         errors = upper.pixel_errors(result.joints[None, upper.ROWS].astype(np.float64), places[None], recording.camera)
         scores.append(upper.UpperScore(name, errors, np.full((1, 7), np.nan), np.array([result.state == TRACKED])))
-        pictures.append(picture_of(recording, 0, result.joints, result.confidence, places))
+        pictures.append(picture_of(recording, 0, result.joints, result.observed, places))
     return _real_figures(scores), pictures
 
 
@@ -160,7 +160,7 @@ def seated(row: str, options: argparse.Namespace) -> tuple[dict[str, Any], list[
             found = result.joints[None, upper.ROWS].astype(np.float64)
             errors.append(upper.pixel_errors(found, truth[None], recording.camera)[0])
             tracked.append(result.state == TRACKED)
-            pictures.append(picture_of(recording, i, result.joints, result.confidence, truth))
+            pictures.append(picture_of(recording, i, result.joints, result.observed, truth))
     score = upper.UpperScore("seated", np.array(errors), np.full((len(errors), 7), np.nan), np.array(tracked))
     return _real_figures([score]), pictures
 

@@ -45,7 +45,8 @@ def track_of(poses, state=(0, LOST, EMPTY, 0)):
     return Track(
         joints=joints.astype(np.float32), pose=poses, confidence=np.ones((len(poses), 20), np.float32),
         state=np.array(state, np.uint8), source=np.zeros(len(poses), np.uint8), timestamps=np.arange(len(poses)) / 20,
-        stage_ms=np.zeros((len(poses), 1), np.float32), observed=np.ones((len(poses), 20), dtype=bool), source_names=("local",), stage_names=("all",),
+        stage_ms=np.zeros((len(poses), 1), np.float32), observed=np.ones((len(poses), 20), dtype=bool),
+        source_names=("local",), stage_names=("all",),
     )  # fmt: skip
 
 

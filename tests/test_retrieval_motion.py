@@ -80,7 +80,8 @@ def test_a_track_has_the_features_of_its_poses_at_the_rate_of_its_time_stamps() 
         joints=body.joint_positions(clip.poses).astype(np.float32), pose=clip.poses,
         confidence=np.ones((frames, 20), np.float32), state=np.zeros(frames, np.uint8),
         source=np.zeros(frames, np.uint8), timestamps=np.arange(frames) / 30.0,
-        stage_ms=np.zeros((frames, 1), np.float32), observed=np.ones((frames, 20), bool), source_names=("local",), stage_names=("all",),
+        stage_ms=np.zeros((frames, 1), np.float32), observed=np.ones((frames, 20), bool),
+        source_names=("local",), stage_names=("all",),
     )  # fmt: skip
     motion = from_track(track, body, "run")
     assert motion.frame_rate == pytest.approx(30.0)
@@ -103,7 +104,8 @@ def test_lost_frames_of_a_track_are_bridged_and_missing_ones_keep_their_time() -
     track = Track(
         joints=body.joint_positions(poses[kept]).astype(np.float32), pose=poses[kept],
         confidence=np.ones((len(kept), 20), np.float32), state=state[kept], source=np.zeros(len(kept), np.uint8),
-        timestamps=5.0 + kept / 30.0, stage_ms=np.zeros((len(kept), 1), np.float32), observed=np.ones((len(kept), 20), bool), source_names=("local",),
+        timestamps=5.0 + kept / 30.0, stage_ms=np.zeros((len(kept), 1), np.float32), observed=np.ones((len(kept), 20), bool),
+        source_names=("local",),
         stage_names=("all",),
     )  # fmt: skip
     motion = from_track(track, body, "run")
