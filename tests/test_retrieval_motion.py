@@ -104,7 +104,8 @@ def test_lost_frames_of_a_track_are_bridged_and_missing_ones_keep_their_time() -
     track = Track(
         joints=body.joint_positions(poses[kept]).astype(np.float32), pose=poses[kept],
         confidence=np.ones((len(kept), 20), np.float32), state=state[kept], source=np.zeros(len(kept), np.uint8),
-        timestamps=5.0 + kept / 30.0, stage_ms=np.zeros((len(kept), 1), np.float32), observed=np.ones((len(kept), 20), bool),
+        timestamps=5.0 + kept / 30.0, stage_ms=np.zeros((len(kept), 1), np.float32),
+        observed=np.ones((len(kept), 20), bool),
         source_names=("local",),
         stage_names=("all",),
     )  # fmt: skip

@@ -19,16 +19,16 @@ KNOWN_SIZES = {2 * w * h: (w, h) for w, h in ((640, 480), (512, 424), (320, 240)
 
 def matches(path: Path) -> bool:
     """Whether `path` is a raw file, or a folder of them, of a known camera's size."""
-    files = _files(path)
-    return bool(files) and files[0].stat().st_size in KNOWN_SIZES
+    return any(file.stat().st_size in KNOWN_SIZES for file in _files(path))
 
 
 def _files(path: Path) -> list[Path]:
     if path.is_file():
         return [path]
     files = [p for p in path.iterdir() if p.is_file() and not p.name.startswith(".")]
-    sizes = [p.stat().st_size for p in files]
-    return sorted((p for p, s in zip(files, sizes, strict=True) if s in KNOWN_SIZES) or files, key=natural_key)
+    frames = [p for p in files if p.stat().st_size in KNOWN_SIZES]
+    suffixes = {p.suffix for p in frames}  # what is called like a frame is one, and cut short if it has another size
+    return sorted((p for p in files if p.suffix in suffixes) or files, key=natural_key)
 
 
 class RawFrames:
@@ -66,7 +66,7 @@ def read(path: Path, options: ReaderOptions) -> Recording:
     files = _files(path)
     if not files:
         raise RecordingError(f"{path} holds no file; give the folder of the raw frames")
-    size = options.size or KNOWN_SIZES.get(files[0].stat().st_size)
+    size = options.size or next((known for file in files if (known := KNOWN_SIZES.get(file.stat().st_size))), None)
     if size is None:
         raise RecordingError(
             f"{files[0]} has {files[0].stat().st_size} bytes, no known size; give the option size=width,height"
