@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import resource
 import signal
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,7 +12,7 @@ from pathlib import Path
 import pytest
 
 from tests.fake_tracker import FakeTracker, write_recording
-from toolkit.errors import UsageError
+from toolkit.errors import OutputError, UsageError
 from toolkit.pipeline import TrackerRecipe, track_many
 from toolkit.pipeline.manifest import DONE, FAILED, MANIFEST_FILE, Manifest, ManifestRow
 from toolkit.track import Track
@@ -20,11 +21,14 @@ from toolkit.tracking.protocol import Tracker
 
 @dataclass(frozen=True)
 class FakeRecipe(TrackerRecipe):
-    """Builds a fake tracker; each process that builds one leaves a mark, and dies of it where `deadly` says so."""
+    """Builds a fake tracker; each process that builds one leaves a mark, and dies of it where `deadly` says so, or has
+    only `space` bytes left on its disk for a file.
+    """
 
     marks: str = ""
     seconds: float = 0.0
     deadly: bool = False
+    space: int = 0
 
     def build(self) -> Tracker:
         if self.marks:
@@ -35,6 +39,8 @@ class FakeRecipe(TrackerRecipe):
             if not alive.exists():
                 alive.write_text("")
                 os.kill(os.getpid(), signal.SIGKILL)
+        if self.space and os.environ.get("BATCH_PARENT") != str(os.getpid()):
+            resource.setrlimit(resource.RLIMIT_FSIZE, (self.space, resource.RLIM_INFINITY))
         return FakeTracker(self.seconds)  # type: ignore[return-value]
 
 
@@ -96,6 +102,47 @@ def test_the_death_of_a_process_loses_nothing(
     rows = track_many(takes, recipe, tmp_path / "runs", workers=2)
     assert (tmp_path / "marks" / "killed").exists()
     assert [row.status for row in rows] == [DONE] * 4
+
+
+def test_a_disk_that_fills_up_is_named_and_what_failed_is_done_when_there_is_space(
+    tmp_path: Path, takes: list[Path], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from joblib.externals.loky import get_reusable_executor
+
+    monkeypatch.setenv("BATCH_PARENT", str(os.getpid()))
+    runs = tmp_path / "runs"
+    assert [row.status for row in track_many(takes[:1], FakeRecipe(), runs, workers=2)] == [DONE]
+    written = (runs / "take0" / "track.npz").stat().st_mtime_ns
+    try:
+        rows = track_many(takes, FakeRecipe(space=3000), runs, workers=2)
+    finally:
+        get_reusable_executor().shutdown(wait=True)  # its processes have no space for other tests either
+    assert [row.status for row in rows] == [DONE, FAILED, FAILED, FAILED]
+    assert all("free some space" in row.reason for row in rows[1:])
+    assert not [path for path in runs.rglob("track.npz") if path.parent.name != "take0"]
+    again = track_many(takes, FakeRecipe(), runs, workers=2, retry_failed=True)
+    assert [row.status for row in again] == [DONE] * 3
+    assert (runs / "take0" / "track.npz").stat().st_mtime_ns == written
+
+
+def test_a_manifest_that_cannot_be_written_ends_the_batch_and_nothing_is_done_twice(
+    tmp_path: Path, takes: list[Path], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    runs, append = tmp_path / "runs", Manifest.append
+
+    def full(manifest: Manifest, row: ManifestRow) -> None:
+        if len(manifest.rows) == 2:
+            raise OutputError(f"cannot write {manifest.path}: No space left on device; free some space")
+        append(manifest, row)
+
+    monkeypatch.setattr(Manifest, "append", full)
+    with pytest.raises(OutputError, match="free some space"):
+        track_many(takes, FakeRecipe(), runs, workers=1)
+    monkeypatch.setattr(Manifest, "append", append)
+    before = {path: path.stat().st_mtime_ns for path in runs.rglob("track.npz")}
+    assert len(before) >= 2
+    assert [row.status for row in track_many(takes, FakeRecipe(), runs, workers=1)] == [DONE] * 4
+    assert all(path.stat().st_mtime_ns == time for path, time in before.items())
 
 
 def test_a_dask_cluster_finishes_though_a_worker_is_killed(tmp_path: Path, takes: list[Path]) -> None:
