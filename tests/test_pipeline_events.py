@@ -9,6 +9,7 @@ import pytest
 
 from tests.fake_tracker import FakeTracker, write_recording
 from tests.test_retrieval_online import RATE, body, classes, document
+from toolkit.cli.guiding import Guiding
 from toolkit.errors import UsageError
 from toolkit.pipeline import track_recording
 from toolkit.pipeline.events import EventStream
@@ -65,7 +66,7 @@ def test_frames_without_anybody_are_left_out(tmp_path):
     assert (tmp_path / "events.jsonl").read_text() == ""
 
 
-def test_arow_watcher_is_told_every_row_of_a_run(tmp_path):
+def test_a_watcher_is_told_every_row_of_a_run(tmp_path):
     told = []
 
     class Watcher:
@@ -86,9 +87,7 @@ def test_arow_watcher_is_told_every_row_of_a_run(tmp_path):
 
 
 def test_events_need_classes_and_one_recording(tmp_path):
-    from toolkit.cli.track import row_watcher
-
-    assert row_watcher([tmp_path / "a.npz"], None, None, None, False) is None
+    assert Guiding().evidence([tmp_path / "a.npz"]).watcher is None
     for recordings, file in (([tmp_path / "a.npz"], None), ([tmp_path / "a.npz"] * 2, tmp_path / "c.npz")):
         with pytest.raises(UsageError, match="--events tells the motions of one recording"):
-            row_watcher(recordings, "-", file, None, False)
+            Guiding(events="-", classes=file).evidence(recordings)

@@ -11,6 +11,7 @@ from scipy.spatial.transform import Rotation
 from tests.inertial_scenes import FIVE, motion_of, poses_of, sensors_of, write_run
 from toolkit.body import skeleton
 from toolkit.body.shape import load_body
+from toolkit.cli.guiding import Guiding
 from toolkit.errors import InertialError, UsageError
 from toolkit.fitting.orientation import OrientationTerm
 from toolkit.fitting.placed import NormalSystem, Placer
@@ -149,10 +150,9 @@ def test_a_run_is_not_checked_by_the_sensors_that_made_it(tmp_path):
 
 
 def test_sensors_and_calibration_go_together(tmp_path):
-    from toolkit.cli.track import sensor_guide
-
     with pytest.raises(UsageError, match="go together"):
-        sensor_guide([tmp_path / "take.npz"], tmp_path / "sensors.npz", None)
+        Guiding(inertial=tmp_path / "sensors.npz").evidence([tmp_path / "take.npz"])
     with pytest.raises(UsageError, match="belong to one recording"):
-        sensor_guide([tmp_path / "a.npz", tmp_path / "b.npz"], tmp_path / "s.npz", tmp_path / "c.json")
-    assert sensor_guide([tmp_path / "take.npz"], None, None) == (None, "")
+        both = Guiding(inertial=tmp_path / "s.npz", calibration=tmp_path / "c.json")
+        both.evidence([tmp_path / "a.npz", tmp_path / "b.npz"])
+    assert Guiding().evidence([tmp_path / "take.npz"]) == (None, None, "", "")

@@ -7,24 +7,19 @@ from typing import Annotated
 
 import typer
 
+from toolkit.cli.groups import spread
 from toolkit.cli.options import Output, given
-from toolkit.cli.track import HELP, JointsOption, JointsSizeOption, joint_choice, people_of, reading_of
+from toolkit.cli.reading import Joints, Reading, SegmentOption, people_of
 
 
+@spread
 def joints(
     recording: Annotated[Path, typer.Argument(metavar="RECORDING", show_default=False)],
     output: Output,
-    joints: JointsOption = None,
-    joints_size: JointsSizeOption = None,
+    joints: Joints = Joints(),
     people: Annotated[str, typer.Option(metavar="all|N", help="Whose joints are looked for.")] = "1",
-    segment: Annotated[str | None, typer.Option(help=HELP["segment"], show_default="auto")] = None,
-    format_: Annotated[str | None, typer.Option("--format", help=HELP["format"])] = None,
-    intrinsics: Annotated[str | None, typer.Option(help=HELP["intrinsics"])] = None,
-    mirrored: Annotated[bool | None, typer.Option("--mirrored/--not-mirrored", help=HELP["mirrored"])] = None,
-    depth_unit: Annotated[str | None, typer.Option(help=HELP["unit"])] = None,
-    frame_rate: Annotated[float | None, typer.Option(help=HELP["rate"])] = None,
-    up: Annotated[str | None, typer.Option(help=HELP["up"])] = None,
-    rotate: Annotated[int | None, typer.Option(help=HELP["rotate"])] = None,
+    segment: SegmentOption = None,
+    reading: Reading = Reading(),
 ) -> None:
     """Find the joints in the images of a recording once, and store them with it as NPZ."""
     from toolkit.cli.terminal import progress_bars
@@ -32,20 +27,8 @@ def joints(
     from toolkit.sensing.opening import open_recording
     from toolkit.sensing.settings import SensingSettings
 
-    choice = joint_choice(joints, joints_size)
-    opened = open_recording(
-        recording,
-        **reading_of(
-            format=format_,
-            intrinsics=intrinsics,
-            mirrored=mirrored,
-            depth_unit=depth_unit,
-            size=None,
-            frame_rate=frame_rate,
-            up=up,
-            rotate=rotate,
-        ),
-    )
+    choice = joints.choice()
+    opened = open_recording(recording, **reading.options())
     with progress_bars() as bars:
         stored = store_joints(
             opened,

@@ -3,13 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any, TypeVar
+from typing import TYPE_CHECKING, Annotated, Any, TypeVar
 
 import typer
 
+from toolkit.cli.groups import spread
 from toolkit.cli.options import Output, numbers
 from toolkit.errors import UsageError
+
+if TYPE_CHECKING:
+    from toolkit.simulation.furniture import Box
+    from toolkit.simulation.person import Person
 
 PEOPLE = "People (given once it holds for everybody, otherwise once for each CLIP)"
 ROOM = "Room"
@@ -19,24 +25,14 @@ BOXES = (".yaml", ".yml")
 T = TypeVar("T")
 
 
-def simulate(
-    output: Output,
-    clips: Annotated[
-        list[Path] | None,
-        typer.Argument(metavar="[CLIP]...", help="BVH or AMC files, one per person; none: an empty room."),
-    ] = None,
-    sensor: Annotated[str, typer.Option(help="tof (176x144) or kinect (320x240).")] = "tof",
-    distance: Annotated[float, typer.Option(help="Metres from the camera to the subject.")] = 3.0,
-    height: Annotated[float, typer.Option(help="Metres of the camera above the floor.")] = 1.0,
-    tilt: Annotated[
-        float | None, typer.Option(help="Degrees downwards.", show_default="aims at the middle of the body")
-    ] = None,
-    seed: Annotated[int, typer.Option(help="Seed of the sensor's noise.", min=0)] = 0,
-    frame_rate: Annotated[float, typer.Option(help="Frames per second.")] = 30.0,
+@dataclass(frozen=True)
+class Cast:
+    """Who is recorded, as it is typed."""
+
     body: Annotated[
         list[str] | None,
         typer.Option(help="Name of a body, or shape coefficients such as 1.0,-0.5.", rich_help_panel=PEOPLE),
-    ] = None,
+    ] = None
     at: Annotated[
         list[str] | None,
         typer.Option(
@@ -45,50 +41,108 @@ def simulate(
             show_default="in a row, a metre apart",
             rich_help_panel=PEOPLE,
         ),
-    ] = None,
+    ] = None
     yaw: Annotated[
         list[float] | None,
         typer.Option(help="Degrees by which somebody is turned to their left.", rich_help_panel=PEOPLE),
-    ] = None,
+    ] = None
     stature: Annotated[
         list[float] | None,
         typer.Option(help="Metres; below 1.25 with a small child's proportions.", rich_help_panel=PEOPLE),
-    ] = None,
+    ] = None
     enters: Annotated[
         list[float] | None, typer.Option(help="Seconds after which somebody appears.", rich_help_panel=PEOPLE)
-    ] = None,
+    ] = None
     clothes: Annotated[
         list[str] | None,
         typer.Option(help="skirt, dress, coat, wide_trousers or none; several with commas.", rich_help_panel=PEOPLE),
-    ] = None,
+    ] = None
     furniture: Annotated[
         list[str] | None,
         typer.Option(
             help="chair, stool, desk, table, crate or none, several with commas; or a YAML file of boxes.",
             rich_help_panel=PEOPLE,
         ),
-    ] = None,
+    ] = None
     subject_seed: Annotated[
         list[int] | None,
         typer.Option(help="Seed of what makes a subject unlike every body of the shape space.", rich_help_panel=PEOPLE),
-    ] = None,
+    ] = None
     seated: Annotated[
         bool, typer.Option("--seated", help="Everybody does what their clip shows sitting.", rich_help_panel=PEOPLE)
-    ] = False,
+    ] = False
+
+    def people(self, clips: list[Path]) -> list[Person]:
+        """One person for each clip.
+
+        Raises
+        ------
+        UsageError
+            An option was given for some of them only, or cannot be understood.
+        """
+        from toolkit.simulation.person import Person
+
+        count = len(clips)
+        row = [(float(i) - 0.5 * (count - 1), 0.0) for i in range(count)]
+        kinds = [text for text in self.furniture or [] if not text.endswith(BOXES)]
+        columns: dict[str, Sequence[Any]] = {
+            "body": each(self.body, count, "--body", "neutral"),
+            "at": row if self.at is None else each([_place(text) for text in self.at], count, "--at", (0.0, 0.0)),
+            "yaw": each(self.yaw, count, "--yaw", 0.0),
+            "stature": each(self.stature, count, "--stature", None),
+            "seated": [self.seated] * count,
+            "furniture": [_words(text) for text in each(kinds, count, "--furniture", "")],
+            "clothes": [_words(text) for text in each(self.clothes, count, "--clothes", "")],
+            "enters": each(self.enters, count, "--enters", 0.0),
+            "subject_seed": each(self.subject_seed, count, "--subject-seed", None),
+        }
+        return [Person(clip, **{name: values[i] for name, values in columns.items()}) for i, clip in enumerate(clips)]
+
+    def boxes(self) -> tuple[Box, ...]:
+        """Furniture of files, which belongs to nobody."""
+        from toolkit.simulation.furniture import read_boxes
+
+        files = [Path(text) for text in self.furniture or [] if text.endswith(BOXES)]
+        return tuple(box for file in files for box in read_boxes(file))
+
+
+@dataclass(frozen=True)
+class View:
+    """From where, in which room and with which sensor, as it is typed; see `Shot`."""
+
+    sensor: Annotated[str, typer.Option(help="tof (176x144) or kinect (320x240).")] = "tof"
+    distance: Annotated[float, typer.Option(help="Metres from the camera to the subject.")] = 3.0
+    height: Annotated[float, typer.Option(help="Metres of the camera above the floor.")] = 1.0
+    tilt: Annotated[
+        float | None, typer.Option(help="Degrees downwards.", show_default="aims at the middle of the body")
+    ] = None
+    seed: Annotated[int, typer.Option(help="Seed of the sensor's noise.", min=0)] = 0
+    frame_rate: Annotated[float, typer.Option(help="Frames per second.")] = 30.0
     furnished: Annotated[
-        bool,
-        typer.Option("--furnished/--empty", help="Show a room, or the people only.", rich_help_panel=ROOM),
-    ] = True,
+        bool, typer.Option("--furnished/--empty", help="Show a room, or the people only.", rich_help_panel=ROOM)
+    ] = True
     background: Annotated[
         bool,
         typer.Option("--background/--no-background", help="Hold the depth of the empty room.", rich_help_panel=ROOM),
-    ] = True,
+    ] = True
     color: Annotated[
         bool, typer.Option("--color", help="Hold colour too, registered to the depth.", rich_help_panel=ROOM)
-    ] = False,
+    ] = False
     skinning: Annotated[
         str, typer.Option(help="How skin follows the joints: linear, or dual quaternions.", rich_help_panel=PEOPLE)
-    ] = "linear",
+    ] = "linear"
+    seconds: Annotated[float, typer.Option(help="Length of an empty room.", rich_help_panel=ROOM)] = 3.0
+
+
+@spread
+def simulate(
+    output: Output,
+    clips: Annotated[
+        list[Path] | None,
+        typer.Argument(metavar="[CLIP]...", help="BVH or AMC files, one per person; none: an empty room."),
+    ] = None,
+    view: View = View(),
+    cast: Cast = Cast(),
     inertial: Annotated[
         str | None,
         typer.Option(
@@ -100,42 +154,17 @@ def simulate(
     inertial_noise: Annotated[
         str, typer.Option(help="Their flaws: mtx, phone or none.", rich_help_panel=SENSORS)
     ] = "mtx",
-    seconds: Annotated[float, typer.Option(help="Length of an empty room.", rich_help_panel=ROOM)] = 3.0,
 ) -> None:
     """Simulate a depth recording with exact truth from motions, bodies, furniture and a camera."""
     from toolkit.cli.terminal import progress_bars
-    from toolkit.simulation.furniture import read_boxes
     from toolkit.simulation.inertial import Worn
-    from toolkit.simulation.person import Person
     from toolkit.simulation.simulate import Shot, simulate_scene
 
-    paths = clips or []
-    count = len(paths)
-    row = [(float(i) - 0.5 * (count - 1), 0.0) for i in range(count)]
-    files = [Path(text) for text in furniture or [] if text.endswith(BOXES)]
-    kinds = [text for text in furniture or [] if not text.endswith(BOXES)]
-    places = row if at is None else each([_place(text) for text in at], count, "--at", (0.0, 0.0))
-    columns: dict[str, Sequence[Any]] = {
-        "body": each(body, count, "--body", "neutral"),
-        "at": places,
-        "yaw": each(yaw, count, "--yaw", 0.0),
-        "stature": each(stature, count, "--stature", None),
-        "seated": [seated] * count,
-        "furniture": [_words(text) for text in each(kinds, count, "--furniture", "")],
-        "clothes": [_words(text) for text in each(clothes, count, "--clothes", "")],
-        "enters": each(enters, count, "--enters", 0.0),
-        "subject_seed": each(subject_seed, count, "--subject-seed", None),
-    }
-    people = [Person(clip, **{name: values[i] for name, values in columns.items()}) for i, clip in enumerate(paths)]
-    boxes = tuple(box for file in files for box in read_boxes(file))
-    shot = Shot(
-        sensor=sensor, distance=distance, height=height, tilt=tilt, frame_rate=frame_rate, furnished=furnished,
-        background=background, boxes=boxes, seconds=seconds, seed=seed, color=color, skinning=skinning,
-    )  # fmt: skip
-    worn_sensors = Worn(_words(inertial or ""), inertial_noise)
+    people, shot = cast.people(clips or []), Shot(**vars(view), boxes=cast.boxes())
+    sensors = Worn(_words(inertial or ""), inertial_noise)
     with progress_bars() as bars:
         recording = simulate_scene(
-            people, output, shot, sensors=worn_sensors, progress=lambda done, total: bars("simulating", done, total)
+            people, output, shot, sensors=sensors, progress=lambda done, total: bars("simulating", done, total)
         )
     size = f"{recording.camera.width}x{recording.camera.height}"
     print(f"{output}: {len(recording)} frames of {size} pixels")

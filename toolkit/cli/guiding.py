@@ -1,0 +1,115 @@
+"""What guides a tracker besides the images, and who is told its rows: options of `track`."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, NamedTuple
+
+import typer
+
+from toolkit.errors import UsageError
+
+if TYPE_CHECKING:
+    from toolkit.pipeline.rows import RowWatcher
+    from toolkit.tracking.guide import Guide
+
+SENSORS = "Inertial sensors"
+EVENTS = "Live labels"
+
+
+class Evidence(NamedTuple):
+    """What the options come to: guide and watcher, if any, and the digests of the files behind the guide."""
+
+    guide: Guide | None = None
+    watcher: RowWatcher | None = None
+    sensors_sha256: str = ""
+    classes_sha256: str = ""
+
+
+@dataclass(frozen=True)
+class Guiding:
+    """Classes of motions and inertial sensors, as they are typed."""
+
+    classes: Annotated[
+        Path | None, typer.Option(help="Class file of `depthmocap annotate --templates`.", rich_help_panel=EVENTS)
+    ] = None
+    priors: Annotated[
+        bool, typer.Option("--priors", help="Let the classes tell what hidden limbs do.", rich_help_panel=EVENTS)
+    ] = False
+    queries: Annotated[
+        Path | None, typer.Option(help="Keyframe queries of `depthmocap learn`.", rich_help_panel=EVENTS)
+    ] = None
+    events: Annotated[
+        str | None,
+        typer.Option(metavar="FILE|-", help="One JSON line for each motion that ends.", rich_help_panel=EVENTS),
+    ] = None
+    early: Annotated[bool, typer.Option("--early", help="And for each that has begun.", rich_help_panel=EVENTS)] = False
+    inertial: Annotated[
+        Path | None,
+        typer.Option(help="Canonical file of inertial sensors that guide the tracker.", rich_help_panel=SENSORS),
+    ] = None
+    calibration: Annotated[
+        Path | None, typer.Option(help="Their calibration.json, of a run of this recording.", rich_help_panel=SENSORS)
+    ] = None
+
+    def evidence(self, recordings: list[Path]) -> Evidence:
+        """Guide and watcher for these recordings.
+
+        Raises
+        ------
+        UsageError
+            Options do not go together, or belong to one recording.
+        """
+        watcher = self._watcher(recordings)
+        guide, sensors_sha256 = self._sensors(recordings)
+        if not self.priors:
+            return Evidence(guide, watcher, sensors_sha256)
+        if guide is not None:
+            raise UsageError("classes and inertial sensors do not guide one tracker together; give one of them")
+        return self._classes(recordings, watcher)
+
+    def _watcher(self, recordings: list[Path]) -> RowWatcher | None:
+        """What tells events, if any are wanted."""
+        if self.events is None:
+            return None
+        if self.classes is None or len(recordings) != 1:
+            raise UsageError("--events tells the motions of one recording; name it, and --classes")
+        from toolkit.pipeline.events import EventStream
+        from toolkit.retrieval.annotation.classes import load_classes
+        from toolkit.retrieval.annotation.online import OnlineSettings
+        from toolkit.retrieval.keyframes.query_file import load_queries
+
+        wanted = load_queries(self.queries) if self.queries else ()
+        return EventStream(load_classes(self.classes), wanted, self.events, OnlineSettings(early=self.early))
+
+    def _classes(self, recordings: list[Path], watcher: RowWatcher | None) -> Evidence:
+        """The guide of the classes, which is told every row beside what tells events."""
+        if self.classes is None or len(recordings) != 1:
+            raise UsageError("--priors tells the limbs of one person in one recording; name it, and --classes")
+        from toolkit.files import sha256_of
+        from toolkit.pipeline.class_guide import ClassGuide
+        from toolkit.pipeline.rows import Watchers
+        from toolkit.retrieval.annotation.classes import load_classes
+
+        guide = ClassGuide(load_classes(self.classes))
+        told = guide if watcher is None else Watchers(guide, watcher)
+        return Evidence(guide, told, classes_sha256=sha256_of(self.classes))
+
+    def _sensors(self, recordings: list[Path]) -> tuple[Guide | None, str]:
+        """The guide of the sensors, if there are any, and the digest of their file."""
+        if self.inertial is None and self.calibration is None:
+            return None, ""
+        if self.inertial is None or self.calibration is None:
+            raise UsageError("--inertial and --calibration go together; give both or neither")
+        if len(recordings) != 1:
+            raise UsageError(
+                f"inertial sensors belong to one recording, not to {len(recordings)}; track them one by one"
+            )
+        from toolkit.files import sha256_of
+        from toolkit.inertial.calibration import Calibration
+        from toolkit.inertial.workflow import load_sensors
+        from toolkit.tracking.guide import InertialGuide
+
+        sensors = load_sensors(self.inertial)
+        return InertialGuide(sensors, Calibration.load(self.calibration), recordings[0].stem), sha256_of(self.inertial)
