@@ -49,7 +49,8 @@ trap 'exit 130' INT TERM
 
 [ -x "$folder/bin/python" ] || "$python" -m venv "$folder"
 echo "installing the project and its tools into $folder (once; some minutes)" >&2
-"$folder/bin/python" -m pip install --quiet --disable-pip-version-check --editable '.[dev]' || {
+# Modules are compiled when they are first imported: most of the packages' never are, and all of them take a minute.
+"$folder/bin/python" -m pip install --quiet --disable-pip-version-check --no-compile --editable '.[dev]' || {
     echo "the packages could not be installed; check the network and run make again" >&2
     exit 1
 }

@@ -20,7 +20,7 @@ def spread(verb: Callable[..., None]) -> Callable[..., None]:
     ... def look(where: Where) -> None: ...  # depthmocap look --distance 2
     """
     hints = get_type_hints(verb, include_extras=True)
-    groups = {name: kind for name, kind in hints.items() if is_dataclass(kind)}
+    groups: dict[str, Any] = {name: kind for name, kind in hints.items() if is_dataclass(kind)}
     parameters: list[Parameter] = []
     for parameter in inspect.signature(verb).parameters.values():
         if (group := groups.get(parameter.name)) is None:
