@@ -37,9 +37,10 @@ STEPS = {"open", "os.chmod", "os.rename", "os.remove", "os.mkdir", "os.rmdir", "
 
 def _exported(suffix: str) -> Format:
     def make(folder: Path) -> Path:
-        if not (folder / "run").exists():
-            write_run(folder / "run", np.zeros((3, skeleton.POSE_SIZE)))
-        export_run(folder / "run", folder / f"motion{suffix}")
+        run = folder.with_name("run")
+        if not run.exists():
+            write_run(run, np.zeros((3, skeleton.POSE_SIZE)))
+        export_run(run, folder / f"motion{suffix}")
         return folder / f"motion{suffix}"
 
     return Format(make, lambda path: path.read_bytes())

@@ -181,7 +181,7 @@ def test_joints_that_are_not_known_are_not_drawn():
     assert tuple(image[50, 50]) == style.LEFT
     guessed = np.zeros((100, 100, 3), np.uint8)
     draw_skeleton(guessed, pixels, np.zeros(20, dtype=bool))
-    assert tuple(guessed[50, 50]) == style.PAPER and (guessed == style.LEFT).all(axis=2).any(), "a ring"
+    assert tuple(guessed[50, 50]) == style.PAPER and len(np.unique(guessed.reshape(-1, 3), axis=0)) > 2, "a ring"
 
 
 @pytest.mark.parametrize("suffix", [".mp4", ".webm", ".avi"])
