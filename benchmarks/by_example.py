@@ -360,6 +360,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("data", type=Path, help="the shared data folder")
     parser.add_argument("--tune", action="store_true", help="examples by bd and bk, with the other filler, instead")
+    parser.add_argument("--times", action="store_true", help="the time of a search in an hour alone")
     parser.add_argument("--constants", action="store_true", help="print the tables of features/grades.py and stop")
     parser.add_argument("--seed", type=int, default=0)
     options = parser.parse_args()
@@ -377,6 +378,9 @@ def main() -> None:
     figures: dict[str, Any] = {}
     print(f"people: {len(queries)} examples", flush=True)
     corpus = corpus_of(examples, late, options.seed, decoys=False, joins=JOINS)
+    if options.times:
+        print(save_figures("by_example_times", timed(corpus, queries), {"seed": options.seed}))
+        return
     figures["people"] = table(corpus, queries)
     print("decoys", flush=True)
     figures["decoys"] = table(corpus_of(examples, late, options.seed, decoys=True, joins=HARD_JOINS), queries)
