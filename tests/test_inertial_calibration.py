@@ -328,3 +328,19 @@ def test_unknown_methods_and_headings_are_refused():
         CalibrationSettings(method="magic")
     with pytest.raises(UsageError, match="unknown heading 'north'"):
         CalibrationSettings(heading="north")
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_the_vertical_of_all_takes_starts_a_calibration_whatever_the_first_of_them_says(seed):
+    rng = np.random.default_rng(seed)
+    mounting, psis = random_turns(rng, 1)[0], rng.uniform(-3, 3, 4)
+    upright_only = quat.exponential(np.array([0.0, 1.0, 0.0]) * rng.uniform(-0.05, 0.05, (60, 1)))
+    tracked = [upright_only, *(random_turns(rng, 60, 0.5) for _ in range(3))]
+    strands = [
+        Strand(0, g, quat.multiply(quat.multiply(solvers.yaw(psi), own), mounting), own)
+        for g, (psi, own) in enumerate(zip(psis, tracked, strict=True))
+    ]
+    headings, mountings = solvers._by_vertical(strands, 4, 1)
+    assert np.degrees(quat.angle(mountings[0], mounting)) < 1e-3
+    for psi, found in zip(psis, headings, strict=True):
+        assert np.degrees(quat.angle(solvers.yaw(psi), solvers.yaw(found))) < 1e-2
