@@ -2,7 +2,7 @@
 
     python -m benchmarks.fuzz [--mutations 100000] [--format NAME] [--seed 0] [--work FOLDER]
 
-Every format is read in a process of its own that tells the outcome of each mutation as it comes; a crash, an endless
+Every format is read in a forked process of its own that tells the outcome of each mutation as it comes; a crash, an endless
 loop or memory without end is a finding, and the next process goes on behind it. A folder named with --work keeps what
 is done: the same command goes on there. The files behind findings stay in it.
 """
@@ -11,10 +11,12 @@ from __future__ import annotations
 
 import argparse
 import json
+import os
 import select
-import subprocess
+import signal
 import sys
 import tempfile
+import traceback
 from collections import Counter
 from pathlib import Path
 
@@ -29,16 +31,30 @@ KEPT_EVERY = 500
 """Mutations after which the counts are written."""
 
 
-def child(name: str, folder: Path, first: int, end: int, seed: int) -> None:
-    """Print the outcome of each mutation, one a line."""
+def _start(name: str, folder: Path, numbers: range, seed: int) -> tuple[int, int]:
+    """Fork a process that tells the outcome of each mutation, one a line: its id, and the pipe that it writes to."""
     import resource
 
     from tests.fuzz_formats import FORMATS
     from tests.fuzzing import outcomes
 
-    resource.setrlimit(resource.RLIMIT_AS, (MEMORY, MEMORY))
-    for came in outcomes(name, FORMATS[name], folder, range(first, end), seed):
-        print(came, flush=True)
+    read, write = os.pipe()
+    process = os.fork()
+    if process:
+        os.close(write)
+        return process, read
+    code = 1
+    try:
+        log = os.open(folder.with_suffix(".log"), os.O_WRONLY | os.O_CREAT, 0o666)  # libraries complain there
+        os.dup2(log, sys.stderr.fileno())
+        resource.setrlimit(resource.RLIMIT_AS, (MEMORY, MEMORY))
+        for came in outcomes(name, FORMATS[name], folder, numbers, seed):
+            os.write(write, came.encode(errors="replace") + b"\n")
+        code = 0
+    except BaseException:
+        traceback.print_exc()
+    finally:
+        os._exit(code)
 
 
 class Counts:
@@ -70,40 +86,37 @@ def run_format(name: str, work: Path, mutations: int, seed: int) -> Counter[str]
     counts = Counts(work / f"{name}.json")
     while counts.done < mutations:
         folder = Path(tempfile.mkdtemp(prefix=f"{name} {counts.done} ", dir=work))
-        command = [sys.executable, "-m", "benchmarks.fuzz", "--child", str(folder), "--format", name]
-        command += ["--first", str(counts.done), "--mutations", str(mutations), "--seed", str(seed)]
         before = counts.done
-        with (folder.with_suffix(".log")).open(
-            "wb"
-        ) as log:  # libraries complain there, and a full pipe would stop them
-            process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=log, cwd=Path(__file__).parents[1])
-            try:
-                wrong = _listen(process, counts)
-            finally:
-                process.kill()
-                process.wait()
+        process, pipe = _start(name, folder, range(counts.done, mutations), seed)
+        try:
+            wrong = _listen(process, pipe, counts)
+        finally:
+            os.close(pipe)
         if wrong and counts.done == before == 0:
-            raise SystemExit(f"{name} cannot begin: {wrong}; see {log.name}")
+            raise SystemExit(f"{name} cannot begin: {wrong}; see {folder.with_suffix('.log')}")
         if wrong:
             counts.add(f"FINDING: {wrong}, mutation {counts.done}")
     counts.keep()
     return counts.found
 
 
-def _listen(process: subprocess.Popen[bytes], counts: Counts) -> str:
+def _listen(process: int, pipe: int, counts: Counts) -> str:
     """Count what a process tells until it ends; what was wrong with its end, or nothing."""
-    assert process.stdout is not None
     rest = b""
     while True:
-        ready, _, _ = select.select([process.stdout], [], [], PATIENCE)
+        ready, _, _ = select.select([pipe], [], [], PATIENCE)
+        data = os.read(pipe, 1 << 16) if ready else b""
+        if data:
+            *lines, rest = (rest + data).split(b"\n")
+            for line in lines:
+                counts.add(line.decode(errors="replace"))
+            continue
+        if not ready:
+            os.kill(process, signal.SIGKILL)
+        status = os.waitpid(process, 0)[1]
         if not ready:
             return f"no end within {PATIENCE:.0f} s"
-        data = process.stdout.read1(1 << 16)  # type: ignore[attr-defined]
-        if not data:
-            return f"exit code {process.wait()}" if process.wait() else ""
-        *lines, rest = (rest + data).split(b"\n")
-        for line in lines:
-            counts.add(line.decode(errors="replace"))
+        return f"exit code {os.waitstatus_to_exitcode(status)}" if status else ""
 
 
 def main() -> None:
@@ -112,12 +125,7 @@ def main() -> None:
     parser.add_argument("--format", help="only this one")
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--work", type=Path, help="folder to go on in")
-    parser.add_argument("--child", type=Path, help=argparse.SUPPRESS)
-    parser.add_argument("--first", type=int, default=0, help=argparse.SUPPRESS)
     options = parser.parse_args()
-    if options.child is not None:
-        child(options.format, options.child, options.first, options.mutations, options.seed)
-        return
     from tests.fuzz_formats import FORMATS
 
     names = [options.format] if options.format else sorted(FORMATS)
