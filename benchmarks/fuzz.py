@@ -2,9 +2,9 @@
 
     python -m benchmarks.fuzz [--mutations 100000] [--format NAME] [--seed 0] [--work FOLDER]
 
-Every format is read in a forked process of its own that tells the outcome of each mutation as it comes; a crash, an endless
-loop or memory without end is a finding, and the next process goes on behind it. A folder named with --work keeps what
-is done: the same command goes on there. The files behind findings stay in it.
+Every format is read in a forked process of its own that tells the outcome of each mutation as it comes; a crash, an
+endless loop or memory without end is a finding, and the next process goes on behind it. A folder named with --work
+keeps what is done: the same command goes on there. The files behind findings stay in it.
 """
 
 from __future__ import annotations
