@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from toolkit.errors import SettingsError
+from toolkit.kernels import swarm as kernel
 
 Costs = Callable[[np.ndarray], np.ndarray]
 """`costs(positions)` of (N, D): float64 (N,), to be minimised."""
@@ -108,13 +109,9 @@ def minimise(
     best = int(own_costs.argmin())
     history = [float(own_costs[best])]
     entries = np.arange(size) if perturbed is None else perturbed
+    pulls = np.array([settings.own, settings.shared, settings.constriction])
     for generation in range(1, settings.generations + 1):
-        towards_own, towards_best = rng.random((2, count, size))
-        pull = settings.own * towards_own * (own - positions)
-        pull += settings.shared * towards_best * (own[best] - positions)
-        velocities = settings.constriction * (velocities + pull)
-        velocities = np.clip(velocities, low - positions, high - positions)
-        positions = np.clip(positions + velocities, low, high)
+        kernel.move(positions, velocities, own, own[best], rng.random((2, count, size)), pulls, limits)
         if settings.perturbed_every and generation % settings.perturbed_every == 0:
             _perturb(positions, limits, entries, settings.perturbed_share, rng)
         now = costs(positions)

@@ -257,3 +257,33 @@ def discrepancies(
         if view.weight > 0.0:
             draw(figure, view, buffers)
             out[n] += view.weight * depth_cost(view.depth, buffers.inverse, view.clamp, buffers.columns)
+
+
+@njit(cache=True)
+def move(
+    positions: np.ndarray,
+    velocities: np.ndarray,
+    own: np.ndarray,
+    best: np.ndarray,
+    chances: np.ndarray,
+    pulls: np.ndarray,
+    limits: np.ndarray,
+) -> None:
+    """One generation of a swarm, in place (Qammaz, Eq. 7 and 8); a velocity that would leave the limits is cut short.
+
+    Parameters
+    ----------
+    positions, velocities, own : float64 (N, D), where each particle is, how it moves, and its own best position
+    best : float64 (D,), the best position of all
+    chances : float64 (2, N, D), r1 and r2 of Eq. 7
+    pulls : float64 (3,), c1, c2 and the constriction w
+    limits : float64 (D, 2)
+    """
+    for i in range(len(positions)):
+        for k in range(len(best)):
+            here = positions[i, k]
+            pull = pulls[0] * chances[0, i, k] * (own[i, k] - here) + pulls[1] * chances[1, i, k] * (best[k] - here)
+            speed = pulls[2] * (velocities[i, k] + pull)
+            speed = min(max(speed, limits[k, 0] - here), limits[k, 1] - here)
+            velocities[i, k] = speed
+            positions[i, k] = min(max(here + speed, limits[k, 0]), limits[k, 1])
