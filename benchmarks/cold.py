@@ -23,7 +23,7 @@ from toolkit.config import parse_overrides
 from toolkit.database.database import PoseDatabase
 from toolkit.evaluation.bootstrap import paired_bootstrap
 from toolkit.sensing.recording import Recording
-from toolkit.testing.suite import GROUPS, LONGEST, chosen_takes
+from toolkit.testing.suite import GROUPS, chosen_takes
 from toolkit.tracking.protocol import Tracker
 from toolkit.tracking.solo import Solo
 from toolkit.tracking.swarm import SwarmTracker
@@ -95,9 +95,8 @@ def main() -> None:
         gain = paired_bootstrap(100.0 * shares[0], 100.0 * shares[1], np.random.default_rng(0))
         figures[row]["fewer_right_points"] = asdict(gain)
         print(f"{rows[0]} has {gain.mean:.1f} points ({gain.low:.1f} to {gain.high:.1f}) more right than {row}")
-    whole = options.takes is None and options.frames >= LONGEST and not options.set and options.every <= EVERY
-    name = f"cold_{options.split}_{options.joints}{'' if whole else '_part'}"
-    settings = {"rows": options.rows, "every": options.every, "set": options.set}
+    name = f"cold_{options.split}_{options.joints}"
+    settings = {"rows": options.rows, "takes": options.takes, "every": options.every, "set": options.set}
     print("written:", save_figures(name, figures, settings))
 
 

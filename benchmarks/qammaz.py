@@ -200,7 +200,7 @@ def main() -> None:
     )
     if paper := PAPER.get(options.part, {}):
         print("the paper:", ", ".join(f"{label} {delta}" for label, delta in paper.items()))
-    name = f"qammaz_{options.part}{'' if options.frames >= FRAMES else '_part'}"
+    name = f"qammaz_{options.part}"
     if curves := curves_of(bench, options.part):
         plot_curves(curves, RESULTS / f"{name}.png")
     settings = {key: getattr(options, key) for key in ("sequences", "frames", "joints", "seeds", "set")}

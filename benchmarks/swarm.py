@@ -73,7 +73,7 @@ def main() -> None:
             worse = paired_bootstrap(deltas[row], deltas[first], np.random.default_rng(0))
             figures[f"{source}, {row}"]["worse_mm"] = asdict(worse)
             print(f"{row} is worse than {first} by {worse.mean:.1f} mm ({worse.low:.1f} to {worse.high:.1f})")
-    whole = options.takes is None and options.frames >= LONGEST and not (options.first or options.set)
+    whole = options.takes is None and options.frames >= LONGEST and not options.set
     told = options.joints.replace(",", "_")
     name = f"swarm_{options.split}_{told}{'_cold' if options.cold else ''}{'' if whole else '_part'}"
     settings = {key: getattr(options, key) for key in ("rows", "joints", "seed", "set", "first")}

@@ -44,8 +44,6 @@ TAKE = "fast_bk_kick_009_athletic_male_kinect"
 """Of the tuning split."""
 UNLEARNT = {"shape.seconds": 0.0, "sizes": [0.0]}
 """The body is neither learnt nor looked for among several, which takes the first seconds twice."""
-FULL = 60
-"""Frames of the whole measurement, at least."""
 
 
 def stages(row: str, threads: int, recording: Recording, frames: int) -> dict[str, Any]:
@@ -103,7 +101,7 @@ def _shortest(call: Callable[[], Any], times: int = 5) -> float:
 def main() -> None:
     """Measure, print, write JSON."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--frames", type=int, default=FULL)
+    parser.add_argument("--frames", type=int, default=60)
     parser.add_argument("--threads", default="1,2", help="with commas between them")
     parser.add_argument("--rows", default="swarm,qammaz", help="see `bench swarm`")
     parser.add_argument("--network", action="store_true", help="also the joints in the shaded depth")
@@ -126,8 +124,8 @@ def main() -> None:
     if options.network:
         figures["network"] = network_ms(recording, options.frames)
         print(", ".join(f"{name} {part['median_ms']:.1f} ms" for name, part in figures["network"].items()))
-    name = "swarm_speed" if options.frames >= FULL else "swarm_speed_part"
-    print("written:", save_figures(name, figures, {"rows": options.rows, "threads": options.threads}))
+    settings = {"rows": options.rows, "threads": options.threads, "frames": options.frames}
+    print("written:", save_figures("swarm_speed", figures, settings))
 
 
 if __name__ == "__main__":

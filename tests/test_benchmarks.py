@@ -151,9 +151,9 @@ def test_tables_of_the_swarms_paper_are_made_of_short_sequences(bundled: Path, m
     arguments = ["--sequences", "MS_1", "--frames", 3, "--joints", "truth", "--work", bundled, *FEW]
     for part in qammaz.PARTS:
         run(qammaz, part, *arguments, monkeypatch=monkeypatch)
-        figures = json.loads((bundled / f"qammaz_{part}_part.json").read_text())["figures"]
+        figures = json.loads((bundled / f"qammaz_{part}.json").read_text())["figures"]
         assert all(0.0 < row["delta_mm"] < 1500.0 for row in figures["ours"].values())
-        assert (bundled / f"qammaz_{part}_part.png").exists() == (part != "figure3")
+        assert (bundled / f"qammaz_{part}.png").exists() == (part != "figure3")
         if part == "models":
             assert "MS_1 with neutral" in figures["ours"] and figures["paper_mm"]["MS_1 with MS_2"] == 103.7
 
@@ -163,7 +163,7 @@ def test_first_frames_are_counted_with_the_swarm_and_without(
 ) -> None:
     arguments = ["--takes", 1, "--frames", 4, "--joints", "truth", "--rows", "hybrid,no swarm", "--every", 2]
     run(cold, *arguments, "--database", small_database, "--work", bundled, *QUICK, monkeypatch=monkeypatch)
-    figures = json.loads((bundled / "cold_tune_truth_part.json").read_text())["figures"]
+    figures = json.loads((bundled / "cold_tune_truth.json").read_text())["figures"]
     assert [figures[row]["overall"]["starts"] for row in ("hybrid", "no swarm")] == [10, 10]
     assert {"mean", "low", "high"} <= set(figures["no swarm"]["fewer_right_points"])
 
@@ -172,7 +172,7 @@ def test_the_swarms_time_is_told_by_stage_and_by_hypothesis(bundled: Path, monke
     monkeypatch.setattr(swarm_speed, "POSES", 4)
     monkeypatch.setattr(swarm_speed, "SIZES", ((30, 40),))
     run(swarm_speed, "--frames", 3, "--rows", "swarm", "--work", bundled, monkeypatch=monkeypatch)
-    figures = json.loads((bundled / "swarm_speed_part.json").read_text())["figures"]
+    figures = json.loads((bundled / "swarm_speed.json").read_text())["figures"]
     assert list(figures["times"]) == ["swarm, 1", "swarm, 2"] and set(figures["hypothesis_us"]) == {
         "balls", "small", "mesh",
     }  # fmt: skip
