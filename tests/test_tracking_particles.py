@@ -311,7 +311,7 @@ def test_a_gap_of_two_seconds_is_bridged() -> None:
 
 
 def test_who_is_not_explained_any_more_is_looked_for_again() -> None:
-    person = follower(replace(SETTINGS, patience=1.5 / 30.0, lost_cost=15.0))
+    person = follower(replace(SETTINGS, patience=1.5 / 30.0, lost_cost=20.0))
     followed(person, WAVING[:2])
     wall = of_depth(np.full(CAMERA.shape, 0.8))
     states = [step(person, wall, 0.1 + i / 30).state for i in range(2)]

@@ -57,8 +57,8 @@ class ParticleSettings:
     least : log-probability of Eq. 4 below which an arm is diffused instead: four spreads from the candidate
     swivel : radians of spread about the swivel nearest to the arm before
     looks : swivels all round at which every candidate is held against the frame before every second aimed arm is drawn,
-        by what they cost: from an arm that is folded the wrong way the near ones lead beyond the joint limits; 0 = the
-        paper's blind draw
+        by what they cost, for either arm in every other frame: from an arm that is folded the wrong way the near ones
+        lead beyond the joint limits; 0 = the paper's blind draw
     near : metres: a candidate counts exp(-distance / near) as much as one at the hand before (`f` of Eq. 5)
     floor : but at least this share, or a raised hand is never proposed to a hanging arm
     holding : metres: the other hand holds a candidate that is as near as this
@@ -85,7 +85,7 @@ class ParticleSettings:
     smoothness: float = 0.1
     least: float = -8.0
     swivel: float = 0.5
-    looks: int = 12
+    looks: int = 8
     near: float = 0.25
     floor: float = 0.3
     holding: float = 0.15
@@ -272,7 +272,7 @@ class UpperFilter:
         kernel.draw_bases(bases, upper.trunk, self._whole(frame.fine), pictures)
         estimate, aimed = poses[0], 0.0
         for side in (first, 1 - first):
-            wanted = self.move_arm(upper, poses, side, frame, dt, rng)
+            wanted = self.move_arm(upper, poses, side, frame, dt, rng, look=side == first)
             aimed += 0.5 * float(wanted.mean())
             costs = self.arm_costs(upper, poses, side, before, frame, base_of, pictures)
             estimate = poses[int(costs.argmin())]
@@ -332,9 +332,13 @@ class UpperFilter:
         self._diffuse(poses, TRUNK_ENTRIES, dt, rng)
 
     def move_arm(
-        self, upper: UpperBody, poses: np.ndarray, side: int, frame: ParticleFrame, dt: float, rng: np.random.Generator
-    ) -> np.ndarray:
-        """Sample one arm of `poses` (N, P) by Eq. 6, in place; bool (N,), which were moved by inverse kinematics."""
+        self, upper: UpperBody, poses: np.ndarray, side: int, frame: ParticleFrame, dt: float,
+        rng: np.random.Generator, *, look: bool = True,
+    ) -> np.ndarray:  # fmt: skip
+        """Sample one arm of `poses` (N, P) by Eq. 6, in place; bool (N,), which were moved by inverse kinematics.
+
+        To `look` before half of the aimed ones are drawn takes as long as everything else: arms take turns in it.
+        """
         s, arm, entries, candidates = self.settings, upper.arms[side], entries_of(SIDES[side]), frame.candidates
         start = poses.copy()
         self._diffuse(poses, entries, dt, rng)
@@ -347,7 +351,7 @@ class UpperFilter:
         aimed[:, swing] = start[:, swing]
         weights = self.candidate_weights(upper, start, side, candidates)
         target = candidates[_drawn(weights, rng)]
-        if s.looks > 0:
+        if look and s.looks > 0:
             informed = np.flatnonzero(wanted)[::2]
             arms, reached, costs = self._looked(upper, start[0], side, frame)
             if len(arms):

@@ -170,7 +170,8 @@ class ParticleFollower(Person):
         first = initial_pose(upper, self.filtering, effectors, fork, frame, initial, rng)
         if first is None or not first.score > initial.accepted:
             return None
-        return first.pose, first.particles, self.filtering.cost(upper, first.pose, frame)
+        cost = self.filtering.cost(upper, first.pose, frame)
+        return (first.pose, first.particles, cost) if cost < self.settings.lost_cost else None
 
     def _next(
         self, effectors: Effectors, frame: ParticleFrame, timestamp: float, rng: np.random.Generator, clock: StageClock
