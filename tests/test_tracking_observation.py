@@ -102,20 +102,13 @@ def test_every_part_is_computed_once(cloud: Cloud) -> None:
 
 
 @pytest.mark.parametrize(
-    ("followed", "learning", "cut", "evidence"),
-    [
-        (False, False, False, True),
-        (True, False, True, False),
-        (True, True, False, False),
-        (True, True, True, True),
-    ],
+    ("followed", "learning", "evidence"), [(False, False, True), (True, False, False), (True, True, True)]
 )
-def test_sure_votes_are_evidence_where_somebody_is_looked_for_and_while_one_who_is_cut_off_is_learnt(
-    cloud: Cloud, monkeypatch: pytest.MonkeyPatch, followed: bool, learning: bool, cut: bool, evidence: bool
+def test_sure_votes_are_evidence_where_somebody_is_looked_for_and_while_a_body_is_learnt(
+    cloud: Cloud, monkeypatch: pytest.MonkeyPatch, followed: bool, learning: bool, evidence: bool
 ) -> None:
     observer = replace(OBSERVER, vote_pull=30.0, learning=learning)
     monkeypatch.setattr(Observation, "votes", JointEstimate(np.zeros((20, 3)), np.ones(20)))
-    monkeypatch.setattr(Observation, "cut", np.array([False, cut]))
     pose = np.zeros(skeleton.POSE_SIZE)
     previous = Previous.of_pose(load_body("neutral"), pose) if followed else None
     assert bool(observer.observe(cloud, 0.0, state(previous=previous)).evidence) == evidence

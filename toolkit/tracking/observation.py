@@ -38,7 +38,8 @@ class Observer:
     guide : what is known besides the depth
     vote_pull : weight of a joint that the votes are sure of against one correspondence, where it is not known yet how
         large the person is or where they stand; 0 = none
-    learning : whether the body is being learnt, so that this holds for all frames in which the person is cut off
+    learning : whether the body is being learnt, so that this holds for all frames: clothes hide a size as well as
+        furniture does
     """
 
     landmarks: LandmarkSettings
@@ -167,8 +168,7 @@ class Observation:
         """What is known of the frame besides its depth, and what the regressor is sure of."""
         observer = self.observer
         evidence = list(observer.guide.evidence(self.timestamp, self.cloud.rotation))
-        # Somebody in full view shows how large they are; a vote can then only be worse than the surface.
-        unsure = self.state.previous is None or (observer.learning and bool(self.cut.any()))
+        unsure = self.state.previous is None or observer.learning
         if observer.vote_pull > 0.0 and unsure and self.votes is not None:
             evidence.append(VotedJoints(self.votes, self.cloud.rotation, observer.vote_pull))
         return evidence
