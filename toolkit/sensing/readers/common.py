@@ -87,6 +87,13 @@ def upright(accelerations: np.ndarray) -> np.ndarray | None:
     return median / length if abs(length - GRAVITY) < GRAVITY_TOLERANCE else None
 
 
+def decoded(content: bytes, flag: int) -> np.ndarray | None:
+    """A picture in a container as OpenCV decodes it with `flag`, or None: of no bytes at all OpenCV makes an error."""
+    import cv2
+
+    return cv2.imdecode(np.frombuffer(content, np.uint8), flag) if content else None
+
+
 def camera_from_json(path: Path, shape: tuple[int, int]) -> Camera:
     """Camera from a JSON file: `intrinsic_matrix` (column-major, as Open3D writes it), `K` or `camera_matrix`
     (row-major), or `fx, fy` with `cx, cy` or `ppx, ppy`, at the top or one level below; optionally `distortion`,

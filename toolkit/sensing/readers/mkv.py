@@ -20,7 +20,7 @@ from toolkit.errors import RecordingError
 from toolkit.files import is_file, parse_json
 from toolkit.sensing.camera import Camera
 from toolkit.sensing.conversion import DepthConverter
-from toolkit.sensing.readers.common import chosen_background, chosen_camera, chosen_up, damaged, upright
+from toolkit.sensing.readers.common import chosen_background, chosen_camera, chosen_up, damaged, decoded, upright
 from toolkit.sensing.readers.matroska import Matroska, Track
 from toolkit.sensing.recording import ReaderOptions, Recording
 from toolkit.sensing.stored import StoredRecording
@@ -139,7 +139,7 @@ class MkvFrames:
         times = np.array([block.time for block in self._color.blocks])
         nearest = self._color.blocks[int(np.abs(times - self._depth.blocks[i].time).argmin())]
         with damaged(self._path):
-            image = cv2.imdecode(np.frombuffer(self._file.read(nearest), np.uint8), cv2.IMREAD_COLOR)
+            image = decoded(self._file.read(nearest), cv2.IMREAD_COLOR)
             if image is None:
                 raise ValueError(f"the colour of frame {i} is no JPEG")
         return registered(self.depth(i), image[:, :, ::-1], self._lenses)

@@ -17,7 +17,7 @@ from toolkit.errors import RecordingError, UsageError
 from toolkit.files import is_file, parse_json
 from toolkit.sensing.camera import Camera
 from toolkit.sensing.conversion import DepthConverter
-from toolkit.sensing.readers.common import chosen_background, chosen_camera, chosen_up, damaged, frame_times
+from toolkit.sensing.readers.common import chosen_background, chosen_camera, chosen_up, damaged, decoded, frame_times
 from toolkit.sensing.recording import ReaderOptions, Recording
 from toolkit.sensing.stored import StoredRecording
 
@@ -65,7 +65,7 @@ class Record3dFrames:
         if f"rgbd/{i}.jpg" not in self._archive.namelist():
             return None
         with damaged(self._path):
-            image = cv2.imdecode(np.frombuffer(self._archive.read(f"rgbd/{i}.jpg"), np.uint8), cv2.IMREAD_COLOR)
+            image = decoded(self._archive.read(f"rgbd/{i}.jpg"), cv2.IMREAD_COLOR)
             if image is None:
                 raise ValueError(f"the colour of frame {i} is no JPEG")
             small = cv2.resize(image, self._shape[::-1], interpolation=cv2.INTER_AREA)

@@ -8,6 +8,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from toolkit.sensing.readers.common import decoded
+
 ENCODINGS = {"16UC1": "u2", "mono16": "u2", "32FC1": "f4"}
 """Encodings of a depth image; `mono16` is what RealSense's old files say."""
 COLOR_ENCODINGS = {"rgb8": (3, False), "bgr8": (3, True), "rgba8": (4, False), "bgra8": (4, True)}
@@ -150,12 +152,12 @@ def compressed_picture(data: bytes, cdr: bool) -> Picture:
     content = cursor.take(cursor.whole())
     encoding = form.split(";")[0].strip()
     if "compressedDepth" not in form:
-        image = cv2.imdecode(np.frombuffer(content, np.uint8), cv2.IMREAD_COLOR)
+        image = decoded(content, cv2.IMREAD_COLOR)
         if image is None:
             raise ValueError(f"an image compressed as {form!r} cannot be decoded")
         return Picture("rgb8", np.ascontiguousarray(image[:, :, ::-1]), b"")
     _, a, b = QUANTISED.unpack(content[: QUANTISED.size])
-    image = cv2.imdecode(np.frombuffer(content[QUANTISED.size :], np.uint8), cv2.IMREAD_UNCHANGED)
+    image = decoded(content[QUANTISED.size :], cv2.IMREAD_UNCHANGED)
     if image is None or image.dtype != np.uint16 or image.ndim != 2 or encoding not in ENCODINGS:
         raise ValueError(f"depth compressed as {form!r} is not read; write it as 16UC1 PNG")
     if encoding != "32FC1":
