@@ -96,6 +96,14 @@ def _method(path: Path) -> None:
     path.write_bytes(bytes(data))
 
 
+def _hide(path: Path) -> None:
+    """A length in the first entry of the directory that swallows the second one as its comment."""
+    data = bytearray(archive(path, {"a.npy": npy(np.zeros(3)), "b.npy": npy(np.zeros(3))}).read_bytes())
+    entry, end = data.index(b"PK\x01\x02"), data.index(b"PK\x05\x06")
+    data[entry + 32 : entry + 34] = (end - data.rindex(b"PK\x01\x02")).to_bytes(2, "little")
+    path.write_bytes(bytes(data))
+
+
 class Evil:
     """Runs code where it is unpickled."""
 
@@ -112,6 +120,7 @@ BAD: dict[str, Callable[[Path], object]] = {
     "a single array": lambda path: path.write_bytes(npy(np.zeros(3))),
     "a flipped byte": _flip,
     "another checksum": _swap,
+    "a hidden member": _hide,
     "an encrypted member": _encrypt,
     "a compression of tomorrow": _method,
     "a pickle": lambda path: archive(path, {"a.npy": npy(np.array([Evil()], dtype=object))}),

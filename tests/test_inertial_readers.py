@@ -61,6 +61,7 @@ def test_a_newer_mt_file_has_angles_and_a_frame(tmp_path):
         ("PacketCounter\tQuat_q0\tQuat_q1\tQuat_q2\tQuat_q3\n1\t1\t0\t0\t0\n2\t1\t0\t0\t0", "no comment line with its"),
         (MT_HEADER + "PacketCounter\tQuat_q0\n", "holds no row below its header"),
         (MT_HEADER + "PacketCounter\tAcc_X\tAcc_Y\tAcc_Z\n1\t0\t0\t9.8\n2\t0\t0\t9.8", "neither orientations nor"),
+        ("// Update Rate: 1.0.0Hz\nPacketCounter\tRoll\n1\t0\n2\t0", "no comment line with its"),
         (MT_HEADER + "// Coordinate system: XYZ\nPacketCounter\tRoll\n1\t0\n2\t0", "is in the frame XYZ"),
     ),
 )
@@ -98,6 +99,7 @@ def test_a_dot_file_with_free_acceleration_gets_gravity_back(tmp_path):
         (DOT_HEAD, "no header that begins with PacketCounter"),
         (DOT_HEAD + "PacketCounter,SampleTimeFine,Quat_W,Quat_X,Quat_Y,Quat_Z\n", "no row below its header"),
         (DOT_HEAD + "PacketCounter,Quat_W,Quat_X,Quat_Y,Quat_Z\n1,1,0,0,0\n", "no column SampleTimeFine"),
+        (DOT_HEAD + "PacketCounter,SampleTimeFine\n1,16667\n2,33334\n", "neither orientations nor"),
     ),
 )
 def test_a_bad_dot_file_is_refused(tmp_path, text, message):
@@ -133,6 +135,9 @@ def test_an_mvnx_file_starts_where_its_calibration_poses_end(tmp_path):
         (mvnx(mvnx_frame("npose", "", 0) * 3), "holds 0 frames of the type normal"),
         (mvnx(mvnx_frame("normal", 0, 0, (1, 0)) * 2), "6 numbers of orientation for 2 segments"),
         ('<!DOCTYPE x [<!ENTITY a "b">]>' + mvnx(""), "XML entities"),
+        (mvnx(mvnx_frame("normal", 0, "G7") * 2), "time of a frame in .* is 'G7' and no number"),
+        (mvnx(mvnx_frame("normal", "1p", 0) * 2), "index of a frame in .* is '1p' and no number"),
+        (mvnx(mvnx_frame("normal", 0, 0) * 2).replace('"60"', '"6["'), "frameRate of a subject in .* no number"),
     ),
 )
 def test_a_bad_mvnx_file_is_refused(tmp_path, text, message):

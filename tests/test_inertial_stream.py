@@ -109,6 +109,16 @@ def test_a_damaged_canonical_file_is_refused_in_one_sentence(tmp_path, content):
         Sensors.load(path)
 
 
+def test_a_vertical_in_words_is_refused(tmp_path):
+    path = tmp_path / "sensors.npz"
+    Sensors((checked_stream("left_shin", TIMES, rotations=turning()),)).save(path)
+    with np.load(path) as stored:
+        arrays = {name: array for name, array in stored.items() if name != "checksum"}
+    np.savez(path, **{**arrays, "world_up": np.array(["0R0", "0", "1"])})
+    with pytest.raises(InertialError, match="as sensor data: could not convert string"):
+        Sensors.load(path)
+
+
 def test_a_pickled_object_is_never_loaded(tmp_path):
     np.savez(tmp_path / "sensors.npz", names=np.array([{"a": 1}], dtype=object))
     with pytest.raises(InertialError, match="only numbers and text"):

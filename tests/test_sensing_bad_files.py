@@ -77,6 +77,14 @@ def _r3d(folder: Path, times: list[float]) -> Path:
     return path
 
 
+@pytest.mark.parametrize("name", ("0\0.png", "../0.png", ""))
+def test_a_list_names_only_files_that_can_be_beside_it(name: str, tmp_path: Path) -> None:
+    path = _tum(tmp_path, [0.0, 0.1]) / "depth.txt"
+    path.write_text(f"0.0 {name}\n")
+    with pytest.raises(RecordingError, match="line 1 of "):
+        open_recording(tmp_path)
+
+
 CLOCKS: dict[str, Callable[[Path, list[float]], Path]] = {"npz": _npz, "tum": _tum, "mkv": _mkv, "r3d": _r3d}
 
 

@@ -27,6 +27,9 @@ PLAIN_KINDS = "biufU"
 """Kinds of NumPy types that a file may hold: truth values, numbers and text."""
 KIND_WORDS = {"f": "numbers", "iu": "whole numbers", "iuf": "numbers", "b": "truth values", "U": "text"}
 
+_END_MARK, _LONGEST_END, _MANY = b"PK\x05\x06", 22 + 0xFFFF, 0xFFFF
+"""Of a zip's last record: how it begins, its most bytes, and the count of files that says that it stands elsewhere."""
+
 
 @dataclass(frozen=True)
 class Column:
@@ -165,7 +168,21 @@ def opened(path: Path, error: type[DepthMocapError], hint: str) -> Iterator[zipf
     if not is_file(path):
         raise error(f"there is no file {path}; check the path")
     with translated(path, error, hint), zipfile.ZipFile(path) as archive:
+        _check_count(path, len(archive.infolist()))
         yield archive
+
+
+def _check_count(path: Path, found: int) -> None:
+    """Raise ValueError where the archive's end states more or fewer files than its directory lists.
+
+    zipfile does not compare them; a wrong length in one entry hides those behind it, and with them the checksum.
+    """
+    with path.open("rb") as stream:
+        stream.seek(max(0, path.stat().st_size - _LONGEST_END))
+        tail = stream.read()
+    stated = int.from_bytes(tail[tail.rfind(_END_MARK) + 10 :][:2], "little")
+    if stated not in (found, _MANY):
+        raise ValueError(f"it states {stated} arrays and lists {found}")
 
 
 @contextmanager

@@ -4,7 +4,13 @@ from __future__ import annotations
 
 
 class DepthMocapError(Exception):
-    """Base of every error that the toolkit raises on purpose; the command prints it as one sentence."""
+    """Base of every error that the toolkit raises on purpose; the command prints it as one sentence.
+
+    Names and values out of files stand in messages; a line break in one of them becomes a space.
+    """
+
+    def __str__(self) -> str:
+        return " ".join(super().__str__().splitlines())
 
 
 class UsageError(DepthMocapError):

@@ -234,12 +234,11 @@ class Sensors:
             names = [str(name) for name in arrays["names"]]
             origins = source.get("orientation", {})
             streams = [_stored_stream(name, k, arrays, origins.get(name, DEVICE)) for k, name in enumerate(names)]
-            up = arrays.get("world_up", np.array([0.0, 0.0, 1.0]))
+            return cls(tuple(streams), arrays.get("world_up", np.array([0.0, 0.0, 1.0])), source)
         except (ValueError, KeyError, TypeError, AttributeError) as error:
             raise InertialError(
                 f"cannot read {path} as sensor data: {error}; write it with `depthmocap inertial read`"
             ) from error
-        return cls(tuple(streams), up, source)
 
     def renamed(self, names: Sequence[str]) -> Sensors:
         """The same streams under other names, in order."""

@@ -37,7 +37,7 @@ def read(path: Path, options: SensorOptions) -> Sensors:
     said = {row[0].strip().rstrip(":"): row[1].strip() for row in rows[:start] if len(row) > 1}
     table = Columns(path, rows[start], [row for row in rows[start + 1 :] if any(cell.strip() for cell in row)])
     times = unwrapped(table.numbers("SampleTimeFine")[:, 0], (1 << 32,)) * 1e-6
-    whole = np.stack([table.numbers(name)[:, 0] for name in table.names[2:] if name and name != "Status"], axis=1)
+    whole = table.numbers(*(name for name in table.names[2:] if name and name != "Status"))
     times[~(np.nan_to_num(whole) != 0.0).any(axis=1)] = np.nan  # rows of zeros say nothing
     rotations = _rotations(table)
     gyro = table.optional("Gyr_X", "Gyr_Y", "Gyr_Z")

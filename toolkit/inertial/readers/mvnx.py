@@ -30,7 +30,7 @@ def read(path: Path, options: SensorOptions) -> Sensors:
     if len(frames) < 2:
         raise InertialError(f"{path} holds {len(frames)} frames of the type normal; export a recording with motion")
     labels = [str(s.get("label")) for s in root.iter() if _tag(s) == "segment" and s.get("label")]
-    rate = next((float(s.get("frameRate")) for s in root.iter() if s.get("frameRate")), options.rate)
+    rate = next((_number(path, s, "frameRate") for s in root.iter() if s.get("frameRate")), options.rate)
     table = [_orientations(path, frame, len(labels)) for frame in frames]
     rotations = np.array(table).reshape(len(frames), len(labels), 4)
     times = _times(path, frames, rate)
@@ -54,6 +54,16 @@ def _tag(element: Any) -> str:
     return str(element.tag).rpartition("}")[2]
 
 
+def _number(path: Path, element: Any, attribute: str) -> float:
+    text = element.get(attribute)
+    try:
+        return float(text)
+    except ValueError:
+        raise InertialError(
+            f"{attribute} of a {_tag(element)} in {path} is {text[:80]!r} and no number; export it again"
+        ) from None
+
+
 def _orientations(path: Path, frame: Any, segments: int) -> np.ndarray:
     element = next((child for child in frame if _tag(child) == "orientation"), None)
     text = "" if element is None else element.text or ""
@@ -71,11 +81,10 @@ def _orientations(path: Path, frame: Any, segments: int) -> np.ndarray:
 
 def _times(path: Path, frames: list[Any], rate: float | None) -> np.ndarray:
     """Milliseconds in the attribute `time`; where they are missing the frame's number over the rate."""
-    stamps = [frame.get("time") for frame in frames]
-    if all(stamp is not None for stamp in stamps):
-        times = np.array(stamps, dtype=np.float64) / 1000.0
+    if all(frame.get("time") is not None for frame in frames):
+        times = np.array([_number(path, frame, "time") for frame in frames]) / 1000.0
         if (np.diff(times) > 0).all():
             return times
     if not rate:
         raise InertialError(f"{path} says neither times nor a frame rate; give --rate in frames a second")
-    return np.array([float(f.get("index") or i) for i, f in enumerate(frames)]) / rate
+    return np.array([_number(path, f, "index") if f.get("index") else i for i, f in enumerate(frames)]) / rate

@@ -17,7 +17,7 @@ from toolkit.inertial import quaternions as quat
 from toolkit.inertial.readers.common import DEGREE, Columns, SensorOptions, head_of, read_text, unwrapped
 from toolkit.inertial.stream import Sensors, checked_stream
 
-_RATE = re.compile(r"Update Rate\s*:?\s*([0-9.]+)\s*Hz", re.IGNORECASE)
+_RATE = re.compile(r"Update Rate\s*:?\s*([0-9]+(?:\.[0-9]*)?)\s*Hz", re.IGNORECASE)
 _FRAME = re.compile(r"Coordinate system\s*:?\s*(\w+)", re.IGNORECASE)
 _DEVICE = re.compile(r"[_-]([0-9A-Fa-f]{8})$")
 _MATRIX = tuple(f"Mat[{row}][{column}]" for column in (1, 2, 3) for row in (1, 2, 3))

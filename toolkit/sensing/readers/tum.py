@@ -46,10 +46,11 @@ def listed(path: Path) -> tuple[np.ndarray, list[Path]]:
             continue
         try:
             time, name = float(words[0]), words[1]
+            file = path.parent / name
+            inside = path.parent.resolve() in file.resolve().parents  # ValueError for what no file can be called
         except (ValueError, IndexError):
             raise RecordingError(f"line {number} of {path} is {line[:80]!r}; {hint}") from None
-        file = path.parent / name
-        if path.parent.resolve() not in file.resolve().parents:
+        if not inside:
             raise RecordingError(f"line {number} of {path} leads out of the folder: {name!r}; {hint}")
         times.append(time)
         files.append(file)
