@@ -87,7 +87,7 @@ def upright(accelerations: np.ndarray) -> np.ndarray | None:
     return median / length if abs(length - GRAVITY) < GRAVITY_TOLERANCE else None
 
 
-def decoded(content: bytes, flag: int) -> np.ndarray | None:
+def decoded(content: bytes | memoryview, flag: int) -> np.ndarray | None:
     """A picture in a container as OpenCV decodes it with `flag`, or None: of no bytes at all OpenCV makes an error."""
     import cv2
 
