@@ -340,7 +340,7 @@ def test_the_vertical_of_all_takes_starts_a_calibration_whatever_the_first_of_th
         Strand(0, g, quat.multiply(quat.multiply(solvers.yaw(psi), own), mounting), own)
         for g, (psi, own) in enumerate(zip(psis, tracked, strict=True))
     ]
-    headings, mountings = solvers._by_vertical(strands, 4, 1)
+    headings, mountings = solvers.by_vertical(strands, 4, 1)
     assert np.degrees(quat.angle(mountings[0], mounting)) < 1e-3
     for psi, found in zip(psis, headings, strict=True):
         assert np.degrees(quat.angle(solvers.yaw(psi), solvers.yaw(found))) < 1e-2

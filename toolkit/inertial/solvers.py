@@ -109,7 +109,7 @@ def heading(
     if known is None:
         rough = [strand.thinned(ROUGH_ROWS) for strand in strands]
         starts = [_spread(rough, groups, sensors, psi) for psi in np.arange(STARTS) * (2.0 * np.pi / STARTS)]
-        starts.append(_by_vertical(rough, groups, sensors))
+        starts.append(by_vertical(rough, groups, sensors))
         tried = sorted(
             (_alternated(rough, sensors, start, SCALES[:1].repeat(ROUNDS)) for start in starts),
             key=lambda found: found[2],
@@ -176,8 +176,11 @@ def _spread(strands: Sequence[Strand], groups: int, sensors: int, start: float) 
     return np.nan_to_num(psis), np.where(np.isnan(mountings), quat.IDENTITY, mountings)
 
 
-def _by_vertical(strands: Sequence[Strand], groups: int, sensors: int) -> tuple[np.ndarray, np.ndarray]:
-    """Headings and mountings that bring the vertical as the sensors see it on to that of the limbs, then robustly."""
+def by_vertical(strands: Sequence[Strand], groups: int, sensors: int) -> tuple[np.ndarray, np.ndarray]:
+    """Headings and mountings that bring the vertical as the sensors see it on to that of the limbs, robustly.
+
+    Returns float64 (groups,) radians about the vertical, and quaternions (sensors, 4).
+    """
     psis, mountings = np.zeros(groups), np.tile(quat.IDENTITY, (sensors, 1))
     for k in {s.sensor for s in strands}:
         own = [s for s in strands if s.sensor == k]
