@@ -15,6 +15,7 @@ from toolkit.fitting.arms import ArmSettings
 from toolkit.fitting.settings import FittingSettings
 from toolkit.fitting.upper import UpperBodies
 from toolkit.kernels import particles as kernel
+from toolkit.landmarks.parts import JointEstimate
 from toolkit.landmarks.settings import LandmarkSettings
 from toolkit.sensing.camera import Camera
 from toolkit.sensing.cloud import Cloud
@@ -130,10 +131,16 @@ def test_the_nearest_of_every_body_and_the_nearest_that_faces_elsewhere_are_fini
     assert facing_elsewhere(rivals[0], rivals[:2]) == []
 
 
-def test_who_was_taken_back_to_front_is_turned_round() -> None:
+def finished(observation: Observation, rival: Rival) -> list[Rival]:
+    return FirstFrames(FIT.objective, FIT.refiner, ARMS).finished(observation, [rival])
+
+
+def test_who_was_taken_back_to_front_is_turned_round_where_a_regressor_knows_front_from_back() -> None:
     observation = observed(FORWARD)
     wrong = rival(other_ways_round(FORWARD)[1], observation)
-    found = FirstFrames(FIT.objective, FIT.refiner, ARMS).finished(observation, [wrong])
+    assert not any(abs(float(body_facing(one.hypothesis.pose))) < 1.0 for one in finished(observation, wrong))
+    observation.votes = JointEstimate(np.zeros((20, 3)), np.zeros(20))
+    found = finished(observation, wrong)
     best = min([wrong, *found], key=lambda one: one.comparison.distance)
     assert abs(float(body_facing(best.hypothesis.pose))) < 0.3
     assert abs(float(body_facing(wrong.hypothesis.pose))) > 3.0
@@ -141,7 +148,8 @@ def test_who_was_taken_back_to_front_is_turned_round() -> None:
 
 def test_whoever_is_seen_as_they_are_is_not_turned() -> None:
     observation = observed(FORWARD)
+    observation.votes = JointEstimate(np.zeros((20, 3)), np.zeros(20))
     right = rival(FORWARD, observation)
-    found = FirstFrames(FIT.objective, FIT.refiner, ARMS).finished(observation, [right])
+    found = finished(observation, right)
     best = min([right, *found], key=lambda one: one.comparison.distance)
     assert abs(float(body_facing(best.hypothesis.pose))) < 0.1

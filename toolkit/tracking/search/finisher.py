@@ -28,7 +28,8 @@ class FirstFrames:
 
     The best of each body, the best that faces elsewhere than the best of all, and that one turned to the other side
     have their arms brought to where the cloud ends (Lopez-Mendez 2011, 2.2). A wrong size, too, is often the nearest
-    only until the arms are where they belong.
+    only until the arms are where they belong. Nobody is turned without a regressor: its votes know front from back, a
+    depth image alone does not.
 
     Parameters
     ----------
@@ -45,7 +46,9 @@ class FirstFrames:
         """Further rivals for a frame of which `rivals` is what every search said of every body."""
         aimed = [self._arms.of(rival, observation) for rival in best_of_each_body(rivals)]
         best = min(aimed, key=_distance)
-        others = [*facing_elsewhere(best, rivals), self._turned(best, observation)]
+        others = facing_elsewhere(best, rivals)
+        if observation.votes is not None:
+            others.append(self._turned(best, observation))
         return aimed + [self._arms.of(rival, observation) for rival in others]
 
     def _turned(self, rival: Rival, observation: Observation) -> Rival:
