@@ -23,7 +23,8 @@ from toolkit.landmarks.parts import JointEstimate
 from toolkit.sensing.camera import Camera
 from toolkit.tracking import hybrid, searching
 from toolkit.tracking.hybrid import HybridTracker
-from toolkit.tracking.search.arms import FARTHER, ITERATIONS, ArmSearch
+from toolkit.tracking.search.arms import FARTHER, ArmSearch
+from toolkit.tracking.search.exchange import ITERATIONS
 from toolkit.tracking.search.extrema import ExtremaQuery
 from toolkit.tracking.search.labelings import LookupSettings
 from toolkit.tracking.search.local import FARTHEST, LocalSearch, moved_on

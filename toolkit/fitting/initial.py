@@ -12,7 +12,7 @@ from toolkit.body import skeleton
 from toolkit.errors import SettingsError
 from toolkit.fitting.arms import SIDES
 from toolkit.fitting.particles import ParticleFrame, UpperFilter
-from toolkit.fitting.upper import UpperBody
+from toolkit.fitting.upper import UpperBody, aimed_all_round
 from toolkit.kernels import aiming, linear
 from toolkit.landmarks.effectors import Effectors, Fork
 
@@ -200,13 +200,8 @@ def _best_arm(
 
     Arms that rest take part if they may; the arm as it is stays if no target can be reached.
     """
-    count = swivels * len(targets)
-    poses, scores = np.repeat(pose[None], count, axis=0), np.empty(count)
-    angles = np.tile(np.linspace(-np.pi, np.pi, swivels, endpoint=False), len(targets))
     anything = aiming.Aim(filtering.settings.spread, 0.0, -np.inf)
-    wanted = np.ones(count, dtype=np.bool_)
-    aiming.aim_arms(poses, upper.arms[side], wanted, np.repeat(targets, swivels, axis=0), angles, anything, scores)
-    poses = poses[np.isfinite(scores)]
+    poses, _ = aimed_all_round(pose, upper.arms[side], targets, swivels, anything)
     if resting or len(poses) == 0:
         poses = np.concatenate([_rested(pose, side) if resting else pose[None], poses])
     return poses[int(filtering.costs_of_arms(upper, poses, frame).argmin())]

@@ -15,7 +15,7 @@ import numpy as np
 from toolkit.body import skeleton
 from toolkit.errors import SettingsError
 from toolkit.fitting.arms import SIDES, entries_of
-from toolkit.fitting.upper import TRUNK, UpperBody
+from toolkit.fitting.upper import TRUNK, UpperBody, aimed_all_round
 from toolkit.kernels import aiming, linear
 from toolkit.kernels import particles as kernel
 from toolkit.sensing.camera import Camera
@@ -373,18 +373,12 @@ class UpperFilter:
 
         Poses (n, P), which candidate each has in its hand (n,), and what each costs (n,).
         """
-        looks, candidates = self.settings.looks, frame.candidates
-        reached = np.repeat(np.arange(len(candidates)), looks)
-        swivels = np.tile(np.linspace(-np.pi, np.pi, looks, endpoint=False), len(candidates))
-        poses, scores = np.repeat(pose[None], len(reached), axis=0), np.empty(len(reached))
         anything = self._aim._replace(smoothness=0.0)
-        wanted = np.ones(len(reached), dtype=np.bool_)
-        aiming.aim_arms(poses, upper.arms[side], wanted, candidates[reached], swivels, anything, scores)
-        found = np.isfinite(scores)
-        if not found.any():
-            return poses[found], reached[found], scores[found]
+        poses, reached = aimed_all_round(pose, upper.arms[side], frame.candidates, self.settings.looks, anything)
+        if len(poses) == 0:
+            return poses, reached, np.empty(0)
         tile = frame.fine.tile(self._around_arm(upper, side, pose, frame), self.settings.arm_margin, self.settings)
-        return poses[found], reached[found], self._over_one_trunk(upper, poses[found], tile)
+        return poses, reached, self._over_one_trunk(upper, poses, tile)
 
     def candidate_weights(self, upper: UpperBody, poses: np.ndarray, side: int, candidates: np.ndarray) -> np.ndarray:
         """Weights (N, M), which sum to 1, of the `candidates` (M, 3) for one arm of each of `poses` (N, P) (Eq. 5)."""

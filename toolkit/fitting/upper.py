@@ -11,8 +11,8 @@ import numpy as np
 from toolkit.body import skeleton
 from toolkit.body.body import Body
 from toolkit.fitting.arms import SIDES, joints_of
-from toolkit.fitting.placed import balls_of
-from toolkit.kernels.aiming import ArmRig
+from toolkit.fitting.placed import Placer, balls_of
+from toolkit.kernels.aiming import Aim, ArmRig, aim_arms
 from toolkit.kernels.particles import Rig
 from toolkit.kernels.swivel import ArmBones
 
@@ -132,3 +132,24 @@ def arm_of(side: str, body: Body) -> ArmRig:
         fore=body.joints[wrist] - body.joints[elbow],
         hand=HAND * (tip - body.joints[wrist]),
     )
+
+
+@lru_cache(maxsize=4)
+def upper_bodies(placer: Placer) -> UpperBodies:
+    """The upper bodies before the camera of a placer, the same for all who ask."""
+    return UpperBodies(placer.from_level.T)
+
+
+def aimed_all_round(
+    pose: np.ndarray, arm: ArmRig, targets: np.ndarray, swivels: int, aim: Aim
+) -> tuple[np.ndarray, np.ndarray]:
+    """One arm of a pose (P,) at each of `targets` (n, 3) with so many swivels all round, as far as its joints allow.
+
+    Returns float64 (N, P) and int64 (N,): the poses, and the row of the target that each reaches.
+    """
+    rows = np.repeat(np.arange(len(targets)), swivels)
+    around = np.tile(np.linspace(-np.pi, np.pi, swivels, endpoint=False), len(targets))
+    poses, scores = np.repeat(pose[None], len(rows), axis=0), np.empty(len(rows))
+    aim_arms(poses, arm, np.ones(len(rows), dtype=np.bool_), targets[rows], around, aim, scores)
+    reached = np.isfinite(scores)
+    return poses[reached], rows[reached]

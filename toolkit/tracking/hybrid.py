@@ -12,7 +12,7 @@ from toolkit.fitting.objective import Objective
 from toolkit.fitting.priors import GaussianPrior, PoseTerm
 from toolkit.fitting.refiner import Refiner
 from toolkit.fitting.swarm import SwarmSettings
-from toolkit.fitting.upper import UpperBodies
+from toolkit.fitting.upper import upper_bodies
 from toolkit.tracking.guess import LimbGuesser
 from toolkit.tracking.guide import Guide, NoGuide
 from toolkit.tracking.observation import Observer
@@ -98,7 +98,7 @@ class HybridTracker(SearchingTracker):
         effort = Effort(settings.candidates, settings.starts, settings.promising, rest)
         members.append(DatabaseLookup(queries, objective, refiner, effort))
         if "particles" in asked:
-            members.append(ParticleSearch(objective, refiner, UpperBodies(objective.placer.from_level.T)))
+            members.append(ParticleSearch(objective, refiner, upper_bodies(objective.placer)))
         if self._swarm:
             parts = SwarmSearchSettings(), SwarmSettings(), DiscrepancySettings()
             members.append(SwarmSearch(*parts, objective, refiner, first_only=True))
@@ -110,7 +110,7 @@ class HybridTracker(SearchingTracker):
         """See `SearchingTracker.finisher`."""
         if "particles" not in self.settings.hypotheses:
             return None
-        arms = AimedArms(objective, refiner, self.settings.arms, UpperBodies(objective.placer.from_level.T))
+        arms = AimedArms(objective, refiner, self.settings.arms, upper_bodies(objective.placer))
         return FirstFrames(objective, refiner, arms)
 
     def queries(self) -> list[Query]:

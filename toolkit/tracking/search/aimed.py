@@ -9,10 +9,11 @@ from toolkit.fitting.arms import SIDES, Arm, ArmSettings, entries_of
 from toolkit.fitting.initial import sides_of
 from toolkit.fitting.objective import Comparison, Objective
 from toolkit.fitting.refiner import Refiner
-from toolkit.fitting.upper import UpperBodies
+from toolkit.fitting.scene import Scene
+from toolkit.fitting.upper import UpperBodies, aimed_all_round
 from toolkit.kernels import aiming
 from toolkit.tracking.observation import Observation
-from toolkit.tracking.search.arms import FARTHER, ITERATIONS, unexplained
+from toolkit.tracking.search.arms import arm_exchange
 from toolkit.tracking.search.protocol import Hypothesis, Rival
 
 SOURCE = "particles"
@@ -37,39 +38,27 @@ class AimedArms:
     """
 
     def __init__(self, objective: Objective, refiner: Refiner, settings: ArmSettings, bodies: UpperBodies) -> None:
-        self._objective, self._refiner, self._settings, self._bodies = objective, refiner, settings, bodies
+        self._settings, self._sigma, self._bodies = settings, refiner.settings.sigma, bodies
+        self._exchange = arm_exchange(objective, refiner, settings)
 
     def of(self, rival: Rival, observation: Observation) -> Rival:
         """A rival with arms that leave less unexplained; the same one if there are none."""
-        pose, compared, settings = rival.hypothesis.pose, rival.comparison, self._settings
+        pose, compared, scene = rival.hypothesis.pose, rival.comparison, observation.scene
         candidates = sides_of(observation.free_extrema[:CANDIDATES], pose)
         for side, own in zip(SIDES, candidates, strict=True):
-            for candidate in self._tried(side, rival.body, pose, compared, own, observation):
-                refined = self._refiner.refine(rival.body, candidate, observation.scene, iterations=ITERATIONS)
-                bound = FARTHER * compared.distance
-                tried = self._objective.compare(rival.body, refined, observation.scene, bound)
-                if unexplained(tried, settings) < unexplained(compared, settings) - settings.margin:
-                    pose, compared = refined, tried
+            proposed = self._proposed(side, rival.body, pose, compared, own, scene)
+            pose, compared = self._exchange.best(rival.body, pose, compared, proposed, scene)
         if pose is rival.hypothesis.pose:
             return rival
         return Rival(Hypothesis(SOURCE, pose, compared), rival.body, compared)
 
-    def _tried(
-        self, side: str, body: Body, pose: np.ndarray, compared: Comparison, candidates: np.ndarray,
-        observation: Observation,
-    ) -> list[np.ndarray]:  # fmt: skip
+    def _proposed(
+        self, side: str, body: Body, pose: np.ndarray, compared: Comparison, candidates: np.ndarray, scene: Scene
+    ) -> list[np.ndarray]:
         """`pose` (P,) with one arm at candidates that leaves less unexplained; the best first."""
-        count = SWIVELS * len(candidates)
-        if count == 0:
-            return []
         rig = self._bodies.of(body).arms[SIDES.index(side)]
-        poses, scores = np.repeat(pose[None], count, axis=0), np.empty(count)
-        swivels = np.tile(np.linspace(-np.pi, np.pi, SWIVELS, endpoint=False), len(candidates))
-        targets = np.repeat(candidates, SWIVELS, axis=0)
-        aiming.aim_arms(poses, rig, np.ones(count, dtype=np.bool_), targets, swivels, AIM, scores)
-        reached = poses[np.isfinite(scores)]
-        if len(reached) == 0:
+        poses, _ = aimed_all_round(pose, rig, candidates, SWIVELS, AIM)
+        if len(poses) == 0:
             return []
-        arm = Arm(side, body, np.ascontiguousarray(reached[:, entries_of(side)]))
-        s = self._settings
-        return arm.propose(pose, compared, observation.scene, s, self._refiner.settings.sigma, s.refined)
+        arm = Arm(side, body, np.ascontiguousarray(poses[:, entries_of(side)]))
+        return arm.propose(pose, compared, scene, self._settings, self._sigma, self._settings.refined)

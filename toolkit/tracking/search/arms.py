@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
+from functools import partial
+
 import numpy as np
 
 from toolkit.fitting.arms import ArmPoses, ArmSettings
 from toolkit.fitting.objective import Comparison, Objective
 from toolkit.fitting.refiner import Refiner
 from toolkit.tracking.observation import Observation
+from toolkit.tracking.search.exchange import LimbExchange
 from toolkit.tracking.search.lookup import is_asked
 from toolkit.tracking.search.protocol import NOTHING, Hypothesis, Proposal, Rival
 from toolkit.tracking.state import PersonState
 
-ITERATIONS = 2
-"""Of the refinement of a pose of which only one arm is new."""
 FARTHER = 1.2
 """By how much the sparse distance may grow: beyond it the new arm is in the way of what was measured."""
 
@@ -37,7 +38,8 @@ class ArmSearch:
     def __init__(
         self, poses: ArmPoses, objective: Objective, refiner: Refiner, settings: ArmSettings, rest: int = 0
     ) -> None:
-        self._poses, self._objective, self._refiner, self._settings = poses, objective, refiner, settings
+        self._poses, self._settings, self._sigma = poses, settings, refiner.settings.sigma
+        self._exchange = arm_exchange(objective, refiner, settings)
         self._rest = rest
 
     def propose(
@@ -54,16 +56,18 @@ class ArmSearch:
         for arm in arms if state.turn % 2 else arms[::-1]:
             if left == 0:
                 break
-            proposed = arm.propose(pose, compared, scene, self._settings, self._refiner.settings.sigma, left)
+            proposed = arm.propose(pose, compared, scene, self._settings, self._sigma, left)
             left -= len(proposed)
-            for candidate in proposed:
-                refined = self._refiner.refine(body, candidate, scene, iterations=ITERATIONS)
-                tried = self._objective.compare(body, refined, scene, FARTHER * compared.distance)
-                if unexplained(tried, self._settings) < unexplained(compared, self._settings) - self._settings.margin:
-                    pose, compared = refined, tried
+            pose, compared = self._exchange.best(body, pose, compared, proposed, scene)
         if pose is best.hypothesis.pose:
             return NOTHING
         return Proposal((Hypothesis("arms", pose, compared, supersedes=True),))
+
+
+def arm_exchange(objective: Objective, refiner: Refiner, settings: ArmSettings) -> LimbExchange:
+    """How one arm is exchanged for another."""
+    cost = partial(unexplained, settings=settings)
+    return LimbExchange(objective, refiner, cost, settings.margin, FARTHER)
 
 
 def unexplained(compared: Comparison, settings: ArmSettings) -> float:

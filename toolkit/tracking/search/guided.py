@@ -9,11 +9,9 @@ from toolkit.fitting.objective import Comparison, Objective
 from toolkit.fitting.refiner import Refiner
 from toolkit.tracking.guide import Guide
 from toolkit.tracking.observation import Observation
+from toolkit.tracking.search.exchange import LimbExchange
 from toolkit.tracking.search.protocol import NOTHING, Hypothesis, Proposal, Rival
 from toolkit.tracking.state import PersonState
-
-ITERATIONS = 2
-"""Of the refinement of a pose of which only a limb is new."""
 
 
 class GuidedSearch:
@@ -32,7 +30,8 @@ class GuidedSearch:
     name = "guided"
 
     def __init__(self, guide: Guide, objective: Objective, refiner: Refiner, settings: ArmSettings) -> None:
-        self._guide, self._objective, self._refiner, self._settings = guide, objective, refiner, settings
+        self._guide, self._prior = guide, settings.prior
+        self._exchange = LimbExchange(objective, refiner, self._cost, settings.margin)
 
     def propose(
         self, observation: Observation, state: PersonState, rng: np.random.Generator, best: Rival | None
@@ -40,16 +39,12 @@ class GuidedSearch:
         """See `Search.propose`."""
         if best is None:
             return NOTHING
-        body, scene = best.body, observation.scene
-        pose, compared = best.hypothesis.pose, best.comparison
-        for candidate in self._guide.poses(observation.timestamp, pose):
-            refined = self._refiner.refine(body, candidate, scene, iterations=ITERATIONS)
-            tried = self._objective.compare(body, refined, scene)
-            if self._cost(tried) < self._cost(compared) - self._settings.margin:
-                pose, compared = refined, tried
+        pose = best.hypothesis.pose
+        candidates = self._guide.poses(observation.timestamp, pose)
+        pose, compared = self._exchange.best(best.body, pose, best.comparison, candidates, observation.scene)
         if pose is best.hypothesis.pose:
             return NOTHING
         return Proposal((Hypothesis("guided", pose, compared, supersedes=True),))
 
     def _cost(self, compared: Comparison) -> float:
-        return compared.distance + self._settings.prior * compared.energy
+        return compared.distance + self._prior * compared.energy
