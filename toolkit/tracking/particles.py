@@ -14,18 +14,17 @@ from toolkit.body.shape import load_body
 from toolkit.errors import SettingsError
 from toolkit.fitting.initial import InitialSettings, initial_pose
 from toolkit.fitting.objective import Comparison, Objective
-from toolkit.fitting.particles import ParticleFrame, ParticleImage, ParticleSettings, UpperFilter
+from toolkit.fitting.particles import ParticleFrame, ParticleSettings, UpperFilter
 from toolkit.fitting.placed import Placer
 from toolkit.fitting.refiner import Refiner
 from toolkit.fitting.scene import Scene
 from toolkit.fitting.settings import FittingSettings
 from toolkit.fitting.sizing import FirstFrame, fitting_body, sized_body
 from toolkit.fitting.upper import LEGS, UNSEEN, UpperBodies
-from toolkit.landmarks.effectors import Effectors, EffectorSettings, find_effectors, find_fork
+from toolkit.landmarks.effectors import Effectors, EffectorSettings, find_fork
 from toolkit.landmarks.graph import Workspace
 from toolkit.landmarks.silhouette import arm_length, shoulder_breadth
 from toolkit.sensing.camera import Camera
-from toolkit.sensing.cloud import Cloud
 from toolkit.sensing.people.sighting import Sighting
 from toolkit.sensing.settings import SensingSettings
 from toolkit.track import EMPTY, LOST, TRACKED, FrameResult
@@ -34,6 +33,7 @@ from toolkit.tracking.person import PREDICTED, Person
 from toolkit.tracking.protocol import Wanted
 from toolkit.tracking.registry import Registration, register
 from toolkit.tracking.state import PersonState, Previous
+from toolkit.tracking.upper_sighting import UpperSighting, UpperViewer
 
 PARTICLES, DETECTED = "particles", "detected"
 LEG_ENTRIES: np.ndarray = np.array([i for i, name in enumerate(skeleton.POSE_NAMES) if name.rpartition("_")[0] in LEGS])
@@ -50,6 +50,9 @@ class ParticleTrackerSettings:
     seed : of everything random
     refined : whether the filtered pose and the one before, both refined by local optimisation, compete; the paper
         has no such step
+    reach : metres below the crown beyond which nothing is looked at: laps and what people sit on, which are not drawn,
+        pull trunk and arms down. An adult's thighs, seated, begin there, and so do the images of the paper end; 0 = no
+        limit
     measured_seconds : how long at the beginning the person's size is measured, "a short period of time"; 0 = an
         average body
     smallest_person : measured points below which a frame counts as empty: a person at 8 m in a 176x144 image
@@ -62,6 +65,7 @@ class ParticleTrackerSettings:
     tracker: Literal["particles"] = "particles"
     seed: int = 0
     refined: bool = True
+    reach: float = 0.75
     measured_seconds: float = 1.5
     smallest_person: int = 300
     lost_cost: float = 38.0
@@ -73,38 +77,11 @@ class ParticleTrackerSettings:
     fitting: FittingSettings = field(default_factory=FittingSettings)
 
     def __post_init__(self) -> None:
-        for name in ("measured_seconds", "smallest_person"):
+        for name in ("reach", "measured_seconds", "smallest_person"):
             if getattr(self, name) < 0:
                 raise SettingsError(f"{name} is {getattr(self, name)}; it is not negative")
         if not self.patience > 0 or not self.lost_cost > 0:
             raise SettingsError(f"patience and lost_cost are {self.patience} and {self.lost_cost}; give more than 0")
-
-
-class Seen:
-    """One sighting as the filter needs it: cloud, candidates, images."""
-
-    def __init__(self, sighting: Sighting, level_rotation: np.ndarray, settings: ParticleTrackerSettings) -> None:
-        particles, depth, unobserved = settings.particles, sighting.depth, sighting.unobserved
-        self.coarse = ParticleImage.of(
-            depth, unobserved, sighting.camera, particles.trunk_columns, "particles.trunk_columns"
-        )
-        self.fine = ParticleImage.of(depth, unobserved, sighting.camera, particles.arm_columns, "particles.arm_columns")
-        step = max(1, sighting.camera.width // particles.arm_columns)
-        self.unobserved = None if unobserved is None else unobserved[::step, ::step]
-        self.cloud = Cloud.from_depth(depth[::step, ::step], sighting.camera.subsampled(step), level_rotation)
-        self.points = len(self.cloud) * step * step
-
-    def effectors(self, settings: EffectorSettings, workspace: Workspace) -> Effectors:
-        """Candidates for head and hands."""
-        return find_effectors(self.cloud, settings, self.unobserved, workspace)
-
-    def frame(self, effectors: Effectors) -> ParticleFrame:
-        """For the filter."""
-        return ParticleFrame(self.coarse, self.fine, effectors.points)
-
-    def scene(self, effectors: Effectors, settings: FittingSettings) -> Scene:
-        """For the local optimisation."""
-        return Scene(self.cloud, effectors.points, settings.cloud_samples, settings.search, unobserved=self.unobserved)
 
 
 class ParticleFollower(Person):
@@ -120,6 +97,7 @@ class ParticleFollower(Person):
         self, settings: ParticleTrackerSettings, camera: Camera, level_rotation: np.ndarray, state: PersonState
     ) -> None:
         small = camera.subsampled(max(1, camera.width // settings.particles.arm_columns))
+        self._viewer = UpperViewer(camera, level_rotation, settings.particles, settings.reach)
         self._bodies = UpperBodies(level_rotation)
         self.filtering = UpperFilter(settings.particles)
         placer = Placer(state.body, small, level_rotation)
@@ -131,7 +109,7 @@ class ParticleFollower(Person):
 
     def step(self, sighting: Sighting | None, timestamp: float, clock: StageClock) -> FrameResult:
         """See `PersonFollower.step`: the three layers of the filter, or a first pose by the fork."""
-        seen = None if sighting is None else Seen(sighting, self.level_rotation, self.settings)
+        seen = None if sighting is None else self._viewer.look(sighting, self._crown())
         clock.lap("prepare")
         if seen is None or seen.points < max(self.settings.smallest_person, 1):
             self.state = replace(self.state, previous=None, timestamp=timestamp)
@@ -159,6 +137,13 @@ class ParticleFollower(Person):
         row = self._commit(pose, particles, cost, self._compared(pose, scene), source, timestamp)
         clock.lap("refine")
         return replace(row, stage_ms=clock.milliseconds)
+
+    def _crown(self) -> float | None:
+        """How high the head of who is followed reaches, metres, level frame."""
+        if self.state.previous is None:
+            return None
+        tips = self.state.body.end_effector_positions(self.state.previous.pose)
+        return float(tips[skeleton.END_EFFECTORS.index("head"), 1])
 
     def _first(
         self, effectors: Effectors, frame: ParticleFrame, rng: np.random.Generator
@@ -260,7 +245,8 @@ class ParticleTracker:
     ) -> Body | None:
         """See `Tracker.learn_body`: by first poses of several sizes, or as the paper measures it; see `sizing`."""
         settings, workspace = self.settings, Workspace()
-        every = [Seen(sighting, level_rotation, settings) for sighting, _ in frames]
+        viewer = UpperViewer(camera, level_rotation, settings.particles, settings.reach)
+        every = [viewer.look(sighting) for sighting, _ in frames]
         seen = [one for one in every if one.points >= max(settings.smallest_person, 1)]
         if not settings.initial.sizes:
             return self._measured(seen, workspace)
@@ -274,7 +260,7 @@ class ParticleTracker:
         bodies, filtering = UpperBodies(level_rotation), UpperFilter(settings.particles)
         return fitting_body(bodies, filtering, firsts, settings.initial, settings.seed)
 
-    def _measured(self, frames: Iterable[Seen], workspace: Workspace) -> Body | None:
+    def _measured(self, frames: Iterable[UpperSighting], workspace: Workspace) -> Body | None:
         """By shoulder breadth and arm length, wherever the fork is seen."""
         breadths: list[float] = []
         arms: list[float] = []
