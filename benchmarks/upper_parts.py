@@ -23,7 +23,8 @@ from benchmarks.upper import score_take
 from toolkit.body.body import Body
 from toolkit.evaluation import upper
 from toolkit.evaluation.bootstrap import paired_bootstrap
-from toolkit.fitting.particles import Filtered, ParticleFrame, UpperFilter
+from toolkit.fitting.particle_costs import ParticleFrame
+from toolkit.fitting.particles import Filtered, UpperFilter, resampled
 from toolkit.fitting.upper import UpperBody
 from toolkit.pipeline.trackers import load_tracker
 from toolkit.sensing.camera import level_rotation
@@ -98,12 +99,12 @@ class FlatFilter(UpperFilter):
     ) -> Filtered:  # fmt: skip
         """Everything, in one layer."""
         poses = particles.copy()
-        self.move_trunk(poses, dt, rng)
-        aimed = [self.move_arm(upper, poses, side, frame, dt, rng) for side in (first, 1 - first)]
-        costs = self.whole_costs(upper, poses, frame)
-        chosen = self.resampled(costs, rng)
+        self.proposals.move_trunk(poses, dt, rng)
+        aimed = [self.proposals.move_arm(upper, poses, side, frame, dt, rng) for side in (first, 1 - first)]
+        costs = self.costs.whole(upper, poses, frame)
+        chosen = resampled(costs, rng)
         estimate = poses[int(costs.argmin())]
-        return Filtered(poses[chosen], estimate, self.cost(upper, estimate, frame), float(np.mean(aimed)))
+        return Filtered(poses[chosen], estimate, self.costs.mean(upper, estimate, frame), float(np.mean(aimed)))
 
 
 def beginning(recording: Recording) -> tuple[Body, np.ndarray]:

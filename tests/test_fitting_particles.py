@@ -11,14 +11,10 @@ from toolkit.body import skeleton
 from toolkit.body.shape import load_body
 from toolkit.errors import SettingsError
 from toolkit.fitting.initial import InitialSettings, initial_pose, place_hands
-from toolkit.fitting.particles import (
-    ParticleFrame,
-    ParticleImage,
-    ParticleSettings,
-    UpperFilter,
-    by_inverse_kinematics,
-    likelihood,
-)
+from toolkit.fitting.particle_costs import ParticleFrame, ParticleImage, likelihood
+from toolkit.fitting.particle_proposals import by_inverse_kinematics
+from toolkit.fitting.particle_settings import ParticleSettings
+from toolkit.fitting.particles import UpperFilter
 from toolkit.fitting.sizing import lowest, sized_body
 from toolkit.fitting.upper import UpperBodies, UpperBody
 from toolkit.kernels import particles as kernel
@@ -80,11 +76,11 @@ def test_the_true_pose_costs_least_among_a_thousand(upper: UpperBody) -> None:
     rng = np.random.default_rng(0)
     truth = pose_of(left_elbow_ry=-0.8, right_elbow_ry=1.4)
     frame, filtering = frame_of(depth_of(upper, truth)), UpperFilter(ParticleSettings())
-    best = filtering.cost(upper, truth, frame)
+    best = filtering.costs.mean(upper, truth, frame)
     spread = filtering.settings.diffusion()
     for _ in range(1000):
         other = np.clip(truth + spread * rng.standard_normal(len(truth)), *skeleton.POSE_LIMITS.T)
-        assert filtering.cost(upper, other, frame) > best
+        assert filtering.costs.mean(upper, other, frame) > best
 
 
 def filtered(
@@ -140,7 +136,7 @@ def test_a_hand_that_the_other_arm_holds_hardly_counts_and_a_far_one_has_its_flo
     left, right = place_hands(upper, pose)
     far = left + [0.0, 1.0, 0.0]
     settings_ = ParticleSettings()
-    weights = UpperFilter(settings_).candidate_weights(upper, pose[None], 0, np.stack([left, right, far]))[0]
+    weights = UpperFilter(settings_).proposals.candidate_weights(upper, pose[None], 0, np.stack([left, right, far]))[0]
     assert weights.sum() == pytest.approx(1.0)
     assert weights[2] / weights[0] == pytest.approx(settings_.floor)
     distance = np.linalg.norm(left - right)
@@ -216,7 +212,7 @@ def test_what_was_not_observed_costs_nothing(upper: UpperBody) -> None:
     unobserved = np.ones(CAMERA.shape, dtype=np.bool_)
     images = [ParticleImage.of(depth_of(upper, pose_of()), unobserved, CAMERA, columns, "x") for columns in (80, 160)]
     pose = pose_of(left_shoulder_rz=0.5)
-    assert UpperFilter(ParticleSettings()).cost(upper, pose, ParticleFrame(*images, NOTHING)) == pytest.approx(
+    assert UpperFilter(ParticleSettings()).costs.mean(upper, pose, ParticleFrame(*images, NOTHING)) == pytest.approx(
         0, abs=0.1
     )
 

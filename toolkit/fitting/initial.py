@@ -11,7 +11,8 @@ import numpy as np
 from toolkit.body import skeleton
 from toolkit.errors import SettingsError
 from toolkit.fitting.arms import SIDES
-from toolkit.fitting.particles import ParticleFrame, UpperFilter
+from toolkit.fitting.particle_costs import ParticleFrame
+from toolkit.fitting.particles import UpperFilter
 from toolkit.fitting.upper import UpperBody, aimed_all_round
 from toolkit.kernels import aiming, linear
 from toolkit.landmarks.effectors import Effectors, Fork
@@ -121,10 +122,10 @@ def initial_pose(
         ]
     if not starts:
         return None
-    costs = filtering.whole_costs(upper, np.stack([start.pose for start in starts]), frame)
+    costs = filtering.costs.whole(upper, np.stack([start.pose for start in starts]), frame)
     cheapest = np.argsort(costs, kind="stable")[:FILTERED]
     found = [_filtered(upper, filtering, starts[row], frame, settings, rng) for row in cheapest]
-    return found[int(np.argmin(filtering.whole_costs(upper, np.stack([first.pose for first in found]), frame)))]
+    return found[int(np.argmin(filtering.costs.whole(upper, np.stack([first.pose for first in found]), frame)))]
 
 
 def _heads(effectors: Effectors) -> np.ndarray:
@@ -149,7 +150,7 @@ def _filtered(
     crown = upper.body.end_effector_positions(pose)[[skeleton.END_EFFECTORS.index("head")]]
     found = np.concatenate([crown, place_hands(upper, pose)])[: len(wanted)]
     missed = linear.lengths(found - wanted) / filtering.settings.spread
-    return Initial(pose, particles, -0.5 * float((missed**2).mean()) - filtering.cost(upper, pose, frame))
+    return Initial(pose, particles, -0.5 * float((missed**2).mean()) - filtering.costs.mean(upper, pose, frame))
 
 
 def _labelled(
@@ -204,7 +205,7 @@ def _best_arm(
     poses, _ = aimed_all_round(pose, upper.arms[side], targets, swivels, anything)
     if resting or len(poses) == 0:
         poses = np.concatenate([_rested(pose, side) if resting else pose[None], poses])
-    return poses[int(filtering.costs_of_arms(upper, poses, frame).argmin())]
+    return poses[int(filtering.costs.both_arms(upper, poses, frame).argmin())]
 
 
 def _rested(pose: np.ndarray, side: int) -> np.ndarray:

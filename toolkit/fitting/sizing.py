@@ -13,7 +13,8 @@ from toolkit.body.body import Body
 from toolkit.body.shape import ShapeSpace
 from toolkit.fitting.arms import SIDES
 from toolkit.fitting.initial import InitialSettings, initial_pose
-from toolkit.fitting.particles import ParticleFrame, UpperFilter
+from toolkit.fitting.particle_costs import ParticleFrame
+from toolkit.fitting.particles import UpperFilter
 from toolkit.fitting.upper import UpperBodies, arm_of
 from toolkit.kernels import linear
 from toolkit.landmarks.effectors import Effectors, Fork
@@ -53,7 +54,7 @@ def fitting_body(
             rng = np.random.Generator(np.random.PCG64(seed))
             first = initial_pose(upper, filtering, seen.effectors, seen.fork, seen.frame, quick, rng)
             if first is not None:
-                costs.append(float(filtering.whole_costs(upper, first.pose[None], seen.frame)[0]))
+                costs.append(float(filtering.costs.whole(upper, first.pose[None], seen.frame)[0]))
         tried += [costs] if len(costs) == len(settings.sizes) else []
     return space.body([lowest(settings.sizes, np.array(tried).mean(axis=0))]) if tried else None
 

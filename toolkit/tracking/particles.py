@@ -14,7 +14,9 @@ from toolkit.body.shape import load_body
 from toolkit.errors import SettingsError
 from toolkit.fitting.initial import InitialSettings, initial_pose
 from toolkit.fitting.objective import Comparison, Objective
-from toolkit.fitting.particles import ParticleFrame, ParticleSettings, UpperFilter
+from toolkit.fitting.particle_costs import ParticleFrame
+from toolkit.fitting.particle_settings import ParticleSettings
+from toolkit.fitting.particles import UpperFilter
 from toolkit.fitting.placed import Placer
 from toolkit.fitting.refiner import Refiner
 from toolkit.fitting.scene import Scene
@@ -133,7 +135,7 @@ class ParticleFollower(Person):
         if self.settings.refined:
             pose = self._refined(pose, scene)
             particles[0] = pose
-            cost = self.filtering.cost(self._bodies.of(state.body), pose, seen.frame(effectors))
+            cost = self.filtering.costs.mean(self._bodies.of(state.body), pose, seen.frame(effectors))
         row = self._commit(pose, particles, cost, self._compared(pose, scene), source, timestamp)
         clock.lap("refine")
         return replace(row, stage_ms=clock.milliseconds)
@@ -155,7 +157,7 @@ class ParticleFollower(Person):
         first = initial_pose(upper, self.filtering, effectors, fork, frame, initial, rng)
         if first is None or not first.score > initial.accepted:
             return None
-        cost = self.filtering.cost(upper, first.pose, frame)
+        cost = self.filtering.costs.mean(upper, first.pose, frame)
         return (first.pose, first.particles, cost) if cost < self.settings.lost_cost else None
 
     def _next(

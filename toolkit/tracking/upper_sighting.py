@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from toolkit.fitting.particles import ParticleFrame, ParticleImage, ParticleSettings
+from toolkit.fitting.particle_costs import ParticleFrame, ParticleImage
+from toolkit.fitting.particle_settings import ParticleSettings
 from toolkit.fitting.scene import Scene
 from toolkit.fitting.settings import FittingSettings
 from toolkit.landmarks.effectors import Effectors, EffectorSettings, find_effectors

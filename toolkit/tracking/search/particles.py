@@ -7,7 +7,9 @@ import numpy as np
 from toolkit.body.body import Body
 from toolkit.fitting.initial import InitialSettings, initial_pose
 from toolkit.fitting.objective import Objective
-from toolkit.fitting.particles import ParticleFrame, ParticleImage, ParticleSettings, UpperFilter
+from toolkit.fitting.particle_costs import ParticleFrame, ParticleImage
+from toolkit.fitting.particle_settings import ParticleSettings
+from toolkit.fitting.particles import UpperFilter
 from toolkit.fitting.refiner import Refiner
 from toolkit.fitting.upper import UpperBodies
 from toolkit.landmarks.effectors import EffectorSettings, find_effectors, find_fork
