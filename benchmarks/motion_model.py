@@ -23,7 +23,7 @@ import time
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -31,7 +31,6 @@ from benchmarks._keyframe_corpus import (
     ACTORS,
     Example,
     LabelledDocument,
-    by_label,
     learned_from,
     load_examples,
     load_filler,
@@ -211,12 +210,16 @@ def shown(name: str, rows: Sequence[dict[str, Any]]) -> dict[str, Any]:
 
 
 def second_person(results: dict[str, list[dict[str, Any]]]) -> dict[str, list[float]]:
-    """What a second training person adds to F, per rotation of the first seed, against the mean of either alone."""
+    """What a second training person adds to F, per person left out, against the mean of either alone: over all seeds.
+
+    Rows of `results` are in the order of seeds, people left out and, where one person teaches, who that is.
+    """
     gains: dict[str, list[float]] = {}
     for key in ("frames", "segments"):
-        alone = np.array([row[key].f for row in results[ONE]]).reshape(len(ACTORS), -1).mean(axis=1)
-        both = np.array([row[key].f for row in results[TWO][: len(ACTORS)]])
-        gains[key] = (both - alone).tolist()
+        alone, both = (np.array([row[key].f for row in results[name]]) for name in (ONE, TWO))
+        seeds = len(both) // len(ACTORS)
+        per_seed = both.reshape(seeds, -1) - alone.reshape(seeds, len(ACTORS), -1).mean(axis=2)
+        gains[key] = per_seed.mean(axis=0).tolist()
         print(f"    a second person adds to F {key}: {', '.join(f'{gain:+.3f}' for gain in gains[key])}")
     return gains
 
@@ -230,6 +233,88 @@ def mistakes(table: np.ndarray, names: Sequence[str], most: int = 6) -> None:
     print("    mistaken:", "; ".join(f"{a} for {b} {100 * share:.0f} %" for a, b, share in found))
 
 
+class Measured(NamedTuple):
+    """Per set of documents the results of each annotator and what searches leave; seconds of training, and minutes
+    annotated in a second, of each model."""
+
+    rows: dict[str, dict[str, list[dict[str, Any]]]]
+    searched: dict[str, np.ndarray]
+    training: list[float]
+    annotated: list[float]
+
+
+def annotators_of(
+    seen: Sequence[Clip], filler: Sequence[Motion], documents: dict[str, list[TrainedDocument]], seed: int,
+    options: argparse.Namespace,
+) -> dict[str, Annotate]:  # fmt: skip
+    """All annotators but the model itself, by row; of one that belongs to one set of documents the row ends with it."""
+    found: dict[str, Annotate] = {}
+    found["without motions of no class"] = train(seen, [], np.random.default_rng(seed)).annotate
+    for name, part in documents.items():
+        unknown = [document.features for document in part]
+        taught = train(seen, [], np.random.default_rng(seed), unlabelled=unknown)
+        found[f"mined in what is annotated ({name})"] = taught.annotate
+    if seed == options.seed:
+        found |= templates(seen, filler, seed, options.keyframe_runs)
+    if not options.curve:
+        return found
+    for share in SHARES:
+        for other in sorted({clip.person for clip in seen}):
+            chosen = thinned([clip for clip in seen if clip.person == other], share)
+            row = f"one person, {100 * share:.0f} % of the clips ({other})"
+            found[row] = train(chosen, filler, np.random.default_rng(seed)).annotate
+    for share in SHARES[:-1]:
+        few = train(thinned(seen, share), filler, np.random.default_rng(seed))
+        found[f"two people, {100 * share:.0f} % of the clips"] = few.annotate
+    return found
+
+
+def rotate(
+    measured: Measured, clips: Sequence[Clip], filler: Sequence[Motion], actor: str, seed: int,
+    options: argparse.Namespace,
+) -> None:  # fmt: skip
+    """Learn from the others, annotate documents of one actor, and add what comes of it."""
+    early, late = (
+        [m for m in filler if (int(m.name.split("_")[0]) <= LAST_TRAINING_SUBJECT) == first] for first in (True, False)
+    )
+    seen, unseen = ([c for c in clips if (c.person == actor) == out] for out in (False, True))
+    labels, symmetric = sorted({clip.label for clip in clips}), two_sided(clips)
+    documents = {
+        name: documents_of(unseen, late, np.random.default_rng([seed, 1]), hard=hard, symmetric=symmetric)
+        for name, hard in SETS.items()
+    }
+    begin = time.process_time()
+    model = train(seen, early, np.random.default_rng(seed))
+    measured.training.append(time.process_time() - begin)
+    others = annotators_of(seen, early, documents, seed, options)
+    for name, part in documents.items():
+        measured.searched[name] += found_by_search(model, part)
+        begin = time.process_time()
+        measured.rows[name].setdefault(TWO, []).append(judged(model.annotate, part, labels))
+        spent = max(time.process_time() - begin, 1e-9)
+        minutes = sum(document.features.duration for document in part) / 60.0
+        measured.annotated.append(minutes / spent)
+        for row, annotate in others.items():
+            if not row.endswith(tuple(f"({other})" for other in SETS if other != name)):
+                measured.rows[name].setdefault(row.split(" (")[0], []).append(judged(annotate, part, labels))
+
+
+def figures_of(measured: Measured, name: str, labels: Sequence[str], curve: bool) -> dict[str, Any]:
+    """Print and return everything about one set of documents."""
+    results = measured.rows[name]
+    figures: dict[str, Any] = {row: shown(row, found) for row, found in results.items()}
+    figures["classes"] = {label: sum((r["classes"][label] for r in results[TWO]), NOTHING).f for label in labels}
+    print("    F segments of classes:", ", ".join(f"{label} {f:.2f}" for label, f in figures["classes"].items()))
+    if curve:
+        figures["second_person"] = second_person(results)
+    figures["search"] = show_search(measured.searched[name])
+    table, names = sum(row["confusion"] for row in results[TWO]), [*labels, "no class"]
+    mistakes(table, names)
+    figures["confusion"] = {"labels": names, "frames": table}
+    plot_confusion(table, names, RESULTS / f"motion_model_{name}.png", f"HDM05, {name}, frames")
+    return figures
+
+
 def main() -> None:
     """Parse the command line, measure, print and store the figures."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
@@ -241,71 +326,22 @@ def main() -> None:
     options = parser.parse_args()
 
     clips = [Clip(e.motion, e.label, e.actor) for e in load_examples(options.data)]
-    labels = sorted(by_label([Example(c.motion, c.person, c.label) for c in clips]))
-    filler = [motion for motion in load_filler(options.data) if motion.name not in HOLDS_A_CLASS]
-    early, late = (
-        [m for m in filler if (int(m.name.split("_")[0]) <= LAST_TRAINING_SUBJECT) == first] for first in (True, False)
+    measured = Measured(
+        {name: {} for name in SETS}, {name: np.zeros((len(DOUBTS), 5), dtype=np.int64) for name in SETS}
     )
-    symmetric = two_sided(clips)
-    rows: dict[str, dict[str, list[dict[str, Any]]]] = {name: {} for name in SETS}
-    searched = {name: np.zeros((len(DOUBTS), 5), dtype=np.int64) for name in SETS}
-    seconds: dict[str, list[float]] = {"training": [], "minutes annotated per second": []}
+    filler = [motion for motion in load_filler(options.data) if motion.name not in HOLDS_A_CLASS]
     for seed in range(options.seed, options.seed + options.seeds):
         for actor in ACTORS:
-            seen, unseen = ([c for c in clips if (c.person == actor) == out] for out in (False, True))
-            documents = {
-                name: documents_of(unseen, late, np.random.default_rng([seed, 1]), hard=hard, symmetric=symmetric)
-                for name, hard in SETS.items()
-            }
-            begin = time.process_time()
-            model = train(seen, early, np.random.default_rng(seed))
-            seconds["training"].append(time.process_time() - begin)
-            annotators: dict[str, Annotate] = {"motion model": model.annotate}
-            annotators["without motions of no class"] = train(seen, [], np.random.default_rng(seed)).annotate
-            for name, part in documents.items():
-                unknown = [document.features for document in part]
-                taught = train(seen, [], np.random.default_rng(seed), unlabelled=unknown)
-                annotators[f"mined in what is annotated ({name})"] = taught.annotate
-            if seed == options.seed:
-                annotators |= templates(seen, early, seed, options.keyframe_runs)
-            for other in sorted({clip.person for clip in seen}) if options.curve else ():
-                for share in SHARES:
-                    chosen = thinned([clip for clip in seen if clip.person == other], share)
-                    name = f"one person, {100 * share:.0f} % of the clips"
-                    annotators[f"{name} ({other})"] = train(chosen, early, np.random.default_rng(seed)).annotate
-            for share in SHARES[:-1] if options.curve else ():
-                few = train(thinned(seen, share), early, np.random.default_rng(seed))
-                annotators[f"two people, {100 * share:.0f} % of the clips"] = few.annotate
-            for name, part in documents.items():
-                searched[name] += found_by_search(model, part)
-                for row, annotate in annotators.items():
-                    if row.endswith(tuple(f"({other})" for other in SETS if other != name)):
-                        continue
-                    begin = time.process_time()
-                    result = judged(annotate, part, labels)
-                    if row == "motion model":
-                        spent = max(time.process_time() - begin, 1e-9)
-                        minutes = sum(document.features.duration for document in part) / 60.0
-                        seconds["minutes annotated per second"].append(minutes / spent)
-                    rows[name].setdefault(row.split(" (")[0], []).append(result)
+            rotate(measured, clips, filler, actor, seed, options)
+    labels = sorted({clip.label for clip in clips})
     figures: dict[str, Any] = {"how": __doc__}
-    for name, results in rows.items():
+    for name in SETS:
         print(name)
-        figures[name] = {row: shown(row, found) for row, found in results.items()}
-        model_rows = results["motion model"]
-        figures[name]["classes"] = {
-            label: sum((row["classes"][label] for row in model_rows), NOTHING).f for label in labels
-        }
-        classes = ", ".join(f"{label} {f:.2f}" for label, f in figures[name]["classes"].items())
-        print("    F segments of classes:", classes)
-        table = sum(row["confusion"] for row in model_rows)
-        if options.curve:
-            figures[name]["second_person"] = second_person(results)
-        figures[name]["search"] = show_search(searched[name])
-        mistakes(table, [*labels, "no class"])
-        figures[name]["confusion"] = {"labels": [*labels, "no class"], "frames": table}
-        plot_confusion(table, [*labels, "no class"], RESULTS / f"motion_model_{name}.png", f"HDM05, {name}, frames")
-    figures["seconds"] = {name: float(np.median(values)) for name, values in seconds.items()}
+        figures[name] = figures_of(measured, name, labels, options.curve)
+    figures["seconds"] = {
+        "training": float(np.median(measured.training)),
+        "minutes annotated per second": float(np.median(measured.annotated)),
+    }
     corpus_minutes = sum(relational_features(c.motion).duration for c in clips) / 60.0
     print(figures["seconds"], f"of {corpus_minutes:.1f} minutes of clips")
     settings = {name: value for name, value in vars(options).items() if name != "data"}

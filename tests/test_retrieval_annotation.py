@@ -109,6 +109,25 @@ def test_a_motion_within_a_document_is_found_where_it_is_at_half_and_double_spee
         assert abs(end - (40 + len(columns) - 1)) < block and abs(start[end] - 40) < block
 
 
+@given(
+    st.integers(0, 10_000), st.integers(1, 9), st.lists(st.tuples(st.integers(0, 40), st.integers(0, 40)), max_size=5)
+)
+@settings(max_examples=60, deadline=None)
+def test_pieces_compared_in_one_go_are_compared_as_if_each_were_alone(
+    seed: int, n: int, pieces: list[tuple[int, int]]
+) -> None:
+    rng = np.random.default_rng(seed)
+    template = PreparedTemplate(random_template(rng, n))
+    document = FeatureMatrix("document", rng.random((40, 40)) < 0.5).words
+    found, expected = np.full(40, INF), np.full(40, INF)
+    template.lower(found, document, np.array(pieces, dtype=np.int64).reshape(-1, 2), 0.4, 0.5)
+    for first, stop in pieces:
+        if first < stop:
+            hits = dtw.spread_hits(*template.distance(document[first:stop]), 0.4, 0.5)
+            expected[first:stop] = np.minimum(expected[first:stop], hits)
+    np.testing.assert_array_equal(found, expected)
+
+
 def test_every_hit_writes_its_cost_over_its_frames_as_published_and_the_cheaper_one_wins() -> None:
     cost = np.array([INF, 0.3, 0.05, 0.1, 0.2, 0.02, 0.3])
     start = np.array([-1, 0, 0, 1, 2, 2, 5])

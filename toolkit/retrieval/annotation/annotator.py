@@ -246,8 +246,9 @@ def extend(decided: np.ndarray, distances: np.ndarray, visible: float) -> np.nda
 
 def runs(flags: np.ndarray) -> list[tuple[int, int]]:
     """Maximal runs of True in bool (L,), as (first, one after the last)."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], flags, [False]])))
-    return [(int(a), int(b)) for a, b in edges.reshape(-1, 2)]
+    padded = np.concatenate([[False], flags, [False]])
+    edges = np.flatnonzero(padded[1:] != padded[:-1]).tolist()
+    return list(zip(edges[::2], edges[1::2], strict=True))
 
 
 def segments_of(frames: np.ndarray, distances: np.ndarray, labels: Sequence[str], frame_rate: float) -> list[Segment]:

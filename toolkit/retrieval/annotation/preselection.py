@@ -43,8 +43,9 @@ def preselect(
     intervals: list[dict[str, list[tuple[int, int]]]] = [{label: [(0, n)] for label in without} for n in lengths]
     for query in queries:
         searched = pieces(index, query, find(index, query), EXTENSION)
-        for document, start, stop in zip(searched.documents, searched.starts, searched.stops, strict=True):
-            intervals[document].setdefault(query.label, []).append((int(start), int(stop)))
+        spans = (array.tolist() for array in (searched.documents, searched.starts, searched.stops))
+        for document, start, stop in zip(*spans, strict=True):
+            intervals[document].setdefault(query.label, []).append((start, stop))
     return [{label: _joined(found) for label, found in document.items()} for document in intervals]
 
 
