@@ -30,13 +30,14 @@ from toolkit.track import Track
 SCENES = ("waist", "seated", "behind")
 
 
-def tracked(path: Path, database: Path, guide: ClassGuide | None, run: Path) -> list[float] | None:
+def tracked(path: Path, database: Path, guide: ClassGuide | None, run: Path, segment: str) -> list[float] | None:
     """Millimetres of seen and of hidden joints, and the share of the hidden ones within 100 mm; None if nobody was
     found."""
     shutil.rmtree(run, ignore_errors=True)
     recording = open_recording(path)
+    tracker = load_tracker(overrides={"sensing.segment": segment}, database=database, guide=guide)
     try:
-        track_recording(recording, load_tracker(database=database, guide=guide), run, warm_up=False, watcher=guide)
+        track_recording(recording, tracker, run, warm_up=False, watcher=guide)
     except DepthMocapError as error:
         print(f"{path.stem}: {error}")
         return None
@@ -58,8 +59,9 @@ def main() -> None:
     for scene in chosen_scenes(options.split, tuple(options.groups.split(","))):
         path = record_scene(scene, options.work, options.frames)
         run = options.work / "class_priors" / path.stem
-        plain = tracked(path, database, None, run)
-        told = tracked(path, database, ClassGuide(classes), run)
+        segment = "person" if scene.view == "room" else "auto"
+        plain = tracked(path, database, None, run, segment)
+        told = tracked(path, database, ClassGuide(classes), run, segment)
         if plain is None or told is None:
             continue
         rows[path.stem] = {"motion": scene.actors[0].motion, "group": scene.group, "alone": plain, "classes": told}

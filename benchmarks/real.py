@@ -146,7 +146,8 @@ def main() -> None:
         figures[row] = {"mean": figures_of(table.mean()), "moving": moving, "recordings": recordings}
         settings[row] = asdict(swarm_settings(row, overrides) if row in SWARMS else settings_of(row, overrides))
     whole = options.stride == 1 and not options.set and not options.frame_rate and options.recordings == RECORDINGS
-    print("written:", save_figures("real" if whole else "real_part", figures, settings))
+    part = "real_part" + (f"_{options.frame_rate:g}_hz" if options.frame_rate else "")
+    print("written:", save_figures("real" if whole else part, figures, settings))
 
 
 if __name__ == "__main__":

@@ -12,7 +12,7 @@ import shutil
 import time
 from dataclasses import asdict, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -31,6 +31,7 @@ from toolkit.retrieval.workflow.annotate import classes_from_clips
 from toolkit.sensing.opening import open_recording
 from toolkit.sensing.recording import Recording
 from toolkit.stabilising.loop import Round, best_round, stabilise
+from toolkit.stabilising.page import write_page
 from toolkit.stabilising.settings import StabiliseSettings
 from toolkit.stabilising.source import Source, open_source
 from toolkit.testing.labelled import SEQUENCES, MotionSequence, Performed, class_clips, record_sequence
@@ -84,6 +85,49 @@ def tracked_live(source: Source, classes: list[MotionClass]) -> Track:
     return Track.load(run)
 
 
+class Measured(NamedTuple):
+    """Of one sequence: its row, scores of its labels over segments and frames, frames (40,) that each feature's marks
+    say something about, and the gaps of its first round."""
+
+    row: dict[str, Any]
+    labels: tuple[Scores, Scores]
+    marked: np.ndarray
+    gaps: dict[str, Any]
+
+
+def measured(
+    name: str, source: Source, performed: Performed, classes: list[MotionClass], settings: StabiliseSettings,
+    options: argparse.Namespace,
+) -> Measured:  # fmt: skip
+    """Stabilise a track, or track its recording anew with the classes as a guide, and compare it with the truth."""
+    start = time.process_time()
+    labels, gaps, marked = (NOTHING, NOTHING), {}, np.zeros(len(FEATURES), dtype=np.int64)
+    if options.live:
+        tracks = [source.track, tracked_live(source, classes)]
+        seconds = time.process_time() - start
+    else:
+        rounds = stabilise(source, classes, settings)
+        seconds = time.process_time() - start
+        best = best_round(rounds, settings)
+        tracks = [source.track, *(found.track for found in rounds[: rounds.index(best) + 1])]
+        for found in rounds:
+            marked += (found.priors != WILDCARD).sum(axis=1)
+        labels = labels_of(rounds[-1], performed, classes)
+        if options.pages:
+            (options.pages / name).mkdir(parents=True, exist_ok=True)
+            write_page(source, rounds, best, options.pages / name)
+        if options.gaps:
+            gaps = _gaps(source, rounds[0])
+    truth, seen = np.asarray(source.recording.joints), visible(source.recording)
+    own = [figures_of(track, truth, seen) for track in tracks]
+    print(name, " | ".join(" ".join(f"{v:.2f}" if v <= 1 else f"{v:.1f}" for v in f) for f in own), flush=True)
+    row = {
+        "frames": len(source.track), "rounds": [dict(zip(FIGURES, f, strict=True)) for f in own],
+        "F segments": labels[0].f, "F frames": labels[1].f, "seconds of processor": seconds,
+    }  # fmt: skip
+    return Measured(row, labels, marked, gaps)
+
+
 def main() -> None:
     """Track, stabilise, compare, print, write JSON."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
@@ -95,47 +139,30 @@ def main() -> None:
     parser.add_argument("--without-marks", action="store_true", help="leave out the MT priors")
     parser.add_argument("--alternatives", type=int, default=1, help="2 tries the second cheapest class too")
     parser.add_argument("--gaps", action="store_true", help="every gap of the first round, and why its error is left")
+    parser.add_argument("--pages", type=Path, help="folder for the pages of `depthmocap stabilise`, with pictures")
     parser.add_argument("--rounds", type=int, default=StabiliseSettings.rounds)
     add_database_options(parser)
     options = parser.parse_args()
     settings = StabiliseSettings(rounds=options.rounds, alternatives=options.alternatives)
-    database = poses_of(options)
     if options.without_marks:
         settings = replace(settings, marks=MarkSettings(weight=0.0))
-    classes = classes_from_clips(class_clips(options.split))
-    rows: dict[str, Any] = {}
-    gaps: dict[str, Any] = {}
-    segments = frames = NOTHING
-    marked = np.zeros(len(FEATURES), dtype=np.int64)
+    database, classes = poses_of(options), classes_from_clips(class_clips(options.split))
+    done: dict[str, Measured] = {}
     for sequence in SEQUENCES:
-        if options.sequences and sequence.name not in options.sequences:
-            continue
-        run, performed = tracked(sequence, options.split, options.config, database, options.work, options.filler)
-        source = open_source(run, database=database)
-        start = time.process_time()
-        if options.live:
-            tracks, found = [source.track, tracked_live(source, classes)], (NOTHING, NOTHING)
-        else:
-            rounds = stabilise(source, classes, settings)
-            best = best_round(rounds, settings)
-            tracks = [source.track, *(found.track for found in rounds[: rounds.index(best) + 1])]
-            for found_round in rounds:
-                marked += (found_round.priors != WILDCARD).sum(axis=1)
-            if options.gaps:
-                gaps[sequence.name] = _gaps(source, rounds[0])
-            found = labels_of(rounds[-1], performed, classes)
-        seconds = time.process_time() - start
-        truth, seen = np.asarray(source.recording.joints), visible(source.recording)
-        own = [figures_of(track, truth, seen) for track in tracks]
-        segments, frames = segments + found[0], frames + found[1]
-        rows[sequence.name] = {
-            "frames": len(source.track), "rounds": [dict(zip(FIGURES, f, strict=True)) for f in own],
-            "F segments": found[0].f, "F frames": found[1].f, "seconds of processor": seconds,
-        }  # fmt: skip
-        print(sequence.name, " | ".join(" ".join(f"{v:.2f}" if v <= 1 else f"{v:.1f}" for v in f) for f in own))
-    labels: dict[str, Any] = {} if options.live else {"F segments": segments.f, "F frames": frames.f}
+        if not options.sequences or sequence.name in options.sequences:
+            run, performed = tracked(sequence, options.split, options.config, database, options.work, options.filler)
+            done[sequence.name] = measured(
+                sequence.name, open_source(run, database=database), performed, classes, settings, options
+            )
+    rows = {name: found.row for name, found in done.items()}
+    labels: dict[str, Any] = {}
+    if not options.live:
+        segments, frames = (sum((found.labels[k] for found in done.values()), NOTHING) for k in (0, 1))
+        labels = {"F segments": segments.f, "F frames": frames.f}
+    marked = sum(found.marked for found in done.values())
     labels["frames marked by MT priors"] = {f"F{row + 1}": int(n) for row, n in enumerate(marked) if n}
-    figures = {"sequences": rows, **_summary(rows), **labels, **({"gaps": gaps} if options.gaps else {})}
+    gaps = {"gaps": {name: found.gaps for name, found in done.items()}} if options.gaps else {}
+    figures = {"sequences": rows, **_summary(rows), **labels, **gaps}
     for name, value in figures.items():
         if name not in ("sequences", "gaps"):
             print(name, value)

@@ -3,12 +3,19 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from toolkit.cli.options import Seed
 from toolkit.cli.retrieval import cautions
+
+if TYPE_CHECKING:
+    from toolkit.progress import Progress
+    from toolkit.retrieval.annotation.annotator import MotionClass
+    from toolkit.retrieval.annotation.model import MotionModel
+    from toolkit.retrieval.workflow.annotate import AnnotatedFile
+    from toolkit.retrieval.workflow.motions import Tag
 
 
 def annotate(
@@ -67,16 +74,11 @@ def annotate(
     seed: Seed = 0,
 ) -> None:
     """Cut motions into segments and label them: CSV, JSON, a picture and a page for each. Or replay them as events."""
-    import numpy as np
-    from rich.table import Table
-
-    from toolkit.cli.terminal import print_table, progress_bars
+    from toolkit.cli.terminal import progress_bars
     from toolkit.errors import UsageError
-    from toolkit.retrieval.annotation.classes import save_classes
     from toolkit.retrieval.keyframes.query_file import load_queries
-    from toolkit.retrieval.workflow.annotate import annotate_motions, classes_from_clips, load_wanted
-    from toolkit.retrieval.workflow.learn import learn_model
-    from toolkit.retrieval.workflow.motions import find_motions, labels_of, tags_of
+    from toolkit.retrieval.workflow.annotate import annotate_motions, load_wanted
+    from toolkit.retrieval.workflow.motions import find_motions, tags_of
 
     if events is not None:
         _replay(motions, events, classes, queries, early, hold)
@@ -89,22 +91,52 @@ def annotate(
     with progress_bars() as bars:
         if classes is not None:
             wanted = load_wanted(classes)
-        elif templates:
-            wanted = classes_from_clips(labels_of(find_motions(examples or []), pattern, labels), progress=bars)
-            save_classes(output / "classes.npz", wanted)
         else:
-            tags = tags_of(find_motions(examples or []), pattern, labels)
-            learned = learn_model(
-                tags, output / "classes.npz", np.random.default_rng(seed), others=others or (), unlabelled=motions,
-                check=False, progress=bars,
-            )  # fmt: skip
-            wanted = learned.model
-            counts = ", ".join(f"{label} ({count})" for label, count in learned.clips.items())
-            print(f"classes: {counts}", *cautions(learned, others or (), mined=True), sep="\n")
+            tags, learned = tags_of(find_motions(examples or []), pattern, labels), output / "classes.npz"
+            wanted = (
+                _templates(tags, learned, bars)
+                if templates
+                else _model(tags, learned, others or [], motions, seed, bars)
+            )
         done = annotate_motions(
             motions, wanted, output, queries=load_queries(queries) if queries else (), truth=truth,
             threshold=threshold, progress=bars,
         )  # fmt: skip
+    _show(done)
+
+
+def _templates(tags: dict[Path, Tag], output: Path, progress: Progress) -> list[MotionClass]:
+    """The thesis's classes, learned from examples and written."""
+    from toolkit.retrieval.annotation.classes import save_classes
+    from toolkit.retrieval.workflow.annotate import classes_from_clips
+
+    wanted = classes_from_clips({path: tag.label for path, tag in tags.items()}, progress=progress)
+    save_classes(output, wanted)
+    return wanted
+
+
+def _model(
+    tags: dict[Path, Tag], output: Path, others: list[Path], motions: list[Path], seed: int, progress: Progress
+) -> MotionModel:
+    """A motion model, learned from examples and written."""
+    import numpy as np
+
+    from toolkit.retrieval.workflow.learn import learn_model
+
+    learned = learn_model(
+        tags, output, np.random.default_rng(seed), others=others, unlabelled=motions, check=False, progress=progress
+    )
+    counts = ", ".join(f"{label} ({count})" for label, count in learned.clips.items())
+    print(f"classes: {counts}", *cautions(learned, others, mined=True), sep="\n")
+    return learned.model
+
+
+def _show(done: list[AnnotatedFile]) -> None:
+    """A table of what was annotated."""
+    from rich.table import Table
+
+    from toolkit.cli.terminal import print_table
+
     table = Table("motion", "segments", "F frames", "F segments", "report")
     for file in done:
         scores = [f"{file.scores[name].f:.2f}" if file.scores else "" for name in ("frames", "segments")]

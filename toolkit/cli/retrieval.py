@@ -98,20 +98,7 @@ def search(
     """Find motions in an index: by an example, by a motion model, or by learned or written keyframes."""
     from toolkit.errors import UsageError
     from toolkit.files import check_output
-    from toolkit.retrieval.annotation.model import MotionModel
-    from toolkit.retrieval.index.keyframe_index import KeyframeIndex
-    from toolkit.retrieval.keyframes.query_file import choose_labels, load_queries
-    from toolkit.retrieval.workflow.search import (
-        DOUBT,
-        Query,
-        cut_example,
-        keyframes_of_example,
-        one_per_label,
-        save_matches,
-    )
-    from toolkit.retrieval.workflow.search import by_class as search_classes
-    from toolkit.retrieval.workflow.search import by_example as search_by_example
-    from toolkit.retrieval.workflow.search import search as search_index
+    from toolkit.kernels.start import start_without_blas
 
     if sum(way is not None for way in (queries, by_example, classes)) != 1:
         raise UsageError("search needs one of --by-example, --classes and --queries; give exactly one")
@@ -119,25 +106,51 @@ def search(
         raise UsageError("--play needs --mocap, the files and folders that were indexed, and the other way round")
     for written in filter(None, (output, play)):
         check_output(written, [path for path in (index, queries, by_example, classes) if path is not None])
-    opened = KeyframeIndex.open(index)
-    largest = EXAMPLE_COST if threshold is None else threshold
-    if classes is not None:
-        reports = search_classes(opened, MotionModel.load(classes), label, DOUBT if threshold is None else threshold)
-    elif by_example is None:
-        wanted = choose_labels(load_queries(queries or Path()), label)
-        reports = [search_index(opened, Query(query), largest) for query in wanted]
-    elif keyframes:
-        reports = [search_index(opened, keyframes_of_example(cut_example(by_example, start, end)), largest)]
+    start_without_blas()
+    if by_example is None:
+        reports = _labelled(index, queries, classes, label, threshold)
     else:
-        reports = [search_by_example(opened, cut_example(by_example, start, end), limit, largest)]
-    reports = one_per_label(reports)
+        reports = [_alike(index, by_example, start, end, keyframes, limit, threshold)]
     if output is not None:
+        from toolkit.retrieval.workflow.search import save_matches
+
         save_matches(output, reports)
     for report in reports:
         _show(report, limit)
     if play is not None:
         ranked = sorted((match for report in reports for match in report.matches), key=lambda match: match.cost)
         _play(play, ranked[:PLAYED], mocap or [], (by_example, start, end) if by_example else None)
+
+
+def _labelled(
+    index: Path, queries: Path | None, classes: Path | None, labels: list[str] | None, threshold: float | None
+) -> list[SearchReport]:
+    """What a model's classes, or a file's queries, find: one report for each label."""
+    from toolkit.retrieval.annotation.model import MotionModel
+    from toolkit.retrieval.index.keyframe_index import KeyframeIndex
+    from toolkit.retrieval.keyframes.query_file import choose_labels, load_queries
+    from toolkit.retrieval.workflow.search import DOUBT, Query, by_class, one_per_label, search
+
+    opened = KeyframeIndex.open(index)
+    if classes is not None:
+        return by_class(opened, MotionModel.load(classes), labels, DOUBT if threshold is None else threshold)
+    wanted = choose_labels(load_queries(queries or Path()), labels)
+    largest = EXAMPLE_COST if threshold is None else threshold
+    return one_per_label([search(opened, Query(query), largest) for query in wanted])
+
+
+def _alike(
+    index: Path, clip: Path, start: float, end: float | None, keyframes: bool, limit: int, threshold: float | None
+) -> SearchReport:
+    """What is like a piece of a clip."""
+    from toolkit.retrieval.index.keyframe_index import KeyframeIndex
+    from toolkit.retrieval.workflow.search import by_example, cut_example, keyframes_of_example, search
+
+    opened, example = KeyframeIndex.open(index), cut_example(clip, start, end)
+    largest = EXAMPLE_COST if threshold is None else threshold
+    if keyframes:
+        return search(opened, keyframes_of_example(example), largest)
+    return by_example(opened, example, limit, largest)
 
 
 def _play(

@@ -17,7 +17,6 @@ from toolkit.body.body import Body
 from toolkit.body.shape import ShapeSpace
 from toolkit.errors import RecordingError, TrackError, UsageError
 from toolkit.files import is_file, read_json, save_json, sha256_of
-from toolkit.sensing.opening import open_recording
 from toolkit.sensing.recording import ReaderOptions, Recording
 from toolkit.sensing.settings import SensingSettings
 from toolkit.track.track import AGAIN
@@ -95,6 +94,8 @@ class RunInfo:
         RecordingError
             It is gone or has changed.
         """
+        from toolkit.sensing.opening import open_recording  # all readers
+
         places = [Path(path)] if path else [Path(self.recording)]
         if not path and self.folder and self.recording_relative:
             places.insert(0, Path(self.folder) / self.recording_relative)
