@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from toolkit.cli.options import Seed
+from toolkit.cli.options import LabelTable, Motions, Pattern, Seed
 from toolkit.cli.retrieval import cautions
 
 if TYPE_CHECKING:
@@ -18,43 +18,44 @@ if TYPE_CHECKING:
     from toolkit.retrieval.workflow.motions import Tag
 
 
+Examples = Annotated[
+    list[Path] | None,
+    typer.Option(
+        help="Cut clips to learn a motion model from, as `depthmocap learn` does, without its check. Repeatable."
+    ),
+]
+Others = Annotated[
+    list[Path] | None,
+    typer.Option(
+        help="Motions of no class: what the examples are not to be mistaken for.",
+        show_default="of examples by several people: what is least like them in the motions",
+    ),
+]
+Events = Annotated[
+    str | None,
+    typer.Option(
+        metavar="FILE|-", help="Replay a run (classes learned with --templates): one JSON line for each motion."
+    ),
+]
+
+
 def annotate(
-    motions: Annotated[
-        list[Path],
-        typer.Argument(
-            metavar="MOTION...", help="BVH, AMC and AMASS files, run folders, folders of clips.", show_default=False
-        ),
-    ],
+    motions: Motions,
     output: Annotated[
         Path | None, typer.Option("--output", "-o", help="Folder of the reports; not needed with --events.")
     ] = None,
     classes: Annotated[
         Path | None, typer.Option(help="Motion model by `depthmocap learn`, or classes of an earlier call.")
     ] = None,
-    examples: Annotated[
-        list[Path] | None,
-        typer.Option(
-            help="Cut clips to learn a motion model from, as `depthmocap learn` does, without its check. Repeatable."
-        ),
-    ] = None,
-    others: Annotated[
-        list[Path] | None,
-        typer.Option(
-            help="Motions of no class: what the examples are not to be mistaken for.",
-            show_default="of examples by several people: what is least like them in the motions",
-        ),
-    ] = None,
-    pattern: Annotated[
-        str | None,
-        typer.Option(help="Regular expression for names of examples: groups (?P<label>...), perhaps (?P<person>...)."),
-    ] = None,
-    labels: Annotated[Path | None, typer.Option(help="CSV file with the columns clip, label, perhaps person.")] = None,
+    examples: Examples = None,
+    others: Others = None,
+    pattern: Pattern = None,
+    labels: LabelTable = None,
     templates: Annotated[
         bool, typer.Option("--templates", help="Learn motion templates (the thesis's way) from the examples instead.")
     ] = False,
     queries: Annotated[
-        Path | None,
-        typer.Option(help="Keyframe queries by `depthmocap learn`, for the search for templates."),
+        Path | None, typer.Option(help="Keyframe queries by `depthmocap learn`, for the search for templates.")
     ] = None,
     truth: Annotated[
         Path | None, typer.Option(help="True segments (CSV: start, end, label), or a folder with one file per motion.")
@@ -63,12 +64,7 @@ def annotate(
         float | None,
         typer.Option(help="Largest cost of a template: share of features that differ.", show_default="its own, 0.13"),
     ] = None,
-    events: Annotated[
-        str | None,
-        typer.Option(
-            metavar="FILE|-", help="Replay a run (classes learned with --templates): one JSON line for each motion."
-        ),
-    ] = None,
+    events: Events = None,
     early: Annotated[bool, typer.Option("--early", help="Events also where a motion has begun.")] = False,
     hold: Annotated[int, typer.Option(help="Columns of 1/30 s that confirm an event.")] = 3,
     seed: Seed = 0,

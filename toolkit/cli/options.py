@@ -19,6 +19,17 @@ SettingOption = Annotated[
     list[str] | None,
     typer.Option("--set", metavar="NAME=VALUE", help="A setting by its dotted name, such as sensing.segment=person."),
 ]
+Pattern = Annotated[
+    str | None,
+    typer.Option(help="Regular expression for clip names: groups (?P<label>...), perhaps (?P<person>...)."),
+]
+LabelTable = Annotated[Path | None, typer.Option(help="CSV file with the columns clip, label, perhaps person.")]
+Motions = Annotated[
+    list[Path],
+    typer.Argument(
+        metavar="MOTION...", help="BVH, AMC and AMASS files, run folders, folders of clips.", show_default=False
+    ),
+]
 
 
 def numbers(text: str, count: int, option: str) -> tuple[float, ...]:

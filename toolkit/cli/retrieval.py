@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from toolkit.cli.options import Output, Seed
+from toolkit.cli.options import LabelTable, Motions, Output, Pattern, Seed
 
 if TYPE_CHECKING:
     from toolkit.retrieval.annotation.measures import Scores
@@ -24,12 +24,6 @@ half of what chance finds less than 0.17."""
 
 Index = Annotated[
     Path, typer.Argument(metavar="INDEX", help="Index that `depthmocap index` wrote.", show_default=False)
-]
-Clips = Annotated[
-    list[Path],
-    typer.Argument(
-        metavar="MOTION...", help="BVH, AMC and AMASS files, run folders, folders of clips.", show_default=False
-    ),
 ]
 
 
@@ -191,13 +185,10 @@ def _show(report: SearchReport, limit: int) -> None:
 
 
 def learn(
-    clips: Clips,
+    clips: Motions,
     output: Output,
-    pattern: Annotated[
-        str | None,
-        typer.Option(help="Regular expression for clip names: groups (?P<label>...), perhaps (?P<person>...)."),
-    ] = None,
-    labels: Annotated[Path | None, typer.Option(help="CSV file with the columns clip, label, perhaps person.")] = None,
+    pattern: Pattern = None,
+    labels: LabelTable = None,
     label: Annotated[list[str] | None, typer.Option(help="Keyframes: only of these classes.")] = None,
     others: Annotated[list[Path] | None, typer.Option(help="Clips of no class: more counterexamples.")] = None,
     alternatives: Annotated[
