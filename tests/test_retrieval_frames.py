@@ -66,18 +66,6 @@ def test_alignments_of_all_templates_are_those_of_each():
         np.testing.assert_array_equal(together.starts, np.concatenate([s[column % 3] for _, s in state]))
 
 
-def test_rows_of_which_nothing_is_known_count_as_in_a_trace():
-    words = relational_features(from_poses(document(), body(), 30.0, "whole")).words
-    (template,) = (PreparedTemplate(template) for template in classes()[0].templates)
-    live, rng = CausalAlignments(classes()[:1]), np.random.default_rng(0)
-    unknown = rng.choice(np.array([0, 0b1111, 0x3F000], dtype=np.uint64), len(words))
-    for column, word in enumerate(words):
-        live.push(word, int(unknown[column]))
-        if column % 9 == 8:
-            cost, _ = template.trace(words[: column + 1], unknown[: column + 1])
-            np.testing.assert_allclose(live.costs[-1], cost, rtol=1e-12)
-
-
 def test_the_cheapest_of_an_owner_is_the_first_of_its_least_costs():
     costs, starts = np.array([3.0, 1.0, 1.0, np.inf]), np.array([7, 8, 9, -1])
     best, begun = np.empty(3), np.empty(3, dtype=np.int64)

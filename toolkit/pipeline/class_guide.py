@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from functools import reduce
-from operator import or_
 
 import numpy as np
 
@@ -17,7 +15,7 @@ from toolkit.retrieval.features.relational import FEATURE_RATE, pack
 from toolkit.retrieval.priors.allocation import Allocation
 from toolkit.retrieval.priors.expectation import ExpectationSettings, Told, fill
 from toolkit.retrieval.priors.gaps import Gap
-from toolkit.retrieval.priors.limbs import ENTRIES, LIMBS, OUTER, ROWS_OF_LIMB
+from toolkit.retrieval.priors.limbs import ENTRIES, LIMBS, OUTER
 from toolkit.retrieval.priors.live import Going, LiveAlignment
 from toolkit.track import TRACKED, FrameResult
 from toolkit.tracking.guide import NoGuide
@@ -104,10 +102,9 @@ class ClassGuide(NoGuide):
             return
         if self._features is None:
             self._features = FeatureStream(body, self._rate)
-        going, hidden = None, self._hidden(confidence)
-        unknown = reduce(or_, (ROWS_OF_LIMB[limb] for limb in LIMBS if hidden[limb]), 0)
+        going = None
         for values, column_time in self._features.push(pose, time):
-            going = self._alignment.push(pack(values[:, None])[0], unknown)
+            going = self._alignment.push(pack(values[:, None])[0])
             if going is not None:
                 # Features look ahead, so that columns come late: the motion has gone on since.
                 going = self._ahead(going, time - column_time)
@@ -123,7 +120,9 @@ class ClassGuide(NoGuide):
         """Limb -> its angles (A,), radians, as expected in the next frame; limbs that were hidden in the last one."""
         if not self._rows or self._rows[-1][3] is None:
             return {}
-        settings, hidden = self._settings, self._hidden(np.array([row[1] for row in self._rows]))
+        settings = self._settings
+        confidence = np.array([row[1] for row in self._rows])
+        hidden = {limb: confidence[:, OUTER[limb]].mean(axis=1) < settings.hidden for limb in LIMBS}
         gone = [limb for limb in LIMBS if hidden[limb][-1]]
         if not gone:
             return {}
@@ -137,10 +136,6 @@ class ClassGuide(NoGuide):
             way, _ = fill(told, Gap(limb, start, len(told.times)), settings.expectation)
             found[limb] = way.mean[-1]
         return found
-
-    def _hidden(self, confidence: np.ndarray) -> dict[str, np.ndarray]:
-        """Limb -> whether it is hidden (...,), by the confidence of joints (..., 20)."""
-        return {limb: confidence[..., OUTER[limb]].mean(axis=-1) < self._settings.hidden for limb in LIMBS}
 
     def _told(self, timestamp: float, hidden: dict[str, np.ndarray]) -> Told:
         """The last frames and the next one, in which all but the time goes on."""

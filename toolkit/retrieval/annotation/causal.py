@@ -42,22 +42,14 @@ class CausalAlignments:
         self._scale = np.concatenate([template.scale for _, _, template in found])
         self._costs = np.full((3, self._bounds[-1]), np.inf)
         self._starts = np.full(self._costs.shape, -1, dtype=np.int64)
-        self._kept = {0: (self._mask, self._scale)}
         self.column = -1
 
-    def push(self, word: np.uint64, unknown: int = 0) -> None:
-        """One more column of the document, as a bit word; its rows `unknown` do not count, and the others for them."""
+    def push(self, word: np.uint64) -> None:
+        """One more column of the document, as a bit word."""
         self.column += 1
-        mask, scale = self._known(unknown)
-        dtw.push_columns(self._bits, mask, scale, self._bounds, word, self.column, self._costs, self._starts)
-
-    def _known(self, unknown: int) -> tuple[np.ndarray, np.ndarray]:
-        """Mask and scale of the templates' columns without some rows, as in `dtw.trace`."""
-        if unknown not in self._kept:
-            mask = self._mask & ~np.uint64(unknown)
-            whole, known = (np.maximum(_ones(words), 1) for words in (self._mask, mask))
-            self._kept[unknown] = mask, self._scale * (whole / known)
-        return self._kept[unknown]
+        dtw.push_columns(
+            self._bits, self._mask, self._scale, self._bounds, word, self.column, self._costs, self._starts
+        )
 
     @property
     def costs(self) -> np.ndarray:
@@ -78,8 +70,3 @@ class CausalAlignments:
         costs, starts = np.empty(count), np.empty(count, dtype=np.int64)
         dtw.cheapest_of(self.costs, self.starts, places, factors, self.owner, costs, starts)
         return costs, starts
-
-
-def _ones(words: np.ndarray) -> np.ndarray:
-    """Set bits of each of some words."""
-    return np.unpackbits(words.view(np.uint8).reshape(-1, words.itemsize), axis=1).sum(axis=1)

@@ -40,11 +40,10 @@ class LiveAlignment:
         self._open = np.flatnonzero(np.concatenate(begun))
         self._shares = np.concatenate([len(column) / column for column in columns])[self._open]
 
-    def push(self, word: np.uint64, unknown: int = 0) -> Going | None:
-        """One more column, as a bit word, and its rows that nothing is known of; the cheapest beginning of a template
-        that ends in it, if there is one."""
+    def push(self, word: np.uint64) -> Going | None:
+        """One more column, as a bit word; the cheapest beginning of a template that ends in it, if there is one."""
         aligned = self._aligned
-        aligned.push(word, unknown)
+        aligned.push(word)
         shares = aligned.costs[self._open] * self._shares
         cheapest = int(shares.argmin()) if len(shares) else -1
         if cheapest < 0 or not shares[cheapest] < self._threshold:
