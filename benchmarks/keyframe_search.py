@@ -14,13 +14,14 @@ import tempfile
 import time
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from benchmarks._keyframe_corpus import (
     ACTORS,
     HOW,
+    Example,
     LabelledDocument,
     learned_from,
     load_examples,
@@ -29,6 +30,7 @@ from benchmarks._keyframe_corpus import (
 )
 from benchmarks._record import RESULTS, save_figures
 from benchmarks._timing import pin_to_one_processor
+from toolkit.retrieval.features.motion import Motion
 from toolkit.retrieval.index.keyframe_index import KeyframeIndex
 from toolkit.retrieval.keyframes.query import KeyframeQuery, in_sequence
 from toolkit.retrieval.learning.genetic import Breeder
@@ -41,6 +43,8 @@ ALTERNATIVES = ((1, False), (2, False), (1, True), (2, True), (3, True), (5, Tru
 """Queries per class that are tried together, a hit of any counting, and whether their distances are tightened."""
 REPEATS = 20
 """Searches per query; the median counts."""
+KINDS = ("learned", "sequences", "random columns")
+SHOWN = ("queries", "tight", "milliseconds", "segments", "relevant", "left_hits", "touched_hits", "half_motions")
 UNSPECIFIC = 8
 """Queries of random template columns per class, which process many more segments than learned ones."""
 
@@ -165,6 +169,36 @@ def line_through_origin(rows: Sequence[dict[str, Any]]) -> tuple[float, float]:
     return float(segments @ times / (segments @ segments)), float(np.corrcoef(segments, times)[0, 1])
 
 
+class Measured(NamedTuple):
+    """Times of searches by kind of query; figures of classes by the number of queries and whether they are tight."""
+
+    timed: dict[str, list[dict[str, Any]]]
+    together: dict[tuple[int, bool], list[dict[str, Any]]]
+
+
+def rotate(
+    measured: Measured, index: KeyframeIndex, documents: Sequence[LabelledDocument], examples: Sequence[Example],
+    filler: Sequence[Motion], actor: str, settings: LearningSettings, rng: np.random.Generator,
+) -> None:  # fmt: skip
+    """Learn from the others, search the documents of one actor, and add what comes of it."""
+    seen = [example for example in examples if example.actor != actor]
+    made: list[LabelledDocument] = []
+    for other in sorted({example.actor for example in seen}):
+        own = [example for example in seen if example.actor == other]
+        made.extend(make_documents(own, filler, COUNTEREXAMPLES // 2, rng))
+    learned = learned_from(seen, made, settings, rng)
+    for label, result in learned.items():
+        for count, tight in ALTERNATIVES:
+            row = judged(index, documents, actor, result, count, tight)
+            measured.together[count, tight].append(row)
+            print(f"{label:28s} {actor}", *(f"{row[key]:.3g}" for key in SHOWN), sep="  ", flush=True)
+        measured.timed["learned"].extend(timed(index, query) for query in result.alternatives(1))
+        breeder = Breeder(result.template, settings.genetic, rng)
+        random = [query_of(breeder.individual(), len(result.template), label) for _ in range(UNSPECIFIC)]
+        measured.timed["random columns"].extend(timed(index, query) for query in random)
+    measured.timed["sequences"].extend(timed(index, query) for query in sequences(learned, rng))
+
+
 def main() -> None:
     """Parse the command line, measure, print and store the figures."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
@@ -183,38 +217,12 @@ def main() -> None:
     index, size = through_file(documents)
     print(f"{size['documents']} documents, {size['frames']} frames, {size['minutes']:.0f} minutes", flush=True)
 
-    settings = LearningSettings(runs=options.runs)
-    entries: dict[str, list[dict[str, Any]]] = {"learned": [], "sequences": [], "random columns": []}
-    together: dict[tuple[int, bool], list[dict[str, Any]]] = {chosen: [] for chosen in ALTERNATIVES}
+    measured = Measured({kind: [] for kind in KINDS}, {chosen: [] for chosen in ALTERNATIVES})
     pin_to_one_processor()
     for actor in ACTORS:
-        seen = [example for example in examples if example.actor != actor]
-        made: list[LabelledDocument] = []
-        for other in sorted({example.actor for example in seen}):
-            own = [example for example in seen if example.actor == other]
-            made.extend(make_documents(own, filler[0::2], COUNTEREXAMPLES // 2, rng))
-        learned = learned_from(seen, made, settings, rng)
-        for label, result in learned.items():
-            for count, tight in ALTERNATIVES:
-                row = judged(index, documents, actor, result, count, tight)
-                together[count, tight].append(row)
-                shown = (
-                    "queries",
-                    "tight",
-                    "milliseconds",
-                    "segments",
-                    "relevant",
-                    "left_hits",
-                    "touched_hits",
-                    "half_motions",
-                )
-                print(f"{label:28s} {actor}", *(f"{row[key]:.3g}" for key in shown), sep="  ", flush=True)
-            entries["learned"].extend(timed(index, query) for query in result.alternatives(1))
-            breeder = Breeder(result.template, settings.genetic, rng)
-            random = [query_of(breeder.individual(), len(result.template), label) for _ in range(UNSPECIFIC)]
-            entries["random columns"].extend(timed(index, query) for query in random)
-        entries["sequences"].extend(timed(index, query) for query in sequences(learned, rng))
+        rotate(measured, index, documents, examples, filler[0::2], actor, LearningSettings(runs=options.runs), rng)
 
+    entries, together = measured
     slope, correlation = line_through_origin([row for part in entries.values() for row in part])
     figures = {
         "index": size,
@@ -231,13 +239,15 @@ def main() -> None:
         ],
         "timed": entries,
     }
-    plot_times(entries, slope, RESULTS / "keyframe_search.png")
-    for name, means in figures["together"].items():
-        print(name, *(f"{key} {value:.3f}" for key, value in means.items()), sep="  ")
+    whole = all(getattr(options, name) == parser.get_default(name) for name in ("frames", "runs"))
+    name = "keyframe_search" if whole else "keyframe_search_part"
+    plot_times(entries, slope, RESULTS / f"{name}.png")
+    for row, means in figures["together"].items():
+        print(row, *(f"{key} {value:.3f}" for key, value in means.items()), sep="  ")
     for key in ("mean_milliseconds_of_sequences", "nanoseconds_per_segment", "correlation_of_time_and_segments"):
         print(key, figures[key])
     chosen = {"frames": options.frames, "runs": options.runs, "seed": options.seed, "corpus": HOW}
-    print(save_figures("keyframe_search", figures, chosen))
+    print(save_figures(name, figures, chosen))
 
 
 if __name__ == "__main__":

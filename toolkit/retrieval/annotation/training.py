@@ -117,15 +117,35 @@ def train(
             f"all clips have the label {labels[0]!r}, so there is nothing to tell it from; give clips of other "
             "classes, or motions of none"
         )
-    symmetric = two_sided(clips)
+    several = len({clip.person for clip in clips}) > 1  # halves of one person teach no caution about others
+    rows, unknown = _what_clips_find(clips, others, rng, progress, unlabelled if several else ())
+    judges = []
+    for label in labels:
+        turns = [_joined(parts) for parts in rows[label].values()]
+        if unknown[label]:
+            turns = with_unlike(turns, list(unknown[label].values()))
+        judges.append(
+            Judge.cautious(turns) if several else Judge.learned(*_joined(turns)) if turns else Judge.of_cost()
+        )
+    return MotionModel(ExampleSet.of([(clip.features, clip.label) for clip in clips]), tuple(judges))
+
+
+def _what_clips_find(
+    clips: Sequence[Clip],
+    others: Sequence[Motion],
+    rng: np.random.Generator,
+    progress: Progress | None,
+    unlabelled: Sequence[FeatureMatrix],
+) -> tuple[dict[str, dict[int, list[Turn]]], dict[str, dict[int, np.ndarray]]]:
+    """Per label and turn: what places in documents of known truth measure and whether they are right, and what places
+    in motions of unknown content measure."""
+    symmetric, labels = two_sided(clips), {clip.label for clip in clips}
     empty = [
         TrainedDocument(relational_features(side.at_speed(speed)), ())
         for motion in others
         for side in (motion, motion.mirrored())
         for speed in SPEEDS
     ]
-    several = len({clip.person for clip in clips}) > 1  # halves of one person teach no caution about others
-    unlabelled = unlabelled if several else ()
     rows: dict[str, dict[int, list[Turn]]] = {label: {} for label in labels}
     unknown: dict[str, dict[int, np.ndarray]] = {label: {} for label in labels}
     steps = [
@@ -144,15 +164,7 @@ def train(
                 unknown[label][turn] = examples.propose(label, unlabelled).described
         if progress is not None:
             progress("learning", number, len(steps))
-    judges = []
-    for label in labels:
-        turns = [_joined(parts) for parts in rows[label].values()]
-        if unlabelled:
-            turns = with_unlike(turns, list(unknown[label].values()))
-        judges.append(
-            Judge.cautious(turns) if several else Judge.learned(*_joined(turns)) if turns else Judge.of_cost()
-        )
-    return MotionModel(ExampleSet.of([(clip.features, clip.label) for clip in clips]), tuple(judges))
+    return rows, unknown
 
 
 def _joined(parts: Sequence[Turn]) -> Turn:

@@ -186,17 +186,7 @@ def learn(
         An unknown label, a class without clips, or nothing to tell the class from.
     """
     labels = list(classes) if labels is None else list(labels)
-    for label in labels:
-        if label not in classes:
-            raise RetrievalError(f"unknown label {label!r}; the clips have {', '.join(sorted(classes)) or 'none'}")
-    empty = [label for label, clips in classes.items() if not clips]
-    if empty:
-        raise RetrievalError(f"class {empty[0]!r} has no clips; give it at least one or leave it out")
-    if len(classes) == 1 and not others:
-        raise RetrievalError(
-            f"all clips have the label {labels[0]!r}, so there is nothing to tell it from; give clips of other "
-            "classes, or of none (a clip's label is its folder unless a pattern or a table says otherwise)"
-        )
+    _check(classes, labels, others)
     documents = [document for clips in classes.values() for document in clips] + list(others)
     owners = np.array([label for label, clips in classes.items() for _ in clips] + [""] * len(others), dtype=object)
     training = {label: TrainingSet(documents, owners == label) for label in labels}
@@ -219,6 +209,23 @@ def learn(
         label: _learned(label, training[label], judges[label], templates[label], solutions[label], settings, rng)
         for label in labels
     }
+
+
+def _check(
+    classes: Mapping[str, Sequence[FeatureMatrix]], labels: Sequence[str], others: Sequence[FeatureMatrix]
+) -> None:
+    """Raise RetrievalError where nothing can be learned."""
+    for label in labels:
+        if label not in classes:
+            raise RetrievalError(f"unknown label {label!r}; the clips have {', '.join(sorted(classes)) or 'none'}")
+    empty = [label for label, clips in classes.items() if not clips]
+    if empty:
+        raise RetrievalError(f"class {empty[0]!r} has no clips; give it at least one or leave it out")
+    if len(classes) == 1 and not others:
+        raise RetrievalError(
+            f"all clips have the label {labels[0]!r}, so there is nothing to tell it from; give clips of other "
+            "classes, or of none (a clip's label is its folder unless a pattern or a table says otherwise)"
+        )
 
 
 @dataclass(frozen=True, eq=False)
