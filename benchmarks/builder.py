@@ -5,7 +5,7 @@ there are half as many as poses; they are written as AMASS files, and the build 
 process of its own, so that the memory is its own: that of the process that samples, and that of each one that reads.
 
 Up to `--checked` poses are also sampled by plain farthest-first, which thins nothing: how far a pose can be from a
-selected one, beside the same where poses were thinned as they came.
+selected one, beside the same where poses were thinned as they came. Every size has a file of figures of its own.
 """
 
 from __future__ import annotations
@@ -93,26 +93,25 @@ def main() -> None:
     parser.add_argument("--workers", type=int, default=2)
     options = parser.parse_args()
 
-    builds: list[dict[str, Any]] = []
     with tempfile.TemporaryDirectory() as name:
         folder, written, clips = Path(name) / "mocap", 0, corpus(options.mocap, options.poses[-1] // 2)
         folder.mkdir()
 
-        def build(part: int) -> None:
+        def build(part: int) -> dict[str, Any]:
             with ProcessPoolExecutor(1, mp_context=get_context("spawn")) as process:
                 how = (folder, Path(name) / "poses.npz", options.selected, options.workers, part)
-                builds.append({"part": part, **process.submit(measured_build, *how).result()})
-            for key, value in builds[-1].items():
+                figures = {"part": part, **process.submit(measured_build, *how).result()}
+            for key, value in figures.items():
                 print(f"{key:28} {value}", flush=True)
+            return figures
 
         for poses in options.poses:
             while written < poses // 2:
                 clip = PoseClip(f"{written:09}", next(clips), 120.0, "jittered")
                 write_amass(folder / f"{clip.name}.npz", clip)
                 written += len(clip)
-            for part in (pool.PART, poses) if poses <= options.checked else (pool.PART,):
-                build(part)
-            print(save_figures("builder", builds, {**vars(options), "jitter_radians": JITTER}))
+            builds = [build(part) for part in ((pool.PART, poses) if poses <= options.checked else (pool.PART,))]
+            print(save_figures(f"builder_{poses}", builds, {**vars(options), "jitter_radians": JITTER}))
 
 
 if __name__ == "__main__":

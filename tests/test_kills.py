@@ -13,6 +13,7 @@ import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
+import cv2
 import numpy as np
 import pytest
 
@@ -24,6 +25,9 @@ from toolkit.config import load_settings, settings_text
 from toolkit.export.run import export_run
 from toolkit.files import save_text
 from toolkit.pipeline.manifest import DONE, MANIFEST_FILE, Manifest, ManifestRow
+from toolkit.rendering.encoders import FILM_SUFFIXES
+from toolkit.rendering.film import FilmWriter, save_png
+from toolkit.report.page import write_report
 from toolkit.tracking.hybrid import HybridSettings
 
 OURS = (
@@ -35,15 +39,17 @@ STEPS = {"open", "os.chmod", "os.rename", "os.remove", "os.mkdir", "os.rmdir", "
 """What Python tells its audit hooks before it changes a file."""
 
 
+def _run_beside(folder: Path) -> Path:
+    run = folder.with_name("run")
+    return run if run.exists() else write_run(run, np.zeros((3, skeleton.POSE_SIZE)))
+
+
 def _exported(suffix: str) -> Format:
     def make(folder: Path) -> Path:
-        run = folder.with_name("run")
-        if not run.exists():
-            write_run(run, np.zeros((3, skeleton.POSE_SIZE)))
-        export_run(run, folder / f"motion{suffix}")
+        export_run(_run_beside(folder), folder / f"motion{suffix}")
         return folder / f"motion{suffix}"
 
-    return Format(make, lambda path: path.read_bytes())
+    return Format(make, Path.read_bytes)
 
 
 def _settings(folder: Path) -> Path:
@@ -51,10 +57,49 @@ def _settings(folder: Path) -> Path:
     return folder / "config.yaml"
 
 
+def pictures_of(film: Path) -> list[np.ndarray]:
+    """Everything that a film shows; its file differs from writing to writing, for containers number themselves."""
+    video, pictures = cv2.VideoCapture(str(film)), []
+    while True:
+        more, picture = video.read()
+        if not more:
+            return pictures
+        pictures.append(picture)
+
+
+def _film(suffix: str) -> Format:
+    def make(folder: Path) -> Path:
+        FilmWriter(folder / f"film{suffix}", 10.0).write(iter(PICTURES))
+        return folder / f"film{suffix}"
+
+    return Format(make, pictures_of)
+
+
+def _picture(folder: Path) -> Path:
+    save_png(folder / "sheet.png", PICTURES[0])
+    return folder / "sheet.png"
+
+
+def _pictures(folder: Path) -> Path:
+    for i, picture in enumerate(PICTURES[:2]):
+        save_png(folder / "film" / f"{i}.png", picture)
+    return folder / "film" / "1.png"
+
+
+def _page(folder: Path) -> Path:
+    return write_report([_run_beside(folder)], folder / "report.html")
+
+
+PICTURES = np.random.default_rng(0).integers(0, 256, (12, 48, 64, 3), dtype=np.uint8)
+"""Of a film: noise, so that the file is no smaller than what a codec writes at once."""
 WRITERS: dict[str, Format] = {
     **{name: FORMATS[name] for name in OURS},
     "settings": Format(_settings, lambda path: load_settings(HybridSettings, path)),
-    **{f"export {suffix}": _exported(suffix) for suffix in (".glb", ".bvh", ".trc", ".csv", ".json")},
+    **{f"export {suffix}": _exported(suffix) for suffix in (".glb", ".bvh", ".c3d", ".trc", ".csv", ".json")},
+    **{f"film {suffix}": _film(suffix) for suffix in FILM_SUFFIXES},
+    "picture": Format(_picture, Path.read_bytes),
+    "folder of pictures": Format(_pictures, Path.read_bytes),
+    "page": Format(_page, Path.read_bytes),
 }
 
 
