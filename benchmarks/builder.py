@@ -21,6 +21,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from joblib.externals.loky import get_reusable_executor
 
 from benchmarks._record import save_figures
 from database_builder import pool
@@ -65,6 +66,8 @@ def measured_build(folder: Path, output: Path, selected: int, workers: int, part
     start = time.perf_counter()
     report = build_database([folder], output, max_poses=selected, seated=False, parts=None, workers=workers)
     seconds = time.perf_counter() - start
+    if workers > 1:
+        get_reusable_executor().shutdown()  # the system tells of processes that have ended
     own, children = resource.getrusage(resource.RUSAGE_SELF), resource.getrusage(resource.RUSAGE_CHILDREN)
     joints, thinned = report.database.joints, report.database.notes["thinned"]
     last = float(pose_distance(joints[:-1], joints[-1]).min())

@@ -127,21 +127,10 @@ def build_database(
     OutputError
         `output` cannot be written.
     """
-    target, body, report = Path(output), body or load_body("neutral"), progress or _silent
-    if target.suffix != ".npz" or is_folder(target):
-        raise UsageError(f"a pose database is one .npz file, not {target}; choose a name such as poses.npz")
-    if workers is not None and workers < 1:
-        raise UsageError(f"a database cannot be built by {workers} processes; use at least 1")
+    target, body, report = _checked_target(output, sources, workers), body or load_body("neutral"), progress or _silent
     processes = usable_processors() if workers is None else workers
-    check_output(target, [s for s in sources or () if not isinstance(s, PoseClip)])
-    work = free_folder(target.with_name(f"{target.stem}.work"))
-    clock = _Clock()
-
-    given = list(procedural_clips(body=body) if sources is None else sources)
-    clips = [s for s in given if isinstance(s, PoseClip)]
-    files = find_sources([Path(s) for s in given if not isinstance(s, PoseClip)], work)
-    if not files and not clips:
-        raise UsageError("there is no source to build a pose database from; give a folder with mocap")
+    work, clock = free_folder(target.with_name(f"{target.stem}.work")), _Clock()
+    files, clips = _sources(sources, work, body)
     added = procedural_clips(SEATED_MOTIONS, SEATED_RATE, body=body, variations=2) if seated else []
     make_own_folder(work)
     with locked(work):
@@ -161,18 +150,18 @@ def build_database(
         offsets = _look(body, poses, processes, report)
         clock.lap("look")
 
-        notes = {
-            "poses_read": pool.poses_read, "mirror": mirror, "seated": seated, "max_poses": max_poses,
-            "skipped": [list(s) for s in skipped],
-            "thinned": selected.thinned,
-            "residual": residual(body, poses, offsets),
-        }  # fmt: skip
         forest = None
         if parts is not None:
             forest = train_forest(poses, parts, workers=processes, progress=partial(report, "train"))
             clock.lap("train")
         prior = learn_prior(poses, body)
         clock.lap("prior")
+        notes = {
+            "poses_read": pool.poses_read, "mirror": mirror, "seated": seated, "max_poses": max_poses,
+            "skipped": [list(s) for s in skipped],
+            "thinned": selected.thinned,
+            "residual": residual(body, poses, offsets),
+        }  # fmt: skip
         database = PoseDatabase.of_poses(
             poses, body, offsets=offsets, sources=pool.names, hashes=pool.digests, pose_source=source,
             pose_frame=frame, mirrored=mirrored, threshold=threshold, notes=notes, forest=forest, prior=prior,
@@ -182,6 +171,28 @@ def build_database(
             remove_own_folder(work)
         clock.lap("write")
     return BuildReport(target, database, pool.poses_read, tuple(skipped), clock.seconds)
+
+
+def _checked_target(output: str | Path, sources: Sequence[str | Path | PoseClip] | None, workers: int | None) -> Path:
+    """The file to write; an error where it cannot be one, would replace a source, or nobody would work on it."""
+    target = Path(output)
+    if target.suffix != ".npz" or is_folder(target):
+        raise UsageError(f"a pose database is one .npz file, not {target}; choose a name such as poses.npz")
+    if workers is not None and workers < 1:
+        raise UsageError(f"a database cannot be built by {workers} processes; use at least 1")
+    return check_output(target, [s for s in sources or () if not isinstance(s, PoseClip)])
+
+
+def _sources(
+    sources: Sequence[str | Path | PoseClip] | None, work: Path, body: Body
+) -> tuple[list[Source], list[PoseClip]]:
+    """Motion files and clips to read; the bundled motions where nothing is named."""
+    given = list(procedural_clips(body=body) if sources is None else sources)
+    clips = [s for s in given if isinstance(s, PoseClip)]
+    files = find_sources([Path(s) for s in given if not isinstance(s, PoseClip)], work)
+    if not files and not clips:
+        raise UsageError("there is no source to build a pose database from; give a folder with mocap")
+    return files, clips
 
 
 def _collect(pool: PosePool, read: Iterator[CanonicalPoses], strict: bool) -> list[tuple[str, str]]:

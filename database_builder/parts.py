@@ -104,12 +104,14 @@ def _split(
          radius[:, 1] * np.cos(angle[:, 1]), radius[:, 1] * np.sin(angle[:, 1])], axis=1,
     )  # fmt: skip
     judges = rows if len(rows) <= settings.node_samples else rng.choice(rows, settings.node_samples, replace=False)
-    where = (data.depth, data.starts, data.shapes, data.windows, FOCAL, data.sample_image, data.sample_u, data.sample_v)
-    best, threshold, _ = forest_training.best_split(*where, data.labels, judges, candidates, settings.bins, classes)
+    samples = forest_training.Samples(
+        data.depth, data.starts, data.shapes, data.windows, FOCAL, data.sample_image, data.sample_u, data.sample_v
+    )
+    best, threshold, _ = forest_training.best_split(samples, data.labels, judges, candidates, settings.bins, classes)
     if best < 0:
         return None
     answer = np.empty(len(rows), dtype=np.float32)
-    forest_training.answers(*where, rows, candidates[best], answer)
+    forest_training.answers(samples, rows, candidates[best], answer)
     below = int((answer < threshold).sum())
     if min(below, len(rows) - below) < settings.smallest_leaf // 2:
         return None

@@ -4,12 +4,20 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from tests.database_helpers import small_database
+from tests.fake_tracker import write_recording
+from tests.fuzz_files import classes_file
+from tests.run_helpers import write_run
+from toolkit.body import skeleton
 from toolkit.cli.main import main
+from toolkit.files import sha256_of
+from toolkit.track import RunInfo
 
 VERBS: dict[str, tuple[str, ...]] = {
     "database info": ("database", "info", "BAD"),
@@ -69,11 +77,19 @@ def test_bad_input_is_one_sentence(verb: str, tmp_path: Path, capsys: pytest.Cap
 
 
 OVERWRITES: dict[str, tuple[str, ...]] = {
+    "database build": ("database", "build", "READ.npz", "--output", "READ.npz"),
+    "body scan": ("body", "scan", "READ.npz", "--output", "READ.npz"),
+    "simulate": ("simulate", "READ.npz", "--output", "READ.npz"),
     "joints": ("joints", "READ.npz", "--output", "READ.npz"),
     "track": ("track", "READ.npz", "--database", "POSES", "--output", "READ.npz"),
     "evaluate": ("evaluate", "RUN", "--reference", "table.csv", "--output", "."),
     "render": ("render", "RUN", "--output", "RUN"),
+    "report": ("report", "RUN", "--output", "RUN"),
     "export": ("export", "RUN", "--output", "RUN"),
+    "index": ("index", "RUN", "--output", "RUN"),
+    "search": ("search", "READ.npz", "--by-example", "table.csv", "--output", "table.csv"),
+    "learn": ("learn", "RUN", "--output", "RUN"),
+    "stabilise": ("stabilise", "RUN", "--classes", "READ.npz", "--output", "RUN"),
     "inertial read": ("inertial", "read", "READ.npz", "--output", "READ.npz"),
     "inertial calibrate": ("inertial", "calibrate", "RUN", "--sensors", "READ.npz", "--output", "READ.npz"),
 }
@@ -94,3 +110,45 @@ def test_nothing_is_written_over_what_is_read(
     assert stop.value.code in (1, 2) and "Traceback" not in capsys.readouterr().err
     for name in ("READ.npz", "table.csv", "RUN/track.npz"):
         assert Path(name).read_bytes() == b"mine"
+
+
+OUT_OF_RANGE: dict[str, str] = {
+    "demo --output table.csv": "check the path",
+    "database info poses.npz --plot x.txt": "name it *.png",
+    "render run --output f.webm --rate inf": "frames a second",
+    "render run --output f.webm --rate nan": "frames a second",
+    "track take.npz --database poses.npz --output o --depth-unit 0": "depth_unit 0.0",
+    "track take.npz --database poses.npz --output o --set seed=-1": "seed is -1",
+    "track take.npz --config swarm --output o --set seed=-1": "seed is -1",
+    "track take.npz --config lopez2011 --output o --set seed=-1": "seed is -1",
+    "learn run --labels labels.csv --output m.npz": "field larger than",
+    "annotate run --classes classes.npz --truth segments.csv --output o": "segments.csv",
+}
+
+
+@pytest.fixture(scope="module")
+def files(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder of a recording, its run, a database, classes, and tables that cannot be."""
+    folder = tmp_path_factory.mktemp("files")
+    small_database(12).save(folder / "poses.npz")
+    write_recording(folder / "take.npz")
+    write_run(folder / "run", np.zeros((40, skeleton.POSE_SIZE)), recording=str(folder / "take.npz"))
+    info = RunInfo.load(folder / "run")
+    replace(info, recording_sha256=sha256_of(folder / "take.npz")).save(folder / "run")
+    classes_file(folder).rename(folder / "classes.npz")
+    (folder / "table.csv").write_bytes(b"mine")
+    (folder / "labels.csv").write_text("clip,label\nrun," + "x" * 140_000 + "\n")
+    (folder / "segments.csv").write_text("start,end,label\n0,inf,walk\n")
+    return folder
+
+
+@pytest.mark.parametrize("command", OUT_OF_RANGE)
+def test_what_cannot_be_is_named(
+    command: str, files: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(files)
+    with pytest.raises(SystemExit) as stop:
+        main(command.split())
+    said = capsys.readouterr().err.splitlines()[-1]
+    assert stop.value.code in (1, 2) and said.startswith("depthmocap: ") and OUT_OF_RANGE[command] in said
+    assert (files / "table.csv").read_bytes() == b"mine"

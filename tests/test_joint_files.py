@@ -17,7 +17,7 @@ from toolkit.pipeline import JointChoice, track_recording
 from toolkit.pipeline.joints import give_joints, joint_source
 from toolkit.sensing.camera import Camera
 from toolkit.sensing.joint_files import read_joints
-from toolkit.sensing.joint_formats import BODY_25, COCO_17, COCO_18, Points
+from toolkit.sensing.joint_formats import BODY_25, COCO_17, COCO_18, POSE_MODEL, Points
 from toolkit.sensing.joints2d import lift
 from toolkit.sensing.opening import open_recording
 from toolkit.sensing.people.joints import GivenJoints, NoJoints
@@ -29,7 +29,7 @@ from toolkit.track import RunInfo
 
 CAMERA = Camera(60.0, 60.0, 31.0, 23.5, 64, 48)
 WRIST, HEAD = skeleton.REPORTED.index("left_wrist"), skeleton.REPORTED.index("head")
-FORMATS = {75: BODY_25, 54: COCO_18, 51: COCO_17}
+FORMATS = {75: BODY_25, 54: COCO_18, 51: COCO_17, 99: POSE_MODEL}
 
 
 def truth(seed: int = 0) -> np.ndarray:
@@ -66,7 +66,7 @@ def one(rows: np.ndarray) -> dict[str, Any]:
 
 
 @pytest.mark.parametrize("numbers", list(FORMATS))
-def test_three_formats_written_from_one_truth_give_the_same_joints(tmp_path: Path, numbers: int) -> None:
+def test_formats_written_from_one_truth_give_the_same_joints(tmp_path: Path, numbers: int) -> None:
     rows, points = truth(), FORMATS[numbers]
     frame = {"people": [{"pose_keypoints_2d": written(rows, points, numbers)}]}
     found = read_joints(folder_of(tmp_path / "json", frame), 1, CAMERA)
@@ -76,8 +76,11 @@ def test_three_formats_written_from_one_truth_give_the_same_joints(tmp_path: Pat
 
 
 def test_left_and_right_are_those_of_the_format() -> None:
-    """By the published lists of points: number 4 of BODY_25 is the right wrist, of COCO-17 number 9 the left one."""
+    """By the published lists of points: number 4 of BODY_25 is the right wrist, of COCO-17 number 9 the left one, of
+    MediaPipe number 15.
+    """
     assert BODY_25["right_wrist"] == COCO_18["right_wrist"] == (4,) and COCO_17["left_wrist"] == (9,)
+    assert POSE_MODEL["left_wrist"] == (15,) and POSE_MODEL["right_wrist"] == (16,)
     assert BODY_25["left_foot"] == (19,) and BODY_25["head"] == (18, 17)
     assert COCO_18["left_hip"] == (11,) and COCO_17["right_ankle"] == (16,)
 

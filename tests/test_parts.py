@@ -354,24 +354,23 @@ def test_the_best_split_is_that_of_a_scan_over_all_questions_and_thresholds() ->
             low, high = (labels[rows][side] for side in (answers[q, rows] < threshold, answers[q, rows] >= threshold))
             if len(low) and len(high):
                 best = min(best, (entropy(low) + entropy(high), q, threshold))
-    found = forest_training.best_split(
-        images, starts, shapes, windows, 60.0, image, u, v, labels, rows, candidates, bins, 4
-    )
+    samples = forest_training.Samples(images, starts, shapes, windows, 60.0, image, u, v)
+    found = forest_training.best_split(samples, labels, rows, candidates, bins, 4)
     assert found[0] == best[1] == 4
     assert found[2] == pytest.approx(best[0], rel=1e-6)
     below = answers[4, rows] < found[1]  # several thresholds may part the samples in the same way
     assert entropy(labels[rows][below]) + entropy(labels[rows][~below]) == pytest.approx(best[0], rel=1e-6)
     kernel = np.empty(150, dtype=np.float32)
-    forest_training.answers(images, starts, shapes, windows, 60.0, image, u, v, rows, candidates[4], kernel)
+    forest_training.answers(samples, rows, candidates[4], kernel)
     assert kernel == pytest.approx(answers[4, rows], abs=1e-5)
 
 
 def test_where_no_question_separates_the_samples_there_is_no_split() -> None:
     images, zero = np.full(100, 2000, dtype=np.uint16), np.zeros(5, dtype=np.int32)
-    found = forest_training.best_split(
-        images, np.array([0]), np.array([[10, 10]]), np.array([[0, 9, 0, 9]]), 60.0, zero, zero + 5, zero + 5,
-        np.arange(5), np.arange(5), np.zeros((3, 4)), 8, 5,
-    )  # fmt: skip
+    samples = forest_training.Samples(
+        images, np.array([0]), np.array([[10, 10]]), np.array([[0, 9, 0, 9]]), 60.0, zero, zero + 5, zero + 5
+    )
+    found = forest_training.best_split(samples, np.arange(5), np.arange(5), np.zeros((3, 4)), 8, 5)
     assert found[0] == -1
 
 

@@ -8,6 +8,7 @@ from typing import Annotated
 import typer
 
 from toolkit.cli.options import Output, given, numbers
+from toolkit.cli.reading import SegmentOption
 
 app = typer.Typer(help="The body of one person.", no_args_is_help=True)
 
@@ -24,9 +25,7 @@ def scan(
             show_default="evenly, from 0",
         ),
     ] = None,
-    segment: Annotated[
-        str | None, typer.Option(help="How to cut the person out, see `track`.", show_default="auto")
-    ] = None,
+    segment: SegmentOption = None,
 ) -> None:
     """Learn a person's body from recordings of a T-pose, one for each side, for `track --body`."""
     from toolkit.body.personal import save_body

@@ -2,8 +2,15 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 from numba import njit
+
+LEAST_UP = 0.2
+"""Length of the vertical in the plane that faces the camera; with less a head is seen from above and hides the rest."""
+BESIDE = 0.1
+"""Metres from the middle of a head beyond which a place lies to its right or left."""
 
 
 @njit(cache=True)
@@ -39,67 +46,114 @@ def head_scores(
         roundness that a sphere would have
     """
     height, width = depth.shape
-    fx, fy, cx, cy = intrinsics[0], intrinsics[1], intrinsics[2], intrinsics[3]
-    deep, behind, reach, radius = tolerances[0], tolerances[1], tolerances[2], tolerances[3]
     for v in range(height):
         for u in range(width):
             scores[v, u] = 0.0
             if not candidates[v, u]:
                 continue
-            z = depth[v, u]
-            a, b = (u - cx) / fx, (v - cy) / fy
-            along = (a * up[0] + b * up[1] + up[2]) / (a * a + b * b + 1.0)
-            yx, yy = up[0] - along * a, up[1] - along * b
-            length = np.sqrt(yx * yx + yy * yy)
-            if length < 0.2:  # seen from straight above there is no below
+            place = _placed(depth, u, v, intrinsics, up)
+            if not place.fits:
                 continue
-            # In pixels; the small slant of that plane against the image is left out.
-            yx, yy = yx / length * fx / z, yy / length * fy / z
-            xx, xy = -yy / fy * fx, yx / fx * fy
-            on = 0
-            round_sum, round_count = 0.0, 0
-            for k in range(inside.shape[0]):
-                uu = int(np.rint(u + inside[k, 0] * xx + inside[k, 1] * yx))
-                vv = int(np.rint(v + inside[k, 0] * xy + inside[k, 1] * yy))
-                if uu < 0 or vv < 0 or uu >= width or vv >= height or depth[vv, uu] == 0.0:
-                    continue
-                d = depth[vv, uu] - z
-                if abs(d) <= deep:
-                    on += 1
-                    off = inside[k, 0] * inside[k, 0] + inside[k, 1] * inside[k, 1]
-                    if off > 0.0:
-                        round_sum += d / (radius - np.sqrt(max(radius * radius - off, 0.0)))
-                        round_count += 1
-            if 3 * on < 2 * inside.shape[0] or round_count == 0:
+            roundness = _roundness(depth, place, inside, tolerances[0], tolerances[3])
+            if roundness < 0.0:
                 continue
-            free, contradicted, left, right = 0.0, 0, 0.0, 0.0
-            for k in range(around.shape[0]):
-                uu = int(np.rint(u + around[k, 0] * xx + around[k, 1] * yx))
-                vv = int(np.rint(v + around[k, 0] * xy + around[k, 1] * yy))
-                gain = 0.0
-                if uu < 0 or vv < 0 or uu >= width or vv >= height or depth[vv, uu] == 0.0:
-                    gain = unmeasured
-                elif depth[vv, uu] - z >= behind:
-                    gain = 1.0
-                else:
-                    contradicted += 1
-                free += gain
-                if around[k, 0] > 0.1:
-                    right = max(right, gain)
-                elif around[k, 0] < -0.1:
-                    left = max(left, gain)
-            if 3 * contradicted > around.shape[0] or min(left, right) < 0.5:
+            free = _space(depth, place, around, tolerances[1], unmeasured)
+            if free < 0.0:
                 continue
-            seen, below = 0, 0
-            for k in range(shoulders.shape[0]):
-                uu = int(np.rint(u + shoulders[k, 0] * xx + shoulders[k, 1] * yx))
-                vv = int(np.rint(v + shoulders[k, 0] * xy + shoulders[k, 1] * yy))
-                if uu < 0 or vv < 0 or uu >= width or vv >= height or depth[vv, uu] == 0.0:
-                    continue
-                seen += 1
-                if abs(depth[vv, uu] - z) <= reach:
-                    below += 1
-            if 2 * seen < shoulders.shape[0] or 3 * below < 2 * seen:
+            below = _support(depth, place, shoulders, tolerances[2])
+            if below < 0.0:
                 continue
-            roundness = min(max(round_sum / round_count, 0.0), 1.0)
-            scores[v, u] = (free / around.shape[0] + below / seen + roundness) / 3.0
+            scores[v, u] = (free + below + roundness) / 3.0
+
+
+class _Place(NamedTuple):
+    """A candidate pixel, its depth, and a metre to the right and one upwards in pixels; `fits` where there is an up."""
+
+    fits: bool
+    u: int
+    v: int
+    z: float
+    right_u: float
+    right_v: float
+    up_u: float
+    up_v: float
+
+
+@njit(cache=True)
+def _placed(depth: np.ndarray, u: int, v: int, intrinsics: np.ndarray, up: np.ndarray) -> _Place:
+    fx, fy, cx, cy = intrinsics[0], intrinsics[1], intrinsics[2], intrinsics[3]
+    z = depth[v, u]
+    a, b = (u - cx) / fx, (v - cy) / fy
+    along = (a * up[0] + b * up[1] + up[2]) / (a * a + b * b + 1.0)
+    x, y = up[0] - along * a, up[1] - along * b
+    length = np.sqrt(x * x + y * y)
+    if length < LEAST_UP:
+        return _Place(False, u, v, z, 0.0, 0.0, 0.0, 0.0)
+    # The small slant of that plane against the image is left out.
+    x, y = x / length * fx / z, y / length * fy / z
+    return _Place(True, u, v, z, -y / fy * fx, x / fx * fy, x, y)
+
+
+@njit(cache=True)
+def _behind(depth: np.ndarray, place: _Place, across: float, upwards: float) -> float:
+    """How far the surface at a place lies behind the candidate, metres; NaN where nothing was measured."""
+    u = int(np.rint(place.u + across * place.right_u + upwards * place.up_u))
+    v = int(np.rint(place.v + across * place.right_v + upwards * place.up_v))
+    if u < 0 or v < 0 or u >= depth.shape[1] or v >= depth.shape[0] or depth[v, u] == 0.0:
+        return np.nan
+    return depth[v, u] - place.z
+
+
+@njit(cache=True)
+def _roundness(depth: np.ndarray, place: _Place, inside: np.ndarray, deep: float, radius: float) -> float:
+    """Roundness beside that of a sphere, 0 to 1; negative where less than two thirds of the places are on a head."""
+    on, total, count = 0, 0.0, 0
+    for k in range(inside.shape[0]):
+        d = _behind(depth, place, inside[k, 0], inside[k, 1])
+        if abs(d) <= deep:
+            on += 1
+            off = inside[k, 0] * inside[k, 0] + inside[k, 1] * inside[k, 1]
+            if off > 0.0:
+                total += d / (radius - np.sqrt(max(radius * radius - off, 0.0)))
+                count += 1
+    if 3 * on < 2 * inside.shape[0] or count == 0:
+        return -1.0
+    return min(max(total / count, 0.0), 1.0)
+
+
+@njit(cache=True)
+def _space(depth: np.ndarray, place: _Place, around: np.ndarray, behind: float, unmeasured: float) -> float:
+    """Share of the places around that are free; negative where a third is not, or hardly any on one side."""
+    free, contradicted, left, right = 0.0, 0, 0.0, 0.0
+    for k in range(around.shape[0]):
+        d = _behind(depth, place, around[k, 0], around[k, 1])
+        gain = 0.0
+        if np.isnan(d):
+            gain = unmeasured
+        elif d >= behind:
+            gain = 1.0
+        else:
+            contradicted += 1
+        free += gain
+        if around[k, 0] > BESIDE:
+            right = max(right, gain)
+        elif around[k, 0] < -BESIDE:
+            left = max(left, gain)
+    if 3 * contradicted > around.shape[0] or min(left, right) < 0.5:
+        return -1.0
+    return free / around.shape[0]
+
+
+@njit(cache=True)
+def _support(depth: np.ndarray, place: _Place, shoulders: np.ndarray, reach: float) -> float:
+    """Share of the measured shoulders' places at the head's depth; negative where too few are, or were measured."""
+    seen, below = 0, 0
+    for k in range(shoulders.shape[0]):
+        d = _behind(depth, place, shoulders[k, 0], shoulders[k, 1])
+        if not np.isnan(d):
+            seen += 1
+            if abs(d) <= reach:
+                below += 1
+    if 2 * seen < shoulders.shape[0] or 3 * below < 2 * seen:
+        return -1.0
+    return below / seen

@@ -11,10 +11,15 @@ import numpy as np
 from toolkit.errors import RecordingError
 from toolkit.files import is_folder, read_json
 from toolkit.sensing.camera import Camera
-from toolkit.sensing.joint_formats import BODY_25, COCO_17, COCO_18, reported_rows
+from toolkit.sensing.joint_formats import BODY_25, COCO_17, COCO_18, POSE_MODEL, reported_rows
 from toolkit.sensing.readers.common import natural_key
 
-FORMATS = {75: ("BODY_25", BODY_25), 54: ("COCO-18", COCO_18), 51: ("COCO-17", COCO_17)}
+FORMATS = {
+    75: ("BODY_25", BODY_25),
+    54: ("COCO-18", COCO_18),
+    51: ("COCO-17", COCO_17),
+    99: ("MediaPipe's 33 points", POSE_MODEL),
+}
 """Numbers of a person -> name of the format, and its points."""
 NORMALISED = 2.0
 """Coordinates of a whole folder below this are shares of the image, no pixels."""
@@ -32,7 +37,7 @@ def read_joints(folder: str | Path, count: int, camera: Camera, size: tuple[int,
     Parameters
     ----------
     folder : `*_keypoints.json`, each with `people[].pose_keypoints_2d` as x, y, c: 75 numbers BODY_25, 54 COCO-18, 51
-        COCO-17
+        COCO-17, 99 MediaPipe's points (c is their visibility)
     count : frames of the recording
     camera : of the images as they lie in the file, neither flipped nor turned
     size : width and height of the images in which the joints were found, if they are not the depth's

@@ -28,7 +28,7 @@ POSE_MODEL = _both(
     (7, 8), shoulder=(11, 12), elbow=(13, 14), wrist=(15, 16), hand=((17, 19), (18, 20)), hip=(23, 24), knee=(25, 26),
     ankle=(27, 28), foot=(31, 32),
 )  # fmt: skip
-"""The 33 points of the pose landmark model (see `landmarks/pose_model.py`)."""
+"""The 33 points of MediaPipe's pose landmark model (see `landmarks/pose_model.py`)."""
 BODY_25 = _both(
     (18, 17), shoulder=(5, 2), elbow=(6, 3), wrist=(7, 4), hip=(12, 9), knee=(13, 10), ankle=(14, 11), foot=(19, 22)
 )

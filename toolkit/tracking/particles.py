@@ -34,6 +34,7 @@ from toolkit.tracking.clock import StageClock
 from toolkit.tracking.person import PREDICTED, Person
 from toolkit.tracking.protocol import Wanted
 from toolkit.tracking.registry import Registration, register
+from toolkit.tracking.settings import check_seed
 from toolkit.tracking.state import PersonState, Previous
 from toolkit.tracking.upper_sighting import UpperSighting, UpperViewer
 
@@ -79,6 +80,7 @@ class ParticleTrackerSettings:
     fitting: FittingSettings = field(default_factory=FittingSettings)
 
     def __post_init__(self) -> None:
+        check_seed(self.seed)
         for name in ("reach", "measured_seconds", "smallest_person"):
             if getattr(self, name) < 0:
                 raise SettingsError(f"{name} is {getattr(self, name)}; it is not negative")

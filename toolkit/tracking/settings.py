@@ -27,6 +27,18 @@ class FollowerSettings(Protocol):
     def smoothing(self) -> float: ...  # noqa: D102
 
 
+def check_seed(seed: int) -> None:
+    """A seed is a number that generators take.
+
+    Raises
+    ------
+    SettingsError
+        It is negative.
+    """
+    if seed < 0:
+        raise SettingsError(f"seed is {seed}; it is a whole number, at least 0")
+
+
 @dataclass(frozen=True)
 class HybridSettings:
     """Settings of the hybrid tracker (Baak 2013, 5.4, with what its section 5.5.5 left open).
@@ -88,6 +100,7 @@ class HybridSettings:
     shape: ShapeSettings = field(default_factory=ShapeSettings)
 
     def __post_init__(self) -> None:
+        check_seed(self.seed)
         known = ("local", "extrema", "joints", "arms", "particles", "swarm")
         if unknown := [name for name in self.hypotheses if name not in known]:
             raise SettingsError(f"hypotheses {unknown} are unknown; choose from {', '.join(known)}")

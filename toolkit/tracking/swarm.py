@@ -23,6 +23,7 @@ from toolkit.tracking.search.local import LocalSearch
 from toolkit.tracking.search.protocol import Search
 from toolkit.tracking.search.swarm import SwarmSearch, SwarmSearchSettings
 from toolkit.tracking.searching import SearchingTracker
+from toolkit.tracking.settings import check_seed
 
 HYPOTHESES = ("local", "swarm")
 
@@ -68,6 +69,7 @@ class SwarmTrackerSettings:
     shape: ShapeSettings = field(default_factory=ShapeSettings)
 
     def __post_init__(self) -> None:
+        check_seed(self.seed)
         if "swarm" not in self.hypotheses or (unknown := [n for n in self.hypotheses if n not in HYPOTHESES]):
             wrong = unknown if "swarm" in self.hypotheses else list(self.hypotheses)
             raise SettingsError(
