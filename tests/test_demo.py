@@ -23,9 +23,9 @@ def test_motions_are_joined_without_a_jump() -> None:
 
 def test_the_demo_does_the_main_job_from_motions_to_a_film(tmp_path: Path) -> None:
     doing: list[str] = []
-    result = demo.run_demo(tmp_path / "demo", seconds=0.7, images=60, show=lambda what, done, total: doing.append(what))
+    result = demo.run_demo(tmp_path / "demo", seconds=0.4, images=40, show=lambda what, done, total: doing.append(what))
     row = result.table.rows[0]
-    assert row.frames == len(Track.load(tmp_path / "demo" / "run")) > 60
+    assert row.frames == len(Track.load(tmp_path / "demo" / "run")) > 30
     assert row.error_mm is not None and row.error_mm < 60
     assert row.a100 is not None and row.a100 > 0.8
     assert set(result.summary.stage_ms) == set(row.stages_ms)

@@ -33,7 +33,7 @@ LIMBS = ("left_forearm", "right_forearm", "pelvis")
 def road(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A folder with a recording, its sensors, a database and the run."""
     folder = tmp_path_factory.mktemp("inertial")
-    build_database(None, folder / "poses.npz", parts=None, workers=1)
+    build_database(None, folder / "poses.npz", parts=None, max_poses=800, workers=1)
     clip = PoseClip("semaphore", poses_of("semaphore")[:110], RATE, "bundled")
     simulate_recording(clip, folder / "take.npz", furnished=False, distance=2.6, sensors=Worn(LIMBS, "mtx"))
     words = ("--database", folder / "poses.npz", "--set", "shape.seconds=0")

@@ -22,7 +22,7 @@ NAMES = ("a1_s1_t1_depth", "a3_s3_t1_depth")
 def runs(shared_data: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Run folders of two real recordings, tracked with a database that has seen neither mocap nor depth."""
     folder = tmp_path_factory.mktemp("road")
-    build_database(None, folder / "poses.npz", parts=None, workers=1)
+    build_database(None, folder / "poses.npz", parts=None, max_poses=800, workers=1)
     recordings = [str(shared_data / "depth" / "utd_mhad" / f"{name}.mat") for name in NAMES]
     with pytest.raises(SystemExit) as stop:
         main(["track", *recordings, "--database", str(folder / "poses.npz"), "--output", str(folder / "runs")])
