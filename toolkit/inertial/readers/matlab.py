@@ -9,13 +9,13 @@ from __future__ import annotations
 
 import re
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from toolkit.errors import InertialError
 from toolkit.inertial.readers.common import DEGREE, SensorOptions, read_text
 from toolkit.inertial.stream import FREE, GRAVITY, Sensors, SensorStream, checked_stream
+from toolkit.matlab import Variable, read_matlab
 
 UTD_RATE = 50.0
 FIRST_THIGH_ACTION = 22
@@ -39,25 +39,16 @@ def read(path: Path, options: SensorOptions) -> Sensors:
     """The sensors of a file of either data set."""
     if found := _PI.match(path.name):
         return Sensors((_czu_stream(path, int(found.group(1)), _numbers(path), options),))
-    stored = _load(path)
+    stored = read_matlab(path, InertialError)
     if "d_iner" in stored:
-        return Sensors((_utd_stream(path, np.asarray(stored["d_iner"], np.float64), options),))
+        return Sensors((_utd_stream(path, stored["d_iner"], options),))
     if "sensor" in stored:
-        cells = [np.asarray(cell, np.float64) for cell in np.ravel(stored["sensor"])]
+        cells = [np.asarray(cell, np.float64) for cell in stored["sensor"]]
         if len(cells) > len(CZU_LIMBS):
             raise InertialError(f"sensor in {path} has {len(cells)} cells; CZU-MHAD has {len(CZU_LIMBS)}")
         return Sensors(tuple(_czu_stream(path, k, cell, options) for k, cell in enumerate(cells)))
-    there = ", ".join(key for key in stored if not key.startswith("__")) or "nothing"
+    there = ", ".join(stored) or "nothing"
     raise InertialError(f"{path} holds neither d_iner (UTD-MHAD) nor sensor (CZU-MHAD) but {there}")
-
-
-def _load(path: Path) -> dict[str, Any]:
-    from scipy.io import loadmat
-
-    try:
-        return dict(loadmat(path))
-    except Exception as error:  # scipy raises many kinds for a damaged file
-        raise InertialError(f"{path} is truncated or no MATLAB file ({error}); copy it again") from error
 
 
 def _numbers(path: Path) -> np.ndarray:
@@ -68,13 +59,14 @@ def _numbers(path: Path) -> np.ndarray:
         raise InertialError(f"{path} is no table of seven numbers a row ({error}); copy it again") from error
 
 
-def _utd_stream(path: Path, values: np.ndarray, options: SensorOptions) -> SensorStream:
-    if values.ndim != 2 or values.shape[1] != 6 or len(values) < 2:
-        raise InertialError(f"d_iner in {path} has shape {values.shape}; expected (N, 6) with at least 2 rows")
+def _utd_stream(path: Path, values: Variable, options: SensorOptions) -> SensorStream:
+    if isinstance(values, list) or values.ndim != 2 or values.shape[1] != 6 or len(values) < 2:
+        found = "cells" if isinstance(values, list) else f"shape {values.shape}"
+        raise InertialError(f"d_iner in {path} has {found}; expected (N, 6) with at least 2 rows")
     action = _ACTION.match(path.stem)
     limb = "right_thigh" if action and int(action.group(1)) >= FIRST_THIGH_ACTION else "right_forearm"
     times = np.arange(len(values)) / (options.rate or UTD_RATE)
-    return _raw(options.sensor or limb, times, values)
+    return _raw(options.sensor or limb, times, values.astype(np.float64))
 
 
 def _czu_stream(path: Path, number: int, values: np.ndarray, options: SensorOptions) -> SensorStream:

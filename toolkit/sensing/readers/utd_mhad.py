@@ -15,6 +15,7 @@ from pathlib import Path
 import numpy as np
 
 from toolkit.errors import RecordingError
+from toolkit.matlab import read_matlab
 from toolkit.sensing.conversion import DepthConverter
 from toolkit.sensing.readers.common import chosen_background, chosen_camera, chosen_up, frame_times
 from toolkit.sensing.recording import ReaderOptions, Recording
@@ -109,15 +110,11 @@ def _skeleton_path(path: Path, name: str, options: ReaderOptions) -> Path | None
 
 
 def _load(path: Path, key: str, dimensions: int) -> np.ndarray:
-    from scipy.io import loadmat
-
-    try:
-        stored = loadmat(path, variable_names=[key])
-    except Exception as error:  # scipy raises many kinds for a damaged file
-        raise RecordingError(f"{path} is truncated or no MATLAB file ({error}); copy it again") from error
+    stored = read_matlab(path, RecordingError)
     if key not in stored:
         raise RecordingError(f"{path} has no {key!r}; is it a UTD-MHAD file?")
-    array = np.asarray(stored[key])
-    if array.ndim != dimensions:
-        raise RecordingError(f"{key} in {path} has shape {array.shape}; expected {dimensions} dimensions")
+    array = stored[key]
+    if isinstance(array, list) or array.ndim != dimensions:
+        found = "cells" if isinstance(array, list) else f"shape {array.shape}"
+        raise RecordingError(f"{key} in {path} has {found}; expected {dimensions} dimensions")
     return array
