@@ -35,7 +35,9 @@ def tracked(path: Path, database: Path, guide: ClassGuide | None, run: Path, seg
     found."""
     shutil.rmtree(run, ignore_errors=True)
     recording = open_recording(path)
-    tracker = load_tracker(overrides={"sensing.segment": segment}, database=database, guide=guide)
+    tracker = load_tracker(
+        overrides={"sensing.segment": segment, "sensing.subject": "nearest"}, database=database, guide=guide
+    )
     try:
         track_recording(recording, tracker, run, warm_up=False, watcher=guide)
     except DepthMocapError as error:

@@ -69,7 +69,7 @@ def main() -> None:
     }
     for name, value in figures.items():
         print(name, value)
-    name = "events" if options.split == "report" else f"events_{options.split}"
+    name = "_".join(["events", *["tune"] * (options.split == "tune"), *["keyframes"] * bool(queries)])
     print("written:", save_figures(name, figures, {"threshold": options.threshold, **asdict(settings)}))
 
 

@@ -326,9 +326,8 @@ def main() -> None:
     options = parser.parse_args()
 
     clips = [Clip(e.motion, e.label, e.actor) for e in load_examples(options.data)]
-    measured = Measured(
-        {name: {} for name in SETS}, {name: np.zeros((len(DOUBTS), 5), dtype=np.int64) for name in SETS}
-    )
+    searched = {name: np.zeros((len(DOUBTS), 5), dtype=np.int64) for name in SETS}
+    measured = Measured({name: {} for name in SETS}, searched, [], [])
     filler = [motion for motion in load_filler(options.data) if motion.name not in HOLDS_A_CLASS]
     for seed in range(options.seed, options.seed + options.seeds):
         for actor in ACTORS:

@@ -24,13 +24,14 @@ from toolkit.pipeline import load_tracker, track_recording
 from toolkit.pipeline.class_guide import ClassGuide
 from toolkit.retrieval.annotation.annotator import MotionClass
 from toolkit.retrieval.annotation.measures import Scores, frame_scores, label_frames, segment_scores
-from toolkit.retrieval.features.relational import FEATURES
+from toolkit.retrieval.features.motion import from_poses
+from toolkit.retrieval.features.relational import FEATURES, relational_features
 from toolkit.retrieval.priors.marks import MarkSettings
 from toolkit.retrieval.templates.quantised import WILDCARD
 from toolkit.retrieval.workflow.annotate import classes_from_clips
 from toolkit.sensing.opening import open_recording
 from toolkit.sensing.recording import Recording
-from toolkit.stabilising.loop import Round, best_round, stabilise
+from toolkit.stabilising.loop import Round, annotate, best_round, stabilise
 from toolkit.stabilising.page import write_page
 from toolkit.stabilising.settings import StabiliseSettings
 from toolkit.stabilising.source import Source, open_source
@@ -63,6 +64,19 @@ def labels_of(found: Round, performed: Performed, classes: list[MotionClass]) ->
     return segment_scores(performed.segments, found.segments), frame_scores(*frames)
 
 
+def labels_of_truth(
+    performed: Performed, classes: list[MotionClass], settings: StabiliseSettings
+) -> tuple[Scores, Scores]:
+    """The same of the true motions, the track's errors left out."""
+    clip = performed.clip
+    features = relational_features(from_poses(clip.poses, performed.body, clip.frame_rate, clip.name))
+    labels, size = [c.label for c in classes], (len(features), features.frame_rate)
+    found = annotate(features, classes, settings.threshold)
+    segments = found.segments if found else ()
+    frames = [label_frames(part, labels, *size) for part in (performed.segments, segments)]
+    return segment_scores(performed.segments, segments), frame_scores(*frames)
+
+
 def tracked(
     sequence: MotionSequence, split: str, config: str, database: Path, work: Path, filler: bool
 ) -> tuple[Path, Performed]:
@@ -86,11 +100,12 @@ def tracked_live(source: Source, classes: list[MotionClass]) -> Track:
 
 
 class Measured(NamedTuple):
-    """Of one sequence: its row, scores of its labels over segments and frames, frames (40,) that each feature's marks
-    say something about, and the gaps of its first round."""
+    """Of one sequence: its row, scores over segments and frames of its labels and of those of the true motions, frames
+    (40,) that each feature's marks say something about, and the gaps of its first round."""
 
     row: dict[str, Any]
     labels: tuple[Scores, Scores]
+    true_labels: tuple[Scores, Scores]
     marked: np.ndarray
     gaps: dict[str, Any]
 
@@ -125,7 +140,7 @@ def measured(
         "frames": len(source.track), "rounds": [dict(zip(FIGURES, f, strict=True)) for f in own],
         "F segments": labels[0].f, "F frames": labels[1].f, "seconds of processor": seconds,
     }  # fmt: skip
-    return Measured(row, labels, marked, gaps)
+    return Measured(row, labels, labels_of_truth(performed, classes, settings), marked, gaps)
 
 
 def main() -> None:
@@ -157,8 +172,9 @@ def main() -> None:
     rows = {name: found.row for name, found in done.items()}
     labels: dict[str, Any] = {}
     if not options.live:
-        segments, frames = (sum((found.labels[k] for found in done.values()), NOTHING) for k in (0, 1))
-        labels = {"F segments": segments.f, "F frames": frames.f}
+        for words, kind in (("", "labels"), (", true motions", "true_labels")):
+            segments, frames = (sum((getattr(found, kind)[k] for found in done.values()), NOTHING) for k in (0, 1))
+            labels |= {f"F segments{words}": segments.f, f"F frames{words}": frames.f}
     marked = sum(found.marked for found in done.values())
     labels["frames marked by MT priors"] = {f"F{row + 1}": int(n) for row, n in enumerate(marked) if n}
     gaps = {"gaps": {name: found.gaps for name, found in done.items()}} if options.gaps else {}

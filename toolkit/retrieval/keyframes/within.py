@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
+
 import numpy as np
 
-from toolkit.retrieval.keyframes.query import KeyframeQuery
+from toolkit.retrieval.keyframes.query import Keyframe, KeyframeQuery
 
 
 def met_within(query: KeyframeQuery, values: np.ndarray) -> bool:
     """Whether the keyframes of a query occur in order, at admissible distances, in features bool (40, T)."""
     reached = np.ones(values.shape[1], dtype=bool)
     for k, keyframe in enumerate(query.keyframes):
-        rows = np.array([int(name.removeprefix("F")) - 1 for name, _ in keyframe.values])
-        wanted = np.array([[bool(value)] for _, value in keyframe.values])
+        rows, wanted = _conditions(keyframe)
         here = (values[rows] == wanted).all(axis=0)
         if k > 0:
             reached = _moved_on(reached, *query.bounds[k - 1])
@@ -20,6 +21,13 @@ def met_within(query: KeyframeQuery, values: np.ndarray) -> bool:
         if not reached.any():
             return False
     return True
+
+
+@lru_cache(maxsize=4096)
+def _conditions(keyframe: Keyframe) -> tuple[np.ndarray, np.ndarray]:
+    """Rows of a matrix (K,) and what they have to be, bool (K, 1)."""
+    rows = np.array([int(name.removeprefix("F")) - 1 for name, _ in keyframe.values])
+    return rows, np.array([[bool(value)] for _, value in keyframe.values])
 
 
 def _moved_on(reached: np.ndarray, least: int, greatest: int | None) -> np.ndarray:
