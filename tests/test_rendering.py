@@ -17,7 +17,7 @@ from toolkit.rendering.film import FilmWriter, contact_sheet, render_people, ren
 from toolkit.rendering.mesh import draw_mesh, part_colors
 from toolkit.rendering.overlay import color_depth, draw_skeleton
 from toolkit.rendering.painter import FramePainter, RenderSettings
-from toolkit.rendering.views import side_view_of, window_on
+from toolkit.rendering.views import outside_view_of, window_on
 from toolkit.runs import Person, PersonSummary, save_people
 from toolkit.sensing.camera import level_rotation
 from toolkit.sensing.opening import open_recording
@@ -155,12 +155,31 @@ def test_a_window_shows_a_pixel_where_its_camera_projects_it():
 
 def test_the_side_view_has_the_camera_at_the_left_and_up_above():
     joints = np.array([[0.0, 0.0, -3.0], [0.0, 1.0, -3.0], [0.0, 0.0, -2.5], [0.4, 0.0, -3.0]])
-    view = side_view_of(joints, (360, 480))
+    view = outside_view_of(joints, (360, 480), "side")
     origin, above, nearer, left = view.camera.project(view.to_camera(joints))
     assert above[1] < origin[1]
     assert nearer[0] < origin[0]
     assert view.to_camera(joints)[3, 2] < view.to_camera(joints)[0, 2], "the subject's left is nearer"
     assert abs(left[0] - origin[0]) < 20
+
+
+def test_the_plan_has_the_camera_at_the_bottom_and_the_left_of_who_faces_it_at_the_right():
+    joints = np.array([[0.0, 0.0, -3.0], [0.0, 1.0, -3.0], [0.0, 0.0, -2.5], [0.4, 0.0, -3.0]])
+    view = outside_view_of(joints, (360, 480), "plan")
+    origin, above, nearer, left = view.camera.project(view.to_camera(joints))
+    assert nearer[1] > origin[1] and left[0] > origin[0]
+    assert view.to_camera(joints)[1, 2] < view.to_camera(joints)[0, 2], "what is higher is nearer"
+    assert abs(above - origin).max() < 60
+
+
+def test_the_plan_shows_the_sides_of_a_person(take, tmp_path):
+    recording, track, body = take
+    settings = RenderSettings(panels=("plan",))
+    image = FramePainter(people_of(track, body), recording, settings=settings).paint(1, recording.depth(1))
+    assert image.shape[1] == settings.size("plan")[0] == 360
+    left, lefts = share_of(image[40:-40], style.LEFT)
+    right, rights = share_of(image[40:-40], style.RIGHT)
+    assert lefts > 50 and rights > 50 and left > 0.5 > right
 
 
 def test_depth_is_lighter_nearer_dimmer_beside_the_person_and_dark_where_nothing_is():

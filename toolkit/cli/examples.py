@@ -31,6 +31,7 @@ EXAMPLES: dict[str, tuple[str, ...]] = {
     "render": (
         "depthmocap render run --output run/film.webm",
         "depthmocap render run --output sheet.png --from 100 --to 200",
+        "depthmocap render run --output plan.webm --panels depth,plan",
     ),
     "report": (
         "depthmocap report run --output report.html",

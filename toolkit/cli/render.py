@@ -29,6 +29,10 @@ def render(
     rate: Annotated[float | None, typer.Option(help="Frames per second.", show_default="the recording's")] = None,
     start: Annotated[int, typer.Option("--from", help="First frame.")] = 0,
     end: Annotated[int | None, typer.Option("--to", help="Frame after the last.", show_default="all")] = None,
+    panels: Annotated[
+        str | None,
+        typer.Option(help="Which of depth, body, side, plan, with commas between.", show_default="depth,body,side"),
+    ] = None,
     inertial: Annotated[
         Path | None, typer.Option(help="Canonical file of inertial sensors, whose axes are drawn beside the limbs'.")
     ] = None,
@@ -36,9 +40,9 @@ def render(
         Path | None, typer.Option(help="Of these sensors.", show_default="made on this very run")
     ] = None,
 ) -> None:
-    """Draw a track beside its depth: mesh, skeleton and extrema, from the camera and from the side."""
+    """Draw a track beside its depth: mesh, skeleton and extrema, from the camera, from the side and from above."""
     from toolkit.cli.terminal import progress_bars
-    from toolkit.rendering.film import render_run
+    from toolkit.rendering.film import render_run, settings_of
     from toolkit.track import Track
 
     if calibration is not None and inertial is None:
@@ -50,6 +54,7 @@ def render(
             output,
             recording=recording,
             axes=None if inertial is None else _axes(run, inertial, calibration),
+            settings=None if panels is None else settings_of(output, tuple(panels.split(","))),
             frames=frames,
             rate=rate,
             progress=lambda done, total: bars("drawing", done, total),

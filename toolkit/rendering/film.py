@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -25,6 +26,12 @@ SHEET_COLUMNS, SHEET_FRAMES = 2, 12
 """Of a contact sheet: pictures side by side, and all pictures."""
 SHEET_SETTINGS = RenderSettings(height=300, aspect=0.9)
 """Of a contact sheet, unless others are given."""
+
+
+def settings_of(output: str | Path, panels: tuple[str, ...]) -> RenderSettings:
+    """How these panels are drawn to an output: those of a contact sheet are smaller."""
+    usual = SHEET_SETTINGS if Path(output).suffix == ".png" else RenderSettings()
+    return replace(usual, panels=panels)
 
 
 class FilmWriter:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
@@ -14,7 +15,7 @@ from toolkit.rendering import style
 from toolkit.rendering.axes import LimbAxes
 from toolkit.rendering.mesh import draw_mesh, part_colors
 from toolkit.rendering.overlay import color_depth, draw_extrema, draw_points, draw_skeleton
-from toolkit.rendering.views import side_view_of, window_on
+from toolkit.rendering.views import R_LEVEL_VIEW, outside_view_of, window_on
 from toolkit.runs import Person
 from toolkit.sensing.cleaning import Cleaner
 from toolkit.sensing.cloud import Cloud
@@ -22,8 +23,12 @@ from toolkit.sensing.recording import Recording
 from toolkit.sensing.settings import SensingSettings
 from toolkit.track import EMPTY, LOST, STATE_NAMES
 
-PANELS = ("depth", "body", "side")
-TITLES = {"depth": "depth, skeleton, extrema", "body": "fitted body", "side": "seen from the subject's left"}
+PANELS = ("depth", "body", "side", "plan")
+TITLES = {
+    "depth": "depth, skeleton, extrema", "body": "fitted body", "side": "seen from the subject's left",
+    "plan": "seen from above",
+}  # fmt: skip
+CAMERA_AT = {"side": "camera at the left", "plan": "camera at the bottom"}
 NEAR_SHARE, FAR_SHARE = 0.4, 0.8  # m before and behind the person that the colours of depth reach
 NEAR_BODY = 0.15  # m between a drawn body and what was measured of it
 BEHIND_BODY = 2  # times darker is the depth image behind the fitted body
@@ -35,13 +40,13 @@ class RenderSettings:
 
     Attributes
     ----------
-    panels : which of "depth", "body" and "side", from left to right
+    panels : which of "depth", "body", "side" and "plan", from left to right
     height : of a panel, pixels
-    aspect : width of the panels "depth" and "body" over their height; "side" is 3/4 as wide as high
+    aspect : width of the panels "depth" and "body" over their height; the others are 3/4 as wide as high
     extrema : how many geodesic extrema to mark; 0 for none
     """
 
-    panels: tuple[str, ...] = PANELS
+    panels: tuple[str, ...] = ("depth", "body", "side")
     height: int = 480
     aspect: float = 4 / 3
     extrema: int = 20
@@ -58,7 +63,7 @@ class RenderSettings:
 
     def size(self, panel: str) -> tuple[int, int]:
         """Width and height of a panel in pixels."""
-        width = self.height * (0.75 if panel == "side" else self.aspect)
+        width = self.height * (0.75 if panel in R_LEVEL_VIEW else self.aspect)
         return (2 * round(width / 2), self.height)  # even, as film codecs want it
 
 
@@ -105,7 +110,8 @@ class FramePainter:
         seen = np.concatenate(there)
         joints = np.asarray(seen if len(seen) else people[0].track.joints, dtype=np.float64)
         self._window = window_on(joints, recording.camera.undistorted(), self.settings.size("depth"))
-        self._side = side_view_of(joints @ self._rotation.T, self.settings.size("side"))
+        level = joints @ self._rotation.T
+        self._outside = {view: outside_view_of(level, self.settings.size(view), view) for view in R_LEVEL_VIEW}
         depths = joints[:, 0, 2]
         self._near = float(np.percentile(depths, 5)) - NEAR_SHARE
         self._far = float(np.percentile(depths, 95)) + FAR_SHARE
@@ -113,12 +119,12 @@ class FramePainter:
     def paint(self, i: int, depth_mm: np.ndarray) -> np.ndarray:
         """Picture of frame `i` from its depth, uint16 (H, W) millimetres: RGB, uint8. Frames are painted in order."""
         cloud = self._cloud(i, depth_mm)
-        draw = {"depth": self._draw_depth, "body": self._draw_body, "side": self._draw_side}
+        draw = {"depth": self._draw_depth, "body": self._draw_body}
         backdrop = self._colored(depth_mm, cloud) if set(self.settings.panels) & {"depth", "body"} else None
         panels = []
         for panel in self.settings.panels:
             image = self._blank(panel, backdrop)
-            draw[panel](image, i, cloud)
+            draw.get(panel, partial(self._draw_outside, panel))(image, i, cloud)
             title = "depth, skeletons" if panel == "depth" and not self._extrema else TITLES[panel]
             if panel == "depth" and self._axes is not None:
                 title = "axes of the limbs: track thin, sensors bold"
@@ -171,7 +177,7 @@ class FramePainter:
         return self._window.cut(color_depth(depth_mm, person, self._near, self._far), style.PAPER)
 
     def _blank(self, panel: str, backdrop: np.ndarray | None) -> np.ndarray:
-        if panel == "side" or backdrop is None:
+        if panel in R_LEVEL_VIEW or backdrop is None:
             width, height = self.settings.size(panel)
             return np.full((height, width, 3), style.PAPER, dtype=np.uint8)
         return backdrop.copy() if panel == "depth" else backdrop // BEHIND_BODY
@@ -197,14 +203,14 @@ class FramePainter:
             vertices = person.body.vertex_positions(person.track.pose[i]) @ self._rotation
             depth = draw_mesh(image, vertices, person.body.faces, self._colors[k], self._window.camera, depth)
 
-    def _draw_side(self, image: np.ndarray, i: int, cloud: Cloud) -> None:
-        depth = None
+    def _draw_outside(self, panel: str, image: np.ndarray, i: int, cloud: Cloud) -> None:
+        view, depth = self._outside[panel], None
         for k, person in self._there(i):
-            vertices = self._side.to_camera(person.body.vertex_positions(person.track.pose[i]))
-            depth = draw_mesh(image, vertices, person.body.faces, self._colors[k], self._side.camera, depth)
-        draw_points(image, self._side.camera.project(self._side.to_camera(cloud.points)), style.CLOUD)
+            vertices = view.to_camera(person.body.vertex_positions(person.track.pose[i]))
+            depth = draw_mesh(image, vertices, person.body.faces, self._colors[k], view.camera, depth)
+        draw_points(image, view.camera.project(view.to_camera(cloud.points)), style.CLOUD)
         place = (10, image.shape[0] - 2 * self._text)
-        style.write(image, "camera at the left", *place, max(8, self._text - 4), style.FAINT)
+        style.write(image, CAMERA_AT[panel], *place, max(8, self._text - 4), style.FAINT)
 
     def _head(self, i: int, width: int) -> np.ndarray:
         track, size = self._people[0].track, self._text

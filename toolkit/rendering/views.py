@@ -1,4 +1,4 @@
-"""Where a film looks from: a window on the recording's image, and a camera at the subject's left."""
+"""Where a film looks from: a window on the recording's image, a camera at the subject's left, and one above."""
 
 from __future__ import annotations
 
@@ -10,11 +10,15 @@ from toolkit.sensing.camera import Camera
 
 MARGIN = 0.18  # of the person's extent, around it
 LEAST_WINDOW = 0.35  # of the image's height
-SIDE_DISTANCE = 8.0  # m: far enough that near and far limbs keep their proportions
-LEAST_SPAN = 2.0  # m of height in the side view
+DISTANCE = 8.0  # m: far enough that near and far limbs keep their proportions
+LEAST_SPAN = 2.0  # m of height in these views
 
-R_LEVEL_SIDE = np.array([[0.0, 0.0, -1.0], [0.0, -1.0, 0.0], [-1.0, 0.0, 0.0]])
-"""Takes the frame of the side camera to the level frame: it looks along -x; towards the depth camera is left."""
+R_LEVEL_VIEW = {
+    "side": np.array([[0.0, 0.0, -1.0], [0.0, -1.0, 0.0], [-1.0, 0.0, 0.0]]),
+    "plan": np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]]),
+}
+"""Takes the frame of a camera to the level frame. The one at the side looks along -x, and towards the depth camera is
+left; the one above looks along -y, and towards the depth camera is down."""
 
 
 @dataclass(frozen=True)
@@ -68,30 +72,31 @@ def window_on(joints: np.ndarray, camera: Camera, size: tuple[int, int]) -> Wind
 
 
 @dataclass(frozen=True)
-class SideView:
-    """A camera at the subject's left.
+class OutsideView:
+    """A camera at the subject's left or above.
 
     Attributes
     ----------
     camera : of the picture
     centre : float64 (3,), its position, metres, level frame
+    rotation : float64 (3, 3), takes its frame to the level frame
     """
 
     camera: Camera
     centre: np.ndarray
+    rotation: np.ndarray
 
     def to_camera(self, points_level: np.ndarray) -> np.ndarray:
-        """Points (..., 3) of the level frame in the frame of the side camera."""
-        return (points_level - self.centre) @ R_LEVEL_SIDE
+        """Points (..., 3) of the level frame in the frame of this camera."""
+        return (points_level - self.centre) @ self.rotation
 
 
-def side_view_of(joints_level: np.ndarray, size: tuple[int, int]) -> SideView:
-    """The side view of `size` (width, height) pixels that shows all of the joints (..., 3), metres, level frame."""
-    points = joints_level.reshape(-1, 3)
-    low, high = np.percentile(points, (0.5, 99.5), axis=0)
-    middle = (low + high) / 2
+def outside_view_of(joints_level: np.ndarray, size: tuple[int, int], view: str) -> OutsideView:
+    """The view "side" or "plan", `size` (width, height) pixels, that shows all joints (..., 3), level frame, metres."""
+    rotation = R_LEVEL_VIEW[view]
+    low, high = np.percentile(joints_level.reshape(-1, 3) @ rotation, (0.5, 99.5), axis=0)
     extent = (high - low) * (1 + 2 * MARGIN)
-    span = max(extent[1], extent[2] * size[1] / size[0], LEAST_SPAN)
-    focal = size[1] * SIDE_DISTANCE / span
+    span = max(extent[1], extent[0] * size[1] / size[0], LEAST_SPAN)
+    focal = size[1] * DISTANCE / span
     camera = Camera(focal, focal, (size[0] - 1) / 2, (size[1] - 1) / 2, *size)
-    return SideView(camera, middle + np.array([SIDE_DISTANCE, 0.0, 0.0]))
+    return OutsideView(camera, rotation @ ((low + high) / 2 - (0.0, 0.0, DISTANCE)), rotation)
