@@ -14,7 +14,7 @@ from toolkit.fitting.placed import PlacedBody, Placer
 from toolkit.fitting.priors import PoseTerm
 from toolkit.fitting.scene import Scene
 from toolkit.fitting.settings import FittingSettings
-from toolkit.fitting.terms import nearest_drawn
+from toolkit.fitting.terms import nearest_drawn, visible_chosen
 from toolkit.kernels import pairs
 
 SUPPORT = 0.04
@@ -110,17 +110,14 @@ class Objective:
         distance += sum(evidence.cost(placed) for evidence in scene.evidence)
         if distance > bound:
             return WORSE
-        visible, points = (
-            placed.visible(s.facing, s.hidden_tolerance, scene.seen, scene.intrinsics),
-            placed.chosen_points,
-        )
+        visible, points = visible_chosen(placed, scene, s.facing, s.hidden_tolerance), placed.chosen_points
         nearest, gaps = np.full(points.shape, np.nan), np.empty(len(points))
         scene.neighbours.medians(points, visible, s.unexplained, 1, nearest)
         distance += pairs.vertex_gaps(points, nearest, visible, s.unexplained, gaps)
         if distance > bound:
             return WORSE
         samples = scene.samples[: scene.plain_samples]
-        points, drawn = nearest_drawn(placed, samples, s.unexplained)
+        points, drawn = nearest_drawn(placed, scene, samples, s.unexplained)
         sample_gaps = np.empty(len(samples))
         distance += pairs.sample_gaps(points, drawn, samples, s.unexplained, sample_gaps)
         if distance > bound:

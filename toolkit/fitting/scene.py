@@ -67,6 +67,7 @@ class Scene:
     cut : bool (E,), extrema that lie where the border or an occluder cuts the person: no limbs
     neighbours : search among the measured points
     evidence, priors : what is known of the frame besides its depth: of the placed body, and of the pose
+    withheld : bool (18,), joints whose links are known to be out of view: no measured point is theirs; None for none
     """
 
     def __init__(
@@ -80,8 +81,9 @@ class Scene:
         priors: Sequence[PoseTerm] = (),
         unobserved: np.ndarray | None = None,
         cut: np.ndarray | None = None,
+        withheld: np.ndarray | None = None,
     ) -> None:
-        self.evidence, self.priors = tuple(evidence), tuple(priors)
+        self.evidence, self.priors, self.withheld = tuple(evidence), tuple(priors), withheld
         self.depth = cloud.depth
         self.seen = cloud.depth if unobserved is None else marked(cloud.depth, unobserved, np.nan)
         self.cut = np.zeros(len(extrema_level), dtype=np.bool_) if cut is None else cut

@@ -53,7 +53,7 @@ class SurfaceTerm:
 
     def targets(self, placed: PlacedBody, scene: Scene) -> np.ndarray:
         """Measured counterpart of each chosen vertex, float64 (C, 3), NaN in column 0 where it has none."""
-        visible = placed.visible(self.facing, self.tolerance, scene.seen, scene.intrinsics)
+        visible = visible_chosen(placed, scene, self.facing, self.tolerance)
         points = placed.chosen_points
         targets = np.empty_like(points)
         scene.neighbours.medians(points, visible, self.reach, self.neighbours, targets)
@@ -89,7 +89,7 @@ class CloudTerm:
 
     def nearest(self, placed: PlacedBody, scene: Scene) -> tuple[np.ndarray, np.ndarray]:
         """Nearest visible surface point (N, 3) and its mesh vertex (N,), -1 for none, of every sample."""
-        return nearest_drawn(placed, scene.samples, self.reach)
+        return nearest_drawn(placed, scene, scene.samples, self.reach)
 
     def pairs(self, placed: PlacedBody, scene: Scene) -> Pairs:
         """The correspondences themselves."""
@@ -109,10 +109,21 @@ class CloudTerm:
         )  # fmt: skip
 
 
-def nearest_drawn(placed: PlacedBody, samples: np.ndarray, reach: float) -> tuple[np.ndarray, np.ndarray]:
+def visible_chosen(placed: PlacedBody, scene: Scene, facing: float, tolerance: float) -> np.ndarray:
+    """Which chosen vertices would be measured, bool (C,); none of a link that is out of view (`Scene.withheld`)."""
+    visible = placed.visible(facing, tolerance, scene.seen, scene.intrinsics)
+    if scene.withheld is not None:
+        visible &= ~scene.withheld[placed.body.part[placed.placer.chosen]]
+    return visible
+
+
+def nearest_drawn(
+    placed: PlacedBody, scene: Scene, samples: np.ndarray, reach: float
+) -> tuple[np.ndarray, np.ndarray]:
     """Of the surface that the camera sees, the point nearest to each of `samples` (N, 3), camera frame, metres.
 
-    Returns float64 (N, 3) points and int64 (N,) their mesh vertices, -1 where there is nothing within `reach`.
+    Returns float64 (N, 3) points and int64 (N,) their mesh vertices, -1 where there is nothing within `reach`, or only
+    a link that is out of view (`Scene.withheld`).
     """
     points = np.empty_like(samples)
     vertex_of = np.empty(len(points), dtype=np.int64)
@@ -127,6 +138,8 @@ def nearest_drawn(placed: PlacedBody, samples: np.ndarray, reach: float) -> tupl
         points,
         vertex_of,
     )
+    if scene.withheld is not None:
+        vertex_of[scene.withheld[placed.body.part[vertex_of]]] = -1
     return points, vertex_of
 
 

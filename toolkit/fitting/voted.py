@@ -6,6 +6,8 @@ import math
 
 import numpy as np
 
+from toolkit.body import skeleton
+from toolkit.body.body import BELOW
 from toolkit.fitting.placed import NormalSystem, PlacedBody
 from toolkit.fitting.terms import CARRIERS, carried, pull
 from toolkit.kernels import linear
@@ -17,6 +19,8 @@ WITHIN = 0.1
 """Metres: what the reliability of a vote is the probability of being within; so far it says nothing against a pose."""
 CAP = 0.2
 """Metres that a joint is too far, at most: what `FittingSettings.unexplained` is for a point."""
+OUT_OF_VIEW = 0.2
+"""Probability of a joint to be in view below which it is taken to be out of it."""
 SIGMA = 0.3
 """Metres too far at which a vote's pull has fallen to a quarter."""
 
@@ -57,3 +61,21 @@ class VotedJoints:
         away = point - self._targets[row]
         length = math.hypot(*away)
         return point, away * max(1.0 - WITHIN / max(length, WITHIN), 0.0)
+
+
+def links_out_of_view(votes: JointEstimate) -> np.ndarray:
+    """Bool (18,): joints whose links and all that hangs below them end out of view, as the regressor has it."""
+    hidden = votes.in_view < OUT_OF_VIEW
+    return np.array([len(rows) > 0 and bool(hidden[rows].all()) for rows in _ENDS])
+
+
+def _end_of(carrier: int, site: int) -> int:
+    """The joint whose link ends in a reported joint that stands in `CARRIERS` as this; -1 for derived ones."""
+    return carrier if site >= 0 or carrier < 0 else int(skeleton.PARENTS[carrier])
+
+
+_ENDS = [
+    [row for row, place in enumerate(CARRIERS) if (end := _end_of(*place)) >= 0 and BELOW[joint, end]]
+    for joint in range(len(skeleton.JOINTS))
+]
+"""Of each joint, the rows of the reported joints in which its link, or one below it, ends."""

@@ -10,7 +10,7 @@ import numpy as np
 from toolkit.database.origin import ADULT_HEIGHT
 from toolkit.fitting.orientation import Evidence
 from toolkit.fitting.scene import Scene
-from toolkit.fitting.voted import VotedJoints
+from toolkit.fitting.voted import VotedJoints, links_out_of_view
 from toolkit.kernels import linear
 from toolkit.landmarks.centre import cloud_centre
 from toolkit.landmarks.cuts import on_cuts
@@ -156,6 +156,17 @@ class Observation:
         )
 
     @cached_property
+    def withheld(self) -> np.ndarray | None:
+        """Bool (18,): joints whose links are out of view, as the regressor has it; None where nobody is cut off.
+
+        A leg below a desk would else be drawn to whatever the rest of the body does not explain, an arm that is raised.
+        """
+        if self.observer.forest is None or not self.cut.any() or self.votes is None:
+            return None
+        hidden = links_out_of_view(self.votes)
+        return hidden if hidden.any() else None
+
+    @cached_property
     def lifted(self) -> LiftedJoints | None:
         """The joints of the image in space: metres, level frame; None without."""
         if self.joints is None:
@@ -186,4 +197,5 @@ class Observation:
             priors=observer.guide.priors(self.timestamp),
             unobserved=self.unobserved,
             cut=self.cut,
+            withheld=self.withheld,
         )
