@@ -19,7 +19,7 @@ from toolkit.fitting.priors import PoseTerm
 from toolkit.fitting.refiner import Refiner, pair_terms
 from toolkit.fitting.scene import Scene
 from toolkit.fitting.settings import FittingSettings
-from toolkit.fitting.terms import CloudTerm, SurfaceTerm
+from toolkit.fitting.terms import CloudTerm, SurfaceTerm, visible_chosen
 from toolkit.sensing.cloud import Cloud
 
 
@@ -256,6 +256,8 @@ class PlainCloudTerm(CloudTerm):
         corners = placed.placer.faces[placed.drawn.triangle.reshape(-1)[pixels[row[found]]]]
         nearest = np.linalg.norm(placed.vertices[corners] - points[found][:, None], axis=2).argmin(axis=1)
         vertex_of[found] = corners[np.arange(len(corners)), nearest]
+        if scene.withheld is not None:
+            vertex_of[scene.withheld[placed.body.part[vertex_of]]] = -1
         return points, vertex_of
 
     def add(self, system: PlainSystem, placed: PlacedBody, scene: Scene) -> None:
@@ -312,10 +314,7 @@ class PlainObjective(Objective):
     def compare(self, body: Body, pose: np.ndarray, scene: Scene, bound: float = np.inf) -> Comparison:
         """See `Objective.compare`."""
         placed, s = self.placer.place(body, pose), self.settings
-        visible, points = (
-            placed.visible(s.facing, s.hidden_tolerance, scene.seen, scene.intrinsics),
-            placed.chosen_points,
-        )
+        visible, points = visible_chosen(placed, scene, s.facing, s.hidden_tolerance), placed.chosen_points
         nearest = np.empty_like(points)
         scene.neighbours.medians(points, visible, s.unexplained, 1, nearest)
         gaps = np.linalg.norm(points - nearest, axis=1)
@@ -324,7 +323,7 @@ class PlainObjective(Objective):
         explained, drawn = cloud.nearest(placed, scene)
         explained, drawn = explained[: scene.plain_samples], drawn[: scene.plain_samples]
         sample_gaps = np.linalg.norm(explained - scene.samples[: scene.plain_samples], axis=1)
-        far = ~(sample_gaps < s.unexplained)
+        far = ~(sample_gaps < s.unexplained) | (drawn < 0)
         sample_gaps[far], drawn[far] = s.unexplained, -1
         if scene.plain_samples:
             parts.append(sample_gaps)

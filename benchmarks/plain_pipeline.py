@@ -64,7 +64,8 @@ class PlainObservation(Observation):
     @cached_property
     def scene(self) -> Scene:
         """See `Observation.scene`."""
-        extrema, marks = self.extrema.points.astype(np.float64), {"unobserved": self.unobserved, "cut": self.cut}
+        extrema = self.extrema.points.astype(np.float64)
+        marks = {"unobserved": self.unobserved, "cut": self.cut, "withheld": self.withheld}
         return PlainScene(self.cloud, extrema, self.observer.samples, self.evidence, **marks)
 
 

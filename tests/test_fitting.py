@@ -226,6 +226,24 @@ def test_a_prior_holds_what_the_image_does_not_show(body: Body) -> None:
     assert Fit(body, CAMERA, HORIZONTAL, SETTINGS).refine(start, scene) == pytest.approx(start)
 
 
+def test_no_measured_point_belongs_to_a_link_that_is_out_of_view(body: Body) -> None:
+    """What the shins do not explain then, counts against the pose; and they stay as they were."""
+    settings = replace(SETTINGS, contact_weight=0.0)
+    fit, truth = Fit(body, CAMERA, HORIZONTAL, settings), standing(left_knee_rx=0.2, right_knee_rx=0.3)
+    start = standing(left_knee_rx=0.6, right_knee_rx=0.7)
+    scene, withheld = scene_of(body, truth), scene_of(body, truth)
+    withheld.withheld = np.array([name.endswith(("knee", "ankle")) for name in skeleton.JOINT_NAMES])
+    knees = [entry("left_knee_rx"), entry("right_knee_rx")]
+    assert np.abs(fit.refine(start, scene)[knees] - truth[knees]).max() < 0.15
+    assert fit.refine(start, withheld)[knees] == pytest.approx(start[knees], abs=1e-3)
+    seen, unseen = fit.compare(truth, scene), fit.compare(truth, withheld)
+    parts = body.part[unseen.drawn[unseen.drawn >= 0]]
+    assert not withheld.withheld[parts].any() and withheld.withheld[body.part[seen.drawn[seen.drawn >= 0]]].any()
+    assert unseen.distance > seen.distance + 0.01
+    chosen = withheld.withheld[body.part[fit.placer.chosen]]
+    assert np.isnan(unseen.gaps[chosen]).all() and not np.isnan(seen.gaps[chosen]).all()
+
+
 # Distance and confidence
 
 

@@ -8,7 +8,7 @@ import pytest
 from toolkit.body import skeleton
 from toolkit.body.shape import load_body
 from toolkit.fitting.placed import NormalSystem, PlacedBody, Placer
-from toolkit.fitting.voted import CAP, SURE, WITHIN, VotedJoints
+from toolkit.fitting.voted import CAP, OUT_OF_VIEW, SURE, WITHIN, VotedJoints, links_out_of_view
 from toolkit.landmarks.parts import JointEstimate
 from toolkit.sensing.camera import Camera, level_rotation
 
@@ -78,3 +78,24 @@ def test_a_vote_pulls_as_the_gradient_of_what_it_costs_says() -> None:
         slope = (energy(**{name: step}) - energy(**{name: -step})) / (2 * step)
         assert vector[skeleton.POSE_NAMES.index(name)] == pytest.approx(slope, rel=0.02, abs=1e-4)
     assert np.linalg.norm(vector) > 0.01
+
+
+@pytest.mark.parametrize(
+    ("ends", "links"),
+    [
+        ((), set()),
+        (("foot",), {"ankle"}),
+        (("ankle", "foot"), {"knee", "ankle"}),
+        (("knee", "ankle", "foot"), {"hip", "knee", "ankle"}),
+        (("knee", "ankle"), set()),
+        (("hand",), {"wrist"}),
+    ],
+)
+def test_a_link_is_out_of_view_where_all_that_it_and_those_below_it_end_in_is(
+    ends: tuple[str, ...], links: set[str]
+) -> None:
+    in_view = np.ones(20)
+    in_view[[skeleton.REPORTED.index(f"left_{end}") for end in ends]] = OUT_OF_VIEW - 0.01
+    hidden = links_out_of_view(JointEstimate(np.zeros((20, 3)), np.ones(20), in_view))
+    found = {name for name, out in zip(skeleton.JOINT_NAMES, hidden, strict=True) if out}
+    assert found == {f"left_{link}" for link in links}

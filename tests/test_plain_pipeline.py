@@ -105,6 +105,10 @@ def test_the_plain_refiner_finds_the_pose_of_the_compiled_one(seed: int) -> None
     with_votes = fast.distance(pose, Scene(cloud, extrema, 200, evidence=known))
     assert plain.distance(pose, PlainScene(cloud, extrema, 200, known)) == pytest.approx(with_votes, abs=1e-9)
     assert with_votes > fast.distance(pose, scene) + 0.1
+    shins = np.array([name.endswith(("knee", "ankle")) for name in skeleton.JOINT_NAMES])
+    withheld, plainly = (kind(cloud, extrema, 200, withheld=shins) for kind in (Scene, PlainScene))
+    assert plain.distance(pose, plainly) == pytest.approx(fast.distance(pose, withheld), abs=1e-9)
+    assert fast.distance(pose, withheld) > fast.distance(pose, scene) + 0.01
 
 
 def test_the_plain_tracker_finds_the_poses_of_the_hybrid_tracker(tmp_path) -> None:

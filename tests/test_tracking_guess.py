@@ -74,6 +74,21 @@ def test_legs_below_the_image_are_unobserved_and_nothing_else_is(objective: Obje
     assert {name for name, is_hidden in zip(skeleton.JOINT_NAMES, hidden, strict=True) if is_hidden} == legs
 
 
+def test_a_limb_that_is_known_to_be_out_of_view_is_guessed_though_it_is_before_what_is_seen(
+    objective: Objective, prior: PosePrior
+) -> None:
+    pose, before = standing(knee=0.3), standing(knee=0.1)
+    seen, guesser = looked_at(objective, pose, 99), LimbGuesser(prior)
+    assert guesser.guess(pose, seen, objective, before).observed.all()
+    assert seen.scene is not None
+    seen.scene.withheld = np.array([name.startswith("left_knee") for name in skeleton.JOINT_NAMES])
+    guess = guesser.guess(pose, seen, objective, before)
+    assert guess.pose[KNEE] == before[KNEE]
+    assert {name for name, seen in zip(skeleton.REPORTED, guess.observed, strict=True) if not seen} == {
+        "left_ankle", "left_foot"
+    }  # fmt: skip
+
+
 def test_unobserved_limbs_stay_where_they_were_and_all_else_is_believed(objective: Objective, prior: PosePrior) -> None:
     before, pose = standing(knee=0.3), standing(knee=2.0)
     seen, guesser = looked_at(objective, pose, 40), LimbGuesser(prior)

@@ -112,3 +112,29 @@ def test_sure_votes_are_evidence_where_somebody_is_looked_for_and_while_a_body_i
     pose = np.zeros(skeleton.POSE_SIZE)
     previous = Previous.of_pose(load_body("neutral"), pose) if followed else None
     assert bool(observer.observe(cloud, 0.0, state(previous=previous)).evidence) == evidence
+
+
+def test_links_are_out_of_view_only_of_somebody_who_is_cut_off(cloud: Cloud, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Whom nothing cuts off is in view: no votes are asked for."""
+    in_view = np.ones(20)
+    in_view[[skeleton.REPORTED.index(f"left_{end}") for end in ("ankle", "foot")]] = 0.05
+
+    class Forest:
+        def estimate(self, *_: Any, **__: Any) -> JointEstimate:
+            return JointEstimate(np.zeros((20, 3)), np.ones(20), in_view)
+
+    class Untouched:
+        def estimate(self, *_: Any, **__: Any) -> JointEstimate:
+            raise AssertionError("votes were asked for")
+
+    monkeypatch.setattr(room, "on_cuts", lambda *_: np.array([False, True]))
+    withheld = replace(OBSERVER, forest=Forest()).observe(cloud, 0.0, state()).scene.withheld
+    assert withheld is not None
+    assert {name for name, out in zip(skeleton.JOINT_NAMES, withheld, strict=True) if out} == {
+        "left_knee", "left_ankle"
+    }  # fmt: skip
+    assert OBSERVER.observe(cloud, 0.0, state()).withheld is None
+    in_view[:] = 1.0
+    assert replace(OBSERVER, forest=Forest()).observe(cloud, 0.0, state()).withheld is None
+    monkeypatch.setattr(room, "on_cuts", lambda *_: np.array([False, False]))
+    assert replace(OBSERVER, forest=Untouched()).observe(cloud, 0.0, state()).withheld is None

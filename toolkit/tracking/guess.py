@@ -75,6 +75,8 @@ class LimbGuesser:
         if placed is None or scene is None or any(isinstance(known, OrientationTerm) for known in scene.evidence):
             return nothing
         hidden = unobserved_joints(placed, seen.observed)
+        if scene.withheld is not None:
+            hidden |= scene.withheld
         entries = np.flatnonzero(hidden[skeleton.DOF_JOINT[3:]])
         if not len(entries):
             return nothing
