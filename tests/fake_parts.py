@@ -18,6 +18,7 @@ from toolkit.tracking.state import FIRST_STEP, PersonState
 
 CENTRE = np.array([0.1, 0.2, -3.0])
 FACING = np.array([0.6, 0.8])
+IN_VIEW = np.linspace(0.1, 1.0, 20)
 
 
 def pose_at(x: float = 0.0, **angles: float) -> np.ndarray:
@@ -41,6 +42,7 @@ def observation(extrema: int = 20, votes: Any = None, **others: Any) -> Any:
         "scene": object(),
         "centre": CENTRE,
         "facing": FACING,
+        "in_view": IN_VIEW,
         "elapsed": FIRST_STEP,
         "yaw": float(np.arctan2(*FACING)),
         "extrema": SimpleNamespace(points=points),

@@ -96,6 +96,6 @@ def test_a_link_is_out_of_view_where_all_that_it_and_those_below_it_end_in_is(
 ) -> None:
     in_view = np.ones(20)
     in_view[[skeleton.REPORTED.index(f"left_{end}") for end in ends]] = OUT_OF_VIEW - 0.01
-    hidden = links_out_of_view(JointEstimate(np.zeros((20, 3)), np.ones(20), in_view))
+    hidden = links_out_of_view(in_view)
     found = {name for name, out in zip(skeleton.JOINT_NAMES, hidden, strict=True) if out}
     assert found == {f"left_{link}" for link in links}

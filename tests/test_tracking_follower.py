@@ -13,6 +13,7 @@ import pytest
 from tests.fake_parts import (
     CENTRE,
     FACING,
+    IN_VIEW,
     FakeObjective,
     FakeObserver,
     FakeSearch,
@@ -246,7 +247,7 @@ def test_the_winner_is_remembered_with_its_joints_tips_and_extrema() -> None:
     assert state.previous.joints == pytest.approx(body.joint_positions(pose_at(1.0)))
     assert state.previous.effectors == pytest.approx(body.end_effector_positions(pose_at(1.0)))
     assert state.previous.extrema == pytest.approx(observation().extrema.points[:5])
-    assert state.centre is CENTRE and state.facing is FACING
+    assert state.centre is CENTRE and state.facing is FACING and state.in_view is IN_VIEW
     assert state.timestamp == 4.0 and state.lost == 0
 
 
@@ -300,11 +301,11 @@ def test_turns_are_counted_while_all_is_well(state: dict[str, object], turns: in
 
 
 def test_who_goes_away_may_come_back_anywhere() -> None:
-    kept = followed(centre=CENTRE, facing=FACING, smoothed=(pose_at(), 0.0), turn=7)
+    kept = followed(centre=CENTRE, facing=FACING, in_view=IN_VIEW, smoothed=(pose_at(), 0.0), turn=7)
     person = follower([FakeSearch("first", NOTHING)], **kept)
     assert person.step(None, 5.0, StageClock(STAGES)).state == EMPTY
     state = person.state
-    assert (state.previous, state.centre, state.facing, state.smoothed) == (None, None, None, None)
+    assert (state.previous, state.centre, state.facing, state.in_view, state.smoothed) == (None,) * 5
     assert state.timestamp == 5.0 and state.pose is kept["pose"] and state.turn == 7
 
 

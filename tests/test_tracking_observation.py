@@ -114,27 +114,48 @@ def test_sure_votes_are_evidence_where_somebody_is_looked_for_and_while_a_body_i
     assert bool(observer.observe(cloud, 0.0, state(previous=previous)).evidence) == evidence
 
 
-def test_links_are_out_of_view_only_of_somebody_who_is_cut_off(cloud: Cloud, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Whom nothing cuts off is in view: no votes are asked for."""
+class Votes:
+    """A regressor that says what is in view."""
+
+    def __init__(self, in_view: np.ndarray | None) -> None:
+        self._in_view = in_view
+
+    def estimate(self, *_: Any, **__: Any) -> JointEstimate:
+        assert self._in_view is not None, "votes were asked for"
+        return JointEstimate(np.zeros((20, 3)), np.ones(20), self._in_view)
+
+
+def links(withheld: np.ndarray | None) -> set[str]:
+    return set() if withheld is None else {skeleton.JOINT_NAMES[joint] for joint in np.flatnonzero(withheld)}
+
+
+@pytest.fixture
+def legless() -> np.ndarray:
     in_view = np.ones(20)
     in_view[[skeleton.REPORTED.index(f"left_{end}") for end in ("ankle", "foot")]] = 0.05
+    return in_view
 
-    class Forest:
-        def estimate(self, *_: Any, **__: Any) -> JointEstimate:
-            return JointEstimate(np.zeros((20, 3)), np.ones(20), in_view)
 
-    class Untouched:
-        def estimate(self, *_: Any, **__: Any) -> JointEstimate:
-            raise AssertionError("votes were asked for")
-
+def test_no_measured_point_belongs_to_what_is_out_of_view_once_the_person_is_followed(
+    cloud: Cloud, monkeypatch: pytest.MonkeyPatch, legless: np.ndarray
+) -> None:
     monkeypatch.setattr(room, "on_cuts", lambda *_: np.array([False, True]))
-    withheld = replace(OBSERVER, forest=Forest()).observe(cloud, 0.0, state()).scene.withheld
-    assert withheld is not None
-    assert {name for name, out in zip(skeleton.JOINT_NAMES, withheld, strict=True) if out} == {
-        "left_knee", "left_ankle"
-    }  # fmt: skip
-    assert OBSERVER.observe(cloud, 0.0, state()).withheld is None
-    in_view[:] = 1.0
-    assert replace(OBSERVER, forest=Forest()).observe(cloud, 0.0, state()).withheld is None
+    observer, before = replace(OBSERVER, forest=Votes(legless)), Previous(np.zeros(43), *np.zeros((4, 1)), 0.1)
+    first = observer.observe(cloud, 0.0, state())
+    assert first.in_view is not None and first.in_view.tolist() == legless.tolist() and first.withheld is None
+    second = observer.observe(cloud, 0.1, state(previous=before, in_view=first.in_view, timestamp=0.0))
+    assert links(second.scene.withheld) == {"left_knee", "left_ankle"}
+    assert OBSERVER.observe(cloud, 0.1, state(previous=before)).withheld is None
+    seen = replace(OBSERVER, forest=Votes(np.ones(20)))
+    assert seen.observe(cloud, 0.1, state(previous=before)).withheld is None
+
+
+def test_what_is_in_view_is_averaged_over_some_time(
+    cloud: Cloud, monkeypatch: pytest.MonkeyPatch, legless: np.ndarray
+) -> None:
+    """Whom nothing cuts off is in view: no votes are asked for."""
     monkeypatch.setattr(room, "on_cuts", lambda *_: np.array([False, False]))
-    assert replace(OBSERVER, forest=Untouched()).observe(cloud, 0.0, state()).withheld is None
+    observer = replace(OBSERVER, forest=Votes(None))
+    assert observer.observe(cloud, 0.0, state()).in_view is None
+    later = observer.observe(cloud, room.LATELY, state(in_view=legless, timestamp=0.0)).in_view
+    assert later == pytest.approx(legless + (1 - np.exp(-1.0)) * (1.0 - legless))

@@ -117,9 +117,7 @@ def visible_chosen(placed: PlacedBody, scene: Scene, facing: float, tolerance: f
     return visible
 
 
-def nearest_drawn(
-    placed: PlacedBody, scene: Scene, samples: np.ndarray, reach: float
-) -> tuple[np.ndarray, np.ndarray]:
+def nearest_drawn(placed: PlacedBody, scene: Scene, samples: np.ndarray, reach: float) -> tuple[np.ndarray, np.ndarray]:
     """Of the surface that the camera sees, the point nearest to each of `samples` (N, 3), camera frame, metres.
 
     Returns float64 (N, 3) points and int64 (N,) their mesh vertices, -1 where there is nothing within `reach`, or only

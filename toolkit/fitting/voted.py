@@ -63,9 +63,9 @@ class VotedJoints:
         return point, away * max(1.0 - WITHIN / max(length, WITHIN), 0.0)
 
 
-def links_out_of_view(votes: JointEstimate) -> np.ndarray:
-    """Bool (18,): joints whose links and all that hangs below them end out of view, as the regressor has it."""
-    hidden = votes.in_view < OUT_OF_VIEW
+def links_out_of_view(in_view: np.ndarray) -> np.ndarray:
+    """Bool (18,): joints whose links and all that hangs below them end out of view, by the `in_view` (20,) of votes."""
+    hidden = in_view < OUT_OF_VIEW
     return np.array([len(rows) > 0 and bool(hidden[rows].all()) for rows in _ENDS])
 
 

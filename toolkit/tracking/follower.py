@@ -150,6 +150,7 @@ class Follower(Person):
             pose=pose,
             centre=observation.centre,
             facing=observation.facing,
+            in_view=observation.in_view,
             timestamp=timestamp,
             lost=0.0 if given_up else lost,
             smoothed=smoother.last,
@@ -174,7 +175,9 @@ class Follower(Person):
         where they went.
         """
         before = self.state
-        self.state = replace(before, previous=None, centre=None, facing=None, timestamp=timestamp, smoothed=None)
+        self.state = replace(
+            before, previous=None, centre=None, facing=None, in_view=None, timestamp=timestamp, smoothed=None
+        )
         if before.previous is not None:
             held = replace(before.previous, before=None)
             self.state = replace(self.state, held=held, held_since=before.timestamp)

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
 
+from toolkit.body import skeleton
 from toolkit.database.origin import ADULT_HEIGHT
 from toolkit.fitting.orientation import Evidence
 from toolkit.fitting.scene import Scene
@@ -23,6 +25,9 @@ from toolkit.sensing.cloud import Cloud
 from toolkit.sensing.joints2d import Joints2D, LiftedJoints, lift
 from toolkit.tracking.guide import Guide, NoGuide
 from toolkit.tracking.state import PersonState
+
+LATELY = 0.3
+"""Seconds over which it is averaged what is in view: whoever crouches for a moment is no head behind a desk."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -156,14 +161,28 @@ class Observation:
         )
 
     @cached_property
+    def in_view(self) -> np.ndarray | None:
+        """Float64 (20,): how likely each joint has been in view lately, by the votes; all are of whom nothing cuts off.
+
+        None without a regressor, and for somebody of whom nothing was ever cut off: no votes are asked for.
+        """
+        before, is_cut = self.state.in_view, bool(self.cut.any())
+        if self.observer.forest is None or (before is None and not is_cut):
+            return None
+        now = self.votes.in_view if is_cut and self.votes is not None else np.ones(len(skeleton.REPORTED))
+        if before is None:
+            return now
+        return before + (1.0 - math.exp(-self.elapsed / LATELY)) * (now - before)
+
+    @cached_property
     def withheld(self) -> np.ndarray | None:
-        """Bool (18,): joints whose links are out of view, as the regressor has it; None where nobody is cut off.
+        """Bool (18,): joints whose links are out of view; None if none are, or where the person has to be found anew.
 
         A leg below a desk would else be drawn to whatever the rest of the body does not explain, an arm that is raised.
         """
-        if self.observer.forest is None or not self.cut.any() or self.votes is None:
+        if self.state.previous is None or self.in_view is None:
             return None
-        hidden = links_out_of_view(self.votes)
+        hidden = links_out_of_view(self.in_view)
         return hidden if hidden.any() else None
 
     @cached_property

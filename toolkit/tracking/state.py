@@ -69,6 +69,8 @@ class PersonState:
     facing : float64 (2,), smoothed direction in the ground plane, or None
     timestamp : seconds, of the frame before
     lost : seconds since a pose last explained a frame; 0 while one does
+    in_view : float64 (20,), how likely each reported joint has been in view lately; None for somebody of whom nothing
+        was ever cut off
     turn : frames since the start in which all was well; searches that take turns count by it
     smoothed : pose (P,) last reported by the smoother, and its timestamp
     carry : what each search keeps for itself, by its name
@@ -85,6 +87,7 @@ class PersonState:
     facing: np.ndarray | None = None
     timestamp: float | None = None
     lost: float = 0.0
+    in_view: np.ndarray | None = None
     turn: int = 0
     smoothed: tuple[np.ndarray, float] | None = None
     carry: Mapping[str, Mapping[str, np.ndarray]] = field(default_factory=dict)
@@ -121,7 +124,7 @@ class PersonState:
             "held": None if self.held is None else dict(vars(self.held)),
             "smoothed": None if self.smoothed is None else {"pose": self.smoothed[0], "timestamp": self.smoothed[1]},
         }
-        plain = ("held_since", "pose", "centre", "facing", "timestamp", "lost", "turn")
+        plain = ("held_since", "pose", "centre", "facing", "timestamp", "lost", "in_view", "turn")
         return state | {name: getattr(self, name) for name in plain}
 
     @classmethod
@@ -130,7 +133,7 @@ class PersonState:
         own = state["body"]
         body = ShapeSpace.load().body(own["shape"], scale=own["scale"], name=own["name"], offsets=own["offsets"])
         smoothed = state["smoothed"]
-        plain = ("sized", "held_since", "pose", "centre", "facing", "timestamp", "lost", "turn", "carry")
+        plain = ("sized", "held_since", "pose", "centre", "facing", "timestamp", "lost", "in_view", "turn", "carry")
         return cls(
             body=body,
             generator=_nested({key: _number(value) for key, value in state["generator"].items()}),
