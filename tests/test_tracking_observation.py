@@ -117,16 +117,11 @@ def test_sure_votes_are_evidence_where_somebody_is_looked_for_and_while_a_body_i
 class Votes:
     """A regressor that says what is in view."""
 
-    def __init__(self, in_view: np.ndarray | None) -> None:
+    def __init__(self, in_view: np.ndarray) -> None:
         self._in_view = in_view
 
     def estimate(self, *_: Any, **__: Any) -> JointEstimate:
-        assert self._in_view is not None, "votes were asked for"
         return JointEstimate(np.zeros((20, 3)), np.ones(20), self._in_view)
-
-
-def links(withheld: np.ndarray | None) -> set[str]:
-    return set() if withheld is None else {skeleton.JOINT_NAMES[joint] for joint in np.flatnonzero(withheld)}
 
 
 @pytest.fixture
@@ -136,26 +131,30 @@ def legless() -> np.ndarray:
     return in_view
 
 
-def test_no_measured_point_belongs_to_what_is_out_of_view_once_the_person_is_followed(
-    cloud: Cloud, monkeypatch: pytest.MonkeyPatch, legless: np.ndarray
+def test_no_measured_point_belongs_to_what_is_out_of_view_of_somebody_who_is_followed(
+    cloud: Cloud, legless: np.ndarray
 ) -> None:
-    monkeypatch.setattr(room, "on_cuts", lambda *_: np.array([False, True]))
-    observer, before = replace(OBSERVER, forest=Votes(legless)), Previous(np.zeros(43), *np.zeros((4, 1)), 0.1)
-    first = observer.observe(cloud, 0.0, state())
-    assert first.in_view is not None and first.in_view.tolist() == legless.tolist() and first.withheld is None
-    second = observer.observe(cloud, 0.1, state(previous=before, in_view=first.in_view, timestamp=0.0))
-    assert links(second.scene.withheld) == {"left_knee", "left_ankle"}
-    assert OBSERVER.observe(cloud, 0.1, state(previous=before)).withheld is None
-    seen = replace(OBSERVER, forest=Votes(np.ones(20)))
-    assert seen.observe(cloud, 0.1, state(previous=before)).withheld is None
+    before = Previous(np.zeros(43), *np.zeros((4, 1)), 0.1)
+    scene = OBSERVER.observe(cloud, 0.1, state(previous=before, in_view=legless)).scene
+    assert scene.withheld is not None
+    assert {skeleton.JOINT_NAMES[joint] for joint in np.flatnonzero(scene.withheld)} == {"left_knee", "left_ankle"}
+    for known in ({"previous": before}, {"in_view": legless}, {"previous": before, "in_view": np.ones(20)}):
+        assert OBSERVER.observe(cloud, 0.1, state(**known)).scene.withheld is None
 
 
-def test_what_is_in_view_is_averaged_over_some_time(
+def test_what_is_in_view_is_learnt_from_votes_that_were_asked_for(
     cloud: Cloud, monkeypatch: pytest.MonkeyPatch, legless: np.ndarray
 ) -> None:
-    """Whom nothing cuts off is in view: no votes are asked for."""
-    monkeypatch.setattr(room, "on_cuts", lambda *_: np.array([False, False]))
-    observer = replace(OBSERVER, forest=Votes(None))
-    assert observer.observe(cloud, 0.0, state()).in_view is None
-    later = observer.observe(cloud, room.LATELY, state(in_view=legless, timestamp=0.0)).in_view
-    assert later == pytest.approx(legless + (1 - np.exp(-1.0)) * (1.0 - legless))
+    observer, all_of_them = replace(OBSERVER, forest=Votes(legless)), np.ones(20)
+
+    def after(is_cut: bool, asked: bool, before: np.ndarray | None) -> np.ndarray | None:
+        monkeypatch.setattr(room, "on_cuts", lambda *_: np.array([False, is_cut]))
+        seen = observer.observe(cloud, 0.0, state(in_view=before))
+        assert not asked or seen.votes is not None
+        return seen.in_view
+
+    assert after(True, True, None) is legless
+    assert after(True, True, all_of_them) == pytest.approx((1.0 + legless) / 2)
+    assert after(False, True, legless) == pytest.approx((1.0 + legless) / 2)
+    assert after(True, False, legless) is legless and after(True, False, None) is None
+    assert after(False, True, None) is None

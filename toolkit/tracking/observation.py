@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass, field
 from functools import cached_property
 
@@ -26,8 +25,8 @@ from toolkit.sensing.joints2d import Joints2D, LiftedJoints, lift
 from toolkit.tracking.guide import Guide, NoGuide
 from toolkit.tracking.state import PersonState
 
-LATELY = 0.3
-"""Seconds over which it is averaged what is in view: whoever crouches for a moment is no head behind a desk."""
+NEWEST = 0.5
+"""Share of the newest votes in what is said to be in view: whoever crouches for a moment is no head behind a desk."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -160,19 +159,17 @@ class Observation:
             else observer.forest.estimate(self.cloud, observer.vote_samples, unobserved=self.unobserved)
         )
 
-    @cached_property
+    @property
     def in_view(self) -> np.ndarray | None:
-        """Float64 (20,): how likely each joint has been in view lately, by the votes; all are of whom nothing cuts off.
+        """Float64 (20,): how likely each joint has been in view lately; None for somebody whom nothing ever cut off.
 
-        None without a regressor, and for somebody of whom nothing was ever cut off: no votes are asked for.
+        The votes say so in frames in which a search asked for them; of whom nothing cuts off all joints are in view.
         """
-        before, is_cut = self.state.in_view, bool(self.cut.any())
-        if self.observer.forest is None or (before is None and not is_cut):
-            return None
-        now = self.votes.in_view if is_cut and self.votes is not None else np.ones(len(skeleton.REPORTED))
-        if before is None:
-            return now
-        return before + (1.0 - math.exp(-self.elapsed / LATELY)) * (now - before)
+        before, asked = self.state.in_view, vars(self).get("votes")
+        if asked is None or (before is None and not self.cut.any()):
+            return before
+        now = asked.in_view if self.cut.any() else np.ones(len(skeleton.REPORTED))
+        return now if before is None else before + NEWEST * (now - before)
 
     @cached_property
     def withheld(self) -> np.ndarray | None:
@@ -180,9 +177,9 @@ class Observation:
 
         A leg below a desk would else be drawn to whatever the rest of the body does not explain, an arm that is raised.
         """
-        if self.state.previous is None or self.in_view is None:
+        if self.state.previous is None or self.state.in_view is None:
             return None
-        hidden = links_out_of_view(self.in_view)
+        hidden = links_out_of_view(self.state.in_view)
         return hidden if hidden.any() else None
 
     @cached_property
