@@ -140,6 +140,8 @@ def test_no_measured_point_belongs_to_what_is_out_of_view_of_somebody_who_is_fol
     assert {skeleton.JOINT_NAMES[joint] for joint in np.flatnonzero(scene.withheld)} == {"left_knee", "left_ankle"}
     for known in ({"previous": before}, {"in_view": legless}, {"previous": before, "in_view": np.ones(20)}):
         assert OBSERVER.observe(cloud, 0.1, state(**known)).scene.withheld is None
+    learning = replace(OBSERVER, learning=True)
+    assert learning.observe(cloud, 0.1, state(previous=before, in_view=legless)).withheld is None
 
 
 def test_what_is_in_view_is_learnt_from_votes_that_were_asked_for(

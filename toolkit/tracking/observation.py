@@ -176,8 +176,9 @@ class Observation:
         """Bool (18,): joints whose links are out of view; None if none are, or where the person has to be found anew.
 
         A leg below a desk would else be drawn to whatever the rest of the body does not explain, an arm that is raised.
+        While the body is learnt, what the votes are sure of holds the legs.
         """
-        if self.state.previous is None or self.state.in_view is None:
+        if self.state.previous is None or self.state.in_view is None or self.observer.learning:
             return None
         hidden = links_out_of_view(self.state.in_view)
         return hidden if hidden.any() else None
