@@ -28,7 +28,7 @@ from toolkit.sensing.recording import Recording
 from toolkit.testing.suite import ROOT
 from toolkit.track import TRACKED, Track
 
-CLIP = ROOT.parent / "shared" / "data" / "depth" / "realsense" / "image_n40"
+CLIP = ROOT.parent / "shared" / "data" / "depth" / "realsense" / "images_n40"
 
 
 def apart_mm(track: Track, recording: Recording) -> np.ndarray:

@@ -79,7 +79,7 @@ PARTS: dict[str, Part] = {
     "body measured": Part("nothing", "nothing told", {"initial.sizes": []}),
     "average body": Part("nothing", "nothing told", {"measured_seconds": 0.0}),
     "body told": Part("body", "nothing told", {}),
-    "nothing told, 256 a layer": Part("nothing", "nothing told", {"particles.count": 256}),
+    "nothing told at 256 a layer": Part("nothing", "nothing told", {"particles.count": 256}),
 }
 
 

@@ -2,21 +2,24 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from toolkit.body.body import Body
 from toolkit.fitting.initial import InitialSettings, initial_pose
 from toolkit.fitting.objective import Objective
-from toolkit.fitting.particle_costs import ParticleFrame, ParticleImage
 from toolkit.fitting.particle_settings import ParticleSettings
 from toolkit.fitting.particles import UpperFilter
 from toolkit.fitting.refiner import Refiner
 from toolkit.fitting.upper import UpperBodies
-from toolkit.landmarks.effectors import EffectorSettings, find_effectors, find_fork
+from toolkit.landmarks.effectors import EffectorSettings, find_fork
+from toolkit.landmarks.graph import Workspace
 from toolkit.tracking.observation import Observation
 from toolkit.tracking.search.lookup import FIRST_ROUNDS
 from toolkit.tracking.search.protocol import NOTHING, Hypothesis, Proposal, Rival
 from toolkit.tracking.state import PersonState
+from toolkit.tracking.upper_sighting import UpperSighting
 
 FORK = EffectorSettings(cuts=0)
 """How head and hands are looked for where nothing is known of the person yet."""
@@ -52,17 +55,17 @@ class ParticleSearch:
 
     def _by_the_fork(self, observation: Observation, body: Body, rng: np.random.Generator) -> tuple[Hypothesis, ...]:
         """The first pose of Lopez-Mendez 2011, 3, refined; nothing without a fork."""
-        cloud = observation.cloud
-        effectors = find_effectors(cloud, FORK, observation.unobserved)
+        cloud, settings = observation.cloud, self._filter.settings
+        width = cloud.camera.width
+        small = replace(
+            settings, trunk_columns=min(settings.trunk_columns, width), arm_columns=min(settings.arm_columns, width)
+        )
+        seen = UpperSighting(cloud, observation.unobserved, len(cloud), small)
+        effectors = seen.effectors(FORK, Workspace())
         fork = find_fork(effectors, FORK)
         if fork is None:
             return ()
-        settings, width = self._filter.settings, cloud.camera.width
-        coarse, fine = (
-            ParticleImage.of(cloud.depth, observation.unobserved, cloud.camera, min(columns, width), "columns")
-            for columns in (settings.trunk_columns, settings.arm_columns)
-        )
-        frame = ParticleFrame(coarse, fine, effectors.points)
+        frame = seen.frame(effectors)
         first = initial_pose(self._bodies.of(body), self._filter, effectors, fork, frame, ROUNDS, rng)
         assert first is not None
         iterations = FIRST_ROUNDS * self._refiner.settings.iterations
