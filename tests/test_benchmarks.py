@@ -163,7 +163,7 @@ def test_first_frames_are_counted_with_the_swarm_and_without(
 ) -> None:
     monkeypatch.setattr(cold, "chosen_takes", lambda split, count: chosen_takes(split, ["basic", "low"], count))
     arguments = ["--takes", 1, "--frames", 4, "--joints", "truth", "--rows", "hybrid,no swarm", "--every", 2]
-    run(cold, *arguments, "--database", small_database, "--work", bundled, *FEW, monkeypatch=monkeypatch)
+    run(cold, *arguments, "--database", small_database, "--work", bundled, *QUICK, monkeypatch=monkeypatch)
     figures = json.loads((bundled / "cold_tune_truth.json").read_text())["figures"]
     assert [figures[row]["overall"]["starts"] for row in ("hybrid", "no swarm")] == [4, 4]
     assert {"mean", "low", "high"} <= set(figures["no swarm"]["fewer_right_points"])
