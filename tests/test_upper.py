@@ -9,13 +9,18 @@ import numpy as np
 import pytest
 
 from toolkit.body import skeleton
-from toolkit.body.shape import ShapeSpace
+from toolkit.body.shape import ShapeSpace, subject_body
+from toolkit.errors import UsageError
 from toolkit.evaluation.upper import BAD, JOINTS, ROWS, UpperScore, pixel_errors, score_upper, upper_figures
+from toolkit.mocap.procedural import procedural_clips
 from toolkit.sensing.camera import Camera
-from toolkit.simulation.scene import place_camera
+from toolkit.simulation.person import Person
+from toolkit.simulation.scene import cut_tilt, place_camera
+from toolkit.simulation.seating import neck_height
 from toolkit.simulation.sensors import make_sensor
+from toolkit.simulation.simulate import Shot, prepare
 from toolkit.testing.given import fitted_to_joints
-from toolkit.testing.upper import GROUPS, cut_tilt, upper_scenes
+from toolkit.testing.upper import GROUPS, upper_scenes
 from toolkit.track import LOST, TRACKED
 
 CAMERA = Camera(285.6, 285.6, 159.5, 119.5, 320, 240)
@@ -92,3 +97,28 @@ def test_body_and_pose_are_found_by_their_joints() -> None:
     found, stands = fitted_to_joints(joints)
     assert np.linalg.norm(found.joint_positions(stands) - joints, axis=1).max() < 0.02
     assert abs(found.height - body.height) < 0.05
+
+
+def test_a_camera_at_neck_height_sees_the_neck_level_with_it() -> None:
+    clip, body = procedural_clips(["conduct"])[0], subject_body("slim_female")
+    simulation = prepare([Person(clip, body)], Shot(height=None, cut=0.45))
+    assert simulation.view.position[1] == pytest.approx(neck_height(body))
+
+
+@pytest.mark.parametrize("seated", [False, True])
+def test_a_cut_ends_the_image_as_far_below_the_neck(seated: bool) -> None:
+    clip = procedural_clips(["conduct"])[0]
+    body = subject_body("slim_female")
+    shot = Shot("kinect", distance=1.4, height=1.3, cut=0.45)
+    simulation = prepare([Person(clip, body, seated=seated)], shot)
+    lowest = np.array([0.0, neck_height(body, seated=seated) - 0.45, 0.0])
+    camera = simulation.sensor.camera
+    assert camera.project(simulation.view.to_camera(lowest)[None])[0, 1] == pytest.approx(camera.height - 1)
+
+
+@pytest.mark.parametrize(
+    ("values", "said"), [({"tilt": 5.0}, "give one"), ({"cut": float("nan")}, "below the neck")]
+)
+def test_a_cut_that_cannot_be_is_named(values: dict[str, float], said: str) -> None:
+    with pytest.raises(UsageError, match=said):
+        Shot(**{"cut": 0.45, **values})

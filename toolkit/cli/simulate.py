@@ -112,9 +112,18 @@ class View:
 
     sensor: Annotated[str, typer.Option(help="tof (176x144) or kinect (320x240).")] = "tof"
     distance: Annotated[float, typer.Option(help="Metres from the camera to the subject.")] = 3.0
-    height: Annotated[float, typer.Option(help="Metres of the camera above the floor.")] = 1.0
+    height: Annotated[
+        str, typer.Option(help="Metres of the camera above the floor, or neck: as high as the first person's.")
+    ] = "1.0"
     tilt: Annotated[
         float | None, typer.Option(help="Degrees downwards.", show_default="aims at the middle of the body")
+    ] = None
+    cut: Annotated[
+        float | None,
+        typer.Option(
+            help="Metres below the first person's neck at which the image ends, instead of a tilt: 0.45 is the waist.",
+            show_default="nobody is cut",
+        ),
     ] = None
     seed: Annotated[int, typer.Option(help="Seed of the sensor's noise.", min=0)] = 0
     frame_rate: Annotated[float, typer.Option(help="Frames per second.")] = 30.0
@@ -160,7 +169,8 @@ def simulate(
     from toolkit.simulation.inertial import Worn
     from toolkit.simulation.simulate import Shot, simulate_scene
 
-    people, shot = cast.people(clips or []), Shot(**vars(view), boxes=cast.boxes())
+    people = cast.people(clips or [])
+    shot = Shot(**{**vars(view), "height": _height(view.height)}, boxes=cast.boxes())
     sensors = Worn(_words(inertial or ""), inertial_noise)
     with progress_bars() as bars:
         recording = simulate_scene(
@@ -185,6 +195,16 @@ def each(values: Sequence[T] | None, count: int, option: str, default: T) -> lis
     if len(values) != count:
         raise UsageError(f"{option} was given {len(values)} times for {count} people; give it once, or once for each")
     return list(values)
+
+
+def _height(text: str) -> float | None:
+    """Metres; None for the neck's height."""
+    if text == "neck":
+        return None
+    try:
+        return float(text)
+    except ValueError:
+        raise UsageError(f"--height is {text!r}; give metres above the floor, or neck") from None
 
 
 def _place(text: str) -> tuple[float, float]:

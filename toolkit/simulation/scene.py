@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from toolkit.errors import UsageError
+from toolkit.sensing.camera import Camera
 from toolkit.simulation.furniture import Box, Mesh, box_mesh, boxes_mesh, joined
 
 
@@ -90,3 +91,11 @@ def room(reach: np.ndarray, camera: np.ndarray) -> Mesh:
         Box((right - 0.6, 0.75, back + 0.1), (right - 0.3, 1.1, back + 0.3)),
     )
     return joined([Mesh(shell.vertices, shell.faces[:, ::-1]), boxes_mesh(furniture)])
+
+
+def cut_tilt(camera: Camera, height: float, distance: float, cut: float) -> float:
+    """Radians downwards at which the image's lowest row meets the subject at the height `cut`, metres.
+
+    The camera stands `height` metres above the floor and `distance` metres before the subject.
+    """
+    return float(np.arctan2(height - cut, distance) - np.arctan2(camera.height - 1 - camera.cy, camera.fy))

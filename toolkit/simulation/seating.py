@@ -16,6 +16,8 @@ LEGS = np.array(
 """Pose entries of both legs."""
 SLOUCH = 6.0
 """Degrees by which the pelvis leans back on a seat."""
+TRUNK = 0.30
+"""Of the stature: from the seat up to the neck of who sits."""
 SWAY = 0.25
 """Share of the root's own turning and leaning that somebody keeps who sits."""
 
@@ -23,6 +25,14 @@ SWAY = 0.25
 def seat_height(body: Body) -> float:
     """Height of the seat that somebody gets, metres."""
     return SEAT_HEIGHT * body.height
+
+
+def neck_height(body: Body, *, seated: bool = False) -> float:
+    """Height above the floor of the neck of somebody upright, metres: where the shoulders are."""
+    if seated:
+        return seat_height(body) + TRUNK * body.height
+    shoulder = body.joints[skeleton.JOINT_NAMES.index("left_shoulder"), 1]
+    return float(shoulder - body.vertices[:, 1].min())
 
 
 def seated(poses: np.ndarray, body: Body, rng: np.random.Generator) -> np.ndarray:

@@ -25,7 +25,8 @@ from toolkit.simulation.furniture import Box, Mesh, boxes_mesh, joined
 from toolkit.simulation.inertial import SimulatedSensors, Worn, simulate_sensors
 from toolkit.simulation.person import Performer, Person, check_apart, check_clear, furniture_of, prepare_person
 from toolkit.simulation.picture import FINER, Backdrop, Drawn
-from toolkit.simulation.scene import View, place_camera, room
+from toolkit.simulation.scene import View, cut_tilt, place_camera, room
+from toolkit.simulation.seating import neck_height
 from toolkit.simulation.sensors import Sensor, Surface, make_sensor
 from toolkit.simulation.skinning import SKINNINGS
 
@@ -35,8 +36,8 @@ MIDDLE = 0.52
 """Share of the subject's height at which an untilted choice of the camera aims: the middle of the body."""
 FASTEST = 1000.0
 """Frames a second of the fastest depth camera."""
-NOBODY_HEIGHT, NOBODY_REACH = 1.7, np.array([[-0.8, 0.0, -0.5], [0.8, 1.8, 0.5]])
-"""Whom an empty room is recorded for: a stature in metres, and the corners of the space they would use."""
+NOBODY_HEIGHT, NOBODY_NECK, NOBODY_REACH = 1.7, 1.4, np.array([[-0.8, 0.0, -0.5], [0.8, 1.8, 0.5]])
+"""Whom an empty room is recorded for: stature and neck in metres, and the corners of the space they would use."""
 
 
 @dataclass(frozen=True)
@@ -47,8 +48,9 @@ class Shot:
     ----------
     sensor : `tof` (176 x 144), `kinect` (320 x 240), or a sensor of your own
     distance : metres, horizontally, from the camera to the origin of the floor plan
-    height : metres of the camera above the floor
+    height : metres of the camera above the floor; None is as high as the first person's neck
     tilt : degrees downwards; None aims at the middle of the first person's body
+    cut : metres below the first person's neck at which the image ends, instead of a tilt; None cuts nobody
     frame_rate : frames a second of the recording; mocap is resampled, poses are thinned out
     furnished : whether the recording shows the room, or the people only (already cut out)
     background : whether a furnished recording holds the depth of its room without people
@@ -66,8 +68,9 @@ class Shot:
 
     sensor: str | Sensor = "tof"
     distance: float = 3.0
-    height: float = 1.0
+    height: float | None = 1.0
     tilt: float | None = None
+    cut: float | None = None
     frame_rate: float = 30.0
     furnished: bool = True
     background: bool = True
@@ -84,6 +87,12 @@ class Shot:
             )
         if not 0 < self.seconds < np.inf:
             raise UsageError(f"a recording of {self.seconds} seconds is impossible; give a positive number")
+        if self.cut is not None and self.tilt is not None:
+            raise UsageError(
+                f"a cut of {self.cut} m says how far the camera is tilted, and so does {self.tilt}; give one"
+            )
+        if self.cut is not None and not np.isfinite(self.cut):
+            raise UsageError(f"a cut of {self.cut} m is no length; give metres below the neck, such as 0.45")
         if self.seed < 0:
             raise UsageError(f"the seed {self.seed} is negative; give a whole number from 0 on")
         if self.skinning not in SKINNINGS:
@@ -241,17 +250,12 @@ def prepare(people: Sequence[Person], shot: Shot | None = None) -> Simulation:
     check_apart(performers)
     check_clear(performers, shot.boxes)
     pieces = [furniture_of(person, performer) for person, performer in zip(people, performers, strict=True)]
-    stature = performers[0].body.height if performers else NOBODY_HEIGHT
-    aimed = np.arctan2(shot.height - MIDDLE * stature, shot.distance)
+    sensor = make_sensor(shot.sensor) if isinstance(shot.sensor, str) else shot.sensor
     return Simulation(
         performers,
         joined([*pieces, boxes_mesh(shot.boxes)]),
-        place_camera(
-            distance=shot.distance,
-            height=shot.height,
-            tilt=float(aimed if shot.tilt is None else np.deg2rad(shot.tilt)),
-        ),
-        make_sensor(shot.sensor) if isinstance(shot.sensor, str) else shot.sensor,
+        _view(people, performers, shot, sensor.camera),
+        sensor,
         max((p.end for p in performers), default=max(1, round(shot.seconds * rate))),
         rate,
         shot.furnished,
@@ -259,6 +263,21 @@ def prepare(people: Sequence[Person], shot: Shot | None = None) -> Simulation:
         shot.color,
         shot.skinning,
     )
+
+
+def _view(people: Sequence[Person], performers: Sequence[Performer], shot: Shot, camera: Camera) -> View:
+    """The camera's place: how high it stands, and how far it looks down."""
+    stature, neck = NOBODY_HEIGHT, NOBODY_NECK
+    if performers:
+        body = performers[0].body
+        stature, neck = body.height, neck_height(body, seated=people[0].seated)
+    height = neck if shot.height is None else shot.height
+    tilt = np.arctan2(height - MIDDLE * stature, shot.distance)
+    if shot.tilt is not None:
+        tilt = np.deg2rad(shot.tilt)
+    elif shot.cut is not None:
+        tilt = cut_tilt(camera, height, shot.distance, neck - shot.cut)
+    return place_camera(distance=shot.distance, height=height, tilt=float(tilt))
 
 
 def simulate_scene(

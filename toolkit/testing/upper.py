@@ -13,11 +13,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from toolkit.body import skeleton
 from toolkit.body.shape import subject_body
 from toolkit.mocap.procedural import SUBJECT_MOTIONS
-from toolkit.sensing.camera import Camera
-from toolkit.simulation.seating import seat_height
+from toolkit.simulation.scene import cut_tilt
+from toolkit.simulation.seating import neck_height
 from toolkit.simulation.sensors import make_sensor
 from toolkit.testing import suite
 from toolkit.testing.scenes import Actor, Scene
@@ -25,8 +24,6 @@ from toolkit.testing.scenes import Actor, Scene
 GROUPS = ("cut", "desk", "chair", "camera", "wide", "turned")
 CUT = 0.45
 """Metres below the neck at which the image ends: at the waist."""
-TRUNK = 0.30
-"""Of the stature: from the seat up to the neck of who sits."""
 ABOVE = 0.05
 """Metres by which the camera stands above the neck."""
 
@@ -82,16 +79,7 @@ def _aimed(scene: Scene, seed: int) -> Scene:
     if not suite.has_mocap() and not actor.motion.startswith("bundled"):
         actor = replace(actor, motion=f"bundled_{SUBJECT_MOTIONS[seed % len(SUBJECT_MOTIONS)]}", start=0.0)
     body = subject_body(actor.body, seed=seed)
-    shoulder = body.joints[skeleton.JOINT_NAMES.index("left_shoulder"), 1]
-    neck = seat_height(body) + TRUNK * body.height if actor.seated else shoulder - body.vertices[:, 1].min()
-    height = float(neck + scene.height)
-    tilt = cut_tilt(make_sensor(scene.sensor).camera, height, scene.distance, float(neck) - CUT)
+    neck = neck_height(body, seated=actor.seated)
+    height = neck + scene.height
+    tilt = cut_tilt(make_sensor(scene.sensor).camera, height, scene.distance, neck - CUT)
     return replace(scene, actors=(actor,), seed=seed, height=height, tilt=float(np.degrees(tilt)))
-
-
-def cut_tilt(camera: Camera, height: float, distance: float, cut: float) -> float:
-    """Radians downwards at which the image's lowest row meets the subject at the height `cut`, metres.
-
-    The camera stands `height` metres above the floor and `distance` metres before the subject.
-    """
-    return float(np.arctan2(height - cut, distance) - np.arctan2(camera.height - 1 - camera.cy, camera.fy))
