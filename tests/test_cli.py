@@ -107,6 +107,8 @@ def test_every_verb_explains_itself(verb: str, capsys: pytest.CaptureFixture[str
         ["track", "a.npz", "--database", "d.npz", "--output", "o", "--max-poses", "1"],
         ["simulate", "a.bvh", "--output", "o.npz", "--seed", "-1"],
         ["simulate", "a.bvh", "--output", "o.npz", "--frame-rate", "1e9"],
+        ["simulate", "a.bvh", "--output", "o.npz", "--height", "high"],
+        ["simulate", "a.bvh", "--output", "o.npz", "--cut", "0.45", "--tilt", "5"],
         ["demo", "--seed", "-1"],
         ["bench", "no_such_benchmark"],
         ["evaluate"],

@@ -116,9 +116,7 @@ def test_a_cut_ends_the_image_as_far_below_the_neck(seated: bool) -> None:
     assert camera.project(simulation.view.to_camera(lowest)[None])[0, 1] == pytest.approx(camera.height - 1)
 
 
-@pytest.mark.parametrize(
-    ("values", "said"), [({"tilt": 5.0}, "give one"), ({"cut": float("nan")}, "below the neck")]
-)
+@pytest.mark.parametrize(("values", "said"), [({"tilt": 5.0}, "give one"), ({"cut": float("nan")}, "below the neck")])
 def test_a_cut_that_cannot_be_is_named(values: dict[str, float], said: str) -> None:
     with pytest.raises(UsageError, match=said):
         Shot(**{"cut": 0.45, **values})
