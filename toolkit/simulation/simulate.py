@@ -40,7 +40,7 @@ NOBODY_HEIGHT, NOBODY_NECK, NOBODY_REACH = 1.7, 1.4, np.array([[-0.8, 0.0, -0.5]
 """Whom an empty room is recorded for: stature and neck in metres, and the corners of the space they would use."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Shot:
     """How a scene is recorded.
 

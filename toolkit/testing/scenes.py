@@ -267,9 +267,9 @@ def record_scene(scene: Scene, work: Path, frames: int = LONGEST) -> Path:
     path = work / "scenes" / f"{scene.name}_{digest}.npz"
     if not path.exists():
         shot = Shot(
-            scene.sensor, scene.distance, scene.height, scene.tilt, RATE, furnished=scene.view != "cut",
-            background=scene.view == "background", boxes=scene.boxes, seconds=min(EMPTY_SECONDS, frames / RATE),
-            seed=scene.seed,
+            sensor=scene.sensor, distance=scene.distance, height=scene.height, tilt=scene.tilt, frame_rate=RATE,
+            furnished=scene.view != "cut", background=scene.view == "background", boxes=scene.boxes,
+            seconds=min(EMPTY_SECONDS, frames / RATE), seed=scene.seed,
         )  # fmt: skip
         simulate_scene(_people(scene, frames), path, shot)
     return path
