@@ -247,7 +247,7 @@ def test_the_winner_is_remembered_with_its_joints_tips_and_extrema() -> None:
     assert state.previous.joints == pytest.approx(body.joint_positions(pose_at(1.0)))
     assert state.previous.effectors == pytest.approx(body.end_effector_positions(pose_at(1.0)))
     assert state.previous.extrema == pytest.approx(observation().extrema.points[:5])
-    assert state.centre is CENTRE and state.facing is FACING and state.in_view is IN_VIEW
+    assert state.centre is CENTRE and state.facing is FACING
     assert state.timestamp == 4.0 and state.lost == 0
 
 
@@ -438,3 +438,15 @@ def test_a_restored_state_goes_on_as_the_one_that_was_exported() -> None:
         step(person, timestamp=2.0)
     assert first.draws[1:] == second.draws
     assert str(one.export_state()) == str(other.export_state())
+
+
+@pytest.mark.parametrize("shown", [0, 20])
+def test_a_joint_that_the_pose_shows_is_in_view_whatever_the_votes_say(shown: int) -> None:
+    """What was hidden stays hidden until the votes see it; what is seen is not taken away by them."""
+    spread = np.where(np.arange(20) < shown, 0.0, 0.1)
+    guesser = SimpleNamespace(guess=lambda pose, *_: Guess(pose, spread))
+    search = FakeSearch("first", Proposal((says("local", pose_at(1.0)),)))
+    person = follower([search], distances={1.0: NEAR}, guesser=guesser)
+    step(person)
+    assert person.state.in_view is not None
+    assert person.state.in_view.tolist() == (np.ones(20) if shown else IN_VIEW).tolist()

@@ -150,7 +150,7 @@ class Follower(Person):
             pose=pose,
             centre=observation.centre,
             facing=observation.facing,
-            in_view=observation.in_view,
+            in_view=_in_view(observation, guess),
             timestamp=timestamp,
             lost=0.0 if given_up else lost,
             smoothed=smoother.last,
@@ -186,3 +186,8 @@ class Follower(Person):
 
 def _turn(state: PersonState) -> int:
     return state.turn + (state.previous is not None and not state.lost)
+
+
+def _in_view(observation: Observation, guess: Guess) -> np.ndarray | None:
+    """What has been in view lately; a joint that the pose itself shows is, whatever the votes say."""
+    return None if observation.in_view is None else np.where(guess.observed, 1.0, observation.in_view)
