@@ -306,6 +306,26 @@ def test_a_broken_cloud_is_an_error(tmp_path, content):
         open_recording(tmp_path / "a.ply")
 
 
+@pytest.mark.parametrize("name", ["a.pcd", "a.ply"])
+def test_a_cloud_that_states_more_points_than_any_camera_has_is_refused(tmp_path, name):
+    path = tmp_path / name
+    header = {
+        "a.pcd": "VERSION 0.7\nFIELDS x y z\nSIZE 4 4 4\nTYPE F F F\nCOUNT 1 1 1\nWIDTH 479965968\nHEIGHT 1\n"
+        "POINTS 479965968\nDATA ascii\n0 0 1\n",
+        "a.ply": "ply\nformat ascii 1.0\nelement vertex 479965968\nproperty float x\nproperty float y\n"
+        "property float z\nend_header\n0 0 1\n",
+    }
+    path.write_text(header[name])
+    with pytest.raises(RecordingError, match="states 479965968 points"):
+        open_recording(path)
+
+
+def test_a_header_that_is_cut_before_its_number_of_points_is_refused(tmp_path):
+    (tmp_path / "a.pcd").write_text("VERSION 0.7\nFIELDS x y z\nSIZE 4 4 4\nTYPE F F F\nCOUNT 1 1 1\nW")
+    with pytest.raises(RecordingError, match="states no points"):
+        open_recording(tmp_path / "a.pcd")
+
+
 def test_a_folder_without_frames_is_an_error(tmp_path):
     with pytest.raises(RecordingError, match="no known recording"):
         open_recording(tmp_path)

@@ -27,6 +27,8 @@ GRID_RESIDUAL = 0.5  # pixels by which points may miss the pixel they claim to b
 GRID_POINTS = 100  # that a fit of four intrinsics needs at the least
 LARGEST_SIDE = 640  # pixels of a virtual camera
 SPACING_SAMPLES = 2000
+LARGEST_CLOUD = 50_000_000
+"""Points of a cloud, ten times as many as a depth camera has pixels: Open3D takes memory for as many as are stated."""
 NEAREST, FARTHEST = (
     1e-4,
     1e5,
@@ -67,6 +69,11 @@ def load_cloud(path: Path, axes: str) -> RawCloud:
     """
     import open3d as o3d
 
+    header = _header(path)
+    if path.suffix.lower() == ".pcd" and not _stated(header):  # Open3D would take any number for that of the points
+        raise RecordingError(f"{path} states no points; it is empty, truncated or no PCD")
+    if _stated(header) > LARGEST_CLOUD:
+        raise RecordingError(f"{path} states {_stated(header)} points; it is damaged, or no picture of a camera")
     with o3d.utility.VerbosityContextManager(o3d.utility.VerbosityLevel.Error):
         try:
             cloud = o3d.t.io.read_point_cloud(path, remove_nan_points=False, remove_infinite_points=False)
@@ -90,25 +97,31 @@ def load_cloud(path: Path, axes: str) -> RawCloud:
     colors = cloud.point.colors.numpy() if "colors" in cloud.point else None
     if colors is not None and colors.dtype != np.uint8:
         colors = np.rint(np.clip(colors, 0, 1) * 255).astype(np.uint8)
-    return RawCloud(points, colors, _grid_of(path, len(points)))
+    return RawCloud(points, colors, _grid_of(header, len(points)))
 
 
-def _grid_of(path: Path, count: int) -> tuple[int, int] | None:
-    """Height and width that a PCD header states, where they are a grid of `count` points."""
-    if path.suffix.lower() != ".pcd":
-        return None
-    header = {}
+def _header(path: Path) -> dict[str, int]:
+    """Whole numbers of a PCD or PLY header by name: WIDTH, HEIGHT and POINTS, or VERTEX."""
+    numbers = {}
     with path.open("rb") as stream:
         for _ in range(32):
-            words = stream.readline().decode("ascii", errors="replace").split()
-            if words[:1] == ["DATA"]:
+            words = stream.readline(200).decode("ascii", errors="replace").split()
+            if words[:1] in (["DATA"], ["end_header"]):
                 break
-            if len(words) == 2:
-                header[words[0]] = words[1]
-    try:
-        height, width = int(header["HEIGHT"]), int(header["WIDTH"])
-    except (KeyError, ValueError):
-        return None
+            if len(words) in (2, 3) and words[-1].isascii() and words[-1].isdigit():
+                numbers[words[-2].upper()] = int(words[-1])
+    return numbers
+
+
+def _stated(header: dict[str, int]) -> int:
+    """How many points a header states, at the most."""
+    grid = header.get("HEIGHT", 0) * header.get("WIDTH", 0)
+    return max(grid, header.get("POINTS", 0), header.get("VERTEX", 0))
+
+
+def _grid_of(header: dict[str, int], count: int) -> tuple[int, int] | None:
+    """Height and width that a PCD header states, where they are a grid of `count` points."""
+    height, width = header.get("HEIGHT", 0), header.get("WIDTH", 0)
     return (height, width) if height > 1 and width > 1 and height * width == count else None
 
 
