@@ -167,7 +167,8 @@ def test_a_hinge_reaches_the_angle_it_made(angle: float, sign: float, seed: int)
     found = hinge_angles(first, second, 1, np.array([first @ bent]), sign)[0]
     reached = matrices(np.array([[0.0, found, 0.0]]))[0] @ second
     assert first @ reached == pytest.approx(first @ bent, abs=1e-9)
-    if angle > 0.6:
+    # At rest the directions are up to 0.6 from parallel: nearer to straight or to folded the other solution is as good.
+    if 0.6 < angle < np.pi - 0.6:
         assert found == pytest.approx(sign * angle, abs=1e-6)
 
 

@@ -109,7 +109,7 @@ def test_a_camera_at_neck_height_sees_the_neck_level_with_it() -> None:
 def test_a_cut_ends_the_image_as_far_below_the_neck(seated: bool) -> None:
     clip = procedural_clips(["conduct"])[0]
     body = subject_body("slim_female")
-    shot = Shot("kinect", distance=1.4, height=1.3, cut=0.45)
+    shot = Shot(sensor="kinect", distance=1.4, height=1.3, cut=0.45)
     simulation = prepare([Person(clip, body, seated=seated)], shot)
     lowest = np.array([0.0, neck_height(body, seated=seated) - 0.45, 0.0])
     camera = simulation.sensor.camera
