@@ -10,13 +10,13 @@ from toolkit.body import skeleton
 from toolkit.errors import SettingsError
 from toolkit.fitting.arms import SIDES
 from toolkit.fitting.particle_settings import ParticleSettings
+from toolkit.fitting.terms import SOFT
 from toolkit.fitting.upper import UpperBody
 from toolkit.kernels import linear
 from toolkit.kernels import particles as kernel
 from toolkit.sensing.camera import Camera
+from toolkit.sensing.cloud import marked
 
-SOFT = 0.8
-"""Share of the sum of two balls' radii within which they penetrate, as `fitting.terms.SOFT`."""
 TRUNK_JOINTS: np.ndarray = np.array(
     [skeleton.REPORTED.index(n) for n in ("spine", "neck", "head", "left_shoulder", "right_shoulder")]
 )
@@ -43,14 +43,15 @@ class ParticleImage(NamedTuple):
         if columns > camera.width:
             raise SettingsError(f"{setting} is {columns}, finer than the image, which has {camera.width} columns")
         step = max(1, camera.width // columns)
-        seen = (
-            depth[::step, ::step]
-            if unobserved is None
-            else np.where(unobserved, np.float32(np.nan), depth)[::step, ::step]
-        )
+        seen = (depth if unobserved is None else marked(depth, unobserved, np.nan))[::step, ::step]
         return cls(
             np.ascontiguousarray(seen, dtype=np.float32), np.array(camera.subsampled(step).intrinsics, dtype=np.float64)
         )
+
+    def whole(self, settings: ParticleSettings) -> kernel.Tile:
+        """All of the image."""
+        height, width = self.seen.shape
+        return self._within(np.array([0, height, 0, width]), settings)
 
     def tile(self, points: np.ndarray, margin: float, settings: ParticleSettings) -> kernel.Tile:
         """The part of the image within `margin` metres of points (N, 3), camera frame; empty where it is outside."""
@@ -64,6 +65,10 @@ class ParticleImage(NamedTuple):
             rows, columns = fy * margin / z, fx * margin / z
             ends = np.array([(v - rows).min(), (v + rows).max() + 1, (u - columns).min(), (u + columns).max() + 1])
             window = np.clip(ends, 0, [height, height, width, width]).astype(np.int64)
+        return self._within(window, settings)
+
+    def _within(self, window: np.ndarray, settings: ParticleSettings) -> kernel.Tile:
+        """The part of the image from row `window[0]` to `window[1]`, and column `window[2]` to `window[3]`."""
         part = self.seen[window[0] : window[1], window[2] : window[3]]
         pixels = max(int(np.count_nonzero(part > 0)), 1)
         return kernel.Tile(
@@ -104,11 +109,11 @@ class UpperCosts:
 
     def whole(self, upper: UpperBody, poses: np.ndarray, frame: ParticleFrame) -> np.ndarray:
         """What each of `poses` (N, P) costs (N,) over the whole image: for poses that are far apart."""
-        return self._drawn(upper, poses, self._everything(frame.coarse))
+        return self._drawn(upper, poses, frame.coarse.whole(self.settings))
 
     def both_arms(self, upper: UpperBody, poses: np.ndarray, frame: ParticleFrame) -> np.ndarray:
         """What each of `poses` (N, P), which share a trunk, costs (N,) over the whole image."""
-        return self._over_one_trunk(upper, poses, self._everything(frame.fine))
+        return self._over_one_trunk(upper, poses, frame.fine.whole(self.settings))
 
     def mean(self, upper: UpperBody, pose: np.ndarray, frame: ParticleFrame) -> float:
         """Mean cost of a pose (P,) over the three layers (the last term of Eq. 7)."""
@@ -126,30 +131,29 @@ class UpperCosts:
 
     def pictures(self, upper: UpperBody, poses: np.ndarray, frame: ParticleFrame) -> np.ndarray:
         """The trunks of `poses` (K, P) as drawn into the fine image, (K, h, w), metres."""
-        return self._trunk_pictures(upper, poses, self._everything(frame.fine))
+        return self._trunk_pictures(upper, poses, frame.fine.whole(self.settings))
 
     def near_arm(
         self, upper: UpperBody, poses: np.ndarray, side: int, pose: np.ndarray, frame: ParticleFrame
     ) -> np.ndarray:
         """What each of `poses` (N, P), which share a trunk, costs (N,) around one arm of a `pose` (P,)."""
-        tile = frame.fine.tile(self._around(upper, side, pose, frame), self.settings.arm_margin, self.settings)
-        return self._over_one_trunk(upper, poses, tile)
+        return self._over_one_trunk(upper, poses, self._around(upper, side, pose, frame))
 
     def arms(
         self, upper: UpperBody, poses: np.ndarray, side: int, before: np.ndarray, frame: ParticleFrame,
         base_of: np.ndarray, pictures: np.ndarray,
     ) -> np.ndarray:  # fmt: skip
         """What each of `poses` (N, P) costs (N,) around one arm, laid over the `pictures` (K, h, w) of its trunk."""
-        tile = frame.fine.tile(self._around(upper, side, before, frame), self.settings.arm_margin, self.settings)
-        return self._overlaid(upper, poses, tile, base_of, pictures)
+        return self._overlaid(upper, poses, self._around(upper, side, before, frame), base_of, pictures)
 
-    def _around(self, upper: UpperBody, side: int, pose: np.ndarray, frame: ParticleFrame) -> np.ndarray:
-        """Joints of one arm, and the candidates within its reach, (K, 3), camera frame."""
+    def _around(self, upper: UpperBody, side: int, pose: np.ndarray, frame: ParticleFrame) -> kernel.Tile:
+        """The part of the fine image around one arm and the candidates within its reach."""
         joints, arm = self._arm_joints(upper, side, pose), upper.arms[side]
         candidates = linear.rotated(frame.candidates, upper.whole.from_level.T)
         lengths = linear.lengths(np.stack([arm.bones.upper, arm.fore, arm.hand]))
-        near = linear.lengths(candidates - joints[0]) < lengths.sum() + self.settings.arm_margin
-        return np.concatenate([joints, candidates[near]])
+        margin = self.settings.arm_margin
+        near = linear.lengths(candidates - joints[0]) < lengths.sum() + margin
+        return frame.fine.tile(np.concatenate([joints, candidates[near]]), margin, self.settings)
 
     def _drawn(self, upper: UpperBody, poses: np.ndarray, tile: kernel.Tile) -> np.ndarray:
         """Costs (N,) of `poses` (N, P) as meshes, arms and all."""
@@ -178,12 +182,6 @@ class UpperCosts:
         kernel.overlay_costs(arms, upper.trunk.radii[rows], base_of, pictures, tile, costs)
         kernel.overlap_costs(balls, upper.trunk.radii, upper.apart, SOFT, overlap)
         return costs + self.settings.overlap * overlap
-
-    def _everything(self, image: ParticleImage) -> kernel.Tile:
-        s, (height, width) = self.settings, image.seen.shape
-        pixels = max(int(np.count_nonzero(image.seen > 0)), 1)
-        window = np.array([0, height, 0, width])
-        return kernel.Tile(image.seen, image.intrinsics, window, pixels, s.cap, s.depth, s.silhouette)
 
     def _joints(self, upper: UpperBody, pose: np.ndarray, rows: np.ndarray) -> np.ndarray:
         return linear.rotated(upper.body.joint_positions(pose)[rows], upper.whole.from_level.T)

@@ -65,8 +65,7 @@ class VotedJoints:
 
 def links_out_of_view(in_view: np.ndarray) -> np.ndarray:
     """Bool (18,): joints whose links and all that hangs below them end out of view, by the `in_view` (20,) of votes."""
-    hidden = in_view < OUT_OF_VIEW
-    return np.array([len(rows) > 0 and bool(hidden[rows].all()) for rows in _ENDS])
+    return np.asarray(((in_view < OUT_OF_VIEW) | ~_ENDS).all(axis=1))
 
 
 def _end_of(carrier: int, site: int) -> int:
@@ -74,8 +73,5 @@ def _end_of(carrier: int, site: int) -> int:
     return carrier if site >= 0 or carrier < 0 else int(skeleton.PARENTS[carrier])
 
 
-_ENDS = [
-    [row for row, place in enumerate(CARRIERS) if (end := _end_of(*place)) >= 0 and BELOW[joint, end]]
-    for joint in range(len(skeleton.JOINTS))
-]
-"""Of each joint, the rows of the reported joints in which its link, or one below it, ends."""
+_ENDS: np.ndarray = np.stack([BELOW[:, end] & (end >= 0) for end in (_end_of(*place) for place in CARRIERS)], axis=1)
+"""Bool (18, 20): where the link of a joint, or one below it, ends in a reported joint; each has one."""

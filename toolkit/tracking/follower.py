@@ -190,4 +190,5 @@ def _turn(state: PersonState) -> int:
 
 def _in_view(observation: Observation, guess: Guess) -> np.ndarray | None:
     """What has been in view lately; a joint that the pose itself shows is, whatever the votes say."""
-    return None if observation.in_view is None else np.where(guess.observed, 1.0, observation.in_view)
+    voted = observation.in_view
+    return None if voted is None else np.where(guess.observed, 1.0, voted)

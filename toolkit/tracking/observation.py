@@ -165,10 +165,10 @@ class Observation:
 
         The votes say so in frames in which a search asked for them; of whom nothing cuts off all joints are in view.
         """
-        before, asked = self.state.in_view, vars(self).get("votes")
-        if asked is None or (before is None and not self.cut.any()):
+        before, asked, is_cut = self.state.in_view, vars(self).get("votes"), bool(self.cut.any())
+        if asked is None or (before is None and not is_cut):
             return before
-        now = asked.in_view if self.cut.any() else np.ones(len(skeleton.REPORTED))
+        now = asked.in_view if is_cut else np.ones(len(skeleton.REPORTED))
         return now if before is None else before + NEWEST * (now - before)
 
     @cached_property
