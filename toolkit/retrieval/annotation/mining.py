@@ -5,22 +5,19 @@ For whoever has no motions that are known to hold none of the classes. This goes
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping
 
 import numpy as np
 
-from toolkit.retrieval.annotation.judge import COST
+from toolkit.retrieval.annotation.judge import COST, Turn
 
 UNLIKE = 1.15
 """What costs more than this many times the dearest right place is none: above it there was hardly a true motion, and
 with more (1.3, 1.5) fewer false ones are left to learn from. Chosen on HDM05 actors bd and bk, each taught by the other
 alone."""
 
-Turn = tuple[np.ndarray, np.ndarray]
-"""Measures (H, 42) of places, and whether each is right (H,)."""
 
-
-def with_unlike(turns: Sequence[Turn], proposed: Sequence[np.ndarray]) -> list[Turn]:
+def with_unlike(turns: Mapping[int, Turn], proposed: Mapping[int, np.ndarray]) -> dict[int, Turn]:
     """Each turn with the places in unknown motions that are too unlike its class to be of it.
 
     Parameters
@@ -28,11 +25,11 @@ def with_unlike(turns: Sequence[Turn], proposed: Sequence[np.ndarray]) -> list[T
     turns : what examples found in documents of known truth
     proposed : per turn the measures (P, 42) of what the same examples found in unknown motions
     """
-    costs = np.concatenate([measures[true, COST] for measures, true in turns]) if turns else np.empty(0)
-    if not len(costs):
-        return list(turns)
-    grown = []
-    for (measures, true), places in zip(turns, proposed, strict=True):
-        far = places[places[:, COST] > UNLIKE * costs.max()]
-        grown.append((np.concatenate([measures, far]), np.append(true, np.zeros(len(far), dtype=bool))))
+    costs = np.concatenate([measures[true, COST] for measures, true in turns.values()]) if turns else np.empty(0)
+    if not len(costs) or not proposed:
+        return dict(turns)
+    grown = {}
+    for turn, (measures, true) in turns.items():
+        far = proposed[turn][proposed[turn][:, COST] > UNLIKE * costs.max()]
+        grown[turn] = np.concatenate([measures, far]), np.append(true, np.zeros(len(far), dtype=bool))
     return grown

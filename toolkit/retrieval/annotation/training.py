@@ -18,9 +18,9 @@ from toolkit.errors import RetrievalError
 from toolkit.progress import Progress
 from toolkit.retrieval.annotation.documents import HARD_JOINS, JOINS, assemble, shuffled_parts
 from toolkit.retrieval.annotation.examples import ExampleSet, Proposals
-from toolkit.retrieval.annotation.judge import Judge
+from toolkit.retrieval.annotation.judge import Turn, joined, learn_judges
 from toolkit.retrieval.annotation.measures import Scores, Segment, frame_scores, label_frames, segment_scores
-from toolkit.retrieval.annotation.mining import Turn, with_unlike
+from toolkit.retrieval.annotation.mining import with_unlike
 from toolkit.retrieval.annotation.model import MotionModel
 from toolkit.retrieval.features.grades import BLOCK
 from toolkit.retrieval.features.motion import Motion
@@ -119,15 +119,14 @@ def train(
         )
     several = len({clip.person for clip in clips}) > 1  # halves of one person teach no caution about others
     rows, unknown = _what_clips_find(clips, others, rng, progress, unlabelled if several else ())
-    judges = []
-    for label in labels:
-        turns = [_joined(parts) for parts in rows[label].values()]
-        if unknown[label]:
-            turns = with_unlike(turns, list(unknown[label].values()))
-        judges.append(
-            Judge.cautious(turns) if several else Judge.learned(*_joined(turns)) if turns else Judge.of_cost()
-        )
-    return MotionModel(ExampleSet.of([(clip.features, clip.label) for clip in clips]), tuple(judges))
+    turns = {
+        label: with_unlike({turn: joined(parts) for turn, parts in rows[label].items()}, unknown[label])
+        for label in labels
+    }
+    judges = learn_judges(turns, cautious=several)
+    return MotionModel(
+        ExampleSet.of([(clip.features, clip.label) for clip in clips]), tuple(judges[label] for label in labels)
+    )
 
 
 def _what_clips_find(
@@ -165,10 +164,6 @@ def _what_clips_find(
         if progress is not None:
             progress("learning", number, len(steps))
     return rows, unknown
-
-
-def _joined(parts: Sequence[Turn]) -> Turn:
-    return np.concatenate([measures for measures, _ in parts]), np.concatenate([true for _, true in parts])
 
 
 def turns_of(clips: Sequence[Clip], rng: np.random.Generator) -> list[tuple[list[Clip], list[Clip]]]:
