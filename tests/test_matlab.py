@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import struct
 from pathlib import Path
 
 import numpy as np
@@ -9,7 +10,7 @@ import pytest
 from scipy.io import loadmat, savemat
 
 from toolkit.errors import RecordingError
-from toolkit.matlab import read_matlab
+from toolkit.matlab import DEEPEST, read_matlab
 
 ARRAYS = {
     "depth": np.random.default_rng(0).integers(0, 4000, (6, 5, 3)).astype(np.uint16),
@@ -73,6 +74,29 @@ def test_a_truncated_file_is_an_error(tmp_path: Path, share: float) -> None:
     path.write_bytes(path.read_bytes()[: int(share * path.stat().st_size)])
     with pytest.raises(RecordingError, match="truncated or no MATLAB file"):
         read_matlab(path, RecordingError)
+
+
+def nested(depth: int) -> bytes:
+    """A file of one variable: cells in each other `depth` deep, the innermost empty."""
+
+    def element(kind: int, data: bytes) -> bytes:
+        return struct.pack("<II", kind, len(data)) + data + bytes(-len(data) % 8)
+
+    header = element(6, struct.pack("<II", 1, 0)) + element(5, struct.pack("<ii", 1, 1)) + element(1, b"")
+    content = b""
+    for _ in range(depth):
+        content = element(14, header + content)
+    return b"MATLAB 5.0 MAT-file".ljust(124) + struct.pack("<H", 0x0100) + b"IM" + content
+
+
+def test_cells_may_lie_a_few_deep_in_each_other_and_thousands_are_an_error(tmp_path: Path) -> None:
+    path = tmp_path / "a.mat"
+    path.write_bytes(nested(DEEPEST + 1))
+    assert read_matlab(path, RecordingError) == {"": []}
+    for depth in (DEEPEST + 2, 5000):
+        path.write_bytes(nested(depth))
+        with pytest.raises(RecordingError, match=f"more than {DEEPEST} deep in each other"):
+            read_matlab(path, RecordingError)
 
 
 def test_a_missing_file_is_named(tmp_path: Path) -> None:

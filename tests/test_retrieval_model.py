@@ -14,7 +14,7 @@ from toolkit.kernels.graded import differences, graded_distances, nearest_exampl
 from toolkit.retrieval.annotation.classes import load_classes
 from toolkit.retrieval.annotation.documents import assemble
 from toolkit.retrieval.annotation.examples import ExampleSet
-from toolkit.retrieval.annotation.judge import COST, MEASURES, USUAL_COST, Judge
+from toolkit.retrieval.annotation.judge import COST, MEASURES, USUAL_COST, Judge, Turn, joined, learn_judges
 from toolkit.retrieval.annotation.measures import Segment
 from toolkit.retrieval.annotation.mining import UNLIKE, with_unlike
 from toolkit.retrieval.annotation.model import MotionModel
@@ -119,19 +119,44 @@ def test_a_judge_learns_which_difference_matters_and_otherwise_looks_at_the_cost
     assert plain.probability(costs)[1] == 0.5 and (np.diff(plain.probability(costs)) < -0.4).all()
 
 
+def turn_of(rng: np.random.Generator, row: int, least: float, count: int = 300) -> Turn:
+    """Places of which those are right whose measure `row` is small, with some doubt."""
+    measures = rng.normal(size=(count, MEASURES))
+    return measures, 4.0 * measures[:, row] + rng.normal(size=count) < least
+
+
 def test_a_cautious_judge_says_yes_less_often_where_other_turns_were_mistaken() -> None:
     rng = np.random.default_rng(1)
-
-    def turn() -> tuple[np.ndarray, np.ndarray]:
-        measures = rng.normal(size=(300, MEASURES))
-        return measures, 4.0 * measures[:, 0] + rng.normal(size=300) < -8.0
-
-    turns = [turn() for _ in range(3)]
-    measures, true = (np.concatenate(part) for part in zip(*turns, strict=True))
-    usual, cautious = Judge.learned(measures, true), Judge.cautious(turns)
+    turns = {"kick": {number: turn_of(rng, 0, -8.0) for number in range(3)}}
+    measures, _ = joined(list(turns["kick"].values()))
+    (usual,), (cautious,) = (learn_judges(turns, cautious=way).values() for way in (False, True))
     assert (cautious.probability(measures) >= 0.5).sum() < (usual.probability(measures) >= 0.5).sum()
     np.testing.assert_array_equal(cautious.weights, usual.weights)
-    assert Judge.cautious([]).weights[-2] < 0.0
+
+
+def test_what_was_never_found_is_judged_by_its_cost() -> None:
+    rng = np.random.default_rng(1)
+    judges = learn_judges({"kick": {}, "throw": {0: turn_of(rng, 0, -4.0)}}, cautious=True)
+    np.testing.assert_array_equal(judges["kick"].weights, Judge.of_cost().weights)
+    assert judges["throw"].weights[0] < 0.0
+    np.testing.assert_array_equal(learn_judges({"kick": {}}, cautious=False)["kick"].weights, Judge.of_cost().weights)
+
+
+def test_a_class_of_few_places_is_judged_by_what_the_others_show() -> None:
+    rng = np.random.default_rng(2)
+    few = {0: turn_of(rng, 5, -4.0, count=30)}
+    others = {f"class {number}": {0: turn_of(rng, 5, -4.0)} for number in range(4)}
+    unseen, true = turn_of(rng, 5, -4.0, count=2000)
+    alone, helped = (learn_judges(known, cautious=False)["few"] for known in ({"few": few}, {"few": few, **others}))
+    right = [((judge.probability(unseen) >= 0.5) == true).mean() for judge in (alone, helped)]
+    assert right[1] > right[0] + 0.03
+
+
+def test_a_class_of_many_places_keeps_its_own_judgement() -> None:
+    rng = np.random.default_rng(3)
+    others = {f"class {number}": {0: turn_of(rng, 5, -4.0)} for number in range(4)}
+    judge = learn_judges({"own": {0: turn_of(rng, 7, -4.0, count=3000)}, **others}, cautious=False)["own"]
+    assert np.abs(judge.weights).argmax() == 7
 
 
 def test_somebody_new_is_annotated(model: MotionModel, others: list[Motion]) -> None:
@@ -201,13 +226,14 @@ def test_what_is_much_less_like_a_class_than_its_own_clips_is_a_counterexample()
     true = np.array([True, True, False, False])
     places = np.zeros((3, MEASURES))
     places[:, COST] = [0.9, 1.1 * UNLIKE, 0.99 * UNLIKE]
-    (grown, right), (other, _) = with_unlike([(measures, true), (measures[:2], true[:2])], [places, places[:1]])
+    turns, found = {0: (measures, true), 1: (measures[:2], true[:2])}, {0: places, 1: places[:1]}
+    (grown, right), (other, _) = with_unlike(turns, found).values()
     np.testing.assert_array_equal(grown[4:], places[[1]])
     np.testing.assert_array_equal(right, [*true, False])
     np.testing.assert_array_equal(other, measures[:2])
-    nothing = [(measures[2:], true[2:])]
-    assert with_unlike(nothing, [places])[0][0] is nothing[0][0], "no right place says what is unlike"
-    assert with_unlike([], []) == []
+    nothing = {0: (measures[2:], true[2:])}
+    assert with_unlike(nothing, {0: places})[0][0] is nothing[0][0], "no right place says what is unlike"
+    assert with_unlike({}, {}) == {}
 
 
 def test_a_model_learns_from_the_motions_that_it_will_annotate(others: list[Motion]) -> None:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import hashlib
 import math
+import os
 import zipfile
 from collections.abc import Collection, Iterator, Mapping
 from contextlib import contextmanager
@@ -27,8 +28,9 @@ PLAIN_KINDS = "biufU"
 """Kinds of NumPy types that a file may hold: truth values, numbers and text."""
 KIND_WORDS = {"f": "numbers", "iu": "whole numbers", "iuf": "numbers", "b": "truth values", "U": "text"}
 
-_END_MARK, _LONGEST_END, _MANY = b"PK\x05\x06", 22 + 0xFFFF, 0xFFFF
-"""Of a zip's last record: how it begins, its most bytes, and the count of files that says that it stands elsewhere."""
+_END_MARK, _END_BYTES, _COUNT, _MANY = b"PK\x05\x06", 22, slice(10, 12), 0xFFFF
+"""Of a zip's last record: how it begins, its bytes before the comment, where the count of files stands in them, and the
+count that says that it stands elsewhere."""
 
 
 @dataclass(frozen=True)
@@ -168,21 +170,23 @@ def opened(path: Path, error: type[DepthMocapError], hint: str) -> Iterator[zipf
     if not is_file(path):
         raise error(f"there is no file {path}; check the path")
     with translated(path, error, hint), zipfile.ZipFile(path) as archive:
-        _check_count(path, len(archive.infolist()))
+        _check_count(path, archive)
         yield archive
 
 
-def _check_count(path: Path, found: int) -> None:
+def _check_count(path: Path, archive: zipfile.ZipFile) -> None:
     """Raise ValueError where the archive's end states more or fewer files than its directory lists.
 
     zipfile does not compare them; a wrong length in one entry hides those behind it, and with them the checksum.
     """
     with path.open("rb") as stream:
-        stream.seek(max(0, path.stat().st_size - _LONGEST_END))
-        tail = stream.read()
-    stated = int.from_bytes(tail[tail.rfind(_END_MARK) + 10 :][:2], "little")
-    if stated not in (found, _MANY):
-        raise ValueError(f"it states {stated} arrays and lists {found}")
+        stream.seek(-_END_BYTES - len(archive.comment), os.SEEK_END)
+        end = stream.read(_END_BYTES)
+    if not end.startswith(_END_MARK):
+        raise ValueError("something follows its end")
+    stated, listed = int.from_bytes(end[_COUNT], "little"), len(archive.infolist())
+    if stated not in (listed, _MANY):
+        raise ValueError(f"it states {stated} arrays and lists {listed}")
 
 
 @contextmanager

@@ -27,6 +27,8 @@ NUMBERS = {
 CELL, FIRST_NUMERIC, LAST_NUMERIC = 1, 6, 15
 """Classes of variables; numbers are stored in the smallest type that holds them, whatever the class."""
 COMPLEX = 0x0800
+DEEPEST = 4
+"""Cells in cells, at most: sensors keep tables in cells, and nobody cells in them."""
 
 Variable = np.ndarray | list[np.ndarray]
 
@@ -85,8 +87,10 @@ def _elements(data: bytes, order: str) -> Iterator[tuple[int, bytes]]:
         at = end
 
 
-def _matrix(data: bytes, order: str) -> Iterator[tuple[str, Variable]]:
-    """Name and value of a variable; nothing where it holds no numbers."""
+def _matrix(data: bytes, order: str, depth: int = 0) -> Iterator[tuple[str, Variable]]:
+    """Name and value of a variable in `depth` cells; nothing where it holds no numbers."""
+    if depth > DEEPEST:
+        raise ValueError(f"its cells lie more than {DEEPEST} deep in each other")
     elements = list(_elements(data, order))
     if len(elements) < 3 or (elements[0][0], elements[1][0]) != (UINT32, INT32):
         raise ValueError("a variable has no flags, shape and name")
@@ -94,7 +98,7 @@ def _matrix(data: bytes, order: str) -> Iterator[tuple[str, Variable]]:
     shape = np.frombuffer(elements[1][1], f"{order}i4").tolist()
     name, parts = elements[2][1].decode("ascii"), elements[3:]
     if flags & 0xFF == CELL:
-        cells = [value for _, part in parts for _, value in _matrix(part, order)]
+        cells = [value for _, part in parts for _, value in _matrix(part, order, depth + 1)]
         yield name, [cell for cell in cells if isinstance(cell, np.ndarray)]
     elif FIRST_NUMERIC <= flags & 0xFF <= LAST_NUMERIC and not flags & COMPLEX:
         if len(parts) != 1 or parts[0][0] not in NUMBERS or min(shape, default=-1) < 0:

@@ -77,7 +77,7 @@ def search(
         float | None,
         typer.Option(
             help="Largest cost: by example 0 (equal) to 1 (opposite), of classes 1 minus probability.",
-            show_default="0.2, 0.9",
+            show_default="0.2, 0.8",
         ),
     ] = None,
     limit: Annotated[int, typer.Option(help="Results per query: shown, and by example also written.", min=1)] = 20,
@@ -92,7 +92,6 @@ def search(
     """Find motions in an index: by an example, by a motion model, or by learned or written keyframes."""
     from toolkit.errors import UsageError
     from toolkit.files import check_output
-    from toolkit.kernels.start import start_without_blas
 
     if sum(way is not None for way in (queries, by_example, classes)) != 1:
         raise UsageError("search needs one of --by-example, --classes and --queries; give exactly one")
@@ -100,7 +99,6 @@ def search(
         raise UsageError("--play needs --mocap, the files and folders that were indexed, and the other way round")
     for written in filter(None, (output, play)):
         check_output(written, [path for path in (index, queries, by_example, classes) if path is not None])
-    start_without_blas()
     if by_example is None:
         reports = _labelled(index, queries, classes, label, threshold)
     else:

@@ -6,7 +6,8 @@ import numpy as np
 from numba import njit
 
 GAP: int = 2
-"""Columns between two pieces of a document that are compared in one go: a step of an alignment is no longer."""
+"""Columns that the longest step of an alignment goes: so many lie before a document, and between two pieces of it that
+are compared in one go, and no alignment touches them."""
 
 
 @njit(cache=True)
@@ -134,27 +135,38 @@ def _distances(
 ) -> tuple[np.ndarray, np.ndarray]:
     """`distance_function` of a document with columns (C,) that no alignment touches."""
     n, length = bits.shape[0], document.shape[0]
-    costs = np.full((3, length + 2), np.inf)  # two columns before the document, in which nothing ends
-    starts = np.full((3, length + 2), -1, dtype=np.int64)
+    costs = np.full((3, GAP + length), np.inf)  # columns before the document, in which nothing ends
+    starts = np.full((3, GAP + length), -1, dtype=np.int64)
     for j in range(length):
-        costs[0, j + 2] = scale[0] * ones((document[j] ^ bits[0]) & mask[0])
-        starts[0, j + 2] = j
-    for i in range(n):
-        row, far, near, over = costs[i % 3][2:], costs[(i - 1) % 3], costs[(i - 1) % 3][1:], costs[(i - 2) % 3][1:]
+        costs[0, GAP + j] = scale[0] * ones((document[j] ^ bits[0]) & mask[0])
+        starts[0, GAP + j] = j
+    _close(costs[0], starts[0], closed)
+    for i in range(1, n):
+        row, before, earlier = i % 3, (i - 1) % 3, (i - 2) % 3
+        cost, far, near, over = costs[row, GAP:], costs[before], costs[before, 1:], costs[earlier, 1:]
         start, from_far, from_near, from_over = (
-            starts[i % 3][2:], starts[(i - 1) % 3], starts[(i - 1) % 3][1:], starts[(i - 2) % 3][1:]
-        )  # fmt: skip
-        for j in range(length if i > 0 else 0):  # without a branch, so that several columns are computed at once
+            starts[row, GAP:],
+            starts[before],
+            starts[before, 1:],
+            starts[earlier, 1:],
+        )
+        for j in range(length):  # without a branch, so that several columns are computed at once
             cell = scale[i] * ones((document[j] ^ bits[i]) & mask[i])
             origin_far, origin_near, origin_over = from_far[j], from_near[j], from_over[j]
             best = far[j] if far[j] < near[j] else near[j]
             origin = origin_far if far[j] < near[j] else origin_near
             skipped = over[j] + cell
-            row[j] = (skipped if skipped < best else best) + cell
+            cost[j] = (skipped if skipped < best else best) + cell
             start[j] = origin_over if skipped < best else origin
-        for j in closed:
-            row[j], start[j] = np.inf, -1
-    return costs[(n - 1) % 3][2:], starts[(n - 1) % 3][2:]
+        _close(costs[row], starts[row], closed)
+    return costs[(n - 1) % 3, GAP:], starts[(n - 1) % 3, GAP:]
+
+
+@njit(cache=True)
+def _close(cost: np.ndarray, start: np.ndarray, closed: np.ndarray) -> None:
+    """Say of document columns (C,) that no alignment touches them."""
+    for j in closed:
+        cost[GAP + j], start[GAP + j] = np.inf, -1
 
 
 @njit(cache=True)

@@ -253,9 +253,13 @@ def runs(flags: np.ndarray) -> list[tuple[int, int]]:
 
 def segments_of(frames: np.ndarray, distances: np.ndarray, labels: Sequence[str], frame_rate: float) -> list[Segment]:
     """Runs of equal label as segments, sorted by start; the score is 1 minus the smallest distance within."""
-    found = [
-        Segment(start / frame_rate, stop / frame_rate, label, 1.0 - float(distances[row, start:stop].min()))
-        for row, label in enumerate(labels)
-        for start, stop in runs(frames[row])
-    ]
+    found = []
+    for row, label in enumerate(labels):
+        spans = runs(frames[row])
+        edges = [edge for span in spans for edge in span]
+        least = np.minimum.reduceat(np.append(distances[row], np.inf), edges)[::2] if spans else np.empty(0)
+        found += [
+            Segment(start / frame_rate, stop / frame_rate, label, 1.0 - score)
+            for (start, stop), score in zip(spans, least.tolist(), strict=True)
+        ]
     return sorted(found, key=lambda segment: (segment.start, segment.end, segment.label))

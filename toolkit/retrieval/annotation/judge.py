@@ -152,7 +152,7 @@ def _best_threshold(chances: Sequence[Turn]) -> float:
 
 
 def _both_sides(true: np.ndarray) -> bool:
-    return min(np.count_nonzero(true), np.count_nonzero(~true)) >= 2
+    return bool(min(np.count_nonzero(true), np.count_nonzero(~true)) >= 2)
 
 
 def _moments(measures: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+import numpy as np
+
 from toolkit.errors import RetrievalError
 from toolkit.retrieval.features.relational import FeatureMatrix
 from toolkit.retrieval.index.keyframe_index import KeyframeIndex
@@ -41,12 +43,15 @@ def preselect(
     lengths = [int(stop - start) for start, stop in zip(index.document_starts, index.document_starts[1:], strict=False)]
     without = [label for label in labels if label not in {query.label for query in queries}]
     intervals: list[dict[str, list[tuple[int, int]]]] = [{label: [(0, n)] for label in without} for n in lengths]
-    for query in queries:
-        searched = pieces(index, query, find(index, query), EXTENSION)
-        spans = (array.tolist() for array in (searched.documents, searched.starts, searched.stops))
+    for label in {query.label: None for query in queries}:
+        searched = [pieces(index, query, find(index, query), EXTENSION) for query in queries if query.label == label]
+        documents, starts, stops = (
+            np.concatenate([getattr(part, name) for part in searched]) for name in ("documents", "starts", "stops")
+        )
+        spans = (array.tolist() for array in _joined(documents, starts, stops))
         for document, start, stop in zip(*spans, strict=True):
-            intervals[document].setdefault(query.label, []).append((start, stop))
-    return [{label: _joined(found) for label, found in document.items()} for document in intervals]
+            intervals[document].setdefault(label, []).append((start, stop))
+    return intervals
 
 
 def preselect_in(
@@ -56,11 +61,13 @@ def preselect_in(
     return preselect(KeyframeIndex.build(documents), queries, labels)
 
 
-def _joined(intervals: list[tuple[int, int]]) -> list[tuple[int, int]]:
-    joined: list[tuple[int, int]] = []
-    for start, stop in sorted(intervals):
-        if joined and start <= joined[-1][1]:
-            joined[-1] = (joined[-1][0], max(joined[-1][1], stop))
-        else:
-            joined.append((start, stop))
-    return joined
+def _joined(documents: np.ndarray, starts: np.ndarray, stops: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Intervals (K,) of documents as disjoint ones that do not touch, ascending."""
+    if not len(documents):
+        return documents, starts, stops
+    order = np.lexsort((starts, documents))
+    shift = documents[order].astype(np.int64) * (int(stops.max()) + 1)  # one axis, on which no two documents touch
+    starts, stops = starts[order] + shift, np.maximum.accumulate(stops[order] + shift)
+    heads = np.flatnonzero(np.append(True, starts[1:] > stops[:-1]))
+    ends = np.append(heads[1:], len(starts)) - 1
+    return documents[order][heads], starts[heads] - shift[heads], stops[ends] - shift[heads]

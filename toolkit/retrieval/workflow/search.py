@@ -36,8 +36,8 @@ SHORTEST_EXAMPLE = 0.3
 """Seconds."""
 
 
-DOUBT = 0.9
-"""What a motion model holds for likelier than one in ten is a result of a search."""
+DOUBT = 0.8
+"""What a motion model holds for likelier than one in five is a result of a search."""
 
 
 @dataclass(frozen=True, eq=False)
