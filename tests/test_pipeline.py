@@ -15,6 +15,7 @@ from tests.fake_tracker import FakeFollower, FakeTracker, write_recording
 from toolkit.errors import OutputError, RecordingError, TrackError, UsageError
 from toolkit.files import sha256_of
 from toolkit.pipeline import track_recording, track_recordings
+from toolkit.pipeline.run import WARM_UP_FRAMES
 from toolkit.sensing.opening import open_recording
 from toolkit.sensing.people.sighting import Sighting
 from toolkit.track import FrameResult, RunInfo, Track, TrackWriter
@@ -94,8 +95,10 @@ def test_ctrl_c_puts_the_track_so_far_in_place_and_resume_completes_it(tmp_path:
     assert output.splitlines()[-1] == "interrupted {}", error
     rows = len(Track.load(run))
     assert 10 <= rows < 40
-    report = track_recordings([recording], FakeTracker(), run, resume=True)
+    tracker = FakeTracker()
+    report = track_recordings([recording], tracker, run, resume=True)
     assert report.done[0].frames == 40
+    assert tracker.steps == WARM_UP_FRAMES + 40 - rows  # what was found already is not found again
     np.testing.assert_array_equal(Track.load(run).pose, whole(recording, tmp_path / "whole").pose)
 
 

@@ -67,9 +67,9 @@ def test_alignments_of_all_templates_are_those_of_each():
 
 
 def test_the_cheapest_of_an_owner_is_the_first_of_its_least_costs():
-    costs, starts = np.array([3.0, 1.0, 1.0, np.inf]), np.array([7, 8, 9, -1])
-    best, begun = np.empty(3), np.empty(3, dtype=np.int64)
-    places, owner = np.arange(4), np.array([0, 0, 0, 2])
-    dtw.cheapest_of(costs, starts, places, np.array([0.1, 1.0, 1.0, 1.0]), owner, best, begun)
-    np.testing.assert_allclose(best, [0.3, np.inf, np.inf])
-    np.testing.assert_array_equal(begun, [7, -1, -1])
+    costs, starts = np.array([3.0, 1.0, 1.0, np.inf, 2.0, 2.0]), np.array([7, 8, 9, -1, 5, 6])
+    best, begun = np.empty(4), np.empty(4, dtype=np.int64)
+    places, owner = np.arange(6), np.array([0, 0, 0, 2, 3, 3])
+    dtw.cheapest_of(costs, starts, places, np.array([0.1, 1.0, 1.0, 1.0, 1.0, 1.0]), owner, best, begun)
+    np.testing.assert_allclose(best, [0.3, np.inf, np.inf, 2.0])
+    np.testing.assert_array_equal(begun, [7, -1, -1, 5])
