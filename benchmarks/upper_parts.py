@@ -102,7 +102,7 @@ class FlatFilter(UpperFilter):
         self.proposals.move_trunk(poses, dt, rng)
         aimed = [self.proposals.move_arm(upper, poses, side, frame, dt, rng) for side in (first, 1 - first)]
         costs = self.costs.whole(upper, poses, frame)
-        chosen = resampled(costs, rng)
+        chosen = resampled(self.settings.sharpness * costs, rng)
         estimate = poses[int(costs.argmin())]
         return Filtered(poses[chosen], estimate, self.costs.mean(upper, estimate, frame), float(np.mean(aimed)))
 

@@ -6,11 +6,12 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
 
 from toolkit.body import skeleton
 from toolkit.body.shape import load_body
 from toolkit.errors import SettingsError
-from toolkit.fitting.initial import InitialSettings, initial_pose, place_hands
+from toolkit.fitting.initial import InitialSettings, initial_pose, place_hands, standing_pose
 from toolkit.fitting.particle_costs import ParticleFrame, ParticleImage, likelihood
 from toolkit.fitting.particle_proposals import by_inverse_kinematics
 from toolkit.fitting.particle_settings import ParticleSettings
@@ -237,6 +238,51 @@ def test_a_first_pose_has_head_and_hands_where_they_were_found(upper: UpperBody,
     assert np.linalg.norm(found - crown) < (0.08 if labelled else 0.15)
     assert hands_off(upper, first.pose, truth).max() < 0.12
     assert first.score > InitialSettings().accepted
+
+
+@pytest.mark.parametrize(("turned", "leaning"), [(0.0, 0.0), (0.6, 0.35), (-0.6, 0.7)])
+def test_whoever_is_turned_and_leans_is_so_about_the_crown(upper: UpperBody, turned: float, leaning: float) -> None:
+    head = np.array([0.3, 0.2, -1.4])
+    pose = standing_pose(upper, head, turned, leaning)
+    crown = upper.body.end_effector_positions(pose)[skeleton.END_EFFECTORS.index("head")]
+    np.testing.assert_allclose(crown, head, atol=1e-9)
+    yaw = np.arctan2(-head[0], -head[2]) + turned
+    expected = Rotation.from_rotvec([0.0, yaw, 0.0]) * Rotation.from_rotvec([leaning, 0.0, 0.0])
+    np.testing.assert_allclose(pose[skeleton.ROOT_ROTATION], expected.as_rotvec(), atol=1e-9)
+
+
+def test_somebody_who_leans_towards_the_camera_is_found(upper: UpperBody) -> None:
+    truth = pose_of(root_rx=0.6)
+    crown = upper.body.end_effector_positions(truth)[skeleton.END_EFFECTORS.index("head")]
+    effectors = effectors_of(np.stack([crown, *place_hands(upper, truth)]))
+    frame = frame_of(depth_of(upper, truth), effectors.points)
+    first = initial_pose(
+        upper, UpperFilter(ParticleSettings()), effectors, None, frame, InitialSettings(), np.random.default_rng(0)
+    )
+    assert first is not None
+    joints = [upper.body.joint_positions(pose)[:4] for pose in (first.pose, truth)]
+    assert np.linalg.norm(joints[0] - joints[1], axis=1).max() < 0.08
+
+
+def test_the_estimate_is_what_both_arms_layers_explain_best(upper: UpperBody, monkeypatch: pytest.MonkeyPatch) -> None:
+    filtering = UpperFilter(ParticleSettings(count=4, sharpness=0.0))
+    layers = iter([np.array([3.0, 0.0, 1.0, 3.0]), np.array([0.0, 3.0, 1.0, 3.0])])
+    monkeypatch.setattr(filtering.costs, "arms", lambda *_: next(layers))
+    monkeypatch.setattr(filtering.proposals, "move_arm", lambda _, poses, *__, **___: np.zeros(len(poses), dtype=bool))
+    particles = np.stack([pose_of(root_tx=0.01 * k) for k in range(4)])
+    frame, rng = frame_of(depth_of(upper, pose_of())), np.random.default_rng(0)
+    found = filtering.arms(upper, particles, pose_of(), frame, 1 / 30, 0, rng)
+    np.testing.assert_array_equal(found.estimate, particles[2])
+
+
+def test_one_particle_stays_and_every_second_pair_moves_less() -> None:
+    settings_ = ParticleSettings(count=4000)
+    poses = np.zeros((4000, skeleton.POSE_SIZE))
+    UpperFilter(settings_).proposals.move_trunk(poses, 1 / 30, np.random.default_rng(0))
+    assert not poses[0].any()
+    near = np.arange(4000) // 2 % 2 == 1
+    assert poses[near, 0].std() == pytest.approx(settings_.fine * settings_.root_position, rel=0.1)
+    assert poses[~near, 0].std() == pytest.approx(settings_.root_position, rel=0.1)
 
 
 def test_a_first_pose_of_hands_that_are_nowhere_is_not_accepted(upper: UpperBody) -> None:

@@ -22,7 +22,7 @@ from toolkit.track import EMPTY, LOST, TRACKED, FrameResult
 from toolkit.tracking.clock import StageClock
 from toolkit.tracking.particles import LEG_ENTRIES, ParticleFollower, ParticleTracker, ParticleTrackerSettings
 from toolkit.tracking.registry import registered
-from toolkit.tracking.upper_sighting import UpperViewer
+from toolkit.tracking.upper_sighting import Limits, UpperViewer
 
 LEVEL = np.diag([1.0, -1.0, -1.0])
 CAMERA = Camera(142.8, 142.8, 79.5, 59.5, 160, 120)
@@ -376,16 +376,31 @@ def head_off(settings: ParticleTrackerSettings) -> float:
 
 
 def test_a_lap_and_a_seat_pull_nobody_down() -> None:
-    assert head_off(SETTINGS) < 0.03 < head_off(replace(SETTINGS, reach=0.0))
+    assert head_off(SETTINGS) < 0.01 < head_off(replace(SETTINGS, reach=0.0))
 
 
 def test_what_lies_far_below_the_crown_is_not_looked_at_and_says_nothing() -> None:
     sighting = with_lap(WAVING[0])
-    viewer = UpperViewer(TALL, LEVEL, SETTINGS.particles, SETTINGS.reach)
+    viewer = UpperViewer(TALL, LEVEL, SETTINGS.particles, SETTINGS.limits._replace(lap=0.0))
     crown = UPPER.body.end_effector_positions(WAVING[0])[skeleton.END_EFFECTORS.index("head"), 1]
     for seen, tolerance in ((viewer.look(sighting), 0.1), (viewer.look(sighting, crown), 0.01)):
         assert seen.unobserved is not None and not (seen.unobserved & (seen.cloud.depth > 0)).any()
         assert seen.cloud.points[:, 1].min() == pytest.approx(crown - SETTINGS.reach, abs=tolerance)
         assert seen.points == np.count_nonzero(sighting.depth)
-    everything = UpperViewer(TALL, LEVEL, SETTINGS.particles, 0.0).look(sighting)
+    everything = UpperViewer(TALL, LEVEL, SETTINGS.particles, Limits(0.0, 0.0, 0.0)).look(sighting)
     assert everything.unobserved is None and len(everything.cloud) == np.count_nonzero(sighting.depth)
+
+
+def test_a_lap_before_the_trunk_is_not_looked_at_and_a_trunk_as_low_is() -> None:
+    pose = WAVING[0]
+    crown = UPPER.body.end_effector_positions(pose)[skeleton.END_EFFECTORS.index("head"), 1]
+    person = sighting_of(pose, TALL).depth
+    lap = np.zeros(TALL.shape, dtype=np.bool_)
+    lap[108:125, 40:120] = True
+    seated = Sighting(1, np.where(lap, np.float32(1.2), person), None, TALL)
+    seen = UpperViewer(TALL, LEVEL, SETTINGS.particles, SETTINGS.limits).look(seated, crown)
+    assert seen.unobserved is not None and (seen.unobserved == lap).all()
+    alone = UpperViewer(TALL, LEVEL, SETTINGS.particles, SETTINGS.limits._replace(reach=2.0)).look(
+        sighting_of(pose, TALL), crown
+    )
+    assert alone.unobserved is None and len(alone.cloud) == np.count_nonzero(person)

@@ -25,6 +25,10 @@ HEADS = 3
 """Candidates that may be the head where no fork says which one is: raised hands are above it."""
 TURNS = (-0.6, 0.0, 0.6)
 """Radians by which somebody may be turned away from the camera, where no fork says that they face it."""
+LEANS = (0.0, 0.35, 0.7)
+"""Radians by which somebody may lean forward."""
+ARMED = 6
+"""Trunks to which arms are given, out of all that were tried."""
 FILTERED = 2
 """Starts that are filtered: the cheapest one may be a hand taken for the head."""
 LIFTS, BENDS = (-HANGING, -0.5, 0.2, 1.0), (0.0, 0.6)
@@ -82,19 +86,27 @@ class Start(NamedTuple):
     wanted: np.ndarray
 
 
-def standing_pose(upper: UpperBody, head: np.ndarray, turned: float = 0.0) -> np.ndarray:
+def standing_pose(upper: UpperBody, head: np.ndarray, turned: float = 0.0, leaning: float = 0.0) -> np.ndarray:
     """Somebody upright, arms hanging, with the crown at `head` (3,): pose (P,), level frame.
 
-    They face the camera, but for `turned` radians to their left.
+    They face the camera, but for `turned` radians to their left, and lean forward by `leaning` radians.
     """
     pose = np.zeros(skeleton.POSE_SIZE)
     yaw = math.atan2(-head[0], -head[2]) + turned
-    pose[skeleton.ROOT_ROTATION] = [0.0, yaw, 0.0]
+    pose[skeleton.ROOT_ROTATION] = _turned_and_leaning(yaw, leaning)
     for side, sign in zip(SIDES, (-1.0, 1.0), strict=True):
         pose[skeleton.POSE_NAMES.index(f"{side}_shoulder_rz")] = sign * HANGING
     crown = upper.body.end_effector_positions(pose)[skeleton.END_EFFECTORS.index("head")]
     pose[skeleton.ROOT_POSITION] = head - crown
     return pose
+
+
+def _turned_and_leaning(yaw: float, pitch: float) -> np.ndarray:
+    """Rotation vector (3,) of `pitch` about x, then `yaw` about y, radians."""
+    across = np.array([math.cos(yaw / 2) * math.sin(pitch / 2), math.sin(yaw / 2) * math.cos(pitch / 2), 0.0])
+    across[2] = -math.sin(yaw / 2) * math.sin(pitch / 2)
+    length = float(linear.lengths(across[None])[0])
+    return 2.0 * math.atan2(length, math.cos(yaw / 2) * math.cos(pitch / 2)) * across / max(length, 1e-12)
 
 
 def initial_pose(
@@ -109,16 +121,19 @@ def initial_pose(
     """The model moved to the head, arms by inverse kinematics, filtered on the same frame, and its probability (Eq. 7).
 
     The places that the fork names are terms of Eq. 7, by their distances from crown and hands. Without a fork, and
-    beside one, which may be of shoulders, each of the highest places may be the head, and an arm rests or reaches for
-    any candidate of its own side. Poses that are far apart are compared over the whole image; the cheapest are
-    filtered, and the cheapest of these is the answer. None if nothing may be tried.
+    beside one, which may be of shoulders, each of the highest places may be the head of somebody who is turned or leans
+    somehow, and in the likeliest of these trunks an arm rests or reaches for any candidate of its own side. Poses that
+    are far apart are compared over the whole image; the cheapest are filtered, and the cheapest of these is the answer.
+    None if nothing may be tried.
     """
     starts = [] if fork is None else [_labelled(upper, filtering, effectors.points, fork, frame, settings)]
     if settings.unlabelled:
+        trunks = [(head, turn, lean) for head in _heads(effectors) for turn in TURNS for lean in LEANS]
+        poses = np.stack([standing_pose(upper, *trunk) for trunk in trunks])
+        costs = filtering.costs.whole(upper, poses, frame)
         starts += [
-            _unlabelled(upper, filtering, effectors.points, head, turned, frame, settings)
-            for head in _heads(effectors)
-            for turned in TURNS
+            _unlabelled(upper, filtering, effectors.points, trunks[row][0], poses[row], frame, settings)
+            for row in np.argsort(costs, kind="stable")[:ARMED]
         ]
     if not starts:
         return None
@@ -166,11 +181,10 @@ def _labelled(
 
 
 def _unlabelled(
-    upper: UpperBody, filtering: UpperFilter, points: np.ndarray, head: np.ndarray, turned: float,
+    upper: UpperBody, filtering: UpperFilter, points: np.ndarray, head: np.ndarray, pose: np.ndarray,
     frame: ParticleFrame, settings: InitialSettings,
 ) -> Start:  # fmt: skip
-    """A pose with the crown at `head` (3,) and arms that rest or reach for the candidates (M, 3) on their sides."""
-    pose = standing_pose(upper, head, turned)
+    """A `pose` (P,) with the crown at `head` (3,) and arms that rest or reach for the candidates on their sides."""
     others = sides_of(points[(points != head).any(axis=1)], pose)
     for side in range(2):
         pose = _best_arm(upper, filtering, pose, side, others[side], frame, settings.swivels, resting=True)

@@ -112,9 +112,14 @@ class UpperProposals:
         return np.sqrt(((hands[:, None] - candidates[None]) ** 2).sum(axis=2))
 
     def _diffuse(self, poses: np.ndarray, entries: np.ndarray, dt: float, rng: np.random.Generator) -> None:
-        """Add Gaussian noise to some entries of `poses` (N, P), in place, within the joint limits."""
+        """Add Gaussian noise to some entries of `poses` (N, P), in place, within the joint limits.
+
+        Half of them stay near, and the first one stays: a few particles in many dimensions cannot do with one width.
+        """
         scale = float(np.sqrt(RATE * min(max(dt, 0.0), LONGEST)))
         noise = rng.standard_normal((len(poses), len(entries)))
+        noise[np.arange(len(noise)) // 2 % 2 == 1] *= self.settings.fine
+        noise[0] = 0.0
         poses[:, entries] += scale * self._spread[entries] * noise
         poses[:, entries] = np.clip(poses[:, entries], *skeleton.POSE_LIMITS[entries].T)
 

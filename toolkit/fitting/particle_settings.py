@@ -38,6 +38,8 @@ class ParticleSettings:
     spine, neck, clavicle : radians per entry, likewise: they move little within a thirtieth of a second
     shoulder, elbow : radians, likewise: fast arms turn by 6 radians a second
     wrist : radians, likewise
+    fine : every second pair of particles diffuses only this share as far, and one not at all: mostly people move slowly
+    sharpness : how many times a cost counts in the weights: a mean over pixels is small against what a wrong arm costs
     cap : metres, the largest difference of depths that counts (`d_max`): a limb's width
     depth : cost of a mean squared difference of depths in units of the cap (`lambda_1`)
     silhouette : cost of silhouettes that nowhere agree (`lambda_2`): half of what a missed depth costs
@@ -68,6 +70,8 @@ class ParticleSettings:
     shoulder: float = 0.2
     elbow: float = 0.25
     wrist: float = 0.1
+    fine: float = 0.3
+    sharpness: float = 3.0
     cap: float = 0.10
     depth: float = 40.0
     silhouette: float = 20.0

@@ -25,7 +25,8 @@ class Filtered:
     Attributes
     ----------
     particles : float64 (N, P), of equal weight, for the next frame
-    estimate : float64 (P,), the particle of largest weight in the last layer (MAP)
+    estimate : float64 (P,), the particle that both arms' layers together explain best (MAP): the last layer alone would
+        leave the first arm to chance
     cost : mean over the three layers of what the estimate costs there
     aimed : share of the arm particles that inverse kinematics moved
     """
@@ -37,7 +38,7 @@ class Filtered:
 
 
 def resampled(costs: np.ndarray, rng: np.random.Generator) -> np.ndarray:
-    """Which particles go on, int64 (N,), by their costs (N,)."""
+    """Which particles go on, int64 (N,), by their costs (N,), -log of what their weights are proportional to."""
     chosen = np.empty(len(costs), dtype=np.int64)
     systematic(likelihood(costs), rng.random(), chosen)
     return chosen
@@ -71,7 +72,8 @@ class UpperFilter:
         """
         poses = particles.copy()
         self.proposals.move_trunk(poses, dt, rng)
-        return poses[resampled(self.costs.trunks(upper, poses, before, frame), rng)]
+        costs = self.costs.trunks(upper, poses, before, frame)
+        return poses[resampled(self.settings.sharpness * costs, rng)]
 
     def arms(
         self, upper: UpperBody, particles: np.ndarray, before: np.ndarray, frame: ParticleFrame, dt: float,
@@ -82,14 +84,15 @@ class UpperFilter:
         bases, base_of = self._bases(poses)
         poses = bases[base_of]
         pictures = self.costs.pictures(upper, bases, frame)
-        estimate, aimed = poses[0], 0.0
+        estimate, aimed, both = poses[0], 0.0, np.zeros(len(poses))
         for side in (first, 1 - first):
             wanted = self.proposals.move_arm(upper, poses, side, frame, dt, rng, look=side == first)
             aimed += 0.5 * float(wanted.mean())
             costs = self.costs.arms(upper, poses, side, before, frame, base_of, pictures)
-            estimate = poses[int(costs.argmin())]
-            chosen = resampled(costs, rng)
-            poses, base_of = poses[chosen], base_of[chosen]
+            both = both + costs
+            estimate = poses[int(both.argmin())]
+            chosen = resampled(self.settings.sharpness * costs, rng)
+            poses, base_of, both = poses[chosen], base_of[chosen], both[chosen]
         return Filtered(poses, estimate, self.costs.mean(upper, estimate, frame), aimed)
 
     def _bases(self, poses: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

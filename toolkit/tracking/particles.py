@@ -36,7 +36,7 @@ from toolkit.tracking.protocol import Wanted
 from toolkit.tracking.registry import Registration, register
 from toolkit.tracking.settings import check_seed
 from toolkit.tracking.state import PersonState, Previous
-from toolkit.tracking.upper_sighting import UpperSighting, UpperViewer
+from toolkit.tracking.upper_sighting import Limits, UpperSighting, UpperViewer
 
 PARTICLES, DETECTED = "particles", "detected"
 LEG_ENTRIES: np.ndarray = np.array([i for i, name in enumerate(skeleton.POSE_NAMES) if name.rpartition("_")[0] in LEGS])
@@ -55,6 +55,9 @@ class ParticleTrackerSettings:
         has no such step
     reach : metres below the crown beyond which nothing is looked at: laps and what people sit on are not drawn, and
         pull trunk and arms down. People cut off at the waist or behind a desk reach 0.7 to 0.9 m down; 0 = no limit
+    lap : metres below the crown beyond which nothing is looked at that lies before the trunk: thighs and knees of
+        somebody who sits, higher than their hips, and desks. Elbows hang 0.6 m down; 0 = no such limit
+    before : metres before the trunk from which on that holds: its own thickness
     measured_seconds : how long at the beginning the person's size is measured, "a short period of time"; 0 = an
         average body
     smallest_person : measured points below which a frame counts as empty: a person at 8 m in a 176x144 image
@@ -68,6 +71,8 @@ class ParticleTrackerSettings:
     seed: int = 0
     refined: bool = True
     reach: float = 0.9
+    lap: float = 0.6
+    before: float = 0.2
     measured_seconds: float = 1.5
     smallest_person: int = 300
     lost_cost: float = 38.0
@@ -78,9 +83,14 @@ class ParticleTrackerSettings:
     initial: InitialSettings = field(default_factory=InitialSettings)
     fitting: FittingSettings = field(default_factory=FittingSettings)
 
+    @property
+    def limits(self) -> Limits:
+        """Beyond which nothing is looked at."""
+        return Limits(self.reach, self.lap, self.before)
+
     def __post_init__(self) -> None:
         check_seed(self.seed)
-        for name in ("reach", "measured_seconds", "smallest_person"):
+        for name in ("reach", "lap", "before", "measured_seconds", "smallest_person"):
             if getattr(self, name) < 0:
                 raise SettingsError(f"{name} is {getattr(self, name)}; it is not negative")
         if not self.patience > 0 or not self.lost_cost > 0:
@@ -100,7 +110,7 @@ class ParticleFollower(Person):
         self, settings: ParticleTrackerSettings, camera: Camera, level_rotation: np.ndarray, state: PersonState
     ) -> None:
         small = camera.subsampled(max(1, camera.width // settings.particles.arm_columns))
-        self._viewer = UpperViewer(camera, level_rotation, settings.particles, settings.reach)
+        self._viewer = UpperViewer(camera, level_rotation, settings.particles, settings.limits)
         self._bodies = UpperBodies(level_rotation)
         self.filtering = UpperFilter(settings.particles)
         placer = Placer(state.body, small, level_rotation)
@@ -248,7 +258,7 @@ class ParticleTracker:
     ) -> Body | None:
         """See `Tracker.learn_body`: by first poses of several sizes, or as the paper measures it; see `sizing`."""
         settings, workspace = self.settings, Workspace()
-        viewer = UpperViewer(camera, level_rotation, settings.particles, settings.reach)
+        viewer = UpperViewer(camera, level_rotation, settings.particles, settings.limits)
         every = [viewer.look(sighting) for sighting, _ in frames]
         seen = [one for one in every if one.points >= max(settings.smallest_person, 1)]
         if not settings.initial.sizes:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
 from toolkit.fitting.particle_costs import ParticleFrame, ParticleImage
@@ -20,6 +22,16 @@ from toolkit.sensing.settings import SensingSettings
 
 TOP = 0.12
 """Metres from the middle of a head to its crown."""
+TRUNK_SHARE = 75
+"""Percentile of the distances of what is high up, at which the trunk is: hands are before it."""
+
+
+class Limits(NamedTuple):
+    """What of a sighting is not the upper body's, metres; see `ParticleTrackerSettings`."""
+
+    reach: float
+    lap: float
+    before: float
 
 
 class UpperSighting:
@@ -54,18 +66,18 @@ class UpperSighting:
 
 
 class UpperViewer:
-    """Looks at sightings before one camera, at a lower resolution and no farther down than upper bodies reach.
+    """Looks at sightings before one camera, at a lower resolution and where upper bodies reach.
 
     Parameters
     ----------
     camera : of the sightings
     level_rotation : R_level_camera, float64 (3, 3)
     settings : resolutions
-    reach : metres below the crown beyond which nothing is looked at, see `ParticleTrackerSettings`; 0 = no limit
+    limits : beyond which nothing is looked at
     """
 
-    def __init__(self, camera: Camera, level_rotation: np.ndarray, settings: ParticleSettings, reach: float) -> None:
-        self._level_rotation, self._settings, self._reach = level_rotation, settings, reach
+    def __init__(self, camera: Camera, level_rotation: np.ndarray, settings: ParticleSettings, limits: Limits) -> None:
+        self._level_rotation, self._settings, self._limits = level_rotation, settings, limits
         self._step = max(1, camera.width // settings.arm_columns)
         self._camera = camera.subsampled(self._step)
         self._lens = Lens(self._camera, level_rotation[1], self._camera.width, SensingSettings())
@@ -80,16 +92,29 @@ class UpperViewer:
         unobserved = None if sighting.unobserved is None else sighting.unobserved[::step, ::step]
         cloud = Cloud.from_depth(depth, self._camera, self._level_rotation)
         points = len(cloud) * step * step
-        if self._reach > 0 and crown is None:
+        if self._limits.reach > 0 and crown is None:
             crown = self._crown(depth)
-        if self._reach > 0 and crown is not None and len(cloud):
-            below = cloud.pixels[cloud.points[:, 1] < crown - self._reach]
+        if self._limits.reach > 0 and crown is not None and len(cloud):
+            below = cloud.pixels[self._beyond(cloud.points, crown)]
             if len(below):
                 unobserved = np.zeros(depth.shape, dtype=np.bool_) if unobserved is None else unobserved.copy()
                 depth = depth.copy()
                 unobserved.reshape(-1)[below], depth.reshape(-1)[below] = True, 0.0
                 cloud = Cloud.from_depth(depth, self._camera, self._level_rotation)
         return UpperSighting(cloud, unobserved, points, self._settings)
+
+    def _beyond(self, points: np.ndarray, crown: float) -> np.ndarray:
+        """Which of `points` (N, 3), level frame, are no part of an upper body: bool (N,).
+
+        They lie too far below its crown, or low and before its trunk: a lap, knees, a desk that stayed in the cut-out.
+        """
+        depths = crown - points[:, 1]
+        beyond = depths > self._limits.reach
+        low = depths > self._limits.lap
+        if self._limits.lap > 0 and not low.all():
+            away = np.hypot(points[:, 0], points[:, 2])
+            beyond |= low & (away < np.percentile(away[~low], TRUNK_SHARE) - self._limits.before)
+        return beyond
 
     def _crown(self, depth: np.ndarray) -> float | None:
         """How high the highest head in a depth image (h, w) reaches, metres, level frame."""
