@@ -35,7 +35,7 @@ from toolkit.sensing.opening import open_recording
 from toolkit.sensing.recording import Recording
 from toolkit.testing.scenes import record_scene
 from toolkit.testing.suite import ROOT
-from toolkit.testing.upper import GROUPS, upper_scenes
+from toolkit.testing.upper import GROUPS, MORE, upper_scenes
 from toolkit.track import TRACKED
 from toolkit.tracking.protocol import Tracker
 from toolkit.tracking.solo import Solo
@@ -212,7 +212,7 @@ def parse() -> argparse.Namespace:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--split", choices=("tune", "report"), default="tune", help="report is not for tuning")
     parser.add_argument("--rows", default="hybrid,lopez2011,particles", help="out of: " + ", ".join(ROWS))
-    parser.add_argument("--groups", default=",".join(GROUPS))
+    parser.add_argument("--groups", default=",".join(GROUPS), help="out of: " + ", ".join((*GROUPS, *MORE)))
     parser.add_argument("--takes", type=int, help="at most so many of each group")
     parser.add_argument("--frames", type=int, default=90, help="at most so many of each take")
     parser.add_argument("--recovery", action="store_true")

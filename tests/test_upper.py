@@ -20,17 +20,18 @@ from toolkit.simulation.seating import neck_height
 from toolkit.simulation.sensors import make_sensor
 from toolkit.simulation.simulate import Shot, prepare
 from toolkit.testing.given import fitted_to_joints
-from toolkit.testing.upper import GROUPS, upper_scenes
+from toolkit.testing.upper import GROUPS, MORE, upper_scenes
 from toolkit.track import LOST, TRACKED
 
 CAMERA = Camera(285.6, 285.6, 159.5, 119.5, 320, 240)
 
 
 def test_the_splits_share_no_motion_and_each_group_has_two_takes_in_either() -> None:
-    tune, report = upper_scenes("tune"), upper_scenes("report")
+    tune, report = (upper_scenes(split, (*GROUPS, *MORE)) for split in ("tune", "report"))
     for scenes in (tune, report):
-        assert [scene.group for scene in scenes] == [group for group in GROUPS for _ in range(2)]
+        assert [scene.group for scene in scenes] == [group for group in (*GROUPS, *MORE) for _ in range(2)]
         assert len({scene.seed for scene in scenes}) == len(scenes)
+    assert len(upper_scenes("tune")) == 2 * len(GROUPS)
     assert not {s.actors[0].motion for s in tune} & {s.actors[0].motion for s in report}
     assert len(upper_scenes("tune", ("cut", "desk"), 1)) == 2
 

@@ -4,7 +4,8 @@ Six groups: cut by the image, behind a desk, on a chair, near the camera (hands 
 leave the image) and turned. The camera is aimed so that the image ends `CUT` below the neck. The splits share no actor,
 no motion and no body, and no actor is in the database of `toolkit.testing.suite`: `tune` is made of HDM05 actor bk,
 `report`, for reporting only, of HDM05 actor dg and the CMU subject 02, both with bundled `subject` motions. Where the
-mocap is absent, these take its place.
+mocap is absent, these take its place. Two more groups are asked for by name: arms that cross the body, are folded or
+touch the head, and laps in view.
 """
 
 from __future__ import annotations
@@ -22,8 +23,12 @@ from toolkit.testing import suite
 from toolkit.testing.scenes import Actor, Scene
 
 GROUPS = ("cut", "desk", "chair", "camera", "wide", "turned")
+MORE = ("crossing", "lap")
+"""Groups that are no part of the suite's figures."""
 CUT = 0.45
 """Metres below the neck at which the image ends: at the waist."""
+CUTS = {"lap": 0.95}
+"""Where it ends in other groups: below a lap."""
 ABOVE = 0.05
 """Metres by which the camera stands above the neck."""
 
@@ -49,6 +54,10 @@ TUNE = (
     _take("wide", "bundled_semaphore", "short_female", 1.2),
     _take("turned", "bk_elbowToKnee_008", "athletic_male", 1.5, yaw=35),
     _take("turned", "bk_throwBasketball_005", "elderly", 1.5, yaw=-40),
+    _take("crossing", "bundled_hand_to_mouth", "average_male", 1.4),
+    _take("crossing", "bundled_hands_to_head", "slim_female", 1.4),
+    _take("lap", "bundled_sit_and_drink", "short_female", 2.0, view="background", seated=True, furniture=("chair",)),
+    _take("lap", "bundled_sit_and_read", "heavy_male", 2.0, seated=True, furniture=("chair",)),
 )
 REPORT = (
     _take("cut", "dg_rotateArms_009", "athletic_male", 1.4),
@@ -63,6 +72,10 @@ REPORT = (
     _take("wide", "bundled_archery", "teenager", 1.2),
     _take("turned", "02_06", "elderly", 1.5, yaw=40, start=5.0),
     _take("turned", "dg_throwBasketball_009", "athletic_male", 1.5, yaw=-35),
+    _take("crossing", "bundled_arms_crossed", "tall_male", 1.4),
+    _take("crossing", "bundled_reach_across", "average_female", 1.4),
+    _take("lap", "bundled_sit_and_stretch", "slim_male", 2.0, view="background", seated=True, furniture=("chair",)),
+    _take("lap", "bundled_sit_and_wave", "heavy_female", 2.0, seated=True, furniture=("chair",)),
 )
 
 
@@ -81,5 +94,5 @@ def _aimed(scene: Scene, seed: int) -> Scene:
     body = subject_body(actor.body, seed=seed)
     neck = neck_height(body, seated=actor.seated)
     height = neck + scene.height
-    tilt = cut_tilt(make_sensor(scene.sensor).camera, height, scene.distance, neck - CUT)
+    tilt = cut_tilt(make_sensor(scene.sensor).camera, height, scene.distance, neck - CUTS.get(scene.group, CUT))
     return replace(scene, actors=(actor,), seed=seed, height=height, tilt=float(np.degrees(tilt)))
