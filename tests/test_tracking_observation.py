@@ -11,6 +11,7 @@ import pytest
 from toolkit.body import skeleton
 from toolkit.body.shape import load_body
 from toolkit.database.origin import ADULT_HEIGHT
+from toolkit.errors import SettingsError
 from toolkit.landmarks.facing import FacingEstimate, FacingFilter
 from toolkit.landmarks.parts import JointEstimate
 from toolkit.landmarks.settings import LandmarkSettings
@@ -18,6 +19,7 @@ from toolkit.sensing.camera import Camera
 from toolkit.sensing.cloud import Cloud
 from toolkit.tracking import observation as room
 from toolkit.tracking.observation import Observation, Observer
+from toolkit.tracking.settings import HybridSettings
 from toolkit.tracking.state import FIRST_STEP, PersonState, Previous
 
 OBSERVER = Observer(LandmarkSettings(), 20, 100, "pixels", None, 100)
@@ -160,3 +162,28 @@ def test_what_is_in_view_is_learnt_from_votes_that_were_asked_for(
     assert after(False, True, legless) == pytest.approx((1.0 + legless) / 2)
     assert after(True, False, legless) is legless and after(True, False, None) is None
     assert after(False, True, None) is None
+
+
+@pytest.mark.parametrize("learning", [False, True])
+def test_whoever_is_told_to_be_an_upper_body_has_no_legs_to_look_for_and_a_whole_one_has_all(
+    cloud: Cloud, learning: bool
+) -> None:
+    hidden = np.zeros(len(skeleton.REPORTED))
+    known = state(previous=Previous.of_pose(load_body("neutral"), np.zeros(skeleton.POSE_SIZE)), in_view=hidden)
+    withheld = {
+        body: [
+            replace(OBSERVER, body=body, learning=learning).observe(cloud, 0.0, s).withheld for s in (state(), known)
+        ]
+        for body in ("auto", "whole", "upper")
+    }
+    assert withheld["whole"] == [None, None] and withheld["auto"][0] is None
+    assert (withheld["auto"][1] is None) == learning
+    for legs in withheld["upper"]:
+        assert legs is not None
+        names = {name for name, away in zip(skeleton.JOINT_NAMES, legs, strict=True) if away}
+        assert names == {f"{side}_{joint}" for side in ("left", "right") for joint in ("hip", "knee", "ankle")}
+
+
+def test_how_much_there_is_to_see_is_one_of_three_words() -> None:
+    with pytest.raises(SettingsError, match="body is 'half'; choose auto, whole or upper"):
+        HybridSettings(body="half")  # type: ignore[arg-type]

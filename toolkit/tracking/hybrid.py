@@ -128,7 +128,7 @@ class HybridTracker(SearchingTracker):
         s = self.settings
         return Observer(
             s.landmarks, s.extrema, s.fitting.cloud_samples, s.fitting.search, self._forest, s.vote_samples, self.guide,
-            s.vote_pull,
+            s.vote_pull, body=s.body,
         )  # fmt: skip
 
     @cached_property

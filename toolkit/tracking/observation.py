@@ -11,6 +11,7 @@ from toolkit.body import skeleton
 from toolkit.database.origin import ADULT_HEIGHT
 from toolkit.fitting.orientation import Evidence
 from toolkit.fitting.scene import Scene
+from toolkit.fitting.upper import LEGS
 from toolkit.fitting.voted import VotedJoints, links_out_of_view
 from toolkit.kernels import linear
 from toolkit.landmarks.centre import cloud_centre
@@ -25,6 +26,8 @@ from toolkit.sensing.joints2d import Joints2D, LiftedJoints, lift
 from toolkit.tracking.guide import Guide, NoGuide
 from toolkit.tracking.state import PersonState
 
+LEG_LINKS: np.ndarray = np.isin(skeleton.JOINT_NAMES, LEGS)
+"""Bool (18,): joints whose links are of a leg."""
 NEWEST = 0.5
 """Share of the newest votes in what is said to be in view: whoever crouches for a moment is no head behind a desk."""
 
@@ -44,6 +47,7 @@ class Observer:
         large the person is or where they stand; 0 = none
     learning : whether the body is being learnt, so that this holds for all frames: clothes hide a size as well as
         furniture does
+    body : how much of a person there is to see: "auto", "whole" or "upper", see `HybridSettings`
     """
 
     landmarks: LandmarkSettings
@@ -55,6 +59,7 @@ class Observer:
     guide: Guide = field(default_factory=NoGuide)
     vote_pull: float = 0.0
     learning: bool = False
+    body: str = "auto"
 
     @property
     def kind(self) -> type[Observation]:
@@ -176,8 +181,11 @@ class Observation:
         """Bool (18,): joints whose links are out of view; None if none are, or where the person has to be found anew.
 
         A leg below a desk would else be drawn to whatever the rest of the body does not explain, an arm that is raised.
-        While the body is learnt, what the votes are sure of holds the legs.
+        While the body is learnt, what the votes are sure of holds the legs. Who is told how much there is to see does
+        not ask the votes.
         """
+        if self.observer.body != "auto":
+            return LEG_LINKS if self.observer.body == "upper" else None
         if self.state.previous is None or self.state.in_view is None or self.observer.learning:
             return None
         hidden = links_out_of_view(self.state.in_view)

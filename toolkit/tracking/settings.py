@@ -51,6 +51,8 @@ class HybridSettings:
         where extrema merge with the body), "arms" (the local one with arms of other poses), "particles" (on first
         frames and after losses, hands where the cloud ends, and the best pose turned round), "swarm" (likewise, where
         joints are seen in the image; set up as in configs/swarm.yaml)
+    body : how much of a person there is to see: "auto" (the regressor tells which links are out of view, frame by
+        frame), "whole" (nothing is out of view that the frame does not hide), "upper" (legs are never looked for)
     extrema : geodesic extrema per frame, Eq. 5.8
     candidates : retrieved poses that are compared before one of them is refined: a comparison costs a fifth of a
         refinement; 1 takes the best by Eq. 5.6 unseen
@@ -79,6 +81,7 @@ class HybridSettings:
     tracker: Literal["hybrid"] = "hybrid"
     seed: int = 0
     hypotheses: tuple[str, ...] = ("local", "extrema", "joints", "arms", "particles", "swarm")
+    body: Literal["auto", "whole", "upper"] = "auto"
     extrema: int = 20
     candidates: int = 2
     promising: float = 2.5
@@ -104,6 +107,8 @@ class HybridSettings:
         known = ("local", "extrema", "joints", "arms", "particles", "swarm")
         if unknown := [name for name in self.hypotheses if name not in known]:
             raise SettingsError(f"hypotheses {unknown} are unknown; choose from {', '.join(known)}")
+        if self.body not in ("auto", "whole", "upper"):
+            raise SettingsError(f"body is {self.body!r}; choose auto, whole or upper")
         if not self.hypotheses:
             raise SettingsError(f"a tracker needs a hypothesis; choose from {', '.join(known)}")
         if not 0.0 <= self.momentum <= 1.0:
