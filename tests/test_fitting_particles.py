@@ -9,14 +9,14 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from toolkit.body import skeleton
-from toolkit.body.shape import load_body
+from toolkit.body.shape import ShapeSpace, load_body
 from toolkit.errors import SettingsError
 from toolkit.fitting.initial import InitialSettings, initial_pose, place_hands, standing_pose
 from toolkit.fitting.particle_costs import ParticleFrame, ParticleImage, likelihood
 from toolkit.fitting.particle_proposals import by_inverse_kinematics
 from toolkit.fitting.particle_settings import ParticleSettings
 from toolkit.fitting.particles import UpperFilter
-from toolkit.fitting.sizing import lowest, sized_body
+from toolkit.fitting.sizing import FirstFrame, fitting_body, lowest, sized_body
 from toolkit.fitting.upper import UpperBodies, UpperBody
 from toolkit.kernels import particles as kernel
 from toolkit.landmarks.effectors import Effectors, Fork
@@ -362,3 +362,20 @@ def test_a_parabola_has_its_lowest_place_between_the_sizes_and_never_beyond_them
     assert lowest(places, (np.array(places) - 0.3) ** 2) == pytest.approx(0.3)
     assert lowest(places, np.array(places) ** 1) == -2.0
     assert lowest(places, np.zeros(4)) == -2.0
+
+
+@pytest.mark.parametrize(("worse", "height"), [(0.0, 0.0), (30.0, 0.25)])
+def test_a_size_that_explains_hardly_more_gives_way_to_the_usual_one(
+    upper: UpperBody, monkeypatch: pytest.MonkeyPatch, worse: float, height: float
+) -> None:
+    """`worse` is what a pose costs for each metre that its body is short of two."""
+    filtering, sizes = UpperFilter(ParticleSettings()), InitialSettings(rounds=0)
+    usual = ShapeSpace.load().body([0.0])
+    monkeypatch.setattr(filtering.costs, "whole", lambda own, poses, _: np.full(len(poses), -worse * own.body.height))
+    depth, truth = depth_of(upper, pose_of()), pose_of()
+    crown = upper.body.end_effector_positions(truth)[skeleton.END_EFFECTORS.index("head")]
+    first = FirstFrame(effectors_of(crown[None]), None, frame_of(depth))
+    found = fitting_body(UpperBodies(LEVEL), filtering, [first], sizes, 0)
+    assert found is not None
+    assert found.height - usual.height == pytest.approx(height, abs=0.15)
+    assert (found.height > usual.height + 0.1) == (worse > 0.0)

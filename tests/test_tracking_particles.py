@@ -142,16 +142,23 @@ def test_arms_that_are_hidden_are_guessed_or_the_frame_is_lost(pose: np.ndarray)
         assert result.state in (LOST, TRACKED) and np.isfinite(result.joints).all()
 
 
-def test_one_hand_only_and_a_back_to_the_camera_end_in_no_crash() -> None:
-    one = pose_of(right_shoulder_ry=-1.0, right_shoulder_rz=1.4)
+def turned_away() -> np.ndarray:
     back = pose_of()
-    back[4] = np.pi
-    for pose in (one, back):
-        for result in followed(follower(), [pose] * 2):
-            assert np.isfinite(result.joints).all()
+    back[skeleton.POSE_NAMES.index("root_ry")] = np.pi
+    return back
 
 
-def test_a_hand_in_a_hole_and_a_hand_out_of_the_image_do_not_lose_the_person() -> None:
+@pytest.mark.parametrize(
+    "pose",
+    [pose_of(right_shoulder_ry=-1.0, right_shoulder_rz=1.4), turned_away()],
+    ids=["one hand only", "back to the camera"],
+)
+def test_whoever_shows_less_than_a_head_and_two_hands_is_guessed_or_lost(pose: np.ndarray) -> None:
+    for result in followed(follower(), [pose] * 2):
+        assert result.state in (LOST, TRACKED) and np.isfinite(result.joints).all()
+
+
+def test_a_hand_too_near_to_be_measured_does_not_lose_the_person() -> None:
     person = follower()
     followed(person, WAVING[:3])
     sighting = sighting_of(WAVING[3])
@@ -161,12 +168,30 @@ def test_a_hand_in_a_hole_and_a_hand_out_of_the_image_do_not_lose_the_person() -
     unobserved[:, 125:] = True
     result = step(person, Sighting(1, hole, unobserved, CAMERA), 0.1)
     assert result.state == TRACKED and hands_off(result, WAVING[3]) < 0.4
-    left_of = Camera(CAMERA.fx, CAMERA.fy, 20.0, CAMERA.cy, 160, 120)
-    moved = [replace_place(pose, 0.0) for pose in WAVING[:3]]
+
+
+def test_a_hand_that_leaves_the_image_does_not_lose_the_person() -> None:
+    left_of = Camera(CAMERA.fx, CAMERA.fy, 40.0, CAMERA.cy, 160, 120)
     outside = ParticleTracker(SETTINGS).follower(left_of, LEVEL)
-    for i, pose in enumerate(moved):
-        result = step(outside, sighting_of(pose, left_of), i / 30)
+    for i, pose in enumerate(WAVING[:6]):
+        sighting = sighting_of(pose, left_of)
+        assert sighting.depth[:, 0].any()
+        result = step(outside, sighting, i / 30)
         assert np.isfinite(result.joints).all()
+    assert result.state == TRACKED and trunk_off(result, pose) < 0.15
+
+
+def test_a_hand_that_lies_on_a_desk_leaves_the_trunk_where_it_is() -> None:
+    lying = reaching("left", CROWN + np.array([0.25, -0.62, 0.3]))
+    desk = np.zeros(CAMERA.shape, dtype=np.bool_)
+    desk[95:] = True
+    person = follower()
+    followed(person, WAVING[:3])
+    for i in range(8):
+        depth = np.where(desk, 0.0, sighting_of(lying).depth).astype(np.float32)
+        result = step(person, Sighting(1, depth, desk, CAMERA), 0.1 + i / 30)
+        assert result.state == TRACKED and trunk_off(result, lying) < 0.1
+    assert hands_off(result, lying) < 0.25
 
 
 def replace_place(pose: np.ndarray, x: float) -> np.ndarray:
@@ -265,11 +290,23 @@ def test_two_pieces_are_one_person() -> None:
     assert followed_depth(depth).state == TRACKED
 
 
-def test_what_stays_of_a_chair_and_somebody_behind_do_not_crash_it() -> None:
+def test_what_stays_of_a_chair_does_not_take_the_trunk_along() -> None:
     depth = sighting_of(pose_of()).depth.copy()
     depth[80:, 20:40] = 1.4
-    depth[20:100, 130:150][depth[20:100, 130:150] == 0] = 2.4
-    assert np.isfinite(followed_depth(depth).joints).all()
+    result = followed_depth(depth)
+    assert result.state == TRACKED and trunk_off(result, pose_of()) < 0.15
+
+
+def test_somebody_who_walks_behind_does_not_take_the_trunk_along() -> None:
+    person = follower()
+    followed(person, [pose_of()] * 3)
+    for i in range(6):
+        depth = sighting_of(pose_of()).depth.copy()
+        behind = np.zeros(CAMERA.shape, dtype=np.bool_)
+        behind[20:100, 130 - 10 * i : 150 - 10 * i] = True
+        depth[behind & (depth == 0)] = 2.4
+        result = step(person, of_depth(depth), 0.1 + i / 30)
+        assert result.state == TRACKED and trunk_off(result, pose_of()) < 0.1
 
 
 def followed_depth(depth: np.ndarray) -> FrameResult:

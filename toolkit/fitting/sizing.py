@@ -25,6 +25,9 @@ FLESH = 0.02
 """Metres by which a silhouette is broader at the shoulders than the distance of their joints."""
 HIDDEN = 0.10
 """Metres of an arm before the point at which its path bends, below the shoulder."""
+UNLIKELY = 1.0
+"""Cost of a size that is one standard deviation from the mean, and a quarter of that of two: unseen legs leave size
+hardly observable, and a first pose that is better by chance costs as much less."""
 ROUNDS = 4
 """Times that a frame is filtered while sizes are compared: fewer than for a pose, for the trunk tells the size."""
 
@@ -40,7 +43,7 @@ class FirstFrame(NamedTuple):
 def fitting_body(
     bodies: UpperBodies, filtering: UpperFilter, frames: Sequence[FirstFrame], settings: InitialSettings, seed: int
 ) -> Body | None:
-    """Of bodies of the `settings.sizes` the one whose first poses explain the frames best; None without any pose.
+    """Of bodies of the `settings.sizes` the likeliest, by how well its first poses explain the frames; None without any.
 
     Between the sizes it is where the parabola through the best and its neighbours is lowest. All sizes get the same
     random numbers.
@@ -56,7 +59,10 @@ def fitting_body(
             if first is not None:
                 costs.append(float(filtering.costs.whole(upper, first.pose[None], seen.frame)[0]))
         tried += [costs] if len(costs) == len(settings.sizes) else []
-    return space.body([lowest(settings.sizes, np.array(tried).mean(axis=0))]) if tried else None
+    if not tried:
+        return None
+    costs = np.array(tried).mean(axis=0) + UNLIKELY * np.array(settings.sizes) ** 2
+    return space.body([lowest(settings.sizes, costs)])
 
 
 def lowest(places: Sequence[float], values: np.ndarray) -> float:
