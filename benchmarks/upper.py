@@ -46,6 +46,7 @@ ANNOTATIONS = Path(__file__).parent / "annotations"
 STILL_CAMERA = (575.0, 575.0, 320.0, 240.0)
 DISTURBED, WITHIN, LASTING, WAITED = 30, 60.0, 5, 30
 """Frame at which arms are set wrong; millimetres, frames in a row and frames at most of a recovery."""
+DEFAULT_ROWS = "hybrid,lopez2011,particles"
 COLUMNS = (
     ("upper_px", "px", 1.0),
     ("median_px", "median", 1.0),
@@ -211,7 +212,7 @@ def parse() -> argparse.Namespace:
     """The command line."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--split", choices=("tune", "report"), default="tune", help="report is not for tuning")
-    parser.add_argument("--rows", default="hybrid,lopez2011,particles", help="out of: " + ", ".join(ROWS))
+    parser.add_argument("--rows", default=DEFAULT_ROWS, help="out of: " + ", ".join(ROWS))
     parser.add_argument("--groups", default=",".join(GROUPS), help="out of: " + ", ".join((*GROUPS, *MORE)))
     parser.add_argument("--takes", type=int, help="at most so many of each group")
     parser.add_argument("--frames", type=int, default=90, help="at most so many of each take")
@@ -239,8 +240,9 @@ def main() -> None:
     print_table(figures)
     whole = options.takes is None and options.frames >= 90 and not options.set and options.groups == ",".join(GROUPS)
     stem = "upper_real" if options.real else f"upper_{options.split}"
+    own = "" if options.rows == DEFAULT_ROWS else "_" + options.rows.replace(",", "_").replace(" ", "_")
     settings = {name: getattr(options, name) for name in ("rows", "frames", "groups", "set")}
-    print("written:", save_figures(stem + ("" if whole else "_part"), figures, settings))
+    print("written:", save_figures(stem + (own if whole else "_part"), figures, settings))
 
 
 if __name__ == "__main__":

@@ -26,8 +26,8 @@ FLESH = 0.02
 HIDDEN = 0.10
 """Metres of an arm before the point at which its path bends, below the shoulder."""
 UNLIKELY = 1.0
-"""Cost of a size that is one standard deviation from the mean, and a quarter of that of two: unseen legs leave size
-hardly observable, and a first pose that is better by chance costs as much less."""
+"""Cost of a size one standard deviation from the mean, and a quarter of that of two: unseen legs leave size hardly
+observable, and a first pose that is better by chance costs as much less."""
 ROUNDS = 4
 """Times that a frame is filtered while sizes are compared: fewer than for a pose, for the trunk tells the size."""
 
@@ -43,7 +43,7 @@ class FirstFrame(NamedTuple):
 def fitting_body(
     bodies: UpperBodies, filtering: UpperFilter, frames: Sequence[FirstFrame], settings: InitialSettings, seed: int
 ) -> Body | None:
-    """Of bodies of the `settings.sizes` the likeliest, by how well its first poses explain the frames; None without any.
+    """Of bodies of the `settings.sizes` the likeliest, by how well first poses explain the frames; None without any.
 
     Between the sizes it is where the parabola through the best and its neighbours is lowest. All sizes get the same
     random numbers.
