@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import fcntl
+import os
 from pathlib import Path
 
 import pytest
@@ -13,14 +15,36 @@ QUICK = frozenset({
     "test_tracking_smoothing",
 })  # fmt: skip
 """Modules whose tests answer at once: the heart, with parts made up where they would be slow."""
+LONGEST = (
+    "test_benchmarks", "test_kills", "test_examples", "test_parts", "test_main_road", "test_inertial_road", "test_demo",
+    "test_database_builder",
+)  # fmt: skip
+"""Modules that take longest, the longest first: begun first, so that no worker is left alone with one at the end."""
 SHARED_DATA = Path(__file__).resolve().parents[2] / "shared" / "data"
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Mark what `make quick` runs."""
+    """Mark what `make quick` runs, and put the longest modules first."""
+    places = {name: place for place, name in enumerate(LONGEST)}
+    items.sort(key=lambda item: places.get(item.path.stem, len(LONGEST)))
     for item in items:
         if item.path.stem in QUICK and item.get_closest_marker("shared_data") is None:
             item.add_marker(pytest.mark.quick)
+
+
+@pytest.fixture(scope="session")
+def bundled_database(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A database of 800 poses of the bundled motions, without a regressor: made once for all workers."""
+    from database_builder.build import build_database
+
+    own = tmp_path_factory.getbasetemp()
+    folder = own.parent if os.environ.get("PYTEST_XDIST_WORKER") else own
+    path = folder / "bundled_poses.npz"
+    with (folder / "bundled_poses.lock").open("w") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        if not path.exists():
+            build_database(None, path, parts=None, max_poses=800, workers=1)
+    return path
 
 
 @pytest.fixture(scope="session")

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import json
 import sys
+from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -34,15 +36,21 @@ from benchmarks import (
 from benchmarks._rows import WatchedTracker
 from database_builder.build import build_database
 from database_builder.parts import PartsSettings
+from toolkit.body.body import Body
 from toolkit.body.shape import load_body, subject_body
 from toolkit.database.database import PoseDatabase
 from toolkit.errors import UsageError
+from toolkit.fitting.initial import InitialSettings
+from toolkit.fitting.particles import UpperFilter
+from toolkit.fitting.sizing import FirstFrame, fitting_body
+from toolkit.fitting.upper import UpperBodies
 from toolkit.mocap.procedural import procedural_clips
 from toolkit.sensing.opening import open_recording
 from toolkit.simulation.person import facing_of
 from toolkit.testing import suite
 from toolkit.testing.misled import wrong_pose
 from toolkit.testing.suite import GROUPS, REPORT, TUNE, chosen_takes, performed, record, takes
+from toolkit.tracking import particles
 from toolkit.tracking.solo import Solo
 
 QUICK = ("--set", "shape.seconds=0.1")
@@ -58,6 +66,24 @@ def small_database(tmp_path_factory: pytest.TempPathFactory) -> Path:
     parts = PartsSettings(images=60, trees=1, depth=8, calibration=20)
     build_database(clips, path, threshold=0.03, seated=False, parts=parts, workers=1)
     return path
+
+
+@pytest.fixture(scope="module")
+def work(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Recordings that several tests take: each is made once."""
+    return tmp_path_factory.mktemp("work")
+
+
+@pytest.fixture
+def sized_roughly(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Three sizes of upper bodies are compared on one frame: all of them are most of what a take of 3 frames costs."""
+
+    def few(
+        bodies: UpperBodies, filtering: UpperFilter, frames: Sequence[FirstFrame], settings: InitialSettings, seed: int
+    ) -> Body | None:
+        return fitting_body(bodies, filtering, frames[:1], replace(settings, sizes=(-1.0, 0.0, 1.0)), seed)
+
+    monkeypatch.setattr(particles, "fitting_body", few)
 
 
 @pytest.fixture
@@ -107,31 +133,31 @@ def test_a_turning_subject_turns_by_the_angle_that_the_take_says(bundled: Path) 
     np.testing.assert_allclose(np.degrees(yaws[1] - yaws[0])[[0, -1]], [0.0, 360.0], atol=1e-6)
 
 
-def test_the_whole_subject_stays_in_the_image(bundled: Path) -> None:
+def test_the_whole_subject_stays_in_the_image(bundled: Path, work: Path) -> None:
     take = chosen_takes("tune", ["fast"], 1)[0]
-    recording = open_recording(record(take, bundled, frames=12))
+    recording = open_recording(record(take, work, frames=20))
     pixels = recording.camera.project(recording.joints)
     assert (pixels > 0).all()
     assert (pixels < [recording.camera.width - 1, recording.camera.height - 1]).all()
 
 
 def test_accuracy_compares_trackers_and_writes_figures_and_plots(
-    bundled: Path, small_database: Path, monkeypatch: pytest.MonkeyPatch
+    bundled: Path, work: Path, small_database: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    arguments = ["--rows", "hybrid,local", "--groups", "basic,turn", "--takes", 1, "--frames", 6]
-    run(accuracy, *arguments, "--database", small_database, "--work", bundled, monkeypatch=monkeypatch)
+    arguments = ["--rows", "hybrid,local", "--groups", "basic,turn", "--takes", 1, "--frames", 4]
+    run(accuracy, *arguments, "--database", small_database, "--work", work, *QUICK, monkeypatch=monkeypatch)
     figures = json.loads((bundled / "accuracy_tune_part.json").read_text())["figures"]
     assert list(figures["rows"]) == ["hybrid", "local"]
     assert set(figures["rows"]["hybrid"]["means"]) == {"basic", "turn", "overall"}
-    assert sum(entry["joints"] for entry in figures["confidence"]) == 2 * 6 * 20
+    assert sum(entry["joints"] for entry in figures["confidence"]) == 2 * 4 * 20
     assert (bundled / "accuracy_tune_part.png").exists()
     assert (bundled / "accuracy_tune_part_confidence.png").exists()
 
 
 def test_the_swarm_is_compared_with_its_parts_and_on_first_frames(
-    bundled: Path, monkeypatch: pytest.MonkeyPatch
+    bundled: Path, work: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    arguments = ["--takes", 1, "--frames", 4, "--joints", "truth", "--rows", "swarm,no 3D", "--work", bundled, *FEW]
+    arguments = ["--takes", 1, "--frames", 4, "--joints", "truth", "--rows", "swarm,no 3D", "--work", work, *FEW]
     monkeypatch.setattr(_swarm_rows, "EVERY", 2)
     for more in ([], ["--cold"]):
         run(swarm, *arguments, *more, monkeypatch=monkeypatch)
@@ -144,11 +170,13 @@ def test_the_swarm_is_compared_with_its_parts_and_on_first_frames(
         assert counted == 5 * (2 if more else 4) * 20
 
 
-def test_tables_of_the_swarms_paper_are_made_of_short_sequences(bundled: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_tables_of_the_swarms_paper_are_made_of_short_sequences(
+    bundled: Path, work: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setattr(qammaz, "scanned", lambda name, work: load_body("neutral"))
     monkeypatch.setattr(qammaz, "PARTICLES", (4, 8))
     monkeypatch.setattr(qammaz, "GENERATIONS", (3,))
-    arguments = ["--sequences", "MS_1", "--frames", 3, "--joints", "truth", "--work", bundled, *FEW]
+    arguments = ["--sequences", "MS_1", "--frames", 3, "--joints", "truth", "--work", work, *FEW]
     for part in qammaz.PARTS:
         run(qammaz, part, *arguments, monkeypatch=monkeypatch)
         figures = json.loads((bundled / f"qammaz_{part}.json").read_text())["figures"]
@@ -159,20 +187,22 @@ def test_tables_of_the_swarms_paper_are_made_of_short_sequences(bundled: Path, m
 
 
 def test_first_frames_are_counted_with_the_swarm_and_without(
-    bundled: Path, small_database: Path, monkeypatch: pytest.MonkeyPatch
+    bundled: Path, work: Path, small_database: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(cold, "chosen_takes", lambda split, count: chosen_takes(split, ["basic", "low"], count))
     arguments = ["--takes", 1, "--frames", 4, "--joints", "truth", "--rows", "hybrid,no swarm", "--every", 2]
-    run(cold, *arguments, "--database", small_database, "--work", bundled, *QUICK, monkeypatch=monkeypatch)
+    run(cold, *arguments, "--database", small_database, "--work", work, *QUICK, monkeypatch=monkeypatch)
     figures = json.loads((bundled / "cold_tune_truth.json").read_text())["figures"]
     assert [figures[row]["overall"]["starts"] for row in ("hybrid", "no swarm")] == [4, 4]
     assert {"mean", "low", "high"} <= set(figures["no swarm"]["fewer_right_points"])
 
 
-def test_the_swarms_time_is_told_by_stage_and_by_hypothesis(bundled: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_swarms_time_is_told_by_stage_and_by_hypothesis(
+    bundled: Path, work: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setattr(swarm_speed, "POSES", 4)
     monkeypatch.setattr(swarm_speed, "SIZES", ((30, 40),))
-    run(swarm_speed, "--frames", 3, "--rows", "swarm", "--work", bundled, monkeypatch=monkeypatch)
+    run(swarm_speed, "--frames", 3, "--rows", "swarm", "--work", work, monkeypatch=monkeypatch)
     figures = json.loads((bundled / "swarm_speed.json").read_text())["figures"]
     assert list(figures["times"]) == ["swarm, 1", "swarm, 2"] and set(figures["hypothesis_us"]) == {
         "balls", "small", "mesh",
@@ -181,11 +211,11 @@ def test_the_swarms_time_is_told_by_stage_and_by_hypothesis(bundled: Path, monke
 
 
 def test_recovery_counts_frames_until_the_pose_is_right(
-    bundled: Path, small_database: Path, monkeypatch: pytest.MonkeyPatch
+    bundled: Path, work: Path, small_database: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(recovery, "CAP", 3)
     monkeypatch.setattr(_takes, "WITHIN", 0.5)
-    arguments = ["--takes", 1, "--frames", 4, "--starts", 5, "--database", small_database, "--work", bundled]
+    arguments = ["--takes", 1, "--frames", 4, "--starts", 5, "--database", small_database, "--work", work]
     run(recovery, *arguments, *QUICK, monkeypatch=monkeypatch)
     figures = json.loads((bundled / "recovery_tune_part.json").read_text())["figures"]
     kinds, starts = figures["kinds"], figures["starts"]
@@ -231,19 +261,19 @@ def test_speed_times_every_stage_at_full_and_half_resolution(
 
 @pytest.mark.shared_data
 def test_real_recordings_are_measured(
-    shared_data: Path, bundled: Path, small_database: Path, monkeypatch: pytest.MonkeyPatch
+    shared_data: Path, bundled: Path, work: Path, small_database: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    run(real, "--stride", 108, "--database", small_database, "--work", bundled, *QUICK, monkeypatch=monkeypatch)
+    run(real, "--stride", 108, "--database", small_database, "--work", work, *QUICK, monkeypatch=monkeypatch)
     mean = json.loads((bundled / "real_part.json").read_text())["figures"]["hybrid"]["mean"]
     assert 0 < mean["overlap"] <= 1
 
 
 def test_candidates_are_counted_in_frames_with_free_end_effectors(
-    bundled: Path, small_database: Path, monkeypatch: pytest.MonkeyPatch
+    bundled: Path, work: Path, small_database: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     run(
-        candidates, "--takes", 1, "--frames", 8, "--database", small_database, "--recordings", bundled,
-        "--work", bundled / "work", monkeypatch=monkeypatch,
+        candidates, "--takes", 1, "--frames", 8, "--database", small_database, "--recordings", work,
+        "--work", work, monkeypatch=monkeypatch,
     )  # fmt: skip
     figures = json.loads((bundled / "candidates_tune_part.json").read_text())["figures"]
     assert figures["real"] == {"frames": 0, "first_five": None, "all_extrema": None, "queries": None}
@@ -260,8 +290,8 @@ def test_shares_are_those_of_the_frames_that_count() -> None:
     assert row == {"frames": 4, "first_five": 0.25, "all_extrema": 0.75, "queries": 0.25}
 
 
-def test_the_watched_local_hypothesis_is_the_one_that_competes(bundled: Path, small_database: Path) -> None:
-    path = record(chosen_takes("tune", ["fast"], 1)[0], bundled / "work", 20)
+def test_the_watched_local_hypothesis_is_the_one_that_competes(bundled: Path, work: Path, small_database: Path) -> None:
+    path = record(chosen_takes("tune", ["fast"], 1)[0], work, 20)
     recording = open_recording(path)
     tracker = WatchedTracker(PoseDatabase.load(small_database))
     solo = Solo(tracker, recording)
@@ -273,11 +303,11 @@ def test_the_watched_local_hypothesis_is_the_one_that_competes(bundled: Path, sm
 
 
 def test_the_regressor_is_judged_by_view_with_what_it_knows_of_the_view(
-    bundled: Path, small_database: Path, monkeypatch: pytest.MonkeyPatch
+    bundled: Path, work: Path, small_database: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     kinds = ("waist_up", "hidden", "child")
     monkeypatch.setattr(regressor, "takes", lambda split: takes(split)[:2])
-    arguments = ["--views", 3, "--database", small_database, "--work", bundled, "--masked", "--kinds", *kinds]
+    arguments = ["--views", 3, "--database", small_database, "--work", work, "--masked", "--kinds", *kinds]
     run(regressor, *arguments, monkeypatch=monkeypatch)
     rows = json.loads((bundled / "regressor_tune.json").read_text())["figures"]
     assert [row["view"] for row in rows] == list(kinds)
@@ -295,23 +325,25 @@ def test_calibration_and_ranking_are_those_of_the_textbook() -> None:
 
 
 def test_hidden_limbs_are_guessed_by_every_rival(
-    bundled: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    bundled: Path, work: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(regressor, "takes", lambda split: takes(split)[:2])
     clips = procedural_clips(["wave", "walk"], 15.0, variations=1)
     build_database(clips, tmp_path / "some.npz", threshold=0.0, max_poses=150, seated=False, parts=None, workers=1)
-    run(prior, "--poses", 4, "--database", tmp_path / "some.npz", "--work", bundled, monkeypatch=monkeypatch)
+    run(prior, "--poses", 4, "--database", tmp_path / "some.npz", "--work", work, monkeypatch=monkeypatch)
     rows = json.loads((bundled / "prior_tune.json").read_text())["figures"]
     assert len(rows) == 2 * 3 * 2
     legs = next(row for row in rows if row["pose"] == "standing" and row["hidden"] == "legs")
     assert 0.0 < legs["mixture"] < 1000.0 and 0.0 < legs["neighbour"] < 1000.0
 
 
+@pytest.mark.usefixtures("sized_roughly")
 def test_upper_bodies_are_tracked_and_their_candidates_counted(
-    small_database: Path, bundled: Path, monkeypatch: pytest.MonkeyPatch
+    small_database: Path, bundled: Path, work: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(upper, "RESULTS", bundled)
-    common = ("--takes", 1, "--frames", 3, "--work", bundled)
+    monkeypatch.setitem(upper.ROWS, "hybrid", ("hybrid", {"shape.seconds": 0.1}))
+    common = ("--takes", 1, "--frames", 3, "--work", work)
     arguments = ("--groups", "cut", "--rows", "lopez2011,hybrid", "--recovery", "--database", small_database)
     run(upper, *arguments, *common, monkeypatch=monkeypatch)
     figures = json.loads((bundled / "upper_tune_part.json").read_text())["figures"]
@@ -343,8 +375,11 @@ def test_of_people_in_a_row_nobody_hides_another_and_a_crate_hides_shins() -> No
     assert 0 < ((one > 0) & (hidden == empty)).sum() < 0.4 * (one > 0).sum()
 
 
-def test_parts_of_the_particle_filter_are_compared_and_timed(bundled: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    common = ("--groups", "cut", "--takes", 1, "--frames", 3, "--work", bundled)
+@pytest.mark.usefixtures("sized_roughly")
+def test_parts_of_the_particle_filter_are_compared_and_timed(
+    bundled: Path, work: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    common = ("--groups", "cut", "--takes", 1, "--frames", 3, "--work", work)
     rows = ("plain", "geodesic", "nothing told")
     run(upper_parts, *common, "--rows", ",".join(rows), monkeypatch=monkeypatch)
     figures = json.loads((bundled / "upper_parts_tune_part.json").read_text())["figures"]
@@ -365,11 +400,11 @@ json.dump([{"head": [160.0, 100.0], "left_hand": None}] * len(frames), open(sys.
 
 
 def test_another_program_is_asked_for_joints_in_the_image(
-    bundled: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    bundled: Path, work: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     program = tmp_path / "peer.py"
     program.write_text(PEER, encoding="utf-8")
-    common = ("--groups", "cut", "--takes", 1, "--frames", 3, "--work", bundled)
+    common = ("--groups", "cut", "--takes", 1, "--frames", 3, "--work", work)
     run(upper_peer, *common, "--command", f"{sys.executable} {program}", monkeypatch=monkeypatch)
     figures = json.loads((bundled / "upper_peer_tune_part.json").read_text())["figures"]
     assert figures["hands_px"] == upper_peer.MISSING and figures["missing"] == pytest.approx(6 / 7)

@@ -9,7 +9,6 @@ import cv2
 import numpy as np
 import pytest
 
-from database_builder.build import build_database
 from tests.inertial_scenes import RATE, poses_of
 from tests.test_inertial_clock import typed
 from toolkit.body import skeleton
@@ -30,13 +29,12 @@ LIMBS = ("left_forearm", "right_forearm", "pelvis")
 
 
 @pytest.fixture(scope="module")
-def road(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A folder with a recording, its sensors, a database and the run."""
+def road(bundled_database: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with a recording, its sensors and the run."""
     folder = tmp_path_factory.mktemp("inertial")
-    build_database(None, folder / "poses.npz", parts=None, max_poses=800, workers=1)
     clip = PoseClip("semaphore", poses_of("semaphore")[:110], RATE, "bundled")
     simulate_recording(clip, folder / "take.npz", furnished=False, distance=2.6, sensors=Worn(LIMBS, "mtx"))
-    words = ("--database", folder / "poses.npz", "--set", "shape.seconds=0")
+    words = ("--database", bundled_database, "--set", "shape.seconds=0")
     typed("track", folder / "take.npz", *words, "--output", folder / "run")
     return folder
 
@@ -57,10 +55,10 @@ def test_an_injected_error_is_found_in_a_real_track(road: Path) -> None:
     assert any(e.start < 60 / RATE < e.end for e in found)
 
 
-def test_the_sensors_guide_the_tracker_and_do_not_check_it_then(road: Path) -> None:
+def test_the_sensors_guide_the_tracker_and_do_not_check_it_then(road: Path, bundled_database: Path) -> None:
     sensors, calibration, guided = road / "take_sensors.npz", road / "calibration.json", road / "guided"
     typed("inertial", "calibrate", road / "run", "--sensors", sensors, "--output", calibration)
-    words = ("--database", road / "poses.npz", "--set", "shape.seconds=0")
+    words = ("--database", bundled_database, "--set", "shape.seconds=0")
     typed("track", road / "take.npz", *words, "--inertial", sensors, "--calibration", calibration, "--output", guided)
     truth = open_recording(road / "take.npz").joints
     plain, better = (np.nanmean(joint_errors(Track.load(run).joints, truth)) for run in (road / "run", guided))

@@ -7,7 +7,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from database_builder.build import build_database
 from toolkit.body.skeleton import REPORTED
 from toolkit.cli.main import main
 from toolkit.evaluation.evaluate import evaluate_runs
@@ -19,13 +18,12 @@ NAMES = ("a1_s1_t1_depth", "a3_s3_t1_depth")
 
 
 @pytest.fixture(scope="module")
-def runs(shared_data: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+def runs(shared_data: Path, bundled_database: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Run folders of two real recordings, tracked with a database that has seen neither mocap nor depth."""
     folder = tmp_path_factory.mktemp("road")
-    build_database(None, folder / "poses.npz", parts=None, max_poses=800, workers=1)
     recordings = [str(shared_data / "depth" / "utd_mhad" / f"{name}.mat") for name in NAMES]
     with pytest.raises(SystemExit) as stop:
-        main(["track", *recordings, "--database", str(folder / "poses.npz"), "--output", str(folder / "runs")])
+        main(["track", *recordings, "--database", str(bundled_database), "--output", str(folder / "runs")])
     assert not stop.value.code
     return folder / "runs"
 

@@ -562,7 +562,7 @@ def test_leaves_hold_the_mean_offset_of_their_samples_and_how_sure_it_is() -> No
 
 def test_a_calibrated_forest_knows_which_joints_lie_below_the_image_and_how_often_it_is_right() -> None:
     views = replace(PLAIN, turned=0.0, cut=0.5)
-    settings = replace(SMALL, images=600, pixels=80, depth=10, smallest_leaf=15, questions=40, views=views)
+    settings = replace(SMALL, images=300, pixels=80, depth=10, smallest_leaf=15, questions=40, views=views)
     plain = train_forest(a_few_poses(), settings, seed=2)
     forest_ = train_forest(a_few_poses(), replace(settings, calibration=150), seed=2)
     assert np.array_equal(plain.leaf_offsets, forest_.leaf_offsets) and plain.calibration is None

@@ -20,6 +20,7 @@ from toolkit.errors import RecordingError, RetrievalError, SettingsError, TrackE
 from toolkit.evaluation.joints import joint_errors
 from toolkit.fitting.placed import NormalSystem
 from toolkit.fitting.priors import LimbPrior
+from toolkit.fitting.sole import FEET, Sole
 from toolkit.mocap.clip import PoseClip
 from toolkit.retrieval.annotation.classes import save_classes
 from toolkit.retrieval.annotation.measures import Segment
@@ -31,6 +32,7 @@ from toolkit.sensing.opening import open_recording
 from toolkit.simulation.simulate import simulate_recording
 from toolkit.stabilising.choice import cheapest_path
 from toolkit.stabilising.loop import stabilise
+from toolkit.stabilising.marked import floor_of
 from toolkit.stabilising.settings import ChoiceSettings, StabiliseSettings
 from toolkit.stabilising.source import open_source
 from toolkit.stabilising.ways import bad_frames, whole_priors, widened
@@ -272,3 +274,23 @@ def test_several_runs_go_to_folders_of_their_names(tmp_path: Path) -> None:
     assert output_folders(runs, tmp_path / "out") == {run: tmp_path / "out" / run.name for run in runs}
     with pytest.raises(UsageError, match="two runs are called 'a'"):
         output_folders([tmp_path / "a", tmp_path / "c" / "a"], tmp_path / "out")
+
+
+def test_the_floor_is_that_of_the_run_else_below_the_soles(road: Path):
+    source = open_source(road / "run")
+    assert floor_of(replace(source, info=replace(source.info, floor=[1.2]))) == (-1.2, "run")
+    found = floor_of(source)
+    lowest = min(Sole.of(source.body, leg).at(source.body, pose)[:, 1].min() for leg in FEET for pose in
+                 source.track.pose)  # fmt: skip
+    assert found.source == "soles" and lowest <= found.height <= lowest + 0.1
+
+
+def test_stabilise_takes_marks_and_says_what_became_of_them(road: Path, tmp_path: Path):
+    (tmp_path / "marks.yaml").write_text("semaphore: [{feature: 7, value: 0, columns: [2, 30]}]\nknee_to_elbow: []\n")
+    typed("stabilise", road / "wrong", "--classes", road / "classes.npz", "--output", tmp_path / "out", "--rounds", 1,
+          "--marks", tmp_path / "marks.yaml")  # fmt: skip
+    result = json.loads((tmp_path / "out" / "stabilise.json").read_text())
+    assert set(result["rounds"][0]["marked_frames"]) == {"F7"} and result["result"] == 1
+    assert result["floor"]["source"] == "soles"
+    assert (tmp_path / "out" / "changes.png").stat().st_size > 1000
+    assert len(Track.load(tmp_path / "out")) == len(Track.load(road / "wrong"))

@@ -2,18 +2,14 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
 from tests.inertial_scenes import write_run
-from tests.test_inertial_clock import typed
 from tests.test_retrieval_priors import BODY, classes_of
-from tests.test_stabilising import road  # noqa: F401  # the fixture
 from toolkit.body import skeleton
 from toolkit.errors import RetrievalError, SettingsError
 from toolkit.fitting.placed import NormalSystem
@@ -37,9 +33,7 @@ from toolkit.retrieval.priors.marks import (
 )
 from toolkit.retrieval.templates.quantised import WILDCARD, QuantisedTemplate
 from toolkit.stabilising.loop import Round, best_round
-from toolkit.stabilising.marked import floor_of
-from toolkit.stabilising.source import open_source
-from toolkit.track import RunInfo, Track
+from toolkit.track import RunInfo
 
 STANDING = np.zeros(skeleton.POSE_SIZE)
 
@@ -185,15 +179,6 @@ def test_impossible_settings_of_marks_are_refused():
         MarkSettings(sigma=0.0)
 
 
-def test_the_floor_is_that_of_the_run_else_below_the_soles(road: Path):  # noqa: F811
-    source = open_source(road / "run")
-    assert floor_of(replace(source, info=replace(source.info, floor=[1.2]))) == (-1.2, "run")
-    found = floor_of(source)
-    lowest = min(Sole.of(source.body, leg).at(source.body, pose)[:, 1].min() for leg in FEET for pose in
-                 source.track.pose)  # fmt: skip
-    assert found.source == "soles" and lowest <= found.height <= lowest + 0.1
-
-
 def test_a_floor_is_kept_in_the_run(tmp_path):
     run = write_run(tmp_path / "run", np.zeros((3, skeleton.POSE_SIZE)))
     replace(RunInfo.load(run), floor=[0.9]).save(run)
@@ -209,17 +194,6 @@ def test_the_best_round_is_the_last_unless_an_earlier_one_explains_more():
     assert best_round(better) is better[-1]
     worse = rounds(0.030, 0.024, 0.029)
     assert best_round(worse) is worse[1]
-
-
-def test_stabilise_takes_marks_and_says_what_became_of_them(road: Path, tmp_path: Path):  # noqa: F811
-    (tmp_path / "marks.yaml").write_text("semaphore: [{feature: 7, value: 0, columns: [2, 30]}]\nknee_to_elbow: []\n")
-    typed("stabilise", road / "wrong", "--classes", road / "classes.npz", "--output", tmp_path / "out", "--rounds", 1,
-          "--marks", tmp_path / "marks.yaml")  # fmt: skip
-    result = json.loads((tmp_path / "out" / "stabilise.json").read_text())
-    assert set(result["rounds"][0]["marked_frames"]) == {"F7"} and result["result"] == 1
-    assert result["floor"]["source"] == "soles"
-    assert (tmp_path / "out" / "changes.png").stat().st_size > 1000
-    assert len(Track.load(tmp_path / "out")) == len(Track.load(road / "wrong"))
 
 
 def test_classes_learnt_from_clips_mark_themselves():
