@@ -499,7 +499,7 @@ def test_parts_have_two_labels_each_on_both_sides() -> None:
 def trained() -> JointForest:
     settings = replace(
         SMALL,
-        images=800,
+        images=500,
         trees=2,
         depth=10,
         smallest_leaf=15,

@@ -57,7 +57,7 @@ def run_demo(
     output : folder of everything that is written; an earlier demo in it is replaced
     seed : of the motions, the noise of the sensor and the subject's variation
     seconds : of each of the motions
-    images : on which the joint regressor is trained
+    images : on which the joint regressor is trained; it is judged on no more
     show : told what is going on
 
     Raises
@@ -82,7 +82,7 @@ def run_demo(
     build_database(
         None,
         database,
-        parts=PartsSettings(images=images),
+        parts=PartsSettings(images=images, calibration=min(images, PartsSettings.calibration)),
         progress=lambda stage, done, total: show(f"building the database: {stage}", done, total),
     )
     recording = _record(folder / "take.npz", seed, seconds, show)
