@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import sys
 import time
-from collections.abc import Iterable
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Literal
@@ -49,14 +48,34 @@ class FakeTracker:
         self.steps = 0
         self.learnt: list[int] = []
 
-    def learn_body(
-        self, camera: Camera, level_rotation: np.ndarray, frames: Iterable[tuple[Sighting, float]]
-    ) -> Body | None:
-        self.learnt.append(len(list(frames)))
-        return fake_body(7.0)
+    def learner(self, camera: Camera, level_rotation: np.ndarray) -> FakeLearner:
+        return FakeLearner(self)
 
     def follower(self, camera: Camera, level_rotation: np.ndarray, body: Body | None = None) -> FakeFollower:
         return FakeFollower(self, body)
+
+
+class FakeLearner:
+    """Counts what it is shown, for `FakeTracker.learnt`; whoever it has seen stands before the camera."""
+
+    def __init__(self, tracker: FakeTracker) -> None:
+        self._tracker, self._seen = tracker, 0
+
+    @property
+    def found(self) -> bool:
+        return self._seen > 0
+
+    @property
+    def body(self) -> Body | None:
+        self._tracker.learnt.append(self._seen)
+        return fake_body(7.0)
+
+    def observe(self, sighting: Sighting, timestamp: float) -> None:
+        self._seen += 1
+
+    def predicted(self) -> PredictedBody:
+        body = fake_body(7.0)
+        return PredictedBody(np.full((1, 3), float(self._seen)), np.zeros((0, 3), dtype=np.int32), body.height)
 
 
 class FakeFollower:

@@ -23,9 +23,13 @@ class FakeFinder:
 
     camera = CAMERA
 
+    def __init__(self) -> None:
+        self.told: list[tuple[int, ...]] = []
+
     def find(
         self, depth_mm: np.ndarray, timestamp: float, predicted: Mapping[int, PredictedBody]
     ) -> tuple[Sighting, ...]:
+        self.told.append(tuple(sorted(predicted)))
         depth = depth_mm.astype(np.float32) / 1000
         seen = [1] if depth.any() else []
         return tuple(Sighting(person, depth, None, CAMERA) for person in seen + [2] * (timestamp >= 0.5))
@@ -54,6 +58,13 @@ def test_a_body_is_learnt_from_the_first_seconds_and_all_rows_are_tracked_with_i
     assert first[7][1] == list(range(8)) and first[8][1] == [8]
     assert tracker.learnt == [7, 7]
     assert {person: body.scale for person, body in crowd.bodies.items()} == {1: LEARNT, 2: LEARNT}
+
+
+def test_a_finder_is_told_where_people_are_from_their_second_frame_on_also_while_their_bodies_are_learnt() -> None:
+    finder = FakeFinder()
+    rows_of(Crowd(FakeTracker(learning_seconds=0.3), finder, UP))
+    # Person 1 comes in frame 1 and person 2 in frame 10; learning ends in frames 7 and 16.
+    assert finder.told == [(), (), *[(1,)] * 9, *[(1, 2)] * 29]
 
 
 def test_who_comes_later_has_rows_for_the_frames_before() -> None:

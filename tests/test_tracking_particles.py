@@ -20,6 +20,7 @@ from toolkit.sensing.camera import Camera
 from toolkit.sensing.people.sighting import Sighting
 from toolkit.track import EMPTY, LOST, TRACKED, FrameResult
 from toolkit.tracking.clock import StageClock
+from toolkit.tracking.learning import learn_body
 from toolkit.tracking.particles import LEG_ENTRIES, ParticleFollower, ParticleTracker, ParticleTrackerSettings
 from toolkit.tracking.registry import registered
 from toolkit.tracking.upper_sighting import Limits, UpperViewer
@@ -366,9 +367,10 @@ def test_it_needs_no_database_and_is_the_one_that_the_papers_settings_name() -> 
 
 def test_the_size_is_measured_from_the_first_frames() -> None:
     tracker = ParticleTracker()
-    body = tracker.learn_body(CAMERA, LEVEL, [(sighting_of(pose), i / 30) for i, pose in enumerate(WAVING)])
+    body = learn_body(tracker.learner(CAMERA, LEVEL), [(sighting_of(pose), i / 30) for i, pose in enumerate(WAVING)])
     assert body is not None and 1.5 < body.height < 2.0
-    assert tracker.learn_body(CAMERA, LEVEL, [(of_depth(np.zeros(CAMERA.shape)), 0.0)]) is None
+    learner = tracker.learner(CAMERA, LEVEL)
+    assert learn_body(learner, [(of_depth(np.zeros(CAMERA.shape)), 0.0)]) is None and not learner.found
     assert ParticleTracker(body=body).learning_seconds == 0.0
 
 

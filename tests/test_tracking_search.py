@@ -23,6 +23,7 @@ from toolkit.landmarks.parts import JointEstimate
 from toolkit.sensing.camera import Camera
 from toolkit.tracking import hybrid, searching
 from toolkit.tracking.hybrid import HybridTracker
+from toolkit.tracking.learning import Pace
 from toolkit.tracking.search.arms import FARTHER, ArmSearch
 from toolkit.tracking.search.exchange import ITERATIONS
 from toolkit.tracking.search.extrema import ExtremaQuery
@@ -31,7 +32,6 @@ from toolkit.tracking.search.local import FARTHEST, LocalSearch, moved_on
 from toolkit.tracking.search.lookup import FIRST_ROUNDS, PULLED_ITERATIONS, DatabaseLookup, Effort, is_asked
 from toolkit.tracking.search.protocol import NOTHING, Rival
 from toolkit.tracking.search.votes import VOTE_SIGMA, VotesQuery
-from toolkit.tracking.searching import thinned
 from toolkit.tracking.settings import HybridSettings
 from toolkit.tracking.state import PersonState, Previous
 
@@ -449,7 +449,7 @@ def test_a_person_of_unknown_size_is_tried_in_every_size_of_the_settings(
 @pytest.mark.parametrize(("rate", "expected"), [(30.0, 2), (15.0, 1), (60.0, 4), (10.0, 1)])
 def test_a_body_is_learnt_from_evenly_spread_frames_whatever_the_camera_s_rate(rate: float, expected: int) -> None:
     jitter = np.random.default_rng(0).uniform(-0.1, 0.1, 60) / rate
-    frames: list[Any] = [(k, k / rate + float(jitter[k])) for k in range(60)]
-    taken = [k for k, _ in thinned(frames, 15.0)]
+    pace = Pace(15.0)
+    taken = [k for k in range(60) if pace.takes(k / rate + float(jitter[k]))]
     assert taken[0] == 0 and np.diff(taken).mean() == pytest.approx(expected, abs=0.1)
     assert np.abs(np.diff(taken) - expected).max() <= 1

@@ -22,7 +22,7 @@ from toolkit.sensing.people.sighting import PeopleFinder, PredictedBody, Sightin
 from toolkit.sensing.stream import Frame
 from toolkit.track import FrameResult
 from toolkit.tracking.clock import StageClock
-from toolkit.tracking.protocol import PersonFollower, Tracker
+from toolkit.tracking.protocol import BodyLearner, PersonFollower, Tracker
 from toolkit.tracking.state import State
 
 
@@ -68,26 +68,27 @@ class Kept(NamedTuple):
 
 @dataclass
 class Waiting:
-    """What was seen of a person whose body is not known yet."""
+    """What was seen of a person whose body is not known yet; the learner is there from where enough was seen."""
 
     frames: list[tuple[Kept | None, float, float]] = field(default_factory=list)
     seen_since: int | None = None
+    learner: BodyLearner | None = None
 
 
 class Predictions(Mapping[int, PredictedBody]):
-    """Where the followed people are expected; a body is placed when somebody asks for it."""
+    """Where people are expected who are followed, or learnt; a body is placed when somebody asks for it."""
 
-    def __init__(self, followers: Mapping[int, PersonFollower]) -> None:
-        self._followers = followers
+    def __init__(self, known: Mapping[int, PersonFollower | BodyLearner]) -> None:
+        self._known = known
 
     def __getitem__(self, person: int) -> PredictedBody:
-        return self._followers[person].predicted()
+        return self._known[person].predicted()
 
     def __iter__(self) -> Iterator[int]:
-        return iter(self._followers)
+        return iter(self._known)
 
     def __len__(self) -> int:
-        return len(self._followers)
+        return len(self._known)
 
 
 class Crowd:
@@ -135,8 +136,7 @@ class Crowd:
     def step(self, frame: Frame) -> list[Row]:
         """Take in the next frame; the rows that are known now, which may be none or those of several frames."""
         start = perf_counter()
-        predicted = Predictions(self._followers)
-        found = self.finder.find(frame.depth_mm, frame.timestamp, predicted)
+        found = self.finder.find(frame.depth_mm, frame.timestamp, self._predictions())
         sightings = {s.id: s for s in self.joints.add(frame, found)}
         known = self._followers.keys() | self._waiting.keys()
         prepare_ms = 1000.0 * (perf_counter() - start) / max(len(known | sightings.keys()), 1)
@@ -179,6 +179,11 @@ class Crowd:
             follower.restore_state(kept)
             self._followers[int(person)] = follower
 
+    def _predictions(self) -> Predictions:
+        learners = {person: waiting.learner for person, waiting in self._waiting.items()}
+        found = {person: learner for person, learner in learners.items() if learner is not None and learner.found}
+        return Predictions({**self._followers, **found})
+
     def _check(self, frame: Frame) -> None:
         if self._timestamps and not frame.timestamp > self._timestamps[-1]:
             raise RecordingError(
@@ -192,18 +197,18 @@ class Crowd:
         if waiting.seen_since is None and sighting is not None:
             if np.count_nonzero(sighting.depth) >= self._smallest:
                 waiting.seen_since = len(waiting.frames) - 1
+                if self.tracker.learning_seconds:
+                    waiting.learner = self.tracker.learner(self.finder.camera, self.level_rotation)
+        if waiting.learner is not None and sighting is not None:
+            waiting.learner.observe(sighting, timestamp)
         if waiting.seen_since is None:
             return False
         return timestamp - waiting.frames[waiting.seen_since][1] >= self.tracker.learning_seconds
 
     def _learnt(self, person: int) -> list[Row]:
-        """Learn a person's body from the frames kept, and track them with it."""
+        """Track the frames kept of a person with the body that was learnt."""
         waiting, camera = self._waiting.pop(person), self.finder.camera
-        body = None
-        if waiting.seen_since is not None and self.tracker.learning_seconds:
-            learning = waiting.frames[waiting.seen_since :]
-            frames = ((kept.sighting(), moment) for kept, moment, _ in learning if kept is not None)
-            body = self.tracker.learn_body(camera, self.level_rotation, frames)
+        body = None if waiting.learner is None else waiting.learner.body
         self._followers[person] = self.tracker.follower(camera, self.level_rotation, body)
         return [
             self._row(person, None if kept is None else kept.sighting(), frame, moment, prepare_ms)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
 from typing import Literal
 
@@ -27,7 +26,7 @@ from toolkit.landmarks.effectors import Effectors, EffectorSettings, find_fork
 from toolkit.landmarks.graph import Workspace
 from toolkit.landmarks.silhouette import arm_length, shoulder_breadth
 from toolkit.sensing.camera import Camera
-from toolkit.sensing.people.sighting import Sighting
+from toolkit.sensing.people.sighting import PredictedBody, Sighting
 from toolkit.sensing.settings import SensingSettings
 from toolkit.track import EMPTY, LOST, TRACKED, FrameResult
 from toolkit.tracking.clock import StageClock
@@ -224,6 +223,64 @@ class ParticleFollower(Person):
         return self.row(pose, joints, confidence, observed, TRACKED if tracked else LOST, source)
 
 
+class MeasuredBody:
+    """A `BodyLearner` that measures: by first poses of several sizes, or as the paper does; see `sizing`.
+
+    Parameters
+    ----------
+    settings : see `ParticleTrackerSettings`
+    camera, level_rotation : see `Tracker.learner`
+    """
+
+    found = False
+
+    def __init__(self, settings: ParticleTrackerSettings, camera: Camera, level_rotation: np.ndarray) -> None:
+        self._settings, self._level_rotation = settings, level_rotation
+        self._viewer = UpperViewer(camera, level_rotation, settings.particles, settings.limits)
+        self._seen: list[UpperSighting] = []
+
+    def observe(self, sighting: Sighting, timestamp: float) -> None:
+        """See `BodyLearner.observe`."""
+        seen = self._viewer.look(sighting)
+        if seen.points >= max(self._settings.smallest_person, 1):
+            self._seen.append(seen)
+
+    def predicted(self) -> PredictedBody:
+        """Nobody is followed meanwhile."""
+        raise NotImplementedError("a body that is only measured is nowhere")
+
+    @property
+    def body(self) -> Body | None:
+        """See `BodyLearner.body`."""
+        settings, seen, workspace = self._settings, self._seen, Workspace()
+        if not settings.initial.sizes:
+            return self._measured(workspace)
+        if not seen:
+            return None
+        firsts = []
+        for row in np.linspace(0, len(seen) - 1, min(settings.initial.sized_on, len(seen))).round().astype(int):
+            effectors = seen[row].effectors(settings.effectors, workspace)
+            fork = find_fork(effectors, settings.effectors) if settings.initial.fork else None
+            firsts.append(FirstFrame(effectors, fork, seen[row].frame(effectors)))
+        bodies, filtering = UpperBodies(self._level_rotation), UpperFilter(settings.particles)
+        return fitting_body(bodies, filtering, firsts, settings.initial, settings.seed)
+
+    def _measured(self, workspace: Workspace) -> Body | None:
+        """By shoulder breadth and arm length, wherever the fork is seen."""
+        settings = self._settings.effectors
+        breadths: list[float] = []
+        arms: list[float] = []
+        for seen in self._seen:
+            breadth = shoulder_breadth(seen.cloud)
+            breadths += [] if breadth is None else [breadth]
+            effectors = seen.effectors(settings, workspace)
+            fork = find_fork(effectors, settings)
+            if fork is not None:
+                lengths = [arm_length(effectors.paths[row]) for row in (fork.left_hand, fork.right_hand)]
+                arms += [length for length in lengths if length is not None]
+        return sized_body(breadths, arms)
+
+
 class ParticleTracker:
     """Lopez-Mendez 2011: first pose and size by geodesic candidates, then the particle filter; see `Tracker`.
 
@@ -253,39 +310,9 @@ class ParticleTracker:
         """See `TakesBody.know`."""
         self._known_body = body
 
-    def learn_body(
-        self, camera: Camera, level_rotation: np.ndarray, frames: Iterable[tuple[Sighting, float]]
-    ) -> Body | None:
-        """See `Tracker.learn_body`: by first poses of several sizes, or as the paper measures it; see `sizing`."""
-        settings, workspace = self.settings, Workspace()
-        viewer = UpperViewer(camera, level_rotation, settings.particles, settings.limits)
-        every = [viewer.look(sighting) for sighting, _ in frames]
-        seen = [one for one in every if one.points >= max(settings.smallest_person, 1)]
-        if not settings.initial.sizes:
-            return self._measured(seen, workspace)
-        if not seen:
-            return None
-        firsts = []
-        for row in np.linspace(0, len(seen) - 1, min(settings.initial.sized_on, len(seen))).round().astype(int):
-            effectors = seen[row].effectors(settings.effectors, workspace)
-            fork = find_fork(effectors, settings.effectors) if settings.initial.fork else None
-            firsts.append(FirstFrame(effectors, fork, seen[row].frame(effectors)))
-        bodies, filtering = UpperBodies(level_rotation), UpperFilter(settings.particles)
-        return fitting_body(bodies, filtering, firsts, settings.initial, settings.seed)
-
-    def _measured(self, frames: Iterable[UpperSighting], workspace: Workspace) -> Body | None:
-        """By shoulder breadth and arm length, wherever the fork is seen."""
-        breadths: list[float] = []
-        arms: list[float] = []
-        for seen in frames:
-            breadth = shoulder_breadth(seen.cloud)
-            breadths += [] if breadth is None else [breadth]
-            effectors = seen.effectors(self.settings.effectors, workspace)
-            fork = find_fork(effectors, self.settings.effectors)
-            if fork is not None:
-                lengths = [arm_length(effectors.paths[row]) for row in (fork.left_hand, fork.right_hand)]
-                arms += [length for length in lengths if length is not None]
-        return sized_body(breadths, arms)
+    def learner(self, camera: Camera, level_rotation: np.ndarray) -> MeasuredBody:
+        """See `Tracker.learner`."""
+        return MeasuredBody(self.settings, camera, level_rotation)
 
     def follower(self, camera: Camera, level_rotation: np.ndarray, body: Body | None = None) -> ParticleFollower:
         """See `Tracker.follower`."""

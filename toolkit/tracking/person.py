@@ -17,6 +17,7 @@ from toolkit.tracking.state import PersonState, State
 
 PREDICTED = "predicted"
 """The source of a pose that no hypothesis gave: the last one that was found."""
+HEAD = skeleton.REPORTED.index("head")
 UNSEEN = (0.0, 0.0, -3.0)
 """Metres, level frame: where the root is said to be before anybody was seen."""
 
@@ -56,8 +57,10 @@ class Person:
 
     def predicted(self) -> PredictedBody:
         """See `PersonFollower.predicted`: the body where it was last found."""
-        body = self.state.body
-        return PredictedBody(self._placer.place(body, self.last_pose).vertices, body.faces, body.height)
+        body, head = self.state.body, None
+        if self.state.previous is not None and not self.state.lost:
+            head = linear.rotated(self.state.previous.joints[HEAD : HEAD + 1], self.level_rotation)[0]
+        return PredictedBody(self._placer.place(body, self.last_pose).vertices, body.faces, body.height, head)
 
     def rng(self) -> np.random.Generator:
         """The generator as the state has it; made anew only where somebody else replaced the state."""

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from typing import Literal, Protocol, runtime_checkable
 
 import numpy as np
@@ -69,6 +68,34 @@ class PersonFollower(Protocol):
         ...
 
 
+class BodyLearner(Protocol):
+    """Learns one person's own body, from sighting to sighting.
+
+    Attributes
+    ----------
+    found : whether it knows where the person is, so that it can be asked for `predicted`
+    body : as learnt so far; None while nobody was found
+    """
+
+    @property
+    def found(self) -> bool:
+        """See above."""
+        ...
+
+    @property
+    def body(self) -> Body | None:
+        """See above."""
+        ...
+
+    def observe(self, sighting: Sighting, timestamp: float) -> None:
+        """Take in the next sighting, at `timestamp` seconds."""
+        ...
+
+    def predicted(self) -> PredictedBody:
+        """Where the person is expected in the next frame."""
+        ...
+
+
 @runtime_checkable
 class TakesBody(Protocol):
     """A tracker to which the person's own body may be told."""
@@ -120,12 +147,10 @@ class Tracker(Protocol):
         """See above."""
         ...
 
-    def learn_body(
-        self, camera: Camera, level_rotation: np.ndarray, frames: Iterable[tuple[Sighting, float]]
-    ) -> Body | None:
-        """The person's own body from the first sightings, with their timestamps; None where nobody was found."""
+    def learner(self, camera: Camera, level_rotation: np.ndarray) -> BodyLearner:
+        """Learns one person's own body; only asked where `learning_seconds` is not 0."""
         ...
 
     def follower(self, camera: Camera, level_rotation: np.ndarray, body: Body | None = None) -> PersonFollower:
-        """A follower of one person, with the body of `learn_body` if there is one."""
+        """A follower of one person, with the body of a `learner` if there is one."""
         ...

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import math
 from abc import ABC, abstractmethod
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import cached_property
 from typing import Protocol
@@ -16,15 +15,13 @@ from toolkit.body.shape import ShapeSpace, load_body
 from toolkit.fitting.objective import Objective
 from toolkit.fitting.placed import Placer
 from toolkit.fitting.priors import PoseTerm
-from toolkit.fitting.refiner import Refiner, mesh_terms
+from toolkit.fitting.refiner import Refiner
 from toolkit.fitting.settings import FittingSettings
-from toolkit.fitting.shape import ShapeEstimator, ShapeSettings
+from toolkit.fitting.shape import ShapeSettings
 from toolkit.sensing.camera import Camera
-from toolkit.sensing.people.sighting import Sighting
-from toolkit.track import TRACKED
-from toolkit.tracking.clock import StageClock
 from toolkit.tracking.follower import Follower
 from toolkit.tracking.guess import LimbGuesser
+from toolkit.tracking.learning import FollowedBody
 from toolkit.tracking.observation import Observer
 from toolkit.tracking.protocol import TrackerSettings, Wanted
 from toolkit.tracking.search.protocol import Finisher, Search
@@ -113,23 +110,11 @@ class SearchingTracker(ABC):
         """See `Tracker.learning_seconds`."""
         return self._common.shape.seconds if self._known_body is None else 0.0
 
-    def learn_body(
-        self, camera: Camera, level_rotation: np.ndarray, frames: Iterable[tuple[Sighting, float]]
-    ) -> Body | None:
-        """See `Tracker.learn_body`: the frames are tracked once, with a body that becomes the person's own."""
+    def learner(self, camera: Camera, level_rotation: np.ndarray) -> FollowedBody:
+        """See `Tracker.learner`."""
         follower = self._follower(camera, level_rotation, self._first_body, sized=False)
         follower.observer = replace(follower.observer, learning=True)
-        estimator: ShapeEstimator | None = None
-        for sighting, timestamp in thinned(frames, self._common.shape.rate):
-            result = follower.step(sighting, timestamp, StageClock(self.stage_names))
-            if result.state != TRACKED or follower.observation is None:
-                continue
-            if estimator is None:
-                terms = mesh_terms(self._common.fitting)
-                estimator = ShapeEstimator(follower.body, self._common.shape, follower.objective.placer, terms)
-            body = estimator.observe(result.pose, follower.observation.scene)
-            follower.state = replace(follower.state, body=body)
-        return follower.body if follower.state.sized else None
+        return FollowedBody(follower, self.stage_names, self._common.shape, self._common.fitting)
 
     def follower(self, camera: Camera, level_rotation: np.ndarray, body: Body | None = None) -> Follower:
         """See `Tracker.follower`."""
@@ -164,13 +149,3 @@ class SearchingTracker(ABC):
             shape[0] = size
             bodies.append(space.body(shape))
         return bodies
-
-
-def thinned(frames: Iterable[tuple[Sighting, float]], rate: float) -> Iterator[tuple[Sighting, float]]:
-    """Of sightings and their times, seconds, evenly spread ones: at most about `rate` in a second."""
-    due = -math.inf
-    for sighting, timestamp in frames:
-        # Clocks are not even: a third of the time between two is let go.
-        if timestamp >= due - 0.3 / rate:
-            due = max(due, timestamp) + 1.0 / rate
-            yield sighting, timestamp

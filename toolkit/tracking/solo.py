@@ -16,6 +16,7 @@ from toolkit.sensing.recording import Recording
 from toolkit.sensing.stream import Frame
 from toolkit.track import FrameResult
 from toolkit.tracking.clock import StageClock
+from toolkit.tracking.learning import learn_body
 from toolkit.tracking.protocol import PersonFollower, Tracker
 
 
@@ -41,7 +42,8 @@ class Solo:
         camera, body = self._finder.camera, None
         if tracker.learning_seconds:
             before = self._joints.export_state()
-            body = tracker.learn_body(camera, self.level_rotation, self._first_sightings(recording))
+            learner = tracker.learner(camera, self.level_rotation)
+            body = learn_body(learner, self._first_sightings(recording))
             self._joints.restore_state(before)
         self.follower: PersonFollower = tracker.follower(camera, self.level_rotation, body)
 

@@ -89,6 +89,8 @@ class SeveralPeople:
         present = self._present(timestamp, predicted)
         heads, children, furniture = self._heads(view, surroundings)
         matched = match_heads(present, heads, timestamp)
+        for k, i in matched.items():
+            present[k] = self._borne_out(present[k], heads[i], predicted)
         places = [heads[matched[k]] if k in matched else person.expected(timestamp) for k, person in enumerate(present)]
         left = [i for i in range(len(heads)) if i not in matched.values()]
         others = [heads[i] for i in left]
@@ -150,9 +152,23 @@ class SeveralPeople:
         return people, [False] * len(people), furniture
 
     def _present(self, timestamp: float, predicted: Mapping[int, PredictedBody]) -> list[Person]:
-        """Those who were seen of late, with the stature that whoever follows them has learnt."""
+        """Those who were seen of late, as the bodies that follow them have them."""
         present = [p for p in self.people if timestamp - p.last <= self._settings.patience]
-        return [replace(p, stature=float(predicted[p.id].stature)) if p.id in predicted else p for p in present]
+        for k, person in enumerate(present):
+            if person.id in predicted:
+                body = predicted[person.id]
+                present[k] = replace(person, stature=float(body.stature))
+                if person.borne_out and body.head is not None:
+                    present[k] = replace(present[k], head=self._lens.to_level(body.head[None])[0])
+        return present
+
+    def _borne_out(self, person: Person, head: np.ndarray, predicted: Mapping[int, PredictedBody]) -> Person:
+        """The person whose `head` (3,) is seen."""
+        body = predicted[person.id] if person.id in predicted else None
+        if body is None or body.head is None:
+            return person
+        near = ((self._lens.to_level(body.head[None])[0] - head) ** 2).sum() < self._settings.head_distance**2
+        return replace(person, borne_out=person.borne_out or bool(near))
 
     def _seeds(
         self, view: View, present: Sequence[Person], places: Sequence[np.ndarray], matched: set[int]
@@ -189,7 +205,7 @@ class SeveralPeople:
 
     def _follows(self, body: PredictedBody, place: np.ndarray) -> bool:
         """Whether a body's surface is near the place (3,) of the person's head."""
-        head = linear.rotated(place[None], self._lens.rotation.T)[0]
+        head = self._lens.from_level(place[None])[0]
         return bool(((body.vertices - head) ** 2).sum(axis=1).min() < self._settings.head_distance**2)
 
     def _stayed(self, view: View, present: Sequence[Person], places: Sequence[np.ndarray], seeds: np.ndarray) -> None:
@@ -270,7 +286,7 @@ class SeveralPeople:
     def _in_a_mirror(self, place: np.ndarray, places: Sequence[np.ndarray], surroundings: Surroundings) -> bool:
         """Whether a head is behind a wall, where somebody before it would be seen in a mirror."""
         for plane in surroundings.planes:
-            normal = linear.rotated(plane.normal[None], self._lens.rotation)[0]
+            normal = self._lens.to_level(plane.normal[None])[0]
             behind = linear.dot(normal, place) + plane.offset
             if behind < -self._settings.mirror_depth:
                 image = place - 2 * behind * normal

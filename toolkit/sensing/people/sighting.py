@@ -43,11 +43,13 @@ class PredictedBody:
     vertices : float64 (V, 3), metres, camera frame
     faces : int32 (F, 3)
     stature : metres
+    head : float64 (3,), metres, camera frame, the middle of the head; None where the body is not known to be right
     """
 
     vertices: np.ndarray
     faces: np.ndarray
     stature: float
+    head: np.ndarray | None = None
 
 
 class PeopleFinder(Protocol):

@@ -34,6 +34,8 @@ class Person:
     middle : float64 (3,), median of the measured points, level frame, metres
     area : m^2, seen head on, that are measured of them where nobody hides them
     stature : metres, as learnt by whoever follows the person; 0 = not known
+    borne_out : whether the head of the body that follows them was ever seen where that body has it; from then on the
+        body knows better where it is than what looks like a head
     """
 
     id: int
@@ -45,6 +47,7 @@ class Person:
     middle: np.ndarray
     area: float
     stature: float = 0.0
+    borne_out: bool = False
 
     def expected(self, timestamp: float) -> np.ndarray:
         """Where the head is expected: float64 (3,), level frame, metres."""

@@ -110,21 +110,21 @@ def _people_axes(depth: np.ndarray, lens: Lens, settings: PeopleSettings) -> lis
     heads, _, labels = people_and_furniture(view, lens, settings, cut_out=surroundings.cut_out)
     axes = []
     for k, head in enumerate(heads, start=1):
-        points = linear.rotated(view.points[labels == k].astype(np.float64), lens.rotation.T)
+        points = lens.from_level(view.points[labels == k].astype(np.float64))
         _, covariance = linear.moments(points)
         widths, directions = linear.principal_axes(covariance)
         longest = directions[:, 2] * np.sign(linear.dot(directions[:, 2], np.array(DEFAULT_UP)))
         if widths[2] >= ELONGATED**2 * widths[1]:
             axes.append((longest, "standing"))
         else:
-            upwards = linear.rotated(head[None], lens.rotation.T)[0] - _chest(points, head, lens)
+            upwards = lens.from_level(head[None])[0] - _chest(points, head, lens)
             axes.append((upwards / np.sqrt(linear.dot(upwards, upwards)), "torso"))
     return [(axis, trust) for axis, trust in axes if _angle(axis, np.array(DEFAULT_UP)) <= LARGEST_TILT]
 
 
 def _chest(points: np.ndarray, head: np.ndarray, lens: Lens) -> np.ndarray:
     """Middle of what lies below a head (3,), level frame, on its axis: float64 (3,), camera frame, as `points`."""
-    below = linear.rotated(points, lens.rotation) - head
+    below = lens.to_level(points) - head
     column = (np.hypot(below[:, 0], below[:, 2]) < CHEST_RADIUS) & (np.abs(below[:, 1] + CHEST_DROP) < CHEST_RADIUS)
     return linear.moments(points[column] if column.any() else points)[0]
 

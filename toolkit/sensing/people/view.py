@@ -59,7 +59,15 @@ class Lens:
         self.quantisation = sensing.quantisation
         ones = np.ones((*self.camera.shape, 1))
         rays = np.concatenate([self.rays, ones], axis=2)
-        self._directions = linear.rotated(rays, self.rotation.T).astype(np.float32)
+        self._directions = self.to_level(rays).astype(np.float32)
+
+    def to_level(self, vectors: np.ndarray) -> np.ndarray:
+        """Directions and places (N, 3) of the camera frame, in the level frame."""
+        return linear.rotated(vectors, self.rotation.T)
+
+    def from_level(self, vectors: np.ndarray) -> np.ndarray:
+        """Directions and places (N, 3) of the level frame, in the camera frame."""
+        return linear.rotated(vectors, self.rotation)
 
     def coarse(self, depth_mm: np.ndarray) -> np.ndarray:
         """Float32 (h, w), metres, of a full frame (H, W) in millimetres."""

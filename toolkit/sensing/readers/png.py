@@ -23,6 +23,7 @@ from toolkit.sensing.recording import ReaderOptions, Recording
 from toolkit.sensing.stored import StoredRecording
 
 COLOR_SUFFIXES = (".png", ".jpg", ".jpeg")
+COLOR_NAMES = ("color", "rgb")
 
 
 def matches(path: Path) -> bool:
@@ -36,7 +37,8 @@ def _depth_files(path: Path) -> list[Path]:
     if path.is_file():
         return [path]
     folder = path / "depth" if (path / "depth").is_dir() else path
-    return sorted(folder.glob("*.png"), key=natural_key)
+    files = sorted(folder.glob("*.png"), key=natural_key)
+    return [p for p in files if "depth" in p.stem.lower()] or files
 
 
 class PngFrames:
@@ -69,7 +71,8 @@ def read(path: Path, options: ReaderOptions) -> Recording:
     """Open a folder of depth images, or one image.
 
     Images lie in the folder or in `depth/` below it, colour in `color/` or `rgb/` beside that, and intrinsics in a
-    `*.json` of the folder, or else of the one above.
+    `*.json` of the folder, or else of the one above. Where some names hold the word depth (`depth0.png` beside
+    `color0.png`), these are the depth images, and colour has the same names with `color` or `rgb` in its place.
     """
     files = _depth_files(path)
     if not files:
@@ -95,7 +98,10 @@ def read(path: Path, options: ReaderOptions) -> Recording:
 
 def _color_files(folder: Path, depth: list[Path]) -> list[Path]:
     """Colour images of the same stems as the depth images, else as many in sorted order, else none."""
-    for name in ("color", "rgb"):
+    for name in COLOR_NAMES:
+        named = [p.with_name(p.name.lower().replace("depth", name)) for p in depth]
+        if all("depth" in p.name and (folder / q.name).is_file() for p, q in zip(depth, named, strict=True)):
+            return named
         beside = folder.parent / name
         if folder.name != "depth" or not beside.is_dir():
             continue

@@ -1,0 +1,86 @@
+"""A person's own body, learnt from the first seconds in which they are seen."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Sequence
+from dataclasses import replace
+
+from toolkit.body.body import Body
+from toolkit.fitting.refiner import mesh_terms
+from toolkit.fitting.settings import FittingSettings
+from toolkit.fitting.shape import ShapeEstimator, ShapeSettings
+from toolkit.sensing.people.sighting import PredictedBody, Sighting
+from toolkit.track import TRACKED
+from toolkit.tracking.clock import StageClock
+from toolkit.tracking.follower import Follower
+from toolkit.tracking.protocol import BodyLearner
+
+
+class FollowedBody:
+    """A `BodyLearner` that follows the person with a body that becomes their own.
+
+    Parameters
+    ----------
+    follower : from before the first sighting, of a body whose size is not known
+    stages : names of the follower's stages
+    settings : how many frames of a second take part, and what holds the body to the likely ones
+    fitting : of the terms that tie the body's surface to the frame
+    """
+
+    def __init__(
+        self, follower: Follower, stages: Sequence[str], settings: ShapeSettings, fitting: FittingSettings
+    ) -> None:
+        self._follower, self._stages, self._settings, self._fitting = follower, stages, settings, fitting
+        self._estimator: ShapeEstimator | None = None
+        self._pace = Pace(settings.rate)
+
+    @property
+    def found(self) -> bool:
+        """See `BodyLearner.found`."""
+        return self._follower.state.pose is not None
+
+    @property
+    def body(self) -> Body | None:
+        """See `BodyLearner.body`."""
+        return self._follower.body if self._follower.state.sized else None
+
+    def predicted(self) -> PredictedBody:
+        """See `BodyLearner.predicted`."""
+        return self._follower.predicted()
+
+    def observe(self, sighting: Sighting, timestamp: float) -> None:
+        """See `BodyLearner.observe`."""
+        if not self._pace.takes(timestamp):
+            return
+        follower = self._follower
+        result = follower.step(sighting, timestamp, StageClock(self._stages))
+        if result.state != TRACKED or follower.observation is None:
+            return
+        if self._estimator is None:
+            terms = mesh_terms(self._fitting)
+            self._estimator = ShapeEstimator(follower.body, self._settings, follower.objective.placer, terms)
+        body = self._estimator.observe(result.pose, follower.observation.scene)
+        follower.state = replace(follower.state, body=body)
+
+
+class Pace:
+    """Chooses evenly spread frames: at most about `rate` in a second."""
+
+    def __init__(self, rate: float) -> None:
+        self._rate, self._due = rate, -math.inf
+
+    def takes(self, timestamp: float) -> bool:
+        """Whether the next frame, at `timestamp` seconds, is one of them."""
+        # Clocks are not even: a third of the time between two is let go.
+        if timestamp < self._due - 0.3 / self._rate:
+            return False
+        self._due = max(self._due, timestamp) + 1.0 / self._rate
+        return True
+
+
+def learn_body(learner: BodyLearner, frames: Iterable[tuple[Sighting, float]]) -> Body | None:
+    """The body that a learner makes of sightings and their times in seconds; None where nobody was found."""
+    for sighting, timestamp in frames:
+        learner.observe(sighting, timestamp)
+    return learner.body
