@@ -7,6 +7,7 @@ import pytest
 
 from tests.sensing_scenes import KINECT, TOF, neutral, scene, standing, up_of_tilt
 from toolkit.body.raycast import cast
+from toolkit.body.skeleton import REPORTED
 from toolkit.errors import RecordingError
 from toolkit.sensing.camera import Camera, level_rotation
 from toolkit.sensing.opening import open_recording
@@ -198,24 +199,31 @@ def test_somebody_behind_is_found_without_a_visible_head(shared_data):
         assert len(SeveralPeople(camera, UP).find(depth, 0.0, {})) == expected
 
 
-def placed(x, distance, height=1.2):
+VIEWS = [(0.0, 1.2), (0.3, 1.8)]
+"""Tilt in radians and height in metres of a camera that sees a standing person whole."""
+
+
+def placed(x, distance, height=1.2, up=UP):
     """The simulated person's body as a follower would predict it."""
-    body = neutral()[0]
-    vertices = body.vertex_positions(standing(x, distance, height)) @ level_rotation(UP)
-    return PredictedBody(vertices, body.faces, body.height)
+    body, pose = neutral()[0], standing(x, distance, height)
+    head = body.joint_positions(pose)[REPORTED.index("head")]
+    return PredictedBody(
+        body.vertex_positions(pose) @ level_rotation(up), body.faces, body.height, head @ level_rotation(up)
+    )
 
 
-def test_while_people_touch_their_bodies_share_out_the_pixels():
-    places = ((-0.18, 2.5), (0.2, 2.62))
-    _, who = scene(KINECT, places)
+@pytest.mark.parametrize(("tilt", "height"), VIEWS)
+def test_while_people_touch_their_bodies_share_out_the_pixels(tilt, height):
+    places, up = ((-0.18, 2.5), (0.2, 2.62)), up_of_tilt(tilt)
+    _, who = scene(KINECT, places, tilt=tilt, height=height)
 
     def overlaps(predicted):
-        finder, numbers = SeveralPeople(KINECT, UP), {}
+        finder, numbers = SeveralPeople(KINECT, up), {}
         for k in range(12):  # they come together
             share = min(k / 10, 1.0)
             now = tuple((x * (1 - share) * 3 + x * share, d) for x, d in places)
-            depth, who_now = scene(KINECT, now)
-            bodies = {i: placed(*now[n - 1]) for i, n in numbers.items()} if predicted else {}
+            depth, who_now = scene(KINECT, now, tilt=tilt, height=height)
+            bodies = {i: placed(*now[n - 1], height, up) for i, n in numbers.items()} if predicted else {}
             sightings = finder.find(depth, k / 15, bodies)
             numbers = numbers or {s.id: truth_of(s, who_now)[0] for s in sightings}
         return [truth_of(s, who)[1] for s in sightings]
@@ -232,6 +240,27 @@ def test_a_body_that_lost_its_person_claims_nothing():
     bodies = {1: placed(-0.6, 2.6), 2: placed(0.6, 2.9)}
     swapped = {i: bodies[3 - number] for i, (number, _) in first.items()}
     assert {s.id: truth_of(s, who) for s in finder.find(depth, 0.07, swapped)} == first
+
+
+@pytest.mark.parametrize(("tilt", "height"), VIEWS)
+def test_once_a_head_was_seen_where_a_body_has_it_the_body_tells_where_it_is_expected(tilt, height):
+    up, rotation = up_of_tilt(tilt), level_rotation(up_of_tilt(tilt))
+    finder, body = SeveralPeople(KINECT, up), placed(0.0, 2.6, height, up)
+    depth, who = scene(KINECT, ((0.0, 2.6),), tilt=tilt, height=height)
+    whole = depth.copy()
+    finder.find(whole, 0.0, {})
+    leaning = PredictedBody(body.vertices, body.faces, body.stature, body.head + 0.1 * rotation[0])
+    v = np.nonzero(who == 1)[0]
+    depth[: int(np.percentile(v, 25))] = 0  # head and shoulders are not measured any more
+    finder.find(depth, 0.1, {1: leaning})
+    (unknown,) = finder.people
+    assert np.abs(unknown.expected(0.2) - rotation @ leaning.head).max() > 0.05, "nobody has seen that body's head"
+    finder = SeveralPeople(KINECT, up)
+    for k in range(2):
+        finder.find(whole, k / 30, {1: body} if k else {})
+    finder.find(depth, 0.1, {1: leaning})
+    (known,) = finder.people
+    assert np.abs(known.expected(0.1) - rotation @ leaning.head).max() < 0.01
 
 
 def test_furniture_that_touches_somebody_is_cut_off_once_their_body_is_known():

@@ -157,9 +157,10 @@ class SeveralPeople:
         for k, person in enumerate(present):
             if person.id in predicted:
                 body = predicted[person.id]
-                present[k] = replace(person, stature=float(body.stature))
+                head = np.full(3, np.nan)
                 if person.borne_out and body.head is not None:
-                    present[k] = replace(present[k], head=self._lens.to_level(body.head[None])[0])
+                    head = self._lens.to_level(body.head[None])[0]
+                present[k] = replace(person, stature=float(body.stature), body_head=head)
         return present
 
     def _borne_out(self, person: Person, head: np.ndarray, predicted: Mapping[int, PredictedBody]) -> Person:

@@ -17,29 +17,22 @@ from toolkit.sensing.people.view import Lens, View
 def body_seeds(view: View, lens: Lens, bodies: Mapping[int, PredictedBody], gate: float, seeds: np.ndarray) -> None:
     """Give each foreground pixel to the body whose expected surface is nearest, within `gate` metres.
 
-    All bodies are drawn into one z-buffer, so that one behind another claims nothing that the other hides. What is left
-    is asked again of each body alone: somebody comes out from behind another where they were hidden a moment ago.
+    All bodies are drawn into one z-buffer, so that one behind another claims nothing that the other hides.
 
     Parameters
     ----------
     bodies : by the number that `seeds` int32 (h, w) shall hold; only entries that are 0 are filled
     """
-    drawn = {number: _inverse_depth(body, lens) for number, body in bodies.items()}
-    for together in (drawn, *({number: alone} for number, alone in drawn.items())):
-        nearest, owner = np.zeros(view.depth.shape), np.zeros(view.depth.shape, dtype=np.int32)
-        for number, inverse_depth in together.items():
-            sharing.draw_body(inverse_depth, number, nearest, owner)
-        sharing.nearest_owner(view.depth, view.foreground, nearest, owner, lens.camera.intrinsics, gate, seeds)
-
-
-def _inverse_depth(body: PredictedBody, lens: Lens) -> np.ndarray:
-    """Of a body alone, (h, w), 0 where it is not."""
-    vertices = np.ascontiguousarray(body.vertices, dtype=np.float64)
-    projected = np.empty_like(vertices)
-    raster.project(vertices, lens.camera.intrinsics, projected)
-    inverse_depth, triangle = np.empty(lens.camera.shape), np.empty(lens.camera.shape, dtype=np.int32)
-    raster.rasterise(projected, np.asarray(body.faces, dtype=np.int64), inverse_depth, triangle)
-    return inverse_depth
+    intrinsics = lens.camera.intrinsics
+    nearest, owner = np.zeros(view.depth.shape), np.zeros(view.depth.shape, dtype=np.int32)
+    inverse_depth, triangle = np.empty(view.depth.shape), np.empty(view.depth.shape, dtype=np.int32)
+    for number, body in bodies.items():
+        vertices = np.ascontiguousarray(body.vertices, dtype=np.float64)
+        projected = np.empty_like(vertices)
+        raster.project(vertices, intrinsics, projected)
+        raster.rasterise(projected, np.asarray(body.faces, dtype=np.int64), inverse_depth, triangle)
+        sharing.draw_body(inverse_depth, number, nearest, owner)
+    sharing.nearest_owner(view.depth, view.foreground, nearest, owner, intrinsics, gate, seeds)
 
 
 def stayed_seeds(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, fields, replace
+from dataclasses import asdict, dataclass, field, fields, replace
 from typing import Any
 
 import numpy as np
@@ -36,6 +36,7 @@ class Person:
     stature : metres, as learnt by whoever follows the person; 0 = not known
     borne_out : whether the head of the body that follows them was ever seen where that body has it; from then on the
         body knows better where it is than what looks like a head
+    body_head : float64 (3,), level frame, metres, where that body had its head in the last frame; NaN = not known
     """
 
     id: int
@@ -48,10 +49,16 @@ class Person:
     area: float
     stature: float = 0.0
     borne_out: bool = False
+    body_head: np.ndarray = field(default_factory=lambda: np.full(3, np.nan))
 
     def expected(self, timestamp: float) -> np.ndarray:
         """Where the head is expected: float64 (3,), level frame, metres."""
-        return self.head + self.velocity * min(max(timestamp - self.last, 0.0), LONGEST_FORECAST)
+        return self._start + self.velocity * min(max(timestamp - self.last, 0.0), LONGEST_FORECAST)
+
+    @property
+    def _start(self) -> np.ndarray:
+        """Where the head was in the last frame."""
+        return self.body_head if np.isfinite(self.body_head).all() else self.head
 
     def gate(self, timestamp: float) -> float:
         """Metres around there in which it is looked for."""
@@ -67,13 +74,14 @@ class Person:
         """
         elapsed = max(timestamp - self.last, 0.0)
         whole = area > WHOLE * self.area
-        place = head
+        place, before = head, self.head
         if place is None:  # what is left of somebody half hidden says little of where they go
-            place = self.head + (middle - self.middle) if whole else self.expected(timestamp)
+            before = self._start
+            place = before + (middle - self.middle) if whole else self.expected(timestamp)
         velocity = self.velocity
         if elapsed > 0 and (head is not None or whole):
             share = min(elapsed / VELOCITY_MEMORY, 1.0)
-            velocity = (1 - share) * velocity + share * (place - self.head) / elapsed
+            velocity = (1 - share) * velocity + share * (place - before) / elapsed
         tallest = self.tallest
         if head is not None and head[1] > tallest:
             rising = self.last - self.first < TALLEST_MEMORY
