@@ -158,6 +158,17 @@ def test_colour_beside_depth_is_read_as_rgb(tmp_path):
     np.testing.assert_array_equal(open_recording(folder).color(1)[0, 0], (30, 20, 10))
 
 
+def test_colour_may_lie_among_the_depth_images_where_names_say_which_is_which(tmp_path):
+    import cv2
+
+    for i in (0, 2, 10):
+        cv2.imwrite(str(tmp_path / f"depth{i}.png"), np.full(TOF.shape, 1000 + i, dtype=np.uint16))
+        cv2.imwrite(str(tmp_path / f"color{i}.png"), np.full((*TOF.shape, 3), (10, 20, i), dtype=np.uint8))
+    recording = open_recording(tmp_path, intrinsics=TOF.intrinsics)
+    assert [int(f[0, 0]) for f in recording.frames()] == [1000, 1002, 1010]
+    assert [int(recording.color(k)[0, 0, 0]) for k in range(3)] == [0, 2, 10]
+
+
 def test_a_png_folder_without_intrinsics_names_the_option(tmp_path):
     folder = png_folder(tmp_path / "take", [person_alone(TOF)], intrinsics=False)
     with pytest.raises(RecordingError, match="give the option intrinsics"):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from dataclasses import replace
 
 from toolkit.body.body import Body
@@ -29,7 +29,7 @@ class FollowedBody:
     """
 
     def __init__(
-        self, follower: Follower, stages: Sequence[str], settings: ShapeSettings, fitting: FittingSettings
+        self, follower: Follower, stages: tuple[str, ...], settings: ShapeSettings, fitting: FittingSettings
     ) -> None:
         self._follower, self._stages, self._settings, self._fitting = follower, stages, settings, fitting
         self._estimator: ShapeEstimator | None = None

@@ -99,7 +99,7 @@ def read(path: Path, options: ReaderOptions) -> Recording:
 def _color_files(folder: Path, depth: list[Path]) -> list[Path]:
     """Colour images of the same stems as the depth images, else as many in sorted order, else none."""
     for name in COLOR_NAMES:
-        named = [p.with_name(p.name.lower().replace("depth", name)) for p in depth]
+        named = [p.with_name(p.name.replace("depth", name)) for p in depth]
         if all("depth" in p.name and (folder / q.name).is_file() for p, q in zip(depth, named, strict=True)):
             return named
         beside = folder.parent / name
