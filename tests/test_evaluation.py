@@ -213,6 +213,34 @@ def test_a_run_is_compared_with_the_truth_in_its_own_recording(tmp_path: Path) -
     assert row.agreement is None
 
 
+def test_a_run_has_figures_of_the_upper_body_where_all_of_it_is_known(tmp_path: Path) -> None:
+    truth = standing()
+    found = truth.copy()
+    found[:, :, 0] += 0.03
+    hands, head = (
+        [skeleton.REPORTED.index(f"{side}_hand") for side in ("left", "right")],
+        skeleton.REPORTED.index("head"),
+    )
+    found[:, hands, 0] += 0.03
+    truth[2, head] = np.nan
+    found[2] += 1.0
+    run = write_run(tmp_path, found, joints=truth)
+    (row,) = evaluate.evaluate_runs([run], surface=False).rows
+    assert row.upper_mm == pytest.approx((5 * 30 + 2 * 60) / 7, abs=0.1)
+    pixels = 640 / CAMERA.width * CAMERA.fx * 0.06 / truth[[0, 1, 3, 4, 5]][:, hands, 2]
+    assert row.hands_px == pytest.approx(pixels.mean(), rel=1e-3)
+    assert (
+        row.upper_px is not None
+        and row.first_px == pytest.approx(row.upper_px, rel=0.05)
+        and row.upper_px < row.hands_px
+    )
+    assert row.upper_curve["0"] == 0.0 and row.upper_curve["60"] == 1.0
+    assert row.flat()["upper_curve.60"] == 1.0
+    truth[:, head] = np.nan
+    (row,) = evaluate.evaluate_runs([write_run(tmp_path / "unknown", found, joints=truth)], surface=False).rows
+    assert row.upper_mm is None and row.upper_curve == {}
+
+
 def test_another_systems_skeleton_gives_agreement_and_never_an_error(tmp_path: Path) -> None:
     found = standing()
     runs = [

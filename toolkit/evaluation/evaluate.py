@@ -12,6 +12,7 @@ import numpy as np
 from toolkit.body.skeleton import REPORTED
 from toolkit.errors import TrackError, UsageError
 from toolkit.evaluation import joints as metrics
+from toolkit.evaluation import upper
 from toolkit.evaluation.agreement import (
     UTD_SUBJECT,
     agreement,
@@ -177,6 +178,8 @@ def _evaluate_person(
     )
     if reference is not None:
         scores = replace(scores, **_distances(track, reference))
+    if reference is not None and reference.is_truth:
+        scores = replace(scores, **_upper_figures(track, recording, reference))
     if surface:
         scores = replace(scores, **_frame_figures(track, info, recording, reference))
     if reference is None or reference.is_truth:
@@ -228,6 +231,17 @@ def _error_figures(errors: np.ndarray) -> dict[str, Any]:
         "a100_joints": {name: float(share) for name, share in zip(REPORTED, per_joint, strict=True)},
         "lost": float((known > metrics.LOST_ERROR).mean()),
     }
+
+
+def _upper_figures(track: Track, recording: Recording, reference: Reference) -> dict[str, Any]:
+    """Figures of the upper body, of the frames in which all of it is known."""
+    known = np.isfinite(reference.joints[:, upper.ROWS]).all(axis=(1, 2))
+    if not known.any():
+        return {}
+    joints, states, truth = track.joints[known], track.state[known], reference.joints[known]
+    figures = upper.upper_figures([upper.score_upper(recording.name, joints, states, truth, recording.camera)])
+    own = ("upper_mm", "upper_px", "hands_px", "first_px")
+    return {name: figures[name] for name in own} | {"upper_curve": figures["curve"]}
 
 
 def _frame_figures(track: Track, info: RunInfo, recording: Recording, reference: Reference | None) -> dict[str, Any]:

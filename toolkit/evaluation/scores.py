@@ -35,6 +35,8 @@ class RunScores:
     a100, a100_hands_feet, a100_joints : share of joints within 100 mm, of all, of hands and feet, of each joint
     pose_error_mm, pose_error_std_mm : Baak 2013, Eq. 5.10, over visible joints, not capped
     lost : share of frames with a mean error over 200 mm
+    upper_mm, upper_px, hands_px, first_px, upper_curve : errors of head, shoulders, elbows and hands in millimetres and
+        in pixels of a 640x480 image, of the hands, in the first tracked frame, and the success rate; see `upper`
     extrema, extrema_free : share of frames whose five extrema are the five end effectors, among frames in which all
     five
         are visible, and among those in which they also are free of the body
@@ -63,6 +65,11 @@ class RunScores:
     pose_error_mm: float | None = None
     pose_error_std_mm: float | None = None
     lost: float | None = None
+    upper_mm: float | None = None
+    upper_px: float | None = None
+    hands_px: float | None = None
+    first_px: float | None = None
+    upper_curve: Figures = field(default_factory=dict)
     extrema: float | None = None
     extrema_free: float | None = None
     agreement: float | None = None
