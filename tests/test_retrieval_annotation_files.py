@@ -14,7 +14,7 @@ from toolkit.body.shape import load_body
 from toolkit.errors import RetrievalError, UsageError
 from toolkit.export.bvh import export_bvh
 from toolkit.mocap.procedural import procedural_clips
-from toolkit.retrieval.annotation.annotator import Annotator, MotionClass
+from toolkit.retrieval.annotation.annotator import Annotator, MotionClass, runs
 from toolkit.retrieval.annotation.classes import (
     THRESHOLDS,
     Fold,
@@ -163,6 +163,28 @@ def test_preselection_keeps_the_widened_hits_of_a_query_and_all_frames_of_a_clas
     assert intervals == [{"squat": [(17, 29)], "wave": [(0, 50)]}]
     with pytest.raises(RetrievalError, match="unknown class 'squat'"):
         preselect_in([FeatureMatrix("d", values)], [query], ("wave",))
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_alternatives_leave_the_union_of_what_each_leaves_document_by_document(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    documents = []
+    for number, frames in enumerate(rng.integers(30, 90, 3)):
+        values = np.zeros((40, frames), dtype=bool)
+        values[19:21, rng.integers(0, frames, (2, 4))] = True
+        values[19, [0, -1]] = values[20, [0, -1]] = True  # pieces that end where the next document begins
+        documents.append(FeatureMatrix(f"document {number}", values))
+    queries = [
+        KeyframeQuery((Keyframe("lower", ((name, 1),)),), (), lead, tail, "squat")
+        for name, lead, tail in (("F20", 9, 1), ("F21", 2, 3), ("F20", 1, 1))
+    ]
+    together = preselect_in(documents, queries, ("squat",))
+    for number, document in enumerate(documents):
+        left = np.zeros(len(document), dtype=bool)
+        for query in queries:
+            for start, stop in preselect_in(documents, [query], ("squat",))[number]["squat"]:
+                left[start:stop] = True
+        assert together[number] == {"squat": runs(left)}
 
 
 def test_preselection_by_a_true_keyframe_changes_no_label_within_it(
