@@ -35,7 +35,10 @@ def environments(runs: int, folders: list[Path]) -> Iterator[tuple[dict[str, str
     """`runs` environments of different lengths, every processor from every folder in turn."""
     for run in range(runs):
         pad = "x" * (STEP * run)
-        yield {"PAD": pad, "OPENBLAS_CORETYPE": CORES[run % len(CORES)]}, folders[run // len(CORES) % len(folders)]
+        yield (
+            {"PAD": pad, "OPENBLAS_CORETYPE": CORES[run % len(CORES)]},
+            folders[(run + run // len(CORES)) % len(folders)],
+        )
 
 
 def main() -> int:
