@@ -37,7 +37,7 @@ def environments(runs: int, folders: list[Path]) -> Iterator[tuple[dict[str, str
         pad = "x" * (STEP * run)
         yield (
             {"PAD": pad, "OPENBLAS_CORETYPE": CORES[run % len(CORES)]},
-            folders[(run + run // len(CORES)) % len(folders)],
+            folders[(run % len(CORES) + run // len(CORES)) % len(folders)],
         )
 
 

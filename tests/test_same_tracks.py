@@ -77,3 +77,13 @@ def test_digests_tell_tracks_apart_by_what_was_found_alone(tmp_path: Path, scrip
     assert found[0] == found[1]
     assert found[0]["state"] == found[2]["state"]
     assert found[0]["pose"] != found[2]["pose"]
+
+
+@pytest.mark.parametrize("count", [1, 2, 3, 4])
+def test_every_processor_is_tried_from_every_folder(count: int, scripts: None) -> None:
+    from same_tracks import CORES, environments
+
+    folders = [Path(str(number)) for number in range(count)]
+    tried = [(environment["OPENBLAS_CORETYPE"], folder) for environment, folder in environments(3 * count, folders)]
+    assert len(set(tried)) == len(CORES) * count
+    assert len({folder for _, folder in tried[:3]}) == min(3, count)
