@@ -101,19 +101,6 @@ def test_unobserved_limbs_stay_where_they_were_and_all_else_is_believed(objectiv
     assert guesser.guess(pose, seen, objective, None).pose is pose
 
 
-def test_unobserved_limbs_of_a_first_frame_are_where_they_are_expected(objective: Objective, prior: PosePrior) -> None:
-    pose = standing(knee=2.0)
-    seen, guesser = looked_at(objective, pose, 40), LimbGuesser(prior)
-    guess = guesser.guess(pose, seen, objective, None, first=True)
-    assert guess.pose[KNEE] == pytest.approx(0.5)
-    others = np.delete(np.arange(skeleton.POSE_SIZE), LEGS)
-    assert guess.pose[others].tolist() == pose[others].tolist()
-    assert not guess.observed[skeleton.REPORTED.index("left_ankle")]
-    low = LimbGuesser(PosePrior(prior.weights, prior.means - 9.0, prior.covariances, prior.situation))
-    limited = low.guess(pose, seen, objective, None, first=True).pose
-    assert limited[KNEE] == skeleton.POSE_LIMITS[KNEE, 0], "nobody bends farther than joints go"
-
-
 def test_a_guess_is_as_uncertain_as_the_prior_given_what_is_seen(objective: Objective) -> None:
     """One knee follows the other with nine tenths of its variance, and nothing follows the arms."""
     pose, spreads = standing(), []

@@ -165,10 +165,8 @@ class Follower(Person):
         pose, previous = winner.hypothesis.pose, self.state.previous
         if self._guesser is None:
             return Guess(pose, np.zeros(len(skeleton.REPORTED)))
-        continues = winner.hypothesis.continues
-        before = None if previous is None or continues else previous.pose
-        first = previous is None and not continues
-        return self._guesser.guess(pose, winner.comparison, self.objective, before, first=first)
+        before = None if previous is None or winner.hypothesis.continues else previous.pose
+        return self._guesser.guess(pose, winner.comparison, self.objective, before)
 
     def _unseen(self, state: int, timestamp: float, clock: StageClock) -> FrameResult:
         """The last known pose, or a standing one before there was any, for a frame that shows nobody.

@@ -61,15 +61,7 @@ class LimbGuesser:
     def __init__(self, prior: PosePrior) -> None:
         self._prior = prior
 
-    def guess(
-        self,
-        pose: np.ndarray,
-        seen: Comparison,
-        objective: Objective,
-        before: np.ndarray | None,
-        *,
-        first: bool = False,
-    ) -> Guess:
+    def guess(self, pose: np.ndarray, seen: Comparison, objective: Objective, before: np.ndarray | None) -> Guess:
         """A pose (P,) with its unobserved limbs, and how far these may be from the true ones.
 
         Parameters
@@ -77,7 +69,6 @@ class LimbGuesser:
         seen : the pose against the frame, as `objective` compared it
         before : pose (P,) of the frame before, whose unobserved limbs stay; None where the pose itself goes on from it,
             or where there is none
-        first : nobody knows the pose before; unobserved limbs are where they are expected, given the rest of the body
         """
         nothing = Guess(pose, np.zeros(len(skeleton.REPORTED)))
         placed, scene = seen.placed, seen.scene
@@ -96,12 +87,8 @@ class LimbGuesser:
         known = np.ones(SIZE, dtype=np.bool_)
         known[entries] = known[HEIGHT] = False
         count = len(entries)
-        expected = self._prior.expected(variables(pose, placed.body), known)
-        if first:
-            pose = pose.copy()
-            pose[6 + entries] = np.clip(expected.mean[:count], *skeleton.POSE_LIMITS[6 + entries].T)
-            placed = objective.placer.place(placed.body, pose)
-        return Guess(pose, spread_of_joints(placed, entries, expected.covariance[:count, :count]))
+        covariance = self._prior.expected(variables(pose, placed.body), known).covariance[:count, :count]
+        return Guess(pose, spread_of_joints(placed, entries, covariance))
 
 
 def unobserved_joints(placed: PlacedBody, observed: np.ndarray) -> np.ndarray:
