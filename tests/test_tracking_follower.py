@@ -31,7 +31,7 @@ from toolkit.tracking.clock import StageClock
 from toolkit.tracking.follower import HELD, Follower
 from toolkit.tracking.guess import Guess
 from toolkit.tracking.person import UNSEEN
-from toolkit.tracking.search.protocol import NOTHING, Proposal, Rival
+from toolkit.tracking.search.protocol import NOTHING, Hypothesis, Proposal, Rival
 from toolkit.tracking.state import PersonState, Previous
 
 CAMERA = Camera(100.0, 100.0, 19.5, 14.5, 40, 30)
@@ -89,6 +89,17 @@ def test_the_hypothesis_nearest_to_the_frame_wins_whoever_was_asked_first(order:
     result = step(person)
     assert SOURCES[result.source] == "extrema"
     assert result.pose[0] == 1.0
+
+
+def test_on_a_first_frame_a_likely_pose_wins_over_one_that_is_hardly_nearer() -> None:
+    near, likely = (
+        Hypothesis(source, pose_at(k), compared(NEAR + 0.01 * k, energy=energy))
+        for k, (source, energy) in enumerate((("extrema", 0.3), ("joints", 0.0)))
+    )
+    search = FakeSearch("first", lambda state, best: Proposal((near, likely)))
+    person = follower([search])
+    won = [SOURCES[step(person, timestamp=float(t)).source] for t in range(2)]
+    assert won == ["joints", "extrema"]
 
 
 def test_of_one_search_the_nearest_hypothesis_wins() -> None:

@@ -97,7 +97,8 @@ class Follower(Person):
         if not rivals:
             return self._unseen(LOST, timestamp, clock)
 
-        winner = min(rivals, key=lambda rival: rival.comparison.distance)
+        first = state.previous is None and not held
+        winner = min(rivals, key=lambda rival: rival.doubt if first else rival.comparison.distance)
         result = self._commit(winner, observation, timestamp)
         clock.lap("select")
         return replace(result, stage_ms=clock.milliseconds)

@@ -1,7 +1,7 @@
 """The last word on a first frame: the best poses that face apart, brought equally far before one of them is believed.
 
 A body seen from behind has nearly the outline and the depth of one seen from the front, with its arms bent the other
-way. Whichever of the two a search happens to finish better wins by its distance, and is followed for good.
+way. Whichever of the two a search happens to finish better wins, and is followed for good.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ class FirstFrames:
     def finished(self, observation: Observation, rivals: Sequence[Rival]) -> list[Rival]:
         """Further rivals for a frame of which `rivals` is what every search said of every body."""
         aimed = [self._arms.of(rival, observation) for rival in best_of_each_body(rivals)]
-        best = min(aimed, key=_distance)
+        best = min(aimed, key=_doubt)
         others = facing_elsewhere(best, rivals)
         if observation.votes is not None:
             others.append(self._turned(best, observation))
@@ -59,13 +59,13 @@ class FirstFrames:
             pose = self._refiner.refine(rival.body, turned, observation.scene, iterations=iterations)
             compared = self._objective.compare(rival.body, pose, observation.scene)
             both.append(Rival(Hypothesis(rival.hypothesis.source, pose, compared), rival.body, compared))
-        return min(both, key=_distance)
+        return min(both, key=_doubt)
 
 
 def best_of_each_body(rivals: Sequence[Rival]) -> list[Rival]:
     """The nearest rival of every body."""
     best: dict[int, Rival] = {}
-    for rival in sorted(rivals, key=_distance, reverse=True):
+    for rival in sorted(rivals, key=_doubt, reverse=True):
         best[id(rival.body)] = rival
     return list(best.values())
 
@@ -75,7 +75,7 @@ def facing_elsewhere(best: Rival, rivals: Sequence[Rival]) -> list[Rival]:
     yaw = float(canonical.body_facing(best.hypothesis.pose))
     turns = [float(canonical.body_facing(rival.hypothesis.pose)) - yaw for rival in rivals]
     apart = [r for r, turn in zip(rivals, turns, strict=True) if abs(math.remainder(turn, math.tau)) >= APART]
-    return sorted(apart, key=_distance)[:1]
+    return sorted(apart, key=_doubt)[:1]
 
 
 def other_ways_round(pose: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -87,5 +87,5 @@ def other_ways_round(pose: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return turned, mirrored
 
 
-def _distance(rival: Rival) -> float:
-    return rival.comparison.distance
+def _doubt(rival: Rival) -> float:
+    return rival.doubt

@@ -35,6 +35,11 @@ class Hypothesis:
     supersedes: bool = False
 
 
+UNLIKELY = 0.1
+"""Metres of distance that a unit of the pose prior's energy counts where nobody knows the pose before: of two poses that
+explain a frame alike, the likelier one."""
+
+
 @dataclass(frozen=True, eq=False)
 class Rival:
     """A hypothesis that was judged: for which body, and how far that is from the frame."""
@@ -42,6 +47,11 @@ class Rival:
     hypothesis: Hypothesis
     body: Body
     comparison: Comparison
+
+    @property
+    def doubt(self) -> float:
+        """What decides where nobody knows the pose before, metres: the distance, and how unlikely the pose is."""
+        return self.comparison.distance + UNLIKELY * self.comparison.energy
 
 
 @dataclass(frozen=True, eq=False)
