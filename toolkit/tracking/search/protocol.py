@@ -36,8 +36,8 @@ class Hypothesis:
 
 
 UNLIKELY = 0.1
-"""Metres of distance that a unit of the pose prior's energy counts where nobody knows the pose before: of two poses that
-explain a frame alike, the likelier one."""
+"""Metres of distance that a unit of the pose prior's energy counts where nobody knows the pose before: of two poses
+that explain a frame alike, the likelier one."""
 
 
 @dataclass(frozen=True, eq=False)
