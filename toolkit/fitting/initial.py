@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from toolkit.body import skeleton
 from toolkit.errors import SettingsError
@@ -93,20 +94,12 @@ def standing_pose(upper: UpperBody, head: np.ndarray, turned: float = 0.0, leani
     """
     pose = np.zeros(skeleton.POSE_SIZE)
     yaw = math.atan2(-head[0], -head[2]) + turned
-    pose[skeleton.ROOT_ROTATION] = _turned_and_leaning(yaw, leaning)
+    pose[skeleton.ROOT_ROTATION] = Rotation.from_euler("xy", [leaning, yaw]).as_rotvec()
     for side, sign in zip(SIDES, (-1.0, 1.0), strict=True):
         pose[skeleton.POSE_NAMES.index(f"{side}_shoulder_rz")] = sign * HANGING
     crown = upper.body.end_effector_positions(pose)[skeleton.END_EFFECTORS.index("head")]
     pose[skeleton.ROOT_POSITION] = head - crown
     return pose
-
-
-def _turned_and_leaning(yaw: float, pitch: float) -> np.ndarray:
-    """Rotation vector (3,) of `pitch` about x, then `yaw` about y, radians."""
-    across = np.array([math.cos(yaw / 2) * math.sin(pitch / 2), math.sin(yaw / 2) * math.cos(pitch / 2), 0.0])
-    across[2] = -math.sin(yaw / 2) * math.sin(pitch / 2)
-    length = float(linear.lengths(across[None])[0])
-    return 2.0 * math.atan2(length, math.cos(yaw / 2) * math.cos(pitch / 2)) * across / max(length, 1e-12)
 
 
 def initial_pose(

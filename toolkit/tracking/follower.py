@@ -89,15 +89,14 @@ class Follower(Person):
             self._propose(observation, replace(state, previous=state.held), rng, carry, rivals, clock)
         for body in (state.body,) if state.sized else self._sizes:
             self._propose(observation, replace(state, body=body), rng, carry, rivals, clock)
-        # Nobody turns round in the moment for which they were hidden.
-        if self._finisher is not None and state.previous is None and rivals and not held:
+        first = state.previous is None and not held  # nobody turns round in the moment for which they were hidden
+        if self._finisher is not None and first and rivals:
             rivals += self._finisher.finished(observation, rivals)
             clock.lap(self._finisher.name)
         self.state = state = replace(state, carry=carry, generator=self.after(rng), turn=_turn(state))
         if not rivals:
             return self._unseen(LOST, timestamp, clock)
 
-        first = state.previous is None and not held
         winner = min(rivals, key=lambda rival: rival.doubt if first else rival.comparison.distance)
         result = self._commit(winner, observation, timestamp)
         clock.lap("select")

@@ -21,7 +21,7 @@ from toolkit.sensing.people.sharing import body_seeds, stayed_seeds
 from toolkit.sensing.people.sighting import PredictedBody, Sighting
 from toolkit.sensing.people.stills import large_enough, people_and_furniture
 from toolkit.sensing.people.surroundings import Surroundings, first_look, tolerances
-from toolkit.sensing.people.tracks import Person, export_people, known_again, match_heads, restore_people
+from toolkit.sensing.people.tracks import UNKNOWN, Person, export_people, known_again, match_heads, restore_people
 from toolkit.sensing.people.view import Lens, View
 from toolkit.sensing.polish import Polisher
 from toolkit.sensing.settings import SensingSettings
@@ -90,7 +90,7 @@ class SeveralPeople:
         heads, children, furniture = self._heads(view, surroundings)
         matched = match_heads(present, heads, timestamp)
         for k, i in matched.items():
-            present[k] = self._borne_out(present[k], heads[i], predicted)
+            present[k] = present[k].faced(heads[i], self._settings.head_distance)
         places = [heads[matched[k]] if k in matched else person.expected(timestamp) for k, person in enumerate(present)]
         left = [i for i in range(len(heads)) if i not in matched.values()]
         others = [heads[i] for i in left]
@@ -157,19 +157,9 @@ class SeveralPeople:
         for k, person in enumerate(present):
             if person.id in predicted:
                 body = predicted[person.id]
-                head = np.full(3, np.nan)
-                if person.borne_out and body.head is not None:
-                    head = self._lens.to_level(body.head[None])[0]
+                head = UNKNOWN if body.head is None else self._lens.to_level(body.head[None])[0]
                 present[k] = replace(person, stature=float(body.stature), body_head=head)
         return present
-
-    def _borne_out(self, person: Person, head: np.ndarray, predicted: Mapping[int, PredictedBody]) -> Person:
-        """The person whose `head` (3,) is seen."""
-        body = predicted[person.id] if person.id in predicted else None
-        if body is None or body.head is None:
-            return person
-        near = ((self._lens.to_level(body.head[None])[0] - head) ** 2).sum() < self._settings.head_distance**2
-        return replace(person, borne_out=person.borne_out or bool(near))
 
     def _seeds(
         self, view: View, present: Sequence[Person], places: Sequence[np.ndarray], matched: set[int]

@@ -19,6 +19,9 @@ AREA_FADING = 0.1  # a second, of what was seen of somebody who walks away
 TALLER, SHORTER = 0.08, 0.12  # m by which somebody who comes back may differ: shoes and noise; a bent neck as well
 WALK = 2.5  # m/s: the fastest that somebody out of sight moves in a room
 
+UNKNOWN = np.full(3, np.nan)
+"""A place that nobody tells."""
+
 
 @dataclass(frozen=True, eq=False)
 class Person:
@@ -49,7 +52,7 @@ class Person:
     area: float
     stature: float = 0.0
     borne_out: bool = False
-    body_head: np.ndarray = field(default_factory=lambda: np.full(3, np.nan))
+    body_head: np.ndarray = field(default_factory=UNKNOWN.copy)
 
     def expected(self, timestamp: float) -> np.ndarray:
         """Where the head is expected: float64 (3,), level frame, metres."""
@@ -58,7 +61,12 @@ class Person:
     @property
     def _start(self) -> np.ndarray:
         """Where the head was in the last frame."""
-        return self.body_head if np.isfinite(self.body_head).all() else self.head
+        return self.body_head if self.borne_out and np.isfinite(self.body_head).all() else self.head
+
+    def faced(self, head: np.ndarray, distance: float) -> Person:
+        """The person whose head is seen at `head` (3,); within `distance` metres it bears their body out."""
+        near = ((self.body_head - head) ** 2).sum() < distance**2  # never, where that is not known
+        return replace(self, borne_out=self.borne_out or bool(near))
 
     def gate(self, timestamp: float) -> float:
         """Metres around there in which it is looked for."""
