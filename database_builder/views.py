@@ -189,7 +189,7 @@ def draw_view(
             before, _ = _drawn(_projected(mesh.vertices), mesh.faces, corner, (height, width))
             blocked = np.maximum(blocked, before)
     depth = sensed(np.where(blocked > inverse, 0.0, inverse), rng)
-    window = _window(joints + root, corner, (height, width), cut, rng)
+    window = image_window(joints + root, corner, (height, width), cut, rng)
     in_view = _in_view(joints + root, corner, window, blocked)
     # Nobody can be seen where something nearer stands, if the source says what stands there; often it says nothing.
     if rng.random() < 0.6:
@@ -258,22 +258,30 @@ def _drawn(
     return inverse, triangle
 
 
-def _window(
+def image_window(
     joints: np.ndarray, corner: np.ndarray, shape: tuple[int, int], cut: bool, rng: np.random.Generator
 ) -> np.ndarray:
-    """Borders of the image in pixels of the crop, int32 (4,): first and last column, first and last row."""
+    """Borders of the image in pixels of the crop, int32 (4,): first and last column, first and last row.
+
+    Some of the crop is always inside: each far border leaves a fifth of it, each near one most of what is before the
+    far one.
+    """
     height, width = shape
     room = FOCAL / -joints[0, 2] * rng.uniform(-0.05, 1.0, 4)  # between the person and each border
-    window = np.array([-room[0], width + room[1], -room[2], height + room[3]])
+    near, far, extent = -room[::2], np.array([width, height]) + room[1::2], np.array([width, height], dtype=float)
     if cut:
         pixels = _projected(joints)[:, :2] - corner
         between = pixels[[skeleton.REPORTED.index(name) for name in CUTS[rng.choice(list(CUTS))]], 1]
-        window[3] = np.clip(rng.uniform(between.min(), between.max()), 0.2 * height, height)
+        far[1] = min(rng.uniform(between.min(), between.max()), height)
         if rng.random() < 0.25:
             side = rng.integers(3)
-            extent = height if side == 2 else width
-            window[side] = extent - 0.8 * extent * rng.random() if side == 1 else rng.uniform(0.0, 0.35) * extent
-    return np.rint(window).astype(np.int32)
+            if side == 1:
+                far[0] = width - 0.8 * width * rng.random()
+            else:
+                near[side // 2] = rng.uniform(0.0, 0.35) * extent[side // 2]
+    far = np.maximum(far, 0.2 * extent)
+    near = np.minimum(near, 0.35 * np.minimum(far, extent))
+    return np.rint([near[0], far[0], near[1], far[1]]).astype(np.int32)
 
 
 def _in_view(joints: np.ndarray, corner: np.ndarray, window: np.ndarray, blocked: np.ndarray) -> np.ndarray:

@@ -6,6 +6,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import settings as drawn_with
+from hypothesis import strategies as st
 
 from database_builder.parts import PartsSettings, grow_tree, leaf_votes, train_forest
 from database_builder.views import (
@@ -15,6 +18,7 @@ from database_builder.views import (
     body_labels,
     draw_images,
     draw_view,
+    image_window,
     is_seated,
 )
 from tests.landmark_helpers import CAMERA, LEVEL, body_cloud
@@ -426,6 +430,26 @@ def test_cut_people_end_at_the_border_and_what_lies_beyond_is_not_in_view() -> N
         last = cut.windows[image, 3]
         assert (picture[max(last + 1, 0) :] == 65535).all() and last < height
         assert cut.sample_v[cut.sample_image == image].max() <= last
+
+
+@given(
+    st.integers(0, 2**32 - 1), st.floats(0.55, 4.2), st.floats(0.05, 2.2), st.floats(0.05, 2.2), st.floats(-0.5, 1.5),
+    st.booleans(),
+)  # fmt: skip
+@drawn_with(max_examples=1500, deadline=None)
+def test_some_of_a_person_is_always_inside_the_image(
+    seed: int, distance: float, across: float, tall: float, low: float, cut: bool
+) -> None:
+    # Any person at any distance, however small, whose joints may even lie outside of the crop.
+    rng = np.random.default_rng(seed)
+    joints = np.zeros((len(skeleton.REPORTED), 3))
+    joints[:, 1] = rng.uniform(-low * tall - 0.01, (1.0 - low) * tall, len(joints))
+    joints[:, 2] = -distance
+    scale = FOCAL / distance
+    shape = (int(np.ceil(scale * tall)) + 4, int(np.ceil(scale * across)) + 4)
+    first_u, last_u, first_v, last_v = image_window(joints, np.array([0.0, -scale * tall]), shape, cut, rng)
+    assert max(first_u, 0) <= min(last_u, shape[1] - 1)
+    assert max(first_v, 0) <= min(last_v, shape[0] - 1)
 
 
 def test_what_stands_before_people_hides_them() -> None:
