@@ -1,7 +1,7 @@
 # make demo: set up and run the main job on bundled motions.   make test: set up and run everything that CI runs.
 # make quick: for the loop of a person who edits; what answers within half a minute.
 # make wheel: build the wheel and run the demo from it in an empty environment.
-# PYTHON=python3.12 chooses the interpreter (3.10 to 3.12); without it the first one found is taken.
+# PYTHON=python3.12 chooses the interpreter (3.10 to 3.13); without it the first one found is taken.
 
 SHELL := /bin/bash
 VENV := .venv

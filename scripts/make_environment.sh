@@ -12,18 +12,18 @@ if [ ! -e "$unfinished" ] && [ "$(cat "$stamp" 2>/dev/null)" = "$wanted" ]; then
     exit 0
 fi
 
-works() { "$1" -c 'import sys; sys.exit(not (3, 10) <= sys.version_info[:2] < (3, 13))' 2>/dev/null; }
+works() { "$1" -c 'import sys; sys.exit(not (3, 10) <= sys.version_info[:2] < (3, 14))' 2>/dev/null; }
 
 find_python() {
     if [ -n "${PYTHON:-}" ]; then
         works "$PYTHON" && { echo "$PYTHON"; return; }
-        echo "PYTHON=$PYTHON is not a Python 3.10, 3.11 or 3.12; name another one" >&2
+        echo "PYTHON=$PYTHON is not a Python 3.10 to 3.13; name another one" >&2
         return 1
     fi
-    for candidate in python3 python3.12 python3.11 python3.10 python; do
+    for candidate in python3 python3.13 python3.12 python3.11 python3.10 python; do
         works "$candidate" && { echo "$candidate"; return; }
     done
-    echo "no Python 3.10, 3.11 or 3.12 was found; install one or name it: make PYTHON=/path/to/python3.11" >&2
+    echo "no Python 3.10 to 3.13 was found; install one or name it: make PYTHON=/path/to/python3.11" >&2
     return 1
 }
 

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import fcntl
 import os
 from pathlib import Path
 
 import pytest
+from filelock import FileLock
 
 QUICK = frozenset({
     "test_config", "test_configs", "test_database_canonical", "test_database_query", "test_files", "test_fitting_parts",
@@ -41,8 +41,7 @@ def bundled_database(tmp_path_factory: pytest.TempPathFactory) -> Path:
     own = tmp_path_factory.getbasetemp()
     folder = own.parent if os.environ.get("PYTEST_XDIST_WORKER") else own
     path = folder / "bundled_poses.npz"
-    with (folder / "bundled_poses.lock").open("w") as lock:
-        fcntl.flock(lock, fcntl.LOCK_EX)
+    with FileLock(folder / "bundled_poses.lock"):
         if not path.exists():
             build_database(None, path, parts=None, max_poses=800, workers=1)
     return path

@@ -109,7 +109,7 @@ def test_a_lock_names_its_owner_and_ends_with_it(tmp_path: Path) -> None:
         holder.kill()
         holder.wait()
     with locked(tmp_path):
-        assert [p.name for p in tmp_path.iterdir()] == [".lock"]
+        assert {p.name for p in tmp_path.iterdir()} == {".lock", ".lock-owner"}
     assert not list(tmp_path.iterdir())
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import csv
-import fcntl
 import hashlib
 import io
 import json
@@ -12,7 +11,7 @@ import shutil
 import socket
 import tempfile
 from collections.abc import Iterable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from functools import cache
 from pathlib import Path
 from typing import Any, Literal
@@ -25,7 +24,7 @@ LARGEST_TEXT = 1 << 28
 """Bytes: a larger file is no settings, table or motion, and would only fill the memory."""
 MOST_DIGITS = 300
 """Of a whole number in a text; a float holds no more."""
-LOCK_FILE, OWN_MARK = ".lock", ".made-by-depthmocap"
+LOCK_FILE, OWNER_FILE, OWN_MARK = ".lock", ".lock-owner", ".made-by-depthmocap"
 
 
 @contextmanager
@@ -293,42 +292,36 @@ def locked(folder: str | Path) -> Iterator[None]:
     OutputError
         Another process holds it (the message names it), or the folder cannot be written.
     """
-    path = Path(folder) / LOCK_FILE
+    from filelock import FileLock, Timeout
+
+    path, owner = Path(folder) / LOCK_FILE, Path(folder) / OWNER_FILE
+    lock = FileLock(path, mode=0o666)
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        handle = _take(path)
+        lock.acquire(blocking=False)
+        owner.write_text(f"process {os.getpid()} on {socket.gethostname()}\n", encoding="utf-8")
+    except Timeout:
+        raise OutputError(f"{path.parent} is being written by {_owner(owner)}; wait until it has ended") from None
     except OSError as error:
+        lock.release()
         raise OutputError(
             f"cannot write {path}: {error.strerror or error}; choose a folder that can be written"
         ) from error
     try:
         yield
     finally:
-        path.unlink(missing_ok=True)
-        os.close(handle)
+        for file in (owner, path):  # while the lock is held; Windows keeps a file that is open until the lock is gone
+            with suppress(OSError):
+                file.unlink()
+        lock.release()
 
 
-def _take(path: Path) -> int:
-    while True:
-        handle = os.open(path, os.O_RDWR | os.O_CREAT, 0o666)
-        try:
-            fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError:
-            owner = os.read(handle, 200).decode(errors="replace").strip() or "another process"
-            os.close(handle)
-            raise OutputError(f"{path.parent} is being written by {owner}; wait until it has ended") from None
-        if _same_file_open(handle, path):
-            os.truncate(handle, 0)
-            os.write(handle, f"process {os.getpid()} on {socket.gethostname()}\n".encode())
-            return handle
-        os.close(handle)  # its last owner removed it meanwhile: take the new one
-
-
-def _same_file_open(handle: int, path: Path) -> bool:
+def _owner(path: Path) -> str:
+    """Who holds a lock. Its own file says so, because Windows lets nobody read the one that is locked."""
     try:
-        return os.path.samestat(os.fstat(handle), path.stat())
-    except FileNotFoundError:
-        return False
+        return path.read_text(encoding="utf-8", errors="replace")[:200].strip() or "another process"
+    except OSError:
+        return "another process"
 
 
 def sha256_of(path: str | Path) -> str:

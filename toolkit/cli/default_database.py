@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import sys
 import tempfile
 from collections.abc import Callable
 from pathlib import Path
@@ -18,11 +17,9 @@ def cache_folder() -> Path:
     """Where the system keeps what programs can make again, of depthmocap; `DEPTHMOCAP_CACHE` names another folder."""
     if own := os.environ.get("DEPTHMOCAP_CACHE"):
         return Path(own)
-    if sys.platform == "win32":
-        return Path(os.environ.get("LOCALAPPDATA", Path.home() / "AppData" / "Local")) / "depthmocap"
-    if sys.platform == "darwin":
-        return Path.home() / "Library" / "Caches" / "depthmocap"
-    return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "depthmocap"
+    from platformdirs import user_cache_path
+
+    return user_cache_path("depthmocap", appauthor=False)
 
 
 def default_database(show: Show) -> Path:

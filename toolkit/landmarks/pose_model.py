@@ -9,7 +9,6 @@ from __future__ import annotations
 import hashlib
 import math
 import os
-import sys
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -103,11 +102,9 @@ def data_folder() -> Path:
     """Where the user's programs keep data, of depthmocap; `DEPTHMOCAP_DATA` names another folder."""
     if own := os.environ.get("DEPTHMOCAP_DATA"):
         return Path(own)
-    if sys.platform == "win32":
-        return Path(os.environ.get("LOCALAPPDATA", Path.home() / "AppData" / "Local")) / "depthmocap" / "data"
-    if sys.platform == "darwin":
-        return Path.home() / "Library" / "Application Support" / "depthmocap"
-    return Path(os.environ.get("XDG_DATA_HOME") or Path.home() / ".local" / "share") / "depthmocap"
+    from platformdirs import user_data_path
+
+    return user_data_path("depthmocap", appauthor=False)
 
 
 def check_model(content: bytes, where: str | Path) -> bytes:
