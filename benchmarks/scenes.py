@@ -22,6 +22,7 @@ from typing import Any
 import numpy as np
 
 from benchmarks._options import add_database_options, poses_of
+from benchmarks._people import frame_picture, frame_times, tracks_of
 from benchmarks._record import RESULTS, save_figures
 from benchmarks._rows import ROWS, make_tracker
 from toolkit.config import parse_overrides
@@ -30,15 +31,12 @@ from toolkit.errors import DepthMocapError
 from toolkit.evaluation.scenes import SceneScore, scene_figures, score_scene
 from toolkit.pipeline import load_tracker, track_recordings
 from toolkit.pipeline.joints import JointChoice
-from toolkit.rendering import style
 from toolkit.rendering.film import contact_sheet, save_png
-from toolkit.rendering.overlay import color_depth, draw_points, draw_skeleton
-from toolkit.runs import person_runs
 from toolkit.sensing.opening import open_recording
 from toolkit.sensing.recording import Recording
 from toolkit.testing.scenes import GROUPS, LONGEST, Scene, chosen_scenes, record_scene, scenes
 from toolkit.testing.suite import has_mocap
-from toolkit.track import EMPTY, TRACK_FILE, TRACKED, Track
+from toolkit.track import Track
 
 LINES = {
     "waist up and seated": ("waist", "seated"),
@@ -75,9 +73,6 @@ WHOLE = "hybrid"
 """The row in which nothing is switched off."""
 WORST = 12
 """Recordings on the contact sheet."""
-SCALE = 2
-"""Pixels of the sheet to a pixel of a depth image 320 wide."""
-TRUTH = (255, 0, 160)
 
 
 def track_scenes(paths: Sequence[Path], options: argparse.Namespace) -> tuple[list[Path], dict[str, str]]:
@@ -100,11 +95,6 @@ def track_scenes(paths: Sequence[Path], options: argparse.Namespace) -> tuple[li
         print(f"\r{i + 1} of {len(paths)} tracked", end="", flush=True)
     print()
     return runs, failed
-
-
-def tracks_of(run: Path) -> list[Track]:
-    """The tracks of everybody in a run; none where it holds none."""
-    return [Track.load(person) for person in person_runs(run) if (person / TRACK_FILE).exists()]
 
 
 def table(scores: dict[str, SceneScore], made_from: dict[str, Scene]) -> dict[str, dict[str, Any]]:
@@ -135,20 +125,6 @@ def print_table(figures: dict[str, dict[str, Any]]) -> None:
         print(f"{line:<21}", *cells)
 
 
-def frame_times(recordings: Sequence[Sequence[Track]]) -> dict[int, float]:
-    """Milliseconds, median over the frames in which so many people are tracked, without reading them, by their number.
-
-    Frames are those of recordings with the tracks of everybody in them.
-    """
-    times: dict[int, list[float]] = {}
-    for tracks in recordings:
-        for frame in range(max(map(len, tracks), default=0)):
-            there = [track for track in tracks if frame < len(track)]
-            count = sum(bool(track.state[frame] == TRACKED) for track in there)
-            times.setdefault(count, []).append(sum(float(track.stage_ms[frame].sum()) for track in there))
-    return {count: float(np.median(times[count])) for count in sorted(times) if count}
-
-
 def badness(score: SceneScore) -> float:
     """Mean error of the seen joints, metres; of a room without people the share of frames that track somebody."""
     return float(score.errors[score.seen].mean()) if score.seen.any() else float(score.tracked.mean())
@@ -156,31 +132,12 @@ def badness(score: SceneScore) -> float:
 
 def worst_frame(recording: Recording, tracks: Sequence[Track], score: SceneScore) -> np.ndarray:
     """The frame of a recording in which the seen joints are worst, truth as white points, tracks as skeletons."""
-    import cv2
-
     per_frame = np.where(score.seen, np.nan_to_num(score.errors), 0.0).sum(axis=(1, 2))
     frame = int(np.argmax(per_frame / np.maximum(score.seen.sum(axis=(1, 2)), 1) + 1e-6 * score.tracked))
-    depth = recording.depth(frame)
-    size = (320 * SCALE, round(320 * SCALE * recording.camera.height / recording.camera.width))
-    size = (size[0], min(size[1], 240 * SCALE))
-    factor = min(size[0] / recording.camera.width, size[1] / recording.camera.height)
-    measured = depth[depth > 0] / 1000.0
-    near, far = np.percentile(measured, [1, 99]) if measured.size else (1.0, 4.0)
-    colored = color_depth(depth, np.ones(depth.shape, dtype=bool), float(near), float(far))
-    shown = cv2.resize(colored, None, fx=factor, fy=factor, interpolation=cv2.INTER_NEAREST)
-    picture = np.full((240 * SCALE, 320 * SCALE, 3), style.PAPER, dtype=np.uint8)
-    picture[: shown.shape[0], : shown.shape[1]] = shown
-    camera = recording.camera.scaled(factor)
-    for track in tracks:
-        if frame < len(track) and track.state[frame] != EMPTY:
-            draw_skeleton(picture, camera.project(track.joints[frame]), track.observed[frame])
     truth = recording.joints if recording.joints.ndim == 4 else recording.joints[None]
-    for person in truth[:, frame]:
-        pixels = camera.project(person)
-        for shift in np.ndindex(3, 3):
-            draw_points(picture, pixels + shift, TRUTH)
-    style.write(picture, f"{recording.name.rsplit('_', 1)[0]}  frame {frame}  {1000 * badness(score):.0f} mm", 6, 4)
-    return picture
+    pixels = np.array([recording.camera.project(person) for person in truth[:, frame]])
+    title = f"{recording.name.rsplit('_', 1)[0]}  frame {frame}  {1000 * badness(score):.0f} mm"
+    return frame_picture(recording, frame, tracks, pixels, title)
 
 
 def write_sheet(paths: Sequence[Path], runs: Sequence[Path], scores: dict[str, SceneScore], path: Path) -> None:

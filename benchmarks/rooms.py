@@ -1,0 +1,157 @@
+"""People in real rooms, annotated by hand: `depthmocap bench rooms [--names um,filinha] [--frames] [--database POSES]`.
+
+Six sequences of a structured-light camera among the shared recordings: a classroom, five people in a row, two views of
+people who cross a laboratory. Each is tracked with `--people all` and no other option, and scored by the script that
+lies beside the annotations, in place. The figures hold its counts for every sequence, for all, and frame by frame, with
+a line for every miss, false person and switch. `--sheets` draws the annotated frames into the work folder: they show
+people who can be recognised and belong nowhere else. Never tune on these sequences: they judge.
+"""
+
+from __future__ import annotations
+
+import argparse
+import importlib.util
+import io
+import json
+import shutil
+from collections.abc import Sequence
+from contextlib import redirect_stdout
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+import numpy as np
+
+from benchmarks._options import add_database_options, poses_of
+from benchmarks._people import frame_picture, frame_times, tracks_of
+from benchmarks._record import save_figures
+from toolkit.config import parse_overrides
+from toolkit.errors import DepthMocapError
+from toolkit.pipeline import load_tracker, track_recordings
+from toolkit.pipeline.joints import JointChoice
+from toolkit.rendering.film import contact_sheet, save_png
+from toolkit.sensing.opening import open_recording
+from toolkit.testing.suite import ROOT
+from toolkit.track import Track
+
+ROOMS = ROOT.parent / "shared" / "data" / "rooms"
+RATES = {"filinha": 5.0, "um": 3.5, "lab1_cam1": 1.7, "lab1_cam2": 1.7, "lab2_cam1": 1.7, "lab2_cam2": 1.7}
+"""Frames a second of the sequences, good to a quarter."""
+ALL = "all"
+"""The name of all sequences together."""
+
+
+def scorer(rooms: Path) -> ModuleType:
+    """The script beside the annotations, loaded where it lies."""
+    spec = importlib.util.spec_from_file_location("score_rooms", rooms / "score_rooms.py")
+    if spec is None or spec.loader is None:
+        raise SystemExit(f"there is no score_rooms.py in {rooms}; name the folder with --rooms")
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+def track_rooms(names: Sequence[str], options: argparse.Namespace) -> tuple[dict[str, Path], dict[str, str]]:
+    """Run folders of the sequences by name, and why those failed that did."""
+    tracker = load_tracker(overrides=parse_overrides(options.set), database=poses_of(options))
+    runs, failed = {}, {}
+    for name in names:
+        annotations = options.rooms / "annotations" / f"{name}.json"
+        camera = json.loads(annotations.read_text(encoding="utf-8"))["intrinsics"]
+        reader = {"intrinsics": tuple(camera), "frame_rate": RATES.get(name, 5.0)}
+        runs[name] = options.work / "runs" / "rooms" / name
+        shutil.rmtree(runs[name], ignore_errors=True)
+        try:
+            joints = JointChoice(options.joints)
+            track_recordings(
+                [options.rooms / name], tracker, runs[name], people=None, reader_options=reader, joints=joints
+            )
+        except DepthMocapError as error:
+            failed[name] = str(error)
+        print(f"{name} tracked", flush=True)
+    return runs, failed
+
+
+def scored(score: ModuleType, truth: dict[str, Any], tracks: list[dict[str, Any]]) -> dict[str, Any]:
+    """The script's counts of a sequence, and those of each annotated frame with what happened in it."""
+    with redirect_stdout(io.StringIO()) as told:
+        counts = score.score(truth, tracks, verbose=True)
+    lines = [line.strip() for line in told.getvalue().splitlines()]
+    frames = {}
+    for key, entry in truth["frames"].items():
+        own = score.score(truth | {"frames": {key: entry}}, tracks)
+        events = [line.split(": ", 1)[1] for line in lines if line.startswith(f"frame {key}: ")]
+        frames[key] = own | {"events": events}
+    return {"counts": counts, "frames": frames}
+
+
+def write_sheet(name: str, run: Path, truth: dict[str, Any], reader: dict[str, Any], options: Any) -> Path:
+    """The annotated frames of a sequence with tracks and annotated joints; their path in the work folder."""
+    recording = open_recording(options.rooms / name, **reader)
+    tracks, pictures = tracks_of(run), []
+    for key in sorted(truth["frames"], key=int):
+        people = [person for person in truth["frames"][key]["people"] if "joints" in person]
+        points = [pixel for person in people for pixel in person["joints"].values()]
+        pixels = np.array(points, dtype=np.float64).reshape(-1, 2)
+        pictures.append(frame_picture(recording, int(key), tracks, pixels, f"{name}  frame {key}"))
+    path: Path = options.work / "rooms" / f"{name}.png"
+    save_png(path, contact_sheet(pictures, columns=4))
+    return path
+
+
+def print_times(runs: dict[str, Path]) -> dict[int, float]:
+    """Milliseconds per frame by the number of people tracked."""
+    tracks: list[list[Track]] = [tracks_of(run) for run in runs.values()]
+    times = frame_times(tracks)
+    print("ms per frame:", ", ".join(f"{count} people {ms:.1f}" for count, ms in times.items()))
+    return times
+
+
+def parse() -> argparse.Namespace:
+    """The command line."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--rooms", type=Path, default=ROOMS, help="folder of sequences, annotations and score_rooms.py")
+    parser.add_argument("--names", help="comma-separated, out of: " + ", ".join(RATES))
+    parser.add_argument("--joints", default="none", help="in the image, as of `depthmocap track`")
+    parser.add_argument("--frames", action="store_true", help="print misses, switches and false people")
+    parser.add_argument("--sheets", action="store_true", help="draw the annotated frames into the work folder")
+    parser.add_argument("--runs", type=Path, help="score the run folders in here instead of tracking")
+    add_database_options(parser)
+    return parser.parse_args()
+
+
+def main() -> None:
+    """Track, score, print, write JSON and sheets."""
+    options = parse()
+    score = scorer(options.rooms)
+    there = [path.stem for path in sorted((options.rooms / "annotations").glob("*.json"))]
+    names = options.names.split(",") if options.names else there
+    failed: dict[str, str] = {}
+    if options.runs is None:
+        runs, failed = track_rooms(names, options)
+    else:
+        runs = {name: options.runs / name for name in names if (options.runs / name).is_dir()}
+    figures: dict[str, Any] = {}
+    total: dict[str, Any] = {}
+    for name, run in runs.items():
+        truth = json.loads((options.rooms / "annotations" / f"{name}.json").read_text(encoding="utf-8"))
+        figures[name] = scored(score, truth, score.load_run(run) if run.is_dir() else [])
+        score.show(name, figures[name]["counts"])
+        if options.frames:
+            for key, frame in figures[name]["frames"].items():
+                print(*(f"  frame {key}: {event}\n" for event in frame["events"]), sep="", end="")
+        score.add(total, figures[name]["counts"])
+        if options.sheets:
+            reader = {"intrinsics": tuple(truth["intrinsics"])}
+            print("  written:", write_sheet(name, run, truth, reader, options))
+    score.show(f"{ALL} ({len(runs)} sequences)", total)
+    for name, reason in failed.items():
+        print(f"{name} was not tracked: {reason}")
+    figures[ALL] = {"counts": total, "failed": failed, "frame_ms": print_times(runs)}
+    whole = set(names) == set(there) and not options.set and options.joints == "none"
+    settings = {name: getattr(options, name) for name in ("set", "names", "joints")}
+    print("written:", save_figures("rooms" if whole else "rooms_part", figures, settings))
+
+
+if __name__ == "__main__":
+    main()
