@@ -10,8 +10,12 @@ from pathlib import Path
 
 import pytest
 
+from toolkit import files
 from toolkit.errors import MocapError, OutputError, UsageError
 from toolkit.files import (
+    LOCK_FILE,
+    OWN_MARK,
+    OWNER_FILE,
     atomic_path,
     check_output,
     free_folder,
@@ -23,8 +27,10 @@ from toolkit.files import (
     parse_yaml,
     read_json,
     read_text,
+    read_yaml,
     remove_own_folder,
     save_text,
+    sha256_of,
 )
 
 
@@ -136,8 +142,8 @@ def _pipe(path: Path) -> None:
     ("make", "words"),
     [
         (lambda path: None, "there is no file"),
-        (lambda path: path.mkdir(), "there is no file"),
-        (_pipe, "there is no file"),
+        (lambda path: path.mkdir(), "it is a folder, a pipe or a device"),
+        (_pipe, "it is a folder, a pipe or a device"),
         (lambda path: path.write_bytes(b"\xff\xfe\x00"), "cannot read"),
         (lambda path: os.truncate(os.open(path, os.O_CREAT | os.O_WRONLY), 1 << 30), "too many"),
     ],
@@ -160,9 +166,59 @@ def test_a_byte_order_mark_is_left_out(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    "text", ["a: [", "a: " + "9" * 400, "a: 2026-99-99", "[" * 5000, "!!python/object:os.system x"]
+    "text", ["a: &a [1]\nb: *a", "a: [", "a: " + "9" * 400, "a: 2026-99-99", "[" * 5000, "!!python/object:os.system x"]
 )
 def test_what_is_no_plain_yaml_is_one_sentence(text: str) -> None:
     with pytest.raises(MocapError, match="the notes is no YAML .*; write them again") as error:
         parse_yaml(text, "the notes", MocapError, "write them again")
     assert "\n" not in str(error.value)
+
+
+def test_settings_that_are_too_long_or_lead_away_are_one_sentence(tmp_path: Path) -> None:
+    (tmp_path / "long.yaml").write_text("a: 1\n" * 100_000)
+    (tmp_path / "key").write_text("secret")
+    (tmp_path / "config.yaml").symlink_to("key")
+    with pytest.raises(MocapError, match="too many"):
+        read_yaml(tmp_path / "long.yaml", "the settings", MocapError, "write them again")
+    assert read_yaml(tmp_path / "config.yaml", "the settings", MocapError, "") == "secret", "a file of the user's own"
+    with pytest.raises(MocapError, match="it is a link") as error:
+        read_yaml(tmp_path / "config.yaml", "the settings", MocapError, "", inside=True)
+    assert "secret" not in str(error.value)
+
+
+@pytest.mark.parametrize("name", [LOCK_FILE, OWNER_FILE])
+@pytest.mark.parametrize("link", [Path.symlink_to, Path.hardlink_to, lambda path, to: os.mkfifo(path)])
+def test_a_lock_never_writes_through_what_lies_in_its_folder(
+    tmp_path: Path, name: str, link: Callable[[Path, Path], None]
+) -> None:
+    (tmp_path / "thesis.txt").write_text("years")
+    (tmp_path / "run").mkdir()
+    link(tmp_path / "run" / name, tmp_path / "thesis.txt")
+    with pytest.raises(OutputError, match="cannot write"), locked(tmp_path / "run"):
+        pass
+    assert (tmp_path / "thesis.txt").read_text() == "years"
+
+
+def test_an_own_folder_is_neither_marked_nor_removed_through_a_link(tmp_path: Path) -> None:
+    (tmp_path / "thesis").mkdir()
+    (tmp_path / "thesis" / OWN_MARK).touch()
+    (tmp_path / "a.work").symlink_to("thesis")
+    assert free_folder(tmp_path / "a.work").name == "a.work-2"
+    remove_own_folder(tmp_path / "a.work")
+    (tmp_path / "b.work").mkdir()
+    (tmp_path / "b.work" / OWN_MARK).symlink_to(tmp_path / "new")
+    with pytest.raises(OutputError, match="it is a link"):
+        make_own_folder(tmp_path / "b.work")
+    assert (tmp_path / "thesis").is_dir() and not (tmp_path / "new").exists()
+
+
+def test_a_digest_of_a_folder_leaves_links_out_and_ends(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "take").mkdir()
+    (tmp_path / "take" / "0.png").write_bytes(b"depth")
+    before = sha256_of(tmp_path / "take")
+    (tmp_path / "take" / "1.png").symlink_to("/dev/zero")
+    (tmp_path / "take" / "up").symlink_to("/")
+    assert sha256_of(tmp_path / "take") == before
+    monkeypatch.setattr(files, "LARGEST_FOLDER", 2)
+    with pytest.raises(UsageError, match="more than 2 files"):
+        sha256_of(tmp_path / "take")

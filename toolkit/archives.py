@@ -19,6 +19,7 @@ from typing import IO, Any
 import numpy as np
 from numpy.lib import format as npy
 
+from toolkit.door import open_file
 from toolkit.errors import DepthMocapError
 from toolkit.files import is_file, save_npz
 
@@ -26,6 +27,9 @@ CHECKSUM = "checksum"
 """Name of the array that holds the SHA-256 of all others; files of other programs may lack it."""
 PLAIN_KINDS = "biufU"
 """Kinds of NumPy types that a file may hold: truth values, numbers and text."""
+LARGEST_ARRAYS = 1 << 30
+"""Bytes that the arrays of one file may have together; of what is read as a whole nothing has as many."""
+MOST_ARRAYS = 10_000
 KIND_WORDS = {"f": "numbers", "iu": "whole numbers", "iuf": "numbers", "b": "truth values", "U": "text"}
 
 _END_MARK, _END_BYTES, _COUNT, _MANY = b"PK\x05\x06", 22, slice(10, 12), 0xFFFF
@@ -110,6 +114,46 @@ def _check_values(
         raise error(f"{name} of {where} holds {wrong:g}, outside {column.low:g} to {column.high:g}; {hint}")
 
 
+MOST_LEVELS = 64
+"""Questions from the root of a tree to a leaf."""
+
+
+def check_trees(
+    children: np.ndarray, roots: np.ndarray, leaves: int, error: type[DepthMocapError], where: str, hint: str
+) -> None:
+    """Check that every walk down a forest ends in a leaf, and soon.
+
+    Parameters
+    ----------
+    children : whole numbers (nodes, 2); one that is negative is leaf `-1 - child`
+    roots : whole numbers (trees,), the first node of each tree, or its only leaf
+    leaves : how many there are
+    error, where, hint : as of `check_columns`
+
+    Raises
+    ------
+    DepthMocapError
+        A number leads out of the forest, a node hangs from two others or from itself, or a tree has more than
+        `MOST_LEVELS` levels.
+    """
+    columns = {
+        "children": Column("iu", ("nodes", 2), -leaves, len(children) - 1),
+        "roots": Column("iu", ("trees",), -leaves, len(children) - 1),
+    }
+    check_columns({"children": children, "roots": roots}, columns, error, where, hint)
+    reached = np.concatenate([children.ravel(), roots]).astype(np.int64)
+    reached = reached[reached >= 0]
+    if len(np.unique(reached)) != len(reached):
+        raise error(f"a node of {where} hangs from two others; {hint}")
+    level = roots[roots >= 0]
+    for _ in range(MOST_LEVELS):
+        if not len(level):
+            return
+        level = children[level].ravel()
+        level = level[level >= 0]
+    raise error(f"a tree of {where} has more than {MOST_LEVELS} levels; {hint}")
+
+
 def save_archive(path: str | Path, arrays: Mapping[str, Any], *, compressed: bool = True) -> None:
     """Write named arrays (or what becomes one) and their checksum as one NPZ file, whole or not at all.
 
@@ -123,7 +167,13 @@ def save_archive(path: str | Path, arrays: Mapping[str, Any], *, compressed: boo
 
 
 def load_archive(
-    path: str | Path, error: type[DepthMocapError], hint: str, *, only: Collection[str] | None = None
+    path: str | Path,
+    error: type[DepthMocapError],
+    hint: str,
+    *,
+    only: Collection[str] | None = None,
+    most: int = LARGEST_ARRAYS,
+    inside: bool = False,
 ) -> dict[str, np.ndarray]:
     """Read the arrays of an NPZ file, and compare them with its checksum where it has one.
 
@@ -133,15 +183,21 @@ def load_archive(
     error : what is raised
     hint : what to do about a bad file, for the message
     only : names of the arrays to read, as far as they are there, without regard to the checksum; None = all
+    most : bytes that they may have together; what their headers say is compared before anything is unpacked
+    inside : the file lies in a folder that may come from anywhere, see `toolkit.door`
 
     Raises
     ------
     DepthMocapError
-        The file is missing, no NPZ file, damaged, or holds something other than plain arrays.
+        The file is missing, no NPZ file, damaged, too large, or holds something other than plain arrays.
     """
     file = Path(path)
-    with opened(file, error, hint) as archive:
-        arrays = {name: _read_whole(archive, name) for name in _names(archive) if only is None or name in only}
+    with opened(file, error, hint, inside=inside) as archive:
+        wanted = [name for name in _names(archive) if only is None or name in only]
+        size = sum(archive.getinfo(f"{name}.npy").file_size for name in wanted)
+        if size > most:
+            raise error(f"{file} unpacks to {size} bytes, more than the {most} that it could need; {hint}")
+        arrays = {name: _read_whole(archive, name) for name in wanted}
     stated = arrays.pop(CHECKSUM, None)
     if stated is not None and str(stated) != checksum_of(arrays):
         raise error(f"{file} is damaged: its checksum does not fit its content; {hint}")
@@ -165,23 +221,26 @@ def checksum_of(arrays: Mapping[str, np.ndarray]) -> str:
 
 
 @contextmanager
-def opened(path: Path, error: type[DepthMocapError], hint: str) -> Iterator[zipfile.ZipFile]:
+def opened(path: Path, error: type[DepthMocapError], hint: str, *, inside: bool = False) -> Iterator[zipfile.ZipFile]:
     """The archive at `path`; whatever reading it raises becomes `error`."""
     if not is_file(path):
         raise error(f"there is no file {path}; check the path")
-    with translated(path, error, hint), zipfile.ZipFile(path) as archive:
-        _check_count(path, archive)
+    with (
+        translated(path, error, hint),
+        open_file(path, inside=inside) as stream,
+        zipfile.ZipFile(stream) as archive,
+    ):
+        _check_count(stream, archive)
         yield archive
 
 
-def _check_count(path: Path, archive: zipfile.ZipFile) -> None:
+def _check_count(stream: IO[bytes], archive: zipfile.ZipFile) -> None:
     """Raise ValueError where the archive's end states more or fewer files than its directory lists.
 
     zipfile does not compare them; a wrong length in one entry hides those behind it, and with them the checksum.
     """
-    with path.open("rb") as stream:
-        stream.seek(-_END_BYTES - len(archive.comment), os.SEEK_END)
-        end = stream.read(_END_BYTES)
+    stream.seek(-_END_BYTES - len(archive.comment), os.SEEK_END)
+    end = stream.read(_END_BYTES)
     if not end.startswith(_END_MARK):
         raise ValueError("something follows its end")
     stated, listed = int.from_bytes(end[_COUNT], "little"), len(archive.infolist())
@@ -206,7 +265,7 @@ def translated(path: Path, error: type[DepthMocapError], hint: str) -> Iterator[
 
 def _reason(path: Path, problem: Exception) -> str:
     if isinstance(problem, zipfile.BadZipFile):
-        with path.open("rb") as stream:
+        with open_file(path) as stream:
             if stream.read(len(npy.MAGIC_PREFIX)) == npy.MAGIC_PREFIX:
                 return "it is a single array"
     return " ".join(str(problem).split()) or type(problem).__name__
@@ -215,6 +274,8 @@ def _reason(path: Path, problem: Exception) -> str:
 def _names(archive: zipfile.ZipFile) -> list[str]:
     """Names of the arrays in an archive; raises where one stands twice or is called otherwise in its own header."""
     names = [name.removesuffix(".npy") for name in archive.namelist()]
+    if len(names) > MOST_ARRAYS:
+        raise ValueError(f"it lists {len(names)} arrays, more than {MOST_ARRAYS}")
     for member in archive.infolist():
         archive.open(member).close()
     if len(set(names)) != len(names):

@@ -13,25 +13,32 @@ import tempfile
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
 from functools import cache
+from itertools import islice
 from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
 
+from toolkit.door import is_inside, open_file, read_file
 from toolkit.errors import DepthMocapError, OutputError, UsageError
 
 LARGEST_TEXT = 1 << 28
-"""Bytes: a larger file is no settings, table or motion, and would only fill the memory."""
+"""Bytes: a larger file is no table or motion, and would only fill the memory."""
+LARGEST_JSON, LARGEST_YAML = 1 << 24, 1 << 18
+"""Bytes of notes and of settings, which take many times as much memory, and YAML a second for each hundred thousand."""
+LARGEST_FOLDER = 1_000_000
+"""Files and folders below a recording's: more are somebody's disk."""
 MOST_DIGITS = 300
 """Of a whole number in a text; a float holds no more."""
 LOCK_FILE, OWNER_FILE, OWN_MARK = ".lock", ".lock-owner", ".made-by-depthmocap"
 
 
 @contextmanager
-def atomic_path(path: str | Path) -> Iterator[Path]:
+def atomic_path(path: str | Path, *, lasting: bool = True) -> Iterator[Path]:
     """Yield a temporary path beside `path`; on success it is renamed to `path`, on any failure it is removed.
 
-    The temporary name keeps the suffix of `path`, because writers choose their format by it.
+    The temporary name keeps the suffix of `path`, because writers choose their format by it. A file that shall be
+    `lasting` is on the disk before it takes the place of an older one, so that no loss of power leaves neither.
 
     Raises
     ------
@@ -43,7 +50,7 @@ def atomic_path(path: str | Path) -> Iterator[Path]:
         raise OutputError(f"cannot write {target}: it is a folder or a device; choose another name")
     try:
         target.parent.mkdir(parents=True, exist_ok=True)
-        handle, name = tempfile.mkstemp(prefix=f".{target.stem}-", suffix=target.suffix, dir=target.parent)
+        handle, name = tempfile.mkstemp(prefix=f".{target.stem[:100]}-", suffix=target.suffix, dir=target.parent)
         os.close(handle)
     except OSError as error:
         reason = error.strerror or error
@@ -52,12 +59,25 @@ def atomic_path(path: str | Path) -> Iterator[Path]:
     try:
         yield temporary
         os.chmod(temporary, 0o666 & ~_umask())
+        if lasting:
+            _on_disk(temporary, os.O_RDWR)
         os.replace(temporary, target)
+        if lasting and os.name == "posix":
+            _on_disk(target.parent, os.O_RDONLY)
     except OSError as error:
         reason = error.strerror or error
         raise OutputError(f"cannot write {target}: {reason}; free some space or choose another folder") from error
     finally:
         temporary.unlink(missing_ok=True)
+
+
+def _on_disk(path: Path, flags: int) -> None:
+    """Wait until what was written to a file, or the names in a folder, would outlast a loss of power."""
+    handle = os.open(path, flags)
+    try:
+        os.fsync(handle)
+    finally:
+        os.close(handle)
 
 
 def _umask() -> int:
@@ -117,31 +137,35 @@ def read_text(
     *,
     encoding: str = "utf-8",
     errors: Literal["strict", "replace"] = "strict",
+    most: int = LARGEST_TEXT,
+    inside: bool = False,
 ) -> str:
-    """The text of an ordinary file, a byte order mark left out.
+    """The text of an ordinary file of at most so many bytes, a byte order mark left out.
+
+    `inside` of a folder that may come from anywhere it is no link, see `toolkit.door`.
 
     Raises
     ------
     DepthMocapError
-        `error`, with `hint` for what to do: there is no such file, it cannot be read, is no text, or exceeds
-        `LARGEST_TEXT`.
+        `error`, with `hint` for what to do: there is no such file, it is no ordinary one, is no text, or is too large.
     """
-    file = Path(path)
-    if not is_file(file):
-        raise error(f"there is no file {file}; {hint}")
     try:
-        size = file.stat().st_size
-        if size > LARGEST_TEXT:
-            raise error(f"{file} has {size} bytes, too many for text; {hint}")
-        return file.read_bytes().decode(encoding, errors).removeprefix("\ufeff")
-    except (OSError, UnicodeDecodeError) as problem:
+        return read_file(path, most, inside=inside).decode(encoding, errors).removeprefix("\ufeff")
+    except FileNotFoundError as problem:
+        raise error(f"there is no file {path}; {hint}") from problem
+    except (OSError, ValueError) as problem:
         reason = getattr(problem, "strerror", None) or problem
-        raise error(f"cannot read {file}: {reason}; {hint}") from problem
+        raise error(f"cannot read {path}: {reason}; {hint}") from problem
 
 
-def read_json(path: str | Path, error: type[DepthMocapError], hint: str) -> Any:
+def read_json(path: str | Path, error: type[DepthMocapError], hint: str, *, inside: bool = False) -> Any:
     """The value of a JSON file; raises as `read_text`, and for what is no JSON."""
-    return parse_json(read_text(path, error, hint), str(path), error, hint)
+    return parse_json(read_text(path, error, hint, most=LARGEST_JSON, inside=inside), str(path), error, hint)
+
+
+def read_yaml(path: str | Path, where: str, error: type[DepthMocapError], hint: str, *, inside: bool = False) -> Any:
+    """The value of a YAML file, called `where` in messages; raises as `read_text`, and for what is no plain YAML."""
+    return parse_yaml(read_text(path, error, hint, most=LARGEST_YAML, inside=inside), where, error, hint)
 
 
 def parse_json(text: str, where: str, error: type[DepthMocapError], hint: str) -> Any:
@@ -155,7 +179,10 @@ def parse_json(text: str, where: str, error: type[DepthMocapError], hint: str) -
 
 
 def parse_yaml(text: str, where: str, error: type[DepthMocapError], hint: str) -> Any:
-    """The value of a YAML text of plain values; dates and numbers that cannot be, and endless nesting, are refused."""
+    """The value of a YAML text of plain values.
+
+    Dates and numbers that cannot be, endless nesting, and aliases, of which few lines make gigabytes, are refused.
+    """
     import yaml
 
     try:
@@ -166,10 +193,15 @@ def parse_yaml(text: str, where: str, error: type[DepthMocapError], hint: str) -
 
 @cache
 def _plain_yaml() -> Any:
-    """The safe loader, which also refuses whole numbers that no float holds."""
+    """The safe loader, which also refuses aliases and whole numbers that no float holds."""
     import yaml
 
     class Plain(yaml.SafeLoader):
+        def compose_node(self, parent: Any, index: Any) -> Any:
+            if self.check_event(yaml.events.AliasEvent):
+                raise ValueError("it holds an alias (*); write the value out")
+            return super().compose_node(parent, index)
+
         def construct_yaml_int(self, node: Any) -> int:
             value = super().construct_yaml_int(node)
             if abs(value) >= 10**MOST_DIGITS:
@@ -253,10 +285,14 @@ def free_folder(path: str | Path) -> Path:
     """Where intermediate files may lie: `path`, or `path`-2, ... while that is somebody else's; nothing is made yet."""
     wanted, number = Path(path), 1
     folder = wanted
-    while os.path.lexists(folder) and not is_file(folder / OWN_MARK):
+    while os.path.lexists(folder) and not _is_own(folder):
         number += 1
         folder = wanted.with_name(f"{wanted.name}-{number}")
     return folder
+
+
+def _is_own(folder: Path) -> bool:
+    return not folder.is_symlink() and is_inside(folder / OWN_MARK)
 
 
 def make_own_folder(path: str | Path) -> None:
@@ -270,7 +306,7 @@ def make_own_folder(path: str | Path) -> None:
     folder = Path(path)
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        (folder / OWN_MARK).touch()
+        open_file(folder / OWN_MARK, "a+b", inside=True).close()
     except OSError as error:
         raise OutputError(
             f"cannot write {folder}: {error.strerror or error}; choose a folder that can be written"
@@ -279,7 +315,7 @@ def make_own_folder(path: str | Path) -> None:
 
 def remove_own_folder(path: str | Path) -> None:
     """Remove a folder that `make_own_folder` made, with all that it holds; any other one stays as it is."""
-    if is_file(Path(path) / OWN_MARK):
+    if _is_own(Path(path)):
         shutil.rmtree(path, ignore_errors=True)
 
 
@@ -298,8 +334,10 @@ def locked(folder: str | Path) -> Iterator[None]:
     lock = FileLock(path, mode=0o666)
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
+        open_file(path, "a+b", inside=True).close()  # neither a link nor another's file; the lock may cut it
         lock.acquire(blocking=False)
-        owner.write_text(f"process {os.getpid()} on {socket.gethostname()}\n", encoding="utf-8")
+        with open_file(owner, "w+b", inside=True) as stream:
+            stream.write(f"process {os.getpid()} on {socket.gethostname()}\n".encode())
     except Timeout:
         raise OutputError(f"{path.parent} is being written by {_owner(owner)}; wait until it has ended") from None
     except OSError as error:
@@ -319,23 +357,36 @@ def locked(folder: str | Path) -> Iterator[None]:
 def _owner(path: Path) -> str:
     """Who holds a lock. Its own file says so, because Windows lets nobody read the one that is locked."""
     try:
-        return path.read_text(encoding="utf-8", errors="replace")[:200].strip() or "another process"
+        return read_file(path, 1000, inside=True).decode("utf-8", "replace").strip() or "another process"
     except OSError:
         return "another process"
 
 
 def sha256_of(path: str | Path) -> str:
     """SHA-256 of a file, or of the sorted names and contents of a folder's files, as hexadecimal digits."""
-    root = Path(path)
-    digest = hashlib.sha256()
-    files = [root] if root.is_file() else sorted(p for p in root.rglob("*") if p.is_file())
-    for file in files:
-        if root.is_dir():
-            digest.update(str(file.relative_to(root)).encode())
-        with file.open("rb") as stream:
+    root, digest = Path(path), hashlib.sha256()
+    folder = root.is_dir()
+    for file in _files_below(root) if folder else [root]:
+        if folder:
+            digest.update(os.fsencode(file.relative_to(root)))
+        with open_file(file, inside=folder) as stream:
             while block := stream.read(1 << 20):
                 digest.update(block)
     return digest.hexdigest()
+
+
+def _files_below(folder: Path) -> list[Path]:
+    """The ordinary files below a folder, sorted; links are left out.
+
+    Raises
+    ------
+    UsageError
+        There are more than any recording has.
+    """
+    found = list(islice(folder.rglob("*"), LARGEST_FOLDER + 1))
+    if len(found) > LARGEST_FOLDER:
+        raise UsageError(f"{folder} holds more than {LARGEST_FOLDER} files, as no recording does; name a recording")
+    return sorted(p for p in found if is_inside(p))
 
 
 def shipped(*parts: str) -> Path:

@@ -1,0 +1,42 @@
+"""Names of recordings, people, labels and files on their way to where they are shown: nothing in them acts there."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+Place = Literal["text", "rich", "plot", "table"]
+LONGEST_NAME = 120
+"""Characters of a name that are shown."""
+_FORMULA = "=+-@'"
+"""What the cells begin with that spreadsheets calculate, and the mark that says that one is text."""
+
+
+def shown(name: object, on: Place = "text") -> str:
+    """A name as it can be shown.
+
+    Line breaks, terminal escapes, marks that turn the direction of writing and bytes that are no text become visible as
+    `\\x1b`, and a name longer than `LONGEST_NAME` loses its middle.
+
+    Parameters
+    ----------
+    on : "text" is a terminal, a film or a page that escapes its own; "rich" reads markup in brackets, "plot"
+        mathematics between dollars, "table" is a cell of CSV, which must not become a formula
+    """
+    text = printable(str(name))
+    if len(text) > LONGEST_NAME:
+        half = (LONGEST_NAME - 3) // 2
+        text = f"{text[:half]}...{text[-half:]}"
+    if on == "rich":
+        from rich.markup import escape
+
+        return escape(text)
+    if on == "plot":
+        return text.replace("$", "\\$")
+    return f"'{text}" if on == "table" and text[:1] in _FORMULA and text else text
+
+
+def printable(text: str) -> str:
+    """A text of any length in which what is not printed is written as Python writes it in a string."""
+    if text.isprintable():
+        return text
+    return "".join(c if c.isprintable() else c.encode("unicode_escape", "surrogatepass").decode("ascii") for c in text)
