@@ -10,7 +10,7 @@ from scipy.linalg import LinAlgError, cho_factor, cho_solve
 from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 
-from toolkit.body import skeleton
+from toolkit import skeleton
 from toolkit.body.body import BELOW, Body
 from toolkit.fitting.objective import WORSE, Comparison, Objective
 from toolkit.fitting.orientation import Evidence

@@ -7,8 +7,8 @@ from scipy.sparse import csr_matrix
 from scipy.sparse.csgraph import connected_components, dijkstra
 from scipy.spatial import cKDTree
 
-from toolkit.kernels.cloud_graph import UNIT
-from toolkit.kernels.geodesic import UNREACHED
+from toolkit.kernels.cloud.cloud_graph import UNIT
+from toolkit.kernels.cloud.geodesic import UNREACHED
 from toolkit.landmarks.centre import MAX_STEPS, TOLERANCE
 from toolkit.landmarks.extrema import Extrema
 from toolkit.landmarks.settings import LandmarkSettings

@@ -14,13 +14,13 @@ from toolkit.database.database import PoseDatabase
 from toolkit.evaluation.scores import RunScores
 from toolkit.fitting.objective import Objective
 from toolkit.fitting.refiner import Refiner
+from toolkit.hybrid.tracker import HybridTracker
 from toolkit.kernels import linear
+from toolkit.people.sighting import PredictedBody, Sighting
 from toolkit.sensing.camera import Camera
-from toolkit.sensing.people.sighting import PredictedBody, Sighting
 from toolkit.track import FrameResult
 from toolkit.tracking.clock import StageClock
 from toolkit.tracking.follower import Follower
-from toolkit.tracking.hybrid import HybridTracker
 from toolkit.tracking.observation import Observation, Observer
 from toolkit.tracking.search.local import LocalSearch
 from toolkit.tracking.search.lookup import DatabaseLookup

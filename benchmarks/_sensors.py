@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from toolkit.body import skeleton
-from toolkit.inertial import quaternions as quat
+from toolkit import skeleton
 from toolkit.inertial.calibration import GOOD, Calibration, Mounting, TakeClock
+from toolkit.rotations import quaternions as quat
 from toolkit.simulation.inertial import SimulatedSensors
 
 

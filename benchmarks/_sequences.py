@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks._takes import with_joints
-from toolkit.body import skeleton
+from toolkit import skeleton
 from toolkit.body.body import Body
 from toolkit.body.personal import load_body_file, save_body
 from toolkit.mocap.clip import PoseClip

@@ -10,9 +10,9 @@ import numpy as np
 from benchmarks._takes import is_right, joints_of
 from toolkit.body.body import Body
 from toolkit.config import load_settings
+from toolkit.qammaz.tracker import SwarmTracker, SwarmTrackerSettings
 from toolkit.sensing.recording import Recording
 from toolkit.tracking.solo import Solo
-from toolkit.tracking.swarm import SwarmTracker, SwarmTrackerSettings
 
 NO_IMAGE = {"discrepancy.depth": 0.0}
 NO_JOINTS = {"discrepancy.joints_2d": 0.0, "discrepancy.joints_3d": 0.0, "search.pulled": 0, "search.disagreement": 0.0}

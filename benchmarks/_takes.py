@@ -9,8 +9,8 @@ import numpy as np
 from toolkit.evaluation.joints import joint_errors
 from toolkit.pipeline.joints import JointChoice
 from toolkit.pipeline.store_joints import store_joints
+from toolkit.recordings.opening import open_recording
 from toolkit.sensing.joints2d import Joints2D
-from toolkit.sensing.opening import open_recording
 from toolkit.sensing.recording import Recording
 from toolkit.testing.joints import detected
 from toolkit.testing.suite import Take, digest_of, record

@@ -30,7 +30,7 @@ from toolkit.evaluation.scores import EvaluationTable, RunScores
 from toolkit.files import atomic_path
 from toolkit.fitting.objective import WITHIN
 from toolkit.pipeline import track_recording
-from toolkit.sensing.opening import open_recording
+from toolkit.recordings.opening import open_recording
 from toolkit.testing.suite import GROUPS, LONGEST, Take, chosen_takes, has_mocap, record, takes
 from toolkit.track import TRACKED, Track
 

@@ -25,6 +25,7 @@ from scipy.io import loadmat
 
 from benchmarks._keyframe_corpus import ACTORS, Example, LabelledDocument, learned_from, load_examples, load_filler
 from benchmarks._record import RESULTS, save_figures
+from toolkit.recordings.readers.utd_mhad import joints_from_kinect
 from toolkit.retrieval.annotation.annotator import (
     AS_PUBLISHED,
     Annotator,
@@ -46,7 +47,6 @@ from toolkit.retrieval.learning.genetic import GeneticSettings
 from toolkit.retrieval.learning.queries import LearningSettings
 from toolkit.retrieval.templates.picture import plot_matrix, plot_template
 from toolkit.retrieval.templates.template import MotionTemplate
-from toolkit.sensing.readers.utd_mhad import joints_from_kinect
 
 CLIPS_PER_DOCUMENT = 12
 HOLDS_A_CLASS = ("02_03", "02_04", "02_06", "10_04", "49_02", *(f"49_{n:02d}" for n in range(3, 13)))

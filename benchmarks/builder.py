@@ -27,7 +27,7 @@ from benchmarks._record import save_figures
 from database_builder import pool
 from database_builder.build import build_database
 from database_builder.sampling import pose_distance
-from toolkit.body import skeleton
+from toolkit import skeleton
 from toolkit.body.shape import load_body
 from toolkit.mocap.clip import PoseClip
 from toolkit.mocap.read import find_clips, read_clip

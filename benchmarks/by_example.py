@@ -42,7 +42,8 @@ from benchmarks._keyframe_corpus import FILLER_SHARE, SYMMETRIC, Example, load_e
 from benchmarks._record import save_figures
 from benchmarks._timing import pin_to_one_processor
 from toolkit.errors import RetrievalError
-from toolkit.kernels.graded import distinct_hits, graded_distances
+from toolkit.kernels.motion.graded import distinct_hits, graded_distances
+from toolkit.recordings.readers.utd_mhad import joints_from_kinect
 from toolkit.retrieval.annotation.annotator import distance_function
 from toolkit.retrieval.annotation.documents import HARD_JOINS, JOINS, Joins, assemble
 from toolkit.retrieval.features.geometry import BodyLengths
@@ -54,7 +55,6 @@ from toolkit.retrieval.index.keyframe_index import KeyframeIndex
 from toolkit.retrieval.keyframes.automatic import template_of
 from toolkit.retrieval.search import example as shipped
 from toolkit.retrieval.workflow.search import keyframes_of_example, search
-from toolkit.sensing.readers.utd_mhad import joints_from_kinect
 
 LAST_TUNING_SUBJECT = 8
 """CMU subjects up to this one were looked at while the method was made."""

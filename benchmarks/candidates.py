@@ -25,11 +25,11 @@ from toolkit.config import parse_overrides
 from toolkit.database.database import PoseDatabase
 from toolkit.evaluation.extrema import FOUND, TIPS, all_found, all_free
 from toolkit.evaluation.joints import visible_joints
+from toolkit.hybrid.tracker import HybridTracker
+from toolkit.recordings.opening import open_recording
 from toolkit.sensing.cloud import Cloud
-from toolkit.sensing.opening import open_recording
 from toolkit.sensing.recording import Recording
 from toolkit.testing.suite import GROUPS, LONGEST, chosen_takes, record
-from toolkit.tracking.hybrid import HybridTracker
 from toolkit.tracking.observation import Observation
 from toolkit.tracking.search.extrema import ExtremaQuery
 from toolkit.tracking.search.lookup import Query

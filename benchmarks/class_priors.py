@@ -21,8 +21,8 @@ from toolkit.evaluation.joints import NEAR
 from toolkit.evaluation.scenes import score_scene
 from toolkit.pipeline import load_tracker, track_recording
 from toolkit.pipeline.class_guide import ClassGuide
+from toolkit.recordings.opening import open_recording
 from toolkit.retrieval.workflow.annotate import classes_from_clips
-from toolkit.sensing.opening import open_recording
 from toolkit.testing.labelled import class_clips
 from toolkit.testing.scenes import LONGEST, chosen_scenes, record_scene
 from toolkit.track import Track

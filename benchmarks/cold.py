@@ -22,11 +22,11 @@ from benchmarks._takes import SOURCES, is_right, joints_of, prepared
 from toolkit.config import parse_overrides
 from toolkit.database.database import PoseDatabase
 from toolkit.evaluation.bootstrap import paired_bootstrap
+from toolkit.qammaz.tracker import SwarmTracker
 from toolkit.sensing.recording import Recording
 from toolkit.testing.suite import GROUPS, chosen_takes
 from toolkit.tracking.protocol import Tracker
 from toolkit.tracking.solo import Solo
-from toolkit.tracking.swarm import SwarmTracker
 
 ROWS = ("hybrid", "no swarm", "swarm")
 EVERY = 12

@@ -28,15 +28,15 @@ from benchmarks._timing import pin_to_one_processor
 from toolkit.body.shape import load_body, subject_body
 from toolkit.config import parse_overrides
 from toolkit.database.database import PoseDatabase
+from toolkit.hybrid.tracker import HybridTracker
+from toolkit.people.evidence import unobserved_pixels
+from toolkit.people.survey import find_people
+from toolkit.recordings.opening import open_recording
+from toolkit.recordings.writer import save_recording
 from toolkit.sensing.camera import Camera
-from toolkit.sensing.opening import open_recording
-from toolkit.sensing.people.evidence import unobserved_pixels
-from toolkit.sensing.people.survey import find_people
 from toolkit.sensing.recording import Recording
-from toolkit.sensing.writer import save_recording
 from toolkit.testing.subjects import DISTANCE, camera_for, draw, moving_poses
 from toolkit.tracking.crowd import Crowd
-from toolkit.tracking.hybrid import HybridTracker
 from toolkit.tracking.protocol import Tracker
 
 Figures = dict[str, Any]

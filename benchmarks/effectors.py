@@ -17,12 +17,12 @@ import numpy as np
 from benchmarks._record import save_figures
 from toolkit.evaluation.joints import seen_joints
 from toolkit.evaluation.upper import HANDS, ROWS
-from toolkit.landmarks.effectors import EffectorSettings, find_effectors, find_fork
 from toolkit.landmarks.graph import Workspace
+from toolkit.lopez2011.effectors import EffectorSettings, find_effectors, find_fork
+from toolkit.people.lone import LonePerson
+from toolkit.recordings.opening import open_recording
 from toolkit.sensing.camera import level_rotation
 from toolkit.sensing.cloud import Cloud
-from toolkit.sensing.opening import open_recording
-from toolkit.sensing.people.lone import LonePerson
 from toolkit.sensing.recording import Recording
 from toolkit.sensing.settings import SensingSettings
 from toolkit.testing.scenes import record_scene

@@ -24,9 +24,10 @@ from toolkit.body.body import Body
 from toolkit.body.shape import subject_body
 from toolkit.database.database import PoseDatabase
 from toolkit.fitting.orientation import OrientationSettings
+from toolkit.hybrid.tracker import HybridTracker
 from toolkit.mocap.clip import PoseClip
 from toolkit.pipeline import track_recording
-from toolkit.sensing.opening import open_recording
+from toolkit.recordings.opening import open_recording
 from toolkit.simulation.inertial import NOISE, simulate_sensors
 from toolkit.simulation.sensors import make_sensor
 from toolkit.simulation.simulate import simulate_recording
@@ -34,7 +35,6 @@ from toolkit.testing.labelled import SEQUENCES, record_sequence
 from toolkit.testing.suite import RATE, distance_needed, performed, takes
 from toolkit.track import Track
 from toolkit.tracking.guide import Guide, InertialGuide
-from toolkit.tracking.hybrid import HybridTracker
 
 CARRIED = ("left_forearm", "right_forearm", "left_shin", "right_shin", "pelvis")
 

@@ -20,13 +20,13 @@ import numpy as np
 from benchmarks._options import add_database_options, poses_of
 from benchmarks._record import save_figures
 from benchmarks._sensors import levelled
-from toolkit.body import skeleton
+from toolkit import skeleton
 from toolkit.body.body import Body
 from toolkit.body.shape import subject_body
 from toolkit.database.database import PoseDatabase
 from toolkit.errors import InertialError
 from toolkit.evaluation.orientations import RunCheck, frame_scores
-from toolkit.inertial import quaternions as quat
+from toolkit.hybrid.tracker import HybridTracker
 from toolkit.inertial.calibrate import CalibrationSettings, Take, calibrate
 from toolkit.inertial.distance import CheckSettings, distances, errors_of
 from toolkit.inertial.limbs import TrackedMotion
@@ -35,14 +35,14 @@ from toolkit.inertial.workflow import clock_of
 from toolkit.mocap.read import read_clip
 from toolkit.mocap.retarget import retarget
 from toolkit.pipeline import track_recording
+from toolkit.recordings.opening import open_recording
 from toolkit.retrieval.annotation.measures import Scores, Segment
-from toolkit.sensing.opening import open_recording
+from toolkit.rotations import quaternions as quat
 from toolkit.simulation.inertial import SensorNoise, simulate_sensors
 from toolkit.simulation.sensors import make_sensor
 from toolkit.simulation.simulate import simulate_recording
 from toolkit.testing.suite import MOCAP, RATE, distance_needed, performed, takes
 from toolkit.track import Track
-from toolkit.tracking.hybrid import HybridTracker
 
 ACTORS = {"tune": "bk", "report": "dg"}
 NOISE = SensorNoise(tilt=1.0, white=0.3, heading_walk=1.0, soft_tissue=2.5, gyro=0.01, acceleration=0.05, offset=1.5)

@@ -19,17 +19,17 @@ import numpy as np
 
 from benchmarks._options import add_take_options
 from benchmarks._record import save_figures
-from toolkit.body import skeleton
+from toolkit import skeleton
 from toolkit.body.shape import subject_body
-from toolkit.landmarks.detection import DetectedJoints
-from toolkit.landmarks.pose_model import PoseModel
-from toolkit.sensing.joint_formats import COCO_18, POSE_MODEL, reported_rows
+from toolkit.detector.detection import DetectedJoints
+from toolkit.detector.joint_formats import COCO_18, POSE_MODEL, reported_rows
+from toolkit.detector.pose_model import PoseModel
+from toolkit.people.joints import on_cut_out
+from toolkit.people.lone import LonePerson
+from toolkit.people.sighting import Sighting
+from toolkit.people.survey import find_people
+from toolkit.recordings.opening import open_recording
 from toolkit.sensing.joints2d import Joints2D, lift, mirrored_rows
-from toolkit.sensing.opening import open_recording
-from toolkit.sensing.people.joints import on_cut_out
-from toolkit.sensing.people.lone import LonePerson
-from toolkit.sensing.people.sighting import Sighting
-from toolkit.sensing.people.survey import find_people
 from toolkit.sensing.recording import Recording
 from toolkit.sensing.settings import SensingSettings
 from toolkit.simulation.sensors import make_sensor

@@ -29,13 +29,13 @@ from benchmarks._timing import percentiles, pin_to_one_processor
 from toolkit.body.body import Body
 from toolkit.database.database import PoseDatabase
 from toolkit.fitting.scene import Scene
+from toolkit.hybrid.tracker import HybridTracker
 from toolkit.landmarks.extrema import Extrema
+from toolkit.recordings.opening import open_recording
 from toolkit.sensing.camera import Camera
-from toolkit.sensing.opening import open_recording
 from toolkit.sensing.recording import Recording
 from toolkit.testing.subjects import write_recording
 from toolkit.tracking.follower import Follower
-from toolkit.tracking.hybrid import HybridTracker
 from toolkit.tracking.observation import Observation, Observer
 from toolkit.tracking.settings import HybridSettings
 from toolkit.tracking.solo import Solo

@@ -20,7 +20,7 @@ from benchmarks._options import add_database_options, poses_of
 from benchmarks._record import save_figures
 from benchmarks.regressor import seated_poses, standing_poses
 from database_builder.prior import PriorSettings, learn_prior
-from toolkit.body import skeleton
+from toolkit import skeleton
 from toolkit.body.shape import load_body
 from toolkit.database.database import PoseDatabase
 from toolkit.database.prior import ANGLES, SIZE, PosePrior, known_without, variables

@@ -21,20 +21,20 @@ from benchmarks._options import add_database_options, poses_of
 from benchmarks._record import save_figures
 from benchmarks._rows import ROWS, figures_of, make_tracker, settings_of
 from benchmarks._swarm_rows import settings_of as swarm_settings
-from toolkit.body.skeleton import END_EFFECTORS
 from toolkit.config import parse_overrides
 from toolkit.database.database import PoseDatabase
 from toolkit.evaluation.evaluate import evaluate_runs
 from toolkit.evaluation.extrema import BONES, OWNERS
 from toolkit.evaluation.scores import EvaluationTable
 from toolkit.pipeline import track_recordings
+from toolkit.qammaz.tracker import SwarmTracker
+from toolkit.recordings.opening import open_recording
 from toolkit.retrieval.features.motion import from_track
 from toolkit.retrieval.features.relational import FEATURES, relational_features
-from toolkit.sensing.opening import open_recording
+from toolkit.skeleton import END_EFFECTORS
 from toolkit.testing.suite import ROOT
 from toolkit.track import RunInfo, Track
 from toolkit.tracking.protocol import Tracker
-from toolkit.tracking.swarm import SwarmTracker
 
 RECORDINGS = ROOT.parent / "shared" / "data" / "depth" / "utd_mhad"
 LIMB_BONES = BONES[(OWNERS >= 0) & (OWNERS < END_EFFECTORS.index("head"))]

@@ -21,9 +21,9 @@ from toolkit.config import parse_overrides
 from toolkit.pipeline import load_tracker, track_recordings
 from toolkit.pipeline.joints import JointChoice
 from toolkit.pipeline.store_joints import store_joints
+from toolkit.recordings.opening import open_recording
 from toolkit.runs import load_people
 from toolkit.sensing.joints2d import Joints2D
-from toolkit.sensing.opening import open_recording
 from toolkit.sensing.recording import Recording
 from toolkit.testing.suite import ROOT
 from toolkit.track import TRACKED, Track

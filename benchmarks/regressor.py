@@ -20,12 +20,12 @@ import numpy as np
 
 from benchmarks._options import add_database_options, poses_of
 from benchmarks._record import save_figures
-from toolkit.body import skeleton
+from toolkit import skeleton
 from toolkit.body.body import Body
 from toolkit.body.shape import GROWTH, ShapeSpace, subject_body
 from toolkit.database.canonical import canonicalise, place
 from toolkit.database.database import PoseDatabase
-from toolkit.kernels import raster
+from toolkit.kernels.image import raster
 from toolkit.landmarks.parts import JointEstimate, JointForest
 from toolkit.mocap.procedural import SEATED_SUBJECT_MOTIONS, procedural_clips
 from toolkit.sensing.camera import Camera, level_rotation

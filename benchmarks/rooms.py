@@ -29,8 +29,8 @@ from toolkit.config import parse_overrides
 from toolkit.errors import DepthMocapError
 from toolkit.pipeline import load_tracker, track_recordings
 from toolkit.pipeline.joints import JointChoice
+from toolkit.recordings.opening import open_recording
 from toolkit.rendering.film import contact_sheet, save_png
-from toolkit.sensing.opening import open_recording
 from toolkit.testing.suite import ROOT
 from toolkit.track import Track
 

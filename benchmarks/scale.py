@@ -26,13 +26,13 @@ import numpy as np
 from benchmarks._options import add_database_options, poses_of
 from benchmarks._record import save_figures
 from benchmarks.real import RECORDINGS
-from toolkit.body import skeleton
+from toolkit import skeleton
 from toolkit.body.shape import load_body
 from toolkit.evaluation.evaluate import evaluate_runs
 from toolkit.files import sha256_of
 from toolkit.pipeline.manifest import DONE, MANIFEST_FILE
+from toolkit.recordings.writer import save_recording
 from toolkit.sensing.camera import Camera
-from toolkit.sensing.writer import save_recording
 from toolkit.track import TRACKED, FrameResult, RunInfo, TrackWriter
 
 FRAMES = 67

@@ -31,8 +31,8 @@ from toolkit.errors import DepthMocapError
 from toolkit.evaluation.scenes import SceneScore, scene_figures, score_scene
 from toolkit.pipeline import load_tracker, track_recordings
 from toolkit.pipeline.joints import JointChoice
+from toolkit.recordings.opening import open_recording
 from toolkit.rendering.film import contact_sheet, save_png
-from toolkit.sensing.opening import open_recording
 from toolkit.sensing.recording import Recording
 from toolkit.testing.scenes import GROUPS, LONGEST, Scene, chosen_scenes, record_scene, scenes
 from toolkit.testing.suite import has_mocap

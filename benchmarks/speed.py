@@ -24,14 +24,14 @@ import numpy as np
 from benchmarks._record import save_figures
 from benchmarks._timing import percentiles, pin_to_one_processor
 from benchmarks.plain_pipeline import SIZES, WARM_UP, compare
-from toolkit.body import skeleton
+from toolkit import skeleton
 from toolkit.body.shape import load_body
 from toolkit.config import load_settings
 from toolkit.database.database import PoseDatabase
 from toolkit.evaluation.joints import accuracy, frame_errors, joint_errors
-from toolkit.sensing.opening import open_recording
+from toolkit.hybrid.tracker import HybridTracker
+from toolkit.recordings.opening import open_recording
 from toolkit.testing.subjects import write_recording
-from toolkit.tracking.hybrid import HybridTracker
 from toolkit.tracking.settings import HybridSettings
 from toolkit.tracking.solo import Solo
 

@@ -22,6 +22,7 @@ from benchmarks._record import save_figures
 from toolkit.evaluation.joints import NEAR, joint_errors, visible_joints
 from toolkit.pipeline import load_tracker, track_recording
 from toolkit.pipeline.class_guide import ClassGuide
+from toolkit.recordings.opening import open_recording
 from toolkit.retrieval.annotation.annotator import MotionClass
 from toolkit.retrieval.annotation.measures import Scores, frame_scores, label_frames, segment_scores
 from toolkit.retrieval.features.motion import from_poses
@@ -29,7 +30,6 @@ from toolkit.retrieval.features.relational import FEATURES, relational_features
 from toolkit.retrieval.priors.marks import MarkSettings
 from toolkit.retrieval.templates.quantised import WILDCARD
 from toolkit.retrieval.workflow.annotate import classes_from_clips
-from toolkit.sensing.opening import open_recording
 from toolkit.sensing.recording import Recording
 from toolkit.stabilising.loop import Round, annotate, best_round, stabilise
 from toolkit.stabilising.page import write_page

@@ -23,16 +23,16 @@ from benchmarks._takes import joints_of, prepared
 from benchmarks._timing import percentiles
 from toolkit.body.body import Body
 from toolkit.body.shape import load_body
-from toolkit.fitting.discrepancy import FIGURES, Discrepancy, DiscrepancySettings, small_image
-from toolkit.landmarks.pose_model import Crop, PoseModel
-from toolkit.landmarks.shaded import ENLARGED, shaded
+from toolkit.detector.pose_model import Crop, PoseModel
+from toolkit.detector.shaded import ENLARGED, shaded
+from toolkit.people.lone import LonePerson
+from toolkit.qammaz.discrepancy import FIGURES, Discrepancy, DiscrepancySettings, small_image
+from toolkit.qammaz.tracker import SwarmTracker
 from toolkit.sensing.cloud import Cloud
-from toolkit.sensing.people.lone import LonePerson
 from toolkit.sensing.recording import Recording
 from toolkit.sensing.settings import SensingSettings
 from toolkit.testing.suite import WORK, takes
 from toolkit.tracking.solo import Solo
-from toolkit.tracking.swarm import SwarmTracker
 
 SIZES = ((30, 40), (45, 60), (60, 80), (90, 120))
 """Width and height of the small image, pixels."""

@@ -23,15 +23,15 @@ import numpy as np
 from benchmarks._options import add_database_options, poses_of
 from benchmarks._record import RESULTS, save_figures
 from benchmarks._upper_rows import ROWS
-from toolkit.body import skeleton
+from toolkit import skeleton
 from toolkit.config import parse_overrides
 from toolkit.errors import DepthMocapError
 from toolkit.evaluation import upper
 from toolkit.fitting.arms import SIDES, entries_of
 from toolkit.pipeline.trackers import load_tracker
+from toolkit.recordings.opening import open_recording
 from toolkit.rendering.film import contact_sheet, save_png
 from toolkit.rendering.overlay import color_depth, draw_points, draw_skeleton
-from toolkit.sensing.opening import open_recording
 from toolkit.sensing.recording import Recording
 from toolkit.testing.scenes import record_scene
 from toolkit.testing.suite import ROOT

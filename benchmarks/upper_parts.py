@@ -23,18 +23,18 @@ from benchmarks.upper import score_take
 from toolkit.body.body import Body
 from toolkit.evaluation import upper
 from toolkit.evaluation.bootstrap import paired_bootstrap
-from toolkit.fitting.particle_costs import ParticleFrame
-from toolkit.fitting.particles import Filtered, UpperFilter, resampled
-from toolkit.fitting.upper import UpperBody
+from toolkit.lopez2011.costs import ParticleFrame
+from toolkit.lopez2011.filter import Filtered, UpperFilter, resampled
+from toolkit.lopez2011.tracker import PARTICLES, ParticleFollower, ParticleTracker
+from toolkit.lopez2011.upper import UpperBody
 from toolkit.pipeline.trackers import load_tracker
+from toolkit.recordings.opening import open_recording
 from toolkit.sensing.camera import level_rotation
-from toolkit.sensing.opening import open_recording
 from toolkit.sensing.recording import Recording
 from toolkit.testing.given import fitted_to_joints
 from toolkit.testing.scenes import record_scene
 from toolkit.testing.suite import WORK
 from toolkit.testing.upper import GROUPS, upper_scenes
-from toolkit.tracking.particles import PARTICLES, ParticleFollower, ParticleTracker
 from toolkit.tracking.solo import Solo
 from toolkit.tracking.state import FIRST_STEP, Previous
 

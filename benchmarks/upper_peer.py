@@ -24,8 +24,8 @@ from benchmarks._record import save_figures
 from benchmarks.upper import DEPTH, STILL_CAMERA, annotated
 from toolkit.errors import UsageError
 from toolkit.evaluation import upper
-from toolkit.sensing.opening import open_recording
-from toolkit.sensing.people.lone import LonePerson
+from toolkit.people.lone import LonePerson
+from toolkit.recordings.opening import open_recording
 from toolkit.sensing.recording import Recording
 from toolkit.sensing.settings import SensingSettings
 from toolkit.testing.scenes import record_scene

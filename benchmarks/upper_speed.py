@@ -17,14 +17,14 @@ import numpy as np
 
 from benchmarks._record import save_figures
 from benchmarks._timing import percentiles, pin_to_one_processor
+from toolkit.lopez2011.tracker import DETECTED, ParticleTracker
 from toolkit.pipeline.trackers import load_tracker
-from toolkit.sensing.opening import open_recording
+from toolkit.recordings.opening import open_recording
+from toolkit.recordings.writer import RecordingWriter
 from toolkit.sensing.recording import Recording
-from toolkit.sensing.writer import RecordingWriter
 from toolkit.testing.scenes import record_scene
 from toolkit.testing.suite import WORK
 from toolkit.testing.upper import GROUPS, upper_scenes
-from toolkit.tracking.particles import DETECTED, ParticleTracker
 from toolkit.tracking.solo import Solo
 
 WARM_UP = 5

@@ -7,9 +7,9 @@ from dataclasses import replace
 import numpy as np
 
 from database_builder.views import FOCAL, View, ViewSettings, draw_view, is_seated
-from toolkit.body import skeleton
+from toolkit import skeleton
 from toolkit.body.shape import ShapeSpace
-from toolkit.kernels import forest as kernels
+from toolkit.kernels.learning import forest as kernels
 from toolkit.landmarks.parts import JointForest
 from toolkit.progress import Count
 

@@ -12,7 +12,7 @@ import numpy as np
 from database_builder.calibration import calibrated
 from database_builder.views import FOCAL, TrainingImages, ViewSettings, draw_images
 from toolkit.errors import SettingsError
-from toolkit.kernels import forest_training
+from toolkit.kernels.learning import forest_training
 from toolkit.landmarks.parts import OFFSET_UNIT, JointForest, sureness
 from toolkit.progress import Count
 

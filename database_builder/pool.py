@@ -15,7 +15,7 @@ import numpy as np
 
 from database_builder.reading import CanonicalPoses
 from database_builder.sampling import farthest_first, pose_distance
-from toolkit.body import skeleton
+from toolkit import skeleton
 
 PART = 500_000
 """Poses that are thinned together: 200 MB of them."""

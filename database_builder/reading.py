@@ -13,8 +13,8 @@ from typing import Any
 
 import numpy as np
 
+from toolkit import skeleton
 from toolkit.archives import load_archive, save_archive
-from toolkit.body import skeleton
 from toolkit.body.body import Body
 from toolkit.database.canonical import canonicalise, mirrored
 from toolkit.errors import DatabaseError, DepthMocapError

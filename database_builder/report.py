@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from toolkit.body import skeleton
+from toolkit import skeleton
 from toolkit.database.database import FORMAT_VERSION, PoseDatabase
 from toolkit.errors import UsageError
 from toolkit.files import atomic_path

@@ -6,9 +6,9 @@ import math
 
 import numpy as np
 
-from toolkit.body.skeleton import REPORTED
 from toolkit.errors import DatabaseError, UsageError
-from toolkit.kernels import farthest
+from toolkit.kernels.learning import farthest
+from toolkit.skeleton import REPORTED
 
 JOINT_COUNT = len(REPORTED)
 

@@ -12,12 +12,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from database_builder.occluders import occluder_meshes
-from toolkit.body import skeleton
+from toolkit import skeleton
 from toolkit.body.body import Body
 from toolkit.body.shape import ShapeSpace
 from toolkit.database.prior import SITUATIONS, situations, variables
 from toolkit.errors import SettingsError
-from toolkit.kernels import forest, raster
+from toolkit.kernels.image import raster
+from toolkit.kernels.learning import forest
 from toolkit.progress import Count
 
 FOCAL = 150.0

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from toolkit.pipeline import load_tracker, track_recording
-from toolkit.sensing.opening import open_recording
+from toolkit.recordings.opening import open_recording
 from toolkit.track import STATE_NAMES, Track
 
 OUTPUT = Path("output")

@@ -12,9 +12,9 @@ import tempfile
 import zipfile
 from pathlib import Path
 
+from toolkit.detector.pose_model import MODEL_FILE, check_model, data_folder
 from toolkit.errors import DepthMocapError, ModelError
 from toolkit.files import atomic_path
-from toolkit.landmarks.pose_model import MODEL_FILE, check_model, data_folder
 
 WHEEL = "mediapipe==0.10.21"
 MEMBER = f"mediapipe/modules/pose_landmark/{MODEL_FILE}"

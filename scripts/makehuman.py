@@ -15,7 +15,7 @@ from pathlib import Path
 
 import numpy as np
 
-from toolkit.body import skeleton
+from toolkit import skeleton
 
 METRES = 0.1
 SKIN_VERTICES = 13380

@@ -8,7 +8,7 @@ import numpy as np
 from makehuman import SKIN_VERTICES, MakeHuman
 from scipy.spatial.transform import Rotation
 
-from toolkit.body import skeleton
+from toolkit import skeleton
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from toolkit.body import skeleton
+from toolkit import skeleton
 from toolkit.body.body import Body
 from toolkit.fitting.objective import WORSE, Comparison
 from toolkit.sensing.cloud import Cloud

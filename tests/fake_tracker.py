@@ -10,14 +10,14 @@ from typing import Any, Literal
 
 import numpy as np
 
-from toolkit.body import skeleton
+from toolkit import skeleton
 from toolkit.body.body import Body
 from toolkit.errors import RecordingError
+from toolkit.people.sighting import PredictedBody, Sighting
 from toolkit.pipeline import track_recordings
+from toolkit.recordings.writer import save_recording
 from toolkit.sensing.camera import Camera
-from toolkit.sensing.people.sighting import PredictedBody, Sighting
 from toolkit.sensing.settings import SensingSettings
-from toolkit.sensing.writer import save_recording
 from toolkit.track import EMPTY, TRACKED, FrameResult
 from toolkit.tracking.clock import StageClock
 

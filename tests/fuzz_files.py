@@ -12,19 +12,19 @@ import numpy as np
 from tests.container_files import realsense_recording, ros_recording
 from tests.database_helpers import moving_clip, small_database, write_bvh
 from tests.sensing_scenes import TOF, person_alone
-from toolkit.body import skeleton
+from toolkit import skeleton
 from toolkit.body.personal import save_body
 from toolkit.body.shape import ShapeSpace
 from toolkit.checkpoint import save_checkpoint
-from toolkit.inertial import quaternions as quat
 from toolkit.inertial.calibration import Calibration, Mounting, TakeClock
 from toolkit.inertial.stream import Sensors, checked_stream
 from toolkit.pipeline.manifest import DONE, Manifest, ManifestRow
+from toolkit.recordings.writer import save_recording
 from toolkit.retrieval.annotation.classes import learn_classes, save_classes
 from toolkit.retrieval.features.relational import FeatureMatrix
 from toolkit.retrieval.index.keyframe_index import KeyframeIndex
+from toolkit.rotations import quaternions as quat
 from toolkit.sensing.camera import Camera
-from toolkit.sensing.writer import save_recording
 from toolkit.testing.amass import write_amass
 from toolkit.track import FrameResult, RunInfo, TrackWriter
 

@@ -45,15 +45,17 @@ from tests.fuzz_files import (
 from tests.fuzzing import Format, changed, resealed
 from tests.mocap_helpers import AMC_ARM, ASF_ARM
 from tests.sensing_scenes import TOF
-from toolkit.body import skeleton
+from toolkit import skeleton
 from toolkit.body.personal import load_body_file
 from toolkit.checkpoint import load_checkpoint
 from toolkit.config import load_settings
 from toolkit.database.database import PoseDatabase
 from toolkit.database.prior import known_without
 from toolkit.database.search import FEATURE_SIZE
+from toolkit.detector.joint_files import read_joints
 from toolkit.evaluation.orientations import read_truth
 from toolkit.export.tree import read_bones
+from toolkit.hybrid.tracker import HybridSettings
 from toolkit.inertial.calibration import Calibration
 from toolkit.inertial.placement import load_placement
 from toolkit.inertial.readers import read_file
@@ -61,6 +63,7 @@ from toolkit.inertial.readers.total_capture import read_calibration
 from toolkit.mocap.read import read_clip
 from toolkit.mocap.rig import read_map
 from toolkit.pipeline.manifest import Manifest
+from toolkit.recordings.opening import open_recording
 from toolkit.retrieval.annotation.classes import load_classes
 from toolkit.retrieval.annotation.report import read_segments
 from toolkit.retrieval.index.keyframe_index import KeyframeIndex
@@ -70,12 +73,9 @@ from toolkit.retrieval.search.example import Example, search_example
 from toolkit.retrieval.search.find import find
 from toolkit.retrieval.workflow.motions import labels_of
 from toolkit.runs import load_people
-from toolkit.sensing.joint_files import read_joints
-from toolkit.sensing.opening import open_recording
 from toolkit.sensing.recording import Recording
 from toolkit.simulation.furniture import read_boxes
 from toolkit.track import RunInfo, Track
-from toolkit.tracking.hybrid import HybridSettings
 
 
 def _recording(path: Path) -> Any:

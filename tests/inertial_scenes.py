@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from toolkit.body import skeleton
+from toolkit import skeleton
 from toolkit.body.shape import ShapeSpace, subject_body
 from toolkit.inertial.limbs import TrackedMotion
 from toolkit.mocap.procedural import procedural_clips

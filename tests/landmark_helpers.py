@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from toolkit.body.body import Body
-from toolkit.kernels import raster
+from toolkit.kernels.image import raster
 from toolkit.sensing.camera import Camera
 from toolkit.sensing.cloud import Cloud
 

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from toolkit.body import skeleton
+from toolkit import skeleton
 from toolkit.runs import PersonSummary, save_people
 from toolkit.track import EMPTY, TRACKED, FrameResult, RunInfo, TrackWriter
 

@@ -40,17 +40,17 @@ from toolkit.body.body import Body
 from toolkit.body.shape import load_body, subject_body
 from toolkit.database.database import PoseDatabase
 from toolkit.errors import UsageError
-from toolkit.fitting.initial import InitialSettings
-from toolkit.fitting.particles import UpperFilter
-from toolkit.fitting.sizing import FirstFrame, fitting_body
-from toolkit.fitting.upper import UpperBodies
+from toolkit.lopez2011 import tracker as particles
+from toolkit.lopez2011.filter import UpperFilter
+from toolkit.lopez2011.initial import InitialSettings
+from toolkit.lopez2011.sizing import FirstFrame, fitting_body
+from toolkit.lopez2011.upper import UpperBodies
 from toolkit.mocap.procedural import procedural_clips
-from toolkit.sensing.opening import open_recording
+from toolkit.recordings.opening import open_recording
 from toolkit.simulation.person import facing_of
 from toolkit.testing import suite
 from toolkit.testing.misled import wrong_pose
 from toolkit.testing.suite import GROUPS, REPORT, TUNE, chosen_takes, performed, record, takes
-from toolkit.tracking import particles
 from toolkit.tracking.solo import Solo
 
 QUICK = ("--set", "shape.seconds=0.1")

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from toolkit.body import skeleton
+from toolkit import skeleton
 from toolkit.body.body import Body
 from toolkit.body.shape import ShapeSpace, body_names, load_body, subject_body
 from toolkit.errors import BodyError

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from tests.fake_tracker import FakeTracker
+from toolkit import skeleton
 from toolkit.archives import load_archive, save_archive
-from toolkit.body import skeleton
 from toolkit.body.body import Body
 from toolkit.body.personal import load_body_file, save_body
 from toolkit.body.shape import ShapeSpace, subject_body
@@ -17,7 +17,7 @@ from toolkit.cli.main import main
 from toolkit.errors import BodyError, UsageError
 from toolkit.pipeline.scan import scan_recordings
 from toolkit.pipeline.trackers import load_tracker
-from toolkit.sensing.writer import save_recording
+from toolkit.recordings.writer import save_recording
 from toolkit.testing.subjects import LEVEL, camera_for, draw
 from toolkit.track import RunInfo
 from toolkit.tracking import registry

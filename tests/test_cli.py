@@ -23,8 +23,8 @@ from toolkit.cli.main import app, main
 from toolkit.cli.options import numbers
 from toolkit.database.database import PoseDatabase
 from toolkit.errors import DatabaseError, OutputError, UsageError
+from toolkit.people.sighting import Sighting
 from toolkit.pipeline import many
-from toolkit.sensing.people.sighting import Sighting
 from toolkit.track import FrameResult, Track
 from toolkit.tracking.clock import StageClock
 

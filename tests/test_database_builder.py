@@ -16,7 +16,7 @@ from database_builder.report import database_text, plot_coverage
 from database_builder.sampling import farthest_first, pose_distance
 from database_builder.views import is_seated
 from tests.database_helpers import moving_clip, neutral, write_bvh
-from toolkit.body import skeleton
+from toolkit import skeleton
 from toolkit.database.canonical import canonicalise, mirrored
 from toolkit.database.database import PoseDatabase
 from toolkit.errors import DatabaseError, MocapError, OutputError, UsageError

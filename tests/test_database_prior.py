@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from database_builder.prior import PriorSettings, learn_prior
 from tests.database_helpers import neutral, random_poses, small_database
-from toolkit.body import skeleton
+from toolkit import skeleton
 from toolkit.body.body import Body
 from toolkit.body.shape import load_body
 from toolkit.database.canonical import canonicalise

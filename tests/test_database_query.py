@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from tests.database_helpers import small_database
 from toolkit.database.search import SEARCHES, make_search
 from toolkit.errors import DatabaseError, SettingsError
-from toolkit.kernels import nearest
+from toolkit.kernels.cloud import nearest
 
 
 def brute_force(features: np.ndarray, queries: np.ndarray, used: np.ndarray) -> np.ndarray:

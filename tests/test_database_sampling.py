@@ -10,7 +10,7 @@ from numba import njit
 
 from database_builder.sampling import farthest_first, pose_distance
 from toolkit.errors import DatabaseError, UsageError
-from toolkit.kernels import farthest
+from toolkit.kernels.learning import farthest
 
 
 def plain_selection(points: np.ndarray, threshold: float, max_count: int) -> np.ndarray:

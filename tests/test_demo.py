@@ -5,9 +5,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from toolkit.body.skeleton import POSE_SIZE
 from toolkit.cli import demo
 from toolkit.mocap.clip import PoseClip
+from toolkit.skeleton import POSE_SIZE
 from toolkit.track import Track
 
 

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from toolkit.body import skeleton
+from toolkit import skeleton
 from toolkit.body.body import Body
 from toolkit.body.shape import load_body
-from toolkit.kernels.dual_quaternion import quaternion_of, skin_dual
+from toolkit.rotations.dual_quaternion import quaternion_of, skin_dual
 
 
 def random_pose(seed: int) -> np.ndarray:

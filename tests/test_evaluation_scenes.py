@@ -11,7 +11,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from toolkit.body import skeleton
+from toolkit import skeleton
 from toolkit.errors import RecordingError
 from toolkit.evaluation.calibration import calibration_error
 from toolkit.evaluation.identities import assigned, match_people

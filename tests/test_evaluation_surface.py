@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from toolkit.body import skeleton
+from toolkit import skeleton
 from toolkit.body.body import Body
 from toolkit.body.raycast import render_depth
 from toolkit.body.shape import load_body
@@ -17,9 +17,9 @@ from toolkit.evaluation.joints import visible_joints
 from toolkit.evaluation.scores import RunScores
 from toolkit.files import sha256_of
 from toolkit.landmarks.settings import LandmarkSettings
+from toolkit.recordings.writer import save_recording
 from toolkit.sensing.camera import Camera, level_rotation
 from toolkit.sensing.cloud import Cloud
-from toolkit.sensing.writer import save_recording
 from toolkit.track import TRACKED, FrameResult, RunInfo, TrackWriter
 
 CAMERA = Camera(285.6, 285.6, 159.5, 119.5, 320, 240)

@@ -14,7 +14,7 @@ import pytest
 
 from tests.mocap_helpers import stick_body
 from tests.run_helpers import TURN, write_people, write_run
-from toolkit.body import skeleton
+from toolkit import skeleton
 from toolkit.errors import BodyError, OutputError, RigError, TrackError, UsageError
 from toolkit.export.bvh import export_bvh
 from toolkit.export.run import export_run

@@ -12,7 +12,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from tests.run_helpers import write_people, write_run
-from toolkit.body import skeleton
+from toolkit import skeleton
 from toolkit.body.shape import load_body
 from toolkit.export.glb import export_glb
 from toolkit.export.run import export_run

@@ -9,7 +9,7 @@ import pytest
 from scipy.spatial import cKDTree
 
 from tests.fitting_helpers import Fit
-from toolkit.body import skeleton
+from toolkit import skeleton
 from toolkit.body.body import Body
 from toolkit.body.raycast import render_depth
 from toolkit.body.shape import ShapeSpace, load_body

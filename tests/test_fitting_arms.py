@@ -10,7 +10,7 @@ import pytest
 
 from tests.fitting_helpers import Fit
 from tests.test_fitting import CAMERA, HORIZONTAL, SETTINGS, joint_error, scene_of, standing
-from toolkit.body import skeleton
+from toolkit import skeleton
 from toolkit.body.body import Body
 from toolkit.body.shape import load_body
 from toolkit.errors import SettingsError
@@ -19,7 +19,7 @@ from toolkit.fitting.balls import Balls
 from toolkit.fitting.placed import balls_of
 from toolkit.fitting.scene import Scene
 from toolkit.fitting.settings import FittingSettings
-from toolkit.kernels import limbs
+from toolkit.kernels.fit import limbs
 from toolkit.tracking.search.arms import ArmSearch
 from toolkit.tracking.search.protocol import Hypothesis, Rival
 from toolkit.tracking.state import PersonState, Previous

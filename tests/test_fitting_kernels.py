@@ -10,14 +10,15 @@ from hypothesis.extra import numpy as hnp
 from scipy.optimize import lsq_linear
 from scipy.spatial import cKDTree
 
-from toolkit.body import skeleton
+from toolkit import skeleton
 from toolkit.body.body import BELOW, Body
 from toolkit.body.raycast import cast_body
 from toolkit.body.shape import load_body
 from toolkit.fitting.placed import NormalSystem, PlacedBody, Placer
 from toolkit.fitting.scene import Open3DNeighbours, PixelNeighbours
-from toolkit.kernels import depth, pairs, raster, twists
-from toolkit.kernels.pixel_search import longest_ray, nearest_pixels
+from toolkit.kernels.fit import pairs, twists
+from toolkit.kernels.image import depth, raster
+from toolkit.kernels.image.pixel_search import longest_ray, nearest_pixels
 from toolkit.sensing.camera import Camera, level_rotation
 
 CAMERA = Camera(150.0, 170.0, 83.0, 60.0, 176, 144)

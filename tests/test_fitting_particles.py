@@ -8,19 +8,19 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from toolkit.body import skeleton
+from toolkit import skeleton
 from toolkit.body.shape import ShapeSpace, load_body
 from toolkit.errors import SettingsError
-from toolkit.fitting.initial import InitialSettings, initial_pose, place_hands, standing_pose
-from toolkit.fitting.particle_costs import ParticleFrame, ParticleImage, likelihood
-from toolkit.fitting.particle_proposals import by_inverse_kinematics
-from toolkit.fitting.particle_settings import ParticleSettings
-from toolkit.fitting.particles import UpperFilter
-from toolkit.fitting.sizing import FirstFrame, fitting_body, lowest, sized_body
-from toolkit.fitting.upper import UpperBodies, UpperBody
-from toolkit.kernels import particles as kernel
-from toolkit.landmarks.effectors import Effectors, Fork
-from toolkit.landmarks.silhouette import arm_length, shoulder_breadth
+from toolkit.kernels.fit import particles as kernel
+from toolkit.lopez2011.costs import ParticleFrame, ParticleImage, likelihood
+from toolkit.lopez2011.effectors import Effectors, Fork
+from toolkit.lopez2011.filter import UpperFilter
+from toolkit.lopez2011.initial import InitialSettings, initial_pose, place_hands, standing_pose
+from toolkit.lopez2011.proposals import by_inverse_kinematics
+from toolkit.lopez2011.settings import ParticleSettings
+from toolkit.lopez2011.silhouette import arm_length, shoulder_breadth
+from toolkit.lopez2011.sizing import FirstFrame, fitting_body, lowest, sized_body
+from toolkit.lopez2011.upper import UpperBodies, UpperBody
 from toolkit.sensing.camera import Camera
 from toolkit.sensing.cloud import Cloud
 

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from toolkit.body import skeleton
+from toolkit import skeleton
 from toolkit.body.shape import ShapeSpace, load_body
 from toolkit.fitting import terms as terms_room
 from toolkit.fitting.objective import FARTHEST, NEAREST, ODDS, USUAL, WORSE, Comparison, Objective

@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from toolkit.errors import SettingsError
-from toolkit.fitting.swarm import SwarmSettings, minimise
+from toolkit.qammaz.swarm import SwarmSettings, minimise
 
 SWARM = SwarmSettings()
 

@@ -13,7 +13,6 @@ from scipy.spatial.transform import Rotation
 
 from tests.inertial_scenes import FIVE, motion_of, sensors_of
 from toolkit.errors import InertialError, UsageError
-from toolkit.inertial import quaternions as quat
 from toolkit.inertial import solvers
 from toolkit.inertial.calibrate import CalibrationSettings, Take, calibrate
 from toolkit.inertial.calibration import GOOD, REFUSED, WEAK, Calibration
@@ -22,6 +21,7 @@ from toolkit.inertial.places import mirrored_take, place_suspicions
 from toolkit.inertial.solvers import Strand
 from toolkit.inertial.stream import Sensors
 from toolkit.inertial.synchronise import Clock
+from toolkit.rotations import quaternions as quat
 
 ARMS = ("left_forearm", "right_forearm")
 

@@ -10,15 +10,15 @@ import pytest
 
 from tests.inertial_scenes import FIVE, RATE, motion_of, poses_of, sensors_of, write_run
 from tests.test_inertial_clock import typed
-from toolkit.body import skeleton
+from toolkit import skeleton
 from toolkit.cli.main import main
 from toolkit.errors import InertialError, TrackError, UsageError
 from toolkit.evaluation.orientations import check_runs, found_frames, read_truth
-from toolkit.inertial import quaternions as quat
 from toolkit.inertial.calibrate import Take, calibrate
 from toolkit.inertial.distance import TWIST, CheckSettings, Distances, distances, errors_of, runs_above
 from toolkit.inertial.synchronise import Clock
 from toolkit.inertial.workflow import calibrate_runs, paired
+from toolkit.rotations import quaternions as quat
 
 ELBOW = skeleton.POSE_NAMES.index("left_shoulder_rz")
 

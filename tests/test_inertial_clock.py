@@ -13,12 +13,12 @@ from hypothesis import strategies as st
 from tests.inertial_scenes import RATE, motion_of, poses_of, sensors_of, write_run
 from toolkit.cli.main import main
 from toolkit.errors import InertialError, UsageError
-from toolkit.inertial import quaternions as quat
 from toolkit.inertial.fusion import NORTH, FusionSettings, fused, gyroscope_bias
 from toolkit.inertial.stream import FREE, GRAVITY, Sensors, checked_stream
 from toolkit.inertial.suspicions import clock_suspicion, suspicions
 from toolkit.inertial.synchronise import SyncSettings, synchronise
-from toolkit.kernels.inertial import correlation_over_lags, integrate
+from toolkit.kernels.motion.inertial import correlation_over_lags, integrate
+from toolkit.rotations import quaternions as quat
 from toolkit.simulation.inertial import SensorNoise, Worn
 from toolkit.simulation.simulate import simulate_recording
 

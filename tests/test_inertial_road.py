@@ -11,7 +11,7 @@ import pytest
 
 from tests.inertial_scenes import RATE, poses_of
 from tests.test_inertial_clock import typed
-from toolkit.body import skeleton
+from toolkit import skeleton
 from toolkit.cli.main import main
 from toolkit.errors import InertialError
 from toolkit.evaluation.joints import joint_errors
@@ -19,8 +19,8 @@ from toolkit.evaluation.orientations import check_runs
 from toolkit.inertial.calibration import Calibration
 from toolkit.inertial.workflow import checked_take, take_of
 from toolkit.mocap.clip import PoseClip
+from toolkit.recordings.opening import open_recording
 from toolkit.rendering.axes import limb_axes
-from toolkit.sensing.opening import open_recording
 from toolkit.simulation.inertial import Worn
 from toolkit.simulation.simulate import simulate_recording
 from toolkit.track import RunInfo, Track

@@ -10,21 +10,21 @@ import numpy as np
 import pytest
 
 from tests.fake_tracker import FakeTracker
-from toolkit.body import skeleton
+from toolkit import skeleton
+from toolkit.detector.joint_files import read_joints
+from toolkit.detector.joint_formats import BODY_25, COCO_17, COCO_18, POSE_MODEL, Points
+from toolkit.detector.pose_model import MODEL_FILE, PoseModel
 from toolkit.errors import ModelError, RecordingError, UsageError
-from toolkit.landmarks.pose_model import MODEL_FILE, PoseModel
+from toolkit.people.joints import GivenJoints, NoJoints
+from toolkit.people.survey import find_people
 from toolkit.pipeline import JointChoice, track_recording
 from toolkit.pipeline.joints import give_joints, joint_source
+from toolkit.recordings.opening import open_recording
+from toolkit.recordings.writer import save_recording
 from toolkit.sensing.camera import Camera
-from toolkit.sensing.joint_files import read_joints
-from toolkit.sensing.joint_formats import BODY_25, COCO_17, COCO_18, POSE_MODEL, Points
 from toolkit.sensing.joints2d import lift
-from toolkit.sensing.opening import open_recording
-from toolkit.sensing.people.joints import GivenJoints, NoJoints
-from toolkit.sensing.people.survey import find_people
 from toolkit.sensing.recording import Recording
 from toolkit.sensing.settings import SensingSettings
-from toolkit.sensing.writer import save_recording
 from toolkit.track import RunInfo
 
 CAMERA = Camera(60.0, 60.0, 31.0, 23.5, 64, 48)

@@ -10,15 +10,15 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from toolkit.body import skeleton
+from toolkit import skeleton
 from toolkit.errors import RecordingError
+from toolkit.people.joints import GivenJoints, NoJoints
+from toolkit.people.sighting import Sighting
+from toolkit.recordings.opening import open_recording
+from toolkit.recordings.writer import save_recording
 from toolkit.sensing.camera import Camera
 from toolkit.sensing.joints2d import Joints2D, lift, mirrored_rows, rotated_rows
-from toolkit.sensing.opening import open_recording
-from toolkit.sensing.people.joints import GivenJoints, NoJoints
-from toolkit.sensing.people.sighting import Sighting
 from toolkit.sensing.stream import Frame
-from toolkit.sensing.writer import save_recording
 
 CAMERA = Camera(60.0, 60.0, 31.0, 23.5, 64, 48)
 LEFT_HAND, RIGHT_HAND = skeleton.REPORTED.index("left_hand"), skeleton.REPORTED.index("right_hand")

@@ -1,4 +1,4 @@
-"""Compiled kernels are kept under a digest of all sources: changed sources never run old code."""
+"""Compiled kernels are kept under a digest of what they are made of: changed sources never run old code."""
 
 from __future__ import annotations
 
@@ -10,11 +10,12 @@ from pathlib import Path
 
 import pytest
 
-from toolkit.kernels import cache, pairs
+from toolkit.kernels import cache
+from toolkit.kernels.fit import pairs
 
 INNER = "from numba import njit\n\n@njit(cache=True)\ndef inner():\n    return {value}\n"
 OUTER = (
-    "from numba import njit\nfrom toolkit.kernels.inner import inner\n\n"
+    "from numba import njit\nfrom toolkit.kernels.room.inner import inner\n\n"
     "@njit(cache=True)\ndef outer():\n    return inner()\n"
 )
 RUN = (
@@ -31,7 +32,9 @@ def installed(tmp_path: Path) -> Path:
     for name in ("__init__.py", "cache.py"):
         shutil.copy(cache.FOLDER / name, kernels / name)
     (tmp_path / "toolkit" / "__init__.py").touch()
-    (kernels / "inner.py").write_text(INNER.format(value=1))
+    (kernels / "room").mkdir()
+    (kernels / "room" / "inner.py").write_text(INNER.format(value=1))
+    (kernels / "other.py").write_text(INNER.format(value=0))
     (kernels / "outer.py").write_text(OUTER)
     return tmp_path
 
@@ -54,7 +57,7 @@ def run(installation: Path, **environment: str) -> tuple[int, int, Path]:
 def test_a_kernel_follows_an_edit_in_the_file_of_another_one(installed: Path) -> None:
     assert run(installed)[:2] == (1, 0)
     assert run(installed)[:2] == (1, 1)
-    inner = installed / "toolkit" / "kernels" / "inner.py"
+    inner = installed / "toolkit" / "kernels" / "room" / "inner.py"
     before = inner.stat()
     inner.write_text(INNER.format(value=2))
     os.utime(inner, ns=(before.st_atime_ns, before.st_mtime_ns))
@@ -66,11 +69,11 @@ def test_a_kernel_follows_an_edit_in_the_file_of_another_one(installed: Path) ->
 def test_an_upgraded_installation_never_runs_old_code(installed: Path) -> None:
     folder = run(installed)[2]
     kernels = installed / "toolkit" / "kernels"
-    (kernels / "inner.py").write_text(INNER.format(value=3))
+    (kernels / "room" / "inner.py").write_text(INNER.format(value=3))
     assert run(installed)[:2] == (3, 0)
     # An index whose code was not yet written when the process died leads to nothing, not to the old code.
     for path in folder.glob("*.nbc"):
-        if cache.sources_digest(kernels) in path.name:
+        if cache.sources_digest(kernels / "outer.py", kernels) in path.name:
             path.unlink()
     assert run(installed)[:2] == (3, 0)
 
@@ -84,7 +87,7 @@ def test_an_installation_that_cannot_be_written_keeps_its_kernels_in_the_users_c
     value, hits, path = run(installed, **home)
     assert (value, hits) == (1, 1)
     assert tmp_path / "home" in path.parents
-    (installed / "toolkit" / "kernels" / "inner.py").write_text(INNER.format(value=4))
+    (installed / "toolkit" / "kernels" / "room" / "inner.py").write_text(INNER.format(value=4))
     assert run(installed, **home)[:2] == (4, 0)
 
 
@@ -95,34 +98,47 @@ def test_old_sets_of_compiled_kernels_are_removed_and_the_newest_stay(tmp_path: 
             (tmp_path / name).touch()
             os.utime(tmp_path / name, (1e9 - age, 1e9 - age))
     (tmp_path / "pairs.add-17.py311.nbi").touch()
-    (tmp_path / f"pairs.add-{cache.sources_digest()}.py311.nbi").touch()
-    os.utime(tmp_path / f"pairs.add-{cache.sources_digest()}.py311.nbi", (1.0, 1.0))
+    present = cache.sources_digest(cache.FOLDER / "fit" / "pairs.py")
+    (tmp_path / f"pairs.add-{present}.py311.nbi").touch()
+    os.utime(tmp_path / f"pairs.add-{present}.py311.nbi", (1.0, 1.0))
+    (tmp_path / f"swarm.costs-{sets[3]}.py311.nbi").touch()
     (tmp_path / "pairs.cpython-311.pyc").touch()
     cache.prune(tmp_path, kept=2)
     left = {path.name for path in tmp_path.iterdir()}
     assert left == {
         *(f"pairs.add-{digest}.py311.{end}" for digest in sets[:2] for end in ("nbi", "1.nbc")),
-        f"pairs.add-{cache.sources_digest()}.py311.nbi",
+        f"pairs.add-{present}.py311.nbi",
+        f"swarm.costs-{sets[3]}.py311.nbi",
         "pairs.cpython-311.pyc",
     }
 
 
-def test_every_source_changes_the_digest(installed: Path) -> None:
+def test_a_digest_changes_with_the_sources_that_the_kernel_is_made_of_and_with_no_others(installed: Path) -> None:
     kernels = installed / "toolkit" / "kernels"
-    digests = {cache.sources_digest.__wrapped__(kernels)}
-    for path in sorted(kernels.glob("*.py")):
+
+    def digest() -> str:
+        return cache.sources_digest.__wrapped__(kernels / "outer.py", kernels)
+
+    before = digest()
+    (kernels / "other.py").write_text(INNER.format(value=7))
+    assert digest() == before
+    for path in (kernels / "outer.py", kernels / "room" / "inner.py"):
         path.write_text(path.read_text() + "\n")
-        digests.add(cache.sources_digest.__wrapped__(kernels))
-    (kernels / "new.py").touch()
-    digests.add(cache.sources_digest.__wrapped__(kernels))
-    assert len(digests) == 6
+        assert digest() != before
+        before = digest()
+
+
+def test_all_that_the_tracker_s_kernels_import_is_in_their_digest() -> None:
+    names = {path.relative_to(cache.FOLDER).as_posix() for path in cache.imported(cache.FOLDER / "fit" / "pairs.py")}
+    assert names == {"fit/pairs.py", "fit/twists.py", "image/pixel_search.py", "kinematics.py", "linear.py"}
 
 
 def test_functions_of_other_packages_are_cached_as_numba_does() -> None:
     from numba.core.caching import CompileResultCacheImpl
 
-    assert cache.sources_digest() in CompileResultCacheImpl(pairs.mean_nearest.py_func).filename_base
-    assert cache.sources_digest() not in CompileResultCacheImpl(run).filename_base
+    digest = cache.sources_digest(cache.FOLDER / "fit" / "pairs.py")
+    assert digest in CompileResultCacheImpl(pairs.mean_nearest.py_func).filename_base
+    assert digest not in CompileResultCacheImpl(run).filename_base
 
 
 def test_help_answers_without_numba() -> None:

@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tests.landmark_helpers import cloud_of, figure
-from toolkit.kernels import component_tree
+from toolkit.kernels.cloud import component_tree
 from toolkit.landmarks.graph import Graph, grid_graph
 from toolkit.landmarks.settings import LandmarkSettings
 

@@ -9,12 +9,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from toolkit.body import skeleton
+from toolkit import skeleton
 from toolkit.body.raycast import cast
 from toolkit.body.shape import load_body
-from toolkit.fitting.upper import UpperBodies, UpperBody
-from toolkit.kernels import aiming, particles
-from toolkit.kernels.particles import Tile
+from toolkit.kernels.fit import aiming, particles
+from toolkit.kernels.fit.particles import Tile
+from toolkit.lopez2011.upper import UpperBodies, UpperBody
 from toolkit.sensing.camera import Camera
 
 LEVEL = np.diag([1.0, -1.0, -1.0])

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from tests.test_kernels_linear import shifted
-from toolkit.kernels.planes import largest_plane
+from toolkit.kernels.cloud.planes import largest_plane
 
 TOLERANCE = 0.02
 

@@ -8,9 +8,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from toolkit.body import skeleton
+from toolkit import skeleton
 from toolkit.body.shape import load_body
-from toolkit.kernels.swivel import ArmBones, elbow_for, rotation_vector, solve_arm
+from toolkit.kernels.fit.swivel import ArmBones, elbow_for, rotation_vector, solve_arm
 
 FREE = np.array([[-100.0, 100.0]] * 3)
 

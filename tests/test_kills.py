@@ -20,15 +20,15 @@ import pytest
 from tests.fuzz_formats import FORMATS
 from tests.fuzzing import Format, meaning
 from tests.run_helpers import write_run
-from toolkit.body import skeleton
+from toolkit import skeleton
 from toolkit.config import load_settings, settings_text
 from toolkit.export.run import export_run
 from toolkit.files import save_text
+from toolkit.hybrid.tracker import HybridSettings
 from toolkit.pipeline.manifest import DONE, MANIFEST_FILE, Manifest, ManifestRow
 from toolkit.rendering.encoders import FILM_SUFFIXES
 from toolkit.rendering.film import FilmWriter, save_png
 from toolkit.report.page import write_report
-from toolkit.tracking.hybrid import HybridSettings
 
 OURS = (
     "pose database", "motion classes", "keyframe index", "track npz", "run json", "tracker state", "body npz",

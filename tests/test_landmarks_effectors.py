@@ -7,11 +7,13 @@ import pytest
 from scipy.sparse.csgraph import dijkstra
 
 from tests.landmark_helpers import LEVEL, body_cloud, cloud_of, figure
-from toolkit.body import skeleton
+from toolkit import skeleton
 from toolkit.body.shape import load_body
 from toolkit.errors import SegmentationError, SettingsError
-from toolkit.kernels import cloud_graph, geodesic
-from toolkit.landmarks.effectors import (
+from toolkit.kernels.cloud import cloud_graph, geodesic
+from toolkit.landmarks.extrema import extrema_of_graph
+from toolkit.landmarks.graph import grid_graph
+from toolkit.lopez2011.effectors import (
     Effectors,
     EffectorSettings,
     Fork,
@@ -19,8 +21,6 @@ from toolkit.landmarks.effectors import (
     find_effectors,
     find_fork,
 )
-from toolkit.landmarks.extrema import extrema_of_graph
-from toolkit.landmarks.graph import grid_graph
 from toolkit.sensing.camera import Camera
 from toolkit.sensing.cloud import Cloud
 

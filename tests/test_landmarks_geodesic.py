@@ -14,7 +14,7 @@ from scipy.spatial.distance import cdist
 from benchmarks.extrema import run
 from tests.landmark_helpers import CAMERA, cloud_of, figure, paint
 from toolkit.errors import SegmentationError, SettingsError, UsageError
-from toolkit.kernels import cloud_graph
+from toolkit.kernels.cloud import cloud_graph
 from toolkit.landmarks.extrema import extrema_of_graph, geodesic_extrema, source_node
 from toolkit.landmarks.graph import Graph, Workspace, grid_graph, nearest_neighbour_graph
 from toolkit.landmarks.settings import LandmarkSettings

@@ -7,9 +7,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from toolkit.body.skeleton import REPORTED
 from toolkit.cli.main import main
 from toolkit.evaluation.evaluate import evaluate_runs
+from toolkit.skeleton import REPORTED
 from toolkit.track import TRACKED, RunInfo, Track
 
 pytestmark = pytest.mark.shared_data

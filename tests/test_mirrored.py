@@ -10,9 +10,8 @@ from hypothesis import strategies as st
 
 from tests.test_inertial_calibration import take_of
 from tests.test_retrieval_priors import BODY, classes_of, example_of, hiding
-from toolkit.body import skeleton
+from toolkit import skeleton
 from toolkit.database.canonical import mirrored
-from toolkit.inertial import quaternions as quat
 from toolkit.inertial.calibrate import Take, calibrate
 from toolkit.inertial.places import mirrored_take, other_side
 from toolkit.retrieval.annotation.annotator import MotionClass
@@ -26,6 +25,7 @@ from toolkit.retrieval.priors.expectation import Told, fill
 from toolkit.retrieval.priors.gaps import Gap
 from toolkit.retrieval.priors.limbs import ENTRIES, LIMBS
 from toolkit.retrieval.priors.marks import marks_of_classes, tracking_priors
+from toolkit.rotations import quaternions as quat
 
 NAMES = ("knee_to_elbow", "semaphore")
 

@@ -9,7 +9,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from toolkit.errors import MocapError
-from toolkit.mocap.rotations import of_euler
+from toolkit.rotations.matrices import of_euler
 
 ORDERS = [
     "".join(axes)

@@ -22,11 +22,11 @@ from database_builder.views import (
     is_seated,
 )
 from tests.landmark_helpers import CAMERA, LEVEL, body_cloud
-from toolkit.body import skeleton
+from toolkit import skeleton
 from toolkit.body.shape import ShapeSpace, load_body
 from toolkit.database import canonical
 from toolkit.errors import SettingsError
-from toolkit.kernels import forest, forest_training
+from toolkit.kernels.learning import forest, forest_training
 from toolkit.landmarks.parts import JointForest
 from toolkit.mocap.procedural import SEATED_MOTIONS, procedural_clips
 from toolkit.sensing.camera import Camera, level_rotation

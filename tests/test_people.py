@@ -7,19 +7,19 @@ import pytest
 
 from tests.sensing_scenes import KINECT, TOF, neutral, scene, standing, up_of_tilt
 from toolkit.body.raycast import cast
-from toolkit.body.skeleton import REPORTED
 from toolkit.errors import RecordingError
+from toolkit.people.describe import describe
+from toolkit.people.evidence import unobserved_pixels
+from toolkit.people.several import SeveralPeople
+from toolkit.people.sighting import PredictedBody
+from toolkit.people.surroundings import Surroundings
+from toolkit.people.survey import find_people
+from toolkit.people.view import Lens
+from toolkit.recordings.opening import open_recording
+from toolkit.recordings.writer import save_recording
 from toolkit.sensing.camera import Camera, level_rotation
-from toolkit.sensing.opening import open_recording
-from toolkit.sensing.people.describe import describe
-from toolkit.sensing.people.evidence import unobserved_pixels
-from toolkit.sensing.people.several import SeveralPeople
-from toolkit.sensing.people.sighting import PredictedBody
-from toolkit.sensing.people.surroundings import Surroundings
-from toolkit.sensing.people.survey import find_people
-from toolkit.sensing.people.view import Lens
 from toolkit.sensing.settings import SensingSettings
-from toolkit.sensing.writer import save_recording
+from toolkit.skeleton import REPORTED
 
 UP = np.array([0.0, -1.0, 0.0])
 

@@ -8,11 +8,11 @@ import pytest
 
 from tests.sensing_scenes import KINECT, scene, up_of_tilt
 from toolkit.cli.main import main
+from toolkit.people.describe import describe
+from toolkit.recordings.opening import open_recording
+from toolkit.recordings.writer import save_recording
 from toolkit.rendering.look import picture
 from toolkit.rendering.style import person_color
-from toolkit.sensing.opening import open_recording
-from toolkit.sensing.people.describe import describe
-from toolkit.sensing.writer import save_recording
 
 
 def recorded(folder, frames, camera=KINECT, **more):

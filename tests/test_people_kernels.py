@@ -7,10 +7,10 @@ import heapq
 import numpy as np
 import pytest
 
-from toolkit.kernels.growth import FAR, UNIT, grow, mark_seeds, refine_labels, take_label
-from toolkit.kernels.heads import head_scores
-from toolkit.kernels.planes import best_plane
-from toolkit.kernels.sharing import draw_body, nearest_owner
+from toolkit.kernels.cloud.planes import best_plane
+from toolkit.kernels.image.growth import FAR, UNIT, grow, mark_seeds, refine_labels, take_label
+from toolkit.kernels.image.heads import head_scores
+from toolkit.kernels.image.sharing import draw_body, nearest_owner
 
 STEPS = np.array([0.05, 0.003, 0.4, 3.0, 0.5])
 
@@ -132,7 +132,7 @@ def test_labels_come_back_to_full_resolution_by_depth():
 
 
 def test_a_ball_on_a_board_looks_more_like_a_head_than_the_board():
-    from toolkit.sensing.people.detection import AROUND, INSIDE, SHOULDERS, TOLERANCES
+    from toolkit.people.detection import AROUND, INSIDE, SHOULDERS, TOLERANCES
 
     focal, shape = 150.0, (120, 160)
     v, u = np.mgrid[: shape[0], : shape[1]]

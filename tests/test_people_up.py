@@ -7,10 +7,10 @@ import pytest
 
 from tests.sensing_scenes import KINECT, person_alone, scene, up_of_tilt
 from toolkit.errors import UsageError
+from toolkit.people.up import assumed_up
+from toolkit.recordings.opening import open_recording
+from toolkit.recordings.writer import save_recording
 from toolkit.sensing.camera import Camera, rotated_points
-from toolkit.sensing.opening import open_recording
-from toolkit.sensing.people.up import assumed_up
-from toolkit.sensing.writer import save_recording
 
 
 def recorded(folder, frames, camera=KINECT, **more):

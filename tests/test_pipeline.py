@@ -14,10 +14,10 @@ import pytest
 from tests.fake_tracker import FakeFollower, FakeTracker, write_recording
 from toolkit.errors import OutputError, RecordingError, TrackError, UsageError
 from toolkit.files import sha256_of
+from toolkit.people.sighting import Sighting
 from toolkit.pipeline import track_recording, track_recordings
 from toolkit.pipeline.run import WARM_UP_FRAMES
-from toolkit.sensing.opening import open_recording
-from toolkit.sensing.people.sighting import Sighting
+from toolkit.recordings.opening import open_recording
 from toolkit.track import FrameResult, RunInfo, Track, TrackWriter
 from toolkit.tracking.clock import StageClock
 

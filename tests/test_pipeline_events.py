@@ -13,7 +13,7 @@ from toolkit.cli.guiding import Guiding
 from toolkit.errors import UsageError
 from toolkit.pipeline import track_recording
 from toolkit.pipeline.events import EventStream
-from toolkit.sensing.opening import open_recording
+from toolkit.recordings.opening import open_recording
 from toolkit.track import EMPTY, TRACKED, FrameResult
 
 ROW = np.dtype([("pose", "<f8", (43,)), ("state", "u1"), ("timestamps", "<f8")])

@@ -10,21 +10,21 @@ from benchmarks._plain_landmarks import plain_centre, plain_extrema, plain_graph
 from benchmarks.plain_pipeline import compare
 from tests.database_helpers import small_database
 from tests.fitting_helpers import Fit
-from toolkit.body import skeleton
+from toolkit import skeleton
 from toolkit.body.shape import load_body
 from toolkit.fitting.placed import Placer
 from toolkit.fitting.scene import Scene
 from toolkit.fitting.settings import FittingSettings
 from toolkit.fitting.terms import JointTerm
 from toolkit.fitting.voted import VotedJoints
-from toolkit.kernels import twists
+from toolkit.kernels.fit import twists
 from toolkit.landmarks.centre import cloud_centre
 from toolkit.landmarks.extrema import extrema_of_graph, source_node
 from toolkit.landmarks.graph import grid_graph
 from toolkit.landmarks.parts import JointEstimate
 from toolkit.landmarks.settings import LandmarkSettings
+from toolkit.recordings.opening import open_recording
 from toolkit.sensing.cloud import Cloud
-from toolkit.sensing.opening import open_recording
 from toolkit.testing.subjects import LEVEL, camera_for, draw, moving_poses, write_recording
 from toolkit.tracking.settings import HybridSettings
 

@@ -10,18 +10,18 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from toolkit.body import skeleton
+from toolkit import skeleton
 from toolkit.body.shape import subject_body
+from toolkit.detector import pose_model
+from toolkit.detector.detection import DetectedJoints
+from toolkit.detector.pose_model import CENTRE, POINTS, SIDE, UPWARD, Crop, Landmarks, PoseModel, cropped, refined
+from toolkit.detector.shaded import ENLARGED, lit, shaded
 from toolkit.errors import ModelError, RecordingError
-from toolkit.landmarks import pose_model
-from toolkit.landmarks.detection import DetectedJoints
-from toolkit.landmarks.pose_model import CENTRE, POINTS, SIDE, UPWARD, Crop, Landmarks, PoseModel, cropped, refined
-from toolkit.landmarks.shaded import ENLARGED, lit, shaded
 from toolkit.mocap.clip import PoseClip
+from toolkit.people.sighting import Sighting
 from toolkit.pipeline.store_joints import store_joints
+from toolkit.recordings.opening import open_recording
 from toolkit.sensing.camera import Camera
-from toolkit.sensing.opening import open_recording
-from toolkit.sensing.people.sighting import Sighting
 from toolkit.sensing.recording import Recording
 from toolkit.sensing.stream import Frame
 from toolkit.simulation.simulate import simulate_recording

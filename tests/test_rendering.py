@@ -7,11 +7,12 @@ import pytest
 
 from tests.chromium import browser
 from tests.sensing_scenes import KINECT, neutral, person_alone, standing
-from toolkit.body import skeleton
+from toolkit import skeleton
 from toolkit.body.raycast import cast_body
-from toolkit.body.skeleton import POSE_NAMES, REPORTED
 from toolkit.errors import OutputError, SettingsError, TrackError, UsageError
 from toolkit.files import sha256_of
+from toolkit.recordings.opening import open_recording
+from toolkit.recordings.writer import save_recording
 from toolkit.rendering import encoders, style
 from toolkit.rendering.film import FilmWriter, contact_sheet, render_people, render_run, save_png
 from toolkit.rendering.mesh import draw_mesh, part_colors
@@ -20,8 +21,7 @@ from toolkit.rendering.painter import FramePainter, RenderSettings
 from toolkit.rendering.views import outside_view_of, window_on
 from toolkit.runs import Person, PersonSummary, save_people
 from toolkit.sensing.camera import level_rotation
-from toolkit.sensing.opening import open_recording
-from toolkit.sensing.writer import save_recording
+from toolkit.skeleton import POSE_NAMES, REPORTED
 from toolkit.track import EMPTY, LOST, RunInfo, Track
 
 LEVEL = level_rotation(np.array([0.0, -1.0, 0.0]))

@@ -22,10 +22,10 @@ from toolkit.body.raycast import render_depth
 from toolkit.cli.main import main
 from toolkit.errors import TrackError, UsageError
 from toolkit.files import sha256_of
+from toolkit.recordings.opening import open_recording
+from toolkit.recordings.writer import save_recording
 from toolkit.report.clouds import UNIT, gather_clouds, pack
 from toolkit.report.page import write_report
-from toolkit.sensing.opening import open_recording
-from toolkit.sensing.writer import save_recording
 from toolkit.track import RunInfo, Track
 
 FRAMES, RATE, WALL, HEIGHT = 12, 10.0, 3.6, 1.2

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from tests.retrieval_motions import random_motion
 from toolkit.errors import RetrievalError, SettingsError
-from toolkit.kernels import dtw
+from toolkit.kernels.motion import dtw
 from toolkit.retrieval.annotation.annotator import (
     Annotator,
     DecisionSettings,

@@ -11,8 +11,8 @@ from hypothesis import strategies as st
 
 from tests.retrieval_motions import random_motion
 from toolkit.errors import RetrievalError
-from toolkit.kernels import graded
-from toolkit.kernels.graded import cheapest, distinct_hits, graded_distances
+from toolkit.kernels.motion import graded
+from toolkit.kernels.motion.graded import cheapest, distinct_hits, graded_distances
 from toolkit.retrieval.annotation.documents import assemble
 from toolkit.retrieval.features import places
 from toolkit.retrieval.features.geometry import BodyLengths

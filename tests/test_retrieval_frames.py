@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from tests.test_retrieval_online import body, classes, document
-from toolkit.body import skeleton
-from toolkit.kernels import dtw
+from toolkit import skeleton
+from toolkit.kernels.motion import dtw
 from toolkit.retrieval.annotation.annotator import PreparedTemplate
 from toolkit.retrieval.annotation.causal import CausalAlignments
 from toolkit.retrieval.features.frames import FrameFeatures

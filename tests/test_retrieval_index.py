@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from toolkit.errors import OutputError, RetrievalError
-from toolkit.kernels.keyframe_search import keyframe_list
+from toolkit.kernels.motion.keyframe_search import keyframe_list
 from toolkit.retrieval.features.relational import FEATURE_SETS, FeatureMatrix, pack
 from toolkit.retrieval.index import keyframe_index as index_module
 from toolkit.retrieval.index import storage as storage_module

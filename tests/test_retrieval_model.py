@@ -10,7 +10,7 @@ import pytest
 
 from tests.retrieval_motions import random_motion
 from toolkit.errors import RetrievalError, UsageError
-from toolkit.kernels.graded import differences, graded_distances, nearest_example
+from toolkit.kernels.motion.graded import differences, graded_distances, nearest_example
 from toolkit.retrieval.annotation.classes import load_classes
 from toolkit.retrieval.annotation.documents import assemble
 from toolkit.retrieval.annotation.examples import ExampleSet

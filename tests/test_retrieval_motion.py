@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from tests.retrieval_motions import random_motion, standing, still
-from toolkit.body import skeleton
+from toolkit import skeleton
 from toolkit.body.shape import load_body
 from toolkit.errors import MocapError, RigError
 from toolkit.export.bvh import export_bvh

@@ -12,7 +12,7 @@ from tests.inertial_scenes import RATE, write_run
 from toolkit.body.shape import ShapeSpace
 from toolkit.cli.main import main
 from toolkit.errors import SettingsError
-from toolkit.kernels import dtw
+from toolkit.kernels.motion import dtw
 from toolkit.mocap.procedural import procedural_clips
 from toolkit.retrieval.annotation.annotator import Annotator, PreparedTemplate
 from toolkit.retrieval.annotation.classes import learn_classes, save_classes

@@ -11,11 +11,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from toolkit import skeleton
 from toolkit.archives import load_archive, save_archive
-from toolkit.body import skeleton
 from toolkit.body.shape import load_body
 from toolkit.errors import RetrievalError, SettingsError
-from toolkit.kernels import dtw
+from toolkit.kernels.motion import dtw
 from toolkit.mocap.procedural import procedural_clips
 from toolkit.retrieval.annotation.annotator import Annotator, MotionClass, PreparedTemplate
 from toolkit.retrieval.annotation.class_motion import ANGLE_COUNT, ANGLES, ClassMotion, Example, learn_motion

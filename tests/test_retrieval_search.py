@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from toolkit.errors import RetrievalError
-from toolkit.kernels.keyframe_search import UNBOUNDED, keyframe_search
+from toolkit.kernels.motion.keyframe_search import UNBOUNDED, keyframe_search
 from toolkit.retrieval.features.relational import FeatureMatrix
 from toolkit.retrieval.index.keyframe_index import KeyframeIndex
 from toolkit.retrieval.keyframes.query import SET_FEATURES, Keyframe, KeyframeQuery, in_sequence, keyframes_of_column

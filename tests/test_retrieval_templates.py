@@ -10,7 +10,7 @@ from sklearn.base import clone
 
 from tests.retrieval_motions import random_motion
 from toolkit.errors import RetrievalError
-from toolkit.kernels import dtw
+from toolkit.kernels.motion import dtw
 from toolkit.retrieval.features.relational import FeatureMatrix, pack, relational_features
 from toolkit.retrieval.templates.picture import plot_template
 from toolkit.retrieval.templates.quantised import WILDCARD, QuantisedTemplate, expand

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from benchmarks import rooms as bench
-from toolkit.body import skeleton
+from toolkit import skeleton
 
 pytestmark = pytest.mark.shared_data
 

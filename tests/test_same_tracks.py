@@ -12,7 +12,18 @@ import pytest
 
 from tests.database_helpers import small_database
 
-DECIDING = ("kernels", "sensing", "landmarks", "fitting", "tracking", "database")
+DECIDING = (
+    "kernels",
+    "sensing",
+    "people",
+    "landmarks",
+    "fitting",
+    "tracking",
+    "lopez2011",
+    "qammaz",
+    "hybrid",
+    "database",
+)
 """Rooms whose sums can turn a choice between hypotheses."""
 BLAS = re.compile(r"np\.(dot|vdot|inner|matmul|tensordot|cov|linalg\.\w+)")
 SCRIPTS = Path(__file__).parents[1] / "scripts"

@@ -187,11 +187,3 @@ def test_ci_runs_what_the_readme_tells() -> None:
     root = SCRIPTS.parent
     assert "make test" in (root / ".ci" / "run").read_text() and "make test" in (root / "README.md").read_text()
     assert os.access(root / ".ci" / "run", os.X_OK)
-
-
-def test_the_page_of_the_house_shows_the_way_that_a_frame_goes() -> None:
-    from scripts import frame_way
-
-    drawn = frame_way.flowchart(frame_way.way())
-    assert "crowd.py" in drawn and "sink.py" in drawn
-    assert frame_way.shown(frame_way.PAGE.read_text(encoding="utf-8")) == drawn, "run scripts/frame_way.py"

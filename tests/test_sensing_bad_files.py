@@ -17,10 +17,10 @@ from tests.container_files import mkv_recording, ros_recording
 from tests.fuzz_formats import FORMATS
 from tests.sensing_scenes import TOF, person_alone
 from toolkit.errors import RecordingError
-from toolkit.sensing.opening import open_recording
-from toolkit.sensing.readers.common import decoded
+from toolkit.recordings.opening import open_recording
+from toolkit.recordings.readers.common import decoded
+from toolkit.recordings.writer import save_recording
 from toolkit.sensing.recording import Recording
-from toolkit.sensing.writer import save_recording
 
 RECORDINGS = [name for name in FORMATS if name.startswith("recording") and not name.endswith("resealed")]
 

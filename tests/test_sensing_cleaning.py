@@ -7,11 +7,11 @@ import pytest
 
 from tests.sensing_scenes import KINECT, TOF, person_alone, scene
 from toolkit.errors import RecordingError, SegmentationError, SettingsError
+from toolkit.people.cleaning import Cleaner
+from toolkit.people.segmentation import median_background
+from toolkit.recordings.opening import open_recording
 from toolkit.sensing.camera import Camera
-from toolkit.sensing.cleaning import Cleaner
-from toolkit.sensing.opening import open_recording
 from toolkit.sensing.polish import Polisher
-from toolkit.sensing.segmentation import median_background
 from toolkit.sensing.settings import SensingSettings
 
 

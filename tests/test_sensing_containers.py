@@ -25,8 +25,8 @@ from tests.container_files import (
 )
 from tests.sensing_scenes import TOF, up_of_tilt
 from toolkit.errors import RecordingError, UsageError
+from toolkit.recordings.opening import open_recording
 from toolkit.sensing.camera import Camera
-from toolkit.sensing.opening import open_recording
 from toolkit.sensing.recording import Recording
 
 

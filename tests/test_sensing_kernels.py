@@ -9,8 +9,8 @@ from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 
 from tests.sensing_scenes import TOF
-from toolkit.kernels import components
-from toolkit.kernels import depth as kernels
+from toolkit.kernels.image import components
+from toolkit.kernels.image import depth as kernels
 
 
 def blobs(seed, hole=0.3, shape=(40, 60)):

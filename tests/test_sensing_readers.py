@@ -9,9 +9,9 @@ import pytest
 
 from tests.sensing_scenes import KINECT, TOF, person_alone, scene
 from toolkit.errors import RecordingError, UsageError
-from toolkit.sensing.cleaning import Cleaner
+from toolkit.people.cleaning import Cleaner
+from toolkit.recordings.opening import open_recording
 from toolkit.sensing.cloud import Cloud
-from toolkit.sensing.opening import open_recording
 
 
 def mat_pair(folder, name="a1_s1_t1", frames=3):

@@ -10,9 +10,9 @@ import pytest
 
 from tests.sensing_scenes import TOF, person_alone
 from toolkit.errors import OutputError, RecordingError, UsageError
+from toolkit.recordings.opening import open_recording
+from toolkit.recordings.writer import RecordingWriter, save_recording
 from toolkit.sensing.camera import Camera
-from toolkit.sensing.opening import open_recording
-from toolkit.sensing.writer import RecordingWriter, save_recording
 
 
 def write(path, compressed=True, **changes):

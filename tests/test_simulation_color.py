@@ -7,11 +7,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from toolkit.body import skeleton
+from toolkit import skeleton
 from toolkit.body.shape import subject_body
 from toolkit.errors import UsageError
 from toolkit.mocap.clip import PoseClip
-from toolkit.sensing.opening import open_recording
+from toolkit.recordings.opening import open_recording
 from toolkit.sensing.recording import Recording
 from toolkit.simulation.appearance import Appearance, vertex_colors
 from toolkit.simulation.person import Person

@@ -7,15 +7,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from toolkit.body import skeleton
+from toolkit import skeleton
 from toolkit.body.shape import subject_body
 from toolkit.cli.main import main
 from toolkit.cli.simulate import each
 from toolkit.errors import RecordingError, UsageError
 from toolkit.export.bvh import export_bvh
 from toolkit.mocap.clip import PoseClip
-from toolkit.sensing.opening import open_recording
-from toolkit.sensing.writer import save_recording
+from toolkit.recordings.opening import open_recording
+from toolkit.recordings.writer import save_recording
 from toolkit.simulation.clothes import GARMENTS, dressed
 from toolkit.simulation.furniture import OBSTACLES, SEATS, Box, box_mesh, read_boxes
 from toolkit.simulation.person import CHESTS, Person, floor_of, grown_to

@@ -13,7 +13,7 @@ import pytest
 from tests.run_helpers import write_people, write_run
 from tests.test_inertial_clock import typed
 from tests.test_retrieval_priors import BODY, classes_of, example_of
-from toolkit.body import skeleton
+from toolkit import skeleton
 from toolkit.database.canonical import canonicalise
 from toolkit.database.database import PoseDatabase
 from toolkit.errors import RecordingError, RetrievalError, SettingsError, TrackError, UsageError
@@ -22,13 +22,13 @@ from toolkit.fitting.placed import NormalSystem
 from toolkit.fitting.priors import LimbPrior
 from toolkit.fitting.sole import FEET, Sole
 from toolkit.mocap.clip import PoseClip
+from toolkit.recordings.opening import open_recording
 from toolkit.retrieval.annotation.classes import save_classes
 from toolkit.retrieval.annotation.measures import Segment
 from toolkit.retrieval.priors.allocation import Allocation, allocate
 from toolkit.retrieval.priors.expectation import Told
 from toolkit.retrieval.priors.gaps import Gap
 from toolkit.retrieval.priors.limbs import ENTRIES, LIMBS, OUTER
-from toolkit.sensing.opening import open_recording
 from toolkit.simulation.simulate import simulate_recording
 from toolkit.stabilising.choice import cheapest_path
 from toolkit.stabilising.loop import stabilise

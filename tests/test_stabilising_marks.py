@@ -10,7 +10,7 @@ import pytest
 
 from tests.inertial_scenes import write_run
 from tests.test_retrieval_priors import BODY, classes_of
-from toolkit.body import skeleton
+from toolkit import skeleton
 from toolkit.errors import RetrievalError, SettingsError
 from toolkit.fitting.placed import NormalSystem
 from toolkit.fitting.priors import ResidualTerm

@@ -5,12 +5,14 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from toolkit.body import skeleton
+from toolkit import skeleton
 from toolkit.body.raycast import render_depth
 from toolkit.body.shape import load_body
 from toolkit.errors import SettingsError
 from toolkit.fitting.balls import Balls
-from toolkit.fitting.discrepancy import (
+from toolkit.kernels.fit import swarm as kernel
+from toolkit.kernels.image import raster
+from toolkit.qammaz.discrepancy import (
     JOINT_WEIGHTS,
     Discrepancy,
     DiscrepancySettings,
@@ -19,9 +21,7 @@ from toolkit.fitting.discrepancy import (
     figure_of,
     small_image,
 )
-from toolkit.fitting.small_mesh import simplified
-from toolkit.kernels import raster
-from toolkit.kernels import swarm as kernel
+from toolkit.qammaz.small_mesh import simplified
 from toolkit.sensing.camera import Camera
 from toolkit.testing.subjects import LEVEL, moving_poses
 

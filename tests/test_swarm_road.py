@@ -11,7 +11,7 @@ from tests.test_joint_files import folder_of, one
 from toolkit.body.shape import subject_body
 from toolkit.cli.main import main
 from toolkit.export.bvh import export_bvh
-from toolkit.sensing.opening import open_recording
+from toolkit.recordings.opening import open_recording
 from toolkit.testing.joints import DetectorErrors, detected
 from toolkit.testing.subjects import moving_poses
 from toolkit.track import RunInfo, Track

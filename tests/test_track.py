@@ -15,8 +15,8 @@ import numpy as np
 import pytest
 
 from tests.fake_tracker import write_recording
+from toolkit import skeleton
 from toolkit.archives import load_archive, save_archive
-from toolkit.body import skeleton
 from toolkit.errors import OutputError, RecordingError, TrackError, UsageError
 from toolkit.files import sha256_of
 from toolkit.track import EMPTY, TRACKED, FrameResult, RunInfo, Track, TrackWriter

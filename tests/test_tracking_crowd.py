@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from tests.fake_tracker import CAMERA, FakeTracker
-from toolkit.sensing.people.sighting import PredictedBody, Sighting
+from toolkit.people.sighting import PredictedBody, Sighting
 from toolkit.sensing.stream import Frame
 from toolkit.tracking.crowd import Crowd, Row
 

@@ -24,8 +24,8 @@ from tests.fake_parts import (
 )
 from toolkit.body.body import Body
 from toolkit.body.shape import load_body
+from toolkit.people.sighting import Sighting
 from toolkit.sensing.camera import Camera, level_rotation
-from toolkit.sensing.people.sighting import Sighting
 from toolkit.track import EMPTY, LOST, TRACKED, FrameResult
 from toolkit.tracking.clock import StageClock
 from toolkit.tracking.follower import HELD, Follower

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.stats import chi
 
-from toolkit.body import skeleton
+from toolkit import skeleton
 from toolkit.body.shape import load_body
 from toolkit.database.prior import ANGLES, SIZE, PosePrior, variables
 from toolkit.fitting.objective import WITHIN, Comparison, Objective

@@ -9,18 +9,18 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from tests.inertial_scenes import FIVE, motion_of, poses_of, sensors_of, write_run
-from toolkit.body import skeleton
+from toolkit import skeleton
 from toolkit.body.shape import load_body
 from toolkit.cli.guiding import Guiding
 from toolkit.errors import InertialError, UsageError
 from toolkit.fitting.orientation import OrientationTerm
 from toolkit.fitting.placed import NormalSystem, Placer
-from toolkit.inertial import quaternions as quat
 from toolkit.inertial.calibrate import Take, calibrate
 from toolkit.inertial.calibration import Calibration, TakeClock
 from toolkit.inertial.limbs import TrackedMotion
 from toolkit.inertial.synchronise import Clock
-from toolkit.kernels import twists
+from toolkit.kernels.fit import twists
+from toolkit.rotations import quaternions as quat
 from toolkit.sensing.camera import Camera
 from toolkit.tracking.guide import InertialGuide, NoGuide, clock_of
 

@@ -15,22 +15,22 @@ import pytest
 
 from database_builder.parts import PartsSettings, train_forest
 from database_builder.views import ViewSettings
-from toolkit.body import skeleton
+from toolkit import skeleton
 from toolkit.body.shape import load_body, subject_body
 from toolkit.checkpoint import load_checkpoint, save_checkpoint
 from toolkit.database import canonical
 from toolkit.database.database import PoseDatabase
 from toolkit.errors import SettingsError
 from toolkit.fitting.shape import ShapeSettings
+from toolkit.hybrid.tracker import HybridTracker
 from toolkit.mocap.clip import PoseClip
 from toolkit.mocap.procedural import perform, procedural_clips
-from toolkit.sensing.opening import open_recording
+from toolkit.recordings.opening import open_recording
+from toolkit.recordings.writer import save_recording
 from toolkit.sensing.recording import Recording
-from toolkit.sensing.writer import save_recording
 from toolkit.simulation.simulate import simulate_recording
 from toolkit.testing.misled import misled
 from toolkit.track import EMPTY, LOST, TRACKED, FrameResult
-from toolkit.tracking.hybrid import HybridTracker
 from toolkit.tracking.search.local import least_turn
 from toolkit.tracking.settings import HybridSettings
 from toolkit.tracking.solo import Solo

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from tests.database_helpers import small_database
 from tests.landmark_helpers import body_cloud
-from toolkit.body import skeleton
+from toolkit import skeleton
 from toolkit.body.body import Body
 from toolkit.body.shape import load_body
 from toolkit.database import canonical

@@ -11,7 +11,7 @@ import pytest
 from tests.fake_tracker import FakeTracker, write_recording
 from toolkit.errors import SettingsError, UsageError
 from toolkit.pipeline import load_tracker, track_recording
-from toolkit.sensing.opening import open_recording
+from toolkit.recordings.opening import open_recording
 from toolkit.sensing.settings import SensingSettings
 from toolkit.track import RunInfo, Track
 from toolkit.tracking import registry

@@ -12,17 +12,18 @@ import pytest
 
 from tests.database_helpers import small_database
 from tests.fake_parts import FakeObjective, FakeRefiner, compared, observation, pose_at, says
-from toolkit.body import skeleton
+from toolkit import skeleton
 from toolkit.body.shape import load_body
 from toolkit.database.database import PoseDatabase
 from toolkit.fitting.arms import ArmSettings
 from toolkit.fitting.objective import Objective
 from toolkit.fitting.refiner import Refiner
 from toolkit.fitting.terms import JointTerm
+from toolkit.hybrid import tracker as hybrid
+from toolkit.hybrid.tracker import HybridTracker
 from toolkit.landmarks.parts import JointEstimate
 from toolkit.sensing.camera import Camera
-from toolkit.tracking import hybrid, searching
-from toolkit.tracking.hybrid import HybridTracker
+from toolkit.tracking import searching
 from toolkit.tracking.learning import Pace
 from toolkit.tracking.search.arms import FARTHER, ArmSearch
 from toolkit.tracking.search.exchange import ITERATIONS

@@ -8,21 +8,21 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tests.fitting_helpers import Fit
-from toolkit.body import skeleton
+from toolkit import skeleton
 from toolkit.body.shape import load_body
 from toolkit.database.canonical import body_facing
 from toolkit.fitting.arms import ArmSettings
 from toolkit.fitting.settings import FittingSettings
-from toolkit.fitting.upper import UpperBodies
-from toolkit.kernels import particles as kernel
+from toolkit.hybrid.aimed import AimedArms
+from toolkit.hybrid.finisher import FirstFrames, best_of_each_body, facing_elsewhere, other_ways_round
+from toolkit.kernels.fit import particles as kernel
 from toolkit.landmarks.parts import JointEstimate
 from toolkit.landmarks.settings import LandmarkSettings
+from toolkit.lopez2011.fork_search import ParticleSearch
+from toolkit.lopez2011.upper import UpperBodies
 from toolkit.sensing.camera import Camera
 from toolkit.sensing.cloud import Cloud
 from toolkit.tracking.observation import Observation, Observer
-from toolkit.tracking.search.aimed import AimedArms
-from toolkit.tracking.search.finisher import FirstFrames, best_of_each_body, facing_elsewhere, other_ways_round
-from toolkit.tracking.search.particles import ParticleSearch
 from toolkit.tracking.search.protocol import Hypothesis, Proposal, Rival
 from toolkit.tracking.state import PersonState, Previous
 

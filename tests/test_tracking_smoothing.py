@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from toolkit.body import skeleton
+from toolkit import skeleton
 from toolkit.errors import SettingsError
 from toolkit.tracking.smoothing import PoseSmoother
 

@@ -13,31 +13,31 @@ import pytest
 from typer.testing import CliRunner
 
 from tests.database_helpers import small_database
-from toolkit.body import skeleton
+from toolkit import skeleton
 from toolkit.body.shape import load_body
 from toolkit.checkpoint import load_checkpoint, save_checkpoint
 from toolkit.cli.main import app
 from toolkit.config import load_settings
 from toolkit.errors import SettingsError
-from toolkit.fitting.discrepancy import DiscrepancySettings, SeenJoints
-from toolkit.fitting.swarm import SwarmSettings
+from toolkit.hybrid.tracker import HybridTracker
+from toolkit.people.lone import LonePerson
 from toolkit.pipeline import load_tracker
 from toolkit.pipeline.joints import JointChoice, joint_source
+from toolkit.qammaz.discrepancy import DiscrepancySettings, SeenJoints
+from toolkit.qammaz.search import SwarmSearchSettings
+from toolkit.qammaz.seen import exchanged, gap, looks_exchanged
+from toolkit.qammaz.swarm import SwarmSettings
+from toolkit.qammaz.tracker import SwarmTracker, SwarmTrackerSettings
+from toolkit.recordings.opening import open_recording
+from toolkit.recordings.writer import save_recording
 from toolkit.sensing.joints2d import Joints2D
-from toolkit.sensing.opening import open_recording
-from toolkit.sensing.people.lone import LonePerson
 from toolkit.sensing.recording import Recording
-from toolkit.sensing.writer import save_recording
 from toolkit.testing.joints import DERIVED, DetectorErrors, detected
 from toolkit.testing.subjects import LEVEL, camera_for, draw, moving_poses
 from toolkit.track import EMPTY, TRACKED, FrameResult, RunInfo, Track
 from toolkit.tracking.clock import StageClock
-from toolkit.tracking.hybrid import HybridTracker
-from toolkit.tracking.search.seen import exchanged, gap, looks_exchanged
-from toolkit.tracking.search.swarm import SwarmSearchSettings
 from toolkit.tracking.settings import HybridSettings
 from toolkit.tracking.solo import Solo
-from toolkit.tracking.swarm import SwarmTracker, SwarmTrackerSettings
 
 BODY = load_body("neutral")
 CAMERA = camera_for(3000)

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from toolkit.body import skeleton
+from toolkit import skeleton
 from toolkit.body.shape import ShapeSpace, subject_body
 from toolkit.errors import UsageError
 from toolkit.evaluation.upper import BAD, JOINTS, ROWS, UpperScore, pixel_errors, score_upper, upper_figures

@@ -14,7 +14,7 @@ from pathlib import Path
 
 import numpy as np
 
-from toolkit.body import skeleton
+from toolkit import skeleton
 from toolkit.body.body import Body, vertex_normals
 from toolkit.errors import BodyError
 from toolkit.kernels import linear

@@ -125,7 +125,7 @@ def joined_clips(clips: list[PoseClip], seconds: float) -> PoseClip:
     """The first seconds of clips, one after the other: each begins where the one before ended, over a short blend."""
     import numpy as np
 
-    from toolkit.body.skeleton import ROOT_POSITION
+    from toolkit.skeleton import ROOT_POSITION
 
     frames = int(seconds * clips[0].frame_rate)
     poses = clips[0].poses[:frames]

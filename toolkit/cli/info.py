@@ -24,9 +24,9 @@ def info(
 ) -> None:
     """Look at the first seconds of a recording: camera, up, room, people, and which option would help."""
     from toolkit.files import check_output
+    from toolkit.people.describe import describe
+    from toolkit.recordings.opening import open_recording
     from toolkit.rendering.look import save_picture
-    from toolkit.sensing.opening import open_recording
-    from toolkit.sensing.people.describe import describe
     from toolkit.sensing.settings import SensingSettings
 
     target = check_output(output or Path(f"{recording.stem}_info.png"), [recording], sealed=[recording])

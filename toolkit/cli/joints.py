@@ -24,7 +24,7 @@ def joints(
     """Find the joints in the images of a recording once, and store them with it as NPZ."""
     from toolkit.cli.terminal import progress_bars
     from toolkit.pipeline.store_joints import store_joints
-    from toolkit.sensing.opening import open_recording
+    from toolkit.recordings.opening import open_recording
     from toolkit.sensing.settings import SensingSettings
 
     choice = joints.choice()

@@ -11,8 +11,8 @@ from typing import Any
 
 import numpy as np
 
+from toolkit import skeleton
 from toolkit.archives import Column, check_columns, load_archive, save_archive
-from toolkit.body import skeleton
 from toolkit.body.body import Body
 from toolkit.database.canonical import feature_vectors, place, torso_length
 from toolkit.database.origin import observed_offsets

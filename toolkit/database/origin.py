@@ -13,7 +13,8 @@ import numpy as np
 
 from toolkit.body.body import Body
 from toolkit.database.canonical import about_up, frontal_centre, place
-from toolkit.kernels import linear, raster
+from toolkit.kernels import linear
+from toolkit.kernels.image import raster
 from toolkit.landmarks.centre import cloud_centre
 from toolkit.landmarks.facing import estimate_facing
 from toolkit.landmarks.settings import LandmarkSettings

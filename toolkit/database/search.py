@@ -7,9 +7,9 @@ from typing import Any
 
 import numpy as np
 
-from toolkit.body.skeleton import END_EFFECTORS
 from toolkit.errors import SettingsError
-from toolkit.kernels import nearest
+from toolkit.kernels.cloud import nearest
+from toolkit.skeleton import END_EFFECTORS
 
 FEATURE_SIZE = 3 * len(END_EFFECTORS)
 """Length of a feature vector: five end effectors, three coordinates each."""
@@ -38,9 +38,9 @@ class NearestNeighbours(ABC):
 
 
 class LeafSearch(NearestNeighbours):
-    """Compiled scan of k-d leaves (`toolkit.kernels.nearest`): any subset of coordinates, worst case a plain scan.
+    """Compiled scan of k-d leaves (`toolkit.kernels.cloud.nearest`).
 
-    Of equal distances the lowest index comes first.
+    It takes any subset of coordinates; its worst case is a plain scan. Of equal distances the lowest index comes first.
     """
 
     def __init__(self, features: np.ndarray) -> None:

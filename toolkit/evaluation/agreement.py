@@ -12,7 +12,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from toolkit.body import skeleton
+from toolkit import skeleton
 from toolkit.errors import UsageError
 from toolkit.evaluation.joints import HANDS_AND_FEET, NEAR
 

@@ -9,7 +9,6 @@ from typing import Any
 
 import numpy as np
 
-from toolkit.body.skeleton import REPORTED
 from toolkit.errors import TrackError, UsageError
 from toolkit.evaluation import joints as metrics
 from toolkit.evaluation import upper
@@ -26,12 +25,13 @@ from toolkit.evaluation.reference import Reference, find_reference
 from toolkit.evaluation.scores import EvaluationTable, RunScores
 from toolkit.evaluation.surface import depth_residual, silhouette_overlap
 from toolkit.landmarks.settings import LandmarkSettings
+from toolkit.people.cleaning import Cleaner
 from toolkit.progress import Progress
 from toolkit.runs import PEOPLE_FILE, person_runs
-from toolkit.sensing.cleaning import Cleaner
 from toolkit.sensing.cloud import Cloud
 from toolkit.sensing.recording import Recording
 from toolkit.sensing.settings import SensingSettings
+from toolkit.skeleton import REPORTED
 from toolkit.track import EMPTY, PARTIAL_FILE, STATE_NAMES, TRACK_FILE, TRACKED, RunInfo, Track
 
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from toolkit.body import skeleton
+from toolkit import skeleton
 from toolkit.errors import TrackError
 from toolkit.sensing.camera import Camera
 

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from toolkit.errors import RecordingError
-from toolkit.sensing.opening import open_recording
+from toolkit.recordings.opening import open_recording
 from toolkit.sensing.recording import Recording
 
 

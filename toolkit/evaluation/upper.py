@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from toolkit.body import skeleton
+from toolkit import skeleton
 from toolkit.sensing.camera import Camera
 from toolkit.track import TRACKED
 

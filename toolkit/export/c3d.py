@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from toolkit.body import skeleton
+from toolkit import skeleton
 from toolkit.errors import UsageError
 from toolkit.files import atomic_path
 from toolkit.runs import Person

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from toolkit.body import skeleton
+from toolkit import skeleton
 from toolkit.files import save_text
 from toolkit.runs import Person
 from toolkit.track import EMPTY, STATE_NAMES

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from toolkit.body import skeleton
+from toolkit import skeleton
 from toolkit.body.body import Body
 from toolkit.errors import RigError
 from toolkit.files import parse_yaml, read_text, shipped

@@ -12,14 +12,14 @@ from functools import lru_cache
 
 import numpy as np
 
-from toolkit.body import skeleton
+from toolkit import skeleton
 from toolkit.body.body import Body
 from toolkit.errors import SettingsError
 from toolkit.fitting.objective import Comparison
 from toolkit.fitting.placed import PlacedBody, balls_of, spread_rows
 from toolkit.fitting.scene import Scene
-from toolkit.kernels import limbs as kernel
 from toolkit.kernels import linear
+from toolkit.kernels.fit import limbs as kernel
 
 CARRIER = "thorax"
 JOINTS = ("clavicle", "shoulder", "elbow", "wrist")

@@ -15,7 +15,7 @@ from toolkit.fitting.priors import PoseTerm
 from toolkit.fitting.scene import Scene
 from toolkit.fitting.settings import FittingSettings
 from toolkit.fitting.terms import nearest_drawn, visible_chosen
-from toolkit.kernels import pairs
+from toolkit.kernels.fit import pairs
 
 SUPPORT = 0.04
 """Metres from a measured point at which a vertex no longer supports its joint."""

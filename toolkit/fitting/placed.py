@@ -7,10 +7,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from toolkit.body import skeleton
+from toolkit import skeleton
 from toolkit.body.body import BELOW, Body
 from toolkit.fitting.balls import Balls
-from toolkit.kernels import pairs, placing, twists
+from toolkit.kernels.fit import pairs, placing, twists
 from toolkit.sensing.camera import Camera
 
 QUOTAS: dict[str, int] = {

@@ -9,7 +9,8 @@ from typing import Protocol
 import numpy as np
 
 from toolkit.fitting.placed import NormalSystem
-from toolkit.kernels import linear, twists
+from toolkit.kernels import linear
+from toolkit.kernels.fit import twists
 
 
 class PoseTerm(Protocol):

@@ -6,14 +6,14 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from toolkit.body import skeleton
+from toolkit import skeleton
 from toolkit.body.body import Body
 from toolkit.fitting.placed import NormalSystem, Placer
 from toolkit.fitting.priors import PoseTerm
 from toolkit.fitting.scene import Scene
 from toolkit.fitting.settings import FittingSettings
 from toolkit.fitting.terms import CloudTerm, ContactTerm, PairTerm, SurfaceTerm
-from toolkit.kernels import twists
+from toolkit.kernels.fit import twists
 
 Solve = Callable[[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray], None]
 """`solve(matrix, vector, pose, limits, damping, step)` fills the damped step within the limits."""

@@ -9,7 +9,8 @@ import numpy as np
 
 from toolkit.fitting.orientation import Evidence
 from toolkit.fitting.priors import PoseTerm
-from toolkit.kernels import linear, pairs
+from toolkit.kernels import linear
+from toolkit.kernels.fit import pairs
 from toolkit.sensing.cloud import Cloud, marked
 
 
@@ -24,7 +25,7 @@ class Neighbours(Protocol):
 
 
 class PixelNeighbours:
-    """Exact search on the pixel grid: no tree is built (`toolkit.kernels.pixel_search`)."""
+    """Exact search on the pixel grid: no tree is built (`toolkit.kernels.image.pixel_search`)."""
 
     def __init__(self, depth: np.ndarray, intrinsics: np.ndarray) -> None:
         self._depth = depth

@@ -7,10 +7,11 @@ from typing import Protocol
 
 import numpy as np
 
-from toolkit.body import skeleton
+from toolkit import skeleton
 from toolkit.fitting.placed import NormalSystem, PlacedBody, balls_of
 from toolkit.fitting.scene import Scene
-from toolkit.kernels import linear, pairs, twists
+from toolkit.kernels import linear
+from toolkit.kernels.fit import pairs, twists
 
 
 @dataclass(frozen=True, eq=False)

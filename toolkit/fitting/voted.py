@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from toolkit.body import skeleton
+from toolkit import skeleton
 from toolkit.body.body import BELOW
 from toolkit.fitting.placed import NormalSystem, PlacedBody
 from toolkit.fitting.terms import CARRIERS, carried, pull

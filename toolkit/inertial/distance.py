@@ -7,11 +7,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from toolkit.errors import InertialError, UsageError
-from toolkit.inertial import quaternions as quat
 from toolkit.inertial import solvers
 from toolkit.inertial.calibrate import Take, strands_of, upright
 from toolkit.inertial.calibration import Calibration
 from toolkit.inertial.limbs import bone_axis
+from toolkit.rotations import quaternions as quat
 
 ERROR, TWIST = "error", "twist"
 

@@ -7,10 +7,10 @@ from pathlib import Path
 
 import numpy as np
 
-from toolkit.body import skeleton
+from toolkit import skeleton
 from toolkit.body.body import BONE_AXIS, Body
 from toolkit.errors import InertialError
-from toolkit.inertial import quaternions as quat
+from toolkit.rotations import quaternions as quat
 from toolkit.track import TRACKED, RunInfo, Track
 
 _CENTRAL = {"head": ("cervical", "head"), "chest": ("thorax", "cervical"), "pelvis": ("root", "root")}

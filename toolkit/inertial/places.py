@@ -6,11 +6,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from toolkit.body import skeleton
-from toolkit.inertial import quaternions as quat
+from toolkit import skeleton
 from toolkit.inertial import solvers
 from toolkit.inertial.calibrate import Take, upright
 from toolkit.inertial.solvers import Strand
+from toolkit.rotations import quaternions as quat
 
 ROWS = 120
 BETTER = 0.7

@@ -18,7 +18,7 @@ import numpy as np
 from toolkit.archives import load_archive, save_archive
 from toolkit.errors import InertialError
 from toolkit.files import parse_json, save_text
-from toolkit.inertial import quaternions as quat
+from toolkit.rotations import quaternions as quat
 
 GRAVITY = 9.80665
 """m/s2, standard gravity: what accelerometers at rest measure, upwards."""

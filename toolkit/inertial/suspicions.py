@@ -7,8 +7,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from toolkit.inertial import quaternions as quat
 from toolkit.inertial.stream import GRAVITY, Sensors, SensorStream
+from toolkit.rotations import quaternions as quat
 
 FASTEST = 35.0
 """rad/s: the range of common gyroscopes (2000 deg/s); nobody turns a limb faster."""

@@ -13,10 +13,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from toolkit.errors import InertialError
-from toolkit.inertial import quaternions as quat
 from toolkit.inertial.limbs import TrackedMotion
 from toolkit.inertial.stream import GRAVITY, Sensors, SensorStream
-from toolkit.kernels.inertial import correlation_over_lags
+from toolkit.kernels.motion.inertial import correlation_over_lags
+from toolkit.rotations import quaternions as quat
 
 STILL = 0.05
 """rad/s: a sensor whose angular speed spreads by less rests throughout."""

@@ -1,9 +1,10 @@
-"""Where compiled kernels are kept: under a digest of all kernels, so that changed sources never run old code.
+"""Where compiled kernels are kept: under a digest of what they are made of, so that changed sources never run old code.
 
 Numba stamps a cached function with the source of its own file only, although it holds the compiled code of every
-function that it calls, from other files too. Here the names of the cached files carry a digest of all sources in this
-folder instead. They lie where Numba puts them: in `NUMBA_CACHE_DIR` if that is set, else beside the sources, or in the
-user's cache folder where that cannot be written.
+function that it calls, from other files too. Here the names of the cached files carry a digest of the file and of all
+kernels that it imports, directly or through others: an edit compiles anew what can be other code, and nothing else.
+They lie where Numba puts them: in `NUMBA_CACHE_DIR` if that is set, else beside the sources, or in the user's cache
+folder where that cannot be written.
 """
 
 from __future__ import annotations
@@ -11,6 +12,7 @@ from __future__ import annotations
 import contextlib
 import hashlib
 import re
+from collections.abc import Iterable
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -19,59 +21,87 @@ from numba.core import caching
 
 FOLDER = Path(__file__).resolve().parent
 KEPT = 3
-"""Sets of compiled kernels in one folder, the newest ones: so many versions can be gone back to without compiling."""
+"""Sets of one file's compiled kernels, the newest ones: so many versions can be gone back to without compiling."""
 DIGITS = 16
 
-_NAME = re.compile(rf"-([0-9a-f]{{{DIGITS}}})\.py[^-]*\.nb[ic]$")
+_NAME = re.compile(rf"^(?P<stem>\w+)\..*-(?P<digest>[0-9a-f]{{{DIGITS}}})\.py[^-]*\.nb[ic]$")
+_IMPORT = re.compile(r"^\s*from toolkit\.(kernels[\w.]*) import (\([^)]*\)|.+)", re.MULTILINE)
+
+
+def imported(path: Path, folder: Path = FOLDER) -> set[Path]:
+    """Files of kernels in `folder` that the file imports, directly or through others, with the file itself."""
+    found, waiting = set[Path](), [path]
+    while waiting:
+        this = waiting.pop()
+        if this in found:
+            continue
+        found.add(this)
+        for module, names in _IMPORT.findall(this.read_text(encoding="utf-8")):
+            place = folder.parent.joinpath(*module.split("."))
+            candidates = [place, *(place / name for name in re.findall(r"\w+", names))]
+            waiting += [file for file in (each.with_suffix(".py") for each in candidates) if file.is_file()]
+    return found
 
 
 @cache
-def sources_digest(folder: Path = FOLDER) -> str:
-    """Hexadecimal digits that name the sources in `folder` and below, read once."""
+def sources_digest(path: Path, folder: Path = FOLDER) -> str:
+    """Hexadecimal digits that name the sources of one kernel's file and of what it imports in `folder`, read once."""
     digest = hashlib.sha256()
-    for path in sorted(folder.rglob("*.py")):
-        digest.update(f"{path.relative_to(folder).as_posix()}\0{path.stat().st_size}\0".encode())
-        digest.update(path.read_bytes())
+    for each in sorted(imported(path, folder)):
+        digest.update(f"{each.relative_to(folder).as_posix()}\0{each.stat().st_size}\0".encode())
+        digest.update(each.read_bytes())
     return digest.hexdigest()[:DIGITS]
 
 
 class _OfKernels:
-    """Mixed into a locator of Numba: serves the functions of this folder alone, under the digest of all of them."""
+    """Mixed into a locator of Numba: serves the functions of this folder alone, under the digest of their sources."""
+
+    _source: Path
 
     @classmethod
     def from_function(cls, function: Any, file: str) -> Any:
         """A locator for a function of this folder, None for any other function."""
-        if FOLDER not in Path(file).resolve().parents:
+        source = Path(file).resolve()
+        if FOLDER not in source.parents:
             return None
         locator = super().from_function(function, file)  # type: ignore[misc]
         if locator is not None:
+            locator._source = source
             _prune_once(Path(locator.get_cache_path()))
         return locator
 
     def get_source_stamp(self) -> str:
         """What a cached function must have been compiled from."""
-        return sources_digest()
+        return sources_digest(self._source)
 
     def get_disambiguator(self) -> str:
         """Part of the names of a cached function's files: another set of sources has other files."""
-        return sources_digest()
+        return sources_digest(self._source)
 
 
 def prune(folder: Path, kept: int = KEPT) -> None:
-    """Remove the compiled kernels in `folder` except for the newest `kept` sets and that of the present sources."""
-    newest: dict[str, float] = {}
-    files: dict[str, list[Path]] = {}
+    """Remove compiled kernels in `folder` except, of each source, its newest `kept` sets and its present one."""
+    sets: dict[str, dict[str, list[Path]]] = {}
     for path in folder.glob("*.nb[ic]"):
-        match = _NAME.search(path.name)
-        digest = match.group(1) if match else ""
-        files.setdefault(digest, []).append(path)
+        match = _NAME.match(path.name)
+        stem, digest = match.group("stem", "digest") if match else ("", "")
+        sets.setdefault(stem, {}).setdefault(digest, []).append(path)
+    present = {sources_digest(path) for path in FOLDER.rglob("*.py")}
+    for stem, of_digest in sets.items():
+        newest = sorted(of_digest, key=lambda digest: _changed(of_digest[digest]), reverse=True)
+        for digest in set(newest[kept:] if stem else newest) - present:
+            for path in of_digest[digest]:
+                with contextlib.suppress(OSError):
+                    path.unlink()
+
+
+def _changed(paths: Iterable[Path]) -> float:
+    """When the last of these files was written, seconds since 1970."""
+    latest = 0.0
+    for path in paths:
         with contextlib.suppress(OSError):
-            newest[digest] = max(newest.get(digest, 0.0), path.stat().st_mtime)
-    stay = sorted((d for d in files if d), key=lambda d: newest.get(d, 0.0), reverse=True)[:kept]
-    for digest in files.keys() - {*stay, sources_digest()}:
-        for path in files[digest]:
-            with contextlib.suppress(OSError):
-                path.unlink()
+            latest = max(latest, path.stat().st_mtime)
+    return latest
 
 
 _prune_once = cache(prune)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from toolkit.errors import SegmentationError
-from toolkit.kernels import torso
+from toolkit.kernels.cloud import torso
 from toolkit.landmarks.settings import LandmarkSettings
 
 TOLERANCE = 1e-3

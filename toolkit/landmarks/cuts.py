@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from toolkit.kernels import depth as kernels
+from toolkit.kernels.image import depth as kernels
 from toolkit.sensing.cloud import Cloud
 
 CUT_PIXELS = 3

@@ -7,7 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from toolkit.kernels import linear, torso
+from toolkit.kernels import linear
+from toolkit.kernels.cloud import torso
 from toolkit.landmarks.settings import LandmarkSettings
 
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from toolkit.errors import SegmentationError
-from toolkit.kernels import cloud_graph
+from toolkit.kernels.cloud import cloud_graph
 from toolkit.landmarks.settings import LandmarkSettings
 from toolkit.sensing.cloud import Cloud
 

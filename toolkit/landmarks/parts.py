@@ -13,10 +13,10 @@ from functools import cached_property
 
 import numpy as np
 
+from toolkit import skeleton
 from toolkit.archives import Column, check_columns
-from toolkit.body import skeleton
 from toolkit.errors import DatabaseError
-from toolkit.kernels import forest
+from toolkit.kernels.learning import forest
 from toolkit.sensing.cloud import Cloud, marked
 
 BANDWIDTH = 0.06

@@ -11,8 +11,8 @@ import numpy as np
 from toolkit.errors import MocapError
 from toolkit.files import read_text
 from toolkit.mocap.clip import Clip, check_tree
-from toolkit.mocap.rotations import of_euler
 from toolkit.mocap.units import metres_per_unit, rest_size
+from toolkit.rotations.matrices import of_euler
 
 ROOT = "root"
 DEFAULT_RATE = 120.0

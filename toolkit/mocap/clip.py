@@ -9,7 +9,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from toolkit.body import skeleton
+from toolkit import skeleton
 from toolkit.errors import MocapError
 
 LARGEST = 1e5

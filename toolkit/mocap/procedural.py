@@ -12,7 +12,7 @@ from functools import partial
 
 import numpy as np
 
-from toolkit.body import skeleton
+from toolkit import skeleton
 from toolkit.body.body import Body
 from toolkit.errors import UsageError
 from toolkit.mocap.choreography import BASE, DATABASE, LIMITS, MOTIONS, SUBJECT

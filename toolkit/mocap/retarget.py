@@ -9,11 +9,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from toolkit.body import skeleton
+from toolkit import skeleton
 from toolkit.body.body import Body
 from toolkit.mocap.clip import Clip, PoseClip
 from toolkit.mocap.rig import Rig, load_rig
-from toolkit.mocap.rotations import (
+from toolkit.mocap.source import Source
+from toolkit.rotations.matrices import (
     apply,
     hinge_angles,
     matrices,
@@ -24,7 +25,6 @@ from toolkit.mocap.rotations import (
     vectors_of,
     without_twist,
 )  # fmt: skip
-from toolkit.mocap.source import Source
 
 TWIST_PRIOR = 0.0015
 """Square metres: how much the source's own twist, and as much again a relaxed limb's, count against the squared levers

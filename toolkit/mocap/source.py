@@ -9,7 +9,7 @@ import numpy as np
 from toolkit.errors import RigError
 from toolkit.mocap.clip import Clip
 from toolkit.mocap.rig import Rig
-from toolkit.mocap.rotations import apply, swing, transposed, unit
+from toolkit.rotations.matrices import apply, swing, transposed, unit
 
 CALIBRATION_FRAMES = 5
 """How many leading frames may be a calibration pose."""

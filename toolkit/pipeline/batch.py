@@ -15,8 +15,8 @@ from toolkit.pipeline.sink import CONFIG_FILE
 from toolkit.pipeline.summary import BatchReport
 from toolkit.pipeline.watch import LOG_FILE
 from toolkit.progress import RecordingProgress
+from toolkit.recordings.opening import open_recording
 from toolkit.runs import PEOPLE_FILE
-from toolkit.sensing.opening import open_recording
 from toolkit.sensing.recording import ReaderOptions
 from toolkit.track import PARTIAL_FILE, RUN_FILE, TRACK_FILE
 from toolkit.tracking.protocol import Tracker

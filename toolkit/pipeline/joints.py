@@ -7,9 +7,9 @@ import logging
 from dataclasses import dataclass
 from pathlib import Path
 
+from toolkit.detector.joint_files import read_joints
 from toolkit.errors import ModelError, RecordingError, UsageError
-from toolkit.sensing.joint_files import read_joints
-from toolkit.sensing.people.joints import GivenJoints, JointSource, NoJoints
+from toolkit.people.joints import GivenJoints, JointSource, NoJoints
 from toolkit.sensing.recording import Recording
 
 AUTO, COLOUR, DEPTH, NONE = "auto", "colour", "depth", "none"
@@ -90,8 +90,8 @@ def joint_source(recording: Recording, choice: JointChoice, wanted: str) -> Join
     has_color = recording.color(0) is not None
     if source == COLOUR and not has_color:
         raise RecordingError(f"{recording.path} has no colour; use --joints depth, a folder of OpenPose JSON, or none")
-    from toolkit.landmarks.detection import DetectedJoints
-    from toolkit.landmarks.pose_model import PoseModel
+    from toolkit.detector.detection import DetectedJoints
+    from toolkit.detector.pose_model import PoseModel
 
     try:
         return DetectedJoints(PoseModel.load(), recording.camera, in_color=has_color and source != DEPTH)

@@ -21,7 +21,7 @@ from toolkit.pipeline.manifest import DONE, FAILED, INTERRUPTED, Manifest, Manif
 from toolkit.pipeline.run import track_recording
 from toolkit.pipeline.trackers import load_tracker
 from toolkit.progress import Progress
-from toolkit.sensing.opening import open_recording
+from toolkit.recordings.opening import open_recording
 from toolkit.sensing.recording import ReaderOptions
 from toolkit.tracking.protocol import Tracker
 

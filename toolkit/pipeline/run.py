@@ -14,11 +14,14 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from toolkit.body import skeleton
+from toolkit import skeleton
 from toolkit.checkpoint import load_checkpoint, save_checkpoint
 from toolkit.config import settings_text
 from toolkit.errors import DepthMocapError, RecordingError, TrackError, UsageError
 from toolkit.files import locked, sha256_of
+from toolkit.people.joints import JointSource
+from toolkit.people.lone import LonePerson
+from toolkit.people.sighting import PeopleFinder
 from toolkit.pipeline.joints import JointChoice, give_joints, joint_source, name_of
 from toolkit.pipeline.rows import RowWatcher
 from toolkit.pipeline.sink import CONFIG_FILE, RunSink, finished_tracks
@@ -26,9 +29,6 @@ from toolkit.pipeline.summary import RunSummary, summarised
 from toolkit.pipeline.watch import log_file, stop_request
 from toolkit.progress import RecordingProgress
 from toolkit.sensing.camera import level_rotation
-from toolkit.sensing.people.joints import JointSource
-from toolkit.sensing.people.lone import LonePerson
-from toolkit.sensing.people.sighting import PeopleFinder
 from toolkit.sensing.recording import Recording
 from toolkit.track import PARTIAL_FILE, RUN_FILE, RunInfo
 from toolkit.tracking.clock import StageClock
@@ -177,7 +177,7 @@ def _finder(job: Job) -> PeopleFinder:
     recording, sensing = job.recording, job.tracker.settings.sensing
     if job.people == 1:
         return LonePerson(recording.camera, recording.background, sensing, recording.up_camera)
-    from toolkit.sensing.people.survey import find_people
+    from toolkit.people.survey import find_people
 
     return find_people(recording, sensing, most=job.people)
 

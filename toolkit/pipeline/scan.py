@@ -10,10 +10,10 @@ import numpy as np
 
 from toolkit.errors import UsageError
 from toolkit.fitting.scan import Scan, ScanView, fit_scan
+from toolkit.people.cleaning import Cleaner
+from toolkit.recordings.opening import open_recording
 from toolkit.sensing.camera import level_rotation
-from toolkit.sensing.cleaning import Cleaner
 from toolkit.sensing.cloud import Cloud
-from toolkit.sensing.opening import open_recording
 from toolkit.sensing.recording import Recording
 from toolkit.sensing.settings import SensingSettings
 

@@ -9,16 +9,16 @@ import numpy as np
 
 from toolkit.errors import UsageError
 from toolkit.files import check_output
+from toolkit.people.joints import GivenJoints, JointSource, NoJoints
+from toolkit.people.lone import LonePerson
+from toolkit.people.sighting import PeopleFinder
+from toolkit.people.survey import find_people
 from toolkit.pipeline.joints import JointChoice, give_joints, joint_source
+from toolkit.recordings.opening import open_recording
+from toolkit.recordings.writer import save_recording
 from toolkit.sensing.joints2d import Joints2D, same_rays
-from toolkit.sensing.opening import open_recording
-from toolkit.sensing.people.joints import GivenJoints, JointSource, NoJoints
-from toolkit.sensing.people.lone import LonePerson
-from toolkit.sensing.people.sighting import PeopleFinder
-from toolkit.sensing.people.survey import find_people
 from toolkit.sensing.recording import Recording
 from toolkit.sensing.settings import SensingSettings
-from toolkit.sensing.writer import save_recording
 
 
 def store_joints(

@@ -77,7 +77,7 @@ def _embodied(tracker: Tracker, body: str | Path | None) -> Tracker:
 def _guided(tracker: Tracker, guide: Guide | None) -> Tracker:
     if guide is None:
         return tracker
-    from toolkit.tracking.hybrid import HybridTracker
+    from toolkit.hybrid.tracker import HybridTracker
 
     if not isinstance(tracker, HybridTracker):
         raise UsageError(f"the tracker {tracker.settings.tracker!r} takes no inertial sensors; use the hybrid one")

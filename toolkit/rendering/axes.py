@@ -6,11 +6,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from toolkit.inertial import quaternions as quat
 from toolkit.inertial.calibrate import Take
 from toolkit.inertial.calibration import Calibration
 from toolkit.inertial.distance import measured_limb, worlds_of
 from toolkit.rendering.overlay import draw_line
+from toolkit.rotations import quaternions as quat
 from toolkit.sensing.camera import Camera
 
 LENGTH = 0.14

@@ -8,8 +8,8 @@ import numpy as np
 
 from toolkit.errors import OutputError
 from toolkit.files import atomic_path
+from toolkit.people.describe import Look
 from toolkit.rendering.style import FAINT, INK, PAPER, person_color
-from toolkit.sensing.people.describe import Look
 
 NEAR_SHADE, FAR_SHADE = 0.95, 0.25
 """Brightness of the nearest and the farthest measurement."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from toolkit.body.body import Body
-from toolkit.kernels import shading
+from toolkit.kernels.image import shading
 from toolkit.rendering.style import PART_COLORS
 from toolkit.sensing.camera import Camera
 

@@ -11,13 +11,13 @@ import numpy as np
 from toolkit.body.body import Body
 from toolkit.errors import SegmentationError, SettingsError, TrackError
 from toolkit.landmarks.extrema import geodesic_extrema
+from toolkit.people.cleaning import Cleaner
 from toolkit.rendering import style
 from toolkit.rendering.axes import LimbAxes
 from toolkit.rendering.mesh import draw_mesh, part_colors
 from toolkit.rendering.overlay import color_depth, draw_extrema, draw_points, draw_skeleton
 from toolkit.rendering.views import R_LEVEL_VIEW, outside_view_of, window_on
 from toolkit.runs import Person
-from toolkit.sensing.cleaning import Cleaner
 from toolkit.sensing.cloud import Cloud
 from toolkit.sensing.recording import Recording
 from toolkit.sensing.settings import SensingSettings

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from toolkit.body.skeleton import JOINT_NAMES, PARENTS, REPORTED
+from toolkit.skeleton import JOINT_NAMES, PARENTS, REPORTED
 
 LEFT = (255, 145, 40)
 RIGHT = (60, 150, 255)

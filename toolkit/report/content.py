@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from toolkit.body import skeleton
+from toolkit import skeleton
 from toolkit.errors import RecordingError, UsageError
 from toolkit.evaluation.evaluate import match_people
 from toolkit.evaluation.joints import frame_errors, joint_errors

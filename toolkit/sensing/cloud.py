@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from toolkit.kernels import depth as kernels
 from toolkit.kernels import linear
+from toolkit.kernels.image import depth as kernels
 from toolkit.sensing.camera import Camera
 
 

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from toolkit.body import skeleton
+from toolkit import skeleton
 from toolkit.errors import RecordingError
 from toolkit.sensing.camera import Camera
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from toolkit.errors import RecordingError
-from toolkit.kernels import depth as kernels
+from toolkit.kernels.image import depth as kernels
 from toolkit.sensing.camera import Camera
 from toolkit.sensing.settings import CONTOURS, SensingSettings
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from toolkit.body.body import vertex_normals
 from toolkit.body.raycast import Hits
-from toolkit.kernels.shading import shade_triangles
+from toolkit.kernels.image.shading import shade_triangles
 from toolkit.sensing.camera import Camera
 from toolkit.simulation.scene import View
 

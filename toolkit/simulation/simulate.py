@@ -10,16 +10,16 @@ from typing import Any
 
 import numpy as np
 
-from toolkit.body import skeleton
+from toolkit import skeleton
 from toolkit.body.body import Body
 from toolkit.body.raycast import Hits, cast
 from toolkit.errors import UsageError
 from toolkit.files import check_output
 from toolkit.mocap.clip import PoseClip
+from toolkit.recordings.opening import open_recording
+from toolkit.recordings.writer import RecordingWriter
 from toolkit.sensing.camera import Camera
-from toolkit.sensing.opening import open_recording
 from toolkit.sensing.recording import Recording
-from toolkit.sensing.writer import RecordingWriter
 from toolkit.simulation.appearance import Appearance, vertex_colors
 from toolkit.simulation.furniture import Box, Mesh, boxes_mesh, joined
 from toolkit.simulation.inertial import SimulatedSensors, Worn, simulate_sensors

@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 
 from toolkit.body.body import Body
-from toolkit.kernels.dual_quaternion import skin_dual
+from toolkit.rotations.dual_quaternion import skin_dual
 
 
 def linear_skinning(body: Body, pose: np.ndarray) -> np.ndarray:

@@ -9,10 +9,10 @@ from typing import NamedTuple
 import numpy as np
 
 from toolkit.fitting.priors import GaussianPrior, LimbPrior, PoseTerm, ResidualTerm
+from toolkit.people.lone import LonePerson
 from toolkit.progress import Count
 from toolkit.retrieval.annotation.class_motion import ANGLES
 from toolkit.retrieval.priors.limbs import OUTER
-from toolkit.sensing.people.lone import LonePerson
 from toolkit.stabilising.marked import contradiction
 from toolkit.stabilising.settings import StabiliseSettings
 from toolkit.stabilising.source import Source

@@ -10,11 +10,11 @@ import numpy as np
 from toolkit.errors import RecordingError
 from toolkit.fitting.priors import ResidualTerm
 from toolkit.fitting.sole import FEET, Sole, floor_term
+from toolkit.people.up import find_vertical
 from toolkit.retrieval.annotation.annotator import runs
 from toolkit.retrieval.priors.expectation import Told
 from toolkit.retrieval.priors.limbs import ENTRIES, LIMBS
 from toolkit.retrieval.priors.marks import Demands, MarkSettings, rests
-from toolkit.sensing.people.up import find_vertical
 from toolkit.stabilising.source import Source
 
 SOLES = 0.05

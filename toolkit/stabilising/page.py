@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from toolkit.body import skeleton
+from toolkit import skeleton
 from toolkit.evaluation.joints import frame_errors, joint_errors
 from toolkit.files import atomic_path, save_text
 from toolkit.retrieval.annotation.annotator import runs

@@ -9,12 +9,12 @@ import numpy as np
 
 from toolkit.body.body import Body
 from toolkit.errors import TrackError, UsageError
+from toolkit.hybrid.tracker import HybridTracker
 from toolkit.pipeline import load_tracker
 from toolkit.pipeline.sink import CONFIG_FILE
 from toolkit.runs import PEOPLE_FILE
 from toolkit.sensing.recording import Recording
 from toolkit.track import TRACKED, RunInfo, Track
-from toolkit.tracking.hybrid import HybridTracker
 
 
 @dataclass(frozen=True, eq=False)

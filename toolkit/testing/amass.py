@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from toolkit.body import skeleton
+from toolkit import skeleton
 from toolkit.mocap.amass import JOINTS, PELVIS_HEIGHT, Y_UP
 from toolkit.mocap.clip import PoseClip
 

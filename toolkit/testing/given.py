@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from toolkit.body import skeleton
+from toolkit import skeleton
 from toolkit.body.body import Body
 from toolkit.body.shape import CLOTHES, ShapeSpace
 

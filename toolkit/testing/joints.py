@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from toolkit.body import skeleton
+from toolkit import skeleton
 from toolkit.sensing.camera import Camera
 
 DERIVED = [skeleton.REPORTED.index(name) for name in ("pelvis", "spine", "neck")]

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from toolkit.body import skeleton
+from toolkit import skeleton
 from toolkit.database.canonical import body_facing, canonicalise, mirrored, place
 from toolkit.errors import UsageError
 from toolkit.tracking.state import PersonState, Previous

@@ -6,13 +6,13 @@ from pathlib import Path
 
 import numpy as np
 
-from toolkit.body import skeleton
+from toolkit import skeleton
 from toolkit.body.body import Body
 from toolkit.body.shape import subject_body
-from toolkit.kernels import raster
+from toolkit.kernels.image import raster
+from toolkit.recordings.writer import save_recording
 from toolkit.sensing.camera import Camera
 from toolkit.sensing.cloud import Cloud
-from toolkit.sensing.writer import save_recording
 
 LEVEL = np.diag([1.0, -1.0, -1.0])
 """`R_level_camera` of a camera that looks horizontally."""

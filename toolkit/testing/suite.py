@@ -28,7 +28,7 @@ from scipy.spatial.transform import Rotation
 
 from database_builder.build import THRESHOLD, build_database
 from database_builder.parts import PartsSettings
-from toolkit.body import skeleton
+from toolkit import skeleton
 from toolkit.body.body import Body
 from toolkit.body.shape import subject_body
 from toolkit.mocap.clip import PoseClip

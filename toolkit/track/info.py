@@ -11,8 +11,8 @@ from typing import Any
 
 import numpy as np
 
+from toolkit import skeleton
 from toolkit.archives import Column, check_columns
-from toolkit.body import skeleton
 from toolkit.body.body import Body
 from toolkit.body.shape import ShapeSpace
 from toolkit.errors import RecordingError, TrackError, UsageError
@@ -94,7 +94,7 @@ class RunInfo:
         RecordingError
             It is gone or has changed.
         """
-        from toolkit.sensing.opening import open_recording  # all readers
+        from toolkit.recordings.opening import open_recording  # all readers
 
         places = [Path(path)] if path else [Path(self.recording)]
         if not path and self.folder and self.recording_relative:

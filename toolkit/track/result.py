@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from toolkit.body.skeleton import REPORTED
+from toolkit.skeleton import REPORTED
 
 TRACKED, LOST, EMPTY = 0, 1, 2
 """States of a frame: followed; somebody is there but not explained; nobody is there."""

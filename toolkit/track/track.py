@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
+from toolkit import skeleton
 from toolkit.archives import Column, check_columns, load_archive, save_archive
-from toolkit.body import skeleton
 from toolkit.errors import TrackError
 from toolkit.files import is_file
 from toolkit.track.result import STATE_NAMES

@@ -14,7 +14,7 @@ from typing import Any, BinaryIO
 
 import numpy as np
 
-from toolkit.body import skeleton
+from toolkit import skeleton
 from toolkit.errors import OutputError, TrackError, UsageError
 from toolkit.track.result import FrameResult
 from toolkit.track.track import PARTIAL_FILE, Track, columns

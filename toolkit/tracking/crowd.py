@@ -15,10 +15,10 @@ import numpy as np
 
 from toolkit.body.body import Body
 from toolkit.errors import RecordingError
+from toolkit.people.joints import JointSource, NoJoints
+from toolkit.people.sighting import PeopleFinder, PredictedBody, Sighting
 from toolkit.sensing.camera import Camera, level_rotation
 from toolkit.sensing.joints2d import Joints2D
-from toolkit.sensing.people.joints import JointSource, NoJoints
-from toolkit.sensing.people.sighting import PeopleFinder, PredictedBody, Sighting
 from toolkit.sensing.stream import Frame
 from toolkit.track import FrameResult
 from toolkit.tracking.clock import StageClock

@@ -7,11 +7,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from toolkit.body import skeleton
+from toolkit import skeleton
 from toolkit.body.body import Body
 from toolkit.fitting.objective import Objective
+from toolkit.people.sighting import Sighting
 from toolkit.sensing.cloud import Cloud
-from toolkit.sensing.people.sighting import Sighting
 from toolkit.track import EMPTY, LOST, TRACKED, FrameResult
 from toolkit.tracking.clock import StageClock
 from toolkit.tracking.guess import Guess, LimbGuesser

@@ -11,10 +11,10 @@ from toolkit.body.body import BONE_AXIS
 from toolkit.errors import InertialError
 from toolkit.fitting.orientation import Evidence, OrientationSettings, OrientationTerm
 from toolkit.fitting.priors import PoseTerm
-from toolkit.inertial import quaternions as quat
 from toolkit.inertial.calibration import Calibration, TakeClock
 from toolkit.inertial.limbs import LIMBS, joint_of
 from toolkit.inertial.stream import Sensors, SensorStream
+from toolkit.rotations import quaternions as quat
 
 TWISTLESS = ("elbow", "wrist")
 """Joints whose tracked frame does not turn about the bone as the limb does: of them only the direction counts."""

@@ -10,7 +10,7 @@ from toolkit.body.body import Body
 from toolkit.fitting.refiner import mesh_terms
 from toolkit.fitting.settings import FittingSettings
 from toolkit.fitting.shape import ShapeEstimator, ShapeSettings
-from toolkit.sensing.people.sighting import PredictedBody, Sighting
+from toolkit.people.sighting import PredictedBody, Sighting
 from toolkit.track import TRACKED
 from toolkit.tracking.clock import StageClock
 from toolkit.tracking.follower import Follower

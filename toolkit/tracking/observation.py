@@ -7,11 +7,10 @@ from functools import cached_property
 
 import numpy as np
 
-from toolkit.body import skeleton
+from toolkit import skeleton
 from toolkit.database.origin import ADULT_HEIGHT
 from toolkit.fitting.orientation import Evidence
 from toolkit.fitting.scene import Scene
-from toolkit.fitting.upper import LEGS
 from toolkit.fitting.voted import VotedJoints, links_out_of_view
 from toolkit.kernels import linear
 from toolkit.landmarks.centre import cloud_centre
@@ -26,7 +25,7 @@ from toolkit.sensing.joints2d import Joints2D, LiftedJoints, lift
 from toolkit.tracking.guide import Guide, NoGuide
 from toolkit.tracking.state import PersonState
 
-LEG_LINKS: np.ndarray = np.isin(skeleton.JOINT_NAMES, LEGS)
+LEG_LINKS: np.ndarray = np.isin(skeleton.JOINT_NAMES, skeleton.LEGS)
 """Bool (18,): joints whose links are of a leg."""
 NEWEST = 0.5
 """Share of the newest votes in what is said to be in view: whoever crouches for a moment is no head behind a desk."""

@@ -7,11 +7,11 @@ from typing import Any
 
 import numpy as np
 
-from toolkit.body import skeleton
+from toolkit import skeleton
 from toolkit.body.body import Body
 from toolkit.fitting.placed import Placer
 from toolkit.kernels import linear
-from toolkit.sensing.people.sighting import PredictedBody
+from toolkit.people.sighting import PredictedBody
 from toolkit.track import FrameResult
 from toolkit.tracking.state import PersonState, State
 

@@ -7,8 +7,8 @@ from typing import Literal, Protocol, runtime_checkable
 import numpy as np
 
 from toolkit.body.body import Body
+from toolkit.people.sighting import PredictedBody, Sighting
 from toolkit.sensing.camera import Camera
-from toolkit.sensing.people.sighting import PredictedBody, Sighting
 from toolkit.sensing.settings import SensingSettings
 from toolkit.track import FrameResult
 from toolkit.tracking.clock import StageClock

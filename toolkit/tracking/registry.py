@@ -30,9 +30,9 @@ class Registration:
 
 
 MODULES = {
-    "hybrid": "toolkit.tracking.hybrid",
-    "particles": "toolkit.tracking.particles",
-    "swarm": "toolkit.tracking.swarm",
+    "hybrid": "toolkit.hybrid.tracker",
+    "particles": "toolkit.lopez2011.tracker",
+    "swarm": "toolkit.qammaz.tracker",
 }
 """Modules that register a tracker of this name when they are imported; trackers that nobody asks for cost nothing."""
 REGISTERED: dict[str, Registration] = {}

@@ -7,11 +7,11 @@ from collections.abc import Iterator
 import numpy as np
 
 from toolkit.body.body import Body
+from toolkit.people.joints import GivenJoints, JointSource
+from toolkit.people.lone import LonePerson
+from toolkit.people.sighting import Sighting
 from toolkit.sensing.camera import level_rotation
 from toolkit.sensing.joints2d import Joints2D
-from toolkit.sensing.people.joints import GivenJoints, JointSource
-from toolkit.sensing.people.lone import LonePerson
-from toolkit.sensing.people.sighting import Sighting
 from toolkit.sensing.recording import Recording
 from toolkit.sensing.stream import Frame
 from toolkit.track import FrameResult

@@ -13,9 +13,9 @@ from pathlib import Path
 import numpy as np
 
 from toolkit.errors import InertialError
-from toolkit.inertial import quaternions as quat
 from toolkit.inertial.readers.common import DEGREE, Columns, SensorOptions, head_of, read_text, unwrapped
 from toolkit.inertial.stream import GRAVITY, Sensors, checked_stream
+from toolkit.rotations import quaternions as quat
 
 HEADER = "PacketCounter"
 

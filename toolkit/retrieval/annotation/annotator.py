@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from toolkit.errors import RetrievalError, SettingsError
-from toolkit.kernels import dtw
+from toolkit.kernels.motion import dtw
 from toolkit.retrieval.annotation.class_motion import ClassMotion
 from toolkit.retrieval.annotation.measures import Segment
 from toolkit.retrieval.features.relational import FeatureMatrix, pack

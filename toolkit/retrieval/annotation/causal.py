@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from toolkit.kernels import dtw
+from toolkit.kernels.motion import dtw
 from toolkit.retrieval.annotation.annotator import MotionClass, PreparedTemplate
 
 

@@ -9,8 +9,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from toolkit import skeleton
 from toolkit.archives import Column, check_columns, load_archive, save_archive
-from toolkit.body import skeleton
 from toolkit.errors import RetrievalError
 from toolkit.files import parse_json
 from toolkit.retrieval.annotation.annotator import THRESHOLD, Annotator, Intervals, MotionClass

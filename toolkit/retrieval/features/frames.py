@@ -6,9 +6,9 @@ from functools import lru_cache
 
 import numpy as np
 
-from toolkit.body import skeleton
+from toolkit import skeleton
 from toolkit.body.body import Body
-from toolkit.kernels import relations as r
+from toolkit.kernels.motion import relations as r
 from toolkit.retrieval.features.geometry import BodyLengths
 from toolkit.retrieval.features.motion import NAMED_JOINTS, SIDES, Motion, points_of_body
 from toolkit.retrieval.features.relational import FEATURES

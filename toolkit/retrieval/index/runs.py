@@ -9,7 +9,7 @@ import numpy as np
 
 from toolkit.archives import Column, check_columns
 from toolkit.errors import RetrievalError
-from toolkit.kernels.keyframe_search import keyframe_list, keyframe_list_near, listed_runs, runs_of
+from toolkit.kernels.motion.keyframe_search import keyframe_list, keyframe_list_near, listed_runs, runs_of
 from toolkit.retrieval.index.storage import REBUILD
 from toolkit.retrieval.keyframes.query import Keyframe
 

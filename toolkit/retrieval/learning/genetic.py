@@ -11,7 +11,7 @@ from math import ceil, floor
 import numpy as np
 
 from toolkit.errors import RetrievalError, SettingsError
-from toolkit.kernels.keyframe_search import keyframe_search
+from toolkit.kernels.motion.keyframe_search import keyframe_search
 from toolkit.retrieval.features.relational import FEATURES, FeatureMatrix, pack
 from toolkit.retrieval.index.runs import RunLists
 from toolkit.retrieval.templates.quantised import QuantisedTemplate

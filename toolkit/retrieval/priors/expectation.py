@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from toolkit.body import skeleton
+from toolkit import skeleton
 from toolkit.errors import SettingsError
 from toolkit.kernels import linear
 from toolkit.retrieval.annotation.annotator import MotionClass

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from toolkit.errors import RetrievalError
-from toolkit.kernels.graded import cheapest, distinct_hits, graded_distances, local_minima
+from toolkit.kernels.motion.graded import cheapest, distinct_hits, graded_distances, local_minima
 from toolkit.retrieval.features import places
 from toolkit.retrieval.features.grades import BLOCK, FULL, coarse, importance
 from toolkit.retrieval.features.relational import FEATURE_RATE, FeatureMatrix

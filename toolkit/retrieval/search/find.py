@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from toolkit.kernels.keyframe_search import UNBOUNDED, keyframe_search, windows_around
+from toolkit.kernels.motion.keyframe_search import UNBOUNDED, keyframe_search, windows_around
 from toolkit.retrieval.index.keyframe_index import KeyframeIndex
 from toolkit.retrieval.keyframes.query import Keyframe, KeyframeQuery
 

@@ -12,7 +12,7 @@ import numpy as np
 from sklearn.base import BaseEstimator
 
 from toolkit.errors import RetrievalError
-from toolkit.kernels import dtw
+from toolkit.kernels.motion import dtw
 from toolkit.retrieval.features.relational import FeatureMatrix
 from toolkit.retrieval.templates.quantised import WILDCARD, QuantisedTemplate, expand
 

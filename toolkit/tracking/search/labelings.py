@@ -7,7 +7,7 @@ from itertools import permutations
 
 import numpy as np
 
-from toolkit.body import skeleton
+from toolkit import skeleton
 from toolkit.errors import SettingsError
 
 EFFECTORS = len(skeleton.END_EFFECTORS)

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from toolkit.body import skeleton
+from toolkit import skeleton
 from toolkit.fitting.refiner import Refiner
 from toolkit.tracking.observation import Observation
 from toolkit.tracking.search.protocol import NOTHING, Hypothesis, Proposal, Rival

@@ -6,12 +6,13 @@ import math
 
 import numpy as np
 
-from toolkit.body import skeleton
+from toolkit import skeleton
 from toolkit.body.body import Body
 from toolkit.database import canonical
 from toolkit.database.database import PoseDatabase
 from toolkit.fitting.terms import JointTerm
-from toolkit.kernels import linear, nearest
+from toolkit.kernels import linear
+from toolkit.kernels.cloud import nearest
 from toolkit.tracking.observation import Observation
 from toolkit.tracking.search.lookup import placed_poses
 from toolkit.tracking.state import Previous

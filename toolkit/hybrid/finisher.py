@@ -1,0 +1,91 @@
+"""The last word on a first frame: the best poses that face apart, brought equally far before one of them is believed.
+
+A body seen from behind has nearly the outline and the depth of one seen from the front, with its arms bent the other
+way. Whichever of the two a search happens to finish better wins, and is followed for good.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+
+from toolkit.database import canonical
+from toolkit.fitting.objective import Objective
+from toolkit.fitting.refiner import Refiner
+from toolkit.hybrid.aimed import AimedArms
+from toolkit.tracking.observation import Observation
+from toolkit.tracking.search.lookup import FIRST_ROUNDS
+from toolkit.tracking.search.protocol import Hypothesis, Rival
+
+APART = math.radians(60.0)
+"""Turn between two facings from which on no refinement leads from one to the other."""
+
+
+class FirstFrames:
+    """Finishes the hypotheses of a first frame, or of one after a loss; the nearest of them is the person's pose.
+
+    The best of each body, the best that faces elsewhere than the best of all, and that one turned to the other side
+    have their arms brought to where the cloud ends (Lopez-Mendez 2011, 2.2). A wrong size, too, is often the nearest
+    only until the arms are where they belong. Nobody is turned without a regressor: its votes know front from back, a
+    depth image alone does not.
+
+    Parameters
+    ----------
+    objective, refiner : compare poses with the frame, and refine
+    arms : aims at the ends of the cloud
+    """
+
+    name = "particles"
+
+    def __init__(self, objective: Objective, refiner: Refiner, arms: AimedArms) -> None:
+        self._objective, self._refiner, self._arms = objective, refiner, arms
+
+    def finished(self, observation: Observation, rivals: Sequence[Rival]) -> list[Rival]:
+        """Further rivals for a frame of which `rivals` is what every search said of every body."""
+        aimed = [self._arms.of(rival, observation) for rival in best_of_each_body(rivals)]
+        best = min(aimed, key=_doubt)
+        others = facing_elsewhere(best, rivals)
+        if observation.votes is not None:
+            others.append(self._turned(best, observation))
+        return aimed + [self._arms.of(rival, observation) for rival in others]
+
+    def _turned(self, rival: Rival, observation: Observation) -> Rival:
+        """The other way round, refined: with its limbs or with their mirror image, whichever is nearer."""
+        both = []
+        iterations = FIRST_ROUNDS * self._refiner.settings.iterations
+        for turned in other_ways_round(rival.hypothesis.pose):
+            pose = self._refiner.refine(rival.body, turned, observation.scene, iterations=iterations)
+            compared = self._objective.compare(rival.body, pose, observation.scene)
+            both.append(Rival(Hypothesis(rival.hypothesis.source, pose, compared), rival.body, compared))
+        return min(both, key=_doubt)
+
+
+def best_of_each_body(rivals: Sequence[Rival]) -> list[Rival]:
+    """The nearest rival of every body."""
+    best: dict[int, Rival] = {}
+    for rival in sorted(rivals, key=_doubt, reverse=True):
+        best[id(rival.body)] = rival
+    return list(best.values())
+
+
+def facing_elsewhere(best: Rival, rivals: Sequence[Rival]) -> list[Rival]:
+    """Of the rivals that face at least `APART` from the best one the nearest, if there are any."""
+    yaw = float(canonical.body_facing(best.hypothesis.pose))
+    turns = [float(canonical.body_facing(rival.hypothesis.pose)) - yaw for rival in rivals]
+    apart = [r for r, turn in zip(rivals, turns, strict=True) if abs(math.remainder(turn, math.tau)) >= APART]
+    return sorted(apart, key=_doubt)[:1]
+
+
+def other_ways_round(pose: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """A pose (P,) of a y-up frame turned by 180 degrees in its place, with its limbs and with their mirror image."""
+    own, position, yaw = canonical.canonicalise(pose)
+    turned, mirrored = (
+        canonical.place(limbs, np.zeros(4), position, yaw + np.pi) for limbs in (own, canonical.mirrored(own))
+    )
+    return turned, mirrored
+
+
+def _doubt(rival: Rival) -> float:
+    return rival.doubt

@@ -1,0 +1,167 @@
+"""The hybrid tracker: local optimisation and database lookup, fused late (Baak 2013, 5.4)."""
+
+from __future__ import annotations
+
+from functools import cached_property
+
+from toolkit.body.body import Body
+from toolkit.database.database import PoseDatabase
+from toolkit.fitting.arms import ArmPoses
+from toolkit.fitting.objective import Objective
+from toolkit.fitting.priors import GaussianPrior, PoseTerm
+from toolkit.fitting.refiner import Refiner
+from toolkit.hybrid.aimed import AimedArms
+from toolkit.hybrid.finisher import FirstFrames
+from toolkit.lopez2011.fork_search import ParticleSearch
+from toolkit.lopez2011.upper import upper_bodies
+from toolkit.qammaz.discrepancy import DiscrepancySettings
+from toolkit.qammaz.search import SwarmSearch, SwarmSearchSettings
+from toolkit.qammaz.swarm import SwarmSettings
+from toolkit.tracking.guess import LimbGuesser
+from toolkit.tracking.guide import Guide, NoGuide
+from toolkit.tracking.observation import Observer
+from toolkit.tracking.person import PREDICTED
+from toolkit.tracking.protocol import Wanted
+from toolkit.tracking.registry import Registration, register
+from toolkit.tracking.search.arms import ArmSearch
+from toolkit.tracking.search.extrema import ExtremaQuery
+from toolkit.tracking.search.guided import GuidedSearch
+from toolkit.tracking.search.local import LocalSearch
+from toolkit.tracking.search.lookup import DatabaseLookup, Effort, Query
+from toolkit.tracking.search.protocol import Search
+from toolkit.tracking.search.votes import VotesQuery
+from toolkit.tracking.searching import SearchingTracker
+from toolkit.tracking.settings import HybridSettings
+
+
+class HybridTracker(SearchingTracker):
+    """Baak 2013, 5.4, with regressed joints, arms of the database, a pose prior and a learnt shape; see `Tracker`.
+
+    Parameters
+    ----------
+    database : poses to look up, with or without a joint regressor
+    settings : see `HybridSettings`
+    body : the person's own body, if it is known; otherwise it is learnt from the recording
+    database_path : where the database came from, for `run.json`
+    guide : what is known of the frames besides their depth
+    """
+
+    def __init__(
+        self,
+        database: PoseDatabase,
+        settings: HybridSettings | None = None,
+        *,
+        body: Body | None = None,
+        database_path: str = "",
+        guide: Guide | None = None,
+    ) -> None:
+        self.guide = guide or NoGuide()
+        self.settings = settings or HybridSettings()
+        super().__init__(self.settings, body)
+        self.database = database_path
+        self._poses = database
+        self._forest = database.forest if "joints" in self.settings.hypotheses else None
+
+    @property
+    def stage_names(self) -> tuple[str, ...]:
+        """See `Tracker.stage_names`."""
+        return ("prepare", "landmarks", "local", "arms", "lookup", *self._more, "select")
+
+    @property
+    def source_names(self) -> tuple[str, ...]:
+        """See `Tracker.source_names`."""
+        return ("local", "extrema", "joints", "arms", *self._more, PREDICTED)
+
+    @property
+    def _more(self) -> tuple[str, ...]:
+        """Searches that not every hybrid tracker has: particles, the swarm, and a guide that proposes poses."""
+        particles = ("particles",) if "particles" in self.settings.hypotheses else ()
+        guided = ("guided",) if self.guide.proposes else ()
+        return (*particles, *self._swarm, *guided)
+
+    @property
+    def joints_wanted(self) -> Wanted:
+        """See `Tracker.joints_wanted`: the swarm starts from them."""
+        return "offered" if self._swarm else "none"
+
+    def searches(self, objective: Objective, refiner: Refiner) -> tuple[Search, ...]:
+        """The searches of the settings, in the order in which they are asked."""
+        settings, asked = self.settings, self.settings.hypotheses
+        members: list[Search] = []
+        if "local" in asked:
+            members.append(LocalSearch(refiner, settings.momentum))
+        queries = self.queries()
+        # Without the local hypothesis every frame has to ask.
+        rest = settings.rest if "local" in asked else 0
+        if self._arms is not None:
+            members.append(ArmSearch(self._arms, objective, refiner, settings.arms, rest if queries else 0))
+        effort = Effort(settings.candidates, settings.starts, settings.promising, rest)
+        members.append(DatabaseLookup(queries, objective, refiner, effort))
+        if "particles" in asked:
+            members.append(ParticleSearch(objective, refiner, upper_bodies(objective.placer)))
+        if self._swarm:
+            parts = SwarmSearchSettings(), SwarmSettings(), DiscrepancySettings()
+            members.append(SwarmSearch(*parts, objective, refiner, first_only=True))
+        if self.guide.proposes:
+            members.append(GuidedSearch(self.guide, objective, refiner, settings.arms))
+        return tuple(members)
+
+    def finisher(self, objective: Objective, refiner: Refiner) -> FirstFrames | None:
+        """See `SearchingTracker.finisher`."""
+        if "particles" not in self.settings.hypotheses:
+            return None
+        arms = AimedArms(objective, refiner, self.settings.arms, upper_bodies(objective.placer))
+        return FirstFrames(objective, refiner, arms)
+
+    def queries(self) -> list[Query]:
+        """The ways of the settings to ask the database for whole poses."""
+        queries: list[Query] = []
+        if "extrema" in self.settings.hypotheses:
+            queries.append(ExtremaQuery(self._poses, self.settings.lookup))
+        if self._forest is not None:
+            queries.append(self._votes)
+        return queries
+
+    @property
+    def observer(self) -> Observer:
+        """How this tracker looks at sightings."""
+        s = self.settings
+        return Observer(
+            s.landmarks, s.extrema, s.fitting.cloud_samples, s.fitting.search, self._forest, s.vote_samples, self.guide,
+            s.vote_pull, body=s.body,
+        )  # fmt: skip
+
+    @cached_property
+    def priors(self) -> tuple[PoseTerm, ...]:
+        """See `SearchingTracker`: the database's own poses are likely."""
+        weight = self.settings.fitting.prior_weight
+        return (GaussianPrior.of_poses(self._poses.poses, weight),) if weight > 0.0 else ()
+
+    @cached_property
+    def guesser(self) -> LimbGuesser | None:
+        """See `SearchingTracker`; databases from before there were pose priors have none."""
+        return None if self._poses.prior is None else LimbGuesser(self._poses.prior)
+
+    @property
+    def _swarm(self) -> tuple[str, ...]:
+        """The name of the swarm's stage and source, if it is asked."""
+        return ("swarm",) if "swarm" in self.settings.hypotheses else ()
+
+    @cached_property
+    def _votes(self) -> VotesQuery:
+        return VotesQuery(self._poses, self.settings.vote_pull)
+
+    @cached_property
+    def _arms(self) -> ArmPoses | None:
+        wanted = {"local", "arms"} <= set(self.settings.hypotheses)
+        return ArmPoses(self._poses.poses, self._first_body, self.settings.arms.count) if wanted else None
+
+
+register(
+    "hybrid",
+    Registration(
+        HybridSettings,
+        needs_database=True,
+        build=lambda settings, database, path: HybridTracker(database, settings, database_path=path),
+    ),
+)

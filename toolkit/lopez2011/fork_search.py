@@ -1,0 +1,74 @@
+"""Head and hands where the cloud ends: the first pose of Lopez-Mendez 2011."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from toolkit.body.body import Body
+from toolkit.fitting.objective import Objective
+from toolkit.fitting.refiner import Refiner
+from toolkit.landmarks.graph import Workspace
+from toolkit.lopez2011.effectors import EffectorSettings, find_fork
+from toolkit.lopez2011.filter import UpperFilter
+from toolkit.lopez2011.initial import InitialSettings, initial_pose
+from toolkit.lopez2011.settings import ParticleSettings
+from toolkit.lopez2011.sighting import UpperSighting
+from toolkit.lopez2011.upper import UpperBodies
+from toolkit.tracking.observation import Observation
+from toolkit.tracking.search.lookup import FIRST_ROUNDS
+from toolkit.tracking.search.protocol import NOTHING, Hypothesis, Proposal, Rival
+from toolkit.tracking.state import PersonState
+
+FORK = EffectorSettings(cuts=0)
+"""How head and hands are looked for where nothing is known of the person yet."""
+ROUNDS = InitialSettings(rounds=4, unlabelled=False)
+"""How the first pose is found: less often filtered than by the particle filter alone, because it is refined."""
+
+
+class ParticleSearch:
+    """The first pose of Lopez-Mendez 2011 on a first frame and after a loss.
+
+    Head and hands are looked for by the fork of their paths (3); the filtered pose is refined and competes by its
+    distance. While somebody is followed it says nothing: arms of the database find the way back as well.
+
+    Parameters
+    ----------
+    objective, refiner : compare the answers with the frame, and refine
+    bodies : that are filtered
+    """
+
+    name = "particles"
+
+    def __init__(self, objective: Objective, refiner: Refiner, bodies: UpperBodies) -> None:
+        self._objective, self._refiner = objective, refiner
+        self._bodies, self._filter = bodies, UpperFilter(ParticleSettings())
+
+    def propose(
+        self, observation: Observation, state: PersonState, rng: np.random.Generator, best: Rival | None
+    ) -> Proposal:
+        """See `Search.propose`."""
+        if state.previous is not None:
+            return NOTHING
+        return Proposal(self._by_the_fork(observation, state.body, rng))
+
+    def _by_the_fork(self, observation: Observation, body: Body, rng: np.random.Generator) -> tuple[Hypothesis, ...]:
+        """The first pose of Lopez-Mendez 2011, 3, refined; nothing without a fork."""
+        cloud, settings = observation.cloud, self._filter.settings
+        width = cloud.camera.width
+        small = replace(
+            settings, trunk_columns=min(settings.trunk_columns, width), arm_columns=min(settings.arm_columns, width)
+        )
+        seen = UpperSighting(cloud, observation.unobserved, len(cloud), small)
+        effectors = seen.effectors(FORK, Workspace())
+        fork = find_fork(effectors, FORK)
+        if fork is None:
+            return ()
+        frame = seen.frame(effectors)
+        first = initial_pose(self._bodies.of(body), self._filter, effectors, fork, frame, ROUNDS, rng)
+        assert first is not None
+        iterations = FIRST_ROUNDS * self._refiner.settings.iterations
+        pose = self._refiner.refine(body, first.pose, observation.scene, iterations=iterations)
+        compared = self._objective.compare(body, pose, observation.scene)
+        return (Hypothesis("particles", pose, compared),)

@@ -1,0 +1,107 @@
+"""Constants of the particle filter of an upper body (Lopez-Mendez 2011, 2)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+
+import numpy as np
+
+from toolkit import skeleton
+from toolkit.errors import SettingsError
+from toolkit.fitting.arms import SIDES
+
+
+@dataclass(frozen=True)
+class ParticleSettings:
+    """Constants of the filter, metres and radians; what Lopez-Mendez 2011 leaves open has its reason.
+
+    Attributes
+    ----------
+    count : particles in each of the three layers: 64 is the paper's online figure, 256 its reported one
+    alpha : share of the arm particles that diffuse (Eq. 6), in [0, 1]; refusals make it more; 1 is the plain filter
+    trunk_columns, arm_columns : pixels of width, at most, of the images that trunks and arms are weighed in: a trunk
+        needs no more, and a hand has 8 pixels across at 1.4 m
+    bases : different trunks that are kept after the first layer: more are seldom left
+    spread : metres of a hand about a candidate (`Sigma_e`), which lies on the surface, at tip or knuckles
+    smoothness : `lambda` of Eq. 4: an arm may turn by two radians for a candidate
+    least : log-probability of Eq. 4 below which an arm is diffused instead: four spreads from the candidate
+    swivel : radians of spread about the swivel nearest to the arm before
+    looks : swivels all round at which every candidate is held against the frame before every second aimed arm is drawn,
+        by what they cost, for either arm in every other frame: from an arm that is folded the wrong way the near ones
+        lead beyond the joint limits; 0 = the paper's blind draw
+    near : metres: a candidate counts exp(-distance / near) as much as one at the hand before (`f` of Eq. 5)
+    floor : but at least this share, or a raised hand is never proposed to a hanging arm
+    holding : metres: the other hand holds a candidate that is as near as this
+    held : share that such a candidate counts, or both arms take the same hand
+    root_position : metres by which the root diffuses in a frame at 30 Hz
+    root_rotation : radians, 3 degrees, likewise
+    spine, neck, clavicle : radians per entry, likewise: they move little within a thirtieth of a second
+    shoulder, elbow : radians, likewise: fast arms turn by 6 radians a second
+    wrist : radians, likewise
+    fine : every second pair of particles diffuses only this share as far, and one not at all: mostly people move slowly
+    sharpness : how many times a cost counts in the weights: a mean over pixels is small against what a wrong arm costs
+    cap : metres, the largest difference of depths that counts (`d_max`): a limb's width
+    depth : cost of a mean squared difference of depths in units of the cap (`lambda_1`)
+    silhouette : cost of silhouettes that nowhere agree (`lambda_2`): half of what a missed depth costs
+    overlap : cost of squared overlaps in units of the balls' radii (`lambda_3`)
+    trunk_margin : metres around the trunk's joints within which it is weighed, at their depth: half a shoulder more
+    arm_margin : metres around an arm's joints and its candidates: the box must hold the proposed hands
+    """
+
+    count: int = 64
+    alpha: float = 0.5
+    trunk_columns: int = 80
+    arm_columns: int = 160
+    bases: int = 16
+    spread: float = 0.03
+    smoothness: float = 0.1
+    least: float = -8.0
+    swivel: float = 0.5
+    looks: int = 8
+    near: float = 0.25
+    floor: float = 0.3
+    holding: float = 0.15
+    held: float = 0.05
+    root_position: float = 0.02
+    root_rotation: float = 0.052
+    spine: float = 0.03
+    neck: float = 0.1
+    clavicle: float = 0.04
+    shoulder: float = 0.2
+    elbow: float = 0.25
+    wrist: float = 0.1
+    fine: float = 0.3
+    sharpness: float = 3.0
+    cap: float = 0.10
+    depth: float = 40.0
+    silhouette: float = 20.0
+    overlap: float = 10.0
+    trunk_margin: float = 0.22
+    arm_margin: float = 0.15
+
+    def __post_init__(self) -> None:
+        for name in ("count", "trunk_columns", "arm_columns", "bases"):
+            if getattr(self, name) < 1:
+                raise SettingsError(f"particles.{name} is {getattr(self, name)}; give at least 1")
+        if self.looks < 0:
+            raise SettingsError(f"particles.looks is {self.looks}; give 0 for none, or a number of swivels")
+        if not 0.0 <= self.alpha <= 1.0:
+            raise SettingsError(f"particles.alpha is {self.alpha}; it is a share and lies in [0, 1]")
+        signed = ("count", "alpha", "looks", "trunk_columns", "arm_columns", "bases", "least")
+        for name in (field.name for field in fields(self) if field.name not in signed):
+            value = getattr(self, name)
+            if not (value > 0 or (value == 0 and name not in ("spread", "near", "cap"))):
+                raise SettingsError(f"particles.{name} is {value}; spreads, weights and lengths are not negative")
+
+    def diffusion(self) -> np.ndarray:
+        """Spread of every pose entry, float64 (P,), per frame at 30 Hz; 0 for the legs."""
+        kinds = {"lumbar": self.spine, "thorax": self.spine, "cervical": self.neck}
+        kinds |= {
+            f"{side}_{name}": getattr(self, name)
+            for side in SIDES
+            for name in ("clavicle", "shoulder", "elbow", "wrist")
+        }
+        spread = np.array([kinds.get(name.rpartition("_")[0], 0.0) for name in skeleton.POSE_NAMES])
+        spread[skeleton.ROOT_POSITION] = self.root_position
+        spread[skeleton.ROOT_ROTATION] = self.root_rotation
+        return spread

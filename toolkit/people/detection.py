@@ -1,0 +1,184 @@
+"""People in a single depth image: heads above shoulders, each with the surface that hangs on it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from toolkit.kernels.cloud.planes import best_plane
+from toolkit.kernels.image.growth import FAR, grow, mark_seeds
+from toolkit.kernels.image.heads import head_scores
+from toolkit.people.settings import PeopleSettings
+from toolkit.people.view import Lens, View
+
+# Places in metres (right, up) around the centre of a head that is 0.16 m wide and 0.23 m high (adults have 0.14 to
+# 0.17, a child of three years 0.13).
+INSIDE = np.array([(0, 0), (0.05, 0), (-0.05, 0), (0, 0.06), (0, -0.06), (0.045, 0.045), (-0.045, 0.045)])
+_ANGLES = np.deg2rad([0, 30, 60, 90, 120, 150, 180])
+AROUND = np.column_stack([0.17 * np.cos(_ANGLES), 0.20 * np.sin(_ANGLES)])
+SHOULDERS = np.array([(x, y) for y in (-0.29, -0.36) for x in (-0.1, -0.05, 0.0, 0.05, 0.1)])
+TOLERANCES = np.array([0.10, 0.12, 0.3, 0.1])  # m: head's depth, gap behind it, head to shoulders, head's radius
+TEMPLATES = ((1.0, 1.0, 0.0), (0.85, 0.65, 0.95))
+"""Size of head and body against these, and the least score, of an adult and of a child of a metre, whom a fist on a
+forearm resembles."""
+SEED_RADIUS = 0.12  # m around a head's centre that is surely the head
+PLATEAU = 0.05  # of a score: the head's centre is the middle of what scores nearly best
+RIVALRY = 0.1  # of a score by which a head may be worse than the shoulder below it
+HEAD_BAND, CHEST_BAND = (-0.06, 0.06), (-0.42, -0.28)  # m above the head's centre
+HEAD_WIDTH = (0.09, 0.36)  # m: a child's from the side to a hooded adult's
+CHEST_WIDTH = (0.2, 0.95)  # m: a slim person's from the side to an adult's with the elbows out
+NARROWING = 1.1  # of the chest's width that the head may have: as wide, with hair, for a slim person from the side
+RUN_GAP = 0.06  # m between the pixels of one band: a hand beside the head belongs to another run
+PLANAR = 0.8  # of a surface in one plane; people have 0.3 to 0.7, doors and cupboards 0.85 to 1
+OPEN = 0.7  # of the outline of head and chest, to the left and right, behind which the scene lies farther back
+OPEN_STEP = 0.06  # m by which it does
+FLATTEST = 0.04  # m of tolerance, at 3.8 m: beyond, people are as flat as doors
+PLANAR_SAMPLES, PLANAR_TRIPLES = 800, 200
+
+
+@dataclass(frozen=True, eq=False)
+class Head:
+    """A place that looks like the centre of a head: float64 (3,), level frame, metres; how much, 0 to 1; and whether
+    only as that of a small child.
+    """
+
+    place: np.ndarray
+    score: float
+    small: bool
+
+
+def find_heads(view: View, lens: Lens, settings: PeopleSettings, *, cut_out: bool) -> list[Head]:
+    """Heads in a frame, the highest first; of those above one another on a body only the highest.
+
+    `cut_out`: where nothing was measured nobody is, so that it counts as space beside a head.
+    """
+    scores, small = np.zeros(view.depth.shape, dtype=np.float32), np.zeros(view.depth.shape, dtype=np.bool_)
+    for size, body, least in TEMPLATES:
+        scaled = np.empty(view.depth.shape, dtype=np.float32)
+        places = (size * INSIDE, size * AROUND, body * SHOULDERS)
+        unmeasured = 1.0 if cut_out else 0.5
+        head_scores(
+            view.depth, view.foreground, lens.camera.intrinsics, lens.up, *places, TOLERANCES, unmeasured, scaled
+        )
+        small |= (scaled >= least) & (scores < settings.head_score) & (size < 1)
+        np.maximum(scores, np.where(scaled >= least, scaled, 0), out=scores)
+    rows = np.flatnonzero(scores.ravel() >= settings.head_score - PLATEAU)
+    values, points = scores.ravel()[rows].astype(np.float64), view.points.reshape(-1, 3)[rows].astype(np.float64)
+    child = small.ravel()[rows]
+    heads: list[Head] = []
+    while len(rows) and (best := values.max()) >= settings.head_score:
+        distance = np.sqrt(((points - points[int(values.argmax())]) ** 2).sum(axis=1))
+        near = distance < settings.head_distance
+        plateau = near & (values >= best - PLATEAU)
+        heads.append(Head(points[plateau].mean(axis=0), float(best), bool(child[plateau].all())))
+        values, points, rows, child = values[~near], points[~near], rows[~near], child[~near]
+    heads.sort(key=lambda h: -h.place[1])
+    kept: list[Head] = []
+    for head in heads:
+        above = [o for o in kept if o.score >= head.score - RIVALRY]  # a raised fist is no reason to drop a head
+        if not any(_on_body_below(head.place, other.place, settings) for other in above):
+            kept.append(head)
+    return kept
+
+
+def _on_body_below(place: np.ndarray, head: np.ndarray, settings: PeopleSettings) -> bool:
+    """Whether `place` is so close to the axis below `head` that it is a shoulder, an elbow or a knee."""
+    aside, drop = float(np.hypot(place[0] - head[0], place[2] - head[2])), head[1] - place[1]
+    if drop < settings.least_drop:
+        return False
+    return aside < (settings.shoulder_distance if drop < settings.head_drop else settings.body_distance)
+
+
+def near_head(view: View, place: np.ndarray) -> np.ndarray:
+    """Pixels that belong to the head at `place` (3,), level frame, metres: bool (h, w)."""
+    return np.asarray(((view.points - place.astype(np.float32)) ** 2).sum(axis=2) < SEED_RADIUS**2)
+
+
+def head_seeds(view: View, heads: Sequence[np.ndarray], seeds: np.ndarray) -> None:
+    """Mark the pixels around the places of heads in `seeds` int32 (h, w) with 1, 2, ..., where it is still 0."""
+    rows = np.array(heads, dtype=np.float64).reshape(-1, 3)
+    mark_seeds(view.points, view.foreground, np.zeros(seeds.shape, dtype=np.int32), rows, SEED_RADIUS, 0.0, seeds)
+
+
+def share_out(
+    view: View, lens: Lens, seeds: np.ndarray, heads: Sequence[np.ndarray], settings: PeopleSettings, *, bridge: float
+) -> np.ndarray:
+    """Give the foreground to the people whose seeds are nearest over the surface: int32 (h, w), 0 = nobody.
+
+    Parameters
+    ----------
+    seeds : int32 (h, w), 1.. the people
+    heads : (3,) each, level frame, metres; nobody reaches farther from the head than a person does
+    bridge : metres of the largest depth step within one person
+    """
+    labels = np.zeros(seeds.shape, dtype=np.int32)
+    if len(heads) == 0:
+        return labels
+    distances = np.empty(seeds.shape, dtype=np.int32)
+    reach = np.where(view.still, settings.reach_still, settings.reach).astype(np.float32)
+    limits = np.array([settings.reach_up, settings.reach_down])
+    steps = np.array([settings.surface_gap, lens.quantisation, bridge, settings.bridge_cost, settings.upright_cost])
+    measured = np.where(view.foreground, view.depth, np.float32(0))
+    grow(view.points, measured, seeds, np.array(heads), reach, limits, steps, settings.longest_way, labels, distances)
+    labels[distances == FAR] = 0
+    return labels
+
+
+def looks_like_person(view: View, lens: Lens, mask: np.ndarray, head: np.ndarray, settings: PeopleSettings) -> bool:
+    """Whether a surface has a head that is narrower than the chest below it, and is not flat."""
+    points = view.points[mask].astype(np.float64) - head
+    points = points[np.abs(points[:, 2]) < settings.reach / 2]
+    shaped = any(_head_on_chest(points / scale, scale) for _, scale, _ in TEMPLATES)
+    return shaped and _open_outline(view, mask, head) >= OPEN and planar_share(view, lens, mask, settings) < PLANAR
+
+
+def _head_on_chest(points: np.ndarray, scale: float) -> bool:
+    """Whether points around a head's centre (N, 3), divided by a body's `scale`, are narrow above a wide chest."""
+    head, chest = (
+        _run_width(np.sort(points[(points[:, 1] > low) & (points[:, 1] < high), 0]), RUN_GAP / scale)
+        for low, high in (HEAD_BAND, CHEST_BAND)
+    )
+    fits = HEAD_WIDTH[0] <= head <= HEAD_WIDTH[1] and CHEST_WIDTH[0] <= chest <= CHEST_WIDTH[1]
+    return fits and head <= NARROWING * chest
+
+
+def _open_outline(view: View, mask: np.ndarray, head: np.ndarray) -> float:
+    """Share of the outline of head and chest, to the left and right, at which the surface ends: 0 to 1.
+
+    A piece of a wall or of a cupboard goes on beside its outline.
+    """
+    aside = np.hypot(view.points[..., 0] - head[0], view.points[..., 2] - head[2])
+    upper = mask & (view.points[..., 1] > head[1] + CHEST_BAND[0]) & (aside < CHEST_WIDTH[1] / 2)
+    ends, total = 0, 0
+    for side in (-1, 1):
+        beside = np.roll(view.depth, -side, axis=1)
+        edge = upper & ~np.roll(mask, -side, axis=1)
+        edge[:, -1 if side > 0 else 0] = False
+        total += int(np.count_nonzero(edge))
+        ends += int(np.count_nonzero(edge & ((beside == 0) | (beside > view.depth + OPEN_STEP))))
+
+    return ends / max(total, 1)
+
+
+def _run_width(across: np.ndarray, gap: float) -> float:
+    """Width of the run of sorted values, without gaps wider than `gap`, that holds the one nearest to 0."""
+    if len(across) < 3:
+        return 0.0
+    breaks = np.flatnonzero(np.diff(across) > gap)
+    starts, ends = np.concatenate([[0], breaks + 1]), np.concatenate([breaks, [len(across) - 1]])
+    run = int(np.searchsorted(ends, int(np.abs(across).argmin())))
+    return float(across[ends[run]] - across[starts[run]])
+
+
+def planar_share(view: View, lens: Lens, mask: np.ndarray, settings: PeopleSettings) -> float:
+    """Share of a surface's pixels that lie in one plane, 0 to 1; 0 as well where noise makes everything flat."""
+    v, u = np.nonzero(mask)
+    picked = np.linspace(0, len(v) - 1, min(PLANAR_SAMPLES, len(v))).astype(np.int64)
+    points = view.points[v[picked], u[picked]].astype(np.float64)
+    tolerances = 0.02 + lens.quantisation / 2 * (points**2).sum(axis=1)
+    if np.median(tolerances) > FLATTEST:
+        return 0.0
+    triples = np.random.default_rng(0).integers(0, len(points), (PLANAR_TRIPLES, 3))
+    return best_plane(points, tolerances, np.ones(len(points)), triples, np.zeros(4)) / len(points)

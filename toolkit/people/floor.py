@@ -1,0 +1,90 @@
+"""The floor of a scene: a plane that tells where up is."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from toolkit.kernels import linear
+from toolkit.kernels.cloud.planes import largest_plane
+from toolkit.sensing.camera import DEFAULT_UP, Camera
+
+SAMPLES = 6000  # points; a floor of a tenth of the scene still has 600
+INLIER_DISTANCE = 0.03  # m; a Kinect's quantisation at 3 m
+ITERATIONS = 2000  # find a plane of a tenth of the points with probability 0.86, of a fifth always
+SEED = 0  # a scene has one floor, whoever asks
+PLANES = 6  # walls, ceiling and tables may be larger than the floor
+LARGEST_TILT = np.deg2rad(50.0)  # of a camera that still counts as upright
+SMALLEST_AREA = 0.8  # m^2; a person shows no plane of this size
+LOWEST_CAMERA = 0.1  # m above the floor; nearer to its plane, all that is seen edge-on would pass for one
+SHARE_ABOVE = 0.97  # of the scene; a table has the floor below it
+
+
+@dataclass(frozen=True)
+class Floor:
+    """A plane: `up_camera . p + height = 0` for points p (metres, camera frame) on it.
+
+    Attributes
+    ----------
+    up_camera : float64 (3,), its unit normal, pointing up
+    height : metres of the camera above it
+    """
+
+    up_camera: np.ndarray
+    height: float
+
+    def heights(self, camera: Camera, depth_mm: np.ndarray) -> np.ndarray:
+        """Height above the floor of every pixel of a depth image (H, W) in millimetres: float32 (H, W), metres."""
+        return (self.slopes(camera) * depth_mm * 1e-3 + self.height).astype(np.float32)
+
+    def slopes(self, camera: Camera) -> np.ndarray:
+        """By how much the height above the floor rises with the depth along every pixel's ray: float64 (H, W)."""
+        rays = camera.rays()
+        return rays[..., 0] * self.up_camera[0] + rays[..., 1] * self.up_camera[1] + self.up_camera[2]
+
+
+def find_floor(depth_mm: np.ndarray, camera: Camera) -> Floor | None:
+    """The floor in a depth image, uint16 (H, W) millimetres, or None where no floor is visible.
+
+    Planes are taken one after the other by RANSAC from a sample of the points. The floor is the largest one
+    that is nearly level for a camera tilted by up to 50 degrees, has the scene above it and is larger than any plane
+    of a person.
+    """
+    v, u = np.nonzero(depth_mm)
+    if len(v) * _pixel_area(depth_mm, camera) < SMALLEST_AREA:
+        return None
+    picked = np.linspace(0, len(v) - 1, min(SAMPLES, len(v))).astype(np.int64)
+    v, u = v[picked], u[picked]
+    z = depth_mm[v, u] * 1e-3
+    points = np.column_stack([camera.rays()[v, u] * z[:, None], z])
+    # A sampled pixel stands for as many pixels as there are per sample, each covering z^2 / (fx fy) head on.
+    areas = z**2 / (camera.fx * camera.fy) * (np.count_nonzero(depth_mm) / len(points))
+    rest, rng = np.ones(len(points), dtype=bool), np.random.default_rng(SEED)
+    for _ in range(PLANES):
+        if rest.sum() < SAMPLES // 100:
+            return None
+        plane, members = largest_plane(points[rest], INLIER_DISTANCE, ITERATIONS, rng)
+        members = np.flatnonzero(rest)[members]
+        floor = _as_floor(plane)
+        if floor is not None:
+            rises = linear.times(points, floor.up_camera)
+            slant = np.abs(rises[members]) / linear.lengths(points[members])
+            area = (areas[members] / np.maximum(slant, 0.05)).sum()
+            if area >= SMALLEST_AREA and (rises + floor.height > -3 * INLIER_DISTANCE).mean() >= SHARE_ABOVE:
+                return floor
+        rest[members] = False
+    return None
+
+
+def _pixel_area(depth_mm: np.ndarray, camera: Camera) -> float:
+    far = float(depth_mm.max()) * 1e-3
+    return 20.0 * far * far / (camera.fx * camera.fy)  # 20: the slant that `find_floor` allows for
+
+
+def _as_floor(plane: np.ndarray) -> Floor | None:
+    normal, offset = plane[:3], plane[3]
+    if np.sum(normal * DEFAULT_UP) < 0:
+        normal, offset = -normal, -offset
+    upright = np.sum(normal * DEFAULT_UP) >= np.cos(LARGEST_TILT)
+    return Floor(normal, float(offset)) if upright and offset >= LOWEST_CAMERA else None

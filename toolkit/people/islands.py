@@ -1,0 +1,96 @@
+"""Pieces of foreground that hang on nobody: a hand before the body, somebody without a visible head, or noise."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from toolkit.kernels.image import components
+from toolkit.people.settings import PeopleSettings
+from toolkit.people.view import Lens, View
+
+SAMPLES = 200  # pixels of a piece, and of a person, between which the gap is measured
+
+
+def attach_islands(
+    view: View,
+    lens: Lens,
+    labels: np.ndarray,
+    places: Sequence[np.ndarray],
+    settings: PeopleSettings,
+    *,
+    cut_out: bool,
+) -> tuple[np.ndarray, list[np.ndarray]]:
+    """Give the pieces that are left over to the people near by.
+
+    One of a person's size is only given to somebody whose head is, or is expected, right above it.
+
+    Parameters
+    ----------
+    labels : int32 (h, w), 1.. the people, 0 = nobody
+    places : where their heads are, (3,) each, level frame, metres
+    cut_out : nothing but people was measured, so that a small piece may be a child
+
+    Returns
+    -------
+    labels : the same with islands attached, a new array
+    bodies : masks bool (h, w) of the pieces that are as large as a person, and nobody's
+    """
+    from scipy.spatial import cKDTree
+
+    pieces, count, areas = _pieces(view, lens, labels, settings)
+    least_body = settings.least_cut_out if cut_out else settings.least_body
+    trees = {}
+    for k in np.unique(labels[labels > 0]):
+        points = view.points[labels == k]
+        trees[int(k)] = cKDTree(points[:: max(1, len(points) // SAMPLES)])
+    attached, bodies = labels.copy(), []
+    for piece in range(1, count + 1):
+        if areas[piece] < settings.least_island:
+            continue
+        mask = pieces == piece
+        points = view.points[mask]
+        height, width = (float(np.ptp(points[:, axis])) for axis in (1, 0))
+        if areas[piece] >= least_body and height >= max(settings.least_height, width / 2):
+            asides = [_aside(points, place) for place in places]
+            if asides and min(asides) < settings.reach_still:
+                attached[mask] = 1 + int(np.argmin(asides))
+            else:
+                bodies.append(mask)
+        elif trees and areas[piece] <= settings.largest_island:
+            sampled = points[:: max(1, len(points) // SAMPLES)]
+            gaps = {k: float(tree.query(sampled)[0].min()) for k, tree in trees.items()}
+            nearest = min(gaps, key=lambda k: gaps[k])
+            if gaps[nearest] <= settings.island_gap:
+                attached[mask] = nearest
+    return attached, bodies
+
+
+def _aside(points: np.ndarray, place: np.ndarray) -> float:
+    """Metres horizontally from the middle of a piece to a head; infinite for what is above the head."""
+    middle = np.median(points, axis=0)
+    return float(np.hypot(middle[0] - place[0], middle[2] - place[2])) if middle[1] < place[1] else np.inf
+
+
+def _pieces(view: View, lens: Lens, labels: np.ndarray, settings: PeopleSettings) -> tuple[np.ndarray, int, np.ndarray]:
+    """Connected surfaces of the foreground of nobody: labels int32 (h, w), their number, and areas in m^2 (n + 1,)."""
+    height, width = labels.shape
+    padded = np.zeros((height + 2, width + 2), dtype=np.uint16)
+    padded[1:-1, 1:-1] = np.where(view.foreground & (labels == 0), np.rint(1000 * view.depth), 0)
+    numbers = np.zeros(padded.shape, dtype=np.int32)
+    parents = np.zeros(height * width + 2, dtype=np.int32)
+    box = np.array([1, height + 1, 1, width + 1])
+    gap, growth = 1000 * settings.surface_gap, 1000 * lens.quantisation
+    count = int(components.label_components(padded, box, gap, growth, numbers, parents))
+    pieces = numbers[1:-1, 1:-1]
+    pixel_areas = view.depth.astype(np.float64) ** 2 / (lens.camera.fx * lens.camera.fy)
+    return pieces, count, np.bincount(pieces.ravel(), pixel_areas.ravel(), minlength=count + 1)
+
+
+def head_of(view: View, mask: np.ndarray) -> np.ndarray:
+    """Where the head of a standing body is: float64 (3,), level frame, metres, a little below its highest points."""
+    points = view.points[mask].astype(np.float64)
+    top = np.percentile(points[:, 1], 98)
+    highest = points[points[:, 1] >= top - 0.15]
+    return np.array([np.median(highest[:, 0]), top - 0.1, np.median(highest[:, 2])])

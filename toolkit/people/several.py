@@ -1,0 +1,360 @@
+"""A finder of several people, who come, go, cross and touch, in any room."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from toolkit.kernels import linear
+from toolkit.kernels.image.growth import refine_labels, take_label
+from toolkit.people.detection import find_heads, head_seeds, near_head, share_out
+from toolkit.people.evidence import unobserved_pixels
+from toolkit.people.islands import attach_islands, head_of
+from toolkit.people.newcomers import Newcomers
+from toolkit.people.settings import PeopleSettings
+from toolkit.people.sharing import body_seeds, stayed_seeds
+from toolkit.people.sighting import PredictedBody, Sighting
+from toolkit.people.stills import large_enough, people_and_furniture
+from toolkit.people.surroundings import Surroundings, first_look, tolerances
+from toolkit.people.tracks import UNKNOWN, Person, export_people, known_again, match_heads, restore_people
+from toolkit.people.view import Lens, View
+from toolkit.sensing.camera import Camera
+from toolkit.sensing.polish import Polisher
+from toolkit.sensing.settings import SensingSettings
+
+logger = logging.getLogger(__name__)
+
+NEVER_MOVED = 0.3
+"""Of the pixels of what may be a head: so many never moved, and it is none, where somebody is close by."""
+MIDDLE_SAMPLES = 300
+"""Points of a person whose median is their middle."""
+
+
+class SeveralPeople:
+    """A `PeopleFinder` of everybody in view.
+
+    Parameters
+    ----------
+    camera : of the raw frames, lens distortion included
+    up_camera : (3,), the vertical in the camera frame
+    surroundings : what is known of the room; None decides with the first frame
+    sensing : how depth is cleaned
+    settings : how people are found
+    most : how many people are told apart; whoever comes after them is left out. None = all
+
+    Attributes
+    ----------
+    camera : of the sightings
+    people : everybody who was seen so far, by rising id
+    """
+
+    def __init__(
+        self,
+        camera: Camera,
+        up_camera: np.ndarray,
+        surroundings: Surroundings | None = None,
+        sensing: SensingSettings | None = None,
+        settings: PeopleSettings | None = None,
+        most: int | None = None,
+    ) -> None:
+        self._settings, sensing = settings or PeopleSettings(), sensing or SensingSettings()
+        self._polisher = Polisher(camera, sensing)
+        self.camera = self._polisher.camera
+        self._lens = Lens(self._polisher.flat_camera, up_camera, self._settings.coarse_width, sensing)
+        self._surroundings = surroundings
+        self._most = self._settings.most_people if most is None else most
+        self.people: list[Person] = []
+        self._newcomers, self._left_out = Newcomers(), False
+        self._labels = np.zeros(self._lens.camera.shape, dtype=np.int32)
+        self._depth = np.zeros(self._lens.camera.shape, dtype=np.float32)
+        self._padded = np.zeros((camera.height + 2, camera.width + 2), dtype=np.uint16)
+        self._fine = np.zeros(camera.shape, dtype=np.int32)
+
+    def find(
+        self, depth_mm: np.ndarray, timestamp: float, predicted: Mapping[int, PredictedBody]
+    ) -> tuple[Sighting, ...]:
+        """Everybody who is to be seen in the next frame, see `PeopleFinder.find`.
+
+        Raises
+        ------
+        RecordingError
+            The frame has another size or type.
+        """
+        flat = self._polisher.checked(depth_mm)
+        view, surroundings = self._look(flat)
+        present = self._present(timestamp, predicted)
+        heads, children, furniture = self._heads(view, surroundings)
+        matched = match_heads(present, heads, timestamp)
+        for k, i in matched.items():
+            present[k] = present[k].faced(heads[i], self._settings.head_distance)
+        places = [heads[matched[k]] if k in matched else person.expected(timestamp) for k, person in enumerate(present)]
+        left = [i for i in range(len(heads)) if i not in matched.values()]
+        others = [heads[i] for i in left]
+        seeds = self._seeds(view, present, places, set(matched))
+        view = self._shared_by_bodies(view, present, places, predicted, seeds)
+        self._stayed(view, present, places, seeds)
+        labels, bodies = self._shared(view, surroundings, seeds, places, furniture)
+        candidates, touching = self._candidates(view, surroundings, seeds, places, others, [children[i] for i in left])
+        whole = {len(candidates) + i: body for i, body in enumerate(self._headless(view, bodies, others))}
+        candidates += [head_of(view, body) for body in whole.values()]
+        fresh = self._newcomers.promoted(candidates, touching + [False] * len(whole), timestamp)
+        fresh = sorted({*fresh, *self._where_they_were(candidates, timestamp)})
+        fresh = [i for i in fresh if not self._in_a_mirror(candidates[i], [*places, *candidates], surroundings)]
+        if fresh:
+            for k, i in enumerate(fresh, start=len(places) + 1):
+                seeds[whole[i] if i in whole else near_head(view, candidates[i]) & view.foreground] = k
+            places += [candidates[i] for i in fresh]
+            labels, _ = self._shared(view, surroundings, seeds, places, furniture)
+        ids = self._updated(view, labels, present, places, set(matched), timestamp, surroundings.cut_out)
+        self._labels, self._depth = ids[labels], view.depth
+        return self._sightings(flat, surroundings)
+
+    def export_state(self) -> dict[str, Any]:
+        """See `PeopleFinder.export_state`."""
+        return {
+            "people": export_people(self.people),
+            "newcomers": self._newcomers.export_state(),
+            "labels": self._labels,
+            "depth": self._depth,
+            "surroundings": None if self._surroundings is None else self._surroundings.export_state(),
+        }
+
+    def restore_state(self, state: Mapping[str, Any]) -> None:
+        """See `PeopleFinder.restore_state`."""
+        self.people = restore_people(state["people"])
+        self._newcomers.restore_state(state["newcomers"])
+        self._labels, self._depth = state["labels"], state["depth"]
+        kept = state["surroundings"]
+        self._surroundings = None if kept is None else Surroundings.from_state(kept)
+
+    def _look(self, flat: np.ndarray) -> tuple[View, Surroundings]:
+        lens, settings = self._lens, self._settings
+        depth = lens.coarse(flat)
+        surroundings = self._surroundings or first_look(depth, lens, settings)
+        if depth.any():
+            self._surroundings = surroundings
+        foreground = surroundings.foreground(depth, lens.rays, tolerances(depth, lens, settings))
+        return lens.view(depth, foreground, surroundings.still), surroundings
+
+    def _heads(self, view: View, surroundings: Surroundings) -> tuple[list[np.ndarray], list[bool], list[np.ndarray]]:
+        """Places of heads, which of them only a small child may have, and places of what is none but keeps its pixels
+        from the people beside it.
+        """
+        if surroundings.known:
+            heads = find_heads(view, self._lens, self._settings, cut_out=surroundings.cut_out)
+            heads.sort(key=lambda head: head.small)
+            return [h.place for h in heads], [h.small for h in heads], []
+        people, furniture, _ = people_and_furniture(view, self._lens, self._settings)
+        return people, [False] * len(people), furniture
+
+    def _present(self, timestamp: float, predicted: Mapping[int, PredictedBody]) -> list[Person]:
+        """Those who were seen of late, as the bodies that follow them have them."""
+        present = [p for p in self.people if timestamp - p.last <= self._settings.patience]
+        for k, person in enumerate(present):
+            if person.id in predicted:
+                body = predicted[person.id]
+                head = UNKNOWN if body.head is None else self._lens.to_level(body.head[None])[0]
+                present[k] = replace(person, stature=float(body.stature), body_head=head)
+        return present
+
+    def _seeds(
+        self, view: View, present: Sequence[Person], places: Sequence[np.ndarray], matched: set[int]
+    ) -> np.ndarray:
+        """The heads that are seen, 1, 2, ... for those present: int32 (h, w)."""
+        seeds = np.zeros(view.depth.shape, dtype=np.int32)
+        unseen = np.full(3, np.nan)
+        head_seeds(view, [places[k] if k in matched else unseen for k in range(len(present))], seeds)
+        return seeds
+
+    def _shared_by_bodies(
+        self,
+        view: View,
+        present: Sequence[Person],
+        places: Sequence[np.ndarray],
+        predicted: Mapping[int, PredictedBody],
+        seeds: np.ndarray,
+    ) -> View:
+        """Add the pixels near the expected bodies to `seeds`, of those whose head is where that body is.
+
+        Where nothing ever moved and everybody has a body, what is not near one is furniture that somebody touches; it
+        is not in the foreground of the view that is returned.
+        """
+        if len(present) < 2 and not view.still.any():
+            return view  # nobody to share with, nothing to be cut off
+        asked = {k: predicted[p.id] for k, p in enumerate(present, start=1) if p.id in predicted}
+        bodies = {k: body for k, body in asked.items() if self._follows(body, places[k - 1])}
+        if not bodies:
+            return view
+        body_seeds(view, self._lens, bodies, self._settings.body_gate, seeds)
+        if len(bodies) < len(present):
+            return view
+        return replace(view, foreground=view.foreground & ~(view.still & (seeds == 0)))
+
+    def _follows(self, body: PredictedBody, place: np.ndarray) -> bool:
+        """Whether a body's surface is near the place (3,) of the person's head."""
+        head = self._lens.from_level(place[None])[0]
+        return bool(((body.vertices - head) ** 2).sum(axis=1).min() < self._settings.head_distance**2)
+
+    def _stayed(self, view: View, present: Sequence[Person], places: Sequence[np.ndarray], seeds: np.ndarray) -> None:
+        """Add heads where they are expected, and torsos that stayed where they were, to `seeds`."""
+        numbers = np.zeros(1 + max((p.id for p in self.people), default=0), dtype=np.int32)
+        for k, person in enumerate(present, start=1):
+            numbers[person.id] = k
+        # What never moved may be the chair that somebody has just left.
+        here = ~view.still & (np.abs(view.depth - self._depth) < self._settings.same_surface)
+        stayed_seeds(view, np.where(here, numbers[self._labels], 0), places, self._settings, seeds)
+
+    def _shared(
+        self,
+        view: View,
+        surroundings: Surroundings,
+        seeds: np.ndarray,
+        places: Sequence[np.ndarray],
+        furniture: Sequence[np.ndarray],
+    ) -> tuple[np.ndarray, list[np.ndarray]]:
+        """Labels of the people at `places` (1, 2, ...), and masks of what may be somebody without a visible head."""
+        settings = self._settings
+        bridge = settings.bridge_cut if surroundings.known else settings.bridge_room
+        everything = seeds.copy()
+        for k, place in enumerate(furniture, start=len(places) + 1):
+            everything[near_head(view, place) & view.foreground & (everything == 0)] = k
+        labels = share_out(view, self._lens, everything, [*places, *furniture], settings, bridge=bridge)
+        labels[labels > len(places)] = 0
+        if not surroundings.known:
+            return labels, []
+        return attach_islands(view, self._lens, labels, places, settings, cut_out=surroundings.cut_out)
+
+    def _candidates(
+        self,
+        view: View,
+        surroundings: Surroundings,
+        seeds: np.ndarray,
+        places: Sequence[np.ndarray],
+        heads: Sequence[np.ndarray],
+        children: Sequence[bool],
+    ) -> tuple[list[np.ndarray], list[bool]]:
+        """Heads that may be somebody new: no shoulder, knee or fist of somebody who is there or comes before; and which
+        of them touch somebody. What only a child may have is a fist where it touches somebody, and what never moved
+        beside somebody is a chair's back.
+        """
+        everybody, found, touching, seeds = list(places), [], [], seeds.copy()
+        for head, child in zip(heads, children, strict=True):  # adults first, then the highest
+            labels, _ = self._shared(view, surroundings, seeds, everybody, [])
+            here = near_head(view, head) & view.foreground
+            owners = np.unique(labels[here & (labels > 0)])
+            still = np.count_nonzero(view.still & here) > NEVER_MOVED * np.count_nonzero(here)
+            chair = still and self._beside(head, everybody)
+            if not chair and all(self._apart(head, everybody[k - 1]) and not child for k in owners):
+                everybody.append(head)
+                found.append(head)
+                touching.append(len(owners) > 0)
+                seeds[here] = len(everybody)
+        return found, touching
+
+    def _beside(self, place: np.ndarray, others: Sequence[np.ndarray]) -> bool:
+        asides = [float(np.hypot(place[0] - other[0], place[2] - other[2])) for other in others]
+        return min(asides, default=np.inf) < self._settings.reach_still
+
+    def _apart(self, head: np.ndarray, other: np.ndarray) -> bool:
+        """Whether two heads on one surface may be two people's."""
+        aside = float(np.hypot(head[0] - other[0], head[2] - other[2]))
+        level = abs(head[1] - other[1]) <= aside  # what is more below than beside is the back of one who leans
+        return aside >= (self._settings.shoulder_distance if level else self._settings.knee_reach)
+
+    def _headless(self, view: View, bodies: Sequence[np.ndarray], heads: Sequence[np.ndarray]) -> list[np.ndarray]:
+        """Those bodies (masks) that hang under none of the heads."""
+        alone = []
+        for body in bodies:
+            top = head_of(view, body)
+            if not self._beside(top, heads):
+                alone.append(body)
+        return alone
+
+    def _in_a_mirror(self, place: np.ndarray, places: Sequence[np.ndarray], surroundings: Surroundings) -> bool:
+        """Whether a head is behind a wall, where somebody before it would be seen in a mirror."""
+        for plane in surroundings.planes:
+            normal = self._lens.to_level(plane.normal[None])[0]
+            behind = linear.dot(normal, place) + plane.offset
+            if behind < -self._settings.mirror_depth:
+                image = place - 2 * behind * normal
+                if any(((image - other) ** 2).sum() < self._settings.mirror_gate**2 for other in places):
+                    return True
+        return False
+
+    def _where_they_were(self, candidates: Sequence[np.ndarray], timestamp: float) -> list[int]:
+        """Indices of the candidates at whose place somebody was seen last who is not there now."""
+        absent = [p for p in self.people if timestamp - p.last > self._settings.patience]
+        return list(match_heads([replace(p, last=timestamp) for p in absent], candidates, timestamp).values())
+
+    def _updated(
+        self,
+        view: View,
+        labels: np.ndarray,
+        present: Sequence[Person],
+        places: Sequence[np.ndarray],
+        matched: set[int],
+        timestamp: float,
+        cut_out: bool,
+    ) -> np.ndarray:
+        """Write down who was seen where; the id of every label, int32 (n + 1,), 0 for what is nobody."""
+        settings = self._settings
+        ids = np.zeros(len(places) + 1, dtype=np.int32)
+        known = {p.id: p for p in self.people}
+        absent = [p for p in self.people if timestamp - p.last > settings.patience]
+        for k, place in enumerate(places):
+            mask = labels == k + 1
+            points, area = view.points[mask], self._lens.area(view.depth[mask])
+            middle = place
+            if len(points):
+                middle = np.median(points[:: max(1, len(points) // MIDDLE_SAMPLES)], axis=0).astype(np.float64)
+            if k < len(present):
+                person = present[k]
+                known[person.id] = person
+                if area >= settings.least_part:
+                    head = place if k in matched else None
+                    known[person.id] = person.seen(head, middle, area, timestamp)
+                    ids[k + 1] = person.id
+            elif len(points) and large_enough(view, self._lens, mask, settings, cut_out=cut_out):
+                again = known_again(absent, place, timestamp)
+                if again is not None:
+                    absent.remove(again)
+                    still = replace(again, head=place, velocity=np.zeros(3), middle=middle)
+                    known[again.id] = still.seen(place, middle, area, timestamp)
+                    ids[k + 1] = again.id
+                elif len(known) < self._most:
+                    number = len(known) + 1
+                    known[number] = Person(
+                        number, place, np.zeros(3), timestamp, timestamp, float(place[1]), middle, area
+                    )
+                    ids[k + 1] = number
+                elif not self._left_out:
+                    self._left_out = True
+                    logger.warning(
+                        "at %.2f s somebody came who is left out: %d people are followed already; raise --people to "
+                        "follow more",
+                        timestamp,
+                        self._most,
+                    )
+        self.people = [known[i] for i in sorted(known)]
+        return ids
+
+    def _sightings(self, flat: np.ndarray, surroundings: Surroundings) -> tuple[Sighting, ...]:
+        """Depth of each person at full resolution."""
+        coarse = np.rint(1000 * self._depth).astype(np.uint16)
+        refine_labels(flat, coarse, self._labels, self._lens.step, 1000 * self._settings.surface_gap, self._fine)
+        step = self._polisher.step
+        whole = flat[::step, ::step]
+        found = []
+        box = np.zeros(4, dtype=np.int64)
+        for number in np.unique(self._labels[self._labels > 0]):
+            if take_label(flat, self._fine, int(number), self._padded, box) == 0:
+                continue
+            depth = self._polisher.polish(self._padded, box)
+            if depth.any():
+                unobserved = unobserved_pixels(whole, depth, cut_out=surroundings.cut_out)
+                found.append(Sighting(int(number), depth, unobserved, self.camera))
+        return tuple(found)

@@ -1,0 +1,51 @@
+"""Pixels that surely belong to somebody: those near a predicted body, the head that is seen, the torso that stayed."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from toolkit.kernels.image import raster, sharing
+from toolkit.kernels.image.growth import mark_seeds
+from toolkit.people.detection import SEED_RADIUS
+from toolkit.people.settings import PeopleSettings
+from toolkit.people.sighting import PredictedBody
+from toolkit.people.view import Lens, View
+
+
+def body_seeds(view: View, lens: Lens, bodies: Mapping[int, PredictedBody], gate: float, seeds: np.ndarray) -> None:
+    """Give each foreground pixel to the body whose expected surface is nearest, within `gate` metres.
+
+    All bodies are drawn into one z-buffer, so that one behind another claims nothing that the other hides.
+
+    Parameters
+    ----------
+    bodies : by the number that `seeds` int32 (h, w) shall hold; only entries that are 0 are filled
+    """
+    intrinsics = lens.camera.intrinsics
+    nearest, owner = np.zeros(view.depth.shape), np.zeros(view.depth.shape, dtype=np.int32)
+    inverse_depth, triangle = np.empty(view.depth.shape), np.empty(view.depth.shape, dtype=np.int32)
+    for number, body in bodies.items():
+        vertices = np.ascontiguousarray(body.vertices, dtype=np.float64)
+        projected = np.empty_like(vertices)
+        raster.project(vertices, intrinsics, projected)
+        raster.rasterise(projected, np.asarray(body.faces, dtype=np.int64), inverse_depth, triangle)
+        sharing.draw_body(inverse_depth, number, nearest, owner)
+    sharing.nearest_owner(view.depth, view.foreground, nearest, owner, intrinsics, gate, seeds)
+
+
+def stayed_seeds(
+    view: View, stayed: np.ndarray, places: Sequence[np.ndarray], settings: PeopleSettings, seeds: np.ndarray
+) -> None:
+    """Mark heads, and torsos that stayed where they were, with 1, 2, ... in `seeds` int32 (h, w) where it is 0.
+
+    Parameters
+    ----------
+    stayed : int32 (h, w), whose a pixel was in the frame before, where its surface is still there; 0 = nobody's
+    places : (3,) each, where the heads are or are expected, level frame, metres
+
+    Limbs are shared out anew in every frame, so that no mistake outlives the touch that caused it.
+    """
+    rows = np.array(places, dtype=np.float64).reshape(-1, 3)
+    mark_seeds(view.points, view.foreground, stayed, rows, SEED_RADIUS, settings.torso, seeds)

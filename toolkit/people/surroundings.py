@@ -1,0 +1,107 @@
+"""What is known of the room, and what of a frame is not the room."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from toolkit.people.settings import PeopleSettings
+from toolkit.people.structure import Plane, find_planes, on_planes
+from toolkit.people.view import Lens
+
+EMPTY_SHARE = 0.1  # of a frame is 0 where it is already cut out (recording format)
+
+
+@dataclass(frozen=True, eq=False)
+class Surroundings:
+    """The room as the coarse image sees it.
+
+    Attributes
+    ----------
+    cut_out : the source measures nothing but people: a pixel without depth is free
+    known : what is before it can only be people and what they carry; else furniture may be among them
+    background : float32 (h, w), metres, 0 = not known
+    margin : float32 (h, w), metres by which somebody must stand before the background
+    planes : walls and floor
+    figures : things of a person's shape that never moved while the room was learnt, and are taken for furniture
+    still : bool (h, w), pixels in which nothing moved while the room was learnt; False where it was not
+    """
+
+    cut_out: bool
+    known: bool
+    background: np.ndarray
+    margin: np.ndarray
+    still: np.ndarray
+    planes: tuple[Plane, ...] = ()
+    figures: int = 0
+
+    def export_state(self) -> dict[str, Any]:
+        """All of it as arrays and numbers."""
+        rows = [(*p.normal, p.offset, p.area) for p in self.planes]
+        return {
+            "cut_out": self.cut_out,
+            "known": self.known,
+            "background": self.background,
+            "margin": self.margin,
+            "still": self.still,
+            "figures": self.figures,
+            "planes": np.array(rows, dtype=np.float64).reshape(-1, 5),
+        }
+
+    @classmethod
+    def from_state(cls, state: Mapping[str, Any]) -> Surroundings:
+        """From what `export_state` gave."""
+        planes = tuple(Plane(row[:3], float(row[3]), float(row[4])) for row in state["planes"])
+        arrays = (state["background"], state["margin"], state["still"])
+        return cls(bool(state["cut_out"]), bool(state["known"]), *arrays, planes, int(state["figures"]))
+
+    def foreground(self, depth: np.ndarray, rays: np.ndarray, tolerance: np.ndarray) -> np.ndarray:
+        """Pixels of a coarse frame float32 (h, w) that are measured and not known to be the room: bool (h, w)."""
+        known = self.background > 0
+        before = (depth > 0) & (~known | (self.background - depth > self.margin))
+        if self.planes:
+            before &= ~on_planes(depth, rays, tolerance, list(self.planes))
+        return before
+
+
+def tolerances(depth: np.ndarray, lens: Lens, settings: PeopleSettings) -> np.ndarray:
+    """Metres within which a pixel lies on a plane, as `depth`."""
+    return np.asarray(settings.plane_distance + lens.quantisation * depth**2, dtype=np.float32)
+
+
+def nothing_but_people(lens: Lens) -> Surroundings:
+    """Surroundings of frames that are already cut out."""
+    empty = np.zeros(lens.camera.shape, dtype=np.float32)
+    return Surroundings(True, True, empty, empty, np.zeros(empty.shape, dtype=np.bool_))
+
+
+def empty_scene(background: np.ndarray, lens: Lens, margin: float) -> Surroundings:
+    """Surroundings whose empty scene was recorded: float32 (h, w), metres; `margin` in metres before it."""
+    margins = margin + lens.quantisation * background**2
+    return Surroundings(False, True, background, margins.astype(np.float32), np.zeros(background.shape, dtype=np.bool_))
+
+
+def is_cut_out(depth: np.ndarray, lens: Lens, settings: PeopleSettings) -> bool:
+    """Whether a coarse frame holds nothing but people: much of it is 0 and no wall or floor is in it."""
+    if np.count_nonzero(depth == 0) < EMPTY_SHARE * depth.size:
+        return False
+    return not find_planes(
+        depth, lens.rays, tolerances(depth, lens, settings), settings.plane_area, settings.plane_side
+    )
+
+
+def only_planes(planes: list[Plane], lens: Lens) -> Surroundings:
+    """Surroundings of which nothing is known but walls and floor."""
+    empty = np.zeros(lens.camera.shape, dtype=np.float32)
+    return Surroundings(False, False, empty, empty, np.zeros(empty.shape, dtype=np.bool_), tuple(planes))
+
+
+def first_look(depth: np.ndarray, lens: Lens, settings: PeopleSettings) -> Surroundings:
+    """Surroundings as far as a single coarse frame float32 (h, w), metres, tells."""
+    if is_cut_out(depth, lens, settings):
+        return nothing_but_people(lens)
+    tolerance = tolerances(depth, lens, settings)
+    return only_planes(find_planes(depth, lens.rays, tolerance, settings.plane_area, settings.plane_side), lens)

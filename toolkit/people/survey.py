@@ -1,0 +1,74 @@
+"""What a recording as a whole tells of its room, before its people are looked for frame by frame."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from toolkit.errors import SegmentationError
+from toolkit.people.learning import learnt
+from toolkit.people.settings import PeopleSettings
+from toolkit.people.several import SeveralPeople
+from toolkit.people.surroundings import Surroundings, empty_scene, is_cut_out, nothing_but_people
+from toolkit.people.view import Lens
+from toolkit.sensing.polish import Polisher
+from toolkit.sensing.recording import Recording
+from toolkit.sensing.settings import SegmentationMode, SensingSettings
+
+SAMPLES = 40  # frames spread over a recording: who walks through leaves every pixel free in most of them
+FIRST = 3  # frames that tell whether people are cut out already
+
+
+def find_people(
+    recording: Recording,
+    sensing: SensingSettings | None = None,
+    settings: PeopleSettings | None = None,
+    most: int | None = None,
+) -> SeveralPeople:
+    """A finder of everybody in a recording, or of the first `most` people.
+
+    Raises
+    ------
+    SegmentationError
+        `sensing.segment` asks for a background that the recording has not.
+    """
+    sensing, settings = sensing or SensingSettings(), settings or PeopleSettings()
+    surroundings = survey(recording, sensing, settings)
+    return SeveralPeople(recording.camera, recording.up_camera, surroundings, sensing, settings, most)
+
+
+def survey(recording: Recording, sensing: SensingSettings, settings: PeopleSettings) -> Surroundings:
+    """The room of a recording: its empty scene, nothing but people, or what frames spread over it tell.
+
+    `sensing.segment` counts as far as it speaks of the room; "person" and "seed" say that people are not cut out.
+
+    Raises
+    ------
+    SegmentationError
+        It asks for a background that the recording has not.
+    """
+    polisher = Polisher(recording.camera, sensing)
+    mode = SegmentationMode.parse(sensing.segment)
+    lens = Lens(polisher.flat_camera, recording.up_camera, settings.coarse_width, sensing)
+    if mode.name == "background" and recording.background is None:
+        raise SegmentationError("segment is 'background' and the recording has none; set segment to 'auto'")
+    if mode.name in ("auto", "background") and recording.background is not None:
+        background = lens.coarse(polisher.undistort(recording.background))
+        return empty_scene(background, lens, sensing.background_margin)
+    if mode.name in ("segmented", "range"):
+        return nothing_but_people(lens)
+    if mode.name == "empty-frames":
+        count = min(int(mode.numbers[0]), len(recording))
+        stack = np.stack([lens.coarse(polisher.checked(recording.depth(i))) for i in range(count)])
+        return empty_scene(np.median(stack, axis=0).astype(np.float32), lens, sensing.background_margin)
+    if mode.name == "auto":
+        first = list(_coarse(recording, polisher, lens, np.arange(min(FIRST, len(recording)))))
+        if all(is_cut_out(depth, lens, settings) for depth in first):
+            return nothing_but_people(lens)
+    spread = np.unique(np.linspace(0, len(recording) - 1, min(SAMPLES, len(recording))).astype(np.int64))
+    return learnt(list(_coarse(recording, polisher, lens, spread)), lens, settings)
+
+
+def _coarse(recording: Recording, polisher: Polisher, lens: Lens, frames: np.ndarray) -> Iterator[np.ndarray]:
+    return (lens.coarse(polisher.checked(recording.depth(int(i)))) for i in frames)

@@ -1,0 +1,50 @@
+"""One reader per format of recording, guessed from the path."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+from toolkit.errors import RecordingError, UsageError
+from toolkit.recordings.readers import cloud, mkv, npz, png, raw, record3d, ros, stray, tum, utd_mhad
+from toolkit.sensing.recording import ReaderOptions, Recording
+
+Reader = Callable[[Path, ReaderOptions], Recording]
+
+READERS: dict[str, tuple[Callable[[Path], bool], Reader]] = {
+    "npz": (npz.matches, npz.read),
+    "utd_mhad": (utd_mhad.matches, utd_mhad.read),
+    "ros": (ros.matches, ros.read),
+    "mkv": (mkv.matches, mkv.read),
+    "record3d": (record3d.matches, record3d.read),
+    "tum": (tum.matches, tum.read),
+    "stray": (stray.matches, stray.read),
+    "png": (png.matches, png.read),
+    "cloud": (cloud.matches, cloud.read),
+    "raw": (raw.matches, raw.read),
+}
+"""Format -> (does a path look like it, read it), asked in this order."""
+
+
+def reader_for(path: Path, name: str | None) -> Reader:
+    """The reader called `name`, or the first one whose format `path` looks like.
+
+    Raises
+    ------
+    UsageError
+        There is no reader of that name.
+    RecordingError
+        The path looks like no known format.
+    """
+    if name is not None:
+        if name not in READERS:
+            raise UsageError(f"unknown recording format {name!r}; there are: {', '.join(READERS)}")
+        return READERS[name][1]
+    for matches, read in READERS.values():
+        if matches(path):
+            return read
+    raise RecordingError(
+        f"{path} looks like no known recording; it may be an .npz file, a .db3, .bag, .mcap, .mkv or .r3d file, "
+        "a UTD-MHAD *_depth.mat file, a folder of 16-bit PNG, a .pcd or .ply file or a folder of them, "
+        "or a folder of raw uint16 frames (format=raw)"
+    )

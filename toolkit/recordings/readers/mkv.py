@@ -1,0 +1,225 @@
+"""Azure Kinect and Orbbec Femto recordings (`.mkv` of the k4arecorder and of Orbbec's viewer).
+
+The depth track is uncompressed 16-bit big-endian millimetres (`b16g`), the factory calibration an attachment in JSON,
+relative to the whole sensor: a depth mode bins it and cuts a window out, as the SDK's `transformation` does. Lens:
+Brown-Conrady with six radial coefficients, which is OpenCV's rational model. Accelerations give the vertical. Colour
+is registered to depth through the calibration.
+"""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from toolkit.errors import RecordingError
+from toolkit.files import is_file, parse_json
+from toolkit.recordings.readers.common import chosen_background, chosen_camera, chosen_up, damaged, decoded, upright
+from toolkit.recordings.readers.matroska import Matroska, Track
+from toolkit.recordings.stored import StoredRecording
+from toolkit.sensing.camera import Camera
+from toolkit.sensing.conversion import DepthConverter
+from toolkit.sensing.recording import ReaderOptions, Recording
+
+DEPTH_CODE, COLOR_CODE = b"b16g", b"MJPG"
+"""Four letters at byte 16 of a video track's description (a BITMAPINFOHEADER)."""
+DEPTH_MODES = {
+    (640, 576): (1024, 192, 180),
+    (320, 288): (512, 96, 90),
+    (512, 512): (512, 0, 0),
+    (1024, 1024): (1024, 0, 0),
+}
+"""Image size -> side of the binned sensor in pixels, and the window's first column and row."""
+IMU_CODEC, IMU_SAMPLE = "S_K4A/IMU", struct.Struct("<Q3fQ3f")
+"""Time in ns and acceleration, m/s^2, time and angular velocity."""
+ACCELERATIONS = 2000
+"""First samples that are looked at: some seconds, of which the median counts."""
+
+
+def matches(path: Path) -> bool:
+    """Whether `path` is a Matroska file by its name."""
+    return is_file(path) and path.suffix.lower() == ".mkv"
+
+
+@dataclass(frozen=True)
+class Calibration:
+    """The factory calibration: both cameras, and how points move between the frames of the sensors.
+
+    Attributes
+    ----------
+    depth, color : the cameras, `color` None where there is none of this size
+    R_color_depth, t_color_depth : float64 (3, 3) and (3,), metres: `p_color = R p_depth + t`
+    R_imu_depth : float64 (3, 3), from the depth camera's axes to the accelerometer's
+    """
+
+    depth: Camera
+    color: Camera | None
+    R_color_depth: np.ndarray
+    t_color_depth: np.ndarray
+    R_imu_depth: np.ndarray
+
+
+def calibration_of(text: str, depth: tuple[int, int], color: tuple[int, int] | None, where: str) -> Calibration:
+    """Read the attachment for images of `depth` and `color` size, each (width, height).
+
+    Raises
+    ------
+    RecordingError
+        It is no calibration, or the size is none of the sensor's modes.
+    """
+    hint = "record it again, or give the option intrinsics"
+    content = parse_json(text, f"the calibration of {where}", RecordingError, hint)
+    if depth not in DEPTH_MODES:
+        raise RecordingError(f"the depth of {where} has {depth[0]}x{depth[1]} pixels, no mode of the sensor; {hint}")
+    side, left, top = DEPTH_MODES[depth]
+    try:
+        information = content["CalibrationInformation"]
+        cameras = {entry["Purpose"].rsplit("Purpose", 1)[-1]: entry for entry in information["Cameras"]}
+        inertial = {entry["SensorType"].rsplit("_", 1)[-1]: entry for entry in information.get("InertialSensors", [])}
+        first = _camera(cameras["Depth"], depth, (side, side), (left, top))
+        second = None
+        if color is not None and "PhotoVideo" in cameras:
+            whole = (color[0], color[0] * 3 // 4)
+            second = _camera(cameras["PhotoVideo"], color, whole, (0, (whole[1] - color[1]) // 2))
+        rotation, shift = _pose(cameras.get("PhotoVideo"))
+        return Calibration(first, second, rotation, shift, _pose(inertial.get("Accelerometer"))[0])
+    except (KeyError, TypeError, ValueError, IndexError, AttributeError) as error:
+        raise RecordingError(f"the calibration of {where} is incomplete ({error!r}); {hint}") from error
+
+
+def _camera(entry: Any, size: tuple[int, int], sensor: tuple[int, int], window: tuple[int, int]) -> Camera:
+    cx, cy, fx, fy, k1, k2, k3, k4, k5, k6, _, _, p2, p1 = (float(v) for v in entry["Intrinsics"]["ModelParameters"])
+    # Stored relative to the sensor's size, 0 at its corner; ours counts pixels from the centre of the first one.
+    centre = (cx * sensor[0] - window[0] - 0.5, cy * sensor[1] - window[1] - 0.5)
+    return Camera(fx * sensor[0], fy * sensor[1], *centre, *size, (k1, k2, p1, p2, k3, k4, k5, k6))
+
+
+def _pose(entry: Any) -> tuple[np.ndarray, np.ndarray]:
+    """Rotation and shift (metres) from the depth camera's frame to a sensor's; the identity without a sensor."""
+    if entry is None:
+        return np.eye(3), np.zeros(3)
+    rotation = np.array(entry["Rt"]["Rotation"], dtype=np.float64).reshape(3, 3)
+    return rotation, np.array(entry["Rt"]["Translation"], dtype=np.float64).reshape(3)
+
+
+class MkvFrames:
+    """Depth blocks and, registered to them, the colour block that is nearest in time."""
+
+    def __init__(
+        self, path: Path, file: Matroska, depth: Track, color: Track | None, lenses: Calibration | None
+    ) -> None:
+        self._path, self._file, self._depth, self._color, self._lenses = path, file, depth, color, lenses
+
+    def __len__(self) -> int:
+        return len(self._depth.blocks)
+
+    def depth(self, i: int) -> np.ndarray:
+        """Raw frame `i`, uint16 (H, W)."""
+        shape = (self._depth.height, self._depth.width)
+        with damaged(self._path):
+            data = self._file.read(self._depth.blocks[i])
+            if len(data) != 2 * shape[0] * shape[1]:
+                raise ValueError(f"frame {i} has {len(data)} bytes")
+        return np.frombuffer(data, ">u2").reshape(shape).astype(np.uint16)
+
+    def frames(self) -> Iterator[np.ndarray]:
+        """Raw frames in order."""
+        return (self.depth(i) for i in range(len(self)))
+
+    def color(self, i: int) -> np.ndarray | None:
+        """Colour of every measured pixel of frame `i`, black elsewhere, or None without a colour track."""
+        if self._color is None or self._lenses is None or self._lenses.color is None or not self._color.blocks:
+            return None
+        import cv2
+
+        times = np.array([block.time for block in self._color.blocks])
+        nearest = self._color.blocks[int(np.abs(times - self._depth.blocks[i].time).argmin())]
+        with damaged(self._path):
+            image = decoded(self._file.read(nearest), cv2.IMREAD_COLOR)
+            if image is None:
+                raise ValueError(f"the colour of frame {i} is no JPEG")
+        return registered(self.depth(i), image[:, :, ::-1], self._lenses)
+
+
+def registered(depth_mm: np.ndarray, color: np.ndarray, lenses: Calibration) -> np.ndarray:
+    """Colour (h, w, 3) looked up where each measured pixel of a depth image (H, W) lies: uint8 (H, W, 3), RGB, black
+    where the colour camera does not see or where `lenses` know none."""
+    import cv2
+
+    camera = lenses.color
+    out = np.zeros((*depth_mm.shape, 3), np.uint8)
+    v, u = np.nonzero(depth_mm)
+    if camera is None or not len(v):
+        return out
+    z = depth_mm[v, u] / 1000.0
+    points = np.column_stack([lenses.depth.rays()[v, u] * z[:, None], z])
+    turn = cv2.Rodrigues(lenses.R_color_depth)[0]
+    pixels = cv2.projectPoints(points, turn, lenses.t_color_depth, camera.matrix, np.array(camera.distortion or ()))[0][
+        :, 0
+    ]
+    at = np.rint(np.nan_to_num(pixels, nan=-1.0, posinf=-1.0, neginf=-1.0).clip(-1, 1 << 20)).astype(np.int64)
+    seen = (at >= 0).all(axis=1) & (at[:, 0] < color.shape[1]) & (at[:, 1] < color.shape[0])
+    out[v[seen], u[seen]] = color[at[seen, 1], at[seen, 0]]
+    return out
+
+
+def read(path: Path, options: ReaderOptions) -> Recording:
+    """Open a recording; the option `track` names the depth track where there are several."""
+    with damaged(path):
+        file = Matroska(path)
+    depth = _depth_track(path, file, options.track)
+    color = next((t for t in file.tracks if t.name == "COLOR" and t.private[16:20] == COLOR_CODE), None)
+    lenses = None
+    if "calibration.json" in file.attachments:
+        text = file.attachments["calibration.json"].rstrip(b"\0").decode("utf-8", "replace")
+        size = None if color is None else (color.width, color.height)
+        lenses = calibration_of(text, (depth.width, depth.height), size, str(path))
+    source = MkvFrames(path, file, depth, color, lenses)
+    own = lenses is not None and options.intrinsics is None
+    return StoredRecording(
+        name=path.stem,
+        path=path,
+        camera=lenses.depth if own and lenses else chosen_camera(options, (depth.height, depth.width), path),
+        timestamps=1e-9 * np.array([block.time - depth.blocks[0].time for block in depth.blocks], dtype=np.float64),
+        source=source,
+        converter=DepthConverter(options.unit("mm"), options.radial, bool(options.mirrored)),
+        background=chosen_background(options, None),
+        stored_up=chosen_up(options, _up(path, file, lenses)),
+        options=options.given(),
+    )
+
+
+def _depth_track(path: Path, file: Matroska, wanted: str | None) -> Track:
+    names = ", ".join(f"{track.name or track.number} ({track.codec})" for track in file.tracks) or "none"
+    found = [t for t in file.tracks if (t.name == wanted if wanted is not None else "DEPTH" in t.name.upper())]
+    if not found:
+        raise RecordingError(f"{path} has no depth track{f' {wanted!r}' if wanted else ''}; its tracks are: {names}")
+    if len(found) > 1:
+        raise RecordingError(f"{path} has {len(found)} depth tracks; give the option track=NAME for one of: {names}")
+    track = found[0]
+    if track.private[16:20] != DEPTH_CODE:
+        raise RecordingError(
+            f"the depth of {path} is coded as {track.codec} {track.private[16:20]!r}; record it uncompressed (b16g)"
+        )
+    if not track.blocks or not (track.width and track.height):
+        raise RecordingError(f"the depth track of {path} holds no frame; record it again")
+    return track
+
+
+def _up(path: Path, file: Matroska, lenses: Calibration | None) -> np.ndarray | None:
+    """The vertical in the depth camera's frame, from the accelerometer, or None."""
+    blocks = [block for track in file.tracks if track.codec == IMU_CODEC for block in track.blocks]
+    if lenses is None or not blocks:
+        return None
+    with damaged(path):
+        samples = [
+            sample[1:4]
+            for block in blocks[:ACCELERATIONS]
+            for sample in IMU_SAMPLE.iter_unpack(file.read(block)[: block.size // IMU_SAMPLE.size * IMU_SAMPLE.size])
+        ]
+    measured = np.array(samples, dtype=np.float64).reshape(-1, 3)
+    return upright((measured[:, :, None] * lenses.R_imu_depth).sum(axis=1)) if len(measured) else None

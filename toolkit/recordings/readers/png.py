@@ -1,0 +1,114 @@
+"""A folder of 16-bit PNG depth images, with intrinsics in a JSON file and optionally a folder of colour images."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+
+from toolkit.errors import RecordingError
+from toolkit.recordings.readers.common import (
+    camera_beside,
+    chosen_background,
+    chosen_camera,
+    chosen_up,
+    frame_times,
+    natural_key,
+    read_depth_png,
+    read_image,
+)
+from toolkit.recordings.stored import StoredRecording
+from toolkit.sensing.conversion import DepthConverter
+from toolkit.sensing.recording import ReaderOptions, Recording
+
+COLOR_SUFFIXES = (".png", ".jpg", ".jpeg")
+COLOR_NAMES = ("color", "rgb")
+
+
+def matches(path: Path) -> bool:
+    """Whether `path` is a folder with PNG files, in itself or in a folder `depth` below it, or one PNG file."""
+    if path.is_file():
+        return path.suffix == ".png"
+    return bool(_depth_files(path))
+
+
+def _depth_files(path: Path) -> list[Path]:
+    if path.is_file():
+        return [path]
+    folder = path / "depth" if (path / "depth").is_dir() else path
+    files = sorted(folder.glob("*.png"), key=natural_key)
+    return [p for p in files if "depth" in p.stem.lower()] or files
+
+
+class PngFrames:
+    """Depth images and, where there are as many, colour images by sorted name (numbers by value)."""
+
+    def __init__(self, depth: list[Path], color: list[Path]) -> None:
+        self._depth, self._color = depth, color
+
+    def __len__(self) -> int:
+        return len(self._depth)
+
+    def depth(self, i: int) -> np.ndarray:
+        """Raw frame `i`."""
+        return read_depth_png(self._depth[i])
+
+    def frames(self) -> Iterator[np.ndarray]:
+        """Raw frames in order."""
+        return (self.depth(i) for i in range(len(self)))
+
+    def color(self, i: int) -> np.ndarray | None:
+        """Colour image of frame `i`, RGB, or None."""
+        if not self._color:
+            return None
+        import cv2
+
+        return np.ascontiguousarray(read_image(self._color[i], cv2.IMREAD_COLOR)[:, :, ::-1])
+
+
+def read(path: Path, options: ReaderOptions) -> Recording:
+    """Open a folder of depth images, or one image.
+
+    Images lie in the folder or in `depth/` below it, colour in `color/` or `rgb/` beside that, and intrinsics in a
+    `*.json` of the folder, or else of the one above. Where some names hold the word depth (`depth0.png` beside
+    `color0.png`), these are the depth images, and colour has the same names with `color` or `rgb` in its place.
+    """
+    files = _depth_files(path)
+    if not files:
+        raise RecordingError(f"{path} holds no PNG file; give the folder of the depth images")
+    folder = files[0].parent
+    source = PngFrames(files, _color_files(folder, files))
+    shape: tuple[int, int] = source.depth(0).shape
+    own = [folder, path] if folder.parent == path else [folder]
+    camera = None if options.intrinsics is not None else camera_beside(own, own[-1].parent, shape)
+    camera = camera or chosen_camera(options, shape, path)
+    return StoredRecording(
+        name=path.stem,
+        path=path,
+        camera=camera,
+        timestamps=frame_times(len(source), options),
+        source=source,
+        converter=DepthConverter(options.unit("mm"), options.radial, bool(options.mirrored)),
+        background=chosen_background(options, None),
+        stored_up=chosen_up(options, None),
+        options=options.given(),
+    )
+
+
+def _color_files(folder: Path, depth: list[Path]) -> list[Path]:
+    """Colour images of the same stems as the depth images, else as many in sorted order, else none."""
+    for name in COLOR_NAMES:
+        named = [p.with_name(p.name.replace("depth", name)) for p in depth]
+        if all("depth" in p.name and (folder / q.name).is_file() for p, q in zip(depth, named, strict=True)):
+            return named
+        beside = folder.parent / name
+        if folder.name != "depth" or not beside.is_dir():
+            continue
+        found = sorted((p for p in beside.iterdir() if p.suffix.lower() in COLOR_SUFFIXES), key=natural_key)
+        by_stem = {p.stem: p for p in found}
+        if all(p.stem in by_stem for p in depth):
+            return [by_stem[p.stem] for p in depth]
+        if len(found) == len(depth):
+            return found
+    return []

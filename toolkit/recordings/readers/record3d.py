@@ -1,0 +1,107 @@
+"""Record3D recordings (`.r3d`, iPhone and iPad): a zip of LZFSE-compressed float32 metres, JPEG, and JSON metadata.
+
+The metadata hold the colour camera `K` (column by column), its size `w`, `h`, the depth's size `dw`, `dh`, frame rate
+and perhaps times. Depth images are the colour images scaled down.
+"""
+
+from __future__ import annotations
+
+import zipfile
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from toolkit.errors import RecordingError, UsageError
+from toolkit.files import is_file, parse_json
+from toolkit.recordings.readers.common import chosen_background, chosen_camera, chosen_up, damaged, decoded, frame_times
+from toolkit.recordings.stored import StoredRecording
+from toolkit.sensing.camera import Camera
+from toolkit.sensing.conversion import DepthConverter
+from toolkit.sensing.recording import ReaderOptions, Recording
+
+LARGEST_SIDE = 4096
+"""Pixels: no phone measures more depth."""
+
+
+def matches(path: Path) -> bool:
+    """Whether `path` is a Record3D file by its name."""
+    return is_file(path) and path.suffix.lower() == ".r3d"
+
+
+class Record3dFrames:
+    """Depth and colour images of the archive, by number."""
+
+    def __init__(self, path: Path, shape: tuple[int, int]) -> None:
+        try:
+            import lzfse
+        except ImportError as error:
+            raise UsageError(
+                f"to read {path} the package lzfse is needed; install it with: pip install 'depthmocap[record3d]'"
+            ) from error
+        self._path, self._shape, self._decompress = path, shape, lzfse.decompress
+        self._archive = zipfile.ZipFile(path)
+        names = set(self._archive.namelist())
+        self._count = next(i for i in range(len(names) + 1) if f"rgbd/{i}.depth" not in names)
+
+    def __len__(self) -> int:
+        return self._count
+
+    def depth(self, i: int) -> np.ndarray:
+        """Raw frame `i`, float32 (H, W), metres."""
+        with damaged(self._path):
+            data = self._decompress(self._archive.read(f"rgbd/{i}.depth"))
+            return np.frombuffer(data, "<f4").reshape(self._shape)
+
+    def frames(self) -> Iterator[np.ndarray]:
+        """Raw frames in order."""
+        return (self.depth(i) for i in range(len(self)))
+
+    def color(self, i: int) -> np.ndarray | None:
+        """Colour of frame `i`, scaled down to the depth's size, or None."""
+        import cv2
+
+        if f"rgbd/{i}.jpg" not in self._archive.namelist():
+            return None
+        with damaged(self._path):
+            image = decoded(self._archive.read(f"rgbd/{i}.jpg"), cv2.IMREAD_COLOR)
+            if image is None:
+                raise ValueError(f"the colour of frame {i} is no JPEG")
+            small = cv2.resize(image, self._shape[::-1], interpolation=cv2.INTER_AREA)
+        return np.ascontiguousarray(small[:, :, ::-1])
+
+
+def read(path: Path, options: ReaderOptions) -> Recording:
+    """Open a Record3D file; `lzfse` must be installed."""
+    with damaged(path), zipfile.ZipFile(path) as archive:
+        text = archive.read("metadata").decode("utf-8")
+    known = parse_json(text, f"the metadata of {path}", RecordingError, "export it again")
+    with damaged(path):
+        shape, own, times = _facts(known)
+        source = Record3dFrames(path, shape)
+    given = options.intrinsics is not None
+    return StoredRecording(
+        name=path.stem,
+        path=path,
+        camera=chosen_camera(options, shape, path) if given else own,
+        timestamps=times if len(times) == len(source) else frame_times(len(source), options),
+        source=source,
+        converter=DepthConverter(options.unit("m"), options.radial, bool(options.mirrored)),
+        background=chosen_background(options, None),
+        stored_up=chosen_up(options, None),
+        options=options.given(),
+    )
+
+
+def _facts(known: Any) -> tuple[tuple[int, int], Camera, np.ndarray]:
+    """Shape of the depth images, their camera, and times in seconds (empty where there are none)."""
+    shape = (int(known["dh"]), int(known["dw"]))
+    if not all(0 < side <= LARGEST_SIDE for side in shape):
+        raise ValueError(f"depth of {shape[1]}x{shape[0]} pixels")
+    k = np.array(known["K"], dtype=np.float64).reshape(3, 3, order="F")
+    sx, sy = shape[1] / float(known["w"]), shape[0] / float(known["h"])
+    centre = ((k[0, 2] + 0.5) * sx - 0.5, (k[1, 2] + 0.5) * sy - 0.5)
+    camera = Camera.from_intrinsics(np.array([k[0, 0] * sx, k[1, 1] * sy, *centre]), shape)
+    times = np.array(known.get("frameTimestamps", []), dtype=np.float64)
+    return shape, camera, times - times[0] if len(times) else times

@@ -1,0 +1,138 @@
+"""Files of ROS messages: SQLite (`.db3`, read by the standard library), and by `rosbags` ROS 1 bags, mcap and ROS 2
+folders. All give the same: topics with their types, the times of a topic's messages, and its messages from any one on.
+"""
+
+from __future__ import annotations
+
+import sqlite3
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any, Protocol
+
+import numpy as np
+
+from toolkit.errors import RecordingError, UsageError
+from toolkit.files import is_file
+from toolkit.recordings.readers.common import damaged
+
+BAG_SUFFIXES, SQLITE_SUFFIX = (".bag", ".mcap"), ".db3"
+METADATA = "metadata.yaml"
+"""What a ROS 2 folder holds beside its files."""
+
+
+class MessageFile(Protocol):
+    """Messages by topic.
+
+    Attributes
+    ----------
+    topics : topic -> type, as ROS 1 names it without `msg/` in the middle, such as `sensor_msgs/Image`
+    cdr : the messages are ROS 2's, else ROS 1's
+    """
+
+    topics: dict[str, str]
+    cdr: bool
+
+    def times(self, topic: str) -> np.ndarray:
+        """Times (T,) at which the messages of a topic were written, int64 nanoseconds, ascending."""
+        ...
+
+    def messages(self, topic: str, start: int = 0) -> Iterator[bytes]:
+        """The messages of a topic, in the order of `times`, from number `start` on."""
+        ...
+
+
+def open_messages(path: Path) -> MessageFile:
+    """Open a file or a ROS 2 folder.
+
+    Raises
+    ------
+    RecordingError
+        It is damaged or of another kind.
+    UsageError
+        It needs the package `rosbags`, which is not installed.
+    """
+    if is_file(path) and path.suffix.lower() == SQLITE_SUFFIX:
+        return SqliteMessages(path)
+    return BagMessages(path)
+
+
+def _type_name(name: str) -> str:
+    return name.replace("/msg/", "/")
+
+
+class SqliteMessages:
+    """A `.db3` file of ROS 2 or of the RealSense SDK; read without any further package."""
+
+    cdr = True
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+        with damaged(path):
+            self._database = sqlite3.connect(f"{path.resolve().as_uri()}?mode=ro&immutable=1", uri=True)
+            rows = self._database.execute("SELECT id, name, type, serialization_format FROM topics").fetchall()
+            if any(form != "cdr" for *_, form in rows):
+                raise RecordingError(f"{path} holds messages of another form than CDR; record it by ROS 2")
+            self._ids = {str(name): int(number) for number, name, _, _ in rows}
+            self.topics = {str(name): _type_name(str(kind)) for _, name, kind, _ in rows}
+
+    def _rows(self, what: str, topic: str, start: int) -> Iterator[tuple[Any, ...]]:
+        order = f"SELECT {what} FROM messages WHERE topic_id = ? ORDER BY timestamp, id LIMIT -1 OFFSET ?"
+        with damaged(self._path):
+            yield from self._database.execute(order, (self._ids[topic], start))
+
+    def times(self, topic: str) -> np.ndarray:
+        """As in `MessageFile`."""
+        with damaged(self._path):
+            return np.array([row[0] for row in self._rows("timestamp", topic, 0)], dtype=np.int64)
+
+    def messages(self, topic: str, start: int = 0) -> Iterator[bytes]:
+        """As in `MessageFile`."""
+        for (data,) in self._rows("data", topic, start):
+            if not isinstance(data, bytes):
+                raise RecordingError(f"a message of {topic} in {self._path} is no bytes; record it again")
+            yield data
+
+
+class BagMessages:
+    """What `rosbags` reads: ROS 1 bags, mcap files and ROS 2 folders, compressed ones too."""
+
+    def __init__(self, path: Path) -> None:
+        try:
+            from rosbags.rosbag1 import Reader as Reader1
+            from rosbags.rosbag2 import Reader as Reader2
+        except ImportError as error:
+            raise UsageError(
+                f"to read {path} the package rosbags is needed; install it with: pip install 'depthmocap[ros]'"
+            ) from error
+        self._path = path
+        self.cdr = path.suffix.lower() != ".bag"
+        with damaged(path):
+            self._reader: Any = (Reader2 if self.cdr else Reader1)(path)
+            self._reader.open()
+            self.topics = {c.topic: _type_name(c.msgtype) for c in self._reader.connections}
+
+    def _connections(self, topic: str) -> list[Any]:
+        return [c for c in self._reader.connections if c.topic == topic]
+
+    def times(self, topic: str) -> np.ndarray:
+        """As in `MessageFile`; a ROS 1 bag has an index, other files are read through once."""
+        connections = self._connections(topic)
+        with damaged(self._path):
+            if not self.cdr:
+                entries = (self._reader.indexes[c.id] for c in connections)
+                return np.sort(np.array([entry.time for index in entries for entry in index], dtype=np.int64))
+            return np.array([time for _, time, _ in self._reader.messages(connections)], dtype=np.int64)
+
+    def messages(self, topic: str, start: int = 0) -> Iterator[bytes]:
+        """As in `MessageFile`."""
+        connections, first, skipped = self._connections(topic), None, start
+        if start:
+            times = self.times(topic)
+            if start >= len(times):
+                return
+            first = int(times[start])
+            skipped = start - int(np.searchsorted(times, first))  # of several with one time
+        with damaged(self._path):
+            for k, (_, _, data) in enumerate(self._reader.messages(connections, start=first)):
+                if k >= skipped:
+                    yield bytes(data)

@@ -1,0 +1,94 @@
+"""Folders of the Stray Scanner (iPhone and iPad with LiDAR): `depth/`, `camera_matrix.csv`, `odometry.csv`.
+
+The matrix belongs to the colour video, `WIDTH` pixels wide; depth is its image scaled down. The odometry maps the
+camera's frame (x right, y down, z forward) into a world with y up: it tells the vertical. The video stays unread.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from toolkit.errors import RecordingError
+from toolkit.files import is_file, is_folder, read_table, read_text
+from toolkit.recordings.readers.common import chosen_background, chosen_camera, chosen_up, frame_times, natural_key
+from toolkit.recordings.readers.png import PngFrames
+from toolkit.recordings.stored import StoredRecording
+from toolkit.sensing.camera import Camera
+from toolkit.sensing.conversion import DepthConverter
+from toolkit.sensing.recording import ReaderOptions, Recording
+
+MATRIX, ODOMETRY = "camera_matrix.csv", "odometry.csv"
+WIDTH = 1920
+"""Pixels of a row of the video that the matrix belongs to."""
+
+
+def matches(path: Path) -> bool:
+    """Whether `path` is a folder with a `camera_matrix.csv` and depth images."""
+    return is_folder(path) and is_file(path / MATRIX) and is_folder(path / "depth")
+
+
+def camera_of(path: Path, shape: tuple[int, int]) -> Camera:
+    """The camera of depth images of a shape (height, width), from the matrix of the video.
+
+    Raises
+    ------
+    RecordingError
+        The file is no 3x3 matrix.
+    """
+    text = read_text(path, RecordingError, "give the option intrinsics")
+    try:
+        matrix = np.array([[float(word) for word in line.split(",")] for line in text.splitlines() if line.strip()])
+        fx, fy, cx, cy = matrix[0, 0], matrix[1, 1], matrix[0, 2], matrix[1, 2]
+    except (ValueError, IndexError) as error:
+        raise RecordingError(f"{path} is no matrix of 3x3 numbers ({error}); give the option intrinsics") from error
+    scale = shape[1] / WIDTH
+    scaled = (fx * scale, fy * scale, (cx + 0.5) * scale - 0.5, (cy + 0.5) * scale - 0.5)
+    return Camera.from_intrinsics(np.array(scaled), shape)
+
+
+def odometry_of(path: Path) -> tuple[np.ndarray, np.ndarray]:
+    """Times (T,), seconds, and the vertical in the camera's frame (3,), the median over all frames.
+
+    Raises
+    ------
+    RecordingError
+        A column is missing or holds something else than numbers.
+    """
+    from scipy.spatial.transform import Rotation
+
+    rows = read_table(path, RecordingError, "copy the recording again")
+    plain = [{key.strip(): value for key, value in row.items()} for row in rows]
+    try:
+        times = np.array([float(row["timestamp"]) for row in plain])
+        turns = Rotation.from_quat([[float(row[key]) for key in ("qx", "qy", "qz", "qw")] for row in plain])
+        return times, np.median(turns.inv().apply([0.0, 1.0, 0.0]), axis=0)
+    except (KeyError, TypeError, ValueError) as error:
+        raise RecordingError(f"{path} has no times and orientations ({error!r}); copy the recording again") from error
+
+
+def read(path: Path, options: ReaderOptions) -> Recording:
+    """Open a folder of the Stray Scanner."""
+    files = sorted((path / "depth").glob("*.png"), key=natural_key)
+    if not files:
+        raise RecordingError(f"{path / 'depth'} holds no PNG file; copy the recording again")
+    source = PngFrames(files, [])
+    shape: tuple[int, int] = source.depth(0).shape
+    times, up = frame_times(len(files), options), None
+    if is_file(path / ODOMETRY):
+        measured, up = odometry_of(path / ODOMETRY)
+        if len(measured) >= len(files):
+            times = measured[: len(files)] - measured[0]
+    given = options.intrinsics is not None
+    return StoredRecording(
+        name=path.stem,
+        path=path,
+        camera=chosen_camera(options, shape, path) if given else camera_of(path / MATRIX, shape),
+        timestamps=times,
+        source=source,
+        converter=DepthConverter(options.unit("mm"), options.radial, bool(options.mirrored)),
+        background=chosen_background(options, None),
+        stored_up=chosen_up(options, up),
+        options=options.given(),
+    )

@@ -1,0 +1,82 @@
+"""Folders in the layout of the TUM RGB-D benchmark: `depth.txt` lists time and file of every image, `rgb.txt` colour.
+
+Depth has 5000 units a metre and is registered to colour; the benchmark's own advice for such images of 640x480 pixels
+is the camera 525, 525, 319.5, 239.5, which a JSON file in the folder or the option `intrinsics` overrides.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from toolkit.errors import RecordingError
+from toolkit.files import is_file, is_folder, read_text
+from toolkit.recordings.readers.common import camera_beside, chosen_background, chosen_camera, chosen_up
+from toolkit.recordings.readers.png import PngFrames
+from toolkit.recordings.stored import StoredRecording
+from toolkit.sensing.conversion import DepthConverter
+from toolkit.sensing.recording import ReaderOptions, Recording
+
+DEPTH_LIST, COLOR_LIST = "depth.txt", "rgb.txt"
+UNIT = 0.0002
+"""Metres of one unit of depth."""
+CAMERA = {(480, 640): (525.0, 525.0, 319.5, 239.5)}
+"""Image shape -> the camera that the benchmark advises."""
+
+
+def matches(path: Path) -> bool:
+    """Whether `path` is a folder with a `depth.txt`."""
+    return is_folder(path) and is_file(path / DEPTH_LIST)
+
+
+def listed(path: Path) -> tuple[np.ndarray, list[Path]]:
+    """Times (T,), seconds, and files of a list: a time and a path beside the list on each line, `#` for comments.
+
+    Raises
+    ------
+    RecordingError
+        A line is something else, or leads out of the folder.
+    """
+    hint = "write a time and a file on every line"
+    times, files = [], []
+    for number, line in enumerate(read_text(path, RecordingError, hint).splitlines(), start=1):
+        words = line.split("#", 1)[0].split()
+        if not words:
+            continue
+        try:
+            time, name = float(words[0]), words[1]
+            file = path.parent / name
+            inside = path.parent.resolve() in file.resolve().parents  # ValueError for what no file can be called
+        except (ValueError, IndexError):
+            raise RecordingError(f"line {number} of {path} is {line[:80]!r}; {hint}") from None
+        if not inside:
+            raise RecordingError(f"line {number} of {path} leads out of the folder: {name!r}; {hint}")
+        times.append(time)
+        files.append(file)
+    if not files:
+        raise RecordingError(f"{path} lists no image; {hint}")
+    return np.array(times), files
+
+
+def read(path: Path, options: ReaderOptions) -> Recording:
+    """Open a folder; colour is the image nearest in time."""
+    times, files = listed(path / DEPTH_LIST)
+    color: list[Path] = []
+    if is_file(path / COLOR_LIST):
+        color_times, color_files = listed(path / COLOR_LIST)
+        color = [color_files[int(np.abs(color_times - time).argmin())] for time in times]
+    source = PngFrames(files, color)
+    shape: tuple[int, int] = source.depth(0).shape
+    camera = None if options.intrinsics is not None else camera_beside([path], path / "depth", shape)
+    return StoredRecording(
+        name=path.stem,
+        path=path,
+        camera=camera or chosen_camera(options, shape, path, CAMERA.get(shape)),
+        timestamps=times - times[0],
+        source=source,
+        converter=DepthConverter(options.unit(UNIT), options.radial, bool(options.mirrored)),
+        background=chosen_background(options, None),
+        stored_up=chosen_up(options, None),
+        options=options.given(),
+    )

@@ -1,0 +1,120 @@
+"""UTD-MHAD depth recordings: MATLAB files of a mirrored Kinect v1, with an optional reference skeleton.
+
+`d_depth` (240, 320, T) holds millimetres; `d_skel` (20, 3, T) metres, x right, y up, z forward, projected by
+u = 160 + f x / z, v = 120 - f y / z, f = 285.63 pixels. The source is mirrored: u' = 319 - u and x' = -x put it right.
+
+The files hold no times. The wearable sensors of the same clips say that their frames lie 53 ms apart (5 to 95 % of the
+clips: 47 to 59), not the 33 of a Kinect: `depthmocap bench inertial_real`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+
+from toolkit.errors import RecordingError
+from toolkit.matlab import read_matlab
+from toolkit.recordings.readers.common import chosen_background, chosen_camera, chosen_up, frame_times
+from toolkit.recordings.stored import StoredRecording
+from toolkit.sensing.conversion import DepthConverter
+from toolkit.sensing.recording import ReaderOptions, Recording
+
+INTRINSICS = (285.63, 285.63, 160.0, 120.0)  # of the raw, mirrored image
+SUFFIX = "_depth"
+FRAME_RATE = 18.8
+"""Frames a second, by the clock of the wearable sensors: the median over the 108 shared clips."""
+
+_OURS_FROM_KINECT = {3: 0, **{4 + i: 4 + i for i in range(16)}}
+_SHOULDERS, _HIPS = (4, 8), (12, 16)
+
+
+def matches(path: Path) -> bool:
+    """Whether `path` is a MATLAB file by its name."""
+    return path.suffix == ".mat"
+
+
+class MatFrames:
+    """Frames of `d_depth`. A MATLAB v5 file is one compressed block, so this one array is held; clips last seconds."""
+
+    def __init__(self, depth: np.ndarray) -> None:
+        self._depth = depth
+
+    def __len__(self) -> int:
+        return self._depth.shape[2]
+
+    def depth(self, i: int) -> np.ndarray:
+        """Raw frame `i`."""
+        return self._depth[:, :, i]
+
+    def frames(self) -> Iterator[np.ndarray]:
+        """Raw frames in order."""
+        return (self.depth(i) for i in range(len(self)))
+
+    def color(self, i: int) -> None:
+        """There is none."""
+        return None
+
+
+def joints_from_kinect(skeleton: np.ndarray) -> np.ndarray:
+    """Our 20 joints, camera frame of the raw image, from a Kinect skeleton (20, 3, T): float32 (T, 20, 3), metres.
+
+    Head, shoulders to hands and hips to feet are taken over; pelvis, neck and spine are derived as for every skeleton.
+    """
+    kinect = np.transpose(skeleton, (2, 0, 1)) * (1.0, -1.0, 1.0)
+    joints = np.empty(kinect.shape, dtype=np.float32)
+    for ours, theirs in _OURS_FROM_KINECT.items():
+        joints[:, ours] = kinect[:, theirs]
+    pelvis, neck = kinect[:, _HIPS].mean(axis=1), kinect[:, _SHOULDERS].mean(axis=1)
+    joints[:, 0], joints[:, 1], joints[:, 2] = pelvis, pelvis + 0.4 * (neck - pelvis), neck
+    return joints
+
+
+def read(path: Path, options: ReaderOptions) -> Recording:
+    """Open a UTD-MHAD recording; the skeleton is looked for beside it unless the option `skeleton` says where."""
+    depth = _load(path, "d_depth", 3)
+    source = MatFrames(depth)
+    name = path.stem.removesuffix(SUFFIX)
+    skeleton = _skeleton_path(path, name, options)
+    reference = None
+    if skeleton is not None:
+        kinect = _load(skeleton, "d_skel", 3)
+        if kinect.shape != (20, 3, len(source)):
+            raise RecordingError(f"d_skel in {skeleton} has shape {kinect.shape}; expected (20, 3, {len(source)})")
+        reference = joints_from_kinect(kinect)
+    return StoredRecording(
+        name=path.stem,
+        path=path,
+        camera=chosen_camera(options, depth.shape[:2], path, np.array(INTRINSICS)),
+        timestamps=frame_times(len(source), options, FRAME_RATE),
+        source=source,
+        converter=DepthConverter(options.unit("mm"), options.radial, options.mirrored is not False),
+        background=chosen_background(options, None),
+        reference_joints=reference,
+        stored_up=chosen_up(options, None),
+        options=options.given(),
+    )
+
+
+def _skeleton_path(path: Path, name: str, options: ReaderOptions) -> Path | None:
+    file = f"{name}_skeleton.mat"
+    if options.skeleton is None:
+        beside = path.parent / file
+        return beside if beside.exists() else None
+    chosen = Path(options.skeleton)
+    chosen = chosen / file if chosen.is_dir() else chosen
+    if not chosen.exists():
+        raise RecordingError(f"there is no skeleton at {chosen}; leave the option skeleton away or correct it")
+    return chosen
+
+
+def _load(path: Path, key: str, dimensions: int) -> np.ndarray:
+    stored = read_matlab(path, RecordingError)
+    if key not in stored:
+        raise RecordingError(f"{path} has no {key!r}; is it a UTD-MHAD file?")
+    array = stored[key]
+    if isinstance(array, list) or array.ndim != dimensions:
+        found = "cells" if isinstance(array, list) else f"shape {array.shape}"
+        raise RecordingError(f"{key} in {path} has {found}; expected {dimensions} dimensions")
+    return array

@@ -1,0 +1,151 @@
+"""The one class behind every recording that is stored in files: raw frames put right, one at a time."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from functools import cached_property
+from itertools import islice
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from toolkit.errors import RecordingError
+from toolkit.recordings.checks import check_joints, check_timestamps
+from toolkit.sensing.camera import Camera, rotated_points
+from toolkit.sensing.conversion import DepthConverter
+from toolkit.sensing.joints2d import Joints2D, check_rows, mirrored_rows, rotated_rows
+from toolkit.sensing.recording import FrameSource
+from toolkit.sensing.stream import Frame
+from toolkit.sensing.vertical import Vertical
+
+
+@dataclass(eq=False)
+class StoredRecording:
+    """The one implementation of `Recording`: raw frames from a `FrameSource`, converted on the way out.
+
+    Metadata are given in the frame of the raw images; a mirrored source has them flipped here, and a camera that stands
+    on its side turned, together with its images.
+    """
+
+    name: str
+    path: Path
+    camera: Camera
+    timestamps: np.ndarray
+    source: FrameSource
+    converter: DepthConverter
+    background: np.ndarray | None = None
+    joints: np.ndarray | None = None
+    reference_joints: np.ndarray | None = None
+    image_joints: np.ndarray | None = None
+    stored_up: np.ndarray | None = None
+    options: dict[str, Any] = field(default_factory=dict)
+    raw_camera: Camera = field(init=False)
+
+    def __post_init__(self) -> None:
+        count, shape = len(self.source), self.camera.shape
+        if count == 0:
+            raise RecordingError(f"{self.path} holds no frame; check that it was written to its end")
+        self.timestamps = check_timestamps(self.timestamps, count, self.path)
+        self.joints = check_joints(self.joints, count, "joints", self.path)
+        self.reference_joints = check_joints(self.reference_joints, count, "reference_joints", self.path)
+        if self.background is not None:
+            self.background = self.converter.convert(
+                np.asarray(self.background), self.camera, "background", check=False
+            )
+            if self.background.shape != shape:
+                raise RecordingError(
+                    f"the background of {self.path} has shape {self.background.shape}, the frames have {shape}; "
+                    "give one of the same size"
+                )
+        self.raw_camera = self.camera
+        if self.converter.mirrored:
+            self.camera = self.camera.mirrored()
+            for joints in (self.joints, self.reference_joints):
+                if joints is not None:
+                    joints[..., 0] *= -1.0
+            if self.stored_up is not None:
+                self.stored_up = np.asarray(self.stored_up) * (-1.0, 1.0, 1.0)
+        self._turns = int(self.options.get("rotate", 0)) // 90
+        if self._turns:
+            self._turn()
+        if self.image_joints is not None:
+            self.give_joints_2d(self.image_joints)
+
+    def _turn(self) -> None:
+        self.camera = self.camera.rotated(self._turns)
+        for name in ("joints", "reference_joints", "stored_up"):
+            value = getattr(self, name)
+            if value is not None:
+                setattr(self, name, rotated_points(value, self._turns))
+        if self.background is not None:
+            self.background = self._upright(self.background)
+
+    def _upright(self, image: np.ndarray) -> np.ndarray:
+        return np.ascontiguousarray(np.rot90(image, -self._turns)) if self._turns else image
+
+    def __len__(self) -> int:
+        return len(self.source)
+
+    def depth(self, i: int) -> np.ndarray:
+        """Frame `i`, 0 <= i < len: uint16 (H, W), millimetres along z, 0 = no measurement."""
+        return self._convert(self.source.depth(self._checked(i)), i)
+
+    def frames(self) -> Iterator[np.ndarray]:
+        """All frames in order; only one is held at a time."""
+        for i, raw in enumerate(self.source.frames()):
+            yield self._convert(raw, i)
+
+    def stream(self, start: int = 0, *, color: bool = False) -> Iterator[Frame]:
+        """See `Stream.stream`."""
+        for i, depth in islice(enumerate(self.frames()), start, None):
+            yield Frame(depth, float(self.timestamps[i]), self.joints_2d(i), self.color(i) if color else None)
+
+    def joints_2d(self, i: int) -> tuple[Joints2D, ...]:
+        """Joints of everybody whom a detector found in the image of frame `i`."""
+        if self.image_joints is None:
+            return ()
+        people = (Joints2D.of_rows(rows) for rows in self.image_joints[:, self._checked(i)])
+        return tuple(person for person in people if person.confidence.any())
+
+    def give_joints_2d(self, rows: np.ndarray) -> None:
+        """See `Recording.give_joints_2d`."""
+        joints = check_rows(rows, len(self), self.path)
+        assert joints is not None
+        if self.converter.mirrored:
+            joints = mirrored_rows(joints, self.raw_camera.width)
+        self.image_joints = rotated_rows(joints, self.raw_camera, self._turns)
+
+    def color(self, i: int) -> np.ndarray | None:
+        """Colour of frame `i`, uint8 (H, W, 3), RGB registered to depth, or None."""
+        image = self.source.color(self._checked(i))
+        if image is None:
+            return None
+        return self._upright(np.ascontiguousarray(image[:, ::-1]) if self.converter.mirrored else image)
+
+    @property
+    def up_camera(self) -> np.ndarray:
+        """The vertical in the camera frame, float64 (3,), of length 1."""
+        return self.vertical.up_camera
+
+    @cached_property
+    def vertical(self) -> Vertical:
+        """Where up is: as stored, else from a visible floor, else from the walls and people of the first seconds."""
+        if self.stored_up is not None:
+            up = np.asarray(self.stored_up, dtype=np.float64)
+            if up.shape != (3,) or not np.isfinite(up).all() or math.hypot(*up) < 1e-6:
+                raise RecordingError(f"up_camera {up.tolist()} of {self.path} is no direction; give three numbers")
+            return Vertical(up / math.hypot(*up), "option" if "up_camera" in self.options else "file")
+        from toolkit.people.up import find_vertical
+
+        return find_vertical(self)
+
+    def _checked(self, i: int) -> int:
+        if not 0 <= i < len(self):
+            raise RecordingError(f"{self.path} has no frame {i}; it has frames 0 to {len(self) - 1}")
+        return i
+
+    def _convert(self, raw: np.ndarray, i: int) -> np.ndarray:
+        return self._upright(self.converter.convert(raw, self.raw_camera, f"frame {i} of {self.path}"))
