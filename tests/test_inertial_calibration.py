@@ -258,6 +258,22 @@ def test_the_status_says_whether_the_motion_determined_the_heading(tilt, status)
     assert {sensor.status for sensor in calibrate([take]).sensors.values()} == {status}
 
 
+@pytest.mark.parametrize(("wrong", "status"), [(0.2, GOOD), (0.66, WEAK)])
+def test_a_mounting_is_good_only_if_sensor_and_track_agree_in_half_of_the_frames(wrong, status):
+    simulated, take = take_of(limbs=ARMS)
+    rng = np.random.default_rng(3)
+    rotations = take.motion.rotations.copy()
+    for rows in np.array_split(np.arange(len(rotations)), 6):
+        turns = quat.exponential(np.radians(rng.uniform(40, 120)) * np.eye(3)[rng.integers(3)][None])
+        bad = rows[: round(wrong * len(rows))]
+        rotations[bad] = quat.multiply(rotations[bad], turns)
+    found = calibrate([replace(take, motion=replace(take.motion, rotations=rotations))], CalibrationSettings(lags=0.0))
+    for sensor in found.sensors.values():
+        assert sensor.status == status, sensor
+        assert (sensor.inliers >= 0.5) == (status == GOOD)
+        assert "% of the frames" in sensor.reason or status == GOOD
+
+
 @pytest.mark.parametrize("up", ([0.0, 0.0, 1.0], [np.nan] * 3))
 def test_without_a_second_axis_nothing_is_told(up):
     motion = upright_motion(0.5)
