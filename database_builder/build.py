@@ -14,14 +14,13 @@ import numpy as np
 from database_builder.parts import PartsSettings, train_forest
 from database_builder.pool import PosePool
 from database_builder.prior import learn_prior
+from database_builder.processes import process_pool, usable_processors
 from database_builder.reading import (
     CanonicalPoses,
     Source,
     find_sources,
     of_clip,
-    process_pool,
     read_source,
-    usable_processors,
 )
 from toolkit.body.body import Body
 from toolkit.body.shape import load_body
@@ -97,10 +96,10 @@ def build_database(
 ) -> BuildReport:
     """Build a pose database and write it as one file.
 
-    Files that were read are kept in a folder of its own beside `output` (`<stem>.work`, with a number behind it where
-    that is somebody else's) until the database is written, so that a killed build goes on where it was. The result does
-    not depend on the number of processes. They are spawned, so a script that calls this needs the usual
-    `if __name__ == "__main__":`.
+    Files that were read and what was trained are kept in a folder of its own beside `output` (`<stem>.work`, with a
+    number behind it where that is somebody else's) until the database is written, so that a killed or failed build goes
+    on where it was. The result does not depend on the number of processes. They are spawned, so a script that calls
+    this needs the usual `if __name__ == "__main__":`.
 
     Parameters
     ----------
@@ -152,7 +151,7 @@ def build_database(
 
         forest = None
         if parts is not None:
-            forest = train_forest(poses, parts, workers=processes, progress=partial(report, "train"))
+            forest = train_forest(poses, parts, workers=processes, kept=work, progress=partial(report, "train"))
             clock.lap("train")
         prior = learn_prior(poses, body)
         clock.lap("prior")

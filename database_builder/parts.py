@@ -2,17 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from concurrent.futures import ProcessPoolExecutor
-from dataclasses import dataclass, field
-from itertools import repeat
+import hashlib
+from collections.abc import Iterator, Sequence
+from dataclasses import asdict, dataclass, field, fields
+from functools import partial
+from pathlib import Path
 
 import numpy as np
 
 from database_builder.calibration import calibrated
+from database_builder.growing import grow_trees, together
+from database_builder.kept import Kept
+from database_builder.processes import process_pool
 from database_builder.views import FOCAL, TrainingImages, ViewSettings, draw_images
 from toolkit.errors import SettingsError
+from toolkit.kernels.cache import sources_digest
 from toolkit.kernels.learning import forest_training
+from toolkit.kernels.learning.forest_training import Growth, Samples, Tree
 from toolkit.landmarks.parts import OFFSET_UNIT, JointForest, sureness
 from toolkit.progress import Count
 
@@ -27,7 +33,8 @@ class PartsSettings:
     pixels : training pixels per image
     trees, depth : size of the forest
     smallest_leaf : training pixels below which a node is not split
-    questions, bins : questions tried per node, and thresholds per question
+    questions, fewest_questions : questions tried per node of many samples, and of few
+    bins : thresholds per question
     node_samples : pixels of a node that judge the questions, at most
     views : what the images show
     calibration : further images on which it is found out what the forest's numbers are worth
@@ -39,6 +46,7 @@ class PartsSettings:
     depth: int = 22
     smallest_leaf: int = 30
     questions: int = 120
+    fewest_questions: int = 20
     bins: int = 24
     node_samples: int = 1000
     views: ViewSettings = field(default_factory=ViewSettings)
@@ -49,73 +57,12 @@ class PartsSettings:
             raise SettingsError("parts: images, pixels, trees, depth and questions are at least 1, bins at least 2")
 
 
-Tree = tuple[list[np.ndarray], list[float], list[list[int]], list[np.ndarray]]
-
-
-def _grow_trees(
-    data: TrainingImages, settings: PartsSettings, streams: list[np.random.Generator], workers: int
-) -> Iterator[Tree]:
-    if workers <= 1:
-        yield from (grow_tree(data, settings, stream) for stream in streams)
-        return
-    with ProcessPoolExecutor(min(workers, len(streams))) as pool:
-        yield from pool.map(grow_tree, repeat(data), repeat(settings), streams)
-
-
-def grow_tree(data: TrainingImages, settings: PartsSettings, rng: np.random.Generator) -> Tree:
-    """One tree by greedy splits of least label entropy: probe offsets, thresholds, children, the rows of each leaf."""
-    offsets: list[np.ndarray] = []
-    thresholds: list[float] = []
-    children: list[list[int]] = []
-    leaves: list[np.ndarray] = []
-    classes = int(data.labels.max()) + 1
-    pending: list[tuple[np.ndarray, int, int, int]] = [(np.arange(len(data.labels), dtype=np.int64), 0, -1, 0)]
-    while pending:
-        rows, level, parent, side = pending.pop()
-        split = None
-        if level < settings.depth and len(rows) >= 2 * settings.smallest_leaf:
-            split = _split(data, rows, settings, classes, rng)
-        if split is None:
-            here = -1 - len(leaves)
-            leaves.append(rows)
-        else:
-            here = len(thresholds)
-            probes, threshold, answer = split
-            offsets.append(probes)
-            thresholds.append(threshold)
-            children.append([0, 0])
-            pending.append((rows[answer >= threshold], level + 1, here, 1))
-            pending.append((rows[answer < threshold], level + 1, here, 0))
-        if parent >= 0:
-            children[parent][side] = here
-    return offsets, thresholds, children, leaves
-
-
-def _split(
-    data: TrainingImages, rows: np.ndarray, settings: PartsSettings, classes: int, rng: np.random.Generator
-) -> tuple[np.ndarray, float, np.ndarray] | None:
-    """Best question of a node, its threshold and its answers for all rows; None where no good one separates them."""
-    # Probes reach up to 0.8 m, most of them less; every other question compares one probe with the pixel itself.
-    radius = 0.8 * rng.random((settings.questions, 2)) ** 1.5
-    angle = rng.uniform(0.0, 2.0 * np.pi, (settings.questions, 2))
-    radius[::2, 1] = 0.0
-    candidates = np.stack(
-        [radius[:, 0] * np.cos(angle[:, 0]), radius[:, 0] * np.sin(angle[:, 0]),
-         radius[:, 1] * np.cos(angle[:, 1]), radius[:, 1] * np.sin(angle[:, 1])], axis=1,
-    )  # fmt: skip
-    judges = rows if len(rows) <= settings.node_samples else rng.choice(rows, settings.node_samples, replace=False)
-    samples = forest_training.Samples(
-        data.depth, data.starts, data.shapes, data.windows, FOCAL, data.sample_image, data.sample_u, data.sample_v
-    )
-    best, threshold, _ = forest_training.best_split(samples, data.labels, judges, candidates, settings.bins, classes)
-    if best < 0:
-        return None
-    answer = np.empty(len(rows), dtype=np.float32)
-    forest_training.answers(samples, rows, candidates[best], answer)
-    below = int((answer < threshold).sum())
-    if min(below, len(rows) - below) < settings.smallest_leaf // 2:
-        return None
-    return candidates[best], threshold, answer
+DRAWN_TOGETHER = 1000
+"""Images that a process draws in one go, about two seconds."""
+FEWEST = 5
+"""Samples of a leaf that must show a joint before they alone say where it is."""
+JUDGED_TOGETHER = 100_000
+"""Samples whose leaves are worked out in one go: 24 MB of offsets."""
 
 
 def train_forest(
@@ -124,64 +71,137 @@ def train_forest(
     *,
     seed: int = 0,
     workers: int = 1,
+    kept: Path | None = None,
     progress: Count | None = None,
 ) -> JointForest:
     """Train the joint regressor of canonical database poses (N, P).
 
-    Trees grow in `workers` processes, each from a random stream of its own, so that the result does not depend on their
-    number. `progress(done, total)` counts images, then finished trees.
+    Images are drawn in `workers` processes and trees grow in as many threads, from random streams of their own, so that
+    the result does not depend on their number. What was drawn and what was grown is kept in the folder `kept`, where
+    there is one, and used again. `progress(done, total)` counts images, then parts of trees, then views.
     """
     settings = settings or PartsSettings()
     report = progress or (lambda done, total: None)
-    streams = np.random.default_rng(seed).spawn(settings.trees + 2)
-    data = draw_images(poses, settings.views, settings.images, settings.pixels, streams[0], report)
-    offsets: list[np.ndarray] = []
-    thresholds: list[float] = []
-    children: list[list[int]] = []
-    roots: list[int] = []
-    means: list[np.ndarray] = []
-    sure: list[np.ndarray] = []
-    shares: list[np.ndarray] = []
-    for number, grown in enumerate(_grow_trees(data, settings, streams[1:-1], workers)):
-        tree_offsets, tree_thresholds, tree_children, leaves = grown
-        report(number + 1, settings.trees)
-        nodes, first_leaf = len(thresholds), len(means)
-        roots.append(nodes if tree_thresholds else -1 - first_leaf)
-        offsets += tree_offsets
-        thresholds += tree_thresholds
-        children += [[c + nodes if c >= 0 else c - first_leaf for c in pair] for pair in tree_children]
-        for rows in leaves:
-            mean, variance, share = leaf_votes(data, rows)
-            means.append(np.clip(np.rint(mean / OFFSET_UNIT), -127, 127))
-            sure.append(sureness(variance))
-            shares.append(np.rint(255.0 * share))
-    trained = JointForest(
-        np.array(offsets, dtype=np.float32).reshape(-1, 4),
-        np.array(thresholds, dtype=np.float32),
-        np.array(children, dtype=np.int32).reshape(-1, 2),
-        np.array(roots, dtype=np.int32),
-        np.array(means, dtype=np.int8),
-        np.array(sure, dtype=np.uint8),
-        np.array(shares, dtype=np.uint8),
+    drawing, growing, judging = np.random.default_rng(seed).spawn(3)
+    key = _key(poses, settings, seed)
+    grown = Kept(kept and kept / "forest.npz", key)
+    if (arrays := grown.load()) is not None:
+        trained = JointForest(**arrays)
+    else:
+        data = _drawn(poses, settings, drawing, workers, kept, key, report)
+        trained = _grown(data, settings, growing, workers, report)
+        grown.save(trained.arrays())
+    return calibrated(trained, poses, settings.views, settings.calibration, judging, report)
+
+
+def _key(poses: np.ndarray, settings: PartsSettings, seed: int) -> str:
+    """Names everything that drawn images and grown trees depend on, the code that makes them too."""
+    digest = hashlib.sha256(repr((asdict(settings), seed, sources_digest(Path(forest_training.__file__)))).encode())
+    for path in sorted(Path(__file__).parent.glob("*.py")):
+        digest.update(path.read_bytes())
+    digest.update(np.ascontiguousarray(poses).tobytes())
+    return digest.hexdigest()
+
+
+def _drawn(
+    poses: np.ndarray, settings: PartsSettings, rng: np.random.Generator, workers: int, kept: Path | None, key: str,
+    progress: Count,
+) -> TrainingImages:  # fmt: skip
+    """All training images, drawn side by side."""
+    counts = [min(DRAWN_TOGETHER, settings.images - i) for i in range(0, settings.images, DRAWN_TOGETHER)]
+    tasks = [
+        (count, stream, Kept(kept and kept / f"images-{number:04}.npz", f"{key} {number}"))
+        for number, (count, stream) in enumerate(zip(counts, rng.spawn(len(counts)), strict=True))
+    ]
+    parts: list[TrainingImages] = []
+    with process_pool(workers if len(tasks) > 1 else 1) as mapped:
+        for part in mapped(partial(_draw, poses, settings), tasks):
+            parts.append(part)
+            progress(sum(counts[: len(parts)]), settings.images)
+    return _together(parts)
+
+
+def _draw(poses: np.ndarray, settings: PartsSettings, task: tuple[int, np.random.Generator, Kept]) -> TrainingImages:
+    count, stream, kept = task
+    if (arrays := kept.load()) is not None:
+        return TrainingImages(**arrays)
+    data = draw_images(poses, settings.views, count, settings.pixels, stream, lambda done, total: None)
+    kept.save(vars(data))
+    return data
+
+
+def _together(parts: list[TrainingImages]) -> TrainingImages:
+    """Images of several drawings as of one; `parts` is empty afterwards, so that memory is taken once."""
+    pixels, images = ([getattr(part, name).shape[0] for part in parts] for name in ("depth", "starts"))
+    columns = [dict(vars(part)) for part in parts]
+    parts.clear()
+    joined: dict[str, np.ndarray] = {}
+    for item in fields(TrainingImages):
+        column = [part.pop(item.name) for part in columns]
+        before = {"starts": pixels, "sample_image": images}.get(item.name)
+        if before is not None:
+            column = [c + c.dtype.type(n) for c, n in zip(column, np.cumsum([0, *before[:-1]]), strict=True)]
+        joined[item.name] = np.concatenate(column)
+    return TrainingImages(**joined)
+
+
+def _grown(
+    data: TrainingImages, settings: PartsSettings, rng: np.random.Generator, workers: int, progress: Count
+) -> JointForest:
+    """The forest of training images, not yet calibrated."""
+    samples = Samples(
+        data.depth, data.starts, data.shapes, data.windows, FOCAL, data.sample_image, data.sample_u, data.sample_v
     )
-    return calibrated(trained, poses, settings.views, settings.calibration, streams[-1], report)
+    growth = Growth(
+        settings.depth, settings.smallest_leaf, settings.questions, settings.fewest_questions, settings.bins,
+        settings.node_samples, int(data.labels.max()) + 1,
+    )  # fmt: skip
+    seeds = [int(seed) for seed in rng.integers(1 << 62, size=settings.trees)]
+    grown = grow_trees(samples, data.labels, growth, seeds, workers, progress)
+    leaves = [leaf for tree, rows in grown for leaf in _leaves(data, tree, rows)]
+    mean, variance, share = (np.concatenate(column) for column in zip(*leaves, strict=True))
+    forest, roots = together([tree for tree, _ in grown])
+    return JointForest(
+        forest.offsets,
+        forest.thresholds,
+        forest.children,
+        roots,
+        np.clip(np.rint(mean / OFFSET_UNIT), -127, 127).astype(np.int8),
+        sureness(variance),
+        np.rint(255.0 * share).astype(np.uint8),
+    )
 
 
-FEWEST = 5
-"""Samples of a leaf that must show a joint before they alone say where it is."""
+def _leaves(data: TrainingImages, tree: Tree, rows: np.ndarray) -> Iterator[tuple[np.ndarray, np.ndarray, np.ndarray]]:
+    """`leaf_votes` of all leaves of a tree, some leaves at a time."""
+    first = 0
+    while first < len(tree.paths):
+        last = int(np.searchsorted(tree.starts, tree.starts[first] + JUDGED_TOGETHER, side="right")) - 1
+        last = min(max(last, first + 1), len(tree.paths))
+        starts = tree.starts[first : last + 1]
+        yield leaf_votes(data, rows[starts[0] : starts[-1]], starts - starts[0])
+        first = last
 
 
-def leaf_votes(data: TrainingImages, rows: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """What samples `rows` of a leaf know of the joints: mean offset (20, 3), its variance (20,), share in view (20,).
+def leaf_votes(
+    data: TrainingImages, rows: np.ndarray, starts: np.ndarray | Sequence[int]
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """What leaves of samples `rows[starts[k] : starts[k + 1]]` know of the joints.
 
-    Mean (metres) and variance (square metres) are those of the samples whose image shows the joint, of all samples
-    where hardly any does.
+    Returns
+    -------
+    mean offset (K, 20, 3) and its variance (K, 20), metres and square metres, of the samples whose image shows the
+    joint, of all samples where hardly any does; share of the samples (K, 20) whose image shows it
     """
+    begins, sizes = np.asarray(starts)[:-1], np.diff(starts)
+    leaf = np.repeat(np.arange(len(sizes)), sizes)
     votes = data.offsets[rows].astype(np.float32)
     shown = data.in_view[data.sample_image[rows]].astype(np.float32)
-    share = shown.mean(axis=0)
-    shown[:, shown.sum(axis=0) < FEWEST] = 1.0
-    count = shown.sum(axis=0)
-    mean = (votes * shown[:, :, None]).sum(axis=0) / count[:, None]
-    variance = (((votes - mean) ** 2).sum(axis=2) * shown).sum(axis=0) / count
-    return mean, variance, share
+    count = np.add.reduceat(shown, begins)
+    share = count / sizes[:, None]
+    few = count < FEWEST
+    shown[few[leaf]] = 1.0
+    count = np.where(few, sizes[:, None], count)
+    mean = np.add.reduceat(votes * shown[:, :, None], begins) / count[:, :, None]
+    apart = ((votes - mean[leaf]) ** 2).sum(axis=2) * shown
+    return mean, np.add.reduceat(apart, begins) / count, share

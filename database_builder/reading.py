@@ -3,21 +3,17 @@
 from __future__ import annotations
 
 import hashlib
-import os
-from collections.abc import Callable, Iterable, Iterator
-from contextlib import contextmanager, nullcontext
+from collections.abc import Iterable
 from dataclasses import dataclass
-from itertools import islice
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
+from database_builder.kept import Kept
 from toolkit import skeleton
-from toolkit.archives import load_archive, save_archive
 from toolkit.body.body import Body
 from toolkit.database.canonical import canonicalise, mirrored
-from toolkit.errors import DatabaseError, DepthMocapError
+from toolkit.errors import DepthMocapError
 from toolkit.files import sha256_of
 from toolkit.mocap.clip import PoseClip
 from toolkit.mocap.read import find_clips, read_clip
@@ -25,8 +21,6 @@ from toolkit.mocap.retarget import retarget
 
 READING_VERSION = 1
 """Raised whenever reading or retargeting changes what comes out, so that older intermediate files are not used."""
-WAITING = 8
-"""Results of each process that may wait to be taken."""
 
 
 @dataclass(frozen=True)
@@ -92,16 +86,15 @@ def read_source(source: Source, body: Body, mirror: bool) -> CanonicalPoses:
     """
     try:
         digest = _digest(source.path)
-        key = _key(digest, body, mirror)
-        if (known := _kept(source, digest, key)) is not None:
-            return known
+        kept = Kept(source.kept, _key(digest, body, mirror))
+        if (known := kept.load()) is not None:
+            return CanonicalPoses(source.name, digest, known["poses"], known["joints"], int(known["frames"]))
         result = _canonical(source.name, digest, retarget(read_clip(source.path), body).poses, body, mirror)
     except Exception as error:
         reason = f"{error}" if isinstance(error, DepthMocapError) else f"{type(error).__name__}: {error}"
         empty = np.zeros((0, skeleton.POSE_SIZE), np.float32), np.zeros((0, len(skeleton.REPORTED), 3), np.float32)
         return CanonicalPoses(source.name, "", *empty, 0, reason)
-    arrays = {"key": key, "poses": result.poses, "joints": result.joints, "frames": result.frames}
-    save_archive(source.kept, arrays, compressed=False)
+    kept.save({"poses": result.poses, "joints": result.joints, "frames": result.frames})
     return result
 
 
@@ -127,54 +120,3 @@ def _key(digest: str, body: Body, mirror: bool) -> str:
     """Names everything that the canonical poses of a file depend on."""
     parts = (digest, READING_VERSION, skeleton.fingerprint(), mirror, body.joints.tobytes(), body.sites.tobytes())
     return hashlib.sha256(repr(parts).encode()).hexdigest()
-
-
-def _kept(source: Source, digest: str, key: str) -> CanonicalPoses | None:
-    try:
-        data = load_archive(source.kept, DatabaseError, "it is made again")
-        if str(data["key"]) != key:
-            return None
-        return CanonicalPoses(source.name, digest, data["poses"], data["joints"], int(data["frames"]))
-    except Exception:  # missing or half-read: whatever is wrong with it, the file is read again
-        return None
-
-
-@contextmanager
-def process_pool(workers: int) -> Iterator[Callable[..., Iterator[Any]]]:
-    """Yield a `map` in order over `workers` processes, or the built-in one for a single worker.
-
-    They are joblib's, so that inside `joblib.parallel_config(backend="dask")` a cluster takes their place. No more than
-    `WAITING` results for each of them wait to be taken, so that memory does not grow with the number of items.
-
-    Raises
-    ------
-    DatabaseError
-        A process was killed.
-    """
-    import joblib
-    from joblib.externals.loky.process_executor import TerminatedWorkerError
-
-    around = joblib.parallel.get_active_backend()[0]
-    if workers <= 1 and isinstance(around, joblib.parallel.LokyBackend):
-        yield map
-        return
-
-    def mapped(function: Callable[[Any], Any], items: Iterable[Any]) -> Iterator[Any]:
-        rest = iter(items)
-        while some := list(islice(rest, WAITING * workers)):
-            yield from parallel(joblib.delayed(function)(item) for item in some)
-
-    own = isinstance(around, joblib.parallel.LokyBackend)
-    try:
-        with joblib.parallel_config("loky", inner_max_num_threads=1) if own else nullcontext():
-            with joblib.Parallel(n_jobs=workers, return_as="generator") as parallel:
-                yield mapped
-    except TerminatedWorkerError as error:
-        raise DatabaseError(
-            "a process of the build was killed, by lack of memory perhaps; use fewer workers"
-        ) from error
-
-
-def usable_processors() -> int:
-    """Processors that this process may use."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from database_builder import build, reading
+from database_builder import build, processes, reading
 from database_builder.report import database_text, plot_coverage
 from database_builder.sampling import farthest_first, pose_distance
 from database_builder.views import is_seated
@@ -150,7 +150,7 @@ def test_an_interrupted_build_goes_on_where_it_was(
 
 
 def test_a_killed_process_is_an_error_in_one_sentence() -> None:
-    with pytest.raises(DatabaseError, match="was killed"), reading.process_pool(2) as mapped:
+    with pytest.raises(DatabaseError, match="was killed"), processes.process_pool(2) as mapped:
         list(mapped(os._exit, [1, 1]))
 
 
@@ -161,7 +161,7 @@ def slow_touch(path: Path) -> None:
 
 
 def test_an_interrupt_leaves_the_work_of_a_pool_undone(tmp_path: Path) -> None:
-    with pytest.raises(KeyboardInterrupt), reading.process_pool(2) as mapped:
+    with pytest.raises(KeyboardInterrupt), processes.process_pool(2) as mapped:
         for _ in mapped(slow_touch, [tmp_path / str(number) for number in range(200)]):
             raise KeyboardInterrupt
     assert len(list(tmp_path.iterdir())) < 150
@@ -281,16 +281,16 @@ def test_two_builds_of_one_output_do_not_disturb_each_other(mocap: Path, tmp_pat
 def test_a_backend_that_is_configured_around_reads_instead(tmp_path: Path) -> None:
     import joblib
 
-    with joblib.parallel_config("threading"), reading.process_pool(2) as mapped:
+    with joblib.parallel_config("threading"), processes.process_pool(2) as mapped:
         assert set(mapped(lambda _: os.getpid(), range(4))) == {os.getpid()}
 
 
 def test_no_more_results_wait_than_can_be_kept(monkeypatch: pytest.MonkeyPatch) -> None:
     import joblib
 
-    monkeypatch.setattr(reading, "WAITING", 2)
+    monkeypatch.setattr(processes, "WAITING", 2)
     given: list[int] = []
-    with joblib.parallel_config("threading"), reading.process_pool(2) as mapped:
+    with joblib.parallel_config("threading"), processes.process_pool(2) as mapped:
         results = mapped(abs, (given.append(number) or number for number in range(100)))
         next(results)
         assert len(given) == 4

@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -10,7 +13,9 @@ from hypothesis import given
 from hypothesis import settings as drawn_with
 from hypothesis import strategies as st
 
-from database_builder.parts import PartsSettings, grow_tree, leaf_votes, train_forest
+from database_builder import parts
+from database_builder.growing import grow_trees
+from database_builder.parts import PartsSettings, leaf_votes, train_forest
 from database_builder.views import (
     FOCAL,
     TrainingImages,
@@ -25,7 +30,7 @@ from tests.landmark_helpers import CAMERA, LEVEL, body_cloud
 from toolkit import skeleton
 from toolkit.body.shape import ShapeSpace, load_body
 from toolkit.database import canonical
-from toolkit.errors import SettingsError
+from toolkit.errors import OutputError, SettingsError
 from toolkit.kernels.learning import forest, forest_training
 from toolkit.landmarks.parts import JointForest
 from toolkit.mocap.procedural import SEATED_MOTIONS, procedural_clips
@@ -339,7 +344,8 @@ def test_the_best_split_is_that_of_a_scan_over_all_questions_and_thresholds() ->
     u = (rng.random(200) * shapes[image, 1]).astype(np.int32)
     v = (rng.random(200) * shapes[image, 0]).astype(np.int32)
     images[starts[image] + v * shapes[image, 1] + u] = 2000
-    candidates = rng.uniform(-0.5, 0.5, (6, 4))
+    candidates = rng.uniform(-0.5, 0.5, (6, 4)).astype(np.float32)
+    candidates[:3, 2:] = 0.0
     labels = rng.integers(0, 4, 200)
     rows = np.sort(rng.choice(200, 150, replace=False))
     # One question tells the labels apart a little, so that there is something to find.
@@ -359,7 +365,7 @@ def test_the_best_split_is_that_of_a_scan_over_all_questions_and_thresholds() ->
             if len(low) and len(high):
                 best = min(best, (entropy(low) + entropy(high), q, threshold))
     samples = forest_training.Samples(images, starts, shapes, windows, 60.0, image, u, v)
-    found = forest_training.best_split(samples, labels, rows, candidates, bins, 4)
+    found = forest_training.best_split(samples, labels, rows, np.ascontiguousarray(candidates.T), bins, 4)
     assert found[0] == best[1] == 4
     assert found[2] == pytest.approx(best[0], rel=1e-6)
     below = answers[4, rows] < found[1]  # several thresholds may part the samples in the same way
@@ -374,7 +380,7 @@ def test_where_no_question_separates_the_samples_there_is_no_split() -> None:
     samples = forest_training.Samples(
         images, np.array([0]), np.array([[10, 10]]), np.array([[0, 9, 0, 9]]), 60.0, zero, zero + 5, zero + 5
     )
-    found = forest_training.best_split(samples, np.arange(5), np.arange(5), np.zeros((3, 4)), 8, 5)
+    found = forest_training.best_split(samples, np.arange(5), np.arange(5), np.zeros((4, 3), np.float32), 8, 5)
     assert found[0] == -1
 
 
@@ -568,20 +574,77 @@ def test_a_forest_does_not_depend_on_the_number_of_workers() -> None:
     assert not np.array_equal(alone.leaf_offsets[:5], other.leaf_offsets[:5])
 
 
+def samples_of(data: TrainingImages) -> forest_training.Samples:
+    return forest_training.Samples(
+        data.depth, data.starts, data.shapes, data.windows, FOCAL, data.sample_image, data.sample_u, data.sample_v
+    )
+
+
+GROWTH = forest_training.Growth(8, 20, 24, 8, 12, 100, 64)
+
+
+def plain_tree(samples: forest_training.Samples, labels: np.ndarray, seed: int) -> list[tuple[int, list[int]]]:
+    """Path and samples of each leaf, grown node by node with the kernel's splits alone."""
+    leaves, pending = [], [(np.arange(len(labels), dtype=np.int32), 1)]
+    while pending:
+        rows, path = pending.pop()
+        state = np.array([seed ^ (path * 0xD1342543DE82EF95) % 2**64], dtype=np.uint64)
+        sides = []
+        if path.bit_length() <= GROWTH.deepest and len(rows) >= 2 * GROWTH.smallest_leaf:
+            judges = forest_training._judges(rows, GROWTH.node_samples, state)
+            count = min(max(len(judges) // 5, GROWTH.fewest_questions), GROWTH.questions)
+            questions = forest_training._random_questions(count, state)
+            best, threshold, _ = forest_training.best_split(samples, labels, judges, questions, 12, 64)
+            answer = np.empty(len(rows), dtype=np.float32)
+            forest_training.answers(samples, rows, questions[:, best], answer)
+            sides = [rows[answer < np.float32(threshold)], rows[answer >= np.float32(threshold)]]
+            if best < 0 or min(map(len, sides)) < GROWTH.smallest_leaf // 2:
+                sides = []
+        if sides:
+            pending += [(sides[1], 2 * path + 1), (sides[0], 2 * path)]
+        else:
+            leaves.append((path, rows.tolist()))
+    return leaves
+
+
+@pytest.mark.parametrize("top", [0, 2, 6, 9])
+def test_a_tree_grown_in_parts_and_threads_is_the_one_grown_node_by_node(
+    top: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("database_builder.growing.TOP", top)
+    data = drawn(PLAIN)
+    ((tree, rows),) = grow_trees(samples_of(data), data.labels, GROWTH, [77], 2, lambda done, total: None)
+    expected = plain_tree(samples_of(data), data.labels, 77)
+    assert [path for path, _ in expected] == tree.paths.tolist()
+    assert [rows[a:b].tolist() for a, b in pairwise(tree.starts)] == [leaf for _, leaf in expected]
+    assert len(expected) > 30
+    for leaf, path in enumerate(tree.paths.tolist()):  # the children lead where the paths say
+        node = 0
+        for turn in f"{path:b}"[1:]:
+            assert node >= 0
+            node = tree.children[node, int(turn)]
+        assert node == -1 - leaf
+
+
 def test_leaves_hold_the_mean_offset_of_their_samples_and_how_sure_it_is() -> None:
-    settings = replace(SMALL, trees=1)
-    streams = np.random.default_rng(4).spawn(2)
-    silent = lambda done, total: None  # noqa: E731
-    data = draw_images(a_few_poses(), PLAIN, settings.images, settings.pixels, streams[0], silent)
-    leaves = grow_tree(data, settings, streams[1])[3]
-    trained = train_forest(a_few_poses(), settings, seed=4)
-    assert len(leaves) == len(trained.leaf_offsets)
-    assert np.array_equal(np.sort(np.concatenate(leaves)), np.arange(len(data.labels)))
-    for leaf, rows in enumerate(leaves):
-        votes = data.offsets[rows].astype(np.float64)
-        deviation = np.sqrt(((votes - votes.mean(axis=0)) ** 2).sum(axis=2).mean(axis=0))
-        assert 0.01 * trained.leaf_offsets[leaf] == pytest.approx(votes.mean(axis=0).clip(-1.27, 1.27), abs=6e-3)
-        assert trained.leaf_sureness[leaf] == pytest.approx(255 * np.minimum(0.03 / deviation, 1.0), abs=0.6)
+    data = drawn(replace(PLAIN, cut=0.6))
+    rng = np.random.default_rng(0)
+    rows, starts = rng.permutation(len(data.labels))[:200], [0, 40, 41, 130, 200]
+    mean, variance, share = leaf_votes(data, rows, starts)
+    for leaf, (a, b) in enumerate(pairwise(starts)):
+        shown = data.in_view[data.sample_image[rows[a:b]]]
+        assert share[leaf] == pytest.approx(shown.mean(axis=0))
+        for joint in range(20):  # only the samples that show a joint are asked where they are enough
+            asked = shown[:, joint] if shown[:, joint].sum() >= 5 else np.ones(b - a, dtype=bool)
+            votes = data.offsets[rows[a:b]][asked, joint].astype(np.float64)
+            assert mean[leaf, joint] == pytest.approx(votes.mean(axis=0), abs=1e-4)
+            assert variance[leaf, joint] == pytest.approx(votes.var(axis=0).sum(), abs=1e-4)
+
+
+def test_a_forest_holds_what_the_leaves_of_its_trees_know(trained: JointForest) -> None:
+    assert np.abs(trained.leaf_offsets.astype(int)).max() > 80 and trained.leaf_sureness.max() > 100
+    reached = np.sort(np.concatenate([trained.children.ravel(), trained.roots]))
+    assert np.array_equal(reached, np.arange(-len(trained.leaf_offsets), len(trained.offsets)))
 
 
 def test_a_calibrated_forest_knows_which_joints_lie_below_the_image_and_how_often_it_is_right() -> None:
@@ -607,17 +670,48 @@ def test_a_calibrated_forest_knows_which_joints_lie_below_the_image_and_how_ofte
     assert np.mean(sure) == pytest.approx(np.mean(right), abs=0.25)
 
 
-def test_a_leaf_asks_only_the_samples_that_show_a_joint_where_they_are_enough() -> None:
-    data = drawn(replace(PLAIN, cut=0.6))
-    rows = np.random.default_rng(0).choice(len(data.labels), 40, replace=False)
-    mean, variance, share = leaf_votes(data, rows)
-    shown = data.in_view[data.sample_image[rows]]
-    assert share == pytest.approx(shown.mean(axis=0)) and 0.0 < share.min() < share.max()
-    for joint in range(20):
-        asked = shown[:, joint] if shown[:, joint].sum() >= 5 else np.ones(40, dtype=bool)
-        votes = data.offsets[rows][asked, joint].astype(np.float64)
-        assert mean[joint] == pytest.approx(votes.mean(axis=0), abs=1e-4)
-        assert variance[joint] == pytest.approx(votes.var(axis=0).sum(), abs=1e-4)
+def test_what_was_trained_before_a_failure_is_used_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Drawing ends in the middle, then calibration fails: neither images nor trees are made twice."""
+    monkeypatch.setattr(parts, "DRAWN_TOGETHER", 20)
+    made: list[str] = []
+    draw, grow = parts.draw_images, parts.grow_trees
+
+    def drawing(*arguments: Any) -> TrainingImages:
+        made.append("images")
+        if made == ["images", "images"] and len(list(tmp_path.iterdir())) == 1:
+            raise KeyboardInterrupt
+        return draw(*arguments)
+
+    def growing(*arguments: Any) -> Any:
+        made.append("trees")
+        return grow(*arguments)
+
+    def broken(*arguments: Any) -> JointForest:
+        raise ValueError("no pixel")
+
+    monkeypatch.setattr(parts, "draw_images", drawing)
+    monkeypatch.setattr(parts, "grow_trees", growing)
+    with pytest.raises(KeyboardInterrupt):
+        train_forest(a_few_poses(), SMALL, seed=4, kept=tmp_path)
+    with monkeypatch.context() as failing:
+        failing.setattr(parts, "calibrated", broken)
+        with pytest.raises(ValueError, match="no pixel"):
+            train_forest(a_few_poses(), SMALL, seed=4, kept=tmp_path)
+    trained = train_forest(a_few_poses(), SMALL, seed=4, kept=tmp_path)
+    assert made == ["images"] * 4 + ["trees"]  # three parts, of which the second was begun twice
+    plain = train_forest(a_few_poses(), SMALL, seed=4)
+    assert all(np.array_equal(array, trained.arrays()[name]) for name, array in plain.arrays().items())
+    train_forest(a_few_poses(), SMALL, seed=5, kept=tmp_path)
+    assert made[9:] == ["images"] * 3 + ["trees"]  # of another seed
+
+
+def test_training_goes_on_where_nothing_can_be_kept(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def full(*arguments: Any, **options: Any) -> None:
+        raise OutputError("cannot write: No space left on device")
+
+    monkeypatch.setattr("database_builder.kept.save_archive", full)
+    assert len(train_forest(a_few_poses(), SMALL, kept=tmp_path).roots) == 2
+    assert not list(tmp_path.iterdir())
 
 
 @pytest.mark.parametrize("values", [{"images": 0}, {"trees": 0}, {"bins": 1}])

@@ -1,0 +1,55 @@
+"""Work of a build in several processes."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager, nullcontext
+from itertools import islice
+from typing import Any
+
+from toolkit.errors import DatabaseError
+
+WAITING = 8
+"""Results of each process that may wait to be taken."""
+
+
+@contextmanager
+def process_pool(workers: int) -> Iterator[Callable[..., Iterator[Any]]]:
+    """Yield a `map` in order over `workers` processes, or the built-in one for a single worker.
+
+    They are joblib's, so that inside `joblib.parallel_config(backend="dask")` a cluster takes their place. No more than
+    `WAITING` results for each of them wait to be taken, so that memory does not grow with the number of items.
+
+    Raises
+    ------
+    DatabaseError
+        A process was killed.
+    """
+    import joblib
+    from joblib.externals.loky.process_executor import TerminatedWorkerError
+
+    around = joblib.parallel.get_active_backend()[0]
+    if workers <= 1 and isinstance(around, joblib.parallel.LokyBackend):
+        yield map
+        return
+
+    def mapped(function: Callable[[Any], Any], items: Iterable[Any]) -> Iterator[Any]:
+        rest = iter(items)
+        while some := list(islice(rest, WAITING * workers)):
+            yield from parallel(joblib.delayed(function)(item) for item in some)
+
+    own = isinstance(around, joblib.parallel.LokyBackend)
+    try:
+        with joblib.parallel_config("loky", inner_max_num_threads=1) if own else nullcontext():
+            with joblib.Parallel(n_jobs=workers, return_as="generator") as parallel:
+                yield mapped
+    except TerminatedWorkerError as error:
+        raise DatabaseError(
+            "a process of the build was killed, by lack of memory perhaps; use fewer workers"
+        ) from error
+
+
+def usable_processors() -> int:
+    """Processors that this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
