@@ -6,7 +6,7 @@ import argparse
 from pathlib import Path
 
 from database_builder.build import THRESHOLD
-from database_builder.parts import PartsSettings
+from database_builder.regressor import RegressorSettings
 from toolkit.testing.suite import LONGEST, WORK, database
 
 
@@ -21,11 +21,11 @@ def add_database_options(parser: argparse.ArgumentParser) -> None:
     """With which database, settings of the trackers and work folder; see `poses_of`."""
     parser.add_argument("--database", type=Path, help="another database than the simulated suite's own")
     parser.add_argument("--threshold", type=float, default=THRESHOLD, help="of the suite's own database, Eq. 5.1")
-    parser.add_argument("--images", type=int, default=PartsSettings.images, help="that train its joint regressor")
+    parser.add_argument("--images", type=int, default=RegressorSettings.images, help="that train its joint regressor")
     parser.add_argument("--set", action="append", default=[], metavar="NAME=VALUE", help="setting of all trackers")
     parser.add_argument("--work", type=Path, default=WORK)
 
 
 def poses_of(options: argparse.Namespace) -> Path:
     """The database that was asked for; the suite's own is made if it is not there yet."""
-    return options.database or database(options.work, options.threshold, PartsSettings(images=options.images))
+    return options.database or database(options.work, options.threshold, RegressorSettings(images=options.images))

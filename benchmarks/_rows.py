@@ -24,7 +24,7 @@ from toolkit.tracking.follower import Follower
 from toolkit.tracking.observation import Observation, Observer
 from toolkit.tracking.search.local import LocalSearch
 from toolkit.tracking.search.lookup import DatabaseLookup
-from toolkit.tracking.search.protocol import NOTHING, Proposal, Rival, Search
+from toolkit.tracking.search.protocol import NOTHING, Proposal, ScoredHypothesis, Search
 from toolkit.tracking.settings import HybridSettings
 from toolkit.tracking.state import PersonState
 
@@ -67,7 +67,7 @@ class WatchedSearch(LocalSearch):
     said: np.ndarray | None = None
 
     def propose(
-        self, observation: Observation, state: PersonState, rng: np.random.Generator, best: Rival | None
+        self, observation: Observation, state: PersonState, rng: np.random.Generator, best: ScoredHypothesis | None
     ) -> Proposal:
         """See `Search.propose`."""
         proposal = super().propose(observation, state, rng, best)
@@ -130,7 +130,7 @@ class FirstFrames:
         self.name, self._search = search.name, search
 
     def propose(
-        self, observation: Observation, state: PersonState, rng: np.random.Generator, best: Rival | None
+        self, observation: Observation, state: PersonState, rng: np.random.Generator, best: ScoredHypothesis | None
     ) -> Proposal:
         """See `Search.propose`."""
         return NOTHING if state.previous is not None else self._search.propose(observation, state, rng, best)

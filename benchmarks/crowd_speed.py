@@ -29,8 +29,8 @@ from toolkit.body.shape import load_body, subject_body
 from toolkit.config import parse_overrides
 from toolkit.database.database import PoseDatabase
 from toolkit.hybrid.tracker import HybridTracker
-from toolkit.people.evidence import unobserved_pixels
 from toolkit.people.survey import find_people
+from toolkit.people.visibility import unobserved_pixels
 from toolkit.recordings.opening import open_recording
 from toolkit.recordings.writer import save_recording
 from toolkit.sensing.camera import Camera

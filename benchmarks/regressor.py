@@ -26,7 +26,7 @@ from toolkit.body.shape import GROWTH, ShapeSpace, subject_body
 from toolkit.database.canonical import canonicalise, place
 from toolkit.database.database import PoseDatabase
 from toolkit.kernels.image import raster
-from toolkit.landmarks.parts import JointEstimate, JointForest
+from toolkit.landmarks.regressor import JointEstimate, JointRegressor
 from toolkit.mocap.procedural import SEATED_SUBJECT_MOTIONS, procedural_clips
 from toolkit.sensing.camera import Camera, level_rotation
 from toolkit.sensing.cloud import Cloud
@@ -61,7 +61,7 @@ def main() -> None:
     parser.add_argument("--masked", action="store_true", help="tell the regressor what is hidden by something nearer")
     add_database_options(parser)
     options = parser.parse_args()
-    forest = PoseDatabase.load(poses_of(options)).forest
+    forest = PoseDatabase.load(poses_of(options)).regressor
     if forest is None:
         parser.error("the database holds no joint regressor; build it with --parts")
     standing, seated = standing_poses(options.split), seated_poses(options.split)
@@ -168,7 +168,7 @@ def _board(joints: np.ndarray, rotation: np.ndarray, camera: Camera, rng: np.ran
     return board
 
 
-def measured(forest: JointForest, scenes: list[Scene], masked: bool) -> dict[str, Any]:
+def measured(forest: JointRegressor, scenes: list[Scene], masked: bool) -> dict[str, Any]:
     """Figures of one kind of views: shares in [0, 1], errors in millimetres."""
     estimates: list[JointEstimate] = [
         forest.estimate(one.cloud, SAMPLES, one.unobserved if masked else None) for one in scenes

@@ -55,7 +55,7 @@ def filled_up(database: PoseDatabase, count: int) -> tuple[PoseDatabase, int]:
     return PoseDatabase.of_poses(
         np.concatenate([database.poses, extra]), load_body(database.body_name), sources=database.sources,
         hashes=database.hashes, offsets=both[0], pose_source=both[1], pose_frame=both[2],
-        mirrored=np.concatenate([database.mirrored, database.mirrored[rows]]), forest=database.forest,
+        mirrored=np.concatenate([database.mirrored, database.mirrored[rows]]), regressor=database.regressor,
     ), missing  # fmt: skip
 
 

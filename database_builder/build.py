@@ -11,7 +11,6 @@ from pathlib import Path
 
 import numpy as np
 
-from database_builder.parts import PartsSettings, train_forest
 from database_builder.pool import PosePool
 from database_builder.prior import learn_prior
 from database_builder.processes import process_pool, usable_processors
@@ -22,6 +21,7 @@ from database_builder.reading import (
     of_clip,
     read_source,
 )
+from database_builder.regressor import RegressorSettings, train_regressor
 from toolkit.body.body import Body
 from toolkit.body.shape import load_body
 from toolkit.database.database import PoseDatabase
@@ -37,7 +37,7 @@ THRESHOLD = 0.009
 `depthmocap bench threshold` is flat and only the lookup gets slower."""
 SEATED_RATE = 10.0
 """Frames a second of the seated motions: people who sit move slowly."""
-PARTS = PartsSettings()
+PARTS = RegressorSettings()
 """How the joint regressor is trained unless told otherwise."""
 CHUNK = 500
 """Poses that a process looks at in one go, about a quarter of a second."""
@@ -88,7 +88,7 @@ def build_database(
     body: Body | None = None,
     mirror: bool = True,
     seated: bool = True,
-    parts: PartsSettings | None = PARTS,
+    parts: RegressorSettings | None = PARTS,
     workers: int | None = None,
     strict: bool = False,
     keep_work: bool = False,
@@ -138,23 +138,23 @@ def build_database(
         if len(skipped) == len(files) + len(clips):
             remove_own_folder(work)  # it holds nothing that another build could use
             raise MocapError(f"no file can be used; {skipped[0][0]}: {skipped[0][1]}; give BVH, ASF/AMC or AMASS")
-        clock.lap("read")
+        clock.record("read")
 
         report("sample", 0, 1)
         selected = pool.select()
         report("sample", 1, 1)
-        clock.lap("sample")
+        clock.record("sample")
 
         poses, source, frame, mirrored = selected.rows.poses, *selected.rows[2:]
         offsets = _look(body, poses, processes, report)
-        clock.lap("look")
+        clock.record("look")
 
         forest = None
         if parts is not None:
-            forest = train_forest(poses, parts, workers=processes, kept=work, progress=partial(report, "train"))
-            clock.lap("train")
+            forest = train_regressor(poses, parts, workers=processes, kept=work, progress=partial(report, "train"))
+            clock.record("train")
         prior = learn_prior(poses, body)
-        clock.lap("prior")
+        clock.record("prior")
         notes = {
             "poses_read": pool.poses_read, "mirror": mirror, "seated": seated, "max_poses": max_poses,
             "skipped": [list(s) for s in skipped],
@@ -163,12 +163,12 @@ def build_database(
         }  # fmt: skip
         database = PoseDatabase.of_poses(
             poses, body, offsets=offsets, sources=pool.names, hashes=pool.digests, pose_source=source,
-            pose_frame=frame, mirrored=mirrored, threshold=threshold, notes=notes, forest=forest, prior=prior,
+            pose_frame=frame, mirrored=mirrored, threshold=threshold, notes=notes, regressor=forest, prior=prior,
         )  # fmt: skip
         database.save(target)
         if not keep_work:
             remove_own_folder(work)
-        clock.lap("write")
+        clock.record("write")
     return BuildReport(target, database, pool.poses_read, tuple(skipped), clock.seconds)
 
 
@@ -247,7 +247,7 @@ class _Clock:
         self.seconds: dict[str, float] = {}
         self._last = time.perf_counter()
 
-    def lap(self, stage: str) -> None:
+    def record(self, stage: str) -> None:
         """End of a stage."""
         now = time.perf_counter()
         self.seconds[stage], self._last = now - self._last, now

@@ -10,7 +10,7 @@ from database_builder.views import FOCAL, View, ViewSettings, draw_view, is_seat
 from toolkit import skeleton
 from toolkit.body.shape import ShapeSpace
 from toolkit.kernels.learning import forest as kernels
-from toolkit.landmarks.parts import JointForest
+from toolkit.landmarks.regressor import JointRegressor
 from toolkit.progress import Count
 
 CLOSE = 0.1
@@ -24,9 +24,9 @@ FEWEST = 60
 
 
 def calibrated(
-    trained: JointForest, poses: np.ndarray, settings: ViewSettings, views: int, rng: np.random.Generator,
+    trained: JointRegressor, poses: np.ndarray, settings: ViewSettings, views: int, rng: np.random.Generator,
     progress: Count,
-) -> JointForest:  # fmt: skip
+) -> JointRegressor:  # fmt: skip
     """The forest with the calibration that `views` new views of canonical `poses` (N, P) give it."""
     space = ShapeSpace.load()
     sits = is_seated(poses, space.body())
@@ -50,7 +50,7 @@ def calibrated(
     )
 
 
-def _votes(trained: JointForest, view: View) -> tuple[np.ndarray, np.ndarray, np.ndarray] | None:
+def _votes(trained: JointRegressor, view: View) -> tuple[np.ndarray, np.ndarray, np.ndarray] | None:
     """Votes of a drawn view in the image that it was cut from; None where hardly anything of the person is left."""
     first_u, last_u, first_v, last_v = view.window
     image = np.zeros((last_v - first_v + 1, last_u - first_u + 1), dtype=np.float32)

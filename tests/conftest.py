@@ -18,7 +18,7 @@ QUICK = frozenset({
 LONGEST = (
     "test_benchmarks", "test_kills", "test_stabilising", "test_tracking_particles", "test_examples", "test_same_tracks",
     "test_pipeline_many", "test_demo", "test_kernels_cache", "test_main_road", "test_inertial_road", "test_bad_input",
-    "test_database_builder", "test_parts",
+    "test_database_builder", "test_regressor",
 )  # fmt: skip
 """Modules that take longest, the longest first: begun first, so that no worker is left alone with one at the end."""
 SHARED_DATA = Path(__file__).resolve().parents[2] / "shared" / "data"

@@ -129,10 +129,10 @@ def database_file(folder: Path) -> Path:
     from dataclasses import replace
 
     from tests.test_database_prior import random_prior
-    from tests.test_parts import random_forest
+    from tests.test_regressor import random_forest
 
     rng = np.random.default_rng(0)
-    replace(small_database(12), forest=random_forest(rng), prior=random_prior(rng)).save(folder / "poses.npz")
+    replace(small_database(12), regressor=random_forest(rng), prior=random_prior(rng)).save(folder / "poses.npz")
     return folder / "poses.npz"
 
 

@@ -115,10 +115,10 @@ def _database_at_work(path: Path) -> Any:
     database = PoseDatabase.load(path)
     found = database.query(np.linspace(-1, 1, FEATURE_SIZE), 3)
     votes = expected = None
-    if database.forest is not None:
+    if database.regressor is not None:
         depth, pixels = np.full((20, 30), 2.0, np.float32), np.arange(0, 600, 7)
         points = np.random.default_rng(0).normal(0, 1, (len(pixels), 3))
-        votes = database.forest.votes(depth, np.array([30.0, 30.0, 15.0, 10.0]), np.eye(3), pixels, points)
+        votes = database.regressor.votes(depth, np.array([30.0, 30.0, 15.0, 10.0]), np.eye(3), pixels, points)
     if database.prior is not None:
         known = known_without(("left_knee",))
         expected = database.prior.expected(np.zeros(len(known)), known).mean

@@ -35,7 +35,7 @@ from benchmarks import (
 )
 from benchmarks._rows import WatchedTracker
 from database_builder.build import build_database
-from database_builder.parts import PartsSettings
+from database_builder.regressor import RegressorSettings
 from toolkit.body.body import Body
 from toolkit.body.shape import load_body, subject_body
 from toolkit.database.database import PoseDatabase
@@ -63,7 +63,7 @@ FEW = [f"--set={name}" for name in ("sizes=[0.4]", "swarm.particles=6", "swarm.g
 def small_database(tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("database") / "poses.npz"
     clips = procedural_clips(["wave", "squat", "walk"])
-    parts = PartsSettings(images=60, trees=1, depth=8, calibration=20)
+    parts = RegressorSettings(images=60, trees=1, depth=8, calibration=20)
     build_database(clips, path, threshold=0.03, seated=False, parts=parts, workers=1)
     return path
 

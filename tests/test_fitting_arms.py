@@ -21,7 +21,7 @@ from toolkit.fitting.scene import Scene
 from toolkit.fitting.settings import FittingSettings
 from toolkit.kernels.fit import limbs
 from toolkit.tracking.search.arms import ArmSearch
-from toolkit.tracking.search.protocol import Hypothesis, Rival
+from toolkit.tracking.search.protocol import Hypothesis, ScoredHypothesis
 from toolkit.tracking.state import PersonState, Previous
 
 ARM = [
@@ -177,7 +177,7 @@ def improved(fit: Fit, poses: np.ndarray, pose: np.ndarray, scene: Scene) -> tup
     search = ArmSearch(ArmPoses(poses, fit.body, 128), fit.objective, fit.refiner, ArmSettings())
     rng = np.random.default_rng(0)
     state = replace(PersonState.begin(fit.body, sized=True, seed=0), previous=Previous.of_pose(fit.body, pose))
-    best = Rival(Hypothesis("local", pose), fit.body, fit.compare(pose, scene))
+    best = ScoredHypothesis(Hypothesis("local", pose), fit.body, fit.compare(pose, scene))
     return search.propose(SimpleNamespace(scene=scene), state, rng, best).hypotheses
 
 

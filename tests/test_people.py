@@ -9,12 +9,12 @@ from tests.sensing_scenes import KINECT, TOF, neutral, scene, standing, up_of_ti
 from toolkit.body.raycast import cast
 from toolkit.errors import RecordingError
 from toolkit.people.describe import describe
-from toolkit.people.evidence import unobserved_pixels
 from toolkit.people.several import SeveralPeople
 from toolkit.people.sighting import PredictedBody
 from toolkit.people.surroundings import Surroundings
 from toolkit.people.survey import find_people
 from toolkit.people.view import Lens
+from toolkit.people.visibility import unobserved_pixels
 from toolkit.recordings.opening import open_recording
 from toolkit.recordings.writer import save_recording
 from toolkit.sensing.camera import Camera, level_rotation

@@ -13,15 +13,15 @@ from tests.fitting_helpers import Fit
 from toolkit import skeleton
 from toolkit.body.shape import load_body
 from toolkit.fitting.placed import Placer
+from toolkit.fitting.regressed import VotedJoints
 from toolkit.fitting.scene import Scene
 from toolkit.fitting.settings import FittingSettings
 from toolkit.fitting.terms import JointTerm
-from toolkit.fitting.voted import VotedJoints
 from toolkit.kernels.fit import twists
 from toolkit.landmarks.centre import cloud_centre
 from toolkit.landmarks.extrema import extrema_of_graph, source_node
 from toolkit.landmarks.graph import grid_graph
-from toolkit.landmarks.parts import JointEstimate
+from toolkit.landmarks.regressor import JointEstimate
 from toolkit.landmarks.settings import LandmarkSettings
 from toolkit.recordings.opening import open_recording
 from toolkit.sensing.cloud import Cloud

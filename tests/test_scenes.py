@@ -16,7 +16,7 @@ from benchmarks import _record
 from benchmarks import scenes as bench
 from benchmarks._rows import make_tracker, without_sources
 from database_builder.build import build_database
-from database_builder.parts import PartsSettings
+from database_builder.regressor import RegressorSettings
 from tests.database_helpers import small_database
 from toolkit.body.shape import load_body
 from toolkit.evaluation.joints import seen_joints
@@ -85,7 +85,7 @@ def test_the_benchmark_scores_everybody_and_draws_the_worst(
     bundled: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     database = bundled / "poses.npz"
-    parts = PartsSettings(images=40, trees=1, depth=6, calibration=20)
+    parts = RegressorSettings(images=40, trees=1, depth=6, calibration=20)
     build_database(
         procedural_clips(["wave"], variations=1), database, threshold=0.05, seated=False, parts=parts, workers=1
     )

@@ -11,7 +11,7 @@ from toolkit.people.cleaning import Cleaner
 from toolkit.people.segmentation import median_background
 from toolkit.recordings.opening import open_recording
 from toolkit.sensing.camera import Camera
-from toolkit.sensing.polish import Polisher
+from toolkit.sensing.depth_filter import DepthFilter
 from toolkit.sensing.settings import SensingSettings
 
 
@@ -218,9 +218,9 @@ def test_what_was_beside_the_person_before_says_nothing_about_them_now():
     now = np.zeros_like(before)
     now[8:20, 10:24] = rng.integers(2500, 2520, (12, 14), dtype=np.uint16)
     window = np.array([8, 20, 10, 24])
-    kept, fresh = (Polisher(camera, SensingSettings()) for _ in range(2))
-    kept.polish(before, np.array([1, 31, 1, 41]))
-    np.testing.assert_array_equal(kept.polish(now, window), fresh.polish(now, window))
+    kept, fresh = (DepthFilter(camera, SensingSettings()) for _ in range(2))
+    kept.filtered(before, np.array([1, 31, 1, 41]))
+    np.testing.assert_array_equal(kept.filtered(now, window), fresh.filtered(now, window))
 
 
 def test_specks_without_a_person_are_an_empty_frame():

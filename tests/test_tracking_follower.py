@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tests.fake_parts import (
+from tests.fake_regressor import (
     CENTRE,
     FACING,
     IN_VIEW,
@@ -29,9 +29,9 @@ from toolkit.sensing.camera import Camera, level_rotation
 from toolkit.track import EMPTY, LOST, TRACKED, FrameResult
 from toolkit.tracking.clock import StageClock
 from toolkit.tracking.follower import HELD, Follower
-from toolkit.tracking.guess import Guess
+from toolkit.tracking.occluded_limbs import Guess
 from toolkit.tracking.person import UNSEEN
-from toolkit.tracking.search.protocol import NOTHING, Hypothesis, Proposal, Rival
+from toolkit.tracking.search.protocol import NOTHING, Hypothesis, Proposal, ScoredHypothesis
 from toolkit.tracking.state import PersonState, Previous
 
 CAMERA = Camera(100.0, 100.0, 19.5, 14.5, 40, 30)
@@ -56,15 +56,15 @@ def follower(
     observer: FakeObserver | None = None,
     settings: SimpleNamespace = SETTINGS,
     sizes: Sequence[Body] = (),
-    guesser: Any = None,
-    finisher: Any = None,
+    occluded_limbs: Any = None,
+    verifier: Any = None,
     **state: object,
 ) -> Follower:
     """A follower of somebody whose body is known, unless `state` says otherwise."""
     begun = PersonState.begin(load_body("neutral"), sized=True, seed=3)
     return Follower(
         observer or FakeObserver(), searches, FakeObjective(distances or {}), ROTATION, settings, sizes, SOURCES,
-        replace(begun, **state), guesser, finisher,
+        replace(begun, **state), occluded_limbs, verifier,
     )  # fmt: skip
 
 
@@ -162,37 +162,37 @@ class FakeFinisher:
     def __init__(self, place: float) -> None:
         self.place, self.told = place, 0
 
-    def finished(self, observation: object, rivals: Sequence[Rival]) -> list[Rival]:
+    def finished(self, observation: object, rivals: Sequence[ScoredHypothesis]) -> list[ScoredHypothesis]:
         self.told = len(rivals)
         return [replace(rivals[0], hypothesis=says("joints", pose_at(self.place)), comparison=compared(NEAR))]
 
 
 def test_where_somebody_has_to_be_found_the_finisher_is_told_what_was_said_of_all_bodies_and_competes() -> None:
-    bodies, finisher = [load_body("child"), load_body("neutral")], FakeFinisher(5.0)
+    bodies, verifier = [load_body("child"), load_body("neutral")], FakeFinisher(5.0)
     search = FakeSearch("first", Proposal((says("extrema", pose_at(1.0), FAR),)))
-    person = follower([search], sizes=bodies, sized=False, finisher=finisher)
+    person = follower([search], sizes=bodies, sized=False, verifier=verifier)
     result = step(person)
-    assert finisher.told == 2
+    assert verifier.told == 2
     assert result.pose[0] == 5.0 and SOURCES[result.source] == "joints"
 
 
 def test_while_somebody_is_followed_or_nothing_was_said_there_is_nothing_to_finish() -> None:
-    finisher = FakeFinisher(5.0)
+    verifier = FakeFinisher(5.0)
     said = Proposal((says("local", pose_at(1.0), FAR),))
-    assert step(follower([FakeSearch("first", said)], finisher=finisher, **followed())).pose[0] == 1.0
-    step(follower([FakeSearch("first", NOTHING)], finisher=finisher))
-    assert finisher.told == 0
+    assert step(follower([FakeSearch("first", said)], verifier=verifier, **followed())).pose[0] == 1.0
+    step(follower([FakeSearch("first", NOTHING)], verifier=verifier))
+    assert verifier.told == 0
 
 
 @pytest.mark.parametrize(("away", "asked"), [(HELD, False), (HELD + 0.1, True)])
 def test_whoever_was_out_of_sight_for_a_moment_has_not_turned_round(away: float, asked: bool) -> None:
-    finisher = FakeFinisher(5.0)
-    person = follower([FakeSearch("first", Proposal((says("local", pose_at(1.0), FAR),)))], finisher=finisher)
+    verifier = FakeFinisher(5.0)
+    person = follower([FakeSearch("first", Proposal((says("local", pose_at(1.0), FAR),)))], verifier=verifier)
     step(person, timestamp=0.0)
-    finisher.told = 0
+    verifier.told = 0
     person.step(None, 0.0, StageClock(STAGES))
     step(person, timestamp=away)
-    assert bool(finisher.told) == asked
+    assert bool(verifier.told) == asked
 
 
 # Who is asked, and what with
@@ -238,12 +238,12 @@ def test_the_random_numbers_go_on_from_frame_to_frame_and_are_those_of_the_seed(
 
 def test_what_a_search_carries_comes_back_to_it_in_the_next_frame() -> None:
     kept = {"swarm": np.ones(3)}
-    first = FakeSearch("first", Proposal((says("local", pose_at(1.0), NEAR),), carry=kept))
+    first = FakeSearch("first", Proposal((says("local", pose_at(1.0), NEAR),), memory=kept))
     second = FakeSearch("second", NOTHING)
     person = follower([first, second])
     step(person)
     step(person)
-    assert dict(first.asked[1][1].carry) == {"first": kept}
+    assert dict(first.asked[1][1].memory) == {"first": kept}
 
 
 # What is remembered
@@ -333,12 +333,12 @@ def test_who_was_hidden_for_a_moment_goes_on_as_before_unless_somewhere_else_is_
         person = follower([search], distances=distances, **kept)
         person.step(None, 0.1, StageClock(STAGES))
         person.step(None, 0.2, StageClock(STAGES))
-        assert person.state.held is not None and person.state.held.before is None
+        assert person.state.last_seen is not None and person.state.last_seen.before is None
         person.restore_state(person.export_state())
         result = step(person, timestamp=away)
         assert [state.previous is None for _, state, _ in search.asked] == [False, True][2 - asked :]
         assert SOURCES[result.source] == (source if asked == 2 else "extrema")
-        assert person.state.held is None
+        assert person.state.last_seen is None
 
 
 def test_a_step_replaces_the_state_and_leaves_the_old_one_as_it_was() -> None:
@@ -362,7 +362,7 @@ def test_unobserved_limbs_do_not_jump_where_the_winner_does_not_continue() -> No
         [says("extrema", pose_at(1.0)), says("joints", pose_at(1.0)), says("local", pose_at(1.0), continues=True)]
     )
     search = FakeSearch("first", lambda state, best: Proposal((next(answers),)))
-    person = follower([search], distances={1.0: NEAR}, guesser=SimpleNamespace(guess=guess))
+    person = follower([search], distances={1.0: NEAR}, occluded_limbs=SimpleNamespace(guess=guess))
     first, second, third = (step(person, timestamp=float(t)) for t in range(3))
     assert first.pose.tolist() == (pose_at(1.0) + 0.25).tolist()
     assert asked[0] is None and asked[2] is None
@@ -455,9 +455,9 @@ def test_a_restored_state_goes_on_as_the_one_that_was_exported() -> None:
 def test_a_joint_that_the_pose_shows_is_in_view_whatever_the_votes_say(shown: int) -> None:
     """What was hidden stays hidden until the votes see it; what is seen is not taken away by them."""
     spread = np.where(np.arange(20) < shown, 0.0, 0.1)
-    guesser = SimpleNamespace(guess=lambda pose, *_: Guess(pose, spread))
+    occluded_limbs = SimpleNamespace(guess=lambda pose, *_: Guess(pose, spread))
     search = FakeSearch("first", Proposal((says("local", pose_at(1.0)),)))
-    person = follower([search], distances={1.0: NEAR}, guesser=guesser)
+    person = follower([search], distances={1.0: NEAR}, occluded_limbs=occluded_limbs)
     step(person)
     assert person.state.in_view is not None
     assert person.state.in_view.tolist() == (np.ones(20) if shown else IN_VIEW).tolist()

@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from database_builder.parts import PartsSettings, train_forest
+from database_builder.regressor import RegressorSettings, train_regressor
 from database_builder.views import ViewSettings
 from toolkit import skeleton
 from toolkit.body.shape import load_body, subject_body
@@ -214,10 +214,10 @@ def test_a_mirrored_recording_gives_mirrored_joints(
 
 def test_a_small_regressor_alone_finds_and_follows_the_person(database: PoseDatabase, recording: Recording) -> None:
     views = ViewSettings(turned=0.0, cut=0.0, hidden=0.0, raised=0.0, small=0.0, seated=0.0)
-    small = PartsSettings(
+    small = RegressorSettings(
         images=800, pixels=60, trees=2, depth=9, smallest_leaf=15, questions=30, views=views, calibration=0
     )
-    regressed = replace(database, forest=train_forest(database.poses, small))
+    regressed = replace(database, regressor=train_regressor(database.poses, small))
     found = run(known(regressed, replace(SETTINGS, hypotheses=("joints",))), recording, 8)
     check_sound(found)
     assert {SOURCES[result.source] for result in found} == {"joints"}

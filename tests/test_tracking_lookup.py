@@ -22,7 +22,7 @@ from toolkit.fitting.scene import Scene
 from toolkit.landmarks.centre import cloud_centre
 from toolkit.landmarks.extrema import Extrema
 from toolkit.landmarks.facing import FacingFilter, camera_yaw, estimate_facing
-from toolkit.landmarks.parts import JointEstimate
+from toolkit.landmarks.regressor import JointEstimate
 from toolkit.sensing.cloud import Cloud
 from toolkit.tracking.search.extrema import ExtremaQuery
 from toolkit.tracking.search.labelings import (
@@ -34,7 +34,7 @@ from toolkit.tracking.search.labelings import (
     label_candidates,
     labelings,
 )
-from toolkit.tracking.search.votes import VotesQuery, facing_of_joints
+from toolkit.tracking.search.regressed import RegressedJointsQuery, facing_of_joints
 from toolkit.tracking.state import FIRST_STEP, Previous
 
 # A person with the left hand beside the head: left hand, right hand, left foot, right foot, head.
@@ -255,7 +255,7 @@ def test_the_joints_of_a_pose_bring_it_back_whichever_way_it_faces(body: Body, t
     pose = standing_at(120, np.deg2rad(turn))
     votes = JointEstimate(body.joint_positions(pose), np.ones(20))
     view = replace(view_of(body, pose, np.arange(5)), votes=votes)
-    found = VotesQuery(small_database(), 0.0).poses(view, None, body, 3)
+    found = RegressedJointsQuery(small_database(), 0.0).poses(view, None, body, 3)
     assert found.shape == (3, skeleton.POSE_SIZE)
     assert found[0, 6:] == pytest.approx(pose[6:], abs=1e-6)
     # Hips and shoulders of a twisted body disagree about its facing.
@@ -269,13 +269,13 @@ def test_joints_without_certainty_do_not_count(body: Body) -> None:
         points[skeleton.REPORTED.index(name)] += 2.0
         confidence[skeleton.REPORTED.index(name)] = 0.0
     view = replace(view_of(body, pose, np.arange(5)), votes=JointEstimate(points, confidence))
-    (found,) = VotesQuery(small_database(), 0.0).poses(view, None, body, 1)
+    (found,) = RegressedJointsQuery(small_database(), 0.0).poses(view, None, body, 1)
     assert found[6:] == pytest.approx(pose[6:], abs=1e-6)
 
 
 def test_without_votes_there_is_nothing_to_ask_by_joints(body: Body) -> None:
     view = view_of(body, standing_at(3), np.arange(5))
-    assert VotesQuery(small_database(), 0.0).poses(view, None, body, 3).shape == (0, skeleton.POSE_SIZE)
+    assert RegressedJointsQuery(small_database(), 0.0).poses(view, None, body, 3).shape == (0, skeleton.POSE_SIZE)
 
 
 @pytest.mark.parametrize("yaw", [-3.0, -1.0, 0.0, 0.5, 2.0])

@@ -13,7 +13,7 @@ from toolkit.body.shape import load_body
 from toolkit.database.origin import ADULT_HEIGHT
 from toolkit.errors import SettingsError
 from toolkit.landmarks.facing import FacingEstimate, FacingFilter
-from toolkit.landmarks.parts import JointEstimate
+from toolkit.landmarks.regressor import JointEstimate
 from toolkit.landmarks.settings import LandmarkSettings
 from toolkit.sensing.camera import Camera
 from toolkit.sensing.cloud import Cloud
@@ -149,7 +149,7 @@ def test_no_measured_point_belongs_to_what_is_out_of_view_of_somebody_who_is_fol
 def test_what_is_in_view_is_learnt_from_votes_that_were_asked_for(
     cloud: Cloud, monkeypatch: pytest.MonkeyPatch, legless: np.ndarray
 ) -> None:
-    observer, all_of_them = replace(OBSERVER, forest=Votes(legless)), np.ones(20)
+    observer, all_of_them = replace(OBSERVER, regressor=Votes(legless)), np.ones(20)
 
     def after(is_cut: bool, asked: bool, before: np.ndarray | None) -> np.ndarray | None:
         monkeypatch.setattr(room, "on_cuts", lambda *_: np.array([False, is_cut]))

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from tests.database_helpers import small_database
-from tests.fake_parts import FakeObjective, FakeRefiner, compared, observation, pose_at, says
+from tests.fake_regressor import FakeObjective, FakeRefiner, compared, observation, pose_at, says
 from toolkit import skeleton
 from toolkit.body.shape import load_body
 from toolkit.database.database import PoseDatabase
@@ -21,7 +21,7 @@ from toolkit.fitting.refiner import Refiner
 from toolkit.fitting.terms import JointTerm
 from toolkit.hybrid import tracker as hybrid
 from toolkit.hybrid.tracker import HybridTracker
-from toolkit.landmarks.parts import JointEstimate
+from toolkit.landmarks.regressor import JointEstimate
 from toolkit.sensing.camera import Camera
 from toolkit.tracking import searching
 from toolkit.tracking.learning import Pace
@@ -30,15 +30,15 @@ from toolkit.tracking.search.exchange import ITERATIONS
 from toolkit.tracking.search.extrema import ExtremaQuery
 from toolkit.tracking.search.labelings import LookupSettings
 from toolkit.tracking.search.local import FARTHEST, LocalSearch, moved_on
-from toolkit.tracking.search.lookup import FIRST_ROUNDS, PULLED_ITERATIONS, DatabaseLookup, Effort, is_asked
-from toolkit.tracking.search.protocol import NOTHING, Rival
-from toolkit.tracking.search.votes import VOTE_SIGMA, VotesQuery
+from toolkit.tracking.search.lookup import FIRST_ROUNDS, PULLED_ITERATIONS, DatabaseLookup, LookupBudget, is_asked
+from toolkit.tracking.search.protocol import NOTHING, ScoredHypothesis
+from toolkit.tracking.search.regressed import VOTE_SIGMA, RegressedJointsQuery
 from toolkit.tracking.settings import HybridSettings
 from toolkit.tracking.state import PersonState, Previous
 
 RNG = np.random.default_rng(0)
 BODY = load_body("neutral")
-EFFORT = Effort(candidates=2, starts=3, promising=2.0, rest=1)
+EFFORT = LookupBudget(candidates=2, starts=3, promising=2.0, rest=1)
 
 
 def state(previous: np.ndarray | None = None, before: np.ndarray | None = None, **others: Any) -> PersonState:
@@ -46,8 +46,8 @@ def state(previous: np.ndarray | None = None, before: np.ndarray | None = None, 
     return replace(PersonState.begin(BODY, sized=True, seed=0), previous=known, **others)
 
 
-def rival(pose: np.ndarray, distance: float, **how: float) -> Rival:
-    return Rival(says("local", pose), BODY, compared(distance, **how))
+def rival(pose: np.ndarray, distance: float, **how: float) -> ScoredHypothesis:
+    return ScoredHypothesis(says("local", pose), BODY, compared(distance, **how))
 
 
 # The local hypothesis
@@ -108,8 +108,8 @@ class FakeQuery:
         return self._pull
 
 
-def lookup(queries: list[FakeQuery], distances: dict[float, float], effort: Effort = EFFORT) -> DatabaseLookup:
-    return DatabaseLookup(queries, FakeObjective(distances), FakeRefiner(), effort)
+def lookup(queries: list[FakeQuery], distances: dict[float, float], budget: LookupBudget = EFFORT) -> DatabaseLookup:
+    return DatabaseLookup(queries, FakeObjective(distances), FakeRefiner(), budget)
 
 
 def test_while_all_is_well_queries_take_turns_with_frames_of_rest() -> None:
@@ -188,7 +188,7 @@ def votes(confidence: float = 0.25) -> JointEstimate:
 
 def test_regressed_joints_pull_in_the_camera_frame_by_the_root_of_their_confidence() -> None:
     seen = observation(votes=votes())
-    pull = VotesQuery(small_database(), 30.0).pull(seen)
+    pull = RegressedJointsQuery(small_database(), 30.0).pull(seen)
     assert isinstance(pull, JointTerm)
     assert pull.weights == pytest.approx(np.full(20, 30.0 * 0.5))
     assert pull.targets == pytest.approx(votes().points * [1.0, -1.0, -1.0])
@@ -196,8 +196,8 @@ def test_regressed_joints_pull_in_the_camera_frame_by_the_root_of_their_confiden
 
 
 def test_without_votes_or_weight_nothing_pulls() -> None:
-    assert VotesQuery(small_database(), 30.0).pull(observation()) is None
-    assert VotesQuery(small_database(), 0.0).pull(observation(votes=votes())) is None
+    assert RegressedJointsQuery(small_database(), 30.0).pull(observation()) is None
+    assert RegressedJointsQuery(small_database(), 0.0).pull(observation(votes=votes())) is None
 
 
 class FakeDatabase:
@@ -421,7 +421,7 @@ def test_settings_reach_the_searches_that_they_are_for(database: PoseDatabase, m
     assert local[0]["momentum"] == 0.4
     assert arms[0]["settings"].margin == 0.25
     # Where nothing is followed locally, every frame has to ask for whole poses.
-    assert [call["effort"] for call in lookups] == [Effort(4, 6, 1.5, rest=3), Effort(4, 6, 1.5, rest=0)]
+    assert [call["budget"] for call in lookups] == [LookupBudget(4, 6, 1.5, rest=3), LookupBudget(4, 6, 1.5, rest=0)]
     assert arms[0]["rest"] == 3
 
 

@@ -14,16 +14,16 @@ from toolkit.database.canonical import body_facing
 from toolkit.fitting.arms import ArmSettings
 from toolkit.fitting.settings import FittingSettings
 from toolkit.hybrid.aimed import AimedArms
-from toolkit.hybrid.finisher import FirstFrames, best_of_each_body, facing_elsewhere, other_ways_round
+from toolkit.hybrid.initial_pose import InitialPoseVerifier, best_of_each_body, facing_elsewhere, other_ways_round
 from toolkit.kernels.fit import particles as kernel
-from toolkit.landmarks.parts import JointEstimate
+from toolkit.landmarks.regressor import JointEstimate
 from toolkit.landmarks.settings import LandmarkSettings
 from toolkit.lopez2011.fork_search import ParticleSearch
 from toolkit.lopez2011.upper import UpperBodies
 from toolkit.sensing.camera import Camera
 from toolkit.sensing.cloud import Cloud
 from toolkit.tracking.observation import Observation, Observer
-from toolkit.tracking.search.protocol import Hypothesis, Proposal, Rival
+from toolkit.tracking.search.protocol import Hypothesis, Proposal, ScoredHypothesis
 from toolkit.tracking.state import PersonState, Previous
 
 LEVEL = np.diag([1.0, -1.0, -1.0])
@@ -56,8 +56,8 @@ def observed(pose: np.ndarray) -> Observation:
     return Observation(observer, Cloud.from_depth(depth.astype(np.float32), CAMERA, LEVEL), 0.0, state)
 
 
-def rival(pose: np.ndarray, observation: Observation) -> Rival:
-    return Rival(Hypothesis("joints", pose), BODY, FIT.compare(pose, observation.scene))
+def rival(pose: np.ndarray, observation: Observation) -> ScoredHypothesis:
+    return ScoredHypothesis(Hypothesis("joints", pose), BODY, FIT.compare(pose, observation.scene))
 
 
 def asked(truth: np.ndarray, *, first: bool) -> Proposal:
@@ -123,7 +123,7 @@ def test_mirrored_and_turned_limbs_stay_on_their_side_of_the_image() -> None:
 def test_the_nearest_of_every_body_and_the_nearest_that_faces_elsewhere_are_finished() -> None:
     observation = observed(FORWARD)
     rivals = [rival(pose_of(root_ry=yaw), observation) for yaw in (0.0, 0.4, np.pi, 1.6)]
-    child = Rival(rivals[0].hypothesis, load_body("child"), rivals[1].comparison)
+    child = ScoredHypothesis(rivals[0].hypothesis, load_body("child"), rivals[1].comparison)
     best = min(rivals, key=lambda one: one.comparison.distance)
     assert {id(one) for one in best_of_each_body([*rivals, child])} == {id(best), id(child)}
     (elsewhere,) = facing_elsewhere(rivals[0], rivals)
@@ -131,8 +131,8 @@ def test_the_nearest_of_every_body_and_the_nearest_that_faces_elsewhere_are_fini
     assert facing_elsewhere(rivals[0], rivals[:2]) == []
 
 
-def finished(observation: Observation, rival: Rival) -> list[Rival]:
-    return FirstFrames(FIT.objective, FIT.refiner, ARMS).finished(observation, [rival])
+def finished(observation: Observation, rival: ScoredHypothesis) -> list[ScoredHypothesis]:
+    return InitialPoseVerifier(FIT.objective, FIT.refiner, ARMS).finished(observation, [rival])
 
 
 def test_who_was_taken_back_to_front_is_turned_round_where_a_regressor_knows_front_from_back() -> None:

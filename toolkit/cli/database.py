@@ -35,7 +35,7 @@ def build(
 ) -> None:
     """Read motion capture, sample it evenly and write one pose database."""
     from database_builder.build import THRESHOLD, build_database
-    from database_builder.parts import PartsSettings
+    from database_builder.regressor import RegressorSettings
     from toolkit.body.shape import load_body
     from toolkit.cli.terminal import progress_bars
 
@@ -48,7 +48,7 @@ def build(
             body=load_body(body),
             mirror=mirror,
             seated=seated,
-            parts=PartsSettings() if parts else None,
+            parts=RegressorSettings() if parts else None,
             workers=workers,
             strict=strict,
             progress=bars,

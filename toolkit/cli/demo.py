@@ -66,7 +66,7 @@ def run_demo(
         The folder cannot be written.
     """
     from database_builder.build import build_database
-    from database_builder.parts import PartsSettings
+    from database_builder.regressor import RegressorSettings
     from toolkit.cli.terminal import doing_words
     from toolkit.evaluation.evaluate import evaluate_runs
     from toolkit.evaluation.report import write_evaluation
@@ -82,7 +82,7 @@ def run_demo(
     build_database(
         None,
         database,
-        parts=PartsSettings(images=images, calibration=min(images, PartsSettings.calibration)),
+        parts=RegressorSettings(images=images, calibration=min(images, RegressorSettings.calibration)),
         progress=lambda stage, done, total: show(f"building the database: {stage}", done, total),
     )
     recording = _record(folder / "take.npz", seed, seconds, show)

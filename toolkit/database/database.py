@@ -20,7 +20,7 @@ from toolkit.database.prior import PosePrior
 from toolkit.database.search import DEFAULT_SEARCH, FEATURE_SIZE, NearestNeighbours, make_search
 from toolkit.errors import DatabaseError
 from toolkit.files import is_file, parse_json
-from toolkit.landmarks.parts import JointForest
+from toolkit.landmarks.regressor import JointRegressor
 
 FORMAT_VERSION = 1
 """Raised whenever the meaning of a stored array changes."""
@@ -63,7 +63,7 @@ class PoseDatabase:
     body_scale: float
     torso_length: float
     notes: dict[str, Any] = field(default_factory=dict)
-    forest: JointForest | None = None
+    regressor: JointRegressor | None = None
     prior: PosePrior | None = None
     search: str = DEFAULT_SEARCH
 
@@ -93,7 +93,7 @@ class PoseDatabase:
         offsets: np.ndarray | None = None,
         threshold: float = 0.0,
         notes: dict[str, Any] | None = None,
-        forest: JointForest | None = None,
+        regressor: JointRegressor | None = None,
         prior: PosePrior | None = None,
     ) -> PoseDatabase:
         """Database of canonical poses (N, P) of `body`, with joints and features; fields as in the class.
@@ -120,7 +120,7 @@ class PoseDatabase:
             body_scale=body.scale,
             torso_length=torso_length(body),
             notes=notes or {},
-            forest=forest,
+            regressor=regressor,
             prior=prior,
         ).for_body(body)
 
@@ -209,8 +209,8 @@ class PoseDatabase:
         """
         arrays = {name: getattr(self, name) for name in _STORED}
         arrays["notes"] = json.dumps(self.notes)
-        if self.forest is not None:
-            arrays |= {_FOREST + name: array for name, array in self.forest.arrays().items()}
+        if self.regressor is not None:
+            arrays |= {_FOREST + name: array for name, array in self.regressor.arrays().items()}
         if self.prior is not None:
             arrays |= {_PRIOR + name: array for name, array in self.prior.arrays().items()}
         save_archive(path, {**arrays, **_identity()})
@@ -243,7 +243,7 @@ class PoseDatabase:
             body_scale=float(stored["body_scale"]),
             torso_length=float(stored["torso_length"]),
             notes=parse_json(str(stored["notes"]), f"notes of {file}", DatabaseError, REBUILD),
-            forest=_stored_forest(stored),
+            regressor=_stored_regressor(stored),
             prior=_stored_prior(stored),
             search=search,
         )
@@ -281,15 +281,15 @@ _STORED = tuple(item.name for item in fields(PoseDatabase) if item.name not in (
 _FOREST, _PRIOR = "forest_", "prior_"
 
 
-def _stored_forest(stored: dict[str, np.ndarray]) -> JointForest | None:
+def _stored_regressor(stored: dict[str, np.ndarray]) -> JointRegressor | None:
     arrays = _with_prefix(stored, _FOREST)
     if not arrays:
         return None
-    expected = {item.name for item in fields(JointForest)}
-    missing = {item.name for item in fields(JointForest) if item.default is MISSING} - arrays.keys()
+    expected = {item.name for item in fields(JointRegressor)}
+    missing = {item.name for item in fields(JointRegressor) if item.default is MISSING} - arrays.keys()
     if missing or not arrays.keys() <= expected:
         raise DatabaseError(f"the joint regressor holds {sorted(arrays)} and not {sorted(expected)}; {REBUILD}")
-    return JointForest(**arrays)
+    return JointRegressor(**arrays)
 
 
 def _stored_prior(stored: dict[str, np.ndarray]) -> PosePrior | None:

@@ -14,7 +14,7 @@ from toolkit.lopez2011.initial import sides_of
 from toolkit.lopez2011.upper import UpperBodies, aimed_all_round
 from toolkit.tracking.observation import Observation
 from toolkit.tracking.search.arms import arm_exchange
-from toolkit.tracking.search.protocol import Hypothesis, Rival
+from toolkit.tracking.search.protocol import Hypothesis, ScoredHypothesis
 
 SOURCE = "particles"
 """What a pose with other arms is called."""
@@ -41,7 +41,7 @@ class AimedArms:
         self._settings, self._sigma, self._bodies = settings, refiner.settings.sigma, bodies
         self._exchange = arm_exchange(objective, refiner, settings)
 
-    def of(self, rival: Rival, observation: Observation) -> Rival:
+    def of(self, rival: ScoredHypothesis, observation: Observation) -> ScoredHypothesis:
         """A rival with arms that leave less unexplained; the same one if there are none."""
         pose, compared, scene = rival.hypothesis.pose, rival.comparison, observation.scene
         candidates = sides_of(observation.free_extrema[:CANDIDATES], pose)
@@ -50,7 +50,7 @@ class AimedArms:
             pose, compared = self._exchange.best(rival.body, pose, compared, proposed, scene)
         if pose is rival.hypothesis.pose:
             return rival
-        return Rival(Hypothesis(SOURCE, pose, compared), rival.body, compared)
+        return ScoredHypothesis(Hypothesis(SOURCE, pose, compared), rival.body, compared)
 
     def _proposed(
         self, side: str, body: Body, pose: np.ndarray, compared: Comparison, candidates: np.ndarray, scene: Scene

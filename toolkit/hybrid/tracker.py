@@ -11,15 +11,15 @@ from toolkit.fitting.objective import Objective
 from toolkit.fitting.priors import GaussianPrior, PoseTerm
 from toolkit.fitting.refiner import Refiner
 from toolkit.hybrid.aimed import AimedArms
-from toolkit.hybrid.finisher import FirstFrames
+from toolkit.hybrid.initial_pose import InitialPoseVerifier
 from toolkit.lopez2011.fork_search import ParticleSearch
 from toolkit.lopez2011.upper import upper_bodies
 from toolkit.qammaz.discrepancy import DiscrepancySettings
 from toolkit.qammaz.search import SwarmSearch, SwarmSearchSettings
 from toolkit.qammaz.swarm import SwarmSettings
-from toolkit.tracking.guess import LimbGuesser
 from toolkit.tracking.guide import Guide, NoGuide
 from toolkit.tracking.observation import Observer
+from toolkit.tracking.occluded_limbs import OccludedLimbs
 from toolkit.tracking.person import PREDICTED
 from toolkit.tracking.protocol import Wanted
 from toolkit.tracking.registry import Registration, register
@@ -27,9 +27,9 @@ from toolkit.tracking.search.arms import ArmSearch
 from toolkit.tracking.search.extrema import ExtremaQuery
 from toolkit.tracking.search.guided import GuidedSearch
 from toolkit.tracking.search.local import LocalSearch
-from toolkit.tracking.search.lookup import DatabaseLookup, Effort, Query
+from toolkit.tracking.search.lookup import DatabaseLookup, LookupBudget, Query
 from toolkit.tracking.search.protocol import Search
-from toolkit.tracking.search.votes import VotesQuery
+from toolkit.tracking.search.regressed import RegressedJointsQuery
 from toolkit.tracking.searching import SearchingTracker
 from toolkit.tracking.settings import HybridSettings
 
@@ -60,7 +60,7 @@ class HybridTracker(SearchingTracker):
         super().__init__(self.settings, body)
         self.database = database_path
         self._poses = database
-        self._forest = database.forest if "joints" in self.settings.hypotheses else None
+        self._regressor = database.regressor if "joints" in self.settings.hypotheses else None
 
     @property
     def stage_names(self) -> tuple[str, ...]:
@@ -95,8 +95,8 @@ class HybridTracker(SearchingTracker):
         rest = settings.rest if "local" in asked else 0
         if self._arms is not None:
             members.append(ArmSearch(self._arms, objective, refiner, settings.arms, rest if queries else 0))
-        effort = Effort(settings.candidates, settings.starts, settings.promising, rest)
-        members.append(DatabaseLookup(queries, objective, refiner, effort))
+        budget = LookupBudget(settings.candidates, settings.starts, settings.promising, rest)
+        members.append(DatabaseLookup(queries, objective, refiner, budget))
         if "particles" in asked:
             members.append(ParticleSearch(objective, refiner, upper_bodies(objective.placer)))
         if self._swarm:
@@ -106,19 +106,19 @@ class HybridTracker(SearchingTracker):
             members.append(GuidedSearch(self.guide, objective, refiner, settings.arms))
         return tuple(members)
 
-    def finisher(self, objective: Objective, refiner: Refiner) -> FirstFrames | None:
-        """See `SearchingTracker.finisher`."""
+    def verifier(self, objective: Objective, refiner: Refiner) -> InitialPoseVerifier | None:
+        """See `SearchingTracker.verifier`."""
         if "particles" not in self.settings.hypotheses:
             return None
         arms = AimedArms(objective, refiner, self.settings.arms, upper_bodies(objective.placer))
-        return FirstFrames(objective, refiner, arms)
+        return InitialPoseVerifier(objective, refiner, arms)
 
     def queries(self) -> list[Query]:
         """The ways of the settings to ask the database for whole poses."""
         queries: list[Query] = []
         if "extrema" in self.settings.hypotheses:
             queries.append(ExtremaQuery(self._poses, self.settings.lookup))
-        if self._forest is not None:
+        if self._regressor is not None:
             queries.append(self._votes)
         return queries
 
@@ -127,8 +127,8 @@ class HybridTracker(SearchingTracker):
         """How this tracker looks at sightings."""
         s = self.settings
         return Observer(
-            s.landmarks, s.extrema, s.fitting.cloud_samples, s.fitting.search, self._forest, s.vote_samples, self.guide,
-            s.vote_pull, body=s.body,
+            s.landmarks, s.extrema, s.fitting.cloud_samples, s.fitting.search, self._regressor, s.vote_samples,
+            self.guide, s.vote_pull, body=s.body,
         )  # fmt: skip
 
     @cached_property
@@ -138,9 +138,9 @@ class HybridTracker(SearchingTracker):
         return (GaussianPrior.of_poses(self._poses.poses, weight),) if weight > 0.0 else ()
 
     @cached_property
-    def guesser(self) -> LimbGuesser | None:
+    def occluded_limbs(self) -> OccludedLimbs | None:
         """See `SearchingTracker`; databases from before there were pose priors have none."""
-        return None if self._poses.prior is None else LimbGuesser(self._poses.prior)
+        return None if self._poses.prior is None else OccludedLimbs(self._poses.prior)
 
     @property
     def _swarm(self) -> tuple[str, ...]:
@@ -148,8 +148,8 @@ class HybridTracker(SearchingTracker):
         return ("swarm",) if "swarm" in self.settings.hypotheses else ()
 
     @cached_property
-    def _votes(self) -> VotesQuery:
-        return VotesQuery(self._poses, self.settings.vote_pull)
+    def _votes(self) -> RegressedJointsQuery:
+        return RegressedJointsQuery(self._poses, self.settings.vote_pull)
 
     @cached_property
     def _arms(self) -> ArmPoses | None:

@@ -18,7 +18,7 @@ from toolkit.lopez2011.sighting import UpperSighting
 from toolkit.lopez2011.upper import UpperBodies
 from toolkit.tracking.observation import Observation
 from toolkit.tracking.search.lookup import FIRST_ROUNDS
-from toolkit.tracking.search.protocol import NOTHING, Hypothesis, Proposal, Rival
+from toolkit.tracking.search.protocol import NOTHING, Hypothesis, Proposal, ScoredHypothesis
 from toolkit.tracking.state import PersonState
 
 FORK = EffectorSettings(cuts=0)
@@ -46,7 +46,7 @@ class ParticleSearch:
         self._bodies, self._filter = bodies, UpperFilter(ParticleSettings())
 
     def propose(
-        self, observation: Observation, state: PersonState, rng: np.random.Generator, best: Rival | None
+        self, observation: Observation, state: PersonState, rng: np.random.Generator, best: ScoredHypothesis | None
     ) -> Proposal:
         """See `Search.propose`."""
         if state.previous is not None:

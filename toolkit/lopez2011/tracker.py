@@ -87,7 +87,7 @@ class ParticleTrackerSettings:
     @property
     def limits(self) -> Limits:
         """Beyond which nothing is looked at."""
-        return Limits(self.reach, self.lap, self.before)
+        return Limits(self.reach, self.record, self.before)
 
     def __post_init__(self) -> None:
         check_seed(self.seed)
@@ -124,12 +124,12 @@ class ParticleFollower(Person):
     def step(self, sighting: Sighting | None, timestamp: float, clock: StageClock) -> FrameResult:
         """See `PersonFollower.step`: the three layers of the filter, or a first pose by the fork."""
         seen = None if sighting is None else self._viewer.look(sighting, self._crown())
-        clock.lap("prepare")
+        clock.record("prepare")
         if seen is None or seen.points < max(self.settings.smallest_person, 1):
             self.state = replace(self.state, previous=None, timestamp=timestamp)
             return replace(self.predicted_row(EMPTY), stage_ms=clock.milliseconds)
         effectors = seen.effectors(self.settings.effectors, self._workspace)
-        clock.lap("detect")
+        clock.record("detect")
         state, rng = self.state, self.rng()
         if state.previous is None:
             found = self._first(effectors, seen.frame(effectors), rng)
@@ -139,7 +139,7 @@ class ParticleFollower(Person):
             source = PARTICLES
         self.state = state = replace(self.state, generator=self.after(rng), turn=state.turn + 1)
         if found is None:
-            clock.lap("detect")
+            clock.record("detect")
             self.state = replace(state, timestamp=timestamp)
             return replace(self.predicted_row(LOST), stage_ms=clock.milliseconds)
         pose, particles, cost = found
@@ -149,7 +149,7 @@ class ParticleFollower(Person):
             particles[0] = pose
             cost = self.filtering.costs.mean(self._bodies.of(state.body), pose, seen.frame(effectors))
         row = self._commit(pose, particles, cost, self._compared(pose, scene), source, timestamp)
-        clock.lap("refine")
+        clock.record("refine")
         return replace(row, stage_ms=clock.milliseconds)
 
     def _crown(self) -> float | None:
@@ -179,10 +179,10 @@ class ParticleFollower(Person):
         state, upper = self.state, self._bodies.of(self.state.body)
         assert state.previous is not None and state.timestamp is not None
         dt, before = timestamp - state.timestamp, state.previous.pose
-        particles = self.filtering.trunk(upper, state.carry[PARTICLES]["poses"], before, frame, dt, rng)
-        clock.lap("trunk")
+        particles = self.filtering.trunk(upper, state.memory[PARTICLES]["poses"], before, frame, dt, rng)
+        clock.record("trunk")
         filtered = self.filtering.arms(upper, particles, before, frame, dt, state.turn % 2, rng)
-        clock.lap("arms")
+        clock.record("arms")
         return filtered.estimate, filtered.particles, filtered.cost
 
     def _refined(self, pose: np.ndarray, scene: Scene) -> np.ndarray:
@@ -215,7 +215,7 @@ class ParticleFollower(Person):
             pose=pose,
             timestamp=timestamp,
             lost=0.0 if given_up else lost,
-            carry={PARTICLES: {"poses": particles}},
+            memory={PARTICLES: {"poses": particles}},
         )
         confidence = self._objective.confidence(compared) if tracked else np.zeros(len(skeleton.REPORTED))
         confidence[UNSEEN] = 0.0

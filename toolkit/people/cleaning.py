@@ -12,7 +12,7 @@ import numpy as np
 
 from toolkit.people.segmentation import Segmenter
 from toolkit.sensing.camera import DEFAULT_UP, Camera
-from toolkit.sensing.polish import Polisher
+from toolkit.sensing.depth_filter import DepthFilter
 from toolkit.sensing.recording import Recording
 from toolkit.sensing.settings import SensingSettings
 
@@ -45,7 +45,7 @@ class Cleaner:
         up_camera: np.ndarray | None = None,
     ) -> None:
         self.settings = settings or SensingSettings()
-        self._polisher = Polisher(camera, self.settings)
+        self._polisher = DepthFilter(camera, self.settings)
         self.camera = self._polisher.camera
         flat = None
         if background is not None:
@@ -91,7 +91,7 @@ class Cleaner:
         person, box = self._segmenter.person(flat)
         if box is None:
             return np.zeros(self.camera.shape, dtype=np.float32), flat[::step, ::step]
-        return self._polisher.polish(person, box), flat[::step, ::step]
+        return self._polisher.filtered(person, box), flat[::step, ::step]
 
     def export_state(self) -> dict[str, Any]:
         """What the next frame depends on, see `PeopleFinder.export_state`."""

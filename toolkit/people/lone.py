@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 
 from toolkit.people.cleaning import Cleaner
-from toolkit.people.evidence import unobserved_pixels
 from toolkit.people.sighting import PredictedBody, Sighting
+from toolkit.people.visibility import unobserved_pixels
 from toolkit.sensing.camera import Camera
 from toolkit.sensing.settings import SensingSettings
 

@@ -12,8 +12,6 @@ import numpy as np
 from toolkit.kernels import linear
 from toolkit.kernels.image.growth import refine_labels, take_label
 from toolkit.people.detection import find_heads, head_seeds, near_head, share_out
-from toolkit.people.evidence import unobserved_pixels
-from toolkit.people.islands import attach_islands, head_of
 from toolkit.people.newcomers import Newcomers
 from toolkit.people.settings import PeopleSettings
 from toolkit.people.sharing import body_seeds, stayed_seeds
@@ -21,9 +19,11 @@ from toolkit.people.sighting import PredictedBody, Sighting
 from toolkit.people.stills import large_enough, people_and_furniture
 from toolkit.people.surroundings import Surroundings, first_look, tolerances
 from toolkit.people.tracks import UNKNOWN, Person, export_people, known_again, match_heads, restore_people
+from toolkit.people.unassigned import attach_islands, head_of
 from toolkit.people.view import Lens, View
+from toolkit.people.visibility import unobserved_pixels
 from toolkit.sensing.camera import Camera
-from toolkit.sensing.polish import Polisher
+from toolkit.sensing.depth_filter import DepthFilter
 from toolkit.sensing.settings import SensingSettings
 
 logger = logging.getLogger(__name__)
@@ -62,7 +62,7 @@ class SeveralPeople:
         most: int | None = None,
     ) -> None:
         self._settings, sensing = settings or PeopleSettings(), sensing or SensingSettings()
-        self._polisher = Polisher(camera, sensing)
+        self._polisher = DepthFilter(camera, sensing)
         self.camera = self._polisher.camera
         self._lens = Lens(self._polisher.flat_camera, up_camera, self._settings.coarse_width, sensing)
         self._surroundings = surroundings
@@ -353,7 +353,7 @@ class SeveralPeople:
         for number in np.unique(self._labels[self._labels > 0]):
             if take_label(flat, self._fine, int(number), self._padded, box) == 0:
                 continue
-            depth = self._polisher.polish(self._padded, box)
+            depth = self._polisher.filtered(self._padded, box)
             if depth.any():
                 unobserved = unobserved_pixels(whole, depth, cut_out=surroundings.cut_out)
                 found.append(Sighting(int(number), depth, unobserved, self.camera))

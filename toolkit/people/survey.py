@@ -12,7 +12,7 @@ from toolkit.people.settings import PeopleSettings
 from toolkit.people.several import SeveralPeople
 from toolkit.people.surroundings import Surroundings, empty_scene, is_cut_out, nothing_but_people
 from toolkit.people.view import Lens
-from toolkit.sensing.polish import Polisher
+from toolkit.sensing.depth_filter import DepthFilter
 from toolkit.sensing.recording import Recording
 from toolkit.sensing.settings import SegmentationMode, SensingSettings
 
@@ -48,7 +48,7 @@ def survey(recording: Recording, sensing: SensingSettings, settings: PeopleSetti
     SegmentationError
         It asks for a background that the recording has not.
     """
-    polisher = Polisher(recording.camera, sensing)
+    polisher = DepthFilter(recording.camera, sensing)
     mode = SegmentationMode.parse(sensing.segment)
     lens = Lens(polisher.flat_camera, recording.up_camera, settings.coarse_width, sensing)
     if mode.name == "background" and recording.background is None:
@@ -70,5 +70,5 @@ def survey(recording: Recording, sensing: SensingSettings, settings: PeopleSetti
     return learnt(list(_coarse(recording, polisher, lens, spread)), lens, settings)
 
 
-def _coarse(recording: Recording, polisher: Polisher, lens: Lens, frames: np.ndarray) -> Iterator[np.ndarray]:
+def _coarse(recording: Recording, polisher: DepthFilter, lens: Lens, frames: np.ndarray) -> Iterator[np.ndarray]:
     return (lens.coarse(polisher.checked(recording.depth(int(i)))) for i in frames)

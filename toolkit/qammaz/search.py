@@ -23,7 +23,7 @@ from toolkit.qammaz.discrepancy import (
 from toolkit.qammaz.seen import exchanged, first_poses, gap, looks_exchanged, seen_joints
 from toolkit.qammaz.swarm import SwarmSettings, minimise
 from toolkit.tracking.observation import Observation
-from toolkit.tracking.search.protocol import NOTHING, Hypothesis, Proposal, Rival
+from toolkit.tracking.search.protocol import NOTHING, Hypothesis, Proposal, ScoredHypothesis
 from toolkit.tracking.state import PersonState
 
 ANGLES = np.arange(6, skeleton.POSE_SIZE)
@@ -139,7 +139,7 @@ class SwarmSearch:
         self._limits = settings.pose_limits()
 
     def propose(
-        self, observation: Observation, state: PersonState, rng: np.random.Generator, best: Rival | None
+        self, observation: Observation, state: PersonState, rng: np.random.Generator, best: ScoredHypothesis | None
     ) -> Proposal:
         """See `Search.propose`."""
         if self._first_only and (state.previous is not None or observation.joints is None):
@@ -147,10 +147,10 @@ class SwarmSearch:
         frame, doubts = self._frame(observation, state)
         if state.previous is None:
             found, _ = self._afresh(frame, state.body, rng)
-            return Proposal((Hypothesis("swarm", found.pose, found.comparison),), _carry(found.pose[None], 0.0, 0.0))
+            return Proposal((Hypothesis("swarm", found.pose, found.comparison),), _memory(found.pose[None], 0.0, 0.0))
         poses = self._history(state)
         kept, asked = poses[: self._settings.history], doubts > BELIEVED
-        rest = max(_carried(state, "rest") - observation.elapsed, 0.0)
+        rest = max(_remembered(state, "rest") - observation.elapsed, 0.0)
         rivals = [] if best is None else [_Found(best.hypothesis.pose, best.comparison)]
         found = self._follow(frame, state.body, poses, rivals, rng)
         nearest = min([*rivals, found], key=lambda rival: rival.comparison.distance)
@@ -158,16 +158,16 @@ class SwarmSearch:
             afresh, judged = self._afresh(frame, state.body, rng)
             if judged < self._judged(frame, state.body, nearest):
                 hypothesis = Hypothesis("joints", afresh.pose, afresh.comparison, supersedes=True)
-                return Proposal((hypothesis,), _carry(kept, 0.0, 0.0))
+                return Proposal((hypothesis,), _memory(kept, 0.0, 0.0))
             rest = REST
-        carry = _carry(kept, 0.0 if asked else doubts, rest)
-        return Proposal((Hypothesis("swarm", found.pose, found.comparison, continues=True),), carry)
+        memory = _memory(kept, 0.0 if asked else doubts, rest)
+        return Proposal((Hypothesis("swarm", found.pose, found.comparison, continues=True),), memory)
 
     def _frame(self, observation: Observation, state: PersonState) -> tuple[_Frame, float]:
         """The frame, and for how many seconds sides have been seen the wrong way round."""
         s, cloud, seen, doubts = self._discrepancy, observation.cloud, seen_joints(observation), 0.0
         if seen is not None and state.previous is not None:
-            doubts = _carried(state, "doubts")
+            doubts = _remembered(state, "doubts")
             wrong = looks_exchanged(seen, linear.rotated(state.previous.joints, cloud.rotation))
             doubts = doubts + observation.elapsed if wrong else 0.0
             if wrong:
@@ -178,7 +178,7 @@ class SwarmSearch:
     def _history(self, state: PersonState) -> np.ndarray:
         """The previous pose and those before it, (1 + K, P), the last first."""
         assert state.previous is not None
-        before = state.carry.get(self.name, {}).get("poses", np.empty((0, skeleton.POSE_SIZE)))
+        before = state.memory.get(self.name, {}).get("poses", np.empty((0, skeleton.POSE_SIZE)))
         return np.concatenate([state.previous.pose[None], before])[: 1 + self._settings.history]
 
     def _follow(
@@ -294,10 +294,10 @@ class _Frame:
         return gap(self.seen, linear.rotated(body.joint_positions(pose), self.observation.cloud.rotation))
 
 
-def _carry(poses: np.ndarray, doubts: float, rest: float) -> dict[str, np.ndarray]:
+def _memory(poses: np.ndarray, doubts: float, rest: float) -> dict[str, np.ndarray]:
     """What is remembered: poses (K, P); seconds of exchanged sides, and until a fresh start is tried again."""
     return {"poses": poses, "doubts": np.array([doubts]), "rest": np.array([rest])}
 
 
-def _carried(state: PersonState, name: str) -> float:
-    return float(state.carry.get(SwarmSearch.name, {}).get(name, np.zeros(1))[0])
+def _remembered(state: PersonState, name: str) -> float:
+    return float(state.memory.get(SwarmSearch.name, {}).get(name, np.zeros(1))[0])

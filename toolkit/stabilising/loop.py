@@ -21,9 +21,9 @@ from toolkit.retrieval.priors.expectation import Told
 from toolkit.retrieval.priors.gaps import Gap, find_gaps
 from toolkit.retrieval.priors.limbs import OUTER
 from toolkit.retrieval.priors.marks import Marks, marks_of_classes, tracking_priors
-from toolkit.stabilising.again import Again, GapGuide, track_again
 from toolkit.stabilising.choice import cheapest_path
 from toolkit.stabilising.marked import FloorHeight, floor_of, marked_terms
+from toolkit.stabilising.retrack import GapGuide, Retracked, retrack
 from toolkit.stabilising.settings import StabiliseSettings
 from toolkit.stabilising.source import Source
 from toolkit.stabilising.ways import KEPT, GapWays, bad_frames, flags_of, ways_through, whole_priors
@@ -168,7 +168,7 @@ def _round(
     bad = bad_frames(told.hidden)
     marked = marked_terms(source, told, priors, known.floor, settings.marks)
     guide = GapGuide(ways, whole_priors(told, bad, settings), track.timestamps, settings, marked)
-    again = track_again(source, track.pose, ways, _around(bad, settings.widened), guide, progress)
+    again = retrack(source, track.pose, ways, _around(bad, settings.widened), guide, progress)
     paths = [choose(*of_gap, settings) for of_gap in zip(ways, again.distances, again.angles, strict=True)]
     fresh = _exchanged(source, track, ways, again, paths, choose_rows(track, again, settings))
     moved = linear.lengths((fresh.joints - track.joints).reshape(-1, 3).astype(np.float64)).reshape(len(track), -1)
@@ -177,7 +177,7 @@ def _round(
     return Round(annotation, labelled, filled, fresh, float(moved.mean()), priors, before, after)
 
 
-def _explained(track: Track, again: Again, filled: Sequence[FilledGap]) -> tuple[float, float]:
+def _explained(track: Track, again: Retracked, filled: Sequence[FilledGap]) -> tuple[float, float]:
     """Metres, mean distance of the track from its frames before and after gaps were filled."""
     seen = np.isfinite(again.explained)
     before = float(again.explained[seen].mean()) if seen.any() else 0.0
@@ -201,7 +201,7 @@ def choose(way: GapWays, distances: np.ndarray, angles: np.ndarray, settings: St
     return cheapest_path(costs, np.nan_to_num(angles), rules.stiffness)
 
 
-def choose_rows(track: Track, again: Again, settings: StabiliseSettings) -> np.ndarray:
+def choose_rows(track: Track, again: Retracked, settings: StabiliseSettings) -> np.ndarray:
     """Bool (T,): frames of which the whole pose is taken from tracking again: nearer to the frame, and in one go."""
     taken = np.zeros(len(track), dtype=np.bool_)
     angles = np.stack([track.pose, np.array([row.pose for row in again.rows])])[:, :, ANGLES]
@@ -252,7 +252,7 @@ def _exchanged(
     source: Source,
     track: Track,
     ways: Sequence[GapWays],
-    again: Again,
+    again: Retracked,
     paths: Sequence[np.ndarray],
     whole: np.ndarray,
 ) -> Track:

@@ -27,7 +27,7 @@ from scipy.ndimage import gaussian_filter1d
 from scipy.spatial.transform import Rotation
 
 from database_builder.build import THRESHOLD, build_database
-from database_builder.parts import PartsSettings
+from database_builder.regressor import RegressorSettings
 from toolkit import skeleton
 from toolkit.body.body import Body
 from toolkit.body.shape import subject_body
@@ -288,10 +288,10 @@ def distance_needed(take: Take, body: Body, clip: PoseClip, camera: Camera) -> f
 
 
 def database(
-    work: Path, threshold: float = THRESHOLD, parts: PartsSettings | None = None, progress: Progress | None = None
+    work: Path, threshold: float = THRESHOLD, parts: RegressorSettings | None = None, progress: Progress | None = None
 ) -> Path:
     """The pose database of the suite, with its joint regressor, made if it is not there yet."""
-    parts = parts or PartsSettings()
+    parts = parts or RegressorSettings()
     made_from = ["database_builder", "toolkit/mocap", "toolkit/body", "toolkit/landmarks", "toolkit/database"]
     path = work / "databases" / f"poses_{digest_of([database_sources], made_from, threshold, parts)}.npz"
     if not path.exists():

@@ -8,14 +8,14 @@ import numpy as np
 
 
 class StageClock:
-    """Disjoint stage times of one frame, milliseconds: each `lap` charges the time since the last one to a stage."""
+    """Disjoint stage times of one frame, milliseconds: each `record` charges the time since the last one to a stage."""
 
     def __init__(self, names: tuple[str, ...]) -> None:
         self._index = {name: i for i, name in enumerate(names)}
         self.milliseconds = np.zeros(len(names), dtype=np.float32)
         self._last = perf_counter()
 
-    def lap(self, name: str) -> None:
+    def record(self, name: str) -> None:
         """Charge the time since the last lap to stage `name`."""
         now = perf_counter()
         self.milliseconds[self._index[name]] += 1000.0 * (now - self._last)

@@ -14,11 +14,11 @@ from toolkit.people.sighting import Sighting
 from toolkit.sensing.cloud import Cloud
 from toolkit.track import EMPTY, LOST, TRACKED, FrameResult
 from toolkit.tracking.clock import StageClock
-from toolkit.tracking.guess import Guess, LimbGuesser
 from toolkit.tracking.observation import Observation, Observer
+from toolkit.tracking.occluded_limbs import Guess, OccludedLimbs
 from toolkit.tracking.person import Person
 from toolkit.tracking.search.labelings import EFFECTORS
-from toolkit.tracking.search.protocol import Finisher, Rival, Search
+from toolkit.tracking.search.protocol import ScoredHypothesis, Search, Verifier
 from toolkit.tracking.settings import FollowerSettings
 from toolkit.tracking.smoothing import PoseSmoother
 from toolkit.tracking.state import PersonState, Previous
@@ -38,8 +38,8 @@ class Follower(Person):
     sizes : the bodies that are tried where the person's size is unknown
     sources : names of the hypotheses that can win, in the order in which the track numbers them
     state : before the first frame
-    guesser : judges limbs of which nothing is observed; None believes whatever pose wins
-    finisher : has the last word where the person has to be found anew; None leaves it to the searches
+    occluded_limbs : judges limbs of which nothing is observed; None believes whatever pose wins
+    verifier : has the last word where the person has to be found anew; None leaves it to the searches
 
     Attributes
     ----------
@@ -57,12 +57,13 @@ class Follower(Person):
         sizes: Sequence[Body],
         sources: Sequence[str],
         state: PersonState,
-        guesser: LimbGuesser | None = None,
-        finisher: Finisher | None = None,
+        occluded_limbs: OccludedLimbs | None = None,
+        verifier: Verifier | None = None,
     ) -> None:
         super().__init__(state, objective.placer, level_rotation, sources)
         self.observer, self.searches, self.objective = observer, tuple(searches), objective
-        self._settings, self._sizes, self._guesser, self._finisher = settings, tuple(sizes), guesser, finisher
+        self._settings, self._sizes = settings, tuple(sizes)
+        self._occluded_limbs, self._verifier = occluded_limbs, verifier
         self.observation: Observation | None = None
 
     def step(self, sighting: Sighting | None, timestamp: float, clock: StageClock) -> FrameResult:
@@ -73,33 +74,34 @@ class Follower(Person):
         """
         state, self.observation = self.state, None
         cloud = None if sighting is None else Cloud.from_depth(sighting.depth, sighting.camera, self.level_rotation)
-        clock.lap("prepare")
+        clock.record("prepare")
         if sighting is None or cloud is None or len(cloud) < self._settings.smallest_person:
             return self._unseen(EMPTY, timestamp, clock)
 
         observation = self.observer.observe(cloud, timestamp, state, sighting.unobserved, sighting.joints)
         self.observation = observation
         observation.scene, observation.facing  # noqa: B018 - looked at now, so that their time is booked here
-        clock.lap("landmarks")
+        clock.record("landmarks")
 
-        rivals: list[Rival] = []
-        rng, carry = self.rng(), dict(state.carry)
-        held = state.held is not None and state.held_since is not None and timestamp - state.held_since <= HELD
-        if held:
-            self._propose(observation, replace(state, previous=state.held), rng, carry, rivals, clock)
+        rivals: list[ScoredHypothesis] = []
+        rng, memory = self.rng(), dict(state.memory)
+        since = np.inf if state.last_seen_at is None else timestamp - state.last_seen_at
+        last_seen = state.last_seen is not None and since <= HELD
+        if last_seen:
+            self._propose(observation, replace(state, previous=state.last_seen), rng, memory, rivals, clock)
         for body in (state.body,) if state.sized else self._sizes:
-            self._propose(observation, replace(state, body=body), rng, carry, rivals, clock)
-        first = state.previous is None and not held  # nobody turns round in the moment for which they were hidden
-        if self._finisher is not None and first and rivals:
-            rivals += self._finisher.finished(observation, rivals)
-            clock.lap(self._finisher.name)
-        self.state = state = replace(state, carry=carry, generator=self.after(rng), turn=_turn(state))
+            self._propose(observation, replace(state, body=body), rng, memory, rivals, clock)
+        first = state.previous is None and not last_seen  # nobody turns round in the moment for which they were hidden
+        if self._verifier is not None and first and rivals:
+            rivals += self._verifier.finished(observation, rivals)
+            clock.record(self._verifier.name)
+        self.state = state = replace(state, memory=memory, generator=self.after(rng), turn=_turn(state))
         if not rivals:
             return self._unseen(LOST, timestamp, clock)
 
-        winner = min(rivals, key=lambda rival: rival.doubt if first else rival.comparison.distance)
+        winner = min(rivals, key=lambda rival: rival.map_cost if first else rival.comparison.distance)
         result = self._commit(winner, observation, timestamp)
-        clock.lap("select")
+        clock.record("select")
         return replace(result, stage_ms=clock.milliseconds)
 
     def _propose(
@@ -107,8 +109,8 @@ class Follower(Person):
         observation: Observation,
         state: PersonState,
         rng: np.random.Generator,
-        carry: dict[str, Mapping[str, np.ndarray]],
-        rivals: list[Rival],
+        memory: dict[str, Mapping[str, np.ndarray]],
+        rivals: list[ScoredHypothesis],
         clock: StageClock,
     ) -> None:
         """Ask every search and judge what it says."""
@@ -121,12 +123,12 @@ class Follower(Person):
                     compared = self.objective.compare(state.body, hypothesis.pose, observation.scene)
                 if hypothesis.supersedes and best is not None:
                     rivals.remove(best)
-                rivals.append(Rival(hypothesis, state.body, compared))
-            if proposal.carry is not None:
-                carry[search.name] = proposal.carry
-            clock.lap(search.name)
+                rivals.append(ScoredHypothesis(hypothesis, state.body, compared))
+            if proposal.memory is not None:
+                memory[search.name] = proposal.memory
+            clock.record(search.name)
 
-    def _commit(self, winner: Rival, observation: Observation, timestamp: float) -> FrameResult:
+    def _commit(self, winner: ScoredHypothesis, observation: Observation, timestamp: float) -> FrameResult:
         """Remember the winner and report it."""
         settings, state, body = self._settings, self.state, winner.body
         source = winner.hypothesis.source
@@ -146,7 +148,7 @@ class Follower(Person):
             body=body,
             sized=True,
             previous=None if given_up else previous,
-            held=None,
+            last_seen=None,
             pose=pose,
             centre=observation.centre,
             facing=observation.facing,
@@ -160,13 +162,13 @@ class Follower(Person):
         confidence = guess.confidence(found)
         return self.row(reported, joints, confidence, guess.observed, TRACKED if tracked else LOST, source)
 
-    def _completed(self, winner: Rival) -> Guess:
+    def _completed(self, winner: ScoredHypothesis) -> Guess:
         """The winner, whose unobserved limbs do not jump."""
         pose, previous = winner.hypothesis.pose, self.state.previous
-        if self._guesser is None:
+        if self._occluded_limbs is None:
             return Guess(pose, np.zeros(len(skeleton.REPORTED)))
         before = None if previous is None or winner.hypothesis.continues else previous.pose
-        return self._guesser.guess(pose, winner.comparison, self.objective, before)
+        return self._occluded_limbs.guess(pose, winner.comparison, self.objective, before)
 
     def _unseen(self, state: int, timestamp: float, clock: StageClock) -> FrameResult:
         """The last known pose, or a standing one before there was any, for a frame that shows nobody.
@@ -179,8 +181,8 @@ class Follower(Person):
             before, previous=None, centre=None, facing=None, in_view=None, timestamp=timestamp, smoothed=None
         )
         if before.previous is not None:
-            held = replace(before.previous, before=None)
-            self.state = replace(self.state, held=held, held_since=before.timestamp)
+            last_seen = replace(before.previous, before=None)
+            self.state = replace(self.state, last_seen=last_seen, last_seen_at=before.timestamp)
         return replace(self.predicted_row(state), stage_ms=clock.milliseconds)
 
 

@@ -10,15 +10,15 @@ import numpy as np
 from toolkit import skeleton
 from toolkit.database.origin import ADULT_HEIGHT
 from toolkit.fitting.orientation import Evidence
+from toolkit.fitting.regressed import VotedJoints, links_out_of_view
 from toolkit.fitting.scene import Scene
-from toolkit.fitting.voted import VotedJoints, links_out_of_view
 from toolkit.kernels import linear
 from toolkit.landmarks.centre import cloud_centre
 from toolkit.landmarks.cuts import on_cuts
 from toolkit.landmarks.extrema import Extrema, extrema_of_graph, source_node
 from toolkit.landmarks.facing import FacingFilter, estimate_facing
 from toolkit.landmarks.graph import Workspace, grid_graph
-from toolkit.landmarks.parts import JointEstimate, JointForest
+from toolkit.landmarks.regressor import JointEstimate, JointRegressor
 from toolkit.landmarks.settings import LandmarkSettings
 from toolkit.sensing.cloud import Cloud
 from toolkit.sensing.joints2d import Joints2D, LiftedJoints, lift
@@ -53,7 +53,7 @@ class Observer:
     extrema: int
     samples: int
     search: str
-    forest: JointForest | None
+    regressor: JointRegressor | None
     vote_samples: int
     guide: Guide = field(default_factory=NoGuide)
     vote_pull: float = 0.0
@@ -159,8 +159,8 @@ class Observation:
         observer = self.observer
         return (
             None
-            if observer.forest is None
-            else observer.forest.estimate(self.cloud, observer.vote_samples, unobserved=self.unobserved)
+            if observer.regressor is None
+            else observer.regressor.estimate(self.cloud, observer.vote_samples, unobserved=self.unobserved)
         )
 
     @property

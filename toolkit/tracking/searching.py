@@ -20,11 +20,11 @@ from toolkit.fitting.settings import FittingSettings
 from toolkit.fitting.shape import ShapeSettings
 from toolkit.sensing.camera import Camera
 from toolkit.tracking.follower import Follower
-from toolkit.tracking.guess import LimbGuesser
 from toolkit.tracking.learning import FollowedBody
 from toolkit.tracking.observation import Observer
+from toolkit.tracking.occluded_limbs import OccludedLimbs
 from toolkit.tracking.protocol import TrackerSettings, Wanted
-from toolkit.tracking.search.protocol import Finisher, Search
+from toolkit.tracking.search.protocol import Search, Verifier
 from toolkit.tracking.settings import FollowerSettings
 from toolkit.tracking.state import PersonState
 
@@ -83,7 +83,7 @@ class SearchingTracker(ABC):
         return ()
 
     @property
-    def guesser(self) -> LimbGuesser | None:
+    def occluded_limbs(self) -> OccludedLimbs | None:
         """Judges limbs of which nothing is observed; None believes whatever pose wins."""
         return None
 
@@ -96,7 +96,7 @@ class SearchingTracker(ABC):
     def searches(self, objective: Objective, refiner: Refiner) -> tuple[Search, ...]:
         """The searches of the settings, in the order in which they are asked."""
 
-    def finisher(self, objective: Objective, refiner: Refiner) -> Finisher | None:
+    def verifier(self, objective: Objective, refiner: Refiner) -> Verifier | None:
         """Has the last word on first frames; None leaves it to the distances of what the searches say."""
         return None
 
@@ -128,7 +128,7 @@ class SearchingTracker(ABC):
         members = self.searches(objective, refiner)
         return self.kind(
             observer, members, objective, level_rotation, self._common, self._sizes, self.source_names, state,
-            self.guesser, self.finisher(objective, refiner),
+            self.occluded_limbs, self.verifier(objective, refiner),
         )  # fmt: skip
 
     def _follower(self, camera: Camera, level_rotation: np.ndarray, body: Body, *, sized: bool) -> Follower:

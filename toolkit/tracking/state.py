@@ -62,8 +62,8 @@ class PersonState:
     sized : whether the body's size is known; otherwise the first frame tries several
     generator : state of the random generator, as NumPy's `bit_generator.state` has it
     previous : the frame before; None where the person has to be found anew
-    held : the last frame in which the person was seen, while they are out of sight for a moment
-    held_since : seconds, of that frame
+    last_seen : the last frame in which the person was seen, while they are out of sight for a moment
+    last_seen_at : seconds, of that frame
     pose : the last pose (P,) that was found, also before a loss; None before the first
     centre : float64 (3,), metres, level frame, of the frame before
     facing : float64 (2,), smoothed direction in the ground plane, or None
@@ -73,15 +73,15 @@ class PersonState:
         was ever cut off
     turn : frames since the start in which all was well; searches that take turns count by it
     smoothed : pose (P,) last reported by the smoother, and its timestamp
-    carry : what each search keeps for itself, by its name
+    memory : what each search keeps for itself, by its name
     """
 
     body: Body
     sized: bool
     generator: Mapping[str, Any]
     previous: Previous | None = None
-    held: Previous | None = None
-    held_since: float | None = None
+    last_seen: Previous | None = None
+    last_seen_at: float | None = None
     pose: np.ndarray | None = None
     centre: np.ndarray | None = None
     facing: np.ndarray | None = None
@@ -90,7 +90,7 @@ class PersonState:
     in_view: np.ndarray | None = None
     turn: int = 0
     smoothed: tuple[np.ndarray, float] | None = None
-    carry: Mapping[str, Mapping[str, np.ndarray]] = field(default_factory=dict)
+    memory: Mapping[str, Mapping[str, np.ndarray]] = field(default_factory=dict)
 
     @classmethod
     def begin(cls, body: Body, *, sized: bool, seed: int) -> PersonState:
@@ -119,12 +119,12 @@ class PersonState:
             "sized": self.sized,
             # JSON keeps integers of any size only as text in every reader.
             "generator": {key: str(value) for key, value in _flat(self.generator).items()},
-            "carry": {name: dict(kept) for name, kept in self.carry.items()},
+            "memory": {name: dict(kept) for name, kept in self.memory.items()},
             "previous": None if self.previous is None else dict(vars(self.previous)),
-            "held": None if self.held is None else dict(vars(self.held)),
+            "last_seen": None if self.last_seen is None else dict(vars(self.last_seen)),
             "smoothed": None if self.smoothed is None else {"pose": self.smoothed[0], "timestamp": self.smoothed[1]},
         }
-        plain = ("held_since", "pose", "centre", "facing", "timestamp", "lost", "in_view", "turn")
+        plain = ("last_seen_at", "pose", "centre", "facing", "timestamp", "lost", "in_view", "turn")
         return state | {name: getattr(self, name) for name in plain}
 
     @classmethod
@@ -133,12 +133,12 @@ class PersonState:
         own = state["body"]
         body = ShapeSpace.load().body(own["shape"], scale=own["scale"], name=own["name"], offsets=own["offsets"])
         smoothed = state["smoothed"]
-        plain = ("sized", "held_since", "pose", "centre", "facing", "timestamp", "lost", "in_view", "turn", "carry")
+        plain = ("sized", "last_seen_at", "pose", "centre", "facing", "timestamp", "lost", "in_view", "turn", "memory")
         return cls(
             body=body,
             generator=_nested({key: _number(value) for key, value in state["generator"].items()}),
             previous=None if state["previous"] is None else Previous(**state["previous"]),
-            held=None if state["held"] is None else Previous(**state["held"]),
+            last_seen=None if state["last_seen"] is None else Previous(**state["last_seen"]),
             smoothed=None if smoothed is None else (smoothed["pose"], smoothed["timestamp"]),
             **{name: state[name] for name in plain},
         )

@@ -42,7 +42,7 @@ class Samples(NamedTuple):
 
 
 class Growth(NamedTuple):
-    """How a tree grows: `deepest` level, and the rest as in `database_builder.parts.PartsSettings`."""
+    """How a tree grows: `deepest` level, and the rest as in `database_builder.regressor.RegressorSettings`."""
 
     deepest: int
     smallest_leaf: int

@@ -12,7 +12,7 @@ from toolkit.fitting.refiner import Refiner
 from toolkit.tracking.observation import Observation
 from toolkit.tracking.search.exchange import LimbExchange
 from toolkit.tracking.search.lookup import is_asked
-from toolkit.tracking.search.protocol import NOTHING, Hypothesis, Proposal, Rival
+from toolkit.tracking.search.protocol import NOTHING, Hypothesis, Proposal, ScoredHypothesis
 from toolkit.tracking.state import PersonState
 
 FARTHER = 1.2
@@ -43,7 +43,7 @@ class ArmSearch:
         self._rest = rest
 
     def propose(
-        self, observation: Observation, state: PersonState, rng: np.random.Generator, best: Rival | None
+        self, observation: Observation, state: PersonState, rng: np.random.Generator, best: ScoredHypothesis | None
     ) -> Proposal:
         """See `Search.propose`."""
         queried = self._rest > 0 and not state.lost and is_asked(state, self._rest)

@@ -10,7 +10,7 @@ from toolkit.fitting.refiner import Refiner
 from toolkit.tracking.guide import Guide
 from toolkit.tracking.observation import Observation
 from toolkit.tracking.search.exchange import LimbExchange
-from toolkit.tracking.search.protocol import NOTHING, Hypothesis, Proposal, Rival
+from toolkit.tracking.search.protocol import NOTHING, Hypothesis, Proposal, ScoredHypothesis
 from toolkit.tracking.state import PersonState
 
 
@@ -34,7 +34,7 @@ class GuidedSearch:
         self._exchange = LimbExchange(objective, refiner, self._cost, settings.margin)
 
     def propose(
-        self, observation: Observation, state: PersonState, rng: np.random.Generator, best: Rival | None
+        self, observation: Observation, state: PersonState, rng: np.random.Generator, best: ScoredHypothesis | None
     ) -> Proposal:
         """See `Search.propose`."""
         if best is None:

@@ -9,7 +9,7 @@ import numpy as np
 from toolkit import skeleton
 from toolkit.fitting.refiner import Refiner
 from toolkit.tracking.observation import Observation
-from toolkit.tracking.search.protocol import NOTHING, Hypothesis, Proposal, Rival
+from toolkit.tracking.search.protocol import NOTHING, Hypothesis, Proposal, ScoredHypothesis
 from toolkit.tracking.state import PersonState, Previous
 
 
@@ -28,7 +28,7 @@ class LocalSearch:
         self._refiner, self._momentum = refiner, momentum
 
     def propose(
-        self, observation: Observation, state: PersonState, rng: np.random.Generator, best: Rival | None
+        self, observation: Observation, state: PersonState, rng: np.random.Generator, best: ScoredHypothesis | None
     ) -> Proposal:
         """See `Search.propose`."""
         if state.previous is None:

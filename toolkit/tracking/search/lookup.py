@@ -15,7 +15,7 @@ from toolkit.fitting.objective import Objective
 from toolkit.fitting.refiner import Refiner
 from toolkit.fitting.terms import JointTerm
 from toolkit.tracking.observation import Observation
-from toolkit.tracking.search.protocol import NOTHING, Hypothesis, Proposal, Rival
+from toolkit.tracking.search.protocol import NOTHING, Hypothesis, Proposal, ScoredHypothesis
 from toolkit.tracking.state import PersonState, Previous
 
 PULLED_ITERATIONS = 2
@@ -44,7 +44,7 @@ class Query(Protocol):
 
 
 @dataclass(frozen=True)
-class Effort:
+class LookupBudget:
     """How much a lookup does.
 
     Attributes
@@ -77,21 +77,21 @@ class DatabaseLookup:
 
     name = "lookup"
 
-    def __init__(self, queries: Sequence[Query], objective: Objective, refiner: Refiner, effort: Effort) -> None:
-        self._queries, self._effort = tuple(queries), effort
+    def __init__(self, queries: Sequence[Query], objective: Objective, refiner: Refiner, budget: LookupBudget) -> None:
+        self._queries, self._budget = tuple(queries), budget
         self._objective, self._refiner = objective, refiner
 
     def propose(
-        self, observation: Observation, state: PersonState, rng: np.random.Generator, best: Rival | None
+        self, observation: Observation, state: PersonState, rng: np.random.Generator, best: ScoredHypothesis | None
     ) -> Proposal:
         """See `Search.propose`."""
         if state.previous is None:
             firsts = (self._first(query, observation, state.body) for query in self._queries)
             return Proposal(tuple(first for first in firsts if first is not None))
-        bound = np.inf if best is None else self._effort.promising * best.comparison.distance
+        bound = np.inf if best is None else self._budget.promising * best.comparison.distance
         nearest, chosen, found = bound, None, None
         for query in self._asked(state):
-            for pose in query.poses(observation, state.previous, state.body, self._effort.candidates):
+            for pose in query.poses(observation, state.previous, state.body, self._budget.candidates):
                 distance = self._objective.compare(state.body, pose, observation.scene, nearest).distance
                 if distance < nearest:
                     nearest, chosen, found = distance, query, pose
@@ -103,15 +103,15 @@ class DatabaseLookup:
         """The queries of this frame: one or none in turn while all is well, else all."""
         if state.lost or not self._queries:
             return self._queries
-        if not is_asked(state, self._effort.rest):
+        if not is_asked(state, self._budget.rest):
             return ()
-        return (self._queries[(state.turn + 1) // (self._effort.rest + 1) % len(self._queries)],)
+        return (self._queries[(state.turn + 1) // (self._budget.rest + 1) % len(self._queries)],)
 
     def _first(self, query: Query, observation: Observation, body: Body) -> Hypothesis | None:
         """The answer of a query that is nearest to the frame once refined; None if it has none."""
         best: Hypothesis | None = None
         nearest = np.inf
-        for pose in query.poses(observation, None, body, self._effort.starts):
+        for pose in query.poses(observation, None, body, self._budget.starts):
             refined = self._refined(query, pose, observation, body, FIRST_ROUNDS)
             compared = self._objective.compare(body, refined, observation.scene)
             if compared.distance < nearest:

@@ -41,7 +41,7 @@ that explain a frame alike, the likelier one."""
 
 
 @dataclass(frozen=True, eq=False)
-class Rival:
+class ScoredHypothesis:
     """A hypothesis that was judged: for which body, and how far that is from the frame."""
 
     hypothesis: Hypothesis
@@ -49,7 +49,7 @@ class Rival:
     comparison: Comparison
 
     @property
-    def doubt(self) -> float:
+    def map_cost(self) -> float:
         """What decides where nobody knows the pose before, metres: the distance, and how unlikely the pose is."""
         return self.comparison.distance + UNLIKELY * self.comparison.energy
 
@@ -59,7 +59,7 @@ class Proposal:
     """What a search answers: hypotheses, and what it wants to be told in the next frame (None: nothing new)."""
 
     hypotheses: tuple[Hypothesis, ...] = ()
-    carry: Mapping[str, np.ndarray] | None = None
+    memory: Mapping[str, np.ndarray] | None = None
 
 
 NOTHING = Proposal()
@@ -70,13 +70,13 @@ class Search(Protocol):
 
     Attributes
     ----------
-    name : under which its time is booked and its `carry` is kept
+    name : under which its time is booked and its `memory` is kept
     """
 
     name: str
 
     def propose(
-        self, observation: Observation, state: PersonState, rng: np.random.Generator, best: Rival | None
+        self, observation: Observation, state: PersonState, rng: np.random.Generator, best: ScoredHypothesis | None
     ) -> Proposal:
         """Hypotheses for a frame, given what was known before it and the best of the searches asked earlier.
 
@@ -85,7 +85,7 @@ class Search(Protocol):
         ...
 
 
-class Finisher(Protocol):
+class Verifier(Protocol):
     """Asked once where the person has to be found anew, after all searches were asked for all bodies.
 
     Attributes
@@ -95,6 +95,6 @@ class Finisher(Protocol):
 
     name: str
 
-    def finished(self, observation: Observation, rivals: Sequence[Rival]) -> list[Rival]:
+    def finished(self, observation: Observation, rivals: Sequence[ScoredHypothesis]) -> list[ScoredHypothesis]:
         """Further rivals, given all that were judged."""
         ...

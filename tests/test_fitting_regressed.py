@@ -8,8 +8,8 @@ import pytest
 from toolkit import skeleton
 from toolkit.body.shape import load_body
 from toolkit.fitting.placed import NormalSystem, PlacedBody, Placer
-from toolkit.fitting.voted import CAP, OUT_OF_VIEW, SURE, WITHIN, VotedJoints, links_out_of_view
-from toolkit.landmarks.parts import JointEstimate
+from toolkit.fitting.regressed import CAP, OUT_OF_VIEW, SURE, WITHIN, VotedJoints, links_out_of_view
+from toolkit.landmarks.regressor import JointEstimate
 from toolkit.sensing.camera import Camera, level_rotation
 
 BODY = load_body("neutral")

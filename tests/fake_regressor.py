@@ -13,7 +13,7 @@ from toolkit import skeleton
 from toolkit.body.body import Body
 from toolkit.fitting.objective import WORSE, Comparison
 from toolkit.sensing.cloud import Cloud
-from toolkit.tracking.search.protocol import Hypothesis, Proposal, Rival
+from toolkit.tracking.search.protocol import Hypothesis, Proposal, ScoredHypothesis
 from toolkit.tracking.state import FIRST_STEP, PersonState
 
 CENTRE = np.array([0.1, 0.2, -3.0])
@@ -103,11 +103,13 @@ class FakeSearch:
     """Answers with what it is given; `answer` may depend on the question."""
 
     name: str
-    answer: Proposal | Callable[[PersonState, Rival | None], Proposal]
-    asked: list[tuple[Any, PersonState, Rival | None]] = field(default_factory=list)
+    answer: Proposal | Callable[[PersonState, ScoredHypothesis | None], Proposal]
+    asked: list[tuple[Any, PersonState, ScoredHypothesis | None]] = field(default_factory=list)
     draws: list[float] = field(default_factory=list)
 
-    def propose(self, seen: Any, state: PersonState, rng: np.random.Generator, best: Rival | None) -> Proposal:
+    def propose(
+        self, seen: Any, state: PersonState, rng: np.random.Generator, best: ScoredHypothesis | None
+    ) -> Proposal:
         """See `Search.propose`."""
         self.asked.append((seen, state, best))
         self.draws.append(float(rng.random()))

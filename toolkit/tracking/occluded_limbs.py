@@ -47,7 +47,7 @@ class Guess:
         return np.minimum(found, own)
 
 
-class LimbGuesser:
+class OccludedLimbs:
     """Judges limbs of which nothing is observed, and keeps them from jumping.
 
     Where nothing is observed the pose term of the fit alone moves a limb, to where the rest of the body lets it be

@@ -30,7 +30,7 @@ QUERIED: np.ndarray = np.array(
 )
 
 
-class VotesQuery:
+class RegressedJointsQuery:
     """The regressor's joints query the database: the poses whose joints lie nearest to the votes, by confidence.
 
     Parameters

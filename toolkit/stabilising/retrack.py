@@ -82,7 +82,7 @@ class GapGuide(NoGuide):
         return found
 
 
-class Again(NamedTuple):
+class Retracked(NamedTuple):
     """What tracking again gave.
 
     Attributes
@@ -103,14 +103,14 @@ class Again(NamedTuple):
     whole: np.ndarray
 
 
-def track_again(
+def retrack(
     source: Source,
     poses: np.ndarray,
     ways: Sequence[GapWays],
     bad: np.ndarray,
     guide: GapGuide,
     progress: Count,
-) -> Again:
+) -> Retracked:
     """Track the recording once more, guided in the gaps, and compare all ways through them with its frames.
 
     Parameters
@@ -153,7 +153,7 @@ def track_again(
                 fresh = follower.objective.compare(follower.body, rows[-1].pose, scene)
                 whole[:, number] = explained[number], fresh.distance
         progress(number + 1, len(poses))
-    return Again(rows, distances, angles, confidence, explained, whole)
+    return Retracked(rows, distances, angles, confidence, explained, whole)
 
 
 def _compared(

@@ -11,7 +11,7 @@ from toolkit.body.body import BELOW
 from toolkit.fitting.placed import NormalSystem, PlacedBody
 from toolkit.fitting.terms import CARRIERS, carried, pull
 from toolkit.kernels import linear
-from toolkit.landmarks.parts import JointEstimate
+from toolkit.landmarks.regressor import JointEstimate
 
 SURE = 0.8
 """Reliability from which on a voted joint is evidence."""

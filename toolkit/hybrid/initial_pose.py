@@ -17,13 +17,13 @@ from toolkit.fitting.refiner import Refiner
 from toolkit.hybrid.aimed import AimedArms
 from toolkit.tracking.observation import Observation
 from toolkit.tracking.search.lookup import FIRST_ROUNDS
-from toolkit.tracking.search.protocol import Hypothesis, Rival
+from toolkit.tracking.search.protocol import Hypothesis, ScoredHypothesis
 
 APART = math.radians(60.0)
 """Turn between two facings from which on no refinement leads from one to the other."""
 
 
-class FirstFrames:
+class InitialPoseVerifier:
     """Finishes the hypotheses of a first frame, or of one after a loss; the nearest of them is the person's pose.
 
     The best of each body, the best that faces elsewhere than the best of all, and that one turned to the other side
@@ -42,40 +42,40 @@ class FirstFrames:
     def __init__(self, objective: Objective, refiner: Refiner, arms: AimedArms) -> None:
         self._objective, self._refiner, self._arms = objective, refiner, arms
 
-    def finished(self, observation: Observation, rivals: Sequence[Rival]) -> list[Rival]:
+    def finished(self, observation: Observation, rivals: Sequence[ScoredHypothesis]) -> list[ScoredHypothesis]:
         """Further rivals for a frame of which `rivals` is what every search said of every body."""
         aimed = [self._arms.of(rival, observation) for rival in best_of_each_body(rivals)]
-        best = min(aimed, key=_doubt)
+        best = min(aimed, key=_map_cost)
         others = facing_elsewhere(best, rivals)
         if observation.votes is not None:
             others.append(self._turned(best, observation))
         return aimed + [self._arms.of(rival, observation) for rival in others]
 
-    def _turned(self, rival: Rival, observation: Observation) -> Rival:
+    def _turned(self, rival: ScoredHypothesis, observation: Observation) -> ScoredHypothesis:
         """The other way round, refined: with its limbs or with their mirror image, whichever is nearer."""
         both = []
         iterations = FIRST_ROUNDS * self._refiner.settings.iterations
         for turned in other_ways_round(rival.hypothesis.pose):
             pose = self._refiner.refine(rival.body, turned, observation.scene, iterations=iterations)
             compared = self._objective.compare(rival.body, pose, observation.scene)
-            both.append(Rival(Hypothesis(rival.hypothesis.source, pose, compared), rival.body, compared))
-        return min(both, key=_doubt)
+            both.append(ScoredHypothesis(Hypothesis(rival.hypothesis.source, pose, compared), rival.body, compared))
+        return min(both, key=_map_cost)
 
 
-def best_of_each_body(rivals: Sequence[Rival]) -> list[Rival]:
+def best_of_each_body(rivals: Sequence[ScoredHypothesis]) -> list[ScoredHypothesis]:
     """The nearest rival of every body."""
-    best: dict[int, Rival] = {}
-    for rival in sorted(rivals, key=_doubt, reverse=True):
+    best: dict[int, ScoredHypothesis] = {}
+    for rival in sorted(rivals, key=_map_cost, reverse=True):
         best[id(rival.body)] = rival
     return list(best.values())
 
 
-def facing_elsewhere(best: Rival, rivals: Sequence[Rival]) -> list[Rival]:
+def facing_elsewhere(best: ScoredHypothesis, rivals: Sequence[ScoredHypothesis]) -> list[ScoredHypothesis]:
     """Of the rivals that face at least `APART` from the best one the nearest, if there are any."""
     yaw = float(canonical.body_facing(best.hypothesis.pose))
     turns = [float(canonical.body_facing(rival.hypothesis.pose)) - yaw for rival in rivals]
     apart = [r for r, turn in zip(rivals, turns, strict=True) if abs(math.remainder(turn, math.tau)) >= APART]
-    return sorted(apart, key=_doubt)[:1]
+    return sorted(apart, key=_map_cost)[:1]
 
 
 def other_ways_round(pose: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -87,5 +87,5 @@ def other_ways_round(pose: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return turned, mirrored
 
 
-def _doubt(rival: Rival) -> float:
-    return rival.doubt
+def _map_cost(rival: ScoredHypothesis) -> float:
+    return rival.map_cost

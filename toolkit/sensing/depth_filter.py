@@ -10,7 +10,7 @@ from toolkit.sensing.camera import Camera
 from toolkit.sensing.settings import CONTOURS, SensingSettings
 
 
-class Polisher:
+class DepthFilter:
     """Takes the lens distortion out of raw frames, and mixed pixels and noise out of people.
 
     Parameters
@@ -55,7 +55,7 @@ class Polisher:
         # Nearest, because a mean of two depths at an edge is a point where nothing is.
         return np.asarray(cv2.remap(depth, *self._maps, cv2.INTER_NEAREST))
 
-    def polish(self, padded: np.ndarray, box: np.ndarray) -> np.ndarray:
+    def filtered(self, padded: np.ndarray, box: np.ndarray) -> np.ndarray:
         """Contour pixels deleted, 3x3 median: float32 (H', W') of `camera`, metres, a new array.
 
         `padded` is the person's depth, uint16 (H + 2, W + 2), millimetres, and `box` the window (v0, v1, u0, u1, ends

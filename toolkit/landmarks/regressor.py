@@ -2,8 +2,8 @@
 
 The next step that Baak 2013, 5.5.5 names. A regression forest sends a few hundred pixels of a cleaned depth image down
 its trees (questions of Shotton 2011); the leaves hold mean offsets to the 20 reported joints and how sure they are
-(Girshick 2011). Trained offline on depth drawn from the poses of a database (`database_builder.parts`) and kept in the
-database's file.
+(Girshick 2011). Trained offline on depth drawn from the poses of a database (`database_builder.regressor`) and kept in
+the database's file.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ _WEIGHTS: np.ndarray = (np.arange(forest.SURE) / (forest.SURE - 1)) ** 4
 
 
 def sureness(variance: np.ndarray) -> np.ndarray:
-    """How sure a leaf of these variances of joints (square metres) is, as `JointForest.leaf_sureness` has it."""
+    """How sure a leaf of these variances of joints (square metres) is, as `JointRegressor.leaf_sureness` has it."""
     return np.rint((forest.SURE - 1) * SURE_SPREAD / np.sqrt(np.maximum(variance, SURE_SPREAD**2))).astype(np.uint8)
 
 
@@ -63,7 +63,7 @@ class JointEstimate:
 
 
 @dataclass(frozen=True, eq=False)
-class JointForest:
+class JointRegressor:
     """A trained forest.
 
     Attributes

@@ -16,7 +16,7 @@ from toolkit.fitting.scene import Scene
 from toolkit.fitting.settings import FittingSettings
 from toolkit.sensing.camera import Camera, level_rotation
 from toolkit.sensing.cloud import Cloud
-from toolkit.tracking.guess import FOUND, Guess, LimbGuesser, spread_of_joints, unobserved_joints
+from toolkit.tracking.occluded_limbs import FOUND, Guess, OccludedLimbs, spread_of_joints, unobserved_joints
 
 BODY = load_body("neutral")
 CAMERA = Camera(100.0, 100.0, 39.5, 49.5, 80, 100)
@@ -57,7 +57,7 @@ def looked_at(objective: Objective, pose: np.ndarray, last_row: int) -> Comparis
 
 def test_a_body_that_is_all_in_view_is_left_as_it_is(objective: Objective, prior: PosePrior) -> None:
     pose = standing(knee=0.1)
-    guess = LimbGuesser(prior).guess(pose, looked_at(objective, pose, 99), objective, standing())
+    guess = OccludedLimbs(prior).guess(pose, looked_at(objective, pose, 99), objective, standing())
     assert guess.pose is pose
     assert not guess.spread.any()
     found = np.linspace(0.0, 1.0, 20)
@@ -78,11 +78,11 @@ def test_a_limb_that_is_known_to_be_out_of_view_is_guessed_though_it_is_before_w
     objective: Objective, prior: PosePrior
 ) -> None:
     pose, before = standing(knee=0.3), standing(knee=0.1)
-    seen, guesser = looked_at(objective, pose, 99), LimbGuesser(prior)
-    assert guesser.guess(pose, seen, objective, before).observed.all()
+    seen, occluded_limbs = looked_at(objective, pose, 99), OccludedLimbs(prior)
+    assert occluded_limbs.guess(pose, seen, objective, before).observed.all()
     assert seen.scene is not None
     seen.scene.withheld = np.array([name.startswith("left_knee") for name in skeleton.JOINT_NAMES])
-    guess = guesser.guess(pose, seen, objective, before)
+    guess = occluded_limbs.guess(pose, seen, objective, before)
     assert guess.pose[KNEE] == before[KNEE]
     assert {name for name, seen in zip(skeleton.REPORTED, guess.observed, strict=True) if not seen} == {
         "left_ankle", "left_foot"
@@ -91,14 +91,14 @@ def test_a_limb_that_is_known_to_be_out_of_view_is_guessed_though_it_is_before_w
 
 def test_unobserved_limbs_stay_where_they_were_and_all_else_is_believed(objective: Objective, prior: PosePrior) -> None:
     before, pose = standing(knee=0.3), standing(knee=2.0)
-    seen, guesser = looked_at(objective, pose, 40), LimbGuesser(prior)
-    guess = guesser.guess(pose, seen, objective, before)
+    seen, occluded_limbs = looked_at(objective, pose, 40), OccludedLimbs(prior)
+    guess = occluded_limbs.guess(pose, seen, objective, before)
     assert guess.pose[KNEE] == before[KNEE]
     others = np.delete(np.arange(skeleton.POSE_SIZE), LEGS)
     before_elsewhere = before.copy()
     before_elsewhere[others] += 0.1
-    assert guesser.guess(pose, seen, objective, before_elsewhere).pose.tolist() == guess.pose.tolist()
-    assert guesser.guess(pose, seen, objective, None).pose is pose
+    assert occluded_limbs.guess(pose, seen, objective, before_elsewhere).pose.tolist() == guess.pose.tolist()
+    assert occluded_limbs.guess(pose, seen, objective, None).pose is pose
 
 
 def test_a_guess_is_as_uncertain_as_the_prior_given_what_is_seen(objective: Objective) -> None:
@@ -110,7 +110,7 @@ def test_a_guess_is_as_uncertain_as_the_prior_given_what_is_seen(objective: Obje
         covariance = scale * np.eye(SIZE)
         covariance[KNEE - 6, right] = covariance[right, KNEE - 6] = 0.9 * scale
         prior = PosePrior(np.ones(1), mean[None], covariance[None], np.zeros(1, dtype=np.int64))
-        guess = LimbGuesser(prior).guess(pose, looked_at(objective, pose, 40), objective, None)
+        guess = OccludedLimbs(prior).guess(pose, looked_at(objective, pose, 40), objective, None)
         moved = {skeleton.REPORTED[i] for i in np.flatnonzero(guess.spread)}
         assert moved == {f"{side}_{part}" for side in ("left", "right") for part in ("knee", "ankle", "foot")}
         spreads.append(guess.spread)
@@ -122,7 +122,7 @@ def test_limbs_that_sensors_tell_of_are_not_guessed(objective: Objective, prior:
     seen = looked_at(objective, pose, 40)
     assert seen.scene is not None
     seen.scene.evidence = (OrientationTerm(0, np.eye(3), -1, 0.3, 0.5, 0.1),)
-    assert LimbGuesser(prior).guess(pose, seen, objective, standing()).pose is pose
+    assert OccludedLimbs(prior).guess(pose, seen, objective, standing()).pose is pose
 
 
 def test_the_spread_of_a_joint_is_that_of_poses_with_such_angles(objective: Objective) -> None:

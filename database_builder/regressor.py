@@ -19,12 +19,12 @@ from toolkit.errors import SettingsError
 from toolkit.kernels.cache import sources_digest
 from toolkit.kernels.learning import forest_training
 from toolkit.kernels.learning.forest_training import Growth, Samples, Tree
-from toolkit.landmarks.parts import OFFSET_UNIT, JointForest, sureness
+from toolkit.landmarks.regressor import OFFSET_UNIT, JointRegressor, sureness
 from toolkit.progress import Count
 
 
 @dataclass(frozen=True)
-class PartsSettings:
+class RegressorSettings:
     """How the regressor is trained.
 
     Attributes
@@ -65,28 +65,28 @@ JUDGED_TOGETHER = 100_000
 """Samples whose leaves are worked out in one go: 24 MB of offsets."""
 
 
-def train_forest(
+def train_regressor(
     poses: np.ndarray,
-    settings: PartsSettings | None = None,
+    settings: RegressorSettings | None = None,
     *,
     seed: int = 0,
     workers: int = 1,
     kept: Path | None = None,
     progress: Count | None = None,
-) -> JointForest:
+) -> JointRegressor:
     """Train the joint regressor of canonical database poses (N, P).
 
     Images are drawn in `workers` processes and trees grow in as many threads, from random streams of their own, so that
     the result does not depend on their number. What was drawn and what was grown is kept in the folder `kept`, where
     there is one, and used again. `progress(done, total)` counts images, then parts of trees, then views.
     """
-    settings = settings or PartsSettings()
+    settings = settings or RegressorSettings()
     report = progress or (lambda done, total: None)
     drawing, growing, judging = np.random.default_rng(seed).spawn(3)
     key = _key(poses, settings, seed)
     grown = Kept(kept and kept / "forest.npz", key)
     if (arrays := grown.load()) is not None:
-        trained = JointForest(**arrays)
+        trained = JointRegressor(**arrays)
     else:
         data = _drawn(poses, settings, drawing, workers, kept, key, report)
         trained = _grown(data, settings, growing, workers, report)
@@ -94,7 +94,7 @@ def train_forest(
     return calibrated(trained, poses, settings.views, settings.calibration, judging, report)
 
 
-def _key(poses: np.ndarray, settings: PartsSettings, seed: int) -> str:
+def _key(poses: np.ndarray, settings: RegressorSettings, seed: int) -> str:
     """Names everything that drawn images and grown trees depend on, the code that makes them too."""
     digest = hashlib.sha256(repr((asdict(settings), seed, sources_digest(Path(forest_training.__file__)))).encode())
     for path in sorted(Path(__file__).parent.glob("*.py")):
@@ -104,7 +104,7 @@ def _key(poses: np.ndarray, settings: PartsSettings, seed: int) -> str:
 
 
 def _drawn(
-    poses: np.ndarray, settings: PartsSettings, rng: np.random.Generator, workers: int, kept: Path | None, key: str,
+    poses: np.ndarray, settings: RegressorSettings, rng: np.random.Generator, workers: int, kept: Path | None, key: str,
     progress: Count,
 ) -> TrainingImages:  # fmt: skip
     """All training images, drawn side by side."""
@@ -121,7 +121,9 @@ def _drawn(
     return _together(parts)
 
 
-def _draw(poses: np.ndarray, settings: PartsSettings, task: tuple[int, np.random.Generator, Kept]) -> TrainingImages:
+def _draw(
+    poses: np.ndarray, settings: RegressorSettings, task: tuple[int, np.random.Generator, Kept]
+) -> TrainingImages:
     count, stream, kept = task
     if (arrays := kept.load()) is not None:
         return TrainingImages(**arrays)
@@ -146,8 +148,8 @@ def _together(parts: list[TrainingImages]) -> TrainingImages:
 
 
 def _grown(
-    data: TrainingImages, settings: PartsSettings, rng: np.random.Generator, workers: int, progress: Count
-) -> JointForest:
+    data: TrainingImages, settings: RegressorSettings, rng: np.random.Generator, workers: int, progress: Count
+) -> JointRegressor:
     """The forest of training images, not yet calibrated."""
     samples = Samples(
         data.depth, data.starts, data.shapes, data.windows, FOCAL, data.sample_image, data.sample_u, data.sample_v
@@ -161,7 +163,7 @@ def _grown(
     leaves = [leaf for tree, rows in grown for leaf in _leaves(data, tree, rows)]
     mean, variance, share = (np.concatenate(column) for column in zip(*leaves, strict=True))
     forest, roots = together([tree for tree, _ in grown])
-    return JointForest(
+    return JointRegressor(
         forest.offsets,
         forest.thresholds,
         forest.children,

@@ -13,9 +13,9 @@ from hypothesis import given
 from hypothesis import settings as drawn_with
 from hypothesis import strategies as st
 
-from database_builder import parts
+from database_builder import regressor as parts
 from database_builder.growing import grow_trees
-from database_builder.parts import PartsSettings, leaf_votes, train_forest
+from database_builder.regressor import RegressorSettings, leaf_votes, train_regressor
 from database_builder.views import (
     FOCAL,
     TrainingImages,
@@ -32,14 +32,14 @@ from toolkit.body.shape import ShapeSpace, load_body
 from toolkit.database import canonical
 from toolkit.errors import OutputError, SettingsError
 from toolkit.kernels.learning import forest, forest_training
-from toolkit.landmarks.parts import JointForest
+from toolkit.landmarks.regressor import JointRegressor
 from toolkit.mocap.procedural import SEATED_MOTIONS, procedural_clips
 from toolkit.sensing.camera import Camera, level_rotation
 from toolkit.sensing.cloud import Cloud
 
 PLAIN = ViewSettings(turned=0.5, cut=0.0, hidden=0.0, raised=0.0, small=0.0, seated=0.0)
 """People as the first regressors knew them: adults, standing, in full view."""
-SMALL = PartsSettings(
+SMALL = RegressorSettings(
     images=60,
     pixels=60,
     trees=2,
@@ -104,7 +104,9 @@ TINY = Camera(25.0, 35.0, 20.0, 15.0, 40, 30)
 TILTED = level_rotation(np.array([0.05, -0.9, -0.45]))
 
 
-def random_forest(rng: np.random.Generator, trees: int = 3, levels: int = 3, leaves_apart: float = 0.5) -> JointForest:
+def random_forest(
+    rng: np.random.Generator, trees: int = 3, levels: int = 3, leaves_apart: float = 0.5
+) -> JointRegressor:
     """Complete trees of random questions, whose leaves are numbered as they are met."""
     offsets, thresholds, children, roots = [], [], [], []
     count = 0
@@ -123,7 +125,7 @@ def random_forest(rng: np.random.Generator, trees: int = 3, levels: int = 3, lea
 
     for _ in range(trees):
         roots.append(grow(0))
-    return JointForest(
+    return JointRegressor(
         np.array(offsets, dtype=np.float32), np.array(thresholds, dtype=np.float32),
         np.array(children, dtype=np.int32), np.array(roots, dtype=np.int32),
         (100 * rng.normal(0.0, leaves_apart, (count, 20, 3))).clip(-127, 127).astype(np.int8),
@@ -208,7 +210,7 @@ def test_pixels_reach_the_leaves_that_a_plain_walk_reaches() -> None:
 
 
 def plain_vote(
-    points: np.ndarray, leaves: np.ndarray, trained: JointForest, voters: int, bandwidth: float, rounds: int
+    points: np.ndarray, leaves: np.ndarray, trained: JointRegressor, voters: int, bandwidth: float, rounds: int
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     assert trained.leaf_in_view is not None
     joints, confidence, evidence = np.empty((20, 3)), np.empty(20), np.empty(20)
@@ -526,7 +528,7 @@ def test_parts_have_two_labels_each_on_both_sides() -> None:
 
 
 @pytest.fixture(scope="module")
-def trained() -> JointForest:
+def trained() -> JointRegressor:
     settings = replace(
         SMALL,
         images=500,
@@ -537,11 +539,11 @@ def trained() -> JointForest:
         node_samples=1000,
         views=replace(PLAIN, turned=0.0),
     )
-    return train_forest(a_few_poses(), settings, seed=1)
+    return train_regressor(a_few_poses(), settings, seed=1)
 
 
 @pytest.mark.parametrize("yaw", [-20.0, 0.0, 25.0])
-def test_a_small_forest_finds_head_and_hips_in_a_view_that_it_has_not_seen(trained: JointForest, yaw: float) -> None:
+def test_a_small_forest_finds_head_and_hips_in_a_view_that_it_has_not_seen(trained: JointRegressor, yaw: float) -> None:
     body = load_body("slim_male")
     pose = canonical.place(a_few_poses()[11], np.zeros(4), np.array([0.2, -0.1, -2.6]), np.deg2rad(yaw))
     estimate = trained.estimate(body_cloud(body, pose), 300)
@@ -555,7 +557,7 @@ def test_a_small_forest_finds_head_and_hips_in_a_view_that_it_has_not_seen(train
     assert hips[0][0] > hips[1][0]
 
 
-def test_another_camera_sees_the_same_joints(trained: JointForest) -> None:
+def test_another_camera_sees_the_same_joints(trained: JointRegressor) -> None:
     body = load_body("neutral")
     pose = canonical.place(a_few_poses()[5], np.zeros(4), np.array([0.0, 0.0, -2.5]), 0.0)
     cloud = body_cloud(body, pose)
@@ -566,11 +568,11 @@ def test_another_camera_sees_the_same_joints(trained: JointForest) -> None:
 
 
 def test_a_forest_does_not_depend_on_the_number_of_workers() -> None:
-    alone, together = (train_forest(a_few_poses(), SMALL, seed=4, workers=workers) for workers in (1, 2))
+    alone, together = (train_regressor(a_few_poses(), SMALL, seed=4, workers=workers) for workers in (1, 2))
     assert len(alone.roots) == SMALL.trees and len(alone.thresholds) > 10
     for name, array in alone.arrays().items():
         assert np.array_equal(array, together.arrays()[name]), name
-    other = train_forest(a_few_poses(), SMALL, seed=5)
+    other = train_regressor(a_few_poses(), SMALL, seed=5)
     assert not np.array_equal(alone.leaf_offsets[:5], other.leaf_offsets[:5])
 
 
@@ -641,7 +643,7 @@ def test_leaves_hold_the_mean_offset_of_their_samples_and_how_sure_it_is() -> No
             assert variance[leaf, joint] == pytest.approx(votes.var(axis=0).sum(), abs=1e-4)
 
 
-def test_a_forest_holds_what_the_leaves_of_its_trees_know(trained: JointForest) -> None:
+def test_a_forest_holds_what_the_leaves_of_its_trees_know(trained: JointRegressor) -> None:
     assert np.abs(trained.leaf_offsets.astype(int)).max() > 80 and trained.leaf_sureness.max() > 100
     reached = np.sort(np.concatenate([trained.children.ravel(), trained.roots]))
     assert np.array_equal(reached, np.arange(-len(trained.leaf_offsets), len(trained.offsets)))
@@ -650,8 +652,8 @@ def test_a_forest_holds_what_the_leaves_of_its_trees_know(trained: JointForest) 
 def test_a_calibrated_forest_knows_which_joints_lie_below_the_image_and_how_often_it_is_right() -> None:
     views = replace(PLAIN, turned=0.0, cut=0.5)
     settings = replace(SMALL, images=300, pixels=80, depth=10, smallest_leaf=15, questions=40, views=views)
-    plain = train_forest(a_few_poses(), settings, seed=2)
-    forest_ = train_forest(a_few_poses(), replace(settings, calibration=150), seed=2)
+    plain = train_regressor(a_few_poses(), settings, seed=2)
+    forest_ = train_regressor(a_few_poses(), replace(settings, calibration=150), seed=2)
     assert np.array_equal(plain.leaf_offsets, forest_.leaf_offsets) and plain.calibration is None
     assert forest_.calibration is not None and (np.diff(forest_.calibration, axis=1) >= 0).all()
     body = load_body("neutral")
@@ -686,22 +688,22 @@ def test_what_was_trained_before_a_failure_is_used_again(tmp_path: Path, monkeyp
         made.append("trees")
         return grow(*arguments)
 
-    def broken(*arguments: Any) -> JointForest:
+    def broken(*arguments: Any) -> JointRegressor:
         raise ValueError("no pixel")
 
     monkeypatch.setattr(parts, "draw_images", drawing)
     monkeypatch.setattr(parts, "grow_trees", growing)
     with pytest.raises(KeyboardInterrupt):
-        train_forest(a_few_poses(), SMALL, seed=4, kept=tmp_path)
+        train_regressor(a_few_poses(), SMALL, seed=4, kept=tmp_path)
     with monkeypatch.context() as failing:
         failing.setattr(parts, "calibrated", broken)
         with pytest.raises(ValueError, match="no pixel"):
-            train_forest(a_few_poses(), SMALL, seed=4, kept=tmp_path)
-    trained = train_forest(a_few_poses(), SMALL, seed=4, kept=tmp_path)
+            train_regressor(a_few_poses(), SMALL, seed=4, kept=tmp_path)
+    trained = train_regressor(a_few_poses(), SMALL, seed=4, kept=tmp_path)
     assert made == ["images"] * 4 + ["trees"]  # three parts, of which the second was begun twice
-    plain = train_forest(a_few_poses(), SMALL, seed=4)
+    plain = train_regressor(a_few_poses(), SMALL, seed=4)
     assert all(np.array_equal(array, trained.arrays()[name]) for name, array in plain.arrays().items())
-    train_forest(a_few_poses(), SMALL, seed=5, kept=tmp_path)
+    train_regressor(a_few_poses(), SMALL, seed=5, kept=tmp_path)
     assert made[9:] == ["images"] * 3 + ["trees"]  # of another seed
 
 
@@ -710,11 +712,11 @@ def test_training_goes_on_where_nothing_can_be_kept(tmp_path: Path, monkeypatch:
         raise OutputError("cannot write: No space left on device")
 
     monkeypatch.setattr("database_builder.kept.save_archive", full)
-    assert len(train_forest(a_few_poses(), SMALL, kept=tmp_path).roots) == 2
+    assert len(train_regressor(a_few_poses(), SMALL, kept=tmp_path).roots) == 2
     assert not list(tmp_path.iterdir())
 
 
 @pytest.mark.parametrize("values", [{"images": 0}, {"trees": 0}, {"bins": 1}])
 def test_impossible_training_settings_are_refused(values: dict[str, int]) -> None:
     with pytest.raises(SettingsError, match="parts"):
-        PartsSettings(**values)
+        RegressorSettings(**values)
