@@ -125,7 +125,7 @@ def test_of_several_depth_topics_one_has_to_be_named(tmp_path: Path) -> None:
                 writer.image(
                     topic, 0.1 * i, np.where(depth > 0, depth + 7 * ("right" in topic), 0).astype(np.uint16), "16UC1"
                 )
-    with pytest.raises(RecordingError, match="2 depth topics; give the option track=TOPIC: /left/depth/image, /right"):
+    with pytest.raises(RecordingError, match="2 depth topics; give --track TOPIC: /left/depth/image, /right"):
         open_recording(tmp_path / "take.bag")
     right = open_recording(tmp_path / "take.bag", track="/right/depth/image").depth(0)
     assert right.max() == frames()[0].max() + 7
@@ -144,7 +144,7 @@ def test_a_file_without_usable_depth_says_what_it_holds(tmp_path: Path) -> None:
         open_recording(tmp_path / "eight.bag")
     with RosWriter(tmp_path / "bare.bag") as writer:
         writer.image("/depth/image", 0.0, frames()[0], "16UC1")
-    with pytest.raises(RecordingError, match="give the option intrinsics"):
+    with pytest.raises(RecordingError, match="give --intrinsics"):
         open_recording(tmp_path / "bare.bag")
     assert open_recording(tmp_path / "bare.bag", intrinsics=TOF.intrinsics).camera == TOF
 
@@ -327,7 +327,7 @@ def test_a_tum_folder_opens_with_its_unit_and_times(tmp_path: Path) -> None:
     np.testing.assert_allclose(recording.timestamps, [0, 0.1], atol=1e-9)
     assert_frames(recording, frames(2))
     assert [int(recording.color(i)[0, 0, 0]) for i in (0, 1)] == [1, 2]
-    with pytest.raises(RecordingError, match="give the option intrinsics"):
+    with pytest.raises(RecordingError, match="give --intrinsics"):
         open_recording(folder)
     for text in ("1.5\n", "soon depth/1.5.png\n", "1.5 ../../secret.png\n", "# nothing\n"):
         (folder / "depth.txt").write_text(text)

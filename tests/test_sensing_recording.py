@@ -114,13 +114,13 @@ def test_distance_images_become_depth_images(tmp_path):
 
 def test_depth_in_metres_is_an_error_that_names_the_unit(tmp_path):
     path = write(tmp_path / "a.npz", depth=np.stack([person_alone(TOF)] * 2).astype(np.float32) / 1000)
-    with pytest.raises(RecordingError, match="set depth_unit to 'm'"):
+    with pytest.raises(RecordingError, match="give --depth-unit m$"):
         open_recording(path).depth(0)
     np.testing.assert_array_equal(open_recording(path, depth_unit="m").depth(0), person_alone(TOF))
 
 
 def test_millimetres_called_metres_are_an_error_too(tmp_path):
-    with pytest.raises(RecordingError, match="set depth_unit to 'mm'"):
+    with pytest.raises(RecordingError, match="give --depth-unit mm$"):
         open_recording(write(tmp_path / "a.npz"), depth_unit="m").depth(0)
 
 
@@ -147,7 +147,7 @@ def test_frames_without_any_measurement_are_zero(tmp_path):
     ("changes", "part"),
     [
         ({"depth": None}, "has no 'depth'"),
-        ({"intrinsics": None}, "no intrinsics; give the option intrinsics"),
+        ({"intrinsics": None}, "no intrinsics; give --intrinsics"),
         ({"intrinsics": np.zeros(4)}, "absurd"),
         ({"intrinsics": np.full(4, np.nan)}, "not finite"),
         ({"intrinsics": np.zeros(3)}, "3 numbers"),

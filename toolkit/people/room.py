@@ -275,8 +275,8 @@ class RoomSegmenter:
             return people[int(np.argmin(away))][:1] if min(away) <= FOUND_AGAIN else []
         if self._subject == "only" and len(people) > 1:
             raise SegmentationError(
-                f"{len(people)} things of a person's size are in view; set subject to 'nearest' or 'largest', or "
-                "segment to 'seed:U,V' (a pixel of the person)"
+                f"{len(people)} things of a person's size are in view; give --subject nearest or largest, or "
+                "--segment seed:U,V (a pixel of the person)"
             )
         if self._subject == "nearest":
             return min(people, key=lambda p: float(np.median(coarse[surfaces.labels == p[0] + 1])))[:1]

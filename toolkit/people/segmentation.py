@@ -16,8 +16,8 @@ from toolkit.sensing.camera import Camera, level_rotation
 from toolkit.sensing.settings import SegmentationMode, SensingSettings
 
 HOW_TO_SEGMENT = (
-    "set segment to 'person', 'seed:U,V' (a pixel of the person), 'range:NEAR,FAR' (metres) or 'empty-frames:N', "
-    "or give a background"
+    "give --segment person, seed:U,V (a pixel of the person), range:NEAR,FAR (metres) or empty-frames:N, "
+    "or --background with the empty scene"
 )
 EMPTY_SHARE = 0.1  # of each frame is 0 where it is already segmented (recording format)
 SURFACE_GAP = 0.04  # m: neighbouring pixels of one surface differ by less, on top of the quantisation
@@ -78,7 +78,7 @@ class Segmenter:
         if mode.name == "auto" and background is not None:
             mode = SegmentationMode("background")
         if mode.name == "background" and background is None:
-            raise SegmentationError(f"segment is 'background' and the recording has none; {HOW_TO_SEGMENT}")
+            raise SegmentationError(f"--segment is background and the recording has none; {HOW_TO_SEGMENT}")
         self._mode = mode
         near, far = mode.numbers if mode.name == "range" else (settings.near, settings.far)
         self._near, self._far = int(1000 * near), min(int(1000 * far), 65535)
@@ -235,7 +235,7 @@ class Segmenter:
             return max(groups, key=lambda g: int(shared[g].sum()))
         if self._settings.subject == "only":
             raise SegmentationError(
-                f"{len(groups)} people are in view; set subject to 'nearest' or 'largest', or segment to 'seed:U,V' "
+                f"{len(groups)} people are in view; give --subject nearest or largest, or --segment seed:U,V "
                 "(a pixel of the person)"
             )
         if self._settings.subject == "nearest":

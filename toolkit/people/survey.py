@@ -52,7 +52,9 @@ def survey(recording: Recording, sensing: SensingSettings, settings: PeopleSetti
     mode = SegmentationMode.parse(sensing.segment)
     lens = Lens(polisher.flat_camera, recording.up_camera, settings.coarse_width, sensing)
     if mode.name == "background" and recording.background is None:
-        raise SegmentationError("segment is 'background' and the recording has none; set segment to 'auto'")
+        raise SegmentationError(
+            "--segment is background and the recording has none; give --background or --segment auto"
+        )
     if mode.name in ("auto", "background") and recording.background is not None:
         background = lens.coarse(polisher.undistort(recording.background))
         return empty_scene(background, lens, sensing.background_margin)

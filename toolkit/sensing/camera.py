@@ -222,7 +222,7 @@ def level_rotation(up_camera: np.ndarray) -> np.ndarray:
     up = np.asarray(up_camera, dtype=np.float64)
     length = math.hypot(*up) if up.shape == (3,) else 0.0
     if not np.isfinite(length) or length < 1e-6:
-        raise RecordingError(f"up_camera {up.tolist()} is no direction; give three numbers such as 0, -1, 0")
+        raise RecordingError(f"the vertical (--up) {up.tolist()} is no direction; give three numbers such as 0, -1, 0")
     y = up / length
     looking_down = y[2] < 0
     towards = np.array([0.0, 0.0, -1.0]) if abs(y[2]) < 0.999 else np.array([0.0, 1.0 if looking_down else -1.0, 0.0])

@@ -81,10 +81,10 @@ class DepthConverter:
             return
         stored = float(np.median(measured))
         if not self._plausible(self._factor * stored):
-            fitting = [f"'{u}'" for u in ("mm", "m") if self._plausible(1000 * stored * unit_in_metres(u))]
+            fitting = [u for u in ("mm", "m") if self._plausible(1000 * stored * unit_in_metres(u))]
             raise RecordingError(
                 f"{what} has a median value of {stored:g}, which is {self._factor * stored / 1000:g} m with "
-                f"depth_unit={self.unit!r}; set depth_unit to "
+                f"--depth-unit {self.unit}; give --depth-unit "
                 f"{' or '.join(fitting) or 'the metres of one unit, such as 0.0002'}"
             )
         self._checked = True
@@ -109,5 +109,5 @@ def unit_in_metres(unit: str | float) -> float:
     except (TypeError, ValueError):
         value = float("nan")
     if not 0 < value < 10:
-        raise UsageError(f"depth_unit {unit!r} is neither 'mm', 'm' nor the metres of one unit, such as 0.001")
+        raise UsageError(f"--depth-unit is {unit!r}; give mm, m or the metres of one unit, such as 0.001")
     return value

@@ -21,6 +21,7 @@ from toolkit.sensing.stream import Frame
 from toolkit.sensing.vertical import Vertical
 
 LENGTHS = {"intrinsics": 4, "size": 2, "up_camera": 3}
+FLAGS = {"intrinsics": "--intrinsics", "size": "--size", "up_camera": "--up"}
 LARGEST_RATE = 1000.0  # frames a second: faster than any depth camera
 LARGEST_SIDE = 20_000  # pixels: larger than any image
 
@@ -169,14 +170,14 @@ class ReaderOptions:
         rate = made.frame_rate
         if rate is not None and not (isinstance(rate, (int, float)) and 0 < rate <= LARGEST_RATE):
             raise UsageError(
-                f"frame_rate {made.frame_rate} is not positive or above {LARGEST_RATE:g}; give frames a second"
+                f"--frame-rate {made.frame_rate} is not positive or above {LARGEST_RATE:g}; give frames a second"
             )
         if made.depth_unit is not None:
             unit_in_metres(made.depth_unit)
         if made.axes not in ("camera", "graphics"):
-            raise UsageError(f"axes {made.axes!r} is neither 'camera' nor 'graphics'")
+            raise UsageError(f"--axes is {made.axes!r}; give camera or graphics")
         if made.rotate not in (0, 90, 180, 270):
-            raise UsageError(f"rotate {made.rotate!r} is none of: 0, 90, 180, 270")
+            raise UsageError(f"--rotate is {made.rotate!r}; give 90, 180 or 270")
         return made
 
     def unit(self, default: str | float) -> str | float:
@@ -205,9 +206,9 @@ def _numbers(name: str, value: Any) -> Any:
     except (TypeError, ValueError):
         if name == "intrinsics" and isinstance(value, (str, Path)):
             return str(value)
-        raise UsageError(f"{name} {value!r} is not {LENGTHS[name]} numbers") from None
+        raise UsageError(f"{FLAGS[name]} is {value!r}; give {LENGTHS[name]} numbers") from None
     if len(numbers) != LENGTHS[name] or not np.isfinite(numbers).all():
-        raise UsageError(f"{name} {value!r} is not {LENGTHS[name]} numbers")
+        raise UsageError(f"{FLAGS[name]} is {value!r}; give {LENGTHS[name]} numbers")
     if name == "size" and not all(0 < n <= LARGEST_SIDE and n == int(n) for n in numbers):
-        raise UsageError(f"size {value!r} is no width and height in pixels")
+        raise UsageError(f"--size is {value!r}; give width and height in pixels")
     return tuple(int(n) for n in numbers) if name == "size" else numbers

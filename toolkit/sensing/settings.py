@@ -37,11 +37,11 @@ class SegmentationMode:
         except ValueError:
             numbers = (float("nan"),)
         if counts.get(name) != len(numbers) or not all(np.isfinite(n) and n >= 0 for n in numbers):
-            raise SettingsError(f"segment {text!r} is none of: {MODES}")
+            raise SettingsError(f"--segment is {text!r}; give one of: {MODES}")
         if name == "range" and numbers[0] >= numbers[1]:
-            raise SettingsError(f"segment {text!r} is no range; give metres, the nearer first")
+            raise SettingsError(f"--segment {text!r} is no range; give metres, the nearer first")
         if name == "empty-frames" and not (1 <= numbers[0] <= MOST_EMPTY_FRAMES and numbers[0] == int(numbers[0])):
-            raise SettingsError(f"segment {text!r} needs a number of frames from 1 to {MOST_EMPTY_FRAMES}")
+            raise SettingsError(f"--segment {text!r} needs a number of frames from 1 to {MOST_EMPTY_FRAMES}")
         return cls(name, numbers)
 
 
@@ -85,7 +85,7 @@ class SensingSettings:
         if self.contour not in CONTOURS:
             raise SettingsError(f"contour {self.contour!r} is none of: {', '.join(CONTOURS)}")
         if self.subject not in ("only", "largest", "nearest"):
-            raise SettingsError(f"subject {self.subject!r} is none of: only, largest, nearest")
+            raise SettingsError(f"--subject is {self.subject!r}; give one of: only, largest, nearest")
         if not 0 <= self.near < self.far <= 65.0:
             raise SettingsError(f"near {self.near} and far {self.far} are no range; give metres, near first, up to 65")
         for name in ("background_margin", "contour_tolerance", "quantisation"):

@@ -90,7 +90,7 @@ def load_cloud(path: Path, axes: str) -> RawCloud:
     if not np.isfinite(points).all(axis=1).any():
         raise RecordingError(f"no point of {path} is finite; it holds no measurement")
     if not usable.any() and (np.nan_to_num(points[:, 2]) < 0).any():
-        raise RecordingError(f"all points of {path} lie behind the camera; set axes to 'graphics' if y is up there")
+        raise RecordingError(f"all points of {path} lie behind the camera; give --axes graphics if y is up there")
     if not usable.any():
         raise RecordingError(f"no point of {path} lies in front of the camera; it holds no measurement")
     points[~usable] = 0.0
@@ -216,9 +216,7 @@ def read(path: Path, options: ReaderOptions) -> Recording:
         camera = found if options.intrinsics is None else chosen_camera(options, first.grid, path)
     elif options.intrinsics is not None:
         if options.size is None:
-            raise RecordingError(
-                f"{path} has no pixel grid; give the option size=width,height together with intrinsics"
-            )
+            raise RecordingError(f"{path} has no pixel grid; give --size WIDTH,HEIGHT together with --intrinsics")
         camera = chosen_camera(options, (options.size[1], options.size[0]), path)
     else:
         camera = virtual_camera(first.points)

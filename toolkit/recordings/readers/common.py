@@ -59,9 +59,7 @@ def chosen_camera(
         return camera_from_json(Path(options.intrinsics), size)
     intrinsics = options.intrinsics if options.intrinsics is not None else stored
     if intrinsics is None:
-        raise RecordingError(
-            f"{path} has no intrinsics; give the option intrinsics=fx,fy,cx,cy in pixels or a JSON file"
-        )
+        raise RecordingError(f"{path} has no intrinsics; give --intrinsics fx,fy,cx,cy in pixels or a JSON file")
     return Camera.from_intrinsics(np.asarray(intrinsics), size, distortion)
 
 
@@ -142,7 +140,7 @@ def camera_beside(own: list[Path], around: Path, shape: tuple[int, int]) -> Came
                 problems += [error] if folder in own else []
         if len(set(found.values())) > 1:
             named = " and ".join(str(table) for table in found)
-            raise RecordingError(f"{named} tell different cameras; give the option intrinsics=FILE for the right one")
+            raise RecordingError(f"{named} tell different cameras; give --intrinsics FILE for the right one")
         if found:
             return next(iter(found.values()))
     if problems:

@@ -71,7 +71,7 @@ def calibration_of(text: str, depth: tuple[int, int], color: tuple[int, int] | N
     RecordingError
         It is no calibration, or the size is none of the sensor's modes.
     """
-    hint = "record it again, or give the option intrinsics"
+    hint = "record it again, or give --intrinsics fx,fy,cx,cy"
     content = parse_json(text, f"the calibration of {where}", RecordingError, hint)
     if depth not in DEPTH_MODES:
         raise RecordingError(f"the depth of {where} has {depth[0]}x{depth[1]} pixels, no mode of the sensor; {hint}")
@@ -199,7 +199,7 @@ def _depth_track(path: Path, file: Matroska, wanted: str | None) -> Track:
     if not found:
         raise RecordingError(f"{path} has no depth track{f' {wanted!r}' if wanted else ''}; its tracks are: {names}")
     if len(found) > 1:
-        raise RecordingError(f"{path} has {len(found)} depth tracks; give the option track=NAME for one of: {names}")
+        raise RecordingError(f"{path} has {len(found)} depth tracks; give --track NAME for one of: {names}")
     track = found[0]
     if track.private[16:20] != DEPTH_CODE:
         raise RecordingError(

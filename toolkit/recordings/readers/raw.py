@@ -46,7 +46,7 @@ class RawFrames:
         if data.size != self._shape[0] * self._shape[1]:
             raise RecordingError(
                 f"{self._files[i]} holds {data.size} values, expected {self._shape[1]}x{self._shape[0]}; "
-                "give the option size=width,height"
+                "give --size WIDTH,HEIGHT"
             )
         return data.reshape(self._shape)
 
@@ -68,9 +68,7 @@ def read(path: Path, options: ReaderOptions) -> Recording:
         raise RecordingError(f"{path} holds no file; give the folder of the raw frames")
     size = options.size or next((known for file in files if (known := KNOWN_SIZES.get(file.stat().st_size))), None)
     if size is None:
-        raise RecordingError(
-            f"{files[0]} has {files[0].stat().st_size} bytes, no known size; give the option size=width,height"
-        )
+        raise RecordingError(f"{files[0]} has {files[0].stat().st_size} bytes, no known size; give --size WIDTH,HEIGHT")
     shape = (int(size[1]), int(size[0]))
     source = RawFrames(files, shape)
     return StoredRecording(

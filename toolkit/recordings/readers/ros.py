@@ -127,9 +127,7 @@ def _depth_topic(path: Path, file: MessageFile, wanted: str | None) -> str:
     if not bases:
         raise RecordingError(f"{path} has no depth topic; its image topics are: {', '.join(images) or 'none'}")
     if len(bases) > 1:
-        raise RecordingError(
-            f"{path} has {len(bases)} depth topics; give the option track=TOPIC: {', '.join(sorted(bases))}"
-        )
+        raise RecordingError(f"{path} has {len(bases)} depth topics; give --track TOPIC: {', '.join(sorted(bases))}")
     return next(iter(bases.values()))
 
 

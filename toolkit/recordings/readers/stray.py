@@ -37,12 +37,12 @@ def camera_of(path: Path, shape: tuple[int, int]) -> Camera:
     RecordingError
         The file is no 3x3 matrix.
     """
-    text = read_text(path, RecordingError, "give the option intrinsics")
+    text = read_text(path, RecordingError, "give --intrinsics fx,fy,cx,cy")
     try:
         matrix = np.array([[float(word) for word in line.split(",")] for line in text.splitlines() if line.strip()])
         fx, fy, cx, cy = matrix[0, 0], matrix[1, 1], matrix[0, 2], matrix[1, 2]
     except (ValueError, IndexError) as error:
-        raise RecordingError(f"{path} is no matrix of 3x3 numbers ({error}); give the option intrinsics") from error
+        raise RecordingError(f"{path} is no matrix of 3x3 numbers ({error}); give --intrinsics fx,fy,cx,cy") from error
     scale = shape[1] / WIDTH
     scaled = (fx * scale, fy * scale, (cx + 0.5) * scale - 0.5, (cy + 0.5) * scale - 0.5)
     return Camera.from_intrinsics(np.array(scaled), shape)

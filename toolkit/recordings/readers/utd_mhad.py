@@ -105,7 +105,7 @@ def _skeleton_path(path: Path, name: str, options: ReaderOptions) -> Path | None
     chosen = Path(options.skeleton)
     chosen = chosen / file if chosen.is_dir() else chosen
     if not chosen.exists():
-        raise RecordingError(f"there is no skeleton at {chosen}; leave the option skeleton away or correct it")
+        raise RecordingError(f"there is no skeleton at {chosen}; leave --skeleton away or correct it")
     return chosen
 
 
