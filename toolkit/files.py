@@ -334,7 +334,8 @@ def locked(folder: str | Path) -> Iterator[None]:
     lock = FileLock(path, mode=0o666)
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        open_file(path, "a+b", inside=True).close()  # neither a link nor another's file; the lock may cut it
+        if os.path.lexists(path):  # neither a link nor another's file, which the lock might cut
+            open_file(path, "a+b", inside=True).close()
         lock.acquire(blocking=False)
         with open_file(owner, "w+b", inside=True) as stream:
             stream.write(f"process {os.getpid()} on {socket.gethostname()}\n".encode())
