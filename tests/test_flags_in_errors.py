@@ -13,7 +13,7 @@ AS_A_SETTING = re.compile(rf"\b(?:the option (?:{OPTIONS})\b|set (?:{OPTIONS}) t
 
 def test_no_error_of_a_recording_speaks_of_settings() -> None:
     spoken = []
-    for path in sorted((p for room in ("sensing", "recordings", "people") for p in (ROOT / room).rglob("*.py"))):
+    for path in sorted(p for room in ("sensing", "recordings", "people") for p in (ROOT / room).rglob("*.py")):
         tree = ast.parse(path.read_text(encoding="utf-8"))
         documented = {
             id(node.body[0].value)
