@@ -421,7 +421,7 @@ def test_a_lap_and_a_seat_pull_nobody_down() -> None:
 
 def test_what_lies_far_below_the_crown_is_not_looked_at_and_says_nothing() -> None:
     sighting = with_lap(WAVING[0])
-    viewer = UpperViewer(TALL, LEVEL, SETTINGS.particles, SETTINGS.limits._replace(record=0.0))
+    viewer = UpperViewer(TALL, LEVEL, SETTINGS.particles, SETTINGS.limits._replace(lap=0.0))
     crown = UPPER.body.end_effector_positions(WAVING[0])[skeleton.END_EFFECTORS.index("head"), 1]
     for seen, tolerance in ((viewer.look(sighting), 0.1), (viewer.look(sighting, crown), 0.01)):
         assert seen.unobserved is not None and not (seen.unobserved & (seen.cloud.depth > 0)).any()
@@ -435,11 +435,11 @@ def test_a_lap_before_the_trunk_is_not_looked_at_and_a_trunk_as_low_is() -> None
     pose = WAVING[0]
     crown = UPPER.body.end_effector_positions(pose)[skeleton.END_EFFECTORS.index("head"), 1]
     person = sighting_of(pose, TALL).depth
-    record = np.zeros(TALL.shape, dtype=np.bool_)
-    record[108:125, 40:120] = True
-    seated = Sighting(1, np.where(record, np.float32(1.2), person), None, TALL)
+    lap = np.zeros(TALL.shape, dtype=np.bool_)
+    lap[108:125, 40:120] = True
+    seated = Sighting(1, np.where(lap, np.float32(1.2), person), None, TALL)
     seen = UpperViewer(TALL, LEVEL, SETTINGS.particles, SETTINGS.limits).look(seated, crown)
-    assert seen.unobserved is not None and (seen.unobserved == record).all()
+    assert seen.unobserved is not None and (seen.unobserved == lap).all()
     alone = UpperViewer(TALL, LEVEL, SETTINGS.particles, SETTINGS.limits._replace(reach=2.0)).look(
         sighting_of(pose, TALL), crown
     )

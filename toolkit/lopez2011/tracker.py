@@ -87,7 +87,7 @@ class ParticleTrackerSettings:
     @property
     def limits(self) -> Limits:
         """Beyond which nothing is looked at."""
-        return Limits(self.reach, self.record, self.before)
+        return Limits(self.reach, self.lap, self.before)
 
     def __post_init__(self) -> None:
         check_seed(self.seed)
