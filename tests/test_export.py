@@ -18,7 +18,6 @@ from toolkit import skeleton
 from toolkit.errors import BodyError, OutputError, RigError, TrackError, UsageError
 from toolkit.export.bvh import export_bvh
 from toolkit.export.run import export_run
-from toolkit.export.tables import export_csv
 from toolkit.files import shipped
 from toolkit.mocap.procedural import perform
 from toolkit.mocap.read import read_clip
@@ -97,25 +96,27 @@ def test_one_pose_is_a_track_too_and_none_is_refused(tmp_path: Path) -> None:
     assert not (tmp_path / "none.bvh").exists()
 
 
-def test_the_csv_of_joints_is_read_back_and_unknown_joints_stay_empty(tmp_path: Path) -> None:
-    joints = stick_body().joint_positions(random_poses(6)).astype(np.float32)
-    joints[2, 5] = np.nan
-    export_csv(tmp_path / "joints.csv", joints, np.arange(6) / 30.0)
+def test_a_csv_in_the_camera_frame_holds_the_track_and_blanks_who_is_not_there(runs: Path, tmp_path: Path) -> None:
+    export_run(runs / "person_02", tmp_path / "joints.csv", origin="camera")
     with (tmp_path / "joints.csv").open(newline="") as stream:
         rows = list(csv.DictReader(stream))
-    assert rows[2]["left_elbow_x_m"] == ""
-    assert float(rows[1]["time_s"]) == pytest.approx(1 / 30.0, abs=1e-6)
+    track = Track.load(runs / "person_02")
+    blank = {key for key, value in rows[0].items() if value == ""}
+    assert blank == set(rows[0]) - {"time_s", "state"}, "nobody is there: no pose is invented"
+    assert (rows[0]["state"], rows[1]["state"]) == ("empty", "tracked")
+    assert float(rows[1]["time_s"]) == pytest.approx(track.timestamps[1], abs=1e-6)
     for i, name in enumerate(skeleton.REPORTED):
         found = [float(rows[4][f"{name}_{axis}_m"]) for axis in "xyz"]
-        np.testing.assert_allclose(found, joints[4, i], atol=1e-6)
+        np.testing.assert_allclose(found, track.joints[4, i], atol=1e-6)
+        assert float(rows[4][f"{name}_confidence"]) == pytest.approx(0.9, abs=1e-4)
+        assert rows[4][f"{name}_observed"] == "1"
+    assert rows[4]["left_foot_contact"] in ("0", "1")
 
 
-def test_a_csv_needs_one_time_per_frame_and_a_writable_folder(tmp_path: Path) -> None:
-    with pytest.raises(BodyError, match="timestamps"):
-        export_csv(tmp_path / "joints.csv", np.zeros((3, 20, 3)), np.zeros(4))
+def test_a_csv_needs_a_writable_folder(runs: Path, tmp_path: Path) -> None:
     (tmp_path / "file").write_text("x")
     with pytest.raises(OutputError, match="cannot write"):
-        export_csv(tmp_path / "file" / "joints.csv", np.zeros((3, 20, 3)), np.zeros(3))
+        export_run(runs / "person_01", tmp_path / "file" / "joints.csv")
 
 
 @pytest.mark.parametrize("rig", ["mixamo", "cmu", "classic"])
@@ -164,7 +165,7 @@ def test_a_rig_of_ones_own_is_read_from_a_file_and_a_broken_one_is_refused(tmp_p
 
 def test_a_trc_holds_the_markers_of_the_level_frame(runs: Path, tmp_path: Path) -> None:
     run = runs / "person_02"
-    export_run(run, tmp_path / "track.trc")
+    export_run(run, tmp_path / "track.trc", origin="camera")
     lines = [line.split("\t") for line in (tmp_path / "track.trc").read_text().splitlines()]
     assert lines[0] == ["PathFileType", "4", "(X/Y/Z)", "track.trc"]
     header = dict(zip(lines[1], lines[2], strict=True))
@@ -182,7 +183,7 @@ def test_a_trc_holds_the_markers_of_the_level_frame(runs: Path, tmp_path: Path) 
 
 def test_a_c3d_holds_everybody_and_marks_who_is_absent(runs: Path, tmp_path: Path) -> None:
     ezc3d = pytest.importorskip("ezc3d")
-    assert export_run(runs, tmp_path / "track.c3d") == (tmp_path / "track.c3d",)
+    assert export_run(runs, tmp_path / "track.c3d", origin="camera") == (tmp_path / "track.c3d",)
     file = ezc3d.c3d(str(tmp_path / "track.c3d"))
     labels = file["parameters"]["POINT"]["LABELS"]["value"]
     assert labels[:2] == ["person_01:pelvis", "person_01:spine"] and len(labels) == 40
@@ -223,7 +224,7 @@ def test_a_run_of_several_people_becomes_a_file_each_where_a_format_holds_one(ru
 
 def test_an_exported_track_has_the_fitted_body_and_the_tracks_own_times(runs: Path, tmp_path: Path) -> None:
     run = runs / "person_01"
-    assert export_run(run, tmp_path / "track.bvh") == (tmp_path / "track.bvh",)
+    assert export_run(run, tmp_path / "track.bvh", origin="camera") == (tmp_path / "track.bvh",)
     clip, track = read_clip(tmp_path / "track.bvh"), Track.load(run)
     assert clip.frame_rate == pytest.approx(25.0)
     for name in ("left_elbow", "right_knee", "left_wrist"):

@@ -100,7 +100,7 @@ def run(tmp_path_factory: pytest.TempPathFactory, poses: np.ndarray) -> Path:
 def test_the_mesh_moves_as_the_toolkits_own_skinning_within_a_hundredth_of_a_millimetre(
     run: Path, tmp_path: Path, rig: str | None
 ) -> None:
-    export_run(run, tmp_path / "motion.glb", rig=rig)
+    export_run(run, tmp_path / "motion.glb", rig=rig, origin="camera")
     glb = Glb(tmp_path / "motion.glb")
     for k, person in enumerate(load_persons(run)):
         for frame in (1, 4, 7):
@@ -111,14 +111,14 @@ def test_the_mesh_moves_as_the_toolkits_own_skinning_within_a_hundredth_of_a_mil
 def test_every_pose_of_the_joint_limits_is_kept(tmp_path: Path) -> None:
     low, high = np.clip(skeleton.POSE_LIMITS, -3.1, 3.1).T
     poses = np.random.default_rng(2).uniform(low, high, (20, skeleton.POSE_SIZE))
-    export_run(write_run(tmp_path / "run", poses), tmp_path / "motion.glb")
+    export_run(write_run(tmp_path / "run", poses), tmp_path / "motion.glb", origin="camera")
     glb, (person,) = Glb(tmp_path / "motion.glb"), load_persons(tmp_path / "run")
     for frame, pose in enumerate(poses):
         np.testing.assert_allclose(glb.vertices(0, frame), person.body.vertex_positions(pose), atol=1e-5)
 
 
 def test_keys_stand_at_the_frames_own_times_and_neighbours_turn_the_short_way(run: Path, tmp_path: Path) -> None:
-    export_run(run, tmp_path / "motion.glb")
+    export_run(run, tmp_path / "motion.glb", origin="camera")
     for (_, path), (times, values) in Glb(tmp_path / "motion.glb").channels.items():
         np.testing.assert_allclose(times[:, 0], np.arange(8) / 25.0, atol=1e-6)
         if path == "rotation":
@@ -126,7 +126,7 @@ def test_keys_stand_at_the_frames_own_times_and_neighbours_turn_the_short_way(ru
 
 
 def test_who_is_not_there_has_no_size(run: Path, tmp_path: Path) -> None:
-    export_run(run, tmp_path / "motion.glb")
+    export_run(run, tmp_path / "motion.glb", origin="camera")
     glb = Glb(tmp_path / "motion.glb")
     assert np.ptp(glb.vertices(1, 0), axis=0).max() == 0
     assert np.ptp(glb.vertices(1, 1)[:, 1]) > 1.0
@@ -134,12 +134,12 @@ def test_who_is_not_there_has_no_size(run: Path, tmp_path: Path) -> None:
 
 
 def test_frames_of_the_same_time_become_one_key(tmp_path: Path, poses: np.ndarray) -> None:
-    export_run(write_run(tmp_path / "run", poses, rate=np.inf), tmp_path / "motion.glb")
+    export_run(write_run(tmp_path / "run", poses, rate=np.inf), tmp_path / "motion.glb", origin="camera")
     assert {len(times) for times, _ in Glb(tmp_path / "motion.glb").channels.values()} == {1}
 
 
 def test_joints_of_a_rig_have_its_names_and_hierarchy(run: Path, tmp_path: Path) -> None:
-    export_run(run / "person_01", tmp_path / "motion.glb", rig="mixamo")
+    export_run(run / "person_01", tmp_path / "motion.glb", rig="mixamo", origin="camera")
     nodes = Glb(tmp_path / "motion.glb").document["nodes"]
     spine = next(node for node in nodes if node["name"] == "mixamorig:Spine2")
     children = {nodes[i]["name"] for i in spine["children"]}
@@ -150,9 +150,9 @@ def test_the_khronos_validator_finds_nothing(run: Path, tmp_path: Path) -> None:
     if not (shutil.which("node") and (NODE / "node_modules" / "gltf-validator").is_dir()):
         pytest.skip("node or its package gltf-validator is absent; scripts/install_node_packages.sh installs it")
     files = [tmp_path / name for name in ("one.glb", "several.glb", "rig.glb", "colours.glb")]
-    export_run(run / "person_01", files[0])
-    export_run(run, files[1])
-    export_run(run, files[2], rig="mixamo")
+    export_run(run / "person_01", files[0], origin="camera")
+    export_run(run, files[1], origin="camera")
+    export_run(run, files[2], rig="mixamo", origin="camera")
     people = load_persons(run)
     export_glb(files[3], people, colors=[np.full(person.body.vertices.shape, 200.0) for person in people])
     answer = subprocess.run(

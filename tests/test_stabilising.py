@@ -14,13 +14,13 @@ from tests.run_helpers import write_people, write_run
 from tests.test_inertial_clock import typed
 from tests.test_retrieval_priors import BODY, classes_of, example_of
 from toolkit import skeleton
+from toolkit.body.sole import FEET, Sole
 from toolkit.database.canonical import canonicalise
 from toolkit.database.database import PoseDatabase
 from toolkit.errors import RecordingError, RetrievalError, SettingsError, TrackError, UsageError
 from toolkit.evaluation.joints import joint_errors
 from toolkit.fitting.placed import NormalSystem
 from toolkit.fitting.priors import LimbPrior
-from toolkit.fitting.sole import FEET, Sole
 from toolkit.mocap.clip import PoseClip
 from toolkit.recordings.opening import open_recording
 from toolkit.retrieval.annotation.classes import save_classes

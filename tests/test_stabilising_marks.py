@@ -11,10 +11,11 @@ import pytest
 from tests.inertial_scenes import write_run
 from tests.test_retrieval_priors import BODY, classes_of
 from toolkit import skeleton
+from toolkit.body.sole import FEET, Sole
 from toolkit.errors import RetrievalError, SettingsError
 from toolkit.fitting.placed import NormalSystem
 from toolkit.fitting.priors import ResidualTerm
-from toolkit.fitting.sole import FEET, Sole, floor_term
+from toolkit.fitting.sole import floor_term
 from toolkit.retrieval.annotation.annotator import MotionClass
 from toolkit.retrieval.features.motion import from_poses
 from toolkit.retrieval.features.relational import FEATURES, native_features

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, fields
+from dataclasses import asdict, dataclass, fields, replace
 from pathlib import Path
 
 import numpy as np
 
+from toolkit import skeleton
 from toolkit.body.body import Body
 from toolkit.errors import TrackError, UsageError
 from toolkit.files import read_json, save_json
@@ -104,12 +105,45 @@ class Person:
     track : one row per frame of the recording
     body : as it was fitted
     R_level_camera : float64 (3, 3), turns points from the camera frame into the level frame
+    id : the person's number in `people.json`, 1 for somebody who was followed alone
+    camera_height : metres of the camera above the floor, None where none was seen
+    recording : name of the recording's file or folder
+    turns : quarter turns clockwise by which the recording's images were turned upright
     """
 
     name: str
     track: Track
     body: Body
     R_level_camera: np.ndarray
+    id: int = 1
+    camera_height: float | None = None
+    recording: str = ""
+    turns: int = 0
+
+    @property
+    def there(self) -> np.ndarray:
+        """Bool (T,): frames in which the person is there, tracked or lost."""
+        return np.asarray(self.track.state != EMPTY)
+
+    @property
+    def held_poses(self) -> np.ndarray:
+        """float64 (T, P): the poses, and where nobody is there that of the nearest frame in which the person is."""
+        there = np.flatnonzero(self.there)
+        if not len(there):
+            return self.track.pose
+        rows = np.arange(len(self.track))
+        after = np.clip(np.searchsorted(there, rows), 0, len(there) - 1)
+        before = np.clip(after - 1, 0, None)
+        nearer = np.abs(there[before] - rows) <= np.abs(there[after] - rows)
+        return self.track.pose[np.where(nearer, there[before], there[after])]
+
+    def moved(self, offset: np.ndarray) -> Person:
+        """The same person with `offset` (3,), metres, level frame, as the origin of level and camera frame."""
+        track = self.track
+        pose = track.pose.copy()
+        pose[:, skeleton.ROOT_POSITION] -= offset
+        joints = (track.joints.astype(np.float64) - offset @ self.R_level_camera).astype(track.joints.dtype)
+        return replace(self, track=replace(track, pose=pose, joints=joints))
 
     @property
     def times(self) -> np.ndarray:
@@ -150,12 +184,16 @@ def load_persons(run: str | Path) -> tuple[Person, ...]:
     UsageError
         A track has no frames, or nobody was found.
     """
-    people = []
-    for folder in person_runs(run):
+    people, several = [], (Path(run) / PEOPLE_FILE).exists()
+    numbers = [person.id for person in load_people(run)] if several else [1]
+    for number, folder in zip(numbers, person_runs(run), strict=True):
         track, info = Track.load(folder), RunInfo.load(folder)
         if not len(track):
             raise UsageError(f"{folder} has no frames; there is nothing to show or export")
-        people.append(Person(folder.resolve().name, track, info.body(), info.R_level_camera))
+        height = info.floor[0] if info.floor else None
+        name, source = folder.resolve().name, Path(info.recording).name
+        turns = int(info.reader_options.get("rotate", 0)) // 90
+        people.append(Person(name, track, info.body(), info.R_level_camera, number, height, source, turns))
     if not people:
         raise UsageError(f"nobody was found in {run}; there is nothing to show or export")
     return tuple(people)

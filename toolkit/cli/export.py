@@ -18,13 +18,24 @@ def export(
             help="Joint names of .glb and .bvh: mixamo, cmu, classic or a YAML file.", show_default="the body's own"
         ),
     ] = None,
+    format: Annotated[
+        str | None,
+        typer.Option(help="k4abt (.json of the Azure Kinect SDK), amass (.npz).", show_default="by the suffix"),
+    ] = None,
+    origin: Annotated[
+        str | None,
+        typer.Option(
+            help="floor (y up, ground at 0, below the person's first place) or camera.",
+            show_default="floor; of the .json formats camera",
+        ),
+    ] = None,
 ) -> None:
     """Write a track for other programs, by OUTPUT's suffix.
 
     .glb skinned and animated (Blender, Unity, browsers), .bvh (animation tools), .c3d (motion laboratories), .trc
-    (OpenSim), .csv and .json.
+    (OpenSim), .csv and .json. Of a format that several people do not fit into, each has a file of their own.
     """
     from toolkit.export.run import export_run
 
-    for path in export_run(run, output, rig=rig):
+    for path in export_run(run, output, rig=rig, format=format, origin=origin):
         print(path)

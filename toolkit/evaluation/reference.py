@@ -8,7 +8,9 @@ from pathlib import Path
 import numpy as np
 
 from toolkit.errors import RecordingError
+from toolkit.evaluation.k4abt import is_k4abt, read_k4abt
 from toolkit.recordings.opening import open_recording
+from toolkit.sensing.camera import rotated_points
 from toolkit.sensing.recording import Recording
 
 
@@ -33,8 +35,9 @@ class Reference:
 def find_reference(recording: Recording, paths: list[Path], frames: int) -> Reference | None:
     """Joints for the first `frames` frames of a recording, or None if nobody has any.
 
-    A path is a recording with joints, a skeleton that the recording's reader understands, or a folder that holds
-    either under the recording's stem. Without paths the recording speaks for itself.
+    A path is a recording with joints, a skeleton that the recording's reader understands, a JSON file of the Azure
+    Kinect body tracking SDK, or a folder that holds one of them under the recording's stem. Without paths the recording
+    speaks for itself.
 
     Raises
     ------
@@ -75,6 +78,8 @@ def _from_path(recording: Recording, path: Path) -> Reference | None:
     else:
         own, skeletons = ([], [path]) if path.stem.endswith("_skeleton") else ([path], [])
     for file in own:
+        if is_k4abt(file):
+            return _kinect_bodies(recording, file)
         if (found := _joints_of(open_recording(file))) is not None:
             return found
     for file in skeletons:
@@ -82,6 +87,15 @@ def _from_path(recording: Recording, path: Path) -> Reference | None:
         if (found := _joints_of(with_skeleton)) is not None:
             return found
     return None
+
+
+def _kinect_bodies(recording: Recording, file: Path) -> Reference:
+    """Skeletons of the Azure Kinect SDK, which knows nothing of a camera that was turned upright by its reader."""
+    joints = read_k4abt(file).at(recording.timestamps)
+    if not len(joints):
+        raise RecordingError(f"nobody is in {file}; there is nothing to compare with")
+    joints = rotated_points(joints, int(recording.options.get("rotate", 0)) // 90).astype(np.float32)
+    return Reference(joints[0] if len(joints) == 1 else joints, False)
 
 
 def _skeleton_stem(name: str) -> str:

@@ -10,18 +10,20 @@ from typing import Any
 import numpy as np
 
 from toolkit import skeleton
+from toolkit.export.origin import CAMERA, Origin
 from toolkit.files import save_text
 from toolkit.runs import Person
-from toolkit.track import EMPTY, STATE_NAMES
+from toolkit.track import STATE_NAMES
 
 DECIMALS = 5
 """Of metres and radians: a hundredth of a millimetre."""
 
 
-def export_json(path: str | Path, people: Sequence[Person]) -> None:
+def export_json(path: str | Path, people: Sequence[Person], origin: Origin) -> None:
     """Write tracks as JSON: joints of the camera frame in metres, poses in the level frame, confidences, states.
 
-    Where nobody is there (`"empty"`) joints, pose and confidence are null.
+    With the floor as origin joints and poses are both in the level frame, moved there. Where nobody is there
+    (`"empty"`) joints, pose, confidence, observed and contact are null.
 
     Raises
     ------
@@ -32,23 +34,26 @@ def export_json(path: str | Path, people: Sequence[Person]) -> None:
         "format": "depthmocap track",
         "units": {"length": "m", "angle": "rad", "time": "s"},
         "frames": {
-            "joints": "camera: x right, y down, z forward",
-            "pose": "level: origin at the camera, y up, z towards the camera",
+            "joints": "camera: x right, y down, z forward" if origin.name == CAMERA else origin.note(),
+            "pose": "level: origin at the camera, y up, z towards the camera"
+            if origin.name == CAMERA
+            else origin.note(),
         },
         "joint_names": skeleton.REPORTED,
         "pose_names": skeleton.POSE_NAMES,
-        "people": [_person(person) for person in people],
+        "contact_names": ["left_foot", "right_foot"],
+        "people": [_person(person, origin) for person in people],
     }
     save_text(path, json.dumps(document, allow_nan=False) + "\n")
 
 
-def _person(person: Person) -> dict[str, Any]:
+def _person(person: Person, origin: Origin) -> dict[str, Any]:
     track = person.track
-    there = track.state != EMPTY
+    joints = track.joints if origin.name == CAMERA else np.nan_to_num(person.joints_level)
 
     def rows(values: np.ndarray) -> list[Any]:
-        rounded = np.round(values.astype(np.float64), DECIMALS).tolist()
-        return [row if here else None for row, here in zip(rounded, there, strict=True)]
+        plain = values if values.dtype == np.bool_ else np.round(values.astype(np.float64), DECIMALS)
+        return [row if here else None for row, here in zip(plain.tolist(), person.there, strict=True)]
 
     return {
         "name": person.name,
@@ -58,7 +63,10 @@ def _person(person: Person) -> dict[str, Any]:
         "timestamps": track.timestamps.tolist(),
         "state": [STATE_NAMES[state] for state in track.state],
         "source": [track.source_names[source] if track.source_names else "" for source in track.source],
-        "joints": rows(track.joints),
+        "camera_height": person.camera_height,
+        "joints": rows(joints),
         "pose": rows(track.pose),
         "confidence": rows(track.confidence),
+        "observed": rows(track.observed),
+        "contact": rows(track.contact),
     }

@@ -14,7 +14,6 @@ from toolkit.body.body import Body
 from toolkit.export.tree import OWN, JointTree, tree_of
 from toolkit.files import atomic_path
 from toolkit.runs import Person
-from toolkit.track import EMPTY
 
 VERTEX_DATA, INDEX_DATA = 34962, 34963
 """Targets of buffer views: ARRAY_BUFFER and ELEMENT_ARRAY_BUFFER."""
@@ -35,13 +34,19 @@ class _Nodes(NamedTuple):
 
 
 def export_glb(
-    path: str | Path, people: Sequence[Person], *, rig: str = OWN, colors: Sequence[np.ndarray] | None = None
+    path: str | Path,
+    people: Sequence[Person],
+    *,
+    rig: str = OWN,
+    colors: Sequence[np.ndarray] | None = None,
+    notes: dict[str, Any] | None = None,
 ) -> None:
-    """Write tracks as one binary glTF 2.0 scene: y up, metres (the level frame), one animation named `motion`.
+    """Write tracks as one binary glTF 2.0 scene: y up, metres (the people's frame), one animation named `motion`.
 
     Every person is a mesh of their own shape, skinned to joints named by `rig`, with one key per frame at the frame's
     own time. Linear blend skinning of glTF is the body's own, so vertices agree with `Body.vertex_positions` within
-    single precision. In frames where nobody is there the person is scaled to nothing.
+    single precision. In frames where nobody is there the person is scaled to nothing,
+    and the nearest pose is held.
 
     Parameters
     ----------
@@ -49,6 +54,7 @@ def export_glb(
     people : at least one
     rig : whose joint names are written, see `tree.tree_of`
     colors : for each person RGB of every vertex, (V, 3) in [0, 255]; None for a skin of one colour
+    notes : stand in the `extras` of the file's `asset`, see `notes.notes_of`
 
     Raises
     ------
@@ -66,6 +72,8 @@ def export_glb(
         _add_mesh(scene, person, tree, nodes, None if colors is None else colors[k])
         _add_motion(scene, animation, person, tree, nodes, start)
     scene.document["animations"] = [animation]
+    if notes is not None:
+        scene.document["asset"]["extras"] = notes
     scene.save(path)
 
 
@@ -182,7 +190,7 @@ def _add_motion(
     times = (person.track.timestamps - start).astype(np.float32)
     keys = np.flatnonzero(np.diff(times, prepend=np.float32(-1.0)) > 0)  # the format wants times that grow
     clock = scene.accessor(times[keys], "<f4", bounds=True)
-    poses = skeleton.check_pose(person.track.pose)[keys]
+    poses = skeleton.check_pose(person.held_poses)[keys]
 
     def channel(node: int, path: str, values: np.ndarray, interpolation: str = "LINEAR") -> None:
         sampler = {"input": clock, "output": scene.accessor(values, "<f4"), "interpolation": interpolation}
@@ -195,7 +203,7 @@ def _add_motion(
     quaternions = _quaternions(tree.vectors(poses)[:, turning])
     for k, i in enumerate(turning):
         channel(nodes.joints[int(i)], "rotation", quaternions[:, k])
-    there = person.track.state[keys] != EMPTY
+    there = person.there[keys]
     if not there.all():
         channel(nodes.top, "scale", np.repeat(there[:, None], 3, axis=1), "STEP")
 

@@ -1,71 +1,121 @@
-"""A run folder as a file of another program: the format follows from the file's suffix."""
+"""A run folder as a file of another program: the format follows from the file's suffix, or is named."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple
 
 from toolkit.errors import UsageError
+from toolkit.export.amass import export_amass
 from toolkit.export.bvh import export_bvh
 from toolkit.export.c3d import export_c3d
 from toolkit.export.document import export_json
 from toolkit.export.glb import export_glb
+from toolkit.export.k4abt import export_k4abt
+from toolkit.export.notes import notes_of, write_notes
+from toolkit.export.origin import CAMERA, FLOOR, Origin, origin_of
 from toolkit.export.tables import export_csv, export_trc
 from toolkit.export.tree import OWN
 from toolkit.files import check_output
 from toolkit.runs import PEOPLE_FILE, Person, load_persons, person_runs
 from toolkit.track import RUN_FILE, TRACK_FILE
 
-Writer = Callable[[Path, Sequence[Person], str], None]
-"""Called with the file, the people and the rig."""
+
+@dataclass(frozen=True, eq=False)
+class Job:
+    """What is exported.
+
+    Attributes
+    ----------
+    people : in the frame of the origin
+    origin : where (0, 0, 0) lies
+    rig : whose joint names are written
+    """
+
+    people: Sequence[Person]
+    origin: Origin
+    rig: str = OWN
+
+    @property
+    def person(self) -> Person:
+        """The only one."""
+        (person,) = self.people
+        return person
+
+
+Writer = Callable[[Path, Job], None]
 
 
 class Format(NamedTuple):
-    """A file format: how it is written, whether a file holds several people, whether a rig names its joints."""
+    """A file format.
 
+    Attributes
+    ----------
+    suffix : of its files
+    write : called with the file and what is exported
+    together : whether a file holds several people
+    rigged : whether a rig names its joints
+    origin : where its origin lies by default; a format that has only one refuses another
+    origins : which ones it can have
+    """
+
+    suffix: str
     write: Writer
-    together: bool
-    rigged: bool
+    together: bool = False
+    rigged: bool = False
+    origin: str = FLOOR
+    origins: tuple[str, ...] = (FLOOR, CAMERA)
 
 
-def _bvh(path: Path, people: Sequence[Person], rig: str) -> None:
-    (person,) = people
-    export_bvh(path, person.body, person.track.pose, person.frame_rate(), rig=rig)
+def _bvh(path: Path, job: Job) -> None:
+    person = job.person
+    if not person.there.any():
+        raise UsageError(f"{person.name} is in none of the frames and a .bvh cannot say so; export .csv or .json")
+    export_bvh(path, person.body, person.held_poses, person.frame_rate(), rig=job.rig)
+    write_notes(path, job.origin, job.people)
 
 
-def _trc(path: Path, people: Sequence[Person], rig: str) -> None:
-    (person,) = people
-    export_trc(path, person.joints_level, person.times, person.frame_rate())
-
-
-def _csv(path: Path, people: Sequence[Person], rig: str) -> None:
-    (person,) = people
-    export_csv(path, person.track.joints, person.track.timestamps)
+def _trc(path: Path, job: Job) -> None:
+    export_trc(path, job.person.joints_level, job.person.times, job.person.frame_rate())
 
 
 FORMATS: dict[str, Format] = {
-    ".glb": Format(lambda path, people, rig: export_glb(path, people, rig=rig), together=True, rigged=True),
-    ".bvh": Format(_bvh, together=False, rigged=True),
-    ".c3d": Format(lambda path, people, rig: export_c3d(path, people), together=True, rigged=False),
-    ".trc": Format(_trc, together=False, rigged=False),
-    ".csv": Format(_csv, together=False, rigged=False),
-    ".json": Format(lambda path, people, rig: export_json(path, people), together=True, rigged=False),
+    "glb": Format(
+        ".glb",
+        lambda path, job: export_glb(path, job.people, rig=job.rig, notes=notes_of(job.origin, job.people)),
+        together=True,
+        rigged=True,
+    ),
+    "bvh": Format(".bvh", _bvh, rigged=True),
+    "c3d": Format(".c3d", lambda path, job: export_c3d(path, job.people), together=True),
+    "trc": Format(".trc", _trc),
+    "csv": Format(".csv", lambda path, job: export_csv(path, job.person, level=job.origin.name == FLOOR)),
+    "json": Format(".json", lambda path, job: export_json(path, job.people, job.origin), together=True, origin=CAMERA),
+    "k4abt": Format(
+        ".json", lambda path, job: export_k4abt(path, job.people), together=True, origin=CAMERA, origins=(CAMERA,)
+    ),
+    "amass": Format(".npz", lambda path, job: export_amass(path, job.person)),
 }
-"""What can be exported, by suffix."""
+"""What can be exported, by name; of formats with one suffix the first is the suffix's own."""
 
 
-def export_run(run: str | Path, path: str | Path, *, rig: str | None = None) -> tuple[Path, ...]:
-    """Write everybody in a run folder to `path`; its suffix, one of `FORMATS`, says how.
+def export_run(
+    run: str | Path, path: str | Path, *, rig: str | None = None, format: str | None = None, origin: str | None = None
+) -> tuple[Path, ...]:
+    """Write everybody in a run folder to `path`; its suffix says how, or `format`, one of `FORMATS`.
 
-    GLB, C3D and JSON hold several people. The other formats hold one: of several people each has a file of their own,
-    `<stem>_<person><suffix>`.
+    GLB, C3D and the JSON formats hold several people. The other formats hold one: of several people each has a file of
+    their own, `<stem>_<person><suffix>`.
 
     Parameters
     ----------
     run : run folder, of one person or of several
     path : the file to write
     rig : joint names of GLB and BVH, one of `tree.export_rigs()` or a YAML file; the body's own by default
+    format : a key of `FORMATS`
+    origin : "floor" (y up, ground at 0, below the first place of the person) or "camera"; the format's own by default
 
     Returns
     -------
@@ -76,27 +126,48 @@ def export_run(run: str | Path, path: str | Path, *, rig: str | None = None) -> 
     TrackError
         The folder holds no finished track.
     UsageError
-        The suffix is unknown, `path` is a file of the run, a rig is named for a format without joints of a skeleton, an
-        optional package is missing, or there are too few frames for a frame rate.
+        Suffix, format or origin are unknown or do not fit, `path` is a file of the run, a rig is named for a format
+        without joints of a skeleton, an optional package is missing, or there are too few frames for a frame rate.
     RigError
         The rig is unknown.
     OutputError
         A file cannot be written.
     """
     target = Path(path)
-    format_ = FORMATS.get(target.suffix.lower())
-    if format_ is None:
-        raise UsageError(f"cannot export to {path}; choose one of the suffixes {', '.join(FORMATS)}")
+    name, format_ = _chosen(target, format)
     if rig is not None and not format_.rigged:
-        named = ", ".join(suffix for suffix, known in FORMATS.items() if known.rigged)
-        raise UsageError(f"--rig {rig} is for {named}; {target.suffix} names the joints that are reported")
+        named = ", ".join(known.suffix for known in FORMATS.values() if known.rigged)
+        raise UsageError(f"--rig {rig} is for {named}; {name} names the joints that are reported")
+    if origin is not None and origin in (FLOOR, CAMERA) and origin not in format_.origins:
+        raise UsageError(f"--origin {origin} is not for {name}, whose origin is the {format_.origins[0]}")
     check_output(target, [Path(run) / PEOPLE_FILE, *(f / n for f in person_runs(run) for n in (TRACK_FILE, RUN_FILE))])
-    people, names = load_persons(run), rig or OWN
+    people = load_persons(run)
     if format_.together or len(people) == 1:
-        format_.write(target, people, names)
+        _write(format_, target, people, origin, rig)
         return (target,)
     written = []
     for person in people:
         written.append(target.with_name(f"{target.stem}_{person.name}{target.suffix}"))
-        format_.write(written[-1], [person], names)
+        _write(format_, written[-1], [person], origin, rig)
     return tuple(written)
+
+
+def _chosen(target: Path, format: str | None) -> tuple[str, Format]:
+    """Name and format by name or suffix."""
+    suffix = target.suffix.lower()
+    if format is not None:
+        if format not in FORMATS:
+            raise UsageError(f"--format {format} is unknown; choose one of {', '.join(FORMATS)}")
+        if suffix != FORMATS[format].suffix:
+            raise UsageError(f"--format {format} is written to *{FORMATS[format].suffix}, not to {target.name}")
+        return format, FORMATS[format]
+    for name, known in FORMATS.items():
+        if known.suffix == suffix:
+            return name, known
+    suffixes = ", ".join(dict.fromkeys(known.suffix for known in FORMATS.values()))
+    raise UsageError(f"cannot export to {target}; choose one of the suffixes {suffixes}")
+
+
+def _write(format_: Format, path: Path, people: Sequence[Person], origin: str | None, rig: str | None) -> None:
+    place = origin_of(people, origin or format_.origin)
+    format_.write(path, Job([person.moved(place.offset) for person in people], place, rig or OWN))

@@ -10,29 +10,44 @@ import numpy as np
 from toolkit import skeleton
 from toolkit.errors import BodyError, UsageError
 from toolkit.files import save_text
+from toolkit.runs import Person
+from toolkit.track import STATE_NAMES
 
 
-def export_csv(path: str | Path, joints: np.ndarray, timestamps: np.ndarray) -> None:
-    """Write the reported joints as CSV: `time_s`, then `<joint>_x_m, <joint>_y_m, <joint>_z_m` for each of the 20.
+def export_csv(path: str | Path, person: Person, *, level: bool = False) -> None:
+    """Write the reported joints as CSV, one row per frame.
+
+    `time_s`, `state` (tracked, lost, empty), then `<joint>_x_m, <joint>_y_m, <joint>_z_m` for each of the 20, then
+    `<joint>_confidence` and `<joint>_observed` (1, or 0 for one that was guessed), then `left_foot_contact` and
+    `right_foot_contact` (1 where the foot carries). Where nobody is there all but time and state is blank.
 
     Parameters
     ----------
     path : the file
-    joints : (T, 20, 3), metres, in the frame that they have; NaN is written as an empty field
-    timestamps : (T,), seconds
+    person : whose track it is
+    level : y up, as the person's poses; else the camera frame
 
     Raises
     ------
-    BodyError
-        The shapes do not fit.
     OutputError
         The file cannot be written.
     """
-    joints, times = _checked(joints, timestamps)
-    header = ["time_s", *(f"{name}_{axis}_m" for name in skeleton.REPORTED for axis in "xyz")]
-    rows = np.concatenate([times[:, None], joints.reshape(len(times), -1)], axis=1)
-    lines = [",".join(_fields(row)) for row in rows.tolist()]
-    save_text(path, "\n".join([",".join(header), *lines]) + "\n")
+    track = person.track
+    joints = person.joints_level if level else np.where(person.there[:, None, None], track.joints, np.nan)
+    feet = [f"{side}_foot_contact" for side in ("left", "right")]
+    header = [
+        "time_s", "state", *(f"{name}_{axis}_m" for name in skeleton.REPORTED for axis in "xyz"),
+        *(f"{name}_confidence" for name in skeleton.REPORTED), *(f"{name}_observed" for name in skeleton.REPORTED),
+        *feet,
+    ]  # fmt: skip
+    lines = [",".join(header)]
+    for i, (time, here) in enumerate(zip(track.timestamps.tolist(), person.there.tolist(), strict=True)):
+        values = [*_fields(joints[i].ravel().tolist())]
+        values += [f"{value:.4f}" for value in track.confidence[i].tolist()] if here else [""] * len(skeleton.REPORTED)
+        flags = [*track.observed[i].tolist(), *track.contact[i].tolist()]
+        values += [str(int(flag)) for flag in flags] if here else [""] * len(flags)
+        lines.append(",".join([f"{time:.6f}", STATE_NAMES[track.state[i]], *values]))
+    save_text(path, "\n".join(lines) + "\n")
 
 
 def export_trc(path: str | Path, joints: np.ndarray, timestamps: np.ndarray, frame_rate: float) -> None:

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
+from toolkit.biomechanics.contact import foot_contacts
 from toolkit.body.body import Body
 from toolkit.config import settings_text
 from toolkit.errors import OutputError
@@ -90,10 +91,16 @@ class RunSink:
                 shape, scale = [float(c) for c in body.shape], float(body.scale)
                 offsets = [] if body.offsets is None else [float(o) for o in body.offsets]
                 replace(self._info, shape=shape, scale=scale, offsets=offsets).save(writer.run)
-            tracks[person] = Track.load(writer.finish(complete=complete).parent)
+            path = writer.finish(complete=complete, contacts=self._contacts(bodies.get(person)))
+            tracks[person] = Track.load(path.parent)
         if self._several:
             save_people(self.run, [self._summary(p, track, bodies[p]) for p, track in tracks.items()])
         return list(tracks.values())
+
+    def _contacts(self, body: Body | None) -> Callable[[Track], np.ndarray] | None:
+        """What says which feet of a body carry."""
+        height = self._info.floor[0] if self._info.floor else None
+        return None if body is None else lambda track: foot_contacts(body, track, height)
 
     def abandon(self) -> None:
         """Let go of the partial files, which stay unless they hold no row."""

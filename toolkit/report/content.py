@@ -95,7 +95,7 @@ def describe_run(
 
 def _cut(track: Track, frames: range) -> Track:
     rows = slice(frames.start, frames.stop)
-    columns = ("joints", "pose", "confidence", "state", "source", "timestamps", "stage_ms", "observed")
+    columns = ("joints", "pose", "confidence", "state", "source", "timestamps", "stage_ms", "observed", "contact")
     return replace(track, **{name: getattr(track, name)[rows] for name in columns})
 
 

@@ -9,6 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from toolkit.biomechanics.contact import foot_contacts
 from toolkit.kernels import linear
 from toolkit.progress import Progress
 from toolkit.retrieval.annotation.annotator import Annotation, Annotator, MotionClass, runs
@@ -273,7 +274,9 @@ def _exchanged(
         joints[frame] = linear.rotated(source.body.joint_positions(poses[frame]), source.info.R_level_camera)
     names = track.source_names if SOURCE in track.source_names else (*track.source_names, SOURCE)
     at[touched] = names.index(SOURCE)
-    return replace(track, joints=joints, pose=poses, confidence=confidence, source=at, source_names=names)
+    changed = replace(track, joints=joints, pose=poses, confidence=confidence, source=at, source_names=names)
+    height = source.info.floor[0] if source.info.floor else None
+    return replace(changed, contact=foot_contacts(source.body, changed, height)) if touched.any() else changed
 
 
 def _filled(way: GapWays, path: np.ndarray, angles: np.ndarray, distances: np.ndarray, moved: np.ndarray) -> FilledGap:

@@ -7,9 +7,10 @@ from typing import NamedTuple
 
 import numpy as np
 
+from toolkit.body.sole import FEET, Sole
 from toolkit.errors import RecordingError
 from toolkit.fitting.priors import ResidualTerm
-from toolkit.fitting.sole import FEET, Sole, floor_term
+from toolkit.fitting.sole import floor_term
 from toolkit.people.up import find_vertical
 from toolkit.retrieval.annotation.annotator import runs
 from toolkit.retrieval.priors.expectation import Told

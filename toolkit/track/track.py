@@ -33,6 +33,8 @@ class Track:
     timestamps : float64 (T,), seconds
     stage_ms : float32 (T, S), milliseconds, without reading the file
     observed : bool (T, 20), as in `FrameResult`
+    contact : bool (T, 2), whether the left and the right foot carry (`biomechanics.contact`); False in tracks of
+        earlier versions
     """
 
     joints: np.ndarray
@@ -47,8 +49,11 @@ class Track:
     stage_names: tuple[str, ...]
     joint_names: tuple[str, ...] = field(default=skeleton.REPORTED)
     pose_names: tuple[str, ...] = field(default=skeleton.POSE_NAMES)
+    contact: np.ndarray = field(default_factory=lambda: np.zeros((0, 2), dtype=np.bool_))
 
     def __post_init__(self) -> None:
+        if not len(self.contact):
+            object.__setattr__(self, "contact", np.zeros((len(self.joints), 2), dtype=np.bool_))
         shapes = columns(len(self.pose_names), len(self.stage_names))
         spans = {
             "joints": (-FARTHEST, FARTHEST), "pose": (-FARTHEST, FARTHEST), "confidence": (0.0, 1.0),
@@ -57,7 +62,7 @@ class Track:
         }  # fmt: skip
         kinds = {name: "u" if name in ("state", "source") else "f" for name in spans}
         wanted = {name: Column(kinds[name], ("frames", *shapes[name]), *span) for name, span in spans.items()}
-        wanted["observed"] = Column("b", ("frames", *shapes["observed"]))
+        wanted |= {"observed": Column("b", ("frames", *shapes["observed"])), "contact": Column("b", ("frames", 2))}
         check_columns(vars(self), wanted, TrackError, "a track", "a tracker writes one such row per frame")
         if (np.diff(self.timestamps) < 0).any():
             raise TrackError("a track's timestamps run backwards; a tracker writes its rows in order")
@@ -90,6 +95,7 @@ class Track:
         names = [f.name for f in fields(cls)]
         if "confidence" in arrays:  # earlier versions did not say what was observed
             arrays.setdefault("observed", np.ones(arrays["confidence"].shape, dtype=np.bool_))
+            arrays.setdefault("contact", np.zeros((len(arrays["confidence"]), 2), dtype=np.bool_))  # nor who stands
         if missing := [name for name in names if name not in arrays]:
             raise TrackError(f"{path} lacks {', '.join(missing)}; {AGAIN}")
         texts = {name: Column("U", ("names",)) for name in names if name.endswith("_names")}

@@ -9,6 +9,8 @@ from __future__ import annotations
 import errno
 import json
 import os
+from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, BinaryIO
 
@@ -128,14 +130,18 @@ class TrackWriter:
             return np.empty(0, dtype=self._record)
         return np.memmap(self._path, dtype=self._record, mode="r", offset=len(self._header), shape=(self.rows,))
 
-    def finish(self, *, complete: bool = True) -> Path:
+    def finish(self, *, complete: bool = True, contacts: Callable[[Track], np.ndarray] | None = None) -> Path:
         """Put `track.npz` in place by one rename and return its path.
 
         With `complete=False` (an interrupted run) the partial file stays, so that the run can still be resumed.
+        `contacts` says which feet carry (T, 2), which is known of a whole track only.
         """
         rows = self.past()
         found: dict[str, Any] = {name: rows[name] for name in self._record.names or ()}
-        path = Track(**found, source_names=self.source_names, stage_names=self.stage_names).save(self.run)
+        track = Track(**found, source_names=self.source_names, stage_names=self.stage_names)
+        if contacts is not None:
+            track = replace(track, contact=contacts(track))
+        path = track.save(self.run)
         self._stream.close()
         if complete:
             self._path.unlink()

@@ -1,0 +1,145 @@
+"""Which foot carries: low over the ground and slow, with hysteresis on both."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from toolkit.body.body import Body
+from toolkit.body.sole import soles
+from toolkit.track import TRACKED, Track
+
+NEAR_FLOOR = 0.15
+"""Metres between the floor that the camera sees and the height at which feet rest: farther, they rest on something."""
+
+
+@dataclass(frozen=True)
+class ContactSettings:
+    """When a foot comes to rest and when it leaves.
+
+    Attributes
+    ----------
+    low, high : metres over the ground below which a sole's lower point must come, and above which it leaves
+    slow, fast : the same in metres a second along the ground, of the sole's slower point
+    smoothing : seconds, standard deviation of the Gaussian over the sole's places before speeds are taken
+    shortest : seconds that a contact, or a gap between two, lasts at least
+    """
+
+    low: float = 0.05
+    high: float = 0.09
+    slow: float = 0.30
+    fast: float = 0.55
+    smoothing: float = 0.045
+    shortest: float = 0.10
+
+
+def foot_contacts(
+    body: Body, track: Track, camera_height: float | None = None, settings: ContactSettings | None = None
+) -> np.ndarray:
+    """Whether the left and the right foot carry: bool (T, 2), False where the person is not tracked.
+
+    Parameters
+    ----------
+    body : that the poses belong to
+    track : one row per frame, level frame
+    camera_height : metres of the camera above the floor, None where none is seen
+    settings : the limits
+    """
+    placed, tracked = soles(body, track.pose), track.state == TRACKED
+    ground = ground_height(placed, track.timestamps, tracked)
+    if camera_height is not None and (ground is None or abs(ground + camera_height) > NEAR_FLOOR):
+        ground = -camera_height
+    if ground is None:
+        return np.zeros((len(track), 2), dtype=bool)
+    return contacts_of_soles(placed, track.timestamps, ground, tracked, settings)
+
+
+def contacts_of_soles(
+    placed: np.ndarray, times: np.ndarray, ground: float, known: np.ndarray, settings: ContactSettings | None = None
+) -> np.ndarray:
+    """The same from heel and ball of both feet (T, 2, 2, 3), y up, metres, and the ground's y; `known` is bool (T,)."""
+    chosen = settings or ContactSettings()
+    found = np.zeros((len(times), 2), dtype=bool)
+    for span in spans(known):
+        rows, own = placed[span], times[span]
+        heights = rows[..., 1].min(axis=2) - ground
+        speeds = sole_speeds(rows, own, chosen.smoothing)
+        shortest = frames_in(chosen.shortest, own)
+        for side in range(2):
+            enter = (heights[:, side] < chosen.low) & (speeds[:, side] < chosen.slow)
+            stay = (heights[:, side] < chosen.high) & (speeds[:, side] < chosen.fast)
+            found[span, side] = without_short(hysteresis(enter, stay), shortest)
+    return found
+
+
+def sole_speeds(placed: np.ndarray, times: np.ndarray, smoothing: float) -> np.ndarray:
+    """Speed along the ground of the slower one of heel and ball: float64 (T, 2), metres a second."""
+    if len(times) < 2:
+        return np.zeros(placed.shape[:2])
+    flat = smoothed(placed, times, smoothing)[..., [0, 2]]
+    velocities = np.gradient(flat, np.maximum.accumulate(times + 1e-9 * np.arange(len(times))), axis=0)
+    return np.asarray(np.linalg.norm(velocities, axis=-1).min(axis=2))
+
+
+def smoothed(values: np.ndarray, times: np.ndarray, seconds: float) -> np.ndarray:
+    """Values (T, ...) under a Gaussian of so many seconds, without shift in time."""
+    from scipy.ndimage import gaussian_filter1d
+
+    step = typical_step(times)
+    return values if len(times) < 2 or not seconds > 0 else gaussian_filter1d(values, seconds / step, axis=0)
+
+
+def typical_step(times: np.ndarray) -> float:
+    """Median seconds from frame to frame, 1/30 where there are too few."""
+    steps = np.diff(times)
+    steps = steps[steps > 0]
+    return float(np.median(steps)) if len(steps) else 1.0 / 30.0
+
+
+def frames_in(seconds: float, times: np.ndarray) -> int:
+    """Frames that last so many seconds, at least one."""
+    return max(1, round(seconds / typical_step(times)))
+
+
+def ground_height(placed: np.ndarray, times: np.ndarray, known: np.ndarray) -> float | None:
+    """Height at which the feet rest, y in metres, from soles (T, 2, 2, 3); None of nobody.
+
+    The median of what is within 6 cm of the lowest twentieth of all heights of slow feet.
+    """
+    heights = []
+    for span in spans(known):
+        lower = placed[span][..., 1].min(axis=2)
+        slow = sole_speeds(placed[span], times[span], ContactSettings.smoothing) < ContactSettings.slow
+        heights.append(lower[slow])
+    resting = np.concatenate(heights) if heights else np.zeros(0)
+    if not len(resting):
+        resting = placed[known][..., 1].ravel()
+    if not len(resting):
+        return None
+    return float(np.median(resting[resting <= np.percentile(resting, 5) + 0.06]))
+
+
+def hysteresis(enter: np.ndarray, stay: np.ndarray) -> np.ndarray:
+    """Bool (T,): from where `enter` holds as long, in both directions, as `stay` does."""
+    held = np.zeros(len(enter), dtype=bool)
+    for span in spans(stay | enter):
+        held[span] = enter[span].any()
+    return held
+
+
+def without_short(flags: np.ndarray, shortest: int) -> np.ndarray:
+    """Bool (T,): the same with gaps and then stretches of fewer frames taken away; those at the ends stay."""
+    kept = flags.copy()
+    for value in (False, True):
+        for span in spans(kept == value):
+            inside = span.start > 0 and span.stop < len(kept)
+            if inside and span.stop - span.start < shortest:
+                kept[span] = not value
+    return kept
+
+
+def spans(flags: np.ndarray) -> list[slice]:
+    """Stretches of True in bool (T,), in order."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], flags, [False]]).astype(np.int8)))
+    return [slice(int(a), int(b)) for a, b in zip(edges[::2], edges[1::2], strict=True)]

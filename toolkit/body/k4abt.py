@@ -1,0 +1,178 @@
+"""The 32 joints of the Azure Kinect body tracking SDK (k4abt), placed on our body.
+
+Names, order, parents and bones are those of its `k4abttypes.h` and of the bone list of its offline processor. Each
+joint has a right-handed frame; in a T-pose its axes lie as `REST_FRAMES` says (`docs/from_k4abt.md` draws them). The
+axes of the right limbs are those of the left ones in a mirror, all three reversed, so that equal turns of both sides
+are a mirrored movement. The frames are those that the SDK's Unity sample and K4AdotNet undo, which agree.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from toolkit import skeleton
+from toolkit.body.body import Body
+
+_ARM = ("CLAVICLE", "SHOULDER", "ELBOW", "WRIST", "HAND", "HANDTIP", "THUMB")
+_LEG = ("HIP", "KNEE", "ANKLE", "FOOT")
+
+NAMES: tuple[str, ...] = (
+    "PELVIS", "SPINE_NAVEL", "SPINE_CHEST", "NECK",
+    *(f"{part}_{side}" for side in ("LEFT", "RIGHT") for part in _ARM),
+    *(f"{part}_{side}" for side in ("LEFT", "RIGHT") for part in _LEG),
+    "HEAD", "NOSE", "EYE_LEFT", "EAR_LEFT", "EYE_RIGHT", "EAR_RIGHT",
+)  # fmt: skip
+"""In the SDK's order."""
+OLD_NAMES = {"SPINE_NAVAL": "SPINE_NAVEL"}
+"""How versions before 1.0.1 wrote them."""
+
+
+def _side_bones(side: str) -> tuple[tuple[str, str], ...]:
+    pairs = (
+        ("SPINE_CHEST", "CLAVICLE_"), ("CLAVICLE_", "SHOULDER_"), ("SHOULDER_", "ELBOW_"), ("ELBOW_", "WRIST_"),
+        ("WRIST_", "HAND_"), ("HAND_", "HANDTIP_"), ("WRIST_", "THUMB_"), ("PELVIS", "HIP_"), ("HIP_", "KNEE_"),
+        ("KNEE_", "ANKLE_"), ("ANKLE_", "FOOT_"), ("NOSE", "EYE_"), ("EYE_", "EAR_"),
+    )  # fmt: skip
+    return tuple((a + side if a.endswith("_") else a, b + side) for a, b in pairs)
+
+
+BONES: tuple[tuple[str, str], ...] = (
+    ("SPINE_CHEST", "SPINE_NAVEL"), ("SPINE_NAVEL", "PELVIS"), ("SPINE_CHEST", "NECK"), ("NECK", "HEAD"),
+    ("HEAD", "NOSE"), *_side_bones("LEFT"), *_side_bones("RIGHT"),
+)  # fmt: skip
+"""The bone list of the SDK's offline processor, in its order."""
+
+LEFT, UP, FRONT = np.eye(3)
+"""Axes of the body frame."""
+
+
+def _frame(x: np.ndarray, y: np.ndarray) -> np.ndarray:
+    return np.column_stack([x, y, np.cross(x, y)])
+
+
+_LEFT_FRAMES = {
+    "arm": _frame(LEFT, FRONT), "hand": _frame(LEFT, UP), "leg": _frame(UP, FRONT), "foot": _frame(FRONT, -UP),
+}  # fmt: skip
+_KIND = dict.fromkeys(("CLAVICLE", "SHOULDER", "ELBOW", "THUMB"), "arm")
+_KIND |= dict.fromkeys(("WRIST", "HAND", "HANDTIP"), "hand") | dict.fromkeys(("HIP", "KNEE", "ANKLE"), "leg")
+_KIND |= {"FOOT": "foot"}
+MIRROR = np.diag([-1.0, 1.0, 1.0])
+
+
+def _rest_frame(name: str) -> np.ndarray:
+    part, _, side = name.rpartition("_")
+    if part not in _KIND:
+        return _frame(UP, FRONT)
+    left = _LEFT_FRAMES[_KIND[part]]
+    return left if side == "LEFT" else -MIRROR @ left
+
+
+REST_FRAMES: np.ndarray = np.array([_rest_frame(name) for name in NAMES])
+"""float64 (32, 3, 3): columns are the axes x, y, z of each joint in a T-pose, in the body frame (left, up, front)."""
+
+_TRUNK = {"PELVIS": "root", "SPINE_NAVEL": "lumbar", "SPINE_CHEST": "thorax"}
+_TURNS = {"HAND": "wrist", "HANDTIP": "wrist", "THUMB": "wrist", "FOOT": "ankle"}
+
+
+def _carrier(name: str) -> int:
+    part, _, side = name.rpartition("_")
+    if name in _TRUNK:
+        joint = _TRUNK[name]
+    elif part in _KIND:
+        joint = f"{side.lower()}_{_TURNS.get(part, part.lower())}"
+    else:
+        joint = "cervical"
+    return skeleton.JOINT_NAMES.index(joint)
+
+
+CARRIERS: np.ndarray = np.array([_carrier(name) for name in NAMES])
+"""int64 (32,): our joint whose rotation each one has."""
+
+HEAD_SHARE = 0.5
+"""Of the way from the base of the neck to the middle of the skull: where the SDK's HEAD lies, at the skull's base."""
+EYE_RISE, EYE_APART, EYE_DEPTH = 0.035, 0.032, 0.025
+"""Metres from the tip of the nose up to the eyes, from the middle to each of them, and back (neutral stature)."""
+NEUTRAL = 1.71
+"""Metres: the stature to which these belong."""
+
+
+def rest_points(body: Body) -> np.ndarray:
+    """Where the 32 joints lie on a body in the T-pose: float64 (32, 3), body frame, metres."""
+    points = {name.upper(): place for name, place in zip(skeleton.JOINT_NAMES, body.joints, strict=True)}
+    points |= {name.upper(): place for (name, _), place in zip(skeleton.SITES, body.sites, strict=True)}
+    tips = dict(zip(skeleton.END_EFFECTORS, body.vertices[body.end_effectors], strict=True))
+    skull, size = points["HEAD"], body.height / NEUTRAL
+    face = body.vertices[body.part == skeleton.JOINT_NAMES.index("cervical")]
+    nose, half = face[face[:, 2].argmax()], 0.5 * np.ptp(face[:, 0])
+    found = {
+        "PELVIS": points["ROOT"], "SPINE_NAVEL": points["LUMBAR"], "SPINE_CHEST": points["THORAX"],
+        "NECK": points["CERVICAL"], "HEAD": points["CERVICAL"] + HEAD_SHARE * (skull - points["CERVICAL"]),
+        "NOSE": np.array([skull[0], *nose[1:]]),
+    }  # fmt: skip
+    for side, sign in (("LEFT", 1.0), ("RIGHT", -1.0)):
+        palm = body.vertices[body.part == skeleton.JOINT_NAMES.index(f"{side.lower()}_wrist")]
+        found |= {f"{part}_{side}": points[f"{side}_{part}"] for part in _ARM[:5]}
+        found |= {f"{part}_{side}": points[f"{side}_{part}"] for part in _LEG}
+        found |= {
+            f"HANDTIP_{side}": tips[f"{side.lower()}_hand"],
+            f"THUMB_{side}": palm[palm[:, 2].argmax()],
+            f"EYE_{side}": found["NOSE"] + size * np.array([sign * EYE_APART, EYE_RISE, -EYE_DEPTH]),
+            f"EAR_{side}": skull + [sign * half, 0.0, 0.0],  # their middle is the middle of the skull
+        }
+    return np.array([found[name] for name in NAMES])
+
+
+class Placed(NamedTuple):
+    """The 32 joints of T frames: positions float64 (T, 32, 3), metres, and frames float64 (T, 32, 3, 3)."""
+
+    positions: np.ndarray
+    frames: np.ndarray
+
+
+def place(body: Body, poses: np.ndarray) -> Placed:
+    """The joints and their frames in poses (T, P), in the frame in which the poses are."""
+    rest = rest_points(body) - body.joints[CARRIERS]
+    positions, frames = np.empty((len(poses), len(NAMES), 3)), np.empty((len(poses), len(NAMES), 3, 3))
+    for t, pose in enumerate(poses):
+        placed = body.place(pose)
+        turns = placed.rotations[CARRIERS]
+        positions[t] = placed.origins[CARRIERS] + np.einsum("jab,jb->ja", turns, rest)
+        frames[t] = turns @ REST_FRAMES
+    return Placed(positions, frames)
+
+
+def reported(positions: np.ndarray) -> np.ndarray:
+    """Our 20 joints from the SDK's positions (..., 32, 3): float64 (..., 20, 3), in the same unit.
+
+    The head is the middle of both ears; pelvis, neck and spine are derived from hips and shoulders as everywhere.
+    """
+    at = {name: positions[..., i, :] for i, name in enumerate(NAMES)}
+    found = {
+        f"{side.lower()}_{part.lower()}": at[f"{part}_{side}"]
+        for side in ("LEFT", "RIGHT")
+        for part in ("SHOULDER", "ELBOW", "WRIST", "HAND", "HIP", "KNEE", "ANKLE", "FOOT")
+    }
+    found["pelvis"] = 0.5 * (found["left_hip"] + found["right_hip"])
+    found["neck"] = 0.5 * (found["left_shoulder"] + found["right_shoulder"])
+    found["spine"] = found["pelvis"] + 0.4 * (found["neck"] - found["pelvis"])
+    found["head"] = 0.5 * (at["EAR_LEFT"] + at["EAR_RIGHT"])
+    return np.stack([found[name] for name in skeleton.REPORTED], axis=-2)
+
+
+CLOSEST = {
+    "PELVIS": "pelvis", "SPINE_NAVEL": "spine", "SPINE_CHEST": "spine", "NECK": "neck", "CLAVICLE": "shoulder",
+    "SHOULDER": "shoulder", "ELBOW": "elbow", "WRIST": "wrist", "HAND": "hand", "HANDTIP": "hand", "THUMB": "hand",
+    "HIP": "hip", "KNEE": "knee", "ANKLE": "ankle", "FOOT": "foot",
+}  # fmt: skip
+
+
+def _closest(name: str) -> int:
+    part, _, side = name.rpartition("_")
+    own = CLOSEST.get(name) or (f"{side.lower()}_{CLOSEST[part]}" if part in CLOSEST else "head")
+    return skeleton.REPORTED.index(own)
+
+
+WITNESS: np.ndarray = np.array([_closest(name) for name in NAMES])
+"""int64 (32,): the reported joint whose confidence each one has."""

@@ -1,0 +1,51 @@
+"""The points of a sole on which somebody stands: heel and ball of each foot."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from toolkit import skeleton
+from toolkit.body.body import Body
+from toolkit.kernels import kinematics, linear
+
+FEET: dict[str, str] = {"left_leg": "left_ankle", "right_leg": "right_ankle"}
+"""Leg -> the joint that carries its foot."""
+
+
+class Sole(NamedTuple):
+    """Points under a foot: the row of the joint that carries them, and float64 (2, 3) from there, heel and ball."""
+
+    joint: int
+    points: np.ndarray
+
+    @classmethod
+    def of(cls, body: Body, leg: str) -> Sole:
+        """Heel and ball of a foot in the rest pose, in which it stands on the floor."""
+        joint = skeleton.JOINT_NAMES.index(FEET[leg])
+        foot = body.vertices[body.part == joint]
+        ball = body.sites[skeleton.SITES.index((leg.replace("leg", "foot"), FEET[leg]))]
+        heel = np.array([body.joints[joint, 0], 0.0, foot[:, 2].min()])
+        points = np.stack([heel, ball])
+        points[:, 1] = foot[:, 1].min()
+        return cls(joint, points - body.joints[joint])
+
+    def at(self, body: Body, pose: np.ndarray) -> np.ndarray:
+        """The points in a pose (P,), float64 (2, 3), metres, in the pose's frame."""
+        count = len(skeleton.JOINTS)
+        vectors, rotations, origins = np.empty((count, 3)), np.empty((count, 3, 3)), np.empty((count, 3))
+        kinematics.forward_kinematics(
+            pose, skeleton.PARENTS, body.joints, skeleton.DOF_JOINT, skeleton.DOF_AXIS, vectors, rotations, origins
+        )
+        return origins[self.joint] + linear.rotated(self.points, rotations[self.joint].T)
+
+
+def soles(body: Body, poses: np.ndarray) -> np.ndarray:
+    """Heel and ball of the left and of the right foot in poses (T, P): float64 (T, 2, 2, 3), metres."""
+    both = [Sole.of(body, leg) for leg in FEET]
+    out = np.empty((len(poses), 2, 2, 3))
+    for t, pose in enumerate(poses):
+        for side, sole in enumerate(both):
+            out[t, side] = sole.at(body, pose)
+    return out

@@ -1,0 +1,173 @@
+"""Skeletons of the Azure Kinect body tracking SDK, as JSON files that its offline processor or we wrote."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from toolkit.body import k4abt
+from toolkit.errors import RecordingError
+from toolkit.files import read_json
+
+HINT = "give a JSON file as the offline processor of the Azure Kinect body tracking SDK writes it"
+FASTEST = 5.0
+"""Metres a second of a body without a number that is still the same body."""
+LEVELS = ("confidence_level", "confidence_levels", "joint_confidences", "confidences")
+"""Under which keys programs have added the SDK's confidence levels."""
+TOLERANCE = 0.6
+"""Of a frame's duration, by which times of a skeleton and of a recording may differ."""
+MILLIMETRES, MICROSECONDS = 1000.0, 1e6
+
+
+@dataclass(frozen=True, eq=False)
+class KinectBodies:
+    """Bodies of T frames.
+
+    Attributes
+    ----------
+    ids : the N bodies, in order of appearance
+    timestamps : float64 (T,), seconds of the device's clock
+    positions : float64 (N, T, 32, 3), metres, depth camera frame, NaN while absent; joints as `k4abt.NAMES`
+    orientations : float64 (N, T, 32, 4), unit quaternions w, x, y, z, NaN where the file has none
+    confidence : float64 (N, T, 32), the SDK's levels 0 to 3, NaN where the file has none
+    """
+
+    ids: tuple[int, ...]
+    timestamps: np.ndarray
+    positions: np.ndarray
+    orientations: np.ndarray
+    confidence: np.ndarray
+
+    @property
+    def joints(self) -> np.ndarray:
+        """Our 20 joints, float32 (N, T, 20, 3), metres, depth camera frame."""
+        return k4abt.reported(self.positions).astype(np.float32)
+
+    def at(self, timestamps: np.ndarray) -> np.ndarray:
+        """`joints` at the frames of a recording (T',): float32 (N, T', 20, 3), NaN where no skeleton belongs to one.
+
+        As many frames as the recording's are its frames. Otherwise they belong together by their times, counted from
+        the first frame of each unless the clocks are the same.
+
+        Raises
+        ------
+        RecordingError
+            The file is longer than the recording, or fewer than half of its frames find one.
+        """
+        joints, own = self.joints, self.timestamps
+        if len(own) == len(timestamps):
+            return joints
+        step = float(np.median(np.diff(timestamps))) if len(timestamps) > 1 else 1.0
+        best, rows = -1, np.zeros(0, dtype=np.int64)
+        for shift in (0.0, timestamps[0] - own[0]):
+            near = np.abs(timestamps[:, None] - (own + shift)[None, :])
+            chosen = near.argmin(axis=1)
+            hit = near[np.arange(len(timestamps)), chosen] < TOLERANCE * step
+            if hit.sum() > best:
+                best, rows = int(hit.sum()), np.where(hit, chosen, -1)
+        if best < 0.5 * min(len(own), len(timestamps)):
+            raise RecordingError(
+                f"the skeleton has {len(own)} frames, the recording {len(timestamps)}, and their times do not fit; "
+                "name the right file"
+            )
+        found = np.full((len(joints), len(timestamps), *joints.shape[2:]), np.nan, dtype=np.float32)
+        found[:, rows >= 0] = joints[:, rows[rows >= 0]]
+        return found
+
+
+def is_k4abt(path: Path) -> bool:
+    """Whether a path may be such a file, by its name."""
+    return path.suffix.lower() == ".json"
+
+
+def read_k4abt(path: str | Path) -> KinectBodies:
+    """Read a file of any version of the SDK; bodies without a number are followed by where they are.
+
+    Raises
+    ------
+    RecordingError
+        The file is missing or no such JSON, a joint is not there, or a value is no number.
+    """
+    file = Path(path)
+    content = read_json(file, RecordingError, HINT)
+    if not isinstance(content, dict) or not isinstance(content.get("frames"), list) or not content["frames"]:
+        raise RecordingError(f"{file} has no frames; {HINT}")
+    columns = _columns(content.get("joint_names"), file)
+    times, rows = [], []
+    for i, frame in enumerate(content["frames"]):
+        try:
+            times.append(float(frame["timestamp_usec"]) / MICROSECONDS)
+            rows.append([_body(body, columns) for body in frame.get("bodies") or ()])
+        except (KeyError, TypeError, ValueError, IndexError, AttributeError) as error:
+            raise RecordingError(f"frame {i} of {file} is not understood ({error!r}); {HINT}") from error
+    return _gathered(np.array(times), _numbered(times, rows))
+
+
+def _columns(names: Any, file: Path) -> list[int]:
+    """Where each of `k4abt.NAMES` stands in a row of the file."""
+    if names is None:
+        return list(range(len(k4abt.NAMES)))
+    known = [k4abt.OLD_NAMES.get(str(name).upper(), str(name).upper()) for name in names]
+    known = [name.removeprefix("K4ABT_JOINT_") for name in known]
+    if missing := [name for name in k4abt.NAMES if name not in known]:
+        raise RecordingError(f"{file} has no joint {missing[0]} among its joint_names; {HINT}")
+    return [known.index(name) for name in k4abt.NAMES]
+
+
+def _body(body: dict[str, Any], columns: list[int]) -> dict[str, Any]:
+    """One body of a frame: its number or None, and its rows in our order."""
+    positions = np.array(body["joint_positions"], dtype=np.float64)[columns]
+    turns = body.get("joint_orientations")
+    levels = next((body[key] for key in LEVELS if body.get(key)), None)
+    row: dict[str, Any] = {
+        "id": body.get("body_id"),
+        "positions": positions / MILLIMETRES,
+        "orientations": np.full((len(columns), 4), np.nan) if not turns else np.array(turns, dtype=float)[columns],
+        "confidence": np.full(len(columns), np.nan) if levels is None else np.array(levels, dtype=float)[columns],
+    }
+    if positions.shape != (len(columns), 3) or row["orientations"].shape != (len(columns), 4):
+        raise ValueError(f"joints of shape {positions.shape}")
+    return row
+
+
+def _numbered(times: list[float], rows: list[list[dict[str, Any]]]) -> list[list[dict[str, Any]]]:
+    """The same with a number for each body: where it has none, that of the nearest body before, or a new one."""
+    from scipy.optimize import linear_sum_assignment
+
+    given = [row["id"] for frame in rows for row in frame if row["id"] is not None]
+    fresh, last = max([0, *map(int, given)]) + 1, dict[int, tuple[float, np.ndarray]]()
+    for time, frame in zip(times, rows, strict=True):
+        unknown = [row for row in frame if row["id"] is None]
+        known = {int(row["id"]) for row in frame if row["id"] is not None}
+        free = [number for number in last if number not in known]
+        if unknown and free:
+            reach = np.array([[_distance(row, last[number]) for number in free] for row in unknown])
+            limit = np.array([FASTEST * max(0.1, min(1.0, time - last[number][0])) for number in free])
+            for r, c in zip(*linear_sum_assignment(reach), strict=True):
+                if reach[r, c] <= limit[c]:
+                    unknown[r]["id"] = free[c]
+        for row in unknown:
+            if row["id"] is None:
+                row["id"], fresh = fresh, fresh + 1
+        for row in frame:
+            last[int(row["id"])] = (time, row["positions"])
+    return rows
+
+
+def _distance(row: dict[str, Any], last: tuple[float, np.ndarray]) -> float:
+    return float(np.linalg.norm(row["positions"][0] - last[1][0]))
+
+
+def _gathered(times: np.ndarray, rows: list[list[dict[str, Any]]]) -> KinectBodies:
+    ids = tuple(dict.fromkeys(int(row["id"]) for frame in rows for row in frame))
+    shape = (len(ids), len(rows), len(k4abt.NAMES))
+    tails: dict[str, tuple[int, ...]] = {"positions": (3,), "orientations": (4,), "confidence": ()}
+    found = {name: np.full((*shape, *tail), np.nan) for name, tail in tails.items()}
+    for t, frame in enumerate(rows):
+        for row in frame:
+            for name, values in found.items():
+                values[ids.index(int(row["id"])), t] = row[name]
+    return KinectBodies(ids, times, **found)
