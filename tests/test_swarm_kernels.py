@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from toolkit import skeleton
 from toolkit.body.raycast import render_depth
 from toolkit.body.shape import load_body
+from toolkit.config import load_settings
 from toolkit.errors import SettingsError
 from toolkit.fitting.balls import Balls
 from toolkit.kernels.fit import swarm as kernel
@@ -22,6 +25,7 @@ from toolkit.qammaz.discrepancy import (
     small_image,
 )
 from toolkit.qammaz.small_mesh import simplified
+from toolkit.qammaz.tracker import SwarmTrackerSettings
 from toolkit.sensing.camera import Camera
 from toolkit.testing.subjects import LEVEL, moving_poses
 
@@ -191,6 +195,38 @@ def test_a_batch_costs_what_plain_loops_say(kind: str) -> None:
         in_space = np.nan_to_num(np.linalg.norm(joints - noisy, axis=1))
         expected = 2.0 * twin_cost(drawn(pose, kind)[0], seen_depth, 0.3) / np.count_nonzero(seen_depth > 0)
         expected += 0.7 * (w * in_image).sum() / w.sum() + 0.4 * (w3 * in_space).sum() / w3.sum()
+        assert cost == pytest.approx(expected, abs=1e-4)
+
+
+def test_qammaz_costs_what_equations_3_to_6_say() -> None:
+    """With the settings of configs/qammaz.yaml: N_P has no floor, joints count by w_i, not by confidence."""
+    settings = replace(load_settings(SwarmTrackerSettings, "qammaz").discrepancy, threads=1)
+    rng = np.random.default_rng(5)
+    seen_depth = mixed(drawn(POSES[0], "mesh")[0], rng)
+    image = SmallImage(seen_depth, np.array(CAMERA.intrinsics), 2.8)
+    away = POSES[0].copy()
+    away[0] += 0.4  # so that less than half of the person is near the previous solution
+    truth = BODY.joint_positions(POSES[0]) @ LEVEL
+    slopes, points = truth[:, :2] / truth[:, 2:] + 0.02, truth + rng.normal(0, 0.05, truth.shape)
+    points[9] = np.nan
+    seen = SeenJoints(slopes, points, rng.uniform(0.3, 1.0, 20))
+    found = Discrepancy(BODY, image, seen, LEVEL, away, settings, previous=True)
+    previous = drawn(away, "mesh")[0]
+    near = sum(d > 0 and h > 0 and abs(d - h) < 0.3 for d, h in zip(seen_depth.ravel(), previous.ravel(), strict=True))
+    assert 0 < near < 0.5 * image.person
+    names = [n.split("_")[-1] for n in skeleton.REPORTED]
+    weights = [{"hip": 0.2, "wrist": 1.8, "ankle": 1.8, "pelvis": 0, "spine": 0, "neck": 0}.get(n, 1.0) for n in names]
+    for pose, cost in zip(POSES, found(found.position_of(POSES)), strict=True):
+        joints = BODY.joint_positions(pose) @ LEVEL
+        in_image = in_space = image_weights = space_weights = 0.0
+        for i, w in enumerate(weights):
+            in_image += w * 2.8 * np.linalg.norm(joints[i, :2] / joints[i, 2] - slopes[i])
+            image_weights += w
+            if np.isfinite(points[i, 0]):
+                in_space += w * np.linalg.norm(joints[i] - points[i])
+                space_weights += w
+        expected = settings.depth * twin_cost(drawn(pose, "mesh")[0], seen_depth, settings.clamp) / near
+        expected += settings.joints_2d * in_image / image_weights + settings.joints_3d * in_space / space_weights
         assert cost == pytest.approx(expected, abs=1e-4)
 
 

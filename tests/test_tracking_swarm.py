@@ -121,6 +121,19 @@ def test_the_same_bits_come_again_and_with_any_number_of_threads(
     assert digest(run(recording, settings=two)) == digest(results)
 
 
+def test_qammaz_takes_joints_as_they_are_given(recording: Recording, poses: np.ndarray) -> None:
+    """Left and right exchanged throughout: the default asks the depth, and the paper follows the joints."""
+    rows = detected(true_joints(poses[:1]), CAMERA, np.random.default_rng(1), EXACT)
+    swapped = Joints2D.of_rows(rows[0][list(skeleton.OTHER_SIDE)])
+    left, right = (skeleton.REPORTED.index(f"{side}_shoulder") for side in ("left", "right"))
+    given = replace(SETTINGS.search, sides=None, pulled=0, refined=0, disagreement=0.0)
+    for search, expected in ((SETTINGS.search, left), (given, right)):
+        solo = Solo(tracker(replace(SETTINGS, search=search)), recording)
+        found = solo.step(recording.depth(0), 0.0, (swapped,)).joints[left]
+        gaps = np.linalg.norm(true_joints(poses[:1])[0][[left, right]] - found, axis=1)
+        assert (left, right)[int(gaps.argmin())] == expected
+
+
 def test_a_state_on_disk_continues_exactly(results: list[FrameResult], recording: Recording, tmp_path: Path) -> None:
     solo = Solo(tracker(), recording)
     for i in range(6):

@@ -42,6 +42,8 @@ class DiscrepancySettings:
     joints_2d : weight of the mean distance of joints in the image, at the person's distance; detectors are 2 to 3 cm
         off where the pose is right
     joints_3d : weight of the mean distance of joints in space; hidden ones are lifted to what hides them
+    published : Eq. 3 to 6 as they are printed: joints count by w_i alone, not by the detector's confidence; in space
+        they lie on the skin, not half a limb behind it; and N_P is what is near the previous solution, however little
     fewest : joints that have to be seen, otherwise none counts: fewer say less than they can spoil
     threads : among which the poses are divided; the result does not depend on it, and more than one pay from 64
         particles of the mesh on
@@ -55,6 +57,7 @@ class DiscrepancySettings:
     depth: float = 1.0
     joints_2d: float = 0.5
     joints_3d: float = 0.2
+    published: bool = False
     fewest: int = 6
     threads: int = 1
 
@@ -180,7 +183,7 @@ def targets_of(body: Body, seen: SeenJoints | None, distance: float, settings: D
         joint, site = CARRIERS[row]
         if site >= 0:
             offset[k] = body.sites[site] - body.joints[joint]
-    weights = (JOINT_WEIGHTS * confidence)[rows]
+    weights = JOINT_WEIGHTS[rows] if settings.published else (JOINT_WEIGHTS * confidence)[rows]
     slopes, points = (np.zeros((0, 2)), np.zeros((0, 3))) if seen is None else (seen.slopes[rows], seen.points[rows])
     lifted = np.where(np.isfinite(points).all(axis=1), weights, 0.0)
     return kernel.Targets(
@@ -230,9 +233,10 @@ class Discrepancy:
         )
         self._buffers = [kernel.buffers_for(self._figure, image.depth.shape) for _ in range(settings.threads)]
         if previous:
-            # At least half of the person, so that a lost solution does not drown the joints.
-            near = max(self._explained(self.position_of(around)), 0.5 * image.person)
-            self._view = self._view._replace(weight=settings.depth / max(near, 1.0))
+            # At least half of the person, so that a lost solution does not drown the joints; the paper has no floor.
+            floor = 1.0 if settings.published else max(0.5 * image.person, 1.0)
+            near = max(self._explained(self.position_of(around)), floor)
+            self._view = self._view._replace(weight=settings.depth / near)
 
     @property
     def guided(self) -> bool:

@@ -62,7 +62,8 @@ class SwarmSearchSettings:
         twice what lifted joints are off where the pose is right
     trust : metres that a metre from the joints counts then: the frame counts twice as much
     sides : metres by which a body has to be nearer that is looked for with left and right of the joints exchanged:
-        detectors that see no faces take a twentieth of the backs for fronts
+        detectors that see no faces take a twentieth of the backs for fronts. None takes the joints as they are given,
+        and E of Eq. 2 alone chooses, as in the paper
     """
 
     window: float = 0.7
@@ -81,7 +82,7 @@ class SwarmSearchSettings:
     pull_sigma: float = 0.1
     disagreement: float = 0.08
     trust: float = 0.5
-    sides: float = 0.015
+    sides: float | None = 0.015
 
     def __post_init__(self) -> None:
         if min(self.window, self.reach, self.tilt, self.pull_sigma) <= 0.0:
@@ -165,8 +166,9 @@ class SwarmSearch:
 
     def _frame(self, observation: Observation, state: PersonState) -> tuple[_Frame, float]:
         """The frame, and for how many seconds sides have been seen the wrong way round."""
-        s, cloud, seen, doubts = self._discrepancy, observation.cloud, seen_joints(observation), 0.0
-        if seen is not None and state.previous is not None:
+        s, cloud, doubts = self._discrepancy, observation.cloud, 0.0
+        seen = seen_joints(observation, on_skin=s.published)
+        if seen is not None and state.previous is not None and self._settings.sides is not None:
             doubts = _remembered(state, "doubts")
             wrong = looks_exchanged(seen, linear.rotated(state.previous.joints, cloud.rotation))
             doubts = doubts + observation.elapsed if wrong else 0.0
@@ -196,17 +198,16 @@ class SwarmSearch:
     def _afresh(self, frame: _Frame, body: Body, rng: np.random.Generator) -> tuple[_Found, float]:
         """The best pose within all limits, whichever way the person may face, and how it is judged, metres.
 
-        A detector may have taken left for right. Turned round, a body lies farther from the frame, and that decides.
+        A detector may have taken left for right. Turned round, a body lies farther from the frame, and that decides,
+        unless joints are taken as they are given.
         """
-        best, least = None, np.inf
-        for sides, handicap in ((frame, 0.0), (frame.exchanged(), self._settings.sides)):
-            if sides is None:
-                continue
-            found = self._anywhere(sides, body, rng)
-            judged = self._judged(sides, body, found) + handicap
-            if best is None or judged < least:
+        best = self._anywhere(frame, body, rng)
+        least, other = self._judged(frame, body, best), frame.exchanged()
+        if other is not None and self._settings.sides is not None:
+            found = self._anywhere(other, body, rng)
+            judged = self._judged(other, body, found) + self._settings.sides
+            if judged < least:
                 best, least = found, judged
-        assert best is not None
         return best, least
 
     def _anywhere(self, frame: _Frame, body: Body, rng: np.random.Generator) -> _Found:
@@ -258,7 +259,10 @@ class SwarmSearch:
         return limit > 0.0 and frame.gap(body, found.pose) > limit
 
     def _judged(self, frame: _Frame, body: Body, found: _Found) -> float:
-        """How far a pose is from the frame, its joints included, metres."""
+        """How far a pose is from the frame, its joints included, metres; E of Eq. 2 where joints are taken as given."""
+        if self._settings.sides is None:
+            costs = frame.discrepancy(body, found.pose, self._discrepancy)
+            return float(costs(costs.position_of(found.pose[None]))[0])
         return found.comparison.distance + self._settings.trust * frame.gap(body, found.pose)
 
 

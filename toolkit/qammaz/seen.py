@@ -11,6 +11,7 @@ from toolkit.fitting.terms import CARRIERS
 from toolkit.kernels import linear
 from toolkit.qammaz.discrepancy import JOINT_WEIGHTS, SeenJoints
 from toolkit.rotations import quaternions as quat
+from toolkit.sensing.joints2d import BEHIND_SKIN
 from toolkit.tracking.observation import Observation
 
 CARRIED: np.ndarray = np.array([carrier >= 0 for carrier, _ in CARRIERS])
@@ -25,8 +26,11 @@ NEAR = 0.05
 """Metres before the camera."""
 
 
-def seen_joints(observation: Observation) -> SeenJoints | None:
-    """The joints of the image, those that count as found; None without any."""
+def seen_joints(observation: Observation, *, on_skin: bool = False) -> SeenJoints | None:
+    """The joints of the image, those that count as found, in space half a limb behind the skin or `on_skin` itself.
+
+    None without any.
+    """
     joints, lifted = observation.joints, observation.lifted
     if joints is None or lifted is None:
         return None
@@ -34,6 +38,8 @@ def seen_joints(observation: Observation) -> SeenJoints | None:
     pixels = joints.pixels.astype(np.float64)
     slopes = (pixels - [camera.cx, camera.cy]) / [camera.fx, camera.fy]
     points = linear.rotated(lifted.points, observation.cloud.rotation)
+    if on_skin:
+        points *= ((points[:, 2] - BEHIND_SKIN) / points[:, 2])[:, None]
     return SeenJoints(slopes, points, np.where(joints.sure, joints.confidence.astype(np.float64), 0.0))
 
 

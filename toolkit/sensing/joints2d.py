@@ -19,7 +19,8 @@ SURE = 0.3
 """Confidence from which on a joint counts as found."""
 
 _JOINTS = skeleton.REPORTED
-_BEHIND_SKIN = np.array([HALF_LIMBS.get(name.split("_")[-1], np.nan) for name in _JOINTS])
+BEHIND_SKIN: np.ndarray = np.array([HALF_LIMBS.get(name.split("_")[-1], np.nan) for name in _JOINTS])
+"""Metres from the skin to each reported joint (20,), NaN for the derived ones."""
 _MIRRORED = [
     _JOINTS.index(name.replace("left", "RIGHT").replace("right", "left").replace("RIGHT", "right")) for name in _JOINTS
 ]
@@ -94,7 +95,7 @@ def lift(joints: Joints2D, depth: np.ndarray, camera: Camera) -> LiftedJoints:
     measured = np.isfinite(around).sum(axis=1)
     each = np.arange(len(around))
     skin = 0.5 * (around[each, np.maximum(measured - 1, 0) // 2] + around[each, np.minimum(measured // 2, 8)])
-    z = np.where(measured > 0, skin, np.nan) + _BEHIND_SKIN
+    z = np.where(measured > 0, skin, np.nan) + BEHIND_SKIN
     points = np.stack([(u - camera.cx) * z / camera.fx, (v - camera.cy) * z / camera.fy, z], axis=1)
     found = np.isfinite(points).all(axis=1)
     points[~found] = np.nan
