@@ -44,8 +44,8 @@ def test_a_database_of_clips_holds_the_plain_selection_of_their_canonical_poses(
     joints = neutral().joint_positions(poses).astype(np.float32)
     chosen = farthest_first(joints, 0.02)
     assert 5 < len(chosen) < len(poses) == report.poses_read
-    np.testing.assert_array_equal(read.poses, poses[chosen])
-    np.testing.assert_array_equal(read.joints, joints[chosen])
+    np.testing.assert_array_equal(read.poses, poses[chosen].astype(np.float16))
+    np.testing.assert_allclose(read.joints, joints[chosen], atol=2e-3)
     np.testing.assert_array_equal(60 * read.pose_source + read.pose_frame, chosen)
     assert read.sources == ("a", "b") and not read.mirrored.any() and read.threshold == 0.02
     assert list(tmp_path.iterdir()) == [tmp_path / "poses.npz"]
@@ -66,7 +66,7 @@ def test_files_are_read_in_sorted_order_and_named_with_their_hashes(mocap: Path,
     assert report.database.sources == ("deep/jump.bvh", "walk.bvh")
     assert all(len(digest) == 64 for digest in report.database.hashes)
     first = retarget(read_clip(mocap / "deep" / "jump.bvh"), neutral()).poses[0]
-    np.testing.assert_array_equal(report.database.poses[0], canonicalise(first)[0].astype(np.float32))
+    np.testing.assert_array_equal(report.database.poses[0], canonicalise(first)[0].astype(np.float16))
     assert (report.database.pose_source[0], report.database.pose_frame[0]) == (0, 0)
 
 
@@ -76,7 +76,7 @@ def test_mirroring_adds_the_mirror_image_of_every_pose(tmp_path: Path) -> None:
     assert report.poses_read == 240 and 0 < database.mirrored.sum() < len(database)
     for row in np.flatnonzero(database.mirrored)[:5]:
         frame = CLIPS[database.pose_source[row]].poses[database.pose_frame[row]]
-        np.testing.assert_allclose(database.poses[row], mirrored(canonicalise(frame)[0]), atol=1e-6)
+        np.testing.assert_allclose(database.poses[row], mirrored(canonicalise(frame)[0]), atol=1e-3)
 
 
 def test_the_bundled_motions_are_the_source_when_none_is_given(tmp_path: Path) -> None:

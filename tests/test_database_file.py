@@ -41,6 +41,18 @@ def test_a_database_read_back_equals_the_one_written(saved: Path) -> None:
     assert [p.name for p in saved.parent.iterdir()] == ["poses.npz"]
 
 
+def test_a_file_of_the_first_version_is_read_as_it_was(saved: Path) -> None:
+    original = small_database()
+    old = changed(saved, format_version=1, joints=original.joints, features=original.features, poses=original.poses)
+    for name in ARRAYS:
+        np.testing.assert_array_equal(getattr(PoseDatabase.load(old), name), getattr(original, name))
+
+
+def test_a_database_of_a_body_that_is_no_named_one_is_not_stored(tmp_path: Path) -> None:
+    with pytest.raises(DatabaseError, match="cannot be stored"):
+        small_database().for_body(neutral().stretched({"shoulder": 1.2})).save(tmp_path / "poses.npz")
+
+
 def test_a_database_file_needs_no_pickle(saved: Path) -> None:
     with np.load(saved, allow_pickle=False) as archive:
         assert all(archive[name].dtype != object for name in archive.files)
@@ -51,11 +63,12 @@ def test_a_database_file_needs_no_pickle(saved: Path) -> None:
     ("values", "words"),
     [
         ({"fingerprint": "0123456789abcdef"}, "another body"),
-        ({"format_version": 99}, "format version 99"),
+        ({"format_version": 99}, "format version 99.*`depthmocap database build MOCAP` --output .*poses.npz"),
         ({"format": "something"}, "not a pose database"),
-        ({"features": None}, "lacks features"),
-        ({"features": np.zeros((3, 15), np.float32)}, "has shape"),
-        ({"joints": np.full((200, 20, 3), np.nan, np.float32)}, "not finite"),
+        ({"offsets": None}, "lacks offsets"),
+        ({"offsets": np.zeros((3, 4), np.float16)}, "has shape"),
+        ({"poses": np.full((200, 43), np.nan, np.float16)}, "not finite"),
+        ({"body_shape": np.zeros(99)}, "has shape"),
         ({"notes": "{"}, "no JSON"),
         ({"notes": "[" * 100_000}, "no JSON"),
         ({"notes": '{"a": NaN}'}, "no JSON"),

@@ -14,6 +14,7 @@ import numpy as np
 from toolkit import skeleton
 from toolkit.archives import Column, check_columns, load_archive, save_archive
 from toolkit.body.body import Body
+from toolkit.body.shape import ShapeSpace
 from toolkit.database.canonical import feature_vectors, place, torso_length
 from toolkit.database.origin import observed_offsets
 from toolkit.database.prior import PosePrior
@@ -22,8 +23,11 @@ from toolkit.errors import DatabaseError
 from toolkit.files import is_file, parse_json
 from toolkit.landmarks.regressor import JointRegressor
 
-FORMAT_VERSION = 1
-"""Raised whenever the meaning of a stored array changes."""
+FORMAT_VERSION = 2
+"""Raised whenever the meaning of a stored array changes; version 1 also held joints and features, which follow."""
+READABLE = ("1", "2")
+STORED_TYPE = np.float16
+"""Of poses and offsets in a file: half a millimetre and 0.06 degrees."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,7 +36,7 @@ class PoseDatabase:
 
     Attributes
     ----------
-    poses : float32 (N, P), `skeleton.POSE_NAMES`, metres and radians
+    poses : float32 (N, P), `skeleton.POSE_NAMES`, metres and radians, of the precision of `STORED_TYPE`
     joints : float32 (N, 20, 3), metres, canonical frame (`P_chi`)
     features : float32 (N, 15), metres: end effectors about each pose's centre, its facing +z (`E_chi^5`)
     offsets : float32 (N, 4): centre (metres) and facing yaw (radians) of each pose as seen by a camera, canonical frame
@@ -101,14 +105,14 @@ class PoseDatabase:
         `offsets` (N, 4) are found by looking at every pose (`observed_offsets`, about half a millisecond each) unless
         given.
         """
-        stored = np.asarray(poses, dtype=np.float32)
+        stored = np.asarray(poses).astype(STORED_TYPE).astype(np.float32)
         if offsets is None:
             offsets = observed_offsets(body, stored)
         return PoseDatabase(
             poses=stored,
             joints=np.zeros((len(stored), len(skeleton.REPORTED), 3), dtype=np.float32),
             features=np.zeros((len(stored), FEATURE_SIZE), dtype=np.float32),
-            offsets=np.asarray(offsets, dtype=np.float32),
+            offsets=np.asarray(offsets).astype(STORED_TYPE).astype(np.float32),
             pose_source=np.asarray(pose_source, dtype=np.int32),
             pose_frame=np.asarray(pose_frame, dtype=np.int32),
             mirrored=np.asarray(mirrored, dtype=np.bool_),
@@ -200,14 +204,20 @@ class PoseDatabase:
         return replace(self, search=name)
 
     def save(self, path: str | Path) -> None:
-        """Write one NPZ file, whole or not at all.
+        """Write one NPZ file, whole or not at all. Joints and features follow from poses and body and are left out.
 
         Raises
         ------
+        DatabaseError
+            Its body is none of the shape space.
         OutputError
             The file cannot be written.
         """
+        of_space = self.for_body(ShapeSpace.load().body(self.body_shape, self.body_scale, self.body_name))
+        if not np.allclose(of_space.joints, self.joints, atol=1e-3):
+            raise DatabaseError(f"a pose database of body {self.body_name} cannot be stored; store one of a named body")
         arrays = {name: getattr(self, name) for name in _STORED}
+        arrays |= {name: arrays[name].astype(STORED_TYPE) for name in ("poses", "offsets")}
         arrays["notes"] = json.dumps(self.notes)
         if self.regressor is not None:
             arrays |= {_FOREST + name: array for name, array in self.regressor.arrays().items()}
@@ -226,15 +236,22 @@ class PoseDatabase:
         """
         file = Path(path)
         if not is_file(file):
-            raise DatabaseError(f"there is no pose database {file}; build one with `depthmocap database build`")
+            raise DatabaseError(f"there is no pose database {file}; build one with `{BUILD}`")
         stored = load_archive(file, DatabaseError, REBUILD)
         _check_identity(file, stored)
         missing = [name for name in _STORED if name not in stored]
         if missing:
-            raise DatabaseError(f"{file} lacks {', '.join(missing)}; build it again")
+            raise DatabaseError(f"{file} lacks {', '.join(missing)}; {REBUILD}")
         check_columns(stored, _SCALARS, DatabaseError, str(file), REBUILD)
+        check_columns(stored, _columns(len(stored["sources"])), DatabaseError, str(file), REBUILD)
+        body = ShapeSpace.load().body(stored["body_shape"], float(stored["body_scale"]), str(stored["body_name"]))
+        poses = stored["poses"].astype(np.float32)
         return PoseDatabase(
-            **{name: stored[name] for name in _ARRAYS},
+            poses=poses,
+            joints=np.zeros((len(poses), len(skeleton.REPORTED), 3), dtype=np.float32),
+            features=np.zeros((len(poses), FEATURE_SIZE), dtype=np.float32),
+            offsets=stored["offsets"].astype(np.float32),
+            **{name: stored[name] for name in ("pose_source", "pose_frame", "mirrored")},
             sources=tuple(stored["sources"].tolist()),
             hashes=tuple(stored["hashes"].tolist()),
             threshold=float(stored["threshold"]),
@@ -246,10 +263,11 @@ class PoseDatabase:
             regressor=_stored_regressor(stored),
             prior=_stored_prior(stored),
             search=search,
-        )
+        ).for_body(body)
 
 
-REBUILD = "build it again"
+BUILD = "depthmocap database build MOCAP"
+REBUILD = f"build it again with `{BUILD}`"
 FARTHEST, WIDEST = 10.0, 6.5
 """Metres and radians: no entry of a canonical pose, joint, feature or offset is larger."""
 
@@ -264,7 +282,7 @@ def _columns(sources: int) -> dict[str, Column]:
         "pose_source": Column("iu", ("poses",), 0, sources - 1),
         "pose_frame": Column("iu", ("poses",), 0),
         "mirrored": Column("b", ("poses",)),
-        "body_shape": Column("f", ("coefficients",), -100, 100),
+        "body_shape": Column("f", (ShapeSpace.load().size,), -100, 100),
         "threshold": Column("iuf", (), 0, FARTHEST),
         "body_scale": Column("iuf", (), 0.1, 10),
         "torso_length": Column("iuf", (), 0.05, FARTHEST),
@@ -276,8 +294,8 @@ _SCALARS = {
     "notes": Column("U", ()), "threshold": Column("iuf", ()), "body_scale": Column("iuf", ()),
     "torso_length": Column("iuf", ()), "format_version": Column("iu", ()),
 }  # fmt: skip
-_ARRAYS = ("poses", "joints", "features", "offsets", "pose_source", "pose_frame", "mirrored")
-_STORED = tuple(item.name for item in fields(PoseDatabase) if item.name not in ("search", "forest", "prior"))
+_LEFT_OUT = ("joints", "features", "search", "forest", "prior")
+_STORED = tuple(item.name for item in fields(PoseDatabase) if item.name not in _LEFT_OUT)
 _FOREST, _PRIOR = "forest_", "prior_"
 
 
@@ -315,12 +333,15 @@ def _identity() -> dict[str, Any]:
 def _check_identity(file: Path, stored: dict[str, np.ndarray]) -> None:
     expected = _identity()
     if "format" not in stored or str(stored["format"]) != expected["format"]:
-        raise DatabaseError(f"{file} is not a pose database; build one with `depthmocap database build`")
+        raise DatabaseError(f"{file} is not a pose database; build one with `{BUILD}`")
     version = stored.get("format_version")
-    if version is None or str(version) != str(FORMAT_VERSION):
-        raise DatabaseError(f"{file} has format version {version}, this program reads {FORMAT_VERSION}; build it again")
+    if version is None or str(version) not in READABLE:
+        raise DatabaseError(
+            f"{file} has format version {version}, this program reads {' and '.join(READABLE)}; {REBUILD} "
+            f"--output {file}"
+        )
     if str(stored.get("fingerprint")) != expected["fingerprint"]:
         raise DatabaseError(
             f"{file} was built for another body (fingerprint {stored.get('fingerprint')}, this one has "
-            f"{expected['fingerprint']}); build it again"
+            f"{expected['fingerprint']}); {REBUILD} --output {file}"
         )
