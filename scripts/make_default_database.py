@@ -16,9 +16,8 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parent.parent
 sys.path.insert(0, str(ROOT))
 
-from database_builder.parts import PartsSettings  # noqa: E402
-
 from database_builder.build import THRESHOLD, build_database  # noqa: E402
+from database_builder.regressor import RegressorSettings  # noqa: E402
 from toolkit.body.shape import load_body  # noqa: E402
 from toolkit.cli.terminal import progress_bars  # noqa: E402
 from toolkit.database.default import DEFAULT_DATABASE  # noqa: E402
@@ -34,13 +33,13 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("cmu", type=Path, nargs="+", help="folders of CMU motions, BVH and ASF/AMC")
     parser.add_argument("--output", type=Path, default=DEFAULT_DATABASE)
-    parser.add_argument("--images", type=int, default=PartsSettings.images, help="that train the joint regressor")
+    parser.add_argument("--images", type=int, default=RegressorSettings.images, help="that train the joint regressor")
     parser.add_argument("--workers", type=int)
     options = parser.parse_args()
     sources = [*options.cmu, *procedural_clips(body=load_body("neutral"))]
     with progress_bars() as bars:
         report = build_database(
-            sources, options.output, threshold=THRESHOLD, parts=PartsSettings(images=options.images),
+            sources, options.output, threshold=THRESHOLD, regressor=RegressorSettings(images=options.images),
             workers=options.workers, progress=bars,
         )  # fmt: skip
     print(report.text())

@@ -47,7 +47,7 @@ class PoseDatabase:
     threshold : metres in the unit of Eq. 5.1: every two poses are farther apart (0: stopped by a maximum count only)
     body_name, body_shape, body_scale, torso_length : the body of the joints and features; the last in metres
     notes : JSON-able facts about how it was built (poses read, files skipped, residual of the offsets, settings)
-    forest : the joint regressor trained on these poses, or None
+    regressor : the joint regressor trained on these poses, or None
     prior : the pose prior given the situation, learnt from these poses; None in files from before there was one
     search : provider of the nearest neighbours, see `search.SEARCHES`
     """
@@ -294,7 +294,7 @@ _SCALARS = {
     "notes": Column("U", ()), "threshold": Column("iuf", ()), "body_scale": Column("iuf", ()),
     "torso_length": Column("iuf", ()), "format_version": Column("iu", ()),
 }  # fmt: skip
-_LEFT_OUT = ("joints", "features", "search", "forest", "prior")
+_LEFT_OUT = ("joints", "features", "search", "regressor", "prior")
 _STORED = tuple(item.name for item in fields(PoseDatabase) if item.name not in _LEFT_OUT)
 _FOREST, _PRIOR = "forest_", "prior_"
 
