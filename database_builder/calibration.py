@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from database_builder.room_views import SHELL, RoomPainter, RoomView
 from database_builder.views import FOCAL, View, ViewSettings, draw_view, is_seated
 from toolkit import skeleton
 from toolkit.body.shape import ShapeSpace
@@ -43,11 +44,40 @@ def calibrated(
         return trained
     confidence, close, evidence, in_view = (np.array(column) for column in zip(*found, strict=True))
     rows = range(len(skeleton.REPORTED))
+    person_odds = None
+    if trained.knows_rooms:
+        person_odds = _person_odds(trained, RoomPainter(poses, sits, settings), views, rng)
     return replace(
         trained,
+        person_odds=person_odds,
         calibration=np.array([_rising(confidence[:, j], close[:, j]) for j in rows], dtype=np.float32),
         in_view_odds=np.array([_odds(evidence[:, j], in_view[:, j]) for j in rows], dtype=np.float32),
     )
+
+
+def _person_odds(trained: JointRegressor, painter: RoomPainter, views: int, rng: np.random.Generator) -> np.ndarray:
+    """Log odds of a pixel's being of a person as a line in those of its leaves, float32 (2,), at even odds."""
+    found, of_person = [], []
+    for _ in range(views):
+        view = painter.draw(rng)
+        kinds = (view.owner < SHELL, view.owner == SHELL, view.owner > SHELL)
+        for kind, count in zip(kinds, (100, 50, 50), strict=True):
+            pixels = np.flatnonzero(kind & (view.depth > 0) & (view.depth < kernels.UNOBSERVED))
+            pixels = rng.choice(pixels, min(count, len(pixels)), replace=False)
+            probability = room_probability(trained, view, pixels)
+            found.append(np.log(probability / (1.0 - probability)))
+            of_person.append(np.full(len(pixels), kind is kinds[0]))
+    odds, truth = np.concatenate(found), np.concatenate(of_person)
+    if truth.all() or not truth.any():
+        return np.array([0.0, 1.0], dtype=np.float32)
+    return np.array(_odds(odds, truth, "balanced"), dtype=np.float32)
+
+
+def room_probability(trained: JointRegressor, view: RoomView, pixels: np.ndarray) -> np.ndarray:
+    """`JointRegressor.person_probability` (N,) of some pixels of a drawn room."""
+    image = np.where(view.depth == kernels.UNOBSERVED, np.float32(-1.0), view.depth * np.float32(0.001))
+    camera = np.array([FOCAL, FOCAL, *-view.corner])
+    return trained.person_probability(image, camera, np.diag([1.0, -1.0, -1.0]), pixels)
 
 
 def _votes(trained: JointRegressor, view: View) -> tuple[np.ndarray, np.ndarray, np.ndarray] | None:
@@ -77,11 +107,11 @@ def _rising(confidence: np.ndarray, close: np.ndarray) -> np.ndarray:
     return np.asarray(fitted.predict(np.linspace(0.0, 1.0, KNOTS)))
 
 
-def _odds(evidence: np.ndarray, in_view: np.ndarray) -> tuple[float, float]:
-    """Log odds of being in view as a line in the evidence."""
+def _odds(evidence: np.ndarray, in_view: np.ndarray, weight: str | None = None) -> tuple[float, float]:
+    """Log odds of being in view as a line in the evidence; "balanced": were it as likely as not beforehand."""
     from sklearn.linear_model import LogisticRegression
 
     if in_view.all() or not in_view.any():
         return (4.0 if in_view.all() else -4.0), 0.0
-    fitted = LogisticRegression(C=10.0).fit(evidence[:, None], in_view)
+    fitted = LogisticRegression(C=10.0, class_weight=weight).fit(evidence[:, None], in_view)
     return float(fitted.intercept_[0]), float(fitted.coef_[0, 0])

@@ -12,9 +12,11 @@ import numpy as np
 
 from database_builder.calibration import calibrated
 from database_builder.growing import grow_trees, together
+from database_builder.images import TrainingImages, draw_images
 from database_builder.kept import Kept
 from database_builder.processes import process_pool
-from database_builder.views import FOCAL, TrainingImages, ViewSettings, draw_images
+from database_builder.room_views import NOBODY
+from database_builder.views import FOCAL, ViewSettings
 from toolkit.errors import SettingsError
 from toolkit.kernels.cache import sources_digest
 from toolkit.kernels.learning import forest_training
@@ -40,7 +42,7 @@ class RegressorSettings:
     calibration : further images on which it is found out what the forest's numbers are worth
     """
 
-    images: int = 30000
+    images: int = 43000
     pixels: int = 120
     trees: int = 3
     depth: int = 22
@@ -161,7 +163,7 @@ def _grown(
     seeds = [int(seed) for seed in rng.integers(1 << 62, size=settings.trees)]
     grown = grow_trees(samples, data.labels, growth, seeds, workers, progress)
     leaves = [leaf for tree, rows in grown for leaf in _leaves(data, tree, rows)]
-    mean, variance, share = (np.concatenate(column) for column in zip(*leaves, strict=True))
+    mean, variance, share, person = (np.concatenate(column) for column in zip(*leaves, strict=True))
     forest, roots = together([tree for tree, _ in grown])
     return JointRegressor(
         forest.offsets,
@@ -171,10 +173,11 @@ def _grown(
         np.clip(np.rint(mean / OFFSET_UNIT), -127, 127).astype(np.int8),
         sureness(variance),
         np.rint(255.0 * share).astype(np.uint8),
+        leaf_person=np.rint(255.0 * person).astype(np.uint8) if settings.views.rooms else None,
     )
 
 
-def _leaves(data: TrainingImages, tree: Tree, rows: np.ndarray) -> Iterator[tuple[np.ndarray, np.ndarray, np.ndarray]]:
+def _leaves(data: TrainingImages, tree: Tree, rows: np.ndarray) -> Iterator[tuple[np.ndarray, ...]]:
     """`leaf_votes` of all leaves of a tree, some leaves at a time."""
     first = 0
     while first < len(tree.paths):
@@ -187,23 +190,28 @@ def _leaves(data: TrainingImages, tree: Tree, rows: np.ndarray) -> Iterator[tupl
 
 def leaf_votes(
     data: TrainingImages, rows: np.ndarray, starts: np.ndarray | Sequence[int]
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """What leaves of samples `rows[starts[k] : starts[k + 1]]` know of the joints.
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """What leaves of samples `rows[starts[k] : starts[k + 1]]` know of the joints, and of who is there at all.
 
     Returns
     -------
-    mean offset (K, 20, 3) and its variance (K, 20), metres and square metres, of the samples whose image shows the
-    joint, of all samples where hardly any does; share of the samples (K, 20) whose image shows it
+    mean offset (K, 20, 3) and its variance (K, 20), metres and square metres, of the people's samples whose image shows
+    the joint, of all of people where hardly any does, endless where hardly any is of people; share of the people's
+    samples (K, 20) whose image shows it; share of the samples (K,) that are of people
     """
     begins, sizes = np.asarray(starts)[:-1], np.diff(starts)
     leaf = np.repeat(np.arange(len(sizes)), sizes)
+    person = (data.labels[rows] != NOBODY).astype(np.float32)
+    people = np.add.reduceat(person, begins)
     votes = data.offsets[rows].astype(np.float32)
-    shown = data.in_view[data.sample_image[rows]].astype(np.float32)
+    shown = data.in_view[data.sample_image[rows]] * person[:, None]
     count = np.add.reduceat(shown, begins)
-    share = count / sizes[:, None]
+    share = np.where(people[:, None] > 0, count / np.maximum(people, 1.0)[:, None], 0.5)
     few = count < FEWEST
-    shown[few[leaf]] = 1.0
-    count = np.where(few, sizes[:, None], count)
+    shown = np.where(few[leaf], person[:, None], shown)
+    count = np.maximum(np.where(few, people[:, None], count), 1.0)
     mean = np.add.reduceat(votes * shown[:, :, None], begins) / count[:, :, None]
     apart = ((votes - mean[leaf]) ** 2).sum(axis=2) * shown
-    return mean, np.add.reduceat(apart, begins) / count, share
+    variance = np.add.reduceat(apart, begins) / count
+    variance[people < np.minimum(FEWEST, sizes)] = np.inf
+    return mean, variance, share, people / sizes

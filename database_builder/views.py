@@ -7,7 +7,7 @@ in other pixels; the regressor asks its questions in the level frame, so that al
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -19,13 +19,10 @@ from toolkit.database.prior import SITUATIONS, situations, variables
 from toolkit.errors import SettingsError
 from toolkit.kernels.image import raster
 from toolkit.kernels.learning import forest
-from toolkit.progress import Count
 
 FOCAL = 150.0
 """Pixels: half the resolution of a Kinect; questions are in metres, so any other serves as well."""
 MARGIN = 2
-BALANCE = 0.7
-"""Exponent that evens out the parts among an image's training pixels: 0 as they are seen, 1 all parts alike."""
 STATURES = (0.72, 1.3)
 """Metres: children that the population of the shape space knows too little."""
 HEIGHTS = (0.5, 2.5)
@@ -40,6 +37,31 @@ CUTS: dict[str, tuple[str, ...]] = {
 
 
 @dataclass(frozen=True)
+class RoomSettings:
+    """What the views of whole rooms show, as shares of these in [0, 1].
+
+    Attributes
+    ----------
+    empty : nobody at all
+    cut : cut out: the person with what touches them, or furniture alone
+    touched : furniture is moved up to the person
+    company : other people stand about, near and far
+    holding : something is in the person's hands
+    without : kinds of furniture, out of `toolkit.interiors.pieces.PIECES`, that no room holds
+    """
+
+    empty: float = 0.2
+    cut: float = 0.25
+    touched: float = 0.6
+    company: float = 0.35
+    holding: float = 0.2
+    without: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        _check_shares({name: share for name, share in vars(self).items() if name != "without"})
+
+
+@dataclass(frozen=True)
 class ViewSettings:
     """What the training views show, as shares of the images in [0, 1].
 
@@ -51,6 +73,8 @@ class ViewSettings:
     raised : from a camera anywhere from 0.5 to 2.5 m above the floor; the others from about the person's middle
     small : children of 0.72 to 1.3 m
     seated : in a seated pose, where the database has any
+    rooms : whole furnished rooms, with and without people; all others show a person alone
+    room : what those show
     """
 
     turned: float = 0.5
@@ -59,46 +83,25 @@ class ViewSettings:
     raised: float = 0.3
     small: float = 0.1
     seated: float = 0.2
+    rooms: float = 0.3
+    room: RoomSettings = field(default_factory=RoomSettings)
 
     def __post_init__(self) -> None:
-        for name, share in vars(self).items():
-            if not 0.0 <= share <= 1.0:
-                raise SettingsError(f"training views: {name} is {share}; it is a share and lies in [0, 1]")
+        _check_shares({name: share for name, share in vars(self).items() if name != "room"})
 
 
-@dataclass
-class TrainingImages:
-    """Drawn people and the pixels chosen from them.
-
-    Attributes
-    ----------
-    depth : uint16, millimetres: crops end to end, 0 = nothing, `forest.UNOBSERVED` = hidden or outside the image
-    starts, shapes : int64 (I,) and (I, 2): where each crop begins, its height and width
-    windows : int32 (I, 4): first and last column, first and last row of the image, in pixels of the crop
-    in_view : bool (I, 20): joints inside the image with nothing but the person before them
-    sample_image, sample_u, sample_v : int32 (S,): crop and pixel of each sample
-    labels : int64 (S,): see `body_labels`
-    offsets : float16 (S, 20, 3): from each sample's point to the joints, metres, level frame
-    """
-
-    depth: np.ndarray
-    starts: np.ndarray
-    shapes: np.ndarray
-    windows: np.ndarray
-    in_view: np.ndarray
-    sample_image: np.ndarray
-    sample_u: np.ndarray
-    sample_v: np.ndarray
-    labels: np.ndarray
-    offsets: np.ndarray
+def _check_shares(shares: dict[str, float]) -> None:
+    for name, share in shares.items():
+        if not 0.0 <= share <= 1.0:
+            raise SettingsError(f"training views: {name} is {share}; it is a share and lies in [0, 1]")
 
 
 @dataclass(frozen=True, eq=False)
 class View:
     """One person before a level camera of focal length `FOCAL`, cropped.
 
-    depth, window, in_view : as in `TrainingImages`, for one image; triangle : int32 (H, W), which face a pixel shows;
-    corner : image coordinates of the crop's first pixel; joints : float64 (20, 3), metres, level frame
+    depth, window, in_view : as in `images.TrainingImages`, for one image; triangle : int32 (H, W), which face a pixel
+    shows; corner : image coordinates of the crop's first pixel; joints : float64 (20, 3), metres, level frame
     """
 
     depth: np.ndarray
@@ -127,43 +130,6 @@ def body_labels(body: Body) -> np.ndarray:
     return label
 
 
-def draw_images(
-    poses: np.ndarray, settings: ViewSettings, images: int, pixels: int, rng: np.random.Generator, progress: Count
-) -> TrainingImages:
-    """Draw `images` people in database poses (N, P), each another view, and choose `pixels` pixels of each."""
-    space = ShapeSpace.load()
-    labels_of_vertex = body_labels(space.body())
-    faces = space.faces.astype(np.int64)
-    sits = is_seated(poses, space.body())
-    views: list[tuple[np.ndarray, ...]] = []
-    columns: list[tuple[np.ndarray, ...]] = []
-    for image in range(images):
-        if image % 500 == 0:
-            progress(image, images)
-        view = draw_view(poses, sits, space, settings, rng)
-        v, u = np.nonzero((view.depth > 0) & (view.depth < forest.UNOBSERVED))
-        if len(v) < pixels:
-            continue
-        label = labels_of_vertex[faces[view.triangle[v, u], 0]]
-        # Hands are one pixel in two hundred; without balance no question would ever be asked for them.
-        balance = np.bincount(label)[label] ** -BALANCE
-        pick = rng.choice(len(v), pixels, replace=False, p=balance / balance.sum())
-        v, u, label = v[pick], u[pick], label[pick]
-        z = view.depth[v, u] * 0.001
-        x, y = (u + view.corner[0]) * z / FOCAL, (v + view.corner[1]) * z / FOCAL
-        offsets = view.joints[None] - np.stack([x, -y, -z], axis=1)[:, None]
-        number = np.full(len(v), len(views), dtype=np.int32)
-        columns.append((number, u.astype(np.int32), v.astype(np.int32), label, offsets.astype(np.float16)))
-        views.append((view.depth.ravel(), np.array(view.depth.shape), view.window, view.in_view))
-    progress(images, images)
-    depths, shapes, windows, in_view = zip(*views, strict=True)
-    starts = np.cumsum([0, *(len(depth) for depth in depths[:-1])]).astype(np.int64)
-    return TrainingImages(
-        np.concatenate(depths), starts, np.array(shapes, dtype=np.int64), np.array(windows), np.array(in_view),
-        *(np.concatenate(parts) for parts in zip(*columns, strict=True)),
-    )  # fmt: skip
-
-
 def is_seated(poses: np.ndarray, body: Body) -> np.ndarray:
     """Bool (N,): in which of canonical poses (N, P) people sit."""
     return np.asarray(situations(variables(poses, body)) == SITUATIONS.index("seated"))
@@ -174,20 +140,20 @@ def draw_view(
 ) -> View:
     """One person of canonical `poses` (N, P), who `sits` (N,) or not, of any size, seen as `settings` has it."""
     body = draw_body(space, settings.small, rng)
-    pose, yaw = _turned(poses[_drawn_row(sits, settings.seated, rng)], settings.turned, rng)
+    pose, yaw = turned_pose(poses[row_of(sits, settings.seated, rng)], settings.turned, rng)
     vertices, joints = body.vertex_positions(pose), body.joint_positions(pose)
     cut, hidden = rng.random() < settings.cut, rng.random() < settings.hidden
     root = _stand(vertices, body.height, rng.random() < settings.raised, cut, rng)
     faces = space.faces.astype(np.int64)
 
-    seen = _projected(vertices + root)
+    seen = project_level(vertices + root)
     corner = np.floor(seen[:, :2].min(axis=0)) - MARGIN
     width, height = (np.ceil(seen[:, :2].max(axis=0)) - corner + MARGIN).astype(int)
-    inverse, triangle = _drawn(seen, faces, corner, (height, width))
+    inverse, triangle = draw_mesh(seen, faces, corner, (height, width))
     blocked = np.zeros(inverse.shape)
     if hidden:
         for mesh in occluder_meshes(poses, space, root, yaw, vertices, rng):
-            before, _ = _drawn(_projected(mesh.vertices), mesh.faces, corner, (height, width))
+            before, _ = draw_mesh(project_level(mesh.vertices), mesh.faces, corner, (height, width))
             blocked = np.maximum(blocked, before)
     depth = sensed(np.where(blocked > inverse, 0.0, inverse), rng)
     window = image_window(joints + root, corner, (height, width), cut, rng)
@@ -201,7 +167,7 @@ def draw_view(
     return View(depth, window, in_view, triangle, corner, joints + root)
 
 
-def _drawn_row(sits: np.ndarray, share: float, rng: np.random.Generator) -> int:
+def row_of(sits: np.ndarray, share: float, rng: np.random.Generator) -> int:
     """A row of poses who `sits` (N,) in a `share` of all cases, as far as there are both kinds."""
     rows = np.flatnonzero(sits == (rng.random() < share))
     return int(rows[rng.integers(len(rows))] if len(rows) else rng.integers(len(sits)))
@@ -217,7 +183,7 @@ def draw_body(space: ShapeSpace, small: float, rng: np.random.Generator) -> Body
     return space.body(coefficients)
 
 
-def _turned(pose: np.ndarray, turned: float, rng: np.random.Generator) -> tuple[np.ndarray, float]:
+def turned_pose(pose: np.ndarray, turned: float, rng: np.random.Generator) -> tuple[np.ndarray, float]:
     """A canonical pose (facing yaw 0) at the origin, turned about the vertical, and by how much."""
     from scipy.spatial.transform import Rotation
 
@@ -242,14 +208,14 @@ def _stand(vertices: np.ndarray, stature: float, raised: bool, near: bool, rng: 
     return np.array([aside, -above, -max(distance, down / STEEPEST, least + np.ptp(vertices[:, 2]))])
 
 
-def _projected(points: np.ndarray) -> np.ndarray:
+def project_level(points: np.ndarray) -> np.ndarray:
     """Image coordinates and inverse depth (N, 3) of points (N, 3) in the level frame, seen by a level camera."""
     out = np.empty(points.shape)
     raster.project(points * (1.0, -1.0, -1.0), np.array([FOCAL, FOCAL, 0.0, 0.0]), out)
     return out
 
 
-def _drawn(
+def draw_mesh(
     projected: np.ndarray, faces: np.ndarray, corner: np.ndarray, shape: tuple[int, int]
 ) -> tuple[np.ndarray, np.ndarray]:
     """Inverse depth and triangles of a projected mesh in a crop of the image."""
@@ -271,7 +237,7 @@ def image_window(
     room = FOCAL / -joints[0, 2] * rng.uniform(-0.05, 1.0, 4)  # between the person and each border
     near, far, extent = -room[::2], np.array([width, height]) + room[1::2], np.array([width, height], dtype=float)
     if cut:
-        pixels = _projected(joints)[:, :2] - corner
+        pixels = project_level(joints)[:, :2] - corner
         between = pixels[[skeleton.REPORTED.index(name) for name in CUTS[rng.choice(list(CUTS))]], 1]
         far[1] = min(rng.uniform(between.min(), between.max()), height)
         if rng.random() < 0.25:
@@ -287,7 +253,7 @@ def image_window(
 
 def _in_view(joints: np.ndarray, corner: np.ndarray, window: np.ndarray, blocked: np.ndarray) -> np.ndarray:
     """Bool (20,): joints inside the image with nothing foreign before them."""
-    projected = _projected(joints)
+    projected = project_level(joints)
     u, v = np.rint(projected[:, :2] - corner).astype(int).T
     inside = (u >= window[0]) & (u <= window[1]) & (v >= window[2]) & (v <= window[3])
     rows, columns = np.clip(v, 0, blocked.shape[0] - 1), np.clip(u, 0, blocked.shape[1] - 1)

@@ -15,13 +15,12 @@ from hypothesis import strategies as st
 
 from database_builder import regressor as parts
 from database_builder.growing import grow_trees
+from database_builder.images import TrainingImages, draw_images
 from database_builder.regressor import RegressorSettings, leaf_votes, train_regressor
 from database_builder.views import (
     FOCAL,
-    TrainingImages,
     ViewSettings,
     body_labels,
-    draw_images,
     draw_view,
     image_window,
     is_seated,
@@ -37,7 +36,7 @@ from toolkit.mocap.procedural import SEATED_MOTIONS, procedural_clips
 from toolkit.sensing.camera import Camera, level_rotation
 from toolkit.sensing.cloud import Cloud
 
-PLAIN = ViewSettings(turned=0.5, cut=0.0, hidden=0.0, raised=0.0, small=0.0, seated=0.0)
+PLAIN = ViewSettings(turned=0.5, cut=0.0, hidden=0.0, raised=0.0, small=0.0, seated=0.0, rooms=0.0)
 """People as the first regressors knew them: adults, standing, in full view."""
 SMALL = RegressorSettings(
     images=60,
@@ -632,7 +631,8 @@ def test_leaves_hold_the_mean_offset_of_their_samples_and_how_sure_it_is() -> No
     data = drawn(replace(PLAIN, cut=0.6))
     rng = np.random.default_rng(0)
     rows, starts = rng.permutation(len(data.labels))[:200], [0, 40, 41, 130, 200]
-    mean, variance, share = leaf_votes(data, rows, starts)
+    mean, variance, share, person = leaf_votes(data, rows, starts)
+    assert (person == 1).all()
     for leaf, (a, b) in enumerate(pairwise(starts)):
         shown = data.in_view[data.sample_image[rows[a:b]]]
         assert share[leaf] == pytest.approx(shown.mean(axis=0))

@@ -8,7 +8,7 @@ the database's file.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
 
 import numpy as np
@@ -54,12 +54,15 @@ class JointEstimate:
     in_view : float64 (20,), 0 to 1: probability that the joint is inside the image with nothing foreign before it
     reliability : float64 (20,), 0 to 1: probability that the joint is within 10 cm, calibrated on views that the forest
         was not trained on; the confidence itself for a forest without calibration
+    person : mean probability that the points which voted are of a person, see `JointRegressor.person_probability`; 1
+        for a forest that knows no rooms
     """
 
     points: np.ndarray
     confidence: np.ndarray
     in_view: np.ndarray = field(default_factory=lambda: np.ones(len(skeleton.REPORTED)))
     reliability: np.ndarray = field(default_factory=lambda: np.ones(len(skeleton.REPORTED)))
+    person: float = 1.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,6 +84,10 @@ class JointRegressor:
     calibration : float32 (20, C), reliability at C evenly spaced confidences from 0 to 1, or None
     in_view_odds : float32 (20, 2), log odds that a joint is in view: the first number plus the second times the
         evidence of the pixels (`forest.vote`), or None
+    leaf_person : uint8 (leaves,), share of the leaf's training pixels that are of a person, in 255 steps; None = it was
+        trained on people alone and knows no rooms
+    person_odds : float32 (2,), log odds that a pixel is of a person at even odds beforehand: the first number plus the
+        second times the mean log odds of its leaves, or None
 
     Raises
     ------
@@ -98,6 +105,8 @@ class JointRegressor:
     leaf_in_view: np.ndarray | None = None
     calibration: np.ndarray | None = None
     in_view_odds: np.ndarray | None = None
+    leaf_person: np.ndarray | None = None
+    person_odds: np.ndarray | None = None
 
     def __post_init__(self) -> None:
         nodes, leaves = len(self.offsets), len(self.leaf_offsets)
@@ -115,6 +124,10 @@ class JointRegressor:
             columns["calibration"] = Column("f", (len(skeleton.REPORTED), "steps"), 0.0, 1.0)
         if self.in_view_odds is not None:
             columns["in_view_odds"] = Column("f", (len(skeleton.REPORTED), 2), -1e4, 1e4)
+        if self.leaf_person is not None:
+            columns["leaf_person"] = Column("u", ("leaves",), 0, 255)
+        if self.person_odds is not None:
+            columns["person_odds"] = Column("f", (2,), -1e4, 1e4)
         check_columns(self.arrays(), columns, DatabaseError, "the joint regressor", "build the database again")
         forward = (self.children < 0) | (self.children > np.arange(nodes)[:, None])
         if not forward.all() or not leaves:
@@ -130,6 +143,11 @@ class JointRegressor:
         """Question, threshold and children in a row, as the kernel walks them: float32 (nodes, 7), whole to 2**24."""
         return np.column_stack([self.offsets, self.thresholds, self.children]).astype(np.float32)
 
+    @property
+    def knows_rooms(self) -> bool:
+        """Whether it was trained on rooms too and can tell people from furniture (`person_probability`)."""
+        return self.leaf_person is not None
+
     def estimate(self, cloud: Cloud, samples: int, unobserved: np.ndarray | None = None) -> JointEstimate:
         """Joints of a cloud from about `samples` of its points, evenly spread in scan order.
 
@@ -138,8 +156,9 @@ class JointRegressor:
         """
         rows = cloud.spread_rows(samples)
         depth = cloud.depth if unobserved is None else marked(cloud.depth, unobserved, -1.0)
-        votes = self.votes(depth, cloud.camera.intrinsics, cloud.rotation, cloud.pixels[rows], cloud.points[rows])
-        return self.judged(*votes)
+        leaves = self._leaves(depth, cloud.camera.intrinsics, cloud.rotation, cloud.pixels[rows])
+        found = self.judged(*self._votes(cloud.points[rows], leaves))
+        return replace(found, person=float(self._person(leaves).mean())) if self.knows_rooms and len(rows) else found
 
     def votes(
         self, depth: np.ndarray, intrinsics: np.ndarray, rotation: np.ndarray, pixels: np.ndarray, points: np.ndarray
@@ -157,9 +176,71 @@ class JointRegressor:
         -------
         float64 (20, 3) joints, metres, level frame; (20,) confidence; (20,) evidence that a joint is in view
         """
+        return self._votes(points, self._leaves(depth, intrinsics, rotation, pixels))
+
+    def person_probability(
+        self, depth: np.ndarray, intrinsics: np.ndarray, rotation: np.ndarray, pixels: np.ndarray
+    ) -> np.ndarray:
+        """Probability that each of some pixels of a depth image is of a person and not of a room and its furniture.
+
+        The image is best whole, as it was measured; what was cut out of one is understood too, furniture that touches a
+        person or was mistaken for one. Walls, chairs and people are held to be equally likely beforehand ("even odds"):
+        where a share p of the pixels is of people, add log(p / (1 - p)) to the log odds. Pixels of one surface ask much
+        the same questions, so that evidence for a set of them is their mean, not their sum.
+
+        Parameters
+        ----------
+        depth : float32 (H, W), metres, 0 = not measured, or nothing, negative = unobserved
+        intrinsics : fx, fy, cx, cy, pixels
+        rotation : (3, 3), `R_level_camera`
+        pixels : (N,) flat indices of pixels that were measured; a tenth of a microsecond each for each level of a tree
+
+        Returns
+        -------
+        float64 (N,), calibrated on rooms that the forest was not trained on
+
+        Raises
+        ------
+        DatabaseError
+            The forest knows no rooms: it was trained before they were part of its views.
+        """
+        if not self.knows_rooms:
+            raise DatabaseError(
+                "the joint regressor of this database was not trained on rooms and cannot tell people from furniture; "
+                "build the database again with `depthmocap database build`"
+            )
+        return self._person(self._leaves(depth, intrinsics, rotation, pixels))
+
+    def person_image(self, cloud: Cloud, step: int = 1) -> np.ndarray:
+        """`person_probability` of every `step`-th measured pixel of a cloud's image.
+
+        Returns
+        -------
+        float32 (H / step, W / step), rounded up: pixel (i, j) is that of (`step` i, `step` j); NaN where nothing was
+        measured
+
+        Raises
+        ------
+        DatabaseError
+            As `person_probability`.
+        """
+        measured = np.zeros(cloud.depth.shape, dtype=bool)
+        measured[::step, ::step] = cloud.depth[::step, ::step] > 0
+        pixels = np.flatnonzero(measured)
+        image = np.full(cloud.depth.shape, np.nan, dtype=np.float32)
+        image.flat[pixels] = self.person_probability(cloud.depth, cloud.camera.intrinsics, cloud.rotation, pixels)
+        return image[::step, ::step]
+
+    def _leaves(
+        self, depth: np.ndarray, intrinsics: np.ndarray, rotation: np.ndarray, pixels: np.ndarray
+    ) -> np.ndarray:
+        """Leaf of every pixel in every tree, int64 (N, trees)."""
         leaves = np.empty((len(pixels), len(self.roots)), dtype=np.int64)
         blind = forest.REACH if self.leaf_in_view is None else -forest.REACH
         forest.find_leaves(forest.View(depth, intrinsics, rotation, blind), pixels, self.nodes, self.roots, leaves)
+        return leaves
+
+    def _votes(self, points: np.ndarray, leaves: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         joints = np.empty((len(skeleton.REPORTED), 3))
         confidence, evidence = np.empty((2, len(skeleton.REPORTED)))
         forest.vote(
@@ -167,6 +248,12 @@ class JointRegressor:
             _LOG_ODDS, VOTERS, BANDWIDTH, ROUNDS, joints, confidence, evidence,
         )  # fmt: skip
         return joints, confidence, evidence
+
+    def _person(self, leaves: np.ndarray) -> np.ndarray:
+        odds = _LOG_ODDS[self.leaf_person][leaves].mean(axis=1)
+        if self.person_odds is not None:
+            odds = self.person_odds[0] + self.person_odds[1] * odds
+        return np.asarray(1.0 / (1.0 + np.exp(-odds)))
 
     def judged(self, joints: np.ndarray, confidence: np.ndarray, evidence: np.ndarray) -> JointEstimate:
         """What `votes` returned, with the probabilities that it stands for."""

@@ -1,0 +1,95 @@
+"""Furnished rooms: surfaces of pieces, what stands where, space that is kept free."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from toolkit.errors import UsageError
+from toolkit.interiors.mesh import Mesh, box, cushion, joined, moved, post, slab
+from toolkit.interiors.pieces import GLASS, PIECES, SEATS
+from toolkit.interiors.room import KINDS, furnished, named_room
+
+
+def volume(mesh: Mesh) -> float:
+    corners = mesh.vertices[mesh.faces]
+    return float(np.einsum("ij,ij->i", corners[:, 0], np.cross(corners[:, 1], corners[:, 2])).sum() / 6.0)
+
+
+def test_surfaces_look_outwards_and_enclose_what_they_should() -> None:
+    rng = np.random.default_rng(0)
+    assert volume(box((0, 0, 0), (1, 2, 3))) == pytest.approx(6.0)
+    assert volume(slab((5, 1, 0), (1, 2, 0.1), 0.3)) == pytest.approx(0.2)
+    assert volume(post(0.1, 0.0, 1.0, 60)) == pytest.approx(np.pi * 0.01, rel=0.01)
+    soft = cushion((0, 0, 0), (1, 1, 1), rng, 0.0)
+    assert 0.6 < volume(soft) < 1.0 and np.abs(soft.vertices).max() < 0.56
+    assert volume(joined([moved(soft, 3.0, yaw=1.0), soft])) == pytest.approx(2 * volume(soft))
+
+
+@pytest.mark.parametrize("kind", PIECES)
+def test_every_piece_stands_on_the_floor_and_is_as_large_as_furniture(kind: str) -> None:
+    for seed in range(5):
+        parts = PIECES[kind](np.random.default_rng(seed))
+        points = np.concatenate([part.mesh.vertices for part in parts])
+        assert points[:, 1].min() > -0.05 and points[:, 1].max() < 2.8
+        assert (np.ptp(points, axis=0) < 3.2).all() and np.isfinite(points).all()
+        assert all(0.0 <= part.reflectance <= 1.0 for part in parts)
+
+
+@pytest.mark.parametrize("kind", SEATS)
+def test_a_seat_is_as_high_as_it_is_told(kind: str) -> None:
+    for seat in (0.3, 0.5):
+        parts = PIECES[kind](np.random.default_rng(3), seat)  # type: ignore[call-arg]
+        points = parts[0].mesh.vertices
+        assert np.abs(points[:, 1] - seat).min() < 0.03
+
+
+@settings(max_examples=12, deadline=None)
+@given(st.sampled_from(sorted(KINDS)), st.integers(0, 10_000))
+def test_a_room_holds_camera_and_people_and_keeps_their_space_free(kind: str, seed: int) -> None:
+    reach, camera = np.array([[-1.0, 0.0, -0.6], [0.8, 1.9, 0.7]]), (0.2, 2.6)
+    path = np.stack([np.linspace(-0.9, 0.7, 20), np.linspace(-0.5, 0.6, 20)], axis=1)
+    room = furnished(kind, np.random.default_rng(seed), camera=camera, reach=reach, free=path, clearance=0.3)
+    assert (room.low <= reach[0]).all() and (room.high >= reach[1]).all()
+    assert room.low[0] < camera[0] < room.high[0] and room.high[2] > camera[1]
+    for piece in room.standing:
+        points = np.concatenate([part.mesh.vertices for part in piece.parts])[:, [0, 2]]
+        assert np.linalg.norm(points[:, None] - path[None], axis=-1).min() >= 0.3 - 1e-9
+        assert np.linalg.norm(points - camera, axis=1).min() > 0.3
+        assert (points > room.low[[0, 2]] - 0.05).all() and (points < room.high[[0, 2]] + 0.05).all()
+
+
+def test_rooms_of_a_seed_are_alike_and_others_are_not() -> None:
+    first, again, other = (furnished("office", np.random.default_rng(seed)).surfaces() for seed in (4, 4, 5))
+    assert np.array_equal(first.mesh.vertices, again.mesh.vertices)
+    assert first.mesh.vertices.shape != other.mesh.vertices.shape
+
+
+def test_faces_know_their_material_and_piece_and_pieces_can_be_left_out() -> None:
+    room = furnished("living", np.random.default_rng(2))
+    whole = room.surfaces()
+    assert len(whole.reflectance) == len(whole.piece) == len(whole.mesh.faces)
+    assert set(whole.piece) == set(range(-1, len(room.standing)))
+    assert any(part.reflectance == GLASS for piece in room.standing for part in piece.parts if piece.kind == "window")
+    bare = room.surfaces(np.array([[x, z] for x in range(-5, 6) for z in range(-5, 6)], dtype=float), 2.0)
+    assert set(bare.piece) == {-1}
+
+
+def test_what_is_not_wanted_is_in_no_room() -> None:
+    for seed in range(4):
+        room = furnished(
+            "office", np.random.default_rng(seed), without=("coat_stand", "shelf", "chair", "office_chair")
+        )
+        assert not {"coat_stand", "shelf", "chair", "office_chair"} & {piece.kind for piece in room.standing}
+
+
+def test_rooms_have_names_and_seeds() -> None:
+    assert named_room("office:7") == ("office", 7) and named_room("corridor") == ("corridor", 0)
+    with pytest.raises(UsageError, match="no room is called 'kitchen'; use one of office, living"):
+        named_room("kitchen:1")
+    with pytest.raises(UsageError, match="the seed 'x'"):
+        named_room("office:x")
+    with pytest.raises(UsageError, match="no room is called"):
+        furnished("garden", np.random.default_rng(0))
