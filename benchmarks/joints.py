@@ -4,7 +4,7 @@ Simulated takes of the suite in colour: the network's joints, in the colour and 
 ones, as millimetres in the image at each joint's depth; their place in space after lifting with the depth; and the
 share of frames in which left and right are swapped (the joints fit the truth twice as well with the names exchanged).
 With `--real` also the shaded depth of UTD-MHAD against the Kinect SDK's joints, which are no truth, and the colour
-frame of a RealSense camera against the joints of OpenPose. Needs the pose model (`scripts/fetch_pose_model.py`).
+frame of a RealSense camera against the joints of OpenPose. Needs the pose model (`depthmocap joints --fetch`).
 """
 
 from __future__ import annotations

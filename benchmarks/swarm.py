@@ -1,7 +1,7 @@
 """The swarm tracker on the simulated suite: `depthmocap bench swarm [--split report] [--joints colour,depth,truth]`.
 
 No database, no pose, no shape is given: the recording, and joints in the image, which the network finds in colour or
-in the shaded depth (`scripts/fetch_pose_model.py`), or which are the true ones with the errors of such a network
+in the shaded depth (`depthmocap joints --fetch`), or which are the true ones with the errors of such a network
 (`truth`, see `toolkit/testing/joints.py`). `--rows` chooses settings: those of `configs/swarm.yaml`, the paper's own
 (`qammaz`, figures of Qammaz in its section 3.3), and parts of either switched off: Table 2 is `qammaz`, `qammaz depth`
 and `qammaz joints`, Table 3 the rows `w_D ...` and `plain w_D ...`, in multiples of our weight as the paper's are of 3.

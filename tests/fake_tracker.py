@@ -114,9 +114,12 @@ class FakeFollower:
 
 
 def fake_body(scale: float) -> Body:
-    joints, sites = np.zeros((len(skeleton.JOINTS), 3)), np.zeros((len(skeleton.SITES), 3))
-    faces, part, tips = np.zeros((0, 3), np.int32), np.zeros((1, 1), np.int64), np.zeros(5, np.int64)
-    return Body("fake", np.zeros((1, 3)), faces, part, np.ones((1, 1)), joints, sites, tips, np.array([0.5]), scale)
+    count = len(skeleton.JOINTS)  # each joint carries one vertex
+    joints, sites = np.zeros((count, 3)), np.zeros((len(skeleton.SITES), 3))
+    faces, part, tips = np.zeros((0, 3), np.int32), np.arange(count)[:, None], np.zeros(5, np.int64)
+    return Body(
+        "fake", np.zeros((count, 3)), faces, part, np.ones((count, 1)), joints, sites, tips, np.array([0.5]), scale
+    )
 
 
 def write_recording(path: Path, frames: int = 12) -> Path:

@@ -127,7 +127,7 @@ def test_wrong_use_is_exit_code_2(arguments: list[str], capsys: pytest.CaptureFi
         (["evaluate", "absent"], "absent"),
         (["export", "absent", "--output", "a.csv"], "absent"),
         (["render", "absent", "--output", "a.mp4"], "absent"),
-        (["track", "a.npz", "--database", "absent.npz", "--output", "o"], "absent.npz"),
+        (["track", "absent.npz", "--database", "d.npz", "--output", "o"], "absent.npz"),
     ],
 )
 def test_a_failure_is_exit_code_1_and_one_sentence(

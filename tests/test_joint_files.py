@@ -188,20 +188,20 @@ def test_a_folder_replaces_the_joints_of_the_recording(tmp_path: Path) -> None:
 def test_without_the_model_the_error_names_the_script_and_the_option(
     tmp_path: Path, no_model: Path, source: str
 ) -> None:
-    with pytest.raises(ModelError, match=r"scripts/fetch_pose_model.py.*--joints"):
+    with pytest.raises(ModelError, match=r"joints --fetch.*--joints"):
         joint_source(take(tmp_path / "take.npz", color=True), JointChoice(source), "required")
 
 
 def test_a_model_of_another_checksum_is_refused(no_model: Path) -> None:
     no_model.mkdir()
     (no_model / MODEL_FILE).write_bytes(b"something else")
-    with pytest.raises(ModelError, match=r"SHA-256.*fetch_pose_model.*--joints"):
+    with pytest.raises(ModelError, match=r"SHA-256.*joints --fetch.*--joints"):
         PoseModel.load()
 
 
-def test_without_the_runtime_the_error_names_the_extra_and_the_option(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_without_the_runtime_the_error_names_the_package_and_the_option(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(__import__("sys").modules, "ai_edge_litert.interpreter", None)
-    with pytest.raises(ModelError, match=r"depthmocap\[joints\].*--joints"):
+    with pytest.raises(ModelError, match=r"pip install .ai-edge-litert.*--joints"):
         PoseModel(b"")
 
 

@@ -118,6 +118,31 @@ def test_a_run_of_several_people_becomes_one_film(take, tmp_path):
     assert render_run(run, tmp_path / "film.webm").stat().st_size > 1000
 
 
+@pytest.mark.parametrize("name", ["film.webm", "sheet.png"])
+def test_where_nobody_was_found_the_depth_is_drawn_alone(take, tmp_path, name):
+    recording, track, body = take
+    run = tmp_path / "run"
+    save_run(run, recording, track, body)
+    (run / "track.npz").unlink()
+    save_people(run, [])
+    assert render_run(run, tmp_path / name, frames=slice(1, None)).stat().st_size > 1000
+
+
+@pytest.mark.parametrize("count", [2, 4, 9])
+def test_a_head_line_names_everybody_within_the_picture_and_is_as_high_in_all_frames(take, count):
+    recording, track, body = take
+    people = [Person(f"person_{k:02d}", track, body, LEVEL) for k in range(1, count + 1)]
+    settings = RenderSettings(panels=("plan",))
+    painter = FramePainter(people, recording, settings=settings)
+    pictures = [painter.paint(i, recording.depth(i)) for i in range(3)]
+    assert len({picture.shape for picture in pictures}) == 1
+    high = painter._head(0, pictures[0].shape[1]).shape[0]
+    for k in range(min(count, len(style.PEOPLE))):
+        there = (np.abs(pictures[0][:high].astype(int) - style.person_color(k)).sum(axis=2) < 30).sum()
+        assert there > 30, f"person {k + 1} is not named"
+    assert (pictures[0][:, -4:] == pictures[0][0, -1]).all(axis=2)[:high].all(), "words leave the picture"
+
+
 def test_a_drawn_mesh_has_the_depth_that_ray_casting_gives():
     body = neutral()[0]
     pose = standing(0.2, 2.5, HEIGHT)
@@ -302,11 +327,11 @@ def test_a_missing_codec_names_another_way_and_leaves_nothing(take, tmp_path, mo
     assert list(tmp_path.iterdir()) == []
 
 
-def test_without_the_package_av_a_film_is_vp8_and_h264_names_the_extra(take, tmp_path, monkeypatch):
+def test_without_the_package_av_a_film_is_vp8_and_h264_names_the_package(take, tmp_path, monkeypatch):
     import cv2
 
     monkeypatch.setattr(encoders, "has_av", lambda: False)
-    with pytest.raises(UsageError, match=r"depthmocap\[film\].* \*.webm"):
+    with pytest.raises(UsageError, match=r"pip install av.* \*.webm"):
         render_people(*arranged(take), tmp_path / "film.mp4")
     assert list(tmp_path.iterdir()) == []
     film = cv2.VideoCapture(str(render_people(*arranged(take), tmp_path / "film.webm")))

@@ -154,10 +154,10 @@ def demo(
     print("milliseconds a frame (median): ", result.summary.text())
     for path in result.files:
         print(path)
-    print(f"{result.seconds:.0f} seconds")
+    print(f"{result.seconds:.0f} seconds; open {result.files[-1]} in a browser: film, body in three dimensions, errors")
     next_commands(
         {
-            f"open {result.files[-1]} in a browser": "film, body in three dimensions, errors",
-            f"depthmocap track RECORDING --output run --database {output / 'poses.npz'}": "your own recording",
+            ("track", str(output / "take.npz"), "--output", "run"): "with the default poses; then a recording of yours",
+            ("info", str(output / "take.npz")): "what a recording holds, and which option would help",
         }
     )

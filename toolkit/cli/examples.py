@@ -17,7 +17,10 @@ EXAMPLES: dict[str, tuple[str, ...]] = {
         "depthmocap simulate walk.bvh --output take.npz",
         "depthmocap simulate kick.bvh --body heavy_female --sensor kinect --distance 3 --yaw 45 --output take.npz",
     ),
-    "joints": ("depthmocap joints take.npz --joints colour --output take_joints.npz",),
+    "joints": (
+        "depthmocap joints --fetch",
+        "depthmocap joints take.npz --joints colour --output take_joints.npz",
+    ),
     "track": (
         "depthmocap track take.npz --output run",
         "depthmocap track recordings/a.mat recordings/b.mat --database poses.npz --output runs",

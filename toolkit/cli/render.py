@@ -43,11 +43,10 @@ def render(
     """Draw a track beside its depth: mesh, skeleton and extrema, from the camera, from the side and from above."""
     from toolkit.cli.terminal import progress_bars
     from toolkit.rendering.film import render_run, settings_of
-    from toolkit.track import Track
 
     if calibration is not None and inertial is None:
         raise UsageError("--calibration belongs to sensors; name them with --inertial")
-    frames = None if (start, end) == (0, None) else range(start, len(Track.load(run)) if end is None else end)
+    frames = None if (start, end) == (0, None) else slice(start, end)
     with progress_bars() as bars:
         written = render_run(
             run,

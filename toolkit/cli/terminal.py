@@ -2,10 +2,17 @@
 
 from __future__ import annotations
 
+import os
+import shlex
+import shutil
+import subprocess
 import sys
+import threading
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
-from typing import TYPE_CHECKING
+from pathlib import Path
+from typing import TYPE_CHECKING, Protocol
 
 if TYPE_CHECKING:
     from rich.progress import Progress
@@ -13,49 +20,122 @@ if TYPE_CHECKING:
 
 WIDEST = 400
 """Characters: no table is wider."""
+MINUTE = 60.0
+"""Seconds between two lines of progress in a pipe or a log."""
 
 
-class Bars:
-    """One progress bar per thing that is being done."""
+class Bars(Protocol):
+    """Shows how far each thing is that is being done."""
+
+    def __call__(self, doing: str, done: int, total: int) -> None:
+        """Show that `done` of `total` steps of `doing` are over."""
+
+    def of_recording(self, name: str, doing: str, done: int, total: int) -> None:
+        """The same for a recording, whose name is shown."""
+
+
+class _OfRecordings:
+    """What is shown of a recording is its name and what is being done with it."""
+
+    def __call__(self, doing: str, done: int, total: int) -> None:
+        raise NotImplementedError
+
+    def of_recording(self, name: str, doing: str, done: int, total: int) -> None:
+        """See `Bars`; compilation is named as such."""
+        self(f"{name}: {doing_words(doing)}", done, total)
+
+
+class TerminalBars(_OfRecordings):
+    """One progress bar per thing that is being done, for a terminal."""
 
     def __init__(self, progress: Progress) -> None:
         self._progress = progress
         self._tasks: dict[str, object] = {}
 
     def __call__(self, doing: str, done: int, total: int) -> None:
-        """Show that `done` of `total` steps of `doing` are over."""
+        """See `Bars`."""
         if doing not in self._tasks:
             self._tasks[doing] = self._progress.add_task(doing, total=total)
         self._progress.update(self._tasks[doing], completed=done, total=total)  # type: ignore[arg-type]
 
-    def of_recording(self, name: str, doing: str, done: int, total: int) -> None:
-        """The same for a recording, whose name is shown; compilation is named as such."""
-        self(f"{name}: {doing_words(doing)}", done, total)
+
+class LogLines(_OfRecordings):
+    """A line a minute, for a pipe or a log; nothing of what takes less."""
+
+    def __init__(self, every: float = MINUTE) -> None:
+        self._latest: tuple[str, int, int] | None = None
+        self._every, self._begun, self._over = every, time.monotonic(), threading.Event()
+        self._thread = threading.Thread(target=self._tell, daemon=True)
+        self._thread.start()
+
+    def __call__(self, doing: str, done: int, total: int) -> None:
+        """See `Bars`."""
+        self._latest = (doing, done, total)
+
+    def close(self) -> None:
+        """No more lines."""
+        self._over.set()
+        self._thread.join()
+
+    def _tell(self) -> None:
+        while not self._over.wait(self._every):
+            if self._latest is not None:
+                doing, done, total = self._latest
+                minutes = (time.monotonic() - self._begun) / MINUTE
+                print(f"{doing}: {done} of {total} after {minutes:.0f} min", file=sys.stderr, flush=True)
 
 
 def doing_words(doing: str) -> str:
     """What the pipeline is doing, in words for people."""
     words = {"compiling": "preparing", "learning": "learning the body"}
-    return f"{words[doing]} (compiles for a minute the first time)" if doing in words else doing
+    return f"{words[doing]} (compiles for a while the first time)" if doing in words else doing
 
 
 @contextmanager
 def progress_bars() -> Iterator[Bars]:
-    """Progress bars on the standard error while the block runs."""
+    """Progress on the standard error while the block runs: bars in a terminal, else a line a minute."""
+    if not sys.stderr.isatty():
+        lines = LogLines()
+        try:
+            yield lines
+        finally:
+            lines.close()
+        return
     from rich.console import Console
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
     with Progress(*columns, console=Console(stderr=True), refresh_per_second=4) as progress:
-        yield Bars(progress)
+        yield TerminalBars(progress)
 
 
-def next_commands(commands: dict[str, str]) -> None:
-    """What to do next, on the standard error: command and what it is for."""
-    width = max(map(len, commands))
+def next_commands(commands: dict[tuple[str, ...], str]) -> None:
+    """What to do next, on the standard error: the words behind `depthmocap` and what they are for, to be pasted."""
+    lines = {_line(program() + words): purpose for words, purpose in commands.items()}
+    width = max(map(len, lines))
     print("next:", file=sys.stderr)
-    for command, purpose in commands.items():
-        print(f"  {command:<{width}}   # {purpose}", file=sys.stderr)
+    for line, purpose in lines.items():
+        print(f"  {line:<{width}}   # {purpose}", file=sys.stderr)
+
+
+def program() -> tuple[str, ...]:
+    """How this very program is called from here: by name where the shell finds it, by its path, or by its module."""
+    beside = Path(sys.executable).with_name("depthmocap.exe" if sys.platform == "win32" else "depthmocap")
+    found = shutil.which("depthmocap")
+    if found is not None and os.path.realpath(found) == os.path.realpath(beside):
+        return ("depthmocap",)
+    return (_short(beside),) if beside.is_file() else (_short(Path(sys.executable)), "-m", "depthmocap")
+
+
+def _line(words: tuple[str, ...]) -> str:
+    """Words as this system's shell takes them."""
+    return subprocess.list2cmdline(words) if sys.platform == "win32" else shlex.join(words)
+
+
+def _short(path: Path) -> str:
+    """A path from the present folder where it lies in it, else the whole path."""
+    here = Path.cwd()
+    return str(path.relative_to(here)) if path.is_relative_to(here) else str(path)
 
 
 def print_table(table: Table) -> None:

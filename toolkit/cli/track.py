@@ -116,12 +116,15 @@ def track(
     reading: Reading = Reading(),
 ) -> None:
     """Track the person in depth recordings and write what was found into run folders."""
-    from toolkit.pipeline import run_folders
+    from toolkit.pipeline import run_folders, tracker_settings, unreadable
 
     options, choice = reading.options(), joints.choice(len(recordings))
     how = {"people": people_of(people), "reader_options": options, "joints": choice}
     runs = list(run_folders(recordings, output).values())
     folders.keep_finished(runs)
+    tracker_settings(tracking.config, tracking.overrides())
+    for path, reason in unreadable(recordings, options).items():  # before anything costs time
+        print(f"depthmocap: {path}: {reason}; the others are tracked", file=sys.stderr)
     if folders.batch:
         _track_batch(recordings, output, tracking, guiding, folders, how)
         return
@@ -130,9 +133,9 @@ def track(
 
     next_commands(
         {
-            f"depthmocap report {output} --output report.html": "one page: film, body in three dimensions, plots",
-            f"depthmocap evaluate {output}": "error, where the recording knows the truth; time; states",
-            f"depthmocap export {runs[0]} --output motion.glb": "for Blender, Unity, browsers; also .bvh, .c3d, .trc",
+            ("report", str(output), "--output", "report.html"): "one page: film, body in three dimensions, plots",
+            ("evaluate", str(output)): "error, where the recording knows the truth; time; states",
+            ("export", str(runs[0]), "--output", "motion.glb"): "for Blender, Unity, browsers; also .bvh, .c3d, .trc",
         }
     )
 

@@ -1,6 +1,6 @@
 """A network that finds the points of a person in a picture: the pose landmark model of MediaPipe 0.10.21 (Apache-2.0).
 
-Neither the model nor what runs it comes with the toolkit: `scripts/fetch_pose_model.py` gets the one, the extra
+Neither the model nor what runs it comes with the toolkit: `depthmocap joints --fetch` gets the one, the extra
 `joints` the other.
 """
 
@@ -113,7 +113,7 @@ def check_model(content: bytes, where: str | Path) -> bytes:
     if digest != MODEL_SHA256:
         raise ModelError(
             f"{where} is not the pose model: its SHA-256 begins with {digest[:12]}, not {MODEL_SHA256[:12]}; fetch it "
-            f"again with scripts/fetch_pose_model.py, {WITHOUT}"
+            f"again with `depthmocap joints --fetch`, {WITHOUT}"
         )
     return content
 
@@ -133,7 +133,7 @@ class PoseModel:
         except ImportError as error:
             raise ModelError(
                 f"joints are detected by ai-edge-litert, which is not installed ({error}): "
-                f"pip install 'depthmocap[joints]', {WITHOUT}"
+                f"pip install 'ai-edge-litert>=2.1', {WITHOUT}"
             ) from error
         self._interpreter: Any = Interpreter(model_content=content, num_threads=threads)
         self._interpreter.allocate_tensors()
@@ -143,7 +143,7 @@ class PoseModel:
 
     @classmethod
     def load(cls, path: str | Path | None = None, threads: int = 1) -> PoseModel:
-        """The model from its file, by default from where `scripts/fetch_pose_model.py` puts it.
+        """The model from its file, by default from where `depthmocap joints --fetch` puts it.
 
         Raises
         ------
@@ -153,7 +153,7 @@ class PoseModel:
         file = Path(path) if path is not None else data_folder() / MODEL_FILE
         if not is_file(file):
             raise ModelError(
-                f"joints are detected by a model that is not at {file}: fetch it with scripts/fetch_pose_model.py, "
+                f"joints are detected by a model that is not at {file}: fetch it with `depthmocap joints --fetch`, "
                 f"{WITHOUT}"
             )
         return cls(check_model(file.read_bytes(), file), threads)

@@ -107,7 +107,7 @@ def _room_line(surroundings: Surroundings) -> str:
 
 def _person(sighting: Sighting, lens: Lens) -> str:
     """Number, distance and how the image cuts somebody off."""
-    v, u = np.nonzero(sighting.depth)
+    v, u = np.nonzero(largest_surface(sighting.depth))
     distance = float(np.median(sighting.depth[v, u]))
     height, width = sighting.depth.shape
     border = BORDER * max(1, lens.step)
@@ -121,9 +121,22 @@ def _person(sighting: Sighting, lens: Lens) -> str:
     return f"{sighting.id} at {distance:.1f} m, {' and '.join(cuts) if cuts else 'whole'}"
 
 
+def largest_surface(depth: np.ndarray) -> np.ndarray:
+    """The largest piece of what was measured, bool (H, W): specks say neither where somebody is nor how far they reach.
+
+    `depth` is float32 (H, W) in metres, 0 where nothing was measured.
+    """
+    import cv2
+
+    count, labels, stats, _ = cv2.connectedComponentsWithStats((depth > 0).astype(np.uint8), connectivity=8)
+    if count < 2:
+        return np.zeros(depth.shape, dtype=bool)
+    return np.asarray(labels == 1 + int(np.argmax(stats[1:, cv2.CC_STAT_AREA])))
+
+
 def _cut_at(sighting: Sighting, lens: Lens) -> str:
     """What is near the lower border of the image, by the height from there to the top of the head."""
-    v, u = np.nonzero(sighting.depth)
+    v, u = np.nonzero(largest_surface(sighting.depth))
     z = sighting.depth[v, u].astype(np.float64)
     camera: Camera = sighting.camera
     points = np.column_stack([(u - camera.cx) * z / camera.fx, (v - camera.cy) * z / camera.fy, z])

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from toolkit.errors import DepthMocapError, UsageError
+from toolkit.errors import DepthMocapError, RecordingError, UsageError
 from toolkit.files import check_output
 from toolkit.pipeline.joints import JointChoice
 from toolkit.pipeline.rows import RowWatcher
@@ -79,6 +79,31 @@ def track_recordings(
         if summary.interrupted:
             break
     return report
+
+
+def unreadable(paths: Sequence[str | Path], reader_options: Mapping[str, Any] | None = None) -> dict[Path, str]:
+    """Recordings that cannot be opened or whose first frame cannot be read, with the reason: told before work starts.
+
+    Raises
+    ------
+    UsageError
+        A reader option is unknown or wrong.
+    RecordingError
+        None of the recordings can be read.
+    """
+    failed: dict[Path, str] = {}
+    first: RecordingError | None = None
+    for path in map(Path, paths):
+        try:
+            recording = open_recording(path, **(reader_options or {}))
+            next(iter(recording.stream()), None)
+        except RecordingError as error:
+            failed[path], first = str(error), first or error
+    if first is not None and len(failed) == len(set(map(Path, paths))):
+        if len(failed) == 1:
+            raise first
+        raise RecordingError(f"none of the {len(failed)} recordings can be read; the first: {first}")
+    return failed
 
 
 def run_folders(paths: Sequence[str | Path], output: str | Path) -> dict[Path, Path]:

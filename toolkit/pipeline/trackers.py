@@ -44,9 +44,9 @@ def load_tracker(
     UsageError
         The tracker needs a database and none was given, or it takes no guide or no body.
     """
+    settings = tracker_settings(config, overrides)
     name = setting_of("tracker", config, overrides) or DEFAULT
     registration = registered(name)
-    settings: TrackerSettings = load_settings(registration.settings, config, overrides)
     if not registration.needs_database:
         return _guided(_embodied(registration.build(settings, None, ""), body), guide)
     if database is None:
@@ -54,6 +54,13 @@ def load_tracker(
     poses = PoseDatabase.load(database)
     poses = poses if max_poses is None else poses.limited(max_poses)
     return _guided(_embodied(registration.build(settings, poses, str(database)), body), guide)
+
+
+def tracker_settings(config: str | Path | None = None, overrides: Mapping[str, Any] | None = None) -> TrackerSettings:
+    """The settings of the tracker that they name, `hybrid` without a name; raises SettingsError as `load_tracker`."""
+    registration = registered(setting_of("tracker", config, overrides) or DEFAULT)
+    settings: TrackerSettings = load_settings(registration.settings, config, overrides)
+    return settings
 
 
 def needs_database(config: str | Path | None = None, overrides: Mapping[str, Any] | None = None) -> bool:

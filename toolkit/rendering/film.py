@@ -13,12 +13,13 @@ from toolkit.files import atomic_path, check_output
 from toolkit.progress import Count
 from toolkit.rendering import style
 from toolkit.rendering.axes import LimbAxes
+from toolkit.rendering.depth_alone import DepthPainter
 from toolkit.rendering.encoders import FILM_SUFFIXES, open_encoder
 from toolkit.rendering.painter import FramePainter, RenderSettings
 from toolkit.runs import Person, load_persons, person_runs
 from toolkit.sensing.recording import Recording
 from toolkit.sensing.settings import SensingSettings
-from toolkit.track import RUN_FILE, TRACK_FILE, RunInfo, Track
+from toolkit.track import RUN_FILE, TRACK_FILE, RunInfo
 
 DEFAULT_RATE = 25.0  # frames per second of a recording whose timestamps say nothing
 LARGEST_RATE = 240.0  # frames per second that players and codecs take
@@ -105,24 +106,44 @@ def render_people(
     OutputError
         The output cannot be written.
     """
+    target = _target(output, recording, rate)
+    painter = FramePainter(people, recording, sensing=sensing, settings=_usual(target, settings), axes=axes)
+    return _draw(painter, recording, target, frames, rate, progress)
+
+
+def _target(output: str | Path, recording: Recording, rate: float | None) -> Path:
+    """Where to draw to; raises as `render_people`."""
     target = check_output(output, [recording.path], sealed=[recording.path])
     if rate is not None and not 0 < rate <= LARGEST_RATE:
         raise UsageError(f"a film cannot have {rate:g} frames a second; choose a rate above 0 and up to {LARGEST_RATE}")
-    track = people[0].track
-    chosen = range(len(track)) if frames is None else frames
-    if not len(chosen) or chosen.start < 0 or max(chosen) >= len(track):
-        raise UsageError(f"frames {chosen} are not some of the {len(track)} frames of the track")
     if target.suffix and target.suffix not in (".png", *FILM_SUFFIXES):
         films = ", ".join(f"*{suffix}" for suffix in FILM_SUFFIXES)
         raise UsageError(f"cannot draw to {target}; name it {films}, *.png or a folder")
-    if settings is None and target.suffix == ".png":
-        settings = SHEET_SETTINGS
-    painter = FramePainter(people, recording, sensing=sensing, settings=settings, axes=axes)
+    return target
+
+
+def _usual(target: Path, settings: RenderSettings | None) -> RenderSettings | None:
+    return SHEET_SETTINGS if settings is None and target.suffix == ".png" else settings
+
+
+def _draw(
+    painter: FramePainter | DepthPainter,
+    recording: Recording,
+    target: Path,
+    frames: range | None,
+    rate: float | None,
+    progress: Count | None,
+) -> Path:
+    """As `render_people`, by a painter."""
+    chosen = range(len(recording)) if frames is None else frames
+    if not len(chosen) or chosen.start < 0 or max(chosen) >= len(recording):
+        raise UsageError(f"frames {chosen} are not some of the {len(recording)} frames of the track")
     if target.suffix == ".png":
         wanted = [chosen[k] for k in np.linspace(0, len(chosen) - 1, min(SHEET_FRAMES, len(chosen))).astype(int)]
         save_png(target, contact_sheet(list(_pictures(painter, recording, wanted, progress))))
     elif target.suffix in FILM_SUFFIXES:
-        FilmWriter(target, rate or _rate(track)).write(_pictures(painter, recording, chosen, progress))
+        pictures = _pictures(painter, recording, chosen, progress)
+        FilmWriter(target, rate or _rate(recording.timestamps)).write(pictures)
     else:
         for i, picture in zip(chosen, _pictures(painter, recording, chosen, progress), strict=True):
             save_png(target / f"{i:05d}.png", picture)
@@ -136,20 +157,27 @@ def render_run(
     recording: str | Path | None = None,
     settings: RenderSettings | None = None,
     axes: LimbAxes | None = None,
-    frames: range | None = None,
+    frames: range | slice | None = None,
     rate: float | None = None,
     progress: Count | None = None,
 ) -> Path:
     """Draw everybody in a run folder; recording, bodies and sensing settings come from `run.json`.
 
-    `recording` is where the recording has been moved to. The rest is as in `render_people`.
+    `recording` is where the recording has been moved to, `frames` may be a slice too. The rest is as in
+    `render_people`; where nobody was found, the depth is drawn alone.
     """
     folders = person_runs(run)
-    check_output(output, [folder / name for folder in folders for name in (TRACK_FILE, RUN_FILE)])
-    info = RunInfo.load(folders[0])
+    check_output(output, [folder / name for folder in (*folders, Path(run)) for name in (TRACK_FILE, RUN_FILE)])
+    info = RunInfo.load(folders[0] if folders else run)
+    opened = info.open_recording(recording)
+    if isinstance(frames, slice):
+        frames = range(frames.start or 0, len(opened) if frames.stop is None else frames.stop)
+    if not folders:
+        target = _target(output, opened, rate)
+        return _draw(DepthPainter(opened, _usual(target, settings)), opened, target, frames, rate, progress)
     return render_people(
         load_persons(run),
-        info.open_recording(recording),
+        opened,
         output,
         sensing=SensingSettings(**info.sensing),
         settings=settings,
@@ -184,7 +212,7 @@ def save_png(path: str | Path, picture: np.ndarray) -> None:
 
 
 def _pictures(
-    painter: FramePainter, recording: Recording, wanted: range | list[int], progress: Count | None
+    painter: FramePainter | DepthPainter, recording: Recording, wanted: range | list[int], progress: Count | None
 ) -> Iterator[np.ndarray]:
     """Pictures of the wanted frames in order; frames between are read, since segmentation follows the person."""
     chosen, last, done = set(wanted), max(wanted), 0
@@ -200,7 +228,7 @@ def _pictures(
             return
 
 
-def _rate(track: Track) -> float:
-    steps = np.diff(track.timestamps)
+def _rate(timestamps: np.ndarray) -> float:
+    steps = np.diff(timestamps)
     usual = float(np.median(steps)) if len(steps) else 0.0
     return float(np.clip(1 / usual, 1, 120)) if usual > 0 else DEFAULT_RATE

@@ -8,7 +8,7 @@ import numpy as np
 
 from toolkit.errors import OutputError
 from toolkit.files import atomic_path
-from toolkit.people.describe import Look
+from toolkit.people.describe import Look, largest_surface
 from toolkit.rendering.style import FAINT, INK, PAPER, person_color
 
 NEAR_SHADE, FAR_SHADE = 0.95, 0.25
@@ -32,7 +32,7 @@ def picture(look: Look) -> np.ndarray:
     painted = np.ascontiguousarray(np.rint(image).astype(np.uint8))
     scale = image.shape[0] / 480
     for sighting in look.sightings:
-        v, u = np.nonzero(sighting.depth)
+        v, u = np.nonzero(largest_surface(sighting.depth))
         k = int(np.argmin(v))
         step = image.shape[0] / sighting.depth.shape[0]
         at = (int(u[k] * step), int(max(v[k] * step, 24 * scale)))

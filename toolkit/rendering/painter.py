@@ -214,22 +214,26 @@ class FramePainter:
 
     def _head(self, i: int, width: int) -> np.ndarray:
         track, size = self._people[0].track, self._text
-        bar = np.full((2 * size, width, 3), style.BAR, dtype=np.uint8)
-        x = style.write(bar, f"{self._name}   frame {i + 1}/{len(track)}", 10, size // 3, size)
-        x = style.write(bar, f"{track.timestamps[i]:.2f} s", x + 2 * size, size // 3, size, style.FAINT)
-        for k, person in enumerate(self._people):
-            track, state = person.track, int(person.track.state[i])
+        frame, time = f"{self._name}   frame {i + 1}/{len(track)}", f"{track.timestamps[i]:.2f} s"
+        longest = f"{self._name}   frame {len(track)}/{len(track)}  {track.timestamps[-1]:.2f} s"
+        names = [f"{person.name}  {STATE_NAMES[LOST]}, {STATE_NAMES[EMPTY]}" for person in self._people]
+        # What may stand in a box is as wide in all frames, so that all pictures of a film are as high.
+        places = style.flowed([style.width_of(text, size) + size for text in (longest, *names)], width, size)
+        bar = np.full((2 * size * (1 + places[-1][0]), width, 3), style.BAR, dtype=np.uint8)
+        x = style.write(bar, frame, places[0][1], size // 3, size)
+        style.write(bar, time, x + size, size // 3, size, style.FAINT)
+        for k, (person, (line, x)) in enumerate(zip(self._people, places[1:], strict=True)):
+            track, state, y = person.track, int(person.track.state[i]), 2 * size * line + size // 3
             color = style.ALARM if state == LOST else style.INK if state != EMPTY else style.FAINT
             if self._several:
-                x = style.write(bar, person.name, x + 2 * size, size // 3, size, style.person_color(k)) - size
-            x = style.write(bar, STATE_NAMES[state], x + 2 * size, size // 3, size, color)
+                x = style.write(bar, person.name, x, y, size, style.person_color(k)) + size // 2
+            x = style.write(bar, STATE_NAMES[state], x, y, size, color)
             if state != EMPTY and len(track.source_names) and not self._several:
-                style.write(bar, track.source_names[int(track.source[i])], x + 2 * size, size // 3, size, style.FAINT)
+                style.write(bar, track.source_names[int(track.source[i])], x + 2 * size, y, size, style.FAINT)
         return bar
 
     def _legend(self, panels: list[np.ndarray]) -> np.ndarray:
-        size = self._text
-        bar = np.full((2 * size, sum(p.shape[1] for p in panels), 3), style.BAR, dtype=np.uint8)
+        size, width = self._text, sum(p.shape[1] for p in panels)
         entries = [("subject's left", style.LEFT), ("subject's right", style.RIGHT), ("trunk, head", style.MIDDLE)]
         if self._several:
             entries = [(person.name, style.person_color(k)) for k, person in enumerate(self._people)]
@@ -237,10 +241,12 @@ class FramePainter:
             entries.append(("geodesic extrema (the first five larger)", style.EXTREMUM))
         if "side" in self.settings.panels:
             entries.append(("measured points", style.CLOUD))
-        x = 10
-        for text, color in entries:
-            bar[size // 2 : 3 * size // 2, x : x + size] = color
-            x = style.write(bar, text, x + size + size // 2, size // 3, size) + 2 * size
+        places = style.flowed([style.width_of(text, size) + 2 * size for text, _ in entries], width, size)
+        bar = np.full((2 * size * (1 + places[-1][0]), width, 3), style.BAR, dtype=np.uint8)
+        for (text, color), (line, x) in zip(entries, places, strict=True):
+            y = 2 * size * line
+            bar[y + size // 2 : y + 3 * size // 2, x : x + size] = color
+            style.write(bar, text, x + size + size // 2, y + size // 3, size)
         return bar
 
 

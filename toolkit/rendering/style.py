@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import lru_cache
 from pathlib import Path
 
@@ -64,6 +65,22 @@ def text_mask(text: str, size: int) -> np.ndarray:
     image = Image.new("L", (width, size + size // 2))
     ImageDraw.Draw(image).text((0, 0), text, font=font, fill=255)
     return np.asarray(image, dtype=np.float32) / 255.0
+
+
+def flowed(widths: Sequence[int], total: int, gap: int) -> list[tuple[int, int]]:
+    """Line and x of boxes side by side, which go on in the next line where `total` pixels end."""
+    places, line, x = [], 0, gap
+    for width in widths:
+        if x > gap and x + width > total:
+            line, x = line + 1, gap
+        places.append((line, x))
+        x += width + gap
+    return places
+
+
+def width_of(text: str, size: int) -> int:
+    """Pixels that a line of text is wide."""
+    return text_mask(text, size).shape[1]
 
 
 def write(image: np.ndarray, text: str, x: int, y: int, size: int = 16, color: tuple[int, int, int] = INK) -> int:

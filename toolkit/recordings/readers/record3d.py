@@ -38,7 +38,7 @@ class Record3dFrames:
             import lzfse
         except ImportError as error:
             raise UsageError(
-                f"to read {path} the package lzfse is needed; install it with: pip install 'depthmocap[record3d]'"
+                f"to read {path} the package lzfse is needed; install it with: pip install lzfse"
             ) from error
         self._path, self._shape, self._decompress = path, shape, lzfse.decompress
         self._archive = zipfile.ZipFile(path)
