@@ -49,6 +49,8 @@ def observation(extrema: int = 20, votes: Any = None, **others: Any) -> Any:
         "free_extrema": points.astype(np.float64),
         "votes": votes,
         "cloud": SimpleNamespace(rotation=np.diag([1.0, -1.0, -1.0])),
+        "timestamp": 0.0,
+        "look": lambda: None,
     }
     return SimpleNamespace(**(seen | others))
 
@@ -71,6 +73,7 @@ class FakeObserver:
     ) -> Any:
         """See `Observer.observe`."""
         self.states.append(state)
+        self.shown.timestamp = timestamp
         self.sizes.append(len(cloud))
         if state.timestamp is not None:
             self.shown.elapsed = timestamp - state.timestamp

@@ -256,7 +256,7 @@ def test_speed_times_every_stage_at_full_and_half_resolution(
     run(speed, small_database, *arguments, monkeypatch=monkeypatch)
     full, half = json.loads((bundled / "speed_part.json").read_text())["figures"]["times"]
     assert (full["half_resolution"], half["half_resolution"]) == (False, True)
-    assert set(full["stages"]) == {"prepare", "landmarks", "local", "arms", "lookup", "particles", "swarm", "select"}
+    assert set(full["stages"]) == {"prepare", "landmarks", "local", "arms", "lookup", "head_hands", "swarm", "select"}
 
 
 @pytest.mark.shared_data

@@ -177,7 +177,7 @@ def improved(fit: Fit, poses: np.ndarray, pose: np.ndarray, scene: Scene) -> tup
     search = ArmSearch(ArmPoses(poses, fit.body, 128), fit.objective, fit.refiner, ArmSettings())
     rng = np.random.default_rng(0)
     state = replace(PersonState.begin(fit.body, sized=True, seed=0), previous=Previous.of_pose(fit.body, pose))
-    best = ScoredHypothesis(Hypothesis("local", pose), fit.body, fit.compare(pose, scene))
+    best = ScoredHypothesis.of(Hypothesis("local", pose), fit.body, fit.compare(pose, scene), anew=False)
     return search.propose(SimpleNamespace(scene=scene), state, rng, best).hypotheses
 
 
@@ -188,7 +188,7 @@ def test_an_arm_in_the_wrong_place_is_found(body: Body, fit: Fit, poses: np.ndar
     assert joint_error(body, wrong, truth) > 0.06
     first, given = fit.compare(wrong, scene), wrong.copy()
     (found,) = improved(fit, poses, wrong, scene)
-    assert found.supersedes and found.comparison is not None
+    assert found.improves is not None and found.comparison is not None
     pose, again = found.pose, found.comparison
     assert joint_error(body, pose, truth) < 0.5 * joint_error(body, wrong, truth)
     assert again.sample_gaps.mean() < first.sample_gaps.mean()

@@ -15,7 +15,7 @@ from toolkit.kernels.fit import particles as kernel
 from toolkit.lopez2011.costs import ParticleFrame, ParticleImage, likelihood
 from toolkit.lopez2011.effectors import Effectors, Fork
 from toolkit.lopez2011.filter import UpperFilter
-from toolkit.lopez2011.initial import InitialSettings, initial_pose, place_hands, standing_pose
+from toolkit.lopez2011.initial import InitialSettings, initial_pose, place_hands, sides_of, standing_pose
 from toolkit.lopez2011.proposals import by_inverse_kinematics
 from toolkit.lopez2011.settings import ParticleSettings
 from toolkit.lopez2011.silhouette import arm_length, shoulder_breadth
@@ -379,3 +379,15 @@ def test_a_size_that_explains_hardly_more_gives_way_to_the_usual_one(
     assert found is not None
     assert found.height - usual.height == pytest.approx(height, abs=0.15)
     assert (found.height > usual.height + 0.1) == (worse > 0.0)
+
+
+@pytest.mark.parametrize("lean", [0.0, 60.0])
+@pytest.mark.parametrize("turn", [0.0, 100.0, 180.0, -150.0])
+def test_sides_are_told_by_where_the_body_faces_however_far_it_leans(lean: float, turn: float) -> None:
+    """The second entry of a rotation vector is the facing of upright bodies alone."""
+    body, pose = load_body("neutral"), np.zeros(skeleton.POSE_SIZE)
+    pose[skeleton.ROOT_ROTATION] = Rotation.from_euler("xy", [lean, turn], degrees=True).as_rotvec()
+    tips = dict(zip(skeleton.END_EFFECTORS, body.end_effector_positions(pose), strict=True))
+    hands = np.stack([tips["left_hand"], tips["right_hand"]])
+    left, right = sides_of(hands, pose)
+    assert left.tolist() == hands[:1].tolist() and right.tolist() == hands[1:].tolist()

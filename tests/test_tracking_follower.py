@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
@@ -108,24 +108,34 @@ def test_of_one_search_the_nearest_hypothesis_wins() -> None:
     assert SOURCES[step(person).source] == "joints"
 
 
-def test_what_supersedes_withdraws_the_best_before_it_even_from_farther_away() -> None:
-    searches = [
-        FakeSearch("first", Proposal((says("local", pose_at(1.0)),))),
-        FakeSearch("second", Proposal((says("arms", pose_at(2.0), supersedes=True),))),
-    ]
-    result = step(follower(searches, distances={1.0: NEAR, 2.0: FAR}))
-    assert SOURCES[result.source] == "arms"
-    plain = [searches[0], FakeSearch("second", Proposal((says("arms", pose_at(2.0)),)))]
-    assert SOURCES[step(follower(plain, distances={1.0: NEAR, 2.0: FAR})).source] == "local"
+def improving(source: str, pose: np.ndarray) -> Callable[[PersonState, ScoredHypothesis | None], Proposal]:
+    """An answer that takes the place of the best hypothesis."""
+    return lambda state, best: Proposal((Hypothesis(source, pose, improves=best),))
 
 
-def test_what_supersedes_leaves_the_others_in_the_race() -> None:
-    searches = [
-        FakeSearch("first", Proposal((says("local", pose_at(1.0)), says("joints", pose_at(3.0))))),
-        FakeSearch("second", Proposal((says("arms", pose_at(2.0), supersedes=True),))),
-    ]
-    result = step(follower(searches, distances={1.0: NEAR, 2.0: HOPELESS, 3.0: FAR}))
+def test_what_improves_a_hypothesis_takes_its_place_even_from_farther_away() -> None:
+    said = FakeSearch("first", Proposal((says("local", pose_at(1.0)),)))
+    better = FakeSearch("second", improving("arms", pose_at(2.0)))
+    assert SOURCES[step(follower([said, better], distances={1.0: NEAR, 2.0: FAR})).source] == "arms"
+    plain = FakeSearch("second", Proposal((says("arms", pose_at(2.0)),)))
+    assert SOURCES[step(follower([said, plain], distances={1.0: NEAR, 2.0: FAR})).source] == "local"
+
+
+def test_what_improves_a_hypothesis_leaves_the_others_in_the_race() -> None:
+    said = FakeSearch("first", Proposal((says("local", pose_at(1.0)), says("joints", pose_at(3.0)))))
+    better = FakeSearch("second", improving("arms", pose_at(2.0)))
+    result = step(follower([said, better], distances={1.0: NEAR, 2.0: HOPELESS, 3.0: FAR}))
     assert SOURCES[result.source] == "joints"
+
+
+def test_the_best_that_searches_are_told_and_the_winner_are_chosen_by_one_cost() -> None:
+    near = Hypothesis("extrema", pose_at(0.0), compared(NEAR, energy=0.3))
+    likely = Hypothesis("joints", pose_at(1.0), compared(NEAR + 0.01, energy=0.0))
+    for state, expected in (({}, "joints"), (followed(), "extrema")):
+        told = FakeSearch("second", NOTHING)
+        result = step(follower([FakeSearch("first", Proposal((near, likely))), told], **state))
+        best = told.asked[0][2]
+        assert best is not None and best.hypothesis.source == SOURCES[result.source] == expected
 
 
 def test_a_comparison_that_a_search_brings_is_not_made_again() -> None:
@@ -154,7 +164,7 @@ def test_a_person_of_unknown_size_gets_the_body_that_the_winner_was_found_with()
     assert len(search.asked) == 4
 
 
-class FakeFinisher:
+class FakeVerifier:
     """Says one more thing of whatever was judged."""
 
     name = "second"
@@ -162,13 +172,15 @@ class FakeFinisher:
     def __init__(self, place: float) -> None:
         self.place, self.told = place, 0
 
-    def finished(self, observation: object, rivals: Sequence[ScoredHypothesis]) -> list[ScoredHypothesis]:
-        self.told = len(rivals)
-        return [replace(rivals[0], hypothesis=says("joints", pose_at(self.place)), comparison=compared(NEAR))]
+    def verified(self, observation: object, scored: Sequence[ScoredHypothesis]) -> list[ScoredHypothesis]:
+        self.told = len(scored)
+        return [
+            replace(scored[0], hypothesis=says("joints", pose_at(self.place)), comparison=compared(NEAR), cost=NEAR)
+        ]
 
 
-def test_where_somebody_has_to_be_found_the_finisher_is_told_what_was_said_of_all_bodies_and_competes() -> None:
-    bodies, verifier = [load_body("child"), load_body("neutral")], FakeFinisher(5.0)
+def test_where_somebody_has_to_be_found_the_verifier_is_told_what_was_said_of_all_bodies_and_competes() -> None:
+    bodies, verifier = [load_body("child"), load_body("neutral")], FakeVerifier(5.0)
     search = FakeSearch("first", Proposal((says("extrema", pose_at(1.0), FAR),)))
     person = follower([search], sizes=bodies, sized=False, verifier=verifier)
     result = step(person)
@@ -176,8 +188,8 @@ def test_where_somebody_has_to_be_found_the_finisher_is_told_what_was_said_of_al
     assert result.pose[0] == 5.0 and SOURCES[result.source] == "joints"
 
 
-def test_while_somebody_is_followed_or_nothing_was_said_there_is_nothing_to_finish() -> None:
-    verifier = FakeFinisher(5.0)
+def test_while_somebody_is_followed_or_nothing_was_said_there_is_nothing_to_verify() -> None:
+    verifier = FakeVerifier(5.0)
     said = Proposal((says("local", pose_at(1.0), FAR),))
     assert step(follower([FakeSearch("first", said)], verifier=verifier, **followed())).pose[0] == 1.0
     step(follower([FakeSearch("first", NOTHING)], verifier=verifier))
@@ -186,7 +198,7 @@ def test_while_somebody_is_followed_or_nothing_was_said_there_is_nothing_to_fini
 
 @pytest.mark.parametrize(("away", "asked"), [(HELD, False), (HELD + 0.1, True)])
 def test_whoever_was_out_of_sight_for_a_moment_has_not_turned_round(away: float, asked: bool) -> None:
-    verifier = FakeFinisher(5.0)
+    verifier = FakeVerifier(5.0)
     person = follower([FakeSearch("first", Proposal((says("local", pose_at(1.0), FAR),)))], verifier=verifier)
     step(person, timestamp=0.0)
     verifier.told = 0
@@ -339,6 +351,24 @@ def test_who_was_hidden_for_a_moment_goes_on_as_before_unless_somewhere_else_is_
         assert [state.previous is None for _, state, _ in search.asked] == [False, True][2 - asked :]
         assert SOURCES[result.source] == (source if asked == 2 else "extrema")
         assert person.state.last_seen is None
+
+
+def test_a_step_replaces_the_state_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    replaced: list[str] = []
+    plain = Follower.__setattr__
+
+    def noted(person: Follower, name: str, value: object) -> None:
+        replaced.append(name)
+        plain(person, name, value)
+
+    search = FakeSearch("first", lambda state, best: Proposal((says("local", pose_at(1.0), NEAR),)))
+    for searches, seen in (([search], sighting()), ([FakeSearch("first", NOTHING)], sighting()), ([], None)):
+        person = follower(searches, **followed())
+        with monkeypatch.context() as context:
+            context.setattr(Follower, "__setattr__", noted)
+            person.step(seen, 1.0, StageClock(STAGES))
+        assert replaced.count("state") == 1
+        replaced.clear()
 
 
 def test_a_step_replaces_the_state_and_leaves_the_old_one_as_it_was() -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from typing import Any
 
@@ -18,7 +19,7 @@ from toolkit.landmarks.settings import LandmarkSettings
 from toolkit.sensing.camera import Camera
 from toolkit.sensing.cloud import Cloud
 from toolkit.tracking import observation as room
-from toolkit.tracking.observation import Observation, Observer
+from toolkit.tracking.observation import VIEW_TIME, Observation, Observer
 from toolkit.tracking.settings import HybridSettings
 from toolkit.tracking.state import FIRST_STEP, PersonState, Previous
 
@@ -146,22 +147,36 @@ def test_no_measured_point_belongs_to_what_is_out_of_view_of_somebody_who_is_fol
     assert learning.observe(cloud, 0.1, state(previous=before, in_view=legless)).withheld is None
 
 
-def test_what_is_in_view_is_learnt_from_votes_that_were_asked_for(
+def test_what_is_in_view_is_learnt_from_the_votes_of_frames_that_cut_a_person_off(
     cloud: Cloud, monkeypatch: pytest.MonkeyPatch, legless: np.ndarray
 ) -> None:
     observer, all_of_them = replace(OBSERVER, regressor=Votes(legless)), np.ones(20)
+    half = VIEW_TIME * math.log(2.0)
 
-    def after(is_cut: bool, asked: bool, before: np.ndarray | None) -> np.ndarray | None:
+    def after(is_cut: bool, before: np.ndarray | None, elapsed: float = half) -> np.ndarray | None:
         monkeypatch.setattr(room, "on_cuts", lambda *_: np.array([False, is_cut]))
-        seen = observer.observe(cloud, 0.0, state(in_view=before))
-        assert not asked or seen.votes is not None
-        return seen.in_view
+        return observer.observe(cloud, elapsed, state(in_view=before, timestamp=0.0)).in_view
 
-    assert after(True, True, None) is legless
-    assert after(True, True, all_of_them) == pytest.approx((1.0 + legless) / 2)
-    assert after(False, True, legless) == pytest.approx((1.0 + legless) / 2)
-    assert after(True, False, legless) is legless and after(True, False, None) is None
-    assert after(False, True, None) is None
+    assert after(True, None) is legless
+    assert after(True, all_of_them) == pytest.approx((1.0 + legless) / 2)
+    assert after(True, all_of_them, 2 * half) == pytest.approx((1.0 + 3 * legless) / 4)
+    assert after(False, legless) == pytest.approx((1.0 + legless) / 2)
+    assert after(False, None) is None
+
+
+def test_what_is_in_view_does_not_depend_on_whether_a_search_asked_for_votes(
+    cloud: Cloud, monkeypatch: pytest.MonkeyPatch, legless: np.ndarray
+) -> None:
+    monkeypatch.setattr(room, "on_cuts", lambda *_: np.array([True]))
+    before, found = np.ones(20), []
+    for asked in (False, True):
+        seen = replace(OBSERVER, regressor=Votes(legless)).observe(cloud, 0.1, state(in_view=before, timestamp=0.0))
+        if asked:
+            assert seen.votes is not None
+        found.append(seen.in_view)
+    assert np.array_equal(*found)
+    without = OBSERVER.observe(cloud, 0.1, state(in_view=before))
+    assert without.votes is None and without.in_view is before
 
 
 @pytest.mark.parametrize("learning", [False, True])

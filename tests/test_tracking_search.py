@@ -47,7 +47,7 @@ def state(previous: np.ndarray | None = None, before: np.ndarray | None = None, 
 
 
 def rival(pose: np.ndarray, distance: float, **how: float) -> ScoredHypothesis:
-    return ScoredHypothesis(says("local", pose), BODY, compared(distance, **how))
+    return ScoredHypothesis.of(says("local", pose), BODY, compared(distance, **how), anew=False)
 
 
 # The local hypothesis
@@ -56,7 +56,7 @@ def rival(pose: np.ndarray, distance: float, **how: float) -> ScoredHypothesis:
 def test_the_local_hypothesis_is_the_previous_pose_refined_and_continues_it() -> None:
     refiner = FakeRefiner(step=0.5)
     (found,) = LocalSearch(refiner, 0.7).propose(observation(), state(pose_at(1.0)), RNG, None).hypotheses
-    assert (found.source, found.continues, found.supersedes) == ("local", True, False)
+    assert (found.source, found.continues, found.improves) == ("local", True, None)
     assert found.pose[0] == 1.5
     assert refiner.calls[0].pose[0] == 1.0 and refiner.calls[0].body is BODY
 
@@ -138,7 +138,7 @@ def test_the_nearest_of_the_retrieved_poses_is_refined_and_no_other() -> None:
     search = DatabaseLookup([FakeQuery("extrema", [1.0, 2.0, 3.0])], objective, refiner, EFFORT)
     (found,) = search.propose(observation(), state(pose_at(), lost=1), RNG, rival(pose_at(), 0.1)).hypotheses
     assert found.source == "extrema" and found.pose[0] == 2.25
-    assert not found.continues and not found.supersedes
+    assert not found.continues and found.improves is None
     assert [call.pose[0] for call in refiner.calls] == [2.0]
     assert objective.bounds == [EFFORT.promising * 0.1, 0.15]
 
@@ -303,7 +303,7 @@ def test_an_arm_wins_by_what_it_leaves_unexplained_and_by_how_likely_it_is(
     assert refiner.calls[0].iterations == ITERATIONS
     if better:
         (found,) = proposal.hypotheses
-        assert (found.source, found.supersedes, found.continues) == ("arms", True, False)
+        assert (found.source, found.improves, found.continues) == ("arms", BEST, False)
         assert found.pose[0] == 1.0 and found.comparison is not None and found.comparison.distance == 0.11
 
 

@@ -20,7 +20,10 @@ def export(
     ] = None,
     format: Annotated[
         str | None,
-        typer.Option(help="k4abt (.json of the Azure Kinect SDK), amass (.npz).", show_default="by the suffix"),
+        typer.Option(
+            help="k4abt (.json of the Azure Kinect SDK), amass (.npz), angles (.csv), gait (.json).",
+            show_default="by the suffix",
+        ),
     ] = None,
     origin: Annotated[
         str | None,

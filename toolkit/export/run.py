@@ -7,8 +7,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple
 
+from toolkit.biomechanics.summary import as_plain, summary_of
 from toolkit.errors import UsageError
 from toolkit.export.amass import export_amass
+from toolkit.export.angles import export_angles, export_mot
 from toolkit.export.bvh import export_bvh
 from toolkit.export.c3d import export_c3d
 from toolkit.export.document import export_json
@@ -18,7 +20,7 @@ from toolkit.export.notes import notes_of, write_notes
 from toolkit.export.origin import CAMERA, FLOOR, Origin, origin_of
 from toolkit.export.tables import export_csv, export_trc
 from toolkit.export.tree import OWN
-from toolkit.files import check_output
+from toolkit.files import check_output, save_json
 from toolkit.runs import PEOPLE_FILE, Person, load_persons, person_runs
 from toolkit.track import RUN_FILE, TRACK_FILE
 
@@ -81,6 +83,11 @@ def _trc(path: Path, job: Job) -> None:
     export_trc(path, job.person.joints_level, job.person.times, job.person.frame_rate())
 
 
+def _gait(path: Path, job: Job) -> None:
+    found = [{"name": person.name} | as_plain(summary_of(person)) for person in job.people]
+    save_json(path, {"format": "depthmocap gait", "people": found})
+
+
 FORMATS: dict[str, Format] = {
     "glb": Format(
         ".glb",
@@ -96,6 +103,9 @@ FORMATS: dict[str, Format] = {
     "k4abt": Format(
         ".json", lambda path, job: export_k4abt(path, job.people), together=True, origin=CAMERA, origins=(CAMERA,)
     ),
+    "angles": Format(".csv", lambda path, job: export_angles(path, job.person)),
+    "mot": Format(".mot", lambda path, job: export_mot(path, job.person)),
+    "gait": Format(".json", _gait, together=True),
     "amass": Format(".npz", lambda path, job: export_amass(path, job.person)),
 }
 """What can be exported, by name; of formats with one suffix the first is the suffix's own."""

@@ -16,7 +16,7 @@ from toolkit.tracking.observation import Observation
 from toolkit.tracking.search.arms import arm_exchange
 from toolkit.tracking.search.protocol import Hypothesis, ScoredHypothesis
 
-SOURCE = "particles"
+SOURCE = "head_hands"
 """What a pose with other arms is called."""
 CANDIDATES = 8
 """Geodesic extrema in the order found: head and both hands are among them in 96 % of frames from the waist up."""
@@ -41,16 +41,16 @@ class AimedArms:
         self._settings, self._sigma, self._bodies = settings, refiner.settings.sigma, bodies
         self._exchange = arm_exchange(objective, refiner, settings)
 
-    def of(self, rival: ScoredHypothesis, observation: Observation) -> ScoredHypothesis:
-        """A rival with arms that leave less unexplained; the same one if there are none."""
-        pose, compared, scene = rival.hypothesis.pose, rival.comparison, observation.scene
+    def of(self, scored: ScoredHypothesis, observation: Observation) -> ScoredHypothesis:
+        """A hypothesis with arms that leave less unexplained; the same one if there are none."""
+        pose, compared, scene = scored.hypothesis.pose, scored.comparison, observation.scene
         candidates = sides_of(observation.free_extrema[:CANDIDATES], pose)
         for side, own in zip(SIDES, candidates, strict=True):
-            proposed = self._proposed(side, rival.body, pose, compared, own, scene)
-            pose, compared = self._exchange.best(rival.body, pose, compared, proposed, scene)
-        if pose is rival.hypothesis.pose:
-            return rival
-        return ScoredHypothesis(Hypothesis(SOURCE, pose, compared), rival.body, compared)
+            proposed = self._proposed(side, scored.body, pose, compared, own, scene)
+            pose, compared = self._exchange.best(scored.body, pose, compared, proposed, scene)
+        if pose is scored.hypothesis.pose:
+            return scored
+        return ScoredHypothesis.of(Hypothesis(SOURCE, pose, compared), scored.body, compared, anew=True)
 
     def _proposed(
         self, side: str, body: Body, pose: np.ndarray, compared: Comparison, candidates: np.ndarray, scene: Scene

@@ -17,7 +17,7 @@ from toolkit.fitting.refiner import Refiner
 from toolkit.hybrid.aimed import AimedArms
 from toolkit.tracking.observation import Observation
 from toolkit.tracking.search.lookup import FIRST_ROUNDS
-from toolkit.tracking.search.protocol import Hypothesis, ScoredHypothesis
+from toolkit.tracking.search.protocol import Hypothesis, ScoredHypothesis, cost_of
 
 APART = math.radians(60.0)
 """Turn between two facings from which on no refinement leads from one to the other."""
@@ -37,45 +37,46 @@ class InitialPoseVerifier:
     arms : aims at the ends of the cloud
     """
 
-    name = "particles"
+    name = "head_hands"
 
     def __init__(self, objective: Objective, refiner: Refiner, arms: AimedArms) -> None:
         self._objective, self._refiner, self._arms = objective, refiner, arms
 
-    def finished(self, observation: Observation, rivals: Sequence[ScoredHypothesis]) -> list[ScoredHypothesis]:
-        """Further rivals for a frame of which `rivals` is what every search said of every body."""
-        aimed = [self._arms.of(rival, observation) for rival in best_of_each_body(rivals)]
-        best = min(aimed, key=_map_cost)
-        others = facing_elsewhere(best, rivals)
+    def verified(self, observation: Observation, scored: Sequence[ScoredHypothesis]) -> list[ScoredHypothesis]:
+        """See `Verifier.verified`: `scored` is what every search said of every body."""
+        aimed = [self._arms.of(each, observation) for each in best_of_each_body(scored)]
+        best = min(aimed, key=cost_of)
+        others = facing_elsewhere(best, scored)
         if observation.votes is not None:
             others.append(self._turned(best, observation))
-        return aimed + [self._arms.of(rival, observation) for rival in others]
+        return aimed + [self._arms.of(each, observation) for each in others]
 
-    def _turned(self, rival: ScoredHypothesis, observation: Observation) -> ScoredHypothesis:
+    def _turned(self, best: ScoredHypothesis, observation: Observation) -> ScoredHypothesis:
         """The other way round, refined: with its limbs or with their mirror image, whichever is nearer."""
         both = []
         iterations = FIRST_ROUNDS * self._refiner.settings.iterations
-        for turned in other_ways_round(rival.hypothesis.pose):
-            pose = self._refiner.refine(rival.body, turned, observation.scene, iterations=iterations)
-            compared = self._objective.compare(rival.body, pose, observation.scene)
-            both.append(ScoredHypothesis(Hypothesis(rival.hypothesis.source, pose, compared), rival.body, compared))
-        return min(both, key=_map_cost)
+        for turned in other_ways_round(best.hypothesis.pose):
+            pose = self._refiner.refine(best.body, turned, observation.scene, iterations=iterations)
+            compared = self._objective.compare(best.body, pose, observation.scene)
+            hypothesis = Hypothesis(best.hypothesis.source, pose, compared)
+            both.append(ScoredHypothesis.of(hypothesis, best.body, compared, anew=True))
+        return min(both, key=cost_of)
 
 
-def best_of_each_body(rivals: Sequence[ScoredHypothesis]) -> list[ScoredHypothesis]:
-    """The nearest rival of every body."""
+def best_of_each_body(scored: Sequence[ScoredHypothesis]) -> list[ScoredHypothesis]:
+    """The hypothesis of least cost of every body."""
     best: dict[int, ScoredHypothesis] = {}
-    for rival in sorted(rivals, key=_map_cost, reverse=True):
-        best[id(rival.body)] = rival
+    for each in sorted(scored, key=cost_of, reverse=True):
+        best[id(each.body)] = each
     return list(best.values())
 
 
-def facing_elsewhere(best: ScoredHypothesis, rivals: Sequence[ScoredHypothesis]) -> list[ScoredHypothesis]:
-    """Of the rivals that face at least `APART` from the best one the nearest, if there are any."""
+def facing_elsewhere(best: ScoredHypothesis, scored: Sequence[ScoredHypothesis]) -> list[ScoredHypothesis]:
+    """Of those that face at least `APART` from the best one the one of least cost, if there are any."""
     yaw = float(canonical.body_facing(best.hypothesis.pose))
-    turns = [float(canonical.body_facing(rival.hypothesis.pose)) - yaw for rival in rivals]
-    apart = [r for r, turn in zip(rivals, turns, strict=True) if abs(math.remainder(turn, math.tau)) >= APART]
-    return sorted(apart, key=_map_cost)[:1]
+    turns = [float(canonical.body_facing(each.hypothesis.pose)) - yaw for each in scored]
+    apart = [each for each, turn in zip(scored, turns, strict=True) if abs(math.remainder(turn, math.tau)) >= APART]
+    return sorted(apart, key=cost_of)[:1]
 
 
 def other_ways_round(pose: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -85,7 +86,3 @@ def other_ways_round(pose: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         canonical.place(limbs, np.zeros(4), position, yaw + np.pi) for limbs in (own, canonical.mirrored(own))
     )
     return turned, mirrored
-
-
-def _map_cost(rival: ScoredHypothesis) -> float:
-    return rival.map_cost

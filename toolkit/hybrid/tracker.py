@@ -12,7 +12,7 @@ from toolkit.fitting.priors import GaussianPrior, PoseTerm
 from toolkit.fitting.refiner import Refiner
 from toolkit.hybrid.aimed import AimedArms
 from toolkit.hybrid.initial_pose import InitialPoseVerifier
-from toolkit.lopez2011.fork_search import ParticleSearch
+from toolkit.lopez2011.head_hands import HeadHandSearch
 from toolkit.lopez2011.upper import upper_bodies
 from toolkit.qammaz.discrepancy import DiscrepancySettings
 from toolkit.qammaz.search import SwarmSearch, SwarmSearchSettings
@@ -74,10 +74,10 @@ class HybridTracker(SearchingTracker):
 
     @property
     def _more(self) -> tuple[str, ...]:
-        """Searches that not every hybrid tracker has: particles, the swarm, and a guide that proposes poses."""
-        particles = ("particles",) if "particles" in self.settings.hypotheses else ()
+        """Searches that not every hybrid tracker has: head and hands, the swarm, and a guide that proposes poses."""
+        head_hands = ("head_hands",) if "head_hands" in self.settings.hypotheses else ()
         guided = ("guided",) if self.guide.proposes else ()
-        return (*particles, *self._swarm, *guided)
+        return (*head_hands, *self._swarm, *guided)
 
     @property
     def joints_wanted(self) -> Wanted:
@@ -97,8 +97,8 @@ class HybridTracker(SearchingTracker):
             members.append(ArmSearch(self._arms, objective, refiner, settings.arms, rest if queries else 0))
         budget = LookupBudget(settings.candidates, settings.starts, settings.promising, rest)
         members.append(DatabaseLookup(queries, objective, refiner, budget))
-        if "particles" in asked:
-            members.append(ParticleSearch(objective, refiner, upper_bodies(objective.placer)))
+        if "head_hands" in asked:
+            members.append(HeadHandSearch(objective, refiner, upper_bodies(objective.placer)))
         if self._swarm:
             parts = SwarmSearchSettings(), SwarmSettings(), DiscrepancySettings()
             members.append(SwarmSearch(*parts, objective, refiner, first_only=True))
@@ -108,7 +108,7 @@ class HybridTracker(SearchingTracker):
 
     def verifier(self, objective: Objective, refiner: Refiner) -> InitialPoseVerifier | None:
         """See `SearchingTracker.verifier`."""
-        if "particles" not in self.settings.hypotheses:
+        if "head_hands" not in self.settings.hypotheses:
             return None
         arms = AimedArms(objective, refiner, self.settings.arms, upper_bodies(objective.placer))
         return InitialPoseVerifier(objective, refiner, arms)

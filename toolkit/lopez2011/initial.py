@@ -10,6 +10,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from toolkit import skeleton
+from toolkit.database import canonical
 from toolkit.errors import SettingsError
 from toolkit.fitting.arms import SIDES
 from toolkit.kernels import linear
@@ -186,8 +187,8 @@ def _unlabelled(
 
 
 def sides_of(points: np.ndarray, pose: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Points (n, 3) on the left and on the right of somebody in a pose (P,), seen along the ground."""
-    yaw = pose[skeleton.ROOT_ROTATION][1]
+    """Points (n, 3) on the left and on the right of a person in a pose (P,), seen along the ground."""
+    yaw = float(canonical.body_facing(pose))
     away = points - pose[skeleton.ROOT_POSITION]
     left = away[:, 0] * math.cos(yaw) - away[:, 2] * math.sin(yaw)
     return points[left > 0], points[left <= 0]

@@ -158,7 +158,7 @@ class SwarmSearch:
         if asked or (rest == 0.0 and self._disagrees(frame, state.body, nearest)):
             afresh, judged = self._afresh(frame, state.body, rng)
             if judged < self._judged(frame, state.body, nearest):
-                hypothesis = Hypothesis("joints", afresh.pose, afresh.comparison, supersedes=True)
+                hypothesis = Hypothesis("joints", afresh.pose, afresh.comparison, improves=best)
                 return Proposal((hypothesis,), _memory(kept, 0.0, 0.0))
             rest = REST
         memory = _memory(kept, 0.0 if asked else doubts, rest)

@@ -22,6 +22,7 @@ from toolkit.rendering.film import render_run
 from toolkit.rendering.mesh import part_colors
 from toolkit.rendering.painter import RenderSettings
 from toolkit.report.clouds import UNIT, gather_clouds, pack
+from toolkit.report.gait import gait_section
 from toolkit.runs import Person, load_persons, person_runs
 from toolkit.sensing.recording import Recording
 from toolkit.track import EMPTY, STATE_NAMES, RunInfo, Track
@@ -36,10 +37,11 @@ MILLIMETRES = 1000.0
 
 @dataclass(frozen=True, eq=False)
 class RunContent:
-    """One run of a page: `data` goes into its JSON, which names the `blocks` by their keys."""
+    """One run of a page: `data` goes into its JSON, which names the `blocks` by their keys; `movement` is HTML."""
 
     data: dict[str, Any]
     blocks: dict[str, bytes]
+    movement: str = ""
 
 
 def describe_run(
@@ -90,7 +92,8 @@ def describe_run(
         seen, more = _seen(run, opened, recording, people, chosen, progress)
         data, blocks = data | seen, blocks | more
     keys = {name: f"{key}-{name}" for name in blocks}
-    return RunContent(data | keys | {"note": note}, {keys[name]: block for name, block in blocks.items()})
+    movement = gait_section(data["name"], people)
+    return RunContent(data | keys | {"note": note}, {keys[name]: block for name, block in blocks.items()}, movement)
 
 
 def _cut(track: Track, frames: range) -> Track:

@@ -81,6 +81,7 @@ def page(contents: Sequence[RunContent]) -> str:
     values = {
         "title": html.escape(f"depthmocap: {names}"),
         "blocks": "\n".join(blocks),
+        "movement": "\n".join(content.movement for content in contents),
         "licence": html.escape((ASSETS / "LICENSE.three.txt").read_text(encoding="utf-8")),
     }
     template = (ASSETS / "page.html").read_text(encoding="utf-8")

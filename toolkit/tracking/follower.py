@@ -1,9 +1,10 @@
-"""Follows one person from sighting to sighting: observe, propose, judge, commit (Baak 2013, 5.4)."""
+"""Follows one person from sighting to sighting (Baak 2013, 5.4)."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -18,7 +19,7 @@ from toolkit.tracking.observation import Observation, Observer
 from toolkit.tracking.occluded_limbs import Guess, OccludedLimbs
 from toolkit.tracking.person import Person
 from toolkit.tracking.search.labelings import EFFECTORS
-from toolkit.tracking.search.protocol import ScoredHypothesis, Search, Verifier
+from toolkit.tracking.search.protocol import Hypothesis, ScoredHypothesis, Search, Verifier, cost_of
 from toolkit.tracking.settings import FollowerSettings
 from toolkit.tracking.smoothing import PoseSmoother
 from toolkit.tracking.state import PersonState, Previous
@@ -67,123 +68,135 @@ class Follower(Person):
         self.observation: Observation | None = None
 
     def step(self, sighting: Sighting | None, timestamp: float, clock: StageClock) -> FrameResult:
-        """Find the person in the next frame, at `timestamp` seconds; without a sighting nobody is there.
-
-        As Baak 2013, 5.4 has it: the cloud and its landmarks (5.3), hypotheses from the previous pose (5.4.1) and from
-        the database (5.4.3), and of them the one nearest to the frame (5.4.4).
-        """
-        state, self.observation = self.state, None
+        """Find the person in the next frame, at `timestamp` seconds; without a sighting nobody is there."""
+        self.observation = None
+        # Baak 2013, 5.3.1: the person's depth as a cloud.
         cloud = None if sighting is None else Cloud.from_depth(sighting.depth, sighting.camera, self.level_rotation)
         clock.record("prepare")
         if sighting is None or cloud is None or len(cloud) < self._settings.smallest_person:
-            return self._unseen(EMPTY, timestamp, clock)
+            row, self.state = self.predicted_row(EMPTY), unseen(self.state, timestamp)
+            return replace(row, stage_ms=clock.milliseconds)
 
-        observation = self.observer.observe(cloud, timestamp, state, sighting.unobserved, sighting.joints)
+        # 5.3.4 and 5.4.2: centre, facing and geodesic extrema of the cloud.
+        observation = self.observer.observe(cloud, timestamp, self.state, sighting.unobserved, sighting.joints)
+        observation.look()
         self.observation = observation
-        observation.scene, observation.facing  # noqa: B018 - looked at now, so that their time is booked here
         clock.record("landmarks")
 
-        rivals: list[ScoredHypothesis] = []
-        rng, memory = self.rng(), dict(state.memory)
-        since = np.inf if state.last_seen_at is None else timestamp - state.last_seen_at
-        last_seen = state.last_seen is not None and since <= HELD
-        if last_seen:
-            self._propose(observation, replace(state, previous=state.last_seen), rng, memory, rivals, clock)
-        for body in (state.body,) if state.sized else self._sizes:
-            self._propose(observation, replace(state, body=body), rng, memory, rivals, clock)
-        first = state.previous is None and not last_seen  # nobody turns round in the moment for which they were hidden
-        if self._verifier is not None and first and rivals:
-            rivals += self._verifier.finished(observation, rivals)
-            clock.record(self._verifier.name)
-        self.state = state = replace(state, memory=memory, generator=self.after(rng), turn=_turn(state))
-        if not rivals:
-            return self._unseen(LOST, timestamp, clock)
+        # 5.4.1 and 5.4.3: hypotheses of the local optimisation and of the database lookup, and what each costs.
+        hypotheses, asked = self._hypotheses(observation, clock)
 
-        winner = min(rivals, key=lambda rival: rival.map_cost if first else rival.comparison.distance)
-        result = self._commit(winner, observation, timestamp)
+        # 5.4.4: late fusion; the hypothesis of least cost is the pose.
+        winner = min(hypotheses, key=cost_of, default=None)
+        if winner is None:
+            row, self.state = self.predicted_row(LOST), unseen(asked, timestamp)
+        else:
+            row, self.state = self._selected(winner, asked, observation)
         clock.record("select")
-        return replace(result, stage_ms=clock.milliseconds)
+        return replace(row, stage_ms=clock.milliseconds)
 
-    def _propose(
-        self,
-        observation: Observation,
-        state: PersonState,
-        rng: np.random.Generator,
-        memory: dict[str, Mapping[str, np.ndarray]],
-        rivals: list[ScoredHypothesis],
-        clock: StageClock,
-    ) -> None:
-        """Ask every search and judge what it says."""
-        for search in self.searches:
-            best = min(rivals, key=lambda rival: rival.comparison.distance, default=None)
-            proposal = search.propose(observation, state, rng, best)
-            for hypothesis in proposal.hypotheses:
-                compared = hypothesis.comparison
-                if compared is None:
-                    compared = self.objective.compare(state.body, hypothesis.pose, observation.scene)
-                if hypothesis.supersedes and best is not None:
-                    rivals.remove(best)
-                rivals.append(ScoredHypothesis(hypothesis, state.body, compared))
-            if proposal.memory is not None:
-                memory[search.name] = proposal.memory
-            clock.record(search.name)
+    def _hypotheses(self, observation: Observation, clock: StageClock) -> tuple[list[ScoredHypothesis], PersonState]:
+        """What the searches say of the frame; and the state, with what they remember of it."""
+        state, rng = self.state, self.rng()
+        memory = dict(state.memory)
+        went = _last_seen(state, observation.timestamp)
+        known = [] if went is None else [replace(state, previous=went)]
+        bodies = (state.body,) if state.sized else self._sizes
+        # Who was hidden for a moment has not turned round meanwhile.
+        anew = state.previous is None and not known
+        scored: list[ScoredHypothesis] = []
+        for told in (*known, *(replace(state, body=body) for body in bodies)):
+            for search in self.searches:
+                proposal = search.propose(observation, told, rng, min(scored, key=cost_of, default=None))
+                improved = [hypothesis.improves for hypothesis in proposal.hypotheses]
+                scored = [each for each in scored if each not in improved]
+                scored += [self._scored(each, told.body, observation, anew) for each in proposal.hypotheses]
+                if proposal.memory is not None:
+                    memory[search.name] = proposal.memory
+                clock.record(search.name)
+        if self._verifier is not None and anew and scored:
+            scored += self._verifier.verified(observation, scored)
+            clock.record(self._verifier.name)
+        return scored, replace(state, memory=memory, generator=self.after(rng), turn=_turn(state))
 
-    def _commit(self, winner: ScoredHypothesis, observation: Observation, timestamp: float) -> FrameResult:
-        """Remember the winner and report it."""
-        settings, state, body = self._settings, self.state, winner.body
-        source = winner.hypothesis.source
-        guess = self._completed(winner)
-        pose = guess.pose
-        tracked = winner.comparison.distance < settings.lost_distance
+    def _scored(self, hypothesis: Hypothesis, body: Body, observation: Observation, anew: bool) -> ScoredHypothesis:
+        """A hypothesis against the frame (5.4.4, Eq. 5.9), unless the search compared it already."""
+        compared = hypothesis.comparison
+        if compared is None:
+            compared = self.objective.compare(body, hypothesis.pose, observation.scene)
+        return ScoredHypothesis.of(hypothesis, body, compared, anew=anew)
+
+    def _selected(
+        self, winner: ScoredHypothesis, state: PersonState, observation: Observation
+    ) -> tuple[FrameResult, PersonState]:
+        """The winner as a row of the track, and the state of the next frame."""
+        settings, body, elapsed = self._settings, winner.body, observation.elapsed
+        continues = state.previous is not None and winner.hypothesis.continues
+        guess = self._completed(winner, None if continues else state.previous)
         extrema = observation.free_extrema[:EFFECTORS]
-        before = state.previous.pose if state.previous is not None and winner.hypothesis.continues else None
-        elapsed = observation.elapsed
-        previous = Previous.of_pose(body, pose, extrema if len(extrema) == EFFECTORS else None, before, elapsed)
+        previous = Previous.of_pose(
+            body,
+            guess.pose,
+            extrema if len(extrema) == EFFECTORS else None,
+            state.previous.pose if state.previous is not None and continues else None,
+            elapsed,
+        )
+        tracked = winner.comparison.distance < settings.lost_distance
         lost = 0.0 if tracked else state.lost + elapsed
         given_up = lost >= settings.patience
         smoother = PoseSmoother(settings.smoothing, state.smoothed)
-        reported = smoother.update(pose, timestamp)
-        self.state = replace(
+        reported = smoother.update(guess.pose, observation.timestamp)
+        following = replace(
             state,
             body=body,
             sized=True,
             previous=None if given_up else previous,
             last_seen=None,
-            pose=pose,
+            pose=guess.pose,
             centre=observation.centre,
             facing=observation.facing,
             in_view=_in_view(observation, guess),
-            timestamp=timestamp,
+            timestamp=observation.timestamp,
             lost=0.0 if given_up else lost,
             smoothed=smoother.last,
         )
-        joints = previous.joints if reported is pose else body.joint_positions(reported)
+        joints = previous.joints if reported is guess.pose else body.joint_positions(reported)
         found = self.objective.confidence(winner.comparison) if tracked else np.zeros(len(joints))
-        confidence = guess.confidence(found)
-        return self.row(reported, joints, confidence, guess.observed, TRACKED if tracked else LOST, source)
+        seen = TRACKED if tracked else LOST
+        row = self.row(reported, joints, guess.confidence(found), guess.observed, seen, winner.hypothesis.source)
+        return row, following
 
-    def _completed(self, winner: ScoredHypothesis) -> Guess:
-        """The winner, whose unobserved limbs do not jump."""
-        pose, previous = winner.hypothesis.pose, self.state.previous
+    def _completed(self, winner: ScoredHypothesis, before: Previous | None) -> Guess:
+        """The winner, whose unobserved limbs stay as in the frame before, where the pose does not go on from it."""
+        pose = winner.hypothesis.pose
         if self._occluded_limbs is None:
             return Guess(pose, np.zeros(len(skeleton.REPORTED)))
-        before = None if previous is None or winner.hypothesis.continues else previous.pose
-        return self._occluded_limbs.guess(pose, winner.comparison, self.objective, before)
-
-    def _unseen(self, state: int, timestamp: float, clock: StageClock) -> FrameResult:
-        """The last known pose, or a standing one before there was any, for a frame that shows nobody.
-
-        Whoever comes back may stand anywhere, in any pose, facing anywhere; but who was hidden for a moment is probably
-        where they went.
-        """
-        before = self.state
-        self.state = replace(
-            before, previous=None, centre=None, facing=None, in_view=None, timestamp=timestamp, smoothed=None
+        return self._occluded_limbs.guess(
+            pose, winner.comparison, self.objective, None if before is None else before.pose
         )
-        if before.previous is not None:
-            last_seen = replace(before.previous, before=None)
-            self.state = replace(self.state, last_seen=last_seen, last_seen_at=before.timestamp)
-        return replace(self.predicted_row(state), stage_ms=clock.milliseconds)
+
+
+def unseen(before: PersonState, timestamp: float) -> PersonState:
+    """The state after a frame that shows nobody, or of which no search says anything.
+
+    Who comes back may stand anywhere, in any pose, facing anywhere; who was hidden for a moment is probably where they
+    went.
+    """
+    went = {} if before.previous is None else _went(before, before.previous)
+    return replace(
+        before, previous=None, centre=None, facing=None, in_view=None, timestamp=timestamp, smoothed=None, **went
+    )
+
+
+def _went(state: PersonState, previous: Previous) -> dict[str, Any]:
+    return {"last_seen": replace(previous, before=None), "last_seen_at": state.timestamp}
+
+
+def _last_seen(state: PersonState, timestamp: float) -> Previous | None:
+    """The frame in which the person went out of sight, unless that is too long ago."""
+    if state.last_seen_at is None or timestamp - state.last_seen_at > HELD:
+        return None
+    return state.last_seen
 
 
 def _turn(state: PersonState) -> int:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
 from functools import cached_property
 
@@ -27,8 +28,8 @@ from toolkit.tracking.state import PersonState
 
 LEG_LINKS: np.ndarray = np.isin(skeleton.JOINT_NAMES, skeleton.LEGS)
 """Bool (18,): joints whose links are of a leg."""
-NEWEST = 0.5
-"""Share of the newest votes in what is said to be in view: whoever crouches for a moment is no head behind a desk."""
+VIEW_TIME = 0.3
+"""Seconds over which what is in view is smoothed: a person who crouches for a moment is no head behind a desk."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,7 +92,9 @@ class Observation:
     timestamp : seconds
     unobserved : bool (H, W), pixels that say nothing about the person, or None
     joints : the person's joints in the image, in pixels of the cloud's camera, or None
-    observer, state : how it is looked at, and what was known of the person before
+    observer : how it is looked at
+    anew : nothing is known of the frame before, so that the person may stand anywhere. Searches may be told where they
+        went out of sight a moment ago; all poses of a frame are compared with this one observation
     scale : size of the person against an adult
     """
 
@@ -105,24 +108,25 @@ class Observation:
         joints: Joints2D | None = None,
     ) -> None:
         self.cloud, self.timestamp, self.unobserved, self.joints = cloud, timestamp, unobserved, joints
-        self.observer, self.state = observer, state
+        self.observer, self._state = observer, state
+        self.anew = state.previous is None
         self.scale = state.body.height / ADULT_HEIGHT
 
     @property
     def elapsed(self) -> float:
         """Seconds since the frame before."""
-        return self.state.elapsed(self.timestamp)
+        return self._state.elapsed(self.timestamp)
 
     @cached_property
     def centre(self) -> np.ndarray:
         """Float64 (3,), metres, level frame (Baak 2013, 5.3.4)."""
-        return cloud_centre(self.cloud.points, self.state.centre, self.observer.landmarks, self.scale)
+        return cloud_centre(self.cloud.points, self._state.centre, self.observer.landmarks, self.scale)
 
     @cached_property
     def facing(self) -> np.ndarray:
         """Float64 (2,): the smoothed direction that the person faces, in the ground plane."""
         landmarks = self.observer.landmarks
-        smooth = FacingFilter(landmarks, self.state.facing)
+        smooth = FacingFilter(landmarks, self._state.facing)
         smooth.update(estimate_facing(self.cloud.points, self.centre, landmarks, self.scale), self.elapsed, self.centre)
         assert smooth.direction is not None
         return smooth.direction
@@ -163,17 +167,26 @@ class Observation:
             else observer.regressor.estimate(self.cloud, observer.vote_samples, unobserved=self.unobserved)
         )
 
-    @property
+    @cached_property
     def in_view(self) -> np.ndarray | None:
-        """Float64 (20,): how likely each joint has been in view lately; None for somebody whom nothing ever cut off.
+        """Float64 (20,): how likely each joint has been in view lately; None for a person whom nothing ever cut off.
 
-        The votes say so in frames in which a search asked for them; of whom nothing cuts off all joints are in view.
+        The votes say which joints are in view where something cuts the person off; else all of them are.
         """
-        before, asked, is_cut = self.state.in_view, vars(self).get("votes"), bool(self.cut.any())
-        if asked is None or (before is None and not is_cut):
-            return before
-        now = asked.in_view if is_cut else np.ones(len(skeleton.REPORTED))
-        return now if before is None else before + NEWEST * (now - before)
+        before, is_cut = self._state.in_view, bool(self.cut.any())
+        if before is None and not is_cut:
+            return None
+        now = np.ones(len(skeleton.REPORTED))
+        if is_cut:
+            if self.votes is None:
+                return before
+            now = self.votes.in_view
+        return now if before is None else before + (1.0 - math.exp(-self.elapsed / VIEW_TIME)) * (now - before)
+
+    def look(self) -> None:
+        """Compute what every frame needs; the rest waits until it is asked for."""
+        for part in ("scene", "facing", "in_view"):
+            getattr(self, part)
 
     @cached_property
     def withheld(self) -> np.ndarray | None:
@@ -185,9 +198,9 @@ class Observation:
         """
         if self.observer.body != "auto":
             return LEG_LINKS if self.observer.body == "upper" else None
-        if self.state.previous is None or self.state.in_view is None or self.observer.learning:
+        if self.anew or self._state.in_view is None or self.observer.learning:
             return None
-        hidden = links_out_of_view(self.state.in_view)
+        hidden = links_out_of_view(self._state.in_view)
         return hidden if hidden.any() else None
 
     @cached_property
@@ -203,7 +216,7 @@ class Observation:
         """What is known of the frame besides its depth, and what the regressor is sure of."""
         observer = self.observer
         evidence = list(observer.guide.evidence(self.timestamp, self.cloud.rotation))
-        unsure = self.state.previous is None or observer.learning
+        unsure = self.anew or observer.learning
         if observer.vote_pull > 0.0 and unsure and self.votes is not None:
             evidence.append(VotedJoints(self.votes, self.cloud.rotation, observer.vote_pull))
         return evidence

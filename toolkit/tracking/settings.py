@@ -48,7 +48,7 @@ class HybridSettings:
     tracker : the name under which this tracker is registered
     seed : of everything random
     hypotheses : which compete: "local", "extrema" (lookup by geodesic extrema), "joints" (lookup by regressed joints,
-        where extrema merge with the body), "arms" (the local one with arms of other poses), "particles" (on first
+        where extrema merge with the body), "arms" (the local one with arms of other poses), "head_hands" (on first
         frames and after losses, hands where the cloud ends, and the best pose turned round), "swarm" (likewise, where
         joints are seen in the image; set up as in configs/swarm.yaml)
     body : how much of a person there is to see: "auto" (the regressor tells which links are out of view, frame by
@@ -80,7 +80,7 @@ class HybridSettings:
 
     tracker: Literal["hybrid"] = "hybrid"
     seed: int = 0
-    hypotheses: tuple[str, ...] = ("local", "extrema", "joints", "arms", "particles", "swarm")
+    hypotheses: tuple[str, ...] = ("local", "extrema", "joints", "arms", "head_hands", "swarm")
     body: Literal["auto", "whole", "upper"] = "auto"
     extrema: int = 20
     candidates: int = 2
@@ -104,7 +104,7 @@ class HybridSettings:
 
     def __post_init__(self) -> None:
         check_seed(self.seed)
-        known = ("local", "extrema", "joints", "arms", "particles", "swarm")
+        known = ("local", "extrema", "joints", "arms", "head_hands", "swarm")
         if unknown := [name for name in self.hypotheses if name not in known]:
             raise SettingsError(f"hypotheses {unknown} are unknown; choose from {', '.join(known)}")
         if self.body not in ("auto", "whole", "upper"):

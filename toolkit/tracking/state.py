@@ -12,10 +12,10 @@ from toolkit.body.body import Body
 from toolkit.body.shape import ShapeSpace
 
 FIRST_STEP = 1.0 / 30.0
-"""Seconds between the first frame and the one before that there never was."""
+"""Seconds that a first frame is said to come after a frame before it."""
 
 State = dict[str, Any]
-"""Arrays, numbers, text and None by name, nested: what `files.save_state` writes and nothing else."""
+"""Arrays, numbers, text and None by name, nested: what `checkpoint.py` writes and nothing else."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -23,7 +23,8 @@ class ArmSearch:
     """Looks for better arms of the best pose of a person who is being followed.
 
     Decided by what a pose leaves unexplained of the frame and by the pose prior. The other parts of the sparse distance
-    do not help here: they are least for an arm that hides in the body. So what is found supersedes what it came from.
+    do not help here: they are least for an arm that hides in the body. So what is found takes the place of what it
+    came from.
 
     Parameters
     ----------
@@ -61,7 +62,7 @@ class ArmSearch:
             pose, compared = self._exchange.best(body, pose, compared, proposed, scene)
         if pose is best.hypothesis.pose:
             return NOTHING
-        return Proposal((Hypothesis("arms", pose, compared, supersedes=True),))
+        return Proposal((Hypothesis("arms", pose, compared, improves=best),))
 
 
 def arm_exchange(objective: Objective, refiner: Refiner, settings: ArmSettings) -> LimbExchange:

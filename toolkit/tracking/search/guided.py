@@ -44,7 +44,7 @@ class GuidedSearch:
         pose, compared = self._exchange.best(best.body, pose, best.comparison, candidates, observation.scene)
         if pose is best.hypothesis.pose:
             return NOTHING
-        return Proposal((Hypothesis("guided", pose, compared, supersedes=True),))
+        return Proposal((Hypothesis("guided", pose, compared, improves=best),))
 
     def _cost(self, compared: Comparison) -> float:
         return compared.distance + self._prior * compared.energy

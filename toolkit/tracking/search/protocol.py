@@ -24,15 +24,15 @@ class Hypothesis:
     pose : float64 (P,), level frame, refined
     comparison : how far it is from the frame, where the search knows
     continues : it goes on from the previous pose, so that the step between the two says something about the next one
-    supersedes : the best hypothesis so far is withdrawn: the search decided between the two by something that tells
-        more than the distance does
+    improves : the hypothesis that it is made from and takes the place of: the search decided between the two by
+        something that tells more than the cost does
     """
 
     source: str
     pose: np.ndarray
     comparison: Comparison | None = None
     continues: bool = False
-    supersedes: bool = False
+    improves: ScoredHypothesis | None = None
 
 
 UNLIKELY = 0.1
@@ -42,16 +42,31 @@ that explain a frame alike, the likelier one."""
 
 @dataclass(frozen=True, eq=False)
 class ScoredHypothesis:
-    """A hypothesis that was judged: for which body, and how far that is from the frame."""
+    """A hypothesis that was judged; of all of a frame the one of least cost is the person's pose (Baak 2013, 5.4.4).
+
+    Attributes
+    ----------
+    body : whose pose it is
+    comparison : how far that is from the frame
+    cost : metres: the sparse distance and, where the person is found anew, how unlikely the pose is (maximum a
+        posteriori); a pose that goes on from another one needs no other prior
+    """
 
     hypothesis: Hypothesis
     body: Body
     comparison: Comparison
+    cost: float
 
-    @property
-    def map_cost(self) -> float:
-        """What decides where nobody knows the pose before, metres: the distance, and how unlikely the pose is."""
-        return self.comparison.distance + UNLIKELY * self.comparison.energy
+    @classmethod
+    def of(cls, hypothesis: Hypothesis, body: Body, comparison: Comparison, *, anew: bool) -> ScoredHypothesis:
+        """A hypothesis with its cost; `anew` says whether the person is found anew."""
+        cost = comparison.distance + UNLIKELY * comparison.energy if anew else comparison.distance
+        return cls(hypothesis, body, comparison, cost)
+
+
+def cost_of(scored: ScoredHypothesis) -> float:
+    """What is to be least."""
+    return scored.cost
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,7 +93,7 @@ class Search(Protocol):
     def propose(
         self, observation: Observation, state: PersonState, rng: np.random.Generator, best: ScoredHypothesis | None
     ) -> Proposal:
-        """Hypotheses for a frame, given what was known before it and the best of the searches asked earlier.
+        """Hypotheses for a frame, given what was known before it and the one of least cost so far.
 
         Without `state.previous` the person has to be found anew, with the body `state.body`.
         """
@@ -95,6 +110,6 @@ class Verifier(Protocol):
 
     name: str
 
-    def finished(self, observation: Observation, rivals: Sequence[ScoredHypothesis]) -> list[ScoredHypothesis]:
-        """Further rivals, given all that were judged."""
+    def verified(self, observation: Observation, scored: Sequence[ScoredHypothesis]) -> list[ScoredHypothesis]:
+        """Further hypotheses, given all that were scored."""
         ...

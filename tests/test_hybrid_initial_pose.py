@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -18,7 +20,7 @@ from toolkit.hybrid.initial_pose import InitialPoseVerifier, best_of_each_body, 
 from toolkit.kernels.fit import particles as kernel
 from toolkit.landmarks.regressor import JointEstimate
 from toolkit.landmarks.settings import LandmarkSettings
-from toolkit.lopez2011.fork_search import ParticleSearch
+from toolkit.lopez2011.head_hands import HeadHandSearch
 from toolkit.lopez2011.upper import UpperBodies
 from toolkit.sensing.camera import Camera
 from toolkit.sensing.cloud import Cloud
@@ -57,14 +59,14 @@ def observed(pose: np.ndarray) -> Observation:
 
 
 def rival(pose: np.ndarray, observation: Observation) -> ScoredHypothesis:
-    return ScoredHypothesis(Hypothesis("joints", pose), BODY, FIT.compare(pose, observation.scene))
+    return ScoredHypothesis.of(Hypothesis("joints", pose), BODY, FIT.compare(pose, observation.scene), anew=True)
 
 
 def asked(truth: np.ndarray, *, first: bool) -> Proposal:
     """What the search says of a frame of `truth`."""
-    search, observation = ParticleSearch(FIT.objective, FIT.refiner, BODIES), observed(truth)
+    search, observation = HeadHandSearch(FIT.objective, FIT.refiner, BODIES), observed(truth)
     state = PersonState(
-        BODY, True, observation.state.generator, previous=None if first else Previous.of_pose(BODY, pose_of())
+        BODY, True, observation._state.generator, previous=None if first else Previous.of_pose(BODY, pose_of())
     )
     return search.propose(observation, state, np.random.default_rng(0), None)
 
@@ -88,7 +90,7 @@ def test_while_somebody_is_followed_the_fork_says_nothing() -> None:
 def test_a_hanging_arm_is_brought_to_a_raised_hand() -> None:
     observation = observed(RAISED)
     found = ARMS.of(rival(pose_of(), observation), observation)
-    assert found.hypothesis.source == "particles"
+    assert found.hypothesis.source == "head_hands"
     assert hand_off(pose_of()) > 0.5 and hand_off(found.hypothesis.pose) < 0.12
 
 
@@ -123,7 +125,7 @@ def test_mirrored_and_turned_limbs_stay_on_their_side_of_the_image() -> None:
 def test_the_nearest_of_every_body_and_the_nearest_that_faces_elsewhere_are_finished() -> None:
     observation = observed(FORWARD)
     rivals = [rival(pose_of(root_ry=yaw), observation) for yaw in (0.0, 0.4, np.pi, 1.6)]
-    child = ScoredHypothesis(rivals[0].hypothesis, load_body("child"), rivals[1].comparison)
+    child = replace(rivals[1], body=load_body("child"))
     best = min(rivals, key=lambda one: one.comparison.distance)
     assert {id(one) for one in best_of_each_body([*rivals, child])} == {id(best), id(child)}
     (elsewhere,) = facing_elsewhere(rivals[0], rivals)
@@ -132,7 +134,7 @@ def test_the_nearest_of_every_body_and_the_nearest_that_faces_elsewhere_are_fini
 
 
 def finished(observation: Observation, rival: ScoredHypothesis) -> list[ScoredHypothesis]:
-    return InitialPoseVerifier(FIT.objective, FIT.refiner, ARMS).finished(observation, [rival])
+    return InitialPoseVerifier(FIT.objective, FIT.refiner, ARMS).verified(observation, [rival])
 
 
 def test_who_was_taken_back_to_front_is_turned_round_where_a_regressor_knows_front_from_back() -> None:

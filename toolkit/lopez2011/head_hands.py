@@ -27,7 +27,7 @@ ROUNDS = InitialSettings(rounds=4, unlabelled=False)
 """How the first pose is found: less often filtered than by the particle filter alone, because it is refined."""
 
 
-class ParticleSearch:
+class HeadHandSearch:
     """The first pose of Lopez-Mendez 2011 on a first frame and after a loss.
 
     Head and hands are looked for by the fork of their paths (3); the filtered pose is refined and competes by its
@@ -39,7 +39,7 @@ class ParticleSearch:
     bodies : that are filtered
     """
 
-    name = "particles"
+    name = "head_hands"
 
     def __init__(self, objective: Objective, refiner: Refiner, bodies: UpperBodies) -> None:
         self._objective, self._refiner = objective, refiner
@@ -51,9 +51,9 @@ class ParticleSearch:
         """See `Search.propose`."""
         if state.previous is not None:
             return NOTHING
-        return Proposal(self._by_the_fork(observation, state.body, rng))
+        return Proposal(self._found(observation, state.body, rng))
 
-    def _by_the_fork(self, observation: Observation, body: Body, rng: np.random.Generator) -> tuple[Hypothesis, ...]:
+    def _found(self, observation: Observation, body: Body, rng: np.random.Generator) -> tuple[Hypothesis, ...]:
         """The first pose of Lopez-Mendez 2011, 3, refined; nothing without a fork."""
         cloud, settings = observation.cloud, self._filter.settings
         width = cloud.camera.width
@@ -71,4 +71,4 @@ class ParticleSearch:
         iterations = FIRST_ROUNDS * self._refiner.settings.iterations
         pose = self._refiner.refine(body, first.pose, observation.scene, iterations=iterations)
         compared = self._objective.compare(body, pose, observation.scene)
-        return (Hypothesis("particles", pose, compared),)
+        return (Hypothesis("head_hands", pose, compared),)

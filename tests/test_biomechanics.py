@@ -1,0 +1,139 @@
+"""Angles, strides, contacts and rises of motions of which they are known."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from toolkit import skeleton
+from toolkit.biomechanics.angles import joint_angles, sequence_angles
+from toolkit.biomechanics.contact import contacts_of_soles, ground_height, hysteresis, without_short
+from toolkit.biomechanics.gait import walk_of
+from toolkit.biomechanics.rising import rises_of
+from toolkit.body.shape import load_body
+from toolkit.body.sole import soles
+from toolkit.testing.walking import Rising, Walk, rising, walking
+
+BODY = load_body("neutral")
+RATE = 30.0
+
+
+def posed(**angles: float) -> np.ndarray:
+    pose = np.zeros((1, skeleton.POSE_SIZE))
+    for name, degrees in angles.items():
+        pose[0, skeleton.POSE_NAMES.index(name)] = np.radians(degrees)
+    return pose
+
+
+def angle(name: str, pose: np.ndarray) -> float:
+    return float(joint_angles(BODY, pose, np.ones(len(pose), dtype=bool)).of(name)[0])
+
+
+@pytest.mark.parametrize(
+    ("pose", "name", "degrees"),
+    [
+        ({"left_hip_rx": -40}, "left_hip_flexion", 40),  # the thigh comes forwards
+        ({"right_hip_rx": -40}, "right_hip_flexion", 40),
+        ({"left_hip_rz": 20}, "left_hip_adduction", -20),  # the left thigh goes to the left
+        ({"right_hip_rz": -20}, "right_hip_adduction", -20),
+        ({"left_hip_ry": -15}, "left_hip_internal_rotation", 15),  # the left toes go to the right
+        ({"right_hip_ry": 15}, "right_hip_internal_rotation", 15),
+        ({"left_knee_rx": 70}, "left_knee_flexion", 70),
+        ({"right_ankle_rx": -12}, "right_ankle_dorsiflexion", 12),
+        ({"left_elbow_ry": -80}, "left_elbow_flexion", 80),
+        ({"right_elbow_ry": 80}, "right_elbow_flexion", 80),
+        ({}, "left_shoulder_elevation", 90),  # a T-pose
+        ({}, "right_shoulder_elevation", 90),
+        ({}, "right_shoulder_plane_of_elevation", 0),  # in the plane of abduction
+        ({"left_shoulder_ry": -90}, "left_shoulder_plane_of_elevation", 90),  # arms held forwards
+        ({"right_shoulder_ry": 90}, "right_shoulder_plane_of_elevation", 90),
+        ({"lumbar_rx": 20, "thorax_rx": 10}, "trunk_flexion", 30),
+        ({"lumbar_rz": 20}, "trunk_lateral_bending_right", 20),
+        ({"lumbar_ry": 25}, "trunk_rotation_left", 25),
+    ],
+)
+def test_a_movement_has_the_name_and_the_sign_of_the_isb(pose: dict[str, float], name: str, degrees: float) -> None:
+    assert angle(name, posed(**pose)) == pytest.approx(degrees, abs=1e-6)
+
+
+@pytest.mark.parametrize("sequence", ["ZXY", "YXY"])
+def test_the_angles_make_the_rotation_again(sequence: str) -> None:
+    rotations = Rotation.random(200, random_state=1).as_matrix()
+    for single in rotations:
+        angles, locked = sequence_angles(single[None], sequence, np.array([True]))
+        if not locked[0]:
+            again = Rotation.from_euler(sequence, angles[0]).as_matrix()
+            np.testing.assert_allclose(again, single, atol=1e-9)
+
+
+def test_through_gimbal_lock_the_angles_are_continuous_and_it_is_said() -> None:
+    steps = np.linspace(-60.0, 60.0, 121)
+    turned = Rotation.from_euler("YXY", np.column_stack([np.full(121, 30.0), -np.abs(steps), np.full(121, 10.0)]), True)
+    angles, locked = sequence_angles(turned.as_matrix(), "YXY", np.ones(121, dtype=bool))
+    assert locked[60] and not locked[0] and locked.sum() == 15
+    assert np.abs(np.diff(np.degrees(angles), axis=0)).max() < 3.0
+    np.testing.assert_allclose(np.degrees(angles[[0, -1]]), [[30, -60, 10], [30, -60, 10]], atol=1e-6)
+
+
+def test_nothing_is_said_of_frames_in_which_nobody_is_there() -> None:
+    poses, known = np.zeros((3, skeleton.POSE_SIZE)), np.array([True, False, True])
+    degrees = joint_angles(BODY, poses, known).degrees
+    assert np.isnan(degrees[1]).all() and np.isfinite(degrees[[0, 2]]).all()
+    assert np.isnan(joint_angles(BODY, poses, np.zeros(3, dtype=bool)).degrees).all()
+
+
+@pytest.mark.parametrize("walk", [Walk(), Walk(0.8, 90.0, 0.2, 0.66), Walk(1.4, 120.0, 0.08, 0.6)])
+def test_the_strides_of_a_made_walk_are_found(walk: Walk) -> None:
+    poses, _ = walking(BODY, walk, 5.0, RATE)
+    found = walk_of(BODY, poses, np.arange(len(poses)) / RATE, np.ones(len(poses), dtype=bool))
+    assert len(found.strides) >= 4
+    assert found.mean("length") == pytest.approx(walk.stride_length, abs=0.02)
+    assert found.cadence == pytest.approx(walk.cadence, abs=1.5)
+    assert found.speed == pytest.approx(walk.speed, abs=0.03)
+    assert found.mean("width") == pytest.approx(walk.width, abs=0.015)
+    assert found.mean("stance") == pytest.approx(walk.stance, abs=0.05)
+
+
+def test_a_walk_too_short_for_a_stride_and_somebody_who_stands_say_so() -> None:
+    poses, _ = walking(BODY, Walk(), 0.9, RATE)
+    for rows, note in ((poses, "no whole stride"), (np.repeat(poses[:1], 40, axis=0), "nobody walks")):
+        found = walk_of(BODY, rows, np.arange(len(rows)) / RATE, np.ones(len(rows), dtype=bool))
+        assert not found.strides and note in found.note and np.isnan(found.cadence)
+    alone = walk_of(BODY, poses[:1], np.zeros(1), np.ones(1, dtype=bool))
+    assert not alone.strides and np.isnan(alone.figures()["stride_length_m"])
+
+
+def test_feet_that_carry_are_told_from_feet_that_swing() -> None:
+    poses, truth = walking(BODY, Walk(), 4.0, RATE)
+    placed, times = soles(BODY, poses), np.arange(len(poses)) / RATE
+    everywhere = np.ones(len(poses), dtype=bool)
+    ground = ground_height(placed, times, everywhere)
+    assert ground == pytest.approx(0.0, abs=0.01)
+    found = contacts_of_soles(placed, times, ground or 0.0, everywhere)
+    assert (found == truth).mean() > 0.93
+
+
+def test_contacts_begin_where_both_limits_hold_and_short_ones_go() -> None:
+    enter = np.array([0, 0, 1, 0, 0, 0, 0], dtype=bool)
+    stay = np.array([0, 1, 1, 1, 0, 1, 0], dtype=bool)
+    np.testing.assert_array_equal(hysteresis(enter, stay), [False, True, True, True, False, False, False])
+    flags = np.array([0, 0, 1, 0, 0, 0, 1, 1, 1, 0, 1, 1], dtype=bool)
+    np.testing.assert_array_equal(without_short(flags, 2), [0, 0, 0, 0, 0, 0, 1, 1, 1, 1, 1, 1])
+
+
+@pytest.mark.parametrize(("rest", "seated"), [(1.0, True), (0.0, False)])
+def test_rises_are_counted_and_timed(rest: float, seated: bool) -> None:
+    plan = Rising(count=3, duration=1.2, rest=rest)
+    poses = rising(BODY, plan, RATE)
+    found = rises_of(BODY, poses, np.arange(len(poses)) / RATE, np.ones(len(poses), dtype=bool))
+    assert [rise.seated for rise in found] == [seated] * 3
+    expected = plan.duration * (1.0 - 2.0 * np.arccos(1.0 - 2.0 * 0.05) / np.pi)
+    for rise in found:
+        assert rise.duration == pytest.approx(expected, abs=0.08)
+
+
+def test_who_only_stands_or_only_sits_rises_never() -> None:
+    poses = rising(BODY, Rising(count=1), RATE)
+    for rows in (np.repeat(poses[:1], 30, axis=0), np.repeat(poses[70:71], 30, axis=0), poses[:1]):
+        assert not rises_of(BODY, rows, np.arange(len(rows)) / RATE, np.ones(len(rows), dtype=bool))

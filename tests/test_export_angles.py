@@ -1,0 +1,94 @@
+"""Angles, OpenSim motions and gait as files, and the page that shows them."""
+
+from __future__ import annotations
+
+import csv
+import json
+import xml.etree.ElementTree as ElementTree
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tests.run_helpers import write_run
+from toolkit import skeleton
+from toolkit.biomechanics.angles import COLUMNS
+from toolkit.body.shape import load_body
+from toolkit.errors import UsageError
+from toolkit.export.run import export_run
+from toolkit.report.gait import gait_section
+from toolkit.runs import load_persons
+from toolkit.testing.walking import Walk, walking
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Somebody who walks for 3 s, absent in the first two frames."""
+    poses, _ = walking(load_body("neutral"), Walk(), 3.0, 30.0)
+    return write_run(tmp_path_factory.mktemp("walk") / "run", poses, shape=0.0, absent=2, rate=30.0)
+
+
+def test_the_csv_of_angles_names_the_sequence_and_blanks_absence(run: Path, tmp_path: Path) -> None:
+    export_run(run, tmp_path / "angles.csv", format="angles")
+    with (tmp_path / "angles.csv").open(newline="") as stream:
+        rows = list(csv.DictReader(stream))
+    assert "left_hip_flexion_ZXY_deg" in rows[0] and "right_shoulder_elevation_YXY_deg" in rows[0]
+    assert {rows[0][column] for column in COLUMNS} == {""} and rows[0]["state"] == "empty"
+    pose = load_persons(run)[0].track.pose[20]
+    expected = np.degrees(pose[skeleton.POSE_NAMES.index("left_knee_rx")])
+    assert float(rows[20]["left_knee_flexion_ZXY_deg"]) == pytest.approx(expected, abs=1e-3)
+    assert rows[20]["left_shoulder_locked"] in ("0", "1")
+
+
+def read_mot(path: Path) -> dict[str, np.ndarray]:
+    lines = path.read_text().splitlines()
+    start = lines.index("endheader")
+    table = np.array([[float(value) for value in line.split("\t")] for line in lines[start + 2 :]])
+    assert f"nRows={len(table)}" in lines and f"nColumns={table.shape[1]}" in lines and "inDegrees=yes" in lines
+    return dict(zip(lines[start + 1].split("\t"), table.T, strict=True))
+
+
+def test_a_mot_has_the_coordinates_of_the_generic_model(run: Path, tmp_path: Path) -> None:
+    export_run(run, tmp_path / "walk.mot")
+    found, person = read_mot(tmp_path / "walk.mot"), load_persons(run)[0]
+    assert len(found["time"]) == 88 and (np.diff(found["time"]) > 0).all()
+    assert found["pelvis_tx"][-1] - found["pelvis_tx"][0] == pytest.approx(1.1 * 87 / 30, abs=0.01)
+    assert 0.85 < found["pelvis_ty"].mean() < 1.1 and abs(found["pelvis_tz"]).max() < 0.2
+    knee = np.degrees(person.track.pose[2:, skeleton.POSE_NAMES.index("right_knee_rx")])
+    np.testing.assert_allclose(found["knee_angle_r"], knee, atol=1e-4)
+    assert found["hip_flexion_l"].max() > 15 and found["hip_flexion_l"].min() < 0
+    assert found["arm_add_r"].mean() == pytest.approx(found["arm_add_l"].mean(), abs=2.0)
+
+
+def test_the_markers_are_those_of_an_exported_trc(run: Path, tmp_path: Path) -> None:
+    export_run(run, tmp_path / "walk.mot")
+    export_run(run, tmp_path / "walk.trc")
+    root = ElementTree.parse(tmp_path / "walk_markers.xml").getroot()
+    names = [marker.get("name") for marker in root.iter("Marker")]
+    assert names == [name for name in (tmp_path / "walk.trc").read_text().splitlines()[3].split("\t")[2:] if name]
+    frames = {marker.get("name"): marker.findtext("socket_parent_frame") for marker in root.iter("Marker")}
+    assert frames["left_elbow"] == "/bodyset/humerus_l" and frames["right_hip"] == "/bodyset/pelvis"
+
+
+def test_the_gait_of_a_run_is_a_file_of_figures(run: Path, tmp_path: Path) -> None:
+    export_run(run, tmp_path / "gait.json", format="gait")
+    (person,) = json.loads((tmp_path / "gait.json").read_text())["people"]
+    assert person["gait"]["stride_length_m"] == pytest.approx(Walk().stride_length, abs=0.03)
+    assert len(person["strides"]) == person["gait"]["strides"] and person["rises"] == []
+
+
+def test_a_page_shows_gait_and_says_where_there_is_none(run: Path, tmp_path: Path) -> None:
+    text = gait_section("walk <b>", load_persons(run))
+    assert "stride length" in text and "1.22 m" in text and "<polyline" in text and "<b>" not in text
+    still = write_run(tmp_path / "still", np.zeros((1, skeleton.POSE_SIZE)))
+    assert "nobody walks" in gait_section("still", load_persons(still))
+    nobody = write_run(tmp_path / "nobody", np.zeros((4, skeleton.POSE_SIZE)), absent=4)
+    assert "nobody walks" in gait_section("nobody", load_persons(nobody))
+
+
+def test_a_mot_of_nobody_is_refused(tmp_path: Path) -> None:
+    run = write_run(tmp_path / "nobody", np.zeros((4, skeleton.POSE_SIZE)), absent=4)
+    with pytest.raises(UsageError, match="in none of the frames"):
+        export_run(run, tmp_path / "a.mot")
+    export_run(run, tmp_path / "a.csv", format="angles")
+    export_run(run, tmp_path / "a.json", format="gait")
