@@ -14,6 +14,7 @@ from toolkit.database.database import PoseDatabase
 from toolkit.evaluation.scores import RunScores
 from toolkit.fitting.objective import Objective
 from toolkit.fitting.refiner import Refiner
+from toolkit.hybrid.settings import HybridSettings
 from toolkit.hybrid.tracker import HybridTracker
 from toolkit.kernels import linear
 from toolkit.people.sighting import PredictedBody, Sighting
@@ -25,7 +26,6 @@ from toolkit.tracking.observation import Observation, Observer
 from toolkit.tracking.search.local import LocalSearch
 from toolkit.tracking.search.lookup import DatabaseLookup
 from toolkit.tracking.search.protocol import NOTHING, Proposal, ScoredHypothesis, Search
-from toolkit.tracking.settings import HybridSettings
 from toolkit.tracking.state import PersonState
 
 ROWS: dict[str, tuple[str, dict[str, Any]]] = {

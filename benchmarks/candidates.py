@@ -25,6 +25,7 @@ from toolkit.config import parse_overrides
 from toolkit.database.database import PoseDatabase
 from toolkit.evaluation.extrema import FOUND, TIPS, all_found, all_free
 from toolkit.evaluation.joints import visible_joints
+from toolkit.hybrid.settings import HybridSettings
 from toolkit.hybrid.tracker import HybridTracker
 from toolkit.recordings.opening import open_recording
 from toolkit.sensing.cloud import Cloud
@@ -33,7 +34,6 @@ from toolkit.testing.suite import GROUPS, LONGEST, chosen_takes, record
 from toolkit.tracking.observation import Observation
 from toolkit.tracking.search.extrema import ExtremaQuery
 from toolkit.tracking.search.lookup import Query
-from toolkit.tracking.settings import HybridSettings
 from toolkit.tracking.solo import Solo
 from toolkit.tracking.state import Previous
 

@@ -29,6 +29,7 @@ from benchmarks._timing import percentiles, pin_to_one_processor
 from toolkit.body.body import Body
 from toolkit.database.database import PoseDatabase
 from toolkit.fitting.scene import Scene
+from toolkit.hybrid.settings import HybridSettings
 from toolkit.hybrid.tracker import HybridTracker
 from toolkit.landmarks.extrema import Extrema
 from toolkit.recordings.opening import open_recording
@@ -37,7 +38,6 @@ from toolkit.sensing.recording import Recording
 from toolkit.testing.subjects import write_recording
 from toolkit.tracking.follower import Follower
 from toolkit.tracking.observation import Observation, Observer
-from toolkit.tracking.settings import HybridSettings
 from toolkit.tracking.solo import Solo
 
 SIZES = (3_000, 6_000, 16_000)

@@ -29,10 +29,10 @@ from toolkit.body.shape import load_body
 from toolkit.config import load_settings
 from toolkit.database.database import PoseDatabase
 from toolkit.evaluation.joints import accuracy, frame_errors, joint_errors
+from toolkit.hybrid.settings import HybridSettings
 from toolkit.hybrid.tracker import HybridTracker
 from toolkit.recordings.opening import open_recording
 from toolkit.testing.subjects import write_recording
-from toolkit.tracking.settings import HybridSettings
 from toolkit.tracking.solo import Solo
 
 JITTER = np.radians(2.0)

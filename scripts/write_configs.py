@@ -6,9 +6,9 @@ from pathlib import Path
 
 from toolkit.config import explained_text
 from toolkit.files import save_text
+from toolkit.hybrid.settings import HybridSettings
 from toolkit.lopez2011.tracker import ParticleTrackerSettings
 from toolkit.qammaz.tracker import SwarmTrackerSettings
-from toolkit.tracking.settings import HybridSettings
 
 FOLDER = Path(__file__).parents[1] / "configs"
 HEADS: dict[type, str] = {

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import fields, is_dataclass
+from dataclasses import fields, is_dataclass, replace
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -11,7 +12,15 @@ import yaml
 
 from scripts.write_configs import HEADS, config_text
 from toolkit.config import attributes_of, load_settings, settings_text
-from toolkit.tracking.settings import HybridSettings
+from toolkit.errors import SettingsError
+from toolkit.hybrid.settings import HybridSettings
+from toolkit.lopez2011.head_hands import HeadHandSettings
+from toolkit.lopez2011.settings import ParticleSettings
+from toolkit.lopez2011.tracker import ParticleTrackerSettings
+from toolkit.qammaz.discrepancy import DiscrepancySettings
+from toolkit.qammaz.search import SwarmSearchSettings
+from toolkit.qammaz.swarm import SwarmSettings
+from toolkit.qammaz.tracker import SwarmTrackerSettings
 
 CONFIGS = Path(__file__).parents[1] / "configs"
 
@@ -34,7 +43,8 @@ def settings_classes(kind: type) -> list[type]:
 def test_every_setting_is_explained_where_its_value_stands(kind: type) -> None:
     told = [name for names in attributes_of(kind) for name in names.split(", ")]
     plain = [field.name for field in fields(kind) if not is_dataclass(getattr(kind(), field.name))]
-    assert told == plain
+    assert [name for name in told if name in plain] == plain
+    assert set(told) <= {field.name for field in fields(kind)}
     assert all(attributes_of(kind).values())
 
 
@@ -51,3 +61,45 @@ def test_the_papers_variant_has_its_two_hypotheses_and_nothing_learnt() -> None:
     settings = load_settings(HybridSettings, "baak2013")
     assert settings.hypotheses == ("local", "extrema")
     assert settings.shape.seconds == 0 and settings.fitting.prior_weight == 0.0 and settings.fitting.cloud_samples == 0
+
+
+@pytest.mark.parametrize("kind", HEADS)
+def test_a_tracker_has_at_most_25_settings(kind: type) -> None:
+    assert len(settings_by_name(yaml.safe_load(settings_text(kind())))) <= 25
+
+
+VARIANTS = [(HybridSettings, "baak2013"), (SwarmTrackerSettings, "qammaz"), (ParticleTrackerSettings, "lopez2011")]
+
+
+@pytest.mark.parametrize(("kind", "variant"), VARIANTS)
+def test_what_is_written_beside_a_run_makes_the_same_settings_again(kind: type, variant: str, tmp_path: Path) -> None:
+    """Constants that a variant changes stand there too; those of the parent's own default keep it."""
+    changed = {"fitting.iterations": 9}
+    for settings in (load_settings(kind, variant), load_settings(kind, None, changed)):
+        (tmp_path / "config.yaml").write_text(settings_text(settings), encoding="utf-8")
+        assert load_settings(kind, tmp_path / "config.yaml") == settings
+    assert load_settings(kind, None, changed).fitting == replace(kind().fitting, iterations=9)
+
+
+def test_constants_that_stay_are_written_nowhere_and_named_by_no_error() -> None:
+    assert "landmarks" not in settings_text(HybridSettings())
+    with pytest.raises(SettingsError, match="unknown setting magic; there are: tracker, seed") as told:
+        load_settings(HybridSettings, None, {"magic": 1})
+    assert "landmarks" not in str(told.value)
+
+
+def test_what_the_hybrid_tracker_hands_to_its_searches_comes_from_its_settings(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Nothing is built inside: a changed constant arrives."""
+    from toolkit.hybrid import tracker as room
+
+    given: dict[str, tuple[Any, ...]] = {}
+    for name in ("HeadHandSearch", "SwarmSearch", "DatabaseLookup", "upper_bodies"):
+        monkeypatch.setattr(room, name, lambda *parts, name=name, **_: given.setdefault(name, parts))
+    settings = HybridSettings(
+        hypotheses=("head_hands", "swarm"), swarm=SwarmSettings(particles=5), search=SwarmSearchSettings(tries=2),
+        discrepancy=DiscrepancySettings(width=20), head_hands=HeadHandSettings(particles=ParticleSettings(count=8)),
+    )  # fmt: skip
+    tracker = room.HybridTracker(SimpleNamespace(regressor=None), settings)  # type: ignore[arg-type]
+    tracker.searches(SimpleNamespace(placer=None), None)  # type: ignore[arg-type]
+    assert given["HeadHandSearch"][0] is settings.head_hands
+    assert given["SwarmSearch"][:3] == (settings.search, settings.swarm, settings.discrepancy)

@@ -20,7 +20,7 @@ from toolkit.hybrid.initial_pose import InitialPoseVerifier, best_of_each_body, 
 from toolkit.kernels.fit import particles as kernel
 from toolkit.landmarks.regressor import JointEstimate
 from toolkit.landmarks.settings import LandmarkSettings
-from toolkit.lopez2011.head_hands import HeadHandSearch
+from toolkit.lopez2011.head_hands import HeadHandSearch, HeadHandSettings
 from toolkit.lopez2011.upper import UpperBodies
 from toolkit.sensing.camera import Camera
 from toolkit.sensing.cloud import Cloud
@@ -64,7 +64,7 @@ def rival(pose: np.ndarray, observation: Observation) -> ScoredHypothesis:
 
 def asked(truth: np.ndarray, *, first: bool) -> Proposal:
     """What the search says of a frame of `truth`."""
-    search, observation = HeadHandSearch(FIT.objective, FIT.refiner, BODIES), observed(truth)
+    search, observation = HeadHandSearch(HeadHandSettings(), FIT.objective, FIT.refiner, BODIES), observed(truth)
     state = PersonState(
         BODY, True, observation._state.generator, previous=None if first else Previous.of_pose(BODY, pose_of())
     )

@@ -17,6 +17,7 @@ from toolkit.fitting.regressed import VotedJoints
 from toolkit.fitting.scene import Scene
 from toolkit.fitting.settings import FittingSettings
 from toolkit.fitting.terms import JointTerm
+from toolkit.hybrid.settings import HybridSettings
 from toolkit.kernels.fit import twists
 from toolkit.landmarks.centre import cloud_centre
 from toolkit.landmarks.extrema import extrema_of_graph, source_node
@@ -26,7 +27,6 @@ from toolkit.landmarks.settings import LandmarkSettings
 from toolkit.recordings.opening import open_recording
 from toolkit.sensing.cloud import Cloud
 from toolkit.testing.subjects import LEVEL, camera_for, draw, moving_poses, write_recording
-from toolkit.tracking.settings import HybridSettings
 
 BODY = load_body("neutral")
 CAMERA = camera_for(2500)

@@ -47,7 +47,7 @@ def test_a_recording_that_begins_badly_has_one_track_in_every_environment(
     np.savez(tmp_path / "desk.npz", **few)
     small_database().save(tmp_path / "poses.npz")
     (tmp_path / "elsewhere").mkdir()
-    options = ("--set", "shape.seconds=0.02", "--set", "starts=1")
+    options = ("--set", "shape.seconds=0.02", "--set", "restarts=1")
     found = [
         track(
             tmp_path / "desk.npz", options, tmp_path / "poses.npz", tmp_path / f"run_{number}",

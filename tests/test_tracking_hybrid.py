@@ -22,6 +22,7 @@ from toolkit.database import canonical
 from toolkit.database.database import PoseDatabase
 from toolkit.errors import SettingsError
 from toolkit.fitting.shape import ShapeSettings
+from toolkit.hybrid.settings import HybridSettings
 from toolkit.hybrid.tracker import HybridTracker
 from toolkit.mocap.clip import PoseClip
 from toolkit.mocap.procedural import perform, procedural_clips
@@ -32,7 +33,6 @@ from toolkit.simulation.simulate import simulate_recording
 from toolkit.testing.misled import misled
 from toolkit.track import EMPTY, LOST, TRACKED, FrameResult
 from toolkit.tracking.search.local import least_turn
-from toolkit.tracking.settings import HybridSettings
 from toolkit.tracking.solo import Solo
 
 MOTIONS = ("idle", "raise_sideways", "raise_forward", "arm_circles", "march", "wave", "twist")
@@ -310,7 +310,7 @@ def test_who_comes_back_elsewhere_facing_elsewhere_is_tracked_at_once(
 
 def test_a_recording_of_one_frame_is_tracked(database: PoseDatabase, recording: Recording, tmp_path: Path) -> None:
     single = saved(tmp_path / "one.npz", recording, [recording.depth(0)])
-    settings = replace(SETTINGS, shape=ShapeSettings(seconds=0.15), starts=1)
+    settings = replace(SETTINGS, shape=ShapeSettings(seconds=0.15), restarts=1)
     found = run(HybridTracker(database, settings), single)
     check_sound(found)
     assert found[0].state == TRACKED
@@ -382,7 +382,7 @@ def test_the_number_of_threads_does_not_change_a_bit(
 
 
 def test_a_state_on_disk_continues_exactly(database: PoseDatabase, recording: Recording, tmp_path: Path) -> None:
-    settings = replace(SETTINGS, shape=ShapeSettings(seconds=0.15), starts=1, smoothing=0.05)
+    settings = replace(SETTINGS, shape=ShapeSettings(seconds=0.15), restarts=1, smoothing=0.05)
     tracker = HybridTracker(database, settings)
     expected = run(tracker, recording, 12)
     first = Solo(tracker, recording)
@@ -408,7 +408,7 @@ def test_the_body_of_the_person_is_learnt_from_the_recording(
     person = subject_body(name)
     motion = PoseClip(name, clip.poses[:8], 30.0, "procedural")
     film = record(name, motion, body=person, distance=3.1)  # all of the person is in the image
-    tracker = HybridTracker(database, replace(SETTINGS, shape=ShapeSettings(seconds=1.0, rate=30.0), starts=1))
+    tracker = HybridTracker(database, replace(SETTINGS, shape=ShapeSettings(seconds=1.0, rate=30.0), restarts=1))
     solo = Solo(tracker, film)
     learnt = solo.body
     neutral = load_body("neutral").height
@@ -427,7 +427,7 @@ def test_a_body_that_is_given_is_kept(database: PoseDatabase, recording: Recordi
 
 
 @pytest.mark.parametrize(
-    "values", [{"hypotheses": ()}, {"hypotheses": ("local", "magic")}, {"extrema": 4}, {"sizes": ()}, {"starts": 0}]
+    "values", [{"hypotheses": ()}, {"hypotheses": ("local", "magic")}, {"extrema": 4}, {"sizes": ()}, {"restarts": 0}]
 )
 def test_impossible_settings_are_refused(values: dict[str, object]) -> None:
     with pytest.raises(SettingsError):

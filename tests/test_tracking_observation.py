@@ -13,6 +13,7 @@ from toolkit import skeleton
 from toolkit.body.shape import load_body
 from toolkit.database.origin import ADULT_HEIGHT
 from toolkit.errors import SettingsError
+from toolkit.hybrid.settings import HybridSettings
 from toolkit.landmarks.facing import FacingEstimate, FacingFilter
 from toolkit.landmarks.regressor import JointEstimate
 from toolkit.landmarks.settings import LandmarkSettings
@@ -20,7 +21,6 @@ from toolkit.sensing.camera import Camera
 from toolkit.sensing.cloud import Cloud
 from toolkit.tracking import observation as room
 from toolkit.tracking.observation import VIEW_TIME, Observation, Observer
-from toolkit.tracking.settings import HybridSettings
 from toolkit.tracking.state import FIRST_STEP, PersonState, Previous
 
 OBSERVER = Observer(LandmarkSettings(), 20, 100, "pixels", None, 100)

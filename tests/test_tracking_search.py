@@ -20,6 +20,7 @@ from toolkit.fitting.objective import Objective
 from toolkit.fitting.refiner import Refiner
 from toolkit.fitting.terms import JointTerm
 from toolkit.hybrid import tracker as hybrid
+from toolkit.hybrid.settings import HybridSettings
 from toolkit.hybrid.tracker import HybridTracker
 from toolkit.landmarks.regressor import JointEstimate
 from toolkit.sensing.camera import Camera
@@ -33,12 +34,11 @@ from toolkit.tracking.search.local import FARTHEST, LocalSearch, moved_on
 from toolkit.tracking.search.lookup import FIRST_ROUNDS, PULLED_ITERATIONS, DatabaseLookup, LookupBudget, is_asked
 from toolkit.tracking.search.protocol import NOTHING, ScoredHypothesis
 from toolkit.tracking.search.regressed import VOTE_SIGMA, RegressedJointsQuery
-from toolkit.tracking.settings import HybridSettings
 from toolkit.tracking.state import PersonState, Previous
 
 RNG = np.random.default_rng(0)
 BODY = load_body("neutral")
-EFFORT = LookupBudget(candidates=2, starts=3, promising=2.0, rest=1)
+BUDGET = LookupBudget(candidates=2, restarts=3, promising=2.0, period=2)
 
 
 def state(previous: np.ndarray | None = None, before: np.ndarray | None = None, **others: Any) -> PersonState:
@@ -108,7 +108,7 @@ class FakeQuery:
         return self._pull
 
 
-def lookup(queries: list[FakeQuery], distances: dict[float, float], budget: LookupBudget = EFFORT) -> DatabaseLookup:
+def lookup(queries: list[FakeQuery], distances: dict[float, float], budget: LookupBudget = BUDGET) -> DatabaseLookup:
     return DatabaseLookup(queries, FakeObjective(distances), FakeRefiner(), budget)
 
 
@@ -129,23 +129,23 @@ def test_after_a_loss_every_query_is_asked_in_every_frame() -> None:
     for turn in range(3):
         lookup(queries, {}).propose(observation(), state(pose_at(), turn=turn, lost=1), RNG, None)
     assert [len(query.asked) for query in queries] == [3, 3]
-    assert {count for query in queries for _, count in query.asked} == {EFFORT.candidates}
+    assert {count for query in queries for _, count in query.asked} == {BUDGET.candidates}
 
 
 def test_the_nearest_of_the_retrieved_poses_is_refined_and_no_other() -> None:
     refiner = FakeRefiner(step=0.25)
     objective = FakeObjective({1.0: 0.15, 2.0: 0.12})
-    search = DatabaseLookup([FakeQuery("extrema", [1.0, 2.0, 3.0])], objective, refiner, EFFORT)
+    search = DatabaseLookup([FakeQuery("extrema", [1.0, 2.0, 3.0])], objective, refiner, BUDGET)
     (found,) = search.propose(observation(), state(pose_at(), lost=1), RNG, rival(pose_at(), 0.1)).hypotheses
     assert found.source == "extrema" and found.pose[0] == 2.25
     assert not found.continues and found.improves is None
     assert [call.pose[0] for call in refiner.calls] == [2.0]
-    assert objective.bounds == [EFFORT.promising * 0.1, 0.15]
+    assert objective.bounds == [BUDGET.promising * 0.1, 0.15]
 
 
 def test_retrieved_poses_that_are_hopelessly_farther_than_the_rival_are_not_refined() -> None:
     refiner = FakeRefiner()
-    search = DatabaseLookup([FakeQuery("extrema", [1.0])], FakeObjective({1.0: 0.21}), refiner, EFFORT)
+    search = DatabaseLookup([FakeQuery("extrema", [1.0])], FakeObjective({1.0: 0.21}), refiner, BUDGET)
     assert search.propose(observation(), state(pose_at(), lost=1), RNG, rival(pose_at(), 0.1)) is NOTHING
     assert not refiner.calls
     assert search.propose(observation(), state(pose_at(), lost=1), RNG, rival(pose_at(), 0.11)).hypotheses
@@ -161,18 +161,18 @@ def test_on_a_first_frame_each_query_gives_the_nearest_of_its_refined_starts() -
     queries = [FakeQuery("extrema", [1.0, 2.0, 3.0, 4.0]), FakeQuery("joints", [])]
     refiner = FakeRefiner(step=0.5)
     objective = FakeObjective({1.5: 0.3, 2.5: 0.1, 3.5: 0.2})
-    search = DatabaseLookup(queries, objective, refiner, EFFORT)
+    search = DatabaseLookup(queries, objective, refiner, BUDGET)
     (found,) = search.propose(observation(), state(), RNG, None).hypotheses
     assert found.pose[0] == 2.5 and found.comparison is not None and found.comparison.distance == 0.1
-    assert queries[0].asked == [(None, EFFORT.starts)]
-    assert len(refiner.calls) == EFFORT.starts
+    assert queries[0].asked == [(None, BUDGET.restarts)]
+    assert len(refiner.calls) == BUDGET.restarts
     assert {call.iterations for call in refiner.calls} == {FIRST_ROUNDS * refiner.settings.iterations}
 
 
 @pytest.mark.parametrize(("previous", "rounds"), [(pose_at(), 1), (None, FIRST_ROUNDS)], ids=["later", "first"])
 def test_an_answer_is_first_drawn_to_what_its_query_saw(previous: np.ndarray | None, rounds: int) -> None:
     pull, refiner = object(), FakeRefiner()
-    search = DatabaseLookup([FakeQuery("joints", [1.0], pull)], FakeObjective({1.0: 0.1}), refiner, EFFORT)
+    search = DatabaseLookup([FakeQuery("joints", [1.0], pull)], FakeObjective({1.0: 0.1}), refiner, BUDGET)
     search.propose(observation(), state(previous, lost=1), RNG, None)
     drawn, free = refiner.calls
     assert drawn.terms == (pull,) and drawn.iterations == rounds * PULLED_ITERATIONS
@@ -278,11 +278,11 @@ class FakeArmObjective:
         return self.known[float(pose[0])]
 
 
-def arm_search(arms: list[FakeArm], objective: Any, refiner: FakeRefiner | None = None, rest: int = 0) -> ArmSearch:
+def arm_search(arms: list[FakeArm], objective: Any, refiner: FakeRefiner | None = None, period: int = 1) -> ArmSearch:
     poses: Any = SimpleNamespace(of=lambda body: tuple(arms))
     if isinstance(objective, dict):
         objective = FakeArmObjective(objective)
-    return ArmSearch(poses, objective, refiner or FakeRefiner(), ArmSettings(margin=0.001, prior=0.5), rest)
+    return ArmSearch(poses, objective, refiner or FakeRefiner(), ArmSettings(margin=0.001, prior=0.5), period)
 
 
 BEST = rival(pose_at(), 0.1, gaps=0.010, energy=0.0)
@@ -343,11 +343,11 @@ def test_arms_are_searched_only_for_somebody_who_is_followed() -> None:
 
 
 def test_arms_wait_where_it_is_the_turn_of_whole_poses_unless_something_is_lost() -> None:
-    search = arm_search([FakeArm(1.0)], {1.0: compared(0.01, gaps=0.0)}, rest=2)
+    search = arm_search([FakeArm(1.0)], {1.0: compared(0.01, gaps=0.0)}, period=3)
     turns = [state(pose_at(), turn=turn) for turn in range(6)]
     waits = [False, False, True, False, False, True]
     assert [search.propose(observation(), now, RNG, BEST) is NOTHING for now in turns] == waits
-    assert [is_asked(now, 2) for now in turns] == waits
+    assert [is_asked(now, 3) for now in turns] == waits
     assert all(is_asked(replace(now, lost=1), 2) for now in turns)
     assert search.propose(observation(), replace(turns[2], lost=1), RNG, BEST) is not NOTHING
     always = arm_search([FakeArm(1.0)], {1.0: compared(0.01, gaps=0.0)})
@@ -413,16 +413,19 @@ def test_the_prior_takes_part_in_every_fit_and_in_every_comparison(
 def test_settings_reach_the_searches_that_they_are_for(database: PoseDatabase, monkeypatch: pytest.MonkeyPatch) -> None:
     local, lookups, arms = (made(monkeypatch, part) for part in (LocalSearch, DatabaseLookup, ArmSearch))
     settings = HybridSettings(
-        hypotheses=("local", "extrema", "arms"), momentum=0.4, candidates=4, starts=6, promising=1.5,
-        rest=3, arms=ArmSettings(margin=0.25),
+        hypotheses=("local", "extrema", "arms"), momentum=0.4, candidates=4, restarts=6, promising=1.5,
+        lookup_period=4, arms=ArmSettings(margin=0.25),
     )  # fmt: skip
     HybridTracker(database, settings).follower(CAMERA, LEVEL)
     HybridTracker(database, replace(settings, hypotheses=("extrema",))).follower(CAMERA, LEVEL)
     assert local[0]["momentum"] == 0.4
     assert arms[0]["settings"].margin == 0.25
     # Where nothing is followed locally, every frame has to ask for whole poses.
-    assert [call["budget"] for call in lookups] == [LookupBudget(4, 6, 1.5, rest=3), LookupBudget(4, 6, 1.5, rest=0)]
-    assert arms[0]["rest"] == 3
+    assert [call["budget"] for call in lookups] == [
+        LookupBudget(4, 6, 1.5, period=4),
+        LookupBudget(4, 6, 1.5, period=1),
+    ]
+    assert arms[0]["period"] == 4
 
 
 def test_the_body_that_was_learnt_is_the_one_that_is_followed(database: PoseDatabase) -> None:

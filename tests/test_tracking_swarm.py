@@ -19,6 +19,7 @@ from toolkit.checkpoint import load_checkpoint, save_checkpoint
 from toolkit.cli.main import app
 from toolkit.config import load_settings
 from toolkit.errors import SettingsError
+from toolkit.hybrid.settings import HybridSettings
 from toolkit.hybrid.tracker import HybridTracker
 from toolkit.people.lone import LonePerson
 from toolkit.pipeline import load_tracker
@@ -36,7 +37,6 @@ from toolkit.testing.joints import DERIVED, DetectorErrors, detected
 from toolkit.testing.subjects import LEVEL, camera_for, draw, moving_poses
 from toolkit.track import EMPTY, TRACKED, FrameResult, RunInfo, Track
 from toolkit.tracking.clock import StageClock
-from toolkit.tracking.settings import HybridSettings
 from toolkit.tracking.solo import Solo
 
 BODY = load_body("neutral")

@@ -11,12 +11,13 @@ import textwrap
 import types
 import typing
 from collections.abc import Mapping
-from dataclasses import asdict, fields, is_dataclass
+from dataclasses import fields, is_dataclass, replace
 from pathlib import Path
 from typing import Any, Literal, TypeVar
 
 import yaml
 
+from toolkit.constants import is_constant
 from toolkit.errors import SettingsError
 from toolkit.files import is_file, parse_yaml, read_text, save_text, shipped
 
@@ -82,19 +83,34 @@ def save_settings(settings: Any, path: str | Path) -> None:
 
 
 def settings_text(settings: Any) -> str:
-    """All values of a settings dataclass as YAML."""
-    return yaml.safe_dump(_plain(asdict(settings)), sort_keys=False, default_flow_style=False)
+    """All settings of a dataclass as YAML, and those constants that are not as they stand in the code."""
+    shown = _plain(_shown(settings, type(settings)(), public=True))
+    return yaml.safe_dump(shown, sort_keys=False, default_flow_style=False)
+
+
+def _shown(settings: Any, default: Any, *, public: bool) -> dict[str, Any]:
+    """Settings by name; of constants those that differ from `default`."""
+    shown: dict[str, Any] = {}
+    for item in fields(settings):
+        value, usual = getattr(settings, item.name), getattr(default, item.name)
+        setting = public and not is_constant(item)
+        if is_dataclass(value) and type(value) is type(usual):
+            if inner := _shown(value, usual, public=setting):
+                shown[item.name] = inner
+        elif setting or value != usual:
+            shown[item.name] = value
+    return shown
 
 
 def explained_text(settings: Any, indent: str = "") -> str:
-    """As `settings_text`, with what its class says of each value above it.
+    """The settings, without constants, with what its class says of each value above it.
 
     The settings dataclasses tell of every field in the `Attributes` of their docstring what it is, in which unit, and
     why it has its value: there and nowhere else.
     """
     lines: list[str] = []
     said = attributes_of(type(settings))
-    for field in fields(settings):
+    for field in (field for field in fields(settings) if not is_constant(field)):
         value = getattr(settings, field.name)
         for names, text in said.items():
             if names.split(", ")[0] == field.name:
@@ -157,8 +173,12 @@ def _set(values: dict[str, Any], name: str, value: Any) -> None:
     values[last] = value
 
 
-def from_mapping(kind: type[Settings], values: Mapping[str, Any], where: str = "") -> Settings:
-    """A settings dataclass from plain values by name; `where` is the dotted name of what is being read.
+def from_mapping(
+    kind: type[Settings], values: Mapping[str, Any], where: str = "", base: Settings | None = None
+) -> Settings:
+    """A settings dataclass from plain values by name, the others as in `base` or else as its class has them.
+
+    `where` is the dotted name of what is being read.
 
     Raises
     ------
@@ -168,10 +188,18 @@ def from_mapping(kind: type[Settings], values: Mapping[str, Any], where: str = "
     hints = typing.get_type_hints(kind)
     names = [field.name for field in fields(kind)]  # type: ignore[arg-type]
     if unknown := [name for name in values if name not in names]:
-        raise SettingsError(f"unknown setting {_inside(where, unknown[0])}; there are: {', '.join(names)}")
-    made = {name: _convert(value, hints[name], _inside(where, name)) for name, value in values.items()}
+        public = [field.name for field in fields(kind) if not is_constant(field)]  # type: ignore[arg-type]
+        raise SettingsError(f"unknown setting {_inside(where, unknown[0])}; there are: {', '.join(public)}")
+    made = {}
+    for name, value in values.items():
+        usual = next(field.default for field in fields(kind) if field.name == name)  # type: ignore[arg-type]
+        if is_dataclass(usual) and not isinstance(usual, type):
+            inside = _expect(value, dict, _inside(where, name), "names with values")
+            made[name] = from_mapping(type(usual), inside, _inside(where, name), usual)
+        else:
+            made[name] = _convert(value, hints[name], _inside(where, name))
     try:
-        return kind(**made)
+        return kind(**made) if base is None else replace(base, **made)  # type: ignore[type-var]
     except TypeError as error:
         raise SettingsError(f"{where or kind.__name__}: {error}") from error
 

@@ -13,6 +13,7 @@ import numpy as np
 
 from toolkit.body.body import Body
 from toolkit.body.shape import ShapeSpace
+from toolkit.constants import constant
 from toolkit.fitting.placed import Placer
 from toolkit.fitting.scene import Scene
 from toolkit.fitting.terms import MeshTerm
@@ -33,10 +34,10 @@ class ShapeSettings:
     """
 
     seconds: float = 3.0
-    rate: float = 15.0
-    prior: float = 3.0
-    forgetting: float = 0.97
-    limit: float = 3.0
+    rate: float = constant(15.0)
+    prior: float = constant(3.0)
+    forgetting: float = constant(0.97)
+    limit: float = constant(3.0)
 
 
 STEP = 0.25

@@ -12,11 +12,10 @@ from toolkit.fitting.priors import GaussianPrior, PoseTerm
 from toolkit.fitting.refiner import Refiner
 from toolkit.hybrid.aimed import AimedArms
 from toolkit.hybrid.initial_pose import InitialPoseVerifier
+from toolkit.hybrid.settings import HybridSettings
 from toolkit.lopez2011.head_hands import HeadHandSearch
 from toolkit.lopez2011.upper import upper_bodies
-from toolkit.qammaz.discrepancy import DiscrepancySettings
-from toolkit.qammaz.search import SwarmSearch, SwarmSearchSettings
-from toolkit.qammaz.swarm import SwarmSettings
+from toolkit.qammaz.search import SwarmSearch
 from toolkit.tracking.guide import Guide, NoGuide
 from toolkit.tracking.observation import Observer
 from toolkit.tracking.occluded_limbs import OccludedLimbs
@@ -31,7 +30,6 @@ from toolkit.tracking.search.lookup import DatabaseLookup, LookupBudget, Query
 from toolkit.tracking.search.protocol import Search
 from toolkit.tracking.search.regressed import RegressedJointsQuery
 from toolkit.tracking.searching import SearchingTracker
-from toolkit.tracking.settings import HybridSettings
 
 
 class HybridTracker(SearchingTracker):
@@ -92,15 +90,15 @@ class HybridTracker(SearchingTracker):
             members.append(LocalSearch(refiner, settings.momentum))
         queries = self.queries()
         # Without the local hypothesis every frame has to ask.
-        rest = settings.rest if "local" in asked else 0
+        period = settings.lookup_period if "local" in asked else 1
         if self._arms is not None:
-            members.append(ArmSearch(self._arms, objective, refiner, settings.arms, rest if queries else 0))
-        budget = LookupBudget(settings.candidates, settings.starts, settings.promising, rest)
+            members.append(ArmSearch(self._arms, objective, refiner, settings.arms, period if queries else 1))
+        budget = LookupBudget(settings.candidates, settings.restarts, settings.promising, period)
         members.append(DatabaseLookup(queries, objective, refiner, budget))
         if "head_hands" in asked:
-            members.append(HeadHandSearch(objective, refiner, upper_bodies(objective.placer)))
+            members.append(HeadHandSearch(settings.head_hands, objective, refiner, upper_bodies(objective.placer)))
         if self._swarm:
-            parts = SwarmSearchSettings(), SwarmSettings(), DiscrepancySettings()
+            parts = settings.search, settings.swarm, settings.discrepancy
             members.append(SwarmSearch(*parts, objective, refiner, first_only=True))
         if self.guide.proposes:
             members.append(GuidedSearch(self.guide, objective, refiner, settings.arms))

@@ -8,6 +8,7 @@ from itertools import combinations
 
 import numpy as np
 
+from toolkit.constants import constant
 from toolkit.errors import SettingsError
 from toolkit.kernels.cloud import component_tree, geodesic
 from toolkit.landmarks.cuts import on_cuts
@@ -43,17 +44,17 @@ class EffectorSettings:
         ever hold
     """
 
-    count: int = 6
-    cuts: int = 2
+    count: int = constant(6)
+    cuts: int = constant(2)
     tree: bool = False
-    smallest_area: float = 0.004
-    neighbour_distance: float = 0.10
-    bridge_distance: float = 0.5
-    smallest_component: int = 8
-    source_drop: float = 0.10
-    prong: float = 0.25
-    narrowest: float = 20.0
-    widest: float = 75.0
+    smallest_area: float = constant(0.004)
+    neighbour_distance: float = constant(0.10)
+    bridge_distance: float = constant(0.5)
+    smallest_component: int = constant(8)
+    source_drop: float = constant(0.10)
+    prong: float = constant(0.25)
+    narrowest: float = constant(20.0)
+    widest: float = constant(75.0)
 
     def __post_init__(self) -> None:
         if self.cuts < 0:

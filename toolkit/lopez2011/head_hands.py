@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from toolkit.body.body import Body
+from toolkit.constants import constant
 from toolkit.fitting.objective import Objective
 from toolkit.fitting.refiner import Refiner
 from toolkit.landmarks.graph import Workspace
@@ -21,10 +22,21 @@ from toolkit.tracking.search.lookup import FIRST_ROUNDS
 from toolkit.tracking.search.protocol import NOTHING, Hypothesis, Proposal, ScoredHypothesis
 from toolkit.tracking.state import PersonState
 
-FORK = EffectorSettings(cuts=0)
-"""How head and hands are looked for where nothing is known of the person yet."""
-ROUNDS = InitialSettings(rounds=4, unlabelled=False)
-"""How the first pose is found: less often filtered than by the particle filter alone, because it is refined."""
+
+@dataclass(frozen=True)
+class HeadHandSettings:
+    """Constants of this search.
+
+    Attributes
+    ----------
+    effectors : how head and hands are looked for where nothing is known of the person yet
+    initial : how the first pose is found: less often filtered than by the particle filter alone, because it is refined
+    particles : how it is filtered
+    """
+
+    effectors: EffectorSettings = constant(EffectorSettings(cuts=0))
+    initial: InitialSettings = constant(InitialSettings(rounds=4, unlabelled=False))
+    particles: ParticleSettings = constant(ParticleSettings())
 
 
 class HeadHandSearch:
@@ -35,15 +47,16 @@ class HeadHandSearch:
 
     Parameters
     ----------
+    settings : see `HeadHandSettings`
     objective, refiner : compare the answers with the frame, and refine
     bodies : that are filtered
     """
 
     name = "head_hands"
 
-    def __init__(self, objective: Objective, refiner: Refiner, bodies: UpperBodies) -> None:
-        self._objective, self._refiner = objective, refiner
-        self._bodies, self._filter = bodies, UpperFilter(ParticleSettings())
+    def __init__(self, settings: HeadHandSettings, objective: Objective, refiner: Refiner, bodies: UpperBodies) -> None:
+        self._settings, self._objective, self._refiner = settings, objective, refiner
+        self._bodies, self._filter = bodies, UpperFilter(settings.particles)
 
     def propose(
         self, observation: Observation, state: PersonState, rng: np.random.Generator, best: ScoredHypothesis | None
@@ -61,12 +74,12 @@ class HeadHandSearch:
             settings, trunk_columns=min(settings.trunk_columns, width), arm_columns=min(settings.arm_columns, width)
         )
         seen = UpperSighting(cloud, observation.unobserved, len(cloud), small)
-        effectors = seen.effectors(FORK, Workspace())
-        fork = find_fork(effectors, FORK)
+        effectors = seen.effectors(self._settings.effectors, Workspace())
+        fork = find_fork(effectors, self._settings.effectors)
         if fork is None:
             return ()
         frame = seen.frame(effectors)
-        first = initial_pose(self._bodies.of(body), self._filter, effectors, fork, frame, ROUNDS, rng)
+        first = initial_pose(self._bodies.of(body), self._filter, effectors, fork, frame, self._settings.initial, rng)
         assert first is not None
         iterations = FIRST_ROUNDS * self._refiner.settings.iterations
         pose = self._refiner.refine(body, first.pose, observation.scene, iterations=iterations)

@@ -7,6 +7,7 @@ from dataclasses import dataclass, fields
 import numpy as np
 
 from toolkit import skeleton
+from toolkit.constants import constant
 from toolkit.errors import SettingsError
 from toolkit.fitting.arms import SIDES
 
@@ -49,35 +50,35 @@ class ParticleSettings:
     """
 
     count: int = 64
-    alpha: float = 0.5
-    trunk_columns: int = 80
-    arm_columns: int = 160
-    bases: int = 16
-    spread: float = 0.03
-    smoothness: float = 0.1
-    least: float = -8.0
-    swivel: float = 0.5
-    looks: int = 8
-    near: float = 0.25
-    floor: float = 0.3
-    holding: float = 0.15
-    held: float = 0.05
-    root_position: float = 0.02
-    root_rotation: float = 0.052
-    spine: float = 0.03
-    neck: float = 0.1
-    clavicle: float = 0.04
-    shoulder: float = 0.2
-    elbow: float = 0.25
-    wrist: float = 0.1
-    fine: float = 0.3
-    sharpness: float = 3.0
-    cap: float = 0.10
-    depth: float = 40.0
-    silhouette: float = 20.0
-    overlap: float = 10.0
-    trunk_margin: float = 0.22
-    arm_margin: float = 0.15
+    alpha: float = constant(0.5)
+    trunk_columns: int = constant(80)
+    arm_columns: int = constant(160)
+    bases: int = constant(16)
+    spread: float = constant(0.03)
+    smoothness: float = constant(0.1)
+    least: float = constant(-8.0)
+    swivel: float = constant(0.5)
+    looks: int = constant(8)
+    near: float = constant(0.25)
+    floor: float = constant(0.3)
+    holding: float = constant(0.15)
+    held: float = constant(0.05)
+    root_position: float = constant(0.02)
+    root_rotation: float = constant(0.052)
+    spine: float = constant(0.03)
+    neck: float = constant(0.1)
+    clavicle: float = constant(0.04)
+    shoulder: float = constant(0.2)
+    elbow: float = constant(0.25)
+    wrist: float = constant(0.1)
+    fine: float = constant(0.3)
+    sharpness: float = constant(3.0)
+    cap: float = constant(0.10)
+    depth: float = constant(40.0)
+    silhouette: float = constant(20.0)
+    overlap: float = constant(10.0)
+    trunk_margin: float = constant(0.22)
+    arm_margin: float = constant(0.15)
 
     def __post_init__(self) -> None:
         for name in ("count", "trunk_columns", "arm_columns", "bases"):

@@ -10,6 +10,7 @@ import numpy as np
 from toolkit import skeleton
 from toolkit.body.body import Body
 from toolkit.body.shape import load_body
+from toolkit.constants import constant
 from toolkit.errors import SettingsError
 from toolkit.fitting.objective import Comparison, Objective
 from toolkit.fitting.placed import Placer
@@ -73,7 +74,7 @@ class ParticleTrackerSettings:
     refined: bool = True
     reach: float = 0.9
     lap: float = 0.6
-    before: float = 0.2
+    before: float = constant(0.2)
     measured_seconds: float = 1.5
     smallest_person: int = 300
     lost_cost: float = 38.0
@@ -81,8 +82,8 @@ class ParticleTrackerSettings:
     sensing: SensingSettings = field(default_factory=SensingSettings)
     effectors: EffectorSettings = field(default_factory=EffectorSettings)
     particles: ParticleSettings = field(default_factory=ParticleSettings)
-    initial: InitialSettings = field(default_factory=InitialSettings)
-    fitting: FittingSettings = field(default_factory=FittingSettings)
+    initial: InitialSettings = constant(InitialSettings())
+    fitting: FittingSettings = constant(FittingSettings())
 
     @property
     def limits(self) -> Limits:

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from toolkit.constants import constant
 from toolkit.errors import SettingsError
 from toolkit.kernels.fit import swarm as kernel
 
@@ -34,10 +35,10 @@ class SwarmSettings:
 
     particles: int = 32
     generations: int = 32
-    own: float = 2.8
-    shared: float = 1.3
-    perturbed_every: int = 3
-    perturbed_share: float = 0.5
+    own: float = constant(2.8)
+    shared: float = constant(1.3)
+    perturbed_every: int = constant(3)
+    perturbed_share: float = constant(0.5)
 
     def __post_init__(self) -> None:
         if self.particles < 1 or self.generations < 1:

@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 from typing import Literal
 
 from toolkit.body.body import Body
+from toolkit.constants import constant
 from toolkit.errors import SettingsError
 from toolkit.fitting.objective import Objective
 from toolkit.fitting.refiner import Refiner
@@ -53,19 +54,19 @@ class SwarmTrackerSettings:
     tracker: Literal["swarm"] = "swarm"
     seed: int = 0
     hypotheses: tuple[str, ...] = HYPOTHESES
-    extrema: int = 20
-    momentum: float = 0.7
+    extrema: int = constant(20)
+    momentum: float = constant(0.7)
     sizes: tuple[float, ...] = (-1.6, -0.6, 0.4, 1.5, 2.7, 4.2, 5.8)
     smallest_person: int = 300
     lost_distance: float = 0.25
     patience: float = 0.15
     smoothing: float = 0.0
     sensing: SensingSettings = field(default_factory=SensingSettings)
-    landmarks: LandmarkSettings = field(default_factory=LandmarkSettings)
-    search: SwarmSearchSettings = field(default_factory=SwarmSearchSettings)
+    landmarks: LandmarkSettings = constant(LandmarkSettings())
+    search: SwarmSearchSettings = constant(SwarmSearchSettings())
     swarm: SwarmSettings = field(default_factory=SwarmSettings)
-    discrepancy: DiscrepancySettings = field(default_factory=DiscrepancySettings)
-    fitting: FittingSettings = field(default_factory=lambda: FittingSettings(prior_weight=0.0))
+    discrepancy: DiscrepancySettings = constant(DiscrepancySettings())
+    fitting: FittingSettings = constant(FittingSettings(prior_weight=0.0))
     shape: ShapeSettings = field(default_factory=ShapeSettings)
 
     def __post_init__(self) -> None:

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from toolkit.constants import constant
 from toolkit.errors import SettingsError
 
 MODES = "auto, segmented, background, empty-frames:N, range:NEAR,FAR, person, seed:U,V"
@@ -75,7 +76,7 @@ class SensingSettings:
     far: float = 8.0
     background_margin: float = 0.03
     contour: str = "mixed"
-    contour_tolerance: float = 0.03
+    contour_tolerance: float = constant(0.03)
     quantisation: float = 0.0028
     median: bool = True
     half_resolution: bool = False

@@ -31,23 +31,23 @@ class ArmSearch:
     poses : the arms of the database
     objective, refiner : compare the answers with the frame, and refine
     settings : see `ArmSettings`
-    rest : of `DatabaseLookup`: where its turn comes arms wait, so that no frame bears both; 0 = they never do
+    period : of `DatabaseLookup`: where its turn comes arms wait, so that no frame bears both; 1 = they never do
     """
 
     name = "arms"
 
     def __init__(
-        self, poses: ArmPoses, objective: Objective, refiner: Refiner, settings: ArmSettings, rest: int = 0
+        self, poses: ArmPoses, objective: Objective, refiner: Refiner, settings: ArmSettings, period: int = 1
     ) -> None:
         self._poses, self._settings, self._sigma = poses, settings, refiner.settings.sigma
         self._exchange = arm_exchange(objective, refiner, settings)
-        self._rest = rest
+        self._period = period
 
     def propose(
         self, observation: Observation, state: PersonState, rng: np.random.Generator, best: ScoredHypothesis | None
     ) -> Proposal:
         """See `Search.propose`."""
-        queried = self._rest > 0 and not state.lost and is_asked(state, self._rest)
+        queried = self._period > 1 and not state.lost and is_asked(state, self._period)
         if state.previous is None or best is None or queried:
             return NOTHING
         body, scene = best.body, observation.scene

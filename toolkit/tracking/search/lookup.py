@@ -50,20 +50,20 @@ class LookupBudget:
     Attributes
     ----------
     candidates : retrieved poses per query that are compared before one of them is refined
-    starts : poses per query refined where there is no previous pose
+    restarts : poses per query refined where there is no previous pose
     promising : the nearest retrieved pose is refined if its distance is at most this times that of the best rival
-    rest : after each query that is asked while all is well, frames in which none is
+    period : while all is well one query is asked in every so manieth frame
     """
 
     candidates: int
-    starts: int
+    restarts: int
     promising: float
-    rest: int
+    period: int
 
 
-def is_asked(state: PersonState, rest: int) -> bool:
-    """Whether the database is asked for whole poses: whenever all is not well, else after `rest` frames each time."""
-    return bool(state.lost) or (state.turn + 1) % (rest + 1) == 0
+def is_asked(state: PersonState, period: int) -> bool:
+    """Whether the database is asked for whole poses: after a loss, else in one of `period` frames."""
+    return bool(state.lost) or (state.turn + 1) % period == 0
 
 
 class DatabaseLookup:
@@ -103,15 +103,15 @@ class DatabaseLookup:
         """The queries of this frame: one or none in turn while all is well, else all."""
         if state.lost or not self._queries:
             return self._queries
-        if not is_asked(state, self._budget.rest):
+        if not is_asked(state, self._budget.period):
             return ()
-        return (self._queries[(state.turn + 1) // (self._budget.rest + 1) % len(self._queries)],)
+        return (self._queries[(state.turn + 1) // self._budget.period % len(self._queries)],)
 
     def _first(self, query: Query, observation: Observation, body: Body) -> Hypothesis | None:
         """The answer of a query that is nearest to the frame once refined; None if it has none."""
         best: Hypothesis | None = None
         nearest = np.inf
-        for pose in query.poses(observation, None, body, self._budget.starts):
+        for pose in query.poses(observation, None, body, self._budget.restarts):
             refined = self._refined(query, pose, observation, body, FIRST_ROUNDS)
             compared = self._objective.compare(body, refined, observation.scene)
             if compared.distance < nearest:
