@@ -39,7 +39,7 @@ def main() -> None:
     sources = [*options.cmu, *procedural_clips(body=load_body("neutral"))]
     with progress_bars() as bars:
         report = build_database(
-            sources, options.output, threshold=THRESHOLD, regressor=RegressorSettings(images=options.images),
+            sources, options.output, threshold=THRESHOLD, parts=RegressorSettings(images=options.images),
             workers=options.workers, progress=bars,
         )  # fmt: skip
     print(report.text())
