@@ -63,6 +63,10 @@ DRAWN_TOGETHER = 1000
 """Images that a process draws in one go, about two seconds."""
 FEWEST = 5
 """Samples of a leaf that must show a joint before they alone say where it is."""
+COARSENESS = 0.5
+"""Step of a leaf's offsets at most, of their standard deviation."""
+SHARE_STEP = 8.5
+"""In which a leaf's shares in view are told, of 255."""
 JUDGED_TOGETHER = 100_000
 """Samples whose leaves are worked out in one go: 24 MB of offsets."""
 
@@ -170,11 +174,30 @@ def _grown(
         forest.thresholds,
         forest.children,
         roots,
-        np.clip(np.rint(mean / OFFSET_UNIT), -127, 127).astype(np.int8),
-        sureness(variance),
-        np.rint(255.0 * share).astype(np.uint8),
+        coarse_offsets(mean, variance),
+        coarse_sureness(variance),
+        (SHARE_STEP * np.rint(255.0 / SHARE_STEP * share)).astype(np.uint8),
         leaf_person=np.rint(255.0 * person).astype(np.uint8) if settings.views.rooms else None,
     )
+
+
+def coarse_offsets(mean: np.ndarray, variance: np.ndarray) -> np.ndarray:
+    """Mean offsets (K, 20, 3), metres, of these variances (K, 20), square metres, as `JointRegressor.leaf_offsets`.
+
+    They are rounded to centimetres, those of a large spread to 2, 4, ... 32 cm, a quarter of it to a half: no more is
+    known of a mean of a few dozen samples, and half of the bytes are saved.
+    """
+    spread = np.sqrt(np.clip(variance, 1e-6, 1.0)) / OFFSET_UNIT
+    step = 2.0 ** np.clip(np.floor(np.log2(COARSENESS * spread)), 0, 5)[..., None]
+    most = np.floor(127 / step)
+    return (step * np.clip(np.rint(mean / OFFSET_UNIT / step), -most, most)).astype(np.int8)
+
+
+def coarse_sureness(variance: np.ndarray) -> np.ndarray:
+    """`sureness` of variances (K, 20), square metres, rounded by at most a sixteenth of itself."""
+    sure = sureness(variance).astype(np.float64)
+    step = 2.0 ** np.floor(np.log2(np.maximum(sure, 8.0)) - 3.0)
+    return np.minimum(step * np.rint(sure / step), 255.0).astype(np.uint8)
 
 
 def _leaves(data: TrainingImages, tree: Tree, rows: np.ndarray) -> Iterator[tuple[np.ndarray, ...]]:

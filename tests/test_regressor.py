@@ -29,9 +29,9 @@ from tests.landmark_helpers import CAMERA, LEVEL, body_cloud
 from toolkit import skeleton
 from toolkit.body.shape import ShapeSpace, load_body
 from toolkit.database import canonical
-from toolkit.errors import OutputError, SettingsError
+from toolkit.errors import DatabaseError, OutputError, SettingsError
 from toolkit.kernels.learning import forest, forest_training
-from toolkit.landmarks.regressor import JointRegressor
+from toolkit.landmarks.regressor import JointRegressor, sureness
 from toolkit.mocap.procedural import SEATED_MOTIONS, procedural_clips
 from toolkit.sensing.camera import Camera, level_rotation
 from toolkit.sensing.cloud import Cloud
@@ -720,3 +720,27 @@ def test_training_goes_on_where_nothing_can_be_kept(tmp_path: Path, monkeypatch:
 def test_impossible_training_settings_are_refused(values: dict[str, int]) -> None:
     with pytest.raises(SettingsError, match="parts"):
         RegressorSettings(**values)
+
+
+def test_leaves_are_rounded_by_less_than_their_samples_tell() -> None:
+    rng = np.random.default_rng(0)
+    mean, variance = rng.uniform(-1.2, 1.2, (300, 20, 3)), np.exp(rng.uniform(-8.0, 1.0, (300, 20)))
+    variance[0] = np.inf
+    spread = np.sqrt(np.minimum(variance, 1.0))
+    rounded = 0.01 * parts.coarse_offsets(mean, variance)
+    assert (np.abs(rounded - mean) <= np.maximum(0.25 * spread, 0.005)[..., None] + 1e-9).mean() > 0.99  # else clipped
+    assert np.abs(rounded - mean).max() < 0.35
+    sure, exact = parts.coarse_sureness(variance), sureness(variance)
+    assert (np.abs(sure.astype(int) - exact) <= np.maximum(exact // 15, 0.5)).all() and (sure[1:] > 0).all()
+    assert len(np.unique(sure)) < 0.5 * len(np.unique(exact))
+
+
+def test_a_stored_forest_is_the_one_that_was_trained(trained: JointRegressor) -> None:
+    stored = trained.stored()
+    assert stored["offsets"].dtype == np.float16 and "children" not in stored
+    read = JointRegressor.of_stored(stored)
+    for name, array in trained.arrays().items():
+        assert np.array_equal(array, read.arrays()[name]) and array.dtype == read.arrays()[name].dtype, name
+    assert np.array_equal(JointRegressor.of_stored(trained.arrays()).children, trained.children)  # of older files
+    with pytest.raises(DatabaseError, match="holds"):
+        JointRegressor.of_stored({"roots": trained.roots})

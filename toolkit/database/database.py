@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Sequence
-from dataclasses import MISSING, dataclass, field, fields, replace
+from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -220,7 +220,7 @@ class PoseDatabase:
         arrays |= {name: arrays[name].astype(STORED_TYPE) for name in ("poses", "offsets")}
         arrays["notes"] = json.dumps(self.notes)
         if self.regressor is not None:
-            arrays |= {_FOREST + name: array for name, array in self.regressor.arrays().items()}
+            arrays |= {_FOREST + name: array for name, array in self.regressor.stored().items()}
         if self.prior is not None:
             arrays |= {_PRIOR + name: array for name, array in self.prior.arrays().items()}
         save_archive(path, {**arrays, **_identity()})
@@ -301,13 +301,7 @@ _FOREST, _PRIOR = "forest_", "prior_"
 
 def _stored_regressor(stored: dict[str, np.ndarray]) -> JointRegressor | None:
     arrays = _with_prefix(stored, _FOREST)
-    if not arrays:
-        return None
-    expected = {item.name for item in fields(JointRegressor)}
-    missing = {item.name for item in fields(JointRegressor) if item.default is MISSING} - arrays.keys()
-    if missing or not arrays.keys() <= expected:
-        raise DatabaseError(f"the joint regressor holds {sorted(arrays)} and not {sorted(expected)}; {REBUILD}")
-    return JointRegressor(**arrays)
+    return JointRegressor.of_stored(arrays) if arrays else None
 
 
 def _stored_prior(stored: dict[str, np.ndarray]) -> PosePrior | None:

@@ -8,7 +8,7 @@ the database's file.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import MISSING, dataclass, field, fields, replace
 from functools import cached_property
 
 import numpy as np
@@ -33,6 +33,8 @@ FARTHEST_PROBE = 10.0
 """Metres at the pixel's depth: no question looks farther than across a room."""
 CERTAIN = 0.99
 """Share of a leaf's training views above which, and one minus it below which, it counts as no surer."""
+CHILDREN_AHEAD = "children_ahead"
+REBUILD = "build the database again"
 _SHARES: np.ndarray = np.clip(np.arange(256) / 255.0, 1.0 - CERTAIN, CERTAIN)
 _LOG_ODDS: np.ndarray = np.log(_SHARES / (1.0 - _SHARES))
 _WEIGHTS: np.ndarray = (np.arange(forest.SURE) / (forest.SURE - 1)) ** 4
@@ -128,15 +130,48 @@ class JointRegressor:
             columns["leaf_person"] = Column("u", ("leaves",), 0, 255)
         if self.person_odds is not None:
             columns["person_odds"] = Column("f", (2,), -1e4, 1e4)
-        check_columns(self.arrays(), columns, DatabaseError, "the joint regressor", "build the database again")
+        check_columns(self.arrays(), columns, DatabaseError, "the joint regressor", REBUILD)
         forward = (self.children < 0) | (self.children > np.arange(nodes)[:, None])
         if not forward.all() or not leaves:
-            raise DatabaseError("a tree of the joint regressor does not end in leaves; build the database again")
+            raise DatabaseError(f"a tree of the joint regressor does not end in leaves; {REBUILD}")
 
     def arrays(self) -> dict[str, np.ndarray]:
-        """The arrays by name, as they stand in a database file."""
+        """The arrays by name."""
         arrays = {f.name: getattr(self, f.name) for f in fields(self)}
         return {name: array for name, array in arrays.items() if array is not None}
+
+    def stored(self) -> dict[str, np.ndarray]:
+        """The arrays as they stand in a database file: offsets in half precision, children by how far ahead they are.
+
+        Offsets are multiples of 1 / 256 m (`forest_training.STEPS`), so that nothing is lost.
+        """
+        arrays = self.arrays()
+        ahead = arrays.pop("children") - np.arange(len(self.children), dtype=np.int32)[:, None]
+        return {**arrays, "offsets": self.offsets.astype(np.float16), CHILDREN_AHEAD: ahead}
+
+    @staticmethod
+    def of_stored(stored: dict[str, np.ndarray]) -> JointRegressor:
+        """The forest of what `stored` returned, or of the arrays of files from before it.
+
+        Raises
+        ------
+        DatabaseError
+            An array is missing, unknown or none of a forest.
+        """
+        arrays = dict(stored)
+        if (ahead := arrays.pop(CHILDREN_AHEAD, None)) is not None:
+            columns = {
+                CHILDREN_AHEAD: Column("i", ("nodes", 2), -(2**30), 2**30), "offsets": Column("f", ("nodes", 4)),
+            }  # fmt: skip
+            check_columns(stored, columns, DatabaseError, "the joint regressor", REBUILD)
+            if "offsets" in arrays:
+                arrays["offsets"] = arrays["offsets"].astype(np.float32)
+            arrays["children"] = (ahead + np.arange(len(ahead))[:, None]).astype(np.int32)
+        expected = {item.name for item in fields(JointRegressor)}
+        missing = {item.name for item in fields(JointRegressor) if item.default is MISSING} - arrays.keys()
+        if missing or not arrays.keys() <= expected:
+            raise DatabaseError(f"the joint regressor holds {sorted(arrays)} and not {sorted(expected)}; {REBUILD}")
+        return JointRegressor(**arrays)
 
     @cached_property
     def nodes(self) -> np.ndarray:

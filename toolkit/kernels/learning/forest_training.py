@@ -15,6 +15,8 @@ from toolkit.kernels.learning.forest import REACH, UNOBSERVED
 
 FARTHEST_PROBE = 0.8
 """Metres: probes reach so far across the image, most of them less."""
+STEPS = 256
+"""Of a metre in which probes are told: half a pixel of a person at 2 m, and few bytes."""
 JUDGES_A_QUESTION = 5
 """A node of few samples is asked one question for so many of them: more would be answered alike."""
 
@@ -91,7 +93,8 @@ def _random_questions(count: int, state: np.ndarray) -> np.ndarray:
             radius = FARTHEST_PROBE * _random(state) ** 1.5
             angle = 2.0 * np.pi * _random(state)
             if probe == 0 or q >= count // 2:
-                out[2 * probe, q], out[2 * probe + 1, q] = radius * np.cos(angle), radius * np.sin(angle)
+                out[2 * probe, q] = np.rint(STEPS * radius * np.cos(angle)) / STEPS
+                out[2 * probe + 1, q] = np.rint(STEPS * radius * np.sin(angle)) / STEPS
     return out
 
 
