@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Annotated
 
 import typer
@@ -21,7 +22,8 @@ def export(
     format: Annotated[
         str | None,
         typer.Option(
-            help="k4abt (.json of the Azure Kinect SDK), amass (.npz), angles (.csv), gait (.json).",
+            help="k4abt (.json of the Azure Kinect SDK), amass (.npz), angles (.csv), gait (.json), body-index and ply "
+            "(folders: whose pixel is whose, and the clouds cut out).",
             show_default="by the suffix",
         ),
     ] = None,
@@ -32,13 +34,15 @@ def export(
             show_default="floor; of the .json formats camera",
         ),
     ] = None,
+    recording: Annotated[Path | None, typer.Option(help="Where the recording has been moved to.")] = None,
 ) -> None:
     """Write a track for other programs, by OUTPUT's suffix.
 
     .glb skinned and animated (Blender, Unity, browsers), .bvh (animation tools), .c3d (motion laboratories), .trc
-    (OpenSim), .csv and .json. Of a format that several people do not fit into, each has a file of their own.
+    (OpenSim), .mot (OpenSim, with markers), .csv, .json and .rrd (the viewer rerun). Of a format that several people do
+    not fit into, each has a file of their own.
     """
     from toolkit.export.run import export_run
 
-    for path in export_run(run, output, rig=rig, format=format, origin=origin):
+    for path in export_run(run, output, rig=rig, format=format, origin=origin, recording=recording):
         print(path)

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+import logging
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple
 
+import numpy as np
+
 from toolkit.biomechanics.summary import as_plain, summary_of
-from toolkit.errors import UsageError
+from toolkit.errors import RecordingError, UsageError
 from toolkit.export.amass import export_amass
 from toolkit.export.angles import export_angles, export_mot
 from toolkit.export.bvh import export_bvh
@@ -18,11 +21,17 @@ from toolkit.export.glb import export_glb
 from toolkit.export.k4abt import export_k4abt
 from toolkit.export.notes import notes_of, write_notes
 from toolkit.export.origin import CAMERA, FLOOR, Origin, origin_of
+from toolkit.export.pixels import LabelledFrame, labelled_frames, write_body_index, write_clouds
+from toolkit.export.rerun import export_rerun
 from toolkit.export.tables import export_csv, export_trc
 from toolkit.export.tree import OWN
 from toolkit.files import check_output, save_json
 from toolkit.runs import PEOPLE_FILE, Person, load_persons, person_runs
-from toolkit.track import RUN_FILE, TRACK_FILE
+from toolkit.sensing.recording import Recording
+from toolkit.sensing.settings import SensingSettings
+from toolkit.track import RUN_FILE, TRACK_FILE, RunInfo
+
+logger = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,11 +43,27 @@ class Job:
     people : in the frame of the origin
     origin : where (0, 0, 0) lies
     rig : whose joint names are written
+    run : the run folder
+    recording : where the recording has been moved to
     """
 
     people: Sequence[Person]
     origin: Origin
-    rig: str = OWN
+    rig: str
+    run: Path
+    recording: str | Path | None = None
+
+    def open_recording(self) -> tuple[Recording, RunInfo]:
+        """The recording that was tracked, and what the run says about itself."""
+        info = RunInfo.load(person_runs(self.run)[0])
+        return info.open_recording(self.recording), info
+
+    def frames(self) -> tuple[Recording, Iterator[LabelledFrame]]:
+        """The recording, and its frames with whose each pixel is; the people are in the camera's frame for that."""
+        recording, info = self.open_recording()
+        several, sensing = (self.run / PEOPLE_FILE).exists(), SensingSettings(**info.sensing)
+        people = [person.moved(-self.origin.offset) for person in self.people]
+        return recording, labelled_frames(people, recording, sensing, several=several)
 
     @property
     def person(self) -> Person:
@@ -83,6 +108,27 @@ def _trc(path: Path, job: Job) -> None:
     export_trc(path, job.person.joints_level, job.person.times, job.person.frame_rate())
 
 
+def _rerun(path: Path, job: Job) -> None:
+    try:
+        recording = job.open_recording()[0]
+    except RecordingError as error:
+        if job.recording is not None:
+            raise
+        logger.warning("%s; the file has no points", error)
+        recording = None
+    export_rerun(path, job.people, job.origin, recording)
+
+
+def _body_index(path: Path, job: Job) -> None:
+    write_body_index(path, job.frames()[1])
+
+
+def _clouds(path: Path, job: Job) -> None:
+    recording, frames = job.frames()
+    turn = np.eye(3) if job.origin.name == CAMERA else job.people[0].R_level_camera
+    write_clouds(path, frames, recording.camera, turn, job.origin.offset)
+
+
 def _gait(path: Path, job: Job) -> None:
     found = [{"name": person.name} | as_plain(summary_of(person)) for person in job.people]
     save_json(path, {"format": "depthmocap gait", "people": found})
@@ -106,13 +152,22 @@ FORMATS: dict[str, Format] = {
     "angles": Format(".csv", lambda path, job: export_angles(path, job.person)),
     "mot": Format(".mot", lambda path, job: export_mot(path, job.person)),
     "gait": Format(".json", _gait, together=True),
+    "rerun": Format(".rrd", _rerun, together=True),
+    "body-index": Format("", _body_index, together=True, origin=CAMERA, origins=(CAMERA,)),
+    "ply": Format("", _clouds, together=True, origin=CAMERA),
     "amass": Format(".npz", lambda path, job: export_amass(path, job.person)),
 }
 """What can be exported, by name; of formats with one suffix the first is the suffix's own."""
 
 
 def export_run(
-    run: str | Path, path: str | Path, *, rig: str | None = None, format: str | None = None, origin: str | None = None
+    run: str | Path,
+    path: str | Path,
+    *,
+    rig: str | None = None,
+    format: str | None = None,
+    origin: str | None = None,
+    recording: str | Path | None = None,
 ) -> tuple[Path, ...]:
     """Write everybody in a run folder to `path`; its suffix says how, or `format`, one of `FORMATS`.
 
@@ -126,10 +181,11 @@ def export_run(
     rig : joint names of GLB and BVH, one of `tree.export_rigs()` or a YAML file; the body's own by default
     format : a key of `FORMATS`
     origin : "floor" (y up, ground at 0, below the first place of the person) or "camera"; the format's own by default
+    recording : where the recording has been moved to, for formats that hold what was measured
 
     Returns
     -------
-    The files that were written.
+    The files that were written, or the folder of body-index and ply.
 
     Raises
     ------
@@ -153,12 +209,12 @@ def export_run(
     check_output(target, [Path(run) / PEOPLE_FILE, *(f / n for f in person_runs(run) for n in (TRACK_FILE, RUN_FILE))])
     people = load_persons(run)
     if format_.together or len(people) == 1:
-        _write(format_, target, people, origin, rig)
+        _write(format_, target, people, origin, rig, Path(run), recording)
         return (target,)
     written = []
     for person in people:
         written.append(target.with_name(f"{target.stem}_{person.name}{target.suffix}"))
-        _write(format_, written[-1], [person], origin, rig)
+        _write(format_, written[-1], [person], origin, rig, Path(run), recording)
     return tuple(written)
 
 
@@ -169,15 +225,25 @@ def _chosen(target: Path, format: str | None) -> tuple[str, Format]:
         if format not in FORMATS:
             raise UsageError(f"--format {format} is unknown; choose one of {', '.join(FORMATS)}")
         if suffix != FORMATS[format].suffix:
-            raise UsageError(f"--format {format} is written to *{FORMATS[format].suffix}, not to {target.name}")
+            wanted = f"*{FORMATS[format].suffix}" if FORMATS[format].suffix else "a folder"
+            raise UsageError(f"--format {format} is written to {wanted}, not to {target.name}")
         return format, FORMATS[format]
     for name, known in FORMATS.items():
-        if known.suffix == suffix:
+        if known.suffix == suffix and suffix:
             return name, known
-    suffixes = ", ".join(dict.fromkeys(known.suffix for known in FORMATS.values()))
+    suffixes = ", ".join(dict.fromkeys(known.suffix for known in FORMATS.values() if known.suffix))
     raise UsageError(f"cannot export to {target}; choose one of the suffixes {suffixes}")
 
 
-def _write(format_: Format, path: Path, people: Sequence[Person], origin: str | None, rig: str | None) -> None:
+def _write(
+    format_: Format,
+    path: Path,
+    people: Sequence[Person],
+    origin: str | None,
+    rig: str | None,
+    run: Path,
+    recording: str | Path | None,
+) -> None:
     place = origin_of(people, origin or format_.origin)
-    format_.write(path, Job([person.moved(place.offset) for person in people], place, rig or OWN))
+    moved = [person.moved(place.offset) for person in people]
+    format_.write(path, Job(moved, place, rig or OWN, run, recording))

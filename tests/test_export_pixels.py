@@ -1,0 +1,113 @@
+"""Whose pixel is whose, the clouds cut out by it, and the viewer's file."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from toolkit import skeleton
+from toolkit.body.body import Body
+from toolkit.body.shape import ShapeSpace
+from toolkit.errors import RecordingError, UsageError
+from toolkit.export.pixels import NOBODY
+from toolkit.export.run import export_run
+from toolkit.files import sha256_of
+from toolkit.mocap.clip import PoseClip
+from toolkit.mocap.procedural import perform
+from toolkit.runs import PersonSummary, save_people
+from toolkit.sensing.camera import level_rotation
+from toolkit.simulation.person import Person
+from toolkit.simulation.simulate import Shot, Simulation, prepare, simulate_scene
+from toolkit.track import EMPTY, TRACKED, FrameResult, RunInfo, TrackWriter
+
+FRAMES = 4
+
+
+def true_run(run: Path, recording: Path, simulation: Simulation, person: int, absent: int = 0) -> None:
+    """A run folder that says of a simulated person what is true."""
+    body, poses, _, _ = simulation.performers[person]
+    turn = level_rotation(simulation.view.up_camera)
+    info = RunInfo(
+        str(recording), sha256_of(recording), {}, skeleton.fingerprint(), body.shape.tolist(), body.scale, "",
+        turn.ravel().tolist(), {}, "0",
+    )  # fmt: skip
+    joints = simulation.view.to_camera(body.joint_positions(poses))
+    root = simulation.view.to_camera(poses[:, None, :3])[:, 0] @ turn.T
+    writer = TrackWriter(run, ("fit",), ("local",))
+    for i in range(len(poses)):
+        pose = np.concatenate([root[i], poses[i, 3:]])  # the floor plan's axes are those of the level frame
+        state = EMPTY if i < absent else TRACKED
+        writer.append(
+            FrameResult(pose, joints[i].astype(np.float32), np.ones(20, np.float32), state, 0, np.ones(1)), i / 30
+        )
+    writer.finish()
+    info.save(run)
+
+
+@pytest.fixture(scope="module")
+def two(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Simulation]:
+    """A run of two people beside each other, the first one absent in its first frame, and the simulation."""
+    folder = tmp_path_factory.mktemp("two")
+    body: Body = ShapeSpace.load().body([0.0])
+    clip = PoseClip("boxing", perform("boxing", body).poses[:FRAMES], 30.0, "boxing")
+    people = [Person(clip, body=body, at=(side, 0.0)) for side in (-0.5, 0.5)]
+    shot = Shot(furnished=False, distance=3.0)
+    simulation = prepare(people, shot)
+    simulate_scene(people, folder / "take.npz", shot)
+    for number in (1, 2):
+        true_run(folder / "run" / f"person_{number:02d}", folder / "take.npz", simulation, number - 1, 2 - number)
+    rows = [PersonSummary(n, f"person_{n:02d}", 0, FRAMES - 1, 1.7, 1.0, 0.0, 0.0) for n in (1, 2)]
+    save_people(folder / "run", rows)
+    return folder / "run", simulation
+
+
+def test_a_body_index_map_has_the_ids_of_people_json(two: tuple[Path, Simulation], tmp_path: Path) -> None:
+    run, simulation = two
+    export_run(run, tmp_path / "index", format="body-index")
+    files = sorted((tmp_path / "index").iterdir())
+    assert [file.name for file in files] == [f"frame_{i:06d}.png" for i in range(FRAMES)]
+    for i, (file, frame) in enumerate(zip(files, simulation.frames(), strict=True)):
+        image = Image.open(file)
+        assert image.mode == "L"
+        labels = np.asarray(image)
+        truth = np.where(frame.person < 0, NOBODY, frame.person + 1)
+        truth[(truth == 1) & (i == 0)] = NOBODY  # not there in the run's first frame
+        assert (labels == truth).mean() > 0.995
+        assert set(np.unique(labels)) == ({2, NOBODY} if i == 0 else {1, 2, NOBODY})
+        assert (labels[frame.depth == 0] == NOBODY).all()
+
+
+def test_the_clouds_of_people_are_their_points_with_their_ids(two: tuple[Path, Simulation], tmp_path: Path) -> None:
+    import open3d
+
+    run, simulation = two
+    export_run(run, tmp_path / "clouds", format="ply", origin="floor")
+    file = tmp_path / "clouds" / "frame_000002.ply"
+    cloud = open3d.t.io.read_point_cloud(str(file))
+    points, person = cloud.point.positions.numpy(), cloud.point["person"].numpy().ravel()
+    assert set(person.tolist()) == {1, 2} and len(points) > 500
+    assert -0.1 < points[:, 1].min() < 0.1 and 1.4 < points[:, 1].max() < 1.9, "y up, ground at 0"
+    assert points[person == 1, 0].mean() < points[person == 2, 0].mean() - 0.5
+
+
+def test_what_was_measured_needs_the_recording(two: tuple[Path, Simulation], tmp_path: Path) -> None:
+    run, _ = two
+    with pytest.raises(RecordingError, match="gone"):
+        export_run(run, tmp_path / "index", format="body-index", recording=tmp_path / "none.npz")
+    with pytest.raises(UsageError, match="a folder"):
+        export_run(run, tmp_path / "index.png", format="body-index")
+
+
+def test_a_rerun_file_is_written_and_its_package_named_where_it_is_missing(
+    two: tuple[Path, Simulation], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    pytest.importorskip("rerun")
+    export_run(two[0], tmp_path / "run.rrd")
+    assert (tmp_path / "run.rrd").read_bytes()[:4] in (b"RRF2", b"RRIO")
+    monkeypatch.setitem(sys.modules, "rerun", None)
+    with pytest.raises(UsageError, match="rerun"):
+        export_run(two[0], tmp_path / "other.rrd")
