@@ -84,6 +84,7 @@ class Placer:
     Attributes
     ----------
     chosen : int64 (C,), see `choose_vertices`
+    front : bool (C,), which of them face forward in the rest pose
     around_joints : float64 (20, C), see `chosen_around_joints`
     """
 
@@ -93,6 +94,7 @@ class Placer:
         self.from_level = np.ascontiguousarray(level_rotation.T, dtype=np.float64)
         self.faces = body.faces.astype(np.int64)
         self.chosen = choose_vertices(body)
+        self.front = np.asarray(body.normals[self.chosen, 2] > 0.0)
         self.around_joints = chosen_around_joints(body, self.chosen)
 
     def place(self, body: Body, pose: np.ndarray) -> PlacedBody:

@@ -23,7 +23,9 @@ def mesh_terms(settings: FittingSettings) -> tuple[SurfaceTerm, CloudTerm]:
     """The terms between mesh and measured points: mesh to cloud, cloud to mesh."""
     s = settings
     return (
-        SurfaceTerm(s.reach, s.neighbours, s.sigma, s.surface_plane, s.surface_point, s.facing, s.hidden_tolerance),
+        SurfaceTerm(
+            s.reach, s.neighbours, s.sigma, s.surface_plane, s.surface_point, s.facing, s.hidden_tolerance, s.vertices
+        ),
         CloudTerm(s.reach, s.sigma, s.cloud_plane, s.cloud_point, s.extremum_weight),
     )
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Literal
 
 from toolkit.errors import SettingsError
 
@@ -19,6 +20,8 @@ class FittingSettings:
     reach : metres from a vertex to its measured point, at most: the largest jump between frames, mu of Eq. 5.4
     unexplained : metres that a point costs at most in the comparison of poses; more only takes longer to find
     sigma : metres; a correspondence that is wrong by a limb's width pulls a quarter
+    vertices : which of the chosen vertices have counterparts and are compared: those that are "seen", or a fixed set
+        at the "front" of the body, whatever the camera sees of them, as in the paper (Baak 2013, Fig. 5.6a)
     facing : cosine between a vertex's normal and the direction to the camera; at a grazing angle there is no reliable
         counterpart
     hidden_tolerance : metres behind the drawn body from which a vertex is hidden: below the thickness of a hand,
@@ -43,6 +46,7 @@ class FittingSettings:
     reach: float = 0.5
     unexplained: float = 0.2
     sigma: float = 0.12
+    vertices: Literal["seen", "front"] = "seen"
     facing: float = 0.1
     hidden_tolerance: float = 0.03
     surface_plane: float = 1.0

@@ -41,7 +41,7 @@ class MeshTerm(PairTerm, Protocol):
 class SurfaceTerm:
     """Visible chosen vertices to the median of their nearest measured points (Baak 2013, 5.4.1).
 
-    Vertices that face away or are hidden behind the body get no correspondence.
+    Which vertices have one, `FittingSettings.vertices` says.
     """
 
     reach: float
@@ -51,10 +51,11 @@ class SurfaceTerm:
     point: float
     facing: float
     tolerance: float
+    vertices: str = "seen"
 
     def targets(self, placed: PlacedBody, scene: Scene) -> np.ndarray:
         """Measured counterpart of each chosen vertex, float64 (C, 3), NaN in column 0 where it has none."""
-        visible = visible_chosen(placed, scene, self.facing, self.tolerance)
+        visible = visible_chosen(placed, scene, self.facing, self.tolerance, self.vertices)
         points = placed.chosen_points
         targets = np.empty_like(points)
         scene.neighbours.medians(points, visible, self.reach, self.neighbours, targets)
@@ -110,8 +111,15 @@ class CloudTerm:
         )  # fmt: skip
 
 
-def visible_chosen(placed: PlacedBody, scene: Scene, facing: float, tolerance: float) -> np.ndarray:
-    """Which chosen vertices would be measured, bool (C,); none of a link that is out of view (`Scene.withheld`)."""
+def visible_chosen(
+    placed: PlacedBody, scene: Scene, facing: float, tolerance: float, vertices: str = "seen"
+) -> np.ndarray:
+    """Which chosen vertices would be measured, bool (C,); none of a link that is out of view (`Scene.withheld`).
+
+    With `vertices` "front" a fixed set is taken for measured (Baak 2013, Fig. 5.6a).
+    """
+    if vertices == "front":
+        return placed.placer.front
     visible = placed.visible(facing, tolerance, scene.seen, scene.intrinsics)
     if scene.withheld is not None:
         visible &= ~scene.withheld[placed.body.part[placed.placer.chosen]]

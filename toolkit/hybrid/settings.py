@@ -59,7 +59,7 @@ class HybridSettings:
     vote_samples : points that vote for the joints; hands have few, so that with fewer votes they are found less often
     """
 
-    tracker: Literal["hybrid"] = "hybrid"
+    tracker: Literal["hybrid", "baak2013"] = "hybrid"
     seed: int = 0
     hypotheses: tuple[str, ...] = ("local", "extrema", "joints", "arms", "head_hands", "swarm")
     body: Literal["auto", "whole", "upper"] = "auto"

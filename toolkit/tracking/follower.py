@@ -48,6 +48,8 @@ class Follower(Person):
     observation : of the last sighting, None where nobody was seen
     """
 
+    held = HELD
+
     def __init__(
         self,
         observer: Observer,
@@ -99,7 +101,7 @@ class Follower(Person):
         """What the searches say of the frame; and the state, with what they remember of it."""
         state, rng = self.state, self.rng()
         memory = dict(state.memory)
-        went = _last_seen(state, observation.timestamp)
+        went = _last_seen(state, observation.timestamp, self.held)
         known = [] if went is None else [replace(state, previous=went)]
         bodies = (state.body,) if state.sized else self._sizes
         # Who was hidden for a moment has not turned round meanwhile.
@@ -192,9 +194,9 @@ def _went(state: PersonState, previous: Previous) -> dict[str, Any]:
     return {"last_seen": replace(previous, before=None), "last_seen_at": state.timestamp}
 
 
-def _last_seen(state: PersonState, timestamp: float) -> Previous | None:
-    """The frame in which the person went out of sight, unless that is too long ago."""
-    if state.last_seen_at is None or timestamp - state.last_seen_at > HELD:
+def _last_seen(state: PersonState, timestamp: float, held: float) -> Previous | None:
+    """The frame in which the person went out of sight, unless that is more than `held` seconds ago."""
+    if state.last_seen_at is None or timestamp - state.last_seen_at > held:
         return None
     return state.last_seen
 

@@ -30,6 +30,7 @@ class Registration:
 
 
 MODULES = {
+    "baak2013": "toolkit.hybrid.baak2013",
     "hybrid": "toolkit.hybrid.tracker",
     "particles": "toolkit.lopez2011.tracker",
     "swarm": "toolkit.qammaz.tracker",

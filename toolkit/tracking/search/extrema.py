@@ -39,7 +39,7 @@ class ExtremaQuery:
             return np.empty((0, skeleton.POSE_SIZE))
         database = self._database
         size = canonical.torso_length(body) / database.torso_length
-        centre = canonical.frontal_centre(observation.centre, observation.yaw, size)
+        centre = self.centre(observation, size)
         features = canonical.normalise(points, centre, observation.yaw).reshape(len(points), -1) / size
         distances, indices = database.query(features, self._settings.neighbours, present)
         flat = indices.ravel()
@@ -52,6 +52,10 @@ class ExtremaQuery:
             scores = fused_scores(scores, joints, before, self._settings.balance)
         best = flat[np.argsort(scores, kind="stable")[:count]]
         return placed_poses(database, best, database.offsets[best], centre, observation.yaw, size)
+
+    def centre(self, observation: Observation, size: float) -> np.ndarray:
+        """About which the extrema are normalised: float64 (3,), metres, level frame; `size` against an adult."""
+        return canonical.frontal_centre(observation.centre, observation.yaw, size)
 
     def queries(self, observation: Observation, previous: Previous | None) -> tuple[np.ndarray, np.ndarray]:
         """Labelled end effectors (M, 5, 3), level frame, and which of them are present (M, 5)."""
