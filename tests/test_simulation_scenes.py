@@ -17,9 +17,10 @@ from toolkit.mocap.clip import PoseClip
 from toolkit.recordings.opening import open_recording
 from toolkit.recordings.writer import save_recording
 from toolkit.simulation.clothes import GARMENTS, dressed
-from toolkit.simulation.furniture import OBSTACLES, SEATS, Box, box_mesh, read_boxes
+from toolkit.simulation.furniture import OBSTACLES, SEATS, Box, boxes_mesh, read_boxes
 from toolkit.simulation.person import CHESTS, Person, floor_of, grown_to
 from toolkit.simulation.seating import seat_height, seated
+from toolkit.simulation.sensors import Surface, make_sensor
 from toolkit.simulation.simulate import Shot, SimulatedFrame, prepare, simulate_scene
 
 
@@ -186,7 +187,7 @@ def test_a_room_without_people_lasts_as_long_as_it_is_told() -> None:
 
 
 def test_a_box_is_closed_and_faces_outwards() -> None:
-    vertices, faces = box_mesh(Box((0.0, 0.0, 0.0), (1.0, 2.0, 3.0)))
+    vertices, faces = boxes_mesh([Box((0.0, 0.0, 0.0), (1.0, 2.0, 3.0))])
     corners = vertices[faces]
     volume = np.einsum("fi,fi->f", corners[:, 0], np.cross(corners[:, 1], corners[:, 2])).sum() / 6
     assert volume == pytest.approx(6.0)
@@ -278,3 +279,36 @@ def test_the_command_says_in_a_sentence_that_people_stand_in_each_other(
     assert stopped.value.code == 2
     assert "person 2 is inside person 1" in capsys.readouterr().err
     assert not (tmp_path / "x.npz").exists()
+
+
+def test_a_room_of_a_seed_is_furnished_around_people_and_hides_nobody() -> None:
+    person = Person(standing())
+    shown = (first_frame(person, sensor="kinect", height=1.5).person >= 0).sum()
+    depths = []
+    for room in ("office:1", "office:2", "office:1"):
+        frame = first_frame(person, sensor="kinect", height=1.5, room=room)
+        depths.append(frame.depth)
+        assert (frame.person >= 0).sum() > 0.8 * shown
+    assert np.array_equal(depths[0], depths[2]) and not np.array_equal(depths[0], depths[1])
+
+
+@pytest.mark.parametrize("name", ["tof", "kinect"])
+def test_glass_and_black_are_lost_and_what_is_plain_is_measured_as_without_materials(name: str) -> None:
+    sensor = make_sensor(name)
+    shape = sensor.camera.scaled(sensor.rays_per_side).shape
+    depth, cosine = (np.full(shape, value, np.float32) for value in (3.0, 1.0))
+
+    def measured(reflectance: float | None) -> float:
+        light = None if reflectance is None else np.full(shape, reflectance, np.float32)
+        surface = Surface(depth, cosine, np.full(shape, -1, np.int16), light)
+        return float((sensor.measure(surface, np.random.default_rng(0))[0] > 0).mean())
+
+    assert measured(0.0) == 0.0 and measured(0.05) < 0.5
+    assert measured(1.0) == measured(None) > 0.95
+
+
+def test_a_room_that_is_not_shown_or_not_known_is_refused() -> None:
+    with pytest.raises(UsageError, match="the room office:1 is not seen where people are cut out"):
+        Shot(room="office:1", furnished=False)
+    with pytest.raises(UsageError, match="no room is called 'garden'"):
+        Shot(room="garden:1")

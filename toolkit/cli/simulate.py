@@ -130,6 +130,15 @@ class View:
     furnished: Annotated[
         bool, typer.Option("--furnished/--empty", help="Show a room, or the people only.", rich_help_panel=ROOM)
     ] = True
+    room: Annotated[
+        str | None,
+        typer.Option(
+            metavar="KIND:SEED",
+            help="A room furnished at random: office, living, classroom or corridor, such as office:7.",
+            show_default="a bare one",
+            rich_help_panel=ROOM,
+        ),
+    ] = None
     background: Annotated[
         bool,
         typer.Option("--background/--no-background", help="Hold the depth of the empty room.", rich_help_panel=ROOM),

@@ -10,6 +10,7 @@ import numpy as np
 
 from toolkit.errors import UsageError
 from toolkit.files import parse_yaml, read_text
+from toolkit.interiors.mesh import Mesh, box, joined, moved
 
 SEAT_HEIGHT = 0.26
 """Height of a seat over the sitter's stature: 0.45 m for an adult of 1.75 m, and a child gets a child's chair."""
@@ -20,13 +21,6 @@ class Box(NamedTuple):
 
     low: tuple[float, float, float]
     high: tuple[float, float, float]
-
-
-class Mesh(NamedTuple):
-    """Vertices float64 (V, 3), metres, and outward triangles int32 (F, 3)."""
-
-    vertices: np.ndarray
-    faces: np.ndarray
 
 
 def chair(seat: float) -> tuple[Box, ...]:
@@ -137,26 +131,6 @@ def _checked_box(low: object, high: object, number: int, path: str | Path) -> Bo
     return Box(tuple(first), tuple(second))
 
 
-def box_mesh(box: Box) -> Mesh:
-    """Corners (8, 3) and outward triangles (12, 3) of a box."""
-    bits = np.array([[k >> 2 & 1, k >> 1 & 1, k & 1] for k in range(8)])
-    quads = np.array([[0, 1, 3, 2], [4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 4], [1, 5, 7, 3]])
-    triangles = np.concatenate([quads[:, [0, 1, 2]], quads[:, [0, 2, 3]]]).astype(np.int32)
-    return Mesh(np.where(bits == 0, box.low, box.high), triangles)
-
-
-def joined(meshes: Sequence[Mesh]) -> Mesh:
-    """All meshes as one; of none an empty one."""
-    if not meshes:
-        return Mesh(np.zeros((0, 3)), np.zeros((0, 3), dtype=np.int32))
-    starts = np.cumsum([0, *(len(mesh.vertices) for mesh in meshes[:-1])])
-    faces = [mesh.faces + start for mesh, start in zip(meshes, starts, strict=True)]
-    return Mesh(np.concatenate([mesh.vertices for mesh in meshes]), np.concatenate(faces).astype(np.int32))
-
-
 def boxes_mesh(boxes: Sequence[Box], yaw: float = 0.0, at: tuple[float, float] = (0.0, 0.0)) -> Mesh:
     """Boxes turned by `yaw` (radians, about +y from +z) and moved to `at` (x, z), as one mesh."""
-    mesh = joined([box_mesh(box) for box in boxes])
-    cosine, sine = np.cos(yaw), np.sin(yaw)
-    turn = np.array([[cosine, 0.0, sine], [0.0, 1.0, 0.0], [-sine, 0.0, cosine]])
-    return Mesh(mesh.vertices @ turn.T + [at[0], 0.0, at[1]], mesh.faces)
+    return moved(joined([box(low, high) for low, high in boxes]), at[0], 0.0, at[1], yaw)

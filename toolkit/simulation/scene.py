@@ -6,13 +6,22 @@ lies in front of the camera at the distance at which it stands. The level frame 
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from toolkit.errors import UsageError
+from toolkit.interiors.mesh import Mesh, box, joined
+from toolkit.interiors.pieces import PLAIN
+from toolkit.interiors.room import furnished, named_room
 from toolkit.sensing.camera import Camera
-from toolkit.simulation.furniture import Box, Mesh, box_mesh, boxes_mesh, joined
+from toolkit.simulation.furniture import Box, boxes_mesh
+
+CLEARANCE = 0.22
+"""Metres from people's joints to the furniture of a room: it touches what they wear."""
+SIGHT = np.linspace(0.1, 1.0, 10)
+"""Shares of the way from the camera to the middle of the people."""
 
 
 @dataclass(frozen=True)
@@ -70,6 +79,56 @@ def place_camera(*, distance: float, height: float, tilt: float) -> View:
     )
 
 
+@dataclass(frozen=True, eq=False)
+class Surroundings:
+    """What surrounds the people, camera frame.
+
+    Attributes
+    ----------
+    mesh : all surfaces
+    reflectance : float32 (F,), of each face over that of a plain surface; None where all are plain
+    """
+
+    mesh: Mesh
+    reflectance: np.ndarray | None
+
+    def reflectance_of(self, triangles: np.ndarray) -> np.ndarray | None:
+        """That of triangles (H, W), -1 = none, as `Surface.reflectance`."""
+        if self.reflectance is None:
+            return None
+        return np.where(triangles >= 0, self.reflectance[triangles], 0.0).astype(np.float32)
+
+
+def surroundings(name: str | None, used: Sequence[np.ndarray], furniture: Mesh, view: View) -> Surroundings:
+    """The room around people: a bare one, or one that is furnished at random.
+
+    Parameters
+    ----------
+    name : kind and seed such as "office:7", or None
+    used : points (N, 3) of the people, floor plan, from which furniture stays `CLEARANCE` metres away, as it does from
+        the line on which the camera sees them
+    furniture : what belongs to them
+    """
+    points = np.concatenate([*used, furniture.vertices])
+    reach = np.array([points.min(axis=0), points.max(axis=0)])
+    if name is None:
+        mesh = joined([room(reach, view.position), furniture])
+        return Surroundings(Mesh(view.to_camera(mesh.vertices), mesh.faces), None)
+    kind, seed = named_room(name)
+    reach[1, 1] = max(reach[1, 1], view.position[1] + 0.1)
+    own = points[:, [0, 2]]
+    sight = view.position[[0, 2]] + SIGHT[:, None] * (own.mean(axis=0) - view.position[[0, 2]])
+    free = np.concatenate([np.unique(np.round(own, 1), axis=0), sight])
+    camera = (float(view.position[0]), float(view.position[2]))
+    rng = np.random.default_rng(seed)
+    around = furnished(kind, rng, camera=camera, reach=reach, free=free, clearance=CLEARANCE).surfaces()
+    mesh = joined([around.mesh, furniture])
+    reflectance = np.concatenate([around.reflectance / PLAIN, np.ones(len(furniture.faces))])
+    return Surroundings(
+        Mesh(view.to_camera(mesh.vertices), mesh.faces), np.minimum(reflectance, 1.0).astype(np.float32)
+    )
+
+
 def room(reach: np.ndarray, camera: np.ndarray) -> Mesh:
     """A furnished room around the space that people use, on the floor plan.
 
@@ -84,7 +143,7 @@ def room(reach: np.ndarray, camera: np.ndarray) -> Mesh:
     """
     (left, _, back), (right, _, _) = reach
     left, right, back = left - 1.2, right + 1.2, back - 0.9
-    shell = box_mesh(Box((left, 0.0, back), (right, max(2.7, camera[1] + 0.2), camera[2] + 3.0)))
+    shell = box((left, 0.0, back), (right, max(2.7, camera[1] + 0.2), camera[2] + 3.0))
     furniture = (
         Box((left, 0.0, back), (left + 0.5, 1.9, back + 0.45)),
         Box((right - 0.8, 0.0, back), (right - 0.1, 0.75, back + 0.6)),

@@ -24,11 +24,14 @@ class Surface:
     depth : float32 (H, W), metres along z, 0 where nothing is hit
     cosine : float32 (H, W), cosine between ray and surface normal, in [0, 1]
     person : int16 (H, W), number of the person who is hit, -1 for everything else
+    reflectance : float32 (H, W), share of the light given back over that of a plain surface: 1 is bright cloth or wood,
+        0 glass; None is 1 everywhere
     """
 
     depth: np.ndarray
     cosine: np.ndarray
     person: np.ndarray
+    reflectance: np.ndarray | None = None
 
 
 class Sensor(Protocol):
@@ -87,6 +90,8 @@ class TimeOfFlight:
         distance = surface.depth * self._fine_lengths
         hit = surface.depth > 0
         amplitude = np.where(hit, surface.cosine / np.where(hit, distance, 1.0) ** 2, 0.0)
+        if surface.reflectance is not None:
+            amplitude *= surface.reflectance
         total = self._pixels(amplitude)
         mean = self._pixels(amplitude * distance) / np.maximum(total, 1e-12)
         strength = total * 9.0
@@ -132,6 +137,9 @@ class KinectV1:
     """Metres from the camera to the projector, to the right."""
     grazing: float = 0.12
     """Cosine of incidence below which all surfaces are holes; up to twice of it, some are."""
+    dimmest: float = 0.012
+    """Light given back, relative to a frontal plain surface at 1 m, below which there is no measurement; where
+    surfaces are of several materials."""
     torn: float = 0.25
     """Share of the pixels at depth edges that give no measurement."""
     farthest: float = 8.0
@@ -149,6 +157,9 @@ class KinectV1:
         holes = rng.random(depth.shape) < np.clip(2.0 - cosine / self.grazing, 0.0, 1.0)
         edge = self._at_edges(surface.depth) & (rng.random(depth.shape) < self.torn)
         valid = hit & lit & ~holes & ~edge & (quanta >= 1)
+        if surface.reflectance is not None:
+            light = surface.reflectance[rows, columns] * cosine * inverse**2
+            valid &= light >= self.dimmest * rng.lognormal(0.0, 0.25, light.shape)
         measured = 1.0 / (self.step * np.maximum(quanta, 1.0))
         return _millimetres(measured, valid, 0.45, self.farthest), surface.person[rows, columns]
 

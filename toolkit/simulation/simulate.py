@@ -15,6 +15,7 @@ from toolkit.body.body import Body
 from toolkit.body.raycast import Hits, cast
 from toolkit.errors import UsageError
 from toolkit.files import check_output
+from toolkit.interiors.room import named_room
 from toolkit.mocap.clip import PoseClip
 from toolkit.recordings.opening import open_recording
 from toolkit.recordings.writer import RecordingWriter
@@ -25,7 +26,7 @@ from toolkit.simulation.furniture import Box, Mesh, boxes_mesh, joined
 from toolkit.simulation.inertial import SimulatedSensors, Worn, simulate_sensors
 from toolkit.simulation.person import Performer, Person, check_apart, check_clear, furniture_of, prepare_person
 from toolkit.simulation.picture import FINER, Backdrop, Drawn
-from toolkit.simulation.scene import View, cut_tilt, place_camera, room
+from toolkit.simulation.scene import Surroundings, View, cut_tilt, place_camera, surroundings
 from toolkit.simulation.seating import neck_height
 from toolkit.simulation.sensors import Sensor, Surface, make_sensor
 from toolkit.simulation.skinning import SKINNINGS
@@ -54,6 +55,8 @@ class Shot:
     frame_rate : frames a second of the recording; mocap is resampled, poses are thinned out
     furnished : whether the recording shows the room, or the people only (already cut out)
     background : whether a furnished recording holds the depth of its room without people
+    room : a room furnished at random around the people, such as "office:7" (kind and seed, out of `interiors.KINDS`);
+        None is a bare one
     boxes : furniture of the room, on the floor plan
     seconds : length of a recording without people
     seed : of the sensor's noise, of how somebody sits, and of what is seen in colour
@@ -74,6 +77,7 @@ class Shot:
     frame_rate: float = 30.0
     furnished: bool = True
     background: bool = True
+    room: str | None = None
     boxes: tuple[Box, ...] = ()
     seconds: float = 3.0
     seed: int = 0
@@ -93,6 +97,10 @@ class Shot:
             )
         if self.cut is not None and not np.isfinite(self.cut):
             raise UsageError(f"a cut of {self.cut} m is no length; give metres below the neck, such as 0.45")
+        if self.room is not None:
+            named_room(self.room)
+            if not self.furnished:
+                raise UsageError(f"the room {self.room} is not seen where people are cut out; leave out one of the two")
         if self.seed < 0:
             raise UsageError(f"the seed {self.seed} is negative; give a whole number from 0 on")
         if self.skinning not in SKINNINGS:
@@ -133,7 +141,7 @@ class Simulation:
     frame_rate : frames a second
     furnished : True: the depth shows a room. False: all that is not a person is 0
     seed : of all noise
-    color, skinning : see `Shot`
+    color, skinning, room : see `Shot`
     """
 
     performers: tuple[Performer, ...]
@@ -146,6 +154,7 @@ class Simulation:
     seed: int = 0
     color: bool = False
     skinning: str = "linear"
+    room: str | None = None
 
     @cached_property
     def _rays(self) -> Camera:
@@ -153,26 +162,25 @@ class Simulation:
         return self.sensor.camera.scaled(self.sensor.rays_per_side)
 
     @cached_property
-    def _room_mesh(self) -> Mesh:
+    def _surroundings(self) -> Surroundings:
         """The room without people, camera frame."""
-        used = [p.body.joint_positions(p.poses).reshape(-1, 3) for p in self.performers] or [NOBODY_REACH]
-        points = np.concatenate([*used, self.furniture.vertices])
-        mesh = joined([room(np.array([points.min(axis=0), points.max(axis=0)]), self.view.position), self.furniture])
-        return Mesh(self.view.to_camera(mesh.vertices), mesh.faces)
+        used = [p.body.joint_positions(p.poses).reshape(-1, 3) for p in self.performers]
+        return surroundings(self.room, used or [NOBODY_REACH], self.furniture, self.view)
 
     @cached_property
     def _room(self) -> Surface:
         """What the rays meet in the room without people."""
-        hits = cast(self._room_mesh.vertices, self._room_mesh.faces, self._rays)
+        hits = cast(self._surroundings.mesh.vertices, self._surroundings.mesh.faces, self._rays)
         everywhere = np.ones(hits.depth.shape, dtype=bool)
         cosines = self._cosines(hits, everywhere).reshape(everywhere.shape)
-        return Surface(hits.depth, cosines, np.full(everywhere.shape, -1, dtype=np.int16))
+        nobody = np.full(everywhere.shape, -1, dtype=np.int16)
+        return Surface(hits.depth, cosines, nobody, self._surroundings.reflectance_of(hits.triangles))
 
     @cached_property
     def _backdrop(self) -> Backdrop:
         """What is seen in colour of the room without people."""
         camera = self.sensor.camera.scaled(FINER)
-        hits = cast(self._room_mesh.vertices, self._room_mesh.faces, camera)
+        hits = cast(self._surroundings.mesh.vertices, self._surroundings.mesh.faces, camera)
         return Backdrop.of_room(hits, camera, self.view, np.random.default_rng([self.seed, 4]))
 
     @cached_property
@@ -225,13 +233,16 @@ class Simulation:
         """What the rays meet: the nearest of the people whose vertices these are, or the room."""
         behind = self._room
         depth, cosine, person = behind.depth.copy(), behind.cosine.copy(), behind.person.copy()
+        reflectance = None if behind.reflectance is None else behind.reflectance.copy()
         for i, vertices in present.items():
             hits = cast(vertices, self.performers[i].body.faces, self._rays)
             nearer = (hits.depth > 0) & ((depth == 0) | (hits.depth <= depth))
             depth[nearer] = hits.depth[nearer]
             cosine[nearer] = self._cosines(hits, nearer)
             person[nearer] = i
-        return Surface(depth, cosine, person)
+            if reflectance is not None:
+                reflectance[nearer] = 1.0
+        return Surface(depth, cosine, person, reflectance)
 
     def _cosines(self, hits: Hits, where: np.ndarray) -> np.ndarray:
         """Cosines between rays and normals at the pixels `where` (N,): float32; cloth has two sides."""
@@ -262,6 +273,7 @@ def prepare(people: Sequence[Person], shot: Shot | None = None) -> Simulation:
         shot.seed,
         shot.color,
         shot.skinning,
+        shot.room,
     )
 
 
