@@ -23,8 +23,9 @@ from toolkit.pipeline import load_tracker, track_recording
 from toolkit.pipeline.class_guide import ClassGuide
 from toolkit.recordings.opening import open_recording
 from toolkit.retrieval.workflow.annotate import classes_from_clips
+from toolkit.testing.casting import LONGEST
 from toolkit.testing.labelled import class_clips
-from toolkit.testing.scenes import LONGEST, chosen_scenes, record_scene
+from toolkit.testing.scenes import chosen_scenes, record_scene
 from toolkit.track import Track
 
 SCENES = ("waist", "seated", "behind")

@@ -1,14 +1,17 @@
 """People as they are recorded: `depthmocap bench scenes [--split report] [--groups waist,seated]`.
 
 The scenes are described in `toolkit/testing/scenes.py`: from the waist up, seated, behind furniture, several people,
-children and tilted cameras, clothes, rooms without people. Every recording is tracked with `--people all` and no option
-that says how the people are cut out; one that cannot be tracked counts as one in which nobody was found. Seen joints
-lie inside the image, with the first surface on their ray within 0.22 m; whoever is not found is 1 m off. Identities are
-CLEAR MOT counts (gate 0.5 m). The calibration error is taken over all joints of everybody who was found; unobserved
-joints are the ones that are not seen. `--runs FOLDER` scores run folders that were made before, named after their
-recordings, of one person (RUN/track.npz) or of several (RUN/people.json). Results of a part of the suite go to files
-ending in `_part`. `--row` switches a part of the tracker off (`benchmarks/_rows.py`); another `--database` stands for
-one without seated poses, or whose regressor was trained on other views.
+children and tilted cameras, clothes, rooms without people. `--rooms` takes the seven groups of furnished rooms
+instead: people who enter and leave, carry things, embrace and hand over, crowds of four to six, cameras from 0.8 to
+2.5 m above the floor, stills of one frame, and ten rooms of 300 frames in which nobody ever is. Every recording is
+tracked with `--people all` and no option that says how the people are cut out; one that cannot be tracked counts as
+one in which nobody was found. Seen joints lie inside the image, with the first surface on their ray within 0.22 m;
+whoever is not found is 1 m off. Identities are CLEAR MOT counts (gate 0.5 m). The calibration error is taken over all
+joints of everybody who was found; unobserved joints are the ones that are not seen. `--runs FOLDER` scores run folders
+that were made before, named after their recordings, of one person (RUN/track.npz) or of several (RUN/people.json).
+Results of a part of the suite go to files ending in `_part`. `--row` switches a part of the tracker off
+(`benchmarks/_rows.py`); another `--database` stands for one without seated poses, or whose regressor was trained on
+other views.
 """
 
 from __future__ import annotations
@@ -34,7 +37,8 @@ from toolkit.pipeline.joints import JointChoice
 from toolkit.recordings.opening import open_recording
 from toolkit.rendering.film import contact_sheet, save_png
 from toolkit.sensing.recording import Recording
-from toolkit.testing.scenes import GROUPS, LONGEST, Scene, chosen_scenes, record_scene, scenes
+from toolkit.testing.casting import Scene
+from toolkit.testing.scenes import GROUPS, ROOM_GROUPS, chosen_scenes, record_scene, scenes
 from toolkit.testing.suite import has_mocap
 from toolkit.track import Track
 
@@ -49,6 +53,14 @@ LINES = {
     "with empty scene": GROUPS[:-1],
     "with neither": GROUPS[:-1],
     "empty rooms": ("empty",),
+    "enter and leave": ("enter",),
+    "carry": ("carry",),
+    "hug and hand over": ("together",),
+    "four to six people": ("crowd",),
+    "furnished rooms": ("rooms",),
+    "stills": ("stills",),
+    "all in rooms": ROOM_GROUPS[:-1],
+    "nobody in rooms": ("vacant",),
 }
 """Rows of the table, of which groups."""
 LINE_VIEWS = {"cut out before": "cut", "with empty scene": "background", "with neither": "room"}
@@ -160,9 +172,11 @@ def parse() -> argparse.Namespace:
     """The command line."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--split", choices=("tune", "report"), default="tune", help="report is not for tuning")
-    parser.add_argument("--groups", default=",".join(GROUPS), help="comma-separated, out of: " + ", ".join(GROUPS))
+    parser.add_argument("--rooms", action="store_true", help="the groups of furnished rooms")
+    groups = ", ".join((*GROUPS, *ROOM_GROUPS))
+    parser.add_argument("--groups", help=f"comma-separated, out of: {groups}; all without --rooms are the first seven")
     parser.add_argument("--takes", type=int, help="at most so many scenes of each group")
-    parser.add_argument("--frames", type=int, default=LONGEST, help="at most so many frames of each scene")
+    parser.add_argument("--frames", type=int, help="at most so many frames of each scene")
     parser.add_argument("--people", type=_people, default=None, metavar="all|N", help="as of `depthmocap track`")
     parser.add_argument("--row", choices=ROWS, default=WHOLE, help="with a part of the tracker switched off")
     parser.add_argument("--joints", default="none", help="in the image, as of `depthmocap track`: depth shades it")
@@ -174,7 +188,9 @@ def parse() -> argparse.Namespace:
 def main() -> None:
     """Make what is missing, track, score, print, write JSON and the contact sheet."""
     options = parse()
-    chosen = chosen_scenes(options.split, tuple(options.groups.split(",")), options.takes)
+    all_groups = ROOM_GROUPS if options.rooms else GROUPS
+    groups = tuple(options.groups.split(",")) if options.groups else all_groups
+    chosen = chosen_scenes(options.split, groups, options.takes)
     print(f"{len(chosen)} scenes of the {options.split} split, from {'mocap' if has_mocap() else 'bundled motions'}")
     paths = [record_scene(scene, options.work, options.frames) for scene in chosen]
     failed: dict[str, str] = {}
@@ -189,10 +205,10 @@ def main() -> None:
     print_table(figures)
     for name, reason in failed.items():
         print(f"{name} was not tracked: {reason}")
-    complete = len(chosen) == len(scenes(options.split)) and options.frames >= LONGEST
+    complete = len(chosen) == len(scenes(options.split, all_groups)) and options.frames is None
     plain = options.people is None and options.row == WHOLE and options.joints == "none"
     whole = complete and plain and not options.set
-    stem = f"scenes_{options.split}{'' if whole else '_part'}"
+    stem = f"scenes{'_rooms' if options.rooms else ''}_{options.split}{'' if whole else '_part'}"
     if options.row != WHOLE:
         stem += "_" + options.row.replace(" ", "_")
     recordings = {name: scene_figures([score]) for name, score in scores.items()}

@@ -254,11 +254,11 @@ def _office(
     low: np.ndarray, high: np.ndarray, rng: np.random.Generator, without: frozenset[str]
 ) -> Iterator[tuple[str, Piece]]:
     yield from _along_walls(low, high, ("window", "door", "board", "curtain", "hooks"), 5, rng, without)
-    for _ in range(rng.integers(3, 8)):
+    for _ in range(rng.integers(5, 12)):
         x, _, z = rng.uniform(low, high)
         yaw = 0.5 * np.pi * rng.integers(4) + rng.normal(0.0, 0.06)
         yield "workplace", shifted(_workplace(rng, without), x, 0.0, z, yaw)
-    yield from _along_walls(low, high, ("shelf", "shelf", "plant", "bin", "coat_stand", "boxes"), 6, rng, without)
+    yield from _along_walls(low, high, ("shelf", "shelf", "plant", "bin", "coat_stand", "boxes"), 9, rng, without)
     spread = (
         "chair",
         "office_chair",
@@ -271,7 +271,7 @@ def _office(
         "floor_lamp",
         "column",
     )
-    yield from _about(low, high, spread, int(rng.integers(5, 14)), rng, without)
+    yield from _about(low, high, spread, int(rng.integers(8, 22)), rng, without)
 
 
 def _living(
@@ -283,7 +283,7 @@ def _living(
         x, _, z = rng.uniform(low, high)
         yield "dining", shifted(_dining(rng, without), x, 0.0, z, rng.uniform(-np.pi, np.pi))
     spread = ("sofa", "table", "chair", "stool", "plant", "floor_lamp", "bag", "boxes", "coat_stand", "bin")
-    yield from _about(low, high, spread, int(rng.integers(5, 12)), rng, without)
+    yield from _about(low, high, spread, int(rng.integers(8, 18)), rng, without)
 
 
 def _classroom(
@@ -299,7 +299,7 @@ def _classroom(
                 place = np.array([x, z]) + rng.normal(0.0, 0.08, 2)
                 piece = _workplace(rng, without, school=True)
                 yield "school_desk", shifted(piece, place[0], 0.0, place[1], yaw + rng.normal(0.0, 0.06))
-    yield from _about(low, high, ("chair", "chair", "bag", "bag", "partition", "boxes"), 6, rng, without)
+    yield from _about(low, high, ("chair", "chair", "bag", "bag", "partition", "boxes"), 10, rng, without)
 
 
 def _corridor(

@@ -18,6 +18,7 @@ from toolkit.mocap.read import read_clip
 from toolkit.mocap.retarget import retarget
 from toolkit.simulation.clothes import dressed
 from toolkit.simulation.furniture import HEIGHTS, OBSTACLES, SEATS, Box, Mesh, boxes_mesh, check_kinds, joined
+from toolkit.simulation.holding import check_holding, held_mesh
 from toolkit.simulation.seating import seat_height, seated
 
 TALL, SMALL = 1.25, 0.75
@@ -46,6 +47,8 @@ class Person:
     furniture : kinds of furniture beside or before them, out of `furniture.SEATS` and `furniture.OBSTACLES`
     clothes : out of `clothes.GARMENTS`
     enters : seconds after the beginning of the recording at which they appear; they are gone when their clip ends
+    holds : a thing in their hands, out of `holding.HOLDINGS`, that moves with them and is not theirs
+    held : seconds of the recording between which they hold it
     subject_seed : seed of local deformations of the body outside the shape space; None for none
     """
 
@@ -59,6 +62,8 @@ class Person:
     clothes: tuple[str, ...] = ()
     enters: float = 0.0
     subject_seed: int | None = None
+    holds: str | None = None
+    held: tuple[float, float] = (0.0, np.inf)
 
 
 class Performer(NamedTuple):
@@ -70,12 +75,21 @@ class Performer(NamedTuple):
     poses : float64 (T, P) on the floor plan: x right in the image, y up from the floor, z towards the camera
     first : frame of the recording that shows the first pose
     hanging : how many of the body's last vertices are a skirt's
+    holds, held : what is in their hands, and between which frames of the recording
     """
 
     body: Body
     poses: np.ndarray
     first: int
     hanging: int = 0
+    holds: str | None = None
+    held: tuple[float, float] = (0.0, np.inf)
+
+    def held_thing(self, frame: int) -> Mesh | None:
+        """What is in their hands in a frame of the recording, on the floor plan."""
+        if self.holds is None or not self.held[0] <= frame < self.held[1]:
+            return None
+        return held_mesh(self.holds, self.body.joint_positions(self.poses[frame - self.first]))
 
     @property
     def end(self) -> int:
@@ -128,6 +142,7 @@ def prepare_person(person: Person, frame_rate: float, rng: np.random.Generator) 
             f"somebody at {person.at} with a yaw of {person.yaw} who enters after {person.enters} s cannot be placed; "
             "give finite numbers, and seconds from 0 on"
         )
+    check_holding(person.holds)
     naked = subject_of(person.body, person.subject_seed)
     if person.stature is not None:
         naked = grown_to(naked, person.stature)
@@ -142,7 +157,8 @@ def prepare_person(person: Person, frame_rate: float, rng: np.random.Generator) 
     placed = _placed(poses, person.at, float(np.deg2rad(person.yaw)))
     body = dressed(naked, person.clothes)
     hanging = len(body.vertices) - len(naked.vertices)
-    return Performer(body, placed, round(person.enters * frame_rate), hanging)
+    held = (person.held[0] * frame_rate, person.held[1] * frame_rate)
+    return Performer(body, placed, round(person.enters * frame_rate), hanging, person.holds, held)
 
 
 def _placed(poses: np.ndarray, at: tuple[float, float], yaw: float) -> np.ndarray:

@@ -203,7 +203,7 @@ class Simulation:
         joints = self.joints()
         for i in range(self.frames_in_all):
             present = self._present(i)
-            depth, person = self.sensor.measure(self._surface(present), rng)
+            depth, person = self.sensor.measure(self._surface(present, self._things(i)), rng)
             if not self.furnished:
                 depth = np.where(person >= 0, depth, 0).astype(np.uint16)
             measured = np.where(depth > 0, person, -1).astype(np.int16)
@@ -213,8 +213,8 @@ class Simulation:
     def joints(self) -> np.ndarray:
         """True joints of everybody, float32 (N, T, 20, 3), metres, camera frame, NaN while absent."""
         joints = np.full((len(self.performers), self.frames_in_all, len(skeleton.REPORTED), 3), np.nan, np.float32)
-        for own, (body, poses, first, _) in zip(joints, self.performers, strict=True):
-            own[first : first + len(poses)] = self.view.to_camera(body.joint_positions(poses))
+        for own, p in zip(joints, self.performers, strict=True):
+            own[p.first : p.end] = self.view.to_camera(p.body.joint_positions(p.poses))
         return joints
 
     def _present(self, frame: int) -> dict[int, np.ndarray]:
@@ -229,13 +229,19 @@ class Simulation:
         people = [Drawn(at, self.performers[i].body.faces, self._skins[i]) for i, at in present.items()]
         return self._backdrop.with_people(people, rng)
 
-    def _surface(self, present: Mapping[int, np.ndarray]) -> Surface:
-        """What the rays meet: the nearest of the people whose vertices these are, or the room."""
+    def _things(self, frame: int) -> list[Mesh]:
+        """What is in people's hands in a frame, camera frame."""
+        held = [p.held_thing(frame) for p in self.performers if p.first <= frame < p.end]
+        return [Mesh(self.view.to_camera(thing.vertices), thing.faces) for thing in held if thing is not None]
+
+    def _surface(self, present: Mapping[int, np.ndarray], things: Sequence[Mesh]) -> Surface:
+        """What the rays meet: the nearest of the people whose vertices these are, of what they hold, or the room."""
         behind = self._room
         depth, cosine, person = behind.depth.copy(), behind.cosine.copy(), behind.person.copy()
         reflectance = None if behind.reflectance is None else behind.reflectance.copy()
-        for i, vertices in present.items():
-            hits = cast(vertices, self.performers[i].body.faces, self._rays)
+        seen = [(i, Mesh(vertices, self.performers[i].body.faces)) for i, vertices in present.items()]
+        for i, mesh in [*seen, *((-1, thing) for thing in things)]:
+            hits = cast(mesh.vertices, mesh.faces, self._rays)
             nearer = (hits.depth > 0) & ((depth == 0) | (hits.depth <= depth))
             depth[nearer] = hits.depth[nearer]
             cosine[nearer] = self._cosines(hits, nearer)
@@ -348,9 +354,10 @@ def _worn_sensors(simulation: Simulation, worn: Worn) -> SimulatedSensors:
     """Sensors of the first person; the floor plan's axes are those of the level frame."""
     if not simulation.performers:
         raise UsageError(f"nobody is there to wear sensors on {', '.join(worn.limbs)}; name a clip")
-    body, poses, first, _ = simulation.performers[0]
+    wearer = simulation.performers[0]
     rate = simulation.frame_rate
-    return simulate_sensors(body, poses, rate, worn.limbs, worn.noise, simulation.seed, first / rate)
+    seed, start = simulation.seed, wearer.first / rate
+    return simulate_sensors(wearer.body, wearer.poses, rate, worn.limbs, worn.noise, seed, start)
 
 
 def simulate_recording(

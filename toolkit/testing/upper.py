@@ -20,7 +20,7 @@ from toolkit.simulation.scene import cut_tilt
 from toolkit.simulation.seating import neck_height
 from toolkit.simulation.sensors import make_sensor
 from toolkit.testing import suite
-from toolkit.testing.scenes import Actor, Scene
+from toolkit.testing.casting import Actor, Scene
 
 GROUPS = ("cut", "desk", "chair", "camera", "wide", "turned")
 MORE = ("crossing", "lap")

@@ -1,0 +1,46 @@
+"""Things in people's hands: they move with the hands and are nobody."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from toolkit import skeleton
+from toolkit.errors import UsageError
+from toolkit.interiors.mesh import Mesh, box, joined, moved
+
+HOLDINGS: dict[str, tuple[float, float, float]] = {
+    "box": (0.0, 0.28, 0.3), "tablet": (0.0, 0.2, 0.015), "bag": (0.3, 0.36, 0.14),
+}  # fmt: skip
+"""What can be held, and its width, height and depth in metres; what is held by both hands is as wide as they are
+apart."""
+STRAPS = 0.14
+"""Metres from the hand to the top of a bag."""
+_LEFT, _RIGHT = (skeleton.REPORTED.index(f"{side}_hand") for side in ("left", "right"))
+
+
+def check_holding(kind: str | None) -> None:
+    """Raise UsageError for a thing that nobody knows; the message lists the known ones."""
+    if kind is not None and kind not in HOLDINGS:
+        raise UsageError(f"nobody can hold {kind!r}; use one of {', '.join(HOLDINGS)}")
+
+
+def held_mesh(kind: str, joints: np.ndarray) -> Mesh:
+    """A thing out of `HOLDINGS` in the hands of joints (20, 3), metres, y up: a box or tablet between both hands, a bag
+    below the left one."""
+    _, high, deep = HOLDINGS[kind]
+    left, right = joints[_LEFT], joints[_RIGHT]
+    if kind == "bag":
+        wide = HOLDINGS[kind][0]
+        bag = box((-0.5 * deep, -STRAPS - high, -0.5 * wide), (0.5 * deep, -STRAPS, 0.5 * wide))
+        strap = box((-0.02, -STRAPS, -0.5 * wide + 0.05), (0.02, 0.0, 0.5 * wide - 0.05))
+        return moved(joined([bag, strap]), left[0], left[1], left[2], _facing(joints))
+    middle, across = 0.5 * (left + right), left - right
+    wide = max(float(np.hypot(across[0], across[2])), 0.2)
+    thing = box((-0.5 * wide, -0.5 * high, -0.5 * deep), (0.5 * wide, 0.5 * high, 0.5 * deep))
+    return moved(thing, middle[0], middle[1], middle[2], float(np.arctan2(-across[2], across[0])))
+
+
+def _facing(joints: np.ndarray) -> float:
+    """Yaw about +y from +z to which the hips of joints (20, 3) face, radians."""
+    across = joints[skeleton.REPORTED.index("left_hip")] - joints[skeleton.REPORTED.index("right_hip")]
+    return float(np.arctan2(-across[2], across[0]))
