@@ -31,7 +31,7 @@ class ScipyNeighbours:
         self._tree = cKDTree(points_camera)
 
     def medians(self, points: np.ndarray, wanted: np.ndarray, reach: float, count: int, out: np.ndarray) -> None:
-        """See `Neighbours.medians`."""
+        """See `Scene.medians`."""
         out[:] = np.nan
         rows = np.flatnonzero(wanted)
         if len(rows) == 0:
@@ -54,7 +54,7 @@ class PlainScene(Scene):
         **marks: np.ndarray | None,
     ) -> None:
         super().__init__(cloud, extrema_level, samples, evidence=evidence, **marks)
-        self.neighbours = ScipyNeighbours(back_projected(self.depth, self.intrinsics)[0])
+        self.medians = ScipyNeighbours(back_projected(self.depth, self.intrinsics)[0]).medians
 
 
 def back_projected(depth: np.ndarray, intrinsics: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -316,7 +316,7 @@ class PlainObjective(Objective):
         placed, s = self.placer.place(body, pose), self.settings
         visible, points = visible_chosen(placed, scene, s.facing, s.hidden_tolerance), placed.chosen_points
         nearest = np.empty_like(points)
-        scene.neighbours.medians(points, visible, s.unexplained, 1, nearest)
+        scene.medians(points, visible, s.unexplained, 1, nearest)
         gaps = np.linalg.norm(points - nearest, axis=1)
         parts = [gaps[visible], np.linalg.norm(scene.extrema[:, None] - placed.vertices, axis=2).min(axis=1)]
         cloud = PlainCloudTerm(s.unexplained, s.sigma, s.cloud_plane, s.cloud_point, s.extremum_weight)

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import argparse
 import time
+from dataclasses import replace
 from itertools import product
 from pathlib import Path
 
@@ -17,7 +18,8 @@ import numpy as np
 
 from benchmarks._record import save_figures
 from toolkit.database.database import PoseDatabase
-from toolkit.database.search import SEARCHES
+from toolkit.database.search import LeafSearch
+from toolkit.testing.searches import Open3DSearch, ScipySearch
 
 FRAMES, LABELINGS = 200, 12
 
@@ -59,12 +61,12 @@ def main() -> None:
     figures = []
     for kind, queries in frames(database, np.random.default_rng(0)).items():
         reference, _ = database.query(queries.reshape(-1, 15), options.neighbours)
-        for name, count in product(SEARCHES, (1, LABELINGS)):
-            seconds, distances = timed(database.with_search(name), queries[:, :count], options.neighbours)
+        for kind_of_search, count in product((LeafSearch, Open3DSearch, ScipySearch), (1, LABELINGS)):
+            seconds, distances = timed(replace(database, search=kind_of_search), queries[:, :count], options.neighbours)
             expected = reference.reshape(FRAMES, LABELINGS, -1)[:, :count]
             entry = {
                 "frames": kind,
-                "provider": name,
+                "provider": kind_of_search.__name__,
                 "labelings": count,
                 "median_ms": float(1000 * np.median(seconds)),
                 "worst_ms": float(1000 * np.max(seconds)),

@@ -15,7 +15,7 @@ import argparse
 import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -35,6 +35,7 @@ from toolkit.landmarks.extrema import Extrema
 from toolkit.recordings.opening import open_recording
 from toolkit.sensing.camera import Camera
 from toolkit.sensing.recording import Recording
+from toolkit.testing.searches import ScipySearch
 from toolkit.testing.subjects import write_recording
 from toolkit.tracking.follower import Follower
 from toolkit.tracking.observation import Observation, Observer
@@ -79,7 +80,7 @@ class PlainTracker(HybridTracker):
     """The hybrid tracker, from NumPy and SciPy alone; the body is learnt by the compiled code, the same for both."""
 
     def __init__(self, database: PoseDatabase, settings: HybridSettings | None = None) -> None:
-        super().__init__(database.with_search("scipy"), settings)
+        super().__init__(replace(database, search=ScipySearch), settings)
 
     def follower(self, camera: Camera, level_rotation: np.ndarray, body: Body | None = None) -> Follower:
         """See `Tracker.follower`."""

@@ -1,4 +1,4 @@
-"""Tracks before and after stabilising: `depthmocap bench stabilise [--split report] [--config hybrid] [--live]`.
+"""Tracks before and after stabilising: `depthmocap bench stabilise [--split report] [--config hybrid]`.
 
 Sequences of one actor's clips (`toolkit.testing.labelled.py`) are simulated, tracked, and stabilised with classes of
 the other actors. Mean error over joints and frames, of joints that the camera sees and of hidden ones, before, after
@@ -8,7 +8,6 @@ the first round and at the end; how well the labels are those performed.
 from __future__ import annotations
 
 import argparse
-import shutil
 import time
 from dataclasses import asdict, replace
 from pathlib import Path
@@ -21,7 +20,6 @@ from benchmarks._options import add_database_options, poses_of
 from benchmarks._record import save_figures
 from toolkit.evaluation.joints import NEAR, joint_errors, visible_joints
 from toolkit.pipeline import load_tracker, track_recording
-from toolkit.pipeline.class_guide import ClassGuide
 from toolkit.recordings.opening import open_recording
 from toolkit.retrieval.annotation.annotator import MotionClass
 from toolkit.retrieval.annotation.measures import Scores, frame_scores, label_frames, segment_scores
@@ -89,16 +87,6 @@ def tracked(
     return run, performed
 
 
-def tracked_live(source: Source, classes: list[MotionClass]) -> Track:
-    """The recording tracked anew, guided by the classes as `depthmocap track --priors` does."""
-    guide = ClassGuide(classes)
-    source.tracker.guide = guide
-    run = source.run.with_name(source.run.name + "_live")
-    shutil.rmtree(run, ignore_errors=True)
-    track_recording(source.recording, source.tracker, run, warm_up=False, watcher=guide)
-    return Track.load(run)
-
-
 class Measured(NamedTuple):
     """Of one sequence: its row, scores over segments and frames of its labels and of those of the true motions, frames
     (40,) that each feature's marks say something about, and the gaps of its first round."""
@@ -114,25 +102,21 @@ def measured(
     name: str, source: Source, performed: Performed, classes: list[MotionClass], settings: StabiliseSettings,
     options: argparse.Namespace,
 ) -> Measured:  # fmt: skip
-    """Stabilise a track, or track its recording anew with the classes as a guide, and compare it with the truth."""
+    """Stabilise a track, and compare it with the truth."""
     start = time.process_time()
     labels, gaps, marked = (NOTHING, NOTHING), {}, np.zeros(len(FEATURES), dtype=np.int64)
-    if options.live:
-        tracks = [source.track, tracked_live(source, classes)]
-        seconds = time.process_time() - start
-    else:
-        rounds = stabilise(source, classes, settings)
-        seconds = time.process_time() - start
-        best = best_round(rounds, settings)
-        tracks = [source.track, *(found.track for found in rounds[: rounds.index(best) + 1])]
-        for found in rounds:
-            marked += (found.priors != WILDCARD).sum(axis=1)
-        labels = labels_of(rounds[-1], performed, classes)
-        if options.pages:
-            (options.pages / name).mkdir(parents=True, exist_ok=True)
-            write_page(source, rounds, best, options.pages / name)
-        if options.gaps:
-            gaps = _gaps(source, rounds[0])
+    rounds = stabilise(source, classes, settings)
+    seconds = time.process_time() - start
+    best = best_round(rounds, settings)
+    tracks = [source.track, *(found.track for found in rounds[: rounds.index(best) + 1])]
+    for found in rounds:
+        marked += (found.priors != WILDCARD).sum(axis=1)
+    labels = labels_of(rounds[-1], performed, classes)
+    if options.pages:
+        (options.pages / name).mkdir(parents=True, exist_ok=True)
+        write_page(source, rounds, best, options.pages / name)
+    if options.gaps:
+        gaps = _gaps(source, rounds[0])
     truth, seen = np.asarray(source.recording.joints), visible(source.recording)
     own = [figures_of(track, truth, seen) for track in tracks]
     print(name, " | ".join(" ".join(f"{v:.2f}" if v <= 1 else f"{v:.1f}" for v in f) for f in own), flush=True)
@@ -150,7 +134,6 @@ def main() -> None:
     parser.add_argument("--config", default="hybrid", help="settings of the tracker")
     parser.add_argument("--sequences", nargs="*", help="names of some; all")
     parser.add_argument("--filler", action="store_true", help="other motions between the clips")
-    parser.add_argument("--live", action="store_true", help="classes guide the tracker while it runs instead")
     parser.add_argument("--without-marks", action="store_true", help="leave out the MT priors")
     parser.add_argument("--alternatives", type=int, default=1, help="2 tries the second cheapest class too")
     parser.add_argument("--gaps", action="store_true", help="every gap of the first round, and why its error is left")
@@ -171,10 +154,9 @@ def main() -> None:
             )
     rows = {name: found.row for name, found in done.items()}
     labels: dict[str, Any] = {}
-    if not options.live:
-        for words, kind in (("", "labels"), (", true motions", "true_labels")):
-            segments, frames = (sum((getattr(found, kind)[k] for found in done.values()), NOTHING) for k in (0, 1))
-            labels |= {f"F segments{words}": segments.f, f"F frames{words}": frames.f}
+    for words, kind in (("", "labels"), (", true motions", "true_labels")):
+        segments, frames = (sum((getattr(found, kind)[k] for found in done.values()), NOTHING) for k in (0, 1))
+        labels |= {f"F segments{words}": segments.f, f"F frames{words}": frames.f}
     marked = sum(found.marked for found in done.values())
     labels["frames marked by MT priors"] = {f"F{row + 1}": int(n) for row, n in enumerate(marked) if n}
     gaps = {"gaps": {name: found.gaps for name, found in done.items()}} if options.gaps else {}
@@ -186,7 +168,6 @@ def main() -> None:
         options.split,
         *([options.config] if options.config != "hybrid" else []),
         *["filler"] * options.filler,
-        *["live"] * options.live,
         *["without_marks"] * options.without_marks,
         *["gaps"] * options.gaps,
         *["alternatives"] * (options.alternatives > 1),

@@ -8,9 +8,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tests.database_helpers import small_database
-from toolkit.database.search import SEARCHES, make_search
-from toolkit.errors import DatabaseError, SettingsError
+from toolkit.database.search import LeafSearch, NearestNeighbours
+from toolkit.errors import DatabaseError
 from toolkit.kernels.cloud import nearest
+from toolkit.testing.searches import Open3DSearch, ScipySearch
 
 
 def brute_force(features: np.ndarray, queries: np.ndarray, used: np.ndarray) -> np.ndarray:
@@ -25,11 +26,11 @@ def brute_force(features: np.ndarray, queries: np.ndarray, used: np.ndarray) -> 
     k=st.integers(1, 12),
     partial=st.booleans(),
     grid=st.booleans(),
-    provider=st.sampled_from(sorted(SEARCHES)),
+    provider=st.sampled_from((LeafSearch, Open3DSearch, ScipySearch)),
 )
 @settings(max_examples=60, deadline=None)
 def test_neighbours_equal_brute_force_for_every_provider(
-    seed: int, count: int, k: int, partial: bool, grid: bool, provider: str
+    seed: int, count: int, k: int, partial: bool, grid: bool, provider: type[NearestNeighbours]
 ) -> None:
     rng = np.random.default_rng(seed)
     features = rng.normal(size=(count, 15)).astype(np.float32)
@@ -40,7 +41,7 @@ def test_neighbours_equal_brute_force_for_every_provider(
     present[~present.any(axis=1), 0] = True
     used = np.repeat(present, 3, axis=1)
     k = min(k, count)
-    distances, indices = make_search(provider, features).query(queries, k, used)
+    distances, indices = provider(features).query(queries, k, used)
     expected = brute_force(features, queries, used)
     np.testing.assert_allclose(distances, np.sort(expected, axis=1)[:, :k], rtol=1e-5, atol=1e-5)
     np.testing.assert_allclose(np.take_along_axis(expected, indices, axis=1), distances, rtol=1e-5, atol=1e-5)
@@ -50,7 +51,7 @@ def test_neighbours_equal_brute_force_for_every_provider(
 def test_of_equal_distances_the_compiled_search_names_the_lowest_index_first() -> None:
     features = np.zeros((900, 15), dtype=np.float32)
     used = np.ones((1, 15), dtype=bool)
-    _, indices = make_search("compiled", features).query(np.zeros((1, 15), np.float32), 6, used)
+    _, indices = LeafSearch(features).query(np.zeros((1, 15), np.float32), 6, used)
     np.testing.assert_array_equal(indices, [np.arange(6)])
 
 
@@ -99,11 +100,6 @@ def test_a_query_that_cannot_work_is_refused(
 ) -> None:
     with pytest.raises(DatabaseError, match=words):
         small_database().query(features, k, present)
-
-
-def test_an_unknown_provider_is_named_with_the_known_ones() -> None:
-    with pytest.raises(SettingsError, match="compiled, open3d, scipy"):
-        make_search("ann", np.zeros((1, 15)))
 
 
 @pytest.mark.parametrize("rows", [5, 1024, 2500])

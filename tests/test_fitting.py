@@ -53,7 +53,7 @@ def scene_of(body: Body, pose: np.ndarray, rotation: np.ndarray = HORIZONTAL, se
     cloud = cloud_of(body, pose, rotation)
     tips = body.end_effector_positions(pose)
     near = cKDTree(cloud.points).query(tips)[1]
-    return Scene(cloud, cloud.points[near].astype(np.float64), settings.cloud_samples, settings.search)
+    return Scene(cloud, cloud.points[near].astype(np.float64), settings.cloud_samples)
 
 
 def joint_error(body: Body, pose: np.ndarray, truth: np.ndarray) -> float:
@@ -161,15 +161,6 @@ def test_refining_a_disturbed_pose_brings_back_the_one_in_the_image(
     assert joint_error(body, start, truth) > 0.03
     assert joint_error(body, found, truth) < 0.01
     assert np.array_equal(start, before)
-
-
-def test_both_kinds_of_neighbour_search_lead_to_the_same_pose(body: Body, fit: Fit) -> None:
-    truth = standing()
-    start = perturbed(truth, 5)
-    reference = replace(SETTINGS, search="open3d")
-    assert fit.refine(start, scene_of(body, truth)) == pytest.approx(
-        fit.refine(start, scene_of(body, truth, settings=reference)), abs=1e-6
-    )
 
 
 def test_refinement_gives_the_same_bits_again(body: Body, fit: Fit) -> None:
@@ -333,20 +324,17 @@ def test_almost_empty_images_leave_everything_finite(body: Body, fit: Fit, point
     depth = np.zeros(CAMERA.shape, dtype=np.float32)
     depth.ravel()[np.linspace(10000, 12000, points).astype(int)] = 2.6
     cloud = Cloud.from_depth(depth, CAMERA, HORIZONTAL)
-    for search in ("pixels", "open3d") if points else ("pixels",):
-        scene = Scene(cloud, cloud.points.astype(np.float64), SETTINGS.cloud_samples, search)
-        found = fit.refine(standing(), scene)
-        compared = fit.compare(found, scene)
-        assert np.isfinite(found).all()
-        assert np.abs(found - standing()).max() < np.pi
-        if points:
-            assert 0.0 < compared.distance <= 3 * SETTINGS.unexplained
-        else:
-            assert found == pytest.approx(standing())
-            assert compared.distance == pytest.approx(SETTINGS.unexplained), (
-                "of every vertex that the camera should see"
-            )
-            assert (fit.confidence(compared) < 0.1).all()
+    scene = Scene(cloud, cloud.points.astype(np.float64), SETTINGS.cloud_samples)
+    found = fit.refine(standing(), scene)
+    compared = fit.compare(found, scene)
+    assert np.isfinite(found).all()
+    assert np.abs(found - standing()).max() < np.pi
+    if points:
+        assert 0.0 < compared.distance <= 3 * SETTINGS.unexplained
+    else:
+        assert found == pytest.approx(standing())
+        assert compared.distance == pytest.approx(SETTINGS.unexplained), "of every vertex that the camera should see"
+        assert (fit.confidence(compared) < 0.1).all()
 
 
 def test_a_body_behind_the_camera_or_beside_the_image_is_survived(body: Body, fit: Fit) -> None:
@@ -390,7 +378,7 @@ def test_the_learnt_body_comes_near_the_height_of_the_person(size: float) -> Non
     assert estimator.body is body
 
 
-@pytest.mark.parametrize("values", [{"iterations": 0}, {"neighbours": 0}, {"neighbours": 10}, {"search": "octree"}])
+@pytest.mark.parametrize("values", [{"iterations": 0}, {"neighbours": 0}, {"neighbours": 10}])
 def test_settings_out_of_range_are_named(values: dict[str, object]) -> None:
     with pytest.raises(SettingsError, match=str(next(iter(values.values())))):
         FittingSettings(**values)

@@ -15,7 +15,6 @@ from toolkit.body.body import BELOW, Body
 from toolkit.body.raycast import cast_body
 from toolkit.body.shape import load_body
 from toolkit.fitting.placed import NormalSystem, PlacedBody, Placer
-from toolkit.fitting.scene import Open3DNeighbours, PixelNeighbours
 from toolkit.kernels.fit import pairs, twists
 from toolkit.kernels.image import depth, raster
 from toolkit.kernels.image.pixel_search import longest_ray, nearest_pixels
@@ -194,7 +193,7 @@ def test_a_query_behind_the_camera_finds_nothing(z: float) -> None:
 
 
 @pytest.mark.parametrize("count", [1, 2, 3, 6, 9])
-def test_medians_of_the_nearest_points_are_those_of_open3d(body: Body, count: int) -> None:
+def test_medians_of_the_nearest_points_are_those_of_brute_force(body: Body, count: int) -> None:
     seen = placed(body, some_pose(1))
     rng = np.random.default_rng(count)
     clean = seen.drawn.depth
@@ -202,9 +201,8 @@ def test_medians_of_the_nearest_points_are_those_of_open3d(body: Body, count: in
     points, _ = back_projected(depth, seen.placer.intrinsics)
     queries = seen.chosen_points + rng.normal(0.0, 0.1, (len(seen.placer.chosen), 3))
     wanted = rng.random(len(queries)) < 0.8
-    ours, theirs, expected = (np.full_like(queries, 7.0) for _ in range(3))
-    PixelNeighbours(depth, seen.placer.intrinsics).medians(queries, wanted, 0.08, count, ours)
-    Open3DNeighbours(points).medians(queries, wanted, 0.08, count, theirs)
+    ours, expected = np.full_like(queries, 7.0), np.full_like(queries, 7.0)
+    pairs.nearest_medians(queries, wanted, depth, seen.placer.intrinsics, 0.08, count, ours)
     expected[:, 0] = np.nan
     for row in np.flatnonzero(wanted):
         distances = np.linalg.norm(points - queries[row], axis=1)
@@ -214,7 +212,6 @@ def test_medians_of_the_nearest_points_are_those_of_open3d(body: Body, count: in
             expected[row] = np.median(points[nearest], axis=0)
     assert 50 < np.isnan(expected[:, 0]).sum() < len(queries) - 50
     assert ours == pytest.approx(expected, abs=1e-9, nan_ok=True)
-    assert theirs == pytest.approx(expected, abs=1e-9, nan_ok=True)
 
 
 @pytest.mark.parametrize(

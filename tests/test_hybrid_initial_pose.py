@@ -53,7 +53,7 @@ def observed(pose: np.ndarray) -> Observation:
     """A frame of somebody in a pose, without legs."""
     depth = np.empty(CAMERA.shape)
     kernel.draw(pose, BODIES.of(BODY).whole, np.array(CAMERA.intrinsics), depth)
-    observer = Observer(LandmarkSettings(smallest_component=5), 20, 400, "pixels", None, 0)
+    observer = Observer(LandmarkSettings(smallest_component=5), 20, 400, None, 0)
     state = PersonState.begin(BODY, sized=True, seed=0)
     return Observation(observer, Cloud.from_depth(depth.astype(np.float32), CAMERA, LEVEL), 0.0, state)
 

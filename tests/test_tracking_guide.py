@@ -155,4 +155,4 @@ def test_sensors_and_calibration_go_together(tmp_path):
     with pytest.raises(UsageError, match="belong to one recording"):
         both = Guiding(inertial=tmp_path / "s.npz", calibration=tmp_path / "c.json")
         both.evidence([tmp_path / "a.npz", tmp_path / "b.npz"])
-    assert Guiding().evidence([tmp_path / "take.npz"]) == (None, None, "", "")
+    assert Guiding().evidence([tmp_path / "take.npz"]) == (None, None, "")

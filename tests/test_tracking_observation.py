@@ -23,7 +23,7 @@ from toolkit.tracking import observation as room
 from toolkit.tracking.observation import VIEW_TIME, Observation, Observer
 from toolkit.tracking.state import FIRST_STEP, PersonState, Previous
 
-OBSERVER = Observer(LandmarkSettings(), 20, 100, "pixels", None, 100)
+OBSERVER = Observer(LandmarkSettings(), 20, 100, None, 100)
 CENTRE = np.array([0.0, 0.1, -3.0])
 
 

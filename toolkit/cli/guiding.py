@@ -19,12 +19,11 @@ EVENTS = "Live labels"
 
 
 class Evidence(NamedTuple):
-    """What the options come to: guide and watcher, if any, and the digests of the files behind the guide."""
+    """What the options come to: guide and watcher, if any, and the digest of the file behind the guide."""
 
     guide: Guide | None = None
     watcher: RowWatcher | None = None
     sensors_sha256: str = ""
-    classes_sha256: str = ""
 
 
 @dataclass(frozen=True)
@@ -34,9 +33,6 @@ class Guiding:
     classes: Annotated[
         Path | None, typer.Option(help="Class file of `depthmocap annotate --templates`.", rich_help_panel=EVENTS)
     ] = None
-    priors: Annotated[
-        bool, typer.Option("--priors", help="Let the classes tell what hidden limbs do.", rich_help_panel=EVENTS)
-    ] = False
     queries: Annotated[
         Path | None, typer.Option(help="Keyframe queries of `depthmocap learn`.", rich_help_panel=EVENTS)
     ] = None
@@ -63,11 +59,7 @@ class Guiding:
         """
         watcher = self._watcher(recordings)
         guide, sensors_sha256 = self._sensors(recordings)
-        if not self.priors:
-            return Evidence(guide, watcher, sensors_sha256)
-        if guide is not None:
-            raise UsageError("classes and inertial sensors do not guide one tracker together; give one of them")
-        return self._classes(recordings, watcher)
+        return Evidence(guide, watcher, sensors_sha256)
 
     def _watcher(self, recordings: list[Path]) -> RowWatcher | None:
         """What tells events, if any are wanted."""
@@ -82,19 +74,6 @@ class Guiding:
 
         wanted = load_queries(self.queries) if self.queries else ()
         return EventStream(load_classes(self.classes), wanted, self.events, OnlineSettings(early=self.early))
-
-    def _classes(self, recordings: list[Path], watcher: RowWatcher | None) -> Evidence:
-        """The guide of the classes, which is told every row beside what tells events."""
-        if self.classes is None or len(recordings) != 1:
-            raise UsageError("--priors tells the limbs of one person in one recording; name it, and --classes")
-        from toolkit.files import sha256_of
-        from toolkit.pipeline.class_guide import ClassGuide
-        from toolkit.pipeline.rows import Watchers
-        from toolkit.retrieval.annotation.classes import load_classes
-
-        guide = ClassGuide(load_classes(self.classes))
-        told = guide if watcher is None else Watchers(guide, watcher)
-        return Evidence(guide, told, classes_sha256=sha256_of(self.classes))
 
     def _sensors(self, recordings: list[Path]) -> tuple[Guide | None, str]:
         """The guide of the sensors, if there are any, and the digest of their file."""

@@ -165,7 +165,6 @@ def _track_each(
             settings_file=tracking.config if is_file(tracking.config) else None,
             progress=bars.of_recording,
             sensors_sha256=evidence.sensors_sha256,
-            classes_sha256=evidence.classes_sha256,
             watcher=evidence.watcher,
             body_sha256=sha256_of(tracking.body) if tracking.body else "",
             **how,
@@ -185,8 +184,8 @@ def _track_batch(
     from toolkit.cli.terminal import progress_bars
     from toolkit.pipeline import TrackerRecipe, track_many
 
-    if guiding.evidence(recordings) != (None, None, "", ""):
-        raise UsageError("sensors, events and priors belong to one recording; leave --workers and --retry-failed out")
+    if guiding.evidence(recordings) != (None, None, ""):
+        raise UsageError("sensors and events belong to one recording; leave --workers and --retry-failed out")
     with progress_bars() as bars:
         recipe = TrackerRecipe(
             tracking.config, tracking.overrides(), tracking.poses(bars), tracking.max_poses, tracking.body

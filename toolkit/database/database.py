@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
 from pathlib import Path
@@ -18,7 +18,7 @@ from toolkit.body.shape import ShapeSpace
 from toolkit.database.canonical import feature_vectors, place, torso_length
 from toolkit.database.origin import observed_offsets
 from toolkit.database.prior import PosePrior
-from toolkit.database.search import DEFAULT_SEARCH, FEATURE_SIZE, NearestNeighbours, make_search
+from toolkit.database.search import FEATURE_SIZE, LeafSearch, NearestNeighbours
 from toolkit.errors import DatabaseError
 from toolkit.files import is_file, parse_json
 from toolkit.landmarks.regressor import JointRegressor
@@ -49,7 +49,7 @@ class PoseDatabase:
     notes : JSON-able facts about how it was built (poses read, files skipped, residual of the offsets, settings)
     regressor : the joint regressor trained on these poses, or None
     prior : the pose prior given the situation, learnt from these poses; None in files from before there was one
-    search : provider of the nearest neighbours, see `search.SEARCHES`
+    search : what finds the nearest neighbours of features (N, 15)
     """
 
     poses: np.ndarray
@@ -69,7 +69,7 @@ class PoseDatabase:
     notes: dict[str, Any] = field(default_factory=dict)
     regressor: JointRegressor | None = None
     prior: PosePrior | None = None
-    search: str = DEFAULT_SEARCH
+    search: Callable[[np.ndarray], NearestNeighbours] = LeafSearch
 
     def __post_init__(self) -> None:
         check_columns(vars(self), _columns(len(self.sources)), DatabaseError, "the pose database", REBUILD)
@@ -130,7 +130,7 @@ class PoseDatabase:
 
     @cached_property
     def _search(self) -> NearestNeighbours:
-        return make_search(self.search, self.features)
+        return self.search(self.features)
 
     def query(self, features: np.ndarray, k: int, present: np.ndarray | None = None) -> tuple[np.ndarray, np.ndarray]:
         """The `k` poses whose features are nearest to each query, nearest first.
@@ -199,10 +199,6 @@ class PoseDatabase:
         names = ("poses", "joints", "features", "offsets", "pose_source", "pose_frame", "mirrored")
         return replace(self, **{name: getattr(self, name)[:count] for name in names})
 
-    def with_search(self, name: str) -> PoseDatabase:
-        """The same database searched by another provider, see `search.SEARCHES`."""
-        return replace(self, search=name)
-
     def save(self, path: str | Path) -> None:
         """Write one NPZ file, whole or not at all. Joints and features follow from poses and body and are left out.
 
@@ -226,7 +222,7 @@ class PoseDatabase:
         save_archive(path, {**arrays, **_identity()})
 
     @staticmethod
-    def load(path: str | Path, search: str = DEFAULT_SEARCH) -> PoseDatabase:
+    def load(path: str | Path) -> PoseDatabase:
         """Read a database file.
 
         Raises
@@ -251,7 +247,9 @@ class PoseDatabase:
             joints=np.zeros((len(poses), len(skeleton.REPORTED), 3), dtype=np.float32),
             features=np.zeros((len(poses), FEATURE_SIZE), dtype=np.float32),
             offsets=stored["offsets"].astype(np.float32),
-            **{name: stored[name] for name in ("pose_source", "pose_frame", "mirrored")},
+            pose_source=stored["pose_source"],
+            pose_frame=stored["pose_frame"],
+            mirrored=stored["mirrored"],
             sources=tuple(stored["sources"].tolist()),
             hashes=tuple(stored["hashes"].tolist()),
             threshold=float(stored["threshold"]),
@@ -262,7 +260,6 @@ class PoseDatabase:
             notes=parse_json(str(stored["notes"]), f"notes of {file}", DatabaseError, REBUILD),
             regressor=_stored_regressor(stored),
             prior=_stored_prior(stored),
-            search=search,
         ).for_body(body)
 
 

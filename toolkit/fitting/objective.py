@@ -112,7 +112,7 @@ class Objective:
             return WORSE
         visible, points = visible_chosen(placed, scene, s.facing, s.hidden_tolerance, s.vertices), placed.chosen_points
         nearest, gaps = np.full(points.shape, np.nan), np.empty(len(points))
-        scene.neighbours.medians(points, visible, s.unexplained, 1, nearest)
+        scene.medians(points, visible, s.unexplained, 1, nearest)
         distance += pairs.vertex_gaps(points, nearest, visible, s.unexplained, gaps)
         if distance > bound:
             return WORSE

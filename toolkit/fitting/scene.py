@@ -1,9 +1,8 @@
-"""What one frame offers to a fit: the measured depth, samples of its points, and nearest-neighbour search."""
+"""What one frame offers to a fit: the measured depth, samples of its points, and its points nearest to others."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Protocol
 
 import numpy as np
 
@@ -12,47 +11,6 @@ from toolkit.fitting.priors import PoseTerm
 from toolkit.kernels import linear
 from toolkit.kernels.fit import pairs
 from toolkit.sensing.cloud import Cloud, marked
-
-
-class Neighbours(Protocol):
-    """Where mesh points find their measured counterparts (Baak 2013, 5.4.1)."""
-
-    def medians(self, points: np.ndarray, wanted: np.ndarray, reach: float, count: int, out: np.ndarray) -> None:
-        """Fill `out` (C, 3) with the median of the `count` measured points nearest to each of `points` (C, 3).
-
-        Camera frame, metres. Rows that are not `wanted` (C,) or have nothing within `reach` become NaN in column 0.
-        """
-
-
-class PixelNeighbours:
-    """Exact search on the pixel grid: no tree is built (`toolkit.kernels.image.pixel_search`)."""
-
-    def __init__(self, depth: np.ndarray, intrinsics: np.ndarray) -> None:
-        self._depth = depth
-        self._intrinsics = intrinsics
-
-    def medians(self, points: np.ndarray, wanted: np.ndarray, reach: float, count: int, out: np.ndarray) -> None:
-        """See `Neighbours.medians`."""
-        pairs.nearest_medians(points, wanted, self._depth, self._intrinsics, reach, count, out)
-
-
-class Open3DNeighbours:
-    """The reference: Open3D's nearest-neighbour search over the measured points, camera frame."""
-
-    def __init__(self, points_camera: np.ndarray) -> None:
-        import open3d as o3d
-
-        self._points = np.ascontiguousarray(points_camera, dtype=np.float64)
-        cloud = o3d.geometry.PointCloud(o3d.utility.Vector3dVector(self._points))
-        self._tree = o3d.geometry.KDTreeFlann(cloud)
-
-    def medians(self, points: np.ndarray, wanted: np.ndarray, reach: float, count: int, out: np.ndarray) -> None:
-        """See `Neighbours.medians`."""
-        out[:, 0] = np.nan
-        for row in np.flatnonzero(wanted):
-            found, nearest, _ = self._tree.search_hybrid_vector_3d(points[row], reach, count)
-            if found:
-                out[row] = np.median(self._points[np.asarray(nearest)], axis=0)
 
 
 class Scene:
@@ -66,7 +24,6 @@ class Scene:
     samples : float64 (N, 3), camera frame: every n-th measured point in scan order, then the geodesic extrema
     extrema : float64 (E, 3), camera frame: the geodesic extrema (`E_I^20`)
     cut : bool (E,), extrema that lie where the border or an occluder cuts the person: no limbs
-    neighbours : search among the measured points
     evidence, priors : what is known of the frame besides its depth: of the placed body, and of the pose
     withheld : bool (18,), joints whose links are known to be out of view: no measured point is theirs; None for none
     """
@@ -76,7 +33,6 @@ class Scene:
         cloud: Cloud,
         extrema_level: np.ndarray,
         samples: int,
-        neighbours: str = "pixels",
         evidence: Sequence[Evidence] = (),
         *,
         priors: Sequence[PoseTerm] = (),
@@ -95,12 +51,15 @@ class Scene:
         self.samples = np.ascontiguousarray(
             np.concatenate([linear.rotated(cloud.points.take(rows, axis=0), cloud.rotation), self.extrema])
         )
-        self.neighbours: Neighbours = (
-            PixelNeighbours(self.depth, self.intrinsics)
-            if neighbours == "pixels"
-            else Open3DNeighbours(cloud.points_camera)
-        )
         self._weights: dict[float, np.ndarray] = {}
+
+    def medians(self, points: np.ndarray, wanted: np.ndarray, reach: float, count: int, out: np.ndarray) -> None:
+        """Fill `out` (C, 3) with the median of the `count` measured points nearest to each of `points` (C, 3).
+
+        Camera frame, metres. Rows that are not `wanted` (C,) or have nothing within `reach` become NaN in column 0. The
+        search is exact and runs on the pixel grid: no tree is built (`toolkit.kernels.image.pixel_search`).
+        """
+        pairs.nearest_medians(points, wanted, self.depth, self.intrinsics, reach, count, out)
 
     def weights(self, extremum: float) -> np.ndarray:
         """How much each sample counts, float64 (N,): `extremum` for a geodesic extremum that may be a limb, else 1."""

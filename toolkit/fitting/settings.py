@@ -38,7 +38,6 @@ class FittingSettings:
     angle_damping, root_damping : of the angles, and of the root, which has to follow the whole body at once
     converged : radians and metres; when no entry of a step is larger, what is left is below 2 mm. With 0.002 no frame
         is better and most are slower
-    search : "pixels", or "open3d", which is the reference and finds the same points
     """
 
     iterations: int = 5
@@ -60,12 +59,9 @@ class FittingSettings:
     angle_damping: float = 1.0
     root_damping: float = 0.1
     converged: float = 0.01
-    search: str = "pixels"
 
     def __post_init__(self) -> None:
         if self.iterations < 1 or not 1 <= self.neighbours <= 9:
             raise SettingsError(
                 f"fitting needs at least 1 iteration and 1 to 9 neighbours, not {self.iterations} and {self.neighbours}"
             )
-        if self.search not in ("pixels", "open3d"):
-            raise SettingsError(f"fitting.search is 'pixels' or 'open3d', not {self.search!r}")

@@ -58,7 +58,7 @@ class SurfaceTerm:
         visible = visible_chosen(placed, scene, self.facing, self.tolerance, self.vertices)
         points = placed.chosen_points
         targets = np.empty_like(points)
-        scene.neighbours.medians(points, visible, self.reach, self.neighbours, targets)
+        scene.medians(points, visible, self.reach, self.neighbours, targets)
         return targets
 
     def pairs(self, placed: PlacedBody, scene: Scene) -> Pairs:

@@ -24,7 +24,6 @@ from toolkit.tracking.protocol import Wanted
 from toolkit.tracking.registry import Registration, register
 from toolkit.tracking.search.arms import ArmSearch
 from toolkit.tracking.search.extrema import ExtremaQuery
-from toolkit.tracking.search.guided import GuidedSearch
 from toolkit.tracking.search.local import LocalSearch
 from toolkit.tracking.search.lookup import DatabaseLookup, LookupBudget, Query
 from toolkit.tracking.search.protocol import Search
@@ -72,10 +71,9 @@ class HybridTracker(SearchingTracker):
 
     @property
     def _more(self) -> tuple[str, ...]:
-        """Searches that not every hybrid tracker has: head and hands, the swarm, and a guide that proposes poses."""
+        """Searches that not every hybrid tracker has: head and hands, and the swarm."""
         head_hands = ("head_hands",) if "head_hands" in self.settings.hypotheses else ()
-        guided = ("guided",) if self.guide.proposes else ()
-        return (*head_hands, *self._swarm, *guided)
+        return (*head_hands, *self._swarm)
 
     @property
     def joints_wanted(self) -> Wanted:
@@ -100,8 +98,6 @@ class HybridTracker(SearchingTracker):
         if self._swarm:
             parts = settings.search, settings.swarm, settings.discrepancy
             members.append(SwarmSearch(*parts, objective, refiner, first_only=True))
-        if self.guide.proposes:
-            members.append(GuidedSearch(self.guide, objective, refiner, settings.arms))
         return tuple(members)
 
     def verifier(self, objective: Objective, refiner: Refiner) -> InitialPoseVerifier | None:
@@ -125,7 +121,7 @@ class HybridTracker(SearchingTracker):
         """How this tracker looks at sightings."""
         s = self.settings
         return Observer(
-            s.landmarks, s.extrema, s.fitting.cloud_samples, s.fitting.search, self._regressor, s.vote_samples,
+            s.landmarks, s.extrema, s.fitting.cloud_samples, self._regressor, s.vote_samples,
             self.guide, s.vote_pull, body=s.body,
         )  # fmt: skip
 

@@ -62,7 +62,7 @@ class UpperSighting:
 
     def scene(self, effectors: Effectors, settings: FittingSettings) -> Scene:
         """For the local optimisation."""
-        return Scene(self.cloud, effectors.points, settings.cloud_samples, settings.search, unobserved=self.unobserved)
+        return Scene(self.cloud, effectors.points, settings.cloud_samples, unobserved=self.unobserved)
 
 
 class UpperViewer:

@@ -24,25 +24,3 @@ class RowWatcher(Protocol):
     def end(self) -> None:
         """No more rows come."""
         ...
-
-
-class Watchers:
-    """Several watchers of one run, told one after the other."""
-
-    def __init__(self, *members: RowWatcher) -> None:
-        self._members = members
-
-    def begin(self, frame_rate: float, body: Body | None, past: np.ndarray) -> None:
-        """See `RowWatcher.begin`."""
-        for member in self._members:
-            member.begin(frame_rate, body, past)
-
-    def row(self, result: FrameResult, timestamp: float, body: Body) -> None:
-        """See `RowWatcher.row`."""
-        for member in self._members:
-            member.row(result, timestamp, body)
-
-    def end(self) -> None:
-        """See `RowWatcher.end`."""
-        for member in self._members:
-            member.end()

@@ -114,7 +114,7 @@ class SwarmTracker(SearchingTracker):
     def observer(self) -> Observer:
         """See `SearchingTracker.observer`."""
         s = self.settings
-        return Observer(s.landmarks, s.extrema, s.fitting.cloud_samples, s.fitting.search, None, 0)
+        return Observer(s.landmarks, s.extrema, s.fitting.cloud_samples, None, 0)
 
 
 register(

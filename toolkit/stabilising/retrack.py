@@ -11,7 +11,6 @@ import numpy as np
 from toolkit.fitting.priors import GaussianPrior, LimbPrior, PoseTerm, ResidualTerm
 from toolkit.people.lone import LonePerson
 from toolkit.progress import Count
-from toolkit.retrieval.annotation.class_motion import ANGLES
 from toolkit.retrieval.priors.limbs import OUTER
 from toolkit.stabilising.marked import contradiction
 from toolkit.stabilising.settings import StabiliseSettings
@@ -67,19 +66,6 @@ class GapGuide(NoGuide):
     def contradicts(self, timestamp: float, pose: np.ndarray) -> float:
         """Metres that a pose (P,) is farther from the frame than it looks, for what is marked of hidden limbs."""
         return contradiction(self._marked.get(timestamp, ()), pose, self._marks)
-
-    def poses(self, timestamp: float, pose: np.ndarray) -> Sequence[np.ndarray]:
-        """See `Guide.poses`: each hidden limb as it is expected, or the whole pose."""
-        found = []
-        if timestamp in self._whole:
-            moved = pose.copy()
-            moved[ANGLES] = self._whole[timestamp].mean[ANGLES]
-            return [moved]
-        for prior in self._priors.get(timestamp, []):
-            moved = pose.copy()
-            moved[prior.entries] = prior.mean
-            found.append(moved)
-        return found
 
 
 class Retracked(NamedTuple):

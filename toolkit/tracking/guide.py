@@ -21,14 +21,7 @@ TWISTLESS = ("elbow", "wrist")
 
 
 class Guide(Protocol):
-    """What is known about every frame.
-
-    Attributes
-    ----------
-    proposes : whether it ever proposes poses
-    """
-
-    proposes: bool
+    """What is known about every frame."""
 
     def evidence(self, timestamp: float, level_rotation: np.ndarray) -> Sequence[Evidence]:
         """What is known at `timestamp` seconds of the placed body; `level_rotation` is R_level_camera, (3, 3)."""
@@ -38,15 +31,9 @@ class Guide(Protocol):
         """What is known at `timestamp` seconds of the pose."""
         ...
 
-    def poses(self, timestamp: float, pose: np.ndarray) -> Sequence[np.ndarray]:
-        """Poses (P,) that may be tried beside the best one found so far, `pose` (P,), level frame."""
-        ...
-
 
 class NoGuide:
     """Nothing is known but the depth. Guides that know some things only extend it."""
-
-    proposes = False
 
     def evidence(self, timestamp: float, level_rotation: np.ndarray) -> Sequence[Evidence]:
         """See `Guide.evidence`."""
@@ -54,10 +41,6 @@ class NoGuide:
 
     def priors(self, timestamp: float) -> Sequence[PoseTerm]:
         """See `Guide.priors`."""
-        return ()
-
-    def poses(self, timestamp: float, pose: np.ndarray) -> Sequence[np.ndarray]:
-        """See `Guide.poses`."""
         return ()
 
 

@@ -40,7 +40,7 @@ class Observer:
     ----------
     landmarks : of the graph, the centre and the facing
     extrema : how many geodesic extrema
-    samples, search : of the scene, see `Scene`
+    samples : measured points of the scene, see `Scene`
     forest, vote_samples : the joint regressor, None for no votes, and how many pixels vote
     guide : what is known besides the depth
     vote_pull : weight of a joint that the votes are sure of against one correspondence, where it is not known yet how
@@ -53,7 +53,6 @@ class Observer:
     landmarks: LandmarkSettings
     extrema: int
     samples: int
-    search: str
     regressor: JointRegressor | None
     vote_samples: int
     guide: Guide = field(default_factory=NoGuide)
@@ -229,7 +228,6 @@ class Observation:
             self.cloud,
             self.extrema.points.astype(np.float64),
             observer.samples,
-            observer.search,
             self.evidence,
             priors=observer.guide.priors(self.timestamp),
             unobserved=self.unobserved,
