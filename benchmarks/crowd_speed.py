@@ -30,7 +30,7 @@ from toolkit.config import parse_overrides
 from toolkit.database.database import PoseDatabase
 from toolkit.hybrid.tracker import HybridTracker
 from toolkit.people.survey import find_people
-from toolkit.people.visibility import unobserved_pixels
+from toolkit.people.visibility import hole_sizes, unobserved_pixels
 from toolkit.recordings.opening import open_recording
 from toolkit.recordings.writer import save_recording
 from toolkit.sensing.camera import Camera
@@ -136,7 +136,7 @@ def of_unobserved(database: PoseDatabase, options: argparse.Namespace, folder: P
     finding = []
     for own, whole in zip(person, depth, strict=True):
         start = perf_counter()
-        unobserved_pixels(whole, own, cut_out=False)
+        unobserved_pixels(whole, own, hole_sizes(whole), cut_out=False)
         finding.append(1000 * (perf_counter() - start))
     return {
         "frames": times.shape[1], "with_ms": float(with_), "without_ms": float(without),

@@ -192,13 +192,14 @@ def test_the_quantile_of_an_image_is_numpy_s_of_every_nth_depth(samples):
     assert kernels.depth_quantile(np.zeros((3, 4), np.float32), samples, 0.5) == 0.0
 
 
-@pytest.mark.parametrize("missing", [False, True])
-def test_hidden_is_what_something_nearer_or_nothing_was_measured_before(missing):
+@pytest.mark.parametrize("largest", [0, 3, 10**6])
+def test_hidden_is_what_something_nearer_or_nothing_was_measured_before(largest):
     (scene, _), (own, _) = blobs(5), blobs(6)
     own = own.astype(np.float32)
+    holes = np.where(scene == 0, np.random.default_rng(0).integers(1, 7, scene.shape), 0).astype(np.int32)
     out = np.empty(scene.shape, dtype=np.bool_)
-    count = kernels.hidden_pixels(scene, own, 2100.0, missing, out)
-    expected = np.where(scene == 0, missing, scene < 2100.0) & ~(own > 0)
+    count = kernels.hidden_pixels(scene, own, 2100.0, holes, largest, out)
+    expected = np.where(scene == 0, holes <= largest, scene < 2100.0) & ~(own > 0)
     assert np.array_equal(out, expected) and count == expected.sum() > 0
 
 

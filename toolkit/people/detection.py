@@ -30,7 +30,7 @@ HEAD_BAND, CHEST_BAND = (-0.06, 0.06), (-0.42, -0.28)  # m above the head's cent
 HEAD_WIDTH = (0.09, 0.36)  # m: a child's from the side to a hooded adult's
 CHEST_WIDTH = (0.2, 0.95)  # m: a slim person's from the side to an adult's with the elbows out
 NARROWING = 1.1  # of the chest's width that the head may have: as wide, with hair, for a slim person from the side
-RUN_GAP = 0.06  # m between the pixels of one band: a hand beside the head belongs to another run
+RUN_GAP, RUN_STEP = 0.06, 0.2  # m across and in depth between the pixels of one run: a hand beside the head is another
 PLANAR = 0.8  # of a surface in one plane; people have 0.3 to 0.7, doors and cupboards 0.85 to 1
 OPEN = 0.7  # of the outline of head and chest, to the left and right, behind which the scene lies farther back
 OPEN_STEP = 0.06  # m by which it does
@@ -128,20 +128,35 @@ def share_out(
 
 def looks_like_person(view: View, lens: Lens, mask: np.ndarray, head: np.ndarray, settings: PeopleSettings) -> bool:
     """Whether a surface has a head that is narrower than the chest below it, and is not flat."""
-    points = view.points[mask].astype(np.float64) - head
-    points = points[np.abs(points[:, 2]) < settings.reach / 2]
-    shaped = any(_head_on_chest(points / scale, scale) for _, scale, _ in TEMPLATES)
+    shaped = any(_head_on_chest(view, mask, head, scale) for _, scale, _ in TEMPLATES)
     return shaped and _open_outline(view, mask, head) >= OPEN and planar_share(view, lens, mask, settings) < PLANAR
 
 
-def _head_on_chest(points: np.ndarray, scale: float) -> bool:
-    """Whether points around a head's centre (N, 3), divided by a body's `scale`, are narrow above a wide chest."""
-    head, chest = (
-        _run_width(np.sort(points[(points[:, 1] > low) & (points[:, 1] < high), 0]), RUN_GAP / scale)
-        for low, high in (HEAD_BAND, CHEST_BAND)
-    )
-    fits = HEAD_WIDTH[0] <= head <= HEAD_WIDTH[1] and CHEST_WIDTH[0] <= chest <= CHEST_WIDTH[1]
-    return fits and head <= NARROWING * chest
+def _head_on_chest(view: View, mask: np.ndarray, head: np.ndarray, scale: float) -> bool:
+    """Whether a surface is narrow around a head's centre (3,) and wide below it, for a body of a `scale`."""
+    across_head = float(np.median(_run_widths(view, mask, head, HEAD_BAND, scale)))
+    across_chest = float(np.max(_run_widths(view, mask, head, CHEST_BAND, scale)))
+    fits = HEAD_WIDTH[0] <= across_head <= HEAD_WIDTH[1] and CHEST_WIDTH[0] <= across_chest <= CHEST_WIDTH[1]
+    return fits and across_head <= NARROWING * across_chest
+
+
+def _run_widths(view: View, mask: np.ndarray, head: np.ndarray, band: tuple[float, float], scale: float) -> list[float]:
+    """Metres across a surface, divided by `scale`, in every row of the image between two heights above a head's centre.
+
+    In each row it is the run that is nearest below the head, and ends where nothing is or where depth jumps: a hand
+    beside or before the head is another run.
+    """
+    above = view.points[..., 1] - head[1]
+    within = mask & (above > scale * band[0]) & (above < scale * band[1])
+    widths = [0.0]
+    for v in np.flatnonzero(within.any(axis=1)):
+        u = np.flatnonzero(within[v])
+        x, z = view.points[v, u, 0] - head[0], view.depth[v, u]
+        breaks = np.flatnonzero((np.diff(x) > RUN_GAP) | (np.abs(np.diff(z)) > RUN_STEP))
+        starts, ends = np.concatenate([[0], breaks + 1]), np.concatenate([breaks, [len(u) - 1]])
+        run = int(np.searchsorted(ends, int(np.abs(x).argmin())))
+        widths.append(float(x[ends[run]] - x[starts[run]]) / scale)
+    return widths[1:] or widths
 
 
 def _open_outline(view: View, mask: np.ndarray, head: np.ndarray) -> float:
@@ -160,16 +175,6 @@ def _open_outline(view: View, mask: np.ndarray, head: np.ndarray) -> float:
         ends += int(np.count_nonzero(edge & ((beside == 0) | (beside > view.depth + OPEN_STEP))))
 
     return ends / max(total, 1)
-
-
-def _run_width(across: np.ndarray, gap: float) -> float:
-    """Width of the run of sorted values, without gaps wider than `gap`, that holds the one nearest to 0."""
-    if len(across) < 3:
-        return 0.0
-    breaks = np.flatnonzero(np.diff(across) > gap)
-    starts, ends = np.concatenate([[0], breaks + 1]), np.concatenate([breaks, [len(across) - 1]])
-    run = int(np.searchsorted(ends, int(np.abs(across).argmin())))
-    return float(across[ends[run]] - across[starts[run]])
 
 
 def planar_share(view: View, lens: Lens, mask: np.ndarray, settings: PeopleSettings) -> float:

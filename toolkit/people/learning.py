@@ -1,53 +1,80 @@
 """A room learnt from frames with people in it, without a frame in which it is empty.
 
 A pixel's background is the farthest depth that lasts. That alone would make background of the torso of somebody who
-stays in place; so what is a person in the single frames is left out. A person is what has a person's shape and moves;
-what has that shape and never moves is furniture.
+stays in place; so the people among what has a head there are left out (`toolkit.people.hypothesis`).
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
 from toolkit.people.detection import near_head
+from toolkit.people.hypothesis import Glimpse, PersonJudge, judged_head, log_odds
 from toolkit.people.settings import PeopleSettings
 from toolkit.people.stills import people_and_furniture
 from toolkit.people.structure import Plane, find_planes, on_planes
-from toolkit.people.surroundings import Surroundings, first_look, tolerances
+from toolkit.people.surroundings import Surroundings, room_of, tolerances
 from toolkit.people.view import Lens
 
 FEWEST = 8  # frames from which anything is learnt; fewer show what stands there, not what stays
 LASTING = 0.15  # of the samples, and at least 2, in which the room behind somebody must be seen
-SOMEBODY = 0.1  # of the samples at the background's depth: so many are a person, and the room there is not known
-ALIVE = 0.02  # of a person's pixels that move at some time: a hand
+MOSTLY = 0.5  # of the samples at the background's depth: if so many are a person, the room there is not known
+OFTEN = 0.12  # of the samples in which a pixel differs that moves: whoever walks by before it does so in fewer
 CLOSE_BY = 0.4  # m in depth, between one surface of a person and another that moves into its place
-HEAD_MOVED = 0.5  # of the pixels of what may be a head: it moved there, whatever the shape below it
+SAME_PLACE = 0.2  # m between the heads of one figure
+HEAD_MOVED = 0.5  # of the pixels of what may be a head: it moved there
+FIGURE = 0.5  # of the samples in which a thing that never moves has a person's shape, to be called a figure
 STILL = 0.98  # of the samples in which a pixel shows the same depth where nothing moves
 NOISE = 3.0  # standard deviations of a pixel that stands before the room
 MOST_NOISE = 0.3  # m that a pixel's noise may widen the margin
 
 
-def learnt(frames: Sequence[np.ndarray], lens: Lens, settings: PeopleSettings) -> Surroundings:
+@dataclass(frozen=True, eq=False)
+class Seen:
+    """Something with a head in one of the samples.
+
+    Attributes
+    ----------
+    frame : number of the sample
+    place : float64 (3,), the middle of the head, level frame, metres
+    own : bool (h, w), what hangs on the head
+    glimpse : what it speaks for
+    """
+
+    frame: int
+    place: np.ndarray
+    own: np.ndarray
+    glimpse: Glimpse
+
+
+def learnt(frames: Sequence[np.ndarray], lens: Lens, settings: PeopleSettings, judge: PersonJudge) -> Surroundings:
     """Surroundings from coarse frames float32 (h, w), metres, of one room, spread over time; at least one."""
     if len(frames) < FEWEST:
-        return first_look(frames[0], lens, settings)
+        return room_of(frames[0], lens, settings)
     stack = np.stack(frames)
     rough = farthest_lasting(stack, LASTING, lens, settings)
     margin, _ = _margins(stack, rough, lens, settings)
     moved = np.stack([_opened((depth > 0) & (rough - depth > margin)) for depth in stack])
     tolerance = tolerances(rough, lens, settings)
     planes = find_planes(rough, lens.rays, tolerance, settings.plane_area, settings.plane_side)
-    found = [_people_of(k, stack, moved, margin, planes, lens, settings) for k in range(len(stack))]
-    people = np.stack([mask for mask, _ in found])
+    seen = [s for k in range(len(stack)) for s in _seen(k, stack, moved, margin, planes, lens, settings, judge)]
+    people, figures = np.zeros(stack.shape, dtype=np.bool_), 0
+    for figure in _figures(seen):
+        glimpses = [s.glimpse for s in figure]
+        if log_odds(glimpses, len(stack)) > 0 or np.mean([g.moved for g in glimpses]) > HEAD_MOVED:
+            for s in figure:
+                people[s.frame] |= s.own
+        else:
+            figures += sum(g.shaped for g in glimpses) > FIGURE * len(stack)
     background = farthest_lasting(np.where(people, np.float32(0), stack), 0.0, lens, settings)
     margin, near = _margins(stack, background, lens, settings)
     count = near.sum(axis=0)
     still = (count >= STILL * np.maximum((stack > 0).sum(axis=0), 1)) & (background > 0)
-    background[(near & people).sum(axis=0) > SOMEBODY * count] = 0.0
-    figures = int(np.median([number for _, number in found]))
-    return Surroundings(False, True, background, margin, still, tuple(planes), figures)
+    background[(near & people).sum(axis=0) > MOSTLY * count] = 0.0
+    return Surroundings(False, True, background, margin, still, tuple(planes), int(figures))
 
 
 def farthest_lasting(stack: np.ndarray, share: float, lens: Lens, settings: PeopleSettings) -> np.ndarray:
@@ -86,7 +113,7 @@ def _opened(mask: np.ndarray) -> np.ndarray:
     return np.asarray(cv2.morphologyEx(mask.astype(np.uint8), cv2.MORPH_OPEN, np.ones((3, 3), np.uint8)) > 0)
 
 
-def _people_of(
+def _seen(
     frame: int,
     stack: np.ndarray,
     moved: np.ndarray,
@@ -94,35 +121,53 @@ def _people_of(
     planes: list[Plane],
     lens: Lens,
     settings: PeopleSettings,
-) -> tuple[np.ndarray, int]:
-    """Pixels of people in one of the frames, bool (h, w), and how many things look like people and never move.
-
-    `moved` bool (K, h, w): what stands before the rough background.
-    """
+    judge: PersonJudge,
+) -> list[Seen]:
+    """What has a head in one of the samples. `moved` bool (K, h, w): what stands before the rough background."""
     depth = stack[frame]
     on = on_planes(depth, lens.rays, tolerances(depth, lens, settings), planes)
     view = lens.view(depth, (depth > 0) & ~on, np.asarray(~moved.any(axis=0)))
     people, others, labels = people_and_furniture(view, lens, settings)
-    mask, figures = np.zeros(depth.shape, dtype=np.bool_), 0
+    found = []
     for k, place in enumerate([*people, *others], start=1):
         own, head = labels == k, near_head(view, place) & view.foreground
-        if k > len(people):
-            if np.count_nonzero(head & moved[frame]) > HEAD_MOVED * np.count_nonzero(head):
-                mask |= own
-        elif _alive(own, depth, stack, margin):
-            mask |= own
+        changed = _changed(own | head, depth, stack, margin)
+        glimpse = Glimpse(
+            k <= len(people), _share(moved[frame], head), _share(changed, own), _share(changed, head),
+            judged_head(view, lens, place, judge),
+        )  # fmt: skip
+        found.append(Seen(frame, place, own, glimpse))
+    return found
+
+
+def _figures(seen: Sequence[Seen]) -> list[list[Seen]]:
+    """What was seen, by the place where it was."""
+    figures: list[list[Seen]] = []
+    middles: list[np.ndarray] = []
+    for s in seen:
+        away = [float(np.sqrt(((s.place - middle) ** 2).sum())) for middle in middles]
+        if away and min(away) < SAME_PLACE:
+            k = int(np.argmin(away))
+            figures[k].append(s)
+            middles[k] = np.mean([other.place for other in figures[k]], axis=0)
         else:
-            figures += 1
-    return mask, figures
+            figures.append([s])
+            middles.append(s.place)
+    return figures
 
 
-def _alive(own: np.ndarray, depth: np.ndarray, stack: np.ndarray, margin: np.ndarray) -> bool:
-    """Whether a thing moves: its pixels `own` (h, w) show another depth close by in some other frame.
+def _share(mask: np.ndarray, among: np.ndarray) -> float:
+    """Share of the pixels `among` (h, w) that are in `mask`."""
+    return float(np.count_nonzero(mask & among) / max(np.count_nonzero(among), 1))
 
-    Somebody who walks by before it is not close by.
+
+def _changed(own: np.ndarray, depth: np.ndarray, stack: np.ndarray, margin: np.ndarray) -> np.ndarray:
+    """Pixels of a thing, `own` (h, w), that often show another depth close by in the other frames: bool (h, w).
+
+    Somebody who walks by before it is not close by, or not for long.
     """
-    changed = np.zeros(own.shape, dtype=np.bool_)
+    changed = np.zeros(own.shape, dtype=np.int32)
     for other in stack:
         away = np.abs(other - depth)
-        changed |= _opened(own & (other > 0) & (away > margin) & (away < CLOSE_BY))
-    return bool(np.count_nonzero(changed) >= ALIVE * np.count_nonzero(own))
+        changed += _opened(own & (other > 0) & (away > margin) & (away < CLOSE_BY))
+    return np.asarray(changed >= OFTEN * len(stack))

@@ -9,7 +9,7 @@ import numpy as np
 
 from toolkit.people.cleaning import Cleaner
 from toolkit.people.sighting import PredictedBody, Sighting
-from toolkit.people.visibility import unobserved_pixels
+from toolkit.people.visibility import hole_sizes, unobserved_pixels
 from toolkit.sensing.camera import Camera
 from toolkit.sensing.settings import SensingSettings
 
@@ -35,7 +35,7 @@ class LonePerson:
     ) -> tuple[Sighting, ...]:
         """See `PeopleFinder.find`."""
         depth, whole_mm = self._cleaner.cut(depth_mm)
-        unobserved = unobserved_pixels(whole_mm, depth, cut_out=self._cleaner.cut_out)
+        unobserved = unobserved_pixels(whole_mm, depth, hole_sizes(whole_mm), cut_out=self._cleaner.cut_out)
         return (Sighting(ID, depth, unobserved, self.camera),)
 
     def export_state(self) -> dict[str, Any]:

@@ -8,7 +8,8 @@ from typing import Any
 
 import numpy as np
 
-GATE = 0.3  # m that a head moves from frame to frame
+GATE, WALK = 0.3, 2.0  # m, and m/s, that a head moves from frame to frame
+LEAST_FRAMES = 2.5
 FRAMES = 3  # in which it must be seen: noise does not look like a head in the same place three times
 TOUCHING_TIME = 0.5  # s for which it must be seen on somebody else's surface: a knee or a fist may look like a head
 PATIENCE = 0.3  # s without being seen, after which it is forgotten
@@ -29,35 +30,37 @@ class Newcomers:
 
     def __init__(self) -> None:
         self._waiting: list[Newcomer] = []
-        self._begun = False
+        self._before = 0.0
 
-    def promoted(self, candidates: Sequence[np.ndarray], touching: Sequence[bool], timestamp: float) -> list[int]:
-        """Indices of the candidates, places (3,), that now count; in the first frame with any all of them.
+    def promoted(
+        self, candidates: Sequence[np.ndarray], touching: Sequence[bool], shaped: Sequence[bool], timestamp: float
+    ) -> list[int]:
+        """Indices of the candidates, places (3,), that now count.
 
-        `touching` says which of them are on the surface of somebody who is there.
+        What has a person's shape, `shaped`, and is on nobody else's surface, `touching`, counts at once.
         """
-        if not self._begun:
-            self._begun = len(candidates) > 0
-            return list(range(len(candidates)))
-        left, counted, kept = list(range(len(candidates))), [], []
+        counted = [i for i in range(len(candidates)) if shaped[i] and not touching[i]]
+        left, kept = [i for i in range(len(candidates)) if i not in counted], []
         for newcomer in self._waiting:
             away = [float(np.sqrt(((candidates[i] - newcomer.place) ** 2).sum())) for i in left]
-            if away and min(away) < GATE:
+            elapsed = timestamp - newcomer.last
+            if away and min(away) < GATE + WALK * elapsed:
                 nearest = left.pop(int(np.argmin(away)))
                 newcomer = Newcomer(candidates[nearest], newcomer.frames + 1, newcomer.first, timestamp)
                 lasted = timestamp - newcomer.first >= TOUCHING_TIME or not touching[nearest]
                 if newcomer.frames >= FRAMES and lasted:
                     counted.append(nearest)
                     continue
-            if timestamp - newcomer.last <= PATIENCE:
+            if elapsed <= max(PATIENCE, LEAST_FRAMES * (timestamp - self._before)):
                 kept.append(newcomer)
+        self._before = timestamp
         self._waiting = kept + [Newcomer(candidates[i], 1, timestamp, timestamp) for i in left]
         return sorted(counted)
 
     def export_state(self) -> dict[str, Any]:
         """What the next frame depends on, as arrays."""
         return {
-            "begun": self._begun,
+            "before": self._before,
             "places": np.array([n.place for n in self._waiting]).reshape(-1, 3),
             "frames": np.array([n.frames for n in self._waiting], dtype=np.int64),
             "first": np.array([n.first for n in self._waiting], dtype=np.float64),
@@ -66,7 +69,7 @@ class Newcomers:
 
     def restore_state(self, state: Mapping[str, Any]) -> None:
         """Go on from what `export_state` gave."""
-        self._begun = bool(state["begun"])
+        self._before = float(state["before"])
         rows = zip(state["places"], state["frames"], state["first"], state["last"], strict=True)
         self._waiting = [
             Newcomer(np.array(at), int(frames), float(first), float(last)) for at, frames, first, last in rows

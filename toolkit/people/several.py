@@ -11,7 +11,8 @@ import numpy as np
 
 from toolkit.kernels import linear
 from toolkit.kernels.image.growth import refine_labels, take_label
-from toolkit.people.detection import find_heads, head_seeds, near_head, share_out
+from toolkit.people.detection import find_heads, head_seeds, looks_like_person, near_head, share_out
+from toolkit.people.hypothesis import NoJudge, PersonJudge
 from toolkit.people.newcomers import Newcomers
 from toolkit.people.settings import PeopleSettings
 from toolkit.people.sharing import body_seeds, stayed_seeds
@@ -21,7 +22,7 @@ from toolkit.people.surroundings import Surroundings, first_look, tolerances
 from toolkit.people.tracks import UNKNOWN, Person, export_people, known_again, match_heads, restore_people
 from toolkit.people.unassigned import attach_islands, head_of
 from toolkit.people.view import Lens, View
-from toolkit.people.visibility import unobserved_pixels
+from toolkit.people.visibility import hole_sizes, unobserved_pixels
 from toolkit.sensing.camera import Camera
 from toolkit.sensing.depth_filter import DepthFilter
 from toolkit.sensing.settings import SensingSettings
@@ -45,6 +46,7 @@ class SeveralPeople:
     sensing : how depth is cleaned
     settings : how people are found
     most : how many people are told apart; whoever comes after them is left out. None = all
+    judge : tells people from furniture by their pixels; None cannot tell
 
     Attributes
     ----------
@@ -60,12 +62,14 @@ class SeveralPeople:
         sensing: SensingSettings | None = None,
         settings: PeopleSettings | None = None,
         most: int | None = None,
+        judge: PersonJudge | None = None,
     ) -> None:
         self._settings, sensing = settings or PeopleSettings(), sensing or SensingSettings()
         self._polisher = DepthFilter(camera, sensing)
         self.camera = self._polisher.camera
         self._lens = Lens(self._polisher.flat_camera, up_camera, self._settings.coarse_width, sensing)
         self._surroundings = surroundings
+        self._judge = judge or NoJudge()
         self._most = self._settings.most_people if most is None else most
         self.people: list[Person] = []
         self._newcomers, self._left_out = Newcomers(), False
@@ -101,7 +105,9 @@ class SeveralPeople:
         candidates, touching = self._candidates(view, surroundings, seeds, places, others, [children[i] for i in left])
         whole = {len(candidates) + i: body for i, body in enumerate(self._headless(view, bodies, others))}
         candidates += [head_of(view, body) for body in whole.values()]
-        fresh = self._newcomers.promoted(candidates, touching + [False] * len(whole), timestamp)
+        sure = [self._sure(view, candidate, i < len(touching), surroundings) for i, candidate in enumerate(candidates)]
+        touching = [touches and bool(self.people) for touches in touching] + [False] * len(whole)
+        fresh = self._newcomers.promoted(candidates, touching, sure, timestamp)
         fresh = sorted({*fresh, *self._where_they_were(candidates, timestamp)})
         fresh = [i for i in fresh if not self._in_a_mirror(candidates[i], [*places, *candidates], surroundings)]
         if fresh:
@@ -148,7 +154,7 @@ class SeveralPeople:
             heads = find_heads(view, self._lens, self._settings, cut_out=surroundings.cut_out)
             heads.sort(key=lambda head: head.small)
             return [h.place for h in heads], [h.small for h in heads], []
-        people, furniture, _ = people_and_furniture(view, self._lens, self._settings)
+        people, furniture, _ = people_and_furniture(view, self._lens, self._settings, judge=self._judge)
         return people, [False] * len(people), furniture
 
     def _present(self, timestamp: float, predicted: Mapping[int, PredictedBody]) -> list[Person]:
@@ -255,6 +261,24 @@ class SeveralPeople:
                 seeds[here] = len(everybody)
         return found, touching
 
+    def _sure(self, view: View, place: np.ndarray, is_head: bool, surroundings: Surroundings) -> bool:
+        """Whether what hangs on a head is surely a person's.
+
+        Before a known room it has to have a person's shape: what is carried, and knees above it, are before it too.
+        Where nothing but people is measured everything is, in the first frame. Of a room that is not known only
+        what has that shape comes here.
+        """
+        if surroundings.cut_out:
+            return not self.people
+        if not surroundings.known:
+            return True
+        if not is_head:
+            return False
+        seeds = np.zeros(view.depth.shape, dtype=np.int32)
+        head_seeds(view, [place], seeds)
+        mask = share_out(view, self._lens, seeds, [place], self._settings, bridge=self._settings.bridge_cut) == 1
+        return looks_like_person(view, self._lens, mask, place, self._settings)
+
     def _beside(self, place: np.ndarray, others: Sequence[np.ndarray]) -> bool:
         asides = [float(np.hypot(place[0] - other[0], place[2] - other[2])) for other in others]
         return min(asides, default=np.inf) < self._settings.reach_still
@@ -348,6 +372,7 @@ class SeveralPeople:
         refine_labels(flat, coarse, self._labels, self._lens.step, 1000 * self._settings.surface_gap, self._fine)
         step = self._polisher.step
         whole = flat[::step, ::step]
+        holes = hole_sizes(whole)
         found = []
         box = np.zeros(4, dtype=np.int64)
         for number in np.unique(self._labels[self._labels > 0]):
@@ -355,6 +380,6 @@ class SeveralPeople:
                 continue
             depth = self._polisher.filtered(self._padded, box)
             if depth.any():
-                unobserved = unobserved_pixels(whole, depth, cut_out=surroundings.cut_out)
+                unobserved = unobserved_pixels(whole, depth, holes, cut_out=surroundings.cut_out)
                 found.append(Sighting(int(number), depth, unobserved, self.camera))
         return tuple(found)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from toolkit.people.detection import find_heads, head_seeds, looks_like_person, share_out
+from toolkit.people.hypothesis import PersonJudge, alone_log_odds, judged_head
 from toolkit.people.settings import PeopleSettings
 from toolkit.people.view import Lens, View
 
@@ -12,7 +13,7 @@ KNEES = 0.3  # m horizontally, within which what looks like a person below a hea
 
 
 def people_and_furniture(
-    view: View, lens: Lens, settings: PeopleSettings, *, cut_out: bool = False
+    view: View, lens: Lens, settings: PeopleSettings, *, cut_out: bool = False, judge: PersonJudge | None = None
 ) -> tuple[list[np.ndarray], list[np.ndarray], np.ndarray]:
     """What looks like people in a single image of a room, and what only has something like a head.
 
@@ -22,29 +23,40 @@ def people_and_furniture(
     labels : int32 (h, w), 1.. the people, then the furniture, 0 = neither
     """
     heads = [h.place for h in find_heads(view, lens, settings, cut_out=cut_out)]
-    for _ in range(3):
-        seeds = np.zeros(view.depth.shape, dtype=np.int32)
-        head_seeds(view, heads, seeds)
-        labels = share_out(view, lens, seeds, heads, settings, bridge=settings.bridge_room)
-        masks = [labels == k + 1 for k in range(len(heads))]
-        large = [large_enough(view, lens, mask, settings) for mask in masks]
-        shaped = [
-            big and looks_like_person(view, lens, mask, head, settings)
-            for big, mask, head in zip(large, masks, heads, strict=True)
-        ]
-        people = [head for head, good in zip(heads, shaped, strict=True) if good]
-        # What is too small, or lower on somebody's body, is a part of it; a cupboard keeps its pixels to itself.
-        kept = [
-            big and not any(_below(head, person) for person in people) for head, big in zip(heads, large, strict=True)
-        ]
-        if all(kept):
-            break
-        heads = [head for head, keep in zip(heads, kept, strict=True) if keep]
-    furniture = [head for head, good in zip(heads, shaped, strict=True) if not good]
-    order = [k for k, good in enumerate(shaped) if good] + [k for k, good in enumerate(shaped) if not good]
-    numbers = np.zeros(len(heads) + 1, dtype=np.int32)
-    numbers[1 + np.array(order, dtype=np.int64)] = np.arange(1, len(order) + 1)
-    return people, furniture, numbers[labels]
+    alone = [_surfaces(view, lens, [head], settings)[0] for head in heads]
+    large = [large_enough(view, lens, mask, settings) for mask in alone]
+    heads = [head for head, big in zip(heads, large, strict=True) if big]
+    # Heads that compete for one surface share it out, and no half has a person's shape: each is judged as if the
+    # surface were its own, too.
+    alone = [mask for mask, big in zip(alone, large, strict=True) if big]
+    shared = _surfaces(view, lens, heads, settings)
+    shaped = [
+        any(large_enough(view, lens, m, settings) and looks_like_person(view, lens, m, head, settings) for m in masks)
+        and (judge is None or alone_log_odds(judged_head(view, lens, head, judge)) > 0)
+        for head, *masks in zip(heads, alone, shared, strict=True)
+    ]
+    people: list[np.ndarray] = []
+    for head, good in zip(heads, shaped, strict=True):  # the highest first
+        if good and not any(_below(head, person) for person in people):
+            people.append(head)
+    furniture = [
+        head
+        for head, good in zip(heads, shaped, strict=True)
+        # What is lower on somebody's body is a part of it; a cupboard keeps its pixels to itself.
+        if not good and not any(_below(head, person) for person in people)
+    ]
+    labels = np.zeros(view.depth.shape, dtype=np.int32)
+    for k, mask in enumerate(_surfaces(view, lens, [*people, *furniture], settings), start=1):
+        labels[mask] = k
+    return people, furniture, labels
+
+
+def _surfaces(view: View, lens: Lens, heads: list[np.ndarray], settings: PeopleSettings) -> list[np.ndarray]:
+    """What hangs on each of the heads when they share out the foreground: masks bool (h, w)."""
+    seeds = np.zeros(view.depth.shape, dtype=np.int32)
+    head_seeds(view, heads, seeds)
+    labels = share_out(view, lens, seeds, heads, settings, bridge=settings.bridge_room)
+    return [labels == k + 1 for k in range(len(heads))]
 
 
 def _below(place: np.ndarray, head: np.ndarray) -> bool:

@@ -8,11 +8,14 @@ from typing import Any
 
 import numpy as np
 
+from toolkit.people.detection import find_heads, near_head
 from toolkit.people.settings import PeopleSettings
 from toolkit.people.structure import Plane, find_planes, on_planes
+from toolkit.people.unassigned import surfaces
 from toolkit.people.view import Lens
 
 EMPTY_SHARE = 0.1  # of a frame is 0 where it is already cut out (recording format)
+LARGEST_HEADLESS = 1.5  # m^2 of surfaces without a head where nothing but people is measured: a lying, wide adult
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,23 +88,36 @@ def empty_scene(background: np.ndarray, lens: Lens, margin: float) -> Surroundin
 
 
 def is_cut_out(depth: np.ndarray, lens: Lens, settings: PeopleSettings) -> bool:
-    """Whether a coarse frame holds nothing but people: much of it is 0 and no wall or floor is in it."""
+    """Whether a coarse frame holds nothing but people: much of it is 0, no wall or floor is in it, and no more of other
+    surfaces without a head than a person has.
+    """
     if np.count_nonzero(depth == 0) < EMPTY_SHARE * depth.size:
         return False
-    return not find_planes(
-        depth, lens.rays, tolerances(depth, lens, settings), settings.plane_area, settings.plane_side
-    )
+    view = lens.view(depth, depth > 0, np.zeros(depth.shape, dtype=np.bool_))
+    labels, count, areas = surfaces(view, lens, np.zeros(depth.shape, dtype=np.int32), settings)
+    headless = np.ones(count + 1, dtype=np.bool_)
+    headless[0] = False
+    for head in find_heads(view, lens, settings, cut_out=True):
+        headless[labels[near_head(view, head.place)]] = False
+    if areas[headless].sum() > LARGEST_HEADLESS:
+        return False
+    return not _planes_of(depth, lens, settings)
 
 
-def only_planes(planes: list[Plane], lens: Lens) -> Surroundings:
-    """Surroundings of which nothing is known but walls and floor."""
+def room_of(depth: np.ndarray, lens: Lens, settings: PeopleSettings) -> Surroundings:
+    """Surroundings of which nothing is known but the walls and the floor of one coarse frame float32 (h, w), metres."""
     empty = np.zeros(lens.camera.shape, dtype=np.float32)
-    return Surroundings(False, False, empty, empty, np.zeros(empty.shape, dtype=np.bool_), tuple(planes))
+    planes = tuple(_planes_of(depth, lens, settings))
+    return Surroundings(False, False, empty, empty, np.zeros(empty.shape, dtype=np.bool_), planes)
 
 
 def first_look(depth: np.ndarray, lens: Lens, settings: PeopleSettings) -> Surroundings:
     """Surroundings as far as a single coarse frame float32 (h, w), metres, tells."""
     if is_cut_out(depth, lens, settings):
         return nothing_but_people(lens)
+    return room_of(depth, lens, settings)
+
+
+def _planes_of(depth: np.ndarray, lens: Lens, settings: PeopleSettings) -> list[Plane]:
     tolerance = tolerances(depth, lens, settings)
-    return only_planes(find_planes(depth, lens.rays, tolerance, settings.plane_area, settings.plane_side), lens)
+    return find_planes(depth, lens.rays, tolerance, settings.plane_area, settings.plane_side)

@@ -7,6 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from toolkit.errors import SegmentationError
+from toolkit.people.hypothesis import NoJudge, PersonJudge
 from toolkit.people.learning import learnt
 from toolkit.people.settings import PeopleSettings
 from toolkit.people.several import SeveralPeople
@@ -25,8 +26,9 @@ def find_people(
     sensing: SensingSettings | None = None,
     settings: PeopleSettings | None = None,
     most: int | None = None,
+    judge: PersonJudge | None = None,
 ) -> SeveralPeople:
-    """A finder of everybody in a recording, or of the first `most` people.
+    """A finder of everybody in a recording, or of the first `most` people; `judge` tells people from furniture.
 
     Raises
     ------
@@ -34,11 +36,13 @@ def find_people(
         `sensing.segment` asks for a background that the recording has not.
     """
     sensing, settings = sensing or SensingSettings(), settings or PeopleSettings()
-    surroundings = survey(recording, sensing, settings)
-    return SeveralPeople(recording.camera, recording.up_camera, surroundings, sensing, settings, most)
+    surroundings = survey(recording, sensing, settings, judge)
+    return SeveralPeople(recording.camera, recording.up_camera, surroundings, sensing, settings, most, judge)
 
 
-def survey(recording: Recording, sensing: SensingSettings, settings: PeopleSettings) -> Surroundings:
+def survey(
+    recording: Recording, sensing: SensingSettings, settings: PeopleSettings, judge: PersonJudge | None = None
+) -> Surroundings:
     """The room of a recording: its empty scene, nothing but people, or what frames spread over it tell.
 
     `sensing.segment` counts as far as it speaks of the room; "person" and "seed" say that people are not cut out.
@@ -69,7 +73,7 @@ def survey(recording: Recording, sensing: SensingSettings, settings: PeopleSetti
         if all(is_cut_out(depth, lens, settings) for depth in first):
             return nothing_but_people(lens)
     spread = np.unique(np.linspace(0, len(recording) - 1, min(SAMPLES, len(recording))).astype(np.int64))
-    return learnt(list(_coarse(recording, polisher, lens, spread)), lens, settings)
+    return learnt(list(_coarse(recording, polisher, lens, spread)), lens, settings, judge or NoJudge())
 
 
 def _coarse(recording: Recording, polisher: DepthFilter, lens: Lens, frames: np.ndarray) -> Iterator[np.ndarray]:

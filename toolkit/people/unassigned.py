@@ -39,7 +39,7 @@ def attach_islands(
     """
     from scipy.spatial import cKDTree
 
-    pieces, count, areas = _pieces(view, lens, labels, settings)
+    pieces, count, areas = surfaces(view, lens, labels, settings)
     least_body = settings.least_cut_out if cut_out else settings.least_body
     trees = {}
     for k in np.unique(labels[labels > 0]):
@@ -73,7 +73,7 @@ def _aside(points: np.ndarray, place: np.ndarray) -> float:
     return float(np.hypot(middle[0] - place[0], middle[2] - place[2])) if middle[1] < place[1] else np.inf
 
 
-def _pieces(view: View, lens: Lens, labels: np.ndarray, settings: PeopleSettings) -> tuple[np.ndarray, int, np.ndarray]:
+def surfaces(view: View, lens: Lens, labels: np.ndarray, settings: PeopleSettings) -> tuple[np.ndarray, int, np.ndarray]:
     """Connected surfaces of the foreground of nobody: labels int32 (h, w), their number, and areas in m^2 (n + 1,)."""
     height, width = labels.shape
     padded = np.zeros((height + 2, width + 2), dtype=np.uint16)

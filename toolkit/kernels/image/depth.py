@@ -238,16 +238,19 @@ def depth_quantile(depth: np.ndarray, samples: int, share: float) -> float:
 
 
 @njit(cache=True)
-def hidden_pixels(whole: np.ndarray, depth: np.ndarray, farthest: float, missing: bool, out: np.ndarray) -> int:
+def hidden_pixels(
+    whole: np.ndarray, depth: np.ndarray, farthest: float, holes: np.ndarray, largest: int, out: np.ndarray
+) -> int:
     """Pixels of `whole` (H, W) nearer than `farthest` that are not among those of `depth` (H, W): fills `out` bool.
 
-    Where nothing was measured (0) the answer is `missing`. Returns how many pixels are hidden.
+    Where nothing was measured (0) a pixel counts as hidden if its hole is not larger than `largest`; `holes` int32
+    (H, W) are the sizes of the holes. Returns how many pixels are hidden.
     """
     count = 0
     for v in range(whole.shape[0]):
         for u in range(whole.shape[1]):
             z = whole[v, u]
-            hidden = (missing if z == 0 else z < farthest) and not depth[v, u] > 0
+            hidden = (holes[v, u] <= largest if z == 0 else z < farthest) and not depth[v, u] > 0
             out[v, u] = hidden
             count += hidden
     return count

@@ -1,0 +1,104 @@
+"""Person or furniture: what was seen of something with a head, over the frames of a recording, and what it speaks for.
+
+Nothing here is decided in a single frame. Whoever has a head above shoulders is a hypothesis; motion, a person's shape
+and what the regressor says of its pixels are evidence for it, and so is its absence against it. Log odds add up.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+
+from toolkit.people.detection import near_head
+from toolkit.people.view import Lens, View
+from toolkit.sensing.camera import Camera
+
+BEFOREHAND = -3.3
+"""Log odds of something with a head and without other evidence: rooms hold more such things than people."""
+MOVED, MOVED_AT_ALL, HEAD_MOVED_AT_ALL, SHAPED = 4.0, 2.0, 3.0, 6.0
+"""Log odds of what stood elsewhere in the other frames; of one whose surface, and whose head, moves in place; and
+between one that never has a person's shape and one that is seen with it in all frames."""
+ENOUGH, ENOUGH_HEAD = 0.02, 0.1
+"""Share of the pixels of a body (a hand) and of a head that move in place, and that is all the evidence they give."""
+JUDGED = 1.5
+"""Log odds for each of the mean that the judge gives: its pixels tell more of one another than of other frames."""
+ALONE = 1.5
+"""Log odds of a person's shape where only one frame is known."""
+MOST_JUDGED = 4.0
+"""Log odds beyond which a judge is not believed."""
+
+
+class PersonJudge(Protocol):
+    """Says of single pixels how likely they are of a person, whatever moves."""
+
+    def log_odds(self, depth: np.ndarray, camera: Camera, rotation: np.ndarray, pixels: np.ndarray) -> np.ndarray:
+        """Log odds that pixels are of a person and not of a room: float64 (N,).
+
+        Parameters
+        ----------
+        depth : float32 (h, w), metres along z, 0 = no measurement; the whole image as it was measured
+        camera : of that image
+        rotation : float64 (3, 3), `R_level_camera`
+        pixels : int64 (N,), flat indices of pixels that were measured
+        """
+        ...
+
+
+class NoJudge:
+    """A `PersonJudge` that cannot tell."""
+
+    def log_odds(self, depth: np.ndarray, camera: Camera, rotation: np.ndarray, pixels: np.ndarray) -> np.ndarray:
+        """See `PersonJudge.log_odds`."""
+        return np.zeros(len(pixels))
+
+
+def judged_head(view: View, lens: Lens, place: np.ndarray, judge: PersonJudge) -> float:
+    """Mean log odds that the pixels around a head's place (3,), level frame, metres, are of a person."""
+    pixels = np.flatnonzero(near_head(view, place) & view.foreground)
+    if len(pixels) == 0:
+        return 0.0
+    return float(np.mean(judge.log_odds(view.depth, lens.camera, lens.rotation, pixels)))
+
+
+@dataclass(frozen=True)
+class Glimpse:
+    """What one frame says of something with a head.
+
+    Attributes
+    ----------
+    shaped : whether it has a person's shape
+    moved : share of the head's pixels that stand before the room as it lasts
+    alive, head_alive : share of its pixels, and of the head's, that show other depths close by in other frames
+    judged : mean log odds of the judge over the head's pixels
+    """
+
+    shaped: bool
+    moved: float
+    alive: float = 0.0
+    head_alive: float = 0.0
+    judged: float = 0.0
+
+
+def log_odds(glimpses: Sequence[Glimpse], frames: int) -> float:
+    """Log odds that something is a person and not furniture, by glimpses of it in `frames` frames, at least one."""
+
+    def mean(values: list[float]) -> float:
+        return float(np.mean(values))
+
+    shaped = sum(g.shaped for g in glimpses) / max(frames, len(glimpses))
+    return float(
+        BEFOREHAND
+        + MOVED * mean([g.moved for g in glimpses])
+        + MOVED_AT_ALL * min(mean([g.alive for g in glimpses]) / ENOUGH, 1.0)
+        + HEAD_MOVED_AT_ALL * min(mean([g.head_alive for g in glimpses]) / ENOUGH_HEAD, 1.0)
+        + SHAPED * (shaped - 0.5)
+        + JUDGED * float(np.clip(mean([g.judged for g in glimpses]), -MOST_JUDGED, MOST_JUDGED))
+    )
+
+
+def alone_log_odds(judged: float) -> float:
+    """Log odds that something with a person's shape is a person, by the only frame that there is."""
+    return ALONE + JUDGED * judged
