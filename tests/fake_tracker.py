@@ -30,6 +30,7 @@ class FakeSettings:
     seed: int = 0
     sensing: SensingSettings = field(default_factory=SensingSettings)
     weight: float = 0.5
+    smallest_person: int = 300
 
 
 class FakeTracker:

@@ -13,8 +13,10 @@ from toolkit.fitting.refiner import Refiner
 from toolkit.hybrid.aimed import AimedArms
 from toolkit.hybrid.initial_pose import InitialPoseVerifier
 from toolkit.hybrid.settings import HybridSettings
+from toolkit.landmarks.judge import RegressorJudge
 from toolkit.lopez2011.head_hands import HeadHandSearch
 from toolkit.lopez2011.upper import upper_bodies
+from toolkit.people.hypothesis import NoJudge, PersonJudge
 from toolkit.qammaz.search import SwarmSearch
 from toolkit.tracking.guide import Guide, NoGuide
 from toolkit.tracking.observation import Observer
@@ -79,6 +81,11 @@ class HybridTracker(SearchingTracker):
     def joints_wanted(self) -> Wanted:
         """See `Tracker.joints_wanted`: the swarm starts from them."""
         return "offered" if self._swarm else "none"
+
+    @property
+    def judge(self) -> PersonJudge:
+        """See `JudgesPeople.judge`: the regressor."""
+        return NoJudge() if self._regressor is None else RegressorJudge(self._regressor)
 
     def searches(self, objective: Objective, refiner: Refiner) -> tuple[Search, ...]:
         """The searches of the settings, in the order in which they are asked."""

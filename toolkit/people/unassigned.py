@@ -73,7 +73,9 @@ def _aside(points: np.ndarray, place: np.ndarray) -> float:
     return float(np.hypot(middle[0] - place[0], middle[2] - place[2])) if middle[1] < place[1] else np.inf
 
 
-def surfaces(view: View, lens: Lens, labels: np.ndarray, settings: PeopleSettings) -> tuple[np.ndarray, int, np.ndarray]:
+def surfaces(
+    view: View, lens: Lens, labels: np.ndarray, settings: PeopleSettings
+) -> tuple[np.ndarray, int, np.ndarray]:
     """Connected surfaces of the foreground of nobody: labels int32 (h, w), their number, and areas in m^2 (n + 1,)."""
     height, width = labels.shape
     padded = np.zeros((height + 2, width + 2), dtype=np.uint16)

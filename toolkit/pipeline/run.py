@@ -33,7 +33,7 @@ from toolkit.sensing.recording import Recording
 from toolkit.track import PARTIAL_FILE, RUN_FILE, RunInfo
 from toolkit.tracking.clock import StageClock
 from toolkit.tracking.crowd import Crowd, Row
-from toolkit.tracking.protocol import Tracker
+from toolkit.tracking.protocol import JudgesPeople, Tracker
 
 STATE_FILE = "state.npz"
 MEMORY_SECONDS = 2.0
@@ -179,7 +179,8 @@ def _finder(job: Job) -> PeopleFinder:
         return LonePerson(recording.camera, recording.background, sensing, recording.up_camera)
     from toolkit.people.survey import find_people
 
-    return find_people(recording, sensing, most=job.people)
+    judge = job.tracker.judge if isinstance(job.tracker, JudgesPeople) else None
+    return find_people(recording, sensing, most=job.people, judge=judge)
 
 
 def _warm_up(job: Job, report: RecordingProgress) -> None:

@@ -100,7 +100,6 @@ class Crowd:
     finder : tells the people of a frame apart
     up_camera : (3,), the vertical in the camera frame
     joints : tells where the joints of those who were found are in the image; None for nobody's
-    smallest : measured points that a sighting needs for the person's body to be learnt from it
 
     Attributes
     ----------
@@ -113,11 +112,9 @@ class Crowd:
         finder: PeopleFinder,
         up_camera: np.ndarray,
         joints: JointSource | None = None,
-        smallest: int = 300,
     ) -> None:
         self.tracker, self.finder, self.joints = tracker, finder, joints or NoJoints()
         self.level_rotation = level_rotation(up_camera)
-        self._smallest = smallest
         self.frames = 0
         self._timestamps: list[float] = []
         self._followers: dict[int, PersonFollower] = {}
@@ -195,7 +192,7 @@ class Crowd:
         """Keep a sighting for later; whether there are enough now."""
         waiting.frames.append((None if sighting is None else Kept.of(sighting), timestamp, prepare_ms))
         if waiting.seen_since is None and sighting is not None:
-            if np.count_nonzero(sighting.depth) >= self._smallest:
+            if np.count_nonzero(sighting.depth) >= self.tracker.settings.smallest_person:
                 waiting.seen_since = len(waiting.frames) - 1
                 if self.tracker.learning_seconds:
                     waiting.learner = self.tracker.learner(self.finder.camera, self.level_rotation)

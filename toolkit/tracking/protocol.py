@@ -7,6 +7,7 @@ from typing import Literal, Protocol, runtime_checkable
 import numpy as np
 
 from toolkit.body.body import Body
+from toolkit.people.hypothesis import PersonJudge
 from toolkit.people.sighting import PredictedBody, Sighting
 from toolkit.sensing.camera import Camera
 from toolkit.sensing.settings import SensingSettings
@@ -25,6 +26,7 @@ class TrackerSettings(Protocol):
     tracker : name under which the tracker is registered
     seed : of everything random
     sensing : how depth is segmented and cleaned
+    smallest_person : measured points below which a frame counts as empty
     """
 
     @property
@@ -39,6 +41,11 @@ class TrackerSettings(Protocol):
 
     @property
     def sensing(self) -> SensingSettings:
+        """See above."""
+        ...
+
+    @property
+    def smallest_person(self) -> int:
         """See above."""
         ...
 
@@ -153,4 +160,19 @@ class Tracker(Protocol):
 
     def follower(self, camera: Camera, level_rotation: np.ndarray, body: Body | None = None) -> PersonFollower:
         """A follower of one person, with the body of a `learner` if there is one."""
+        ...
+
+
+@runtime_checkable
+class JudgesPeople(Protocol):
+    """A tracker that can tell people from furniture.
+
+    Attributes
+    ----------
+    judge : says how likely pixels are of a person
+    """
+
+    @property
+    def judge(self) -> PersonJudge:
+        """See above."""
         ...

@@ -1,0 +1,196 @@
+"""Person or furniture: how evidence adds up, and what it makes of a room."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from tests.sensing_scenes import KINECT, scene
+from toolkit.errors import DatabaseError
+from toolkit.landmarks.judge import RegressorJudge
+from toolkit.people.hypothesis import Glimpse, NoJudge, judged_head, log_odds
+from toolkit.people.learning import FEWEST, learnt
+from toolkit.people.newcomers import Newcomers
+from toolkit.people.settings import PeopleSettings
+from toolkit.people.several import SeveralPeople
+from toolkit.people.surroundings import is_cut_out
+from toolkit.people.view import Lens
+from toolkit.sensing.settings import SensingSettings
+
+UP = np.array([0.0, -1.0, 0.0])
+FIGURE = Glimpse(shaped=True, moved=0.0)
+ROOM = {"height": 1.2, "wall": 4.0, "floor": True}
+
+
+class Sure:
+    """A judge that says the same of every pixel, and remembers how many it was asked."""
+
+    def __init__(self, odds):
+        self.odds, self.asked = odds, 0
+
+    def log_odds(self, depth, camera, rotation, pixels):
+        assert depth.shape == camera.shape and (depth.ravel()[pixels] > 0).all()
+        self.asked += len(pixels)
+        return np.full(len(pixels), self.odds)
+
+
+def test_what_never_moves_is_furniture_even_in_the_shape_of_a_person():
+    assert log_odds([FIGURE] * 40, 40) < 0
+
+
+@pytest.mark.parametrize(
+    "glimpse",
+    [
+        Glimpse(True, moved=1.0),
+        Glimpse(True, moved=0.0, alive=0.02),
+        Glimpse(True, moved=0.0, head_alive=0.1),
+        Glimpse(True, moved=0.0, judged=1.0),
+    ],
+    ids=["moved", "alive", "the head moves", "judged"],
+)
+def test_any_evidence_makes_a_person_of_a_shape_that_is_always_seen(glimpse):
+    assert log_odds([glimpse] * 40, 40) > 0
+
+
+def test_a_shape_that_is_seldom_seen_counts_less_and_what_has_none_is_a_person_only_if_it_moves():
+    alive = Glimpse(True, moved=0.0, alive=0.02)
+    assert log_odds([alive] * 10, 40) < 0 < log_odds([alive] * 40, 40)
+    assert (
+        log_odds([Glimpse(False, 0.0, alive=0.1)] * 40, 40) < 0 < log_odds([Glimpse(False, 1.0, judged=2.0)] * 40, 40)
+    )
+
+
+def test_the_judge_contradicts_what_moves_and_is_not_believed_without_limit():
+    door = Glimpse(True, moved=1.0, judged=-3.0)
+    assert log_odds([door] * 40, 40) < 0
+    assert log_odds([Glimpse(True, 1.0, judged=-50.0)], 1) == log_odds([Glimpse(True, 1.0, judged=-4.0)], 1)
+
+
+def lens_of(camera=KINECT):
+    return Lens(camera, UP, PeopleSettings().coarse_width, SensingSettings())
+
+
+def coarse(frames):
+    return [lens_of().coarse(depth) for depth in frames]
+
+
+def test_somebody_who_sits_still_is_in_the_room_unless_the_judge_says_otherwise():
+    frames = coarse([scene(KINECT, ((0.0, 2.5),), **ROOM)[0]] * 12)
+    lens, settings = lens_of(), PeopleSettings()
+    furniture, person = (learnt(frames, lens, settings, judge) for judge in (NoJudge(), Sure(2.0)))
+    v, u = lens.camera.height // 2, lens.camera.width // 2
+    assert furniture.background[v, u] == pytest.approx(2.4, abs=0.15) and furniture.figures == 1
+    assert person.background[v, u] == 0.0 and person.figures == 0
+    assert person.background[v, 5] == furniture.background[v, 5] > 3.9
+
+
+def test_a_desk_that_people_pass_is_no_part_of_them():
+    """Their surfaces flow together with it in some frames; in most it stands alone."""
+    frames = []
+    for k in range(40):
+        depth, _ = scene(KINECT, ((-1.2 + 0.06 * k, 2.4),), **ROOM)
+        desk = np.s_[150:220, 150:200]
+        depth[desk] = np.where(depth[desk] < 2600, depth[desk], 2600)
+        frames.append(depth)
+    room = learnt(coarse(frames), lens_of(), PeopleSettings(), NoJudge())
+    assert np.median(room.background[80:105, 80:95]) == pytest.approx(2.6, abs=0.02)
+    assert (room.background[80:105, 80:95] > 0).mean() > 0.95
+
+
+def test_fewer_frames_than_tell_what_stays_give_no_background():
+    frames = coarse([scene(KINECT, ((0.0, 2.5),), **ROOM)[0]] * (FEWEST - 1))
+    room = learnt(frames, lens_of(), PeopleSettings(), NoJudge())
+    assert not room.known and not room.cut_out and not room.background.any() and room.planes
+
+
+def test_people_who_are_not_cut_out_stay_so_in_a_short_recording():
+    depth = coarse([scene(KINECT, ((0.0, 2.5),))[0]])
+    assert is_cut_out(depth[0], lens_of(), PeopleSettings())
+    assert not learnt(depth, lens_of(), PeopleSettings(), NoJudge()).cut_out
+
+
+def test_a_large_surface_without_a_head_says_that_nobody_is_cut_out():
+    depth = scene(KINECT, ((0.9, 2.5),))[0]
+    v, u = np.mgrid[: KINECT.height, : KINECT.width]
+    sofa = (v > 100) & (u < 170) & (depth == 0)
+    depth[sofa] = 2400 + 0.03 * ((u[sofa] - 85) ** 2 + (v[sofa] - 170) ** 2)
+    assert not is_cut_out(coarse([depth])[0], lens_of(), PeopleSettings())
+
+
+def test_the_judge_of_a_still_sends_away_what_only_looks_like_a_person():
+    depth = scene(KINECT, ((0.0, 2.5),), **ROOM)[0]
+    for odds, count in ((2.0, 1), (-2.0, 0)):
+        judge = Sure(odds)
+        assert len(SeveralPeople(KINECT, UP, judge=judge).find(depth, 0.0, {})) == count
+        assert judge.asked > 0
+
+
+def test_a_head_without_measured_pixels_is_not_judged():
+    lens = lens_of()
+    empty = np.zeros(lens.camera.shape, dtype=np.float32)
+    view = lens.view(empty, empty > 0, empty > 0)
+    assert judged_head(view, lens, np.array([0.0, 0.0, -2.0]), Sure(3.0)) == 0.0
+
+
+class Regressor:
+    """What the judge asks of a regressor."""
+
+    def __init__(self, knows_rooms):
+        self.knows_rooms = knows_rooms
+
+    def person_probability(self, depth, intrinsics, rotation, pixels):
+        if not self.knows_rooms:
+            raise DatabaseError("trained without rooms")
+        return np.array([0.0, 0.5, 1.0, 0.8])
+
+
+def test_a_regressor_judges_by_log_odds_that_stay_finite_and_not_at_all_without_rooms():
+    ask = (np.ones((2, 2), np.float32), KINECT, np.eye(3), np.arange(4))
+    odds = RegressorJudge(Regressor(True)).log_odds(*ask)
+    assert np.isfinite(odds).all() and odds[0] == pytest.approx(-odds[2])
+    assert odds[1] == 0.0 and odds[3] == pytest.approx(np.log(4.0))
+    assert RegressorJudge(Regressor(False)).log_odds(*ask).tolist() == [0.0] * 4
+
+
+HEAD = np.array([0.2, 0.1, -2.5])
+
+
+def test_a_shape_apart_counts_at_once_and_what_has_none_in_its_third_frame():
+    assert Newcomers().promoted([HEAD], [False], [True], 0.0) == [0]
+    waiting = Newcomers()
+    assert [waiting.promoted([HEAD], [False], [False], k / 30) for k in range(3)] == [[], [], [0]]
+
+
+def test_what_touches_somebody_has_to_last_half_a_second():
+    waiting = Newcomers()
+    counted = [waiting.promoted([HEAD], [True], [True], k / 30) for k in range(20)]
+    assert counted.index([0]) == 15
+
+
+@pytest.mark.parametrize(("rate", "speed", "counts"), [(30.0, 2.0, True), (1.7, 1.0, True), (30.0, 12.0, False)])
+def test_a_candidate_is_the_same_as_far_as_a_head_moves_between_two_frames(rate, speed, counts):
+    waiting, found = Newcomers(), []
+    for k in range(3):
+        found += waiting.promoted([HEAD + (speed * k / rate, 0.0, 0.0)], [False], [False], k / rate)
+    assert found == ([0] if counts else [])
+
+
+def test_a_candidate_is_forgotten_after_a_third_of_a_second_without_it():
+    for gap, counts in ((0.25, [0]), (0.4, [])):
+        waiting = Newcomers()
+        for time in (0.0, 1 / 30):
+            waiting.promoted([HEAD], [False], [False], time)
+        time = 1 / 30
+        while time + 1 / 30 < 1 / 30 + gap:
+            time += 1 / 30
+            waiting.promoted([], [], [], time)
+        assert waiting.promoted([HEAD], [False], [False], time + 1 / 30) == counts
+
+
+def test_newcomers_go_on_from_their_state():
+    waiting = Newcomers()
+    for k in range(2):
+        waiting.promoted([HEAD], [False], [False], k / 30)
+    again = Newcomers()
+    again.restore_state(waiting.export_state())
+    assert again.promoted([HEAD], [False], [False], 2 / 30) == [0]
