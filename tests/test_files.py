@@ -23,15 +23,11 @@ from toolkit.files import (
     is_folder,
     locked,
     make_own_folder,
-    parse_json,
-    parse_yaml,
-    read_json,
-    read_text,
-    read_yaml,
     remove_own_folder,
     save_text,
     sha256_of,
 )
+from toolkit.plain import parse_json, parse_yaml, read_json, read_text, read_yaml
 
 
 @pytest.mark.parametrize(

@@ -3,14 +3,19 @@
 from __future__ import annotations
 
 import os
+import pickle
 import shutil
+import stat
 import subprocess
 import sys
+import tempfile
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 
 from toolkit.kernels import cache
+from toolkit.kernels.cache_files import KernelFile, is_private
 from toolkit.kernels.fit import pairs
 
 INNER = "from numba import njit\n\n@njit(cache=True)\ndef inner():\n    return {value}\n"
@@ -29,7 +34,7 @@ def installed(tmp_path: Path) -> Path:
     """An installation with two kernels in two files, of which one holds the compiled code of the other."""
     kernels = tmp_path / "toolkit" / "kernels"
     kernels.mkdir(parents=True)
-    for name in ("__init__.py", "cache.py"):
+    for name in ("__init__.py", "cache.py", "cache_files.py"):
         shutil.copy(cache.FOLDER / name, kernels / name)
     (tmp_path / "toolkit" / "__init__.py").touch()
     (kernels / "room").mkdir()
@@ -147,3 +152,63 @@ def test_help_answers_without_numba() -> None:
         "assert 'numba' not in sys.modules"
     )
     subprocess.run([sys.executable, "-c", code], check=True, stdout=subprocess.DEVNULL)
+
+
+class _Trap:
+    """What a pickle of a stranger does."""
+
+    def __init__(self, mark: Path) -> None:
+        self.mark = mark
+
+    def __reduce__(self) -> tuple[object, tuple[str]]:
+        return os.mkdir, (str(self.mark),)
+
+
+DAMAGES: dict[str, Callable[[bytes, Path], bytes]] = {
+    "empty": lambda content, mark: b"",
+    "cut": lambda content, mark: content[: len(content) // 2],
+    "zeros": lambda content, mark: content[:100] + bytes(len(content) - 100),
+    "another byte": lambda content, mark: content[:-9] + bytes([content[-9] ^ 1]) + content[-8:],
+    "a trap": lambda content, mark: pickle.dumps(_Trap(mark)),
+}
+
+
+def test_what_cannot_be_read_is_compiled_anew_and_never_unpickled(installed: Path) -> None:
+    folder = run(installed)[2]
+    for number, (name, damage) in enumerate((*DAMAGES.items(), ("a trap", DAMAGES["a trap"]))):
+        for path in folder.glob(f"*.{'nbi' if number % 2 else 'nbc'}"):
+            path.write_bytes(damage(path.read_bytes(), installed / "sprung"))
+        assert run(installed)[:2] == (1, 0), name
+    assert run(installed)[:2] == (1, 1), "it is whole again"
+    assert not (installed / "sprung").exists()
+
+
+def test_a_folder_that_others_may_write_is_not_used(installed: Path, tmp_path: Path) -> None:
+    shared = tmp_path / "shared"
+    own = {"NUMBA_CACHE_DIR": str(shared), "XDG_CACHE_HOME": str(tmp_path / "home"), "HOME": str(tmp_path / "home")}
+    first = run(installed, **own)[2]
+    assert shared in first.parents and stat.S_IMODE(first.stat().st_mode) == 0o700
+    first.chmod(0o777)
+    beside = installed / "toolkit" / "kernels" / "room" / "__pycache__"
+    beside.mkdir(exist_ok=True)
+    (beside / "planted.nbi").touch()
+    beside.chmod(0o777)
+    second = run(installed, **own)[2]
+    assert shared not in second.parents and run(installed, **own)[:2] == (1, 1)
+    second.chmod(0o775)
+    last = run(installed, **own)[2]
+    assert last.parent == Path(tempfile.gettempdir()) and not last.exists(), "kept by that process alone"
+
+
+def test_a_folder_of_somebody_else_is_not_private(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "link").symlink_to(".")
+    assert is_private(tmp_path) and not is_private(tmp_path / "link") and not is_private(tmp_path / "none")
+    monkeypatch.setattr(os, "geteuid", lambda: tmp_path.stat().st_uid + 1)
+    assert not is_private(tmp_path)
+
+
+def test_a_full_disk_only_costs_the_next_compilation(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    file = KernelFile(str(tmp_path), "pairs.add", "stamp")
+    monkeypatch.setattr(os, "replace", lambda *_: (_ for _ in ()).throw(OSError(28, "No space left on device")))
+    file.save("key", "code")
+    assert file.load("key") is None and not list(tmp_path.iterdir())

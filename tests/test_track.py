@@ -10,6 +10,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
+from typing import BinaryIO
 
 import numpy as np
 import pytest
@@ -19,7 +20,7 @@ from toolkit import skeleton
 from toolkit.archives import load_archive, save_archive
 from toolkit.errors import OutputError, RecordingError, TrackError, UsageError
 from toolkit.files import sha256_of
-from toolkit.track import EMPTY, TRACKED, FrameResult, RunInfo, Track, TrackWriter
+from toolkit.track import EMPTY, TRACKED, FrameResult, RunInfo, Track, TrackWriter, writer
 
 STAGES, SOURCES = ("clean", "fit"), ("local", "database")
 
@@ -129,8 +130,11 @@ def test_an_interrupted_track_can_be_read_and_still_be_resumed(tmp_path: Path) -
 
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs /dev/full")
-def test_a_full_disk_is_one_sentence(tmp_path: Path) -> None:
-    (tmp_path / "track.partial").symlink_to("/dev/full")
+def test_a_full_disk_is_one_sentence(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def full(*_: object, **__: object) -> BinaryIO:
+        return open("/dev/full", "w+b", buffering=0)
+
+    monkeypatch.setattr(writer, "open_file", full)
     with pytest.raises(OutputError, match="No space left"):
         TrackWriter(tmp_path, STAGES, SOURCES)
 
@@ -239,20 +243,20 @@ def test_a_run_folder_that_is_moved_with_its_recording_finds_it_again_and_the_di
 @pytest.mark.parametrize(
     ("changes", "words"),
     [
-        ({"recording": 3}, "recording .* is int"),
-        ({"scale": "tall"}, "scale .* is str"),
+        ({"recording": 3}, "recording is 3"),
+        ({"scale": "tall"}, "scale is 'tall'; it must be a number"),
         ({"scale": -1.0}, "outside"),
-        ({"scale": True}, "scale .* is bool"),
-        ({"shape": ["a"]}, "something else than numbers"),
+        ({"scale": True}, "scale is True"),
+        ({"shape": ["a"]}, "shape.0. is 'a'"),
         ({"shape": [1e9]}, "outside"),
-        ({"level_rotation": [1.0, 0.0]}, "expected .9"),
-        ({"level_rotation": [2.0, 0, 0, 0, 1, 0, 0, 0, 1]}, "no rotation"),
+        ({"level_rotation": [1.0, 0.0]}, "no rotation"),
+        ({"level_rotation": [1.0, 0, 0, 0, 1, 0, 0, 1, 0]}, "no rotation"),
         ({"body_fingerprint": "0123456789abcdef"}, "another body"),
         ({"version": "99.0"}, "version '99.0', this is .*; install"),
         ({"version": "soon"}, "version 'soon'"),
         ({"sensing": {"magic": 1}}, "unknown setting sensing.magic"),
         ({"reader_options": {"magic": 1}}, "unknown reader option"),
-        ({"reader_options": []}, "reader_options .* is list"),
+        ({"reader_options": []}, "reader_options is a list"),
     ],
 )
 def test_run_information_that_cannot_be_is_named(tmp_path: Path, changes: dict[str, object], words: str) -> None:

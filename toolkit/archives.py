@@ -47,6 +47,7 @@ class Column:
     shape : its sizes; a name stands for any size, the same wherever it appears; None = any shape
     low, high : range of every value, both inclusive
     gaps : NaN and infinity are allowed: unknown
+    optional : None is allowed: there is none
     """
 
     kinds: str
@@ -54,6 +55,7 @@ class Column:
     low: float = -math.inf
     high: float = math.inf
     gaps: bool = False
+    optional: bool = False
 
 
 def check_columns(
@@ -75,7 +77,7 @@ def check_columns(
     """
     sizes: dict[str, int] = {}
     for name, column in columns.items():
-        if name not in values:
+        if name not in values or (column.optional and values[name] is None):
             continue
         array = np.asarray(values[name])
         if array.dtype.kind not in column.kinds:

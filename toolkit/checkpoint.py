@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from toolkit.archives import load_archive, save_archive
+from toolkit.archives import Column, check_columns, load_archive, save_archive
 from toolkit.errors import TrackError
-from toolkit.files import parse_json
+from toolkit.plain import parse_json
 
 VERSION = 1
 HEADER = "header"
@@ -39,7 +39,7 @@ def load_checkpoint(path: str | Path, kind: str) -> dict[str, Any]:
     TrackError
         The file is damaged, of another version or of another kind.
     """
-    arrays = load_archive(path, TrackError, HINT)
+    arrays = load_archive(path, TrackError, HINT, inside=True)
     if HEADER not in arrays:
         raise TrackError(f"{path} holds no state of a tracker; {HINT}")
     header = parse_json(str(arrays[HEADER]), f"the header of {path}", TrackError, HINT)
@@ -52,6 +52,28 @@ def load_checkpoint(path: str | Path, kind: str) -> dict[str, Any]:
         return dict(_rebuilt(header["state"], arrays))
     except (ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
         raise TrackError(f"{path} holds no state of a tracker ({error}); {HINT}") from error
+
+
+def check_state(state: Any, columns: Mapping[str, Column], nested: Collection[str] = (), what: str = "tracker") -> None:
+    """Check one level of a state before anything is taken from it: a right checksum says nothing about who wrote it.
+
+    Parameters
+    ----------
+    state : what `load_checkpoint` read
+    columns : what each of its arrays and numbers must be; there are no others
+    nested : names of the states within it
+    what : whose state it is, for the message
+
+    Raises
+    ------
+    TrackError
+        A name is missing or not known, or a value has another type, shape or range.
+    """
+    wanted = {*columns, *nested}
+    if not isinstance(state, Mapping) or set(state) != wanted:
+        names = ", ".join(sorted(map(str, state))) if isinstance(state, Mapping) else type(state).__name__
+        raise TrackError(f"the state of the {what} holds {names or 'nothing'} and not {', '.join(wanted)}; {HINT}")
+    check_columns(state, columns, TrackError, f"the state of the {what}", HINT)
 
 
 def _described(value: Any, where: str, arrays: dict[str, np.ndarray]) -> Any:

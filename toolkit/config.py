@@ -19,7 +19,8 @@ import yaml
 
 from toolkit.constants import is_constant
 from toolkit.errors import SettingsError
-from toolkit.files import is_file, parse_yaml, read_text, save_text, shipped
+from toolkit.files import is_file, save_text, shipped
+from toolkit.plain import parse_yaml, read_yaml
 
 Settings = TypeVar("Settings")
 
@@ -155,7 +156,7 @@ def _read(path: str | Path) -> dict[str, Any]:
     if not is_file(file) and not file.suffix:
         file = shipped(f"{file}.yaml")
     hint = "name a YAML file of settings"
-    values = parse_yaml(read_text(file, SettingsError, hint), str(file), SettingsError, hint)
+    values = read_yaml(file, str(file), SettingsError, hint)
     if values is None:
         return {}
     if not isinstance(values, dict):

@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+from toolkit.names import printable
+
 
 class DepthMocapError(Exception):
     """Base of every error that the toolkit raises on purpose; the command prints it as one sentence.
 
-    Names and values out of files stand in messages; a line break in one of them becomes a space.
+    Names and values out of files stand in messages; a line break in one of them becomes a space, and what a terminal
+    would obey is written out.
     """
 
     def __str__(self) -> str:
-        return " ".join(super().__str__().splitlines())
+        return printable(" ".join(super().__str__().splitlines()))
 
 
 class UsageError(DepthMocapError):

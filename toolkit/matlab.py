@@ -13,12 +13,13 @@ from pathlib import Path
 
 import numpy as np
 
+from toolkit.door import read_file
 from toolkit.errors import DepthMocapError
 
 HEADER = 128
 """Bytes before the first variable; the last two tell the order of bytes."""
 LARGEST = 1 << 31
-"""Bytes of an inflated variable, at most."""
+"""Bytes of a file, and of an inflated variable, at most."""
 INT32, UINT32, MATRIX, COMPRESSED = 5, 6, 14, 15
 NUMBERS = {
     1: "i1", 2: "u1", 3: "i2", 4: "u2", INT32: "i4", UINT32: "u4", 7: "f4", 9: "f8", 12: "i8", 13: "u8",
@@ -44,7 +45,7 @@ def read_matlab(path: str | Path, error: type[DepthMocapError]) -> dict[str, Var
         The file is missing, damaged, or of another level (before 5, or 7.3, which is HDF5).
     """
     try:
-        return dict(_variables(Path(path).read_bytes()))
+        return dict(_variables(read_file(path, LARGEST)))
     except (OSError, ValueError, struct.error, zlib.error) as problem:
         reason = problem.strerror if isinstance(problem, OSError) else problem
         raise error(f"{path} is truncated or no MATLAB file ({reason}); copy it again") from problem

@@ -3,19 +3,24 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, fields, replace
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
+from typing import Annotated
 
 import numpy as np
 
 from toolkit import skeleton
 from toolkit.body.body import Body
 from toolkit.errors import TrackError, UsageError
-from toolkit.files import read_json, save_json
+from toolkit.files import save_json
+from toolkit.plain import read_json
 from toolkit.track import EMPTY, RunInfo, Track
-from toolkit.track.info import JSON_KINDS
+from toolkit.track.track import AGAIN
+from toolkit.typed import Range, TypedReader
 
 PEOPLE_FILE = "people.json"
+MOST_PEOPLE = 1000
+"""In one recording, however long: whoever comes back is known again, or not."""
 
 
 @dataclass(frozen=True)
@@ -33,12 +38,19 @@ class PersonSummary:
 
     id: int
     folder: str
-    first_frame: int
-    last_frame: int
-    stature: float
-    tracked: float
-    lost: float
-    hidden: float
+    first_frame: Annotated[int, Range(0)]
+    last_frame: Annotated[int, Range(0)]
+    stature: Annotated[float, Range(0, 10)]
+    tracked: Annotated[float, Range(0, 1)]
+    lost: Annotated[float, Range(0, 1)]
+    hidden: Annotated[float, Range(0, 1)]
+
+
+@dataclass(frozen=True)
+class _People:
+    """What stands in `people.json`."""
+
+    people: tuple[PersonSummary, ...]
 
 
 def save_people(run: str | Path, people: Sequence[PersonSummary]) -> Path:
@@ -63,21 +75,15 @@ def load_people(run: str | Path) -> tuple[PersonSummary, ...]:
         There is no such file, it is not understood, or it names something outside the run.
     """
     path = Path(run) / PEOPLE_FILE
-    content = read_json(path, TrackError, "track the recording again")
-    try:
-        rows = content["people"]
-        people = tuple(PersonSummary(**{f.name: row[f.name] for f in fields(PersonSummary)}) for row in rows)
-        folders = [str(person.folder) for person in people]
-        if any(
-            not isinstance(getattr(person, f.name), JSON_KINDS[str(f.type)])
-            for person in people
-            for f in fields(person)
-        ):
-            raise TypeError("a value has another type")
-    except (KeyError, TypeError) as error:
-        raise TrackError(f"cannot read {path}: {error}; track the recording again") from error
+    reader = TypedReader(TrackError, AGAIN, loose=True, source=str(path))
+    people = reader.read(read_json(path, TrackError, AGAIN, inside=True), _People, "").people
+    folders = [person.folder for person in people]
     if any(Path(folder).name != folder or folder in ("", ".", "..") for folder in folders):
         raise TrackError(f"{path} names the folders {folders}; they must be plain names within the run")
+    if len(people) > MOST_PEOPLE or len(set(folders)) < len(folders):
+        raise TrackError(f"{path} lists {len(people)} people, some of them twice or more than a camera sees; {AGAIN}")
+    if linked := [folder for folder in folders if (Path(run) / folder).is_symlink()]:
+        raise TrackError(f"{Path(run) / linked[0]} is a link; put the folder itself there")
     return people
 
 

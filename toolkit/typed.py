@@ -40,6 +40,7 @@ class TypedReader:
     loose : names beyond those that are wanted are left out, instead of refused: a later version may have added them
     written_by_hand : text that is a number is one, for YAML 1.1 takes 1e-3 for text
     what : what a name with a value is called, for the message
+    source : the file that they come from, for the message
     """
 
     error: type[DepthMocapError]
@@ -47,6 +48,7 @@ class TypedReader:
     loose: bool = False
     written_by_hand: bool = False
     what: str = "entry"
+    source: str = ""
 
     def read(self, value: Any, kind: type[Made], where: str) -> Made:
         """`value` as `kind` wants it: a dataclass, a number, text, truth, list, tuple, dict, Literal, None or a path.
@@ -96,7 +98,7 @@ class TypedReader:
             )
         needed = [n for n, item in wanted.items() if item.default is MISSING and item.default_factory is MISSING]
         if missing := [name for name in needed if name not in values]:
-            raise self._wrong(f"{where or kind.__name__} lacks {', '.join(missing)}")
+            raise self._wrong(f"{where or 'it'} lacks {', '.join(missing)}")
         return kind(
             **{name: self._any(values[name], hints[name], _inside(where, name)) for name in wanted if name in values}
         )
@@ -154,11 +156,12 @@ class TypedReader:
 
     def _expect(self, value: Any, kind: Any, where: str, words: str) -> Any:
         if not isinstance(value, kind):
-            raise self._wrong(f"{where} is {_kind(value)}; it must be {words}")
+            raise self._wrong(f"{where or 'it'} is {_kind(value)}; it must be {words}")
         return value
 
     def _wrong(self, sentence: str, *, hinted: bool = True) -> DepthMocapError:
-        return self.error(f"{sentence}; {self.hint}" if self.hint and hinted else sentence)
+        where = f"{self.source}: " if self.source else ""
+        return self.error(f"{where}{sentence}; {self.hint}" if self.hint and hinted else f"{where}{sentence}")
 
 
 def _inside(where: str, name: object) -> str:

@@ -20,8 +20,9 @@ from toolkit.database.origin import observed_offsets
 from toolkit.database.prior import PosePrior
 from toolkit.database.search import FEATURE_SIZE, LeafSearch, NearestNeighbours
 from toolkit.errors import DatabaseError
-from toolkit.files import is_file, parse_json
+from toolkit.files import is_file
 from toolkit.landmarks.regressor import JointRegressor
+from toolkit.plain import parse_json
 
 FORMAT_VERSION = 2
 """Raised whenever the meaning of a stored array changes; version 1 also held joints and features, which follow."""

@@ -8,6 +8,8 @@ from typing import Any
 
 import numpy as np
 
+from toolkit.archives import Column
+from toolkit.checkpoint import check_state
 from toolkit.detector.joint_formats import POSE_MODEL, reported_rows
 from toolkit.detector.pose_model import CENTRE, SOMEBODY, UPWARD, Crop, Landmarks, PoseModel
 from toolkit.detector.shaded import ENLARGED, shaded
@@ -50,6 +52,8 @@ class DetectedJoints:
 
     def restore_state(self, state: Mapping[str, Any]) -> None:
         """See `JointSource.restore_state`."""
+        crop = Column("f", (len(Crop._fields),), -1e6, 1e6)
+        check_state(state, dict.fromkeys(state if isinstance(state, Mapping) else (), crop), what="joint detector")
         self._crops = {int(person): Crop(*map(float, crop)) for person, crop in state.items()}
 
     def _joints(self, frame: Frame, sighting: Sighting) -> Joints2D | None:

@@ -10,7 +10,8 @@ import numpy as np
 
 from toolkit.detector.joint_formats import BODY_25, COCO_17, COCO_18, POSE_MODEL, reported_rows
 from toolkit.errors import RecordingError
-from toolkit.files import is_folder, read_json
+from toolkit.files import is_folder
+from toolkit.plain import read_json
 from toolkit.recordings.readers.common import natural_key
 from toolkit.sensing.camera import Camera
 

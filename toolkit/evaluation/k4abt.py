@@ -10,7 +10,7 @@ import numpy as np
 
 from toolkit.body import k4abt
 from toolkit.errors import RecordingError
-from toolkit.files import read_json
+from toolkit.plain import read_json
 
 HINT = "give a JSON file as the offline processor of the Azure Kinect body tracking SDK writes it"
 FASTEST = 5.0

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from toolkit.evaluation.orientations import THRESHOLDS, RunCheck
-from toolkit.files import atomic_path, save_json, save_text
+from toolkit.files import save_bytes, save_json, save_text
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -44,8 +44,7 @@ def write_check(check: RunCheck, folder: str | Path) -> list[Path]:
     save_json(paths[2], _as_json(check))
     picture = io.BytesIO()
     plot_check(check).savefig(picture, dpi=110, format="png")
-    with atomic_path(paths[3]) as temporary:
-        temporary.write_bytes(picture.getvalue())
+    save_bytes(paths[3], picture.getvalue())
     save_text(paths[4], _page(check, picture.getvalue()))
     return paths
 

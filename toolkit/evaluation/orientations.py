@@ -9,7 +9,6 @@ from pathlib import Path
 import numpy as np
 
 from toolkit.errors import InertialError
-from toolkit.files import read_table
 from toolkit.inertial.calibrate import CalibrationSettings
 from toolkit.inertial.calibration import Calibration
 from toolkit.inertial.distance import CheckSettings, Distances, TrackError, distances, errors_of, runs_above
@@ -17,6 +16,7 @@ from toolkit.inertial.limbs import LIMBS
 from toolkit.inertial.stream import Sensors
 from toolkit.inertial.synchronise import SyncSettings
 from toolkit.inertial.workflow import checked_take, paired
+from toolkit.plain import read_table
 from toolkit.retrieval.annotation.measures import Scores, Segment, segment_scores
 
 THRESHOLDS: np.ndarray = np.arange(10.0, 91.0, 5.0)

@@ -12,7 +12,8 @@ import numpy as np
 from toolkit import skeleton
 from toolkit.body.body import Body
 from toolkit.errors import RigError
-from toolkit.files import parse_yaml, read_text, shipped
+from toolkit.files import shipped
+from toolkit.plain import read_yaml
 
 OWN = "toolkit"
 """The rig of the body's own joints."""
@@ -136,7 +137,7 @@ def read_bones(path: Path) -> dict[str, tuple[str | None, Any]]:
         The file is not understood, or its joints do not make a tree over the body's.
     """
     hint = "write `export:` with `name: [parent, place]` per joint"
-    content = parse_yaml(read_text(path, RigError, hint), f"the rig {path.name}", RigError, hint)
+    content = read_yaml(path, f"the rig {path.name}", RigError, hint)
     try:
         rows: Mapping[str, Any] = content["export"]
         bones = {str(name): (parent, place) for name, (parent, place) in rows.items()}

@@ -9,8 +9,9 @@ from typing import Any
 import numpy as np
 
 from toolkit.errors import InertialError
-from toolkit.files import read_json, save_json
+from toolkit.files import save_json
 from toolkit.inertial.stream import Sensors
+from toolkit.plain import read_json
 
 GOOD, WEAK, REFUSED = "good", "weak", "refused"
 

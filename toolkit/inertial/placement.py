@@ -7,9 +7,9 @@ from dataclasses import replace
 from pathlib import Path
 
 from toolkit.errors import InertialError
-from toolkit.files import parse_yaml, read_text
 from toolkit.inertial.limbs import LIMBS
 from toolkit.inertial.stream import Sensors, SensorStream
+from toolkit.plain import read_yaml
 
 _SIDES = {"left": "left", "l": "left", "right": "right", "r": "right"}
 _PARTS = {
@@ -48,7 +48,7 @@ def load_placement(path: str | Path) -> dict[str, str]:
         It cannot be read, is no table of names, or names a part that does not exist or twice the same.
     """
     hint = "write lines such as 00B421AF: left_shin"
-    table = parse_yaml(read_text(path, InertialError, hint), f"the placement {path}", InertialError, hint)
+    table = read_yaml(path, f"the placement {path}", InertialError, hint)
     if not isinstance(table, dict) or not table:
         raise InertialError(f"{path} is no table of sensors; {hint}")
     placement = {str(device): str(limb) for device, limb in table.items()}

@@ -17,7 +17,8 @@ import numpy as np
 
 from toolkit.archives import load_archive, save_archive
 from toolkit.errors import InertialError
-from toolkit.files import parse_json, save_text
+from toolkit.files import save_text
+from toolkit.plain import parse_json
 from toolkit.rotations import quaternions as quat
 
 GRAVITY = 9.80665

@@ -4,7 +4,7 @@ Numba stamps a cached function with the source of its own file only, although it
 function that it calls, from other files too. Here the names of the cached files carry a digest of the file and of all
 kernels that it imports, directly or through others: an edit compiles anew what can be other code, and nothing else.
 They lie where Numba puts them: in `NUMBA_CACHE_DIR` if that is set, else beside the sources, or in the user's cache
-folder where that cannot be written.
+folder where that cannot be written, and only where nobody else can write (`cache_files`).
 """
 
 from __future__ import annotations
@@ -18,6 +18,8 @@ from pathlib import Path
 from typing import Any
 
 from numba.core import caching
+
+from toolkit.kernels.cache_files import KernelFile, is_private, last_resort
 
 FOLDER = Path(__file__).resolve().parent
 KEPT = 3
@@ -53,6 +55,20 @@ def sources_digest(path: Path, folder: Path = FOLDER) -> str:
     return digest.hexdigest()[:DIGITS]
 
 
+_OURS: set[str] = set()
+"""Stamps of kernels: their files are the sealed ones."""
+
+
+class _LastResort(caching.UserWideCacheLocator):
+    """Where a process keeps its kernels for itself."""
+
+    def __init__(self, function: Any, file: str) -> None:
+        self._py_file, self._lineno = file, function.__code__.co_firstlineno
+
+    def get_cache_path(self) -> str:
+        return str(last_resort())
+
+
 class _OfKernels:
     """Mixed into a locator of Numba: serves the functions of this folder alone, under the digest of their sources."""
 
@@ -65,13 +81,15 @@ class _OfKernels:
         if FOLDER not in source.parents:
             return None
         locator = super().from_function(function, file)  # type: ignore[misc]
-        if locator is not None:
-            locator._source = source
-            _prune_once(Path(locator.get_cache_path()))
+        if locator is None or not is_private(Path(locator.get_cache_path())):
+            return None
+        locator._source = source
+        _prune_once(Path(locator.get_cache_path()))
         return locator
 
     def get_source_stamp(self) -> str:
         """What a cached function must have been compiled from."""
+        _OURS.add(sources_digest(self._source))
         return sources_digest(self._source)
 
     def get_disambiguator(self) -> str:
@@ -108,7 +126,14 @@ _prune_once = cache(prune)
 
 
 def install() -> None:
-    """Have Numba ask these locators first; those of all other functions stay as they were."""
+    """Have Numba ask these locators first, and keep kernels in sealed files; all other functions stay as they were."""
     found = caching.CompileResultCacheImpl._locator_classes
-    ours: list[Any] = [type(locator.__name__, (_OfKernels, locator), {}) for locator in found]
+    ours: list[Any] = [type(locator.__name__, (_OfKernels, locator), {}) for locator in (*found, _LastResort)]
     caching.CompileResultCacheImpl._locator_classes = [*ours, *found]
+    usual = caching.IndexDataCacheFile
+
+    def file(cache_path: str, filename_base: str, source_stamp: str) -> Any:
+        kind = KernelFile if source_stamp in _OURS else usual
+        return kind(cache_path=cache_path, filename_base=filename_base, source_stamp=source_stamp)
+
+    caching.IndexDataCacheFile = file  # type: ignore[assignment, misc]

@@ -10,9 +10,9 @@ from pathlib import Path
 import numpy as np
 
 from toolkit.errors import MocapError
-from toolkit.files import read_text
 from toolkit.mocap.clip import Clip, check_tree
 from toolkit.mocap.units import metres_per_unit, rest_size
+from toolkit.plain import read_text
 from toolkit.rotations.matrices import of_euler
 
 POSITIONS = ("Xposition", "Yposition", "Zposition")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from toolkit.door import open_file
 from toolkit.errors import MocapError
 from toolkit.files import is_file, is_folder
 from toolkit.mocap.amass import is_amass, read_amass
@@ -40,7 +41,7 @@ def read_clip(path: str | Path, *, unit: float | None = None) -> Clip:
     if file.suffix.lower() == ".npz":
         return read_amass(file)
     try:
-        with file.open("rb") as stream:
+        with open_file(file) as stream:
             head = stream.read(4096).decode("latin-1").lstrip("\xef\xbb\xbf \t\r\n")
     except OSError as error:
         raise MocapError(f"cannot read {file}: {error.strerror or error}; check the path") from error

@@ -9,8 +9,9 @@ from functools import cache
 from pathlib import Path
 
 from toolkit.errors import RigError
-from toolkit.files import parse_yaml, read_text, shipped
+from toolkit.files import shipped
 from toolkit.mocap.clip import Clip
+from toolkit.plain import read_yaml
 
 SIDED = ("clavicle", "shoulder", "elbow", "wrist", "hand", "hip", "knee", "ankle", "foot")
 KEYS: tuple[str, ...] = (
@@ -97,7 +98,7 @@ def read_map(path: Path) -> dict[str, list[str]]:
         The file is not understood or names joints that are none of the body's.
     """
     hint = "write `joints:` with a name or a list of names per joint"
-    table = parse_yaml(read_text(path, RigError, hint), f"the joint map {path.name}", RigError, hint)
+    table = read_yaml(path, f"the joint map {path.name}", RigError, hint)
     try:
         joints = table["joints"]
         maps = {key: [names] if isinstance(names, str) else list(names) for key, names in joints.items()}

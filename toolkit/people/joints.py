@@ -8,6 +8,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
+from toolkit.checkpoint import check_state
 from toolkit.people.sighting import Sighting
 from toolkit.sensing.camera import Camera
 from toolkit.sensing.joints2d import Joints2D, same_rays
@@ -60,6 +61,7 @@ class NoJoints:
 
     def restore_state(self, state: Mapping[str, Any]) -> None:
         """See `JointSource.restore_state`."""
+        check_state(state, {}, what="joints")
 
 
 class GivenJoints(NoJoints):

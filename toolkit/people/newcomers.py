@@ -8,6 +8,9 @@ from typing import Any
 
 import numpy as np
 
+from toolkit.archives import Column
+from toolkit.checkpoint import check_state
+
 GATE, WALK = 0.3, 2.0  # m, and m/s, that a head moves from frame to frame
 LEAST_FRAMES = 2.5
 FRAMES = 3  # in which it must be seen: noise does not look like a head in the same place three times
@@ -68,7 +71,13 @@ class Newcomers:
         }
 
     def restore_state(self, state: Mapping[str, Any]) -> None:
-        """Go on from what `export_state` gave."""
+        """Go on from what `export_state` gave; raises TrackError for the state of something else."""
+        number = Column("f", ("n",), -1e12, 1e12)
+        columns = {
+            "before": Column("iuf", (), -1e12, 1e12), "places": Column("f", ("n", 3), -1e3, 1e3),
+            "frames": Column("i", ("n",), 0, 1e9), "first": number, "last": number,
+        }  # fmt: skip
+        check_state(state, columns, what="newcomers")
         self._before = float(state["before"])
         rows = zip(state["places"], state["frames"], state["first"], state["last"], strict=True)
         self._waiting = [

@@ -13,6 +13,8 @@ from typing import Any
 
 import numpy as np
 
+from toolkit.archives import Column
+from toolkit.checkpoint import check_state
 from toolkit.errors import SegmentationError
 from toolkit.kernels.cloud.planes import largest_plane
 from toolkit.kernels.image import components
@@ -160,7 +162,15 @@ class RoomSegmenter:
         }
 
     def restore_state(self, state: Mapping[str, Any]) -> None:
-        """Go on from what `export_state` gave."""
+        """Go on from what `export_state` gave; raises TrackError for the state of something else."""
+        columns = {
+            "begun": Column("b", ()), "last": Column("u", self._coarse.shape, optional=True),
+            "area": Column("iuf", (), 0, 1e9), "place": Column("f", (3,), -1e3, 1e3, optional=True),
+        }  # fmt: skip
+        check_state(state, columns, ("floor",), "room")
+        if state["floor"] is not None:
+            plane = {"up_camera": Column("f", (3,), -1, 1), "height": Column("iuf", (), -1e3, 1e3)}
+            check_state(state["floor"], plane, what="floor")
         self._last, self._area, self._place = state["last"], state["area"], state["place"]
         if state["begun"]:
             self._stand_on(None if state["floor"] is None else Floor(**state["floor"]))

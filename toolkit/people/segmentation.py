@@ -8,7 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from toolkit.errors import SegmentationError
+from toolkit.archives import Column
+from toolkit.checkpoint import HINT, check_state
+from toolkit.errors import SegmentationError, TrackError
 from toolkit.kernels.image import components
 from toolkit.kernels.image import depth as kernels
 from toolkit.people.room import RoomSegmenter
@@ -150,7 +152,24 @@ class Segmenter:
         }
 
     def restore_state(self, state: Mapping[str, Any]) -> None:
-        """Go on from what `export_state` gave."""
+        """Go on from what `export_state` gave.
+
+        Raises
+        ------
+        TrackError
+            It is the state of something else.
+        """
+        image, padded = Column("u", self._camera.shape), Column("u", self._padded.shape)
+        columns = {
+            "background": image, "empty_wanted": Column("iu", (), 0, 1e6), "seen": Column("b", ()), "last": padded,
+            "last_box": Column("i", (4,), 0, max(self._padded.shape)),
+        }  # fmt: skip
+        check_state(state, columns, ("empty_frames", "room"), "segmentation")
+        frames = [str(i) for i in range(len(state["empty_frames"]))]
+        check_state(state["empty_frames"], dict.fromkeys(frames, image), what="segmentation")
+        _, v1, _, u1 = state["last_box"]
+        if v1 > self._padded.shape[0] or u1 > self._padded.shape[1]:
+            raise TrackError(f"the person in the state lies outside of the image, at {state['last_box']}; {HINT}")
         self._background, self._seen = state["background"], state["seen"]
         self._empty_wanted = state["empty_wanted"]
         self._empty_frames = [state["empty_frames"][str(i)] for i in range(len(state["empty_frames"]))]

@@ -9,6 +9,9 @@ from typing import Any
 
 import numpy as np
 
+from toolkit.archives import Column
+from toolkit.checkpoint import HINT, check_state
+from toolkit.errors import TrackError
 from toolkit.kernels import linear
 from toolkit.kernels.image.growth import refine_labels, take_label
 from toolkit.people.detection import find_heads, head_seeds, looks_like_person, near_head, share_out
@@ -131,11 +134,16 @@ class SeveralPeople:
 
     def restore_state(self, state: Mapping[str, Any]) -> None:
         """See `PeopleFinder.restore_state`."""
+        shape = self._lens.camera.shape
+        columns = {"labels": Column("i", shape, 0, 1e6), "depth": Column("f", shape, 0, 1e3)}
+        check_state(state, columns, ("people", "newcomers", "surroundings"), "people finder")
         self.people = restore_people(state["people"])
         self._newcomers.restore_state(state["newcomers"])
         self._labels, self._depth = state["labels"], state["depth"]
+        if not set(np.unique(self._labels).tolist()) <= {0, *(person.id for person in self.people)}:
+            raise TrackError(f"the state of the people finder labels people who are not in it; {HINT}")
         kept = state["surroundings"]
-        self._surroundings = None if kept is None else Surroundings.from_state(kept)
+        self._surroundings = None if kept is None else Surroundings.from_state(kept, shape)
 
     def _look(self, flat: np.ndarray) -> tuple[View, Surroundings]:
         lens, settings = self._lens, self._settings

@@ -8,6 +8,8 @@ from typing import Any
 
 import numpy as np
 
+from toolkit.archives import Column
+from toolkit.checkpoint import check_state
 from toolkit.people.detection import find_heads, near_head
 from toolkit.people.settings import PeopleSettings
 from toolkit.people.structure import Plane, find_planes, on_planes
@@ -55,8 +57,14 @@ class Surroundings:
         }
 
     @classmethod
-    def from_state(cls, state: Mapping[str, Any]) -> Surroundings:
-        """From what `export_state` gave."""
+    def from_state(cls, state: Mapping[str, Any], shape: tuple[int, int]) -> Surroundings:
+        """From what `export_state` gave, of coarse frames of that shape; raises TrackError for anything else."""
+        columns = {
+            "cut_out": Column("b", ()), "known": Column("b", ()), "background": Column("f", shape, 0, 1e3),
+            "margin": Column("f", shape, 0, 1e3), "still": Column("b", shape), "figures": Column("iu", (), 0, 1e6),
+            "planes": Column("f", ("planes", 5), -1e6, 1e6),
+        }  # fmt: skip
+        check_state(state, columns, what="surroundings")
         planes = tuple(Plane(row[:3], float(row[3]), float(row[4])) for row in state["planes"])
         arrays = (state["background"], state["margin"], state["still"])
         return cls(bool(state["cut_out"]), bool(state["known"]), *arrays, planes, int(state["figures"]))

@@ -8,6 +8,10 @@ from typing import Any
 
 import numpy as np
 
+from toolkit.archives import Column
+from toolkit.checkpoint import HINT, check_state
+from toolkit.errors import TrackError
+
 LONGEST_FORECAST = 0.5  # s over which a velocity holds
 VELOCITY_MEMORY = 0.2  # s over which a velocity is averaged
 GATE = 0.4  # m from where a head is expected: it nods, and its middle moves as it turns
@@ -145,8 +149,17 @@ def export_people(people: Sequence[Person]) -> dict[str, Any]:
 
 
 def restore_people(state: Mapping[str, Any]) -> list[Person]:
-    """People from what `export_people` gave."""
-    if not state:
+    """People from what `export_people` gave; raises TrackError for anything else."""
+    if isinstance(state, Mapping) and not state:
         return []
+    place, number = Column("f", ("n", 3), -1e3, 1e3), Column("f", ("n",), -1e12, 1e12)
+    columns = {
+        "id": Column("i", ("n",), 1, 1e6), "head": place, "velocity": place, "first": number, "last": number,
+        "tallest": number, "middle": place, "area": number, "stature": number, "borne_out": Column("b", ("n",)),
+        "body_head": replace(place, gaps=True),
+    }  # fmt: skip
+    check_state(state, columns, what="people")
     count = len(state["id"])
+    if len(set(state["id"].tolist())) < count:
+        raise TrackError(f"the state of the people tells somebody twice; {HINT}")
     return [Person(**{k: (v[i].copy() if v[i].ndim else v[i].item()) for k, v in state.items()}) for i in range(count)]

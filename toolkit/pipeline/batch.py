@@ -10,19 +10,12 @@ from toolkit.errors import DepthMocapError, RecordingError, UsageError
 from toolkit.files import check_output
 from toolkit.pipeline.joints import JointChoice
 from toolkit.pipeline.rows import RowWatcher
-from toolkit.pipeline.run import STATE_FILE, track_recording
-from toolkit.pipeline.sink import CONFIG_FILE
+from toolkit.pipeline.run import RUN_FILES, track_recording
 from toolkit.pipeline.summary import BatchReport
-from toolkit.pipeline.watch import LOG_FILE
 from toolkit.progress import RecordingProgress
 from toolkit.recordings.opening import open_recording
-from toolkit.runs import PEOPLE_FILE
 from toolkit.sensing.recording import ReaderOptions
-from toolkit.track import PARTIAL_FILE, RUN_FILE, TRACK_FILE
 from toolkit.tracking.protocol import Tracker
-
-RUN_FILES = (TRACK_FILE, PARTIAL_FILE, RUN_FILE, CONFIG_FILE, LOG_FILE, STATE_FILE, PEOPLE_FILE)
-"""What is written into a run folder."""
 
 
 def track_recordings(

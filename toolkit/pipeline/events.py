@@ -2,21 +2,31 @@
 
 from __future__ import annotations
 
-import json
 import sys
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
 from toolkit.body.body import Body
-from toolkit.errors import OutputError
+from toolkit.door import open_file
+from toolkit.errors import OutputError, UsageError
 from toolkit.files import save_text
+from toolkit.plain import parse_json, read_text
 from toolkit.retrieval.annotation.annotator import MotionClass
 from toolkit.retrieval.annotation.online import Event, OnlineAnnotator, OnlineSettings
 from toolkit.retrieval.keyframes.query import KeyframeQuery
 from toolkit.retrieval.workflow.events import STANDARD_OUTPUT
 from toolkit.track import EMPTY, FrameResult
+from toolkit.typed import TypedReader
+
+
+@dataclass(frozen=True)
+class _Told:
+    """What of an event's line is read again: seconds since the first frame."""
+
+    time: float
 
 
 class EventStream:
@@ -69,8 +79,11 @@ class EventStream:
     def _keep_until(self, time: float) -> None:
         """Forget what was told of rows that will be found again."""
         path = Path(self._output)
-        lines = path.read_text(encoding="utf-8").splitlines() if np.isfinite(time) and path.exists() else []
-        save_text(path, "".join(f"{line}\n" for line in lines if json.loads(line)["time"] <= time))
+        hint = "name another file for the events"
+        lines = read_text(path, UsageError, hint).splitlines() if np.isfinite(time) and path.exists() else []
+        reader = TypedReader(UsageError, hint, loose=True, source=str(path))
+        told = [reader.read(parse_json(line, str(path), UsageError, hint), _Told, "").time for line in lines]
+        save_text(path, "".join(f"{line}\n" for line, when in zip(lines, told, strict=True) if when <= time))
 
     def _append(self, events: Sequence[Event]) -> None:
         if self._output == STANDARD_OUTPUT:
@@ -80,8 +93,8 @@ class EventStream:
         if not events:
             return
         try:
-            with open(self._output, "a", encoding="utf-8") as stream:
-                stream.writelines(f"{event.to_json()}\n" for event in events)
+            with open_file(self._output, "a+b") as stream:
+                stream.writelines(f"{event.to_json()}\n".encode() for event in events)
         except OSError as error:
             reason = error.strerror or error
             raise OutputError(f"cannot write events to {self._output}: {reason}; choose another file") from error

@@ -7,8 +7,9 @@ import os
 from dataclasses import asdict, dataclass, fields
 from pathlib import Path
 
+from toolkit.door import open_file
 from toolkit.errors import OutputError, UsageError
-from toolkit.files import is_file, parse_json, read_text
+from toolkit.plain import parse_json, read_text
 
 MANIFEST_FILE = "manifest.jsonl"
 COMMAND = "track"
@@ -65,9 +66,9 @@ class Manifest:
             self._remember(value, number)
 
     def _lines(self) -> list[str]:
-        if not is_file(self.path):
+        if not os.path.lexists(self.path):
             return []
-        text = read_text(self.path, UsageError, "choose another output")
+        text = read_text(self.path, UsageError, "choose another output", inside=True)
         # A line without an end was cut short by a kill: its recording is tracked again.
         lines = text.split("\n")[:-1]
         if lines and lines[0] != json.dumps({"command": COMMAND}):
@@ -93,12 +94,14 @@ class Manifest:
         self.rows[row.recording] = row
         try:
             self.path.parent.mkdir(parents=True, exist_ok=True)
-            with self.path.open("a+b") as stream:
+            with open_file(self.path, "a+b", inside=True) as stream:
                 end = stream.seek(0, os.SEEK_END)
                 stream.seek(-min(end, LONGEST_LINE), os.SEEK_END)
                 torn = len(stream.read().rpartition(b"\n")[2])  # of a last line that was cut short
                 stream.truncate(end - torn)
                 lines = [] if end > torn else [{"command": COMMAND}]
                 stream.write("".join(json.dumps(line) + "\n" for line in [*lines, asdict(row)]).encode())
+                stream.flush()
+                os.fsync(stream.fileno())
         except OSError as error:
             raise OutputError(f"cannot write {self.path}: {error.strerror or error}; free some space") from error

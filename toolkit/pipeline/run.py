@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import logging
+import os
 import threading
 import time
 from dataclasses import asdict, replace
@@ -15,7 +16,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from toolkit import skeleton
-from toolkit.checkpoint import load_checkpoint, save_checkpoint
+from toolkit.checkpoint import HINT, load_checkpoint, save_checkpoint
 from toolkit.config import settings_text
 from toolkit.errors import DepthMocapError, RecordingError, TrackError, UsageError
 from toolkit.files import locked, sha256_of
@@ -26,16 +27,20 @@ from toolkit.pipeline.joints import JointChoice, give_joints, joint_source, name
 from toolkit.pipeline.rows import RowWatcher
 from toolkit.pipeline.sink import CONFIG_FILE, RunSink, finished_tracks
 from toolkit.pipeline.summary import RunSummary, summarised
-from toolkit.pipeline.watch import log_file, stop_request
+from toolkit.pipeline.watch import LOG_FILE, log_file, stop_request
+from toolkit.plain import read_text
 from toolkit.progress import RecordingProgress
+from toolkit.runs import PEOPLE_FILE
 from toolkit.sensing.camera import level_rotation
 from toolkit.sensing.recording import Recording
-from toolkit.track import PARTIAL_FILE, RUN_FILE, RunInfo
+from toolkit.track import PARTIAL_FILE, RUN_FILE, TRACK_FILE, RunInfo
 from toolkit.tracking.clock import StageClock
 from toolkit.tracking.crowd import Crowd, Row
 from toolkit.tracking.protocol import JudgesPeople, Tracker
 
 STATE_FILE = "state.npz"
+RUN_FILES = (TRACK_FILE, PARTIAL_FILE, RUN_FILE, CONFIG_FILE, LOG_FILE, STATE_FILE, PEOPLE_FILE)
+"""What is written into a run folder."""
 MEMORY_SECONDS = 2.0
 """A killed run loses at most this much work: the state is written so often, seconds."""
 WARM_UP_FRAMES = 3
@@ -137,6 +142,7 @@ def _track(
 ) -> RunSummary:
     """As `track_recording`, in a folder that is this process's own."""
     recording, tracker, several = job.recording, job.tracker, job.people != 1
+    _check_whose(folder)
     if resume and (folder / RUN_FILE).exists():
         same = _is_same_run(folder, info, tracker)
         if not same and (_is_unfinished(folder) or finished_tracks(folder, several=several) is not None):
@@ -150,8 +156,7 @@ def _track(
     sink = RunSink(folder, tracker, info, several=several, resume=resume)
     try:
         with log_file(folder), stop_request() as stop:
-            crowd = Crowd(tracker, _finder(job), recording.up_camera, job.joints)
-            _restore(folder, sink, crowd)
+            crowd = _restored(folder, sink, job)
             if warm_up and (crowd.frames or not tracker.learning_seconds):
                 _warm_up(job, report)  # else learning the body comes first, and is not timed
             logger.info("%s: tracking frames %d to %d", recording.name, crowd.frames, len(recording))
@@ -242,14 +247,42 @@ def _frame_rate(recording: Recording) -> float:
 
 
 def _remember(sink: RunSink, crowd: Crowd) -> None:
+    sink.keep()
     save_checkpoint(sink.run / STATE_FILE, crowd.tracker.settings.tracker, crowd.export_state())
 
 
-def _restore(folder: Path, sink: RunSink, crowd: Crowd) -> None:
-    """Go back to the last frame whose state was written; the rows after it are found again."""
-    if sink.rows > 0 and (folder / STATE_FILE).exists():
-        crowd.restore_state(load_checkpoint(folder / STATE_FILE, crowd.tracker.settings.tracker))
+def _restored(folder: Path, sink: RunSink, job: Job) -> Crowd:
+    """A crowd that goes on from the last frame whose state was written; the rows after it are found again.
+
+    Where rows before it are gone, as after a loss of power, all are found again.
+    """
+    recording, tracker, path = job.recording, job.tracker, folder / STATE_FILE
+    crowd = Crowd(tracker, _finder(job), recording.up_camera, job.joints)
+    if sink.begun and os.path.lexists(path):
+        nothing, state = job.joints.export_state(), load_checkpoint(path, tracker.settings.tracker)
+        try:
+            crowd.restore_state(state)
+        except (KeyError, IndexError, TypeError, ValueError, AttributeError, OverflowError) as error:
+            raise TrackError(f"{path} cannot be gone on from ({error}); {HINT}") from error
+        if crowd.timestamps != recording.timestamps[: crowd.frames].tolist():
+            raise TrackError(f"{path} is of another recording; {HINT}")
+        if crowd.bodies and crowd.frames > sink.rows(crowd.bodies):
+            job.joints.restore_state(nothing)
+            crowd = Crowd(tracker, _finder(job), recording.up_camera, job.joints)
     sink.cut(crowd.frames, crowd.bodies)
+    return crowd
+
+
+def _check_whose(folder: Path) -> None:
+    """Raise TrackError where files of a run lie in the folder and nothing says of which: they may be anybody's."""
+    if os.path.lexists(folder / RUN_FILE):
+        return
+    found = [name for name in RUN_FILES if os.path.lexists(folder / name)]
+    found += [path.name for path in sorted(folder.glob("person_*"))]
+    if found:
+        raise TrackError(
+            f"{folder} holds {found[0]} and no {RUN_FILE} that says whose it is; choose another output, or remove it"
+        )
 
 
 def _run_info(recording: Recording, tracker: Tracker) -> RunInfo:
@@ -289,8 +322,8 @@ def _is_same_run(folder: Path, info: RunInfo, tracker: Tracker) -> bool:
     )
     return (
         all(_as_json(getattr(before, fact)) == _as_json(getattr(info, fact)) for fact in facts)
-        and config.exists()
-        and config.read_text(encoding="utf-8") == settings_text(tracker.settings)
+        and os.path.lexists(config)
+        and read_text(config, TrackError, HINT, inside=True) == settings_text(tracker.settings)
     )
 
 

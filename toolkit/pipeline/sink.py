@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+import os
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import replace
 from pathlib import Path
 
@@ -14,7 +15,7 @@ from toolkit.config import settings_text
 from toolkit.errors import OutputError
 from toolkit.files import save_text
 from toolkit.runs import PEOPLE_FILE, PersonSummary, load_people, save_people
-from toolkit.track import EMPTY, LOST, PARTIAL_FILE, TRACK_FILE, TRACKED, RunInfo, Track, TrackWriter
+from toolkit.track import EMPTY, LOST, PARTIAL_FILE, RUN_FILE, TRACK_FILE, TRACKED, RunInfo, Track, TrackWriter
 from toolkit.tracking.crowd import Row
 from toolkit.tracking.protocol import Tracker
 
@@ -50,9 +51,13 @@ class RunSink:
         except OSError as error:
             reason = error.strerror or error
             raise OutputError(f"cannot write {run}: {reason}; choose a folder that can be written") from error
+        begun = os.path.lexists(run / RUN_FILE)  # then the partial files come first: they say that it is unfinished
+        if not begun:
+            self._describe(run)
         for person in self._begun() if several else [1]:
             self._open(person)
-        self._describe(run)
+        if begun:
+            self._describe(run)
 
     def write(self, rows: list[Row]) -> None:
         """Add rows, each person's in order.
@@ -66,9 +71,18 @@ class RunSink:
             self._open(row.person).append(row.result, row.timestamp)
 
     @property
-    def rows(self) -> int:
-        """Frames of which every person's row is written."""
-        return min((writer.rows for writer in self._writers.values()), default=0)
+    def begun(self) -> bool:
+        """Whether there are rows of anybody."""
+        return any(writer.rows for writer in self._writers.values())
+
+    def rows(self, people: Iterable[int]) -> int:
+        """Frames of which the row of each of these people is written."""
+        return min((self._writers[p].rows if p in self._writers else 0 for p in people), default=0)
+
+    def keep(self) -> None:
+        """Wait until what was written would outlast a loss of power; raises OutputError."""
+        for writer in self._writers.values():
+            writer.keep()
 
     def past(self) -> np.ndarray:
         """The rows so far of the one person who is followed."""
@@ -91,10 +105,12 @@ class RunSink:
                 shape, scale = [float(c) for c in body.shape], float(body.scale)
                 offsets = [] if body.offsets is None else [float(o) for o in body.offsets]
                 replace(self._info, shape=shape, scale=scale, offsets=offsets).save(writer.run)
-            path = writer.finish(complete=complete, contacts=self._contacts(bodies.get(person)))
+            path = writer.finish(complete=False, contacts=self._contacts(bodies.get(person)))
             tracks[person] = Track.load(path.parent)
         if self._several:
             save_people(self.run, [self._summary(p, track, bodies[p]) for p, track in tracks.items()])
+        for writer in self._writers.values() if complete else ():  # only now is nothing missing any more
+            writer.forget()
         return list(tracks.values())
 
     def _contacts(self, body: Body | None) -> Callable[[Track], np.ndarray] | None:
@@ -110,6 +126,8 @@ class RunSink:
     def _open(self, person: int) -> TrackWriter:
         if person not in self._writers:
             folder = self.run / folder_of(person) if self._several else self.run
+            if self._several and folder.is_symlink():
+                raise OutputError(f"{folder} is a link; remove it, or choose another output")
             names = self._tracker.stage_names, self._tracker.source_names
             self._writers[person] = TrackWriter(folder, *names, resume=self._resume)
             if self._several:
@@ -117,12 +135,13 @@ class RunSink:
         return self._writers[person]
 
     def _describe(self, folder: Path) -> None:
+        self._info.save(folder)  # first: it says whose the other files are
         save_text(folder / CONFIG_FILE, settings_text(self._tracker.settings))
-        self._info.save(folder)
 
     def _begun(self) -> list[int]:
         """People of whom an unfinished run has rows."""
-        return [int(path.parent.name.split("_")[1]) for path in sorted(self.run.glob(f"person_*/{PARTIAL_FILE}"))]
+        names = [path.parent.name.split("_")[1] for path in sorted(self.run.glob(f"person_*/{PARTIAL_FILE}"))]
+        return [int(name) for name in names if name.isdecimal() and folder_of(int(name)) == f"person_{name}"]
 
     @staticmethod
     def _summary(person: int, track: Track, body: Body) -> PersonSummary:

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import io
 import logging
 import signal
 import threading
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
+from toolkit.door import open_file
 from toolkit.errors import OutputError
 
 LOG_FILE = "log.txt"
@@ -43,10 +45,11 @@ def stop_request() -> Iterator[threading.Event]:
 def log_file(folder: Path) -> Iterator[None]:
     """Everything that the toolkit logs meanwhile goes to `log.txt` too."""
     try:
-        handler = logging.FileHandler(folder / LOG_FILE, encoding="utf-8")
+        stream = io.TextIOWrapper(open_file(folder / LOG_FILE, "a+b", inside=True), "utf-8", "backslashreplace")
     except OSError as error:
         reason = error.strerror or error
         raise OutputError(f"cannot write {folder / LOG_FILE}: {reason}; choose a folder that can be written") from error
+    handler = logging.StreamHandler(stream)
     handler.setFormatter(logging.Formatter("%(asctime)s %(levelname)s %(message)s"))
     root = logging.getLogger("toolkit")
     level = root.level
@@ -57,4 +60,5 @@ def log_file(folder: Path) -> Iterator[None]:
     finally:
         root.setLevel(level)
         root.removeHandler(handler)
-        handler.close()
+        with suppress(OSError):  # a full disk: the rows are what counts
+            stream.close()

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from toolkit.errors import RecordingError
-from toolkit.files import is_file, is_folder
+from toolkit.files import is_file, is_folder, link_out_of
 from toolkit.recordings.readers import reader_for
 from toolkit.sensing.recording import ReaderOptions, Recording
 
@@ -25,4 +25,6 @@ def open_recording(path: str | Path, **options: Any) -> Recording:
     if not (is_file(target) or is_folder(target)):
         raise RecordingError(f"there is no recording at {target}, a file or a folder; check the path")
     chosen = ReaderOptions.from_mapping(options)
+    if target.is_dir() and (link := link_out_of(target)) is not None:
+        raise RecordingError(f"{link} is a link that leads out of the recording; put the file itself there")
     return reader_for(target, chosen.format)(target, chosen)

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import shutil
+import tempfile
 from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
 from toolkit.errors import OutputError, UsageError
-from toolkit.files import atomic_path, check_output
+from toolkit.files import atomic_path, check_output, save_bytes
 from toolkit.progress import Count
 from toolkit.rendering import style
 from toolkit.rendering.axes import LimbAxes
@@ -58,7 +61,7 @@ class FilmWriter:
 
     def write(self, pictures: Iterator[np.ndarray]) -> None:
         """Write all pictures, uint8 (H, W, 3), all of one size; an odd last row or column is left out."""
-        with atomic_path(self._path) as temporary:
+        with atomic_path(self._path, lasting=False) as place, _plainly_named(place) as temporary:
             encoder = None
             try:
                 for picture in pictures:
@@ -72,6 +75,18 @@ class FilmWriter:
                     encoder.close()
             if encoder is None or temporary.stat().st_size == 0:
                 raise OutputError(f"nothing was written to {self._path}; check the space left on its disk")
+
+
+@contextmanager
+def _plainly_named(path: Path) -> Iterator[Path]:
+    """A path that encoders understand: `path`, or where it is beyond ASCII another one that is copied there."""
+    if str(path).isascii():
+        yield path
+        return
+    with tempfile.TemporaryDirectory() as folder:
+        plain = Path(folder) / f"film{path.suffix}"
+        yield plain
+        shutil.copyfile(plain, path)
 
 
 def render_people(
@@ -206,9 +221,8 @@ def save_png(path: str | Path, picture: np.ndarray) -> None:
     """Write an RGB picture as PNG, whole or not at all."""
     import cv2
 
-    with atomic_path(path) as temporary:
-        if not cv2.imwrite(str(temporary), np.ascontiguousarray(picture[:, :, ::-1])):
-            raise OutputError(f"cannot write {path}; choose a folder that can be written")
+    # OpenCV ends the process for a name that is no UTF-8: it encodes, and Python writes.
+    save_bytes(path, cv2.imencode(".png", np.ascontiguousarray(picture[:, :, ::-1]))[1].tobytes())
 
 
 def _pictures(

@@ -6,9 +6,8 @@ from pathlib import Path
 
 import numpy as np
 
-from toolkit.errors import OutputError
-from toolkit.files import atomic_path
 from toolkit.people.describe import Look, largest_surface
+from toolkit.rendering.film import save_png
 from toolkit.rendering.style import FAINT, INK, PAPER, person_color
 
 NEAR_SHADE, FAR_SHADE = 0.95, 0.25
@@ -48,8 +47,4 @@ def save_picture(look: Look, path: str | Path) -> None:
     OutputError
         The file cannot be written.
     """
-    import cv2
-
-    with atomic_path(path) as temporary:
-        if not cv2.imwrite(str(temporary), np.ascontiguousarray(picture(look)[:, :, ::-1])):
-            raise OutputError(f"cannot write {path}; check the space left on its disk")
+    save_png(path, picture(look))

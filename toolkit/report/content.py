@@ -11,11 +11,13 @@ from typing import Any
 import numpy as np
 
 from toolkit import skeleton
+from toolkit.door import read_file
 from toolkit.errors import RecordingError, UsageError
 from toolkit.evaluation.evaluate import match_people
 from toolkit.evaluation.joints import frame_errors, joint_errors
 from toolkit.evaluation.reference import find_reference
 from toolkit.export.glb import export_glb
+from toolkit.plain import LARGEST_YAML
 from toolkit.progress import Progress
 from toolkit.rendering import style
 from toolkit.rendering.film import render_run
@@ -266,7 +268,12 @@ def _glb(people: list[Person]) -> bytes:
 
 
 def _text(path: Path) -> str:
-    return path.read_text(encoding="utf-8", errors="replace") if path.exists() else "no config.yaml beside the track"
+    """The settings beside a track, as far as they are a file of this folder: what a page shows may be mailed."""
+    try:
+        return read_file(path, LARGEST_YAML, inside=True).decode("utf-8", "replace")
+    except OSError as error:
+        missing = isinstance(error, FileNotFoundError)
+        return "no config.yaml beside the track" if missing else f"config.yaml is not shown: {error.strerror or error}"
 
 
 def _nullable(values: np.ndarray, decimals: int) -> list[float | None]:

@@ -9,8 +9,8 @@ from typing import NamedTuple
 import numpy as np
 
 from toolkit.errors import UsageError
-from toolkit.files import parse_yaml, read_text
 from toolkit.interiors.mesh import Mesh, box, joined, moved
+from toolkit.plain import read_yaml
 
 SEAT_HEIGHT = 0.26
 """Height of a seat over the sitter's stature: 0.45 m for an adult of 1.75 m, and a child gets a child's chair."""
@@ -106,7 +106,7 @@ def read_boxes(path: str | Path) -> tuple[Box, ...]:
         The file is missing or not of this form, or a box has crossed corners.
     """
     hint = "write `boxes:` and entries such as {low: [0, 0, 0], high: [1, 0.7, 0.5]}"
-    content = parse_yaml(read_text(path, UsageError, hint), f"the furniture {path}", UsageError, hint)
+    content = read_yaml(path, f"the furniture {path}", UsageError, hint)
     try:
         entries = [(entry["low"], entry["high"]) for entry in content["boxes"]]
     except (TypeError, KeyError) as error:

@@ -13,7 +13,7 @@ import numpy as np
 
 from toolkit import skeleton
 from toolkit.evaluation.joints import frame_errors, joint_errors
-from toolkit.files import atomic_path, save_text
+from toolkit.files import save_bytes, save_text
 from toolkit.retrieval.annotation.annotator import runs
 from toolkit.retrieval.priors.limbs import LIMBS, OUTER
 from toolkit.retrieval.priors.marks import USED
@@ -62,8 +62,7 @@ def write_page(source: Source, rounds: Sequence[Round], best: Round, folder: Pat
         drawn = _png(_drawn(source, best.track, changes))
         parts.append("<h2>The largest changes</h2><p>Red: before. Green: afterwards. White: the truth, if known.</p>")
         parts.append(_picture(drawn, "poses before and after"))
-        with atomic_path(folder / CHANGES) as file:
-            file.write_bytes(drawn)
+        save_bytes(folder / CHANGES, drawn)
     parts.append("<h2>Gaps</h2>" + _table(source, rounds))
     path = folder / PAGE
     save_text(path, "\n".join(parts) + "</body></html>\n")

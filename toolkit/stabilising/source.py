@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from toolkit.body.body import Body
+from toolkit.door import is_inside
 from toolkit.errors import TrackError, UsageError
 from toolkit.hybrid.tracker import HybridTracker
 from toolkit.pipeline import load_tracker
@@ -65,7 +66,7 @@ def open_source(run: str | Path, *, recording: str | Path | None = None, databas
     if info.tracker != "hybrid":
         raise UsageError(f"{folder} was made by the tracker {info.tracker!r}; stabilise needs the hybrid one")
     config = folder / CONFIG_FILE
-    if not config.is_file():
+    if not is_inside(config):
         raise TrackError(f"{folder} holds no {CONFIG_FILE}; track the recording again")
     opened = info.open_recording(recording)
     tracker = load_tracker(config, database=database or info.database)

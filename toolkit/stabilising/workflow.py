@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-import shutil
 from collections.abc import Sequence
 from dataclasses import asdict, replace
 from pathlib import Path
 
-from toolkit.errors import RetrievalError, UsageError
-from toolkit.files import check_output, locked, save_json
+from toolkit.errors import RetrievalError, TrackError, UsageError
+from toolkit.files import check_output, locked, save_json, save_text
 from toolkit.pipeline.sink import CONFIG_FILE
+from toolkit.plain import read_text
 from toolkit.progress import Progress
 from toolkit.retrieval.annotation.annotator import MotionClass
 from toolkit.retrieval.annotation.classes import load_classes
@@ -23,6 +23,7 @@ from toolkit.stabilising.page import write_page
 from toolkit.stabilising.settings import StabiliseSettings
 from toolkit.stabilising.source import Source, open_source
 from toolkit.track import RUN_FILE, TRACK_FILE
+from toolkit.track.track import AGAIN
 
 RESULT_FILE = "stabilise.json"
 
@@ -123,7 +124,7 @@ def _write(source: Source, rounds: Sequence[Round], settings: StabiliseSettings,
         write_report(replace(best.annotation, segments=best.segments), folder)
     save_json(folder / RESULT_FILE, result_of(source, rounds, settings))
     write_page(source, rounds, best, folder)
-    shutil.copyfile(source.run / CONFIG_FILE, folder / CONFIG_FILE)
+    save_text(folder / CONFIG_FILE, read_text(source.run / CONFIG_FILE, TrackError, AGAIN, inside=True))
     source.info.save(folder)
     best.track.save(folder)
 

@@ -4,22 +4,23 @@ from __future__ import annotations
 
 import os
 import re
-from dataclasses import MISSING, asdict, dataclass, field, fields
+from dataclasses import asdict, dataclass, field, fields, replace
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 
 from toolkit import skeleton
-from toolkit.archives import Column, check_columns
 from toolkit.body.body import Body
 from toolkit.body.shape import ShapeSpace
 from toolkit.errors import RecordingError, TrackError, UsageError
-from toolkit.files import is_file, read_json, save_json, sha256_of
+from toolkit.files import is_file, save_json, sha256_of
+from toolkit.plain import read_json
 from toolkit.sensing.recording import ReaderOptions, Recording
 from toolkit.sensing.settings import SensingSettings
 from toolkit.track.track import AGAIN
+from toolkit.typed import Range, TypedReader
 
 RUN_FILE = "run.json"
 
@@ -56,10 +57,10 @@ class RunInfo:
     recording_sha256: str
     reader_options: dict[str, Any]
     body_fingerprint: str
-    shape: list[float]
-    scale: float
+    shape: list[Annotated[float, Range(-100, 100)]]
+    scale: Annotated[float, Range(0.01, 100)]
     database: str
-    level_rotation: list[float]
+    level_rotation: list[Annotated[float, Range(-1, 1)]]
     sensing: dict[str, Any]
     version: str
     tracker: str = "hybrid"
@@ -69,8 +70,8 @@ class RunInfo:
     classes_sha256: str = ""
     joints_2d: str = "none"
     body_sha256: str = ""
-    offsets: list[float] = field(default_factory=list)
-    floor: list[float] = field(default_factory=list)
+    offsets: list[Annotated[float, Range(-0.1, 0.1)]] = field(default_factory=list)
+    floor: list[Annotated[float, Range(0, 100)]] = field(default_factory=list)
     recording_relative: str = field(default="", compare=False)
     folder: str = field(default="", compare=False)
 
@@ -126,64 +127,39 @@ class RunInfo:
         path = Path(run) / RUN_FILE
         if not is_file(path):
             raise TrackError(f"{run} holds no {RUN_FILE}; name a run folder that `depthmocap track` wrote")
-        values = read_json(path, TrackError, AGAIN)
-        if not isinstance(values, dict):
-            raise TrackError(f"{path} holds no names with values; {AGAIN}")
-        wanted = [f.name for f in fields(cls) if f.default is MISSING and f.default_factory is MISSING]
-        if missing := [name for name in wanted if name not in values]:
-            raise TrackError(f"{path} lacks {', '.join(missing)}; {AGAIN}")
-        known = {f.name: values[f.name] for f in fields(cls) if f.name in values}
-        _check_values(known, path)
-        return cls(**known | {"folder": str(run)})
+        reader = TypedReader(TrackError, AGAIN, loose=True, source=str(path))
+        info = reader.read(read_json(path, TrackError, AGAIN, inside=True), cls, "")
+        _check(info, path)
+        return replace(info, folder=str(run))
 
 
-JSON_KINDS: dict[str, tuple[type, ...]] = {
-    "str": (str,), "int": (int,), "float": (int, float), "list[float]": (list,), "dict[str, Any]": (dict,)
-}  # fmt: skip
-"""Annotation of a field -> the types that JSON gives it."""
-
-
-def _check_values(values: dict[str, Any], path: Path) -> None:
-    """Raise TrackError for a value of another type, numbers that no run has, or another body."""
-    for f in fields(RunInfo):
-        value = values.get(f.name)
-        if f.name in values and (not isinstance(value, JSON_KINDS[str(f.type)]) or isinstance(value, bool)):
-            raise TrackError(f"{f.name} in {path} is {type(value).__name__}; it must be {f.type}; {AGAIN}")
-    try:
-        numbers = {
-            name: np.array(values.get(name, []), dtype=np.float64, ndmin=1)
-            for name in ("shape", "level_rotation", "scale", "offsets", "floor")
-        }
-    except (TypeError, ValueError) as error:
-        raise TrackError(f"{path} holds something else than numbers ({error}); {AGAIN}") from error
-    columns = {
-        "shape": Column("f", ("n",), -100, 100),
-        "offsets": Column("f", ("m",), -0.1, 0.1),
-        "level_rotation": Column("f", (9,)),
-        "scale": Column("f", (1,), 0.01, 100),
-        "floor": Column("f", ("f",), 0, 100),
-    }
-    check_columns(numbers, columns, TrackError, str(path), AGAIN)
-    turn = numbers["level_rotation"].reshape(3, 3)
-    if np.abs(turn @ turn.T - np.eye(3)).max() > 1e-6 or np.linalg.det(turn) < 0:
+def _check(info: RunInfo, path: Path) -> None:
+    """Raise TrackError for what is no rotation, another body, a later version or a setting that there is not."""
+    turn = np.array(info.level_rotation, dtype=np.float64)
+    if len(turn) != 9 or not is_rotation(turn.reshape(3, 3)):
         raise TrackError(f"level_rotation in {path} is no rotation; {AGAIN}")
-    release, own = _release(values["version"]), version("depthmocap")
+    release, own = _release(info.version), version("depthmocap")
     if release is None or release > (_release(own) or ()):
         raise TrackError(
-            f"{path} was written by version {values['version']!r}, this is {own}; install that one or a later one"
+            f"{path} was written by version {info.version!r}, this is {own}; install that one or a later one"
         )
-    if values["body_fingerprint"] != skeleton.fingerprint():
+    if info.body_fingerprint != skeleton.fingerprint():
         raise TrackError(
-            f"{path} was made with another body (fingerprint {values['body_fingerprint']}, this one has "
+            f"{path} was made with another body (fingerprint {info.body_fingerprint}, this one has "
             f"{skeleton.fingerprint()}); {AGAIN}"
         )
     known = {f.name for f in fields(SensingSettings)}
-    if unknown := sorted(set(values["sensing"]) - known):
+    if unknown := sorted(set(info.sensing) - known):
         raise TrackError(f"{path} has the unknown setting sensing.{unknown[0]}; {AGAIN}")
     try:
-        ReaderOptions.from_mapping(values["reader_options"])
+        ReaderOptions.from_mapping(info.reader_options)
     except UsageError as error:
         raise TrackError(f"the reader options in {path} cannot be used: {error}; {AGAIN}") from error
+
+
+def is_rotation(matrix: np.ndarray) -> bool:
+    """Whether float64 (3, 3) turns and does nothing else."""
+    return bool(np.abs(matrix @ matrix.T - np.eye(3)).max() <= 1e-6 and np.linalg.det(matrix) > 0)
 
 
 def _release(text: str) -> tuple[int, int] | None:

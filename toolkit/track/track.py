@@ -91,7 +91,7 @@ class Track:
             if is_file(folder / PARTIAL_FILE):
                 raise TrackError(f"{folder} holds an unfinished track; finish it with `depthmocap track --resume`")
             raise TrackError(f"{folder} holds no {TRACK_FILE}; name a run folder that `depthmocap track` wrote")
-        arrays = load_archive(path, TrackError, AGAIN)
+        arrays = load_archive(path, TrackError, AGAIN, inside=path != folder)
         names = [f.name for f in fields(cls)]
         if "confidence" in arrays:  # earlier versions did not say what was observed
             arrays.setdefault("observed", np.ones(arrays["confidence"].shape, dtype=np.bool_))

@@ -17,6 +17,7 @@ from typing import Any, BinaryIO
 import numpy as np
 
 from toolkit import skeleton
+from toolkit.door import open_file
 from toolkit.errors import OutputError, TrackError, UsageError
 from toolkit.track.result import FrameResult
 from toolkit.track.track import PARTIAL_FILE, Track, columns
@@ -70,22 +71,29 @@ class TrackWriter:
             if self._path.exists() and self._path.stat().st_size > 0:
                 self._stream = self._reopen(resume)
             else:
-                self._stream = self._path.open("w+b", buffering=0)
-                self._write(self._header)
+                self._stream = self._begin()
         except OSError as error:
             reason = error.strerror or error
             raise OutputError(f"cannot write {self._path}: {reason}; choose a folder that can be written") from error
 
+    def _begin(self) -> BinaryIO:
+        self._stream = open_file(self._path, "w+b", inside=True, buffering=0)
+        self._write(self._header)
+        return self._stream
+
     def _reopen(self, resume: bool) -> BinaryIO:
         size = self._path.stat().st_size - len(self._header)
         rows = max(0, size) // self._record.itemsize
-        if not resume:
+        if not resume and rows:
             raise UsageError(
                 f"{self.run} holds an unfinished track of {rows} frames; "
                 f"add --resume to continue it, or remove {self._path}"
             )
-        stream = self._path.open("r+b", buffering=0)
-        if stream.readline() != self._header:
+        stream = open_file(self._path, "r+b", inside=True, buffering=0)
+        if stream.readline(len(self._header)) != self._header:
+            if not rows:  # it was begun and nothing was found yet: so it is begun again
+                stream.close()
+                return self._begin()
             stream.close()
             raise TrackError(f"{self._path} was begun by another tracker or version; remove it and track again")
         self._stream = stream
@@ -124,6 +132,21 @@ class TrackWriter:
             ) from error
         self.rows += 1
 
+    def keep(self) -> None:
+        """Wait until the rows so far would outlast a loss of power.
+
+        Raises
+        ------
+        OutputError
+            The disk does not take them.
+        """
+        try:
+            os.fsync(self._stream.fileno())
+        except OSError as error:
+            raise OutputError(
+                f"cannot write {self._path}: {error.strerror or error}; free some space and continue with --resume"
+            ) from error
+
     def past(self) -> np.ndarray:
         """The rows so far, as records with the track's columns."""
         if not self.rows:
@@ -133,8 +156,8 @@ class TrackWriter:
     def finish(self, *, complete: bool = True, contacts: Callable[[Track], np.ndarray] | None = None) -> Path:
         """Put `track.npz` in place by one rename and return its path.
 
-        With `complete=False` (an interrupted run) the partial file stays, so that the run can still be resumed.
-        `contacts` says which feet carry (T, 2), which is known of a whole track only.
+        With `complete=False` (an interrupted run) the partial file stays until `forget`, so that the run can still be
+        resumed. `contacts` says which feet carry (T, 2), which is known of a whole track only.
         """
         rows = self.past()
         found: dict[str, Any] = {name: rows[name] for name in self._record.names or ()}
@@ -144,8 +167,12 @@ class TrackWriter:
         path = track.save(self.run)
         self._stream.close()
         if complete:
-            self._path.unlink()
+            self.forget()
         return path
+
+    def forget(self) -> None:
+        """Remove the partial file of a finished track."""
+        self._path.unlink(missing_ok=True)
 
     def abandon(self) -> None:
         """Let go of the partial file, which stays unless it holds no row."""

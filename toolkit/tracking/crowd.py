@@ -13,8 +13,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from toolkit.archives import Column
 from toolkit.body.body import Body
-from toolkit.errors import RecordingError
+from toolkit.checkpoint import HINT, check_state
+from toolkit.errors import RecordingError, TrackError
 from toolkit.people.joints import JointSource, NoJoints
 from toolkit.people.sighting import PeopleFinder, PredictedBody, Sighting
 from toolkit.sensing.camera import Camera, level_rotation
@@ -104,6 +106,7 @@ class Crowd:
     Attributes
     ----------
     frames : how many were taken in
+    timestamps : theirs, seconds
     """
 
     def __init__(
@@ -116,7 +119,7 @@ class Crowd:
         self.tracker, self.finder, self.joints = tracker, finder, joints or NoJoints()
         self.level_rotation = level_rotation(up_camera)
         self.frames = 0
-        self._timestamps: list[float] = []
+        self.timestamps: list[float] = []
         self._followers: dict[int, PersonFollower] = {}
         self._waiting: dict[int, Waiting] = {}
 
@@ -138,9 +141,9 @@ class Crowd:
         known = self._followers.keys() | self._waiting.keys()
         prepare_ms = 1000.0 * (perf_counter() - start) / max(len(known | sightings.keys()), 1)
         for person in sorted(sightings.keys() - known):
-            self._waiting[person] = Waiting([(None, moment, 0.0) for moment in self._timestamps])
+            self._waiting[person] = Waiting([(None, moment, 0.0) for moment in self.timestamps])
         self._check(frame)
-        self._timestamps.append(frame.timestamp)
+        self.timestamps.append(frame.timestamp)
         self.frames += 1
         rows: list[Row] = []
         for person in sorted(self._followers.keys() | self._waiting.keys()):
@@ -159,15 +162,27 @@ class Crowd:
         """All that the next step depends on besides the frame; only while `settled`."""
         return {
             "frames": self.frames,
-            "timestamps": np.array(self._timestamps),
+            "timestamps": np.array(self.timestamps),
             "finder": self.finder.export_state(),
             "joints": self.joints.export_state(),
             "people": {str(person): follower.export_state() for person, follower in self._followers.items()},
         }
 
     def restore_state(self, state: Mapping[str, Any]) -> None:
-        """Go on from what `export_state` gave."""
-        self.frames, self._timestamps, self._waiting = state["frames"], state["timestamps"].tolist(), {}
+        """Go on from what `export_state` gave.
+
+        Raises
+        ------
+        TrackError
+            It is the state of another recording, of other settings, or of nothing that there could be.
+        """
+        columns = {"frames": Column("iu", (), 0), "timestamps": Column("f", ("frames",))}
+        check_state(state, columns, ("finder", "joints", "people"), "crowd")
+        if not isinstance(state["people"], Mapping) or not all(map(str.isdecimal, state["people"])):
+            raise TrackError(f"the people in the state of the crowd have no numbers; {HINT}")
+        if len(state["timestamps"]) != state["frames"]:
+            raise TrackError(f"the state of the crowd counts {state['frames']} frames and has other times; {HINT}")
+        self.frames, self.timestamps, self._waiting = state["frames"], state["timestamps"].tolist(), {}
         self.finder.restore_state(state["finder"])
         self.joints.restore_state(state["joints"])
         self._followers = {}
@@ -182,10 +197,10 @@ class Crowd:
         return Predictions({**self._followers, **found})
 
     def _check(self, frame: Frame) -> None:
-        if self._timestamps and not frame.timestamp > self._timestamps[-1]:
+        if self.timestamps and not frame.timestamp > self.timestamps[-1]:
             raise RecordingError(
                 f"frame {self.frames} is of {frame.timestamp:.3f} s, and the one before it of "
-                f"{self._timestamps[-1]:.3f} s; frames have to come in order"
+                f"{self.timestamps[-1]:.3f} s; frames have to come in order"
             )
 
     def _wait(self, waiting: Waiting, sighting: Sighting | None, timestamp: float, prepare_ms: float) -> bool:

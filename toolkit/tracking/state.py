@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 
+from toolkit import skeleton
+from toolkit.archives import Column
 from toolkit.body.body import Body
 from toolkit.body.shape import ShapeSpace
+from toolkit.checkpoint import HINT, check_state
+from toolkit.errors import TrackError
 
 FIRST_STEP = 1.0 / 30.0
 """Seconds that a first frame is said to come after a frame before it."""
@@ -129,19 +133,87 @@ class PersonState:
 
     @classmethod
     def restore(cls, state: Mapping[str, Any]) -> PersonState:
-        """What `export` gave."""
+        """What `export` gave.
+
+        Raises
+        ------
+        TrackError, BodyError
+            It is the state of something else.
+        """
+        check_state(state, _NUMBERS, _NESTED, "person")
         own = state["body"]
+        check_state(own, _BODY, what="body")
+        for name in ("previous", "held"):
+            if state[name] is not None:
+                check_state(state[name], _PREVIOUS, what="frame before")
+        if state["smoothed"] is not None:
+            check_state(state["smoothed"], {"pose": _POSE, "timestamp": _NUMBERS["lost"]}, what="smoother")
+        for name, kept in state["carry"].items():
+            check_state(kept, {key: _carried(kept[key]) for key in kept}, what=f"search {name}")
         body = ShapeSpace.load().body(own["shape"], scale=own["scale"], name=own["name"], offsets=own["offsets"])
         smoothed = state["smoothed"]
         plain = ("sized", "last_seen_at", "pose", "centre", "facing", "timestamp", "lost", "in_view", "turn", "memory")
         return cls(
             body=body,
-            generator=_nested({key: _number(value) for key, value in state["generator"].items()}),
+            generator=_generator(state["generator"]),
             previous=None if state["previous"] is None else Previous(**state["previous"]),
             last_seen=None if state["last_seen"] is None else Previous(**state["last_seen"]),
             smoothed=None if smoothed is None else (smoothed["pose"], smoothed["timestamp"]),
             **{name: state[name] for name in plain},
         )
+
+
+_FAR = 1e4
+"""Metres, radians: no pose of anything in a recording has a larger entry."""
+_POSE = Column("f", (skeleton.POSE_SIZE,), -_FAR, _FAR)
+_REPORTED, _ENDS = (len(skeleton.REPORTED),), (len(skeleton.END_EFFECTORS), 3)
+_NUMBERS = {
+    "sized": Column("b", ()),
+    "held_since": Column("iuf", (), optional=True),
+    "pose": replace(_POSE, optional=True),
+    "centre": Column("f", (3,), -_FAR, _FAR, optional=True),
+    "facing": Column("f", (2,), -_FAR, _FAR, optional=True),
+    "timestamp": Column("iuf", (), optional=True),
+    "lost": Column("iuf", ()),
+    "in_view": Column("f", _REPORTED, 0, 1, optional=True),
+    "turn": Column("iu", (), 0),
+}
+_NESTED = ("body", "generator", "carry", "previous", "held", "smoothed")
+_BODY = {
+    "shape": Column("f", ("coefficients",), -100, 100),
+    "scale": Column("iuf", (), 0.01, 100),
+    "name": Column("U", ()),
+    "offsets": Column("f", ("vertices",), -0.1, 0.1, optional=True),
+}
+_PREVIOUS = {
+    "pose": _POSE,
+    "joints": Column("f", (*_REPORTED, 3), -_FAR, _FAR),
+    "effectors": Column("f", _ENDS, -_FAR, _FAR),
+    "extrema": Column("f", _ENDS, -_FAR, _FAR, optional=True),
+    "before": replace(_POSE, optional=True),
+    "elapsed": Column("iuf", (), 0, 1e9),
+}
+"""What a person's state must be, by name."""
+MOST_CARRIED = 4096
+"""Poses that a search keeps for itself."""
+
+
+def _carried(value: Any) -> Column:
+    """What a search may keep: poses in rows, or single numbers."""
+    rows = len(value) if isinstance(value, np.ndarray) and value.ndim == 2 else 0
+    if rows > MOST_CARRIED:
+        raise TrackError(f"a search keeps {rows} poses; {HINT}")
+    return Column("f", ("rows", skeleton.POSE_SIZE), -_FAR, _FAR) if rows else Column("f", ("numbers",))
+
+
+def _generator(texts: Any) -> dict[str, Any]:
+    """The state of a random generator out of its texts, tried on one."""
+    try:
+        values = _nested({key: _number(value[:60]) for key, value in texts.items()})
+        np.random.PCG64().state = values  # type: ignore[assignment]
+    except (ValueError, TypeError, KeyError, AttributeError, OverflowError) as error:
+        raise TrackError(f"the state of the person holds no state of a random generator; {HINT}") from error
+    return values
 
 
 def _flat(values: Mapping[str, Any], where: str = "") -> dict[str, Any]:

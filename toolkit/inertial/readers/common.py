@@ -8,7 +8,9 @@ from pathlib import Path
 
 import numpy as np
 
+from toolkit.door import open_file, read_file
 from toolkit.errors import InertialError
+from toolkit.plain import LARGEST_TEXT
 
 DEGREE = np.pi / 180.0
 
@@ -42,7 +44,7 @@ def read_text(path: Path) -> str:
         It cannot be read, or it is binary.
     """
     try:
-        data = path.read_bytes()
+        data = read_file(path, LARGEST_TEXT)
     except OSError as error:
         raise InertialError(f"cannot read {path}: {error.strerror or error}; check the path") from error
     if b"\0" in data[:4096]:
@@ -53,7 +55,7 @@ def read_text(path: Path) -> str:
 def head_of(path: Path, size: int = 4096) -> str:
     """The beginning of a file as text; empty where it cannot be read or is binary."""
     try:
-        with path.open("rb") as stream:
+        with open_file(path) as stream:
             data = stream.read(size)
     except OSError:
         return ""

@@ -14,9 +14,17 @@ from pathlib import Path
 
 import numpy as np
 
+from toolkit.door import open_file
 from toolkit.errors import RecordingError
 from toolkit.kernels.image import depth as kernels
-from toolkit.recordings.readers.common import chosen_background, chosen_camera, chosen_up, frame_times, natural_key
+from toolkit.recordings.readers.common import (
+    chosen_background,
+    chosen_camera,
+    chosen_up,
+    damaged,
+    frame_times,
+    natural_key,
+)
 from toolkit.recordings.stored import StoredRecording
 from toolkit.sensing.camera import Camera
 from toolkit.sensing.conversion import DepthConverter
@@ -79,7 +87,7 @@ def load_cloud(path: Path, axes: str) -> RawCloud:
             cloud = o3d.t.io.read_point_cloud(path, remove_nan_points=False, remove_infinite_points=False)
             with np.errstate(invalid="ignore"):
                 points = cloud.point.positions.numpy().astype(np.float64)
-        except (RuntimeError, KeyError) as error:
+        except (RuntimeError, KeyError, TypeError, ValueError) as error:
             raise RecordingError(f"{path} cannot be read as a point cloud; it is truncated or no PCD or PLY") from error
     if not len(points):
         raise RecordingError(f"{path} holds no point; it is empty, truncated or no PCD or PLY")
@@ -103,7 +111,7 @@ def load_cloud(path: Path, axes: str) -> RawCloud:
 def _header(path: Path) -> dict[str, int]:
     """Whole numbers of a PCD or PLY header by name: WIDTH, HEIGHT and POINTS, or VERTEX."""
     numbers = {}
-    with path.open("rb") as stream:
+    with damaged(path), open_file(path) as stream:
         for _ in range(32):
             words = stream.readline(200).decode("ascii", errors="replace").split()
             if words[:1] in (["DATA"], ["end_header"]):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import math
 import re
 from collections.abc import Iterator
@@ -11,11 +12,14 @@ from typing import Any
 
 import numpy as np
 
+from toolkit.door import read_file
 from toolkit.errors import RecordingError, UsageError
-from toolkit.files import is_file, read_json
+from toolkit.plain import read_json
 from toolkit.sensing.camera import Camera
 from toolkit.sensing.recording import ReaderOptions
 
+LARGEST_PICTURE, LARGEST_FILE = 1 << 26, 1 << 28
+"""Pixels of a camera's picture, and bytes of its file, at most."""
 GRAVITY, GRAVITY_TOLERANCE = 9.81, 1.0
 """m/s^2, and how far a cheap accelerometer may be off."""
 
@@ -86,10 +90,15 @@ def upright(accelerations: np.ndarray) -> np.ndarray | None:
 
 
 def decoded(content: bytes | memoryview, flag: int) -> np.ndarray | None:
-    """A picture in a container as OpenCV decodes it with `flag`, or None: of no bytes at all OpenCV makes an error."""
+    """A picture as OpenCV decodes it with `flag`; None where it is none, or would have more than `LARGEST_PICTURE`."""
     import cv2
+    from PIL import Image
 
-    return cv2.imdecode(np.frombuffer(content, np.uint8), flag) if content else None
+    try:
+        width, height = Image.open(io.BytesIO(content)).size  # reads the head alone
+        return cv2.imdecode(np.frombuffer(content, np.uint8), flag) if width * height <= LARGEST_PICTURE else None
+    except Exception:  # of damaged pictures either library raises a dozen kinds
+        return None
 
 
 def camera_from_json(path: Path, shape: tuple[int, int]) -> Camera:
@@ -180,12 +189,12 @@ def read_depth_png(path: Path) -> np.ndarray:
 
 def read_image(path: Path, flags: int) -> np.ndarray:
     """An image file as OpenCV reads it; raises RecordingError."""
-    import cv2
-
     try:
-        image = cv2.imread(str(path), flags) if is_file(path) else None
-    except cv2.error as error:  # sizes beyond OpenCV's limit
-        raise RecordingError(f"{path} cannot be read as an image: {' '.join(str(error).split())}") from error
+        image = decoded(read_file(path, LARGEST_FILE), flags)
+    except OSError as error:
+        raise RecordingError(f"{path} cannot be read as an image: {error.strerror or error}") from error
     if image is None:
-        raise RecordingError(f"{path} cannot be read as an image; it is missing, truncated or of another format")
+        raise RecordingError(
+            f"{path} cannot be read as an image; it is truncated, of another format or larger than any camera's"
+        )
     return image

@@ -7,10 +7,13 @@ See RFC 8794 (EBML) and RFC 9559 (Matroska) for the identifiers.
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import IO, NamedTuple
+
+from toolkit.door import open_file
 
 EBML, SEGMENT, CLUSTER, TRACKS, ATTACHMENTS, INFO = (
     0x1A45DFA3, 0x18538067, 0x1F43B675, 0x1654AE6B, 0x1941A469, 0x1549A966
@@ -58,8 +61,8 @@ class Matroska:
     """
 
     def __init__(self, path: Path) -> None:
-        self._stream = path.open("rb")
-        self._size = path.stat().st_size
+        self._stream = open_file(path)
+        self._size = os.fstat(self._stream.fileno()).st_size
         self._by_number: dict[int, Track] = {}
         self.tracks: list[Track] = []
         self.attachments: dict[str, bytes] = {}

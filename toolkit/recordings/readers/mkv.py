@@ -17,7 +17,8 @@ from typing import Any
 import numpy as np
 
 from toolkit.errors import RecordingError
-from toolkit.files import is_file, parse_json
+from toolkit.files import is_file
+from toolkit.plain import parse_json
 from toolkit.recordings.readers.common import chosen_background, chosen_camera, chosen_up, damaged, decoded, upright
 from toolkit.recordings.readers.matroska import Matroska, Track
 from toolkit.recordings.stored import StoredRecording

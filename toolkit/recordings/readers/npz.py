@@ -10,7 +10,7 @@ import numpy as np
 from toolkit.archives import Column, archive_names, check_columns, load_archive
 from toolkit.errors import RecordingError
 from toolkit.recordings.npz_stream import RECORD_AGAIN, MemberReader
-from toolkit.recordings.readers.common import chosen_background, chosen_camera, chosen_up, frame_times
+from toolkit.recordings.readers.common import LARGEST_PICTURE, chosen_background, chosen_camera, chosen_up, frame_times
 from toolkit.recordings.stored import StoredRecording
 from toolkit.sensing.conversion import DepthConverter
 from toolkit.sensing.recording import ReaderOptions, Recording
@@ -26,6 +26,10 @@ METADATA = {
     "joints_2d": Column("iuf", gaps=True),
 }
 """What is read at once; the rest of the file is read frame by frame, or is none of ours."""
+NUMBER, SMALL, MOST_NUMBERS = 16, 1 << 16, 64 * 20 * 10
+"""Bytes of a number at most, numbers beside frames and background, and numbers of a frame: of 64 people's joints."""
+MOST_FRAMES = 50_000_000
+"""Two weeks and more at 30 frames a second."""
 
 
 def matches(path: Path) -> bool:
@@ -41,6 +45,9 @@ class NpzFrames:
         self._color = MemberReader(path, "color") if "color" in names else None
         if len(self._depth.shape) != 3:
             raise RecordingError(f"depth in {path} has shape {self._depth.shape}; expected (frames, height, width)")
+        count, height, width = self._depth.shape
+        if count > MOST_FRAMES or height * width > LARGEST_PICTURE:
+            raise RecordingError(f"{path} states {count} frames of {width}x{height} pixels; {RECORD_AGAIN}")
         expected = (*self._depth.shape, 3)
         if self._color is not None and (self._color.shape != expected or self._color.dtype != np.uint8):
             raise RecordingError(
@@ -69,10 +76,11 @@ def read(path: Path, options: ReaderOptions) -> Recording:
     names = archive_names(path, RecordingError, RECORD_AGAIN)
     if "depth" not in names:
         raise RecordingError(f"{path} has no 'depth'; it has: {', '.join(names) or 'nothing'}")
-    small = load_archive(path, RecordingError, RECORD_AGAIN, only=METADATA)
-    check_columns(small, METADATA, RecordingError, str(path), "write it as the documentation says")
     source = NpzFrames(path, names)
-    count = len(source)
+    count, (height, width) = len(source), source.shape
+    most = NUMBER * (2 * height * width + count * MOST_NUMBERS + SMALL)
+    small = load_archive(path, RecordingError, RECORD_AGAIN, only=METADATA, most=most)
+    check_columns(small, METADATA, RecordingError, str(path), "write it as the documentation says")
     camera = chosen_camera(options, source.shape, path, small.get("intrinsics"), small.get("distortion"))
     return StoredRecording(
         name=path.stem,

@@ -7,8 +7,16 @@ from pathlib import Path
 
 import numpy as np
 
+from toolkit.door import read_file
 from toolkit.errors import RecordingError
-from toolkit.recordings.readers.common import chosen_background, chosen_camera, chosen_up, frame_times, natural_key
+from toolkit.recordings.readers.common import (
+    LARGEST_FILE,
+    chosen_background,
+    chosen_camera,
+    chosen_up,
+    frame_times,
+    natural_key,
+)
 from toolkit.recordings.stored import StoredRecording
 from toolkit.sensing.conversion import DepthConverter
 from toolkit.sensing.recording import ReaderOptions, Recording
@@ -42,7 +50,11 @@ class RawFrames:
 
     def depth(self, i: int) -> np.ndarray:
         """Raw frame `i`."""
-        data = np.fromfile(self._files[i], dtype="<u2")
+        try:
+            content = read_file(self._files[i], LARGEST_FILE)
+        except OSError as error:
+            raise RecordingError(f"{self._files[i]} cannot be read: {error.strerror or error}") from error
+        data = np.frombuffer(content[: len(content) // 2 * 2], dtype="<u2")
         if data.size != self._shape[0] * self._shape[1]:
             raise RecordingError(
                 f"{self._files[i]} holds {data.size} values, expected {self._shape[1]}x{self._shape[0]}; "

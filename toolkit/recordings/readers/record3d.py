@@ -14,8 +14,17 @@ from typing import Any
 import numpy as np
 
 from toolkit.errors import RecordingError, UsageError
-from toolkit.files import is_file, parse_json
-from toolkit.recordings.readers.common import chosen_background, chosen_camera, chosen_up, damaged, decoded, frame_times
+from toolkit.files import is_file
+from toolkit.plain import LARGEST_JSON, parse_json
+from toolkit.recordings.readers.common import (
+    LARGEST_FILE,
+    chosen_background,
+    chosen_camera,
+    chosen_up,
+    damaged,
+    decoded,
+    frame_times,
+)
 from toolkit.recordings.stored import StoredRecording
 from toolkit.sensing.camera import Camera
 from toolkit.sensing.conversion import DepthConverter
@@ -51,8 +60,13 @@ class Record3dFrames:
     def depth(self, i: int) -> np.ndarray:
         """Raw frame `i`, float32 (H, W), metres."""
         with damaged(self._path):
-            data = self._decompress(self._archive.read(f"rgbd/{i}.depth"))
+            data = self._decompress(self._member(f"rgbd/{i}.depth"))
             return np.frombuffer(data, "<f4").reshape(self._shape)
+
+    def _member(self, name: str) -> bytes:
+        if self._archive.getinfo(name).file_size > LARGEST_FILE:
+            raise ValueError(f"{name} is too large")
+        return self._archive.read(name)
 
     def frames(self) -> Iterator[np.ndarray]:
         """Raw frames in order."""
@@ -65,7 +79,7 @@ class Record3dFrames:
         if f"rgbd/{i}.jpg" not in self._archive.namelist():
             return None
         with damaged(self._path):
-            image = decoded(self._archive.read(f"rgbd/{i}.jpg"), cv2.IMREAD_COLOR)
+            image = decoded(self._member(f"rgbd/{i}.jpg"), cv2.IMREAD_COLOR)
             if image is None:
                 raise ValueError(f"the colour of frame {i} is no JPEG")
             small = cv2.resize(image, self._shape[::-1], interpolation=cv2.INTER_AREA)
@@ -75,6 +89,8 @@ class Record3dFrames:
 def read(path: Path, options: ReaderOptions) -> Recording:
     """Open a Record3D file; `lzfse` must be installed."""
     with damaged(path), zipfile.ZipFile(path) as archive:
+        if archive.getinfo("metadata").file_size > LARGEST_JSON:
+            raise ValueError("its metadata are too large")
         text = archive.read("metadata").decode("utf-8")
     known = parse_json(text, f"the metadata of {path}", RecordingError, "export it again")
     with damaged(path):

@@ -11,7 +11,8 @@ from pathlib import Path
 import numpy as np
 
 from toolkit.errors import RecordingError
-from toolkit.files import is_file, is_folder, read_table, read_text
+from toolkit.files import is_file, is_folder
+from toolkit.plain import read_table, read_text
 from toolkit.recordings.readers.common import chosen_background, chosen_camera, chosen_up, frame_times, natural_key
 from toolkit.recordings.readers.png import PngFrames
 from toolkit.recordings.stored import StoredRecording

@@ -12,7 +12,7 @@ import numpy as np
 from toolkit import skeleton
 from toolkit.archives import Column, check_columns, load_archive, save_archive
 from toolkit.errors import RetrievalError
-from toolkit.files import parse_json
+from toolkit.plain import parse_json
 from toolkit.retrieval.annotation.annotator import THRESHOLD, Annotator, Intervals, MotionClass
 from toolkit.retrieval.annotation.class_motion import ANGLE_COUNT, ClassMotion, Example, learn_motion
 from toolkit.retrieval.annotation.measures import Segment, label_frames

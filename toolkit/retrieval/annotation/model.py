@@ -10,7 +10,7 @@ import numpy as np
 
 from toolkit.archives import Column, check_columns, load_archive, save_archive
 from toolkit.errors import RetrievalError
-from toolkit.files import parse_json
+from toolkit.plain import parse_json
 from toolkit.retrieval.annotation.annotator import Annotation
 from toolkit.retrieval.annotation.examples import ExampleSet
 from toolkit.retrieval.annotation.judge import MEASURES, Judge

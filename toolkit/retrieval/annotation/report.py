@@ -13,7 +13,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from toolkit.errors import RetrievalError
-from toolkit.files import atomic_path, read_table, save_json, save_text
+from toolkit.files import save_bytes, save_json, save_text
+from toolkit.plain import read_table
 from toolkit.retrieval.annotation.annotator import Annotation
 from toolkit.retrieval.annotation.measures import (
     Scores,
@@ -74,8 +75,7 @@ def write_report(
     figure = plot_annotation(annotation, truth)
     picture = io.BytesIO()
     figure.savefig(picture, dpi=110, format="png")
-    with atomic_path(folder / PICTURE) as temporary:
-        temporary.write_bytes(picture.getvalue())
+    save_bytes(folder / PICTURE, picture.getvalue())
     save_text(folder / PAGE, _page(annotation, truth, scores, picture.getvalue()))
     return scores
 

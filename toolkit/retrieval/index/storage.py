@@ -18,7 +18,8 @@ from typing import Any
 import numpy as np
 
 from toolkit.errors import RetrievalError
-from toolkit.files import atomic_path, is_file, parse_json
+from toolkit.files import atomic_path, is_file
+from toolkit.plain import parse_json
 
 REBUILD = "build it again"
 

@@ -7,7 +7,8 @@ from pathlib import Path
 from typing import Any
 
 from toolkit.errors import RetrievalError
-from toolkit.files import read_json, save_json
+from toolkit.files import save_json
+from toolkit.plain import read_json
 from toolkit.retrieval.features.relational import feature_fingerprint
 from toolkit.retrieval.keyframes.query import KeyframeQuery, keyframes_at_once
 

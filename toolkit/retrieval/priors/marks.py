@@ -15,8 +15,8 @@ import numpy as np
 
 from toolkit.body.body import Body
 from toolkit.errors import RetrievalError, SettingsError
-from toolkit.files import parse_yaml, read_text
 from toolkit.fitting.priors import ResidualTerm
+from toolkit.plain import read_yaml
 from toolkit.retrieval.annotation.annotator import MotionClass, runs
 from toolkit.retrieval.features.frames import FrameFeatures
 from toolkit.retrieval.features.relational import FEATURE_RATE, FEATURES
@@ -100,7 +100,7 @@ def load_marks(path: str | Path, classes: Sequence[MotionClass], settings: MarkS
     RetrievalError
         The file is none of that kind, or names a class, a feature, a template or columns that are not there.
     """
-    raw = parse_yaml(read_text(path, RetrievalError, HINT), str(path), RetrievalError, HINT)
+    raw = read_yaml(path, str(path), RetrievalError, HINT)
     found = marks_of_classes(classes, settings)
     known = {c.label: c for c in classes}
     if not isinstance(raw, dict):
