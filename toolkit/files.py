@@ -87,7 +87,7 @@ def save_npz(path: str | Path, arrays: dict[str, Any], *, compressed: bool = Tru
 def save_text(path: str | Path, text: str) -> None:
     """Write a text file (UTF-8), whole or not at all."""
     with atomic_path(path) as temporary:
-        temporary.write_text(text, encoding="utf-8")
+        temporary.write_bytes(text.encode("utf-8", "backslashreplace"))  # names of files may be no UTF-8
 
 
 def save_bytes(path: str | Path, data: bytes) -> None:

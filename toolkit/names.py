@@ -15,7 +15,7 @@ def shown(name: object, on: Place = "text") -> str:
     """A name as it can be shown.
 
     Line breaks, terminal escapes, marks that turn the direction of writing and bytes that are no text become visible as
-    `\\x1b`, and a name longer than `LONGEST_NAME` loses its middle.
+    `\\x1b`, and a name longer than `LONGEST_NAME` loses its middle, but in a table.
 
     Parameters
     ----------
@@ -23,7 +23,7 @@ def shown(name: object, on: Place = "text") -> str:
         mathematics between dollars, "table" is a cell of CSV, which must not become a formula
     """
     text = printable(str(name))
-    if len(text) > LONGEST_NAME:
+    if len(text) > LONGEST_NAME and on != "table":
         half = (LONGEST_NAME - 3) // 2
         text = f"{text[:half]}...{text[-half:]}"
     if on == "rich":

@@ -17,7 +17,7 @@ from typing import Annotated, Any, Literal, TypeVar
 from toolkit.errors import DepthMocapError
 
 Made = TypeVar("Made")
-MOST_ITEMS = 100_000
+MOST_ITEMS = 1_000_000
 """Entries of one list or table: more are no settings, notes or people."""
 
 

@@ -9,6 +9,7 @@ import typer
 
 from toolkit.cli.options import LabelTable, Motions, Pattern, Seed
 from toolkit.cli.retrieval import cautions
+from toolkit.cli.terminal import say
 
 if TYPE_CHECKING:
     from toolkit.progress import Progress
@@ -123,7 +124,7 @@ def _model(
         tags, output, np.random.default_rng(seed), others=others, unlabelled=motions, check=False, progress=progress
     )
     counts = ", ".join(f"{label} ({count})" for label, count in learned.clips.items())
-    print(f"classes: {counts}", *cautions(learned, others, mined=True), sep="\n")
+    say(f"classes: {counts}", *cautions(learned, others, mined=True), sep="\n")
     return learned.model
 
 

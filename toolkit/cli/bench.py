@@ -8,6 +8,7 @@ from typing import Annotated
 
 import typer
 
+from toolkit.cli.terminal import say
 from toolkit.errors import UsageError
 
 FOLDER = Path(__file__).resolve().parents[2] / "benchmarks"
@@ -47,6 +48,6 @@ def bench(
 ) -> None:
     """Measure a figure: run a benchmark script, or list them all without a name."""
     if name in ("", "-h", "--help"):
-        print("\n".join(benchmarks()) or "there is no benchmark here; run it from a checkout")
+        say("\n".join(benchmarks()) or "there is no benchmark here; run it from a checkout")
         return
     run_benchmark(name, context.args)

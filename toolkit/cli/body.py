@@ -9,6 +9,7 @@ import typer
 
 from toolkit.cli.options import Output, given, numbers
 from toolkit.cli.reading import SegmentOption
+from toolkit.cli.terminal import say
 
 app = typer.Typer(help="The body of one person.", no_args_is_help=True)
 
@@ -37,7 +38,7 @@ def scan(
     yaws = None if yaw is None else numbers(yaw, len(views), "--yaw")
     found = scan_recordings(views, yaws, SensingSettings(**given(segment=segment)))
     save_body(found.body, output)
-    print(
+    say(
         f"{output}: {found.body.height:.2f} m tall, {100 * found.seen.mean():.0f} % of the skin seen, "
         f"measured points {1000 * found.residual:.1f} mm from it"
     )

@@ -8,6 +8,7 @@ from typing import Annotated
 import typer
 
 from toolkit.cli.options import Output
+from toolkit.cli.terminal import say
 
 app = typer.Typer(help="Build a pose database from motion capture, or show what is in one.", no_args_is_help=True)
 
@@ -53,7 +54,7 @@ def build(
             strict=strict,
             progress=bars,
         )
-    print(report.text())
+    say(report.text())
 
 
 @app.command()
@@ -69,6 +70,6 @@ def info(
     if plot is not None:
         check_output(plot, [database])
     loaded = PoseDatabase.load(database)
-    print(database_text(loaded))
+    say(database_text(loaded))
     if plot is not None:
         plot_coverage(loaded, plot)

@@ -11,6 +11,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from toolkit.cli.terminal import say
+
 if TYPE_CHECKING:
     from toolkit.evaluation.scores import EvaluationTable
     from toolkit.mocap.clip import PoseClip
@@ -151,10 +153,10 @@ def demo(
     with progress_bars() as bars:
         result = run_demo(output, seed=seed, seconds=seconds, images=images, show=bars)
     print_table(result.table.to_rich("simulated recording, compared with its exact truth"))
-    print("milliseconds a frame (median): ", result.summary.text())
+    say("milliseconds a frame (median): ", result.summary.text())
     for path in result.files:
-        print(path)
-    print(f"{result.seconds:.0f} seconds; open {result.files[-1]} in a browser: film, body in three dimensions, errors")
+        say(path)
+    say(f"{result.seconds:.0f} seconds; open {result.files[-1]} in a browser: film, body in three dimensions, errors")
     next_commands(
         {
             ("track", str(output / "take.npz"), "--output", "run"): "with the default poses; then a recording of yours",

@@ -8,6 +8,8 @@ from typing import Annotated
 
 import typer
 
+from toolkit.cli.terminal import say
+
 
 def evaluate(
     runs: Annotated[
@@ -59,7 +61,7 @@ def evaluate(
         )
     print_table(table.to_rich(wide=wide))
     if not wide:
-        print("every figure: --wide; as files, with plots: --output FOLDER", file=sys.stderr)
+        say("every figure: --wide; as files, with plots: --output FOLDER", file=sys.stderr)
     if output is not None:
         for path in write_evaluation(table, output):
-            print(path)
+            say(path)

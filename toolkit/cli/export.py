@@ -8,6 +8,7 @@ from typing import Annotated
 import typer
 
 from toolkit.cli.options import Output, Run
+from toolkit.cli.terminal import say
 
 
 def export(
@@ -45,4 +46,4 @@ def export(
     from toolkit.export.run import export_run
 
     for path in export_run(run, output, rig=rig, format=format, origin=origin, recording=recording):
-        print(path)
+        say(path)

@@ -8,6 +8,7 @@ from typing import Annotated
 import typer
 
 from toolkit.cli.options import Output, Run, given
+from toolkit.cli.terminal import say
 from toolkit.errors import UsageError
 
 app = typer.Typer(
@@ -75,7 +76,7 @@ def synchronise(
     from toolkit.inertial.workflow import synchronise_run
 
     clock, doubts = synchronise_run(run, sensors, SyncSettings(max_offset=max_offset, free_rate=_is_free(rate)))
-    print(
+    say(
         f"t_sensor = {clock.rate:.5f} t_camera {clock.offset:+.4f} s "
         f"(correlation {clock.correlation:.2f}, next best {clock.second:.2f})"
     )
@@ -112,7 +113,7 @@ def calibrate(
         table.add_row(limb, s.status, *figures, s.reason)
     print_table(table)
     for name, take in found.takes.items():
-        print(f"{name}: t_sensor = {take.rate:.5f} t_camera {take.offset:+.4f} s")
+        say(f"{name}: t_sensor = {take.rate:.5f} t_camera {take.offset:+.4f} s")
     _say(found.notes)
 
 
@@ -153,9 +154,9 @@ def check(
             )
         for limb, sensor in found.calibration.sensors.items():
             if sensor.status == "refused":
-                print(f"{found.name}: {limb} takes no part: {sensor.reason}")
+                say(f"{found.name}: {limb} takes no part: {sensor.reason}")
         for name, s in found.scores().items():
-            print(f"{found.name}: over {name} precision {s.precision:.2f}, recall {s.recall:.2f}, F {s.f:.2f}")
+            say(f"{found.name}: over {name} precision {s.precision:.2f}, recall {s.recall:.2f}, F {s.f:.2f}")
     print_table(table)
 
 
@@ -168,4 +169,4 @@ def _is_free(rate: str) -> bool:
 def _say(sentences: list[str] | tuple[str, ...]) -> None:
     """Suspicions, on the standard output: they belong to the result."""
     for sentence in sentences:
-        print(f"suspicion: {sentence}")
+        say(f"suspicion: {sentence}")

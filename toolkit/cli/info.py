@@ -10,6 +10,7 @@ import typer
 from toolkit.cli.groups import spread
 from toolkit.cli.options import given
 from toolkit.cli.reading import Reading, SegmentOption
+from toolkit.cli.terminal import say
 
 
 @spread
@@ -33,5 +34,5 @@ def info(
     opened = open_recording(recording, **reading.options())
     look = describe(opened, SensingSettings(**given(segment=segment)))
     save_picture(look, target)
-    print("\n".join(look.lines))
-    print(f"picture: {target} (frame {look.frame})")
+    say("\n".join(look.lines))
+    say(f"picture: {target} (frame {look.frame})")

@@ -10,6 +10,7 @@ import typer
 from toolkit.cli.groups import spread
 from toolkit.cli.options import given
 from toolkit.cli.reading import Joints, Reading, SegmentOption, people_of
+from toolkit.cli.terminal import say
 from toolkit.errors import UsageError
 
 
@@ -30,7 +31,7 @@ def joints(
     if fetch:
         from toolkit.detector.fetch import fetch_pose_model
 
-        print(fetch_pose_model(wheel))
+        say(fetch_pose_model(wheel))
         return
     if recording is None or output is None:
         raise UsageError("name a RECORDING and the NPZ file to write with --output, or get the network with --fetch")
@@ -51,4 +52,4 @@ def joints(
             progress=lambda done, total: bars("joints", done, total),
         )
     found = sum(bool(stored.joints_2d(i)) for i in range(len(stored)))
-    print(f"joints in {found} of {len(stored)} frames: {output}")
+    say(f"joints in {found} of {len(stored)} frames: {output}")

@@ -5,6 +5,7 @@ Nothing but the option parser is imported here and at the top of the verbs' modu
 
 from __future__ import annotations
 
+import io
 import sys
 from typing import Annotated
 
@@ -31,6 +32,7 @@ from toolkit.cli import (
 )
 from toolkit.cli.examples import add_examples
 from toolkit.errors import DepthMocapError, UsageError
+from toolkit.names import shown
 
 app = typer.Typer(
     name="depthmocap",
@@ -82,13 +84,17 @@ add_examples(app)
 
 def main(arguments: list[str] | None = None) -> None:
     """Run the command: exit code 0 is done, 1 failed, 2 wrong use; an error is printed as one sentence."""
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="backslashreplace")  # names of files may be no UTF-8
     try:
         app(args=arguments, prog_name="depthmocap")
     except DepthMocapError as error:
         print(f"depthmocap: {error}", file=sys.stderr)
         sys.exit(2 if isinstance(error, UsageError) else 1)
     except OSError as error:
-        print(f"depthmocap: {error.filename or 'a file'}: {error.strerror or error}; check the path", file=sys.stderr)
+        where = shown(error.filename or "a file")
+        print(f"depthmocap: {where}: {error.strerror or error}; check the path", file=sys.stderr)
         sys.exit(1)
     except MemoryError:
         print("depthmocap: there is not enough memory; use fewer or smaller inputs", file=sys.stderr)

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from toolkit.cli.options import Run
+from toolkit.cli.terminal import say
 from toolkit.errors import UsageError
 
 if TYPE_CHECKING:
@@ -58,7 +59,7 @@ def render(
             rate=rate,
             progress=lambda done, total: bars("drawing", done, total),
         )
-    print(written)
+    say(written)
 
 
 def _axes(run: Path, sensors: Path, calibration: Path | None) -> LimbAxes:

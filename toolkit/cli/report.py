@@ -7,6 +7,8 @@ from typing import Annotated
 
 import typer
 
+from toolkit.cli.terminal import say
+
 
 def report(
     runs: Annotated[
@@ -31,4 +33,4 @@ def report(
         page = write_report(
             runs, output, recording=recording, references=references or (), frames=chosen, progress=bars
         )
-    print(page)
+    say(page)

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from toolkit.cli.options import LabelTable, Motions, Output, Pattern, Seed
+from toolkit.cli.terminal import say
 
 if TYPE_CHECKING:
     from toolkit.retrieval.annotation.measures import Scores
@@ -51,7 +52,7 @@ def index(
     else:
         with progress_bars() as bars:
             made = index_motions(motions or [], output, add=add, workers=workers, progress=bars)
-    print(f"{output}: {len(made)} motions, {made.duration / 60:.1f} minutes, {made.frames} frames at 30 Hz")
+    say(f"{output}: {len(made)} motions, {made.duration / 60:.1f} minutes, {made.frames} frames at 30 Hz")
 
 
 def search(
@@ -163,7 +164,7 @@ def _play(
     for match, motion in zip(matches, stretches(matches, mocap), strict=True):
         titled.append((f"{match.document}\n{match.start:.1f} to {match.end:.1f} s", motion))
     if titled:
-        print(film_of_motions(film, titled))
+        say(film_of_motions(film, titled))
 
 
 def _show(report: SearchReport, limit: int) -> None:
@@ -260,11 +261,11 @@ def _learn_model(
     if learned.left_out:
         print_table(table)
     else:
-        print(f"{output}: {len(learned.clips)} classes of one clip each; nothing could be left out to try them on")
+        say(f"{output}: {len(learned.clips)} classes of one clip each; nothing could be left out to try them on")
     if not several:
-        print("Nobody is named who performs the clips, so this says nothing about other people: see --pattern.")
+        say("Nobody is named who performs the clips, so this says nothing about other people: see --pattern.")
     for line in cautions(learned, others):
-        print(line)
+        say(line)
 
 
 def cautions(learned: LearnedModel, others: Sequence[Path], *, mined: bool = False) -> list[str]:

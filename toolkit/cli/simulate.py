@@ -11,6 +11,7 @@ import typer
 
 from toolkit.cli.groups import spread
 from toolkit.cli.options import Output, numbers
+from toolkit.cli.terminal import say
 from toolkit.errors import UsageError
 
 if TYPE_CHECKING:
@@ -186,7 +187,7 @@ def simulate(
             people, output, shot, sensors=sensors, progress=lambda done, total: bars("simulating", done, total)
         )
     size = f"{recording.camera.width}x{recording.camera.height}"
-    print(f"{output}: {len(recording)} frames of {size} pixels")
+    say(f"{output}: {len(recording)} frames of {size} pixels")
 
 
 def each(values: Sequence[T] | None, count: int, option: str, default: T) -> list[T]:

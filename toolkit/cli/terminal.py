@@ -12,7 +12,9 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING, Protocol, TextIO
+
+from toolkit.names import printable
 
 if TYPE_CHECKING:
     from rich.progress import Progress
@@ -22,6 +24,12 @@ WIDEST = 400
 """Characters: no table is wider."""
 MINUTE = 60.0
 """Seconds between two lines of progress in a pipe or a log."""
+
+
+def say(*texts: object, sep: str = " ", file: TextIO | None = None) -> None:
+    """As `print`; names out of files may stand in the lines, and what a terminal would obey is written out."""
+    lines = sep.join(map(str, texts)).split("\n")
+    print("\n".join(map(printable, lines)), file=file or sys.stdout, flush=True)
 
 
 class Bars(Protocol):
@@ -104,7 +112,7 @@ def progress_bars() -> Iterator[Bars]:
     from rich.console import Console
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
-    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
+    columns = (TextColumn("{task.description}", markup=False), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
     with Progress(*columns, console=Console(stderr=True), refresh_per_second=4) as progress:
         yield TerminalBars(progress)
 
@@ -139,10 +147,14 @@ def _short(path: Path) -> str:
 
 
 def print_table(table: Table) -> None:
-    """A table on the standard output."""
+    """A table on the standard output; brackets and escapes in its cells, titles and names do nothing."""
     from rich.console import Console
 
-    console = Console()
+    for column in table.columns:
+        column._cells = [printable(cell) if isinstance(cell, str) else cell for cell in column._cells]
+    if isinstance(table.title, str):
+        table.title = printable(table.title)
+    console = Console(markup=False)
     natural = console.measure(table, options=console.options.update(width=WIDEST)).maximum
     # A narrow terminal breaks long lines, which is better than columns of single letters.
-    Console(width=max(natural, console.width)).print(table, crop=False, soft_wrap=True)
+    Console(width=max(natural, console.width), markup=False).print(table, crop=False, soft_wrap=True)

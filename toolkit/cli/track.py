@@ -13,6 +13,7 @@ from toolkit.cli.groups import spread
 from toolkit.cli.guiding import Guiding
 from toolkit.cli.options import SettingOption, given
 from toolkit.cli.reading import Joints, Reading, SegmentOption, people_of
+from toolkit.cli.terminal import say
 from toolkit.errors import UsageError
 
 if TYPE_CHECKING:
@@ -53,12 +54,12 @@ class Tracking:
 
         if not needs_database(self.config, self.overrides()):
             if self.database is not None:
-                print(f"{self.database} is not used: this tracker looks no poses up", file=sys.stderr)
+                say(f"{self.database} is not used: this tracker looks no poses up", file=sys.stderr)
             return None
         if self.database is not None:
             return self.database
         path = default_database(bars)
-        print(f"poses of bundled motions: {path} (--database names your own)", file=sys.stderr)
+        say(f"poses of bundled motions: {path} (--database names your own)", file=sys.stderr)
         return path
 
 
@@ -124,7 +125,7 @@ def track(
     folders.keep_finished(runs)
     tracker_settings(tracking.config, tracking.overrides())
     for path, reason in unreadable(recordings, options).items():  # before anything costs time
-        print(f"depthmocap: {path}: {reason}; the others are tracked", file=sys.stderr)
+        say(f"depthmocap: {path}: {reason}; the others are tracked", file=sys.stderr)
     if folders.batch:
         _track_batch(recordings, output, tracking, guiding, folders, how)
         return
@@ -170,9 +171,9 @@ def _track_each(
             **how,
         )
     for summary in report.done:
-        print(summary.text())
+        say(summary.text())
     for path, reason in report.failed.items():
-        print(f"depthmocap: {path}: {reason}", file=sys.stderr)
+        say(f"depthmocap: {path}: {reason}", file=sys.stderr)
     if report.failed or report.interrupted:
         raise typer.Exit(1)
 
@@ -203,8 +204,8 @@ def _print_rows(rows: list[ManifestRow]) -> None:
 
     for row in rows:
         if row.status == DONE:
-            print(row.text)
+            say(row.text)
         else:
-            print(f"depthmocap: {row.recording}: {row.status}: {row.reason or row.text}", file=sys.stderr)
+            say(f"depthmocap: {row.recording}: {row.status}: {row.reason or row.text}", file=sys.stderr)
     if any(row.status != DONE for row in rows):
         raise typer.Exit(1)

@@ -12,6 +12,7 @@ from toolkit.errors import UsageError
 from toolkit.evaluation.joints import CURVE, LOST_ERROR
 from toolkit.evaluation.scores import EvaluationTable
 from toolkit.files import atomic_path
+from toolkit.names import shown
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -36,7 +37,11 @@ def plot_accuracy(table: EvaluationTable, path: str | Path) -> None:
     many = len(rows) > LEGEND_ROWS
     for row in rows:
         axes.plot(
-            CURVE * 1000, 100 * row.curve, lw=0.8 if many else 1.4, color="0.75" if many else None, label=row.recording
+            CURVE * 1000,
+            100 * row.curve,
+            lw=0.8 if many else 1.4,
+            color="0.75" if many else None,
+            label=shown(row.recording, "plot"),
         )
     if len(rows) > 1:
         axes.plot(CURVE * 1000, 100 * table.mean().curve, color="black", lw=2, label=f"mean of {len(rows)}")
@@ -51,7 +56,7 @@ def plot_curves(errors: Mapping[str, np.ndarray], path: str | Path) -> None:
     """Write A(t) of several sets of distances (N,), metres, in one picture, each under its name."""
     figure, axes = _figure()
     for name, distances in errors.items():
-        axes.plot(CURVE * 1000, 100 * (distances <= CURVE[:, None]).mean(axis=1), lw=1.4, label=name)
+        axes.plot(CURVE * 1000, 100 * (distances <= CURVE[:, None]).mean(axis=1), lw=1.4, label=shown(name, "plot"))
     axes.set(xlabel="t, mm", ylabel="joints within t, %", xlim=(0, CURVE[-1] * 1000), ylim=(0, 100), title="A(t)")
     axes.grid(alpha=0.3)
     axes.legend(fontsize=8, loc="lower right")
@@ -72,7 +77,12 @@ def plot_errors(table: EvaluationTable, path: str | Path) -> None:
     figure, axes = _figure()
     many = len(rows) > LEGEND_ROWS
     for row in rows:
-        axes.plot(row.timestamps - row.timestamps[0], row.frame_error_mm, lw=0.6 if many else 1.2, label=row.recording)
+        axes.plot(
+            row.timestamps - row.timestamps[0],
+            row.frame_error_mm,
+            lw=0.6 if many else 1.2,
+            label=shown(row.recording, "plot"),
+        )
     axes.axhline(LOST_ERROR * 1000, color="0.4", ls="--", lw=1)
     axes.annotate(
         "lost", (1.0, LOST_ERROR * 1000), xycoords=("axes fraction", "data"), ha="right", va="bottom", fontsize=8

@@ -13,6 +13,7 @@ import numpy as np
 
 from toolkit.evaluation.joints import CURVE
 from toolkit.files import save_json, save_text
+from toolkit.names import shown
 from toolkit.track import STATE_NAMES, TRACKED
 
 if TYPE_CHECKING:
@@ -194,7 +195,7 @@ class EvaluationTable:
         stream = io.StringIO(newline="")
         writer = csv.DictWriter(stream, names, restval="")
         writer.writeheader()
-        writer.writerows(flat)
+        writer.writerows({k: shown(v, "table") if isinstance(v, str) else v for k, v in row.items()} for row in flat)
         save_text(path, stream.getvalue())
 
     def to_json(self, path: str | Path) -> None:

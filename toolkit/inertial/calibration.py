@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -12,6 +11,7 @@ from toolkit.errors import InertialError
 from toolkit.files import save_json
 from toolkit.inertial.stream import Sensors
 from toolkit.plain import read_json
+from toolkit.typed import TypedReader
 
 GOOD, WEAK, REFUSED = "good", "weak", "refused"
 
@@ -113,22 +113,10 @@ class Calibration:
             It is missing, damaged or something else.
         """
         hint = "write it with `depthmocap inertial calibrate`"
-        values: dict[str, Any] = read_json(path, InertialError, hint)
-        try:
-            sensors = {
-                limb: Mounting(**{**s, "mounting": _quaternion(s["mounting"])}) for limb, s in values["sensors"].items()
-            }
-            takes = {
-                name: TakeClock(t["offset"], t["rate"], {k: _quaternion(q) for k, q in t["worlds"].items()})
-                for name, t in values["takes"].items()
-            }
-            return cls(values["method"], values["heading"], sensors, takes, tuple(values.get("notes", ())))
-        except (ValueError, KeyError, TypeError, AttributeError) as error:
-            raise InertialError(f"cannot read {path} as a calibration: {error}; {hint}") from error
-
-
-def _quaternion(values: Any) -> tuple[float, float, float, float]:
-    w, x, y, z = (float(value) for value in values)
-    if not abs(w * w + x * x + y * y + z * z - 1.0) < 1e-3:
-        raise ValueError(f"{values} is no unit quaternion")
-    return w, x, y, z
+        reader = TypedReader(InertialError, hint, loose=True, source=str(path))
+        found = reader.read(read_json(path, InertialError, hint), cls, "")
+        turns = [sensor.mounting for sensor in found.sensors.values()]
+        turns += [q for take in found.takes.values() for q in take.worlds.values()]
+        if any(abs(np.dot(q, q) - 1.0) >= 1e-3 for q in turns):
+            raise InertialError(f"{path} holds a quaternion that is not of length 1; {hint}")
+        return found

@@ -16,6 +16,8 @@ MOVING = 0.3
 """rad/s: slower rows say nothing about the order of a quaternion."""
 OVER = 0.1
 """Seconds over which orientations are differentiated."""
+LEAST = 20
+"""Rows in motion that say something about the order of a quaternion."""
 AGREEMENT = 0.6
 """Least correlation of gyroscope and derivative of the orientation in a stream that is as it should be."""
 FAR_RATE = 0.05
@@ -51,13 +53,14 @@ def _units(stream: SensorStream) -> list[str]:
     found = []
     if stream.gyro is not None:
         speed = np.linalg.norm(stream.gyro[stream.valid], axis=1)
-        if (fast := float(np.quantile(speed, 0.99))) > FASTEST:
+        if len(speed) and (fast := float(np.quantile(speed, 0.99))) > FASTEST:
             found.append(
                 f"sensor {stream.name} turns by up to {fast:.0f} rad/s; its gyroscope may be in deg/s "
                 "(--units gyro=deg/s)"
             )
     if stream.acceleration is not None:
-        size = float(np.median(np.linalg.norm(stream.acceleration[stream.valid], axis=1)))
+        sizes = np.linalg.norm(stream.acceleration[stream.valid], axis=1)
+        size = float(np.median(sizes)) if len(sizes) else GRAVITY
         if 0.8 < size < 1.25:
             found.append(
                 f"sensor {stream.name} measures {size:.2f} m/s2 most of the time; its accelerometer may be in g "
@@ -82,9 +85,11 @@ def _order(stream: SensorStream) -> list[str]:
     sums = np.concatenate([np.zeros((1, 3)), np.cumsum(np.where(stream.valid[:, None], stream.gyro, 0.0), axis=0)])
     counts = np.concatenate([[0], np.cumsum(stream.valid)])
     rates = (sums[rows[1:]] - sums[rows[:-1]]) / np.maximum(counts[rows[1:]] - counts[rows[:-1]], 1)[:, None]
+    if len(rates) < LEAST:
+        return []
     scale = np.pi / 180.0 if np.quantile(np.linalg.norm(rates, axis=1), 0.99) > FASTEST else 1.0
     close = (np.diff(times) < 2.0 * OVER) & (np.linalg.norm(rates, axis=1) * scale > MOVING)
-    if close.sum() < 20:
+    if close.sum() < LEAST:
         return []
     as_read = agreement(q, times, rates, close)
     if as_read >= AGREEMENT:

@@ -14,7 +14,7 @@ from functools import cached_property
 import numpy as np
 
 from toolkit import skeleton
-from toolkit.archives import Column, check_columns
+from toolkit.archives import Column, check_columns, check_trees
 from toolkit.errors import DatabaseError
 from toolkit.kernels.learning import forest
 from toolkit.sensing.cloud import Cloud, marked
@@ -131,9 +131,7 @@ class JointRegressor:
         if self.person_odds is not None:
             columns["person_odds"] = Column("f", (2,), -1e4, 1e4)
         check_columns(self.arrays(), columns, DatabaseError, "the joint regressor", REBUILD)
-        forward = (self.children < 0) | (self.children > np.arange(nodes)[:, None])
-        if not forward.all() or not leaves:
-            raise DatabaseError(f"a tree of the joint regressor does not end in leaves; {REBUILD}")
+        check_trees(self.children, self.roots, leaves, DatabaseError, "the joint regressor", REBUILD)
 
     def arrays(self) -> dict[str, np.ndarray]:
         """The arrays by name."""
@@ -175,8 +173,11 @@ class JointRegressor:
 
     @cached_property
     def nodes(self) -> np.ndarray:
-        """Question, threshold and children in a row, as the kernel walks them: float32 (nodes, 7), whole to 2**24."""
-        return np.column_stack([self.offsets, self.thresholds, self.children]).astype(np.float32)
+        """Question, threshold and children in a row, as the kernel walks them: float32 (nodes, 7), two int32."""
+        nodes = np.empty((len(self.offsets), 7), dtype=np.float32)
+        nodes[:, :4], nodes[:, 4] = self.offsets, self.thresholds
+        nodes.view(np.int32)[:, 5:] = self.children
+        return nodes
 
     @property
     def knows_rooms(self) -> bool:

@@ -175,6 +175,8 @@ def _blocks(lines: list[str], name: str) -> list[list[str]]:
     inside = False
     for line in lines:
         if line == "begin":
+            if inside:
+                raise MocapError(f"a bone of {name} has no end; the file is damaged")
             blocks.append([])
             inside = True
         elif line == "end":

@@ -54,6 +54,8 @@ def read_bvh(path: str | Path, *, unit: float | None = None) -> Clip:
     offsets = np.array(tree.offsets, dtype=np.float64).reshape(-1, 3)
     parents = np.array(tree.parents, dtype=np.int64)
     rest = _rest_points(tree, offsets)
+    if not rest.any():
+        raise MocapError(f"all joints of {file.name} lie in one place: its offsets are 0; export it again")
     scale = metres_per_unit(rest_size(rest), unit, file.name)
     rotations, translations = _channels(tree, offsets, values, file.name)
     moved = any(c in POSITIONS for channels in tree.channels[1:] for c in channels)

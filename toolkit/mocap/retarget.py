@@ -11,6 +11,7 @@ import numpy as np
 
 from toolkit import skeleton
 from toolkit.body.body import Body
+from toolkit.errors import MocapError
 from toolkit.mocap.clip import Clip, PoseClip
 from toolkit.mocap.rig import Rig, load_rig
 from toolkit.mocap.source import Source
@@ -26,6 +27,8 @@ from toolkit.rotations.matrices import (
     without_twist,
 )  # fmt: skip
 
+SHORTEST_LEG = 0.01
+"""Metres: what is shorter is no body's, and nothing can be scaled by it."""
 TWIST_PRIOR = 0.0015
 """Square metres: how much the source's own twist, and as much again a relaxed limb's, count against the squared levers
 (m) of a bent limb's far points."""
@@ -241,7 +244,10 @@ def _turns_about(axis: np.ndarray, start: np.ndarray, stop: np.ndarray) -> np.nd
 def _root_positions(source: Source, body: Body, poses: np.ndarray) -> np.ndarray:
     """Hip midpoints (T, 3) at the body's scale, with its feet on average as high over y = 0 as the source's."""
     rest = dict(zip(skeleton.JOINT_NAMES, body.joints, strict=True))
-    scale = _leg_length(rest) / _leg_length(source.rest)
+    length = _leg_length(source.rest)
+    if not length > SHORTEST_LEG:
+        raise MocapError(f"the legs of the skeleton are {length:g} m long; give a motion of a whole body")
+    scale = _leg_length(rest) / length
     positions = source.pelvis * scale
     feet = [f"{side}_{'foot' if source.has(f'{side}_foot') else 'ankle'}" for side in ("left", "right")]
     own = body.joint_positions(poses)[:, [skeleton.REPORTED.index(name) for name in feet], 1]

@@ -213,9 +213,11 @@ def _follow(
     """Track from the crowd's next frame to the last one, or until a stop is asked for."""
     total, remembered = len(recording), time.monotonic()
     report(recording.name, "tracking" if crowd.frames else "learning", crowd.frames, total)
+    measured = crowd.frames > 0
     for frame in recording.stream(crowd.frames, color=crowd.joints.needs_color):
         if stop.is_set():
             break
+        measured = measured or bool(frame.depth_mm.any())
         _write(sink, crowd, crowd.step(frame), watcher)
         report(recording.name, "tracking" if crowd.settled else "learning", crowd.frames, total)
         if crowd.settled and time.monotonic() - remembered > MEMORY_SECONDS:
@@ -225,6 +227,10 @@ def _follow(
         _remember(sink, crowd)
     # While a body is being learnt there is no state to go on from: `resume` finds these rows again.
     _write(sink, crowd, crowd.finish(), watcher)
+    if not measured and not stop.is_set():
+        raise RecordingError(
+            f"no frame of {recording.name} holds a measurement, only 0 or 65535; record it again, or see its unit"
+        )
     if watcher is not None and not stop.is_set():
         watcher.end()
     if not stop.is_set() and crowd.frames < total:

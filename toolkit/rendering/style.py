@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
+from toolkit.names import printable
 from toolkit.skeleton import JOINT_NAMES, PARENTS, REPORTED
 
 LEFT = (255, 145, 40)
@@ -56,7 +57,8 @@ assert len(PART_COLORS) == len(PARENTS)
 
 @lru_cache(maxsize=256)
 def text_mask(text: str, size: int) -> np.ndarray:
-    """A line of text as float32 (h, w) in [0, 1], `size` pixels high."""
+    """A line of text as float32 (h, w) in [0, 1], `size` pixels high; what cannot be printed is written out."""
+    text = printable(text)
     import matplotlib
     from PIL import Image, ImageDraw, ImageFont
 

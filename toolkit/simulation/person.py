@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple
@@ -64,6 +64,29 @@ class Person:
     subject_seed: int | None = None
     holds: str | None = None
     held: tuple[float, float] = (0.0, np.inf)
+
+    def __post_init__(self) -> None:
+        check_ranges(self, RANGES)
+        if not np.abs(np.asarray(self.at, dtype=np.float64)).max() <= FARTHEST_PLACE:
+            raise UsageError(f"nobody can stand at {self.at}; give metres up to {FARTHEST_PLACE:g} to each side")
+
+
+RANGES: dict[str, tuple[float, float, str]] = {
+    "yaw": (-1e4, 1e4, "degrees"),
+    "stature": (0.3, 3.0, "metres"),
+    "enters": (0.0, 86_400.0, "seconds, a day at most"),
+}
+"""What the numbers of a person may be, both ends included, and in which unit."""
+FARTHEST_PLACE = 60.0
+"""Metres on the floor plan: farther away depth is not stored."""
+
+
+def check_ranges(given: object, ranges: Mapping[str, tuple[float, float, str]]) -> None:
+    """Raise UsageError for a number of `given` that is out of its range; None is left out."""
+    for name, (low, high, unit) in ranges.items():
+        value = getattr(given, name)
+        if value is not None and not low <= value <= high:
+            raise UsageError(f"{name.replace('_', ' ')} {value:g} is impossible; give {low:g} to {high:g} {unit}")
 
 
 class Performer(NamedTuple):

@@ -24,7 +24,15 @@ from toolkit.sensing.recording import Recording
 from toolkit.simulation.appearance import Appearance, vertex_colors
 from toolkit.simulation.furniture import Box, Mesh, boxes_mesh, joined
 from toolkit.simulation.inertial import SimulatedSensors, Worn, simulate_sensors
-from toolkit.simulation.person import Performer, Person, check_apart, check_clear, furniture_of, prepare_person
+from toolkit.simulation.person import (
+    Performer,
+    Person,
+    check_apart,
+    check_clear,
+    check_ranges,
+    furniture_of,
+    prepare_person,
+)
 from toolkit.simulation.picture import FINER, Backdrop, Drawn
 from toolkit.simulation.scene import Surroundings, View, cut_tilt, place_camera, surroundings
 from toolkit.simulation.seating import neck_height
@@ -35,8 +43,17 @@ EMPTY_FRAMES = 9
 """Frames of the empty room whose median becomes the recorded background."""
 MIDDLE = 0.52
 """Share of the subject's height at which an untilted choice of the camera aims: the middle of the body."""
-FASTEST = 1000.0
-"""Frames a second of the fastest depth camera."""
+SLOWEST, FASTEST = 0.1, 1000.0
+"""Frames a second of depth cameras."""
+RANGES: dict[str, tuple[float, float, str]] = {
+    "frame_rate": (SLOWEST, FASTEST, "frames a second"),
+    "distance": (0.1, 60.0, "metres, as far as depth is stored"),
+    "height": (-20.0, 60.0, "metres above the floor"),
+    "tilt": (-90.0, 90.0, "degrees"),
+    "cut": (-5.0, 5.0, "metres below the neck"),
+    "seconds": (1e-3, 86_400.0, "seconds, a day at most"),
+}
+"""What the numbers of a shot may be, both ends included, and in which unit."""
 NOBODY_HEIGHT, NOBODY_NECK, NOBODY_REACH = 1.7, 1.4, np.array([[-0.8, 0.0, -0.5], [0.8, 1.8, 0.5]])
 """Whom an empty room is recorded for: stature and neck in metres, and the corners of the space they would use."""
 
@@ -66,7 +83,7 @@ class Shot:
     Raises
     ------
     UsageError
-        Frame rate, length or seed is impossible.
+        A number is out of range.
     """
 
     sensor: str | Sensor = "tof"
@@ -85,18 +102,11 @@ class Shot:
     skinning: str = "linear"
 
     def __post_init__(self) -> None:
-        if not 0 < self.frame_rate <= FASTEST:
-            raise UsageError(
-                f"a frame rate of {self.frame_rate} is impossible; give frames a second up to {FASTEST:g}, such as 30"
-            )
-        if not 0 < self.seconds < np.inf:
-            raise UsageError(f"a recording of {self.seconds} seconds is impossible; give a positive number")
+        check_ranges(self, RANGES)
         if self.cut is not None and self.tilt is not None:
             raise UsageError(
                 f"a cut of {self.cut} m says how far the camera is tilted, and so does {self.tilt}; give one"
             )
-        if self.cut is not None and not np.isfinite(self.cut):
-            raise UsageError(f"a cut of {self.cut} m is no length; give metres below the neck, such as 0.45")
         if self.room is not None:
             named_room(self.room)
             if not self.furnished:

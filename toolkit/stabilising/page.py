@@ -14,6 +14,7 @@ import numpy as np
 from toolkit import skeleton
 from toolkit.evaluation.joints import frame_errors, joint_errors
 from toolkit.files import save_bytes, save_text
+from toolkit.names import shown
 from toolkit.retrieval.annotation.annotator import runs
 from toolkit.retrieval.priors.limbs import LIMBS, OUTER
 from toolkit.retrieval.priors.marks import USED
@@ -103,7 +104,7 @@ def _curves(source: Source, rounds: Sequence[Round], best: Round) -> Figure:
     costs.set_ylabel("least cost", fontsize=8)
     for segment in best.segments:
         costs.axvspan(times[0] + segment.start, times[0] + segment.end, color="0.9", lw=0)
-        costs.text(times[0] + segment.start, costs.get_ylim()[1], segment.label, fontsize=6, va="top")
+        costs.text(times[0] + segment.start, costs.get_ylim()[1], shown(segment.label, "plot"), fontsize=6, va="top")
     for gap in (g for found in rounds for g in found.gaps):
         colour = "tab:green" if gap.accepted else "0.7"
         gaps.barh(LIMBS.index(gap.limb), times[gap.stop - 1] - times[gap.start], left=times[gap.start], color=colour)

@@ -122,10 +122,11 @@ def answer(view: View, asked: Asked) -> None:
 def find_leaves(view: View, pixels: np.ndarray, nodes: np.ndarray, roots: np.ndarray, leaves: np.ndarray) -> None:
     """Leaf that each of `pixels` (N,), flat indices, reaches in each tree: fills `leaves` (N, trees).
 
-    `nodes` float32 (nodes, 7) hold a question's probe offsets, its threshold and both children in a row, of which a
-    negative one is leaf `-1 - child`; an answer below the threshold goes to the first.
+    `nodes` float32 (nodes, 7) hold a question's probe offsets, its threshold and both children in a row; these two are
+    int32 in the same bytes, and a negative one is leaf `-1 - child`. An answer below the threshold goes to the first.
     """
-    asked, at, turns = empty_block(), np.empty(BLOCK, dtype=np.int32), np.empty((3, BLOCK), dtype=np.float32)
+    asked, at, links = empty_block(), np.empty(BLOCK, dtype=np.int32), nodes.view(np.int32)
+    thresholds, children = np.empty(BLOCK, dtype=np.float32), np.empty((2, BLOCK), dtype=np.int32)
     for start in range(0, pixels.shape[0], BLOCK):
         place_pixels(view, pixels, start, asked)
         for t in range(roots.shape[0]):
@@ -133,16 +134,16 @@ def find_leaves(view: View, pixels: np.ndarray, nodes: np.ndarray, roots: np.nda
             walking = roots[t] >= 0
             while walking:
                 for k in range(BLOCK):
-                    node = nodes[max(at[k], 0)]
+                    row = max(at[k], 0)
                     for i in range(4):
-                        asked.offsets[i, k] = node[i]
-                    for i in range(3):
-                        turns[i, k] = node[4 + i]
+                        asked.offsets[i, k] = nodes[row, i]
+                    thresholds[k] = nodes[row, 4]
+                    children[0, k], children[1, k] = links[row, 5], links[row, 6]
                 answer(view, asked)
                 walking = False
                 for k in range(BLOCK):
-                    below = asked.answers[0, k] - asked.answers[1, k] < turns[0, k]
-                    child = np.int32(turns[1, k] if below else turns[2, k])
+                    below = asked.answers[0, k] - asked.answers[1, k] < thresholds[k]
+                    child = children[0, k] if below else children[1, k]
                     at[k] = child if at[k] >= 0 else at[k]  # who has reached a leaf waits there for the others
                     walking |= at[k] >= 0
             for k in range(min(BLOCK, pixels.shape[0] - start)):

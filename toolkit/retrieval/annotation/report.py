@@ -14,6 +14,7 @@ import numpy as np
 
 from toolkit.errors import RetrievalError
 from toolkit.files import save_bytes, save_json, save_text
+from toolkit.names import shown
 from toolkit.plain import read_table
 from toolkit.retrieval.annotation.annotator import Annotation
 from toolkit.retrieval.annotation.measures import (
@@ -134,7 +135,9 @@ def plot_annotation(annotation: Annotation, truth: Sequence[Segment] | None) -> 
         visible, aspect="auto", interpolation="nearest", cmap="viridis", vmin=0.0, vmax=max(annotation.thresholds),
         extent=(0.0, seconds, classes - 0.5, -0.5),
     )  # fmt: skip
-    above.set_title(f"{annotation.name}: {annotation.measure} of each class (white: nothing like it)", fontsize=10)
+    above.set_title(
+        f"{shown(annotation.name, 'plot')}: {annotation.measure} of each class (white: nothing like it)", fontsize=10
+    )
     figure.colorbar(image, ax=above, label=annotation.measure)
     truths = " and true (black; orange: missed)" if truth is not None else ""
     below.set_title(f"annotation: found (red){truths}", fontsize=10)
@@ -144,7 +147,7 @@ def plot_annotation(annotation: Annotation, truth: Sequence[Segment] | None) -> 
         _bars(below, truth or (), label, row + 0.2, "black")
         _bars(below, missed, label, row + 0.2, "tab:orange")
     for axes in (above, below):
-        axes.set_yticks(range(classes), annotation.labels, fontsize=8)
+        axes.set_yticks(range(classes), [shown(label, "plot") for label in annotation.labels], fontsize=8)
         axes.set_ylim(classes - 0.5, -0.5)
         axes.set_yticks(np.arange(classes - 1) + 0.5, minor=True)
         axes.grid(which="minor", axis="y", linewidth=0.3)
@@ -163,7 +166,7 @@ def _save_csv(path: Path, segments: Sequence[Segment]) -> None:
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow(COLUMNS)
-    writer.writerows([f"{s.start:.3f}", f"{s.end:.3f}", s.label, f"{s.score:.4f}"] for s in segments)
+    writer.writerows([f"{s.start:.3f}", f"{s.end:.3f}", shown(s.label, "table"), f"{s.score:.4f}"] for s in segments)
     save_text(path, text.getvalue())
 
 

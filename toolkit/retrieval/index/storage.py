@@ -9,24 +9,49 @@ from __future__ import annotations
 
 import hashlib
 import json
+import math
+import os
 import zlib
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 
+from toolkit.door import open_file
 from toolkit.errors import RetrievalError
 from toolkit.files import atomic_path, is_file
 from toolkit.plain import parse_json
+from toolkit.typed import Range, TypedReader
 
 REBUILD = "build it again"
 
 _MAGIC = b"depthmocap index\n"
 _ALIGNMENT = 64
 _DIGEST = hashlib.sha256().digest_size
-_ENTRIES = {"version", "features", "names", "arrays", "bytes"}
+
+
+@dataclass(frozen=True)
+class _Entry:
+    """What the header says of one array."""
+
+    name: str
+    dtype: str
+    shape: tuple[Annotated[int, Range(0)], ...]
+    offset: Annotated[int, Range(0)]
+    crc32: int
+
+
+@dataclass(frozen=True)
+class _Header:
+    """What the header holds."""
+
+    version: int
+    features: str
+    names: list[str]
+    arrays: list[_Entry]
+    bytes: Annotated[int, Range(0)]
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,12 +61,12 @@ class StoredArrays:
     Attributes
     ----------
     path : the file
-    header : what was written: version, features, names, and the table of arrays
+    header : what was written: version, features and names
     """
 
     path: Path
     header: dict[str, Any]
-    _table: dict[str, dict[str, Any]]
+    _table: dict[str, _Entry]
     _start: int
 
     @classmethod
@@ -57,7 +82,7 @@ class StoredArrays:
         if not is_file(path):
             raise RetrievalError(f"there is no index {path}; make one with `depthmocap index`")
         try:
-            with path.open("rb") as stream:
+            with open_file(path) as stream:
                 if stream.read(len(_MAGIC)) != _MAGIC:
                     raise RetrievalError(f"{path} is no keyframe index; make one with `depthmocap index`")
                 length, size = int.from_bytes(stream.read(8), "little"), path.stat().st_size
@@ -67,13 +92,13 @@ class StoredArrays:
             raise RetrievalError(f"cannot read the index {path} ({error}); {REBUILD}") from error
         if digest != hashlib.sha256(text).digest():
             raise RetrievalError(f"the index {path} is of an older version, or its header is damaged; {REBUILD}")
-        header = parse_json(text.decode("utf-8"), f"the header of the index {path}", RetrievalError, REBUILD)
-        if not isinstance(header, dict) or not _ENTRIES <= header.keys():
-            raise RetrievalError(f"the header of the index {path} lacks entries; {REBUILD}")
-        if size != start + int(header["bytes"]):
-            raise RetrievalError(f"{path} is cut short: it has {size} bytes, not {start + header['bytes']}; {REBUILD}")
-        table = {entry["name"]: entry for entry in header["arrays"]}
-        return cls(path, header, table, start)
+        where = f"the header of the index {path}"
+        reader = TypedReader(RetrievalError, REBUILD, source=where)
+        header = reader.read(parse_json(text.decode("utf-8", "replace"), where, RetrievalError, REBUILD), _Header, "")
+        if size != start + header.bytes:
+            raise RetrievalError(f"{path} is cut short: it has {size} bytes, not {start + header.bytes}; {REBUILD}")
+        known = {"version": header.version, "features": header.features, "names": header.names}
+        return cls(path, known, {entry.name: entry for entry in header.arrays}, start)
 
     def mapped(self, name: str) -> np.ndarray:
         """An array without a look at its content; copy-on-write, so that compiled code sees the type it knows.
@@ -85,11 +110,13 @@ class StoredArrays:
         """
         try:
             entry = self._table[name]
-            kind = np.dtype(entry["dtype"])
+            kind = np.dtype(entry.dtype)
             if kind.kind not in "iu" or not kind.isnative:
                 raise ValueError(f"it is of type {kind}")
-            place = self._start + entry["offset"]
-            return np.asarray(np.memmap(self.path, kind, "c", place, tuple(entry["shape"])))
+            place = self._start + entry.offset
+            if place + math.prod(entry.shape) * kind.itemsize > os.path.getsize(self.path):
+                raise ValueError("it is longer than the file")
+            return np.asarray(np.memmap(self.path, kind, "c", place, entry.shape))
         except (KeyError, TypeError, ValueError, OverflowError, OSError) as error:
             raise RetrievalError(f"the array {name} of {self.path} cannot be mapped ({error}); {REBUILD}") from error
 
@@ -102,7 +129,7 @@ class StoredArrays:
             As `mapped`, or the checksum does not fit.
         """
         array = self.mapped(name)
-        if zlib.crc32(array.data) != self._table[name]["crc32"]:
+        if zlib.crc32(array.data) != self._table[name].crc32:
             raise RetrievalError(f"{name} of {self.path} is damaged: its checksum does not fit its content; {REBUILD}")
         return array
 

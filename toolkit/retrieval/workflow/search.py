@@ -14,6 +14,7 @@ import numpy as np
 
 from toolkit.errors import RetrievalError, UsageError
 from toolkit.files import save_json, save_text
+from toolkit.names import shown
 from toolkit.retrieval.annotation.annotator import distance_function
 from toolkit.retrieval.annotation.model import MotionModel
 from toolkit.retrieval.features.grades import BLOCK
@@ -273,5 +274,7 @@ def save_matches(path: str | Path, reports: Sequence[SearchReport]) -> None:
     stream = io.StringIO()
     writer = csv.DictWriter(stream, ["label", "document", "start", "end", "cost"], lineterminator="\n")
     writer.writeheader()
-    writer.writerows({key: f"{v:.4f}" if isinstance(v, float) else v for key, v in row.items()} for row in rows)
+    writer.writerows(
+        {key: f"{v:.4f}" if isinstance(v, float) else shown(v, "table") for key, v in row.items()} for row in rows
+    )
     save_text(path, stream.getvalue())
