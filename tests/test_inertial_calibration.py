@@ -324,7 +324,7 @@ def test_the_calibration_file_there_and_back(tmp_path):
 @pytest.mark.parametrize("content", ("", "{}", "[1, 2]", '{"method": "robust", "sensors": {"pelvis": {}}}'))
 def test_a_damaged_calibration_file_is_refused(tmp_path, content):
     (tmp_path / "calibration.json").write_text(content)
-    with pytest.raises(InertialError, match="as a calibration|is no JSON"):
+    with pytest.raises(InertialError, match="inertial calibrate"):
         Calibration.load(tmp_path / "calibration.json")
 
 

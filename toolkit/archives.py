@@ -143,6 +143,8 @@ def check_trees(
         "roots": Column("iu", ("trees",), -leaves, len(children) - 1),
     }
     check_columns({"children": children, "roots": roots}, columns, error, where, hint)
+    if not leaves or not len(roots):
+        raise error(f"{where} has {len(roots)} trees and {leaves} leaves; {hint}")
     reached = np.concatenate([children.ravel(), roots]).astype(np.int64)
     reached = reached[reached >= 0]
     if len(np.unique(reached)) != len(reached):
