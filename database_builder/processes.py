@@ -9,6 +9,7 @@ from itertools import islice
 from typing import Any
 
 from toolkit.errors import DatabaseError
+from toolkit.workers import Task
 
 WAITING = 8
 """Results of each process that may wait to be taken."""
@@ -37,7 +38,7 @@ def process_pool(workers: int) -> Iterator[Callable[..., Iterator[Any]]]:
     def mapped(function: Callable[[Any], Any], items: Iterable[Any]) -> Iterator[Any]:
         rest = iter(items)
         while some := list(islice(rest, WAITING * workers)):
-            yield from parallel(joblib.delayed(function)(item) for item in some)
+            yield from parallel(joblib.delayed(Task.of(function))(item) for item in some)
 
     own = isinstance(around, joblib.parallel.LokyBackend)
     try:

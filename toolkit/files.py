@@ -271,8 +271,11 @@ def sha256_of(path: str | Path) -> str:
 
 def link_out_of(folder: str | Path) -> Path | None:
     """The first link below a folder that leads to something outside of it or to nothing; None where there is none."""
-    root = Path(folder).resolve()
+    root, count = Path(folder).resolve(), 0
     for place, folders, files in os.walk(root):
+        count += len(folders) + len(files)
+        if count > LARGEST_FOLDER:
+            raise UsageError(f"{folder} holds more than {LARGEST_FOLDER} files, as no recording does; name a recording")
         for name in sorted([*folders, *files]):
             path = Path(place) / name
             if path.is_symlink() and (not path.exists() or root not in path.resolve().parents):

@@ -24,6 +24,7 @@ from toolkit.progress import Progress
 from toolkit.recordings.opening import open_recording
 from toolkit.sensing.recording import ReaderOptions
 from toolkit.tracking.protocol import Tracker
+from toolkit.workers import Task
 
 ROUNDS = 3
 """How often what dead processes left is started again."""
@@ -100,7 +101,7 @@ def track_many(
     pending, total, status, reason = dict(jobs), len(jobs), FAILED, ""
     for round_ in range(ROUNDS):
         tasks = (
-            joblib.delayed(_task)(recipe, path, str(run), people, options, joints, not overwrite)
+            joblib.delayed(Task.of(_task))(recipe, path, str(run), people, options, joints, not overwrite)
             for path, run in pending.items()
         )
         try:

@@ -25,6 +25,7 @@ def open_recording(path: str | Path, **options: Any) -> Recording:
     if not (is_file(target) or is_folder(target)):
         raise RecordingError(f"there is no recording at {target}, a file or a folder; check the path")
     chosen = ReaderOptions.from_mapping(options)
+    read = reader_for(target, chosen.format)
     if target.is_dir() and (link := link_out_of(target)) is not None:
         raise RecordingError(f"{link} is a link that leads out of the recording; put the file itself there")
-    return reader_for(target, chosen.format)(target, chosen)
+    return read(target, chosen)

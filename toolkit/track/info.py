@@ -104,8 +104,12 @@ class RunInfo:
         if not present:
             raise RecordingError(f"the recording {places[-1]} is gone; put it back there, or name it with --recording")
         for place in present:
-            if sha256_of(place) == self.recording_sha256:
-                return open_recording(place, **self.reader_options)
+            try:
+                recording = open_recording(place, **self.reader_options)  # no disk is read whole that is no recording
+                if sha256_of(place) == self.recording_sha256:
+                    return recording
+            except (RecordingError, UsageError, OSError):
+                continue
         raise RecordingError(f"the recording {present[-1]} has changed since it was tracked; track it again")
 
     def save(self, run: str | Path) -> None:

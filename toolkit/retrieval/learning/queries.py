@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import astuple, dataclass, field, replace
@@ -29,6 +30,7 @@ from toolkit.retrieval.learning.genetic import (
 )
 from toolkit.retrieval.templates.quantised import WILDCARD, QuantisedTemplate
 from toolkit.retrieval.templates.template import MotionTemplate
+from toolkit.workers import end_with
 
 
 @dataclass(frozen=True)
@@ -244,8 +246,9 @@ class _Evolution:
 _evolution: _Evolution
 
 
-def _prepare_worker(evolution: _Evolution) -> None:
+def _prepare_worker(evolution: _Evolution, parent: int) -> None:
     """Keep the training data in the worker process, so that it is sent once and not with every run."""
+    end_with(parent)
     global _evolution
     _evolution = evolution
 
@@ -259,7 +262,7 @@ def _runs(tasks: Sequence[tuple[str, int]], evolution: _Evolution, workers: int)
     if workers <= 1:
         yield from map(evolution, tasks)
         return
-    with ProcessPoolExecutor(workers, initializer=_prepare_worker, initargs=(evolution,)) as pool:
+    with ProcessPoolExecutor(workers, initializer=_prepare_worker, initargs=(evolution, os.getpid())) as pool:
         yield from pool.map(_run_in_worker, tasks)
 
 

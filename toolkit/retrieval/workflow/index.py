@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from contextlib import nullcontext
@@ -11,6 +12,7 @@ from toolkit.files import check_output
 from toolkit.retrieval.features.relational import FeatureMatrix, relational_features
 from toolkit.retrieval.index.keyframe_index import KeyframeIndex
 from toolkit.retrieval.workflow.motions import find_motions, load_motion
+from toolkit.workers import end_with
 
 
 def index_motions(
@@ -42,7 +44,11 @@ def index_motions(
     files = find_motions(paths)
     check_output(output, files)
     documents = []
-    with ProcessPoolExecutor(workers) if workers > 1 else nullcontext() as pool:
+    with (
+        ProcessPoolExecutor(workers, initializer=end_with, initargs=(os.getpid(),))
+        if workers > 1
+        else nullcontext() as pool
+    ):
         read = map(_read, files) if pool is None else pool.map(_read, files)
         for number, features in enumerate(read, start=1):
             documents.append(features)

@@ -1,0 +1,302 @@
+"""What somebody hands over can do nothing: run folders, states, databases, indices and names of all kinds."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tests.fake_tracker import FakeTracker, write_recording
+from tests.mocap_helpers import ASF_ARM
+from tests.run_helpers import write_people, write_run
+from toolkit import skeleton
+from toolkit.archives import CHECKSUM, checksum_of
+from toolkit.cli.main import main
+from toolkit.errors import DepthMocapError, MocapError, RecordingError, RetrievalError, TrackError, UsageError
+from toolkit.files import sha256_of
+from toolkit.pipeline import run as pipeline
+from toolkit.pipeline import track_recordings
+from toolkit.runs import load_people
+from toolkit.track import RunInfo
+
+KEY = "-----BEGIN PRIVATE KEY-----"
+WRITTEN = (".lock", ".lock-owner", "track.partial", "log.txt", "manifest.jsonl")
+READ = ("run.json", "config.yaml", "track.npz", "state.npz", "people.json")
+
+
+@pytest.fixture(scope="module")
+def stopped(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with a recording and a run that ended in the middle of it, with its state."""
+    folder = tmp_path_factory.mktemp("stopped")
+    recording = write_recording(folder / "take.npz")
+    memory, pipeline.MEMORY_SECONDS = pipeline.MEMORY_SECONDS, -1.0
+    try:
+        with pytest.raises(RecordingError, match="frame 6"):
+            track_recordings([recording], FakeTracker(broken=6), folder / "run")
+    finally:
+        pipeline.MEMORY_SECONDS = memory
+    return folder
+
+
+@pytest.fixture
+def begun(stopped: Path, tmp_path: Path) -> Path:
+    """A copy of the run that can be gone on with."""
+    shutil.copytree(stopped / "run", tmp_path / "run")
+    return tmp_path / "run"
+
+
+def go_on(stopped: Path, run: Path) -> np.ndarray:
+    track_recordings([stopped / "take.npz"], FakeTracker(), run, resume=True)
+    with np.load(run / "track.npz") as arrays:
+        return np.array(arrays["joints"])
+
+
+@pytest.mark.parametrize("name", [*WRITTEN[:4], *READ])
+@pytest.mark.parametrize("link", [Path.symlink_to, Path.hardlink_to])
+def test_no_link_in_a_run_folder_is_written_or_read_through(
+    stopped: Path, begun: Path, tmp_path: Path, name: str, link: Callable[[Path, Path], None]
+) -> None:
+    thesis = tmp_path / "thesis.txt"
+    thesis.write_text(KEY)
+    (begun / name).unlink(missing_ok=True)
+    link(begun / name, thesis)
+    try:
+        go_on(stopped, begun)
+    except DepthMocapError as error:
+        assert KEY not in str(error)
+    assert thesis.read_text() == KEY
+
+
+def test_a_page_never_shows_what_a_link_leads_to(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / "id_rsa").write_text(KEY)
+    run = write_run(tmp_path / "run", np.zeros((3, skeleton.POSE_SIZE)))
+    (run / "config.yaml").symlink_to(tmp_path / "id_rsa")
+    main_of("report", str(run), "--output", str(tmp_path / "page.html"))
+    assert KEY not in (tmp_path / "page.html").read_text() and KEY not in "".join(capsys.readouterr())
+
+
+@pytest.mark.parametrize("there", ["track.npz", "config.yaml", "people.json", "person_01/track.npz", "state.npz"])
+def test_what_is_there_and_is_not_this_runs_is_refused(stopped: Path, tmp_path: Path, there: str) -> None:
+    mine = tmp_path / "run" / there
+    mine.parent.mkdir(parents=True)
+    mine.write_bytes(b"mine")
+    for resume in (False, True):
+        with pytest.raises(TrackError, match="no run.json that says whose it is"):
+            track_recordings([stopped / "take.npz"], FakeTracker(), tmp_path / "run", resume=resume)
+    assert mine.read_bytes() == b"mine"
+
+
+def test_a_run_of_people_whose_folders_are_links_is_refused(tmp_path: Path) -> None:
+    run = write_people(tmp_path / "run", np.zeros((3, skeleton.POSE_SIZE)))
+    (run / "person_02").rename(tmp_path / "elsewhere")
+    (run / "person_02").symlink_to(tmp_path / "elsewhere")
+    with pytest.raises(TrackError, match="is a link"):
+        load_people(run)
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (lambda people: people * 10_000, "some of them twice"),
+        (lambda people: [{**people[0], "folder": "../other"}], "plain names"),
+        (lambda people: [{**people[0], "stature": "tall"}], "stature is 'tall'"),
+        (lambda people: [{**people[0], "first_frame": -1}], "outside"),
+        (lambda people: None, "people is empty"),
+    ],
+)
+def test_people_who_cannot_be_are_one_sentence(
+    tmp_path: Path, change: Callable[[list[dict[str, object]]], object], words: str
+) -> None:
+    run = write_people(tmp_path / "run", np.zeros((3, skeleton.POSE_SIZE)))
+    people = json.loads((run / "people.json").read_text())["people"]
+    (run / "people.json").write_text(json.dumps({"people": change(people)}))
+    with pytest.raises(TrackError, match=words):
+        load_people(run)
+
+
+@pytest.mark.parametrize("place", ["/", "/dev/zero", "/dev/stdin"])
+def test_a_run_that_names_the_whole_disk_as_its_recording_ends_at_once(tmp_path: Path, place: str) -> None:
+    run = write_run(tmp_path / "run", np.zeros((3, skeleton.POSE_SIZE)))
+    replace(RunInfo.load(run), recording=place).save(run)
+    with pytest.raises(DepthMocapError):
+        RunInfo.load(run).open_recording()
+
+
+STATES: dict[str, Callable[[np.ndarray], np.ndarray]] = {
+    "another shape": lambda value: np.zeros((2, 2), value.dtype),
+    "text": lambda value: np.full(value.shape, "x"),
+    "endless": lambda value: np.full(value.shape, np.nan),
+    "a row less": lambda value: value[:-1],
+}
+
+
+@pytest.mark.parametrize("change", STATES)
+def test_a_state_of_other_contents_under_a_right_checksum_is_one_sentence(
+    stopped: Path, begun: Path, change: str
+) -> None:
+    with np.load(begun / "state.npz") as stored:
+        arrays = dict(stored)
+    del arrays[CHECKSUM]
+    for name in sorted(set(arrays) - {"header"}):
+        odd = {**arrays, name: STATES[change](arrays[name])}
+        np.savez(begun / "state.npz", **odd, **{CHECKSUM: np.array(checksum_of(odd))})
+        with pytest.raises(TrackError, match="the state of the"):
+            go_on(stopped, begun)
+
+
+def test_a_state_without_the_rows_before_it_is_left_and_all_is_found_again(stopped: Path, begun: Path) -> None:
+    partial = begun / "track.partial"
+    with partial.open("r+b") as stream:
+        header = stream.readline()
+        stream.truncate(len(header) + 1)
+    fresh = begun.with_name("fresh")
+    np.testing.assert_array_equal(go_on(stopped, begun), go_on(stopped, fresh))
+
+
+def test_a_recording_that_would_unpack_to_gigabytes_is_refused_before_it_does(tmp_path: Path) -> None:
+    from toolkit.recordings.opening import open_recording
+
+    path = write_recording(tmp_path / "take.npz", 2)
+    with np.load(path) as arrays:
+        values = {name: arrays[name] for name in arrays.files if name != CHECKSUM}
+    np.savez_compressed(path, **values, joints_2d=np.zeros((3000, 2, 20, 33), np.float32))
+    with pytest.raises(RecordingError, match="unpacks to"):
+        open_recording(path)
+
+
+def test_a_recording_of_links_that_lead_out_of_it_is_refused(tmp_path: Path) -> None:
+    from toolkit.recordings.opening import open_recording
+
+    (tmp_path / "take").mkdir()
+    (tmp_path / "secret.png").write_text(KEY)
+    (tmp_path / "take" / "0.png").symlink_to(tmp_path / "secret.png")
+    with pytest.raises(RecordingError, match="a link that leads out"):
+        open_recording(tmp_path / "take")
+
+
+def test_a_recording_without_any_measurement_is_said(tmp_path: Path) -> None:
+    path = write_recording(tmp_path / "take.npz", 3)
+    with np.load(path) as arrays:
+        values = {name: arrays[name] for name in arrays.files if name != CHECKSUM}
+    np.savez(path, **{**values, "depth": np.full_like(values["depth"], 65535)})
+    with pytest.raises(RecordingError, match="no frame of take holds a measurement"):
+        track_recordings([path], FakeTracker(), tmp_path / "run")
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        ("--distance 1e9", "distance 1e.09 is impossible; give 0.1 to 60 metres"),
+        ("--tilt 1e9", "tilt 1e.09 is impossible"),
+        ("--tilt nan", "tilt nan is impossible"),
+        ("--frame-rate 1e-9", "frame rate 1e-09 is impossible"),
+        ("--height 1e9", "height 1e.09 is impossible"),
+        ("--yaw inf", "yaw inf is impossible"),
+        ("--stature 400", "stature 400 is impossible"),
+        ("--at 1e9,0", "nobody can stand at"),
+        ("--enters -1", "enters -1 is impossible"),
+    ],
+)
+def test_a_scene_that_cannot_be_is_named(
+    options: str, words: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    import re
+
+    code = main_of("simulate", "jump", *options.split(), "--output", str(tmp_path / "take.npz"))
+    said = capsys.readouterr().err
+    assert code == 2 and re.search(words, said) and "Traceback" not in said
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_skeleton_without_ends_or_lengths_is_named(tmp_path: Path) -> None:
+    from tests.database_helpers import write_bvh
+    from toolkit.mocap.asf_amc import read_asf
+    from toolkit.mocap.bvh import read_bvh
+
+    (tmp_path / "arm.asf").write_text(ASF_ARM.replace("  end\n", "", 1).replace("end\n", "", 1))
+    with pytest.raises(MocapError, match="has no end|truncated"):
+        read_asf(tmp_path / "arm.asf")
+    write_bvh(tmp_path / "a.bvh", seed=0, frames=2)
+    lines = (tmp_path / "a.bvh").read_text().splitlines()
+    flat = [line.split("OFFSET")[0] + "OFFSET 0 0 0" if "OFFSET" in line else line for line in lines]
+    (tmp_path / "a.bvh").write_text("\n".join(flat) + "\n")
+    with pytest.raises(MocapError, match="one place"):
+        read_bvh(tmp_path / "a.bvh")
+
+
+def test_six_samples_of_a_sensor_are_read(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    rows = "\n".join(f"{i / 100},1,0,0,0,0.1,0.2,0.3,0,9.8,0" for i in range(6))
+    (tmp_path / "s.csv").write_text(f"time,qw,qx,qy,qz,gx,gy,gz,ax,ay,az\n{rows}\n")
+    code = main_of("inertial", "read", str(tmp_path / "s.csv"), "--output", str(tmp_path / "s.npz"))
+    assert code in (0, 1, 2) and "Traceback" not in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    "change", [{"arrays": None}, {"names": 3}, {"bytes": None}, {"version": "1"}, {"arrays": [{"name": None}]}]
+)
+def test_an_index_whose_header_holds_something_else_is_one_sentence(tmp_path: Path, change: dict[str, object]) -> None:
+    import hashlib
+
+    from tests.fuzz_files import index_file
+    from toolkit.retrieval.index.keyframe_index import KeyframeIndex
+    from toolkit.retrieval.index.storage import _MAGIC
+
+    path = index_file(tmp_path)
+    data = path.read_bytes()
+    start = len(_MAGIC) + 8
+    size = int.from_bytes(data[len(_MAGIC) : start], "little")
+    text = json.dumps({**json.loads(data[start : start + size]), **change}).encode()
+    head = _MAGIC + len(text).to_bytes(8, "little") + text + hashlib.sha256(text).digest()
+    path.write_bytes(head + data[start + size + 32 :])
+    with pytest.raises(RetrievalError, match="build it again"):
+        KeyframeIndex.open(path)
+
+
+NAMES = (b"[/red].npz", b"$\\foo$.npz", b"a\nb.npz", b"\x1b[31mred.npz", b"caf\xe9.npz", b"=1+1.npz")
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_names_of_files_do_nothing(
+    name: bytes, tmp_path: Path, capfdbinary: pytest.CaptureFixture[bytes], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    recording = write_recording(Path(os.fsdecode(name)), 3)
+    run = write_run(tmp_path / os.fsdecode(name.removesuffix(b".npz")), np.zeros((3, skeleton.POSE_SIZE)))
+    info = RunInfo.load(run)
+    replace(info, recording=str(recording.resolve()), recording_sha256=sha256_of(recording)).save(run)
+    for words in (
+        ("evaluate", str(run), "--output", "tables"),
+        ("report", str(run), "--output", "page.html"),
+        ("render", str(run), "--output", "sheet.png"),
+        ("export", str(run), "--output", "motion.csv"),
+    ):
+        code = main_of(*words)
+        said = b"".join(capfdbinary.readouterr())
+        assert code in (0, 1, 2) and b"Traceback" not in said and b"\x1b[31m" not in said, words
+    table = tmp_path / "tables"
+    assert not [line for path in table.glob("*.csv") for line in path.read_text().splitlines() if line.startswith("=")]
+
+
+def main_of(*words: str) -> int:
+    """Exit code of a command."""
+    try:
+        main(list(words))
+    except SystemExit as stop:
+        return int(stop.code or 0)
+    return 0
+
+
+def test_an_events_file_of_something_else_is_one_sentence(tmp_path: Path) -> None:
+    from toolkit.pipeline.events import EventStream
+
+    (tmp_path / "events.jsonl").write_text('{"time": "soon"}\n')
+    stream = EventStream((), (), tmp_path / "events.jsonl")
+    with pytest.raises(UsageError, match="time is 'soon'"):
+        stream._keep_until(1.0)
+    assert (tmp_path / "events.jsonl").read_text() == '{"time": "soon"}\n'

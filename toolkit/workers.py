@@ -1,0 +1,52 @@
+"""Worker processes end with the process that they work for, however that ends: nobody is left to take their results."""
+
+from __future__ import annotations
+
+import multiprocessing
+import os
+import threading
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+INTERVAL = 0.5
+"""Seconds between two looks at whether the parent lives."""
+_watching: set[int] = set()
+
+
+def end_with(parent: int) -> None:
+    """Have this process end when its parent, the process of that id, has ended; any other one is not watched."""
+    known = multiprocessing.parent_process()
+    if parent in _watching or parent not in (os.getppid(), known.pid if known is not None else 0):
+        return
+    _watching.add(parent)
+    threading.Thread(target=_watch, args=(parent,), daemon=True).start()
+
+
+def _watch(parent: int) -> None:
+    known = multiprocessing.parent_process()
+    if os.name == "posix":
+        while os.getppid() == parent:  # orphans get another one
+            time.sleep(INTERVAL)
+    elif known is not None:
+        known.join()
+    os._exit(1)
+
+
+@dataclass(frozen=True)
+class Task:
+    """A function that is called in a worker process, which ends with the process that made the task."""
+
+    function: Callable[..., Any]
+    parent: int
+
+    @classmethod
+    def of(cls, function: Callable[..., Any]) -> Task:
+        """A task of this process."""
+        return cls(function, os.getpid())
+
+    def __call__(self, *arguments: Any) -> Any:
+        """What the function returns."""
+        end_with(self.parent)
+        return self.function(*arguments)
