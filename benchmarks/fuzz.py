@@ -3,7 +3,8 @@
     python -m benchmarks.fuzz [--mutations 100000] [--format NAME ...] [--seed 0] [--work FOLDER]
 
 Every format is read in a forked process of its own that tells the outcome of each mutation as it comes; a crash, an
-endless loop or memory without end is a finding, and the next process goes on behind it. A folder named with --work
+endless loop or memory without end is a finding, and so is a kernel that reads or writes beyond an array, for kernels
+are compiled with checks of their bounds; the next process goes on behind it. A folder named with --work
 keeps what is done: the same command goes on there. The files behind findings stay in it. What was found
 in chosen formats is kept apart from the table of all.
 """
@@ -127,12 +128,14 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--work", type=Path, help="folder to go on in")
     options = parser.parse_args()
+    work = options.work or Path(tempfile.mkdtemp(prefix="fuzz-"))
+    work.mkdir(parents=True, exist_ok=True)
+    os.environ["NUMBA_BOUNDSCHECK"] = "1"  # read when kernels are imported; compiled ones lie apart from the usual
+    os.environ.setdefault("NUMBA_CACHE_DIR", str(work / "kernels"))
     from tests.fuzz_formats import FORMATS
 
     names = options.format or sorted(FORMATS)
     share = -(-options.mutations // len(names))
-    work = options.work or Path(tempfile.mkdtemp(prefix="fuzz-"))
-    work.mkdir(parents=True, exist_ok=True)
     table: dict[str, dict[str, int]] = {}
     for name in names:
         found = run_format(name, work, share, options.seed)

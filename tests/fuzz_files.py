@@ -180,6 +180,19 @@ def state_file(folder: Path) -> Path:
     return folder / "state.npz"
 
 
+def person_state_file(folder: Path) -> Path:
+    from toolkit.tracking.state import PersonState, Previous
+
+    body, pose = ShapeSpace.load().body([0.5, -1.0]), np.zeros(skeleton.POSE_SIZE)
+    state = PersonState(
+        body, True, PersonState.begin(body, sized=True, seed=3).generator, previous=Previous.of_pose(body, pose),
+        pose=pose, centre=np.zeros(3), facing=np.array([0.0, 1.0]), timestamp=0.5, in_view=np.ones(20),
+        smoothed=(pose, 0.5), memory={"swarm": {"poses": pose[None], "rest": np.zeros(1)}},
+    )  # fmt: skip
+    save_checkpoint(folder / "state.npz", "person", state.export())
+    return folder / "state.npz"
+
+
 def text_file(name: str, text: str, beside: dict[str, str] | None = None) -> Make:
     def make(folder: Path) -> Path:
         for other, content in (beside or {}).items():

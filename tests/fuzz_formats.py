@@ -28,6 +28,7 @@ from tests.fuzz_files import (
     mat_file,
     npz_file,
     people_file,
+    person_state_file,
     png_file,
     r3d_file,
     raw_file,
@@ -76,6 +77,7 @@ from toolkit.runs import load_people
 from toolkit.sensing.recording import Recording
 from toolkit.simulation.furniture import read_boxes
 from toolkit.track import RunInfo, Track
+from toolkit.tracking.state import PersonState
 
 
 def _recording(path: Path) -> Any:
@@ -123,6 +125,13 @@ def _database_at_work(path: Path) -> Any:
         known = known_without(("left_knee",))
         expected = database.prior.expected(np.zeros(len(known)), known).mean
     return found, votes, expected
+
+
+def _person_state(path: Path) -> Any:
+    """A person's state, and a step of the kernels that it would reach."""
+    state = PersonState.restore(load_checkpoint(path, "person"))
+    moved = None if state.pose is None else state.body.joint_positions(state.pose[None])
+    return state.export(), moved, state.rng().random()
 
 
 QUERIES = json.dumps(
@@ -179,6 +188,7 @@ FORMATS: dict[str, Format] = {
     "run json": Format(run_file, lambda path: replace(RunInfo.load(path.parent), folder="")),
     "people json": Format(people_file, lambda path: load_people(path.parent)),
     "tracker state": Format(state_file, lambda path: load_checkpoint(path, "hybrid"), checked=True),
+    "person state": Format(person_state_file, _person_state, checked=True),
     "queries json": Format(text_file("q.json", QUERIES), load_queries),
     "labels csv": Format(
         text_file("l.csv", "clip,label\na,walk\nb,jump\n"), lambda path: labels_of([Path("a.bvh")], table=path)
@@ -222,6 +232,7 @@ SEALED: dict[str, Callable[[Path], Any]] = {
     "motion classes": load_classes,
     "track npz": Track.load,
     "tracker state": lambda path: load_checkpoint(path, "hybrid"),
+    "person state": _person_state,
     "amass npz": read_clip,
     "body npz": load_body_file,
     "sensors npz": read_file,

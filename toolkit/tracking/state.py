@@ -143,13 +143,13 @@ class PersonState:
         check_state(state, _NUMBERS, _NESTED, "person")
         own = state["body"]
         check_state(own, _BODY, what="body")
-        for name in ("previous", "held"):
+        for name in ("previous", "last_seen"):
             if state[name] is not None:
                 check_state(state[name], _PREVIOUS, what="frame before")
         if state["smoothed"] is not None:
             check_state(state["smoothed"], {"pose": _POSE, "timestamp": _NUMBERS["lost"]}, what="smoother")
-        for name, kept in state["carry"].items():
-            check_state(kept, {key: _carried(kept[key]) for key in kept}, what=f"search {name}")
+        for name, kept in state["memory"].items():
+            check_state(kept, {key: _remembered(kept[key]) for key in kept}, what=f"search {name}")
         body = ShapeSpace.load().body(own["shape"], scale=own["scale"], name=own["name"], offsets=own["offsets"])
         smoothed = state["smoothed"]
         plain = ("sized", "last_seen_at", "pose", "centre", "facing", "timestamp", "lost", "in_view", "turn", "memory")
@@ -169,7 +169,7 @@ _POSE = Column("f", (skeleton.POSE_SIZE,), -_FAR, _FAR)
 _REPORTED, _ENDS = (len(skeleton.REPORTED),), (len(skeleton.END_EFFECTORS), 3)
 _NUMBERS = {
     "sized": Column("b", ()),
-    "held_since": Column("iuf", (), optional=True),
+    "last_seen_at": Column("iuf", (), optional=True),
     "pose": replace(_POSE, optional=True),
     "centre": Column("f", (3,), -_FAR, _FAR, optional=True),
     "facing": Column("f", (2,), -_FAR, _FAR, optional=True),
@@ -178,7 +178,7 @@ _NUMBERS = {
     "in_view": Column("f", _REPORTED, 0, 1, optional=True),
     "turn": Column("iu", (), 0),
 }
-_NESTED = ("body", "generator", "carry", "previous", "held", "smoothed")
+_NESTED = ("body", "generator", "memory", "previous", "last_seen", "smoothed")
 _BODY = {
     "shape": Column("f", ("coefficients",), -100, 100),
     "scale": Column("iuf", (), 0.01, 100),
@@ -194,16 +194,16 @@ _PREVIOUS = {
     "elapsed": Column("iuf", (), 0, 1e9),
 }
 """What a person's state must be, by name."""
-MOST_CARRIED = 4096
+MOST_REMEMBERED = 4096
 """Poses that a search keeps for itself."""
 
 
-def _carried(value: Any) -> Column:
+def _remembered(value: Any) -> Column:
     """What a search may keep: poses in rows, or single numbers."""
     rows = len(value) if isinstance(value, np.ndarray) and value.ndim == 2 else 0
-    if rows > MOST_CARRIED:
+    if rows > MOST_REMEMBERED:
         raise TrackError(f"a search keeps {rows} poses; {HINT}")
-    return Column("f", ("rows", skeleton.POSE_SIZE), -_FAR, _FAR) if rows else Column("f", ("numbers",))
+    return Column("f", ("rows", skeleton.POSE_SIZE), -_FAR, _FAR) if rows else Column("iuf")
 
 
 def _generator(texts: Any) -> dict[str, Any]:
