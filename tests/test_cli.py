@@ -17,12 +17,11 @@ from database_builder import build as builder
 from tests.fake_tracker import FakeFollower, FakeTracker, write_recording
 from toolkit import pipeline
 from toolkit.cli import bench
-from toolkit.cli.default_database import default_database
 from toolkit.cli.examples import EXAMPLES
 from toolkit.cli.main import app, main
 from toolkit.cli.options import numbers
-from toolkit.database.database import PoseDatabase
-from toolkit.errors import DatabaseError, OutputError, UsageError
+from toolkit.database.default import default_database_path
+from toolkit.errors import UsageError
 from toolkit.people.sighting import Sighting
 from toolkit.pipeline import many
 from toolkit.track import FrameResult, Track
@@ -277,34 +276,17 @@ def test_a_finished_run_is_replaced_only_when_that_is_said(
     assert run(*command, "--overwrite") == 0
 
 
-def test_without_a_database_one_of_bundled_motions_is_built_once_and_said(
-    tmp_path: Path, fake: FakeTracker, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+def test_without_a_database_that_of_the_package_is_taken_and_nothing_is_built(
+    tmp_path: Path, fake: FakeTracker, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    built: list[Path] = []
+    def build(*sources: object, **named: object) -> None:
+        raise AssertionError("a database is built unasked")
 
-    def build(sources: None, output: Path, **named: object) -> None:
-        assert sources is None
-        built.append(output)
-        output.write_bytes(b"poses")
-
-    monkeypatch.setenv("DEPTHMOCAP_CACHE", str(tmp_path / "cache"))
     monkeypatch.setattr(builder, "build_database", build)
-    monkeypatch.setattr(PoseDatabase, "load", staticmethod(lambda path: None))
     recording = write_recording(tmp_path / "take.npz")
-    for name in ("one", "two"):
-        assert run("track", recording, "--output", tmp_path / name) == 0
-        kept = fake.asked[1]["database"]  # type: ignore[attr-defined]
-        assert str(kept) in capsys.readouterr().err and kept.parent == tmp_path / "cache"
-    assert len(built) == 1 and [path.name for path in (tmp_path / "cache").iterdir()] == [kept.name]
-
-    def refuse(path: Path) -> None:
-        raise DatabaseError("of another format")
-
-    monkeypatch.setattr(PoseDatabase, "load", staticmethod(refuse))
-    assert default_database(lambda *progress: None) == kept and len(built) == 2
-    monkeypatch.setenv("DEPTHMOCAP_CACHE", str(recording / "in a file"))
-    with pytest.raises(OutputError, match="DEPTHMOCAP_CACHE"):
-        default_database(lambda *progress: None)
+    assert run("track", recording, "--output", tmp_path / "run") == 0
+    assert fake.asked[1]["database"] == default_database_path()  # type: ignore[attr-defined]
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["run", "take.npz"]
 
 
 def test_a_batch_prints_a_line_for_each_recording_and_names_what_failed(

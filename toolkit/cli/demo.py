@@ -26,8 +26,6 @@ SUBJECT, SUBJECT_SEED = "slim_male", 7
 """Whose body is simulated, and the seed of what makes it unlike every body that a tracker can fit."""
 MOTIONS = 3
 """Motions of the recording; none of them is in the database."""
-TRAINING_IMAGES = 1000
-"""Of the joint regressor: a sixteenth of the usual number, which takes a sixteenth of the time."""
 SECONDS = 5.0
 """Of each motion, unless others are asked for."""
 BLEND = 6
@@ -49,17 +47,15 @@ def run_demo(
     *,
     seed: int = 0,
     seconds: float = SECONDS,
-    images: int = TRAINING_IMAGES,
     show: Show | None = None,
 ) -> DemoResult:
-    """Build a database of bundled motions, record a different body in other motions, track it, score it and draw it.
+    """Record somebody unlike any body that is fitted in motions of no database, track, score and draw them.
 
     Parameters
     ----------
     output : folder of everything that is written; an earlier demo in it is replaced
     seed : of the motions, the noise of the sensor and the subject's variation
     seconds : of each of the motions
-    images : on which the joint regressor is trained; it is judged on no more
     show : told what is going on
 
     Raises
@@ -67,9 +63,8 @@ def run_demo(
     OutputError
         The folder cannot be written.
     """
-    from database_builder.build import build_database
-    from database_builder.regressor import RegressorSettings
     from toolkit.cli.terminal import doing_words
+    from toolkit.database.default import default_database_path
     from toolkit.evaluation.evaluate import evaluate_runs
     from toolkit.evaluation.report import write_evaluation
     from toolkit.pipeline import load_tracker, track_recording
@@ -78,22 +73,16 @@ def run_demo(
 
     show = show or _silent
     start, folder = time.monotonic(), Path(output)
-    database, run = folder / "poses.npz", folder / "run"
+    run = folder / "run"
     (run / "track.partial").unlink(missing_ok=True)
 
-    build_database(
-        None,
-        database,
-        parts=RegressorSettings(images=images, calibration=min(images, RegressorSettings.calibration)),
-        progress=lambda stage, done, total: show(f"building the database: {stage}", done, total),
-    )
     recording = _record(folder / "take.npz", seed, seconds, show)
-    tracker = load_tracker(database=database)
+    tracker = load_tracker(database=default_database_path())
     summary = track_recording(
         recording, tracker, run, progress=lambda name, doing, done, total: show(doing_words(doing), done, total)
     )
     table = evaluate_runs([run], progress=lambda name, done, total: show("evaluating", done, total))
-    files = [database, recording.path, run, *write_evaluation(table, folder)]
+    files = [recording.path, run, *write_evaluation(table, folder)]
     for name in ("film.webm", "contact_sheet.png"):
         doing = f"drawing the {Path(name).stem.replace('_', ' ')}"
         files.append(render_run(run, folder / name, progress=partial(show, doing)))
@@ -145,13 +134,12 @@ def demo(
     ),
     seed: Annotated[int, typer.Option(help="Seed of everything random.", min=0)] = 0,
     seconds: Annotated[float, typer.Option(help="Of each of the three motions.", min=0.2, max=60.0)] = SECONDS,
-    images: Annotated[int, typer.Option(help="On which the joint regressor is trained.", min=10)] = TRAINING_IMAGES,
 ) -> None:
-    """Do the main job on bundled motions: database, simulated recording, track, table, film and a page of it all."""
+    """Do the main job on bundled motions: simulated recording, track, table, film and a page of it all."""
     from toolkit.cli.terminal import next_commands, print_table, progress_bars
 
     with progress_bars() as bars:
-        result = run_demo(output, seed=seed, seconds=seconds, images=images, show=bars)
+        result = run_demo(output, seed=seed, seconds=seconds, show=bars)
     print_table(result.table.to_rich("simulated recording, compared with its exact truth"))
     say("milliseconds a frame (median): ", result.summary.text())
     for path in result.files:

@@ -17,7 +17,6 @@ from toolkit.cli.terminal import say
 from toolkit.errors import UsageError
 
 if TYPE_CHECKING:
-    from toolkit.cli.terminal import Bars
     from toolkit.pipeline.manifest import ManifestRow
 
 
@@ -27,7 +26,7 @@ class Tracking:
 
     database: Annotated[
         Path | None,
-        typer.Option("--database", "-d", help="Pose database.", show_default="of bundled motions, built once"),
+        typer.Option("--database", "-d", help="Pose database.", show_default="the one of the package"),
     ] = None
     body: Annotated[Path | None, typer.Option(help="The person's own, of `depthmocap body scan`.")] = None
     config: Annotated[str, typer.Option(help="Settings: a YAML file or the name of a shipped one.")] = "hybrid"
@@ -47,20 +46,16 @@ class Tracking:
         sensing = given(segment=self.segment, subject=self.subject, half_resolution=self.half_resolution or None)
         return {f"sensing.{name}": value for name, value in sensing.items()} | parse_overrides(self.settings or [])
 
-    def poses(self, bars: Bars) -> Path | None:
-        """The database named, or that of the user's cache; None for a tracker that looks no poses up. Both are said."""
-        from toolkit.cli.default_database import default_database
+    def poses(self) -> Path | None:
+        """The database named, or that of the package; None for a tracker that looks no poses up, which is said."""
+        from toolkit.database.default import default_database_path
         from toolkit.pipeline.trackers import needs_database
 
         if not needs_database(self.config, self.overrides()):
             if self.database is not None:
                 say(f"{self.database} is not used: this tracker looks no poses up", file=sys.stderr)
             return None
-        if self.database is not None:
-            return self.database
-        path = default_database(bars)
-        say(f"poses of bundled motions: {path} (--database names your own)", file=sys.stderr)
-        return path
+        return self.database or default_database_path()
 
 
 @dataclass(frozen=True)
@@ -151,7 +146,7 @@ def _track_each(
 
     evidence = guiding.evidence(recordings)
     with progress_bars() as bars:
-        database, preparing = tracking.poses(bars), doing_words("compiling")
+        database, preparing = tracking.poses(), doing_words("compiling")
         bars(preparing, 0, 1)
         tracker = load_tracker(
             tracking.config, tracking.overrides(), database=database, max_poses=tracking.max_poses,
@@ -189,7 +184,7 @@ def _track_batch(
         raise UsageError("sensors and events belong to one recording; leave --workers and --retry-failed out")
     with progress_bars() as bars:
         recipe = TrackerRecipe(
-            tracking.config, tracking.overrides(), tracking.poses(bars), tracking.max_poses, tracking.body
+            tracking.config, tracking.overrides(), tracking.poses(), tracking.max_poses, tracking.body
         )
         rows = track_many(
             recordings, recipe, output, workers=folders.workers or 1, retry_failed=folders.retry_failed,

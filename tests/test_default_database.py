@@ -1,0 +1,56 @@
+"""The pose database of the package: what it is made of, how large it is, and what happens without it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from toolkit.database import default
+from toolkit.database.database import PoseDatabase
+from toolkit.errors import DatabaseError
+from toolkit.files import sha256_of
+from toolkit.mocap.procedural import DATABASE_MOTIONS, SEATED_MOTIONS, SEATED_SUBJECT_MOTIONS, SUBJECT_MOTIONS
+from toolkit.testing.suite import MOCAP
+
+ASSETS = default.DEFAULT_DATABASE.parent
+
+
+@pytest.fixture(scope="module")
+def database() -> PoseDatabase:
+    return PoseDatabase.load(default.default_database_path())
+
+
+def test_it_is_small_and_comes_with_its_notice() -> None:
+    assert default.default_database_path().stat().st_size <= 12e6
+    notice = (ASSETS / "LICENSE.md").read_text()
+    assert "mocap.cs.cmu.edu" in notice and "NSF EIA-0196217" in notice
+
+
+def test_it_knows_rooms_people_who_sit_and_what_it_was_made_of(database: PoseDatabase) -> None:
+    assert database.regressor is not None and database.regressor.knows_rooms
+    assert database.regressor.calibration is not None and database.prior is not None
+    own = {name.rstrip("_0123456789") for name in database.sources if not name.endswith((".bvh", ".amc"))}
+    assert {*DATABASE_MOTIONS, *SEATED_MOTIONS} == own
+    assert not own & {*SUBJECT_MOTIONS, *SEATED_SUBJECT_MOTIONS}  # who is simulated in tests and in the demo
+    assert all(len(digest) == 64 for digest in database.hashes) and len(set(database.hashes)) == len(database.hashes)
+    assert len(database) > 5000 and database.body_name == "neutral" and not database.notes["skipped"]
+
+
+@pytest.mark.shared_data
+def test_its_mocap_is_that_of_the_shared_cmu_folders_and_of_nobody_else(database: PoseDatabase) -> None:
+    files = [p for folder in ("mocap/cmu", "mocap_more/cmu") for p in (MOCAP.parent / folder).rglob("*.*")]
+    known = {path.name: sha256_of(path) for path in files}
+    named = {Path(name).name: digest for name, digest in zip(database.sources, database.hashes, strict=True)}
+    mocap = {name: digest for name, digest in named.items() if name.endswith((".bvh", ".amc"))}
+    assert mocap.keys() == {name for name in known if name.endswith((".bvh", ".amc"))}
+    assert all(known[name] == digest for name, digest in mocap.items() if name.endswith(".bvh"))
+    counts = np.bincount(database.pose_source, minlength=len(database.sources))
+    assert counts.sum() == len(database)
+
+
+def test_an_installation_without_it_says_so(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.setattr(default, "DEFAULT_DATABASE", tmp_path / "default.npz")
+    with pytest.raises(DatabaseError, match="--database"):
+        default.default_database_path()
