@@ -23,16 +23,15 @@ def grow_trees(
     Every node has a random stream of its own, so that the trees do not depend on the number of threads.
     `progress(done, total)` counts the parts that have grown.
     """
-    numbered = labels.astype(np.uint8)
     tops, tasks = [], []
     for seed in seeds:
         rows = np.arange(len(labels), dtype=np.int32)
-        top = grow(samples, numbered, rows, 1, seed, growth._replace(deepest=min(TOP, growth.deepest)))
+        top = grow(samples, labels, rows, 1, seed, growth._replace(deepest=min(TOP, growth.deepest)))
         tops.append((top, rows))
         tasks += [(rows[a:b], int(path), seed) for (a, b), path in zip(pairwise(top.starts), top.paths, strict=True)]
     with ThreadPoolExecutor(max(workers, 1)) as pool:
         grown = []
-        for part in pool.map(lambda task: grow(samples, numbered, task[0], task[1], task[2], growth), tasks):
+        for part in pool.map(lambda task: grow(samples, labels, task[0], task[1], task[2], growth), tasks):
             grown.append(part)
             progress(len(grown), len(tasks))
     parts = iter(grown)

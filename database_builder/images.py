@@ -31,8 +31,9 @@ class TrainingImages:
     windows : int32 (I, 4): first and last column, first and last row of the image, in pixels of the crop
     in_view : bool (I, 20): joints inside the image with nothing but the person before them
     sample_image, sample_u, sample_v : int32 (S,): crop and pixel of each sample
-    labels : int64 (S,): see `body_labels`, `NOBODY` for what is no person
-    offsets : float16 (S, 20, 3): from each sample's point to the joints, metres, level frame
+    labels : uint8 (S,): see `body_labels`, `NOBODY` for what is no person
+    points : float32 (S, 3), of each sample, metres, level frame
+    joints : float32 (I, 20, 3), of each image's person, metres, level frame
     """
 
     depth: np.ndarray
@@ -44,7 +45,12 @@ class TrainingImages:
     sample_u: np.ndarray
     sample_v: np.ndarray
     labels: np.ndarray
-    offsets: np.ndarray
+    points: np.ndarray
+    joints: np.ndarray
+
+    def offsets(self, rows: np.ndarray | slice = slice(None)) -> np.ndarray:
+        """From the points of some samples to the joints: float32 (N, 20, 3), metres."""
+        return self.joints[self.sample_image[rows]] - self.points[rows][:, None]
 
 
 @dataclass(frozen=True, eq=False)
@@ -128,14 +134,14 @@ def draw_images(
             continue
         z = one.depth[one.v, one.u] * 0.001
         x, y = (one.u + one.corner[0]) * z / FOCAL, (one.v + one.corner[1]) * z / FOCAL
-        offsets = one.joints[None] - np.stack([x, -y, -z], axis=1)[:, None]
+        points = np.stack([x, -y, -z], axis=1).astype(np.float32)
         number = np.full(len(z), len(views), dtype=np.int32)
-        columns.append((number, one.u.astype(np.int32), one.v.astype(np.int32), one.label, offsets.astype(np.float16)))
-        views.append((one.depth.ravel(), np.array(one.depth.shape), one.window, one.in_view))
+        columns.append((number, one.u.astype(np.int32), one.v.astype(np.int32), one.label.astype(np.uint8), points))
+        views.append((one.depth.ravel(), np.array(one.depth.shape), one.window, one.in_view, one.joints))
     progress(images, images)
-    depths, shapes, windows, in_view = zip(*views, strict=True)
+    depths, shapes, windows, in_view, joints = zip(*views, strict=True)
     starts = np.cumsum([0, *(len(depth) for depth in depths[:-1])]).astype(np.int64)
     return TrainingImages(
         np.concatenate(depths), starts, np.array(shapes, dtype=np.int64), np.array(windows), np.array(in_view),
-        *(np.concatenate(parts) for parts in zip(*columns, strict=True)),
+        *(np.concatenate(parts) for parts in zip(*columns, strict=True)), np.array(joints, dtype=np.float32),
     )  # fmt: skip

@@ -226,7 +226,7 @@ def leaf_votes(
     leaf = np.repeat(np.arange(len(sizes)), sizes)
     person = (data.labels[rows] != NOBODY).astype(np.float32)
     people = np.add.reduceat(person, begins)
-    votes = data.offsets[rows].astype(np.float32)
+    votes = data.offsets(rows)
     shown = data.in_view[data.sample_image[rows]] * person[:, None]
     count = np.add.reduceat(shown, begins)
     share = np.where(people[:, None] > 0, count / np.maximum(people, 1.0)[:, None], 0.5)

@@ -414,11 +414,11 @@ def test_training_images_show_people_with_their_joints() -> None:
     assert len(data.depth) == data.shapes.prod(axis=1).sum()
     z = data.depth[data.starts[data.sample_image] + data.sample_v * data.shapes[data.sample_image, 1] + data.sample_u]
     assert (z > 900).all() and (z < 5500).all()
-    head, foot = data.offsets[:, 3].astype(float), data.offsets[:, 15].astype(float)
+    head, foot = data.offsets()[:, 3], data.offsets()[:, 15]
     # The level frame has y up: heads are above feet, and nobody is larger than a tall adult.
     assert ((head - foot)[:, 1] > 0.8).all()
-    assert np.linalg.norm(data.offsets.astype(float), axis=2).max() < 2.2
-    left, right = (data.offsets[:, skeleton.REPORTED.index(f"{s}_hip")].astype(float) for s in ("left", "right"))
+    assert np.linalg.norm(data.offsets(), axis=2).max() < 2.2
+    left, right = (data.offsets()[:, skeleton.REPORTED.index(f"{s}_hip")] for s in ("left", "right"))
     assert ((left - right)[:, 0] > 0).mean() > 0.6  # most face the camera
     # Hip to hip is one body's width in all of its pixels.
     width = np.linalg.norm(left - right, axis=1).reshape(SMALL.images, -1)
@@ -638,7 +638,7 @@ def test_leaves_hold_the_mean_offset_of_their_samples_and_how_sure_it_is() -> No
         assert share[leaf] == pytest.approx(shown.mean(axis=0))
         for joint in range(20):  # only the samples that show a joint are asked where they are enough
             asked = shown[:, joint] if shown[:, joint].sum() >= 5 else np.ones(b - a, dtype=bool)
-            votes = data.offsets[rows[a:b]][asked, joint].astype(np.float64)
+            votes = data.offsets(rows[a:b])[asked, joint].astype(np.float64)
             assert mean[leaf, joint] == pytest.approx(votes.mean(axis=0), abs=1e-4)
             assert variance[leaf, joint] == pytest.approx(votes.var(axis=0).sum(), abs=1e-4)
 
