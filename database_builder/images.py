@@ -141,8 +141,8 @@ def draw_images(
     progress(images, images)
     depths, shapes, windows, in_view, joints = zip(*views, strict=True)
     starts = np.cumsum([0, *(len(depth) for depth in depths[:-1])]).astype(np.int64)
-    image, u, v, label, points = (np.concatenate(parts) for parts in zip(*columns, strict=True))
+    of_image, u, v, label, points = (np.concatenate(parts) for parts in zip(*columns, strict=True))
     return TrainingImages(
         np.concatenate(depths), starts, np.array(shapes, dtype=np.int64), np.array(windows), np.array(in_view),
-        image, u, v, label, points, np.array(joints, dtype=np.float32),
+        of_image, u, v, label, points, np.array(joints, dtype=np.float32),
     )  # fmt: skip
