@@ -328,14 +328,3 @@ def test_a_very_small_and_a_very_tall_person_are_found():
         sightings = SeveralPeople(KINECT, UP).find(depth, 0.0, {})
         assert [s.id for s in sightings] == [1]
         assert overlap(sightings[0].depth > 0, depth > 0) > 0.9
-
-
-@pytest.mark.parametrize("mirrored", [True, False])
-def test_an_image_in_a_mirror_is_nobody(mirrored):
-    depth, _ = scene(KINECT, ((-0.5, 2.4),), wall=3.5, floor=True)
-    beyond, _ = scene(KINECT, ((-0.5 if mirrored else 0.6, 4.6),), floor=True)
-    window = np.zeros(depth.shape, dtype=bool)
-    window[40:190, 105:235] = True
-    window &= depth == 3500
-    depth[window] = np.where(beyond > 0, beyond, 7000)[window]
-    assert len(SeveralPeople(KINECT, UP).find(depth, 0.0, {})) == (1 if mirrored else 2)

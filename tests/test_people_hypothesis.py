@@ -56,7 +56,7 @@ def test_a_shape_that_is_seldom_seen_counts_less_and_what_has_none_is_a_person_o
     alive = Glimpse(True, moved=0.0, alive=0.02)
     assert log_odds([alive] * 10, 40) < 0 < log_odds([alive] * 40, 40)
     assert (
-        log_odds([Glimpse(False, 0.0, alive=0.1)] * 40, 40) < 0 < log_odds([Glimpse(False, 1.0, judged=2.0)] * 40, 40)
+        log_odds([Glimpse(False, 0.0, alive=0.1)] * 40, 40) < 0 < log_odds([Glimpse(False, 1.0, judged=3.0)] * 40, 40)
     )
 
 

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from toolkit.people.detection import near_head
-from toolkit.people.hypothesis import Glimpse, PersonJudge, judged_head, log_odds
+from toolkit.people.hypothesis import Glimpse, PersonJudge, judged_head, log_odds, possible_height
 from toolkit.people.settings import PeopleSettings
 from toolkit.people.stills import people_and_furniture
 from toolkit.people.structure import Plane, find_planes, on_planes
@@ -50,8 +50,17 @@ class Seen:
     glimpse: Glimpse
 
 
-def learnt(frames: Sequence[np.ndarray], lens: Lens, settings: PeopleSettings, judge: PersonJudge) -> Surroundings:
-    """Surroundings from coarse frames float32 (h, w), metres, of one room, spread over time; at least one."""
+def learnt(
+    frames: Sequence[np.ndarray],
+    lens: Lens,
+    settings: PeopleSettings,
+    judge: PersonJudge,
+    floor: float | None = None,
+) -> Surroundings:
+    """Surroundings from coarse frames float32 (h, w), metres, of one room, spread over time; at least one.
+
+    `floor` is its y, metres, level frame, where it is known.
+    """
     if len(frames) < FEWEST:
         return room_of(frames[0], lens, settings)
     stack = np.stack(frames)
@@ -60,7 +69,12 @@ def learnt(frames: Sequence[np.ndarray], lens: Lens, settings: PeopleSettings, j
     moved = np.stack([_opened((depth > 0) & (rough - depth > margin)) for depth in stack])
     tolerance = tolerances(rough, lens, settings)
     planes = find_planes(rough, lens.rays, tolerance, settings.plane_area, settings.plane_side)
-    seen = [s for k in range(len(stack)) for s in _seen(k, stack, moved, margin, planes, lens, settings, judge)]
+    seen = [
+        s
+        for k in range(len(stack))
+        for s in _seen(k, stack, moved, margin, planes, lens, settings, judge)
+        if possible_height(s.place, floor)
+    ]
     people, figures = np.zeros(stack.shape, dtype=np.bool_), 0
     for figure in _figures(seen):
         glimpses = [s.glimpse for s in figure]
@@ -158,7 +172,7 @@ def _figures(seen: Sequence[Seen]) -> list[list[Seen]]:
 
 def _share(mask: np.ndarray, among: np.ndarray) -> float:
     """Share of the pixels `among` (h, w) that are in `mask`."""
-    return float(np.count_nonzero(mask & among) / max(np.count_nonzero(among), 1))
+    return float(np.count_nonzero(mask & among)) / max(int(np.count_nonzero(among)), 1)
 
 
 def _changed(own: np.ndarray, depth: np.ndarray, stack: np.ndarray, margin: np.ndarray) -> np.ndarray:

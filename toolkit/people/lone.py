@@ -24,6 +24,8 @@ class LonePerson:
     camera, background, settings, up_camera : see `Cleaner`
     """
 
+    furniture: frozenset[int] = frozenset()
+
     def __init__(
         self, camera: Camera, background: np.ndarray | None, settings: SensingSettings, up_camera: np.ndarray
     ) -> None:

@@ -15,7 +15,7 @@ from toolkit.errors import TrackError
 from toolkit.kernels import linear
 from toolkit.kernels.image.growth import refine_labels, take_label
 from toolkit.people.detection import find_heads, head_seeds, looks_like_person, near_head, share_out
-from toolkit.people.hypothesis import NoJudge, PersonJudge
+from toolkit.people.hypothesis import NoJudge, PersonJudge, followed_log_odds, judged_head, possible_height
 from toolkit.people.newcomers import Newcomers
 from toolkit.people.settings import PeopleSettings
 from toolkit.people.sharing import body_seeds, stayed_seeds
@@ -34,6 +34,8 @@ logger = logging.getLogger(__name__)
 
 NEVER_MOVED = 0.3
 """Of the pixels of what may be a head: so many never moved, and it is none, where somebody is close by."""
+LOOK_AGAIN = 0.3
+"""Seconds from one look whether somebody is a person to the next."""
 MIDDLE_SAMPLES = 300
 """Points of a person whose median is their middle."""
 
@@ -120,7 +122,16 @@ class SeveralPeople:
             labels, _ = self._shared(view, surroundings, seeds, places, furniture)
         ids = self._updated(view, labels, present, places, set(matched), timestamp, surroundings.cut_out)
         self._labels, self._depth = ids[labels], view.depth
+        heads_seen = {int(ids[k + 1]): place for k, place in enumerate(places) if k in matched or k >= len(present)}
+        self._look_at(view, heads_seen, timestamp)
         return self._sightings(flat, surroundings)
+
+    @property
+    def furniture(self) -> frozenset[int]:
+        """Ids of what was followed and is no person by all that was seen of it."""
+        if self._surroundings is None or self._surroundings.cut_out:
+            return frozenset()
+        return frozenset(p.id for p in self.people if followed_log_odds(p.looks, p.shaped, p.judged) <= 0)
 
     def export_state(self) -> dict[str, Any]:
         """See `PeopleFinder.export_state`."""
@@ -160,6 +171,7 @@ class SeveralPeople:
         """
         if surroundings.known:
             heads = find_heads(view, self._lens, self._settings, cut_out=surroundings.cut_out)
+            heads = [head for head in heads if possible_height(head.place, surroundings.floor)]
             heads.sort(key=lambda head: head.small)
             return [h.place for h in heads], [h.small for h in heads], []
         people, furniture, _ = people_and_furniture(view, self._lens, self._settings, judge=self._judge)
@@ -282,10 +294,24 @@ class SeveralPeople:
             return True
         if not is_head:
             return False
+        return self._shaped(view, place)
+
+    def _shaped(self, view: View, place: np.ndarray) -> bool:
+        """Whether what hangs on a head has a person's shape."""
         seeds = np.zeros(view.depth.shape, dtype=np.int32)
         head_seeds(view, [place], seeds)
         mask = share_out(view, self._lens, seeds, [place], self._settings, bridge=self._settings.bridge_cut) == 1
         return looks_like_person(view, self._lens, mask, place, self._settings)
+
+    def _look_at(self, view: View, heads: Mapping[int, np.ndarray], timestamp: float) -> None:
+        """Gather evidence whether those whose heads are seen, by id, are people; a few times a second."""
+        if self._surroundings is None or self._surroundings.cut_out:
+            return
+        for k, person in enumerate(self.people):
+            if person.id in heads and timestamp - person.looked >= LOOK_AGAIN:
+                head = heads[person.id]
+                judged = judged_head(view, self._lens, head, self._judge)
+                self.people[k] = person.looked_at(self._shaped(view, head), judged, timestamp)
 
     def _beside(self, place: np.ndarray, others: Sequence[np.ndarray]) -> bool:
         asides = [float(np.hypot(place[0] - other[0], place[2] - other[2])) for other in others]

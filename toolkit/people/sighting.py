@@ -58,9 +58,15 @@ class PeopleFinder(Protocol):
     Attributes
     ----------
     camera : of every sighting
+    furniture : ids of what was followed so far and is no person by all that was seen of it
     """
 
     camera: Camera
+
+    @property
+    def furniture(self) -> frozenset[int]:
+        """See above."""
+        ...
 
     def find(
         self, depth_mm: np.ndarray, timestamp: float, predicted: Mapping[int, PredictedBody]

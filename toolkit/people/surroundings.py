@@ -31,6 +31,7 @@ class Surroundings:
     background : float32 (h, w), metres, 0 = not known
     margin : float32 (h, w), metres by which somebody must stand before the background
     planes : walls and floor
+    floor : its y, level frame, metres; None where no floor is known
     figures : things of a person's shape that never moved while the room was learnt, and are taken for furniture
     still : bool (h, w), pixels in which nothing moved while the room was learnt; False where it was not
     """
@@ -42,6 +43,7 @@ class Surroundings:
     still: np.ndarray
     planes: tuple[Plane, ...] = ()
     figures: int = 0
+    floor: float | None = None
 
     def export_state(self) -> dict[str, Any]:
         """All of it as arrays and numbers."""
@@ -53,6 +55,7 @@ class Surroundings:
             "margin": self.margin,
             "still": self.still,
             "figures": self.figures,
+            "floor": self.floor,
             "planes": np.array(rows, dtype=np.float64).reshape(-1, 5),
         }
 
@@ -67,7 +70,7 @@ class Surroundings:
         check_state(state, columns, what="surroundings")
         planes = tuple(Plane(row[:3], float(row[3]), float(row[4])) for row in state["planes"])
         arrays = (state["background"], state["margin"], state["still"])
-        return cls(bool(state["cut_out"]), bool(state["known"]), *arrays, planes, int(state["figures"]))
+        return cls(bool(state["cut_out"]), bool(state["known"]), *arrays, planes, int(state["figures"]), state["floor"])
 
     def foreground(self, depth: np.ndarray, rays: np.ndarray, tolerance: np.ndarray) -> np.ndarray:
         """Pixels of a coarse frame float32 (h, w) that are measured and not known to be the room: bool (h, w)."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 
@@ -73,7 +74,10 @@ def survey(
         if all(is_cut_out(depth, lens, settings) for depth in first):
             return nothing_but_people(lens)
     spread = np.unique(np.linspace(0, len(recording) - 1, min(SAMPLES, len(recording))).astype(np.int64))
-    return learnt(list(_coarse(recording, polisher, lens, spread)), lens, settings, judge or NoJudge())
+    height = recording.vertical.height
+    floor = None if height is None else -height
+    room = learnt(list(_coarse(recording, polisher, lens, spread)), lens, settings, judge or NoJudge(), floor)
+    return replace(room, floor=floor)
 
 
 def _coarse(recording: Recording, polisher: DepthFilter, lens: Lens, frames: np.ndarray) -> Iterator[np.ndarray]:

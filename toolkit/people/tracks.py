@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field, fields, replace
 from typing import Any
@@ -44,6 +45,8 @@ class Person:
     borne_out : whether the head of the body that follows them was ever seen where that body has it; from then on the
         body knows better where it is than what looks like a head
     body_head : float64 (3,), level frame, metres, where that body had its head in the last frame; NaN = not known
+    looks, looked : how often somebody looked whether it is a person, and when last, seconds
+    shaped, judged : how often it had a person's shape then, and the sum of the judge's log odds
     """
 
     id: int
@@ -57,6 +60,10 @@ class Person:
     stature: float = 0.0
     borne_out: bool = False
     body_head: np.ndarray = field(default_factory=UNKNOWN.copy)
+    looks: int = 0
+    looked: float = -math.inf
+    shaped: int = 0
+    judged: float = 0.0
 
     def expected(self, timestamp: float) -> np.ndarray:
         """Where the head is expected: float64 (3,), level frame, metres."""
@@ -71,6 +78,12 @@ class Person:
         """The person whose head is seen at `head` (3,); within `distance` metres it bears their body out."""
         near = ((self.body_head - head) ** 2).sum() < distance**2  # never, where that is not known
         return replace(self, borne_out=self.borne_out or bool(near))
+
+    def looked_at(self, shaped: bool, judged: float, timestamp: float) -> Person:
+        """The person after a look whether it is one."""
+        return replace(
+            self, looks=self.looks + 1, looked=timestamp, shaped=self.shaped + shaped, judged=self.judged + judged
+        )
 
     def gate(self, timestamp: float) -> float:
         """Metres around there in which it is looked for."""

@@ -164,6 +164,9 @@ def _track(
                 watcher.begin(_frame_rate(recording), crowd.bodies.get(1), sink.past())
             _follow(recording, crowd, sink, report, stop, watcher)
             complete = crowd.frames == len(recording)
+            if complete and (furniture := crowd.finder.furniture):
+                sink.drop(furniture)
+                logger.info("%s: %d thing(s) followed for a while are no people", recording.name, len(furniture))
             tracks = sink.finish(crowd.bodies, complete=complete)
             if complete:
                 (folder / STATE_FILE).unlink(missing_ok=True)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import shutil
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import replace
 from pathlib import Path
@@ -96,6 +97,14 @@ class RunSink:
                 writer.abandon()
                 del self._writers[person]
 
+    def drop(self, people: Iterable[int]) -> None:
+        """Forget people who were none, and number the others 1, 2, ... at the end."""
+        for person in people:
+            if self._several and person in self._writers:
+                writer = self._writers.pop(person)
+                writer.abandon()
+                shutil.rmtree(writer.run)
+
     def finish(self, bodies: Mapping[int, Body], *, complete: bool) -> list[Track]:
         """Put the tracks in place, with what is known of each person; returns them."""
         tracks = {}
@@ -107,10 +116,17 @@ class RunSink:
                 replace(self._info, shape=shape, scale=scale, offsets=offsets).save(writer.run)
             path = writer.finish(complete=False, contacts=self._contacts(bodies.get(person)))
             tracks[person] = Track.load(path.parent)
-        if self._several:
+        # Where folders get other names a kill in between starts the run anew; else it is finished by `resume`.
+        anew = complete and self._several and list(tracks) != list(range(1, len(tracks) + 1))
+        if self._several and not anew:
             save_people(self.run, [self._summary(p, track, bodies[p]) for p, track in tracks.items()])
         for writer in self._writers.values() if complete else ():  # only now is nothing missing any more
             writer.forget()
+        if anew:
+            for number, person in enumerate(tracks, start=1):
+                (self.run / folder_of(person)).replace(self.run / folder_of(number))
+            numbered = enumerate(tracks.items(), start=1)
+            save_people(self.run, [self._summary(n, track, bodies[p]) for n, (p, track) in numbered])
         return list(tracks.values())
 
     def _contacts(self, body: Body | None) -> Callable[[Track], np.ndarray] | None:

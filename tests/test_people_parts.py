@@ -1,0 +1,264 @@
+"""The parts of the finder, each by itself: who is who, what hangs on nobody, whose joints, mirrors, what is dropped."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tests.fake_tracker import FakeTracker
+from tests.sensing_scenes import KINECT, scene
+from toolkit.people.hypothesis import HEAD_HEIGHT, followed_log_odds, possible_height
+from toolkit.people.joints import GivenJoints, on_cut_out
+from toolkit.people.settings import PeopleSettings
+from toolkit.people.several import SeveralPeople
+from toolkit.people.sighting import Sighting
+from toolkit.people.structure import Plane
+from toolkit.people.surroundings import Surroundings
+from toolkit.people.tracks import Person, known_again, match_heads
+from toolkit.people.unassigned import attach_islands
+from toolkit.people.view import Lens
+from toolkit.pipeline.sink import RunSink
+from toolkit.runs import load_people
+from toolkit.sensing.joints2d import Joints2D
+from toolkit.sensing.settings import SensingSettings
+from toolkit.sensing.stream import Frame
+from toolkit.track import EMPTY, TRACKED, FrameResult, RunInfo
+
+UP = np.array([0.0, -1.0, 0.0])
+HEAD = np.array([0.0, 0.3, -2.5])
+
+
+def somebody(head=HEAD, number=1, *, velocity=(0.0, 0.0, 0.0), last=0.0, first=0.0, area=0.5):
+    head = np.array(head, dtype=np.float64)
+    return Person(number, head, np.array(velocity), first, last, float(head[1]), head - (0, 0.4, 0), area)
+
+
+# Who is who.
+
+
+@pytest.mark.parametrize(("absence", "within", "beyond"), [(1 / 30, 0.42, 0.48), (0.5, 1.1, 1.2), (60.0, 1.45, 1.55)])
+def test_the_gate_grows_while_somebody_is_out_of_sight_up_to_a_limit(absence, within, beyond):
+    person = somebody(last=0.0)
+    for way, found in ((within, {0: 0}), (beyond, {})):
+        assert match_heads([person], [HEAD + (way, 0.0, 0.0)], absence) == found
+
+
+def test_heads_go_to_people_by_least_total_distance():
+    people = [somebody((0.0, 0.3, -2.5), 1), somebody((0.3, 0.3, -2.5), 2)]
+    heads = [np.array([0.28, 0.3, -2.5]), np.array([0.6, 0.3, -2.5])]
+    assert match_heads(people, heads, 0.1) == {0: 0, 1: 1}, "the nearest to the second alone would be the first head"
+
+
+def test_somebody_is_expected_where_the_velocity_leads_for_half_a_second():
+    person = somebody(velocity=(1.0, 0.0, 0.0))
+    assert person.expected(0.2)[0] == pytest.approx(0.2)
+    assert person.expected(3.0)[0] == pytest.approx(0.5)
+
+
+def test_a_velocity_is_averaged_over_a_fifth_of_a_second():
+    person = somebody()
+    for k in range(1, 4):
+        person = person.seen(HEAD + (k / 30, 0.0, 0.0), HEAD, 0.5, k / 30)  # 1 m/s from now on
+    assert person.velocity[0] == pytest.approx(1 - (1 - 1 / 6) ** 3)
+    assert somebody().seen(HEAD + (0.5, 0.0, 0.0), HEAD, 0.5, 0.5).velocity[0] == pytest.approx(1.0)
+
+
+def test_what_is_left_of_somebody_half_hidden_says_nothing_of_where_they_go():
+    person, middle = somebody(velocity=(1.0, 0.0, 0.0)), HEAD - (0, 0.4, 0)
+    hidden = person.seen(None, middle - (0.4, 0.0, 0.0), 0.2, 0.1)
+    assert hidden.velocity[0] == 1.0 and hidden.head[0] == pytest.approx(0.1)
+    whole = person.seen(None, middle - (0.4, 0.0, 0.0), 0.5, 0.1)
+    assert whole.velocity[0] < 0.0 and whole.head[0] == pytest.approx(-0.4)
+
+
+def test_what_was_measured_of_somebody_is_forgotten_by_a_tenth_a_second():
+    person = somebody(area=0.5)
+    assert person.seen(HEAD, HEAD, 0.2, 2.0).area == pytest.approx(0.5 * 0.8)
+    assert person.seen(HEAD, HEAD, 0.6, 2.0).area == 0.6
+
+
+def test_a_standing_height_is_learnt_fast_at_first_and_slowly_afterwards():
+    raised = HEAD + (0.0, 0.2, 0.0)
+    assert somebody().seen(raised, HEAD, 0.5, 0.1).tallest == pytest.approx(0.5)
+    assert somebody(first=-10.0).seen(raised, HEAD, 0.5, 0.1).tallest == pytest.approx(0.32)
+    assert somebody().seen(HEAD - (0, 0.5, 0), HEAD, 0.5, 0.1).tallest == pytest.approx(0.3)
+
+
+def test_whoever_comes_back_is_whom_the_height_fits_best_and_nobody_taller():
+    people = [somebody((0.0, 0.3, -2.5), 1), somebody((0.1, 0.1, -2.5), 2)]
+    assert known_again(people, np.array([0.2, 0.28, -2.5]), 5.0).id == 1
+    assert known_again(people, np.array([0.2, 0.12, -2.5]), 5.0).id == 2
+    assert known_again(people, np.array([0.2, 0.40, -2.5]), 5.0) is None
+
+
+def test_whoever_comes_back_may_sit_but_had_the_time_to_get_there():
+    people = [somebody()]
+    assert known_again(people, np.array([0.3, -0.2, -2.5]), 5.0).id == 1
+    far = np.array([3.0, 0.3, -2.5])
+    assert known_again(people, far, 1.0) is None and known_again(people, far, 1.1).id == 1
+
+
+def test_of_two_who_may_have_sat_down_it_is_the_nearer():
+    people = [somebody((-1.0, 0.5, -2.5), 1), somebody((0.4, 0.3, -2.5), 2)]
+    assert known_again(people, np.array([0.5, -0.3, -2.5]), 5.0).id == 2
+
+
+# What hangs on nobody.
+
+
+def patches(*boxes):
+    """A view with rectangles (v0, v1, u0, u1, metres) and nothing else."""
+    lens = Lens(KINECT, UP, PeopleSettings().coarse_width, SensingSettings())
+    depth = np.zeros(lens.camera.shape, dtype=np.float32)
+    for v0, v1, u0, u1, z in boxes:
+        depth[v0:v1, u0:u1] = z
+    return lens, lens.view(depth, depth > 0, np.zeros(depth.shape, dtype=np.bool_))
+
+
+TORSO = (40, 90, 60, 90, 2.5)
+
+
+@pytest.mark.parametrize(
+    ("island", "taken"),
+    [
+        ((60, 66, 95, 101, 2.3), True),
+        ((60, 61, 95, 97, 2.3), False),
+        ((60, 66, 120, 126, 2.3), False),
+        ((40, 80, 95, 125, 2.3), False),
+    ],
+    ids=["a hand", "noise", "out of reach", "as large as half a person"],
+)
+def test_small_pieces_near_somebody_are_theirs(island, taken):
+    lens, view = patches(TORSO, island)
+    labels = np.zeros(view.depth.shape, dtype=np.int32)
+    labels[TORSO[0] : TORSO[1], TORSO[2] : TORSO[3]] = 1
+    far = [np.array([9.0, 0.5, -2.5])]
+    attached, bodies = attach_islands(view, lens, labels, far, PeopleSettings(), cut_out=False)
+    assert (attached[island[0], island[2]] == 1) == taken
+    assert len(bodies) == (island[1] - island[0] == 40)
+
+
+def test_a_piece_of_a_persons_size_is_theirs_whose_head_is_above_it():
+    lens, view = patches((50, 100, 60, 90, 2.5))
+    nobody = np.zeros(view.depth.shape, dtype=np.int32)
+    top = view.points[50, 75].astype(np.float64)
+    for aside, taken in ((0.2, True), (1.0, False)):
+        places = [top + (aside, 0.2, 0.0)]
+        attached, bodies = attach_islands(view, lens, nobody, places, PeopleSettings(), cut_out=False)
+        assert (attached[70, 75] == 1) == taken and len(bodies) == (not taken)
+
+
+# Whose joints.
+
+
+def joints_at(pixels):
+    rows = np.full((20, 3), np.nan)
+    rows[: len(pixels)] = [(u, v, 1.0) for u, v in pixels]
+    return Joints2D.of_rows(rows)
+
+
+def cut_outs():
+    left, right = np.zeros((2, *KINECT.shape), dtype=np.float32)
+    left[:, 50:100], right[:, 200:250] = 2.0, 2.0
+    return [Sighting(1, left, None, KINECT), Sighting(2, right, None, KINECT)]
+
+
+def test_joints_go_to_the_cut_out_on_which_most_of_them_lie_and_three_tenths_are_enough():
+    on, off = [(220.0, 10.0 * k) for k in range(1, 4)], [(150.0, 10.0 * k) for k in range(1, 8)]
+    for seen, given in ((on + off, True), (on[:2] + off, False)):
+        frame = Frame(np.zeros(KINECT.shape, np.uint16), 0.0, (joints_at(seen),))
+        first, second = GivenJoints(KINECT).add(frame, cut_outs())
+        assert first.joints is None and (second.joints is not None) == given
+
+
+def test_a_joint_beside_the_contour_counts_as_on_it_two_pixels_away():
+    depth = cut_outs()[0].depth
+    assert [on_cut_out(joints_at([(u, 50.0)]), depth) for u in (47.0, 48.0, 99.0, 101.0, 102.0)] == [0, 1, 1, 1, 0]
+
+
+# Mirrors.
+
+
+@pytest.mark.parametrize(("place", "count"), [(-1.0, 1), (0.3, 2)], ids=["mirrored", "somebody else"])
+def test_whoever_stands_behind_a_wall_where_a_mirror_shows_somebody_is_nobody(place, count):
+    empty = np.zeros((120, 160), dtype=np.float32)
+    wall = Plane(np.array([0.0, 0.0, -1.0]), 3.5, 6.0)
+    room = Surroundings(False, True, empty, empty, empty > 0, (wall,))
+    finder, depth = SeveralPeople(KINECT, UP, room), scene(KINECT, ((-1.0, 2.4), (place, 4.6)))[0]
+    seen = [len(finder.find(depth, k / 30, {})) for k in range(5)]
+    assert seen[-1] == count
+    without = SeveralPeople(KINECT, UP, Surroundings(False, True, empty, empty, empty > 0))
+    assert [len(without.find(depth, k / 30, {})) for k in range(5)][-1] == 2
+
+
+# What is dropped.
+
+
+class Says:
+    """A judge that says the same of every pixel."""
+
+    def __init__(self, odds):
+        self.odds = odds
+
+    def log_odds(self, depth, camera, rotation, pixels):
+        return np.full(len(pixels), self.odds)
+
+
+@pytest.mark.parametrize(("odds", "furniture"), [(1.0, frozenset()), (-4.0, frozenset({1}))])
+def test_what_was_followed_is_furniture_if_the_judge_says_so_again_and_again(odds, furniture):
+    empty = np.zeros((120, 160), dtype=np.float32)
+    room = Surroundings(False, True, empty, empty, empty > 0)
+    finder = SeveralPeople(KINECT, UP, room, judge=Says(odds))
+    for k in range(30):
+        finder.find(scene(KINECT, ((0.0, 2.5),))[0], k / 30, {})
+    assert finder.furniture == furniture
+    assert finder.people[0].looks == 4, "a few times a second is enough"
+    again = SeveralPeople(KINECT, UP, room, judge=Says(odds))
+    again.restore_state(finder.export_state())
+    assert again.furniture == furniture
+
+
+def test_nobody_is_furniture_where_nothing_but_people_is_measured():
+    finder = SeveralPeople(KINECT, UP, judge=Says(-4.0))
+    for k in range(5):
+        finder.find(scene(KINECT, ((0.0, 2.5),))[0], k / 3, {})
+    assert finder.people and finder.furniture == frozenset()
+
+
+def test_somebody_half_hidden_is_believed_unless_the_judge_speaks_against_them():
+    assert followed_log_odds(0, 0, 0.0) > 0
+    assert followed_log_odds(10, 5, 0.0) > 0 > followed_log_odds(10, 5, -20.0)
+    assert followed_log_odds(10, 0, 10.0) > 0 > followed_log_odds(10, 0, 0.0)
+
+
+def test_a_head_is_no_lower_and_no_higher_above_the_floor_than_heads_are():
+    low, high = HEAD_HEIGHT
+    heights = [low - 0.1, low + 0.1, high - 0.1, high + 0.1]
+    assert [possible_height(np.array([0.0, h - 1.2, -2.0]), -1.2) for h in heights] == [False, True, True, False]
+    assert possible_height(np.array([0.0, -5.0, -2.0]), None)
+
+
+def row(state):
+    return FrameResult(
+        np.zeros(43), np.zeros((20, 3), np.float32), np.zeros(20, np.float32), state, 0, np.zeros(2, np.float32)
+    )
+
+
+def test_people_who_were_none_leave_no_folder_and_the_others_are_numbered_without_a_gap(tmp_path: Path):
+    from toolkit.body.shape import load_body
+    from toolkit.tracking.crowd import Row
+
+    info = RunInfo("take.npz", "0", {}, "", [], 1.0, "", list(np.eye(3).ravel()), {}, "0", "fake", 0)
+    sink = RunSink(tmp_path / "run", FakeTracker(), info, several=True, resume=False)
+    states = {1: TRACKED, 2: TRACKED, 3: EMPTY}
+    for frame in range(3):
+        sink.write([Row(person, frame, frame / 30, row(state)) for person, state in states.items()])
+    sink.drop({1})
+    tracks = sink.finish(dict.fromkeys((2, 3), load_body("neutral")), complete=True)
+    assert [int(track.state[0]) for track in tracks] == [TRACKED, EMPTY]
+    assert sorted(path.name for path in (tmp_path / "run").glob("person_*")) == ["person_01", "person_02"]
+    assert [person.folder for person in load_people(tmp_path / "run")] == ["person_01", "person_02"]
+    assert "person_03" not in json.dumps((tmp_path / "run" / "people.json").read_text())
