@@ -55,7 +55,7 @@ class Surroundings:
             "margin": self.margin,
             "still": self.still,
             "figures": self.figures,
-            "floor": self.floor,
+            "floor": np.array(np.nan if self.floor is None else self.floor),
             "planes": np.array(rows, dtype=np.float64).reshape(-1, 5),
         }
 
@@ -65,12 +65,14 @@ class Surroundings:
         columns = {
             "cut_out": Column("b", ()), "known": Column("b", ()), "background": Column("f", shape, 0, 1e3),
             "margin": Column("f", shape, 0, 1e3), "still": Column("b", shape), "figures": Column("iu", (), 0, 1e6),
+            "floor": Column("f", (), -1e3, 1e3, gaps=True),
             "planes": Column("f", ("planes", 5), -1e6, 1e6),
         }  # fmt: skip
         check_state(state, columns, what="surroundings")
         planes = tuple(Plane(row[:3], float(row[3]), float(row[4])) for row in state["planes"])
         arrays = (state["background"], state["margin"], state["still"])
-        return cls(bool(state["cut_out"]), bool(state["known"]), *arrays, planes, int(state["figures"]), state["floor"])
+        floor = float(state["floor"]) if np.isfinite(state["floor"]) else None
+        return cls(bool(state["cut_out"]), bool(state["known"]), *arrays, planes, int(state["figures"]), floor)
 
     def foreground(self, depth: np.ndarray, rays: np.ndarray, tolerance: np.ndarray) -> np.ndarray:
         """Pixels of a coarse frame float32 (h, w) that are measured and not known to be the room: bool (h, w)."""

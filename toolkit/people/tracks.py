@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field, fields, replace
 from typing import Any
@@ -24,6 +23,8 @@ AREA_FADING = 0.1  # a second, of what was seen of somebody who walks away
 TALLER, SHORTER = 0.08, 0.12  # m by which somebody who comes back may differ: shoes and noise; a bent neck as well
 WALK = 2.5  # m/s: the fastest that somebody out of sight moves in a room
 
+NEVER = -1e9
+"""Seconds before every timestamp."""
 UNKNOWN = np.full(3, np.nan)
 """A place that nobody tells."""
 
@@ -61,7 +62,7 @@ class Person:
     borne_out: bool = False
     body_head: np.ndarray = field(default_factory=UNKNOWN.copy)
     looks: int = 0
-    looked: float = -math.inf
+    looked: float = NEVER
     shaped: int = 0
     judged: float = 0.0
 
@@ -169,7 +170,8 @@ def restore_people(state: Mapping[str, Any]) -> list[Person]:
     columns = {
         "id": Column("i", ("n",), 1, 1e6), "head": place, "velocity": place, "first": number, "last": number,
         "tallest": number, "middle": place, "area": number, "stature": number, "borne_out": Column("b", ("n",)),
-        "body_head": replace(place, gaps=True),
+        "body_head": replace(place, gaps=True), "looks": Column("i", ("n",), 0, 1e9), "looked": number,
+        "shaped": Column("i", ("n",), 0, 1e9), "judged": number,
     }  # fmt: skip
     check_state(state, columns, what="people")
     count = len(state["id"])
