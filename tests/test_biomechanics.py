@@ -2,17 +2,24 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from pathlib import Path
+
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from benchmarks.feet import sliding_mm
+from tests.run_helpers import write_run
 from toolkit import skeleton
 from toolkit.biomechanics.angles import joint_angles, sequence_angles
 from toolkit.biomechanics.contact import contacts_of_soles, ground_height, hysteresis, without_short
 from toolkit.biomechanics.gait import walk_of
+from toolkit.biomechanics.resting import with_resting_feet
 from toolkit.biomechanics.rising import rises_of
 from toolkit.body.shape import load_body
 from toolkit.body.sole import soles
+from toolkit.runs import load_persons
 from toolkit.testing.walking import Rising, Walk, rising, walking
 
 BODY = load_body("neutral")
@@ -112,6 +119,23 @@ def test_feet_that_carry_are_told_from_feet_that_swing() -> None:
     assert ground == pytest.approx(0.0, abs=0.01)
     found = contacts_of_soles(placed, times, ground or 0.0, everywhere)
     assert (found == truth).mean() > 0.93
+
+
+def test_feet_that_slid_are_held_where_they_rest_and_the_rest_of_the_body_stays(tmp_path: Path) -> None:
+    true, contact = walking(BODY, Walk(), 3.0, RATE)
+    rng, noisy = np.random.default_rng(0), true.copy()
+    noisy[:, 3:] += rng.normal(scale=0.015, size=noisy[:, 3:].shape)
+    person = load_persons(write_run(tmp_path / "run", noisy, shape=0.0, rate=RATE))[0]
+    person = replace(person, body=BODY, track=replace(person.track, contact=contact))
+    held = with_resting_feet(person)
+    assert np.mean(sliding_mm(held, contact)) < 0.4 * np.mean(sliding_mm(person, contact))
+    legs = [i for i, name in enumerate(skeleton.POSE_NAMES) if "hip" in name or "knee" in name or "ankle" in name]
+    rest = np.setdiff1d(np.arange(skeleton.POSE_SIZE), legs)
+    np.testing.assert_array_equal(held.track.pose[:, rest], noisy[:, rest])
+    truth = BODY.joint_positions(true)
+    feet = [skeleton.REPORTED.index(name) for name in ("left_foot", "right_foot")]
+    off = [np.linalg.norm(BODY.joint_positions(p) - truth, axis=2)[:, feet].mean() for p in (noisy, held.track.pose)]
+    assert off[1] < off[0]
 
 
 def test_contacts_begin_where_both_limits_hold_and_short_ones_go() -> None:

@@ -7,8 +7,8 @@ import pytest
 
 from tests.sensing_scenes import KINECT, person_alone, scene, up_of_tilt
 from toolkit.errors import UsageError
-from toolkit.people.up import assumed_up
-from toolkit.recordings.opening import open_recording
+from toolkit.people.up import assumed_up, floor_height
+from toolkit.recordings.opening import open_recording, open_upright
 from toolkit.recordings.writer import save_recording
 from toolkit.sensing.camera import Camera, rotated_points
 
@@ -29,6 +29,16 @@ def test_what_the_file_says_stands_and_an_option_overrules_it(tmp_path):
     assert vertical.source == "file" and degrees(vertical.up_camera, up_of_tilt(0.2)) < 1e-3
     vertical = open_recording(path, up_camera=(0, -1, 0)).vertical
     assert vertical.source == "option" and vertical.up_camera.tolist() == [0, -1, 0]
+
+
+@pytest.mark.parametrize("tilt", [0.0, 0.3])
+def test_where_up_is_known_the_floor_is_still_found_and_without_one_it_is_not(tmp_path, tilt):
+    frames = [scene(KINECT, ((x, 3.0),), tilt=tilt, height=1.6, wall=4.5, floor=True)[0] for x in (-0.3, 0.0, 0.3)]
+    recording = open_recording(recorded(tmp_path, frames, up_camera=up_of_tilt(tilt)))
+    assert recording.vertical.height is None
+    assert floor_height(recording) == pytest.approx(1.6, abs=0.03)
+    alone = open_recording(recorded(tmp_path, [person_alone(KINECT)], up_camera=up_of_tilt(0.0)))
+    assert floor_height(alone) is None
 
 
 @pytest.mark.parametrize("tilt", [0.0, 0.3, 0.6])
@@ -93,6 +103,25 @@ def test_a_recording_of_a_camera_on_its_side_is_turned_upright_with_all_that_bel
     assert recording.camera == KINECT
     assert recording.background.shape == KINECT.shape
     assert recording.options == {"rotate": degrees_turned}
+
+
+@pytest.mark.parametrize("turns", [1, 2, 3])
+@pytest.mark.parametrize("stored", [True, False])
+def test_a_camera_on_its_side_is_found_by_its_vertical_or_by_the_floor(tmp_path, turns, stored):
+    frames = [scene(KINECT, ((x, 3.0),), tilt=0.2, height=1.5, wall=4.0, floor=True)[0] for x in (0.2, 0.0)]
+    more = {"up_camera": rotated_points(up_of_tilt(0.2), 4 - turns)} if stored else {}
+    path = recorded(tmp_path, [np.rot90(frame, turns) for frame in frames], KINECT.rotated(4 - turns), **more)
+    recording = open_upright(path)
+    assert recording.options == {"rotate": 90 * turns}
+    np.testing.assert_array_equal(recording.depth(0), frames[0])
+    assert open_upright(path, rotate=0, up_camera=(0, -1, 0)).options.get("rotate", 0) == 0
+
+
+def test_a_camera_that_stands_upright_is_left_as_it_is(tmp_path):
+    frames = [scene(KINECT, ((0.2, 3.0),), tilt=0.2, height=1.5, wall=4.0, floor=floor)[0] for floor in (True, False)]
+    for i, frame in enumerate(frames):
+        (tmp_path / str(i)).mkdir()
+        assert open_upright(recorded(tmp_path / str(i), [frame, frame])).options == {}
 
 
 def test_a_turn_that_is_no_quarter_is_refused(tmp_path):

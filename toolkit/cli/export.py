@@ -35,6 +35,9 @@ def export(
             show_default="floor; of the .json formats camera",
         ),
     ] = None,
+    resting_feet: Annotated[
+        bool, typer.Option("--resting-feet", help="Hold the soles of feet that carry where they rest.")
+    ] = False,
     recording: Annotated[Path | None, typer.Option(help="Where the recording has been moved to.")] = None,
 ) -> None:
     """Write a track for other programs, by OUTPUT's suffix.
@@ -45,5 +48,8 @@ def export(
     """
     from toolkit.export.run import export_run
 
-    for path in export_run(run, output, rig=rig, format=format, origin=origin, recording=recording):
+    written = export_run(
+        run, output, rig=rig, format=format, origin=origin, recording=recording, resting_feet=resting_feet
+    )
+    for path in written:
         say(path)

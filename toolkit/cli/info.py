@@ -26,12 +26,12 @@ def info(
     """Look at the first seconds of a recording: camera, up, room, people, and which option would help."""
     from toolkit.files import check_output
     from toolkit.people.describe import describe
-    from toolkit.recordings.opening import open_recording
+    from toolkit.recordings.opening import open_upright
     from toolkit.rendering.look import save_picture
     from toolkit.sensing.settings import SensingSettings
 
     target = check_output(output or Path(f"{recording.stem}_info.png"), [recording], sealed=[recording])
-    opened = open_recording(recording, **reading.options())
+    opened = open_upright(recording, **reading.options())
     look = describe(opened, SensingSettings(**given(segment=segment)))
     save_picture(look, target)
     say("\n".join(look.lines))

@@ -10,6 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from toolkit.biomechanics.resting import with_resting_feet
 from toolkit.biomechanics.summary import as_plain, summary_of
 from toolkit.errors import RecordingError, UsageError
 from toolkit.export.amass import export_amass
@@ -168,6 +169,7 @@ def export_run(
     format: str | None = None,
     origin: str | None = None,
     recording: str | Path | None = None,
+    resting_feet: bool = False,
 ) -> tuple[Path, ...]:
     """Write everybody in a run folder to `path`; its suffix says how, or `format`, one of `FORMATS`.
 
@@ -182,6 +184,7 @@ def export_run(
     format : a key of `FORMATS`
     origin : "floor" (y up, ground at 0, below the first place of the person) or "camera"; the format's own by default
     recording : where the recording has been moved to, for formats that hold what was measured
+    resting_feet : hold the soles of feet that carry where they rest, see `biomechanics.resting`
 
     Returns
     -------
@@ -208,6 +211,8 @@ def export_run(
         raise UsageError(f"--origin {origin} is not for {name}, whose origin is the {format_.origins[0]}")
     check_output(target, [Path(run) / PEOPLE_FILE, *(f / n for f in person_runs(run) for n in (TRACK_FILE, RUN_FILE))])
     people = load_persons(run)
+    if resting_feet:
+        people = tuple(with_resting_feet(person) for person in people)
     if format_.together or len(people) == 1:
         _write(format_, target, people, origin, rig, Path(run), recording)
         return (target,)

@@ -6,12 +6,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from toolkit.people.detection import find_heads
 from toolkit.people.settings import PeopleSettings
 from toolkit.people.several import SeveralPeople
 from toolkit.people.sighting import Sighting
-from toolkit.people.surroundings import Surroundings, first_look, tolerances
+from toolkit.people.surroundings import Surroundings
 from toolkit.people.survey import survey
+from toolkit.people.turned import turns_with_heads
 from toolkit.people.view import Lens
 from toolkit.sensing.camera import Camera
 from toolkit.sensing.recording import Recording
@@ -157,7 +157,7 @@ def _advice(
     if len(sightings) > 1:
         found.append("--people all follows everybody")
     if not sightings:
-        turned = _turns_with_heads(depth_mm, recording.camera, settings)
+        turned = turns_with_heads(depth_mm, recording.camera, settings)
         found.append(
             f"--rotate {90 * turned}: heads are seen in the turned image"
             if turned
@@ -170,18 +170,3 @@ def _advice(
     if recording.camera.width * recording.camera.height >= FULL_SIZE:
         found.append("--half-resolution is faster")
     return found
-
-
-def _turns_with_heads(depth_mm: np.ndarray, camera: Camera, settings: PeopleSettings) -> int:
-    """Quarter turns clockwise after which heads are seen, 0 for none."""
-    for turns in (1, 3, 2):
-        lens = Lens(
-            camera.undistorted().rotated(turns), np.array([0.0, -1.0, 0.0]), settings.coarse_width, SensingSettings()
-        )
-        depth = lens.coarse(np.ascontiguousarray(np.rot90(depth_mm, -turns)))
-        surroundings = first_look(depth, lens, settings)
-        foreground = surroundings.foreground(depth, lens.rays, tolerances(depth, lens, settings))
-        view = lens.view(depth, foreground, surroundings.still)
-        if find_heads(view, lens, settings, cut_out=surroundings.cut_out):
-            return turns
-    return 0

@@ -77,6 +77,30 @@ def find_floor(depth_mm: np.ndarray, camera: Camera) -> Floor | None:
     return None
 
 
+def find_known_floor(depth_mm: np.ndarray, camera: Camera, up_camera: np.ndarray) -> Floor | None:
+    """The floor in a depth image, uint16 (H, W) millimetres, of which is known where up is; None where none is seen.
+
+    Of the heights at which there is a level surface of a floor's size with the scene above it, the one of the largest
+    area.
+    """
+    v, u = np.nonzero(depth_mm)
+    if not len(v):
+        return None
+    picked = np.linspace(0, len(v) - 1, min(SAMPLES, len(v))).astype(np.int64)
+    z = depth_mm[v[picked], u[picked]] * 1e-3
+    points = np.column_stack([camera.rays()[v[picked], u[picked]] * z[:, None], z])
+    rises = linear.times(points, up_camera)
+    slant = np.maximum(np.abs(rises) / linear.lengths(points), 0.05)
+    areas = z**2 / (camera.fx * camera.fy) * (len(v) / len(points)) / slant
+    found, largest = None, SMALLEST_AREA
+    for level in np.arange(rises.min(), min(rises.max(), -LOWEST_CAMERA), 0.5 * INLIER_DISTANCE):
+        members = np.abs(rises - level) < INLIER_DISTANCE
+        above = (rises > level - 3 * INLIER_DISTANCE).mean()
+        if above >= SHARE_ABOVE and areas[members].sum() >= largest:
+            found, largest = Floor(np.asarray(up_camera), -float(np.median(rises[members]))), areas[members].sum()
+    return found
+
+
 def _pixel_area(depth_mm: np.ndarray, camera: Camera) -> float:
     far = float(depth_mm.max()) * 1e-3
     return 20.0 * far * far / (camera.fx * camera.fy)  # 20: the slant that `find_floor` allows for

@@ -12,7 +12,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from toolkit.kernels import linear
-from toolkit.people.floor import Floor, find_floor
+from toolkit.people.floor import Floor, find_floor, find_known_floor
 from toolkit.people.settings import PeopleSettings
 from toolkit.people.stills import people_and_furniture
 from toolkit.people.structure import find_planes
@@ -50,6 +50,20 @@ def find_vertical(recording: Recording) -> Vertical:
     return Vertical(assumed_up(frames, recording.camera), "assumed")
 
 
+def floor_height(recording: Recording) -> float | None:
+    """Metres of the camera above the floor, None where none is seen in the background or the first seconds."""
+    if recording.vertical.height is not None:
+        return recording.vertical.height
+    scenes = [recording.background]
+    if recording.background is None:
+        early = int(np.searchsorted(recording.timestamps, recording.timestamps[0] + FIRST_SECONDS))
+        scenes = [recording.depth(i) for i in _spread(early, FLOOR_FRAMES)]
+    floors = [find_known_floor(scene, recording.camera, recording.up_camera) for scene in scenes if scene is not None]
+    heights = [floor.height for floor in floors if floor is not None]
+    heights = [height for height in heights if CAMERA_HEIGHT[0] <= height <= CAMERA_HEIGHT[1]]
+    return float(np.median(heights)) if heights else None
+
+
 def _spread(end: int, count: int) -> list[int]:
     return np.unique(np.linspace(0, max(end - 1, 0), min(max(end, 1), count)).astype(np.int64)).tolist()
 
@@ -84,7 +98,7 @@ def assumed_up(frames: Sequence[np.ndarray], camera: Camera) -> np.ndarray:
     lens = Lens(camera.undistorted(), image_up, settings.coarse_width, SensingSettings())
     for frame in frames:
         depth = lens.coarse(frame)
-        for axis, trust in _people_axes(depth, lens, settings):
+        for axis, trust in people_axes(depth, lens, settings):
             doubt -= _outer(axis, TRUST[trust]) / len(frames)
     if frames:
         depth = lens.coarse(frames[0])
@@ -101,7 +115,7 @@ def _outer(direction: np.ndarray, deviation: float) -> np.ndarray:
     return np.asarray(direction[:, None] * direction[None, :] / deviation**2)
 
 
-def _people_axes(depth: np.ndarray, lens: Lens, settings: PeopleSettings) -> list[tuple[np.ndarray, str]]:
+def people_axes(depth: np.ndarray, lens: Lens, settings: PeopleSettings) -> list[tuple[np.ndarray, str]]:
     """Directions in which the people of a coarse frame point upwards, camera frame, and how far to trust them."""
     surroundings = first_look(depth, lens, settings)
     view = lens.view(

@@ -21,7 +21,7 @@ from toolkit.pipeline.manifest import DONE, FAILED, INTERRUPTED, Manifest, Manif
 from toolkit.pipeline.run import track_recording
 from toolkit.pipeline.trackers import load_tracker
 from toolkit.progress import Progress
-from toolkit.recordings.opening import open_recording
+from toolkit.recordings.opening import open_upright
 from toolkit.sensing.recording import ReaderOptions
 from toolkit.tracking.protocol import Tracker
 from toolkit.workers import Task
@@ -164,7 +164,7 @@ def _task(
     try:
         if first:
             _TRACKERS[repr(recipe)] = recipe.build()
-        recording = open_recording(path, **options)
+        recording = open_upright(path, **options)
         tracker = _TRACKERS[repr(recipe)]
         summary = track_recording(
             recording,

@@ -23,6 +23,7 @@ from toolkit.files import locked, sha256_of
 from toolkit.people.joints import JointSource
 from toolkit.people.lone import LonePerson
 from toolkit.people.sighting import PeopleFinder
+from toolkit.people.up import floor_height
 from toolkit.pipeline.joints import JointChoice, give_joints, joint_source, name_of
 from toolkit.pipeline.rows import RowWatcher
 from toolkit.pipeline.sink import CONFIG_FILE, RunSink, finished_tracks
@@ -295,7 +296,7 @@ def _check_whose(folder: Path) -> None:
 
 
 def _run_info(recording: Recording, tracker: Tracker) -> RunInfo:
-    path = Path(recording.path).resolve()
+    path, height = Path(recording.path).resolve(), floor_height(recording)
     return RunInfo(
         recording=str(path),
         recording_sha256=sha256_of(path),
@@ -310,7 +311,7 @@ def _run_info(recording: Recording, tracker: Tracker) -> RunInfo:
         tracker=tracker.settings.tracker,
         seed=tracker.settings.seed,
         up_source=recording.vertical.source,
-        floor=[] if recording.vertical.height is None else [recording.vertical.height],
+        floor=[] if height is None else [height],
     )
 
 

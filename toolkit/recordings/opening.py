@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+import logging
 from pathlib import Path
 from typing import Any
 
 from toolkit.errors import RecordingError
 from toolkit.files import is_file, is_folder, link_out_of
+from toolkit.people.turned import quarter_turns
 from toolkit.recordings.readers import reader_for
 from toolkit.sensing.recording import ReaderOptions, Recording
+
+logger = logging.getLogger(__name__)
 
 
 def open_recording(path: str | Path, **options: Any) -> Recording:
@@ -29,3 +33,19 @@ def open_recording(path: str | Path, **options: Any) -> Recording:
     if target.is_dir() and (link := link_out_of(target)) is not None:
         raise RecordingError(f"{link} is a link that leads out of the recording; put the file itself there")
     return read(target, chosen)
+
+
+def open_upright(path: str | Path, **options: Any) -> Recording:
+    """As `open_recording`; the images of a camera that stands on its side are turned (its options then say `rotate`).
+
+    Raises
+    ------
+    RecordingError, UsageError
+        As `open_recording`.
+    """
+    recording = open_recording(path, **options)
+    turns = quarter_turns(recording)
+    if not turns:
+        return recording
+    logger.info("%s: the camera stands on its side, images are turned by %d degrees", recording.name, 90 * turns)
+    return open_recording(path, **options, rotate=90 * turns)

@@ -1,0 +1,105 @@
+"""Simulated people who walk, squat, rise and stand, with exact truth, tracked: for the figures of feet and of gait."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from toolkit import skeleton
+from toolkit.body.body import Body
+from toolkit.body.shape import subject_body
+from toolkit.mocap.clip import PoseClip
+from toolkit.pipeline import load_tracker
+from toolkit.pipeline.run import track_recording
+from toolkit.recordings.opening import open_recording
+from toolkit.runs import Person, load_persons
+from toolkit.sensing.camera import level_rotation
+from toolkit.simulation.person import Person as Performer
+from toolkit.simulation.simulate import Shot, prepare, simulate_scene
+from toolkit.testing.suite import motion_of
+from toolkit.testing.walking import Rising, Walk, rising, walking
+from toolkit.track import TRACK_FILE
+
+RATE = 30.0
+
+
+class Take(NamedTuple):
+    """A recording: name, whose motion (a made one or mocap), body, sensor, yaw in degrees, metres away, seed."""
+
+    name: str
+    motion: Walk | Rising | str
+    body: str
+    sensor: str
+    yaw: float
+    distance: float
+    seed: int
+
+
+TAKES = (
+    Take("walk_towards", Walk(1.1, 108.0, 0.12, 0.62), "average_female", "kinect", 0.0, 3.9, 1),
+    Take("walk_across", Walk(1.2, 112.0, 0.10, 0.62), "tall_male", "kinect", 80.0, 4.2, 2),
+    Take("walk_slow", Walk(0.75, 88.0, 0.18, 0.66), "elderly", "tof", 15.0, 4.0, 3),
+    Take("walk_mocap", "02_01", "slim_male", "kinect", 20.0, 4.2, 4),
+    Take("squats", Rising(2, 1.1, 0.0, 0.5, 0.42, 0.25), "athletic_male", "kinect", 25.0, 3.0, 5),
+    Take("sit_to_stand", Rising(2, 1.3, 0.9, 0.5, 0.38, 0.34), "heavy_female", "kinect", 30.0, 3.0, 6),
+)
+
+
+class Tracked(NamedTuple):
+    """What was found and what is true.
+
+    Attributes
+    ----------
+    take : which one
+    person : as tracked
+    body : the true one
+    poses : float64 (T, P), the true ones, level frame
+    """
+
+    take: Take
+    person: Person
+    body: Body
+    poses: np.ndarray
+
+    @property
+    def truth(self) -> Person:
+        """The true person, tracked in every frame."""
+        track = self.person.track
+        everything = {"pose": self.poses, "state": np.zeros(len(track), dtype=np.uint8)}
+        joints = (self.body.joint_positions(self.poses) @ self.person.R_level_camera).astype(np.float32)
+        return Person("truth", track.__class__(**{**vars(track), **everything, "joints": joints}), self.body,
+                      self.person.R_level_camera)  # fmt: skip
+
+
+def tracked(take: Take, work: Path, database: Path) -> Tracked:
+    """The take, simulated and tracked in `work` if it is not there yet."""
+    body = subject_body(take.body, seed=take.seed)
+    clip = PoseClip(take.name, _poses(take, body), RATE, take.name)
+    person = Performer(clip, body=body, yaw=take.yaw)
+    shot = Shot(sensor=take.sensor, distance=take.distance, height=1.2, furnished=True, seed=take.seed)
+    simulation = prepare([person], shot)
+    recording, run = work / f"{take.name}.npz", work / take.name
+    if not recording.exists():
+        work.mkdir(parents=True, exist_ok=True)
+        simulate_scene([person], recording, shot)
+    if not (run / TRACK_FILE).exists():
+        tracker = load_tracker("hybrid", {}, database=database)
+        track_recording(open_recording(recording), tracker, run, resume=True)
+    performer = simulation.performers[0]
+    turn = level_rotation(simulation.view.up_camera)
+    poses = performer.poses.copy()
+    poses[:, skeleton.ROOT_POSITION] = simulation.view.to_camera(poses[:, None, :3])[:, 0] @ turn.T
+    return Tracked(take, load_persons(run)[0], performer.body, poses)
+
+
+def _poses(take: Take, body: Body) -> np.ndarray:
+    if isinstance(take.motion, str):
+        poses = motion_of(take.motion, body).poses
+    elif isinstance(take.motion, Walk):
+        poses = walking(body, take.motion, 3.4 / take.motion.speed, RATE)[0]
+    else:
+        poses = rising(body, take.motion, RATE)
+    poses[:, [0, 2]] -= 0.5 * (poses[:, [0, 2]].min(axis=0) + poses[:, [0, 2]].max(axis=0))
+    return poses

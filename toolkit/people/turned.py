@@ -1,0 +1,69 @@
+"""Cameras that stand on their side: by how many quarters their images have to be turned, found by what they see."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from toolkit.people.detection import find_heads
+from toolkit.people.floor import find_floor
+from toolkit.people.settings import PeopleSettings
+from toolkit.people.surroundings import first_look, tolerances
+from toolkit.people.up import people_axes
+from toolkit.people.view import Lens
+from toolkit.sensing.camera import DEFAULT_UP, Camera, rotated_points
+from toolkit.sensing.recording import Recording
+from toolkit.sensing.settings import SensingSettings
+
+OTHERS = (1, 3, 2)
+"""Quarter turns clockwise, the likelier ones first."""
+CLEARLY = np.cos(np.radians(35.0))
+"""Between where up is and the vertical of the turned image: a camera that is tilted as well is left to `--rotate`."""
+
+
+def quarter_turns(recording: Recording) -> int:
+    """Quarter turns clockwise that bring the images upright, 0 where nothing says that they are not.
+
+    The vertical that the file knows decides, else a floor that is seen only in a turned image, in which somebody stands
+    who does not stand in the image as it is. Whoever said how the camera stands (`--rotate`, `--up`) is believed.
+    """
+    if recording.options.keys() & {"rotate", "up_camera"}:
+        return 0
+    vertical = recording.vertical
+    if vertical.source == "file":
+        fits = [float(np.dot(rotated_points(vertical.up_camera, turns), DEFAULT_UP)) for turns in range(4)]
+        best = int(np.argmax(fits))
+        return best if best and fits[best] > CLEARLY else 0
+    if vertical.source == "floor":
+        return 0
+    settings, depth, camera = PeopleSettings(), recording.depth(0), recording.camera
+    scene = depth if recording.background is None else recording.background
+    if _stands(depth, camera, 0, settings):
+        return 0
+    for turns in OTHERS:
+        if _stands(depth, camera, turns, settings) and find_floor(_turned(scene, turns), camera.rotated(turns)):
+            return turns
+    return 0
+
+
+def _stands(depth_mm: np.ndarray, camera: Camera, turns: int, settings: PeopleSettings) -> bool:
+    """Whether somebody stands in the image after so many quarter turns."""
+    lens = Lens(camera.undistorted().rotated(turns), np.array(DEFAULT_UP), settings.coarse_width, SensingSettings())
+    axes = people_axes(lens.coarse(_turned(depth_mm, turns)), lens, settings)
+    return any(trust == "standing" and float(np.dot(axis, DEFAULT_UP)) > CLEARLY for axis, trust in axes)
+
+
+def turns_with_heads(depth_mm: np.ndarray, camera: Camera, settings: PeopleSettings) -> int:
+    """The first quarter turns clockwise after which heads are seen, 0 for none."""
+    for turns in OTHERS:
+        lens = Lens(camera.undistorted().rotated(turns), np.array(DEFAULT_UP), settings.coarse_width, SensingSettings())
+        depth = lens.coarse(_turned(depth_mm, turns))
+        surroundings = first_look(depth, lens, settings)
+        foreground = surroundings.foreground(depth, lens.rays, tolerances(depth, lens, settings))
+        view = lens.view(depth, foreground, surroundings.still)
+        if find_heads(view, lens, settings, cut_out=surroundings.cut_out):
+            return turns
+    return 0
+
+
+def _turned(image: np.ndarray, turns: int) -> np.ndarray:
+    return np.ascontiguousarray(np.rot90(image, -turns))
