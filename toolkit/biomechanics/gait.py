@@ -13,9 +13,10 @@ import numpy as np
 from toolkit.biomechanics.contact import frames_in, smoothed, spans, typical_step
 from toolkit.body.body import Body
 from toolkit.body.sole import soles
-from toolkit.skeleton import ROOT_POSITION
+from toolkit.skeleton import REPORTED, ROOT_POSITION
 
 SIDES = ("left", "right")
+ANKLES = [REPORTED.index(f"{side}_ankle") for side in SIDES]
 WALKING = 0.35
 """Metres a second: a pelvis that is faster for a second walks."""
 PACE = 0.35
@@ -38,7 +39,7 @@ class Stride:
     ----------
     side : "left" or "right"
     start, lift, end : seconds of touch-down, toe-off and the next touch-down
-    length : metres along the ground that the heel was put forward
+    length : metres along the ground that the foot was put forward
     width : metres sideways from the other foot's placement in between, NaN where there is none
     step : metres along the ground from the other foot's placement in between to the new one, NaN where there is none
     """
@@ -113,7 +114,7 @@ def walk_of(body: Body, poses: np.ndarray, times: np.ndarray, known: np.ndarray)
         for part in _bouts(poses[span], times[span]):
             rows = slice(span.start + part.start, span.start + part.stop)
             walking += float(times[rows][-1] - times[rows][0])
-            strides += _strides(soles(body, poses[rows]), poses[rows, ROOT_POSITION], times[rows])
+            strides += _strides(body, poses[rows], times[rows])
     note = ""
     if not strides:
         note = "no whole stride was walked" if walking else "nobody walks"
@@ -133,8 +134,10 @@ def _course(path: np.ndarray, times: np.ndarray) -> np.ndarray:
     return smoothed(np.gradient(path, typical_step(times), axis=0), times, PACE)
 
 
-def _strides(placed: np.ndarray, pelvis: np.ndarray, times: np.ndarray) -> list[Stride]:
-    flat = smoothed(placed[..., [0, 2]], times, SMOOTHING)
+def _strides(body: Body, poses: np.ndarray, times: np.ndarray) -> list[Stride]:
+    pelvis = poses[:, ROOT_POSITION]
+    flat = smoothed(soles(body, poses)[..., [0, 2]], times, SMOOTHING)
+    ankles = smoothed(body.joint_positions(poses)[:, ANKLES][..., [0, 2]], times, SMOOTHING)
     path = smoothed(pelvis[:, [0, 2]], times, SMOOTHING)
     ahead = _course(pelvis[:, [0, 2]], times)
     ahead /= np.maximum(np.linalg.norm(ahead, axis=1, keepdims=True), 1e-9)
@@ -150,24 +153,26 @@ def _strides(placed: np.ndarray, pelvis: np.ndarray, times: np.ndarray) -> list[
             between = [t for t in lifts[side] if start < t < end]
             if not between or not SHORTEST <= end - start <= LONGEST:
                 continue
-            stride = _measured(side, (start, between[0], end), touches[1 - side], flat, times)
+            stride = _measured(side, (start, between[0], end), touches[1 - side], ankles, times)
             if STANCE[0] <= stride.stance <= STANCE[1]:
                 found.append(stride)
     return found
 
 
 def _measured(
-    side: int, events: tuple[float, float, float], others: list[float], flat: np.ndarray, times: np.ndarray
+    side: int, events: tuple[float, float, float], others: list[float], ankles: np.ndarray, times: np.ndarray
 ) -> Stride:
-    """One stride with its lengths, from the places of the heels while the feet stand."""
+    """One stride with its lengths, from the places of the ankles (T, 2, 2) while the feet stand: they are better known
+    than heels, which go astray with the foot's inversion.
+    """
     start, lift, end = events
-    first, last = _stand(flat[:, side, 0], times, start), _stand(flat[:, side, 0], times, end)
+    first, last = _stand(ankles[:, side], times, start), _stand(ankles[:, side], times, end)
     along = last - first
     length = float(np.linalg.norm(along))
     middle = [t for t in others if start < t < end]
     width = step = float("nan")
     if middle and length > 0:
-        other = _stand(flat[:, 1 - side, 0], times, middle[0]) - first
+        other = _stand(ankles[:, 1 - side], times, middle[0]) - first
         forward = along / length
         width = float(abs(forward[0] * other[1] - forward[1] * other[0]))
         step = float(length - other @ forward)
@@ -178,12 +183,12 @@ STAND = (0.08, 0.25)
 """Seconds after a touch-down in which the foot is flat and stands: its place is the median of these frames."""
 
 
-def _stand(heel: np.ndarray, times: np.ndarray, touch: float) -> np.ndarray:
-    """Where a heel (T, 2) stands after it touched down."""
+def _stand(ankle: np.ndarray, times: np.ndarray, touch: float) -> np.ndarray:
+    """Where an ankle (T, 2) stands after its foot touched down."""
     rows = (times >= touch + STAND[0]) & (times <= touch + STAND[1])
     if not rows.any():
-        return np.asarray(heel[int(np.abs(times - touch).argmin())])
-    return np.asarray(np.median(heel[rows], axis=0))
+        return np.asarray(ankle[int(np.abs(times - touch).argmin())])
+    return np.asarray(np.median(ankle[rows], axis=0))
 
 
 def _peaks(values: np.ndarray, times: np.ndarray) -> list[float]:
