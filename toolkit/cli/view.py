@@ -16,7 +16,7 @@ def view(
     """Open the report of a run in the browser; the page is written into the run folder first if it is not there."""
     import webbrowser
 
-    from toolkit.cli.terminal import progress_bars
+    from toolkit.cli.terminal import progress_bars, say
     from toolkit.report.page import write_report
     from toolkit.runs import person_runs
     from toolkit.track import TRACK_FILE
@@ -27,6 +27,6 @@ def view(
     if again or older or not page.exists():
         with progress_bars() as bars:
             write_report([run], page, progress=bars)
-    print(page)
+    say(page)
     if not webbrowser.open(page.resolve().as_uri()):
-        print("no browser could be opened; open the page yourself")
+        say("no browser could be opened; open the page yourself")
