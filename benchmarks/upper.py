@@ -101,11 +101,11 @@ def recovery(tracker: Tracker, recording: Recording, *, raised: bool) -> int | N
             if state.previous is None:
                 return None
             wrong = wrong_arms(state.pose, raised=raised)
-            carry = {name: dict(kept) for name, kept in state.carry.items()}
-            for kept in carry.values():
+            memory = {name: dict(kept) for name, kept in state.memory.items()}
+            for kept in memory.values():
                 if "poses" in kept:
                     kept["poses"] = np.repeat(wrong[None], len(kept["poses"]), axis=0)
-            changed = replace(state, pose=wrong, previous=Previous.of_pose(state.body, wrong), carry=carry)
+            changed = replace(state, pose=wrong, previous=Previous.of_pose(state.body, wrong), memory=memory)
             solo.follower.state = changed  # type: ignore[attr-defined]
         joints = solo.step(recording.depth(i), float(recording.timestamps[i])).joints
         error = 1000.0 * np.linalg.norm(joints[upper.ROWS] - recording.joints[i][upper.ROWS], axis=1).mean()

@@ -132,7 +132,7 @@ def started(part: Part, recording: Recording, seed: int) -> Solo:
             previous=Previous.of_pose(body, pose),
             pose=pose,
             timestamp=float(recording.timestamps[0]) - FIRST_STEP,
-            carry={PARTICLES: {"poses": poses}},
+            memory={PARTICLES: {"poses": poses}},
         )
     return solo
 

@@ -14,6 +14,7 @@ from tests.failing_calls import Command
 from tests.fake_tracker import FakeTracker, write_recording
 from tests.run_helpers import write_run
 from toolkit import skeleton
+from toolkit.people import survey
 from toolkit.people.sighting import PredictedBody, Sighting
 from toolkit.pipeline import run as pipeline
 from toolkit.pipeline import track_recordings
@@ -53,7 +54,7 @@ def _track(given: Path, out: Path) -> None:
 
 def _track_all(given: Path, out: Path) -> None:
     pipeline.MEMORY_SECONDS = -1.0
-    pipeline._finder = lambda job: TwoPeople(job.recording.camera)  # type: ignore[assignment, return-value]
+    survey.find_people = lambda recording, *_, **__: TwoPeople(recording.camera)  # type: ignore[assignment]
     track_recordings([given / "take.npz"], FakeTracker(), out / "run", people=None, resume=True)
 
 

@@ -213,7 +213,7 @@ def test_evaluate_prints_one_table_and_writes_files(
 def test_a_track_is_exported_by_the_suffix_of_the_output(tmp_path: Path, fake: FakeTracker) -> None:
     recording = write_recording(tmp_path / "take.npz")
     assert run("track", recording, "--database", "d", "--output", tmp_path / "run") == 0
-    for suffix, first in (("csv", "time_s,pelvis_x_m"), ("bvh", "HIERARCHY")):
+    for suffix, first in (("csv", "time_s,state,pelvis_x_m"), ("bvh", "HIERARCHY")):
         assert run("export", tmp_path / "run", "--output", tmp_path / f"track.{suffix}") == 0
         assert (tmp_path / f"track.{suffix}").read_text().startswith(first)
     assert run("export", tmp_path / "run", "--output", tmp_path / "track.txt") == 2

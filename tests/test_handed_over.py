@@ -245,14 +245,14 @@ def test_an_index_whose_header_holds_something_else_is_one_sentence(tmp_path: Pa
 
     from tests.fuzz_files import index_file
     from toolkit.retrieval.index.keyframe_index import KeyframeIndex
-    from toolkit.retrieval.index.storage import _MAGIC
+    from toolkit.retrieval.index.storage import MAGIC
 
     path = index_file(tmp_path)
     data = path.read_bytes()
-    start = len(_MAGIC) + 8
-    size = int.from_bytes(data[len(_MAGIC) : start], "little")
+    start = len(MAGIC) + 8
+    size = int.from_bytes(data[len(MAGIC) : start], "little")
     text = json.dumps({**json.loads(data[start : start + size]), **change}).encode()
-    head = _MAGIC + len(text).to_bytes(8, "little") + text + hashlib.sha256(text).digest()
+    head = MAGIC + len(text).to_bytes(8, "little") + text + hashlib.sha256(text).digest()
     path.write_bytes(head + data[start + size + 32 :])
     with pytest.raises(RetrievalError, match="build it again"):
         KeyframeIndex.open(path)

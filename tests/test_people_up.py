@@ -126,5 +126,5 @@ def test_a_camera_that_stands_upright_is_left_as_it_is(tmp_path):
 
 def test_a_turn_that_is_no_quarter_is_refused(tmp_path):
     path = recorded(tmp_path, [person_alone(KINECT)])
-    with pytest.raises(UsageError, match="rotate 45 is none of: 0, 90, 180, 270"):
+    with pytest.raises(UsageError, match="rotate is 45; give 90, 180 or 270"):
         open_recording(path, rotate=45)

@@ -592,9 +592,9 @@ def plain_tree(samples: forest_training.Samples, labels: np.ndarray, seed: int) 
         state = np.array([seed ^ (path * 0xD1342543DE82EF95) % 2**64], dtype=np.uint64)
         sides = []
         if path.bit_length() <= GROWTH.deepest and len(rows) >= 2 * GROWTH.smallest_leaf:
-            judges = forest_training._judges(rows, GROWTH.node_samples, state)
+            judges = forest_training.judges_of(rows, GROWTH.node_samples, state)
             count = min(max(len(judges) // 5, GROWTH.fewest_questions), GROWTH.questions)
-            questions = forest_training._random_questions(count, state)
+            questions = forest_training.random_questions(count, state)
             best, threshold, _ = forest_training.best_split(samples, labels, judges, questions, 12, 64)
             answer = np.empty(len(rows), dtype=np.float32)
             forest_training.answers(samples, rows, questions[:, best], answer)

@@ -65,7 +65,7 @@ def describe(recording: Recording, sensing: SensingSettings | None = None) -> Lo
     frame, sightings = best
     depth = recording.depth(frame)
     lens = Lens(recording.camera.undistorted(), recording.up_camera, settings.coarse_width, sensing)
-    people = [_person(s, lens) for s in sightings]
+    people = [person_text(s, lens) for s in sightings]
     advice = _advice(recording, surroundings, sightings, depth, lens, settings)
     lines = (
         _camera_line(recording),
@@ -105,7 +105,7 @@ def _room_line(surroundings: Surroundings) -> str:
     return f"room: {how}, {len(surroundings.planes)} walls and floors{figures}"
 
 
-def _person(sighting: Sighting, lens: Lens) -> str:
+def person_text(sighting: Sighting, lens: Lens) -> str:
     """Number, distance and how the image cuts somebody off."""
     v, u = np.nonzero(largest_surface(sighting.depth))
     distance = float(np.median(sighting.depth[v, u]))

@@ -85,7 +85,7 @@ def _random(state: np.ndarray) -> float:
 
 
 @njit(cache=True, nogil=True)
-def _random_questions(count: int, state: np.ndarray) -> np.ndarray:
+def random_questions(count: int, state: np.ndarray) -> np.ndarray:
     """Probe offsets of questions, float32 (4, count), metres; the first half compares with the pixel itself."""
     out = np.zeros((4, count), dtype=np.float32)
     for q in range(count):
@@ -233,7 +233,7 @@ def _best_border(histogram: np.ndarray, total: np.ndarray, scaled_log: np.ndarra
 
 
 @njit(cache=True, nogil=True)
-def _judges(rows: np.ndarray, most: int, state: np.ndarray) -> np.ndarray:
+def judges_of(rows: np.ndarray, most: int, state: np.ndarray) -> np.ndarray:
     """At most `most` of the rows: one at random of each of as many equal stretches."""
     if rows.shape[0] <= most:
         return rows
@@ -283,9 +283,9 @@ def grow(samples: Samples, labels: np.ndarray, rows: np.ndarray, path: int, seed
         while up > 1:
             level, up = level + 1, up >> 1
         if level < growth.deepest and part.shape[0] >= 2 * growth.smallest_leaf:
-            judges = _judges(part, growth.node_samples, state)
+            judges = judges_of(part, growth.node_samples, state)
             count = min(max(judges.shape[0] // JUDGES_A_QUESTION, growth.fewest_questions), growth.questions)
-            questions = _random_questions(count, state)
+            questions = random_questions(count, state)
             best, threshold, _ = best_split(samples, labels, judges, questions, growth.bins, growth.classes)
             if best >= 0:
                 parted, below = _parted(samples, part, questions[:, best], threshold)

@@ -27,7 +27,7 @@ from toolkit.typed import Range, TypedReader
 
 REBUILD = "build it again"
 
-_MAGIC = b"depthmocap index\n"
+MAGIC = b"depthmocap index\n"
 _ALIGNMENT = 64
 _DIGEST = hashlib.sha256().digest_size
 
@@ -83,7 +83,7 @@ class StoredArrays:
             raise RetrievalError(f"there is no index {path}; make one with `depthmocap index`")
         try:
             with open_file(path) as stream:
-                if stream.read(len(_MAGIC)) != _MAGIC:
+                if stream.read(len(MAGIC)) != MAGIC:
                     raise RetrievalError(f"{path} is no keyframe index; make one with `depthmocap index`")
                 length, size = int.from_bytes(stream.read(8), "little"), path.stat().st_size
                 text, digest = stream.read(min(length, size)), stream.read(_DIGEST)
@@ -150,7 +150,7 @@ def write_arrays(path: str | Path, header: Mapping[str, Any], arrays: Mapping[st
         offset += _padded(array.nbytes)
     text = json.dumps({**header, "arrays": table, "bytes": offset}).encode()
     with atomic_path(path) as temporary, temporary.open("wb") as stream:
-        start = stream.write(_MAGIC + len(text).to_bytes(8, "little") + text + hashlib.sha256(text).digest())
+        start = stream.write(MAGIC + len(text).to_bytes(8, "little") + text + hashlib.sha256(text).digest())
         stream.write(bytes(_padded(start) - start))
         for array in arrays.values():
             stream.write(np.ascontiguousarray(array).data)
