@@ -33,7 +33,7 @@ def costly(monkeypatch: pytest.MonkeyPatch) -> list[str]:
     """What costs time, in the order in which it was asked for."""
     asked: list[str] = []
 
-    def poses(self: Tracking, bars: object) -> None:
+    def poses(self: Tracking) -> None:
         asked.append("poses")
 
     def build(*arguments: object, **named: object) -> None:
