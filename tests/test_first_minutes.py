@@ -134,3 +134,31 @@ def test_a_speck_says_neither_where_somebody_is_nor_that_the_image_cuts_them_off
     assert not largest_surface(depth)[:30].any() and largest_surface(depth)[40:200, 140:190].all()
     lens = Lens(KINECT, np.array([0.0, -1.0, 0.0]), PeopleSettings().coarse_width, SensingSettings())
     assert person_text(Sighting(1, depth, None, KINECT), lens) == "1 at 2.5 m, whole"
+
+
+def test_smoothing_without_scipys_import_is_scipys() -> None:
+    from scipy.ndimage import gaussian_filter1d
+
+    from toolkit.biomechanics.contact import smoothed
+
+    for count in (2, 5, 70):
+        values = np.random.default_rng(0).normal(size=(count, 2, 3))
+        expected = gaussian_filter1d(values, 0.045 * 30, axis=0)
+        np.testing.assert_allclose(smoothed(values, np.arange(count) / 30, 0.045), expected, atol=1e-12)
+
+
+@pytest.mark.parametrize(("confidence", "says"), [(0.03, True), (0.5, False)])
+def test_a_summary_says_where_the_tracker_is_hardly_sure(tmp_path: Path, confidence: float, says: bool) -> None:
+    from toolkit.pipeline.summary import summarised
+    from toolkit.track import EMPTY, TRACKED, Track
+
+    count = 4
+    track = Track(
+        joints=np.zeros((count, 20, 3), np.float32), pose=np.zeros((count, 43)),
+        confidence=np.full((count, 20), confidence, np.float32), state=np.array([TRACKED] * 3 + [EMPTY], np.uint8),
+        source=np.zeros(count, np.uint8), timestamps=np.arange(count) / 30, stage_ms=np.zeros((count, 1), np.float32),
+        observed=np.ones((count, 20), dtype=bool), source_names=("local",), stage_names=("all",),
+    )  # fmt: skip
+    text = summarised("take", tmp_path, [track], count).text()
+    assert f"confidence {confidence:.2f}" in text
+    assert ("hardly sure" in text and "depthmocap render" in text and "--intrinsics" in text) == says

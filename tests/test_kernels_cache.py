@@ -96,6 +96,18 @@ def test_an_installation_that_cannot_be_written_keeps_its_kernels_in_the_users_c
     assert run(installed, **home)[:2] == (4, 0)
 
 
+def test_no_garbage_is_collected_while_a_kernel_is_compiled(installed: Path) -> None:
+    code = (
+        "import gc\nfrom numba.core import event\nfrom toolkit.kernels.outer import outer\nseen = []\n"
+        "class Listener(event.Listener):\n    def on_start(self, event): seen.append(gc.isenabled())\n"
+        "    def on_end(self, event): pass\n"
+        "event.register('numba:compile', Listener())\nouter()\nprint(seen, gc.isenabled())"
+    )
+    environment = {**os.environ, "PYTHONPATH": str(installed)}
+    done = subprocess.run([sys.executable, "-c", code], env=environment, capture_output=True, text=True, check=True)
+    assert done.stdout == "[False, False] True\n"
+
+
 def test_old_sets_of_compiled_kernels_are_removed_and_the_newest_stay(tmp_path: Path) -> None:
     sets = ["a" * 16, "b" * 16, "c" * 16, "d" * 16]
     for age, digest in enumerate(sets):

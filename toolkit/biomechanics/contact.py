@@ -12,6 +12,8 @@ from toolkit.track import TRACKED, Track
 
 NEAR_FLOOR = 0.15
 """Metres between the floor that the camera sees and the height at which feet rest: farther, they rest on something."""
+REACH = 4.0
+"""Standard deviations that a Gaussian reaches."""
 
 
 @dataclass(frozen=True)
@@ -84,10 +86,16 @@ def sole_speeds(placed: np.ndarray, times: np.ndarray, smoothing: float) -> np.n
 
 def smoothed(values: np.ndarray, times: np.ndarray, seconds: float) -> np.ndarray:
     """Values (T, ...) under a Gaussian of so many seconds, without shift in time."""
-    from scipy.ndimage import gaussian_filter1d
-
-    step = typical_step(times)
-    return values if len(times) < 2 or not seconds > 0 else gaussian_filter1d(values, seconds / step, axis=0)
+    if len(times) < 2 or not seconds > 0:
+        return values
+    deviation = seconds / typical_step(times)  # frames
+    reach = int(REACH * deviation + 0.5)
+    weights = np.exp(-0.5 * (np.arange(-reach, reach + 1) / deviation) ** 2)
+    padded = np.pad(values, [(reach, reach), *[(0, 0)] * (values.ndim - 1)], mode="symmetric")
+    out = np.zeros(values.shape)
+    for k, weight in enumerate(weights / weights.sum()):
+        out += weight * padded[k : k + len(values)]
+    return out
 
 
 def typical_step(times: np.ndarray) -> float:

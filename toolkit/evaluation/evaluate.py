@@ -167,15 +167,7 @@ def _evaluate_person(
     run: Path, track: Track, recording: Recording, reference: Reference | None, surface: bool
 ) -> _Evaluated:
     info = RunInfo.load(run)
-    scores = RunScores(
-        recording=recording.name,
-        run=str(run),
-        frames=len(track),
-        recorded_frames=len(recording),
-        states={name: float((track.state == i).mean()) for i, name in enumerate(STATE_NAMES)},
-        **_selection(track),
-        **_times(track),
-    )
+    scores = _scores_of(track, recording.name, str(run), len(recording))
     if reference is not None:
         scores = replace(scores, **_distances(track, reference))
     if reference is not None and reference.is_truth:
@@ -185,6 +177,47 @@ def _evaluate_person(
     if reference is None or reference.is_truth:
         return _Evaluated(scores)
     return _Evaluated(scores, local_differences(track.joints, reference.joints))
+
+
+def _scores_of(track: Track, recording: str, run: str, recorded_frames: int) -> RunScores:
+    """What a track tells without being compared with anything."""
+    return RunScores(
+        recording=recording,
+        run=run,
+        frames=len(track),
+        recorded_frames=recorded_frames,
+        states={name: float((track.state == i).mean()) for i, name in enumerate(STATE_NAMES)},
+        **_selection(track),
+        **_times(track),
+    )
+
+
+def evaluate_tracks(tracks: Sequence[tuple[str, Track]], truth: np.ndarray) -> EvaluationTable:
+    """Compare tracks in memory, each with its name, with the true joints.
+
+    Parameters
+    ----------
+    tracks : of one recording
+    truth : float64 (T, 20, 3), or (N, T, 20, 3) of several people in any order: metres, camera frame, NaN = unknown
+
+    Raises
+    ------
+    UsageError
+        The truth has another shape, or another number of frames than the tracks.
+    """
+    if truth.ndim not in (3, 4) or truth.shape[-2:] != (len(REPORTED), 3):
+        raise UsageError(f"the truth has shape {truth.shape}; give joints (frames, {len(REPORTED)}, 3) in metres")
+    if any(len(track) != truth.shape[-3] for _, track in tracks):
+        raise UsageError(f"the truth has {truth.shape[-3]} frames and the track {len(tracks[0][1])}; give as many")
+    own, missing = match_people(Reference(truth, True), [track for _, track in tracks])
+    rows = [_scores_of(track, name, "", len(track)) for name, track in tracks]
+    for i, reference in enumerate(own):
+        if reference is not None:
+            rows[i] = replace(rows[i], **_distances(tracks[i][1], reference))
+    for person in missing:
+        errors = metrics.joint_errors(np.full(person.joints.shape, np.inf), person.joints)
+        rows.append(replace(RunScores("not found", "", 0, len(person.joints)), **_error_figures(errors)))
+    return EvaluationTable(rows)
 
 
 def _selection(track: Track) -> dict[str, Any]:

@@ -44,27 +44,33 @@ class Job:
     people : in the frame of the origin
     origin : where (0, 0, 0) lies
     rig : whose joint names are written
-    run : the run folder
+    run : the run folder, None for people in memory
     recording : where the recording has been moved to
     """
 
     people: Sequence[Person]
     origin: Origin
     rig: str
-    run: Path
+    run: Path | None = None
     recording: str | Path | None = None
 
     def open_recording(self) -> tuple[Recording, RunInfo]:
-        """The recording that was tracked, and what the run says about itself."""
-        info = RunInfo.load(person_runs(self.run)[0])
+        """The recording that was tracked, and what the run says about itself; raises UsageError without a run."""
+        info = RunInfo.load(person_runs(self._folder)[0])
         return info.open_recording(self.recording), info
 
     def frames(self) -> tuple[Recording, Iterator[LabelledFrame]]:
         """The recording, and its frames with whose each pixel is; the people are in the camera's frame for that."""
         recording, info = self.open_recording()
-        several, sensing = (self.run / PEOPLE_FILE).exists(), SensingSettings(**info.sensing)
+        several, sensing = (self._folder / PEOPLE_FILE).exists(), SensingSettings(**info.sensing)
         people = [person.moved(-self.origin.offset) for person in self.people]
         return recording, labelled_frames(people, recording, sensing, several=several)
+
+    @property
+    def _folder(self) -> Path:
+        if self.run is None:
+            raise UsageError("this format holds what was measured; track into a run folder and export that")
+        return self.run
 
     @property
     def person(self) -> Person:
@@ -111,7 +117,7 @@ def _trc(path: Path, job: Job) -> None:
 
 def _rerun(path: Path, job: Job) -> None:
     try:
-        recording = job.open_recording()[0]
+        recording = None if job.run is None else job.open_recording()[0]
     except RecordingError as error:
         if job.recording is not None:
             raise
@@ -202,6 +208,24 @@ def export_run(
     OutputError
         A file cannot be written.
     """
+    check_output(path, [Path(run) / PEOPLE_FILE, *(f / n for f in person_runs(run) for n in (TRACK_FILE, RUN_FILE))])
+    people = load_persons(run)
+    if resting_feet:
+        people = tuple(with_resting_feet(person) for person in people)
+    return export_people(people, path, rig=rig, format=format, origin=origin, run=run, recording=recording)
+
+
+def export_people(
+    people: Sequence[Person],
+    path: str | Path,
+    *,
+    rig: str | None = None,
+    format: str | None = None,
+    origin: str | None = None,
+    run: str | Path | None = None,
+    recording: str | Path | None = None,
+) -> tuple[Path, ...]:
+    """The same of people whose tracks are in memory, or of those of the run folder `run`; raises as `export_run`."""
     target = Path(path)
     name, format_ = _chosen(target, format)
     if rig is not None and not format_.rigged:
@@ -209,17 +233,13 @@ def export_run(
         raise UsageError(f"--rig {rig} is for {named}; {name} names the joints that are reported")
     if origin is not None and origin in (FLOOR, CAMERA) and origin not in format_.origins:
         raise UsageError(f"--origin {origin} is not for {name}, whose origin is the {format_.origins[0]}")
-    check_output(target, [Path(run) / PEOPLE_FILE, *(f / n for f in person_runs(run) for n in (TRACK_FILE, RUN_FILE))])
-    people = load_persons(run)
-    if resting_feet:
-        people = tuple(with_resting_feet(person) for person in people)
     if format_.together or len(people) == 1:
-        _write(format_, target, people, origin, rig, Path(run), recording)
+        _write(format_, target, people, origin, rig, run, recording)
         return (target,)
     written = []
     for person in people:
         written.append(target.with_name(f"{target.stem}_{person.name}{target.suffix}"))
-        _write(format_, written[-1], [person], origin, rig, Path(run), recording)
+        _write(format_, written[-1], [person], origin, rig, run, recording)
     return tuple(written)
 
 
@@ -246,9 +266,9 @@ def _write(
     people: Sequence[Person],
     origin: str | None,
     rig: str | None,
-    run: Path,
+    run: str | Path | None,
     recording: str | Path | None,
 ) -> None:
     place = origin_of(people, origin or format_.origin)
     moved = [person.moved(place.offset) for person in people]
-    format_.write(path, Job(moved, place, rig or OWN, run, recording))
+    format_.write(path, Job(moved, place, rig or OWN, None if run is None else Path(run), recording))

@@ -182,7 +182,8 @@ def _silent(name: str, doing: str, done: int, total: int) -> None:
     """RecordingProgress that nobody watches."""
 
 
-def _finder(job: Job) -> PeopleFinder:
+def finder_of(job: Job) -> PeopleFinder:
+    """What finds the people of a job."""
     recording, sensing = job.recording, job.tracker.settings.sensing
     if job.people == 1:
         return LonePerson(recording.camera, recording.background, sensing, recording.up_camera)
@@ -197,7 +198,7 @@ def _warm_up(job: Job, report: RecordingProgress) -> None:
     recording, tracker, joints = job.recording, job.tracker, job.joints
     total = min(WARM_UP_FRAMES, len(recording))
     report(recording.name, "compiling", 0, total)
-    finder, before = _finder(job), joints.export_state()
+    finder, before = finder_of(job), joints.export_state()
     follower = tracker.follower(finder.camera, level_rotation(recording.up_camera))
     for i, frame in enumerate(islice(recording.stream(color=joints.needs_color), total)):
         for sighting in joints.add(frame, finder.find(frame.depth_mm, frame.timestamp, {})[:1]):
@@ -267,7 +268,7 @@ def _restored(folder: Path, sink: RunSink, job: Job) -> Crowd:
     Where rows before it are gone, as after a loss of power, all are found again.
     """
     recording, tracker, path = job.recording, job.tracker, folder / STATE_FILE
-    crowd = Crowd(tracker, _finder(job), recording.up_camera, job.joints)
+    crowd = Crowd(tracker, finder_of(job), recording.up_camera, job.joints)
     if sink.begun and os.path.lexists(path):
         nothing, state = job.joints.export_state(), load_checkpoint(path, tracker.settings.tracker)
         try:
@@ -278,7 +279,7 @@ def _restored(folder: Path, sink: RunSink, job: Job) -> Crowd:
             raise TrackError(f"{path} is of another recording; {HINT}")
         if crowd.bodies and crowd.frames > sink.rows(crowd.bodies):
             job.joints.restore_state(nothing)
-            crowd = Crowd(tracker, _finder(job), recording.up_camera, job.joints)
+            crowd = Crowd(tracker, finder_of(job), recording.up_camera, job.joints)
     sink.cut(crowd.frames, crowd.bodies)
     return crowd
 

@@ -10,6 +10,13 @@ import numpy as np
 
 from toolkit.track import EMPTY, LOST, STATE_NAMES, TRACKED, Track
 
+LOW_CONFIDENCE = 0.1
+"""Mean of the observed joints: below, the body often does not lie where the depth is."""
+LOW_ADVICE = (
+    "look at it with `depthmocap render`; --intrinsics, --depth-unit or --up may be wrong, and a --database of such "
+    "motions or the person's own --body may help"
+)
+
 
 @dataclass(frozen=True)
 class RunSummary:
@@ -23,6 +30,7 @@ class RunSummary:
     stage_ms : median milliseconds of each stage, of all people together
     states : how many frames were tracked, lost and empty, by `STATE_NAMES`, of all people together
     people : how many were followed
+    confidence : mean of the observed joints in tracked frames, of all people together; NaN where there is none
     """
 
     name: str
@@ -32,6 +40,7 @@ class RunSummary:
     stage_ms: dict[str, float]
     states: dict[str, int]
     people: int = 1
+    confidence: float = float("nan")
 
     @property
     def interrupted(self) -> bool:
@@ -47,8 +56,11 @@ class RunSummary:
         hint = "; continue with --resume" if self.interrupted else ""
         if not self.states["tracked"]:
             hint += "; nobody was tracked: look at the recording with `depthmocap info`, try --segment or --up"
+        elif self.confidence < LOW_CONFIDENCE:
+            hint += f"; the tracker is hardly sure of it: {LOW_ADVICE}"
+        sure = f", confidence {self.confidence:.2f}" if self.states["tracked"] else ""
         spent = f", {sum(self.stage_ms.values()):.1f} ms a frame ({stages})" if self.stage_ms else ""
-        return f"{self.run}: {count} frames{people}: {states or 'nobody seen'}{spent}{hint}"
+        return f"{self.run}: {count} frames{people}: {states or 'nobody seen'}{sure}{spent}{hint}"
 
 
 @dataclass
@@ -75,4 +87,11 @@ def summarised(name: str, run: Path, tracks: Sequence[Track], recorded_frames: i
         for state in (TRACKED, LOST, EMPTY):
             states[STATE_NAMES[state]] += int((track.state == state).sum())
     frames = len(tracks[0]) if tracks else recorded_frames
-    return RunSummary(name, run, frames, recorded_frames, stage_ms, states, len(tracks))
+    return RunSummary(name, run, frames, recorded_frames, stage_ms, states, len(tracks), confidence_of(tracks))
+
+
+def confidence_of(tracks: Sequence[Track]) -> float:
+    """Mean confidence of the observed joints in tracked frames, NaN where there are none."""
+    sure = [track.confidence[(track.state == TRACKED)[:, None] & track.observed] for track in tracks]
+    values = np.concatenate(sure) if sure else np.zeros(0)
+    return float(values.mean()) if len(values) else float("nan")

@@ -91,12 +91,12 @@ class StoredRecording:
 
     def depth(self, i: int) -> np.ndarray:
         """Frame `i`, 0 <= i < len: uint16 (H, W), millimetres along z, 0 = no measurement."""
-        return self._convert(self.source.depth(self._checked(i)), i)
+        return self.convert(self.source.depth(self._checked(i)), i)
 
     def frames(self) -> Iterator[np.ndarray]:
         """All frames in order; only one is held at a time."""
         for i, raw in enumerate(self.source.frames()):
-            yield self._convert(raw, i)
+            yield self.convert(raw, i)
 
     def stream(self, start: int = 0, *, color: bool = False) -> Iterator[Frame]:
         """See `Stream.stream`."""
@@ -147,5 +147,6 @@ class StoredRecording:
             raise RecordingError(f"{self.path} has no frame {i}; it has frames 0 to {len(self) - 1}")
         return i
 
-    def _convert(self, raw: np.ndarray, i: int) -> np.ndarray:
+    def convert(self, raw: np.ndarray, i: int) -> np.ndarray:
+        """A raw frame as it is handed out under the number `i`: uint16 (H, W), millimetres."""
         return self._upright(self.converter.convert(raw, self.raw_camera, f"frame {i} of {self.path}"))

@@ -1,0 +1,53 @@
+"""People in depth recordings as tracks, from Python: the names that one needs, of `toolkit` and `database_builder`.
+
+>>> import depthmocap
+>>> track = depthmocap.track("take.npz")  # doctest: +SKIP
+>>> track.joints.shape  # doctest: +SKIP
+(70, 20, 3)
+
+Everything is loaded when it is first asked for. `docs/library.md` tells what there is.
+"""
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from database_builder.build import build_database as build_database
+    from depthmocap.scores import evaluate as evaluate
+    from depthmocap.step import Pose as Pose
+    from depthmocap.step import Tracker as Tracker
+    from depthmocap.tracks import Track as Track
+    from depthmocap.tracks import track as track
+    from toolkit.errors import DepthMocapError as DepthMocapError
+    from toolkit.recordings.opening import open_recording as open_recording
+    from toolkit.skeleton import REPORTED
+
+    JOINT_NAMES = REPORTED
+
+_WHERE = {
+    "build_database": ("database_builder.build", "build_database"),
+    "evaluate": ("depthmocap.scores", "evaluate"),
+    "Pose": ("depthmocap.step", "Pose"),
+    "Tracker": ("depthmocap.step", "Tracker"),
+    "Track": ("depthmocap.tracks", "Track"),
+    "track": ("depthmocap.tracks", "track"),
+    "DepthMocapError": ("toolkit.errors", "DepthMocapError"),
+    "open_recording": ("toolkit.recordings.opening", "open_recording"),
+    "JOINT_NAMES": ("toolkit.skeleton", "REPORTED"),
+}
+
+__all__ = list(_WHERE)
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _WHERE:
+        raise AttributeError(f"depthmocap has no {name}; it has: {', '.join(_WHERE)}")
+    module, inside = _WHERE[name]
+    found = globals()[name] = getattr(import_module(module), inside)
+    return found
+
+
+def __dir__() -> list[str]:
+    return sorted(__all__)

@@ -1,0 +1,134 @@
+"""One person followed frame by frame, as the frames come."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from depthmocap.tracks import Track, tracker_of
+from toolkit.errors import UsageError
+from toolkit.people.joints import NoJoints
+from toolkit.pipeline.in_memory import track_of
+from toolkit.pipeline.run import Job, finder_of
+from toolkit.recordings.arrays import recording_of
+from toolkit.recordings.stored import StoredRecording
+from toolkit.runs import Person
+from toolkit.sensing.stream import Frame
+from toolkit.track import STATE_NAMES
+from toolkit.tracking.crowd import Crowd, Row
+
+
+class Pose(NamedTuple):
+    """What is known of the person in one frame.
+
+    Attributes
+    ----------
+    frame : number of the frame, from 0
+    timestamp : seconds
+    state : "tracked", "lost" or "empty"
+    joints : float32 (20, 3), metres, camera frame; where nobody is there, where the person was last
+    confidence : float32 (20,), probability that the joint is within 5 cm
+    observed : bool (20,), False for a joint that was guessed
+    pose : float64 (P,), the pose of the body
+    """
+
+    frame: int
+    timestamp: float
+    state: str
+    joints: np.ndarray
+    confidence: np.ndarray
+    observed: np.ndarray
+    pose: np.ndarray
+
+    @classmethod
+    def of(cls, row: Row) -> Pose:
+        """The same of a row of a track."""
+        found = row.result
+        return cls(
+            row.frame, row.timestamp, STATE_NAMES[found.state], found.joints, found.confidence, found.observed,
+            found.pose,
+        )  # fmt: skip
+
+
+class Tracker:
+    """Follows one person through frames that are handed over one by one.
+
+    The poses are, bit for bit, those of `depthmocap.track` over the same frames. A person's body is learnt from the
+    first seconds: until then `step` returns nothing, and then the poses of all frames so far at once.
+
+    Parameters
+    ----------
+    intrinsics : fx, fy, cx, cy in pixels, or the path of a JSON file
+    database, config, settings : see `depthmocap.track`
+    background : (H, W), depth of the empty scene
+    options : see `depthmocap.track`: depth_unit, up_camera, mirrored, rotate, ...
+    """
+
+    def __init__(
+        self,
+        *,
+        intrinsics: Any,
+        database: str | Path | None = None,
+        config: str | Path | None = None,
+        settings: Mapping[str, Any] | None = None,
+        background: np.ndarray | None = None,
+        **options: Any,
+    ) -> None:
+        self._tracker = tracker_of(database, config, settings)
+        self._options = {"intrinsics": intrinsics, **options}
+        self._background = background
+        self._recording: StoredRecording | None = None
+        self._crowd: Crowd | None = None
+        self._rows: list[Row] = []
+
+    def step(self, depth: np.ndarray, timestamp: float) -> list[Pose]:
+        """Take in the next frame; the poses that are known now.
+
+        Parameters
+        ----------
+        depth : (H, W), whole numbers are millimetres, others metres, 0 or NaN = no measurement
+        timestamp : seconds, greater than that of the frame before
+
+        Raises
+        ------
+        RecordingError
+            The frame has another size or type, or comes out of order.
+        SegmentationError
+            The person cannot be told from the scene.
+        """
+        image = np.asarray(depth)
+        if self._recording is None or self._crowd is None:
+            self._recording = recording_of(
+                image[None], timestamps=np.array([timestamp]), background=self._background, **self._options
+            )
+            joints = NoJoints()
+            finder = finder_of(Job(self._recording, self._tracker, 1, joints))
+            self._crowd = Crowd(self._tracker, finder, self._recording.up_camera, joints)
+        frame = Frame(self._recording.convert(image, self._crowd.frames), float(timestamp))
+        return self._known(self._crowd.step(frame))
+
+    def finish(self) -> list[Pose]:
+        """No more frames: the poses of somebody whose body was still being learnt."""
+        return [] if self._crowd is None else self._known(self._crowd.finish())
+
+    @property
+    def track(self) -> Track:
+        """The track so far.
+
+        Raises
+        ------
+        UsageError
+            No pose is known yet.
+        """
+        if not self._rows or self._crowd is None or self._recording is None:
+            raise UsageError("no pose is known yet; give frames to step() for some seconds, or call finish()")
+        body, height = self._crowd.bodies[1], self._recording.vertical.height
+        found = track_of(self._rows, self._tracker, body, height)
+        return Track(Person("person", found, body, self._crowd.level_rotation, camera_height=height))
+
+    def _known(self, rows: list[Row]) -> list[Pose]:
+        self._rows += rows
+        return [Pose.of(row) for row in rows]

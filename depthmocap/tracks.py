@@ -1,0 +1,214 @@
+"""Tracks: of a file or of arrays in, as arrays, tables, plots and files out."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal, overload
+
+import numpy as np
+
+from toolkit.errors import UsageError
+from toolkit.progress import Count
+from toolkit.runs import Person, load_persons
+from toolkit.sensing.recording import Recording
+from toolkit.skeleton import REPORTED
+from toolkit.track import STATE_NAMES
+from toolkit.tracking.protocol import Tracker
+
+if TYPE_CHECKING:
+    import pandas
+    from matplotlib.figure import Figure
+
+
+class Track:
+    """One person, one row per frame of the recording.
+
+    Attributes
+    ----------
+    person : the track with its body, as the toolkit's own functions take it
+    """
+
+    joint_names: tuple[str, ...] = REPORTED
+
+    def __init__(self, person: Person) -> None:
+        self.person = person
+
+    @classmethod
+    def load(cls, run: str | Path) -> list[Track]:
+        """Everybody in a run folder of `depthmocap track`; raises as `load_persons`."""
+        return [cls(person) for person in load_persons(run)]
+
+    def __len__(self) -> int:
+        return len(self.person.track)
+
+    def __repr__(self) -> str:
+        return f"<depthmocap.Track of {self.name}: {len(self)} frames, {int((self.state == 'tracked').sum())} tracked>"
+
+    @property
+    def name(self) -> str:
+        """What the person is called in files."""
+        return self.person.name
+
+    @property
+    def joints(self) -> np.ndarray:
+        """float32 (T, 20, 3): x right, y down, z forward from the camera, metres; NaN where nobody is there."""
+        return np.where(self.person.there[:, None, None], self.person.track.joints, np.float32(np.nan))
+
+    @property
+    def confidence(self) -> np.ndarray:
+        """float32 (T, 20): probability that the joint is within 5 cm."""
+        return self.person.track.confidence
+
+    @property
+    def observed(self) -> np.ndarray:
+        """Bool (T, 20): False for a joint that was guessed, because nothing was measured where it has to be."""
+        return self.person.track.observed
+
+    @property
+    def state(self) -> np.ndarray:
+        """Text (T,): "tracked", "lost" (there, not explained) or "empty" (nobody is there)."""
+        return np.array(STATE_NAMES)[self.person.track.state]
+
+    @property
+    def pose(self) -> np.ndarray:
+        """float64 (T, P): the pose of the body, y up; `person.track.pose_names` names its entries."""
+        return self.person.track.pose
+
+    @property
+    def timestamps(self) -> np.ndarray:
+        """float64 (T,): seconds."""
+        return self.person.track.timestamps
+
+    def to_dataframe(self) -> pandas.DataFrame:
+        """A table with a row per frame, by `time_s`; the columns are those of the CSV export in the camera's frame.
+
+        Raises
+        ------
+        UsageError
+            pandas is not installed.
+        """
+        try:
+            import pandas
+        except ImportError as error:
+            raise UsageError("a data frame needs the package pandas; type `pip install pandas`") from error
+        columns: dict[str, Any] = {"state": self.state}
+        there = self.person.there[:, None]
+        joints = self.joints
+        columns |= {f"{n}_{a}_m": joints[:, j, k] for j, n in enumerate(REPORTED) for k, a in enumerate("xyz")}
+        sure = np.where(there, self.confidence, np.float32(np.nan))
+        columns |= {f"{name}_confidence": sure[:, j] for j, name in enumerate(REPORTED)}
+        columns |= {f"{name}_observed": self.observed[:, j] & there[:, 0] for j, name in enumerate(REPORTED)}
+        columns |= {f"{side}_foot_contact": self.person.track.contact[:, k] for k, side in enumerate(("left", "right"))}
+        return pandas.DataFrame(columns, index=pandas.Index(self.timestamps, name="time_s"))
+
+    def plot(self) -> Figure:
+        """Some skeletons over time, seen from the camera, above the heights of hands, feet and head."""
+        from toolkit.rendering.track_plot import plot_person
+
+        return plot_person(self.person)
+
+    def export(self, path: str | Path, *, rig: str | None = None, origin: str | None = None) -> Path:
+        """Write the track as .glb, .bvh, .c3d, .trc, .csv or .json; returns the file's path.
+
+        Parameters
+        ----------
+        path : the file; its suffix is the format
+        rig : joint names of GLB and BVH: mixamo, cmu, classic, or a YAML file
+        origin : "floor" or "camera"; the format's own by default
+
+        Raises
+        ------
+        UsageError
+            The format is unknown, or needs a package that is not installed.
+        OutputError
+            The file cannot be written.
+        """
+        from toolkit.export.run import export_people
+
+        return export_people([self.person], path, rig=rig, origin=origin)[0]
+
+
+@overload
+def track(depth: str | Path | np.ndarray | Recording, *, people: Literal[1] = 1, **options: Any) -> Track: ...
+@overload
+def track(
+    depth: str | Path | np.ndarray | Recording, *, people: int | Literal["all"], **options: Any
+) -> Track | list[Track]: ...
+def track(
+    depth: str | Path | np.ndarray | Recording,
+    *,
+    intrinsics: Any = None,
+    frame_rate: float | None = None,
+    people: int | Literal["all"] = 1,
+    timestamps: np.ndarray | None = None,
+    background: np.ndarray | None = None,
+    database: str | Path | None = None,
+    config: str | Path | None = None,
+    settings: Mapping[str, Any] | None = None,
+    progress: Count | None = None,
+    **options: Any,
+) -> Track | list[Track]:
+    """Track the person, or the people, in depth.
+
+    Parameters
+    ----------
+    depth : a recording's path (any that `depthmocap track` reads), a recording that is open, or an array (T, H, W):
+        whole numbers are millimetres, others metres, 0 or NaN = no measurement
+    intrinsics : fx, fy, cx, cy in pixels, or the path of a JSON file; needed for an array
+    frame_rate : frames a second where there are no timestamps
+    people : 1 follows the one person; a number or "all" several, in a list in order of appearance
+    timestamps, background : of an array: seconds (T,), and the depth of the empty scene (H, W)
+    database : file of a pose database; the default one otherwise
+    config : name or file of settings: hybrid, baak2013, swarm, particles
+    settings : single settings by dotted names, such as {"sensing.segment": "person"}
+    progress : called with the frames done and all frames
+    options : how to read the recording, as the options of `depthmocap track`: depth_unit, up_camera, mirrored, ...
+
+    Raises
+    ------
+    DepthMocapError
+        The recording cannot be read, a setting is wrong, or the person cannot be told from the scene.
+    """
+    from toolkit.pipeline.in_memory import follow_recording
+
+    if people != "all" and (isinstance(people, bool) or not isinstance(people, int) or people < 1):
+        raise UsageError(f"people is {people!r}; give a number of people, or 'all'")
+    given = {"intrinsics": intrinsics, "frame_rate": frame_rate, **options}
+    recording = _recording(depth, timestamps, background, {k: v for k, v in given.items() if v is not None})
+    tracker = tracker_of(database, config, settings)
+    found = follow_recording(recording, tracker, people=None if people == "all" else people, progress=progress)
+    tracks = [Track(person) for person in found]
+    return tracks[0] if people == 1 else tracks
+
+
+def _recording(
+    depth: str | Path | np.ndarray | Recording,
+    timestamps: np.ndarray | None,
+    background: np.ndarray | None,
+    options: dict[str, Any],
+) -> Recording:
+    """The recording that is meant."""
+    from toolkit.recordings.arrays import recording_of
+    from toolkit.recordings.opening import open_recording
+
+    if isinstance(depth, np.ndarray):
+        return recording_of(depth, timestamps=timestamps, background=background, **options)
+    if timestamps is not None or background is not None:
+        raise UsageError("timestamps and background belong to an array; a recording brings its own")
+    if isinstance(depth, (str, Path)):
+        return open_recording(depth, **options)
+    if options:
+        raise UsageError(f"{', '.join(options)} belong to a path or an array; this recording is open already")
+    return depth
+
+
+def tracker_of(database: str | Path | None, config: str | Path | None, settings: Mapping[str, Any] | None) -> Tracker:
+    """A tracker by its settings, with the default database where it needs one and none is named."""
+    from toolkit.database.default import default_database_path
+    from toolkit.pipeline.trackers import load_tracker, needs_database
+
+    overrides = dict(settings or {})
+    if needs_database(config, overrides) and database is None:
+        database = default_database_path()
+    return load_tracker(config, overrides, database=database)

@@ -1,0 +1,164 @@
+"""`import depthmocap`: arrays in and tracks out, the same as run folders hold, frame by frame too."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import depthmocap
+from depthmocap import step, tracks
+from tests.fake_tracker import CAMERA, FakeTracker
+from tests.sensing_scenes import neutral, standing
+from toolkit.pipeline import track_recording
+from toolkit.recordings.writer import save_recording
+from toolkit.runs import Person
+from toolkit.sensing.camera import level_rotation
+from toolkit.track import EMPTY, TRACKED
+from toolkit.track import Track as Rows
+
+INTRINSICS = (CAMERA.fx, CAMERA.fy, CAMERA.cx, CAMERA.cy)
+UP = (0.0, -1.0, 0.0)
+FRAMES = 12
+
+
+@pytest.fixture
+def frames() -> np.ndarray:
+    """A thing that comes and goes: uint16 (12, H, W), millimetres."""
+    depth = np.zeros((FRAMES, *CAMERA.shape), dtype=np.uint16)
+    for i in range(FRAMES):
+        depth[i, 20:40, 30:50] = 2000 + 7 * i * i % 1000
+    return depth
+
+
+@pytest.fixture
+def fake(monkeypatch: pytest.MonkeyPatch) -> dict[str, float]:
+    """Trackers all of whose results depend on all frames before; made with these arguments."""
+    arguments: dict[str, float] = {"learning_seconds": 0.1}
+    for module in (tracks, step):
+        monkeypatch.setattr(module, "tracker_of", lambda *_: FakeTracker(**arguments))  # type: ignore[arg-type]
+    return arguments
+
+
+@pytest.fixture
+def sways() -> depthmocap.Track:
+    """Somebody who sways, and is gone in the last two of twelve frames."""
+    body = neutral()[0]
+    poses = np.stack([standing(0.01 * i, 2.8, 1.2) for i in range(FRAMES)])
+    level = level_rotation(np.array(UP))
+    rows = Rows(
+        joints=(body.joint_positions(poses) @ level).astype(np.float32), pose=poses,
+        confidence=np.full((FRAMES, 20), 0.5, np.float32), state=np.array([TRACKED] * 10 + [EMPTY] * 2, np.uint8),
+        source=np.zeros(FRAMES, np.uint8), timestamps=np.arange(FRAMES) / 20,
+        stage_ms=np.ones((FRAMES, 1), np.float32), observed=np.ones((FRAMES, 20), dtype=bool),
+        source_names=("local",), stage_names=("all",),
+    )  # fmt: skip
+    return depthmocap.Track(Person("take", rows, body, level))
+
+
+def test_importing_the_library_loads_nothing_that_takes_long() -> None:
+    code = "import sys, depthmocap; print([m for m in ('numpy', 'numba', 'scipy', 'toolkit') if m in sys.modules])"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout == "[]\n"
+    assert set(depthmocap.__all__) <= set(dir(depthmocap))
+    with pytest.raises(AttributeError, match="it has: build_database"):
+        depthmocap.no_such_name  # noqa: B018
+    assert all(getattr(depthmocap, name) is not None for name in depthmocap.__all__)
+
+
+def test_the_module_is_the_command() -> None:
+    done = subprocess.run([sys.executable, "-m", "depthmocap", "--version"], capture_output=True, text=True, check=True)
+    assert done.stdout.strip()
+
+
+@pytest.mark.parametrize("unit", ["millimetres", "metres"])
+def test_a_track_of_arrays_is_bit_for_bit_that_of_a_run_folder(
+    frames: np.ndarray, fake: dict[str, float], tmp_path: Path, unit: str
+) -> None:
+    save_recording(tmp_path / "take.npz", depth=frames, camera=CAMERA, timestamps=np.arange(FRAMES) / 20, up_camera=UP)
+    recording = depthmocap.open_recording(tmp_path / "take.npz")
+    track_recording(recording, FakeTracker(**fake), tmp_path / "run")  # type: ignore[arg-type]
+    (stored,) = depthmocap.Track.load(tmp_path / "run")
+    depth = frames if unit == "millimetres" else frames / 1000.0
+    of_array = depthmocap.track(depth, intrinsics=INTRINSICS, frame_rate=20, up_camera=UP)
+    for found in (of_array, depthmocap.track(tmp_path / "take.npz"), depthmocap.track(recording)):
+        for name in ("joints", "confidence", "state", "observed", "pose", "timestamps"):
+            np.testing.assert_array_equal(getattr(found, name), getattr(stored, name), err_msg=name)
+        np.testing.assert_array_equal(found.person.track.contact, stored.person.track.contact)
+        assert len(found) == FRAMES and str(FRAMES) in repr(found)
+
+
+@pytest.mark.parametrize("seconds", [0.0, 0.1, 9.0])
+def test_frames_one_by_one_give_the_same_poses(frames: np.ndarray, fake: dict[str, float], seconds: float) -> None:
+    fake["learning_seconds"] = seconds
+    whole = depthmocap.track(frames, intrinsics=INTRINSICS, frame_rate=20, up_camera=UP)
+    tracker = depthmocap.Tracker(intrinsics=INTRINSICS, up_camera=UP)
+    with pytest.raises(depthmocap.DepthMocapError, match="no pose is known yet"):
+        tracker.track  # noqa: B018
+    assert tracker.finish() == []
+    poses = [pose for i, depth in enumerate(frames) for pose in tracker.step(depth / 1000.0, i / 20)]
+    assert (len(poses) == FRAMES) == (seconds < 9.0)
+    poses += tracker.finish()
+    assert [pose.frame for pose in poses] == list(range(FRAMES))
+    assert [pose.state for pose in poses] == whole.state.tolist()
+    np.testing.assert_array_equal([pose.pose for pose in poses], whole.pose)
+    np.testing.assert_array_equal([pose.joints for pose in poses], whole.person.track.joints)
+    np.testing.assert_array_equal(tracker.track.joints, whole.joints)
+    with pytest.raises(depthmocap.DepthMocapError, match="come in order"):
+        tracker.step(frames[0], 0.0)
+    with pytest.raises(depthmocap.DepthMocapError, match="all frames must have one size"):
+        tracker.step(frames[0, 1:], 9.0)
+
+
+def test_a_track_becomes_a_table_with_the_columns_of_the_csv(sways: depthmocap.Track, tmp_path: Path) -> None:
+    pandas = pytest.importorskip("pandas")
+    table = sways.to_dataframe()
+    assert isinstance(table, pandas.DataFrame) and len(table) == FRAMES and table.index.name == "time_s"
+    np.testing.assert_array_equal(table["head_z_m"], sways.joints[:, depthmocap.JOINT_NAMES.index("head"), 2])
+    assert table["state"].tolist() == sways.state.tolist() and table["head_confidence"].isna().sum() == 2
+    csv = pandas.read_csv(sways.export(tmp_path / "a.csv", origin="camera"))
+    assert list(csv.columns[1:]) == list(table.columns)
+
+
+def test_without_pandas_the_error_says_what_to_type(sways: depthmocap.Track, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "pandas", None)
+    with pytest.raises(depthmocap.DepthMocapError, match="pip install pandas"):
+        sways.to_dataframe()
+
+
+def test_a_track_becomes_a_plot_and_files(sways: depthmocap.Track, tmp_path: Path) -> None:
+    sways.plot().savefig(tmp_path / "a.png")
+    assert (tmp_path / "a.png").stat().st_size > 10_000
+    assert sways.export(tmp_path / "a.glb").stat().st_size > 1000
+    assert np.isnan(sways.joints[-1]).all() and np.isfinite(sways.joints[0]).all()
+
+
+def test_a_track_is_scored_against_the_truth(sways: depthmocap.Track) -> None:
+    truth = sways.person.track.joints.astype(np.float64)
+    truth[:, 0, 0] += 0.02
+    assert depthmocap.evaluate(sways, truth).mean().error_mm == pytest.approx(1.0, abs=1e-3)
+    both = depthmocap.evaluate([sways], np.stack([truth, truth + 0.5]))
+    assert [row.recording for row in both] == ["take", "not found"]
+    with pytest.raises(depthmocap.DepthMocapError, match="has 11 frames"):
+        depthmocap.evaluate(sways, truth[:-1])
+    with pytest.raises(depthmocap.DepthMocapError, match="give joints"):
+        depthmocap.evaluate(sways)
+
+
+@pytest.mark.parametrize(
+    ("depth", "options", "says"),
+    [
+        (np.zeros((4, 5)), {}, r"give numbers \(frames, height, width\)"),
+        (np.zeros((2, 4, 5)), {}, "--intrinsics"),
+        (np.zeros((2, 4, 5)), {"people": "everybody"}, "give a number of people"),
+        (np.zeros((2, 4, 5)), {"no_such": 1}, "unknown reader option"),
+        ("absent.npz", {}, "there is no recording at absent.npz"),
+        ("absent.npz", {"timestamps": np.zeros(3)}, "belong to an array"),
+    ],
+)
+def test_what_cannot_be_tracked_is_one_sentence(depth: object, options: dict[str, object], says: str) -> None:
+    with pytest.raises(depthmocap.DepthMocapError, match=says):
+        depthmocap.track(depth, **options)  # type: ignore[call-overload]

@@ -1,0 +1,80 @@
+"""Depth that lies in memory, as a recording."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from toolkit.errors import RecordingError
+from toolkit.recordings.readers.common import chosen_camera, chosen_up, frame_times
+from toolkit.recordings.stored import StoredRecording
+from toolkit.sensing.conversion import DepthConverter
+from toolkit.sensing.recording import ReaderOptions
+
+
+class ArrayFrames:
+    """Raw frames of an array (T, H, W); see `FrameSource`."""
+
+    def __init__(self, depth: np.ndarray) -> None:
+        self._depth = depth
+
+    def __len__(self) -> int:
+        return len(self._depth)
+
+    def depth(self, i: int) -> np.ndarray:
+        """Raw frame `i`."""
+        return np.asarray(self._depth[i])
+
+    def frames(self) -> Iterator[np.ndarray]:
+        """Raw frames in order."""
+        return iter(self._depth)
+
+    def color(self, i: int) -> np.ndarray | None:
+        """None: there is no colour."""
+        return None
+
+
+def recording_of(
+    depth: np.ndarray,
+    *,
+    timestamps: np.ndarray | None = None,
+    background: np.ndarray | None = None,
+    name: str = "depth",
+    **options: Any,
+) -> StoredRecording:
+    """A recording of depth in memory, which is not copied.
+
+    Parameters
+    ----------
+    depth : (T, H, W), 0 = no measurement: whole numbers are millimetres, others metres, unless `depth_unit` says so
+    timestamps : (T,), seconds; without them `frame_rate` tells, or 30 frames a second
+    background : (H, W), the empty scene in the same unit
+    name : for people
+    options : of `ReaderOptions`; `intrinsics` (fx, fy, cx, cy in pixels) has to be one of them
+
+    Raises
+    ------
+    RecordingError
+        The array is none of depth frames, or the intrinsics are missing or absurd.
+    UsageError
+        An option is unknown or wrong.
+    """
+    frames = np.asarray(depth)
+    if frames.ndim != 3 or frames.dtype.kind not in "uif":
+        raise RecordingError(f"depth has shape {frames.shape} of {frames.dtype}; give numbers (frames, height, width)")
+    chosen = ReaderOptions.from_mapping(options)
+    unit = chosen.unit("m" if frames.dtype.kind == "f" else "mm")
+    return StoredRecording(
+        name=name,
+        path=Path(name),
+        camera=chosen_camera(chosen, frames.shape[1:], Path(name)),
+        timestamps=frame_times(len(frames), chosen) if timestamps is None else np.asarray(timestamps, np.float64),
+        source=ArrayFrames(frames),
+        converter=DepthConverter(unit, chosen.radial, bool(chosen.mirrored)),
+        background=background,
+        stored_up=chosen_up(chosen, None),
+        options=chosen.given(),
+    )
