@@ -9,15 +9,22 @@ from typing import Any
 
 import numpy as np
 
+from database_builder.build import build_database
 from tests.database_helpers import write_bvh
 from tests.failing_calls import Command
 from tests.fake_tracker import FakeTracker, write_recording
 from tests.run_helpers import write_run
 from toolkit import skeleton
+<<<<<<< HEAD
 from toolkit.people import survey
+=======
+from toolkit.export.run import export_run
+>>>>>>> ab91840 (What is trusted and what is not; every call of the file system fails once; what should not be typed)
 from toolkit.people.sighting import PredictedBody, Sighting
 from toolkit.pipeline import run as pipeline
 from toolkit.pipeline import track_recordings
+from toolkit.retrieval.workflow.index import index_motions
+from toolkit.stabilising import workflow
 
 FRAMES = 4
 
@@ -64,14 +71,10 @@ def _mocap(folder: Path) -> None:
 
 
 def _build(given: Path, out: Path) -> None:
-    from database_builder.build import build_database
-
     build_database([given], out / "poses.npz", max_poses=20, seated=False, parts=None, workers=1)
 
 
 def _index(given: Path, out: Path) -> None:
-    from toolkit.retrieval.workflow.index import index_motions
-
     index_motions([given], out / "motions.index")
 
 
@@ -80,8 +83,6 @@ def _run(folder: Path) -> None:
 
 
 def _export(given: Path, out: Path) -> None:
-    from toolkit.export.run import export_run
-
     for suffix in (".glb", ".bvh", ".csv", ".trc"):
         export_run(given / "run", out / f"motion{suffix}")
 
@@ -101,17 +102,13 @@ _ROUNDS: list[Any] = []
 
 def _stabilise(given: Path, out: Path) -> None:
     """The command with its files; what it computes between reading and writing is computed once."""
-    from toolkit.stabilising import workflow
-
     workflow.stabilise = lambda source, wanted, settings, **_: _ROUNDS  # type: ignore[assignment]
     workflow.stabilise_run(given / "wrong", given / "classes.npz", out / "stable")
 
 
 def _prepare_stabilising(folder: Path) -> None:
-    from toolkit.stabilising.workflow import stabilise_run
-
     _stabilising(folder)
-    _ROUNDS[:] = stabilise_run(folder / "wrong", folder / "classes.npz", folder / "stable")
+    _ROUNDS[:] = workflow.stabilise_run(folder / "wrong", folder / "classes.npz", folder / "stable")
     shutil.rmtree(folder / "stable")
 
 
