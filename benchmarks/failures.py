@@ -1,6 +1,6 @@
 """Every call of the file system of a command fails once: how often each outcome, by command and kind of failure.
 
-    python -m benchmarks.failures [--command NAME ...] [--how NAME ...] [--every N]
+    python -m benchmarks.failures [--command NAME ...] [--how NAME ...] [--points N]
 
 Commands and kinds of failure are those of `tests/failing_commands.py` and `tests/failing_calls.py`. Needs Linux and a C
 compiler.
@@ -26,18 +26,18 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--command", action="append", choices=[*COMMANDS])
     parser.add_argument("--how", action="append", choices=[*HOWS])
-    parser.add_argument("--every", type=int, default=1, help="only every so-many-th call")
+    parser.add_argument("--points", type=int, help="so many of a command's calls, evenly spread; all by default")
     options = parser.parse_args()
     work = Path(tempfile.mkdtemp(prefix="failures-"))
     library = build_library(work)
     if library is None:
         raise SystemExit("needs Linux and a C compiler")
-    table = {}
+    table, points = {}, [] if options.points is None else ["--points", str(options.points)]
     for command in options.command or COMMANDS:
         words = [word for how in options.how or HOWS for word in ("--how", how)]
         place = work / command.replace(" ", "_")
         done = subprocess.run(
-            [sys.executable, "-m", "tests.failing_calls", command, place, "--every", str(options.every), *words],
+            [sys.executable, "-m", "tests.failing_calls", command, place, *points, *words],
             env={**os.environ, "LD_PRELOAD": str(library)},
             stdout=subprocess.PIPE,
             text=True,
@@ -46,7 +46,7 @@ def main() -> None:
         *findings, found = done.stdout.splitlines()
         print(command, found, *findings, sep="\n", flush=True)
         table[command] = json.loads(found)
-    save_figures("failures", table, {"every": options.every, "how": options.how, "command": options.command})
+    save_figures("failures", table, {"points": options.points, "how": options.how, "command": options.command})
 
 
 if __name__ == "__main__":

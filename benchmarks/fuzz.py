@@ -25,7 +25,7 @@ from pathlib import Path
 from benchmarks._record import save_figures
 from toolkit.files import save_json
 
-PATIENCE = 120.0
+PATIENCE, FIRST_PATIENCE = 120.0, 1200.0
 """Seconds without an outcome after which a process is said to be in an endless loop; the first one takes compiling."""
 MEMORY = 8 << 30
 """Bytes of addresses that a process may ask for."""
@@ -91,7 +91,7 @@ def run_format(name: str, work: Path, mutations: int, seed: int) -> Counter[str]
         before = counts.done
         process, pipe = _start(name, folder, range(counts.done, mutations), seed)
         try:
-            wrong = _listen(process, pipe, counts)
+            wrong = _listen(process, pipe, counts, before)
         finally:
             os.close(pipe)
         if wrong and counts.done == before == 0:
@@ -102,11 +102,12 @@ def run_format(name: str, work: Path, mutations: int, seed: int) -> Counter[str]
     return counts.found
 
 
-def _listen(process: int, pipe: int, counts: Counts) -> str:
+def _listen(process: int, pipe: int, counts: Counts, before: int) -> str:
     """Count what a process tells until it ends; what was wrong with its end, or nothing."""
     rest = b""
     while True:
-        ready, _, _ = select.select([pipe], [], [], PATIENCE)
+        patience = PATIENCE if counts.done > before else FIRST_PATIENCE
+        ready, _, _ = select.select([pipe], [], [], patience)
         data = os.read(pipe, 1 << 16) if ready else b""
         if data:
             *lines, rest = (rest + data).split(b"\n")
@@ -117,7 +118,7 @@ def _listen(process: int, pipe: int, counts: Counts) -> str:
             os.kill(process, signal.SIGKILL)
         status = os.waitpid(process, 0)[1]
         if not ready:
-            return f"no end within {PATIENCE:.0f} s"
+            return f"no end within {patience:.0f} s"
         return f"exit code {os.waitstatus_to_exitcode(status)}" if status else ""
 
 

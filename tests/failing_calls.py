@@ -1,6 +1,6 @@
 """Commands one of whose calls of the file system fails, each call in turn: what they say, what they lose, what is next.
 
-    LD_PRELOAD=failing_calls.so python -m tests.failing_calls COMMAND FOLDER [--how HOW ...] [--every N]
+    LD_PRELOAD=failing_calls.so python -m tests.failing_calls COMMAND FOLDER [--how HOW ...] [--points N]
 
 Every point runs in a forked process in which the call of that number fails (`failing_calls.c`). Afterwards nothing of
 the user's is gone, nothing is half written, and the same command makes the same arrays.
@@ -63,8 +63,8 @@ def build_library(folder: Path) -> Path | None:
     return made
 
 
-def failing_points(command: Command, folder: Path, how: str, every: int = 1) -> Counter[str]:
-    """What became of the command at every so-many-th of its calls, beginning with the first; how often each outcome.
+def failing_points(command: Command, folder: Path, how: str, points: int | None = None) -> Counter[str]:
+    """What became of the command at each of its calls, or at so many of them, evenly spread; how often each outcome.
 
     Outcomes that must not be begin with FINDING.
     """
@@ -75,7 +75,8 @@ def failing_points(command: Command, folder: Path, how: str, every: int = 1) -> 
     before = contents(given)
     shutil.rmtree(out, ignore_errors=True)
     attempt(command, folder, -1, how)
-    expected = arrays(out)
+    expected, total = arrays(out), json.loads((folder / "said.json").read_text())[1]
+    every = 1 if points is None else max(1, total // points)
     found: Counter[str] = Counter()
     point = 0
     while True:
@@ -136,8 +137,8 @@ def _ending(command: Command, folder: Path) -> str:
         command.run(folder / "in", folder / "out")
     except DepthMocapError as error:
         return "one sentence" if "\n" not in str(error) else f"FINDING: {error}"
-    except OSError as error:  # the command says its file and reason
-        return "one sentence" if error.filename else f"FINDING: {error!r} names no file"
+    except OSError as error:  # the command says its reason
+        return "one sentence" if error.strerror else f"FINDING: {error!r} gives no reason"
     except BaseException as error:
         trace = "".join(traceback.format_tb(error.__traceback__)[-2:])
         return f"FINDING: {type(error).__name__}: {error} {trace}"
@@ -180,10 +181,10 @@ def main() -> None:
     parser.add_argument("command", choices=[*COMMANDS])
     parser.add_argument("folder", type=Path)
     parser.add_argument("--how", action="append", choices=[*HOWS])
-    parser.add_argument("--every", type=int, default=1)
+    parser.add_argument("--points", type=int)
     options = parser.parse_args()
     table = {
-        how: failing_points(COMMANDS[options.command], options.folder.resolve(), how, options.every)
+        how: failing_points(COMMANDS[options.command], options.folder.resolve(), how, options.points)
         for how in options.how or HOWS
     }
     print(json.dumps(table))

@@ -13,8 +13,8 @@ import pytest
 from tests.failing_calls import build_library
 
 HOWS = ("full disk", "killed")
-EVERY = {"track": 6, "track --people all": 11, "database build": 9, "index": 1, "export": 5}
-"""Command -> every how many-th call fails here; `bench failures` has them all fail, and `stabilise` too."""
+COMMANDS, POINTS = ("track --people all", "index"), 3
+"""Whose calls fail here, so many each; `bench failures` has all fail, and those of every other command."""
 
 
 @pytest.fixture(scope="module")
@@ -26,11 +26,11 @@ def library(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return made
 
 
-@pytest.mark.parametrize("command", EVERY)
+@pytest.mark.parametrize("command", COMMANDS)
 def test_a_call_that_fails_loses_nothing(command: str, library: Path, tmp_path: Path) -> None:
     how = [word for name in HOWS for word in ("--how", name)]
     done = subprocess.run(
-        [sys.executable, "-m", "tests.failing_calls", command, tmp_path, "--every", str(EVERY[command]), *how],
+        [sys.executable, "-m", "tests.failing_calls", command, tmp_path, "--points", str(POINTS), *how],
         env={**os.environ, "LD_PRELOAD": str(library)},
         capture_output=True,
         text=True,
@@ -38,4 +38,4 @@ def test_a_call_that_fails_loses_nothing(command: str, library: Path, tmp_path: 
     assert done.returncode == 0, done.stderr[-2000:]
     found = json.loads(done.stdout.splitlines()[-1])
     assert not [outcome for table in found.values() for outcome in table if outcome.startswith("FINDING")], done.stdout
-    assert found["killed"]["killed"] >= 2 and found["full disk"]["one sentence"] >= 2
+    assert found["killed"]["killed"] >= POINTS and sum(found["full disk"].values()) >= POINTS
