@@ -15,11 +15,8 @@ from tests.failing_calls import Command
 from tests.fake_tracker import FakeTracker, write_recording
 from tests.run_helpers import write_run
 from toolkit import skeleton
-<<<<<<< HEAD
-from toolkit.people import survey
-=======
 from toolkit.export.run import export_run
->>>>>>> ab91840 (What is trusted and what is not; every call of the file system fails once; what should not be typed)
+from toolkit.people import survey
 from toolkit.people.sighting import PredictedBody, Sighting
 from toolkit.pipeline import run as pipeline
 from toolkit.pipeline import track_recordings
