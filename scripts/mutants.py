@@ -1,4 +1,4 @@
-"""Breaks the heart of the toolkit in named ways, one at a time, and tells which of them the tests notice.
+"""Breaks the toolkit in named ways, one at a time, and tells which of them the tests notice.
 
     python scripts/mutants.py [--only TEXT] [--jobs 2]
 

@@ -1,0 +1,134 @@
+"""Quaternions and matrices against SciPy's rotations, and what they promise beyond them."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from toolkit.rotations import matrices, quaternions
+
+RNG = np.random.default_rng(5)
+FIRST, SECOND = Rotation.random(6, rng=1), Rotation.random(6, rng=2)
+
+
+def wxyz(rotation: Rotation) -> np.ndarray:
+    """A rotation as the toolkit writes it."""
+    return rotation.as_quat()[..., [3, 0, 1, 2]]
+
+
+def about(axis: int, angles: np.ndarray) -> Rotation:
+    """Turns about a coordinate axis."""
+    return Rotation.from_rotvec(angles[:, None] * np.eye(3)[axis])
+
+
+def same_turn(found: np.ndarray, expected: Rotation) -> None:
+    """Both signs of a quaternion are one rotation."""
+    dots = (found * wxyz(expected)).sum(axis=-1)
+    assert np.abs(dots) == pytest.approx(np.ones_like(dots))
+
+
+def test_a_product_turns_by_the_second_first() -> None:
+    same_turn(quaternions.multiply(wxyz(FIRST), wxyz(SECOND)), FIRST * SECOND)
+
+
+def test_a_conjugate_is_the_inverse_and_normalised_has_length_1() -> None:
+    same_turn(quaternions.conjugate(wxyz(FIRST)), FIRST.inv())
+    assert quaternions.normalised(3.0 * wxyz(FIRST)) == pytest.approx(wxyz(FIRST))
+    assert np.isnan(quaternions.normalised(np.zeros(4))).all()
+
+
+def test_exponential_and_logarithm_are_there_and_back_the_shorter_way() -> None:
+    vectors = FIRST.as_rotvec()
+    same_turn(quaternions.exponential(vectors), FIRST)
+    assert quaternions.logarithm(-quaternions.exponential(vectors)) == pytest.approx(vectors)
+    for small in (np.array([1e-9, -2e-9, 0.0]), np.array([1e-13, -2e-13, 0.0])):
+        assert quaternions.logarithm(quaternions.exponential(small)) == pytest.approx(small, rel=1e-6, abs=0.0)
+
+
+def test_the_angle_between_orientations_ignores_the_sign() -> None:
+    expected = (FIRST.inv() * SECOND).magnitude()
+    assert quaternions.angle(wxyz(FIRST), -wxyz(SECOND)) == pytest.approx(expected)
+
+
+def test_vectors_are_turned_and_matrices_have_them_as_columns() -> None:
+    vectors = RNG.normal(size=(6, 3))
+    assert quaternions.rotate(wxyz(FIRST), vectors) == pytest.approx(FIRST.apply(vectors))
+    assert quaternions.matrices(wxyz(FIRST)) == pytest.approx(FIRST.as_matrix())
+    same_turn(quaternions.from_matrices(FIRST.as_matrix()), FIRST)
+    assert (quaternions.from_matrices(FIRST.as_matrix())[:, 0] >= 0.0).all()
+
+
+def test_roll_pitch_and_yaw_are_turned_about_x_then_y_then_z() -> None:
+    angles = RNG.uniform(-1.0, 1.0, (5, 3))
+    roll, pitch, yaw = (about(axis, angles[:, axis]) for axis in range(3))
+    same_turn(quaternions.from_euler(angles), yaw * pitch * roll)
+
+
+@pytest.mark.parametrize("stop", [(0.0, 1.0, 0.0), (-1.0, 0.0, 0.0), (1.0, 0.0, 0.0)])
+def test_the_smallest_turn_brings_one_direction_to_the_other(stop: tuple[float, float, float]) -> None:
+    start = np.array([1.0, 0.0, 0.0])
+    q = quaternions.between(start, np.array(stop))
+    assert quaternions.rotate(q, start) == pytest.approx(np.array(stop), abs=1e-12)
+    assert float(quaternions.angle(q, quaternions.IDENTITY)) == pytest.approx(np.arccos(start @ stop))
+    turned = matrices.swing(start, np.array(stop))[0]
+    assert turned @ start == pytest.approx(np.array(stop), abs=1e-12) and np.linalg.det(turned) == pytest.approx(1.0)
+
+
+def test_neighbours_of_a_sequence_have_one_sign() -> None:
+    smooth = wxyz(about(1, np.linspace(0.0, 6.0, 9)))
+    flipped = smooth * np.where(np.arange(9) % 3 == 1, -1.0, 1.0)[:, None]
+    found = quaternions.continuous(flipped)
+    assert ((found[1:] * found[:-1]).sum(axis=1) > 0.0).all()
+    same_turn(found, about(1, np.linspace(0.0, 6.0, 9)))
+
+
+def test_interpolation_goes_its_share_of_the_shorter_way() -> None:
+    start, turn = wxyz(FIRST), quaternions.exponential(np.array([0.0, 0.8, 0.0]))
+    stop = -quaternions.multiply(start, turn)
+    half = quaternions.interpolate(start, stop, np.full(6, 0.25))
+    assert quaternions.angle(start, half) == pytest.approx(np.full(6, 0.2))
+    assert quaternions.angle(half, stop) == pytest.approx(np.full(6, 0.6))
+
+
+def test_a_mean_counts_by_weights_and_not_by_signs() -> None:
+    q = quaternions.exponential(np.array([[0.0, 0.0, -0.2], [0.0, 0.0, 0.2], [0.0, 0.0, 0.2]]))
+    found = quaternions.mean(q * np.array([[1.0], [-1.0], [1.0]]), np.array([2.0, 1.0, 1.0]))
+    assert float(quaternions.angle(found, quaternions.IDENTITY)) == pytest.approx(0.0, abs=1e-9)
+    heavier = quaternions.mean(q, np.array([0.0, 1.0, 1.0]))
+    assert float(quaternions.angle(heavier, q[1])) == pytest.approx(0.0, abs=1e-9)
+
+
+def test_the_rate_of_turn_is_per_second_and_in_the_turning_frame() -> None:
+    times = np.array([0.0, 0.5, 0.75])
+    rates = np.array([[0.3, 0.0, 0.2], [0.0, -0.4, 0.0]])
+    q = [wxyz(FIRST[0])]
+    for rate, step in zip(rates, np.diff(times), strict=True):
+        q.append(quaternions.multiply(q[-1], quaternions.exponential(rate * step)))
+    assert quaternions.angular_velocity(np.array(q), times) == pytest.approx(rates)
+
+
+def test_a_swing_has_no_turn_about_its_axis_left() -> None:
+    rotations = FIRST.as_matrix()
+    for axis in range(3):
+        swings = matrices.without_twist(rotations, axis)
+        assert Rotation.from_matrix(swings).as_rotvec()[:, axis] == pytest.approx(np.zeros(6), abs=1e-9)
+        assert swings[:, :, axis] == pytest.approx(rotations[:, :, axis])
+
+
+def test_a_hinge_makes_the_wanted_angle_on_the_wanted_side() -> None:
+    first, second = np.array([1.0, 0.0, 0.0]), np.array([1.0, 0.0, 0.0])
+    cosines = np.cos([0.4, 1.2])
+    for sign in (1.0, -1.0):
+        assert matrices.hinge_angles(first, second, 1, cosines, sign) == pytest.approx(sign * np.array([0.4, 1.2]))
+    # Two solutions, 0.6 + 0.4 and 0.6 - 0.4, of which the one nearer to zero is taken.
+    tilted = Rotation.from_euler("y", -0.6).apply(second)
+    assert matrices.hinge_angles(first, tilted, 1, cosines[:1], 0.0) == pytest.approx([0.2])
+
+
+def test_angles_are_brought_into_one_turn_and_vectors_do_not_jump() -> None:
+    assert matrices.wrapped(np.array([np.pi, -np.pi, 3.0 * np.pi, 0.5])) == pytest.approx([np.pi, np.pi, np.pi, 0.5])
+    angles = np.linspace(2.6, 4.0, 12)
+    jumping = about(2, angles).as_rotvec()
+    assert np.abs(np.diff(jumping[:, 2])).max() > 3.0
+    assert matrices.unwrapped(jumping)[:, 2] == pytest.approx(angles)
