@@ -149,8 +149,20 @@ def _together(parts: list[TrainingImages]) -> TrainingImages:
         before = {"starts": pixels, "sample_image": images}.get(item.name)
         if before is not None:
             column = [c + c.dtype.type(n) for c, n in zip(column, np.cumsum([0, *before[:-1]]), strict=True)]
-        joined[item.name] = np.concatenate(column)
+        joined[item.name] = _joined(column)
     return TrainingImages(**joined)
+
+
+def _joined(column: list[np.ndarray]) -> np.ndarray:
+    """The arrays end to end; each is let go of as it is copied."""
+    out = np.empty((sum(map(len, column)), *column[0].shape[1:]), dtype=column[0].dtype)
+    column.reverse()
+    start = 0
+    while column:
+        piece = column.pop()
+        out[start : start + len(piece)] = piece
+        start += len(piece)
+    return out
 
 
 def _grown(

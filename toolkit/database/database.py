@@ -182,10 +182,11 @@ class PoseDatabase:
         poses = self.poses.astype(np.float64)
         offsets = self.offsets.astype(np.float64)
         offsets[:, :3] *= length / self.torso_length
+        joints, end_effectors = body.key_points(poses)
         return replace(
             self,
-            joints=body.joint_positions(poses).astype(np.float32),
-            features=feature_vectors(body.end_effector_positions(poses), offsets).astype(np.float32),
+            joints=joints.astype(np.float32),
+            features=feature_vectors(end_effectors, offsets).astype(np.float32),
             offsets=offsets.astype(np.float32),
             body_name=body.name,
             body_shape=np.array(body.shape),
