@@ -10,6 +10,7 @@ import pytest
 
 from tests.fake_tracker import FakeTracker
 from tests.sensing_scenes import KINECT, scene
+from toolkit.errors import SegmentationError
 from toolkit.people.hypothesis import HEAD_HEIGHT, followed_log_odds, possible_height
 from toolkit.people.joints import GivenJoints, on_cut_out
 from toolkit.people.settings import PeopleSettings
@@ -17,10 +18,13 @@ from toolkit.people.several import SeveralPeople
 from toolkit.people.sighting import Sighting
 from toolkit.people.structure import Plane
 from toolkit.people.surroundings import Surroundings
+from toolkit.people.survey import find_person
 from toolkit.people.tracks import Person, known_again, match_heads
 from toolkit.people.unassigned import attach_islands
 from toolkit.people.view import Lens
 from toolkit.pipeline.sink import RunSink
+from toolkit.recordings.opening import open_recording
+from toolkit.recordings.writer import save_recording
 from toolkit.runs import load_people
 from toolkit.sensing.joints2d import Joints2D
 from toolkit.sensing.settings import SensingSettings
@@ -262,3 +266,57 @@ def test_people_who_were_none_leave_no_folder_and_the_others_are_numbered_withou
     assert sorted(path.name for path in (tmp_path / "run").glob("person_*")) == ["person_01", "person_02"]
     assert [person.folder for person in load_people(tmp_path / "run")] == ["person_01", "person_02"]
     assert "person_03" not in json.dumps((tmp_path / "run" / "people.json").read_text())
+
+
+# The one who is meant.
+
+
+def crowd_recording(folder: Path, frames: int = 12):
+    """Two people who walk in a room: the first, farther away, all the time, the second, nearer, in the last third."""
+    room = {"height": 1.2, "wall": 4.0, "floor": True}
+    depth = []
+    for k in range(frames):
+        people = ((-0.9 + 0.08 * k, 2.9),) + (((0.9 - 0.05 * k, 2.0),) if k >= 2 * frames // 3 else ())
+        depth.append(scene(KINECT, people, **room)[0])
+    path = folder / "two.npz"
+    save_recording(path, depth=depth, camera=KINECT, timestamps=np.arange(frames) / 10, up_camera=UP)
+    return open_recording(path)
+
+
+@pytest.mark.parametrize(
+    ("options", "distance"),
+    [
+        ({"segment": "person"}, 2.8),
+        ({"segment": "auto"}, 2.8),
+        ({"segment": "person", "subject": "largest"}, 2.8),
+        ({"segment": "person", "subject": "nearest"}, 1.9),
+    ],
+)
+def test_the_one_in_a_room_who_is_meant_is_chosen_over_the_whole_recording(tmp_path, options, distance):
+    recording = crowd_recording(tmp_path)
+    finder, seen = find_person(recording, SensingSettings(**options)), []
+    for i in range(len(recording)):
+        (sighting,) = finder.find(recording.depth(i), i / 10, {})
+        assert sighting.id == 1
+        if sighting.depth.any():
+            seen.append(float(np.median(sighting.depth[sighting.depth > 0])))
+    assert np.median(seen) == pytest.approx(distance, abs=0.1)
+    assert len(seen) >= (4 if options.get("subject") == "nearest" else 11)
+
+
+def test_the_pixel_of_a_seed_says_who_is_meant_and_nobody_there_is_an_error(tmp_path):
+    recording = crowd_recording(tmp_path)
+    v, u = (int(n) for n in np.argwhere(scene(KINECT, ((-0.9, 2.9),))[0] > 0).mean(axis=0))
+    finder = find_person(recording, SensingSettings(segment=f"seed:{u},{v}"))
+    assert finder.find(recording.depth(0), 0.0, {})[0].depth[v, u] > 0
+    with pytest.raises(SegmentationError, match="nobody is found at the pixel"):
+        find_person(recording, SensingSettings(segment="seed:310,10"))
+
+
+def test_two_who_are_there_together_are_an_error_unless_it_is_said_who_is_meant(tmp_path):
+    room = {"height": 1.2, "wall": 4.0, "floor": True}
+    depth = [scene(KINECT, ((-0.9 + 0.05 * k, 2.9), (0.9 - 0.05 * k, 2.2)), **room)[0] for k in range(10)]
+    path = tmp_path / "together.npz"
+    save_recording(path, depth=depth, camera=KINECT, timestamps=np.arange(10) / 10, up_camera=UP)
+    with pytest.raises(SegmentationError, match="2 people are in view; give --people all"):
+        find_person(open_recording(path))

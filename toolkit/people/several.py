@@ -12,9 +12,9 @@ import numpy as np
 from toolkit.archives import Column
 from toolkit.checkpoint import HINT, check_state
 from toolkit.errors import TrackError
-from toolkit.kernels import linear
 from toolkit.kernels.image.growth import refine_labels, take_label
-from toolkit.people.detection import find_heads, head_seeds, looks_like_person, near_head, share_out
+from toolkit.people.candidates import apart, beside, headless, in_a_mirror, shaped_alone
+from toolkit.people.detection import find_heads, head_seeds, near_head, share_out
 from toolkit.people.hypothesis import NoJudge, PersonJudge, followed_log_odds, judged_head, possible_height
 from toolkit.people.newcomers import Newcomers
 from toolkit.people.settings import PeopleSettings
@@ -57,6 +57,7 @@ class SeveralPeople:
     ----------
     camera : of the sightings
     people : everybody who was seen so far, by rising id
+    lens : makes the coarse frames
     """
 
     def __init__(
@@ -72,14 +73,14 @@ class SeveralPeople:
         self._settings, sensing = settings or PeopleSettings(), sensing or SensingSettings()
         self._polisher = DepthFilter(camera, sensing)
         self.camera = self._polisher.camera
-        self._lens = Lens(self._polisher.flat_camera, up_camera, self._settings.coarse_width, sensing)
+        self.lens = Lens(self._polisher.flat_camera, up_camera, self._settings.coarse_width, sensing)
         self._surroundings = surroundings
         self._judge = judge or NoJudge()
         self._most = self._settings.most_people if most is None else most
         self.people: list[Person] = []
         self._newcomers, self._left_out = Newcomers(), False
-        self._labels = np.zeros(self._lens.camera.shape, dtype=np.int32)
-        self._depth = np.zeros(self._lens.camera.shape, dtype=np.float32)
+        self._labels = np.zeros(self.lens.camera.shape, dtype=np.int32)
+        self._depth = np.zeros(self.lens.camera.shape, dtype=np.float32)
         self._padded = np.zeros((camera.height + 2, camera.width + 2), dtype=np.uint16)
         self._fine = np.zeros(camera.shape, dtype=np.int32)
 
@@ -94,6 +95,21 @@ class SeveralPeople:
             The frame has another size or type.
         """
         flat = self._polisher.checked(depth_mm)
+        surroundings = self._follow(flat, timestamp, predicted)
+        return self._sightings(flat, surroundings)
+
+    def follow(self, depth_mm: np.ndarray, timestamp: float) -> tuple[np.ndarray, np.ndarray]:
+        """As `find`, without bodies and coarsely: ids int32 (h, w), 0 = nobody, and depth float32 (h, w), metres."""
+        self._follow(self._polisher.checked(depth_mm), timestamp, {})
+        return self._labels, self._depth
+
+    def coarse_pixel(self, u: float, v: float) -> tuple[int, int]:
+        """Row and column of `follow`'s images that hold a pixel, not negative, of a frame."""
+        height, width = self._labels.shape
+        return min(round(v / self.lens.step), height - 1), min(round(u / self.lens.step), width - 1)
+
+    def _follow(self, flat: np.ndarray, timestamp: float, predicted: Mapping[int, PredictedBody]) -> Surroundings:
+        """Find out who is where in an undistorted frame, at coarse resolution."""
         view, surroundings = self._look(flat)
         present = self._present(timestamp, predicted)
         heads, children, furniture = self._heads(view, surroundings)
@@ -108,13 +124,14 @@ class SeveralPeople:
         self._stayed(view, present, places, seeds)
         labels, bodies = self._shared(view, surroundings, seeds, places, furniture)
         candidates, touching = self._candidates(view, surroundings, seeds, places, others, [children[i] for i in left])
-        whole = {len(candidates) + i: body for i, body in enumerate(self._headless(view, bodies, others))}
+        whole = {len(candidates) + i: body for i, body in enumerate(headless(view, bodies, others, self._settings))}
         candidates += [head_of(view, body) for body in whole.values()]
         sure = [self._sure(view, candidate, i < len(touching), surroundings) for i, candidate in enumerate(candidates)]
         touching = [touches and bool(self.people) for touches in touching] + [False] * len(whole)
         fresh = self._newcomers.promoted(candidates, touching, sure, timestamp)
         fresh = sorted({*fresh, *self._where_they_were(candidates, timestamp)})
-        fresh = [i for i in fresh if not self._in_a_mirror(candidates[i], [*places, *candidates], surroundings)]
+        walls, everywhere = surroundings.planes, [*places, *candidates]
+        fresh = [i for i in fresh if not in_a_mirror(candidates[i], everywhere, walls, self.lens, self._settings)]
         if fresh:
             for k, i in enumerate(fresh, start=len(places) + 1):
                 seeds[whole[i] if i in whole else near_head(view, candidates[i]) & view.foreground] = k
@@ -124,7 +141,7 @@ class SeveralPeople:
         self._labels, self._depth = ids[labels], view.depth
         heads_seen = {int(ids[k + 1]): place for k, place in enumerate(places) if k in matched or k >= len(present)}
         self._look_at(view, heads_seen, timestamp)
-        return self._sightings(flat, surroundings)
+        return surroundings
 
     @property
     def furniture(self) -> frozenset[int]:
@@ -145,7 +162,7 @@ class SeveralPeople:
 
     def restore_state(self, state: Mapping[str, Any]) -> None:
         """See `PeopleFinder.restore_state`."""
-        shape = self._lens.camera.shape
+        shape = self.lens.camera.shape
         columns = {"labels": Column("i", shape, 0, 1e6), "depth": Column("f", shape, 0, 1e3)}
         check_state(state, columns, ("people", "newcomers", "surroundings"), "people finder")
         self.people = restore_people(state["people"])
@@ -157,7 +174,7 @@ class SeveralPeople:
         self._surroundings = None if kept is None else Surroundings.from_state(kept, shape)
 
     def _look(self, flat: np.ndarray) -> tuple[View, Surroundings]:
-        lens, settings = self._lens, self._settings
+        lens, settings = self.lens, self._settings
         depth = lens.coarse(flat)
         surroundings = self._surroundings or first_look(depth, lens, settings)
         if depth.any():
@@ -170,11 +187,11 @@ class SeveralPeople:
         from the people beside it.
         """
         if surroundings.known:
-            heads = find_heads(view, self._lens, self._settings, cut_out=surroundings.cut_out)
+            heads = find_heads(view, self.lens, self._settings, cut_out=surroundings.cut_out)
             heads = [head for head in heads if possible_height(head.place, surroundings.floor)]
             heads.sort(key=lambda head: head.small)
             return [h.place for h in heads], [h.small for h in heads], []
-        people, furniture, _ = people_and_furniture(view, self._lens, self._settings, judge=self._judge)
+        people, furniture, _ = people_and_furniture(view, self.lens, self._settings, judge=self._judge)
         return people, [False] * len(people), furniture
 
     def _present(self, timestamp: float, predicted: Mapping[int, PredictedBody]) -> list[Person]:
@@ -183,7 +200,7 @@ class SeveralPeople:
         for k, person in enumerate(present):
             if person.id in predicted:
                 body = predicted[person.id]
-                head = UNKNOWN if body.head is None else self._lens.to_level(body.head[None])[0]
+                head = UNKNOWN if body.head is None else self.lens.to_level(body.head[None])[0]
                 present[k] = replace(person, stature=float(body.stature), body_head=head)
         return present
 
@@ -215,14 +232,14 @@ class SeveralPeople:
         bodies = {k: body for k, body in asked.items() if self._follows(body, places[k - 1])}
         if not bodies:
             return view
-        body_seeds(view, self._lens, bodies, self._settings.body_gate, seeds)
+        body_seeds(view, self.lens, bodies, self._settings.body_gate, seeds)
         if len(bodies) < len(present):
             return view
         return replace(view, foreground=view.foreground & ~(view.still & (seeds == 0)))
 
     def _follows(self, body: PredictedBody, place: np.ndarray) -> bool:
         """Whether a body's surface is near the place (3,) of the person's head."""
-        head = self._lens.from_level(place[None])[0]
+        head = self.lens.from_level(place[None])[0]
         return bool(((body.vertices - head) ** 2).sum(axis=1).min() < self._settings.head_distance**2)
 
     def _stayed(self, view: View, present: Sequence[Person], places: Sequence[np.ndarray], seeds: np.ndarray) -> None:
@@ -248,11 +265,11 @@ class SeveralPeople:
         everything = seeds.copy()
         for k, place in enumerate(furniture, start=len(places) + 1):
             everything[near_head(view, place) & view.foreground & (everything == 0)] = k
-        labels = share_out(view, self._lens, everything, [*places, *furniture], settings, bridge=bridge)
+        labels = share_out(view, self.lens, everything, [*places, *furniture], settings, bridge=bridge)
         labels[labels > len(places)] = 0
         if not surroundings.known:
             return labels, []
-        return attach_islands(view, self._lens, labels, places, settings, cut_out=surroundings.cut_out)
+        return attach_islands(view, self.lens, labels, places, settings, cut_out=surroundings.cut_out)
 
     def _candidates(
         self,
@@ -273,8 +290,8 @@ class SeveralPeople:
             here = near_head(view, head) & view.foreground
             owners = np.unique(labels[here & (labels > 0)])
             still = np.count_nonzero(view.still & here) > NEVER_MOVED * np.count_nonzero(here)
-            chair = still and self._beside(head, everybody)
-            if not chair and all(self._apart(head, everybody[k - 1]) and not child for k in owners):
+            chair = still and beside(head, everybody, self._settings)
+            if not chair and all(apart(head, everybody[k - 1], self._settings) and not child for k in owners):
                 everybody.append(head)
                 found.append(head)
                 touching.append(len(owners) > 0)
@@ -284,9 +301,8 @@ class SeveralPeople:
     def _sure(self, view: View, place: np.ndarray, is_head: bool, surroundings: Surroundings) -> bool:
         """Whether what hangs on a head is surely a person's.
 
-        Before a known room it has to have a person's shape: what is carried, and knees above it, are before it too.
-        Where nothing but people is measured everything is, in the first frame. Of a room that is not known only
-        what has that shape comes here.
+        Before a known room it has to have a person's shape: what is carried is before it too. Where nothing but people
+        is measured everything is, in the first frame. Of an unknown room only what has that shape comes here.
         """
         if surroundings.cut_out:
             return not self.people
@@ -294,14 +310,7 @@ class SeveralPeople:
             return True
         if not is_head:
             return False
-        return self._shaped(view, place)
-
-    def _shaped(self, view: View, place: np.ndarray) -> bool:
-        """Whether what hangs on a head has a person's shape."""
-        seeds = np.zeros(view.depth.shape, dtype=np.int32)
-        head_seeds(view, [place], seeds)
-        mask = share_out(view, self._lens, seeds, [place], self._settings, bridge=self._settings.bridge_cut) == 1
-        return looks_like_person(view, self._lens, mask, place, self._settings)
+        return shaped_alone(view, self.lens, place, self._settings)
 
     def _look_at(self, view: View, heads: Mapping[int, np.ndarray], timestamp: float) -> None:
         """Gather evidence whether those whose heads are seen, by id, are people; a few times a second."""
@@ -310,38 +319,10 @@ class SeveralPeople:
         for k, person in enumerate(self.people):
             if person.id in heads and timestamp - person.looked >= LOOK_AGAIN:
                 head = heads[person.id]
-                judged = judged_head(view, self._lens, head, self._judge)
-                self.people[k] = person.looked_at(self._shaped(view, head), judged, timestamp)
-
-    def _beside(self, place: np.ndarray, others: Sequence[np.ndarray]) -> bool:
-        asides = [float(np.hypot(place[0] - other[0], place[2] - other[2])) for other in others]
-        return min(asides, default=np.inf) < self._settings.reach_still
-
-    def _apart(self, head: np.ndarray, other: np.ndarray) -> bool:
-        """Whether two heads on one surface may be two people's."""
-        aside = float(np.hypot(head[0] - other[0], head[2] - other[2]))
-        level = abs(head[1] - other[1]) <= aside  # what is more below than beside is the back of one who leans
-        return aside >= (self._settings.shoulder_distance if level else self._settings.knee_reach)
-
-    def _headless(self, view: View, bodies: Sequence[np.ndarray], heads: Sequence[np.ndarray]) -> list[np.ndarray]:
-        """Those bodies (masks) that hang under none of the heads."""
-        alone = []
-        for body in bodies:
-            top = head_of(view, body)
-            if not self._beside(top, heads):
-                alone.append(body)
-        return alone
-
-    def _in_a_mirror(self, place: np.ndarray, places: Sequence[np.ndarray], surroundings: Surroundings) -> bool:
-        """Whether a head is behind a wall, where somebody before it would be seen in a mirror."""
-        for plane in surroundings.planes:
-            normal = self._lens.to_level(plane.normal[None])[0]
-            behind = linear.dot(normal, place) + plane.offset
-            if behind < -self._settings.mirror_depth:
-                image = place - 2 * behind * normal
-                if any(((image - other) ** 2).sum() < self._settings.mirror_gate**2 for other in places):
-                    return True
-        return False
+                judged = judged_head(view, self.lens, head, self._judge)
+                self.people[k] = person.looked_at(
+                    shaped_alone(view, self.lens, head, self._settings), judged, timestamp
+                )
 
     def _where_they_were(self, candidates: Sequence[np.ndarray], timestamp: float) -> list[int]:
         """Indices of the candidates at whose place somebody was seen last who is not there now."""
@@ -365,7 +346,7 @@ class SeveralPeople:
         absent = [p for p in self.people if timestamp - p.last > settings.patience]
         for k, place in enumerate(places):
             mask = labels == k + 1
-            points, area = view.points[mask], self._lens.area(view.depth[mask])
+            points, area = view.points[mask], self.lens.area(view.depth[mask])
             middle = place
             if len(points):
                 middle = np.median(points[:: max(1, len(points) // MIDDLE_SAMPLES)], axis=0).astype(np.float64)
@@ -376,7 +357,7 @@ class SeveralPeople:
                     head = place if k in matched else None
                     known[person.id] = person.seen(head, middle, area, timestamp)
                     ids[k + 1] = person.id
-            elif len(points) and large_enough(view, self._lens, mask, settings, cut_out=cut_out):
+            elif len(points) and large_enough(view, self.lens, mask, settings, cut_out=cut_out):
                 again = known_again(absent, place, timestamp)
                 if again is not None:
                     absent.remove(again)
@@ -403,7 +384,7 @@ class SeveralPeople:
     def _sightings(self, flat: np.ndarray, surroundings: Surroundings) -> tuple[Sighting, ...]:
         """Depth of each person at full resolution."""
         coarse = np.rint(1000 * self._depth).astype(np.uint16)
-        refine_labels(flat, coarse, self._labels, self._lens.step, 1000 * self._settings.surface_gap, self._fine)
+        refine_labels(flat, coarse, self._labels, self.lens.step, 1000 * self._settings.surface_gap, self._fine)
         step = self._polisher.step
         whole = flat[::step, ::step]
         holes = hole_sizes(whole)

@@ -10,8 +10,11 @@ import numpy as np
 from toolkit.errors import SegmentationError
 from toolkit.people.hypothesis import NoJudge, PersonJudge
 from toolkit.people.learning import learnt
+from toolkit.people.lone import LonePerson
+from toolkit.people.one import OneOfSeveral, meant_person
 from toolkit.people.settings import PeopleSettings
 from toolkit.people.several import SeveralPeople
+from toolkit.people.sighting import PeopleFinder
 from toolkit.people.surroundings import Surroundings, empty_scene, is_cut_out, nothing_but_people
 from toolkit.people.view import Lens
 from toolkit.sensing.depth_filter import DepthFilter
@@ -39,6 +42,26 @@ def find_people(
     sensing, settings = sensing or SensingSettings(), settings or PeopleSettings()
     surroundings = survey(recording, sensing, settings, judge)
     return SeveralPeople(recording.camera, recording.up_camera, surroundings, sensing, settings, most, judge)
+
+
+def find_person(
+    recording: Recording, sensing: SensingSettings | None = None, judge: PersonJudge | None = None
+) -> PeopleFinder:
+    """A finder of the one person whom `sensing` means; in a room it is chosen by the whole recording.
+
+    Raises
+    ------
+    SegmentationError
+        `sensing.segment` asks for a background that the recording has not, or it is not clear who is meant.
+    """
+    sensing, settings = sensing or SensingSettings(), PeopleSettings()
+    mode = SegmentationMode.parse(sensing.segment).name
+    if mode in ("person", "seed") or (mode == "auto" and recording.background is None):
+        room = survey(recording, sensing, settings, judge)
+        if not room.cut_out:
+            everybody = recording.camera, recording.up_camera, room, sensing, settings, None, judge
+            return OneOfSeveral(SeveralPeople(*everybody), meant_person(recording, SeveralPeople(*everybody), sensing))
+    return LonePerson(recording.camera, recording.background, sensing, recording.up_camera)
 
 
 def survey(

@@ -21,7 +21,6 @@ from toolkit.config import settings_text
 from toolkit.errors import DepthMocapError, RecordingError, TrackError, UsageError
 from toolkit.files import locked, sha256_of
 from toolkit.people.joints import JointSource
-from toolkit.people.lone import LonePerson
 from toolkit.people.sighting import PeopleFinder
 from toolkit.people.up import floor_height
 from toolkit.pipeline.joints import JointChoice, give_joints, joint_source, name_of
@@ -185,11 +184,11 @@ def _silent(name: str, doing: str, done: int, total: int) -> None:
 def finder_of(job: Job) -> PeopleFinder:
     """What finds the people of a job."""
     recording, sensing = job.recording, job.tracker.settings.sensing
-    if job.people == 1:
-        return LonePerson(recording.camera, recording.background, sensing, recording.up_camera)
-    from toolkit.people.survey import find_people
+    from toolkit.people.survey import find_people, find_person
 
     judge = job.tracker.judge if isinstance(job.tracker, JudgesPeople) else None
+    if job.people == 1:
+        return find_person(recording, sensing, judge)
     return find_people(recording, sensing, most=job.people, judge=judge)
 
 

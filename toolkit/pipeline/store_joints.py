@@ -10,9 +10,8 @@ import numpy as np
 from toolkit.errors import UsageError
 from toolkit.files import check_output
 from toolkit.people.joints import GivenJoints, JointSource, NoJoints
-from toolkit.people.lone import LonePerson
 from toolkit.people.sighting import PeopleFinder
-from toolkit.people.survey import find_people
+from toolkit.people.survey import find_people, find_person
 from toolkit.pipeline.joints import JointChoice, give_joints, joint_source
 from toolkit.recordings.opening import open_recording
 from toolkit.recordings.writer import save_recording
@@ -85,7 +84,7 @@ def store_joints(
 
 def _finder(recording: Recording, people: int | None, sensing: SensingSettings) -> PeopleFinder:
     if people == 1:
-        return LonePerson(recording.camera, recording.background, sensing, recording.up_camera)
+        return find_person(recording, sensing)
     return find_people(recording, sensing, most=people)
 
 

@@ -42,9 +42,6 @@ class DepthPainter:
         style.write(bar, "nobody was found", x + size, size // 3, size, style.ALARM)
         return np.vstack([bar, image])
 
-    def skip(self, i: int, depth_mm: np.ndarray) -> None:
-        """Frame `i` is not painted."""
-
     def _near_and_far(self, depth_mm: np.ndarray) -> tuple[float, float]:
         """Metres between which the colours lie, in all frames the same."""
         measured = depth_mm[depth_mm > 0]

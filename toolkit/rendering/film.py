@@ -228,7 +228,7 @@ def save_png(path: str | Path, picture: np.ndarray) -> None:
 def _pictures(
     painter: FramePainter | DepthPainter, recording: Recording, wanted: range | list[int], progress: Count | None
 ) -> Iterator[np.ndarray]:
-    """Pictures of the wanted frames in order; frames between are read, since segmentation follows the person."""
+    """Pictures of the wanted frames in order."""
     chosen, last, done = set(wanted), max(wanted), 0
     for i, depth in enumerate(recording.frames()):
         if i in chosen:
@@ -236,8 +236,6 @@ def _pictures(
             done += 1
             if progress is not None:
                 progress(done, len(chosen))
-        else:
-            painter.skip(i, depth)
         if i == last:
             return
 

@@ -9,9 +9,8 @@ from functools import partial
 import numpy as np
 
 from toolkit.body.body import Body
-from toolkit.errors import SegmentationError, SettingsError, TrackError
+from toolkit.errors import SettingsError, TrackError
 from toolkit.landmarks.extrema import geodesic_extrema
-from toolkit.people.cleaning import Cleaner
 from toolkit.rendering import style
 from toolkit.rendering.axes import LimbAxes
 from toolkit.rendering.mesh import draw_mesh, part_colors
@@ -19,6 +18,7 @@ from toolkit.rendering.overlay import color_depth, draw_extrema, draw_points, dr
 from toolkit.rendering.views import R_LEVEL_VIEW, outside_view_of, window_on
 from toolkit.runs import Person
 from toolkit.sensing.cloud import Cloud
+from toolkit.sensing.depth_filter import DepthFilter
 from toolkit.sensing.recording import Recording
 from toolkit.sensing.settings import SensingSettings
 from toolkit.track import EMPTY, LOST, STATE_NAMES
@@ -76,7 +76,7 @@ class FramePainter:
     ----------
     people : everybody in the run, at least one
     recording : with as many frames as their tracks
-    sensing : with which the depth was cleaned; decides what counts as the person where there is one
+    sensing : with which the depth was cleaned
     settings : what to draw
     axes : of limbs that carry sensors, drawn over the depth of the first person; None for none
 
@@ -104,7 +104,7 @@ class FramePainter:
         self.settings, self._axes = settings or RenderSettings(), axes
         self._people, self._name = tuple(people), recording.name
         self._rotation = people[0].R_level_camera
-        self._cleaner = Cleaner(recording.camera, recording.background, sensing, recording.up_camera)
+        self._filter = DepthFilter(recording.camera, sensing or SensingSettings())
         self._colors = [_mesh_colors(person.body, k, len(people)) for k, person in enumerate(people)]
         there = [person.track.joints[person.track.state != EMPTY] for person in people]
         seen = np.concatenate(there)
@@ -132,11 +132,6 @@ class FramePainter:
             panels.append(image)
         return np.vstack([self._head(i, sum(p.shape[1] for p in panels)), np.hstack(panels), self._legend(panels)])
 
-    def skip(self, i: int, depth_mm: np.ndarray) -> None:
-        """Look at frame `i`, which is not painted, so that the person is followed."""
-        if not self._several:
-            self._cloud(i, depth_mm)
-
     @property
     def _several(self) -> bool:
         return len(self._people) > 1
@@ -150,25 +145,17 @@ class FramePainter:
         return [(k, person) for k, person in enumerate(self._people) if person.track.state[i] != EMPTY]
 
     def _cloud(self, i: int, depth_mm: np.ndarray) -> Cloud:
-        if self._several:
-            return Cloud.from_depth(self._near_bodies(i, depth_mm), self._cleaner.camera, self._rotation)
-        try:
-            cleaned = self._cleaner.clean(depth_mm)
-        except SegmentationError:  # the picture is drawn all the same; the track says that the frame is lost
-            cleaned = np.zeros(self._cleaner.camera.shape, dtype=np.float32)
-        return Cloud.from_depth(cleaned, self._cleaner.camera, self._rotation)
-
-    def _near_bodies(self, i: int, depth_mm: np.ndarray) -> np.ndarray:
-        """What was measured within `NEAR_BODY` of a drawn body: float32 (H, W), metres, 0 elsewhere."""
-        camera = self._cleaner.camera
+        """What was measured within `NEAR_BODY` of a drawn body: what was tracked, however it was cut out."""
+        camera = self._filter.camera
         drawn = np.full(camera.shape, np.inf, dtype=np.float32)
         blank = np.zeros((*camera.shape, 3), dtype=np.uint8)
         for k, person in self._there(i):
             vertices = person.body.vertex_positions(person.track.pose[i]) @ self._rotation
             draw_mesh(blank, vertices, person.body.faces, self._colors[k], camera, drawn)
-        step = depth_mm.shape[0] // camera.height
-        depth = (depth_mm[::step, ::step][: camera.height, : camera.width] / 1000.0).astype(np.float32)
-        return np.where((depth > 0) & (np.abs(depth - drawn) < NEAR_BODY), depth, np.float32(0.0))
+        step = self._filter.step
+        depth = (self._filter.checked(depth_mm)[::step, ::step] / 1000.0).astype(np.float32)
+        near = np.where((depth > 0) & (np.abs(depth - drawn) < NEAR_BODY), depth, np.float32(0.0))
+        return Cloud.from_depth(near, camera, self._rotation)
 
     def _colored(self, depth_mm: np.ndarray, cloud: Cloud) -> np.ndarray:
         person = cloud.depth > 0

@@ -1,0 +1,58 @@
+"""What looks like a head and may be somebody new: beside whom, apart from whom, in a mirror, of what shape."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from toolkit.kernels import linear
+from toolkit.people.detection import head_seeds, looks_like_person, share_out
+from toolkit.people.settings import PeopleSettings
+from toolkit.people.structure import Plane
+from toolkit.people.unassigned import head_of
+from toolkit.people.view import Lens, View
+
+# Places are (3,), level frame, metres.
+
+
+def shaped_alone(view: View, lens: Lens, place: np.ndarray, settings: PeopleSettings) -> bool:
+    """Whether what hangs on a head has a person's shape, as if nobody else were there."""
+    seeds = np.zeros(view.depth.shape, dtype=np.int32)
+    head_seeds(view, [place], seeds)
+    mask = share_out(view, lens, seeds, [place], settings, bridge=settings.bridge_cut) == 1
+    return looks_like_person(view, lens, mask, place, settings)
+
+
+def beside(place: np.ndarray, others: Sequence[np.ndarray], settings: PeopleSettings) -> bool:
+    """Whether a place is within the reach of somebody who sits, of one of the others."""
+    asides = [float(np.hypot(place[0] - other[0], place[2] - other[2])) for other in others]
+    return min(asides, default=np.inf) < settings.reach_still
+
+
+def apart(head: np.ndarray, other: np.ndarray, settings: PeopleSettings) -> bool:
+    """Whether two heads on one surface may be two people's."""
+    aside = float(np.hypot(head[0] - other[0], head[2] - other[2]))
+    level = abs(head[1] - other[1]) <= aside  # what is more below than beside is the back of one who leans
+    return aside >= (settings.shoulder_distance if level else settings.knee_reach)
+
+
+def headless(
+    view: View, bodies: Sequence[np.ndarray], heads: Sequence[np.ndarray], settings: PeopleSettings
+) -> list[np.ndarray]:
+    """Those bodies (masks) that hang under none of the heads."""
+    return [body for body in bodies if not beside(head_of(view, body), heads, settings)]
+
+
+def in_a_mirror(
+    place: np.ndarray, places: Sequence[np.ndarray], planes: Sequence[Plane], lens: Lens, settings: PeopleSettings
+) -> bool:
+    """Whether a head is behind a wall, where somebody before it, at one of `places`, would be seen in a mirror."""
+    for plane in planes:
+        normal = lens.to_level(plane.normal[None])[0]
+        behind = linear.dot(normal, place) + plane.offset
+        if behind < -settings.mirror_depth:
+            image = place - 2 * behind * normal
+            if any(((image - other) ** 2).sum() < settings.mirror_gate**2 for other in places):
+                return True
+    return False

@@ -1,0 +1,114 @@
+"""One person among several: the finder of everybody, and who is meant over the whole recording."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+
+from toolkit.errors import SegmentationError
+from toolkit.people.several import SeveralPeople
+from toolkit.people.sighting import PredictedBody, Sighting
+from toolkit.sensing.recording import Recording
+from toolkit.sensing.settings import SegmentationMode, SensingSettings
+
+ID = 1
+TOGETHER = 0.5
+"""Share of the frames of the person who is seen most: whoever is seen with them in more might be meant as well."""
+
+
+class OneOfSeveral:
+    """A `PeopleFinder` of the one person with an id among those of a finder; nobody else is told of.
+
+    Parameters
+    ----------
+    finder : of everybody, before its first frame
+    meant : the id
+    """
+
+    furniture: frozenset[int] = frozenset()
+
+    def __init__(self, finder: SeveralPeople, meant: int) -> None:
+        self._finder, self._meant = finder, meant
+        self.camera = finder.camera
+
+    def find(
+        self, depth_mm: np.ndarray, timestamp: float, predicted: Mapping[int, PredictedBody]
+    ) -> tuple[Sighting, ...]:
+        """See `PeopleFinder.find`: one sighting in every frame, an empty one where the person is not seen."""
+        told = {self._meant: predicted[ID]} if ID in predicted else {}
+        for sighting in self._finder.find(depth_mm, timestamp, told):
+            if sighting.id == self._meant:
+                return (replace(sighting, id=ID),)
+        return (Sighting(ID, np.zeros(self.camera.shape, dtype=np.float32), None, self.camera),)
+
+    def export_state(self) -> dict[str, Any]:
+        """See `PeopleFinder.export_state`."""
+        return self._finder.export_state()
+
+    def restore_state(self, state: Mapping[str, Any]) -> None:
+        """See `PeopleFinder.restore_state`."""
+        self._finder.restore_state(state)
+
+
+@dataclass
+class Presence:
+    """How much is seen of somebody over a recording: in which frames, m^2 in all of them, and metres away in each."""
+
+    frames: set[int] = field(default_factory=set)
+    area: float = 0.0
+    distances: list[float] = field(default_factory=list)
+
+
+def meant_person(recording: Recording, finder: SeveralPeople, sensing: SensingSettings) -> int:
+    """Id of the person whom `sensing.subject` means, over all frames, as `finder`, which is used up, numbers them.
+
+    Somebody whom a body will be fitted to has the same id then: nobody is told of before they are seen first.
+
+    Raises
+    ------
+    SegmentationError
+        Nobody is found, nobody at the pixel of "seed:U,V", or `subject` is "only" and somebody else is there as well
+        for most of the time.
+    """
+    mode = SegmentationMode.parse(sensing.segment)
+    seen: dict[int, Presence] = {}
+    at_seed = 0
+    for i in range(len(recording)):
+        labels, depth = finder.follow(recording.depth(i), float(recording.timestamps[i]))
+        if mode.name == "seed" and at_seed == 0 and not seen:
+            at_seed = int(labels[finder.coarse_pixel(mode.numbers[0], mode.numbers[1])])
+        for number in np.unique(labels[labels > 0]).tolist():
+            own = depth[labels == number]
+            presence = seen.setdefault(number, Presence())
+            presence.frames.add(i)
+            presence.area += finder.lens.area(own)
+            presence.distances.append(float(np.median(own)))
+    if mode.name == "seed":
+        if at_seed == 0:
+            raise SegmentationError(
+                f"nobody is found at the pixel of --segment {sensing.segment}; give a pixel of the person in the first "
+                "frame, or --segment person"
+            )
+        return at_seed
+    people = {number: p for number, p in seen.items() if number not in finder.furniture}
+    if not people:
+        return next(iter(seen), ID)  # of whom nothing will be believed; the track says that nobody is there
+    first = max(people, key=lambda number: people[number].area)
+    if sensing.subject == "nearest":
+        return min(people, key=lambda number: float(np.median(people[number].distances)))
+    if sensing.subject == "only":
+        rivals = [n for n, p in people.items() if n != first and _together(people[first], p) > TOGETHER]
+        if rivals:
+            raise SegmentationError(
+                f"{1 + len(rivals)} people are in view; give --people all, --subject nearest or largest, or --segment "
+                "seed:U,V (a pixel of the person)"
+            )
+    return first
+
+
+def _together(first: Presence, other: Presence) -> float:
+    """Share of the first one's frames in which the other is seen as well."""
+    return len(first.frames & other.frames) / max(len(first.frames), 1)
