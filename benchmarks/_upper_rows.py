@@ -8,8 +8,7 @@ ROWS: dict[str, tuple[str, dict[str, Any]]] = {
     "hybrid": ("hybrid", {}),
     "hybrid alone": ("hybrid", {"hypotheses": ["local", "extrema", "joints", "arms"]}),
     "lopez2011": ("lopez2011", {}),
-    "lopez2011 192": ("lopez2011", {"particles.count": 192}),
-    "lopez2011 256": ("lopez2011", {"particles.count": 256}),
+    "lopez2011 64": ("lopez2011", {"particles.count": 64}),
     "particles": ("particles", {}),
     "particles 192": ("particles", {"particles.count": 192}),
 }

@@ -9,6 +9,7 @@ from scipy.sparse.csgraph import dijkstra
 from tests.landmark_helpers import LEVEL, body_cloud, cloud_of, figure
 from toolkit import skeleton
 from toolkit.body.shape import load_body
+from toolkit.config import load_settings
 from toolkit.errors import SegmentationError, SettingsError
 from toolkit.kernels.cloud import cloud_graph, geodesic
 from toolkit.landmarks.extrema import extrema_of_graph
@@ -21,6 +22,7 @@ from toolkit.lopez2011.effectors import (
     find_effectors,
     find_fork,
 )
+from toolkit.lopez2011.tracker import ParticleTrackerSettings
 from toolkit.sensing.camera import Camera
 from toolkit.sensing.cloud import Cloud
 
@@ -154,3 +156,21 @@ def test_the_summit_is_the_highest_point_above_the_source() -> None:
     crown = tips(pose)["head"]
     assert np.linalg.norm(effectors.summit - crown) < 0.12
     assert abs(effectors.summit[0] - effectors.source[0]) < 0.15
+
+
+def test_lopez2011_takes_the_fork_by_the_cosines_of_neighbouring_prongs() -> None:
+    """Lopez-Mendez 2011, 3: relative slopes within [0.5, 0.9]."""
+    settings = load_settings(ParticleTrackerSettings, "lopez2011").effectors
+    assert settings.count == 3 and settings.cuts == 0 and settings.tree
+
+    def prongs(*degrees: float) -> Effectors:
+        turns = np.radians(degrees)
+        ends = 0.4 * np.stack([np.sin(turns), np.cos(turns), np.zeros(len(turns))], axis=1)
+        paths = tuple(np.linspace(np.zeros(3), end, 20) for end in ends)
+        return Effectors(ends, np.zeros(3), ends[0], paths)
+
+    for right in range(-80, -5, 5):
+        for left in range(5, 80, 5):
+            cosines = np.cos(np.radians([right, left]))
+            expected = bool(((cosines > 0.4999) & (cosines < 0.9)).all())
+            assert (find_fork(prongs(0.0, left, right), settings) is not None) == expected, (right, left)

@@ -62,6 +62,10 @@ class UpperFilter:
         self.costs = UpperCosts(settings)
         self.proposals = UpperProposals(settings, self.costs)
 
+    def first_arm(self, turn: int) -> int:
+        """The arm that comes before the other in the frame of number `turn`: 0 left, 1 right."""
+        return turn % 2 if self.settings.alternate else 1
+
     def trunk(
         self, upper: UpperBody, particles: np.ndarray, before: np.ndarray, frame: ParticleFrame, dt: float,
         rng: np.random.Generator,

@@ -155,7 +155,7 @@ def _filtered(
     particles = np.repeat(pose[None], filtering.settings.count, axis=0)
     for turn in range(settings.rounds):
         particles = filtering.trunk(upper, particles, pose, labelled, FRAME_TIME, rng)
-        filtered = filtering.arms(upper, particles, pose, labelled, FRAME_TIME, turn % 2, rng)
+        filtered = filtering.arms(upper, particles, pose, labelled, FRAME_TIME, filtering.first_arm(turn), rng)
         particles, pose = filtered.particles, filtered.estimate
     crown = upper.body.end_effector_positions(pose)[[skeleton.END_EFFECTORS.index("head")]]
     found = np.concatenate([crown, place_hands(upper, pose)])[: len(wanted)]

@@ -22,6 +22,7 @@ class ParticleSettings:
     alpha : share of the arm particles that diffuse (Eq. 6), in [0, 1]; refusals make it more; 1 is the plain filter
     trunk_columns, arm_columns : pixels of width, at most, of the images that trunks and arms are weighed in: a trunk
         needs no more, and a hand has 8 pixels across at 1.4 m
+    alternate : whether the arms take turns in being the second layer; in the paper the right arm always is
     bases : different trunks that are kept after the first layer: more are seldom left
     spread : metres of a hand about a candidate (`Sigma_e`), which lies on the surface, at tip or knuckles
     smoothness : `lambda` of Eq. 4: an arm may turn by two radians for a candidate
@@ -53,6 +54,7 @@ class ParticleSettings:
     alpha: float = constant(0.5)
     trunk_columns: int = constant(80)
     arm_columns: int = constant(160)
+    alternate: bool = constant(True)
     bases: int = constant(16)
     spread: float = constant(0.03)
     smoothness: float = constant(0.1)
@@ -88,7 +90,7 @@ class ParticleSettings:
             raise SettingsError(f"particles.looks is {self.looks}; give 0 for none, or a number of swivels")
         if not 0.0 <= self.alpha <= 1.0:
             raise SettingsError(f"particles.alpha is {self.alpha}; it is a share and lies in [0, 1]")
-        signed = ("count", "alpha", "looks", "trunk_columns", "arm_columns", "bases", "least")
+        signed = ("alternate", "count", "alpha", "looks", "trunk_columns", "arm_columns", "bases", "least")
         for name in (field.name for field in fields(self) if field.name not in signed):
             value = getattr(self, name)
             if not (value > 0 or (value == 0 and name not in ("spread", "near", "cap"))):

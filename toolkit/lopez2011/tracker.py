@@ -182,7 +182,8 @@ class ParticleFollower(Person):
         dt, before = timestamp - state.timestamp, state.previous.pose
         particles = self.filtering.trunk(upper, state.memory[PARTICLES]["poses"], before, frame, dt, rng)
         clock.record("trunk")
-        filtered = self.filtering.arms(upper, particles, before, frame, dt, state.turn % 2, rng)
+        first = self.filtering.first_arm(state.turn)
+        filtered = self.filtering.arms(upper, particles, before, frame, dt, first, rng)
         clock.record("arms")
         return filtered.estimate, filtered.particles, filtered.cost
 
