@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import json
+import logging
 import os
 import signal
 import subprocess
@@ -20,6 +21,7 @@ from toolkit import skeleton
 from toolkit.archives import load_archive, save_archive
 from toolkit.errors import OutputError, RecordingError, TrackError, UsageError
 from toolkit.files import sha256_of
+from toolkit.pipeline import watch
 from toolkit.track import EMPTY, TRACKED, FrameResult, RunInfo, Track, TrackWriter, writer
 
 STAGES, SOURCES = ("clean", "fit"), ("local", "database")
@@ -137,6 +139,15 @@ def test_a_full_disk_is_one_sentence(tmp_path: Path, monkeypatch: pytest.MonkeyP
     monkeypatch.setattr(writer, "open_file", full)
     with pytest.raises(OutputError, match="No space left"):
         TrackWriter(tmp_path, STAGES, SOURCES)
+
+
+def test_a_log_on_a_full_disk_says_nothing(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(watch, "open_file", lambda *_, **__: open("/dev/full", "w+b", buffering=0))
+    with watch.log_file(tmp_path):
+        logging.getLogger("toolkit.track").info("a line")
+    assert capsys.readouterr().err == ""
 
 
 def test_a_disk_that_fills_up_keeps_the_rows_before(tmp_path: Path) -> None:

@@ -41,6 +41,13 @@ def stop_request() -> Iterator[threading.Event]:
             signal.signal(number, handler)
 
 
+class _Quiet(logging.StreamHandler):
+    """A log that a full disk cuts short without a word: the rows are what counts, and they say it."""
+
+    def handleError(self, record: logging.LogRecord) -> None:
+        """Nothing, where `logging` would print a traceback."""
+
+
 @contextmanager
 def log_file(folder: Path) -> Iterator[None]:
     """Everything that the toolkit logs meanwhile goes to `log.txt` too."""
@@ -49,7 +56,7 @@ def log_file(folder: Path) -> Iterator[None]:
     except OSError as error:
         reason = error.strerror or error
         raise OutputError(f"cannot write {folder / LOG_FILE}: {reason}; choose a folder that can be written") from error
-    handler = logging.StreamHandler(stream)
+    handler = _Quiet(stream)
     handler.setFormatter(logging.Formatter("%(asctime)s %(levelname)s %(message)s"))
     root = logging.getLogger("toolkit")
     level = root.level

@@ -105,10 +105,19 @@ class TrackWriter:
             raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
     def cut(self, rows: int) -> None:
-        """Keep only the first `rows` rows and go on from there."""
+        """Keep only the first `rows` rows and go on from there.
+
+        Raises
+        ------
+        OutputError
+            The file cannot be cut.
+        """
         end = len(self._header) + rows * self._record.itemsize
-        self._stream.truncate(end)
-        self._stream.seek(end)
+        try:
+            self._stream.truncate(end)
+            self._stream.seek(end)
+        except OSError as error:
+            raise OutputError(f"cannot write {self._path}: {error.strerror or error}; free some space") from error
         self.rows = rows
 
     def append(self, result: FrameResult, timestamp: float) -> None:
