@@ -9,6 +9,7 @@ from tests.sensing_scenes import KINECT, TOF, person_alone, scene
 from toolkit.errors import RecordingError, SegmentationError, SettingsError
 from toolkit.people.cleaning import Cleaner
 from toolkit.people.segmentation import median_background
+from toolkit.people.survey import find_person
 from toolkit.recordings.opening import open_recording
 from toolkit.sensing.camera import Camera
 from toolkit.sensing.depth_filter import DepthFilter
@@ -87,41 +88,10 @@ def test_a_room_with_many_holes_is_not_taken_for_a_person():
         clean(frame)
 
 
-@pytest.mark.parametrize("tilt", [0.0, 0.35])
-def test_a_person_is_found_in_a_room_and_followed(tilt):
-    cleaner = None
-    for step in range(8):
-        frame, who = scene(KINECT, ((-0.3 + 0.05 * step, 2.6),), tilt=tilt, height=1.5, wall=4.2, floor=True)
-        cleaner = cleaner or Cleaner(KINECT, None, SensingSettings(segment="person"))
-        found = cleaner.clean(frame) > 0
-        above = who == 1
-        assert overlap(found, above) > 0.85, "all but the soles"
-        assert (found & ~above).sum() < 0.02 * above.sum(), "no floor, no wall"
-
-
-def test_the_nearest_of_two_people_in_a_room_is_followed_past_the_other():
-    cleaner = Cleaner(KINECT, None, SensingSettings(segment="person", subject="nearest"))
-    for step in range(6):
-        people = ((-0.5 + 0.05 * step, 2.2 + 0.1 * step), (0.7, 2.5))
-        frame, who = scene(KINECT, people, wall=5.0, floor=True)
-        found = cleaner.clean(frame) > 0
-        assert overlap(found, who == 1) > 0.85, f"step {step}"
-
-
-def test_two_people_in_a_room_are_an_error_unless_one_is_meant():
-    frame, who = scene(KINECT, ((-0.6, 2.4), (0.6, 3.0)), wall=5.0, floor=True)
-    with pytest.raises(SegmentationError, match="2 things of a person's size .* give --subject"):
-        clean(frame, segment="person")
-    v, u = np.argwhere(who == 2)[len(np.argwhere(who == 2)) // 2]
-    assert overlap(clean(frame, segment=f"seed:{u},{v}") > 0, who == 2) > 0.85
-
-
-def test_a_seed_beside_everybody_is_an_error():
-    depth = person_alone(KINECT)
-    with pytest.raises(SegmentationError, match="no surface at the seed"):
-        clean(depth, segment="seed:10,10")
-    with pytest.raises(SegmentationError, match="outside the image"):
-        clean(depth, segment="seed:1000,10")
+def test_somebody_in_a_room_is_no_matter_of_cleaning():
+    for mode in ("person", "seed:10,10"):
+        with pytest.raises(SegmentationError, match="needs a recording"):
+            clean(person_alone(KINECT), segment=mode)
 
 
 def test_two_segmented_people_are_an_error_unless_one_is_meant():
@@ -202,7 +172,7 @@ def test_lens_distortion_is_removed():
     np.testing.assert_allclose((u.mean(), v.mean()), np.argwhere(straight)[:, ::-1].mean(axis=0), atol=0.5)
 
 
-@pytest.mark.parametrize("options", [{}, {"segment": "person"}, {"segment": "range:1,5"}, {"half_resolution": True}])
+@pytest.mark.parametrize("options", [{}, {"segment": "range:1,5"}, {"half_resolution": True}])
 def test_an_empty_frame_is_empty_and_the_next_one_is_not(options):
     cleaner = Cleaner(KINECT, None, SensingSettings(**options))
     assert not cleaner.clean(np.zeros(KINECT.shape, np.uint16)).any()
@@ -230,7 +200,7 @@ def test_specks_without_a_person_are_an_empty_frame():
 
 
 @pytest.mark.parametrize("x", [-1.45, 1.45])
-@pytest.mark.parametrize("options", [{}, {"half_resolution": True}, {"segment": "person"}])
+@pytest.mark.parametrize("options", [{}, {"half_resolution": True}])
 def test_a_person_cut_off_by_the_border_is_kept_up_to_it(x, options):
     depth = person_alone(KINECT, x, 2.6)
     cleaned = clean(depth, **options)
@@ -297,9 +267,10 @@ def test_one_of_five_real_people_is_cut_out(shared_data):
     frame = recording.depth(0)
     with pytest.raises(SegmentationError, match="give --segment"):
         Cleaner.for_recording(recording).clean(frame)
-    with pytest.raises(SegmentationError, match="give --subject"):
-        Cleaner.for_recording(recording, SensingSettings(segment="person")).clean(frame)
-    cleaned = Cleaner.for_recording(recording, SensingSettings(segment="person", subject="nearest")).clean(frame)
+    with pytest.raises(SegmentationError, match="give --people all"):
+        find_person(recording, SensingSettings(segment="person"))
+    finder = find_person(recording, SensingSettings(segment="person", subject="nearest"))
+    cleaned = finder.find(frame, 0.0, {})[0].depth
     v, u = np.nonzero(cleaned)
     assert u.min() > 440 and v.max() - v.min() > 380, "the one on the right, from head to feet"
     area = (cleaned**2).sum() / (recording.camera.fx * recording.camera.fy)
@@ -309,8 +280,8 @@ def test_one_of_five_real_people_is_cut_out(shared_data):
 @pytest.mark.shared_data
 def test_a_real_person_in_a_cluttered_room_is_followed(shared_data):
     recording = open_recording(shared_data / "depth" / "realsense" / "images_n40")
-    cleaner = Cleaner.for_recording(recording, SensingSettings(segment="seed:450,200"))
-    for frame in recording.frames():
-        v, u = np.nonzero(cleaner.clean(frame))
+    finder = find_person(recording, SensingSettings(segment="seed:450,200"))
+    for i, frame in enumerate(recording.frames()):
+        v, u = np.nonzero(finder.find(frame, float(recording.timestamps[i]), {})[0].depth)
         assert abs(np.median(u) - 440) < 60, "the one who stands on the right"
         assert np.ptp(v) > 280

@@ -25,7 +25,7 @@ from toolkit.evaluation.reference import Reference, find_reference
 from toolkit.evaluation.scores import EvaluationTable, RunScores
 from toolkit.evaluation.surface import depth_residual, silhouette_overlap
 from toolkit.landmarks.settings import LandmarkSettings
-from toolkit.people.cleaning import Cleaner
+from toolkit.people.survey import find_person
 from toolkit.progress import Progress
 from toolkit.runs import PEOPLE_FILE, person_runs
 from toolkit.sensing.cloud import Cloud
@@ -284,18 +284,19 @@ def _frame_figures(track: Track, info: RunInfo, recording: Recording, reference:
     # Full resolution whatever the tracker used, so that runs at both resolutions are measured alike. The silhouette is
     # that of the person as measured: cleaning takes away its contour, a tenth of its pixels.
     settings = replace(SensingSettings(**info.sensing), half_resolution=False)
-    cleaner = Cleaner.for_recording(recording, settings)
-    cutter = Cleaner.for_recording(recording, replace(settings, contour="keep", median=False))
+    cleaner = find_person(recording, settings)
+    cutter = find_person(recording, replace(settings, contour="keep", median=False))
     body, rotation = info.body(), info.R_level_camera
     visible = np.zeros((len(track), len(REPORTED)), dtype=bool)
     overlap, residual = np.full(len(track), np.nan), np.full(len(track), np.nan)
     found: list[tuple[bool, bool]] = []
     for i, raw in zip(range(len(track)), recording.frames(), strict=False):
-        depth = cleaner.clean(raw)
+        depth = cleaner.find(raw, float(recording.timestamps[i]), {})[0].depth
+        whole = cutter.find(raw, float(recording.timestamps[i]), {})[0].depth
         if not depth.any():
             continue
         rendered = render_depth(body, track.pose[i], cleaner.camera, rotation)
-        overlap[i] = silhouette_overlap(cutter.clean(raw), rendered)
+        overlap[i] = silhouette_overlap(whole, rendered)
         residual[i] = depth_residual(depth, rendered)
         if reference is None:
             continue

@@ -12,9 +12,8 @@ import numpy as np
 from toolkit import skeleton
 from toolkit.errors import UsageError
 from toolkit.files import atomic_path
-from toolkit.people.lone import LonePerson
 from toolkit.people.sighting import PeopleFinder, PredictedBody, Sighting
-from toolkit.people.survey import find_people
+from toolkit.people.survey import find_people, find_person
 from toolkit.runs import Person
 from toolkit.sensing.camera import Camera
 from toolkit.sensing.recording import Recording
@@ -59,7 +58,7 @@ def labelled_frames(
     if several:
         finder = find_people(recording, whole)
     else:
-        finder = LonePerson(recording.camera, recording.background, whole, recording.up_camera)
+        finder = find_person(recording, whole)
     lookup = _pixels_of(recording.camera, finder.camera)
     frames = min(len(recording), min(len(person.track) for person in people))
     for i, frame in zip(range(frames), recording.stream(), strict=False):

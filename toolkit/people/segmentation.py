@@ -13,7 +13,6 @@ from toolkit.checkpoint import HINT, check_state
 from toolkit.errors import SegmentationError, TrackError
 from toolkit.kernels.image import components
 from toolkit.kernels.image import depth as kernels
-from toolkit.people.room import RoomSegmenter
 from toolkit.sensing.camera import Camera, level_rotation
 from toolkit.sensing.settings import SegmentationMode, SensingSettings
 
@@ -69,7 +68,7 @@ class Segmenter:
     Raises
     ------
     SegmentationError
-        The settings ask for a background and there is none.
+        The settings ask for a background and there is none, or for somebody in a room: `find_person` finds them.
     """
 
     def __init__(
@@ -79,6 +78,8 @@ class Segmenter:
         mode = SegmentationMode.parse(settings.segment)
         if mode.name == "auto" and background is not None:
             mode = SegmentationMode("background")
+        if mode.name in ("person", "seed"):
+            raise SegmentationError(f"--segment {settings.segment} needs a recording, see `toolkit.people.survey`")
         if mode.name == "background" and background is None:
             raise SegmentationError(f"--segment is background and the recording has none; {HOW_TO_SEGMENT}")
         self._mode = mode
@@ -87,10 +88,6 @@ class Segmenter:
         used = background if mode.name == "background" else None
         self._background = np.zeros(camera.shape, dtype=np.uint16) if used is None else used
         self._rotation = level_rotation(up_camera)
-        self._room: RoomSegmenter | None = None
-        if mode.name in ("person", "seed"):
-            seed = (mode.numbers[0], mode.numbers[1]) if mode.name == "seed" else None
-            self._room = RoomSegmenter(camera, settings.subject, settings.quantisation, up_camera, seed)
         self._empty_wanted = int(mode.numbers[0]) if mode.name == "empty-frames" else 0
         self._empty_frames: list[np.ndarray] = []
         self._seen = False
@@ -118,10 +115,6 @@ class Segmenter:
         if self._mode.name == "empty-frames" and not self._learnt(depth):
             return self._padded, None
         near, far = self._near, self._far
-        if self._room is not None:
-            within = np.where((depth >= near) & (depth <= far), depth, np.uint16(0))
-            found = self._room.find(within, self._padded, self._box)
-            return self._padded, self._box if found else None
         count = kernels.take_foreground(
             depth, self._background, 1000 * self._settings.background_margin, 1000 * self._settings.quantisation,
             near, far, self._padded, self._box,
@@ -148,7 +141,6 @@ class Segmenter:
             "seen": self._seen,
             "last": self._last,
             "last_box": self._last_box,
-            "room": None if self._room is None else self._room.export_state(),
         }
 
     def restore_state(self, state: Mapping[str, Any]) -> None:
@@ -164,7 +156,7 @@ class Segmenter:
             "background": image, "empty_wanted": Column("iu", (), 0, 1e6), "seen": Column("b", ()), "last": padded,
             "last_box": Column("i", (4,), 0, max(self._padded.shape)),
         }  # fmt: skip
-        check_state(state, columns, ("empty_frames", "room"), "segmentation")
+        check_state(state, columns, ("empty_frames",), "segmentation")
         frames = [str(i) for i in range(len(state["empty_frames"]))]
         check_state(state["empty_frames"], dict.fromkeys(frames, image), what="segmentation")
         _, v1, _, u1 = state["last_box"]
@@ -174,8 +166,6 @@ class Segmenter:
         self._empty_wanted = state["empty_wanted"]
         self._empty_frames = [state["empty_frames"][str(i)] for i in range(len(state["empty_frames"]))]
         self._last[:], self._last_box[:] = state["last"], state["last_box"]
-        if self._room is not None:
-            self._room.restore_state(state["room"])
 
     def _learnt(self, depth: np.ndarray) -> bool:
         """Collect the empty frames; True once the background is known, from the frame after them on."""

@@ -36,7 +36,7 @@ from toolkit.sensing.recording import Recording
 from toolkit.track import PARTIAL_FILE, RUN_FILE, TRACK_FILE, RunInfo
 from toolkit.tracking.clock import StageClock
 from toolkit.tracking.crowd import Crowd, Row
-from toolkit.tracking.protocol import JudgesPeople, Tracker
+from toolkit.tracking.protocol import Tracker, judge_of
 
 STATE_FILE = "state.npz"
 RUN_FILES = (TRACK_FILE, PARTIAL_FILE, RUN_FILE, CONFIG_FILE, LOG_FILE, STATE_FILE, PEOPLE_FILE)
@@ -186,7 +186,7 @@ def finder_of(job: Job) -> PeopleFinder:
     recording, sensing = job.recording, job.tracker.settings.sensing
     from toolkit.people.survey import find_people, find_person
 
-    judge = job.tracker.judge if isinstance(job.tracker, JudgesPeople) else None
+    judge = judge_of(job.tracker)
     if job.people == 1:
         return find_person(recording, sensing, judge)
     return find_people(recording, sensing, most=job.people, judge=judge)

@@ -10,7 +10,7 @@ import numpy as np
 
 from toolkit.errors import UsageError
 from toolkit.fitting.scan import Scan, ScanView, fit_scan
-from toolkit.people.cleaning import Cleaner
+from toolkit.people.survey import find_person
 from toolkit.recordings.opening import open_recording
 from toolkit.sensing.camera import level_rotation
 from toolkit.sensing.cloud import Cloud
@@ -52,11 +52,12 @@ def scan_recordings(
 
 def standing_still(recording: Recording, sensing: SensingSettings) -> Cloud:
     """The cloud of the median of the first frames, level frame."""
-    cleaner = Cleaner.for_recording(recording, sensing)
-    frames = np.array([cleaner.clean(frame.depth_mm) for frame in islice(recording.stream(), FRAMES)])
+    finder = find_person(recording, sensing)
+    stream = islice(recording.stream(), FRAMES)
+    frames = np.array([finder.find(frame.depth_mm, frame.timestamp, {})[0].depth for frame in stream])
     known = 2 * np.count_nonzero(frames, axis=0) > len(frames)
     lowered = np.where(frames > 0, frames, np.inf)
     count = np.count_nonzero(frames, axis=0)
     middle = np.take_along_axis(np.sort(lowered, axis=0), np.maximum((count - 1) // 2, 0)[None], axis=0)[0]
     depth = np.where(known, middle, 0.0).astype(np.float32)
-    return Cloud.from_depth(depth, cleaner.camera, level_rotation(recording.up_camera))
+    return Cloud.from_depth(depth, finder.camera, level_rotation(recording.up_camera))

@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from toolkit.fitting.priors import GaussianPrior, LimbPrior, PoseTerm, ResidualTerm
-from toolkit.people.lone import LonePerson
+from toolkit.people.survey import find_person
 from toolkit.progress import Count
 from toolkit.retrieval.priors.limbs import OUTER
 from toolkit.stabilising.marked import contradiction
@@ -20,6 +20,7 @@ from toolkit.track import FrameResult
 from toolkit.tracking.clock import StageClock
 from toolkit.tracking.follower import Follower
 from toolkit.tracking.guide import NoGuide
+from toolkit.tracking.protocol import judge_of
 
 
 class GapGuide(NoGuide):
@@ -110,7 +111,7 @@ def retrack(
     """
     tracker, recording = source.tracker, source.recording
     tracker.guide = guide
-    finder = LonePerson(recording.camera, recording.background, tracker.settings.sensing, recording.up_camera)
+    finder = find_person(recording, tracker.settings.sensing, judge_of(tracker))
     follower = tracker.follower(finder.camera, source.info.R_level_camera, source.body)
     rows: list[FrameResult] = []
     explained, whole = np.full(len(poses), np.inf), np.full((2, len(poses)), np.nan)

@@ -176,3 +176,8 @@ class JudgesPeople(Protocol):
     def judge(self) -> PersonJudge:
         """See above."""
         ...
+
+
+def judge_of(tracker: Tracker) -> PersonJudge | None:
+    """What tells people from furniture for a tracker, None where it has no such thing."""
+    return tracker.judge if isinstance(tracker, JudgesPeople) else None

@@ -8,8 +8,8 @@ import numpy as np
 
 from toolkit.body.body import Body
 from toolkit.people.joints import GivenJoints, JointSource
-from toolkit.people.lone import LonePerson
-from toolkit.people.sighting import Sighting
+from toolkit.people.sighting import PeopleFinder, Sighting
+from toolkit.people.survey import find_person
 from toolkit.sensing.camera import level_rotation
 from toolkit.sensing.joints2d import Joints2D
 from toolkit.sensing.recording import Recording
@@ -17,7 +17,7 @@ from toolkit.sensing.stream import Frame
 from toolkit.track import FrameResult
 from toolkit.tracking.clock import StageClock
 from toolkit.tracking.learning import learn_body
-from toolkit.tracking.protocol import PersonFollower, Tracker
+from toolkit.tracking.protocol import PersonFollower, Tracker, judge_of
 
 
 class Solo:
@@ -64,8 +64,8 @@ class Solo:
         sighting = self._sighting(self._finder, Frame(depth_mm, timestamp, joints, color))
         return self.follower.step(sighting, timestamp, clock)
 
-    def _new_finder(self, recording: Recording) -> LonePerson:
-        return LonePerson(recording.camera, recording.background, self._tracker.settings.sensing, recording.up_camera)
+    def _new_finder(self, recording: Recording) -> PeopleFinder:
+        return find_person(recording, self._tracker.settings.sensing, judge_of(self._tracker))
 
     def _first_sightings(self, recording: Recording) -> Iterator[tuple[Sighting, float]]:
         finder = self._new_finder(recording)
@@ -76,6 +76,6 @@ class Solo:
             if frame.timestamp - since >= self._tracker.learning_seconds:
                 return
 
-    def _sighting(self, finder: LonePerson, frame: Frame) -> Sighting:
+    def _sighting(self, finder: PeopleFinder, frame: Frame) -> Sighting:
         (sighting,) = self._joints.add(frame, finder.find(frame.depth_mm, frame.timestamp, {}))
         return sighting
