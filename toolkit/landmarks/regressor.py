@@ -286,7 +286,7 @@ class JointRegressor:
         return joints, confidence, evidence
 
     def _person(self, leaves: np.ndarray) -> np.ndarray:
-        odds = _LOG_ODDS[self.leaf_person][leaves].mean(axis=1)
+        odds = self._person_log_odds[leaves].mean(axis=1)
         if self.person_odds is not None:
             odds = self.person_odds[0] + self.person_odds[1] * odds
         return np.asarray(1.0 / (1.0 + np.exp(-odds)))
@@ -303,6 +303,11 @@ class JointRegressor:
                 [np.interp(c, knots, row) for c, row in zip(confidence, self.calibration, strict=True)]
             )
         return JointEstimate(joints, confidence, 1.0 / (1.0 + np.exp(-odds)), reliability)
+
+    @cached_property
+    def _person_log_odds(self) -> np.ndarray:
+        """float64 (leaves,): of a forest that knows rooms."""
+        return np.asarray(_LOG_ODDS[self.leaf_person])
 
     @cached_property
     def _shares_in_view(self) -> np.ndarray:
