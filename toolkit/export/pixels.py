@@ -24,6 +24,8 @@ NOBODY = 255
 MILLIMETRES = 1000.0
 REACH = 0.35
 """Metres from the points of a sighting to the joints of whom they belong to, at most (median)."""
+CONTOUR = 60
+"""Millimetres of depth between neighbouring pixels of one person, at most."""
 SAMPLES = 300
 """Points of a sighting that are asked whose they are."""
 HEAD = skeleton.REPORTED.index("head")
@@ -42,9 +44,9 @@ def labelled_frames(
 ) -> Iterator[LabelledFrame]:
     """The frames of a recording with whose each measured pixel is, by the ids of `people.json`.
 
-    The people are cut out as they were for the tracker, but at full resolution and with their contours; those who touch
-    share their pixels by the tracked bodies of the frame before. Nobody has pixels in frames in which they are not
-    there.
+    The people are cut out as they were for the tracker, but at full resolution and with the contour that its cleaning
+    takes away; those who touch share their pixels by the tracked bodies of the frame before. Nobody has pixels in
+    frames in which they are not there.
 
     Raises
     ------
@@ -53,7 +55,7 @@ def labelled_frames(
     """
     if max(person.id for person in people) >= NOBODY:
         raise UsageError(f"a body index map has room for {NOBODY - 1} people; this run has more")
-    whole = replace(sensing, half_resolution=False, contour="keep", median=False)
+    whole = replace(sensing, half_resolution=False)
     finder: PeopleFinder
     if several:
         finder = find_people(recording, whole)
@@ -66,7 +68,21 @@ def labelled_frames(
         labels = np.full(frame.depth_mm.shape, NOBODY, dtype=np.uint8)
         for person, sighting in _matched(finder.find(frame.depth_mm, frame.timestamp, predicted), people, i):
             labels[(sighting.depth > 0)[lookup] & (frame.depth_mm > 0)] = person.id
+        _regain_contour(labels, frame.depth_mm)
         yield LabelledFrame(i, frame.depth_mm, labels)
+
+
+def _regain_contour(labels: np.ndarray, depth_mm: np.ndarray) -> None:
+    """Give pixels of nobody beside a person, at the same depth, to that person: `labels` (H, W) is changed."""
+    before = labels.copy()
+    height, width = labels.shape
+    for down in (-1, 0, 1):
+        for right in (-1, 0, 1):
+            here = np.s_[max(0, down) : height + min(0, down), max(0, right) : width + min(0, right)]
+            there = np.s_[max(0, -down) : height + min(0, -down), max(0, -right) : width + min(0, -right)]
+            near = np.abs(depth_mm[here].astype(np.int32) - depth_mm[there]) < CONTOUR
+            taken = (labels[here] == NOBODY) & (depth_mm[here] > 0) & (before[there] != NOBODY) & near
+            labels[here][taken] = before[there][taken]
 
 
 def _predicted(person: Person, frame: int) -> PredictedBody:

@@ -60,18 +60,16 @@ def _number(value: float, decimals: int, unit: str = "") -> str:
     return f"{value:.{decimals}f} {unit}".strip() if np.isfinite(value) else "-"
 
 
-def _error(name: str, decimals: int, unit: str) -> str:
-    return f"± {EXPECTED[name]:.{decimals}f} {unit}".strip() if name in EXPECTED else ""
+def _error(name: str, unit: str) -> str:
+    """Two digits of a typical error, empty where none was measured."""
+    return f"± {float(f'{EXPECTED[name]:.2g}'):g} {unit}".strip() if name in EXPECTED else ""
 
 
 def _gait_table(found: Summary) -> str:
     if not found.gait.strides:
         return f'<p class="faint">Gait: {html.escape(found.gait.note)}.</p>'
     figures = found.gait.figures()
-    rows = [
-        [title, _number(figures[key], decimals, unit), _error(key, decimals, unit)]
-        for key, title, unit, decimals in SHOWN
-    ]
+    rows = [[title, _number(figures[key], decimals, unit), _error(key, unit)] for key, title, unit, decimals in SHOWN]
     for key, title, unit, decimals in SIDED:
         suffix = "_m" if unit == "m" else ""
         both = [_number(figures[f"{key}_{side}{suffix}"], decimals, unit) for side in ("left", "right")]
@@ -89,7 +87,7 @@ def _rise_table(found: Summary) -> str:
     ]
     seated = sum(rise.seated for rise in found.rises)
     title = f"Rising: {seated} sit-to-stand, {len(found.rises) - seated} squat"
-    return _table(f"{title} (duration {_error('rise_duration_s', 2, 's')})", ["", "at", "duration"], rows)
+    return _table(f"{title} (duration {_error('rise_duration_s', 's')})", ["", "at", "duration"], rows)
 
 
 def _range_table(found: Summary) -> str:
@@ -100,7 +98,7 @@ def _range_table(found: Summary) -> str:
             continue
         sides = [f"{low:.0f} to {high:.0f}" for low, high in (r.left, r.right)]
         name = f"{r.joint} {MOTIONS.get(r.motion, r.motion)}"
-        rows.append([name, *sides, f"{widths[0] - widths[1]:+.0f}", _error(f"{r.joint}_{r.motion}_deg", 0, "°")])
+        rows.append([name, *sides, f"{widths[0] - widths[1]:+.0f}", _error(f"{r.joint}_{r.motion}_deg", "°")])
     head = ["degrees", "left", "right", "wider on the left by", "typical error"]
     return _table("Ranges of motion", head, rows) if rows else ""
 
