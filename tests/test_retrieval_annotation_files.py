@@ -14,7 +14,7 @@ from toolkit.body.shape import load_body
 from toolkit.errors import RetrievalError, UsageError
 from toolkit.export.bvh import export_bvh
 from toolkit.mocap.procedural import procedural_clips
-from toolkit.retrieval.annotation.annotator import Annotator, MotionClass, runs
+from toolkit.retrieval.annotation.annotator import AS_PUBLISHED, Annotator, MotionClass, runs
 from toolkit.retrieval.annotation.classes import (
     THRESHOLDS,
     Fold,
@@ -31,6 +31,7 @@ from toolkit.retrieval.features.relational import FeatureMatrix, relational_feat
 from toolkit.retrieval.keyframes.query import Keyframe, KeyframeQuery
 from toolkit.retrieval.templates.quantised import WILDCARD
 from toolkit.retrieval.workflow.annotate import annotate_motions, classes_from_clips
+from toolkit.retrieval.workflow.motions import load_motion
 
 NAMES = ("squat", "kick_front", "wave")
 
@@ -248,6 +249,17 @@ def test_motion_files_become_report_folders(files: dict[Path, str], tmp_path: Pa
     (tmp_path / "truth.csv").write_text(f"start,end,label\n0,1,{files[paths[0]]}\n")
     one = annotate_motions(paths[:1], classes, tmp_path / "one", truth=tmp_path / "truth.csv", threshold=0.1)
     assert (tmp_path / "one" / "segments.csv").is_file() and one[0].scores["segments"].recall == 1.0
+
+
+def test_templates_as_published_decide_by_the_rules_and_the_threshold_of_the_thesis(
+    files: dict[Path, str], tmp_path: Path
+) -> None:
+    classes, path = classes_from_clips(files), next(iter(files))
+    (done,) = annotate_motions([path], classes, tmp_path / "published", as_published=True)
+    told = Annotator([replace(c, threshold=0.07) for c in classes], AS_PUBLISHED)
+    expected = told.annotate(relational_features(load_motion(path)))
+    assert [tuple(s) for s in done.annotation.segments] == [tuple(s) for s in expected.segments]
+    assert told.settings.overlap == 1.0 and told.settings.visible == 0.0
 
 
 def test_one_truth_for_several_motions_and_equal_stems_are_refused(files: dict[Path, str], tmp_path: Path) -> None:

@@ -65,6 +65,9 @@ def annotate(
         float | None,
         typer.Option(help="Largest cost of a template: share of features that differ.", show_default="its own, 0.13"),
     ] = None,
+    as_published: Annotated[
+        bool, typer.Option("--as-published", help="Templates decide by the thesis's own rules, at a cost below 0.07.")
+    ] = False,
     events: Events = None,
     early: Annotated[bool, typer.Option("--early", help="Events also where a motion has begun.")] = False,
     hold: Annotated[int, typer.Option(help="Columns of 1/30 s that confirm an event.")] = 3,
@@ -97,7 +100,7 @@ def annotate(
             )
         done = annotate_motions(
             motions, wanted, output, queries=load_queries(queries) if queries else (), truth=truth,
-            threshold=threshold, progress=bars,
+            threshold=threshold, as_published=as_published, progress=bars,
         )  # fmt: skip
     _show(done)
 

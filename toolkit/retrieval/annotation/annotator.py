@@ -50,7 +50,9 @@ class DecisionSettings:
 
 
 AS_PUBLISHED = DecisionSettings(overlap=1.0, visible=0.0)
-"""The thesis's rules: every local minimum is a hit, every run is kept."""
+"""The thesis's rules (5.2): every local minimum is a hit, every run is kept."""
+PUBLISHED_THRESHOLD = 0.07
+"""`tau` with which the thesis labels tracks (6.5)."""
 
 
 @dataclass(frozen=True, eq=False)

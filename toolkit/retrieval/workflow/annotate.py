@@ -13,7 +13,14 @@ from toolkit.archives import archive_names
 from toolkit.errors import RetrievalError, RigError, UsageError
 from toolkit.files import check_output
 from toolkit.progress import Progress
-from toolkit.retrieval.annotation.annotator import THRESHOLD, Annotation, Annotator, MotionClass
+from toolkit.retrieval.annotation.annotator import (
+    AS_PUBLISHED,
+    PUBLISHED_THRESHOLD,
+    THRESHOLD,
+    Annotation,
+    Annotator,
+    MotionClass,
+)
 from toolkit.retrieval.annotation.classes import learn_classes, load_classes
 from toolkit.retrieval.annotation.measures import Scores
 from toolkit.retrieval.annotation.model import RELEARN, MotionModel
@@ -72,6 +79,7 @@ def annotate_motions(
     queries: Sequence[KeyframeQuery] = (),
     truth: str | Path | None = None,
     threshold: float | None = None,
+    as_published: bool = False,
     progress: Progress | None = None,
 ) -> list[AnnotatedFile]:
     """Label motions and write a report for each: one motion into `output` itself, several into `output`/<stem>.
@@ -84,6 +92,8 @@ def annotate_motions(
     queries : learned keyframe queries that narrow the search for template classes down
     truth : CSV with true segments (start, end, label); for several motions a folder with <stem>.csv
     threshold : largest cost of a template, in place of the classes' own
+    as_published : template classes decide by the thesis's own rules (`AS_PUBLISHED`), with its threshold unless one is
+        given
     progress : told after each motion
 
     Raises
@@ -101,7 +111,7 @@ def annotate_motions(
     for folder in folders.values():
         for name in REPORT_FILES:
             check_output(folder / name, [*files, *truths.values()])
-    annotate = _annotating(classes, queries, threshold)
+    annotate = _annotating(classes, queries, threshold, as_published)
     done = []
     for number, file in enumerate(files, start=1):
         features = relational_features(load_motion(file))
@@ -114,15 +124,23 @@ def annotate_motions(
 
 
 def _annotating(
-    classes: Sequence[MotionClass] | MotionModel, queries: Sequence[KeyframeQuery], threshold: float | None
+    classes: Sequence[MotionClass] | MotionModel,
+    queries: Sequence[KeyframeQuery],
+    threshold: float | None,
+    as_published: bool,
 ) -> Callable[[FeatureMatrix], Annotation]:
     if isinstance(classes, MotionModel):
-        if queries or threshold is not None:
-            raise UsageError("keyframe queries and a threshold belong to motion templates, not to a motion model")
+        if queries or threshold is not None or as_published:
+            raise UsageError(
+                "--queries, --threshold and --as-published belong to motion templates, not to a motion model; learn "
+                "classes with --templates"
+            )
         return classes.annotate
+    if as_published and threshold is None:
+        threshold = PUBLISHED_THRESHOLD
     if threshold is not None:
         classes = [replace(motion_class, threshold=threshold) for motion_class in classes]
-    annotator = Annotator(classes)
+    annotator = Annotator(classes, AS_PUBLISHED) if as_published else Annotator(classes)
 
     def annotate(features: FeatureMatrix) -> Annotation:
         intervals = preselect_in([features], queries, annotator.labels)[0] if queries else None
