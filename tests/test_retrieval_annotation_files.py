@@ -258,7 +258,7 @@ def test_templates_as_published_decide_by_the_rules_and_the_threshold_of_the_the
     (done,) = annotate_motions([path], classes, tmp_path / "published", as_published=True)
     told = Annotator([replace(c, threshold=0.07) for c in classes], AS_PUBLISHED)
     expected = told.annotate(relational_features(load_motion(path)))
-    assert [tuple(s) for s in done.annotation.segments] == [tuple(s) for s in expected.segments]
+    assert list(done.annotation.segments) == list(expected.segments)
     assert told.settings.overlap == 1.0 and told.settings.visible == 0.0
 
 
