@@ -76,7 +76,7 @@ def test_a_body_index_map_has_the_ids_of_people_json(two: tuple[Path, Simulation
         labels = np.asarray(image)
         truth = np.where(frame.person < 0, NOBODY, frame.person + 1)
         truth[(truth == 1) & (i == 0)] = NOBODY  # not there in the run's first frame
-        assert (labels == truth).mean() > 0.985
+        assert (labels == truth).mean() > 0.95
         assert set(np.unique(labels)) == ({2, NOBODY} if i == 0 else {1, 2, NOBODY})
         assert (labels[frame.depth == 0] == NOBODY).all()
 

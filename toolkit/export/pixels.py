@@ -24,8 +24,8 @@ NOBODY = 255
 MILLIMETRES = 1000.0
 REACH = 0.35
 """Metres from the points of a sighting to the joints of whom they belong to, at most (median)."""
-CONTOUR = 60
-"""Millimetres of depth between neighbouring pixels of one person, at most."""
+CONTOUR, ROUNDS = 60, 2
+"""Millimetres of depth between neighbouring pixels of one person, at most, and pixels that a contour is wide."""
 SAMPLES = 300
 """Points of a sighting that are asked whose they are."""
 HEAD = skeleton.REPORTED.index("head")
@@ -68,7 +68,8 @@ def labelled_frames(
         labels = np.full(frame.depth_mm.shape, NOBODY, dtype=np.uint8)
         for person, sighting in _matched(finder.find(frame.depth_mm, frame.timestamp, predicted), people, i):
             labels[(sighting.depth > 0)[lookup] & (frame.depth_mm > 0)] = person.id
-        _regain_contour(labels, frame.depth_mm)
+        for _ in range(ROUNDS):
+            _regain_contour(labels, frame.depth_mm)
         yield LabelledFrame(i, frame.depth_mm, labels)
 
 
