@@ -45,7 +45,7 @@ def main() -> None:
         print(f"{number:3d} " + " ".join(f"{name}={value}" for name, value in rows[-1].items()), flush=True)
     failed = [row for row in rows if row["failure"]]
     figures = {"collections": len(rows), "failed": len(failed), "builds": rows}
-    print(save_figures("builds", figures, vars(options)))
+    print(save_figures("builds", figures, {**vars(options), "mocap": [path.name for path in options.mocap]}))
     print(f"{len(failed)} of {len(rows)} builds failed")
     sys.exit(1 if failed else 0)
 

@@ -42,11 +42,11 @@ class RegressorSettings:
     calibration : further images on which it is found out what the forest's numbers are worth
     """
 
-    images: int = 38000
+    images: int = 43000
     pixels: int = 120
     trees: int = 3
     depth: int = 22
-    smallest_leaf: int = 60
+    smallest_leaf: int = 30
     questions: int = 120
     fewest_questions: int = 20
     bins: int = 24

@@ -26,6 +26,8 @@ from toolkit.mocap.procedural import procedural_clips  # noqa: E402
 
 LARGEST = 12e6
 """Bytes that the package has room for."""
+IMAGES, SMALLEST_LEAF = 38000, 60
+"""Of its joint regressor: leaves twice as large as those of other databases keep it within that."""
 
 
 def main() -> None:
@@ -33,15 +35,15 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("cmu", type=Path, nargs="+", help="folders of CMU motions, BVH and ASF/AMC")
     parser.add_argument("--output", type=Path, default=DEFAULT_DATABASE)
-    parser.add_argument("--images", type=int, default=RegressorSettings.images, help="that train the joint regressor")
+    parser.add_argument("--images", type=int, default=IMAGES, help="that train the joint regressor")
     parser.add_argument("--workers", type=int)
     options = parser.parse_args()
     sources = [*options.cmu, *procedural_clips(body=load_body("neutral"))]
+    parts = RegressorSettings(images=options.images, smallest_leaf=SMALLEST_LEAF)
     with progress_bars() as bars:
         report = build_database(
-            sources, options.output, threshold=THRESHOLD, parts=RegressorSettings(images=options.images),
-            workers=options.workers, progress=bars,
-        )  # fmt: skip
+            sources, options.output, threshold=THRESHOLD, parts=parts, workers=options.workers, progress=bars
+        )
     print(report.text())
     size = options.output.stat().st_size
     print(f"{size / 1e6:.1f} MB, SHA-256 {sha256_of(options.output)}")
