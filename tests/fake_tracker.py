@@ -49,7 +49,7 @@ class FakeTracker:
         self.steps = 0
         self.learnt: list[int] = []
 
-    def learner(self, camera: Camera, level_rotation: np.ndarray) -> FakeLearner:
+    def learner(self, camera: Camera, level_rotation: np.ndarray, floor: float | None = None) -> FakeLearner:
         return FakeLearner(self)
 
     def follower(self, camera: Camera, level_rotation: np.ndarray, body: Body | None = None) -> FakeFollower:

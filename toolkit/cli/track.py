@@ -33,6 +33,9 @@ class Tracking:
     settings: SettingOption = None
     max_poses: Annotated[int | None, typer.Option(help="Use only the first poses of the database.", min=2)] = None
     half_resolution: Annotated[bool, typer.Option("--half-resolution", help="Keep every second pixel.")] = False
+    online: Annotated[
+        bool, typer.Option("--online", help="One pass, each frame done with as it comes, as for a live camera.")
+    ] = False
     segment: SegmentOption = None
     subject: Annotated[
         str | None,
@@ -41,10 +44,15 @@ class Tracking:
 
     def overrides(self) -> dict[str, Any]:
         """Settings that are not the configuration's, by their dotted names."""
-        from toolkit.config import parse_overrides
+        from toolkit.config import parse_overrides, setting_of
+        from toolkit.tracking.registry import DEFAULT
 
         sensing = given(segment=self.segment, subject=self.subject, half_resolution=self.half_resolution or None)
-        return {f"sensing.{name}": value for name, value in sensing.items()} | parse_overrides(self.settings or [])
+        found = {f"sensing.{name}": value for name, value in sensing.items()} | parse_overrides(self.settings or [])
+        # Other trackers know one pass only.
+        if self.online and (setting_of("tracker", self.config, found) or DEFAULT) == DEFAULT:
+            found["passes"] = 1
+        return found
 
     def poses(self) -> Path | None:
         """The database named, or that of the package; None for a tracker that looks no poses up, which is said."""

@@ -28,6 +28,8 @@ class HybridSettings:
     ----------
     tracker : the name under which this tracker is registered
     seed : of everything random
+    passes : 2 follows everybody in a recording a second time, from their surest frame outwards; 1 is done with each
+        frame as it comes, as with a stream
     hypotheses : which compete: "local", "extrema" (lookup by geodesic extrema), "joints" (lookup by regressed joints,
         where extrema merge with the body), "arms" (the local one with arms of other poses), "head_hands" (on first
         frames and after losses, hands where the cloud ends, and the best pose turned round), "swarm" (likewise, where
@@ -61,6 +63,7 @@ class HybridSettings:
 
     tracker: Literal["hybrid", "baak2013"] = "hybrid"
     seed: int = 0
+    passes: Literal[1, 2] = 2
     hypotheses: tuple[str, ...] = ("local", "extrema", "joints", "arms", "head_hands", "swarm")
     body: Literal["auto", "whole", "upper"] = "auto"
     extrema: int = 20
@@ -92,6 +95,8 @@ class HybridSettings:
         known = ("local", "extrema", "joints", "arms", "head_hands", "swarm")
         if unknown := [name for name in self.hypotheses if name not in known]:
             raise SettingsError(f"hypotheses {unknown} are unknown; choose from {', '.join(known)}")
+        if self.passes not in (1, 2):
+            raise SettingsError(f"passes is {self.passes}; choose 1 or 2")
         if self.body not in ("auto", "whole", "upper"):
             raise SettingsError(f"body is {self.body!r}; choose auto, whole or upper")
         if not self.hypotheses:

@@ -78,6 +78,11 @@ class HybridTracker(SearchingTracker):
         return (*head_hands, *self._swarm)
 
     @property
+    def passes(self) -> int:
+        """See `LooksBack.passes`."""
+        return self.settings.passes
+
+    @property
     def joints_wanted(self) -> Wanted:
         """See `Tracker.joints_wanted`: the swarm starts from them."""
         return "offered" if self._swarm else "none"

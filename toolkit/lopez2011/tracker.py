@@ -314,7 +314,7 @@ class ParticleTracker:
         """See `TakesBody.know`."""
         self._known_body = body
 
-    def learner(self, camera: Camera, level_rotation: np.ndarray) -> MeasuredBody:
+    def learner(self, camera: Camera, level_rotation: np.ndarray, floor: float | None = None) -> MeasuredBody:
         """See `Tracker.learner`."""
         return MeasuredBody(self.settings, camera, level_rotation)
 

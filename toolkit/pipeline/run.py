@@ -8,6 +8,7 @@ import os
 import threading
 import time
 from dataclasses import asdict, replace
+from functools import partial
 from importlib.metadata import version
 from itertools import islice
 from pathlib import Path
@@ -16,6 +17,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from toolkit import skeleton
+from toolkit.body.body import Body
 from toolkit.checkpoint import HINT, load_checkpoint, save_checkpoint
 from toolkit.config import settings_text
 from toolkit.errors import DepthMocapError, RecordingError, TrackError, UsageError
@@ -25,6 +27,7 @@ from toolkit.people.sighting import PeopleFinder
 from toolkit.people.up import floor_height
 from toolkit.pipeline.joints import JointChoice, give_joints, joint_source, name_of
 from toolkit.pipeline.rows import RowWatcher
+from toolkit.pipeline.second import SecondPass
 from toolkit.pipeline.sink import CONFIG_FILE, RunSink, finished_tracks
 from toolkit.pipeline.summary import RunSummary, summarised
 from toolkit.pipeline.watch import LOG_FILE, log_file, stop_request
@@ -32,11 +35,12 @@ from toolkit.plain import read_text
 from toolkit.progress import RecordingProgress
 from toolkit.runs import PEOPLE_FILE
 from toolkit.sensing.camera import level_rotation
+from toolkit.sensing.depth_filter import DepthFilter
 from toolkit.sensing.recording import Recording
 from toolkit.track import PARTIAL_FILE, RUN_FILE, TRACK_FILE, RunInfo
 from toolkit.tracking.clock import StageClock
 from toolkit.tracking.crowd import Crowd, Row
-from toolkit.tracking.protocol import Tracker, judge_of
+from toolkit.tracking.protocol import LooksBack, Tracker, judge_of
 
 STATE_FILE = "state.npz"
 RUN_FILES = (TRACK_FILE, PARTIAL_FILE, RUN_FILE, CONFIG_FILE, LOG_FILE, STATE_FILE, PEOPLE_FILE)
@@ -156,25 +160,72 @@ def _track(
     sink = RunSink(folder, tracker, info, several=several, resume=resume)
     try:
         with log_file(folder), stop_request() as stop:
-            crowd = _restored(folder, sink, job)
-            if warm_up and (crowd.frames or not tracker.learning_seconds):
-                _warm_up(job, report)  # else learning the body comes first, and is not timed
-            logger.info("%s: tracking frames %d to %d", recording.name, crowd.frames, len(recording))
-            if watcher is not None:
-                watcher.begin(_frame_rate(recording), crowd.bodies.get(1), sink.past())
-            _follow(recording, crowd, sink, report, stop, watcher)
-            complete = crowd.frames == len(recording)
-            if complete and (furniture := crowd.finder.furniture):
-                sink.drop(furniture)
-                logger.info("%s: %d thing(s) followed for a while are no people", recording.name, len(furniture))
-            tracks = sink.finish(crowd.bodies, complete=complete)
+            second = _second_pass(job, folder, sink) if watcher is None else None
+            if second is not None and resume and SecondPass.is_begun(folder):
+                second.restore()
+                bodies, frames = second.bodies, len(recording)
+            else:
+                bodies, frames = _first_pass(job, folder, sink, warm_up, report, stop, watcher, second)
+            complete = frames == len(recording)
+            if second is not None and complete:
+                complete = second.follow(stop, partial(report, recording.name, "looking back"))
+                bodies = second.bodies
+            tracks = sink.finish(bodies, complete=complete)
             if complete:
                 (folder / STATE_FILE).unlink(missing_ok=True)
-            logger.info("%s: %d of %d frames written", recording.name, crowd.frames, len(recording))
+            logger.info("%s: %d of %d frames written", recording.name, frames, len(recording))
     except DepthMocapError:
         sink.abandon()
         raise
-    return summarised(recording.name, folder, tracks, len(recording))
+    return summarised(recording.name, folder, tracks, len(recording), unfinished=not complete)
+
+
+def _first_pass(
+    job: Job,
+    folder: Path,
+    sink: RunSink,
+    warm_up: bool,
+    report: RecordingProgress,
+    stop: threading.Event,
+    watcher: RowWatcher | None,
+    second: SecondPass | None,
+) -> tuple[dict[int, Body], int]:
+    """Follow everybody frame by frame as they come, for the second pass if there is one; their bodies, and how far."""
+    recording, tracker = job.recording, job.tracker
+    crowd = _restored(folder, sink, job)
+    if second is not None:
+        crowd.sightings = second.sightings(crowd.frames)
+    if warm_up and (crowd.frames or not tracker.learning_seconds):
+        _warm_up(job, report)  # else learning the body comes first, and is not timed
+    logger.info("%s: tracking frames %d to %d", recording.name, crowd.frames, len(recording))
+    if watcher is not None:
+        watcher.begin(_frame_rate(recording), crowd.bodies.get(1), sink.past())
+    _follow(recording, crowd, sink, report, stop, watcher)
+    bodies, complete = crowd.bodies, crowd.frames == len(recording)
+    if complete and (furniture := crowd.finder.furniture):
+        sink.drop(furniture)
+        bodies = {person: body for person, body in bodies.items() if person not in furniture}
+        logger.info("%s: %d thing(s) followed for a while are no people", recording.name, len(furniture))
+    if second is not None and crowd.sightings is not None and complete:
+        crowd.sightings.close()
+        second.begin(bodies)
+    return bodies, crowd.frames
+
+
+def _second_pass(job: Job, folder: Path, sink: RunSink) -> SecondPass | None:
+    """The pass that follows the first one; None for a tracker that is done with each frame as it comes."""
+    tracker, recording = job.tracker, job.recording
+    if not isinstance(tracker, LooksBack) or tracker.passes < 2:
+        return None
+    camera = DepthFilter(recording.camera, tracker.settings.sensing).camera
+    rotation, floor = level_rotation(recording.up_camera), floor_of(recording)
+    return SecondPass(folder, tracker, camera, rotation, recording.timestamps, floor, sink)
+
+
+def floor_of(recording: Recording) -> float | None:
+    """Where the floor is, y in the level frame, metres; None where none is seen."""
+    height = floor_height(recording)
+    return None if height is None else -height
 
 
 def _silent(name: str, doing: str, done: int, total: int) -> None:
@@ -258,6 +309,8 @@ def _frame_rate(recording: Recording) -> float:
 
 def _remember(sink: RunSink, crowd: Crowd) -> None:
     sink.keep()
+    if crowd.sightings is not None:
+        crowd.sightings.flush()
     save_checkpoint(sink.run / STATE_FILE, crowd.tracker.settings.tracker, crowd.export_state())
 
 
@@ -267,7 +320,7 @@ def _restored(folder: Path, sink: RunSink, job: Job) -> Crowd:
     Where rows before it are gone, as after a loss of power, all are found again.
     """
     recording, tracker, path = job.recording, job.tracker, folder / STATE_FILE
-    crowd = Crowd(tracker, finder_of(job), recording.up_camera, job.joints)
+    crowd = Crowd(tracker, finder_of(job), recording.up_camera, job.joints, floor_of(recording))
     if sink.begun and os.path.lexists(path):
         nothing, state = job.joints.export_state(), load_checkpoint(path, tracker.settings.tracker)
         try:
@@ -278,7 +331,7 @@ def _restored(folder: Path, sink: RunSink, job: Job) -> Crowd:
             raise TrackError(f"{path} is of another recording; {HINT}")
         if crowd.bodies and crowd.frames > sink.rows(crowd.bodies):
             job.joints.restore_state(nothing)
-            crowd = Crowd(tracker, finder_of(job), recording.up_camera, job.joints)
+            crowd = Crowd(tracker, finder_of(job), recording.up_camera, job.joints, floor_of(recording))
     sink.cut(crowd.frames, crowd.bodies)
     return crowd
 

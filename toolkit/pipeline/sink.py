@@ -16,7 +16,18 @@ from toolkit.config import settings_text
 from toolkit.errors import OutputError
 from toolkit.files import save_text
 from toolkit.runs import PEOPLE_FILE, PersonSummary, load_people, save_people
-from toolkit.track import EMPTY, LOST, PARTIAL_FILE, RUN_FILE, TRACK_FILE, TRACKED, RunInfo, Track, TrackWriter
+from toolkit.track import (
+    EMPTY,
+    LOST,
+    PARTIAL_FILE,
+    RUN_FILE,
+    TRACK_FILE,
+    TRACKED,
+    FrameResult,
+    RunInfo,
+    Track,
+    TrackWriter,
+)
 from toolkit.tracking.crowd import Row
 from toolkit.tracking.protocol import Tracker
 
@@ -85,9 +96,9 @@ class RunSink:
         for writer in self._writers.values():
             writer.keep()
 
-    def past(self) -> np.ndarray:
-        """The rows so far of the one person who is followed."""
-        return self._open(1).past()
+    def past(self, person: int = 1) -> np.ndarray:
+        """A person's rows so far, by default those of the one who is followed."""
+        return self._open(person).past()
 
     def cut(self, frames: int, people: Mapping[int, Body]) -> None:
         """Go back to `frames` rows of these people; who came later is forgotten."""
@@ -104,6 +115,10 @@ class RunSink:
                 writer = self._writers.pop(person)
                 writer.abandon()
                 shutil.rmtree(writer.run)
+
+    def replace(self, person: int, rows: Iterable[tuple[FrameResult, float]]) -> None:
+        """Put a person's rows, with their timestamps, in place of those so far; raises as `TrackWriter.replace`."""
+        self._open(person).replace(rows)
 
     def finish(self, bodies: Mapping[int, Body], *, complete: bool) -> list[Track]:
         """Put the tracks in place, with what is known of each person; returns them."""

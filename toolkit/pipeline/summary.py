@@ -31,6 +31,7 @@ class RunSummary:
     states : how many frames were tracked, lost and empty, by `STATE_NAMES`, of all people together
     people : how many were followed
     confidence : mean of the observed joints in tracked frames, of all people together; NaN where there is none
+    unfinished : the second pass was stopped, and all rows are those of the first
     """
 
     name: str
@@ -41,11 +42,12 @@ class RunSummary:
     states: dict[str, int]
     people: int = 1
     confidence: float = float("nan")
+    unfinished: bool = False
 
     @property
     def interrupted(self) -> bool:
         """Stopped before the last frame; `resume` continues it."""
-        return self.frames < self.recorded_frames
+        return self.unfinished or self.frames < self.recorded_frames
 
     def text(self) -> str:
         """One line for people."""
@@ -76,7 +78,9 @@ class BatchReport:
         return any(summary.interrupted for summary in self.done)
 
 
-def summarised(name: str, run: Path, tracks: Sequence[Track], recorded_frames: int) -> RunSummary:
+def summarised(
+    name: str, run: Path, tracks: Sequence[Track], recorded_frames: int, *, unfinished: bool = False
+) -> RunSummary:
     """The summary of a recording of which these are the tracks, one for each person."""
     stage_ms: dict[str, float] = {}
     states = dict.fromkeys(STATE_NAMES, 0)
@@ -87,7 +91,8 @@ def summarised(name: str, run: Path, tracks: Sequence[Track], recorded_frames: i
         for state in (TRACKED, LOST, EMPTY):
             states[STATE_NAMES[state]] += int((track.state == state).sum())
     frames = len(tracks[0]) if tracks else recorded_frames
-    return RunSummary(name, run, frames, recorded_frames, stage_ms, states, len(tracks), confidence_of(tracks))
+    sure = confidence_of(tracks)
+    return RunSummary(name, run, frames, recorded_frames, stage_ms, states, len(tracks), sure, unfinished)
 
 
 def confidence_of(tracks: Sequence[Track]) -> float:

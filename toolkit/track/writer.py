@@ -9,7 +9,7 @@ from __future__ import annotations
 import errno
 import json
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, BinaryIO
@@ -19,11 +19,13 @@ import numpy as np
 from toolkit import skeleton
 from toolkit.door import open_file
 from toolkit.errors import OutputError, TrackError, UsageError
+from toolkit.files import atomic_path
 from toolkit.track.result import FrameResult
 from toolkit.track.track import PARTIAL_FILE, Track, columns
 
 
-def _record(stages: int) -> np.dtype:
+def row_type(stages: int) -> np.dtype:
+    """One row of a track with times of so many stages, as it lies on disk."""
     types = dict(
         joints="<f4", pose="<f8", confidence="<f4", state="u1", source="u1", timestamps="<f8", stage_ms="<f4",
         observed="?",
@@ -56,7 +58,7 @@ class TrackWriter:
         self.run = Path(run)
         self.stage_names, self.source_names = stage_names, source_names
         self._path = self.run / PARTIAL_FILE
-        self._record = _record(len(stage_names))
+        self._record = row_type(len(stage_names))
         names = {
             "columns": list(self._record.names or ()),
             "joint_names": skeleton.REPORTED,
@@ -104,6 +106,13 @@ class TrackWriter:
         if self._stream.write(data) != len(data):
             raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
+    def _bytes(self, result: FrameResult, timestamp: float) -> bytes:
+        row = np.zeros((), dtype=self._record)
+        for name in ("joints", "pose", "confidence", "state", "source", "stage_ms", "observed"):
+            row[name] = getattr(result, name)
+        row["timestamps"] = timestamp
+        return row.tobytes()
+
     def cut(self, rows: int) -> None:
         """Keep only the first `rows` rows and go on from there.
 
@@ -128,12 +137,8 @@ class TrackWriter:
         OutputError
             The row cannot be written, for example because the disk is full; the rows before it stay.
         """
-        row = np.zeros((), dtype=self._record)
-        for name in ("joints", "pose", "confidence", "state", "source", "stage_ms", "observed"):
-            row[name] = getattr(result, name)
-        row["timestamps"] = timestamp
         try:
-            self._write(row.tobytes())
+            self._write(self._bytes(result, timestamp))
         except OSError as error:
             raise OutputError(
                 f"cannot write frame {self.rows} to {self._path}: {error.strerror or error}; "
@@ -155,6 +160,25 @@ class TrackWriter:
             raise OutputError(
                 f"cannot write {self._path}: {error.strerror or error}; free some space and continue with --resume"
             ) from error
+
+    def replace(self, rows: Iterable[tuple[FrameResult, float]]) -> None:
+        """Put other rows, with their timestamps, in place of those so far: all of them or, where that fails, none.
+
+        Raises
+        ------
+        OutputError
+            The rows cannot be written.
+        """
+        with atomic_path(self._path) as beside:
+            with beside.open("wb") as stream:
+                stream.write(self._header)
+                count = 0
+                for result, timestamp in rows:
+                    stream.write(self._bytes(result, timestamp))
+                    count += 1
+        self._stream.close()
+        self._stream = self._path.open("r+b", buffering=0)
+        self.cut(count)
 
     def past(self) -> np.ndarray:
         """The rows so far, as records with the track's columns."""

@@ -19,12 +19,12 @@ from toolkit.checkpoint import HINT, check_state
 from toolkit.errors import RecordingError, TrackError
 from toolkit.people.joints import JointSource, NoJoints
 from toolkit.people.sighting import PeopleFinder, PredictedBody, Sighting
-from toolkit.sensing.camera import Camera, level_rotation
-from toolkit.sensing.joints2d import Joints2D
+from toolkit.sensing.camera import level_rotation
 from toolkit.sensing.stream import Frame
 from toolkit.track import FrameResult
 from toolkit.tracking.clock import StageClock
 from toolkit.tracking.protocol import BodyLearner, PersonFollower, Tracker
+from toolkit.tracking.sightings import Kept, SightingFile
 from toolkit.tracking.state import State
 
 
@@ -35,37 +35,6 @@ class Row(NamedTuple):
     frame: int
     timestamp: float
     result: FrameResult
-
-
-class Kept(NamedTuple):
-    """A sighting that waits: its depth within a window, and what belongs to it."""
-
-    id: int
-    window: tuple[slice, slice]
-    depth: np.ndarray
-    unobserved: np.ndarray | None
-    camera: Camera
-    joints: Joints2D | None
-
-    @classmethod
-    def of(cls, sighting: Sighting) -> Kept:
-        """Without the empty border of the depth, and the mask in bits."""
-        rows, columns = (np.flatnonzero((sighting.depth > 0).any(axis=axis)) for axis in (1, 0))
-        window = (slice(0, 0), slice(0, 0))
-        if len(rows):
-            window = slice(int(rows[0]), int(rows[-1]) + 1), slice(int(columns[0]), int(columns[-1]) + 1)
-        bits = None if sighting.unobserved is None else np.packbits(sighting.unobserved)
-        return cls(sighting.id, window, sighting.depth[window].copy(), bits, sighting.camera, sighting.joints)
-
-    def sighting(self) -> Sighting:
-        """The sighting as it was."""
-        shape = self.camera.shape
-        depth = np.zeros(shape, dtype=np.float32)
-        depth[self.window] = self.depth
-        unobserved = None
-        if self.unobserved is not None:
-            unobserved = np.unpackbits(self.unobserved, count=shape[0] * shape[1]).reshape(shape).astype(np.bool_)
-        return Sighting(self.id, depth, unobserved, self.camera, self.joints)
 
 
 @dataclass
@@ -102,11 +71,13 @@ class Crowd:
     finder : tells the people of a frame apart
     up_camera : (3,), the vertical in the camera frame
     joints : tells where the joints of those who were found are in the image; None for nobody's
+    floor : y of the floor, metres, level frame, None where it is not known
 
     Attributes
     ----------
     frames : how many were taken in
     timestamps : theirs, seconds
+    sightings : keeps what is seen of everybody, for a second pass; None where there is none
     """
 
     def __init__(
@@ -115,7 +86,10 @@ class Crowd:
         finder: PeopleFinder,
         up_camera: np.ndarray,
         joints: JointSource | None = None,
+        floor: float | None = None,
     ) -> None:
+        self._floor = floor
+        self.sightings: SightingFile | None = None
         self.tracker, self.finder, self.joints = tracker, finder, joints or NoJoints()
         self.level_rotation = level_rotation(up_camera)
         self.frames = 0
@@ -138,6 +112,8 @@ class Crowd:
         start = perf_counter()
         found = self.finder.find(frame.depth_mm, frame.timestamp, self._predictions())
         sightings = {s.id: s for s in self.joints.add(frame, found)}
+        if self.sightings is not None:
+            self.sightings.append(self.frames, sightings.values())
         known = self._followers.keys() | self._waiting.keys()
         prepare_ms = 1000.0 * (perf_counter() - start) / max(len(known | sightings.keys()), 1)
         for person in sorted(sightings.keys() - known):
@@ -210,7 +186,7 @@ class Crowd:
             if np.count_nonzero(sighting.depth) >= self.tracker.settings.smallest_person:
                 waiting.seen_since = len(waiting.frames) - 1
                 if self.tracker.learning_seconds:
-                    waiting.learner = self.tracker.learner(self.finder.camera, self.level_rotation)
+                    waiting.learner = self.tracker.learner(self.finder.camera, self.level_rotation, self._floor)
         if waiting.learner is not None and sighting is not None:
             waiting.learner.observe(sighting, timestamp)
         if waiting.seen_since is None:

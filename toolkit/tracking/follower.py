@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
@@ -23,6 +24,7 @@ from toolkit.tracking.search.protocol import Hypothesis, ScoredHypothesis, Searc
 from toolkit.tracking.settings import FollowerSettings
 from toolkit.tracking.smoothing import PoseSmoother
 from toolkit.tracking.state import PersonState, Previous
+from toolkit.tracking.stature import off_floor, unlikely
 
 HELD = 1.0
 """Seconds out of sight after which nobody is expected to come back in the pose in which they went."""
@@ -46,6 +48,10 @@ class Follower(Person):
     ----------
     state : everything that the next step depends on besides the sighting; replaced, never changed, by `step`
     observation : of the last sighting, None where nobody was seen
+    sizes : as above; fewer may be tried
+    floor : y of the floor, metres, level frame, None where it is not known: it tells how tall a person is
+    scored : all hypotheses of the last frame
+    winner : the hypothesis that was selected in the last frame, None where there was none
     """
 
     held = HELD
@@ -65,13 +71,16 @@ class Follower(Person):
     ) -> None:
         super().__init__(state, objective.placer, level_rotation, sources)
         self.observer, self.searches, self.objective = observer, tuple(searches), objective
-        self._settings, self._sizes = settings, tuple(sizes)
+        self._settings, self.sizes = settings, tuple(sizes)
         self._occluded_limbs, self._verifier = occluded_limbs, verifier
         self.observation: Observation | None = None
+        self.floor: float | None = None
+        self.scored: Sequence[ScoredHypothesis] = ()
+        self.winner: ScoredHypothesis | None = None
 
     def step(self, sighting: Sighting | None, timestamp: float, clock: StageClock) -> FrameResult:
         """Find the person in the next frame, at `timestamp` seconds; without a sighting nobody is there."""
-        self.observation = None
+        self.observation, self.scored, self.winner = None, (), None
         # Baak 2013, 5.3.1: the person's depth as a cloud.
         cloud = None if sighting is None else Cloud.from_depth(sighting.depth, sighting.camera, self.level_rotation)
         clock.record("prepare")
@@ -86,16 +95,42 @@ class Follower(Person):
         clock.record("landmarks")
 
         # 5.4.1 and 5.4.3: hypotheses of the local optimisation and of the database lookup, and what each costs.
-        hypotheses, asked = self._hypotheses(observation, clock)
+        self.scored, asked = self._hypotheses(observation, clock)
 
         # 5.4.4: late fusion; the hypothesis of least cost is the pose.
-        winner = min(hypotheses, key=cost_of, default=None)
+        winner = min(self.scored, key=cost_of if asked.sized else self.cost_of_size, default=None)
         if winner is None:
             row, self.state = self.predicted_row(LOST), unseen(asked, timestamp)
         else:
+            self.winner = winner
             row, self.state = self._selected(winner, asked, observation)
         clock.record("select")
         return replace(row, stage_ms=clock.milliseconds)
+
+    def shown(self, sighting: Sighting, timestamp: float) -> float:
+        """How many joints of the person a frame shows, as the regressor is sure of them; without one, which share of
+        the image they fill.
+        """
+        cloud = Cloud.from_depth(sighting.depth, sighting.camera, self.level_rotation)
+        observation = self.observer.observe(cloud, timestamp, self.state, sighting.unobserved, sighting.joints)
+        votes = observation.votes
+        return len(cloud) / cloud.depth.size if votes is None else float((votes.reliability * votes.in_view).sum())
+
+    @property
+    def distance(self) -> float:
+        """How far the pose of the last frame is from it, metres; infinite where none was found."""
+        return math.inf if self.winner is None else self.winner.comparison.distance
+
+    def cost_of_size(self, scored: ScoredHypothesis) -> float:
+        """What is to be least where the size is unknown, metres: unlikely statures cost more."""
+        return scored.cost + unlikely(scored.body.height) + self.off_floor(scored)
+
+    def off_floor(self, scored: ScoredHypothesis) -> float:
+        """What the floor says against a hypothesis, metres."""
+        if self.floor is None or scored.comparison.placed is None:
+            return 0.0
+        lowest = float((scored.comparison.placed.vertices * self.level_rotation[1]).sum(axis=1).min())
+        return off_floor(lowest, self.floor)
 
     def _hypotheses(self, observation: Observation, clock: StageClock) -> tuple[list[ScoredHypothesis], PersonState]:
         """What the searches say of the frame; and the state, with what they remember of it."""
@@ -103,7 +138,7 @@ class Follower(Person):
         memory = dict(state.memory)
         went = _last_seen(state, observation.timestamp, self.held)
         known = [] if went is None else [replace(state, previous=went)]
-        bodies = (state.body,) if state.sized else self._sizes
+        bodies = (state.body,) if state.sized else self.sizes
         # Who was hidden for a moment has not turned round meanwhile.
         anew = state.previous is None and not known
         scored: list[ScoredHypothesis] = []
@@ -196,7 +231,7 @@ def _went(state: PersonState, previous: Previous) -> dict[str, Any]:
 
 def _last_seen(state: PersonState, timestamp: float, held: float) -> Previous | None:
     """The frame in which the person went out of sight, unless that is more than `held` seconds ago."""
-    if state.last_seen_at is None or timestamp - state.last_seen_at > held:
+    if state.last_seen_at is None or abs(timestamp - state.last_seen_at) > held:
         return None
     return state.last_seen
 

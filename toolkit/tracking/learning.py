@@ -26,40 +26,52 @@ class FollowedBody:
     stages : names of the follower's stages
     settings : how many frames of a second take part, and what holds the body to the likely ones
     fitting : of the terms that tie the body's surface to the frame
+
+    Attributes
+    ----------
+    follower, settings : as above
     """
 
     def __init__(
         self, follower: Follower, stages: tuple[str, ...], settings: ShapeSettings, fitting: FittingSettings
     ) -> None:
-        self._follower, self._stages, self._settings, self._fitting = follower, stages, settings, fitting
+        self.follower, self.settings, self._stages, self._fitting = follower, settings, stages, fitting
         self._estimator: ShapeEstimator | None = None
         self._pace = Pace(settings.rate)
 
     @property
     def found(self) -> bool:
         """See `BodyLearner.found`."""
-        return self._follower.state.pose is not None
+        return self.follower.state.pose is not None
 
     @property
     def body(self) -> Body | None:
         """See `BodyLearner.body`."""
-        return self._follower.body if self._follower.state.sized else None
+        return self.follower.body if self.follower.state.sized else None
 
     def predicted(self) -> PredictedBody:
         """See `BodyLearner.predicted`."""
-        return self._follower.predicted()
+        return self.follower.predicted()
 
     def observe(self, sighting: Sighting, timestamp: float) -> None:
         """See `BodyLearner.observe`."""
-        if not self._pace.takes(timestamp):
-            return
-        follower = self._follower
+        if self._pace.takes(timestamp):
+            self.take(sighting, timestamp)
+
+    def begin(self, body: Body) -> None:
+        """Forget the person; they are found anew with a body that may be theirs."""
+        self.follower.state = replace(self.follower.state, body=body, sized=True, previous=None)
+        self._estimator = None
+
+    def take(self, sighting: Sighting, timestamp: float) -> None:
+        """Take in a sighting, however soon after the one before."""
+        follower = self.follower
         result = follower.step(sighting, timestamp, StageClock(self._stages))
         if result.state != TRACKED or follower.observation is None:
             return
         if self._estimator is None:
             terms = mesh_terms(self._fitting)
-            self._estimator = ShapeEstimator(follower.body, self._settings, follower.objective.placer, terms)
+            self._estimator = ShapeEstimator(follower.body, self.settings, follower.objective.placer, terms)
         body = self._estimator.observe(result.pose, follower.observation.scene)
         follower.state = replace(follower.state, body=body)
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Literal, Protocol, runtime_checkable
+from typing import TYPE_CHECKING, Literal, Protocol, runtime_checkable
 
 import numpy as np
 
@@ -14,6 +14,12 @@ from toolkit.sensing.settings import SensingSettings
 from toolkit.track import FrameResult
 from toolkit.tracking.clock import StageClock
 from toolkit.tracking.state import State
+
+if TYPE_CHECKING:
+    from toolkit.tracking.passes import BothWays, Plan
+    from toolkit.tracking.planning import Planner
+    from toolkit.tracking.sightings import PersonSightings
+    from toolkit.tracking.ways import WayFile
 
 Wanted = Literal["none", "offered", "welcome", "required"]
 
@@ -154,8 +160,11 @@ class Tracker(Protocol):
         """See above."""
         ...
 
-    def learner(self, camera: Camera, level_rotation: np.ndarray) -> BodyLearner:
-        """Learns one person's own body; only asked where `learning_seconds` is not 0."""
+    def learner(self, camera: Camera, level_rotation: np.ndarray, floor: float | None = None) -> BodyLearner:
+        """Learns one person's own body; only asked where `learning_seconds` is not 0.
+
+        `floor` is its y, metres, level frame, where it is known.
+        """
         ...
 
     def follower(self, camera: Camera, level_rotation: np.ndarray, body: Body | None = None) -> PersonFollower:
@@ -181,3 +190,42 @@ class JudgesPeople(Protocol):
 def judge_of(tracker: Tracker) -> PersonJudge | None:
     """What tells people from furniture for a tracker, None where it has no such thing."""
     return tracker.judge if isinstance(tracker, JudgesPeople) else None
+
+
+@runtime_checkable
+class LooksBack(Tracker, Protocol):
+    """A tracker that can follow the people of a recording a second time, from their surest frames outwards.
+
+    Attributes
+    ----------
+    passes : 1 or 2, how often it wants to
+    """
+
+    @property
+    def passes(self) -> int:
+        """See above."""
+        ...
+
+    def planner(
+        self,
+        camera: Camera,
+        level_rotation: np.ndarray,
+        seen: PersonSightings,
+        timestamps: np.ndarray,
+        floor: float | None = None,
+    ) -> Planner:
+        """Learns the body of the person whose sightings these are, and says where to begin; see `Planner`."""
+        ...
+
+    def both_ways(
+        self,
+        camera: Camera,
+        level_rotation: np.ndarray,
+        seen: PersonSightings,
+        timestamps: np.ndarray,
+        way: WayFile,
+        plan: Plan,
+        first_pass: np.ndarray | None = None,
+    ) -> BothWays:
+        """Follows that person; see `BothWays`."""
+        ...

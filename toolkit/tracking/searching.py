@@ -23,10 +23,14 @@ from toolkit.tracking.follower import Follower
 from toolkit.tracking.learning import FollowedBody
 from toolkit.tracking.observation import Observer
 from toolkit.tracking.occluded_limbs import OccludedLimbs
+from toolkit.tracking.passes import BothWays, Plan
+from toolkit.tracking.planning import Planner
 from toolkit.tracking.protocol import TrackerSettings, Wanted
 from toolkit.tracking.search.protocol import Search, Verifier
 from toolkit.tracking.settings import FollowerSettings
+from toolkit.tracking.sightings import PersonSightings
 from toolkit.tracking.state import PersonState
+from toolkit.tracking.ways import WayFile
 
 LARGE_IMAGE = 200
 """Pixels of width above which the body is drawn at half the resolution of the image."""
@@ -110,9 +114,10 @@ class SearchingTracker(ABC):
         """See `Tracker.learning_seconds`."""
         return self._common.shape.seconds if self._known_body is None else 0.0
 
-    def learner(self, camera: Camera, level_rotation: np.ndarray) -> FollowedBody:
+    def learner(self, camera: Camera, level_rotation: np.ndarray, floor: float | None = None) -> FollowedBody:
         """See `Tracker.learner`."""
         follower = self._follower(camera, level_rotation, self._first_body, sized=False)
+        follower.floor = floor
         follower.observer = replace(follower.observer, learning=True)
         return FollowedBody(follower, self.stage_names, self._common.shape, self._common.fitting)
 
@@ -120,6 +125,39 @@ class SearchingTracker(ABC):
         """See `Tracker.follower`."""
         known = body or self._known_body
         return self._follower(camera, level_rotation, known or self._first_body, sized=known is not None)
+
+    @property
+    def passes(self) -> int:
+        """See `LooksBack.passes`."""
+        return 1
+
+    def planner(
+        self,
+        camera: Camera,
+        level_rotation: np.ndarray,
+        seen: PersonSightings,
+        timestamps: np.ndarray,
+        floor: float | None = None,
+    ) -> Planner:
+        """See `LooksBack.planner`."""
+        learner = self.learner(camera, level_rotation, floor)
+        follower = self.follower(camera, level_rotation, self._first_body)
+        smallest = self._common.smallest_person
+        return Planner(learner, follower, seen, timestamps, self.stage_names, smallest, self._known_body)
+
+    def both_ways(
+        self,
+        camera: Camera,
+        level_rotation: np.ndarray,
+        seen: PersonSightings,
+        timestamps: np.ndarray,
+        way: WayFile,
+        plan: Plan,
+        first_pass: np.ndarray | None = None,
+    ) -> BothWays:
+        """See `LooksBack.both_ways`."""
+        follower = self.follower(camera, level_rotation, plan.body)
+        return BothWays(follower, seen, timestamps, way, plan, self.stage_names, first_pass)
 
     def assembled(
         self, objective: Objective, refiner: Refiner, observer: Observer, level_rotation: np.ndarray, state: PersonState

@@ -102,8 +102,8 @@ class PersonState:
         return cls(body, sized, np.random.Generator(np.random.PCG64(seed)).bit_generator.state)
 
     def elapsed(self, timestamp: float) -> float:
-        """Seconds from the frame before to `timestamp`."""
-        return FIRST_STEP if self.timestamp is None else timestamp - self.timestamp
+        """Seconds between the frame before and `timestamp`, whichever way the frames are followed."""
+        return FIRST_STEP if self.timestamp is None else abs(timestamp - self.timestamp)
 
     def rng(self) -> np.random.Generator:
         """The generator as it stands; its state after a step belongs into the next `PersonState`."""
@@ -114,12 +114,7 @@ class PersonState:
     def export(self) -> State:
         """As plain arrays, numbers and text."""
         state: State = {
-            "body": {
-                "shape": self.body.shape,
-                "scale": float(self.body.scale),
-                "name": self.body.name,
-                "offsets": self.body.offsets,
-            },
+            "body": body_state(self.body),
             "sized": self.sized,
             # JSON keeps integers of any size only as text in every reader.
             "generator": {key: str(value) for key, value in _flat(self.generator).items()},
@@ -150,11 +145,10 @@ class PersonState:
             check_state(state["smoothed"], {"pose": _POSE, "timestamp": _NUMBERS["lost"]}, what="smoother")
         for name, kept in state["memory"].items():
             check_state(kept, {key: _remembered(kept[key]) for key in kept}, what=f"search {name}")
-        body = ShapeSpace.load().body(own["shape"], scale=own["scale"], name=own["name"], offsets=own["offsets"])
         smoothed = state["smoothed"]
         plain = ("sized", "last_seen_at", "pose", "centre", "facing", "timestamp", "lost", "in_view", "turn", "memory")
         return cls(
-            body=body,
+            body=body_of(own),
             generator=_generator(state["generator"]),
             previous=None if state["previous"] is None else Previous(**state["previous"]),
             last_seen=None if state["last_seen"] is None else Previous(**state["last_seen"]),
@@ -214,6 +208,16 @@ def _generator(texts: Any) -> dict[str, Any]:
     except (ValueError, TypeError, KeyError, AttributeError, OverflowError) as error:
         raise TrackError(f"the state of the person holds no state of a random generator; {HINT}") from error
     return values
+
+
+def body_state(body: Body) -> State:
+    """A body of the shape space as plain arrays, numbers and text."""
+    return {"shape": body.shape, "scale": float(body.scale), "name": body.name, "offsets": body.offsets}
+
+
+def body_of(state: Mapping[str, Any]) -> Body:
+    """The body that `body_state` described."""
+    return ShapeSpace.load().body(state["shape"], scale=state["scale"], name=state["name"], offsets=state["offsets"])
 
 
 def _flat(values: Mapping[str, Any], where: str = "") -> dict[str, Any]:

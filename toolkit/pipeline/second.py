@@ -1,0 +1,161 @@
+"""The second pass over a recording: everybody who was found is followed again from their surest frame outwards."""
+
+from __future__ import annotations
+
+import shutil
+import threading
+import time
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from toolkit.body.body import Body
+from toolkit.checkpoint import load_checkpoint, save_checkpoint
+from toolkit.pipeline.sink import RunSink
+from toolkit.sensing.camera import Camera
+from toolkit.track import EMPTY, FrameResult
+from toolkit.tracking.passes import Plan
+from toolkit.tracking.person import PREDICTED
+from toolkit.tracking.protocol import LooksBack
+from toolkit.tracking.sightings import SightingFile
+from toolkit.tracking.state import body_of, body_state
+from toolkit.tracking.ways import WayFile
+
+FOLDER = "second"
+"""Within a run folder, while the run lasts."""
+STATE_FILE = "state.npz"
+MEMORY_SECONDS = 2.0
+"""A killed run loses at most this much work: the state is written so often, seconds."""
+
+
+class SecondPass:
+    """Follows the people of a recording again, one after the other, and puts their rows in place of the first ones.
+
+    Parameters
+    ----------
+    run : the run folder, in which the sightings of the first pass lie
+    tracker : that of the first pass
+    camera, level_rotation : of the sightings
+    timestamps : float64 (T,), seconds, of all frames
+    floor : y of the floor, metres, level frame, None where it is not known
+    sink : holds the rows of the first pass
+
+    Attributes
+    ----------
+    bodies : of everybody, by id: after `begin` or `restore` those of the first pass, then their own
+    """
+
+    def __init__(
+        self,
+        run: Path,
+        tracker: LooksBack,
+        camera: Camera,
+        level_rotation: np.ndarray,
+        timestamps: np.ndarray,
+        floor: float | None,
+        sink: RunSink,
+    ) -> None:
+        self._folder, self._tracker, self._camera, self._rotation = run / FOLDER, tracker, camera, level_rotation
+        self._timestamps, self._floor, self._sink = timestamps, floor, sink
+        self.bodies: dict[int, Body] = {}
+        self._finished = 0
+        self._resumed: Mapping[str, Any] = {}
+
+    @staticmethod
+    def is_begun(run: Path) -> bool:
+        """Whether the first pass of an unfinished run came to its end."""
+        return (run / FOLDER / STATE_FILE).exists()
+
+    def sightings(self, frames: int) -> SightingFile:
+        """Where the first pass keeps what it sees; of a run that goes on, the sightings of so many frames are there."""
+        if frames == 0:
+            shutil.rmtree(self._folder, ignore_errors=True)
+        return SightingFile(self._folder, self._camera, frames)
+
+    def begin(self, bodies: Mapping[int, Body]) -> None:
+        """After the first pass, which learnt these bodies."""
+        self.bodies = dict(bodies)
+        self._keep({})
+
+    def restore(self) -> None:
+        """Go on from what an unfinished run left."""
+        state = load_checkpoint(self._folder / STATE_FILE, self._tracker.settings.tracker)
+        self.bodies = {int(person): body_of(own) for person, own in state["bodies"].items()}
+        self._finished, self._resumed = state["finished"], state["way"]
+
+    def follow(self, stop: threading.Event, report: Callable[[int, int], None]) -> bool:
+        """Follow everybody, until a stop is asked for; whether all are done."""
+        people = sorted(self.bodies)
+        total = len(people) * len(self._timestamps)
+        with_sightings = SightingFile(self._folder, self._camera, len(self._timestamps))
+        for number in range(self._finished, len(people)):
+            for done in self._person(people[number], with_sightings):
+                report(number * len(self._timestamps) + done, total)
+                if stop.is_set():
+                    return False
+            self._finished, self._resumed = number + 1, {}
+            self._keep({})
+        with_sightings.close()
+        shutil.rmtree(self._folder)
+        return True
+
+    def _person(self, person: int, sightings: SightingFile) -> Iterator[int]:
+        """Follow one person and put their rows in place; between two steps whoever asks may stop."""
+        seen, stages = sightings.of(person), self._tracker.stage_names
+        if "plan" in self._resumed:
+            plan: Plan | None = Plan.restore(self._resumed["plan"])
+        else:
+            planner = self._tracker.planner(self._camera, self._rotation, seen, self._timestamps, self._floor)
+            for _ in planner.run():
+                yield 0
+            plan = planner.plan
+        if plan is None:
+            return  # too little was seen: the rows of the first pass stay
+        way = WayFile(self._folder / f"way_{person}", len(stages))
+        before = self._sink.past(person)
+        both = self._tracker.both_ways(self._camera, self._rotation, seen, self._timestamps, way, plan, before)
+        if "plan" in self._resumed:
+            both.restore_state(self._resumed["steps"])
+        kept = time.monotonic()
+        for done, must in enumerate(both.run()):
+            if must or time.monotonic() - kept > MEMORY_SECONDS:
+                self._keep({"plan": plan.export(), "steps": both.export_state()})
+                kept = time.monotonic()
+            yield min(done, len(self._timestamps) - 1)
+        self._sink.replace(person, self._rows(person, way))
+        self.bodies[person] = plan.body
+        way.close()
+
+    def _rows(self, person: int, way: WayFile) -> Iterator[tuple[FrameResult, float]]:
+        """All rows of a person; where nobody was in sight the last pose, before that the first one."""
+        spent = self._sink.past(person)["stage_ms"]
+        nobody = self._tracker.source_names.index(PREDICTED)
+        known = next(step for step in map(way.get, range(len(self._timestamps))) if step is not None)
+        last = replace(known.result, source=nobody, **_nothing(known.result))
+        for frame, moment in enumerate(self._timestamps.tolist()):
+            step = way.get(frame)
+            if step is None:
+                yield replace(last, stage_ms=spent[frame]), moment
+            else:
+                yield replace(step.result, stage_ms=step.result.stage_ms + spent[frame]), moment
+                last = replace(step.result, source=nobody, **_nothing(step.result))
+
+    def _keep(self, way: Mapping[str, Any]) -> None:
+        state = {
+            "bodies": {str(person): body_state(body) for person, body in self.bodies.items()},
+            "finished": self._finished,
+            "way": way,
+        }
+        save_checkpoint(self._folder / STATE_FILE, self._tracker.settings.tracker, state)
+
+
+def _nothing(result: FrameResult) -> dict[str, Any]:
+    """What a row says of joints of which nothing is known."""
+    return {
+        "state": EMPTY,
+        "confidence": np.zeros_like(result.confidence),
+        "observed": np.zeros_like(result.observed),
+    }

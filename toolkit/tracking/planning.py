@@ -1,0 +1,207 @@
+"""Where a person of a recording is begun, and with what body: found in the frames that show most of them."""
+
+from __future__ import annotations
+
+from collections.abc import Generator, Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from toolkit.body.body import Body
+from toolkit.body.shape import ShapeSpace
+from toolkit.fitting.shape import ShapeSettings
+from toolkit.people.sighting import Sighting
+from toolkit.tracking.clock import StageClock
+from toolkit.tracking.follower import HELD, Follower
+from toolkit.tracking.learning import FollowedBody, Pace
+from toolkit.tracking.passes import Plan
+from toolkit.tracking.sightings import PersonSightings
+from toolkit.tracking.stature import StatureBelief
+
+SURVEYED = 0.25
+"""Seconds between frames in which the regressor is asked how much of the person is to be seen."""
+MOMENTS, MOMENT_GAP = 4, 1.0
+"""Frames that show most, on which sizes are tried and of which the surest is the start; seconds that they are apart."""
+CHECKED = 5.0
+"""Seconds of each of which the frame that shows most is looked at afresh."""
+
+CANDIDATES, FEW = 3, 16
+"""Bodies of different sizes that are followed before one is believed, and through how many frames."""
+NOTHING = 0.4
+"""Metres that a frame counts in which no pose was found."""
+
+
+@dataclass(frozen=True, eq=False)
+class Survey:
+    """How much of a person some frames show.
+
+    Attributes
+    ----------
+    frames : int64 (N,), rising
+    shown : float64 (N,), joints that the regressor expects to be in view and is sure of
+    """
+
+    frames: np.ndarray
+    shown: np.ndarray
+
+    def best(self, count: int, first: int, last: int, timestamps: np.ndarray) -> list[int]:
+        """The frames from `first` to `last` that show most, the best first, `MOMENT_GAP` seconds apart."""
+        inside = np.flatnonzero((self.frames >= first) & (self.frames <= last))
+        chosen: list[int] = []
+        for row in inside[np.argsort(-self.shown[inside], kind="stable")]:
+            moment = timestamps[self.frames[row]]
+            if all(abs(moment - timestamps[frame]) >= MOMENT_GAP for frame in chosen):
+                chosen.append(int(self.frames[row]))
+            if len(chosen) == count:
+                break
+        return chosen
+
+
+class Planner:
+    """Surveys what was seen of a person, learns their body and chooses where to begin.
+
+    Parameters
+    ----------
+    learner : follows with bodies of unknown size and learns the person's own
+    follower : follows with a body that is known
+    seen : the person's sightings
+    timestamps : float64 (T,), seconds, of all frames of the recording
+    stages : names of the followers' stages
+    smallest : measured points that a sighting needs to be looked at
+    body : the person's own, if it is known
+    """
+
+    def __init__(
+        self,
+        learner: FollowedBody,
+        follower: Follower,
+        seen: PersonSightings,
+        timestamps: np.ndarray,
+        stages: tuple[str, ...],
+        smallest: int,
+        body: Body | None = None,
+    ) -> None:
+        self._learner, self._follower, self._seen = learner, follower, seen
+        self._timestamps, self._stages, self._smallest, self._body = timestamps, stages, smallest, body
+        self.plan: Plan | None = None
+
+    def run(self) -> Iterator[None]:
+        """Make the plan; whoever asks may stop in between. It stays None where too little was ever seen."""
+        usable = self._seen.frames[self._seen.pixels >= self._smallest]
+        if not len(usable):
+            return
+        stretches = _stretches(usable, self._timestamps)
+        survey = yield from self._survey(usable)
+        body = self._body
+        if body is None:
+            moments = survey.best(MOMENTS, int(usable[0]), int(usable[-1]), self._timestamps)
+            body = yield from self._own_body(moments, usable)
+        rows, checks = [], []
+        for number, (first, last) in enumerate(stretches):
+            best = survey.best(MOMENTS, first, last, self._timestamps)
+            start = yield from self._surest(best or [int(usable[np.searchsorted(usable, first)])], body)
+            rows.append((first, last, start))
+            others = set(best)
+            for begin in np.arange(self._timestamps[first], self._timestamps[last], CHECKED):
+                low, high = np.searchsorted(self._timestamps, [begin, begin + CHECKED]).tolist()
+                others.update(survey.best(1, low, min(high - 1, last), self._timestamps))
+            checks += [(frame, number, 0) for frame in sorted(others - {start})]
+        self.plan = Plan(
+            body, np.array(rows, dtype=np.int64).reshape(-1, 3), np.array(checks, dtype=np.int64).reshape(-1, 3)
+        )
+
+    def _survey(self, usable: np.ndarray) -> Generator[None, None, Survey]:
+        frames, shown, due = [], [], -np.inf
+        for frame in usable.tolist():
+            moment = float(self._timestamps[frame])
+            if moment >= due:
+                due = moment + SURVEYED
+                frames.append(frame)
+                shown.append(self._follower.shown(self._sighting(frame), moment))
+                yield
+        return Survey(np.array(frames, dtype=np.int64), np.array(shown))
+
+    def _own_body(self, moments: list[int], usable: np.ndarray) -> Generator[None, None, Body]:
+        """The body that explains the frames around the surest of these moments."""
+        belief = yield from self._believed(moments)
+        start = yield from self._surest(moments, belief.bodies[belief.likely[0]])
+        around = _around(start, usable, self._timestamps, self._learner.settings)
+        if not len(around):
+            return belief.bodies[belief.likely[0]]  # only the size is chosen
+        if len(belief.likely) > 1:
+            few, learnt, costs = around[:: -(-len(around) // FEW)], [], []
+            for k in belief.likely[:CANDIDATES]:
+                body = yield from self._learnt(belief.bodies[k], start, few)
+                learnt.append(body)
+                costs.append(float(np.mean(self._distances[len(self._distances) // 2 :] or [NOTHING])))
+            belief = StatureBelief.of(tuple(learnt)).narrowed(dict(enumerate(costs)))
+        return (yield from self._learnt(ShapeSpace.load().body(belief.shape), start, around))
+
+    def _learnt(self, body: Body, start: int, around: np.ndarray) -> Generator[None, None, Body]:
+        """What becomes of a body that is taken for the person's in `start`, and then in the frames around it."""
+        learner, self._distances = self._learner, []
+        learner.begin(body)
+        learner.take(self._sighting(start), float(self._timestamps[start]))
+        begun = learner.follower.state
+        for frames in (around[around > start], around[around < start][::-1]):
+            learner.follower.state = replace(begun, body=learner.follower.state.body)
+            for frame in frames.tolist():
+                learner.take(self._sighting(frame), float(self._timestamps[frame]))
+                self._distances.append(min(learner.follower.distance, NOTHING))
+                yield
+        return learner.follower.state.body
+
+    def _believed(self, moments: list[int]) -> Generator[None, None, StatureBelief]:
+        """How likely which size is, by looking for the person afresh with all of them."""
+        follower = self._learner.follower
+        unknown = follower.state
+        belief = StatureBelief.of(follower.sizes)
+        for moment in moments:
+            follower.state = unknown
+            follower.sizes = tuple(belief.bodies[k] for k in belief.possible)
+            follower.step(self._sighting(moment), float(self._timestamps[moment]), StageClock(self._stages))
+            costs: dict[int, float] = {}
+            for scored in follower.scored:
+                number = next(k for k, body in enumerate(belief.bodies) if body is scored.body)
+                costs[number] = min(costs.get(number, np.inf), scored.cost + follower.off_floor(scored))
+            if costs:
+                belief = belief.narrowed(costs)
+            yield
+        follower.sizes, follower.state = belief.bodies, unknown
+        return belief
+
+    def _surest(self, moments: list[int], body: Body) -> Generator[None, None, int]:
+        """Of some frames the one whose pose is least in doubt for a body."""
+        if len(moments) == 1:
+            return moments[0]
+        follower, doubts = self._follower, []
+        unknown = follower.state
+        for moment in moments:
+            follower.state = replace(unknown, body=body, sized=True)
+            follower.step(self._sighting(moment), float(self._timestamps[moment]), StageClock(self._stages))
+            doubts.append(min((scored.cost for scored in follower.scored), default=np.inf))
+            yield
+        follower.state = unknown
+        return moments[int(np.argmin(doubts))]
+
+    def _sighting(self, frame: int) -> Sighting:
+        sighting = self._seen[frame]
+        assert sighting is not None, "planned frames are frames in which the person was seen"
+        return sighting
+
+
+def _stretches(usable: np.ndarray, timestamps: np.ndarray) -> list[tuple[int, int]]:
+    """First and last frame of each time in sight; who is hidden for a moment only is still there."""
+    ends = np.flatnonzero(np.diff(timestamps[usable]) > HELD)
+    firsts, lasts = np.concatenate([[0], ends + 1]), np.concatenate([ends, [len(usable) - 1]])
+    return [(int(usable[a]), int(usable[b])) for a, b in zip(firsts, lasts, strict=True)]
+
+
+def _around(start: int, usable: np.ndarray, timestamps: np.ndarray, settings: ShapeSettings) -> np.ndarray:
+    """Frames around `start`, nearest in time and evenly spread, rising: as many as a body is learnt of."""
+    chosen = []
+    for frames in (usable[usable >= start], usable[usable < start][::-1]):
+        pace = Pace(settings.rate)
+        chosen += [frame for frame in frames.tolist() if pace.takes(abs(timestamps[frame] - timestamps[start]))]
+    nearest = sorted(chosen, key=lambda frame: abs(timestamps[frame] - timestamps[start]))
+    return np.array(sorted(nearest[: round(settings.seconds * settings.rate)]), dtype=np.int64)

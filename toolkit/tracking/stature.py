@@ -1,0 +1,96 @@
+"""How tall a person is: what is likely of people, what the floor says, and which of several sizes explains the frames.
+
+Sizes are compared in metres, as poses are: so many millimetres nearer to the frame outweigh an unlikely stature.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from toolkit.body.body import Body
+
+ADULTS, SPREAD, TAILS = 1.70, 0.09, 2.0
+"""Metres: middle and spread of adults' statures; degrees of freedom of their Student's t, whose heavy tails hold
+children."""
+NAT = 0.004
+"""Metres of distance from a frame that are worth a natural unit of information about the size: those of neighbouring
+sizes of somebody who is cut at the waist differ by as much by chance."""
+MISLED = 0.03
+"""Metres by which a frame may be nearer to a body of another size than the person's."""
+FLOOR_SIGMA, FLOOR_CAP = 0.04, 4.0
+"""Metres by which the soles of a right body miss the floor; natural units that they can say at most, for people jump,
+kneel and sit."""
+
+
+def unlikely(stature: float) -> float:
+    """Metres of distance that a stature in metres costs, 0 for the likeliest."""
+    away = (stature - ADULTS) / SPREAD
+    return NAT * 0.5 * (TAILS + 1.0) * math.log1p(away**2 / TAILS)
+
+
+def off_floor(lowest: float, floor: float | None) -> float:
+    """Metres of distance that a body costs whose lowest point is at `lowest`, for a floor at `floor`: both y, metres,
+    level frame; nothing where no floor is known.
+    """
+    if floor is None:
+        return 0.0
+    return NAT * min(0.5 * ((lowest - floor) / FLOOR_SIGMA) ** 2, FLOOR_CAP)
+
+
+@dataclass(frozen=True)
+class StatureBelief:
+    """How likely each of several bodies is, given the frames so far.
+
+    Attributes
+    ----------
+    bodies : of different statures
+    costs : float64 (B,), metres, the sum over the frames of what each costs
+    frames : how many frames that is
+    """
+
+    bodies: tuple[Body, ...]
+    costs: np.ndarray
+    frames: int = 0
+
+    @classmethod
+    def of(cls, bodies: tuple[Body, ...]) -> StatureBelief:
+        """Before the first frame."""
+        return cls(bodies, np.zeros(len(bodies)))
+
+    def narrowed(self, costs: Mapping[int, float]) -> StatureBelief:
+        """After a frame in which these bodies, by number, lay so far from it; those that were not tried are as bad as
+        the worst.
+        """
+        worst = max(costs.values(), default=0.0)
+        frame = np.array([costs.get(number, worst) for number in range(len(self.bodies))])
+        return StatureBelief(self.bodies, self.costs + frame, self.frames + 1)
+
+    @property
+    def shares(self) -> np.ndarray:
+        """Float64 (B,): probability of each body; a frame tells as much as all, for their errors are the same ones."""
+        statures = [unlikely(body.height) for body in self.bodies]
+        mean = self.costs / max(self.frames, 1) + np.array(statures)
+        weights = np.exp(-(mean - mean.min()) / NAT)
+        return np.asarray(weights / weights.sum())
+
+    @property
+    def shape(self) -> np.ndarray:
+        """Float64 (K,): shape coefficients, the mean over the likely bodies."""
+        return np.asarray(sum(share * body.shape for share, body in zip(self.shares, self.bodies, strict=True)))
+
+    @property
+    def possible(self) -> tuple[int, ...]:
+        """Numbers of the bodies that are worth trying again: one frame may mislead by `MISLED`."""
+        mean = self.costs / max(self.frames, 1)
+        return tuple(np.flatnonzero(mean <= mean.min() + MISLED).tolist())
+
+    @property
+    def likely(self) -> tuple[int, ...]:
+        """Numbers of the bodies that are at least a tenth as likely as the likeliest, that one first."""
+        shares = self.shares
+        order = np.argsort(-shares, kind="stable")
+        return tuple(order[shares[order] >= 0.1 * shares.max()].tolist())
