@@ -104,7 +104,9 @@ def test_no_garbage_is_collected_while_a_kernel_is_compiled(installed: Path) -> 
         "event.register('numba:compile', Listener())\nouter()\nprint(seen, gc.isenabled())"
     )
     environment = {**os.environ, "PYTHONPATH": str(installed)}
-    done = subprocess.run([sys.executable, "-c", code], env=environment, capture_output=True, text=True, check=True)
+    done = subprocess.run(
+        [sys.executable, "-c", code], env=environment, cwd=installed, capture_output=True, text=True, check=True
+    )
     assert done.stdout == "[False, False] True\n"
 
 
