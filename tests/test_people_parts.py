@@ -72,10 +72,11 @@ def test_a_velocity_is_averaged_over_a_fifth_of_a_second():
 
 def test_what_is_left_of_somebody_half_hidden_says_nothing_of_where_they_go():
     person, middle = somebody(velocity=(1.0, 0.0, 0.0)), HEAD - (0, 0.4, 0)
-    hidden = person.seen(None, middle - (0.4, 0.0, 0.0), 0.2, 0.1)
-    assert hidden.velocity[0] == 1.0 and hidden.head[0] == pytest.approx(0.1)
-    whole = person.seen(None, middle - (0.4, 0.0, 0.0), 0.5, 0.1)
-    assert whole.velocity[0] < 0.0 and whole.head[0] == pytest.approx(-0.4)
+    person = person.seen(HEAD, middle, 0.5, 0.05)  # who has stood still for a moment
+    hidden = person.seen(None, middle - (0.4, 0.0, 0.0), 0.2, 1.05)
+    assert hidden.velocity.tolist() == person.velocity.tolist() != [1.0, 0.0, 0.0]
+    whole = person.seen(None, middle - (0.4, 0.3, 0.0), 0.5, 0.1)
+    assert whole.velocity[0] < 0.0 and whole.head.tolist() == pytest.approx([-0.4, 0.3, -2.5])
 
 
 def test_what_was_measured_of_somebody_is_forgotten_by_a_tenth_a_second():
@@ -131,7 +132,7 @@ TORSO = (40, 90, 60, 90, 2.5)
         ((60, 66, 95, 101, 2.3), True),
         ((60, 61, 95, 97, 2.3), False),
         ((60, 66, 120, 126, 2.3), False),
-        ((40, 80, 95, 125, 2.3), False),
+        ((60, 72, 92, 152, 2.3), False),
     ],
     ids=["a hand", "noise", "out of reach", "as large as half a person"],
 )
@@ -142,7 +143,7 @@ def test_small_pieces_near_somebody_are_theirs(island, taken):
     far = [np.array([9.0, 0.5, -2.5])]
     attached, bodies = attach_islands(view, lens, labels, far, PeopleSettings(), cut_out=False)
     assert (attached[island[0], island[2]] == 1) == taken
-    assert len(bodies) == (island[1] - island[0] == 40)
+    assert not bodies
 
 
 def test_a_piece_of_a_persons_size_is_theirs_whose_head_is_above_it():

@@ -23,6 +23,8 @@ AREA_FADING = 0.1  # a second, of what was seen of somebody who walks away
 TALLER, SHORTER = 0.08, 0.12  # m by which somebody who comes back may differ: shoes and noise; a bent neck as well
 WALK = 2.5  # m/s: the fastest that somebody out of sight moves in a room
 
+LEVEL = np.array([1.0, 0.0, 1.0])
+"""Times a way in the level frame: what of it is horizontal."""
 NEVER = -1e9
 """Seconds before every timestamp."""
 UNKNOWN = np.full(3, np.nan)
@@ -103,7 +105,8 @@ class Person:
         place, before = head, self.head
         if place is None:  # what is left of somebody half hidden says little of where they go
             before = self._start
-            place = before + (middle - self.middle) if whole else self.expected(timestamp)
+            moved = (middle - self.middle) * LEVEL  # what hides legs or shows them again lifts the middle, not the head
+            place = before + moved if whole else self.expected(timestamp)
         velocity = self.velocity
         if elapsed > 0 and (head is not None or whole):
             share = min(elapsed / VELOCITY_MEMORY, 1.0)
