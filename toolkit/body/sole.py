@@ -1,4 +1,4 @@
-"""The points of a sole on which somebody stands: heel and ball of each foot."""
+"""The points of a sole on which a person stands: heel and ball of each foot."""
 
 from __future__ import annotations
 

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from toolkit.cli.groups import spread
 from toolkit.cli.options import LabelTable, Motions, Pattern, Seed
 from toolkit.cli.retrieval import cautions
 from toolkit.cli.terminal import say
@@ -40,21 +42,40 @@ Events = Annotated[
 ]
 
 
+@dataclass(frozen=True)
+class Learning:
+    """What classes are learned from, as it is typed."""
+
+    examples: Examples = None
+    others: Others = None
+    pattern: Pattern = None
+    labels: LabelTable = None
+    templates: Annotated[
+        bool, typer.Option("--templates", help="Learn motion templates (the thesis's way) from the examples instead.")
+    ] = False
+    seed: Seed = 0
+
+
+@dataclass(frozen=True)
+class Replay:
+    """Events, as they are typed."""
+
+    events: Events = None
+    early: Annotated[bool, typer.Option("--early", help="Events also where a motion has begun.")] = False
+    hold: Annotated[int, typer.Option(help="Columns of 1/30 s that confirm an event.")] = 3
+
+
+@spread
 def annotate(
     motions: Motions,
+    learning: Learning,
+    replaying: Replay,
     output: Annotated[
         Path | None, typer.Option("--output", "-o", help="Folder of the reports; not needed with --events.")
     ] = None,
     classes: Annotated[
         Path | None, typer.Option(help="Motion model by `depthmocap learn`, or classes of an earlier call.")
     ] = None,
-    examples: Examples = None,
-    others: Others = None,
-    pattern: Pattern = None,
-    labels: LabelTable = None,
-    templates: Annotated[
-        bool, typer.Option("--templates", help="Learn motion templates (the thesis's way) from the examples instead.")
-    ] = False,
     queries: Annotated[
         Path | None, typer.Option(help="Keyframe queries by `depthmocap learn`, for the search for templates.")
     ] = None,
@@ -68,10 +89,6 @@ def annotate(
     as_published: Annotated[
         bool, typer.Option("--as-published", help="Templates decide by the thesis's own rules, at a cost below 0.07.")
     ] = False,
-    events: Events = None,
-    early: Annotated[bool, typer.Option("--early", help="Events also where a motion has begun.")] = False,
-    hold: Annotated[int, typer.Option(help="Columns of 1/30 s that confirm an event.")] = 3,
-    seed: Seed = 0,
 ) -> None:
     """Cut motions into segments and label them: CSV, JSON, a picture and a page for each. Or replay them as events."""
     from toolkit.cli.terminal import progress_bars
@@ -80,23 +97,24 @@ def annotate(
     from toolkit.retrieval.workflow.annotate import annotate_motions, load_wanted
     from toolkit.retrieval.workflow.motions import find_motions, tags_of
 
-    if events is not None:
-        _replay(motions, events, classes, queries, early, hold)
+    if replaying.events is not None:
+        _replay(motions, replaying.events, classes, queries, replaying)
         if output is None:
             return
     if output is None:
         raise UsageError("annotate needs --output for its reports, or --events")
-    if (classes is None) == (examples is None):
+    if (classes is None) == (learning.examples is None):
         raise UsageError("annotate needs one of --classes and --examples; give exactly one")
     with progress_bars() as bars:
         if classes is not None:
             wanted = load_wanted(classes)
         else:
-            tags, learned = tags_of(find_motions(examples or []), pattern, labels), output / "classes.npz"
+            clips = find_motions(learning.examples or [])
+            tags, learned = tags_of(clips, learning.pattern, learning.labels), output / "classes.npz"
             wanted = (
                 _templates(tags, learned, bars)
-                if templates
-                else _model(tags, learned, others or [], motions, seed, bars)
+                if learning.templates
+                else _model(tags, learned, learning.others or [], motions, learning.seed, bars)
             )
         done = annotate_motions(
             motions, wanted, output, queries=load_queries(queries) if queries else (), truth=truth,
@@ -144,9 +162,7 @@ def _show(done: list[AnnotatedFile]) -> None:
     print_table(table)
 
 
-def _replay(
-    motions: list[Path], events: str, classes: Path | None, queries: Path | None, early: bool, hold: int
-) -> None:
+def _replay(motions: list[Path], events: str, classes: Path | None, queries: Path | None, replaying: Replay) -> None:
     """Events of one run."""
     from toolkit.errors import UsageError
     from toolkit.retrieval.annotation.classes import load_classes
@@ -157,4 +173,5 @@ def _replay(
     if classes is None or len(motions) != 1:
         raise UsageError("--events replays one run with --classes; name one run folder and the class file")
     wanted = load_queries(queries) if queries else ()
-    write_events(replay(motions[0], load_classes(classes), wanted, OnlineSettings(hold=hold, early=early)), events)
+    settings = OnlineSettings(hold=replaying.hold, early=replaying.early)
+    write_events(replay(motions[0], load_classes(classes), wanted, settings), events)

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from toolkit.cli.groups import spread
 from toolkit.cli.options import LabelTable, Motions, Output, Pattern, Seed
 from toolkit.cli.terminal import say
 
@@ -55,8 +57,38 @@ def index(
     say(f"{output}: {len(made)} motions, {made.duration / 60:.1f} minutes, {made.frames} frames at 30 Hz")
 
 
+@dataclass(frozen=True)
+class Example:
+    """A clip to search for, as it is typed."""
+
+    by_example: Annotated[Path | None, typer.Option(help="A clip to search for, instead of a query file.")] = None
+    start: Annotated[float, typer.Option("--from", help="Start of the example, seconds.")] = 0.0
+    end: Annotated[float | None, typer.Option("--to", help="End of the example, seconds.", show_default="its end")] = (
+        None
+    )
+    keyframes: Annotated[
+        bool,
+        typer.Option("--keyframes", help="Look only where keyframes of the example match; this misses more."),
+    ] = False
+
+
+@dataclass(frozen=True)
+class Film:
+    """A film of what is found, as it is typed."""
+
+    play: Annotated[
+        Path | None, typer.Option(metavar="FILM", help="Film (.mp4, .webm) of the example and the first results.")
+    ] = None
+    mocap: Annotated[
+        list[Path] | None, typer.Option(help="For --play: the files and folders that were indexed. Repeatable.")
+    ] = None
+
+
+@spread
 def search(
     index: Index,
+    example: Example,
+    film: Film,
     queries: Annotated[
         Path | None, typer.Option(help="Query file: learned by `depthmocap learn`, or written by hand.")
     ] = None,
@@ -65,15 +97,6 @@ def search(
         typer.Option(help="Motion model of `depthmocap learn`: where its classes are, likeliest first."),
     ] = None,
     label: Annotated[list[str] | None, typer.Option(help="Only these queries or classes.")] = None,
-    by_example: Annotated[Path | None, typer.Option(help="A clip to search for, instead of a query file.")] = None,
-    start: Annotated[float, typer.Option("--from", help="Start of the example, seconds.")] = 0.0,
-    end: Annotated[
-        float | None, typer.Option("--to", help="End of the example, seconds.", show_default="its end")
-    ] = None,
-    keyframes: Annotated[
-        bool,
-        typer.Option("--keyframes", help="Look only where keyframes of the example match; this misses more."),
-    ] = False,
     threshold: Annotated[
         float | None,
         typer.Option(
@@ -83,36 +106,30 @@ def search(
     ] = None,
     limit: Annotated[int, typer.Option(help="Results per query: shown, and by example also written.", min=1)] = 20,
     output: Annotated[Path | None, typer.Option("--output", "-o", help="Write all results (.csv or .json).")] = None,
-    play: Annotated[
-        Path | None, typer.Option(metavar="FILM", help="Film (.mp4, .webm) of the example and the first results.")
-    ] = None,
-    mocap: Annotated[
-        list[Path] | None, typer.Option(help="For --play: the files and folders that were indexed. Repeatable.")
-    ] = None,
 ) -> None:
     """Find motions in an index: by an example, by a motion model, or by learned or written keyframes."""
     from toolkit.errors import UsageError
     from toolkit.files import check_output
 
-    if sum(way is not None for way in (queries, by_example, classes)) != 1:
+    if sum(way is not None for way in (queries, example.by_example, classes)) != 1:
         raise UsageError("search needs one of --by-example, --classes and --queries; give exactly one")
-    if (play is None) != (not mocap):
+    if (film.play is None) != (not film.mocap):
         raise UsageError("--play needs --mocap, the files and folders that were indexed, and the other way round")
-    for written in filter(None, (output, play)):
-        check_output(written, [path for path in (index, queries, by_example, classes) if path is not None])
-    if by_example is None:
+    for written in filter(None, (output, film.play)):
+        check_output(written, [path for path in (index, queries, example.by_example, classes) if path is not None])
+    if example.by_example is None:
         reports = _labelled(index, queries, classes, label, threshold)
     else:
-        reports = [_alike(index, by_example, start, end, keyframes, limit, threshold)]
+        reports = [_alike(index, example.by_example, example, limit, threshold)]
     if output is not None:
         from toolkit.retrieval.workflow.search import save_matches
 
         save_matches(output, reports)
     for report in reports:
         _show(report, limit)
-    if play is not None:
+    if film.play is not None:
         ranked = sorted((match for report in reports for match in report.matches), key=lambda match: match.cost)
-        _play(play, ranked[:PLAYED], mocap or [], (by_example, start, end) if by_example else None)
+        _play(film.play, ranked[:PLAYED], film.mocap or [], example)
 
 
 def _labelled(
@@ -132,35 +149,30 @@ def _labelled(
     return one_per_label([search(opened, Query(query), largest) for query in wanted])
 
 
-def _alike(
-    index: Path, clip: Path, start: float, end: float | None, keyframes: bool, limit: int, threshold: float | None
-) -> SearchReport:
+def _alike(index: Path, clip: Path, example: Example, limit: int, threshold: float | None) -> SearchReport:
     """What is like a piece of a clip."""
     from toolkit.retrieval.index.keyframe_index import KeyframeIndex
     from toolkit.retrieval.workflow.search import by_example, cut_example, keyframes_of_example, search
 
-    opened, example = KeyframeIndex.open(index), cut_example(clip, start, end)
+    opened, piece = KeyframeIndex.open(index), cut_example(clip, example.start, example.end)
     largest = EXAMPLE_COST if threshold is None else threshold
-    if keyframes:
-        return search(opened, keyframes_of_example(example), largest)
-    return by_example(opened, example, limit, largest)
+    if example.keyframes:
+        return search(opened, keyframes_of_example(piece), largest)
+    return by_example(opened, piece, limit, largest)
 
 
-def _play(
-    film: Path, matches: list[Match], mocap: list[Path], example: tuple[Path, float, float | None] | None
-) -> None:
+def _play(film: Path, matches: list[Match], mocap: list[Path], example: Example) -> None:
     """A film of the example and of what was found."""
     from toolkit.rendering.motions import film_of_motions
     from toolkit.retrieval.workflow.motions import load_motion
     from toolkit.retrieval.workflow.search import stretches
 
     titled = []
-    if example is not None:
-        path, start, end = example
-        motion = load_motion(path)
+    if example.by_example is not None:
+        motion = load_motion(example.by_example)
         rate = motion.frame_rate
-        stop = len(motion) if end is None else round(end * rate)
-        titled.append((f"example\n{path.stem}", motion.sliced(round(start * rate), stop)))
+        stop = len(motion) if example.end is None else round(example.end * rate)
+        titled.append((f"example\n{example.by_example.stem}", motion.sliced(round(example.start * rate), stop)))
     for match, motion in zip(matches, stretches(matches, mocap), strict=True):
         titled.append((f"{match.document}\n{match.start:.1f} to {match.end:.1f} s", motion))
     if titled:
@@ -183,22 +195,28 @@ def _show(report: SearchReport, limit: int) -> None:
     print_table(table)
 
 
+@dataclass(frozen=True)
+class KeyframeLearning:
+    """How keyframe queries are learned, as it is typed."""
+
+    label: Annotated[list[str] | None, typer.Option(help="Keyframes: only of these classes.")] = None
+    alternatives: Annotated[int, typer.Option(help="Keyframes: queries per class; a motion has to fit one.", min=1)] = 1
+    tight: Annotated[bool, typer.Option("--tight", help="Keyframes: leave less data; hits mark a motion's middle.")] = (
+        False
+    )
+    runs: Annotated[int, typer.Option(help="Keyframes: genetic runs per class.", min=1)] = 100
+    workers: Annotated[int, typer.Option(help="Processes; they do not change the result.", min=1)] = 1
+
+
+@spread
 def learn(
     clips: Motions,
     output: Output,
+    keyframes: KeyframeLearning,
     pattern: Pattern = None,
     labels: LabelTable = None,
-    label: Annotated[list[str] | None, typer.Option(help="Keyframes: only of these classes.")] = None,
     others: Annotated[list[Path] | None, typer.Option(help="Clips of no class: more counterexamples.")] = None,
-    alternatives: Annotated[
-        int, typer.Option(help="Keyframes: queries per class; a motion has to fit one.", min=1)
-    ] = 1,
-    tight: Annotated[
-        bool, typer.Option("--tight", help="Keyframes: leave less data; hits mark a motion's middle.")
-    ] = False,
-    runs: Annotated[int, typer.Option(help="Keyframes: genetic runs per class.", min=1)] = 100,
     seed: Seed = 0,
-    workers: Annotated[int, typer.Option(help="Processes; they do not change the result.", min=1)] = 1,
 ) -> None:
     """Learn motions from cut clips: a motion model for `depthmocap annotate` (OUTPUT.npz), with a table of how well it
     does on people left out, or keyframe queries for `depthmocap search` (OUTPUT.json).
@@ -219,8 +237,9 @@ def learn(
     classes = labels_of(find_motions(clips), pattern, labels)
     with progress_bars() as bars:
         learned = learn_queries(
-            classes, output, np.random.default_rng(seed), labels=label, others=others or (),
-            settings=LearningSettings(runs=runs), alternatives=alternatives, tight=tight, workers=workers,
+            classes, output, np.random.default_rng(seed), labels=keyframes.label, others=others or (),
+            settings=LearningSettings(runs=keyframes.runs), alternatives=keyframes.alternatives, tight=keyframes.tight,
+            workers=keyframes.workers,
             progress=lambda _, done, total: bars("genetic runs", done, total),
         )  # fmt: skip
     table = Table("class", "keyframes", "precision", "recall", "F (beta 2)", title=f"{output}: on the training clips")

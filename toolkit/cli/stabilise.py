@@ -2,15 +2,27 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
+from toolkit.cli.groups import spread
 from toolkit.errors import UsageError
 
 
+@dataclass(frozen=True)
+class Moved:
+    """Where files of the run are now, as it is typed."""
+
+    recording: Annotated[Path | None, typer.Option(help="Where the recording has been moved to.")] = None
+    database: Annotated[
+        Path | None, typer.Option("--database", "-d", help="Where the pose database has been moved to.")
+    ] = None
+
+
+@spread
 def stabilise(
     runs: Annotated[
         list[Path], typer.Argument(metavar="RUN...", help="Run folders of the hybrid tracker.", show_default=False)
@@ -21,6 +33,7 @@ def stabilise(
     output: Annotated[
         Path, typer.Option("--output", "-o", help="Run folder; several runs go to OUTPUT/<name>.", show_default=False)
     ],
+    moved: Moved,
     rounds: Annotated[int, typer.Option(help="At most so many times.", min=1)] = 5,
     threshold: Annotated[float, typer.Option(help="Largest cost of a template: share of features that differ.")] = 0.1,
     segments: Annotated[
@@ -38,10 +51,6 @@ def stabilise(
     repetitions_only: Annotated[
         bool, typer.Option("--repetitions-only", help="Learn hidden limbs from the person's repetitions alone.")
     ] = False,
-    recording: Annotated[Path | None, typer.Option(help="Where the recording has been moved to.")] = None,
-    database: Annotated[
-        Path | None, typer.Option("--database", "-d", help="Where the pose database has been moved to.")
-    ] = None,
 ) -> None:
     """Fill in what limbs did while they were hidden, by the motions that are recognised in the track itself."""
     from rich.table import Table
@@ -50,7 +59,7 @@ def stabilise(
     from toolkit.stabilising.settings import StabiliseSettings
     from toolkit.stabilising.workflow import output_folders, stabilise_run
 
-    if (segments is not None or recording is not None) and len(runs) > 1:
+    if (segments is not None or moved.recording is not None) and len(runs) > 1:
         raise UsageError("--segments and --recording belong to one run; name one")
     plain = StabiliseSettings(rounds=rounds, threshold=threshold, alternatives=alternatives)
     settings = replace(plain, expectation=replace(plain.expectation, class_motions=not repetitions_only))
@@ -58,8 +67,8 @@ def stabilise(
     with progress_bars() as bars:
         for run, folder in output_folders(runs, output).items():
             done = stabilise_run(
-                run, classes, folder, settings=settings, segments=segments, marks=marks, recording=recording,
-                database=database, progress=bars,
+                run, classes, folder, settings=settings, segments=segments, marks=marks,
+                recording=moved.recording, database=moved.database, progress=bars,
             )  # fmt: skip
             gaps = [gap for found in done for gap in found.gaps]
             table.add_row(

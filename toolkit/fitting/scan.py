@@ -62,7 +62,7 @@ class ScanSettings:
 
 
 class ScanView(NamedTuple):
-    """One view of somebody in a T-pose.
+    """One view of a person in a T-pose.
 
     Attributes
     ----------

@@ -53,7 +53,7 @@ class HybridSettings:
     lost_distance : metres of the sparse distance of the winner above which a frame counts as lost: over twice the
         largest of a correct pose on the tuning suite
     vote_pull : weight of a sure joint of the regressor against one correspondence while a pose is refined that was
-        found by the joints, or the body of one who is cut off is learnt, or somebody is looked for: as much as the
+        found by the joints, or the body of one who is cut off is learnt, or a person is looked for: as much as the
         vertices around it; 0 = none
     patience : seconds of lost frames in a row after which the next one is treated as a first frame: some frames of bad
         luck are not a loss

@@ -43,7 +43,7 @@ class HeadHandSearch:
     """The first pose of Lopez-Mendez 2011 on a first frame and after a loss.
 
     Head and hands are looked for by the fork of their paths (3); the filtered pose is refined and competes by its
-    distance. While somebody is followed it says nothing: arms of the database find the way back as well.
+    distance. While a person is followed it says nothing: arms of the database find the way back as well.
 
     Parameters
     ----------

@@ -27,9 +27,9 @@ FRAME_TIME = 1.0 / 30.0
 HEADS = 3
 """Candidates that may be the head where no fork says which one is: raised hands are above it."""
 TURNS = (-0.6, 0.0, 0.6)
-"""Radians by which somebody may be turned away from the camera, where no fork says that they face it."""
+"""Radians by which a person may be turned away from the camera, where no fork says that they face it."""
 LEANS = (0.0, 0.35, 0.7)
-"""Radians by which somebody may lean forward."""
+"""Radians by which a person may lean forward."""
 ARMED = 6
 """Trunks to which arms are given, out of all that were tried."""
 FILTERED = 2
@@ -49,7 +49,7 @@ class InitialSettings:
     accepted : log-probability of Eq. 7 above which the first pose is taken (`th`): nothing is found otherwise, and a
         wrong pose is lost again by its cost
     fork : whether the fork names head and hands (Lopez-Mendez 2011, 3)
-    unlabelled : whether somebody is looked for without it too, with one of the highest places as head: hands that are
+    unlabelled : whether a person is looked for without it too, with one of the highest places as head: hands that are
         cut off or hidden make no fork, and shoulders may make one
     sizes : of the shape space's first component, tall to small, evenly apart: bodies of 2.03 to 1.37 m of which the one
         whose first poses explain the first frames best is taken; none: a body is measured as in the paper
@@ -90,7 +90,7 @@ class Start(NamedTuple):
 
 
 def standing_pose(upper: UpperBody, head: np.ndarray, turned: float = 0.0, leaning: float = 0.0) -> np.ndarray:
-    """Somebody upright, arms hanging, with the crown at `head` (3,): pose (P,), level frame.
+    """A person upright, arms hanging, with the crown at `head` (3,): pose (P,), level frame.
 
     They face the camera, but for `turned` radians to their left, and lean forward by `leaning` radians.
     """
@@ -116,7 +116,7 @@ def initial_pose(
     """The model moved to the head, arms by inverse kinematics, filtered on the same frame, and its probability (Eq. 7).
 
     The places that the fork names are terms of Eq. 7, by their distances from crown and hands. Without a fork, and
-    beside one, which may be of shoulders, each of the highest places may be the head of somebody who is turned or leans
+    beside one, which may be of shoulders, each of the highest places may be the head of a person who is turned or leans
     somehow, and in the likeliest of these trunks an arm rests or reaches for any candidate of its own side. Poses that
     are far apart are compared over the whole image; the cheapest are filtered, and the cheapest of these is the answer.
     None if nothing may be tried.

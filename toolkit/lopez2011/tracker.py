@@ -58,7 +58,7 @@ class ParticleTrackerSettings:
     reach : metres below the crown beyond which nothing is looked at: laps and what people sit on are not drawn, and
         pull trunk and arms down. People cut off at the waist or behind a desk reach 0.7 to 0.9 m down; 0 = no limit
     lap : metres below the crown beyond which nothing is looked at that lies before the trunk: thighs and knees of
-        somebody who sits, higher than their hips, and desks. Elbows hang 0.6 m down; 0 = no such limit
+        a person who sits, higher than their hips, and desks. Elbows hang 0.6 m down; 0 = no such limit
     before : metres before the trunk from which on that holds: its own thickness
     measured_seconds : how long at the beginning the person's size is measured, "a short period of time"; 0 = an
         average body

@@ -1,4 +1,4 @@
-"""What is done to every depth image of a recording before and after somebody is cut out of it (Baak 2013, 5.3.1)."""
+"""What is done to every depth image of a recording before and after a person is cut out of it (Baak 2013, 5.3.1)."""
 
 from __future__ import annotations
 
