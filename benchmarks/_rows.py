@@ -30,7 +30,8 @@ from toolkit.tracking.state import PersonState
 
 ROWS: dict[str, tuple[str, dict[str, Any]]] = {
     "hybrid": ("hybrid", {}),
-    "local": ("hybrid", {"patience": 1_000_000, "hypotheses": ["local", "extrema", "joints"]}),
+    "one pass": ("hybrid", {"passes": 1}),
+    "local": ("hybrid", {"passes": 1, "patience": 1_000_000, "hypotheses": ["local", "extrema", "joints"]}),
     "lookup": ("hybrid", {"hypotheses": ["extrema", "joints"]}),
     "baak2013": ("baak2013", {}),
     "no shape": ("hybrid", {"shape.seconds": 0.0}),
@@ -208,7 +209,7 @@ def without_sources(database: PoseDatabase, prefix: str) -> PoseDatabase:
 
 
 KINDS: dict[str, type[HybridTracker]] = {
-    "hybrid": WatchedTracker,
+    "one pass": WatchedTracker,
     "local": LocalTracker,
     "no unobserved": BlindTracker,
     "no sharing": UnsharingTracker,

@@ -75,7 +75,7 @@ class Row:
 def run_row(
     name: str, paths: Sequence[Path], poses: PoseDatabase, poses_path: Path, overrides: dict[str, Any], work: Path
 ) -> tuple[list[Path], list[dict[str, Any]]]:
-    """Track all recordings: run folders, and per recording what the local hypothesis was worth (`hybrid` only)."""
+    """Track all recordings: run folders, and per recording what the local hypothesis was worth (`one pass` only)."""
     tracker = make_tracker(name, poses, overrides, str(poses_path))
     runs, gains = [], []
     for i, path in enumerate(paths):
@@ -239,8 +239,9 @@ def main() -> None:
     for name in options.rows.split(","):
         runs, found = run_row(name, paths, poses, poses_path, overrides, options.work)
         rows[name] = Row(name, chosen, evaluate_runs(runs, surface=options.surface))
-        if found:
-            gains, bins = found, confidence_bins(runs, paths)
+        gains = found or gains
+        if name == "hybrid":
+            bins = confidence_bins(runs, paths)
         print_row(rows[name], found)
     figures = {"rows": {name: row.figures() for name, row in rows.items()}, "confidence": bins}
     figures["gains"] = {path.stem: entry for path, entry in zip(paths, gains, strict=False)}

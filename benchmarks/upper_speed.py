@@ -82,7 +82,7 @@ def main() -> None:
     figures: dict[str, Any] = {}
     print(*(f"{heading:>10}" for heading in HEADINGS))
     for count in map(int, options.counts.split(",")):
-        tracker = load_tracker("lopez2011", {"particles.count": count})
+        tracker = load_tracker("particles", {"particles.count": count, "refined": False})
         assert isinstance(tracker, ParticleTracker)
         measured = [times(tracker, recording) for recording in recordings]
         followed = [value for own, _, _ in measured for value in own]

@@ -14,9 +14,9 @@ from toolkit import skeleton
 from toolkit.body.shape import load_body
 from toolkit.errors import UsageError
 from toolkit.export.bvh import export_bvh
-from toolkit.export.glb import _quaternions, _Scene, _skinning
+from toolkit.export.glb import Scene, quaternions, skinning
 from toolkit.export.tables import export_csv, export_trc
-from toolkit.export.tree import JointTree, _rest, _tips, tree_of
+from toolkit.export.tree import JointTree, rest_places, tips_of, tree_of
 from toolkit.report import clouds
 
 BODY = load_body("neutral")
@@ -53,13 +53,13 @@ def test_joints_that_are_carried_do_not_turn_and_end_at_the_tips_of_what_carries
     parents, turns = np.array([-1, 0, 1]), np.array([root, wrist, -1])
     carried = SimpleNamespace(turns=turns)
     assert JointTree.vectors(carried, poses(2))[:, 2].tolist() == [[0.0] * 3] * 2  # type: ignore[arg-type]
-    tips = _tips(BODY, parents, turns)
+    tips = tips_of(BODY, parents, turns)
     hand = BODY.vertices[BODY.end_effectors[skeleton.END_EFFECTORS.index("left_hand")]]
     assert list(tips) == [2] and tips[2] == pytest.approx(hand)
 
 
 def test_a_joint_between_two_places_lies_in_their_middle() -> None:
-    places = _rest(BODY, ["root", ["left_hip", "right_hip"]])
+    places = rest_places(BODY, ["root", ["left_hip", "right_hip"]])
     hips = BODY.joints[[skeleton.JOINT_NAMES.index(f"{side}_hip") for side in ("left", "right")]]
     assert places[0] == pytest.approx(BODY.joints[0]) and places[1] == pytest.approx(hips.mean(axis=0))
 
@@ -118,7 +118,7 @@ def test_quaternions_of_a_film_do_not_flip_and_are_x_y_z_w() -> None:
     angles = np.linspace(2.0, 5.0, 12)
     angles = np.where(angles > np.pi, angles - 2.0 * np.pi, angles)  # as rotation vectors jump at half a turn
     vectors = angles[:, None, None] * np.array([[0.0, 0.0, 1.0], [0.6, 0.0, 0.8]])
-    found = _quaternions(vectors)
+    found = quaternions(vectors)
     assert ((found[1:] * found[:-1]).sum(axis=2) > 0.0).all()
     for k in range(2):
         turns = Rotation.from_quat(found[:, k]).as_matrix()
@@ -126,7 +126,7 @@ def test_quaternions_of_a_film_do_not_flip_and_are_x_y_z_w() -> None:
 
 
 def test_skin_hangs_on_each_joint_once_and_its_weights_are_whole() -> None:
-    joints, weights = _skinning(BODY, TREE)
+    joints, weights = skinning(BODY, TREE)
     assert weights.sum(axis=1) == pytest.approx(np.ones(len(BODY.vertices)), abs=1e-5)
     assert all(
         len({j for j, w in zip(*row, strict=True) if w > 0}) == (row[1] > 0).sum()
@@ -144,14 +144,14 @@ def test_of_many_influences_the_four_largest_are_kept_and_made_whole() -> None:
         vertices=np.zeros((1, 3)), skin_joints=np.arange(6)[None],
         skin_weights=np.array([[0.05, 0.3, 0.1, 0.2, 0.25, 0.1]], dtype=np.float32),
     )  # fmt: skip
-    joints, weights = _skinning(body, TREE)  # type: ignore[arg-type]
+    joints, weights = skinning(body, TREE)  # type: ignore[arg-type]
     place = {int(joint): i for i, joint in enumerate(TREE.turns)}
     assert joints[0].tolist()[:3] == [place[1], place[4], place[3]]
     assert weights[0] == pytest.approx(np.array([0.3, 0.25, 0.2, 0.1]) / 0.85, abs=1e-6)
 
 
 def test_a_glb_file_holds_its_lengths_and_its_numbers(tmp_path: Path) -> None:
-    scene = _Scene((1.0, 0.5, 0.25, 1.0))
+    scene = Scene((1.0, 0.5, 0.25, 1.0))
     first = scene.accessor(np.array([1, 2, 3]), "<u2")
     second = scene.accessor(np.array([[1.0, -2.0, 3.0], [0.0, 5.0, -1.0]]), "<f4", bounds=True)
     scene.save(tmp_path / "m.glb")
@@ -222,24 +222,24 @@ def test_points_near_a_person_are_those_within_reach_of_a_joint() -> None:
     depth = np.full((1, 11), 2000.0)
     depth[0, 5] = 0.0
     joints = np.array([[0.0, 0.0, 2.0], [np.nan, 0.0, 2.0]])
-    near = clouds._near_people(depth, rays, joints)
+    near = clouds.near_people(depth, rays, joints)
     expected = (np.abs(np.linspace(-1.0, 1.0, 11)) < clouds.REACH) & (depth[0] > 0)
     assert near[0].tolist() == expected.tolist() and near.any() and not near.all()
-    assert not clouds._near_people(depth, rays, joints[1:]).any()
-    both = clouds._near_people(depth, rays, np.array([[-0.8, 0.0, 2.0], [0.8, 0.0, 2.0]]))
+    assert not clouds.near_people(depth, rays, joints[1:]).any()
+    both = clouds.near_people(depth, rays, np.array([[-0.8, 0.0, 2.0], [0.8, 0.0, 2.0]]))
     assert both[0, 1] and both[0, 9]
-    close = clouds._near_people(depth, rays, np.array([[0.0, 0.0, 0.5 * clouds.REACH]]))
+    close = clouds.near_people(depth, rays, np.array([[0.0, 0.0, 0.5 * clouds.REACH]]))
     assert not close[0, 5]
 
 
 def test_a_room_is_the_median_of_what_was_measured() -> None:
     images = np.array([[[0, 5, 0]], [[4, 7, 0]], [[8, 9, 0]]])
-    assert clouds._median(images).tolist() == [[6.0, 7.0, 0.0]]
+    assert clouds.median_point(images).tolist() == [[6.0, 7.0, 0.0]]
 
 
 def test_too_many_points_are_thinned_on_a_grid() -> None:
-    rows, columns = clouds._thinned(np.ones((40, 60), dtype=bool), 100)
+    rows, columns = clouds.thinned(np.ones((40, 60), dtype=bool), 100)
     assert 50 <= len(rows) <= 100
     assert len(set(rows.tolist())) > 4 and len(set(columns.tolist())) > 4
-    every, _ = clouds._thinned(np.ones((3, 4), dtype=bool), 12)
+    every, _ = clouds.thinned(np.ones((3, 4), dtype=bool), 12)
     assert len(every) == 12

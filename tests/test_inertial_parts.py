@@ -10,7 +10,7 @@ from toolkit.inertial.distance import CheckSettings, Distances, errors_of, runs_
 from toolkit.inertial.fusion import UP, FusionSettings, fused, gyroscope_bias
 from toolkit.inertial.stream import GRAVITY, Sensors, checked_stream
 from toolkit.inertial.suspicions import agreement, clock_suspicion, suspicions
-from toolkit.inertial.synchronise import Signal, SyncSettings, _highest_peak, _on_grid, _parabola, track_signals
+from toolkit.inertial.synchronise import Signal, SyncSettings, highest_peak, on_grid, parabola, track_signals
 from toolkit.rotations import quaternions as quat
 
 TIMES = np.arange(0.0, 4.0, 0.01)
@@ -166,7 +166,7 @@ def test_between_rows_orientations_are_interpolated_and_in_long_gaps_unknown() -
 def test_a_signal_is_known_on_whole_steps_but_for_holes() -> None:
     settings = SyncSettings(step=0.1)
     times = np.array([0.14, 0.2, 0.3, 0.4, 1.0, 1.1, 1.2])
-    grid, values, known = _on_grid(times, times[:, None] * [2.0], settings)
+    grid, values, known = on_grid(times, times[:, None] * [2.0], settings)
     assert grid == pytest.approx(np.arange(2, 13) * 0.1)
     assert values[:, 0] == pytest.approx(2.0 * grid)
     assert known.tolist() == [True, True, *[False] * 6, True, True, True]
@@ -174,11 +174,11 @@ def test_a_signal_is_known_on_whole_steps_but_for_holes() -> None:
 
 def test_a_peak_is_placed_by_its_neighbours_and_a_second_one_found() -> None:
     curve_of = -((np.arange(7) - 3.3) ** 2)
-    assert _parabola(curve_of, 3) == pytest.approx(0.3)
-    assert _parabola(curve_of, 0) == 0.0
+    assert parabola(curve_of, 3) == pytest.approx(0.3)
+    assert parabola(curve_of, 0) == 0.0
     whole = np.array([0.0, 8.0, 5.0, 1.0, 2.0, 0.5, 9.0])
-    assert _highest_peak(np.where(np.arange(7) == 1, np.nan, whole), whole) == 2.0
-    assert _highest_peak(np.full(7, np.nan), whole) == -1.0
+    assert highest_peak(np.where(np.arange(7) == 1, np.nan, whole), whole) == 2.0
+    assert highest_peak(np.full(7, np.nan), whole) == -1.0
 
 
 class Motion:

@@ -210,6 +210,9 @@ def test_a_folder_that_others_may_write_is_not_used(installed: Path, tmp_path: P
     second = run(installed, **own)[2]
     assert shared not in second.parents and run(installed, **own)[:2] == (1, 1)
     second.chmod(0o775)
+    third = run(installed, **own)[2]
+    assert third not in (first, second) and tmp_path / "home" in third.parents, "the user's cache folder"
+    third.chmod(0o777)
     last = run(installed, **own)[2]
     assert last.parent == Path(tempfile.gettempdir()) and not last.exists(), "kept by that process alone"
 

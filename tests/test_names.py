@@ -37,8 +37,8 @@ def test_rich_shows_a_name_and_no_markup(name: str) -> None:
     from rich.console import Console
 
     console = Console(file=io.StringIO(), width=1000)
-    console.print(shown(name, "rich"), end="", soft_wrap=True, highlight=False, emoji=False)
-    assert console.file.getvalue() == shown(name)  # type: ignore[attr-defined]
+    console.print(shown(name, "rich") + "[b].[/b]", end="", soft_wrap=True, highlight=False, emoji=False)
+    assert console.file.getvalue() == shown(name) + "."  # type: ignore[attr-defined]
 
 
 @pytest.mark.parametrize("name", [*BAD, "$", "$$", r"\$", "a$b$c", r"$\frac{1}$"])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -218,18 +219,18 @@ def test_a_furniture_file_that_makes_no_sense_is_refused(tmp_path: Path, text: s
 
 
 @pytest.mark.parametrize(
-    ("person", "words"),
+    ("told", "words"),
     [
-        (Person(standing(), furniture=("throne",)), "chair, stool, desk, table, crate"),
-        (Person(standing(), clothes=("armour",)), "skirt, dress, coat"),
-        (Person(standing(), stature=0.3), "nobody is 0.3 m tall"),
-        (Person(standing(), enters=-1.0), "cannot be placed"),
-        (Person(standing(), at=(np.nan, 0.0)), "cannot be placed"),
+        ({"furniture": ("throne",)}, "chair, stool, desk, table, crate"),
+        ({"clothes": ("armour",)}, "skirt, dress, coat"),
+        ({"stature": 0.3}, "nobody is 0.3 m tall"),
+        ({"enters": -1.0}, "enters -1 is impossible; give 0 to 86400 seconds"),
+        ({"at": (np.nan, 0.0)}, "nan"),
     ],
 )
-def test_what_nobody_can_be_is_refused(person: Person, words: str) -> None:
+def test_what_nobody_can_be_is_refused(told: dict[str, Any], words: str) -> None:
     with pytest.raises(UsageError, match=words):
-        prepare([person])
+        prepare([Person(standing(), **told)])
 
 
 def test_a_value_holds_for_everybody_or_for_one_each() -> None:

@@ -25,4 +25,4 @@ def test_the_tour_runs_and_shows_plots(tmp_path: Path, monkeypatch: pytest.Monke
     assert sum("image/png" in output.get("data", {}) for output in shown) >= 2, "the room and the person are plotted"
     said = "".join(output.get("text", "") for output in shown)
     assert "person_01:" in said and " mm" in said and "tracked" in said
-    assert {path.suffix for path in tmp_path.glob("person_01.*")} == {".glb", ".bvh", ".csv"}
+    assert {path.suffix for path in tmp_path.glob("person_01.*")} == {".glb", ".bvh", ".csv", ".json"}

@@ -248,7 +248,7 @@ def test_a_frame_that_is_looked_at_afresh_repairs_a_way_that_went_wrong(
 ) -> None:
     right = followed(take, tracker, tmp_path / "right", 9)
     monkeypatch.setattr(BothWays, "_jumps", no_jumps)
-    start = BothWays._start
+    start = BothWays.start_at
 
     def turned(self: BothWays, frame: int) -> Step:
         step, state = start(self, frame), self._follower.state
@@ -261,7 +261,7 @@ def test_a_frame_that_is_looked_at_afresh_repairs_a_way_that_went_wrong(
         pose = right[frame].result.pose
         return right[frame], replace(self._state_at(frame), previous=Previous.of_pose(self._plan.body, pose), pose=pose)
 
-    monkeypatch.setattr(BothWays, "_start", turned)
+    monkeypatch.setattr(BothWays, "start_at", turned)
     monkeypatch.setattr(BothWays, "_found_otherwise", rightly)
     error = worst(take, followed(take, tracker, tmp_path, 18, checks=checks))
     assert error < 0.08 if checks else error > 0.25
@@ -274,7 +274,7 @@ def test_a_run_killed_in_its_second_pass_goes_on_to_the_same_track(
     track_recording(open_recording(take), tracker, tmp_path / "whole", warm_up=False)
     whole = Track.load(tmp_path / "whole")
     monkeypatch.setattr(second, "MEMORY_SECONDS", 0.0)
-    run, steps = tmp_path / "run", BothWays._step
+    run, steps = tmp_path / "run", BothWays.step_at
 
     def dies(self: BothWays, frame: int) -> Step:
         dies.left -= 1  # type: ignore[attr-defined]
@@ -283,11 +283,11 @@ def test_a_run_killed_in_its_second_pass_goes_on_to_the_same_track(
         return steps(self, frame)
 
     dies.left = killed_after  # type: ignore[attr-defined]
-    monkeypatch.setattr(BothWays, "_step", dies)
+    monkeypatch.setattr(BothWays, "step_at", dies)
     with pytest.raises(KeyboardInterrupt):
         track_recording(open_recording(take), tracker, run, warm_up=False)
     (run / ".lock").unlink(missing_ok=True)
-    monkeypatch.setattr(BothWays, "_step", steps)
+    monkeypatch.setattr(BothWays, "step_at", steps)
     summary = track_recording(open_recording(take), tracker, run, resume=True, warm_up=False)
     resumed = Track.load(run)
     assert not summary.interrupted and not (run / second.FOLDER).exists()

@@ -23,6 +23,7 @@ class ToySettings:
     tracker: str = "toy"
     seed: int = 0
     weight: float = 0.5
+    smallest_person: int = 1
     sensing: SensingSettings = field(default_factory=SensingSettings)
 
 

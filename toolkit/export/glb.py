@@ -63,7 +63,7 @@ def export_glb(
     OutputError
         The file cannot be written.
     """
-    scene = _Scene(SKIN if colors is None else (1.0, 1.0, 1.0, 1.0))
+    scene = Scene(SKIN if colors is None else (1.0, 1.0, 1.0, 1.0))
     animation: dict[str, Any] = {"name": "motion", "samplers": [], "channels": []}
     start = min(float(person.track.timestamps[0]) for person in people)
     for k, person in enumerate(people):
@@ -77,7 +77,7 @@ def export_glb(
     scene.save(path)
 
 
-class _Scene:
+class Scene:
     """A glTF document and its one buffer, while they grow."""
 
     def __init__(self, color: Sequence[float]) -> None:
@@ -134,7 +134,7 @@ class _Scene:
             stream.write(np.array([self._length, 0x004E4942], dtype="<u4").tobytes() + b"".join(self._blocks))
 
 
-def _add_joints(scene: _Scene, tree: JointTree, name: str) -> _Nodes:
+def _add_joints(scene: Scene, tree: JointTree, name: str) -> _Nodes:
     top = scene.add("nodes", {"name": name})
     scene.document["scenes"][0]["nodes"].append(top)
     first = top + 1
@@ -146,9 +146,9 @@ def _add_joints(scene: _Scene, tree: JointTree, name: str) -> _Nodes:
     return _Nodes(top, list(range(first, first + len(tree.names))))
 
 
-def _add_mesh(scene: _Scene, person: Person, tree: JointTree, nodes: _Nodes, colors: np.ndarray | None) -> None:
+def _add_mesh(scene: Scene, person: Person, tree: JointTree, nodes: _Nodes, colors: np.ndarray | None) -> None:
     body = person.body
-    joints, weights = _skinning(body, tree)
+    joints, weights = skinning(body, tree)
     inverse = np.tile(np.eye(4), (len(tree.names), 1, 1))
     inverse[:, 3, :3] = -tree.rest  # matrices are stored column by column
     attributes = {
@@ -170,7 +170,7 @@ def _add_mesh(scene: _Scene, person: Person, tree: JointTree, nodes: _Nodes, col
     scene.document["scenes"][0]["nodes"].append(number)
 
 
-def _skinning(body: Body, tree: JointTree) -> tuple[np.ndarray, np.ndarray]:
+def skinning(body: Body, tree: JointTree) -> tuple[np.ndarray, np.ndarray]:
     """Joint numbers within the tree and weights, (V, 4): each joint once per vertex, the largest weights."""
     place = np.zeros(len(skeleton.JOINTS), dtype=np.int64)
     place[tree.turns[tree.turns >= 0]] = np.flatnonzero(tree.turns >= 0)
@@ -185,7 +185,7 @@ def _skinning(body: Body, tree: JointTree) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _add_motion(
-    scene: _Scene, animation: dict[str, Any], person: Person, tree: JointTree, nodes: _Nodes, start: float
+    scene: Scene, animation: dict[str, Any], person: Person, tree: JointTree, nodes: _Nodes, start: float
 ) -> None:
     times = (person.track.timestamps - start).astype(np.float32)
     keys = np.flatnonzero(np.diff(times, prepend=np.float32(-1.0)) > 0)  # the format wants times that grow
@@ -200,15 +200,15 @@ def _add_motion(
 
     channel(nodes.joints[0], "translation", poses[:, skeleton.ROOT_POSITION] + tree.offsets[0])
     turning = np.flatnonzero(tree.turns >= 0)
-    quaternions = _quaternions(tree.vectors(poses)[:, turning])
+    turned = quaternions(tree.vectors(poses)[:, turning])
     for k, i in enumerate(turning):
-        channel(nodes.joints[int(i)], "rotation", quaternions[:, k])
+        channel(nodes.joints[int(i)], "rotation", turned[:, k])
     there = person.there[keys]
     if not there.all():
         channel(nodes.top, "scale", np.repeat(there[:, None], 3, axis=1), "STEP")
 
 
-def _quaternions(vectors: np.ndarray) -> np.ndarray:
+def quaternions(vectors: np.ndarray) -> np.ndarray:
     """Unit quaternions (T, N, 4), x y z w, of rotation vectors (T, N, 3); neighbours in time have the same sign."""
     from scipy.spatial.transform import Rotation
 

@@ -107,16 +107,17 @@ def _rig_tree(body: Body, rig: str) -> JointTree:
     joints = [skeleton.JOINT_NAMES.index(p) if p in skeleton.JOINT_NAMES else -1 for p in places]
     parents = np.array([names.index(parent) if parent else -1 for parent, _ in bones.values()])
     turns = np.array(joints)
-    return JointTree(names, parents, turns, _rest(body, places), _tips(body, parents, turns))
+    return JointTree(names, parents, turns, rest_places(body, places), tips_of(body, parents, turns))
 
 
-def _rest(body: Body, places: list[Any]) -> np.ndarray:
+def rest_places(body: Body, places: list[Any]) -> np.ndarray:
+    """Where the joints of a file's tree stand in the rest pose of a body: float64 (J, 3), metres, body frame."""
     points = dict(zip((*skeleton.JOINT_NAMES, *SITE_NAMES), (*body.joints, *body.sites), strict=True))
     parts = [[place] if isinstance(place, str) else place for place in places]
     return np.array([np.mean([points[part] for part in named], axis=0) for named in parts])
 
 
-def _tips(body: Body, parents: np.ndarray, turns: np.ndarray) -> dict[int, np.ndarray]:
+def tips_of(body: Body, parents: np.ndarray, turns: np.ndarray) -> dict[int, np.ndarray]:
     """Fingertips, toe tips and crown for the joints without children, by the body joint that carries them."""
     carried = turns.copy()
     for i in range(len(parents)):

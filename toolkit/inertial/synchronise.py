@@ -128,10 +128,10 @@ def synchronise(
     shift = base - begin if abs(base - begin) > settings.max_offset else 0.0
     # the second peak is looked for at the same ratio: along the ridge of ratio against offset nothing is periodic
     elsewhere = np.abs(lags - lags[k]) * settings.step >= settings.apart
-    second = _highest_peak(np.where(elsewhere, scores[r], np.nan), scores[r])
+    second = highest_peak(np.where(elsewhere, scores[r], np.nan), scores[r])
     clock = Clock(
-        float(shift + settings.step * (lags[k] + _parabola(scores[r], int(k)))),
-        float(rates[r] * (1.0 + settings.rate_step * _parabola(scores[:, k], int(r)))) if len(rates) > 1 else 1.0,
+        float(shift + settings.step * (lags[k] + parabola(scores[r], int(k)))),
+        float(rates[r] * (1.0 + settings.rate_step * parabola(scores[:, k], int(r)))) if len(rates) > 1 else 1.0,
         float(scores[r, k]),
         second,
     )
@@ -169,7 +169,7 @@ def track_signals(motion: TrackedMotion, limb: str, rate: float, settings: SyncS
     turned = quat.continuous(motion.orientation(limb)[motion.valid])
     middles = 0.5 * (times[1:] + times[:-1])
     signals = [_size(middles, quat.angular_velocity(turned, times), settings)]
-    grid, path, known = _on_grid(times, motion.middle(limb)[motion.valid], settings)
+    grid, path, known = on_grid(times, motion.middle(limb)[motion.valid], settings)
     if len(grid) > 4:
         smooth = _low_passed(path, settings)
         acceleration = np.gradient(np.gradient(smooth, settings.step, axis=0), settings.step, axis=0)
@@ -194,13 +194,11 @@ def _angular_speed(stream: SensorStream) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _size(times: np.ndarray, vectors: np.ndarray, settings: SyncSettings) -> Signal:
-    grid, values, known = _on_grid(times, vectors, settings)
+    grid, values, known = on_grid(times, vectors, settings)
     return Signal(np.linalg.norm(_low_passed(values, settings), axis=1), known, float(grid[0]))
 
 
-def _on_grid(
-    times: np.ndarray, values: np.ndarray, settings: SyncSettings
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def on_grid(times: np.ndarray, values: np.ndarray, settings: SyncSettings) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Values (N, K) on the common grid, whose times are whole steps, and where they are known."""
     first, last = np.ceil(times[0] / settings.step - 1e-6), np.floor(times[-1] / settings.step + 1e-6)
     grid = settings.step * np.arange(first, max(last, first) + 1)
@@ -248,7 +246,7 @@ def _summed(
     return np.where(weight >= 0.5 * full, total / np.maximum(weight, 1.0), np.nan)
 
 
-def _parabola(values: np.ndarray, k: int) -> float:
+def parabola(values: np.ndarray, k: int) -> float:
     """Place of the vertex through a peak and its neighbours, in steps from `k`, at most half of one."""
     if k in (0, len(values) - 1) or not np.isfinite(values[k - 1 : k + 2]).all():
         return 0.0
@@ -257,7 +255,7 @@ def _parabola(values: np.ndarray, k: int) -> float:
     return float(np.clip(0.5 * (left - right) / bend, -0.5, 0.5)) if bend < 0 else 0.0
 
 
-def _highest_peak(values: np.ndarray, whole: np.ndarray) -> float:
+def highest_peak(values: np.ndarray, whole: np.ndarray) -> float:
     """The highest local maximum of `whole` where `values` is known; -1 where there is none."""
     inner = np.arange(1, len(whole) - 1)
     peaks = inner[(whole[inner] >= whole[inner - 1]) & (whole[inner] >= whole[inner + 1]) & np.isfinite(values[inner])]

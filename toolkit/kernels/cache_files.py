@@ -28,7 +28,7 @@ def is_private(folder: Path) -> bool:
 
     Where a system has no owners every folder is taken for private.
     """
-    if os.name != "posix":
+    if not hasattr(os, "geteuid"):
         return True
     try:
         found = os.lstat(folder)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from toolkit.kernels import linear
 from toolkit.people.detection import find_heads
 from toolkit.people.floor import find_floor
 from toolkit.people.settings import PeopleSettings
@@ -30,7 +31,7 @@ def quarter_turns(recording: Recording) -> int:
         return 0
     vertical = recording.vertical
     if vertical.source == "file":
-        fits = [float(np.dot(rotated_points(vertical.up_camera, turns), DEFAULT_UP)) for turns in range(4)]
+        fits = [linear.dot(rotated_points(vertical.up_camera, turns), np.array(DEFAULT_UP)) for turns in range(4)]
         best = int(np.argmax(fits))
         return best if best and fits[best] > CLEARLY else 0
     if vertical.source == "floor":
@@ -49,7 +50,7 @@ def _stands(depth_mm: np.ndarray, camera: Camera, turns: int, settings: PeopleSe
     """Whether somebody stands in the image after so many quarter turns."""
     lens = Lens(camera.undistorted().rotated(turns), np.array(DEFAULT_UP), settings.coarse_width, SensingSettings())
     axes = people_axes(lens.coarse(_turned(depth_mm, turns)), lens, settings)
-    return any(trust == "standing" and float(np.dot(axis, DEFAULT_UP)) > CLEARLY for axis, trust in axes)
+    return any(trust == "standing" and linear.dot(axis, np.array(DEFAULT_UP)) > CLEARLY for axis, trust in axes)
 
 
 def turns_with_heads(depth_mm: np.ndarray, camera: Camera, settings: PeopleSettings) -> int:

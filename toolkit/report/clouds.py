@@ -57,21 +57,21 @@ def gather_clouds(recording: Recording, joints: np.ndarray, frames: range) -> Sc
     shown, last = dict(zip(frames, range(len(frames)), strict=True)), max(frames)
     for i, depth in enumerate(recording.frames()):
         if i in shown:
-            near = _near_people(depth, rays, joints[i])
-            chosen = _thinned(near, limit)
+            near = near_people(depth, rays, joints[i])
+            chosen = thinned(near, limit)
             points.append(_seen(recording.camera, chosen, depth[chosen]))
             counts.append(len(points[-1]))
             if shown[i] in for_room:
                 still.append(np.where(near, 0, depth))
         if i == last:
             break
-    scene = _median(np.stack([recording.background] if recording.background is not None else still))
-    there = _thinned(scene > 0, ROOM_POINTS)
+    scene = median_point(np.stack([recording.background] if recording.background is not None else still))
+    there = thinned(scene > 0, ROOM_POINTS)
     together = np.concatenate(points) if points else np.zeros((0, 3), dtype=np.int16)
     return SceneClouds(together, np.array(counts, dtype=np.int64), _seen(recording.camera, there, scene[there]))
 
 
-def _near_people(depth_mm: np.ndarray, rays: np.ndarray, joints: np.ndarray) -> np.ndarray:
+def near_people(depth_mm: np.ndarray, rays: np.ndarray, joints: np.ndarray) -> np.ndarray:
     """Mask (H, W) of the measured pixels within `REACH` of one of the joints (J, 3)."""
     near = np.zeros(depth_mm.shape, dtype=bool)
     known = joints[np.isfinite(joints).all(axis=1)]
@@ -88,7 +88,7 @@ def _near_people(depth_mm: np.ndarray, rays: np.ndarray, joints: np.ndarray) -> 
     return near
 
 
-def _thinned(mask: np.ndarray, limit: int) -> tuple[np.ndarray, np.ndarray]:
+def thinned(mask: np.ndarray, limit: int) -> tuple[np.ndarray, np.ndarray]:
     """Rows and columns of at most `limit` pixels of a mask, on a grid as fine as that allows."""
     too_many = max(1.0, np.count_nonzero(mask) / limit)
     down = int(np.ceil(np.sqrt(too_many)))
@@ -106,7 +106,7 @@ def pack(points: np.ndarray) -> bytes:
     return halves.T.tobytes()
 
 
-def _median(images: np.ndarray) -> np.ndarray:
+def median_point(images: np.ndarray) -> np.ndarray:
     """Median over images (K, H, W) of the pixels that hold something, 0 where none does."""
     values = np.where(images > 0, images, np.nan).astype(np.float64)
     seen = np.isfinite(values).any(axis=0)

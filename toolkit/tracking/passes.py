@@ -131,21 +131,21 @@ class BothWays:
         first, last, start = stretch.tolist()
         end = last + 1 if turn > 0 else first - 1
         if self._frame < 0:
-            self._way[start] = self._start(start)
+            self._way[start] = self.start_at(start)
             self._frame = start + turn
         else:
             self._follower.state = self._state
         for frame in range(self._frame, end, turn):
-            self._way[frame] = self._step(frame)
+            self._way[frame] = self.step_at(frame)
             self._frame, self._state = frame + turn, self._follower.state
             yield False
 
-    def _start(self, frame: int) -> Step:
+    def start_at(self, frame: int) -> Step:
         """Find the person anew in a frame."""
         self._follower.state = self._unknown
-        return self._step(frame)
+        return self.step_at(frame)
 
-    def _step(self, frame: int) -> Step:
+    def step_at(self, frame: int) -> Step:
         """Follow on to a frame."""
         follower = self._follower
         result = follower.step(self._seen[frame], float(self._timestamps[frame]), StageClock(self._stages))
@@ -198,7 +198,7 @@ class BothWays:
             pose = self._first_pass["pose"][frame].astype(np.float64)
             previous = Previous.of_pose(self._plan.body, pose)
             self._follower.state = replace(self._unknown, previous=previous, pose=pose)
-            steps[frame], state = self._step(frame), self._follower.state
+            steps[frame], state = self.step_at(frame), self._follower.state
         elif turn == 0:
             found = self._found_otherwise(frame)
             if found is None:
@@ -225,7 +225,7 @@ class BothWays:
         """Follow on through `frames`, until the first way is met; the steps go to `steps`."""
         together = 0
         for frame in frames:
-            steps[frame] = self._step(frame)
+            steps[frame] = self.step_at(frame)
             together = together + 1 if apart(steps[frame].result, self._way[frame].result) < AGREED else 0
             if together == AGREED_FRAMES:
                 return
@@ -235,7 +235,7 @@ class BothWays:
         """What a look afresh says that explains the frame better than the way does, and the state after it."""
         follower, known = self._follower, self._way[frame]
         follower.state = self._unknown
-        step = self._step(frame)
+        step = self.step_at(frame)
         if follower.observation is None or apart(step.result, known.result) < OTHERWISE:
             return None
         scene = follower.observation.scene
