@@ -26,8 +26,8 @@ from toolkit.mocap.procedural import procedural_clips  # noqa: E402
 
 LARGEST = 12e6
 """Bytes that the package has room for."""
-IMAGES, SMALLEST_LEAF = 38000, 60
-"""Of its joint regressor: leaves twice as large as those of other databases keep it within that."""
+IMAGES, SMALLEST_LEAF = 38000, 45
+"""Of its joint regressor: leaves half as large again as those of other databases keep it within that."""
 
 
 def main() -> None:
