@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import argparse
 from pathlib import Path
 from typing import NamedTuple
 
@@ -18,7 +19,7 @@ from toolkit.runs import Person, load_persons
 from toolkit.sensing.camera import level_rotation
 from toolkit.simulation.person import Person as Performer
 from toolkit.simulation.simulate import Shot, prepare, simulate_scene
-from toolkit.testing.suite import motion_of
+from toolkit.testing.suite import WORK, motion_of
 from toolkit.testing.walking import Rising, Walk, rising, walking
 from toolkit.track import TRACK_FILE
 
@@ -103,3 +104,12 @@ def _poses(take: Take, body: Body) -> np.ndarray:
         poses = rising(body, take.motion, RATE)
     poses[:, [0, 2]] -= 0.5 * (poses[:, [0, 2]].min(axis=0) + poses[:, [0, 2]].max(axis=0))
     return poses
+
+
+def movement_options(description: str | None) -> argparse.Namespace:
+    """What is typed behind a benchmark of these takes: which of them, with which database, where they are kept."""
+    parser = argparse.ArgumentParser(description=description, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--database", type=Path, required=True)
+    parser.add_argument("--takes", default=",".join(take.name for take in TAKES))
+    parser.add_argument("--work", type=Path, default=WORK / "movement")
+    return parser.parse_args()

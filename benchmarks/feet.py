@@ -9,20 +9,17 @@ rest (`toolkit/biomechanics/resting.py`), for which the errors of all joints are
 
 from __future__ import annotations
 
-import argparse
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from benchmarks._movement import TAKES, Tracked, tracked
+from benchmarks._movement import TAKES, Tracked, movement_options, tracked
 from benchmarks._record import save_figures
 from toolkit import skeleton
 from toolkit.biomechanics.contact import contacts_of_soles, ground_height, smoothed, spans
 from toolkit.biomechanics.resting import with_resting_feet
 from toolkit.body.sole import soles
 from toolkit.runs import Person
-from toolkit.testing.suite import WORK
 from toolkit.track import TRACKED
 
 SHORTEST = 5
@@ -79,11 +76,7 @@ def row(found: Tracked, person: Person, contact: np.ndarray) -> dict[str, Any]:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--database", type=Path, required=True)
-    parser.add_argument("--takes", default=",".join(take.name for take in TAKES))
-    parser.add_argument("--work", type=Path, default=WORK / "movement")
-    options = parser.parse_args()
+    options = movement_options(__doc__)
     figures = {}
     for take in TAKES:
         if take.name not in options.takes.split(","):

@@ -7,17 +7,14 @@ the error of the range of motion, degrees.
 
 from __future__ import annotations
 
-import argparse
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from benchmarks._movement import TAKES, Tracked, tracked
+from benchmarks._movement import TAKES, Tracked, movement_options, tracked
 from benchmarks._record import save_figures
 from toolkit.biomechanics.angles import COLUMNS
 from toolkit.biomechanics.summary import Summary, summary_of
-from toolkit.testing.suite import WORK
 
 FIGURES = (
     "strides", "stride_length_m", "cadence_steps_per_min", "speed_m_per_s", "step_width_m", "stance_share",
@@ -65,11 +62,7 @@ def summed(takes: dict[str, dict[str, Any]]) -> dict[str, float]:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--database", type=Path, required=True)
-    parser.add_argument("--takes", default=",".join(take.name for take in TAKES))
-    parser.add_argument("--work", type=Path, default=WORK / "movement")
-    options = parser.parse_args()
+    options = movement_options(__doc__)
     takes = {}
     for take in TAKES:
         if take.name in options.takes.split(","):

@@ -29,7 +29,6 @@ def track_recordings(
     settings_file: str | Path | None = None,
     progress: RecordingProgress | None = None,
     sensors_sha256: str = "",
-    classes_sha256: str = "",
     watcher: RowWatcher | None = None,
     joints: JointChoice | None = None,
     body_sha256: str = "",
@@ -60,7 +59,7 @@ def track_recordings(
             first = not report.done
             summary = track_recording(
                 recording, tracker, run, people=people, resume=resume, warm_up=first, progress=progress,
-                sensors_sha256=sensors_sha256, classes_sha256=classes_sha256, watcher=watcher, joints=joints,
+                sensors_sha256=sensors_sha256, watcher=watcher, joints=joints,
                 body_sha256=body_sha256,
             )  # fmt: skip
         except DepthMocapError as error:

@@ -80,7 +80,6 @@ def track_recording(
     warm_up: bool = True,
     progress: RecordingProgress | None = None,
     sensors_sha256: str = "",
-    classes_sha256: str = "",
     watcher: RowWatcher | None = None,
     joints: JointChoice | None = None,
     body_sha256: str = "",
@@ -99,7 +98,7 @@ def track_recording(
     resume : continue an unfinished run; one that is finished already is left alone
     warm_up : track the first frames once beforehand, so that no compilation is timed
     progress : told what is going on
-    sensors_sha256, classes_sha256 : of the inertial sensors or the motion classes that guide the tracker, if any do
+    sensors_sha256 : of the inertial sensors that guide the tracker, if any do
     watcher : told every row of the one person who is followed
     joints : where joints in the image are to come from
     body_sha256 : of the file of the person's own body, if the tracker was given one
@@ -128,7 +127,6 @@ def track_recording(
         info = replace(
             _run_info(recording, tracker),
             sensors_sha256=sensors_sha256,
-            classes_sha256=classes_sha256,
             joints_2d=used,
             body_sha256=body_sha256,
         )

@@ -18,16 +18,12 @@ from toolkit.door import open_file
 from toolkit.errors import RecordingError
 from toolkit.kernels.image import depth as kernels
 from toolkit.recordings.readers.common import (
-    chosen_background,
     chosen_camera,
-    chosen_up,
     damaged,
-    frame_times,
     natural_key,
+    recording_of_files,
 )
-from toolkit.recordings.stored import StoredRecording
 from toolkit.sensing.camera import Camera
-from toolkit.sensing.conversion import DepthConverter
 from toolkit.sensing.recording import ReaderOptions, Recording
 
 SUFFIXES = (".pcd", ".ply")
@@ -229,14 +225,4 @@ def read(path: Path, options: ReaderOptions) -> Recording:
     else:
         camera = virtual_camera(first.points)
     source = CloudFrames(files, options.axes, camera, found is not None)
-    return StoredRecording(
-        name=path.stem,
-        path=path,
-        camera=camera,
-        timestamps=frame_times(len(source), options),
-        source=source,
-        converter=DepthConverter(options.unit("m"), options.radial, bool(options.mirrored)),
-        background=chosen_background(options, None),
-        stored_up=chosen_up(options, None),
-        options=options.given(),
-    )
+    return recording_of_files(path, camera, source, options, "m")

@@ -15,7 +15,9 @@ import numpy as np
 from toolkit.door import read_file
 from toolkit.errors import RecordingError, UsageError
 from toolkit.plain import read_json
+from toolkit.recordings.stored import FrameSource, StoredRecording
 from toolkit.sensing.camera import Camera
+from toolkit.sensing.conversion import DepthConverter
 from toolkit.sensing.recording import ReaderOptions
 
 LARGEST_PICTURE, LARGEST_FILE = 1 << 26, 1 << 28
@@ -42,6 +44,23 @@ def chosen_up(options: ReaderOptions, stored: np.ndarray | None) -> np.ndarray |
 def chosen_background(options: ReaderOptions, stored: np.ndarray | None) -> np.ndarray | None:
     """The background image given as an option, else the stored one."""
     return stored if options.background is None else read_depth_png(Path(options.background))
+
+
+def recording_of_files(
+    path: Path, camera: Camera, source: FrameSource, options: ReaderOptions, unit: str
+) -> StoredRecording:
+    """Frames that lie in files of their own and know nothing but depth, which is in `unit` unless an option says."""
+    return StoredRecording(
+        name=path.stem,
+        path=path,
+        camera=camera,
+        timestamps=frame_times(len(source), options),
+        source=source,
+        converter=DepthConverter(options.unit(unit), options.radial, bool(options.mirrored)),
+        background=chosen_background(options, None),
+        stored_up=chosen_up(options, None),
+        options=options.given(),
+    )
 
 
 def chosen_camera(

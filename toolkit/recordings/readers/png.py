@@ -10,16 +10,12 @@ import numpy as np
 from toolkit.errors import RecordingError
 from toolkit.recordings.readers.common import (
     camera_beside,
-    chosen_background,
     chosen_camera,
-    chosen_up,
-    frame_times,
     natural_key,
     read_depth_png,
     read_image,
+    recording_of_files,
 )
-from toolkit.recordings.stored import StoredRecording
-from toolkit.sensing.conversion import DepthConverter
 from toolkit.sensing.recording import ReaderOptions, Recording
 
 COLOR_SUFFIXES = (".png", ".jpg", ".jpeg")
@@ -83,17 +79,7 @@ def read(path: Path, options: ReaderOptions) -> Recording:
     own = [folder, path] if folder.parent == path else [folder]
     camera = None if options.intrinsics is not None else camera_beside(own, own[-1].parent, shape)
     camera = camera or chosen_camera(options, shape, path)
-    return StoredRecording(
-        name=path.stem,
-        path=path,
-        camera=camera,
-        timestamps=frame_times(len(source), options),
-        source=source,
-        converter=DepthConverter(options.unit("mm"), options.radial, bool(options.mirrored)),
-        background=chosen_background(options, None),
-        stored_up=chosen_up(options, None),
-        options=options.given(),
-    )
+    return recording_of_files(path, camera, source, options, "mm")
 
 
 def _color_files(folder: Path, depth: list[Path]) -> list[Path]:
