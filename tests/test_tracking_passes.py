@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from itertools import product
+from itertools import count, product
 from pathlib import Path
 
 import numpy as np
@@ -28,6 +28,7 @@ from toolkit.sensing.joints2d import Joints2D
 from toolkit.simulation.simulate import simulate_recording
 from toolkit.testing.misled import misled, wrong_pose
 from toolkit.track import EMPTY, TRACKED, FrameResult, RunInfo, Track
+from toolkit.tracking import clock
 from toolkit.tracking.passes import BothWays, Plan
 from toolkit.tracking.sightings import Kept, SightingFile
 from toolkit.tracking.state import PersonState, Previous
@@ -297,14 +298,16 @@ def test_a_run_killed_in_its_second_pass_goes_on_to_the_same_track(
 
 
 def test_both_passes_are_in_the_time_of_a_frame_and_one_pass_is_the_stream(
-    take: Path, tracker: HybridTracker, bundled_database: Path, tmp_path: Path
+    take: Path, tracker: HybridTracker, bundled_database: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    ticks = count()  # a clock that each look moves on by a second: the test holds on a machine of any load
+    monkeypatch.setattr(clock, "perf_counter", lambda: float(next(ticks)))
     settings = HybridSettings(hypotheses=tracker.settings.hypotheses, passes=1)
     once = HybridTracker(PoseDatabase.load(bundled_database), settings)
     track_recording(open_recording(take), once, tmp_path / "once", warm_up=False)
     track_recording(open_recording(take), tracker, tmp_path / "twice", warm_up=False)
     spent = [float(np.median(Track.load(tmp_path / run).stage_ms.sum(axis=1))) for run in ("once", "twice")]
-    assert spent[1] > 1.2 * spent[0]
+    assert spent[1] >= 1.8 * spent[0] > 0.0
     assert not (tmp_path / "once" / second.FOLDER).exists()
 
 
