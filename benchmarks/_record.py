@@ -1,18 +1,34 @@
-"""What every benchmark writes beside its figures: machine, commit, command."""
+"""What benchmarks share: their parts, what they write beside their figures (machine, commit, command), steady times."""
 
 from __future__ import annotations
 
+import argparse
 import os
 import platform
 import subprocess
 import sys
+from collections.abc import Callable, Mapping
 from datetime import datetime, timezone
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from toolkit.files import save_json
 
 RESULTS = Path(__file__).parent / "results"
+CODE = (":/toolkit", ":/database_builder", ":/configs", ":/benchmarks/*.py")
+"""What a figure depends on."""
+
+
+def run_part(description: str | None, parts: Mapping[str, Callable[[argparse.ArgumentParser], None]]) -> None:
+    """Run the part of a benchmark that the first argument names; it adds its options to the parser and parses them."""
+    parser = argparse.ArgumentParser(description=description, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("part", choices=parts)
+    named = " ".join(sys.argv[1:2])
+    if named not in parts:
+        parser.parse_args(sys.argv[1:2])  # prints the help, or which parts there are
+    parts[named](parser)
 
 
 def save_figures(name: str, figures: Any, settings: dict[str, Any]) -> Path:
@@ -31,7 +47,7 @@ def save_figures(name: str, figures: Any, settings: dict[str, Any]) -> Path:
                 "python": platform.python_version(),
                 "system": platform.system(),
             },
-            "commit": _commit(),
+            "commit": commit(),
             "date": datetime.now(timezone.utc).isoformat(timespec="seconds"),
         },
     )
@@ -52,8 +68,28 @@ def _processor() -> str:
     return platform.processor()
 
 
-def _commit() -> str:
-    """Commit of the checkout, with a plus if it has changes."""
-    command = ["git", "-C", str(Path(__file__).parent), "describe", "--always", "--dirty=+"]
-    done = subprocess.run(command, capture_output=True, text=True, check=False)
-    return done.stdout.strip() or "unknown"
+def commit() -> str:
+    """The newest commit of the checkout that `main` has too, with a plus if the checkout has changes since.
+
+    What a branch adds may be rebased, and a figure that names a commit of nobody is no evidence.
+    """
+    base = _git("merge-base", "HEAD", "main") or _git("rev-parse", "HEAD")
+    changed = _git("diff", "--stat", base, "--", *CODE)
+    return f"{base[:7]}{'+' if changed else ''}" if base else "unknown"
+
+
+def _git(*words: str) -> str:
+    command = ["git", "-C", str(Path(__file__).parent), *words]
+    return subprocess.run(command, capture_output=True, text=True, check=False).stdout.strip()
+
+
+def pin_to_one_processor() -> None:
+    """Keep this process on one processor, so that the scheduler does not move it between samples (Linux only)."""
+    if hasattr(os, "sched_setaffinity"):
+        os.sched_setaffinity(0, {max(os.sched_getaffinity(0))})
+
+
+def percentiles(milliseconds: list[float] | np.ndarray) -> dict[str, float]:
+    """Median, 99th and 99.9th percentile of times in milliseconds, three digits behind the point."""
+    values = np.percentile(milliseconds, [50, 99, 99.9])
+    return dict(zip(("median_ms", "p99_ms", "p999_ms"), np.round(values, 3).tolist(), strict=True))

@@ -1,13 +1,17 @@
-"""The trackers that a benchmark compares: the hybrid one, its parts alone, and each improvement switched off."""
+"""The trackers that benchmarks compare: the hybrid one, its parts alone, each improvement switched off, the swarm."""
 
 from __future__ import annotations
 
+import argparse
 from collections.abc import Mapping
 from dataclasses import fields, replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from database_builder.build import THRESHOLD
+from database_builder.regressor import RegressorSettings
 from toolkit.body.body import Body
 from toolkit.config import load_settings
 from toolkit.database.database import PoseDatabase
@@ -18,7 +22,9 @@ from toolkit.hybrid.settings import HybridSettings
 from toolkit.hybrid.tracker import HybridTracker
 from toolkit.kernels import linear
 from toolkit.people.sighting import PredictedBody, Sighting
+from toolkit.qammaz.tracker import SwarmTrackerSettings
 from toolkit.sensing.camera import Camera
+from toolkit.testing.suite import LONGEST, WORK, database
 from toolkit.track import FrameResult
 from toolkit.tracking.clock import StageClock
 from toolkit.tracking.follower import Follower
@@ -52,6 +58,33 @@ Without a retrained regressor is another `--database`.
 `local` takes its first pose from the lookup and never asks it again. Without personal shape only the size is chosen,
 out of five."""
 
+
+NO_IMAGE = {"discrepancy.depth": 0.0}
+NO_JOINTS = {"discrepancy.joints_2d": 0.0, "discrepancy.joints_3d": 0.0, "search.pulled": 0, "search.disagreement": 0.0}
+PLAIN = {"swarm.perturbed_every": 0}
+WEIGHTS = (0.5, 1.5, 3.0, 6.0, 18.0)
+"""w_D of the paper's Table 3; 3 is its own, ours is 1."""
+SWARM_ROWS: dict[str, tuple[str, dict[str, Any]]] = {
+    "swarm": ("swarm", {}),
+    "mesh": ("swarm", {"discrepancy.figure": "mesh", "discrepancy.width": 45, "discrepancy.height": 60}),
+    "64x64": ("swarm", {"swarm.particles": 64, "swarm.generations": 64}),
+    "depth": ("swarm", NO_JOINTS),
+    "joints": ("swarm", NO_IMAGE),
+    "no 2D": ("swarm", {"discrepancy.joints_2d": 0.0}),
+    "no 3D": ("swarm", {"discrepancy.joints_3d": 0.0}),
+    "no joints first": ("swarm", {"search.joints_first": False}),
+    "no fresh start": ("swarm", {"search.disagreement": 0.0}),
+    "no perturbation": ("swarm", PLAIN),
+    "swarm alone": ("swarm", {"hypotheses": ["swarm"]}),
+    "qammaz": ("qammaz", {}),
+    "qammaz depth": ("qammaz", NO_JOINTS),
+    "qammaz joints": ("qammaz", NO_IMAGE),
+    "qammaz 2D": ("qammaz", {**NO_IMAGE, "discrepancy.joints_3d": 0.0}),
+    "qammaz 3D": ("qammaz", {**NO_IMAGE, "discrepancy.joints_2d": 0.0}),
+    **{f"w_D {w:g}": ("qammaz", {"discrepancy.depth": w / 3.0}) for w in WEIGHTS},
+    **{f"plain w_D {w:g}": ("qammaz", {"discrepancy.depth": w / 3.0, **PLAIN}) for w in WEIGHTS},
+}
+"""Name of the row, shipped settings that it starts from, and overrides."""
 
 NOWHERE = 1e6
 """Metres from the camera: beyond every gate."""
@@ -191,6 +224,12 @@ def settings_of(row: str, overrides: Mapping[str, Any] | None = None) -> HybridS
     return load_settings(HybridSettings, config, {**(overrides or {}), **own})
 
 
+def swarm_settings(row: str, overrides: Mapping[str, Any] | None = None) -> SwarmTrackerSettings:
+    """Settings of a row; the overrides apply unless the row itself says otherwise."""
+    config, own = SWARM_ROWS[row]
+    return load_settings(SwarmTrackerSettings, config, {**(overrides or {}), **own})
+
+
 def make_tracker(
     row: str, database: PoseDatabase, overrides: Mapping[str, Any] | None = None, path: str = ""
 ) -> HybridTracker:
@@ -223,3 +262,24 @@ def figures_of(scores: RunScores) -> dict[str, Any]:
     del figures["run"]
     unknown = {name for name, value in figures.items() if isinstance(value, float) and not np.isfinite(value)}
     return {name: None if name in unknown else value for name, value in figures.items()}
+
+
+def add_take_options(parser: argparse.ArgumentParser) -> None:
+    """Which part of the simulated suite."""
+    parser.add_argument("--split", choices=("tune", "report"), default="tune", help="report is not for tuning")
+    parser.add_argument("--takes", type=int, help="at most so many takes of each group")
+    parser.add_argument("--frames", type=int, default=LONGEST, help="at most so many frames of each take")
+
+
+def add_database_options(parser: argparse.ArgumentParser) -> None:
+    """With which database, settings of the trackers and work folder; see `poses_of`."""
+    parser.add_argument("--database", type=Path, help="another database than the simulated suite's own")
+    parser.add_argument("--threshold", type=float, default=THRESHOLD, help="of the suite's own database, Eq. 5.1")
+    parser.add_argument("--images", type=int, default=RegressorSettings.images, help="that train its joint regressor")
+    parser.add_argument("--set", action="append", default=[], metavar="NAME=VALUE", help="setting of all trackers")
+    parser.add_argument("--work", type=Path, default=WORK)
+
+
+def poses_of(options: argparse.Namespace) -> Path:
+    """The database that was asked for; the suite's own is made if it is not there yet."""
+    return options.database or database(options.work, options.threshold, RegressorSettings(images=options.images))

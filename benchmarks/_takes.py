@@ -1,4 +1,4 @@
-"""Takes of the simulated suite with joints in the image, and when a result is right."""
+"""Takes of the simulated suite and the four sequences of Qammaz's kind with joints in the image; what is right."""
 
 from __future__ import annotations
 
@@ -6,13 +6,20 @@ from pathlib import Path
 
 import numpy as np
 
+from toolkit import skeleton
+from toolkit.body.body import Body
+from toolkit.body.personal import load_body_file, save_body
 from toolkit.evaluation.joints import joint_errors
+from toolkit.mocap.clip import PoseClip
 from toolkit.pipeline.joints import JointChoice
+from toolkit.pipeline.scan import FRAMES, scan_recordings
 from toolkit.pipeline.store_joints import store_joints
 from toolkit.recordings.opening import open_recording
 from toolkit.sensing.joints2d import Joints2D
 from toolkit.sensing.recording import Recording
+from toolkit.simulation.simulate import simulate_recording
 from toolkit.testing.joints import detected
+from toolkit.testing.sequences import DISTANCE, record_sequence, sequence_body
 from toolkit.testing.suite import Take, digest_of, record
 
 SOURCES = ("colour", "depth", "truth", "none")
@@ -51,3 +58,32 @@ def with_joints(path: Path, source: str, work: Path, seed: int = 0) -> Recording
 def joints_of(recording: Recording, i: int) -> tuple[Joints2D, ...]:
     """What the frame itself brings."""
     return () if recording.image_joints is None else recording.joints_2d(i)
+
+
+TURNS = (0.0, 90.0, 180.0, 270.0)
+"""Degrees to the left, of the four views of a scan."""
+
+
+def sequence(name: str, source: str, work: Path, frames: int) -> Recording:
+    """A sequence of `frames` frames with joints in the image from `source`; see `with_joints`."""
+    return with_joints(record_sequence(name, work, frames), source, work)
+
+
+def view_of(name: str, degrees: float, work: Path) -> Path:
+    """The subject of a sequence in a T-pose, turned."""
+    path = work / "scans" / f"{name}_{degrees:.0f}.npz"
+    clip = PoseClip("T-pose", np.zeros((FRAMES, skeleton.POSE_SIZE)), 30.0, "scan")
+    simulate_recording(
+        clip, path, body=sequence_body(name), yaw=degrees, sensor="kinect", distance=DISTANCE, height=1.2,
+        furnished=False, seed=int(degrees),
+    )  # fmt: skip
+    return path
+
+
+def scanned(name: str, work: Path) -> Body:
+    """The body of a sequence's subject as `depthmocap body scan` finds it, made if it is not there yet."""
+    folders = ["toolkit/simulation", "toolkit/body", "toolkit/fitting", "toolkit/sensing"]
+    path = work / "scans" / f"{name}_{digest_of([sequence_body], folders, name)}.npz"
+    if not path.exists():
+        save_body(scan_recordings([view_of(name, degrees, work) for degrees in TURNS]).body, path)
+    return load_body_file(path)

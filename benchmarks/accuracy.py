@@ -18,9 +18,17 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks._options import add_database_options, add_take_options, poses_of
 from benchmarks._record import RESULTS, save_figures
-from benchmarks._rows import ROWS, WatchedTracker, figures_of, make_tracker, settings_of
+from benchmarks._rows import (
+    ROWS,
+    WatchedTracker,
+    add_database_options,
+    add_take_options,
+    figures_of,
+    make_tracker,
+    poses_of,
+    settings_of,
+)
 from toolkit.config import parse_overrides
 from toolkit.database.database import PoseDatabase
 from toolkit.evaluation.bootstrap import paired_bootstrap

@@ -1,13 +1,15 @@
-"""Annotation of actors not trained on: `depthmocap bench annotation DATA [--runs 30]`.
+"""Annotation by the thesis's motion templates: `depthmocap bench annotation PART`, which is one of
 
-For each of the HDM05 actors bd, bk and dg, motion templates, keyframes and one threshold are learned from the cut clips
-of the other two, and documents of this one are annotated, without and with keyframe preselection (thesis 5.4, Table
-5.2). The threshold is chosen by learning templates and keyframes from each training actor alone and annotating
-documents of the other with both. Nothing is chosen on the actor that is reported. Documents are put together from cut
-clips, with blended joins and unlabelled filler.
-
-UTD-MHAD (27 actions, 4 subjects, Kinect skeletons) is the harder set: whole clips of a subject left out are given the
-class whose template fits best somewhere within them.
+- `thesis DATA [--runs 30]`: for each of the HDM05 actors bd, bk and dg, motion templates, keyframes and one threshold
+  are learned from the cut clips of the other two, and documents of this one are annotated, without and with keyframe
+  preselection (thesis 5.4, Table 5.2). The threshold is chosen by learning templates and keyframes from each training
+  actor alone and annotating documents of the other with both. Nothing is chosen on the actor that is reported.
+  Documents are put together from cut clips, with blended joins and unlabelled filler.
+- `events [--split report] [--queries FILE] [--threshold 0.06]`: motions told while they go on. True poses of the
+  sequences of `toolkit/testing/labelled.py`, with other motions between the clips, on the neutral body's proportions;
+  classes of the other actors. F over segments of the events against that of annotation of the whole, both without
+  keyframes unless a file of queries is given; seconds from the end of a motion to its event; milliseconds of processor
+  time per frame.
 """
 
 from __future__ import annotations
@@ -16,37 +18,34 @@ import argparse
 import time
 import timeit
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from scipy.io import loadmat
 
 from benchmarks._keyframe_corpus import ACTORS, Example, LabelledDocument, learned_from, load_examples, load_filler
-from benchmarks._record import RESULTS, save_figures
-from toolkit.recordings.readers.utd_mhad import joints_from_kinect
+from benchmarks._record import RESULTS, run_part, save_figures
 from toolkit.retrieval.annotation.annotator import (
     AS_PUBLISHED,
     Annotator,
     DecisionSettings,
-    MotionClass,
-    distance_function,
 )
 from toolkit.retrieval.annotation.classes import Fold, learn_classes, learn_threshold
 from toolkit.retrieval.annotation.documents import assemble, shuffled_parts
 from toolkit.retrieval.annotation.measures import Scores, Segment, confusion, frame_scores, label_frames, segment_scores
-from toolkit.retrieval.annotation.preselection import preselect
+from toolkit.retrieval.annotation.online import Event, OnlineAnnotator, OnlineSettings
+from toolkit.retrieval.annotation.preselection import preselect, preselect_in
 from toolkit.retrieval.annotation.report import plot_annotation
-from toolkit.retrieval.features.motion import Motion, from_joints
+from toolkit.retrieval.features.motion import Motion, from_poses
 from toolkit.retrieval.features.relational import FEATURE_RATE, FeatureMatrix, relational_features
 from toolkit.retrieval.index.keyframe_index import KeyframeIndex
 from toolkit.retrieval.keyframes.query import KeyframeQuery
 from toolkit.retrieval.keyframes.query_file import load_queries, save_queries
 from toolkit.retrieval.learning.genetic import GeneticSettings
 from toolkit.retrieval.learning.queries import LearningSettings
-from toolkit.retrieval.templates.picture import plot_matrix, plot_template
-from toolkit.retrieval.templates.template import MotionTemplate
+from toolkit.retrieval.workflow.annotate import classes_from_clips
+from toolkit.testing.labelled import SEQUENCES, class_clips, perform
 
 CLIPS_PER_DOCUMENT = 12
 HOLDS_A_CLASS = ("02_03", "02_04", "02_06", "10_04", "49_02", *(f"49_{n:02d}" for n in range(3, 13)))
@@ -71,20 +70,6 @@ VARIANTS: dict[str, tuple[bool, DecisionSettings]] = {
 """Name -> whether keyframes narrow the search down, and which overlapping hits count."""
 RELEVANT_SHARE = 0.1
 """Share of labelled frames in the second corpus that is timed."""
-DRAWN_CLASS, DRAWN_FEATURES = "kickLFront1Reps", (6, 13, 14, 15, 16, 18, 20, 21, 25, 26, 30)
-"""What the picture of a motion template shows."""
-KINECT_ACTIONS = (
-    "swipe left", "swipe right", "wave", "clap", "throw", "cross arms", "basketball shoot", "draw x",
-    "draw circle (clockwise)", "draw circle (counter-clockwise)", "draw triangle", "bowling", "boxing",
-    "baseball swing", "tennis forehand", "arm curl", "tennis serve", "two-hand push", "knock", "catch",
-    "pick up and throw", "jog in place", "walk in place", "sit to stand", "stand to sit", "lunge", "squat",
-)  # fmt: skip
-"""Actions 1 to 27 of UTD-MHAD."""
-KINECT_DELTAS = {"unanimous": 0.05, "majority": 0.34}
-"""Quantisation thresholds for UTD-MHAD, where a class has three training clips: all agree, or two of three decide."""
-TOLD_APART = 0.75
-"""Share of an action's clips that have to be right."""
-
 Labelled = tuple[FeatureMatrix, tuple[Segment, ...], tuple[tuple[float, float], ...]]
 """A document's features, its true segments and its joins."""
 
@@ -240,7 +225,6 @@ def hdm05(options: argparse.Namespace) -> dict[str, Any]:
             "with more filler": speed(trained, diluted(documents, reporting), options.minutes),
         }
         _print_rotation(actor, rotations[actor], speeds[actor])
-    plot_class(classes_of(examples)[DRAWN_CLASS][:4], DRAWN_FEATURES, RESULTS / "annotation_template.png")
     totals = {name: _summed([rotations[a][name]["scores"] for a in ACTORS]) for name in VARIANTS}
     for name in VARIANTS:
         print(f"all actors, {name}: {_line(totals[name])}")
@@ -271,64 +255,6 @@ def hdm05(options: argparse.Namespace) -> dict[str, Any]:
         },
         "confusion": {"labels": names, **tables},
     }  # fmt: skip
-
-
-def utd_mhad(data: Path) -> dict[str, Any]:
-    """Leave one subject out: whole clips get the class whose template fits best somewhere within them."""
-    clips: list[tuple[int, int, FeatureMatrix]] = []
-    for file in sorted((data / "depth" / "utd_mhad").glob("*_skeleton.mat")):
-        action, subject = (int(part[1:]) for part in file.stem.split("_")[:2])
-        upright = joints_from_kinect(loadmat(file)["d_skel"]) * -1.0  # mirrored back, y up, z towards the camera
-        clips.append((action, subject, relational_features(from_joints(upright, FEATURE_RATE, file.stem))))
-    actions = sorted({action for action, _, _ in clips})
-    found: dict[str, Any] = {
-        "how": "clips of a subject left out; cost of the best subsequence of the clip under each class's template",
-        "clips": len(clips), "labels": actions,
-    }  # fmt: skip
-    for name, delta in KINECT_DELTAS.items():
-        table = _left_out(clips, actions, delta)
-        recall = np.diag(table) / table.sum(axis=1)
-        apart = [action for action, share in zip(actions, recall, strict=True) if share >= TOLD_APART]
-        accuracy = float(np.diag(table).sum() / table.sum())
-        found[name] = {"delta": delta, "accuracy": accuracy, "actions_told_apart": apart, "confusion": table}
-        print(f"UTD-MHAD, {name}: {100 * accuracy:.1f} % of {len(clips)} clips right; told apart: {apart}")
-        picture = RESULTS / f"annotation_confusion_utd_mhad_{name}.png"
-        plot_confusion(table, [f"{a} {KINECT_ACTIONS[a - 1]}" for a in actions], picture, f"UTD-MHAD, clips, {name}")
-    return found
-
-
-def _left_out(clips: Sequence[tuple[int, int, FeatureMatrix]], actions: Sequence[int], delta: float) -> np.ndarray:
-    """Confusion matrix of whole clips, every subject classified by templates of the others."""
-    table = np.zeros((len(actions), len(actions)), dtype=np.int64)
-    for subject in sorted({subject for _, subject, _ in clips}):
-        seen = {f"{a:02d}": [f for b, s, f in clips if b == a and s != subject] for a in actions}
-        classes = learn_classes(seen, delta=delta)
-        for action, _, features in (clip for clip in clips if clip[1] == subject):
-            table[actions.index(action), int(np.argmin([_best(c, features) for c in classes]))] += 1
-    return table
-
-
-def _best(motion_class: MotionClass, features: FeatureMatrix) -> float:
-    return min(float(distance_function(template, features)[0].min()) for template in motion_class.templates)
-
-
-def plot_class(clips: Sequence[FeatureMatrix], features: Sequence[int], path: Path) -> None:
-    """Draw some clips of a class, their template and the quantised template (Fig. 2.5 and 2.6)."""
-    from matplotlib.figure import Figure
-
-    template = MotionTemplate().fit(list(clips))
-    figure = Figure(figsize=(12, 5), layout="constrained")
-    axes = figure.subplots(2, max(len(clips), 2))
-    for place, clip in zip(axes[0], clips, strict=False):
-        plot_matrix(clip.values, place, features)
-        place.set_title(clip.name, fontsize=8)
-    plot_template(template, axes[1, 0], features)
-    plot_template(template.quantised(), axes[1, 1], features)
-    for place, title in zip(axes[1], ("template", "quantised, delta 0.05"), strict=False):
-        place.set_title(title, fontsize=8)
-    for unused in axes[1, 2:]:
-        unused.set_axis_off()
-    figure.savefig(path, dpi=110)
 
 
 def plot_confusion(table: np.ndarray, labels: Sequence[str], path: Path, title: str) -> None:
@@ -378,9 +304,8 @@ def _print_rotation(actor: str, rotation: dict[str, Any], timings: dict[str, dic
         )
 
 
-def main() -> None:
+def thesis(parser: argparse.ArgumentParser) -> None:
     """Parse the command line, measure, print and store the figures."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("data", type=Path, help="the shared data folder")
     parser.add_argument("--runs", type=int, default=30, help="genetic runs per class")
     parser.add_argument("--generations", type=int, default=100)
@@ -390,10 +315,65 @@ def main() -> None:
     options = parser.parse_args()
 
     print(HOW)
-    figures = {"hdm05": hdm05(options), "utd_mhad": utd_mhad(options.data)}
+    figures = {"hdm05": hdm05(options)}
     settings = {name: value for name, value in vars(options).items() if name not in ("data", "queries")}
     settings["queries"] = "learned in this run" if options.queries is None else "kept from an earlier run"
     print(save_figures("annotation", figures, settings))
+
+
+def told_events(parser: argparse.ArgumentParser) -> None:
+    """Learn, tell, compare, print, write JSON."""
+    parser.add_argument("--split", choices=("tune", "report"), default="tune", help="report is not for tuning")
+    parser.add_argument("--threshold", type=float, default=0.06)
+    parser.add_argument("--queries", type=Path, help="keyframes of `depthmocap learn`, for both")
+    options = parser.parse_args()
+    settings = OnlineSettings()
+    queries = load_queries(options.queries) if options.queries else ()
+    learned = classes_from_clips(class_clips(options.split))
+    classes = [replace(c, threshold=options.threshold) for c in learned]
+    whole = live = Scores(0, 0, 0, 0)
+    delays: list[float] = []
+    spent, frames = 0.0, 0
+    for sequence in SEQUENCES:
+        done = perform(sequence, options.split, filler=True)
+        clip = done.clip
+        features = relational_features(from_poses(clip.poses, done.body, clip.frame_rate, clip.name))
+        intervals = preselect_in([features], queries, tuple(c.label for c in classes))[0] if queries else None
+        whole += segment_scores(done.segments, Annotator(classes).annotate(features, intervals).segments)
+        annotator = OnlineAnnotator(classes, done.body, clip.frame_rate, queries, settings)
+        start, events = time.process_time(), list[Event]()
+        for pose, moment in zip(clip.poses, clip.timestamps, strict=True):
+            events += annotator.push(pose, float(moment))
+        spent, frames = spent + time.process_time() - start, frames + len(clip)
+        events += annotator.finish()
+        found = [Segment(e.start, e.end, e.label) for e in events]
+        live += segment_scores(done.segments, found)
+        delays += [_delay(event, done.segments) for event in events]
+    known = np.array([delay for delay in delays if np.isfinite(delay)])
+    figures: dict[str, Any] = {
+        "F segments, whole": whole.f,
+        "F segments, live": live.f,
+        "precision and recall, live": [live.precision, live.recall],
+        "delay s, median": float(np.median(known)) if len(known) else None,
+        "delay s, 90 %": float(np.quantile(known, 0.9)) if len(known) else None,
+        "ms of processor per frame": 1000 * spent / frames,
+        "frames": frames,
+    }
+    for name, value in figures.items():
+        print(name, value)
+    name = "_".join(["events", *["tune"] * (options.split == "tune"), *["keyframes"] * bool(queries)])
+    print("written:", save_figures(name, figures, {"threshold": options.threshold, **asdict(settings)}))
+
+
+def _delay(event: Event, truth: tuple[Segment, ...]) -> float:
+    """Seconds from the end of the true motion that an event tells of to the event; NaN for one that tells of none."""
+    own = [s for s in truth if s.label == event.label and s.start < event.end and event.start < s.end]
+    return event.time - own[-1].end if own else float("nan")
+
+
+def main() -> None:
+    """Run the part that is asked for."""
+    run_part(__doc__, {"thesis": thesis, "events": told_events})
 
 
 if __name__ == "__main__":

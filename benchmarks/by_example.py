@@ -39,8 +39,7 @@ from numba import njit
 from scipy.io import loadmat
 
 from benchmarks._keyframe_corpus import FILLER_SHARE, SYMMETRIC, Example, load_examples, load_filler
-from benchmarks._record import save_figures
-from benchmarks._timing import pin_to_one_processor
+from benchmarks._record import pin_to_one_processor, save_figures
 from toolkit.errors import RetrievalError
 from toolkit.kernels.motion.graded import distinct_hits, graded_distances
 from toolkit.recordings.readers.utd_mhad import joints_from_kinect

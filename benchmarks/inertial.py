@@ -17,9 +17,8 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks._options import add_database_options, poses_of
 from benchmarks._record import save_figures
-from benchmarks._sensors import levelled
+from benchmarks._rows import add_database_options, poses_of
 from toolkit import skeleton
 from toolkit.body.body import Body
 from toolkit.body.shape import subject_body
@@ -28,6 +27,7 @@ from toolkit.errors import InertialError
 from toolkit.evaluation.orientations import RunCheck, frame_scores
 from toolkit.hybrid.tracker import HybridTracker
 from toolkit.inertial.calibrate import CalibrationSettings, Take, calibrate
+from toolkit.inertial.calibration import GOOD, Calibration, Mounting, TakeClock
 from toolkit.inertial.distance import CheckSettings, distances, errors_of
 from toolkit.inertial.limbs import TrackedMotion
 from toolkit.inertial.synchronise import Clock, SyncSettings, synchronise
@@ -38,11 +38,41 @@ from toolkit.pipeline import track_recording
 from toolkit.recordings.opening import open_recording
 from toolkit.retrieval.annotation.measures import Scores, Segment
 from toolkit.rotations import quaternions as quat
-from toolkit.simulation.inertial import SensorNoise, simulate_sensors
+from toolkit.simulation.inertial import SensorNoise, SimulatedSensors, simulate_sensors
 from toolkit.simulation.sensors import make_sensor
 from toolkit.simulation.simulate import simulate_recording
 from toolkit.testing.suite import MOCAP, RATE, distance_needed, performed, takes
 from toolkit.track import Track
+
+
+def levelled(poses: np.ndarray, yaw: float) -> np.ndarray:
+    """Poses (T, P) of a clip in the camera's level frame: turned so that the first one faces it, then by yaw."""
+    facing = quat.rotate(quat.exponential(poses[0, skeleton.ROOT_ROTATION]), [0.0, 0.0, 1.0])
+    turn = quat.exponential([0.0, np.radians(yaw) - np.arctan2(facing[0], facing[2]), 0.0])
+    out = poses.copy()
+    out[:, :3] = quat.rotate(turn, poses[:, :3])
+    out[:, skeleton.ROOT_ROTATION] = quat.logarithm(
+        quat.multiply(turn, quat.exponential(poses[:, skeleton.ROOT_ROTATION]))
+    )
+    return out
+
+
+def wrong_calibration(
+    simulated: SimulatedSensors, name: str, degrees: float, seconds: float, rng: np.random.Generator
+) -> Calibration:
+    """The true calibration with every mounting turned by so many degrees about some axis and a clock that is off."""
+
+    def turned(q: np.ndarray) -> tuple[float, float, float, float]:
+        axis = rng.normal(size=3)
+        w, x, y, z = quat.multiply(q, quat.exponential(np.radians(degrees) * axis / np.linalg.norm(axis)))
+        return float(w), float(x), float(y), float(z)
+
+    mountings = {limb: Mounting(turned(q), GOOD) for limb, q in simulated.mounting.items()}
+    w, x, y, z = (float(value) for value in simulated.world)
+    worlds = dict.fromkeys(mountings, (w, x, y, z))
+    clock = TakeClock(simulated.offset + seconds, simulated.rate, worlds)
+    return Calibration("robust", "shared", mountings, {name: clock})
+
 
 ACTORS = {"tune": "bk", "report": "dg"}
 NOISE = SensorNoise(tilt=1.0, white=0.3, heading_walk=1.0, soft_tissue=2.5, gyro=0.01, acceleration=0.05, offset=1.5)

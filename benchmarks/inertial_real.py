@@ -17,9 +17,8 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks._options import add_database_options, poses_of
 from benchmarks._record import save_figures
-from benchmarks._rows import make_tracker
+from benchmarks._rows import add_database_options, make_tracker, poses_of
 from toolkit.config import parse_overrides
 from toolkit.database.database import PoseDatabase
 from toolkit.errors import InertialError

@@ -1,15 +1,23 @@
-"""Joints detected in the image: `depthmocap bench joints [--split tune|report] [--takes 2] [--frames 30] [--real]`.
+"""Joints in the image, found by the network: `depthmocap bench joints PART`, which is one of
 
-Simulated takes of the suite in colour: the network's joints, in the colour and in the shaded depth, against the true
-ones, as millimetres in the image at each joint's depth; their place in space after lifting with the depth; and the
-share of frames in which left and right are swapped (the joints fit the truth twice as well with the names exchanged).
-With `--real` also the shaded depth of UTD-MHAD against the Kinect SDK's joints, which are no truth, and the colour
-frame of a RealSense camera against the joints of OpenPose. Needs the pose model (`depthmocap joints --fetch`).
+- `detected [--split tune|report] [--takes 2] [--frames 30] [--real]`: simulated takes of the suite in colour. The
+  network's joints, in the colour and in the shaded depth, against the true ones, as millimetres in the image at each
+  joint's depth; their place in space after lifting with the depth; and the share of frames in which left and right are
+  swapped (the joints fit the truth twice as well with the names exchanged). With `--real` also the shaded depth of
+  UTD-MHAD against the Kinect SDK's joints, which are no truth, and the colour frame of a RealSense camera against the
+  joints of OpenPose.
+- `followed [--rows swarm,hybrid] [--database POSES]`: the RealSense clip among the shared recordings, 40 frames of two
+  people in a room, one seated. Joints are found in the colour, of everybody, once; the swarm tracker, and the hybrid
+  one beside it, follow with them. There is no truth: printed is how far the fitted joints lie from the detected ones in
+  the image, at the joint's distance.
+
+Both need the pose model (`depthmocap joints --fetch`).
 """
 
 from __future__ import annotations
 
 import argparse
+import shutil
 from collections.abc import Iterable, Iterator
 from itertools import islice
 from pathlib import Path
@@ -17,10 +25,11 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks._options import add_take_options
-from benchmarks._record import save_figures
+from benchmarks._record import run_part, save_figures
+from benchmarks._rows import add_database_options, add_take_options, poses_of
 from toolkit import skeleton
 from toolkit.body.shape import subject_body
+from toolkit.config import parse_overrides
 from toolkit.detector.detection import DetectedJoints
 from toolkit.detector.joint_formats import COCO_18, POSE_MODEL, reported_rows
 from toolkit.detector.pose_model import PoseModel
@@ -28,13 +37,18 @@ from toolkit.people.joints import on_cut_out
 from toolkit.people.lone import LonePerson
 from toolkit.people.sighting import Sighting
 from toolkit.people.survey import find_people
+from toolkit.pipeline import load_tracker, track_recordings
+from toolkit.pipeline.joints import JointChoice
+from toolkit.pipeline.store_joints import store_joints
 from toolkit.recordings.opening import open_recording
+from toolkit.runs import load_people
 from toolkit.sensing.joints2d import Joints2D, lift, mirrored_rows
 from toolkit.sensing.recording import Recording
 from toolkit.sensing.settings import SensingSettings
 from toolkit.simulation.sensors import make_sensor
 from toolkit.simulation.simulate import simulate_recording
 from toolkit.testing.suite import GROUPS, ROOT, WORK, Take, chosen_takes, digest_of, distance_needed, performed
+from toolkit.track import TRACKED, Track
 
 DEPTH = ROOT.parent / "shared" / "data" / "depth"
 FOUND = [skeleton.REPORTED.index(name) for name in POSE_MODEL]
@@ -177,8 +191,7 @@ def _line(figures: dict[str, float]) -> str:
     )
 
 
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+def detected(parser: argparse.ArgumentParser) -> None:
     add_take_options(parser)
     parser.set_defaults(takes=2, frames=20)
     parser.add_argument("--real", action="store_true", help="real frames too, where they are")
@@ -199,6 +212,62 @@ def main() -> None:
                 person, "median", f"{np.median(list(pixels.values())):.1f} px", {k: round(v) for k, v in pixels.items()}
             )
     print(save_figures(f"joints_{options.split}", figures, vars(options)))
+
+
+CLIP = ROOT.parent / "shared" / "data" / "depth" / "realsense" / "images_n40"
+
+
+def apart_mm(track: Track, recording: Recording) -> np.ndarray:
+    """Distances (N,) of tracked joints from detected ones of whoever is nearest, millimetres in the image."""
+    found = []
+    camera = recording.camera
+    frames = np.searchsorted(recording.timestamps, track.timestamps - 1e-6)
+    for i, joints, state in zip(frames, track.joints, track.state, strict=True):
+        if state != TRACKED:
+            continue
+        pixels = camera.project(joints)
+        each = [_off(seen, pixels, (camera.fx, camera.fy), joints[:, 2]) for seen in recording.joints_2d(int(i))]
+        if each := [off for off in each if len(off)]:
+            found.append(min(each, key=lambda off: float(np.median(off))))
+    return np.concatenate(found) if found else np.empty(0)
+
+
+def _off(seen: Joints2D, pixels: np.ndarray, focal: tuple[float, float], z: np.ndarray) -> np.ndarray:
+    sure = seen.sure
+    return 1000.0 * np.hypot(*((seen.pixels - pixels)[sure] / focal).T) * z[sure]
+
+
+def followed(parser: argparse.ArgumentParser) -> None:
+    """Track, compare, print, write JSON."""
+    parser.add_argument("--clip", type=Path, default=CLIP)
+    parser.add_argument("--rows", default="swarm", help="names of settings files, with commas between them")
+    add_database_options(parser)
+    options = parser.parse_args()
+    stored = options.work / "joints" / "realsense.npz"
+    stored.unlink(missing_ok=True)
+    recording = store_joints(open_recording(options.clip), stored, JointChoice("colour"), people=None)
+    figures: dict[str, Any] = {}
+    for row in options.rows.split(","):
+        run = options.work / "runs" / "realsense" / row
+        shutil.rmtree(run, ignore_errors=True)
+        database = None if row in ("swarm", "qammaz") else poses_of(options)
+        tracker = load_tracker(row, parse_overrides(options.set), database=database)
+        track_recordings([stored], tracker, run, people=None)
+        for person in load_people(run):
+            track = Track.load(run / person.folder)
+            off = apart_mm(track, recording)
+            figures[f"{row}, {person.folder}"] = {
+                "tracked_frames": int((track.state == TRACKED).sum()),
+                "stature_m": person.stature,
+                "apart_median_mm": float(np.median(off)) if len(off) else None,
+            }
+            print(f"{row}, {person.folder}:", figures[f"{row}, {person.folder}"], flush=True)
+    print("written:", save_figures("realsense", figures, {"rows": options.rows, "set": options.set}))
+
+
+def main() -> None:
+    """Run the part that is asked for."""
+    run_part(__doc__, {"detected": detected, "followed": followed})
 
 
 if __name__ == "__main__":

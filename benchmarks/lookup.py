@@ -1,30 +1,279 @@
-"""Providers of the nearest-neighbour search at equal answers: `depthmocap bench lookup DATABASE [--max-poses 25000]`.
+"""What the lookup rests on: `depthmocap bench lookup PART`, which is one of
 
-A frame with clear extrema asks for one labeling, one whose extrema jump for 12 or more. Three kinds of frames: end
-effectors of database poses, moved by a Gaussian of 5 cm each (a good frame); the same, labelled at random (the wrong
-labelings of a frame); points anywhere in a box of the size of a person (the worst case). Every provider must find the
-same distances.
+- `extrema [--frames 60]`: twenty geodesic extrema of a frame of a rendered subject: time and visited nodes, against
+  SciPy's Dijkstra restarted for each (Baak 2013, Fig. 5.9). What a visit is, and that the counts are those of
+  Algorithm 1, is in `tests/test_landmarks_geodesic.py`.
+- `candidates [--split report]`: do the queries name all five end effectors rightly? The hybrid tracker runs over the
+  simulated suite and over every so many real recordings. In the frames in which extrema query the database: whether the
+  first five geodesic extrema are the five end effectors (within 0.2 m); whether they are among all extrema; and whether
+  one of the queries holds all five under their names. Of simulated frames those count in which all five are visible and
+  free of the body by 0.25 m of geodesic distance; of real frames all, against the skeleton of the Kinect SDK.
+- `queries DATABASE [--max-poses 25000]`: providers of the nearest-neighbour search at equal answers. A frame with clear
+  extrema asks for one labeling, one whose extrema jump for 12 or more. Three kinds of frames: end effectors of database
+  poses, moved by a Gaussian of 5 cm each (a good frame); the same, labelled at random (the wrong labelings of a frame);
+  points anywhere in a box of the size of a person (the worst case). Every provider must find the same distances.
 """
 
 from __future__ import annotations
 
 import argparse
 import time
-from dataclasses import replace
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass, replace
 from itertools import product
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+from scipy.sparse import csr_matrix
+from scipy.sparse.csgraph import dijkstra
 
-from benchmarks._record import save_figures
+from benchmarks._record import percentiles, pin_to_one_processor, run_part, save_figures
+from benchmarks._rows import add_database_options, add_take_options, poses_of, settings_of
+from benchmarks.real import RECORDINGS
+from toolkit.config import parse_overrides
 from toolkit.database.database import PoseDatabase
 from toolkit.database.search import LeafSearch
+from toolkit.evaluation.extrema import FOUND, TIPS, all_found, all_free
+from toolkit.evaluation.joints import visible_joints
+from toolkit.hybrid.settings import HybridSettings
+from toolkit.hybrid.tracker import HybridTracker
+from toolkit.landmarks.centre import cloud_centre
+from toolkit.landmarks.extrema import Extrema, extrema_of_graph, source_node
+from toolkit.landmarks.graph import Workspace, grid_graph
+from toolkit.landmarks.settings import LandmarkSettings
+from toolkit.recordings.opening import open_recording
+from toolkit.sensing.cloud import Cloud
+from toolkit.sensing.recording import Recording
 from toolkit.testing.searches import Open3DSearch, ScipySearch
+from toolkit.testing.subjects import moving_clouds
+from toolkit.testing.suite import GROUPS, LONGEST, chosen_takes, record
+from toolkit.tracking.observation import Observation
+from toolkit.tracking.search.extrema import ExtremaQuery
+from toolkit.tracking.search.lookup import Query
+from toolkit.tracking.solo import Solo
+from toolkit.tracking.state import Previous
+
+PIXELS = (3_000, 6_000, 16_000)
+REPEATS = 5
+"""Samples per frame of the compiled code, whose times are short."""
+
+
+@dataclass
+class Samples:
+    """Times in milliseconds and visited nodes of one frame."""
+
+    graph: list[float]
+    extrema: list[float]
+    scipy: np.ndarray
+    visited: np.ndarray
+    nodes: int
+    equal: bool
+
+
+def restarted(matrix: csr_matrix, source: int, count: int) -> tuple[list[int], list[int], np.ndarray]:
+    """Baseline: a whole Dijkstra per extremum, earlier ones joined to the source at no cost.
+
+    Returns nodes, the nodes whose distance each pass changed, and the time of each pass (count,), milliseconds.
+    """
+    found: list[int] = []
+    visited: list[int] = []
+    times = np.zeros(count)
+    before = np.full(matrix.shape[0], np.inf)
+    for i in range(count):
+        start = time.perf_counter()
+        distances = dijkstra(matrix, indices=[source, *found], min_only=True)
+        farthest = int(np.where(np.isfinite(distances), distances, -1.0).argmax())
+        times[i] = 1e3 * (time.perf_counter() - start)
+        if distances[farthest] <= 0:
+            break
+        visited.append(int((distances < before).sum()))
+        found.append(farthest)
+        before = distances
+    return found, visited, times
+
+
+def measure(cloud: Cloud, count: int, settings: LandmarkSettings, workspace: Workspace) -> Samples:
+    """One frame by both ways, in turn."""
+    centre = cloud_centre(cloud.points)
+    graph_ms, extrema_ms = [], []
+    for _ in range(REPEATS):
+        start = time.perf_counter()
+        graph = grid_graph(cloud, settings, workspace)
+        source = source_node(graph, cloud.points, centre)
+        middle = time.perf_counter()
+        found: Extrema = extrema_of_graph(graph, cloud.points, count, source, workspace)
+        end = time.perf_counter()
+        graph_ms.append(1e3 * (middle - start))
+        extrema_ms.append(1e3 * (end - middle))
+    nodes, visited, scipy_ms = restarted(graph.matrix(), source, count)
+    equal = found.nodes.tolist() == nodes and found.visited.tolist() == visited
+    return Samples(graph_ms, extrema_ms, scipy_ms, found.visited.astype(float), len(cloud), equal)
+
+
+def extrema_rows(
+    sizes: tuple[int, ...] = PIXELS, frames: int = 60, count: int = 20, settings: LandmarkSettings | None = None
+) -> list[dict[str, Any]]:
+    """Figures per number of nodes: a list of JSON-able dicts."""
+    settings = settings or LandmarkSettings()
+    rows = []
+    for pixels in sizes:
+        workspace = Workspace()
+        clouds = moving_clouds(pixels, frames)
+        measure(clouds[0], count, settings, workspace)  # compiles
+        samples = [measure(cloud, count, settings, workspace) for cloud in clouds]
+        graph = np.concatenate([s.graph for s in samples])
+        extrema = np.concatenate([s.extrema for s in samples])
+        scipy_total = np.array([s.scipy.sum() for s in samples])
+        visited = np.array([s.visited for s in samples if len(s.visited) == count])
+        rows.append(
+            {
+                "pixels": pixels,
+                "frames": frames,
+                "nodes": float(np.mean([s.nodes for s in samples])),
+                "extrema": percentiles(extrema),
+                "graph": percentiles(graph),
+                "graph_and_extrema": percentiles(graph + extrema),
+                "scipy_restarted": percentiles(scipy_total),
+                "speed_up": float(np.median(scipy_total) / np.median(extrema)),
+                "equal_to_scipy": float(np.mean([s.equal for s in samples])),
+                "visited_mean": visited.mean(axis=0),
+                "visited_std": visited.std(axis=0),
+                "scipy_pass_ms": np.mean([s.scipy for s in samples], axis=0),
+            }
+        )
+    return rows
+
+
+def extrema(parser: argparse.ArgumentParser) -> None:
+    """Measure, print one line per number of nodes, write JSON and plot."""
+    parser.add_argument("--frames", type=int, default=60)
+    options = parser.parse_args()
+    settings = LandmarkSettings()
+    pin_to_one_processor()
+    rows = extrema_rows(frames=options.frames, settings=settings)
+    print(f"{'nodes':>7} {'20 extrema':>22} {'with graph':>22} {'SciPy restarted':>16} {'faster':>7} {'equal':>6}")
+    for row in rows:
+        ours, both = (row[key] for key in ("extrema", "graph_and_extrema"))
+        print(
+            f"{row['nodes']:7.0f} {ours['median_ms']:8.3f} ms, p99 {ours['p99_ms']:6.3f}"
+            f" {both['median_ms']:8.3f} ms, p99 {both['p99_ms']:6.3f} {row['scipy_restarted']['median_ms']:13.1f} ms"
+            f" {row['speed_up']:6.0f}x {row['equal_to_scipy']:6.0%}"
+        )
+    middle = rows[1]
+    print("visited:", " ".join(f"{value:.0f}" for value in middle["visited_mean"]))
+    path = save_figures("extrema", rows, asdict(settings) | {"frames": options.frames})
+    print("written:", path)
+
+
+class WatchedQuery(ExtremaQuery):
+    """Keeps the frame that it was asked about, and its queries.
+
+    Attributes
+    ----------
+    observation : the last frame, if it was asked about
+    asked : its labelled end effectors (M, 5, 3), level frame, NaN where absent
+    """
+
+    observation: Observation | None = None
+
+    def queries(self, observation: Observation, previous: Previous | None) -> tuple[np.ndarray, np.ndarray]:
+        """See `ExtremaQuery.queries`."""
+        points, present = super().queries(observation, previous)
+        self.observation, self.asked = observation, np.where(present[:, :, None], points, np.nan)
+        return points, present
+
+
+class WatchedLookupTracker(HybridTracker):
+    """The hybrid tracker with a query that can be looked into."""
+
+    def __init__(self, poses: PoseDatabase, settings: HybridSettings) -> None:
+        super().__init__(poses, settings)
+        self.watched = WatchedQuery(poses, settings.lookup)
+
+    def queries(self) -> list[Query]:
+        """See `HybridTracker.queries`."""
+        return [self.watched if isinstance(query, ExtremaQuery) else query for query in super().queries()]
+
+
+def hits_of(
+    tracker: WatchedLookupTracker, recording: Recording, reference: np.ndarray, every_frame: bool
+) -> list[list[bool]]:
+    """Per frame that counted: first five, all extrema, a query. `reference` (T, 20, 3), camera frame."""
+    solo = Solo(tracker, recording)
+    hits = []
+    for i, frame in enumerate(recording.stream()):
+        tracker.watched.observation = None
+        solo.step(frame.depth_mm, frame.timestamp)
+        seen = tracker.watched.observation
+        truth = reference[i].astype(np.float64) @ solo.level_rotation.T
+        ends = truth[TIPS]
+        if seen is None or not np.isfinite(ends).all():
+            continue
+        if not every_frame and not counted(seen.cloud, truth, reference[i], tracker):
+            continue
+        extrema = seen.extrema.points.astype(np.float64)
+        gaps = np.linalg.norm(tracker.watched.asked - ends, axis=2)
+        hits.append([all_found(extrema[:5], ends), all_found(extrema, ends), bool((gaps < FOUND).all(axis=1).any())])
+    return hits
+
+
+def counted(cloud: Cloud, truth: np.ndarray, joints: np.ndarray, tracker: HybridTracker) -> bool:
+    """Whether all five end effectors are visible and free; truth (20, 3) level frame, joints the same, camera frame."""
+    seen = visible_joints(joints, cloud.depth, cloud.camera)[TIPS].all()
+    return bool(seen) and all_free(cloud, truth, tracker.settings.landmarks)
+
+
+def shares(hits: Sequence[Sequence[bool]]) -> dict[str, Any]:
+    """As JSON."""
+    means = np.mean(np.array(hits, dtype=float), axis=0) if hits else [None] * 3
+    return {
+        "frames": len(hits),
+        **dict(zip(("first_five", "all_extrema", "queries"), map(_number, means), strict=True)),
+    }
+
+
+def _number(value: Any) -> float | None:
+    return None if value is None else float(value)
+
+
+def candidates(parser: argparse.ArgumentParser) -> None:
+    """Track, count, print, write JSON."""
+    add_take_options(parser)
+    parser.add_argument("--stride", type=int, default=4, help="every so many real recordings")
+    parser.add_argument("--recordings", type=Path, default=RECORDINGS, help="folder of UTD-MHAD")
+    add_database_options(parser)
+    options = parser.parse_args()
+    poses = PoseDatabase.load(poses_of(options))
+    settings = settings_of("hybrid", parse_overrides(options.set))
+    tracker = WatchedLookupTracker(poses, settings)
+    figures: dict[str, Any] = {}
+    for group in GROUPS:
+        takes = [
+            record(take, options.work, options.frames) for take in chosen_takes(options.split, [group], options.takes)
+        ]
+        recordings = [open_recording(path) for path in takes]
+        hits = [hit for recording in recordings for hit in hits_of(tracker, recording, recording.joints, False)]
+        figures[group] = hits
+    figures["simulated"] = [hit for hits in figures.values() for hit in hits]
+    real = [open_recording(path) for path in sorted(options.recordings.glob("*_depth.mat"))[:: options.stride]]
+    figures["real"] = [hit for r in real for hit in hits_of(tracker, r, r.reference_joints, True)]
+    rows = {name: shares(hits) for name, hits in figures.items()}
+    print(f"{'':<10}{'frames':>7}{'first five %':>14}{'all extrema %':>14}{'a query %':>11}")
+    for name, row in rows.items():
+        cells = (
+            "-" if row[key] is None else f"{100 * row[key]:.1f}" for key in ("first_five", "all_extrema", "queries")
+        )
+        print(f"{name:<10}{row['frames']:7d}", "{:>13}{:>14}{:>11}".format(*cells))
+    whole = options.takes is None and options.frames >= LONGEST and not options.set
+    described = {"split": options.split, "stride": options.stride, "tracker": asdict(settings)}
+    print("written:", save_figures(f"candidates_{options.split}{'' if whole else '_part'}", rows, described))
+
 
 FRAMES, LABELINGS = 200, 12
 
 
-def frames(database: PoseDatabase, rng: np.random.Generator) -> dict[str, np.ndarray]:
+def query_frames(database: PoseDatabase, rng: np.random.Generator) -> dict[str, np.ndarray]:
     """Queries (FRAMES, LABELINGS, 15) of each kind."""
     shape = (FRAMES, LABELINGS, 5, 3)
     rows = rng.integers(0, len(database), shape[0])
@@ -36,7 +285,7 @@ def frames(database: PoseDatabase, rng: np.random.Generator) -> dict[str, np.nda
     return {name: queries.reshape(FRAMES, LABELINGS, 15).astype(np.float32) for name, queries in kinds.items()}
 
 
-def timed(database: PoseDatabase, queries: np.ndarray, neighbours: int) -> tuple[np.ndarray, np.ndarray]:
+def asked(database: PoseDatabase, queries: np.ndarray, neighbours: int) -> tuple[np.ndarray, np.ndarray]:
     """Seconds of each frame's query (F,) and the distances (F, M, K); a first query builds the index."""
     database.query(queries[0], neighbours)
     seconds, found = [], []
@@ -48,9 +297,8 @@ def timed(database: PoseDatabase, queries: np.ndarray, neighbours: int) -> tuple
     return np.array(seconds), np.array(found)
 
 
-def main() -> None:
+def queries_of_providers(parser: argparse.ArgumentParser) -> None:
     """Parse the command line, measure, print and store the figures."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("database", type=Path)
     parser.add_argument("--max-poses", type=int, default=25_000)
     parser.add_argument("--neighbours", type=int, default=10)
@@ -59,10 +307,10 @@ def main() -> None:
     database = PoseDatabase.load(options.database)
     database = database.limited(min(options.max_poses, len(database)))
     figures = []
-    for kind, queries in frames(database, np.random.default_rng(0)).items():
+    for kind, queries in query_frames(database, np.random.default_rng(0)).items():
         reference, _ = database.query(queries.reshape(-1, 15), options.neighbours)
         for kind_of_search, count in product((LeafSearch, Open3DSearch, ScipySearch), (1, LABELINGS)):
-            seconds, distances = timed(replace(database, search=kind_of_search), queries[:, :count], options.neighbours)
+            seconds, distances = asked(replace(database, search=kind_of_search), queries[:, :count], options.neighbours)
             expected = reference.reshape(FRAMES, LABELINGS, -1)[:, :count]
             entry = {
                 "frames": kind,
@@ -78,6 +326,11 @@ def main() -> None:
             )
     settings = {**vars(options), "poses": len(database)}
     print(save_figures("lookup", figures, settings))
+
+
+def main() -> None:
+    """Run the part that is asked for."""
+    run_part(__doc__, {"extrema": extrema, "candidates": candidates, "queries": queries_of_providers})
 
 
 if __name__ == "__main__":

@@ -17,10 +17,8 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks._options import add_database_options, poses_of
 from benchmarks._record import save_figures
-from benchmarks._rows import ROWS, figures_of, make_tracker, settings_of
-from benchmarks._swarm_rows import settings_of as swarm_settings
+from benchmarks._rows import ROWS, add_database_options, figures_of, make_tracker, poses_of, settings_of, swarm_settings
 from toolkit.config import parse_overrides
 from toolkit.database.database import PoseDatabase
 from toolkit.evaluation.evaluate import evaluate_runs

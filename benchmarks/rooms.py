@@ -22,9 +22,9 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks._options import add_database_options, poses_of
-from benchmarks._people import frame_picture, frame_times, tracks_of
 from benchmarks._record import save_figures
+from benchmarks._rows import add_database_options, poses_of
+from benchmarks.scenes import frame_picture, frame_times, tracks_of
 from toolkit.config import parse_overrides
 from toolkit.errors import DepthMocapError
 from toolkit.pipeline import load_tracker, track_recordings

@@ -1,11 +1,16 @@
-"""Time per frame: `depthmocap bench speed DATABASE [--frames 1050] [--max-poses 25000]`.
+"""Time per frame: `depthmocap bench speed PART`, which is one of
 
-A rendered subject moves before cameras that see it with 3,000, 6,000 and 16,000 pixels. Times are those of the stages,
-without reading the file, in one pinned process with one thread; the first 50 frames, in which code is compiled, are
-left out. The same follows at half resolution, the error beside both; then the whole frame against the plain pipeline
-(`benchmarks/plain_pipeline.py`) in the same run; and the peak memory of `depthmocap track` over a short and a long
-recording. A database of fewer poses than asked for is filled up with its own poses, moved by two degrees per angle.
-Runs too short for a 99.9th percentile (1,000 frames) are written to a file of their own, ending in `_part`.
+- `hybrid DATABASE [--frames 1050] [--max-poses 25000]`: a rendered subject moves before cameras that see it with 3,000,
+  6,000 and 16,000 pixels. Times are those of the stages, without reading the file, in one pinned process with one
+  thread; the first 50 frames, in which code is compiled, are left out. The same follows at half resolution, the error
+  beside both; then the whole frame against the plain pipeline (`toolkit/testing/plain_pipeline.py`) in the same run;
+  and the peak memory of `depthmocap track` over a short and a long recording. A database of fewer poses than asked for
+  is filled up with its own poses, moved by two degrees per angle. Runs too short for a 99.9th percentile (1,000 frames)
+  are written to a file of their own, ending in `_part`.
+- `crowd DATABASE [--people 1,2,3,6]`: simulated people of about 6,000 pixels each move side by side before one wide
+  camera, already cut out; the image is the same however many there are. A frame is all that `Crowd.step` does, with a
+  known body. The excess is the time over N times that of one person. The people of all counts take their frames in
+  turn, so that what else the machine does falls on all alike.
 """
 
 from __future__ import annotations
@@ -15,28 +20,40 @@ import os
 import subprocess
 import sys
 import tempfile
+from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
+from time import perf_counter
 from typing import Any
 
 import numpy as np
 
-from benchmarks._record import save_figures
-from benchmarks._timing import percentiles, pin_to_one_processor
-from benchmarks.plain_pipeline import SIZES, WARM_UP, compare
+from benchmarks._record import percentiles, pin_to_one_processor, run_part, save_figures
+from benchmarks._rows import settings_of
 from toolkit import skeleton
-from toolkit.body.shape import load_body
-from toolkit.config import load_settings
+from toolkit.body.shape import load_body, subject_body
+from toolkit.config import load_settings, parse_overrides
 from toolkit.database.database import PoseDatabase
 from toolkit.evaluation.joints import accuracy, frame_errors, joint_errors
 from toolkit.hybrid.settings import HybridSettings
 from toolkit.hybrid.tracker import HybridTracker
+from toolkit.people.survey import find_people
 from toolkit.recordings.opening import open_recording
-from toolkit.testing.subjects import write_recording
+from toolkit.recordings.writer import save_recording
+from toolkit.sensing.camera import Camera
+from toolkit.sensing.recording import Recording
+from toolkit.testing.plain_pipeline import PlainTracker
+from toolkit.testing.subjects import DISTANCE, camera_for, draw, moving_poses, write_recording
+from toolkit.tracking.crowd import Crowd
 from toolkit.tracking.solo import Solo
 
 JITTER = np.radians(2.0)
 ONE_THREAD = {"OMP_NUM_THREADS": "1", "NUMBA_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
+
+
+SIZES = (3_000, 6_000, 16_000)
+WARM_UP = 50
+"""Frames without times: the shape is learnt from 45."""
 
 
 def filled_up(database: PoseDatabase, count: int) -> tuple[PoseDatabase, int]:
@@ -83,6 +100,40 @@ def timed(path: Path, database: PoseDatabase, settings: HybridSettings) -> dict[
     }
 
 
+def compare(recording: Recording, database: PoseDatabase, settings: HybridSettings, frames: int) -> dict[str, Any]:
+    """Figures of one recording: times of both trackers and how far apart their joints are."""
+    trackers = (HybridTracker(database, settings), PlainTracker(database, settings))
+    people = [Solo(tracker, recording) for tracker in trackers]
+    pixels, results = [], []
+    for i in range(min(frames, len(recording))):
+        depth = recording.depth(i)
+        pixels.append(int((depth > 0).sum()))
+        results.append([person.step(depth, float(recording.timestamps[i])) for person in people])
+    stage_ms = np.array([[result.stage_ms for result in pair] for pair in results])[min(WARM_UP, len(results) // 2) :]
+    joints = np.array([[result.joints for result in pair] for pair in results], dtype=np.float64)
+    apart = 1000.0 * np.linalg.norm(joints[:, 0] - joints[:, 1], axis=2).max(axis=1)
+    total = stage_ms.sum(axis=2)
+    return {
+        "recording": recording.name,
+        "frames": len(results),
+        "pixels": float(np.mean(pixels)),
+        "compiled": percentiles(total[:, 0]),
+        "plain": percentiles(total[:, 1]),
+        "faster": float(np.median(total[:, 1]) / np.median(total[:, 0])),
+        "stages_ms": {
+            name: np.round(np.median(stage_ms[:, :, s], axis=0), 3).tolist()
+            for s, name in enumerate(trackers[0].stage_names)
+        },
+        "apart_mm": {
+            "median": float(np.median(apart)),
+            "p99": float(np.percentile(apart, 99)),
+            "max": float(apart.max()),
+        },
+        "within_1_mm": float((apart < 1.0).mean()),
+        "equal_sources": float(np.mean([a.source == b.source for a, b in results])),
+    }
+
+
 def peak_memory(recording: Path, database: Path, output: Path) -> float:
     """Peak resident memory of `depthmocap track` over a recording, megabytes; its run folder goes to `output`."""
     command = [sys.executable, "-m", "toolkit.cli.main", "track", recording, "--database", database, "--output", output]
@@ -107,9 +158,8 @@ def print_times(rows: list[dict[str, Any]]) -> None:
             print(f"{'':7} {name:<10}", *(f"{value:8.2f}" for value in stage.values()))
 
 
-def main() -> None:
+def hybrid(parser: argparse.ArgumentParser) -> None:
     """Measure, print, write JSON."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("database", type=Path)
     parser.add_argument("--frames", type=int, default=1050, help="of each recording")
     parser.add_argument("--plain-frames", type=int, default=120, help="against the plain pipeline; 0 leaves it out")
@@ -148,6 +198,102 @@ def main() -> None:
             print(f"peak memory over {frames} frames: {peak:.0f} MB")
     name = "speed" if options.frames >= 1000 + WARM_UP else "speed_part"
     print("written:", save_figures(name, figures, asdict(settings) | {"poses": len(database)}))
+
+
+PIXELS = 6000
+APART = 1.25
+"""Metres between two people: with arms stretched out they nearly touch."""
+UP = np.array([0.0, -1.0, 0.0])
+RATE = 30.0
+SETTLED = 15
+"""Frames that are left out: half a second after everybody was found."""
+
+
+def wide_camera(people: int) -> Camera:
+    """A camera that sees so many people side by side with `PIXELS` pixels each."""
+    one = camera_for(PIXELS)
+    width = round((people * APART + 0.6) / DISTANCE * one.fx)
+    return Camera(one.fx, one.fy, (width - 1) / 2, one.cy, width, one.height)
+
+
+def row_of_people(people: int, most: int, frames: int) -> np.ndarray:
+    """Depth uint16 (T, H, W), millimetres, of the first `people` of a row of `most`."""
+    camera, rng = wide_camera(most), np.random.default_rng(0)
+    depth = np.zeros((frames, *camera.shape), dtype=np.uint16)
+    for k in range(most):
+        poses = moving_poses(frames, rng)
+        poses[:, 0] += (k - (most - 1) / 2) * APART
+        body = subject_body("neutral", seed=k)
+        if k < people:
+            for image, pose in zip(depth, poses, strict=True):
+                own = np.rint(1000 * draw(body, pose, camera, rng)).astype(np.uint16)
+                nearer = (own > 0) & ((image == 0) | (own < image))
+                image[nearer] = own[nearer]
+    return depth
+
+
+def frame_times(crowds: Sequence[Crowd], recordings: Sequence[Recording], counts: Sequence[int]) -> np.ndarray:
+    """Milliseconds (C, T) of the frames in which all crowds follow as many people as they should, taken in turn."""
+    times = []
+    for frames in zip(*(recording.stream() for recording in recordings), strict=True):
+        taken = []
+        for crowd, frame in zip(crowds, frames, strict=True):
+            start = perf_counter()
+            crowd.step(frame)
+            taken.append(1000 * (perf_counter() - start))
+        if all(len(crowd.bodies) == n for crowd, n in zip(crowds, counts, strict=True)):
+            times.append(taken)
+    if len(times) <= SETTLED:
+        raise SystemExit(f"everybody was followed in {len(times)} frames, {SETTLED} of them to warm up; ask for more")
+    return np.array(times[SETTLED:]).T
+
+
+def by_number(
+    database: PoseDatabase, counts: Sequence[int], options: argparse.Namespace, folder: Path
+) -> dict[str, Any]:
+    """Median milliseconds of a frame by the number of people, and the excess over so many times one person."""
+    camera, recordings = wide_camera(max(counts)), []
+    for n in counts:
+        path = folder / f"people_{n}.npz"
+        save(path, row_of_people(n, max(counts), options.frames), camera)
+        recordings.append(open_recording(path))
+    tracker = HybridTracker(database, settings_of("hybrid", parse_overrides(options.set)), body=load_body("neutral"))
+    times = frame_times(
+        [Crowd(tracker, find_people(recording), recording.up_camera) for recording in recordings], recordings, counts
+    )
+    median = np.median(times, axis=1)
+    rows = {
+        str(n): {"median_ms": float(ms), "excess_ms": float(ms - n * median[0])}
+        for n, ms in zip(counts, median, strict=True)
+    }
+    return {"frames": times.shape[1], "people": rows}
+
+
+def save(path: Path, depth: np.ndarray, camera: Camera) -> None:
+    """Frames as a recording of a camera that looks horizontally."""
+    stamps = np.arange(len(depth)) / RATE
+    save_recording(path, depth=iter(depth), camera=camera, timestamps=stamps, up_camera=UP)
+
+
+def crowd(parser: argparse.ArgumentParser) -> None:
+    """Time people side by side, print, write JSON."""
+    parser.add_argument("database", type=Path)
+    parser.add_argument("--people", default="1,2,3,6", help="comma-separated, 1 first")
+    parser.add_argument("--frames", type=int, default=100, help="of each recording")
+    parser.add_argument("--set", action="append", default=[], metavar="NAME=VALUE", help="setting")
+    options = parser.parse_args()
+    pin_to_one_processor()
+    database = PoseDatabase.load(options.database)
+    with tempfile.TemporaryDirectory() as folder:
+        figures = by_number(database, [int(n) for n in options.people.split(",")], options, Path(folder))
+    for n, row in figures["people"].items():
+        print(f"{n} people: {row['median_ms']:6.1f} ms, {row['excess_ms']:+.1f} ms over {n} times one")
+    print("written:", save_figures("speed_crowd", figures, {"set": options.set, "poses": len(database)}))
+
+
+def main() -> None:
+    """Run the part that is asked for."""
+    run_part(__doc__, {"hybrid": hybrid, "crowd": crowd})
 
 
 if __name__ == "__main__":

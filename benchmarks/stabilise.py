@@ -1,24 +1,37 @@
-"""Tracks before and after stabilising: `depthmocap bench stabilise [--split report] [--config hybrid]`.
+"""Hidden limbs told afterwards or by sensors: `depthmocap bench stabilise PART`, which is one of
 
-Sequences of one actor's clips (`toolkit.testing.labelled.py`) are simulated, tracked, and stabilised with classes of
-the other actors. Mean error over joints and frames, of joints that the camera sees and of hidden ones, before, after
-the first round and at the end; how well the labels are those performed.
+- `classes [--split report] [--config hybrid]`: sequences of one actor's clips (`toolkit/testing/labelled.py`) are
+  simulated, tracked, and stabilised with classes of the other actors. How well the labels are those performed.
+- `sensors [--split report] [--sequences NAME] [--takes NAME]`: the same sequences, and takes of the simulated suite by
+  name, with sensors on forearms, shins and pelvis, whose calibration is wrong by 3 degrees and whose clock is off by
+  10 ms. Each is tracked without and with them.
+
+Mean error over joints and frames, of joints that the camera sees and of hidden ones, before, after the first round and
+at the end.
 """
 
 from __future__ import annotations
 
 import argparse
+import shutil
 import time
+from collections.abc import Iterator
 from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from benchmarks._gap_causes import gap_causes, shares
-from benchmarks._options import add_database_options, poses_of
-from benchmarks._record import save_figures
+from benchmarks._record import run_part, save_figures
+from benchmarks._rows import add_database_options, poses_of
+from benchmarks.inertial import levelled, wrong_calibration
+from toolkit.body.body import Body
+from toolkit.body.shape import subject_body
+from toolkit.database.database import PoseDatabase
 from toolkit.evaluation.joints import NEAR, joint_errors, visible_joints
+from toolkit.fitting.orientation import OrientationSettings
+from toolkit.hybrid.tracker import HybridTracker
+from toolkit.mocap.clip import PoseClip
 from toolkit.pipeline import load_tracker, track_recording
 from toolkit.recordings.opening import open_recording
 from toolkit.retrieval.annotation.annotator import MotionClass
@@ -29,12 +42,17 @@ from toolkit.retrieval.priors.marks import MarkSettings
 from toolkit.retrieval.templates.quantised import WILDCARD
 from toolkit.retrieval.workflow.annotate import classes_from_clips
 from toolkit.sensing.recording import Recording
+from toolkit.simulation.inertial import NOISE, simulate_sensors
+from toolkit.simulation.sensors import make_sensor
+from toolkit.simulation.simulate import simulate_recording
 from toolkit.stabilising.loop import Round, annotate, best_round, stabilise
 from toolkit.stabilising.page import write_page
 from toolkit.stabilising.settings import StabiliseSettings
 from toolkit.stabilising.source import Source, open_source
 from toolkit.testing.labelled import SEQUENCES, MotionSequence, Performed, class_clips, record_sequence
+from toolkit.testing.suite import RATE, distance_needed, performed, takes
 from toolkit.track import TRACK_FILE, Track
+from toolkit.tracking.guide import Guide, InertialGuide
 
 FIGURES = ("mean mm", "seen mm", "hidden mm", "hidden within 100 mm")
 NOTHING = Scores(0, 0, 0, 0)
@@ -88,14 +106,13 @@ def tracked(
 
 
 class Measured(NamedTuple):
-    """Of one sequence: its row, scores over segments and frames of its labels and of those of the true motions, frames
-    (40,) that each feature's marks say something about, and the gaps of its first round."""
+    """Of one sequence: its row, scores over segments and frames of its labels and of those of the true motions, and
+    frames (40,) that each feature's marks say something about."""
 
     row: dict[str, Any]
     labels: tuple[Scores, Scores]
     true_labels: tuple[Scores, Scores]
     marked: np.ndarray
-    gaps: dict[str, Any]
 
 
 def measured(
@@ -104,7 +121,7 @@ def measured(
 ) -> Measured:  # fmt: skip
     """Stabilise a track, and compare it with the truth."""
     start = time.process_time()
-    labels, gaps, marked = (NOTHING, NOTHING), {}, np.zeros(len(FEATURES), dtype=np.int64)
+    labels, marked = (NOTHING, NOTHING), np.zeros(len(FEATURES), dtype=np.int64)
     rounds = stabilise(source, classes, settings)
     seconds = time.process_time() - start
     best = best_round(rounds, settings)
@@ -115,8 +132,6 @@ def measured(
     if options.pages:
         (options.pages / name).mkdir(parents=True, exist_ok=True)
         write_page(source, rounds, best, options.pages / name)
-    if options.gaps:
-        gaps = _gaps(source, rounds[0])
     truth, seen = np.asarray(source.recording.joints), visible(source.recording)
     own = [figures_of(track, truth, seen) for track in tracks]
     print(name, " | ".join(" ".join(f"{v:.2f}" if v <= 1 else f"{v:.1f}" for v in f) for f in own), flush=True)
@@ -124,19 +139,17 @@ def measured(
         "frames": len(source.track), "rounds": [dict(zip(FIGURES, f, strict=True)) for f in own],
         "F segments": labels[0].f, "F frames": labels[1].f, "seconds of processor": seconds,
     }  # fmt: skip
-    return Measured(row, labels, labels_of_truth(performed, classes, settings), marked, gaps)
+    return Measured(row, labels, labels_of_truth(performed, classes, settings), marked)
 
 
-def main() -> None:
+def classes(parser: argparse.ArgumentParser) -> None:
     """Track, stabilise, compare, print, write JSON."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--split", choices=("tune", "report"), default="tune", help="report is not for tuning")
     parser.add_argument("--config", default="hybrid", help="settings of the tracker")
     parser.add_argument("--sequences", nargs="*", help="names of some; all")
     parser.add_argument("--filler", action="store_true", help="other motions between the clips")
     parser.add_argument("--without-marks", action="store_true", help="leave out the MT priors")
     parser.add_argument("--alternatives", type=int, default=1, help="2 tries the second cheapest class too")
-    parser.add_argument("--gaps", action="store_true", help="every gap of the first round, and why its error is left")
     parser.add_argument("--pages", type=Path, help="folder for the pages of `depthmocap stabilise`, with pictures")
     parser.add_argument("--rounds", type=int, default=StabiliseSettings.rounds)
     add_database_options(parser)
@@ -159,32 +172,18 @@ def main() -> None:
         labels |= {f"F segments{words}": segments.f, f"F frames{words}": frames.f}
     marked = sum(found.marked for found in done.values())
     labels["frames marked by MT priors"] = {f"F{row + 1}": int(n) for row, n in enumerate(marked) if n}
-    gaps = {"gaps": {name: found.gaps for name, found in done.items()}} if options.gaps else {}
-    figures = {"sequences": rows, **_summary(rows), **labels, **gaps}
+    figures = {"sequences": rows, **_summary(rows), **labels}
     for name, value in figures.items():
-        if name not in ("sequences", "gaps"):
+        if name != "sequences":
             print(name, value)
     words = [
         options.split,
         *([options.config] if options.config != "hybrid" else []),
         *["filler"] * options.filler,
         *["without_marks"] * options.without_marks,
-        *["gaps"] * options.gaps,
         *["alternatives"] * (options.alternatives > 1),
     ]
     print("written:", save_figures("_".join(["stabilise", *words]), figures, asdict(settings)))
-
-
-def _gaps(source: Source, found: Round) -> dict[str, Any]:
-    """The gaps of a round, and what their error comes from: printed, and returned."""
-    truth, seen = np.asarray(source.recording.joints), visible(source.recording)
-    causes = gap_causes(source, source.track, found, truth, seen)
-    for cause in sorted(causes, key=lambda c: -c.joints * c.before):
-        print("   ", *(f"{value:.0f}" if isinstance(value, float) else value for value in cause))
-    own = shares(causes, source.track, truth, seen)
-    for name, (share, left) in own.items():
-        print(f"    {name}: {100 * share:.0f} % of the error, {left:.1f} mm to win")
-    return {"gaps": [cause._asdict() for cause in causes], "shares": own}
 
 
 def _summary(rows: dict[str, Any]) -> dict[str, Any]:
@@ -196,6 +195,88 @@ def _summary(rows: dict[str, Any]) -> dict[str, Any]:
 
     harm = [r["rounds"][-1]["mean mm"] - r["rounds"][0]["mean mm"] for r in rows.values()]
     return {"before": mean(0), "after one round": mean(1), "at the end": mean(-1), "most harm mm": float(max(harm))}
+
+
+CARRIED = ("left_forearm", "right_forearm", "left_shin", "right_shin", "pelvis")
+
+
+class Scene(NamedTuple):
+    """A recording and what happens in it: the clip, whose body, and how the person stands to the camera, degrees."""
+
+    path: Path
+    clip: PoseClip
+    body: Body
+    yaw: float
+
+
+def scenes(options: argparse.Namespace) -> Iterator[tuple[str, Scene]]:
+    """The recordings that were asked for, made if they are not there yet."""
+    for sequence in SEQUENCES:
+        if options.sequences is None or sequence.name in options.sequences:
+            path, done = record_sequence(sequence, options.split, options.work)
+            yield sequence.name, Scene(path, done.clip, done.body, sequence.yaw)
+    for take in takes("tune") + takes("report"):
+        if take.name in (options.takes or ()):
+            body = subject_body(take.body, seed=take.seed)
+            clip, path = performed(take, body, options.frames), options.work / "fused" / f"{take.name}.npz"
+            if not path.exists():
+                distance = take.room * distance_needed(take, body, clip, make_sensor(take.sensor).camera)
+                simulate_recording(
+                    clip, path, body=body, sensor=take.sensor, distance=distance, height=take.height, yaw=take.yaw,
+                    seed=take.seed, furnished=take.furnished,
+                )  # fmt: skip
+            yield take.name, Scene(path, clip, body, take.yaw)
+
+
+def guide_of(scene: Scene, options: argparse.Namespace, seed: int) -> InertialGuide:
+    """Sensors as somebody would carry them, calibrated nearly right."""
+    simulated = simulate_sensors(scene.body, levelled(scene.clip.poses, scene.yaw), RATE, CARRIED, NOISE["mtx"], seed)
+    rng = np.random.default_rng(seed)
+    calibration = wrong_calibration(simulated, "take", options.degrees, 0.001 * options.lag, rng)
+    return InertialGuide(simulated.sensors, calibration, "take", replace(OrientationSettings(), weight=options.weight))
+
+
+def guided(scene: Scene, poses: PoseDatabase, guide: Guide | None, run: Path) -> list[float]:
+    """`FIGURES` of the recording, tracked anew."""
+    shutil.rmtree(run, ignore_errors=True)
+    recording = open_recording(scene.path)
+    track_recording(recording, HybridTracker(poses, guide=guide), run, warm_up=False)
+    return figures_of(Track.load(run), np.asarray(recording.joints), visible(recording))
+
+
+def sensors(parser: argparse.ArgumentParser) -> None:
+    """Simulate, track twice, compare, print, write JSON."""
+    parser.add_argument("--split", choices=("tune", "report"), default="tune", help="report is not for tuning")
+    parser.add_argument("--sequences", nargs="*", help="names of some; all")
+    parser.add_argument("--takes", nargs="*", help="names of takes of the suite beside them")
+    parser.add_argument("--frames", type=int, default=130, help="at most so many of each take")
+    parser.add_argument("--degrees", type=float, default=3.0, help="by which calibrations are wrong")
+    parser.add_argument("--lag", type=float, default=10.0, help="milliseconds by which the clock is off")
+    parser.add_argument("--weight", type=float, default=OrientationSettings.weight, help="of a sensor")
+    add_database_options(parser)
+    options = parser.parse_args()
+    poses, rows = PoseDatabase.load(poses_of(options)), {}
+    for seed, (name, scene) in enumerate(scenes(options)):
+        run = options.work / "fused" / "runs" / scene.path.stem
+        alone = guided(scene, poses, None, run)
+        fused = guided(scene, poses, guide_of(scene, options, seed), run)
+        rows[name] = {"alone": dict(zip(FIGURES, alone, strict=True)), "fused": dict(zip(FIGURES, fused, strict=True))}
+        print(name, " | ".join(" ".join(f"{value:.2f}" if value <= 1 else f"{value:.1f}" for value in figures)
+                               for figures in (alone, fused)), flush=True)  # fmt: skip
+    table: dict[str, Any] = {
+        kind: {name: float(np.mean([row[kind][name] for row in rows.values()])) for name in FIGURES}
+        for kind in ("alone", "fused")
+    }
+    for kind, figures in table.items():
+        print(kind, figures)
+    settings = {"degrees": options.degrees, "lag": options.lag, "weight": options.weight, **asdict(NOISE["mtx"])}
+    name = "_".join(["fused", options.split, *["part"] * (options.sequences is not None)])
+    print("written:", save_figures(name, {"recordings": rows, **table}, settings))
+
+
+def main() -> None:
+    """Run the part that is asked for."""
+    run_part(__doc__, {"classes": classes, "sensors": sensors})
 
 
 if __name__ == "__main__":

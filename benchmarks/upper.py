@@ -1,11 +1,15 @@
-"""People seen from the waist up: `depthmocap bench upper [--split report] [--rows hybrid,lopez2011,particles]`.
+"""People seen from the waist up: `depthmocap bench upper PART`, which is one of
 
-The takes are described in `toolkit/testing/upper.py`: cut by the image, behind a desk, on a chair, near the camera,
-wide, turned. Trackers are told nothing. Errors are those of head, shoulders, elbows and hands, seen or not, in pixels
-of a 640x480 image (at most 120) and in millimetres (at most 1 m); frames before somebody is found count. First are
-the first tracked frames. `--recovery` hangs both arms down, or raises them, at frame 30 of each take, and counts frames
-until the mean error of the seven joints is below 60 mm for 5 frames. `--real` tracks the 8 stills of Skeltrack, each on
-its own, and the seated man of `realsense`, against the annotations in `benchmarks/annotations/`.
+- `track [--split report] [--rows hybrid,lopez2011,particles]`: the takes of `toolkit/testing/upper.py` (cut by the
+  image, behind a desk, on a chair, near the camera, wide, turned). Trackers are told nothing. Errors are those of head,
+  shoulders, elbows and hands, seen or not, in pixels of a 640x480 image (at most 120) and in millimetres (at most 1 m);
+  frames before the person is found count. First are the first tracked frames. `--recovery` hangs both arms down, or
+  raises them, at frame 30 of each take, and counts frames until the mean error of the seven joints is below 60 mm for 5
+  frames. `--real` tracks the 8 stills of Skeltrack, each on its own, and the seated man of `realsense`, against the
+  annotations in `benchmarks/annotations/`.
+- `candidates [--split report]`: of the frames of these takes in which the camera sees head and both hands, the share in
+  which each has a candidate within 0.15 m, for the first extrema and for the summits of the component tree, with
+  bridges to pieces that float and without, and how often the fork names all three rightly.
 """
 
 from __future__ import annotations
@@ -14,32 +18,50 @@ import argparse
 import json
 import time
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from benchmarks._options import add_database_options, poses_of
-from benchmarks._record import RESULTS, save_figures
-from benchmarks._upper_rows import ROWS
+from benchmarks._record import RESULTS, run_part, save_figures
+from benchmarks._rows import add_database_options, poses_of
 from toolkit import skeleton
 from toolkit.config import parse_overrides
 from toolkit.errors import DepthMocapError
 from toolkit.evaluation import upper
+from toolkit.evaluation.joints import seen_joints
 from toolkit.fitting.arms import SIDES, entries_of
+from toolkit.landmarks.graph import Workspace
+from toolkit.lopez2011.effectors import EffectorSettings, find_effectors, find_fork
+from toolkit.people.lone import LonePerson
 from toolkit.pipeline.trackers import load_tracker
 from toolkit.recordings.opening import open_recording
 from toolkit.rendering.film import contact_sheet, save_png
 from toolkit.rendering.overlay import color_depth, draw_points, draw_skeleton
+from toolkit.sensing.camera import level_rotation
+from toolkit.sensing.cloud import Cloud
 from toolkit.sensing.recording import Recording
+from toolkit.sensing.settings import SensingSettings
 from toolkit.testing.scenes import record_scene
-from toolkit.testing.suite import ROOT
+from toolkit.testing.suite import ROOT, WORK
 from toolkit.testing.upper import GROUPS, MORE, upper_scenes
 from toolkit.track import TRACKED
 from toolkit.tracking.protocol import Tracker
 from toolkit.tracking.solo import Solo
 from toolkit.tracking.state import Previous
+
+ROWS: dict[str, tuple[str, dict[str, Any]]] = {
+    "hybrid": ("hybrid", {}),
+    "hybrid alone": ("hybrid", {"hypotheses": ["local", "extrema", "joints", "arms"]}),
+    "lopez2011": ("lopez2011", {}),
+    "lopez2011 64": ("lopez2011", {"particles.count": 64}),
+    "particles": ("particles", {}),
+    "particles 192": ("particles", {"particles.count": 192}),
+}
+"""Name of the row, settings that it starts from, and overrides. `hybrid alone` is the hybrid tracker without the
+filter's first poses, `particles` lets local optimisation compete, numbers are particles in each layer."""
+
 
 DEPTH = ROOT.parent / "shared" / "data" / "depth"
 ANNOTATIONS = Path(__file__).parent / "annotations"
@@ -208,9 +230,8 @@ def run_row(row: str, recordings: Sequence[Recording], options: argparse.Namespa
     return figures | {"takes": each}
 
 
-def parse() -> argparse.Namespace:
+def parse(parser: argparse.ArgumentParser) -> argparse.Namespace:
     """The command line."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--split", choices=("tune", "report"), default="tune", help="report is not for tuning")
     parser.add_argument("--rows", default=DEFAULT_ROWS, help="out of: " + ", ".join(ROWS))
     parser.add_argument("--groups", default=",".join(GROUPS), help="out of: " + ", ".join((*GROUPS, *MORE)))
@@ -222,9 +243,9 @@ def parse() -> argparse.Namespace:
     return parser.parse_args()
 
 
-def main() -> None:
+def track(parser: argparse.ArgumentParser) -> None:
     """Make what is missing, track, print, write JSON and contact sheets."""
-    options = parse()
+    options = parse(parser)
     rows = options.rows.split(",")
     figures: dict[str, Any] = {}
     if options.real:
@@ -243,6 +264,81 @@ def main() -> None:
     own = "" if options.rows == DEFAULT_ROWS else "_" + options.rows.replace(",", "_").replace(" ", "_")
     settings = {name: getattr(options, name) for name in ("rows", "frames", "groups", "set")}
     print("written:", save_figures(stem + (own if whole else "_part"), figures, settings))
+
+
+WITHIN = 0.15
+"""Metres."""
+WIDTH = 160
+"""Pixels of width, at most, as the particle filter's tracker looks at hands."""
+UNBRIDGED = 0.01
+"""Metres: bridges as short as this join nothing."""
+KINDS: dict[str, EffectorSettings] = {
+    "3 extrema, no bridges": EffectorSettings(cuts=0, count=3, bridge_distance=UNBRIDGED),
+    "3 extrema": EffectorSettings(cuts=0, count=3),
+    "6 extrema": EffectorSettings(cuts=0, count=6),
+    "8 extrema": EffectorSettings(cuts=0, count=8),
+    "6 extrema, 2 cuts": EffectorSettings(),
+    "3 of the tree": EffectorSettings(cuts=0, count=3, tree=True),
+    "6 of the tree": EffectorSettings(cuts=0, count=6, tree=True),
+}
+
+
+def count_found(recording: Recording, stride: int) -> dict[str, np.ndarray]:
+    """For each kind the number of frames, of those with all three found, of forks and of forks that are right."""
+    found = {kind: np.zeros(4, dtype=np.int64) for kind in KINDS}
+    finder = LonePerson(recording.camera, recording.background, SensingSettings(), recording.up_camera)
+    rotation, workspace = level_rotation(recording.up_camera), Workspace()
+    for i in range(0, len(recording), stride):
+        depth = recording.depth(i)
+        (sighting,) = finder.find(depth, float(recording.timestamps[i]), {})
+        truth = recording.joints[i].astype(np.float64)
+        rows = upper.ROWS[[0, *range(upper.HANDS.start, upper.HANDS.stop)]]
+        if not seen_joints(truth, depth / 1000.0, recording.camera)[rows].all():
+            continue
+        step = max(1, sighting.camera.width // WIDTH)
+        cloud = Cloud.from_depth(sighting.depth[::step, ::step], sighting.camera.subsampled(step), rotation)
+        unobserved = None if sighting.unobserved is None else sighting.unobserved[::step, ::step]
+        level = truth[rows] @ rotation.T
+        for kind, settings in KINDS.items():
+            effectors = find_effectors(cloud, settings, unobserved, workspace)
+            gaps = np.linalg.norm(level[:, None] - effectors.points[None], axis=2)
+            fork = find_fork(effectors, settings)
+            right = fork is not None and all(
+                gaps[k, row] <= WITHIN for k, row in enumerate((fork.head, fork.left_hand, fork.right_hand))
+            )
+            hit = gaps.shape[1] > 0 and bool((gaps.min(axis=1) <= WITHIN).all())
+            found[kind] += [1, hit, fork is not None, right]
+    return found
+
+
+def candidates(parser: argparse.ArgumentParser) -> None:
+    """Count, print, write JSON."""
+    parser.add_argument("--split", choices=("tune", "report"), default="tune", help="report is not for tuning")
+    parser.add_argument("--takes", type=int, help="at most so many of each group")
+    parser.add_argument("--frames", type=int, default=90, help="at most so many of each take")
+    parser.add_argument("--stride", type=int, default=3)
+    parser.add_argument("--work", type=Path, default=WORK)
+    options = parser.parse_args()
+    total = {kind: np.zeros(4, dtype=np.int64) for kind in KINDS}
+    for scene in upper_scenes(options.split, count=options.takes):
+        recording = open_recording(record_scene(scene, options.work, options.frames))
+        for kind, counts in count_found(recording, options.stride).items():
+            total[kind] += counts
+    figures: dict[str, Any] = {}
+    print(f"{'':<24}{'frames':>8}{'all three %':>13}{'fork %':>8}{'right fork %':>14}")
+    for kind, (frames, hit, forks, right) in total.items():
+        shares = 100.0 * np.array([hit, forks, right]) / max(frames, 1)
+        print(f"{kind:<24}{frames:8d}{shares[0]:13.1f}{shares[1]:8.1f}{shares[2]:14.1f}")
+        figures[kind] = dict(zip(("all_three", "fork", "right_fork"), shares.tolist(), strict=True))
+        figures[kind]["frames"] = int(frames)
+    whole = options.takes is None and options.frames >= 90
+    settings = {kind: asdict(value) for kind, value in KINDS.items()}
+    print("written:", save_figures(f"effectors_{options.split}{'' if whole else '_part'}", figures, settings))
+
+
+def main() -> None:
+    """Run the part that is asked for."""
+    run_part(__doc__, {"track": track, "candidates": candidates})
 
 
 if __name__ == "__main__":

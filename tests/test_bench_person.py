@@ -10,7 +10,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from benchmarks import _record, person
+from benchmarks import _record
+from benchmarks import regressor as bench
 from database_builder.regressor import RegressorSettings, train_regressor
 from database_builder.views import ViewSettings
 from tests.database_helpers import small_database
@@ -23,9 +24,9 @@ def test_a_probability_that_means_what_it_says_has_no_error_whatever_the_share_o
     odds = rng.normal(np.where(truth, 1.0, -1.0), 1.0)
     honest = 1.0 / (1.0 + np.exp(-2.0 * odds))
     few = np.concatenate([np.flatnonzero(truth)[:2000], np.flatnonzero(~truth)])
-    assert person.calibration_error(honest[few], truth[few]) < 0.03
-    assert person.calibration_error(honest[few] ** 3, truth[few]) > 0.1
-    figures = person.figures_of({"pixel": honest[few], "pixel_truth": truth[few]}, "pixel")
+    assert bench.error_at_even_odds(honest[few], truth[few]) < 0.03
+    assert bench.error_at_even_odds(honest[few] ** 3, truth[few]) > 0.1
+    figures = bench.figures_of({"pixel": honest[few], "pixel_truth": truth[few]}, "pixel")
     assert figures["auc"] == pytest.approx(0.921, abs=0.01)
     assert figures["people_over_half"] == pytest.approx(0.84, abs=0.02)
     assert figures["rest_over_half"] == pytest.approx(0.16, abs=0.02)
@@ -44,12 +45,12 @@ def test_a_small_regressor_is_measured_and_one_of_people_alone_is_refused(
         )  # fmt: skip
         regressor = train_regressor(database.poses.astype(np.float64), settings)
         replace(database, regressor=regressor).save(tmp_path / f"{name}.npz")
-    monkeypatch.setattr(sys, "argv", ["bench", "--views", "1", "--database", str(tmp_path / "rooms.npz")])
-    person.main()
+    monkeypatch.setattr(sys, "argv", ["bench", "people", "--views", "1", "--database", str(tmp_path / "rooms.npz")])
+    bench.main()
     figures = json.loads((tmp_path / "person_tune.json").read_text())["figures"]
     assert set(figures) == {"pixel", "surface", "ms_per_thousand"} and 0 <= figures["pixel"]["ece"] <= 1
     assert "ms for a thousand pixels" in capsys.readouterr().out
-    monkeypatch.setattr(sys, "argv", ["bench", "--database", str(tmp_path / "alone.npz")])
+    monkeypatch.setattr(sys, "argv", ["bench", "people", "--database", str(tmp_path / "alone.npz")])
     with pytest.raises(SystemExit):
-        person.main()
+        bench.main()
     assert "knows no rooms; build it again" in capsys.readouterr().err

@@ -13,25 +13,16 @@ import pytest
 
 from benchmarks import (
     _record,
-    _swarm_rows,
     _takes,
     accuracy,
-    candidates,
-    cold,
-    crowd_speed,
-    effectors,
-    prior,
-    qammaz,
+    lookup,
     real,
     recovery,
     regressor,
     speed,
+    speed_wings,
     swarm,
-    swarm_speed,
     upper,
-    upper_parts,
-    upper_peer,
-    upper_speed,
 )
 from benchmarks._rows import WatchedTracker
 from database_builder.build import build_database
@@ -39,7 +30,6 @@ from database_builder.regressor import RegressorSettings
 from toolkit.body.body import Body
 from toolkit.body.shape import load_body, subject_body
 from toolkit.database.database import PoseDatabase
-from toolkit.errors import UsageError
 from toolkit.lopez2011 import tracker as particles
 from toolkit.lopez2011.filter import UpperFilter
 from toolkit.lopez2011.initial import InitialSettings
@@ -90,7 +80,7 @@ def sized_roughly(monkeypatch: pytest.MonkeyPatch) -> None:
 def bundled(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Path:
     """The suite of bundled motions, with results in a temporary folder, which is returned."""
     monkeypatch.setattr(suite, "MOCAP", tmp_path / "absent")
-    for module in (_record, accuracy, qammaz):
+    for module in (_record, accuracy, swarm):
         monkeypatch.setattr(module, "RESULTS", tmp_path)
     return tmp_path
 
@@ -158,9 +148,9 @@ def test_the_swarm_is_compared_with_its_parts_and_on_first_frames(
     bundled: Path, work: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     arguments = ["--takes", 1, "--frames", 4, "--joints", "truth", "--rows", "swarm,no 3D", "--work", work, *FEW]
-    monkeypatch.setattr(_swarm_rows, "EVERY", 2)
+    monkeypatch.setattr(swarm, "EVERY", 2)
     for more in ([], ["--cold"]):
-        run(swarm, *arguments, *more, monkeypatch=monkeypatch)
+        run(swarm, "suite", *arguments, *more, monkeypatch=monkeypatch)
         figures = json.loads((bundled / f"swarm_tune_truth{'_cold' if more else ''}_part.json").read_text())["figures"]
         assert list(figures) == ["truth, swarm", "truth, no 3D"]
         assert set(figures["truth, swarm"]["groups"]) == {*GROUPS, "overall"}
@@ -173,12 +163,12 @@ def test_the_swarm_is_compared_with_its_parts_and_on_first_frames(
 def test_tables_of_the_swarms_paper_are_made_of_short_sequences(
     bundled: Path, work: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(qammaz, "scanned", lambda name, work: load_body("neutral"))
-    monkeypatch.setattr(qammaz, "PARTICLES", (4, 8))
-    monkeypatch.setattr(qammaz, "GENERATIONS", (3,))
+    monkeypatch.setattr(swarm, "scanned", lambda name, work: load_body("neutral"))
+    monkeypatch.setattr(swarm, "PARTICLES", (4, 8))
+    monkeypatch.setattr(swarm, "GENERATIONS", (3,))
     arguments = ["--sequences", "MS_1", "--frames", 3, "--joints", "truth", "--work", work, *FEW]
-    for part in qammaz.PARTS:
-        run(qammaz, part, *arguments, monkeypatch=monkeypatch)
+    for part in swarm.TABLES:
+        run(swarm, part, *arguments, monkeypatch=monkeypatch)
         figures = json.loads((bundled / f"qammaz_{part}.json").read_text())["figures"]
         assert all(0.0 < row["delta_mm"] < 1500.0 for row in figures["ours"].values())
         assert (bundled / f"qammaz_{part}.png").exists() == (part != "figure3")
@@ -189,9 +179,9 @@ def test_tables_of_the_swarms_paper_are_made_of_short_sequences(
 def test_first_frames_are_counted_with_the_swarm_and_without(
     bundled: Path, work: Path, small_database: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(cold, "chosen_takes", lambda split, count: chosen_takes(split, ["basic", "low"], count))
+    monkeypatch.setattr(recovery, "chosen_takes", lambda split, count: chosen_takes(split, ["basic", "low"], count))
     arguments = ["--takes", 1, "--frames", 4, "--joints", "truth", "--rows", "hybrid,no swarm", "--every", 2]
-    run(cold, *arguments, "--database", small_database, "--work", work, *QUICK, monkeypatch=monkeypatch)
+    run(recovery, "cold", *arguments, "--database", small_database, "--work", work, *QUICK, monkeypatch=monkeypatch)
     figures = json.loads((bundled / "cold_tune_truth.json").read_text())["figures"]
     assert [figures[row]["overall"]["starts"] for row in ("hybrid", "no swarm")] == [4, 4]
     assert {"mean", "low", "high"} <= set(figures["no swarm"]["fewer_right_points"])
@@ -200,10 +190,10 @@ def test_first_frames_are_counted_with_the_swarm_and_without(
 def test_the_swarms_time_is_told_by_stage_and_by_hypothesis(
     bundled: Path, work: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(swarm_speed, "POSES", 4)
-    monkeypatch.setattr(swarm_speed, "SIZES", ((30, 40),))
-    run(swarm_speed, "--frames", 3, "--rows", "swarm", "--work", work, monkeypatch=monkeypatch)
-    figures = json.loads((bundled / "swarm_speed.json").read_text())["figures"]
+    monkeypatch.setattr(speed_wings, "HYPOTHESES", 4)
+    monkeypatch.setattr(speed_wings, "IMAGES", ((30, 40),))
+    run(speed_wings, "swarm", "--frames", 3, "--rows", "swarm", "--work", work, monkeypatch=monkeypatch)
+    figures = json.loads((bundled / "speed_swarm.json").read_text())["figures"]
     assert list(figures["times"]) == ["swarm, 1", "swarm, 2"] and set(figures["hypothesis_us"]) == {
         "balls", "small", "mesh",
     }  # fmt: skip
@@ -216,7 +206,7 @@ def test_recovery_counts_frames_until_the_pose_is_right(
     monkeypatch.setattr(recovery, "CAP", 3)
     monkeypatch.setattr(_takes, "WITHIN", 0.5)
     arguments = ["--takes", 1, "--frames", 4, "--starts", 5, "--database", small_database, "--work", work]
-    run(recovery, *arguments, *QUICK, monkeypatch=monkeypatch)
+    run(recovery, "wrong", *arguments, *QUICK, monkeypatch=monkeypatch)
     figures = json.loads((bundled / "recovery_tune_part.json").read_text())["figures"]
     kinds, starts = figures["kinds"], figures["starts"]
     assert kinds["shifted"]["starts"] == sum(start["kind"] == "shifted" for start in starts) > 0
@@ -253,7 +243,7 @@ def test_speed_times_every_stage_at_full_and_half_resolution(
 ) -> None:
     monkeypatch.setattr(speed, "SIZES", (3_000,))
     arguments = ["--frames", 6, "--plain-frames", 0, "--memory-frames", "--max-poses", 300]
-    run(speed, small_database, *arguments, monkeypatch=monkeypatch)
+    run(speed, "hybrid", small_database, *arguments, monkeypatch=monkeypatch)
     full, half = json.loads((bundled / "speed_part.json").read_text())["figures"]["times"]
     assert (full["half_resolution"], half["half_resolution"]) == (False, True)
     assert set(full["stages"]) == {"prepare", "landmarks", "local", "arms", "lookup", "head_hands", "swarm", "select"}
@@ -272,7 +262,7 @@ def test_candidates_are_counted_in_frames_with_free_end_effectors(
     bundled: Path, work: Path, small_database: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     run(
-        candidates, "--takes", 1, "--frames", 8, "--database", small_database, "--recordings", work,
+        lookup, "candidates", "--takes", 1, "--frames", 8, "--database", small_database, "--recordings", work,
         "--work", work, monkeypatch=monkeypatch,
     )  # fmt: skip
     figures = json.loads((bundled / "candidates_tune_part.json").read_text())["figures"]
@@ -286,7 +276,7 @@ def test_candidates_are_counted_in_frames_with_free_end_effectors(
 
 
 def test_shares_are_those_of_the_frames_that_count() -> None:
-    row = candidates.shares([(True, True, False), (False, True, True), (False, True, False), (False, False, False)])
+    row = lookup.shares([(True, True, False), (False, True, True), (False, True, False), (False, False, False)])
     assert row == {"frames": 4, "first_five": 0.25, "all_extrema": 0.75, "queries": 0.25}
 
 
@@ -308,7 +298,7 @@ def test_the_regressor_is_judged_by_view_with_what_it_knows_of_the_view(
     kinds = ("waist_up", "hidden", "child")
     monkeypatch.setattr(regressor, "takes", lambda split: takes(split)[:2])
     arguments = ["--views", 3, "--database", small_database, "--work", work, "--masked", "--kinds", *kinds]
-    run(regressor, *arguments, monkeypatch=monkeypatch)
+    run(regressor, "joints", *arguments, monkeypatch=monkeypatch)
     rows = json.loads((bundled / "regressor_tune.json").read_text())["figures"]
     assert [row["view"] for row in rows] == list(kinds)
     assert rows[0]["in_view"] < 0.9 and rows[1]["in_view"] < 1.0 and rows[2]["in_view"] > 0.9
@@ -324,19 +314,6 @@ def test_calibration_and_ranking_are_those_of_the_textbook() -> None:
     assert np.isnan(regressor.area_under_roc(scores, np.ones(4, dtype=bool)))
 
 
-def test_hidden_limbs_are_guessed_by_every_rival(
-    bundled: Path, work: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(regressor, "takes", lambda split: takes(split)[:2])
-    clips = procedural_clips(["wave", "walk"], 15.0, variations=1)
-    build_database(clips, tmp_path / "some.npz", threshold=0.0, max_poses=150, seated=False, parts=None, workers=1)
-    run(prior, "--poses", 4, "--database", tmp_path / "some.npz", "--work", work, monkeypatch=monkeypatch)
-    rows = json.loads((bundled / "prior_tune.json").read_text())["figures"]
-    assert len(rows) == 2 * 3 * 2
-    legs = next(row for row in rows if row["pose"] == "standing" and row["hidden"] == "legs")
-    assert 0.0 < legs["mixture"] < 1000.0 and 0.0 < legs["neighbour"] < 1000.0
-
-
 @pytest.mark.usefixtures("sized_roughly")
 def test_upper_bodies_are_tracked_and_their_candidates_counted(
     small_database: Path, bundled: Path, work: Path, monkeypatch: pytest.MonkeyPatch
@@ -345,78 +322,41 @@ def test_upper_bodies_are_tracked_and_their_candidates_counted(
     monkeypatch.setitem(upper.ROWS, "hybrid", ("hybrid", {"shape.seconds": 0.1}))
     common = ("--takes", 1, "--frames", 3, "--work", work)
     arguments = ("--groups", "cut", "--rows", "lopez2011,hybrid", "--recovery", "--database", small_database)
-    run(upper, *arguments, *common, monkeypatch=monkeypatch)
+    run(upper, "track", *arguments, *common, monkeypatch=monkeypatch)
     figures = json.loads((bundled / "upper_tune_part.json").read_text())["figures"]
     assert figures["lopez2011"]["frames"] == 3 and figures["hybrid"]["upper_px"] < 120.0
-    run(effectors, *common, "--stride", 3, monkeypatch=monkeypatch)
+    run(upper, "candidates", *common, "--stride", 3, monkeypatch=monkeypatch)
     counts = json.loads((bundled / "effectors_tune_part.json").read_text())["figures"]
     assert counts["8 extrema"]["all_three"] >= counts["3 extrema"]["all_three"]
 
 
-def test_time_by_the_number_of_people_and_of_unobserved_space_is_told(
+def test_time_by_the_number_of_people_is_told(
     bundled: Path, small_database: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(crowd_speed, "WARM_UP", 1)
-    run(crowd_speed, small_database, "--people", "1,2", "--frames", 8, monkeypatch=monkeypatch)
-    figures = json.loads((bundled / "crowd_speed.json").read_text())["figures"]
-    people, unobserved = figures["crowd"]["people"], figures["unobserved"]
+    monkeypatch.setattr(speed, "SETTLED", 1)
+    run(speed, "crowd", small_database, "--people", "1,2", "--frames", 8, monkeypatch=monkeypatch)
+    people = json.loads((bundled / "speed_crowd.json").read_text())["figures"]["people"]
     assert list(people) == ["1", "2"] and people["1"]["excess_ms"] == 0.0
     assert people["2"]["excess_ms"] == pytest.approx(people["2"]["median_ms"] - 2 * people["1"]["median_ms"])
-    assert unobserved["finding_ms"] > 0.0 and unobserved["frames"] > 0
 
 
-def test_of_people_in_a_row_nobody_hides_another_and_a_crate_hides_shins() -> None:
-    camera = crowd_speed.wide_camera(2)
-    one, two = (crowd_speed.row_of_people(n, 2, 1) for n in (1, 2))
+def test_of_people_in_a_row_nobody_hides_another() -> None:
+    one, two = (speed.row_of_people(n, 2, 1) for n in (1, 2))
     assert (two[one > 0] == one[one > 0]).mean() > 0.99
-    assert 0.7 < (two > 0).sum() / 2 / crowd_speed.PIXELS < 1.3
-    hidden, empty = crowd_speed.behind_a_crate(one, camera)
-    assert (hidden <= empty).all()
-    assert 0 < ((one > 0) & (hidden == empty)).sum() < 0.4 * (one > 0).sum()
+    assert 0.7 < (two > 0).sum() / 2 / speed.PIXELS < 1.3
 
 
-@pytest.mark.usefixtures("sized_roughly")
-def test_parts_of_the_particle_filter_are_compared_and_timed(
+def test_the_particle_filters_frames_a_second_are_told(
     bundled: Path, work: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    common = ("--groups", "cut", "--takes", 1, "--frames", 3, "--work", work)
-    rows = ("plain", "geodesic", "nothing told")
-    run(upper_parts, *common, "--rows", ",".join(rows), monkeypatch=monkeypatch)
-    figures = json.loads((bundled / "upper_parts_tune_part.json").read_text())["figures"]
-    assert tuple(figures) == rows and all(figures[row]["frames"] == 3 for row in rows)
-    difference = figures["geodesic"]["upper_px"] - figures["plain"]["upper_px"]
-    assert figures["geodesic"]["worse"]["mean"] == pytest.approx(difference)
-    assert figures["plain"]["upper_px"] < 60.0, "body and first pose are given"
-    monkeypatch.setattr(upper_speed, "WARM_UP", 1)
-    run(upper_speed, *common[:2], *common[4:], "--counts", "8", monkeypatch=monkeypatch)
-    assert json.loads((bundled / "upper_speed_part.json").read_text())["figures"]["8"]["frame_rate"] > 0
+    monkeypatch.setattr(speed_wings, "LEFT_OUT", 1)
+    arguments = ("--groups", "cut", "--frames", 3, "--work", work, "--counts", "8")
+    run(speed_wings, "upper", *arguments, monkeypatch=monkeypatch)
+    assert json.loads((bundled / "speed_upper_part.json").read_text())["figures"]["8"]["frame_rate"] > 0
 
 
-PEER = """
-import json, sys, numpy
-frames = numpy.load(sys.argv[1])["depth"]
-json.dump([{"head": [160.0, 100.0], "left_hand": None}] * len(frames), open(sys.argv[2], "w"))
-"""
-
-
-def test_another_program_is_asked_for_joints_in_the_image(
-    bundled: Path, work: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    program = tmp_path / "peer.py"
-    program.write_text(PEER, encoding="utf-8")
-    common = ("--groups", "cut", "--takes", 1, "--frames", 3, "--work", work)
-    run(upper_peer, *common, "--command", f"{sys.executable} {program}", monkeypatch=monkeypatch)
-    figures = json.loads((bundled / "upper_peer_tune_part.json").read_text())["figures"]
-    assert figures["hands_px"] == upper_peer.MISSING and figures["missing"] == pytest.approx(6 / 7)
-    for command, message in (
-        (f"{tmp_path}/nowhere", "cannot be started"),
-        (f"{sys.executable} -c 'import sys; sys.exit(\"it is not installed\")'", "failed: it is not installed"),
-        (f'{sys.executable} -c \'import sys; open(sys.argv[2], "w").write("[]")\'', "answered 0 of 2 frames"),
-    ):
-        with pytest.raises(UsageError, match=message):
-            upper_peer.ask(command, np.zeros((2, 4, 4), dtype=np.uint16))
-
-
-def test_without_skeltrack_one_sentence_says_so() -> None:
-    with pytest.raises(UsageError, match="Skeltrack's GObject bindings .* are not installed"):
-        upper_peer.ask(upper_peer.SKELTRACK.replace("python3", sys.executable, 1), np.zeros((1, 4, 4), dtype=np.uint16))
+def test_a_benchmark_names_its_parts(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    for arguments in ([], ["nothing"], ["--frames"]):
+        with pytest.raises(SystemExit):
+            run(speed, *arguments, monkeypatch=monkeypatch)
+        assert "crowd" in capsys.readouterr().err

@@ -1,4 +1,4 @@
-"""`depthmocap bench builds`: a build that fails is a row with its reason."""
+"""`depthmocap bench database collections`: a build that fails is a row with its reason."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from benchmarks import builds
+from benchmarks import database as builds
 from tests.database_helpers import write_bvh
 from toolkit.database.database import PoseDatabase
 

@@ -11,7 +11,7 @@ from scipy.sparse import csr_matrix
 from scipy.sparse.csgraph import connected_components, dijkstra
 from scipy.spatial.distance import cdist
 
-from benchmarks.extrema import run
+from benchmarks.lookup import extrema_rows
 from tests.landmark_helpers import CAMERA, cloud_of, figure, paint
 from toolkit.errors import SegmentationError, SettingsError, UsageError
 from toolkit.kernels.cloud import cloud_graph
@@ -367,7 +367,7 @@ def test_each_point_of_an_unorganised_cloud_is_joined_to_its_nearest_points(coun
 
 
 def test_the_benchmark_finds_equal_extrema_and_visits_on_rendered_people() -> None:
-    (row,) = run(sizes=(1500,), frames=3)
+    (row,) = extrema_rows(sizes=(1500,), frames=3)
     assert row["equal_to_scipy"] == 1.0
     assert row["visited_mean"][0] == pytest.approx(row["nodes"], rel=0.02)
     assert row["visited_mean"][1:].max() < 0.5 * row["visited_mean"][0]

@@ -5,9 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from benchmarks._plain_fitting import PlainObjective, PlainPlacer, PlainScene, bounded_step, plain_refiner
-from benchmarks._plain_landmarks import plain_centre, plain_extrema, plain_graph, plain_source
-from benchmarks.plain_pipeline import compare
+from benchmarks.speed import compare
 from tests.database_helpers import small_database
 from tests.fitting_helpers import Fit
 from toolkit import skeleton
@@ -26,6 +24,8 @@ from toolkit.landmarks.regressor import JointEstimate
 from toolkit.landmarks.settings import LandmarkSettings
 from toolkit.recordings.opening import open_recording
 from toolkit.sensing.cloud import Cloud
+from toolkit.testing.plain_fitting import PlainObjective, PlainPlacer, PlainScene, bounded_step, plain_refiner
+from toolkit.testing.plain_landmarks import plain_centre, plain_extrema, plain_graph, plain_source
 from toolkit.testing.subjects import LEVEL, camera_for, draw, moving_poses, write_recording
 
 BODY = load_body("neutral")

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from benchmarks import _keyframe_corpus as corpus
-from benchmarks import annotation, keyframe_search
+from benchmarks import annotation, keyframes
 from tests.retrieval_motions import random_motion
 from toolkit.retrieval.features.relational import FeatureMatrix
 from toolkit.retrieval.search.find import HitRanges
@@ -25,10 +25,10 @@ def hits(*ranges: tuple[int, int, int]) -> HitRanges:
 def test_alternatives_are_judged_by_what_any_of_them_leaves() -> None:
     documents = [document("a", 100, (10, 20, "hop"), (50, 60, "hop")), document("b", 100, (0, 10, "kick"))]
     found = [hits((0, 10, 20), (1, 0, 100)), hits((0, 15, 25), (0, 58, 63))]
-    share, touched, half = keyframe_search.quality(found, documents, [0], "hop")
+    share, touched, half = keyframes.quality(found, documents, [0], "hop")
     assert (share, touched, half) == (0.2, 1.0, 0.5)
-    assert keyframe_search.quality(found[:1], documents, [0], "hop") == (0.1, 0.5, 0.5)
-    assert keyframe_search.relevant_share(documents, [0], "hop") == 0.2
+    assert keyframes.quality(found[:1], documents, [0], "hop") == (0.1, 0.5, 0.5)
+    assert keyframes.relevant_share(documents, [0], "hop") == 0.2
 
 
 def test_the_summary_sets_data_left_against_what_is_relevant() -> None:
@@ -36,14 +36,14 @@ def test_the_summary_sets_data_left_against_what_is_relevant() -> None:
         {"label": "hop", "queries": 2, "milliseconds": ms, "relevant": 0.1, "left_hits": left, "left_motions": 0.4}
         for ms, left in ((1.0, 0.1), (3.0, 0.3))
     ]
-    means = keyframe_search.summary(rows)
+    means = keyframes.summary(rows)
     assert (means["milliseconds"], means["worst_milliseconds"]) == (2.0, 3.0)
     assert means["left_hits_over_relevant"] == pytest.approx(2.0)
     assert means["left_motions_over_relevant"] == pytest.approx(4.0)
 
 
 def test_the_line_through_the_origin_is_the_time_per_segment() -> None:
-    slope, correlation = keyframe_search.line_through_origin(
+    slope, correlation = keyframes.line_through_origin(
         [{"segments": n, "milliseconds": 0.01 * n} for n in (100, 500, 2000)]
     )
     assert slope == pytest.approx(0.01) and correlation == pytest.approx(1.0)

@@ -46,7 +46,8 @@ def bench(
         str, typer.Argument(metavar="NAME", help="Name of a script in benchmarks/.", show_default=False)
     ] = "",
 ) -> None:
-    """Measure a figure: run a benchmark script, or list them all without a name."""
+    """Measure a figure: run a benchmark script, all of them with --all, or list them without a name."""
+    name = "all" if name == "--all" else name
     if name in ("", "-h", "--help"):
         say("\n".join(benchmarks()) or "there is no benchmark here; run it from a checkout")
         return

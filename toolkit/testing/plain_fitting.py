@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from scipy.linalg import LinAlgError, cho_factor, cho_solve
@@ -51,10 +52,11 @@ class PlainScene(Scene):
         extrema_level: np.ndarray,
         samples: int,
         evidence: Sequence[Evidence] = (),
-        **marks: np.ndarray | None,
+        **marks: Any,
     ) -> None:
         super().__init__(cloud, extrema_level, samples, evidence=evidence, **marks)
-        self.medians = ScipyNeighbours(back_projected(self.depth, self.intrinsics)[0]).medians
+        neighbours = ScipyNeighbours(back_projected(self.depth, self.intrinsics)[0])
+        self.medians = neighbours.medians  # type: ignore[method-assign]
 
 
 def back_projected(depth: np.ndarray, intrinsics: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -233,7 +235,7 @@ class PlainSystem(NormalSystem):
 class PlainSurfaceTerm(SurfaceTerm):
     """Adds its pairs to a `PlainSystem`."""
 
-    def add(self, system: PlainSystem, placed: PlacedBody, scene: Scene) -> None:
+    def add(self, system: Any, placed: PlacedBody, scene: Scene) -> None:
         """See `PairTerm.add`."""
         found = self.pairs(placed, scene)
         points = placed.vertices[found.vertex]
@@ -260,7 +262,7 @@ class PlainCloudTerm(CloudTerm):
             vertex_of[scene.withheld[placed.body.part[vertex_of]]] = -1
         return points, vertex_of
 
-    def add(self, system: PlainSystem, placed: PlacedBody, scene: Scene) -> None:
+    def add(self, system: Any, placed: PlacedBody, scene: Scene) -> None:
         """See `PairTerm.add`."""
         points, vertex_of = self.nearest(placed, scene)
         found = vertex_of >= 0

@@ -1,0 +1,105 @@
+"""Every figure of README and docs, one after the other: `depthmocap bench --all [--database POSES] [--data FOLDER]`.
+
+What has a result of this commit is left out, so that the same command goes on where it was stopped. A benchmark that
+fails is said, and the others go on; the exit code is 1 then. `--list` only tells what would run.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+from benchmarks._record import RESULTS, commit
+from benchmarks._rows import add_database_options, poses_of
+from toolkit.testing.suite import ROOT
+
+SMALL_BALLS = "--set discrepancy.figure=balls --set discrepancy.width=30 --set discrepancy.height=40"
+SMALL_MESH = SMALL_BALLS.replace("balls", "small")
+COMMANDS: dict[str, str] = {
+    "speed": "speed hybrid {database}",
+    "speed_crowd": "speed crowd {database} --frames 120",
+    "speed_swarm": "speed_wings swarm --frames 30 --network",
+    "extrema": "lookup extrema",
+    "lookup": "lookup queries {database}",
+    "accuracy_report": "accuracy --split report --rows hybrid,local,baak2013 --database {database}",
+    "scenes_report": "scenes --split report --database {database}",
+    "real": "real --stride 1 --database {database}",
+    "rooms": "rooms --database toolkit/database/assets/default.npz",
+    "candidates_report": "lookup candidates --split report --database {database}",
+    "recovery_report": "recovery wrong --split report --database {database}",
+    "cold_report_depth": "recovery cold --split report --takes 2 --joints depth --every 24 --database {database}",
+    "cold_report_colour": "recovery cold --split report --takes 1 --joints colour --every 24 --database {database}",
+    "person_tune": "regressor people --views 25 --database toolkit/database/assets/default.npz",
+    "builds": "database collections",
+    "swarm_report_colour": "swarm suite --split report --first 60 --joints colour",
+    "swarm_report_depth": "swarm suite --split report --first 60 --joints depth",
+    "qammaz_sequences": f"swarm sequences {SMALL_BALLS}",
+    "qammaz_table2": f"swarm table2 --sequences MS_1,FS_1 --frames 60 {SMALL_BALLS}",
+    "qammaz_table3": f"swarm table3 --sequences MS_1 --frames 60 --seeds 2 {SMALL_BALLS}",
+    "qammaz_figure3": f"swarm figure3 --sequences MS_1 --frames 60 {SMALL_BALLS}",
+    "qammaz_models": f"swarm models --seeds 3 --frames 60 {SMALL_MESH}",
+    "scan": "swarm scan",
+    "realsense": "joints followed --rows swarm,hybrid --database {database}",
+    "joints_report": "joints detected --split report --takes 1 --frames 20 --real --recordings 18",
+    "upper_real": "upper track --real --database {database}",
+    "upper_report_hybrid": "upper track --split report --rows hybrid --recovery --database {database}",
+    "effectors_report": "upper candidates --split report",
+    "gait": "gait --database {database}",
+    "feet": "feet --database {database}",
+    "inertial": "inertial --split report --database {database}",
+    "inertial_real": "inertial_real --database {database}",
+    "stabilise_report": "stabilise classes --split report --database {database}",
+    "fused_report": "stabilise sensors --split report --takes side_bk_kick_010_heavy_male_tof --database {database}",
+    "hidden_limbs": "hidden_limbs",
+    "events": "annotation events --split report",
+    "annotation": "annotation thesis {data} --runs 2",
+    "motion_model": "motion_model {data} --seeds 3 --curve",
+    "by_example": "by_example {data}",
+    "keyframe_search": "keyframes search {data}",
+    "keyframe_learning": "keyframes learning {data}",
+    "index_scale": "scale index {data}",
+    "scale": "scale recordings --recordings 12 --database {database}",
+    "builder_1000000": "database size {data}/mocap",
+    "fuzz": "fuzz --mutations 106200 --seed 1",
+}
+"""Result -> the benchmark that writes it, as it is typed behind `depthmocap bench`."""
+
+
+def left(wanted: dict[str, str]) -> dict[str, str]:
+    """Those whose result is of another commit, or missing."""
+    return {name: command for name, command in wanted.items() if _measured_at(name) != commit()}
+
+
+def _measured_at(name: str) -> str | None:
+    path = RESULTS / f"{name}.json"
+    return json.loads(path.read_text(encoding="utf-8")).get("commit") if path.exists() else None
+
+
+def main() -> None:
+    """Run what is left."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--data", type=Path, default=ROOT.parent / "shared" / "data", help="mocap and recordings")
+    parser.add_argument("--only", nargs="+", choices=COMMANDS, metavar="RESULT", default=list(COMMANDS))
+    parser.add_argument("--list", action="store_true", help="tell what would run")
+    add_database_options(parser)
+    options = parser.parse_args()
+    due = left({name: COMMANDS[name] for name in options.only})
+    if options.list:
+        print("\n".join(f"{name:20} bench {command}" for name, command in due.items()))
+        return
+    database, failed = poses_of(options) if due else None, []
+    for name, command in due.items():
+        script, *words = command.format(database=database, data=options.data).split()
+        print(f"{name}: bench {command}", flush=True)
+        if subprocess.run([sys.executable, "-m", f"benchmarks.{script}", *words], cwd=ROOT, check=False).returncode:
+            failed.append(name)
+    print(f"{len(due) - len(failed)} measured, {len(COMMANDS) - len(due)} left as they are")
+    if failed:
+        sys.exit(f"failed: {', '.join(failed)}")
+
+
+if __name__ == "__main__":
+    main()

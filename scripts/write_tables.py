@@ -1,0 +1,343 @@
+"""Write the tables of README and docs that come from `benchmarks/results/`: `python scripts/write_tables.py [--check]`.
+
+A table lies between `<!-- table: NAME -->` and `<!-- end -->`; its rows are made here, from the figures of one or two
+benchmarks. `--check` writes nothing and fails where a page says something else. A result is evidence only if its commit
+lies in the history of what is checked out: others are named, and are to be measured again or dropped.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+import subprocess
+import sys
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+ROOT = Path(__file__).resolve().parents[1]
+RESULTS = ROOT / "benchmarks" / "results"
+MARKED = re.compile(r"(<!-- table: (\w+) -->\n).*?(<!-- end -->)", re.DOTALL)
+GROUPS = ("basic", "fast", "turn", "side", "low")
+SUBJECTS = ("MS_1", "MS_2", "FS_1", "FS_2")
+Rows = Sequence[Sequence[str]]
+
+
+def figures(name: str) -> Any:
+    """What a benchmark measured last."""
+    return json.loads((RESULTS / f"{name}.json").read_text(encoding="utf-8"))["figures"]
+
+
+def percent(share: float, digits: int = 1) -> str:
+    """A share without its sign; all of it without a point."""
+    return "100" if share == 1 else f"{100 * share:.{digits}f}"
+
+
+def series(values: Sequence[float], form: str = ".1f") -> str:
+    """Numbers with commas between them."""
+    return ", ".join(format(value, form) for value in values)
+
+
+def first_screen() -> Rows:
+    """What the tracker does, of the README."""
+    real, suite = figures("real")["hybrid"]["mean"], figures("accuracy_report")["rows"]["hybrid"]["means"]["overall"]
+    scenes, rooms = figures("scenes_report")["lines"], figures("rooms")["all"]["counts"]
+    seated = [scenes["waist up and seated"], scenes["behind furniture"]]
+    errors, near = sorted(row["error_mm"] for row in seated), sorted(row["a100"] for row in seated)
+    several, clothes = scenes["several people"], scenes["clothes"]
+    frame = next(row for row in figures("speed")["times"] if 5e3 < row["pixels"] < 7e3 and not row["half_resolution"])
+    found = {kind: f"{percent(rooms[kind][0] / rooms[kind][1], 0)} %" for kind in ("clear", "occluded")}
+    small, total = rooms["small"]
+    within = rooms["stature"][0] / rooms["stature"][1]
+    false = rooms["false"]["furniture"] + rooms["false"]["elsewhere"]
+    switched = "nobody is taken for somebody else" if several["switches"] == 0 else f"{several['switches']} switches"
+    return [
+        ("on", "it does"),
+        (
+            "real recordings: 108 of UTD-MHAD, a Kinect, four people whom it never saw",
+            f"{percent(real['agreement_offsets'])} % of joints agree with the Kinect SDK's within 100 mm; fitted body"
+            f" and depth overlap by {percent(real['overlap'])} %",
+        ),
+        (
+            "simulated recordings with exact truth, people and actions that it never saw",
+            f"{suite['error_mm']:.1f} mm mean error of the joints, {percent(suite['a100'])} % within 100 mm",
+        ),
+        (
+            "people from the waist up, seated, behind furniture",
+            f"{errors[0]:.1f} to {errors[1]:.1f} mm, {percent(near[0])} to {percent(near[1])} %",
+        ),
+        (
+            "real rooms of others, six sequences annotated by hand",
+            f"{found['clear']} of heads in clear view found, {found['occluded']} of half hidden ones,"
+            f" {small or 'none'} of {total} small ones behind far desks; {false}"
+            f" false people in {rooms['frames']} frames; {percent(within, 0)} % of statures between 1.5 and 2.0 m",
+        ),
+        (
+            "two and three people who cross and touch",
+            f"{several['error_mm']:.1f} mm, {percent(several['a100'])} %; {switched}",
+        ),
+        ("skirts, dresses, coats", f"{clothes['error_mm']:.1f} mm, {percent(clothes['a100'])} %"),
+        (
+            "time per frame of 6,000 pixels, one core",
+            f"{frame['frame']['median_ms']:.1f} ms; 99 % of frames within {frame['frame']['p99_ms']:.1f} ms",
+        ),
+    ]
+
+
+def accuracy() -> Rows:
+    """The hybrid tracker and what it is without its parts."""
+    found = figures("accuracy_report")
+    rows = [("switched off", "error mm", "hybrid is better by, 95 % interval of a paired bootstrap over recordings")]
+    for row, said in (
+        ("hybrid", "nothing"),
+        ("local", "database after the first frame (local only)"),
+        ("baak2013", "all of it (`--config baak2013`)"),
+    ):
+        gain = found["compared"].get(row)
+        better = "" if gain is None else f"{gain['mean']:.1f} [{gain['low']:.1f}, {gain['high']:.1f}]"
+        rows.append((said, f"{found['rows'][row]['means']['overall']['error_mm']:.1f}", better))
+    return rows
+
+
+def times() -> Rows:
+    """Time per frame by pixels and resolution, beside the error and the plain pipeline."""
+    rows = [("pixels", "median, 99 %, 99.9 % ms", "error mm", "half resolution: ms", "error mm", "faster than plain")]
+    found = figures("speed")
+    for full, half, plain in zip(found["times"][::2], found["times"][1::2], found["plain"], strict=True):
+        cells = [f"{full['pixels']:.0f}"]
+        for row in (full, half):
+            cells += [series(list(row["frame"].values())), f"{row['error_mm']:.1f}"]
+        rows.append((*cells, f"{plain['faster']:.1f} times; joints apart by {plain['apart_mm']['max']:.3f} mm"))
+    return rows
+
+
+def swarm() -> Rows:
+    """The swarm tracker on the suite."""
+    groups = figures("swarm_report_colour")["colour, swarm"]["groups"]
+    every = groups["overall"]
+    shares = (f"{percent(every[name])}" for name in ("a50", "a80", "a100"))
+    each = series([groups[name]["delta_mm"] for name in GROUPS])
+    head = ("joints from", "Delta mm", "A(50)", "A(80)", "A(100) %", f"{', '.join(GROUPS)} mm")
+    return [
+        head,
+        ("colour", f"{every['delta_mm']:.1f}", *shares, each),
+        ("target", "42", "", "", "94", "32, 36, 45, 55, 45"),
+    ]
+
+
+def sequences() -> Rows:
+    """Both configurations of the swarm on the four sequences."""
+    found = figures("qammaz_sequences")
+    rows = [("", f"Delta mm: {', '.join(SUBJECTS)}", "A(50)", "A(80)", "A(100) %")]
+    for row, said in (
+        ("swarm", "`swarm.yaml` (target 45 each; 80, 90, 94 %)"),
+        ("qammaz", "`qammaz.yaml`, the body as balls in 30x40 pixels, a seventh of the mesh's cost (target: mean 85)"),
+    ):
+        own = [found["ours"][f"{row}, {name}"] for name in SUBJECTS]
+        shares = (", ".join(percent(each[a]) for each in own) for a in ("a50", "a80", "a100"))
+        rows.append((said, series([each["delta_mm"] for each in own]), *shares))
+    return [*rows, ("the paper's, of its own sequences", series([found["paper_mm"][n] for n in SUBJECTS]), "", "", "")]
+
+
+def models() -> Rows:
+    """Table 4 of Qammaz: whose body is taken for the person's."""
+    found = figures("qammaz_models")
+    kinds = (*SUBJECTS, "neutral", "balls")
+    rows = [("Table 4, Delta mm, middle of three seeds, ours (the paper's): body of", *kinds)]
+    for name in SUBJECTS:
+        cells = []
+        for kind in kinds:
+            label = f"{name} with {kind}"
+            paper = f" ({found['paper_mm'][label]})" if label in found["paper_mm"] else ""
+            own = found["ours"][label]  # of three seeds the mean, the lowest and the highest
+            ours = f"{3 * own['delta_mm'] - own['seed_low_mm'] - own['seed_high_mm']:.1f}"
+            cells.append(f"**{ours}**{paper}" if kind == name else f"{ours}{paper}")
+        rows.append((name, *cells))
+    return rows
+
+
+def upper() -> Rows:
+    """People seen from the waist up."""
+    real, takes = figures("upper_real"), figures("upper_report_hybrid")
+    rows = [
+        (
+            "tracker, told nothing",
+            "stills: px, hands px, hands within 100 px",
+            "seated man px",
+            "takes: px, hands px, mm, first frame px",
+        ),
+        ("targets of the hybrid tracker", "20, , 100 %", "15", "10, 15, 30; 20"),
+    ]
+    for row, said in (
+        ("hybrid", "hybrid"),
+        ("lopez2011", "`lopez2011`"),
+        ("particles", "`particles`: with local optimisation"),
+    ):
+        still, own = real[f"{row} stills"], takes.get(row)
+        of_takes = (
+            own and f"{series([own[name] for name in ('upper_px', 'hands_px', 'upper_mm')])}; {own['first_px']:.1f}"
+        )
+        stills = f"{still['upper_px']:.1f}, {still['hands_px']:.1f}, {percent(still['hands_near'], 0)} %"
+        rows.append((said, stills, f"{real[f'{row} seated']['upper_px']:.1f}", of_takes or ""))
+    return rows
+
+
+def stabilised() -> Rows:
+    """Hidden limbs before and after stabilising."""
+    found = figures("stabilise_report")
+    kinds = ("before", "after one round", "at the end")
+    rows = [("figure", "target", *kinds)]
+    for name, said, target in (
+        ("mean mm", "mean error, mm", "27"),
+        ("seen mm", "of joints that the camera sees", "24"),
+        ("hidden mm", "of hidden joints", "50"),
+    ):
+        rows.append((said, target, *(f"{found[kind][name]:.1f}" for kind in kinds)))
+    near = (f"{percent(found[kind]['hidden within 100 mm'], 0)} %" for kind in kinds)
+    labels = f"{found['F segments']:.2f}, {found['F frames']:.2f}"
+    return [
+        *rows, ("hidden joints within 100 mm", "90 %", *near),
+        ("worst change of a sequence", "+1", "", "", f"{found['most harm mm']:.1f}"),
+        ("labels of the tracks, F over segments, over frames", "0.95, 0.90", "", "", labels),
+    ]  # fmt: skip
+
+
+def events() -> Rows:
+    """Motions told while they go on."""
+    rows = [
+        (
+            "classes told by",
+            "F over segments, live; of the whole",
+            "delay s: median, 90 %",
+            "ms of a processor per frame",
+        )
+    ]
+    rows.append(("targets", "within 0.02", "0.15, 0.35", "0.3"))
+    for name, said in (("events", "templates"), ("events_keyframes", "and keyframes of two actors (`--queries`)")):
+        own = figures(name)
+        live = f"{own['F segments, live']:.3f}; {own['F segments, whole']:.3f}"
+        late = series([own["delay s, median"], own["delay s, 90 %"]], ".2f")
+        rows.append((said, live, late, f"{own['ms of processor per frame']:.2f}"))
+    return rows
+
+
+def hidden_limbs() -> Rows:
+    """How well a hidden limb is told."""
+    found = figures("hidden_limbs")
+    rows = [("hidden for", "told by", "target: arm, leg", "arm mm", "leg mm")]
+    for spans, ways in (
+        (
+            ("0.5 s", "1 s", "2 s"),
+            (
+                ("held", "last pose held", ""),
+                ("straight", "straight from end to end", ""),
+                ("class and ends", "class, seen limbs and both ends", "50, 70, 100; 65, 95, 125"),
+            ),
+        ),
+        (
+            ("whole motion",),
+            (
+                ("held", "first pose held", ""),
+                ("class and first frame", "class and first frame", "115, 125"),
+                ("repetitions", "the person's repetitions", "85, 95"),
+            ),
+        ),
+    ):
+        for way, said, target in ways:
+            limbs = ([found[f"{limb} hidden for {span}, {way}"]["mm"] for span in spans] for limb in ("arm", "leg"))
+            rows.append((", ".join(spans), said, target, *(series(own, ".0f") for own in limbs)))
+    return rows
+
+
+def scenes() -> Rows:
+    """People as they are recorded."""
+    lines = figures("scenes_report")["lines"]
+    rows = [
+        (
+            "scenes",
+            "recordings",
+            "error mm",
+            "A(100) %",
+            "switches, misses, false",
+            "found within 0.5 s %",
+            "right number %",
+        )
+    ]
+    for name, said in (
+        ("waist up and seated", "waist up and seated"),
+        ("behind furniture", "behind furniture"),
+        ("clothes", "clothes"),
+        ("children, tilted", "children, tilted cameras"),
+        ("several people", "two and three people"),
+        ("all people", "all"),
+    ):
+        own = lines[name]
+        counts = ", ".join(str(own[kind]) for kind in ("switches", "misses", "false"))
+        shares = (percent(own[kind]) for kind in ("found_soon", "numbers_right"))
+        rows.append((said, str(own["recordings"]), f"{own['error_mm']:.1f}", percent(own["a100"]), counts, *shares))
+    return rows
+
+
+def crowd() -> Rows:
+    """Time by the number of people."""
+    rows = [("people", "ms", "over N times one (target: at most + 1)")]
+    for count, own in figures("speed_crowd")["crowd"]["people"].items():
+        rows.append((count, f"{own['median_ms']:.1f}", f"{own['excess_ms']:+.1f}"))
+    return rows
+
+
+TABLES: dict[str, Callable[[], Rows]] = {
+    table.__name__: table
+    for table in (
+        first_screen, accuracy, times, swarm, sequences, models, upper, stabilised, events, hidden_limbs, scenes, crowd,
+    )
+}  # fmt: skip
+
+
+def written(page: str) -> str:
+    """A page's text with its tables as the results are."""
+
+    def table(found: re.Match[str]) -> str:
+        head, *rows = TABLES[found[2]]()
+        lines = [head, ["---"] * len(head), *rows]
+        text = "".join(
+            ("|" + "|".join(row) + "|" if row[0] == "---" else "| " + " | ".join(row) + " |") + "\n" for row in lines
+        )
+        return found[1] + text.replace("|  |", "| |").replace("|  |", "| |") + found[3]
+
+    return MARKED.sub(table, page)
+
+
+def pages() -> list[Path]:
+    """Those that may hold tables."""
+    return [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
+
+
+def strangers() -> list[str]:
+    """Results whose commit is none of the history's, or that name none."""
+    found = []
+    for path in sorted(RESULTS.glob("*.json")):
+        commit = json.loads(path.read_text(encoding="utf-8")).get("commit", "").rstrip("+") or "none"
+        command = ["git", "-C", str(ROOT), "merge-base", "--is-ancestor", commit, "HEAD"]
+        if subprocess.run(command, capture_output=True, check=False).returncode:
+            found.append(f"{path.name} (commit {commit})")
+    return found
+
+
+def main() -> None:
+    """Write, or check."""
+    stale = [path for path in pages() if written(text := path.read_text(encoding="utf-8")) != text]
+    if "--check" in sys.argv:
+        lost = strangers()
+        for path in stale:
+            print(f"{path.relative_to(ROOT)} says something else than benchmarks/results; run scripts/write_tables.py")
+        for name in lost:
+            print(f"{name} is no commit of this history; measure again or drop it")
+        sys.exit(1 if stale or lost else 0)
+    for path in stale:
+        path.write_text(written(path.read_text(encoding="utf-8")), encoding="utf-8")
+        print("written:", path.relative_to(ROOT))
+
+
+if __name__ == "__main__":
+    main()

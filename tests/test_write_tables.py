@@ -1,0 +1,61 @@
+"""The pages say what the benchmarks measured, and every benchmark that is listed can be run."""
+
+from __future__ import annotations
+
+import json
+import re
+from pathlib import Path
+
+import pytest
+
+from benchmarks import _record
+from benchmarks import all as everything
+from scripts import write_tables
+from toolkit.cli.bench import benchmarks
+
+
+@pytest.mark.quick
+def test_pages_and_results_agree() -> None:
+    tables = set()
+    for path in write_tables.pages():
+        text = path.read_text(encoding="utf-8")
+        assert write_tables.written(text) == text, f"{path.name} is stale: python scripts/write_tables.py"
+        tables |= {name for _, name, _ in write_tables.MARKED.findall(text)}
+    assert tables == set(write_tables.TABLES)
+
+
+@pytest.mark.quick
+def test_a_table_is_written_anew_and_nothing_else(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(write_tables.TABLES, "crowd", lambda: [("people", "ms"), ("1", "")])
+    page = "before\n<!-- table: crowd -->\nold\n<!-- end -->\nafter\n"
+    found = write_tables.written(page)
+    assert found == "before\n<!-- table: crowd -->\n| people | ms |\n|---|---|\n| 1 | |\n<!-- end -->\nafter\n"
+
+
+@pytest.mark.quick
+def test_what_has_a_result_of_this_commit_is_not_measured_again(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(everything, "RESULTS", tmp_path)
+    monkeypatch.setattr(everything, "commit", lambda: "abc1234")
+    for name, commit in (("here", "abc1234"), ("old", "0123456"), ("changed", "abc1234+")):
+        (tmp_path / f"{name}.json").write_text(json.dumps({"commit": commit}))
+    assert list(everything.left(dict.fromkeys(("here", "old", "changed", "missing"), ""))) == [
+        "old",
+        "changed",
+        "missing",
+    ]
+
+
+@pytest.mark.quick
+def test_every_benchmark_that_is_listed_or_named_on_a_page_is_there() -> None:
+    named = {command.split()[0] for command in everything.COMMANDS.values()}
+    for path in write_tables.pages():
+        if path.name not in ("notebook.md", "CHANGELOG.md"):
+            named |= set(re.findall(r"bench ([a-z]\w+)", path.read_text(encoding="utf-8")))
+    assert named <= set(benchmarks())
+
+
+@pytest.mark.quick
+def test_a_figure_names_a_commit_that_stays() -> None:
+    assert re.fullmatch(r"[0-9a-f]{7}\+?|unknown", _record.commit())
