@@ -30,7 +30,7 @@ from joblib.externals.loky import get_reusable_executor
 
 from benchmarks._record import run_part, save_figures
 from database_builder import pool
-from database_builder.build import build_database
+from database_builder.build import Sampling, build_database
 from database_builder.regressor import RegressorSettings
 from database_builder.sampling import pose_distance
 from toolkit import skeleton
@@ -72,7 +72,7 @@ def measured_build(folder: Path, output: Path, selected: int, workers: int, part
     """Figures of one build of a folder of AMASS files that thins `part` poses together."""
     pool.PART = part
     start = time.perf_counter()
-    report = build_database([folder], output, max_poses=selected, seated=False, parts=None, workers=workers)
+    report = build_database([folder], output, Sampling(max_poses=selected, seated=False), parts=None, workers=workers)
     seconds = time.perf_counter() - start
     if workers > 1:
         get_reusable_executor().shutdown()  # the system tells of processes that have ended
@@ -159,8 +159,7 @@ def built(files: list[Path], rng: np.random.Generator) -> dict[str, Any]:
         output = Path(folder) / "poses.npz"
         try:
             build_database(
-                chosen, output, threshold=threshold, body=load_body(body), mirror=mirror, seated=seated, parts=SMALL,
-                workers=1,
+                chosen, output, Sampling(threshold, None, mirror, seated), body=load_body(body), parts=SMALL, workers=1
             )  # fmt: skip
             database = PoseDatabase.load(output)
             whole = database.regressor is not None and database.regressor.calibration is not None

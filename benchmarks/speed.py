@@ -33,7 +33,7 @@ from benchmarks._rows import settings_of
 from toolkit import skeleton
 from toolkit.body.shape import load_body, subject_body
 from toolkit.config import load_settings, parse_overrides
-from toolkit.database.database import PoseDatabase
+from toolkit.database.database import PoseDatabase, PoseOrigins
 from toolkit.evaluation.joints import accuracy, frame_errors, joint_errors
 from toolkit.hybrid.settings import HybridSettings
 from toolkit.hybrid.tracker import HybridTracker
@@ -69,10 +69,11 @@ def filled_up(database: PoseDatabase, count: int) -> tuple[PoseDatabase, int]:
     both = [
         np.concatenate([part, part[rows]]) for part in (database.offsets, database.pose_source, database.pose_frame)
     ]
+    mirrored = np.concatenate([database.mirrored, database.mirrored[rows]])
     return PoseDatabase.of_poses(
-        np.concatenate([database.poses, extra]), load_body(database.body_name), sources=database.sources,
-        hashes=database.hashes, offsets=both[0], pose_source=both[1], pose_frame=both[2],
-        mirrored=np.concatenate([database.mirrored, database.mirrored[rows]]), regressor=database.regressor,
+        np.concatenate([database.poses, extra]), load_body(database.body_name),
+        PoseOrigins(database.sources, database.hashes, both[1], both[2], mirrored),
+        offsets=both[0], regressor=database.regressor,
     ), missing  # fmt: skip
 
 

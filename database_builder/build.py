@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
 from itertools import chain
@@ -15,7 +15,6 @@ from database_builder.pool import PosePool
 from database_builder.prior import learn_prior
 from database_builder.processes import process_pool, usable_processors
 from database_builder.reading import (
-    CanonicalPoses,
     Source,
     find_sources,
     of_clip,
@@ -51,6 +50,28 @@ RESIDUAL_VIEWS = (
 
 
 @dataclass(frozen=True)
+class Sampling:
+    """Which poses a database holds.
+
+    Attributes
+    ----------
+    threshold : sampling stops when no pose is farther than this from the selected ones, metres in the unit of Eq. 5.1
+    max_poses : alternative stop; None = no limit
+    mirror : add the mirror image of every pose, because a tracker meets left-handed people too
+    seated : add the bundled motions of people who sit on chairs, stools, sofas, the floor and at desks, which mocap
+        seldom holds
+    """
+
+    threshold: float = THRESHOLD
+    max_poses: int | None = None
+    mirror: bool = True
+    seated: bool = True
+
+
+SAMPLING = Sampling()
+
+
+@dataclass(frozen=True)
 class BuildReport:
     """What a build did.
 
@@ -82,16 +103,12 @@ class BuildReport:
 def build_database(
     sources: Sequence[str | Path | PoseClip] | None,
     output: str | Path,
+    sampling: Sampling = SAMPLING,
     *,
-    threshold: float = THRESHOLD,
-    max_poses: int | None = None,
     body: Body | None = None,
-    mirror: bool = True,
-    seated: bool = True,
     parts: RegressorSettings | None = PARTS,
     workers: int | None = None,
     strict: bool = False,
-    keep_work: bool = False,
     progress: Progress | None = None,
 ) -> BuildReport:
     """Build a pose database and write it as one file.
@@ -105,16 +122,11 @@ def build_database(
     ----------
     sources : mocap files (BVH, AMC), folders of them, or clips of our body; None = the bundled motions
     output : the database file (`.npz`)
-    threshold : sampling stops when no pose is farther than this from the selected ones, metres in the unit of Eq. 5.1
-    max_poses : alternative stop; None = no limit
+    sampling : which of the poses it holds
     body : whose poses, joints and features they become; None = the neutral adult
-    mirror : add the mirror image of every pose, because a tracker meets left-handed people too
-    seated : add the bundled motions of people who sit on chairs, stools, sofas, the floor and at desks, which mocap
-        seldom holds
     parts : how to train the joint regressor; None = without one
     workers : processes; None = as many as there are processors
     strict : a file that cannot be used is an error; otherwise it is skipped and named in the report
-    keep_work : keep the intermediate files, for another build from the same mocap
     progress : called as stages advance
 
     Raises
@@ -122,54 +134,103 @@ def build_database(
     MocapError
         A path is missing, a folder holds no motion file, no file can be used, or (with `strict`) one cannot.
     UsageError
-        `threshold`, `max_poses`, `workers` or the suffix of `output` cannot work, or `output` would replace a source.
+        A threshold, a maximum, `workers` or the suffix of `output` cannot work, or `output` would replace a source.
     OutputError
         `output` cannot be written.
     """
-    target, body, report = _checked_target(output, sources, workers), body or load_body("neutral"), progress or _silent
-    processes = usable_processors() if workers is None else workers
-    work, clock = free_folder(target.with_name(f"{target.stem}.work")), _Clock()
+    target, body = _checked_target(output, sources, workers), body or load_body("neutral")
+    work = free_folder(target.with_name(f"{target.stem}.work"))
     files, clips = _sources(sources, work, body)
-    added = procedural_clips(SEATED_MOTIONS, SEATED_RATE, body=body, variations=2) if seated else []
+    build = _Build(body, sampling, usable_processors() if workers is None else workers, progress or _silent)
     make_own_folder(work)
     with locked(work):
-        pool = PosePool(threshold, max_poses)
-        skipped = _collect(pool, _read(files, [*clips, *added], body, mirror, processes, report), strict)
+        pool, skipped = build.read(files, clips, strict)
         if len(skipped) == len(files) + len(clips):
             remove_own_folder(work)  # it holds nothing that another build could use
             raise MocapError(f"no file can be used; {skipped[0][0]}: {skipped[0][1]}; give BVH, ASF/AMC or AMASS")
-        clock.record("read")
+        database = build.database(pool, skipped, parts, work)
+        database.save(target)
+        remove_own_folder(work)
+        build.end("write")
+    return BuildReport(target, database, pool.poses_read, tuple(skipped), build.seconds)
 
-        report("sample", 0, 1)
+
+class _Build:
+    """The stages of a build, told as they advance, and the seconds that each took by the wall clock."""
+
+    def __init__(self, body: Body, sampling: Sampling, processes: int, report: Progress) -> None:
+        self.body, self.sampling, self.processes, self.report = body, sampling, processes, report
+        self.seconds: dict[str, float] = {}
+        self._last = time.perf_counter()
+
+    def end(self, stage: str) -> None:
+        """A stage is done."""
+        now = time.perf_counter()
+        self.seconds[stage], self._last = now - self._last, now
+
+    def read(
+        self, files: Sequence[Source], clips: Sequence[PoseClip], strict: bool
+    ) -> tuple[PosePool, list[tuple[str, str]]]:
+        """The poses of all sources, one at a time; name and reason of every source that could not be used."""
+        pool, skipped = PosePool(self.sampling.threshold, self.sampling.max_poses), list[tuple[str, str]]()
+        added = []
+        if self.sampling.seated:
+            added = procedural_clips(SEATED_MOTIONS, SEATED_RATE, body=self.body, variations=2)
+        total = len(files) + len(clips) + len(added)
+        with process_pool(self.processes if len(files) >= MANY_FILES else 1) as mapped:
+            of_files = mapped(partial(read_source, body=self.body, mirror=self.sampling.mirror), files)
+            of_clips = (of_clip(clip, self.body, self.sampling.mirror) for clip in (*clips, *added))
+            for done, one in enumerate(chain(of_files, of_clips), start=1):
+                self.report("read", done, total)
+                if not one.error:
+                    pool.add(one)
+                elif strict:
+                    raise MocapError(
+                        f"{one.name} cannot be used ({one.error}); leave it out, or build without --strict"
+                    )
+                else:
+                    skipped.append((one.name, one.error))
+        self.end("read")
+        return pool, skipped
+
+    def database(
+        self, pool: PosePool, skipped: Sequence[tuple[str, str]], parts: RegressorSettings | None, work: Path
+    ) -> PoseDatabase:
+        """What is selected of the poses, looked at, with its regressor and prior."""
+        self.report("sample", 0, 1)
         selected = pool.select()
-        report("sample", 1, 1)
-        clock.record("sample")
-
-        poses, source, frame, mirrored = selected.rows.poses, *selected.rows[2:]
-        offsets = _look(body, poses, processes, report)
-        clock.record("look")
-
+        poses = selected.rows.poses
+        self.report("sample", 1, 1)
+        self.end("sample")
+        offsets = self.look(poses)
+        self.end("look")
         forest = None
         if parts is not None:
-            forest = train_regressor(poses, parts, workers=processes, kept=work, progress=partial(report, "train"))
-            clock.record("train")
-        prior = learn_prior(poses, body)
-        clock.record("prior")
+            told = partial(self.report, "train")
+            forest = train_regressor(poses, parts, workers=self.processes, kept=work, progress=told)
+            self.end("train")
+        prior = learn_prior(poses, self.body)
+        self.end("prior")
+        chosen = self.sampling
         notes = {
-            "poses_read": pool.poses_read, "mirror": mirror, "seated": seated, "max_poses": max_poses,
-            "skipped": [list(s) for s in skipped],
-            "thinned": selected.thinned,
-            "residual": residual(body, poses, offsets),
+            "poses_read": pool.poses_read, "mirror": chosen.mirror, "seated": chosen.seated,
+            "max_poses": chosen.max_poses, "skipped": [list(s) for s in skipped], "thinned": selected.thinned,
+            "residual": residual(self.body, poses, offsets),
         }  # fmt: skip
-        database = PoseDatabase.of_poses(
-            poses, body, offsets=offsets, sources=pool.names, hashes=pool.digests, pose_source=source,
-            pose_frame=frame, mirrored=mirrored, threshold=threshold, notes=notes, regressor=forest, prior=prior,
+        return PoseDatabase.of_poses(
+            poses, self.body, pool.origins(selected), offsets=offsets, threshold=chosen.threshold, notes=notes,
+            regressor=forest, prior=prior,
         )  # fmt: skip
-        database.save(target)
-        if not keep_work:
-            remove_own_folder(work)
-        clock.record("write")
-    return BuildReport(target, database, pool.poses_read, tuple(skipped), clock.seconds)
+
+    def look(self, poses: np.ndarray) -> np.ndarray:
+        """Offsets (N, 4) of the selected poses, a chunk of them at a time."""
+        chunks = [poses[i : i + CHUNK] for i in range(0, len(poses), CHUNK)]
+        offsets: list[np.ndarray] = []
+        with process_pool(self.processes if len(poses) >= MANY_POSES else 1) as mapped:
+            for part in mapped(partial(observed_offsets, self.body), chunks):
+                offsets.append(part)
+                self.report("look", len(offsets), len(chunks))
+        return np.concatenate(offsets)
 
 
 def _checked_target(output: str | Path, sources: Sequence[str | Path | PoseClip] | None, workers: int | None) -> Path:
@@ -192,19 +253,6 @@ def _sources(
     if not files and not clips:
         raise UsageError("there is no source to build a pose database from; give a folder with mocap")
     return files, clips
-
-
-def _collect(pool: PosePool, read: Iterator[CanonicalPoses], strict: bool) -> list[tuple[str, str]]:
-    """Put the poses of all sources into the pool; name and reason of every one that could not be used."""
-    skipped: list[tuple[str, str]] = []
-    for one in read:
-        if not one.error:
-            pool.add(one)
-        elif strict:
-            raise MocapError(f"{one.name} cannot be used ({one.error}); leave it out, or build without --strict")
-        else:
-            skipped.append((one.name, one.error))
-    return skipped
 
 
 def residual(body: Body, poses: np.ndarray, offsets: np.ndarray) -> list[dict[str, float]]:
@@ -240,42 +288,5 @@ def residual(body: Body, poses: np.ndarray, offsets: np.ndarray) -> list[dict[st
     return entries
 
 
-class _Clock:
-    """Wall-clock seconds of the stages of a build."""
-
-    def __init__(self) -> None:
-        self.seconds: dict[str, float] = {}
-        self._last = time.perf_counter()
-
-    def record(self, stage: str) -> None:
-        """End of a stage."""
-        now = time.perf_counter()
-        self.seconds[stage], self._last = now - self._last, now
-
-
 def _silent(stage: str, done: int, total: int) -> None:
     pass
-
-
-def _read(
-    files: Sequence[Source], clips: Sequence[PoseClip], body: Body, mirror: bool, processes: int, report: Progress
-) -> Iterator[CanonicalPoses]:
-    """Canonical poses of all files, then of all clips, one at a time."""
-    done = 0
-    with process_pool(processes if len(files) >= MANY_FILES else 1) as mapped:
-        of_files = mapped(partial(read_source, body=body, mirror=mirror), files)
-        for result in chain(of_files, (of_clip(clip, body, mirror) for clip in clips)):
-            done += 1
-            report("read", done, len(files) + len(clips))
-            yield result
-
-
-def _look(body: Body, poses: np.ndarray, processes: int, report: Progress) -> np.ndarray:
-    """Offsets (N, 4) of the selected poses, a chunk of them at a time."""
-    chunks = [poses[i : i + CHUNK] for i in range(0, len(poses), CHUNK)]
-    offsets: list[np.ndarray] = []
-    with process_pool(processes if len(poses) >= MANY_POSES else 1) as mapped:
-        for part in mapped(partial(observed_offsets, body), chunks):
-            offsets.append(part)
-            report("look", len(offsets), len(chunks))
-    return np.concatenate(offsets)

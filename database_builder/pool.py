@@ -16,6 +16,7 @@ import numpy as np
 from database_builder.reading import CanonicalPoses
 from database_builder.sampling import farthest_first, pose_distance
 from toolkit import skeleton
+from toolkit.database.database import PoseOrigins
 
 PART = 500_000
 """Poses that are thinned together: 200 MB of them."""
@@ -111,6 +112,11 @@ class PosePool:
             self._cover = max(self._cover, float(last), 0.5 * self._threshold)
         self._left.append(part.taken(np.sort(chosen)))
         self._filled = 0
+
+    def origins(self, selected: Selection) -> PoseOrigins:
+        """Where the selected poses come from."""
+        rows = selected.rows
+        return PoseOrigins(self.names, self.digests, rows.source, rows.frame, rows.mirrored)
 
     def select(self) -> Selection:
         """The selection; the pool is empty afterwards."""

@@ -8,7 +8,7 @@ MOCAP are BVH or AMC files or folders of them. Writes output/poses.npz and a pic
 import sys
 from pathlib import Path
 
-from database_builder.build import build_database
+from database_builder.build import Sampling, build_database
 from database_builder.report import database_text, plot_coverage
 
 OUTPUT = Path("output")
@@ -21,8 +21,7 @@ def main() -> None:
     report = build_database(
         sys.argv[1:] or None,
         OUTPUT / "poses.npz",
-        threshold=0.018,
-        max_poses=2000,
+        Sampling(threshold=0.018, max_poses=2000),
         parts=None,  # the joint regressor, which the command trains as well, takes minutes
         progress=lambda stage, done, total: print(f"\r{stage} {done}/{total}", end="", file=sys.stderr),
     )

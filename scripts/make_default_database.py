@@ -16,7 +16,7 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parent.parent
 sys.path.insert(0, str(ROOT))
 
-from database_builder.build import THRESHOLD, build_database  # noqa: E402
+from database_builder.build import build_database  # noqa: E402
 from database_builder.regressor import RegressorSettings  # noqa: E402
 from toolkit.body.shape import load_body  # noqa: E402
 from toolkit.cli.terminal import progress_bars  # noqa: E402
@@ -41,9 +41,7 @@ def main() -> None:
     sources = [*options.cmu, *procedural_clips(body=load_body("neutral"))]
     parts = RegressorSettings(images=options.images, smallest_leaf=SMALLEST_LEAF)
     with progress_bars() as bars:
-        report = build_database(
-            sources, options.output, threshold=THRESHOLD, parts=parts, workers=options.workers, progress=bars
-        )
+        report = build_database(sources, options.output, parts=parts, workers=options.workers, progress=bars)
     print(report.text())
     size = options.output.stat().st_size
     print(f"{size / 1e6:.1f} MB, SHA-256 {sha256_of(options.output)}")

@@ -36,14 +36,14 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 @pytest.fixture(scope="session")
 def bundled_database(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A database of 800 poses of the bundled motions, without a regressor: made once for all workers."""
-    from database_builder.build import build_database
+    from database_builder.build import Sampling, build_database
 
     own = tmp_path_factory.getbasetemp()
     folder = own.parent if os.environ.get("PYTEST_XDIST_WORKER") else own
     path = folder / "bundled_poses.npz"
     with FileLock(folder / "bundled_poses.lock"):
         if not path.exists():
-            build_database(None, path, parts=None, max_poses=800, workers=1)
+            build_database(None, path, Sampling(max_poses=800), parts=None, workers=1)
     return path
 
 

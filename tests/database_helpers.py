@@ -11,7 +11,7 @@ from toolkit import skeleton
 from toolkit.body.body import Body
 from toolkit.body.shape import load_body
 from toolkit.database.canonical import canonicalise
-from toolkit.database.database import PoseDatabase
+from toolkit.database.database import PoseDatabase, PoseOrigins
 from toolkit.mocap.clip import PoseClip
 
 
@@ -45,9 +45,8 @@ def small_database(count: int = 200, seed: int = 0) -> PoseDatabase:
     """Random canonical poses with the offsets that a camera sees."""
     poses = canonicalise(random_poses(np.random.default_rng(seed), count))[0]
     return PoseDatabase.of_poses(
-        poses, neutral(), sources=["random"], hashes=["0"], pose_source=np.zeros(count), pose_frame=np.arange(count),
-        mirrored=np.zeros(count),
-    )  # fmt: skip
+        poses, neutral(), PoseOrigins(["random"], ["0"], np.zeros(count), np.arange(count), np.zeros(count))
+    )
 
 
 def write_bvh(path: Path, seed: int, frames: int = 30) -> None:

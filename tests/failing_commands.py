@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from database_builder.build import build_database
+from database_builder.build import Sampling, build_database
 from tests.database_helpers import write_bvh
 from tests.failing_calls import Command
 from tests.fake_tracker import FakeTracker, write_recording
@@ -68,7 +68,7 @@ def _mocap(folder: Path) -> None:
 
 
 def _build(given: Path, out: Path) -> None:
-    build_database([given], out / "poses.npz", max_poses=20, seated=False, parts=None, workers=1)
+    build_database([given], out / "poses.npz", Sampling(max_poses=20, seated=False), parts=None, workers=1)
 
 
 def _index(given: Path, out: Path) -> None:

@@ -25,7 +25,7 @@ from benchmarks import (
     upper,
 )
 from benchmarks._rows import WatchedTracker
-from database_builder.build import build_database
+from database_builder.build import Sampling, build_database
 from database_builder.regressor import RegressorSettings
 from toolkit.body.body import Body
 from toolkit.body.shape import load_body, subject_body
@@ -54,7 +54,7 @@ def small_database(tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("database") / "poses.npz"
     clips = procedural_clips(["wave", "squat", "walk"])
     parts = RegressorSettings(images=60, trees=1, depth=8, calibration=20)
-    build_database(clips, path, threshold=0.03, seated=False, parts=parts, workers=1)
+    build_database(clips, path, Sampling(0.03, seated=False), parts=parts, workers=1)
     return path
 
 

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from toolkit.config import from_mapping, load_settings, parse_overrides, save_settings
+from toolkit.config import READER, load_settings, parse_overrides, save_settings
 from toolkit.errors import SettingsError, UsageError
 from toolkit.sensing.settings import SensingSettings
 
@@ -79,7 +79,7 @@ def test_overrides_win_over_the_file(tmp_path: Path) -> None:
 )
 def test_a_wrong_setting_is_one_sentence_that_says_what_there_is(values: dict[str, Any], message: str) -> None:
     with pytest.raises(SettingsError, match=message):
-        from_mapping(Outer, values)
+        READER.read(values, Outer, "")
 
 
 def test_a_file_that_cannot_be_read_is_named(tmp_path: Path) -> None:

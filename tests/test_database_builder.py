@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import os
 import time
+from collections.abc import Sequence
 from dataclasses import replace
-from functools import partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -20,12 +21,21 @@ from toolkit import skeleton
 from toolkit.database.canonical import canonicalise, mirrored
 from toolkit.database.database import PoseDatabase
 from toolkit.errors import DatabaseError, MocapError, OutputError, UsageError
+from toolkit.mocap.clip import PoseClip
 from toolkit.mocap.procedural import SEATED_MOTIONS
 from toolkit.mocap.read import read_clip
 from toolkit.mocap.retarget import retarget
 
 CLIPS = [moving_clip("a", 1), moving_clip("b", 2)]
-build_database = partial(build.build_database, mirror=False, seated=False, parts=None)
+
+
+def build_database(
+    sources: Sequence[Path | PoseClip] | None, output: Path, *, threshold: float = build.THRESHOLD,
+    max_poses: int | None = None, mirror: bool = False, seated: bool = False, **options: Any,
+) -> build.BuildReport:  # fmt: skip
+    """Without mirror images, people who sit and a regressor, unless a test asks for them."""
+    sampling = build.Sampling(threshold, max_poses, mirror, seated)
+    return build.build_database(sources, output, sampling, **{"parts": None, **options})
 
 
 @pytest.fixture
@@ -168,9 +178,19 @@ def test_an_interrupt_leaves_the_work_of_a_pool_undone(tmp_path: Path) -> None:
 
 
 def test_a_kept_file_is_read_again_when_the_mocap_or_the_body_changed(mocap: Path, tmp_path: Path) -> None:
-    first = build_database([mocap], tmp_path / "poses.npz", keep_work=True).database
+    def failed(stage: str, done: int, total: int) -> None:
+        if stage == "look":
+            raise KeyboardInterrupt
+
+    def interrupted() -> None:
+        with pytest.raises(KeyboardInterrupt):
+            build_database([mocap], tmp_path / "poses.npz", progress=failed)
+
+    first = build_database([mocap], tmp_path / "first.npz").database
+    interrupted()
     write_bvh(mocap / "walk.bvh", 7)
-    second = build_database([mocap], tmp_path / "poses.npz", keep_work=True).database
+    second = build_database([mocap], tmp_path / "poses.npz").database
+    interrupted()
     assert first.hashes[0] == second.hashes[0] and first.hashes[1] != second.hashes[1]
     tall = replace(neutral().scaled(1.2), name="tall")
     third = build_database([mocap], tmp_path / "poses.npz", body=tall).database

@@ -365,8 +365,9 @@ def surface_system(posed: PlacedBody, chosen: np.ndarray, residuals: np.ndarray,
     system = NormalSystem()
     system.reset(posed.origins[0])
     body = posed.body
-    pairs.add_surface_pairs(
-        chosen, posed.vertices[chosen] - residuals, posed.vertices, posed.normals,
+    points = posed.vertices[chosen]
+    pairs.add_pairs(
+        points - residuals, points, chosen, np.ones(len(chosen)), posed.normals,
         body.skin_joints, body.skin_weights, system.reference, sigma, 1.0, 0.3, system.hessian, system.gradient,
     )  # fmt: skip
     system.assemble(posed)
@@ -427,7 +428,7 @@ def test_cloud_pairs_pull_surface_points_to_their_samples(body: Body) -> None:
     system = NormalSystem()
     system.reset(posed.origins[0])
     unmatched = np.where(np.arange(60) < 50, vertex_of, -1)
-    pairs.add_cloud_pairs(
+    pairs.add_pairs(
         points - residuals, points, unmatched, weights, posed.normals, body.skin_joints, body.skin_weights,
         system.reference, 0.1, 1.0, 0.3, system.hessian, system.gradient,
     )  # fmt: skip
@@ -447,9 +448,10 @@ def test_the_normal_equations_do_not_depend_on_the_reference_point(body: Body) -
     for reference in (posed.origins[0], posed.origins[0] + [0.7, -0.3, 1.1]):
         system = NormalSystem()
         system.reset(reference)
-        pairs.add_surface_pairs(
-            posed.placer.chosen, posed.chosen_points - residuals, posed.vertices,
-            posed.normals, body.skin_joints, body.skin_weights, system.reference, 0.1, 1.0, 0.3,
+        chosen, points = posed.placer.chosen, posed.chosen_points
+        pairs.add_pairs(
+            points - residuals, points, chosen, np.ones(len(chosen)), posed.normals, body.skin_joints,
+            body.skin_weights, system.reference, 0.1, 1.0, 0.3,
             system.hessian, system.gradient,
         )  # fmt: skip
         system.assemble(posed)

@@ -142,7 +142,7 @@ def test_extrema_count_as_often_as_the_settings_say(
     weights: list[np.ndarray] = []
     kernels = SimpleNamespace(
         nearest_model_points=terms_room.pairs.nearest_model_points,
-        add_cloud_pairs=lambda samples, points, vertex_of, weight, *rest: weights.append(weight.copy()),
+        add_pairs=lambda samples, points, vertex_of, weight, *rest: weights.append(weight.copy()),
     )
     monkeypatch.setattr(terms_room, "pairs", kernels)
     system: Any = SimpleNamespace(reference=None, hessian=None, gradient=None)

@@ -16,6 +16,7 @@ from toolkit.errors import OutputError, RecordingError, TrackError, UsageError
 from toolkit.files import sha256_of
 from toolkit.people.sighting import Sighting
 from toolkit.pipeline import track_recording, track_recordings
+from toolkit.pipeline.inputs import Inputs
 from toolkit.pipeline.run import WARM_UP_FRAMES
 from toolkit.recordings.opening import open_recording
 from toolkit.track import FrameResult, RunInfo, Track, TrackWriter
@@ -132,11 +133,17 @@ def test_a_run_is_not_continued_with_another_database(tmp_path: Path) -> None:
 
 def test_a_run_is_not_continued_with_a_body_that_was_changed_since(tmp_path: Path) -> None:
     recording, run = write_recording(tmp_path / "take.npz"), tmp_path / "run"
+    one, two = tmp_path / "one.npz", tmp_path / "two.npz"
+    one.write_text("one", encoding="utf-8")
+    two.write_text("two", encoding="utf-8")
     with pytest.raises(RecordingError):
-        track_recording(open_recording(recording), FakeTracker(broken=5), run, body_sha256="one")
+        track_recording(open_recording(recording), FakeTracker(broken=5), run, inputs=Inputs(body=one))
     with pytest.raises(TrackError, match="another recording"):
-        track_recording(open_recording(recording), FakeTracker(), run, resume=True, body_sha256="two")
-    assert track_recording(open_recording(recording), FakeTracker(), run, resume=True, body_sha256="one").frames == 12
+        track_recording(open_recording(recording), FakeTracker(), run, resume=True, inputs=Inputs(body=two))
+    assert (
+        track_recording(open_recording(recording), FakeTracker(), run, resume=True, inputs=Inputs(body=one)).frames
+        == 12
+    )
 
 
 def test_a_finished_run_is_left_alone_by_resume_and_replaced_without(tmp_path: Path) -> None:
@@ -255,5 +262,5 @@ def test_the_settings_that_a_run_was_made_from_are_not_replaced(tmp_path: Path) 
     (tmp_path / "own").mkdir()
     (tmp_path / "own" / "config.yaml").write_text("# mine")
     with pytest.raises(UsageError, match="would be overwritten"):
-        track_recordings([recording], FakeTracker(), tmp_path / "own", settings_file=tmp_path / "own" / "config.yaml")
+        track_recordings([recording], FakeTracker(), tmp_path / "own", inputs=Inputs(tmp_path / "own" / "config.yaml"))
     assert (tmp_path / "own" / "config.yaml").read_text() == "# mine"

@@ -87,7 +87,7 @@ def test_a_watcher_is_told_every_row_of_a_run(tmp_path):
 
 
 def test_events_need_classes_and_one_recording(tmp_path):
-    assert Guiding().evidence([tmp_path / "a.npz"]).watcher is None
+    assert Guiding().watcher([tmp_path / "a.npz"]) is None
     for recordings, file in (([tmp_path / "a.npz"], None), ([tmp_path / "a.npz"] * 2, tmp_path / "c.npz")):
         with pytest.raises(UsageError, match="--events tells the motions of one recording"):
-            Guiding(events="-", classes=file).evidence(recordings)
+            Guiding(events="-", classes=file).watcher(recordings)

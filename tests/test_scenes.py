@@ -15,7 +15,7 @@ import pytest
 from benchmarks import _record
 from benchmarks import scenes as bench
 from benchmarks._rows import make_tracker, without_sources
-from database_builder.build import build_database
+from database_builder.build import Sampling, build_database
 from database_builder.regressor import RegressorSettings
 from tests.database_helpers import small_database
 from toolkit.body.shape import load_body
@@ -87,7 +87,7 @@ def test_the_benchmark_scores_everybody_and_draws_the_worst(
     database = bundled / "poses.npz"
     parts = RegressorSettings(images=40, trees=1, depth=6, calibration=20)
     build_database(
-        procedural_clips(["wave"], variations=1), database, threshold=0.05, seated=False, parts=parts, workers=1
+        procedural_clips(["wave"], variations=1), database, Sampling(0.05, seated=False), parts=parts, workers=1
     )
     arguments = ["--groups", "behind,several,empty", "--takes", 1, "--frames", 3, "--set", "shape.seconds=0"]
     monkeypatch.setattr(

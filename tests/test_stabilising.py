@@ -16,7 +16,7 @@ from tests.test_retrieval_priors import BODY, classes_of, example_of
 from toolkit import skeleton
 from toolkit.body.sole import FEET, Sole
 from toolkit.database.canonical import canonicalise
-from toolkit.database.database import PoseDatabase
+from toolkit.database.database import PoseDatabase, PoseOrigins
 from toolkit.errors import RecordingError, RetrievalError, SettingsError, TrackError, UsageError
 from toolkit.evaluation.joints import joint_errors
 from toolkit.fitting.placed import NormalSystem
@@ -111,9 +111,8 @@ def _save_database(path: Path, poses: np.ndarray) -> None:
     canonical = canonicalise(poses[::3])[0]
     count = len(canonical)
     PoseDatabase.of_poses(
-        canonical, BODY, sources=["bundled"], hashes=["0"], pose_source=np.zeros(count), pose_frame=np.arange(count),
-        mirrored=np.zeros(count),
-    ).save(path)  # fmt: skip
+        canonical, BODY, PoseOrigins(["bundled"], ["0"], np.zeros(count), np.arange(count), np.zeros(count))
+    ).save(path)
 
 
 def _mislead(run: Path, wrong: Path) -> None:

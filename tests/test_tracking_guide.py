@@ -151,8 +151,8 @@ def test_a_run_is_not_checked_by_the_sensors_that_made_it(tmp_path):
 
 def test_sensors_and_calibration_go_together(tmp_path):
     with pytest.raises(UsageError, match="go together"):
-        Guiding(inertial=tmp_path / "sensors.npz").evidence([tmp_path / "take.npz"])
+        Guiding(inertial=tmp_path / "sensors.npz").guide([tmp_path / "take.npz"])
     with pytest.raises(UsageError, match="belong to one recording"):
         both = Guiding(inertial=tmp_path / "s.npz", calibration=tmp_path / "c.json")
-        both.evidence([tmp_path / "a.npz", tmp_path / "b.npz"])
-    assert Guiding().evidence([tmp_path / "take.npz"]) == (None, None, "")
+        both.guide([tmp_path / "a.npz", tmp_path / "b.npz"])
+    assert Guiding().guide([tmp_path / "take.npz"]) is None

@@ -19,7 +19,7 @@ from toolkit import skeleton
 from toolkit.body.shape import load_body, subject_body
 from toolkit.checkpoint import load_checkpoint, save_checkpoint
 from toolkit.database import canonical
-from toolkit.database.database import PoseDatabase
+from toolkit.database.database import PoseDatabase, PoseOrigins
 from toolkit.errors import SettingsError
 from toolkit.fitting.shape import ShapeSettings
 from toolkit.hybrid.settings import HybridSettings
@@ -93,10 +93,9 @@ def database() -> PoseDatabase:
     poses = canonical.canonicalise(poses)[0]
     poses = np.concatenate([poses, canonical.mirrored(poses)])
     count = len(poses)
-    return PoseDatabase.of_poses(
-        poses, load_body("neutral"), sources=["procedural"], hashes=["0"], pose_source=np.zeros(count),
-        pose_frame=np.arange(count), mirrored=np.arange(count) >= count // 2,
-    )  # fmt: skip
+    mirrored = np.arange(count) >= count // 2
+    origins = PoseOrigins(["procedural"], ["0"], np.zeros(count), np.arange(count), mirrored)
+    return PoseDatabase.of_poses(poses, load_body("neutral"), origins)
 
 
 @pytest.fixture(scope="module")
@@ -365,7 +364,7 @@ def test_the_number_of_threads_does_not_change_a_bit(
     database.save(tmp_path / "database.npz")
     code = (
         "import sys\n"
-        "from tests.test_tracking_hybrid import PoseDatabase, digest, known, open_recording, run\n"
+        "from tests.test_tracking_hybrid import PoseDatabase, PoseOrigins, digest, known, open_recording, run\n"
         "print(digest(run(known(PoseDatabase.load(sys.argv[1])), open_recording(sys.argv[2]), 8)))\n"
     )
     found = set()

@@ -8,12 +8,10 @@ from __future__ import annotations
 
 import inspect
 import textwrap
-import types
-import typing
 from collections.abc import Mapping
-from dataclasses import fields, is_dataclass, replace
+from dataclasses import fields, is_dataclass
 from pathlib import Path
-from typing import Any, Literal, TypeVar
+from typing import Any, TypeVar
 
 import yaml
 
@@ -21,8 +19,10 @@ from toolkit.constants import is_constant
 from toolkit.errors import SettingsError
 from toolkit.files import is_file, save_text, shipped
 from toolkit.plain import parse_yaml, read_yaml
+from toolkit.typed import TypedReader
 
 Settings = TypeVar("Settings")
+READER = TypedReader(SettingsError, written_by_hand=True, what="setting")
 
 
 def load_settings(
@@ -46,7 +46,7 @@ def load_settings(
     values = {} if path is None else _read(path)
     for name, value in (overrides or {}).items():
         _set(values, name, value)
-    return from_mapping(kind, values)
+    return READER.read(values, kind, "")
 
 
 def setting_of(name: str, path: str | Path | None = None, overrides: Mapping[str, Any] | None = None) -> Any:
@@ -172,109 +172,6 @@ def _set(values: dict[str, Any], name: str, value: Any) -> None:
             raise SettingsError(f"{name} cannot be set: {parent} is {_kind(inner)} and has no settings inside")
         values = inner
     values[last] = value
-
-
-def from_mapping(
-    kind: type[Settings], values: Mapping[str, Any], where: str = "", base: Settings | None = None
-) -> Settings:
-    """A settings dataclass from plain values by name, the others as in `base` or else as its class has them.
-
-    `where` is the dotted name of what is being read.
-
-    Raises
-    ------
-    SettingsError
-        As `load_settings`.
-    """
-    hints = typing.get_type_hints(kind)
-    names = [field.name for field in fields(kind)]  # type: ignore[arg-type]
-    if unknown := [name for name in values if name not in names]:
-        public = [field.name for field in fields(kind) if not is_constant(field)]  # type: ignore[arg-type]
-        raise SettingsError(f"unknown setting {_inside(where, unknown[0])}; there are: {', '.join(public)}")
-    made = {}
-    for name, value in values.items():
-        usual = next(field.default for field in fields(kind) if field.name == name)  # type: ignore[arg-type]
-        if is_dataclass(usual) and not isinstance(usual, type):
-            inside = _expect(value, dict, _inside(where, name), "names with values")
-            made[name] = from_mapping(type(usual), inside, _inside(where, name), usual)
-        else:
-            made[name] = _convert(value, hints[name], _inside(where, name))
-    try:
-        return kind(**made) if base is None else replace(base, **made)  # type: ignore[type-var]
-    except TypeError as error:
-        raise SettingsError(f"{where or kind.__name__}: {error}") from error
-
-
-def _inside(where: str, name: object) -> str:
-    return f"{where}.{name}" if where else str(name)
-
-
-def _convert(value: Any, hint: Any, where: str) -> Any:
-    """`value` as `hint` wants it."""
-    if is_dataclass(hint) and isinstance(hint, type):
-        return from_mapping(hint, _expect(value, dict, where, "names with values"), where)
-    origin, arguments = typing.get_origin(hint), typing.get_args(hint)
-    if origin in (typing.Union, types.UnionType):
-        return _convert_union(value, arguments, where)
-    if origin is Literal:
-        if value not in arguments:
-            raise SettingsError(f"{where} is {value!r}; it can be: {', '.join(map(str, arguments))}")
-        return value
-    if origin is tuple:
-        return _convert_tuple(_expect(value, (list, tuple), where, "a list"), arguments, where)
-    if origin is dict:
-        return {
-            key: _convert(item, arguments[1], _inside(where, key))
-            for key, item in _expect(value, dict, where, "names with values").items()
-        }
-    return _convert_plain(value, hint, where)
-
-
-def _convert_plain(value: Any, hint: Any, where: str) -> Any:
-    if hint is float:
-        if isinstance(value, str):  # YAML 1.1 takes 1e-3, which has no point, for text
-            try:
-                return float(value)
-            except ValueError:
-                pass
-        elif not isinstance(value, bool) and isinstance(value, int):
-            return float(value)
-        return _expect(value, float, where, "a number")
-    if hint is int:
-        if isinstance(value, bool):
-            raise SettingsError(f"{where} is {value}; it must be a whole number")
-        return _expect(value, int, where, "a whole number")
-    if hint is Path:
-        return Path(_expect(value, str, where, "a path"))
-    words = {bool: "true or false", str: "text"}
-    return _expect(value, hint, where, words.get(hint, "something else"))
-
-
-def _convert_tuple(value: Any, arguments: tuple[Any, ...], where: str) -> tuple[Any, ...]:
-    kinds = [arguments[0]] * len(value) if arguments[1:] == (Ellipsis,) else list(arguments)
-    if len(kinds) != len(value):
-        raise SettingsError(f"{where} has {len(value)} values; it must have {len(kinds)}")
-    return tuple(_convert(item, kind, f"{where}[{i}]") for i, (item, kind) in enumerate(zip(value, kinds, strict=True)))
-
-
-def _convert_union(value: Any, arguments: tuple[Any, ...], where: str) -> Any:
-    if value is None and type(None) in arguments:
-        return None
-    errors = []
-    for argument in arguments:
-        if argument is type(None):
-            continue
-        try:
-            return _convert(value, argument, where)
-        except SettingsError as error:
-            errors.append(error)
-    raise errors[0]
-
-
-def _expect(value: Any, kind: Any, where: str, words: str) -> Any:
-    if not isinstance(value, kind):
-        raise SettingsError(f"{where} is {_kind(value)}; it must be {words}")
-    return value
 
 
 def _kind(value: Any) -> str:

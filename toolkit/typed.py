@@ -10,10 +10,11 @@ import math
 import types
 import typing
 from collections.abc import Mapping
-from dataclasses import MISSING, dataclass, fields, is_dataclass
+from dataclasses import MISSING, dataclass, fields, is_dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any, Literal, TypeVar
 
+from toolkit.constants import is_constant
 from toolkit.errors import DepthMocapError
 
 Made = TypeVar("Made")
@@ -89,19 +90,25 @@ class TypedReader:
             }
         return value if kind is Any else self._plain(value, kind, where)
 
-    def _fields(self, values: Mapping[Any, Any], kind: type, where: str) -> Any:
+    def _fields(self, values: Mapping[Any, Any], kind: type, where: str, base: Any = None) -> Any:
+        """A dataclass of the values, the others as in `base` or else as the class has them."""
         hints = typing.get_type_hints(kind, include_extras=True)
         wanted = {item.name: item for item in fields(kind)}
         if (unknown := [name for name in values if name not in wanted]) and not self.loose:
-            raise self._wrong(
-                f"unknown {self.what} {_inside(where, unknown[0])}; there are: {', '.join(wanted)}", hinted=False
-            )
+            there = ", ".join(name for name, item in wanted.items() if not is_constant(item))
+            raise self._wrong(f"unknown {self.what} {_inside(where, unknown[0])}; there are: {there}", hinted=False)
         needed = [n for n, item in wanted.items() if item.default is MISSING and item.default_factory is MISSING]
-        if missing := [name for name in needed if name not in values]:
+        if base is None and (missing := [name for name in needed if name not in values]):
             raise self._wrong(f"{where or 'it'} lacks {', '.join(missing)}")
-        return kind(
-            **{name: self._any(values[name], hints[name], _inside(where, name)) for name in wanted if name in values}
-        )
+        made = {}
+        for name in (name for name in wanted if name in values):
+            inside, usual = _inside(where, name), wanted[name].default
+            if is_dataclass(usual) and not isinstance(usual, type):
+                group = self._expect(values[name], dict, inside, "names with values")
+                made[name] = self._fields(group, type(usual), inside, usual)
+            else:
+                made[name] = self._any(values[name], hints[name], inside)
+        return kind(**made) if base is None else replace(base, **made)
 
     def _items(self, values: Any, origin: type, arguments: tuple[Any, ...], where: str) -> list[Any]:
         self._bounded(values, where)

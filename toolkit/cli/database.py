@@ -35,7 +35,7 @@ def build(
     strict: Annotated[bool, typer.Option("--strict", help="A file that cannot be used is an error.")] = False,
 ) -> None:
     """Read motion capture, sample it evenly and write one pose database."""
-    from database_builder.build import THRESHOLD, build_database
+    from database_builder.build import THRESHOLD, Sampling, build_database
     from database_builder.regressor import RegressorSettings
     from toolkit.body.shape import load_body
     from toolkit.cli.terminal import progress_bars
@@ -44,11 +44,8 @@ def build(
         report = build_database(
             sources or None,
             output,
-            threshold=THRESHOLD if threshold is None else threshold,
-            max_poses=max_poses,
+            Sampling(THRESHOLD if threshold is None else threshold, max_poses, mirror, seated),
             body=load_body(body),
-            mirror=mirror,
-            seated=seated,
             parts=RegressorSettings() if parts else None,
             workers=workers,
             strict=strict,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, NamedTuple
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -16,14 +16,6 @@ if TYPE_CHECKING:
 
 SENSORS = "Inertial sensors"
 EVENTS = "Live labels"
-
-
-class Evidence(NamedTuple):
-    """What the options come to: guide and watcher, if any, and the digest of the file behind the guide."""
-
-    guide: Guide | None = None
-    watcher: RowWatcher | None = None
-    sensors_sha256: str = ""
 
 
 @dataclass(frozen=True)
@@ -49,20 +41,14 @@ class Guiding:
         Path | None, typer.Option(help="Their calibration.json, of a run of this recording.", rich_help_panel=SENSORS)
     ] = None
 
-    def evidence(self, recordings: list[Path]) -> Evidence:
-        """Guide and watcher for these recordings.
+    def watcher(self, recordings: list[Path]) -> RowWatcher | None:
+        """What tells events, if any are wanted.
 
         Raises
         ------
         UsageError
             Options do not go together, or belong to one recording.
         """
-        watcher = self._watcher(recordings)
-        guide, sensors_sha256 = self._sensors(recordings)
-        return Evidence(guide, watcher, sensors_sha256)
-
-    def _watcher(self, recordings: list[Path]) -> RowWatcher | None:
-        """What tells events, if any are wanted."""
         if self.events is None:
             return None
         if self.classes is None or len(recordings) != 1:
@@ -75,20 +61,19 @@ class Guiding:
         wanted = load_queries(self.queries) if self.queries else ()
         return EventStream(load_classes(self.classes), wanted, self.events, OnlineSettings(early=self.early))
 
-    def _sensors(self, recordings: list[Path]) -> tuple[Guide | None, str]:
-        """The guide of the sensors, if there are any, and the digest of their file."""
+    def guide(self, recordings: list[Path]) -> Guide | None:
+        """The guide of the sensors, if there are any; raises as `watcher`."""
         if self.inertial is None and self.calibration is None:
-            return None, ""
+            return None
         if self.inertial is None or self.calibration is None:
             raise UsageError("--inertial and --calibration go together; give both or neither")
         if len(recordings) != 1:
             raise UsageError(
                 f"inertial sensors belong to one recording, not to {len(recordings)}; track them one by one"
             )
-        from toolkit.files import sha256_of
         from toolkit.inertial.calibration import Calibration
         from toolkit.inertial.workflow import load_sensors
         from toolkit.tracking.guide import InertialGuide
 
         sensors = load_sensors(self.inertial)
-        return InertialGuide(sensors, Calibration.load(self.calibration), recordings[0].stem), sha256_of(self.inertial)
+        return InertialGuide(sensors, Calibration.load(self.calibration), recordings[0].stem)

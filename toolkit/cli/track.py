@@ -149,16 +149,16 @@ def _track_each(
 ) -> None:
     """One recording after the other, in this process; exit code 1 where one is not done."""
     from toolkit.cli.terminal import doing_words, progress_bars
-    from toolkit.files import is_file, sha256_of
-    from toolkit.pipeline import load_tracker, track_recordings
+    from toolkit.files import is_file
+    from toolkit.pipeline import Inputs, load_tracker, track_recordings
 
-    evidence = guiding.evidence(recordings)
+    guide, watcher = guiding.guide(recordings), guiding.watcher(recordings)
     with progress_bars() as bars:
         database, preparing = tracking.poses(), doing_words("compiling")
         bars(preparing, 0, 1)
         tracker = load_tracker(
             tracking.config, tracking.overrides(), database=database, max_poses=tracking.max_poses,
-            guide=evidence.guide, body=tracking.body,
+            guide=guide, body=tracking.body,
         )  # fmt: skip
         bars(preparing, 1, 1)
         report = track_recordings(
@@ -166,11 +166,9 @@ def _track_each(
             tracker,
             output,
             resume=resume,
-            settings_file=tracking.config if is_file(tracking.config) else None,
             progress=bars.of_recording,
-            sensors_sha256=evidence.sensors_sha256,
-            watcher=evidence.watcher,
-            body_sha256=sha256_of(tracking.body) if tracking.body else "",
+            watcher=watcher,
+            inputs=Inputs(tracking.config if is_file(tracking.config) else None, guiding.inertial, tracking.body),
             **how,
         )
     for summary in report.done:
@@ -188,7 +186,7 @@ def _track_batch(
     from toolkit.cli.terminal import progress_bars
     from toolkit.pipeline import TrackerRecipe, track_many
 
-    if guiding.evidence(recordings) != (None, None, ""):
+    if guiding.guide(recordings) or guiding.watcher(recordings):
         raise UsageError("sensors and events belong to one recording; leave --workers and --retry-failed out")
     with progress_bars() as bars:
         recipe = TrackerRecipe(

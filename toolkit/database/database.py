@@ -32,6 +32,17 @@ STORED_TYPE = np.float16
 
 
 @dataclass(frozen=True, eq=False)
+class PoseOrigins:
+    """Where the poses of a database come from; attributes as in `PoseDatabase`."""
+
+    sources: Sequence[str]
+    hashes: Sequence[str]
+    pose_source: np.ndarray
+    pose_frame: np.ndarray
+    mirrored: np.ndarray
+
+
+@dataclass(frozen=True, eq=False)
 class PoseDatabase:
     """Poses in the canonical frame (root at the origin, facing +z), with what a lookup needs of them.
 
@@ -89,12 +100,8 @@ class PoseDatabase:
     def of_poses(
         poses: np.ndarray,
         body: Body,
+        origins: PoseOrigins,
         *,
-        sources: Sequence[str],
-        hashes: Sequence[str],
-        pose_source: np.ndarray,
-        pose_frame: np.ndarray,
-        mirrored: np.ndarray,
         offsets: np.ndarray | None = None,
         threshold: float = 0.0,
         notes: dict[str, Any] | None = None,
@@ -114,11 +121,11 @@ class PoseDatabase:
             joints=np.zeros((len(stored), len(skeleton.REPORTED), 3), dtype=np.float32),
             features=np.zeros((len(stored), FEATURE_SIZE), dtype=np.float32),
             offsets=np.asarray(offsets).astype(STORED_TYPE).astype(np.float32),
-            pose_source=np.asarray(pose_source, dtype=np.int32),
-            pose_frame=np.asarray(pose_frame, dtype=np.int32),
-            mirrored=np.asarray(mirrored, dtype=np.bool_),
-            sources=tuple(sources),
-            hashes=tuple(hashes),
+            pose_source=np.asarray(origins.pose_source, dtype=np.int32),
+            pose_frame=np.asarray(origins.pose_frame, dtype=np.int32),
+            mirrored=np.asarray(origins.mirrored, dtype=np.bool_),
+            sources=tuple(origins.sources),
+            hashes=tuple(origins.hashes),
             threshold=threshold,
             body_name=body.name,
             body_shape=np.array(body.shape),

@@ -71,9 +71,9 @@ class SurfaceTerm:
 
     def add(self, system: NormalSystem, placed: PlacedBody, scene: Scene) -> None:
         """See `PairTerm.add`."""
-        targets = self.targets(placed, scene)
-        pairs.add_surface_pairs(
-            placed.placer.chosen, targets, placed.vertices, placed.normals,
+        targets, chosen = self.targets(placed, scene), placed.placer.chosen
+        pairs.add_pairs(
+            targets, placed.chosen_points, chosen, np.ones(len(chosen)), placed.normals,
             placed.body.skin_joints, placed.body.skin_weights, system.reference,
             self.sigma, self.plane, self.point, system.hessian, system.gradient,
         )  # fmt: skip
@@ -102,10 +102,9 @@ class CloudTerm:
 
     def add(self, system: NormalSystem, placed: PlacedBody, scene: Scene) -> None:
         """See `PairTerm.add`."""
-        samples = scene.samples
         points, vertex_of = self.nearest(placed, scene)
-        pairs.add_cloud_pairs(
-            samples, points, vertex_of, scene.weights(self.extremum_weight), placed.normals,
+        pairs.add_pairs(
+            scene.samples, points, vertex_of, scene.weights(self.extremum_weight), placed.normals,
             placed.body.skin_joints, placed.body.skin_weights, system.reference,
             self.sigma, self.plane, self.point, system.hessian, system.gradient,
         )  # fmt: skip

@@ -1,6 +1,7 @@
 """A tracker run over recordings: progress, timing, interruption, resuming and the run folder."""
 
 from toolkit.pipeline.batch import run_folders, track_recordings, unreadable
+from toolkit.pipeline.inputs import Inputs
 from toolkit.pipeline.joints import JointChoice
 from toolkit.pipeline.manifest import Manifest, ManifestRow
 from toolkit.pipeline.many import TrackerRecipe, track_many
@@ -11,6 +12,7 @@ from toolkit.progress import RecordingProgress
 
 __all__ = [
     "BatchReport",
+    "Inputs",
     "JointChoice",
     "Manifest",
     "ManifestRow",

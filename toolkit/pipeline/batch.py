@@ -8,6 +8,7 @@ from typing import Any
 
 from toolkit.errors import DepthMocapError, RecordingError, UsageError
 from toolkit.files import check_output
+from toolkit.pipeline.inputs import NO_INPUTS, Inputs
 from toolkit.pipeline.joints import JointChoice
 from toolkit.pipeline.rows import RowWatcher
 from toolkit.pipeline.run import RUN_FILES, track_recording
@@ -26,23 +27,21 @@ def track_recordings(
     people: int | None = 1,
     reader_options: dict[str, Any] | None = None,
     resume: bool = False,
-    settings_file: str | Path | None = None,
     progress: RecordingProgress | None = None,
-    sensors_sha256: str = "",
     watcher: RowWatcher | None = None,
     joints: JointChoice | None = None,
-    body_sha256: str = "",
+    inputs: Inputs = NO_INPUTS,
 ) -> BatchReport:
     """Track one recording into `output`, or several into `output/<stem>`.
 
     One of several that fails is reported and the others go on. Ctrl-C finishes the track of the current one and stops.
-    `settings_file` is what the tracker was made from, if it was a file: no run folder may replace it.
+    No run folder may replace what the tracker was made from.
 
     Raises
     ------
     UsageError
         There is no recording, two have the same stem, a reader option is unknown, or a run folder would damage a
-        recording, the database or the settings; nothing has been done then.
+        recording, the database or another input; nothing has been done then.
     DepthMocapError
         As `track_recording`, where there is only one.
     """
@@ -51,7 +50,7 @@ def track_recordings(
     for path, run in runs.items():
         check_output(run, [path], sealed=[path])
         for name in RUN_FILES:
-            check_output(run / name, [file for file in (tracker.database, settings_file) if file])
+            check_output(run / name, inputs.files(tracker))
     report = BatchReport()
     for path, run in runs.items():
         try:
@@ -59,8 +58,7 @@ def track_recordings(
             first = not report.done
             summary = track_recording(
                 recording, tracker, run, people=people, resume=resume, warm_up=first, progress=progress,
-                sensors_sha256=sensors_sha256, watcher=watcher, joints=joints,
-                body_sha256=body_sha256,
+                watcher=watcher, joints=joints, inputs=inputs,
             )  # fmt: skip
         except DepthMocapError as error:
             if len(runs) == 1:

@@ -14,8 +14,9 @@ from pathlib import Path
 from typing import Any
 
 from toolkit.errors import DepthMocapError, UsageError
-from toolkit.files import check_output, is_file, sha256_of
+from toolkit.files import check_output, is_file
 from toolkit.pipeline.batch import run_folders
+from toolkit.pipeline.inputs import Inputs
 from toolkit.pipeline.joints import JointChoice
 from toolkit.pipeline.manifest import DONE, FAILED, INTERRUPTED, Manifest, ManifestRow
 from toolkit.pipeline.run import track_recording
@@ -87,7 +88,6 @@ def track_many(
         The manifest cannot be written.
     """
     import joblib
-    from joblib.externals.loky.process_executor import TerminatedWorkerError
 
     jobs = {str(path): run for path, run in _folders(paths, output).items()}
     options = dict(reader_options or {})
@@ -98,29 +98,38 @@ def track_many(
         if not is_file(manifest.path):
             raise UsageError(f"there is no {manifest.path} to retry from; leave --retry-failed out")
         jobs = {path: run for path, run in jobs.items() if _is_open(manifest.rows.get(path))}
-    pending, total, status, reason = dict(jobs), len(jobs), FAILED, ""
-    for round_ in range(ROUNDS):
-        tasks = (
-            joblib.delayed(Task.of(_task))(recipe, path, str(run), people, options, joints, not overwrite)
-            for path, run in pending.items()
-        )
+    tasks = {
+        path: joblib.delayed(Task.of(_task))(recipe, path, str(run), people, options, joints, not overwrite)
+        for path, run in jobs.items()
+    }
+    left, status, reason = _done(tasks, manifest, workers, progress)
+    for path in left:
+        manifest.append(ManifestRow(path, str(jobs[path]), status, reason))
+    return [manifest.rows[str(path)] for path in paths if str(path) in jobs]
+
+
+def _done(
+    tasks: dict[str, Any], manifest: Manifest, workers: int | None, progress: Progress | None
+) -> tuple[list[str], str, str]:
+    """Do the tasks, of recordings; those that were not done, and the status and the reason of all of them."""
+    import joblib
+    from joblib.externals.loky.process_executor import TerminatedWorkerError
+
+    pending = dict(tasks)
+    for _ in range(ROUNDS):
         try:
             with _threads(workers):
-                for row in joblib.Parallel(n_jobs=workers, return_as="generator_unordered")(list(tasks)):
+                for row in joblib.Parallel(n_jobs=workers, return_as="generator_unordered")(list(pending.values())):
                     del pending[row.recording]
                     manifest.append(row)
                     if progress is not None:
-                        progress("recordings", total - len(pending), total)
+                        progress("recordings", len(tasks) - len(pending), len(tasks))
+            break
         except TerminatedWorkerError:
-            if round_ + 1 < ROUNDS:
-                continue
-            status, reason = FAILED, "its process died, by lack of memory perhaps"
+            continue
         except KeyboardInterrupt:
-            status, reason = INTERRUPTED, "the batch was stopped; start it again"
-        break
-    for path, run in pending.items():
-        manifest.append(ManifestRow(path, str(run), status, reason))
-    return [manifest.rows[str(path)] for path in paths if str(path) in jobs]
+            return list(pending), INTERRUPTED, "the batch was stopped; start it again"
+    return list(pending), FAILED, "its process died, by lack of memory perhaps"
 
 
 def _folders(paths: Sequence[str | Path], output: str | Path) -> dict[Path, Path]:
@@ -174,7 +183,7 @@ def _task(
             resume=resume,
             warm_up=first,
             joints=joints,
-            body_sha256=sha256_of(recipe.body) if recipe.body else "",
+            inputs=Inputs(body=recipe.body),
         )
     except Exception as error:  # a task that raised would end the whole batch
         reason = f"{error}" if isinstance(error, DepthMocapError) else f"{type(error).__name__}: {error}"

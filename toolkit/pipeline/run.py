@@ -25,6 +25,7 @@ from toolkit.files import locked, sha256_of
 from toolkit.people.joints import JointSource
 from toolkit.people.sighting import PeopleFinder
 from toolkit.people.up import floor_height
+from toolkit.pipeline.inputs import NO_INPUTS, Inputs
 from toolkit.pipeline.joints import JointChoice, give_joints, joint_source, name_of
 from toolkit.pipeline.rows import RowWatcher
 from toolkit.pipeline.second import SecondPass
@@ -79,10 +80,9 @@ def track_recording(
     resume: bool = False,
     warm_up: bool = True,
     progress: RecordingProgress | None = None,
-    sensors_sha256: str = "",
     watcher: RowWatcher | None = None,
     joints: JointChoice | None = None,
-    body_sha256: str = "",
+    inputs: Inputs = NO_INPUTS,
 ) -> RunSummary:
     """Follow the person, or the people, through a recording and write the run folder.
 
@@ -98,10 +98,9 @@ def track_recording(
     resume : continue an unfinished run; one that is finished already is left alone
     warm_up : track the first frames once beforehand, so that no compilation is timed
     progress : told what is going on
-    sensors_sha256 : of the inertial sensors that guide the tracker, if any do
     watcher : told every row of the one person who is followed
     joints : where joints in the image are to come from
-    body_sha256 : of the file of the person's own body, if the tracker was given one
+    inputs : files that the tracker was made from
 
     Raises
     ------
@@ -123,13 +122,7 @@ def track_recording(
     give_joints(recording, choice)
     job = Job(recording, tracker, people, joint_source(recording, choice, tracker.joints_wanted))
     with locked(run):
-        used = name_of(job.joints, recording)
-        info = replace(
-            _run_info(recording, tracker),
-            sensors_sha256=sensors_sha256,
-            joints_2d=used,
-            body_sha256=body_sha256,
-        )
+        info = replace(_run_info(recording, tracker), joints_2d=name_of(job.joints, recording), **inputs.digests())
         return _track(job, info, Path(run), resume, warm_up, progress or _silent, watcher)
 
 
@@ -377,7 +370,6 @@ def _is_same_run(folder: Path, info: RunInfo, tracker: Tracker) -> bool:
         "version",
         "tracker",
         "sensors_sha256",
-        "classes_sha256",
         "joints_2d",
         "body_sha256",
     )

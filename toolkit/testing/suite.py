@@ -26,7 +26,7 @@ import numpy as np
 from scipy.ndimage import gaussian_filter1d
 from scipy.spatial.transform import Rotation
 
-from database_builder.build import THRESHOLD, build_database
+from database_builder.build import THRESHOLD, Sampling, build_database
 from database_builder.regressor import RegressorSettings
 from toolkit import skeleton
 from toolkit.body.body import Body
@@ -295,7 +295,7 @@ def database(
     made_from = ["database_builder", "toolkit/mocap", "toolkit/body", "toolkit/landmarks", "toolkit/database"]
     path = work / "databases" / f"poses_{digest_of([database_sources], made_from, threshold, parts)}.npz"
     if not path.exists():
-        build_database(database_sources(), path, threshold=threshold, parts=parts, progress=progress)
+        build_database(database_sources(), path, Sampling(threshold), parts=parts, progress=progress)
     return path
 
 

@@ -46,7 +46,7 @@ class RunInfo:
     seed : of everything random
     up_source : how the vertical was known, see `Vertical`
     floor : metres of the camera above the floor, one number; empty where none is seen
-    sensors_sha256, classes_sha256 : of the file of inertial sensors or of motion classes that guided the tracker, empty
+    sensors_sha256 : of the file of inertial sensors that guided the tracker, empty
         without
     body_sha256 : of the file of the person's own body, empty where it was learnt
     joints_2d : which joints in the image the tracker was told: "none", "colour", "depth", or "given" and their digest
@@ -67,7 +67,6 @@ class RunInfo:
     seed: int = 0
     up_source: str = ""
     sensors_sha256: str = ""
-    classes_sha256: str = ""
     joints_2d: str = "none"
     body_sha256: str = ""
     offsets: list[Annotated[float, Range(-0.1, 0.1)]] = field(default_factory=list)

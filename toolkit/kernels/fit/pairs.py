@@ -136,41 +136,6 @@ def nearest_medians(
 
 
 @njit(cache=True)
-def add_surface_pairs(
-    vertex_of: np.ndarray,
-    targets: np.ndarray,
-    vertices: np.ndarray,
-    normals: np.ndarray,
-    skin_joints: np.ndarray,
-    skin_weights: np.ndarray,
-    reference: np.ndarray,
-    sigma: float,
-    plane: float,
-    point: float,
-    hessian: np.ndarray,
-    gradient: np.ndarray,
-) -> None:
-    """Pull mesh vertices to their targets (C, 3; NaN where there is none) with a plane and a point part."""
-    for i in range(vertex_of.shape[0]):
-        if np.isnan(targets[i, 0]):
-            continue
-        v = vertex_of[i]
-        ex = vertices[v, 0] - targets[i, 0]
-        ey = vertices[v, 1] - targets[i, 1]
-        ez = vertices[v, 2] - targets[i, 2]
-        ratio = 1.0 + (ex * ex + ey * ey + ez * ez) / (sigma * sigma)
-        robust = 1.0 / (ratio * ratio)
-        for s in range(skin_joints.shape[1]):
-            w = skin_weights[v, s] * robust
-            if w > 0.0:
-                add_pair(
-                    hessian, gradient, skin_joints[v, s],
-                    vertices[v, 0] - reference[0], vertices[v, 1] - reference[1], vertices[v, 2] - reference[2],
-                    normals[v, 0], normals[v, 1], normals[v, 2], ex, ey, ez, w * plane, w * point,
-                )  # fmt: skip
-
-
-@njit(cache=True)
 def vertex_gaps(points: np.ndarray, nearest: np.ndarray, visible: np.ndarray, cap: float, gaps: np.ndarray) -> float:
     """Mean distance of the visible of `points` (C, 3) to their `nearest` (C, 3) measured ones, each at most `cap`.
 
@@ -248,8 +213,8 @@ def nearest_model_points(
 
 
 @njit(cache=True)
-def add_cloud_pairs(
-    samples: np.ndarray,
+def add_pairs(
+    targets: np.ndarray,
     points: np.ndarray,
     vertex_of: np.ndarray,
     weights: np.ndarray,
@@ -263,14 +228,16 @@ def add_cloud_pairs(
     hessian: np.ndarray,
     gradient: np.ndarray,
 ) -> None:
-    """Pull the body's visible surface points to the measured samples that they should explain."""
-    for i in range(samples.shape[0]):
+    """Pull points (N, 3) of the body's surface, near vertices `vertex_of` (N,), to targets (N, 3), with a plane and a
+    point part; there is no pair where the vertex is negative or the target NaN.
+    """
+    for i in range(targets.shape[0]):
         v = vertex_of[i]
-        if v < 0:
+        if v < 0 or np.isnan(targets[i, 0]):
             continue
-        ex = points[i, 0] - samples[i, 0]
-        ey = points[i, 1] - samples[i, 1]
-        ez = points[i, 2] - samples[i, 2]
+        ex = points[i, 0] - targets[i, 0]
+        ey = points[i, 1] - targets[i, 1]
+        ez = points[i, 2] - targets[i, 2]
         ratio = 1.0 + (ex * ex + ey * ey + ez * ez) / (sigma * sigma)
         robust = weights[i] / (ratio * ratio)
         for s in range(skin_joints.shape[1]):
