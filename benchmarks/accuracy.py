@@ -31,7 +31,6 @@ from benchmarks._rows import (
 )
 from toolkit.config import parse_overrides
 from toolkit.database.database import PoseDatabase
-from toolkit.evaluation.bootstrap import paired_bootstrap
 from toolkit.evaluation.evaluate import evaluate_runs
 from toolkit.evaluation.joints import frame_errors, joint_errors
 from toolkit.evaluation.scores import EvaluationTable, RunScores
@@ -39,6 +38,7 @@ from toolkit.files import atomic_path
 from toolkit.fitting.objective import WITHIN
 from toolkit.pipeline import track_recording
 from toolkit.recordings.opening import open_recording
+from toolkit.testing.bootstrap import paired_bootstrap
 from toolkit.testing.suite import GROUPS, LONGEST, Take, chosen_takes, has_mocap, record, takes
 from toolkit.track import TRACKED, Track
 

@@ -40,7 +40,7 @@ from benchmarks._record import pin_to_one_processor, run_part, save_figures
 from toolkit.retrieval.features.motion import Motion
 from toolkit.retrieval.features.relational import FeatureMatrix, relational_features
 from toolkit.retrieval.index.keyframe_index import KeyframeIndex
-from toolkit.retrieval.keyframes.query import KeyframeQuery, in_sequence
+from toolkit.retrieval.keyframes.query import KeyframeQuery
 from toolkit.retrieval.learning.genetic import Breeder, GeneticSettings, Individual, Quality, TrainingSet, evolve
 from toolkit.retrieval.learning.queries import LearnedQuery, LearningSettings, learn, query_of, training_clips
 from toolkit.retrieval.search.find import HitRanges, find, pieces
@@ -52,7 +52,7 @@ ALTERNATIVES = ((1, False), (2, False), (1, True), (2, True), (3, True), (5, Tru
 """Queries per class that are tried together, a hit of any counting, and whether their distances are tightened."""
 REPEATS = 20
 """Searches per query; the median counts."""
-KINDS = ("learned", "sequences", "random columns")
+KINDS = ("learned", "random columns")
 SHOWN = ("queries", "tight", "milliseconds", "segments", "relevant", "left_hits", "touched_hits", "half_motions")
 UNSPECIFIC = 8
 """Queries of random template columns per class, which process many more segments than learned ones."""
@@ -128,15 +128,6 @@ def summary(rows: Sequence[dict[str, Any]]) -> dict[str, float]:
     return means
 
 
-def sequences(learned: dict[str, LearnedQuery], rng: np.random.Generator, count: int = 9) -> list[KeyframeQuery]:
-    """Queries for two or three different actions in a row (Section 3.6.2)."""
-    queries = [result.query for result in learned.values()]
-    chosen = [rng.permutation(len(queries))[: 2 + i % 2] for i in range(count)]
-    return [
-        in_sequence([queries[i] for i in order], [60] * (len(order) - 1), [0.2] * (len(order) - 1)) for order in chosen
-    ]
-
-
 def through_file(documents: Sequence[LabelledDocument]) -> tuple[KeyframeIndex, dict[str, Any]]:
     """The index as the command uses it: written, opened again, mapped."""
     with tempfile.TemporaryDirectory() as folder:
@@ -188,7 +179,6 @@ def rotate(
         breeder = Breeder(result.template, settings.genetic, rng)
         random = [query_of(breeder.individual(), len(result.template), label) for _ in range(UNSPECIFIC)]
         measured.timed["random columns"].extend(timed(index, query) for query in random)
-    measured.timed["sequences"].extend(timed(index, query) for query in sequences(learned, rng))
 
 
 def search(parser: argparse.ArgumentParser) -> None:
@@ -220,7 +210,6 @@ def search(parser: argparse.ArgumentParser) -> None:
         "together": {
             f"{count} per class{', tight' if tight else ''}": summary(rows) for (count, tight), rows in together.items()
         },
-        "mean_milliseconds_of_sequences": float(np.mean([row["milliseconds"] for row in entries["sequences"]])),
         "nanoseconds_per_segment": 1e6 * slope,
         "correlation_of_time_and_segments": correlation,
         "classes": [
@@ -234,7 +223,7 @@ def search(parser: argparse.ArgumentParser) -> None:
     name = "keyframe_search" if whole else "keyframe_search_part"
     for row, means in figures["together"].items():
         print(row, *(f"{key} {value:.3f}" for key, value in means.items()), sep="  ")
-    for key in ("mean_milliseconds_of_sequences", "nanoseconds_per_segment", "correlation_of_time_and_segments"):
+    for key in ("nanoseconds_per_segment", "correlation_of_time_and_segments"):
         print(key, figures[key])
     chosen = {"frames": options.frames, "runs": options.runs, "seed": options.seed, "corpus": HOW}
     print(save_figures(name, figures, chosen))

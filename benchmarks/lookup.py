@@ -46,12 +46,12 @@ from toolkit.recordings.opening import open_recording
 from toolkit.sensing.cloud import Cloud
 from toolkit.sensing.recording import Recording
 from toolkit.testing.searches import Open3DSearch, ScipySearch
+from toolkit.testing.solo import Solo
 from toolkit.testing.subjects import moving_clouds
 from toolkit.testing.suite import GROUPS, LONGEST, chosen_takes, record
 from toolkit.tracking.observation import Observation
 from toolkit.tracking.search.extrema import ExtremaQuery
 from toolkit.tracking.search.lookup import Query
-from toolkit.tracking.solo import Solo
 from toolkit.tracking.state import Previous
 
 PIXELS = (3_000, 6_000, 16_000)

@@ -38,13 +38,13 @@ from benchmarks._rows import (
 from benchmarks._takes import SOURCES, is_right, joints_of, prepared
 from toolkit.config import parse_overrides
 from toolkit.database.database import PoseDatabase
-from toolkit.evaluation.bootstrap import paired_bootstrap
 from toolkit.qammaz.tracker import SwarmTracker
 from toolkit.sensing.recording import Recording
+from toolkit.testing.bootstrap import paired_bootstrap
 from toolkit.testing.misled import KINDS, misled, wrong_pose
+from toolkit.testing.solo import Solo
 from toolkit.testing.suite import GROUPS, LONGEST, chosen_takes
 from toolkit.tracking.protocol import Tracker
-from toolkit.tracking.solo import Solo
 
 CAP = 90
 """Frames after which nobody waits any longer."""

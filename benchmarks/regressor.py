@@ -39,6 +39,7 @@ from toolkit.sensing.camera import Camera, level_rotation
 from toolkit.sensing.cloud import Cloud
 from toolkit.simulation.person import Person
 from toolkit.simulation.simulate import Shot, prepare
+from toolkit.testing.calibration import calibration_error
 from toolkit.testing.suite import BODIES, RATE, performed, takes
 
 KINDS = ("full", "waist_up", "seated", "hidden", "tilted", "child")
@@ -194,13 +195,6 @@ def measured(forest: JointRegressor, scenes: list[Scene], masked: bool) -> dict[
         "ece": calibration_error(reliability, errors < CLOSE[0]),
         "known": float(((believed >= 0.5) == truth).mean()), "auc": area_under_roc(believed, truth),
     }  # fmt: skip
-
-
-def calibration_error(probability: np.ndarray, happened: np.ndarray, bins: int = 10) -> float:
-    """Expected calibration error: mean over all (N,) of |frequency - mean probability| of their bin."""
-    number = np.minimum((bins * probability).astype(int), bins - 1)
-    gaps = np.bincount(number, weights=happened - probability, minlength=bins)
-    return float(np.abs(gaps).sum() / len(probability))
 
 
 def area_under_roc(score: np.ndarray, positive: np.ndarray) -> float:

@@ -29,7 +29,6 @@ from benchmarks._rows import ROWS, add_database_options, make_tracker, poses_of
 from toolkit.config import parse_overrides
 from toolkit.database.database import PoseDatabase
 from toolkit.errors import DepthMocapError
-from toolkit.evaluation.scenes import SceneScore, scene_figures, score_scene
 from toolkit.pipeline import load_tracker, track_recordings
 from toolkit.pipeline.joints import JointChoice
 from toolkit.recordings.opening import open_recording
@@ -39,6 +38,7 @@ from toolkit.rendering.overlay import color_depth, draw_points, draw_skeleton
 from toolkit.runs import person_runs
 from toolkit.sensing.recording import Recording
 from toolkit.testing.casting import Scene
+from toolkit.testing.scene_scores import SceneScore, scene_figures, score_scene
 from toolkit.testing.scenes import GROUPS, ROOM_GROUPS, chosen_scenes, record_scene, scenes
 from toolkit.testing.suite import has_mocap
 from toolkit.track import EMPTY, TRACK_FILE, TRACKED, Track

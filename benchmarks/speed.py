@@ -43,9 +43,9 @@ from toolkit.recordings.writer import save_recording
 from toolkit.sensing.camera import Camera
 from toolkit.sensing.recording import Recording
 from toolkit.testing.plain_pipeline import PlainTracker
+from toolkit.testing.solo import Solo
 from toolkit.testing.subjects import DISTANCE, camera_for, draw, moving_poses, write_recording
 from toolkit.tracking.crowd import Crowd
-from toolkit.tracking.solo import Solo
 
 JITTER = np.radians(2.0)
 ONE_THREAD = {"OMP_NUM_THREADS": "1", "NUMBA_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}

@@ -39,9 +39,9 @@ from toolkit.sensing.cloud import Cloud
 from toolkit.sensing.recording import Recording
 from toolkit.sensing.settings import SensingSettings
 from toolkit.testing.scenes import record_scene
+from toolkit.testing.solo import Solo
 from toolkit.testing.suite import WORK, takes
 from toolkit.testing.upper import GROUPS, upper_scenes
-from toolkit.tracking.solo import Solo
 
 IMAGES = ((30, 40), (45, 60), (60, 80), (90, 120))
 """Width and height of the small image, pixels."""

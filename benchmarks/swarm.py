@@ -36,14 +36,14 @@ from benchmarks._takes import SOURCES, TURNS, is_right, joints_of, prepared, sca
 from toolkit.body.body import Body
 from toolkit.body.shape import load_body
 from toolkit.config import parse_overrides
-from toolkit.evaluation.bootstrap import paired_bootstrap
 from toolkit.evaluation.plots import plot_curves
 from toolkit.pipeline.scan import scan_recordings
 from toolkit.qammaz.tracker import SwarmTracker, SwarmTrackerSettings
 from toolkit.sensing.recording import Recording
+from toolkit.testing.bootstrap import paired_bootstrap
 from toolkit.testing.sequences import FRAMES, SEQUENCES, sequence_body
+from toolkit.testing.solo import Solo
 from toolkit.testing.suite import GROUPS, LONGEST, WORK, chosen_takes
-from toolkit.tracking.solo import Solo
 
 EVERY = 6
 """Frames from one cold start to the next."""

@@ -44,11 +44,11 @@ from toolkit.sensing.cloud import Cloud
 from toolkit.sensing.recording import Recording
 from toolkit.sensing.settings import SensingSettings
 from toolkit.testing.scenes import record_scene
+from toolkit.testing.solo import Solo
 from toolkit.testing.suite import ROOT, WORK
 from toolkit.testing.upper import GROUPS, MORE, upper_scenes
 from toolkit.track import TRACKED
 from toolkit.tracking.protocol import Tracker
-from toolkit.tracking.solo import Solo
 from toolkit.tracking.state import Previous
 
 ROWS: dict[str, tuple[str, dict[str, Any]]] = {

@@ -40,8 +40,8 @@ from toolkit.recordings.opening import open_recording
 from toolkit.simulation.person import facing_of
 from toolkit.testing import suite
 from toolkit.testing.misled import wrong_pose
+from toolkit.testing.solo import Solo
 from toolkit.testing.suite import GROUPS, REPORT, TUNE, chosen_takes, performed, record, takes
-from toolkit.tracking.solo import Solo
 
 QUICK = ("--set", "shape.seconds=0.1")
 """The shape is learnt from two frames only."""

@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from toolkit import skeleton
 from toolkit.body.body import Body
-from toolkit.body.shape import ShapeSpace, body_names, load_body, subject_body
+from toolkit.body.shape import ShapeSpace, load_body, subject_body
 from toolkit.errors import BodyError
 
 LEFT_RIGHT = [
@@ -178,7 +178,7 @@ def test_the_rest_pose_is_a_t_pose_with_the_left_at_positive_x(name: str) -> Non
     assert body.vertices[body.end_effectors[2], 2] > body.sites[3, 2] + 0.02, "toe tips are beyond the ball of the foot"
 
 
-@pytest.mark.parametrize("name", body_names())
+@pytest.mark.parametrize("name", ShapeSpace.load().named)
 def test_every_mesh_is_closed_with_its_faces_outward(name: str) -> None:
     for body in (load_body(name), subject_body(name, seed=1)):
         forward = {tuple(edge) for edge in edges_of(body.faces).tolist()}
@@ -188,7 +188,7 @@ def test_every_mesh_is_closed_with_its_faces_outward(name: str) -> None:
         assert 0.015 < volume(body.vertices, body.faces) < 0.12, "a person in cubic metres, faces outward"
 
 
-@pytest.mark.parametrize("name", body_names())
+@pytest.mark.parametrize("name", ShapeSpace.load().named)
 def test_the_tracker_mesh_covers_each_limb_evenly(name: str) -> None:
     body = load_body(name)
     assert 1150 <= len(body.vertices) <= 1250
@@ -247,8 +247,8 @@ def test_clothing_moves_the_skin_that_it_covers_outwards(component: int, covered
 
 
 def test_named_bodies_differ_as_their_names_say() -> None:
-    volumes = {name: volume(load_body(name).vertices, load_body(name).faces) for name in body_names()}
-    heights = {name: load_body(name).height for name in body_names()}
+    volumes = {name: volume(load_body(name).vertices, load_body(name).faces) for name in ShapeSpace.load().named}
+    heights = {name: load_body(name).height for name in ShapeSpace.load().named}
     assert volumes["heavy_male"] > 1.3 * volumes["slim_male"] and volumes["heavy_female"] > 1.3 * volumes["slim_female"]
     assert heights["tall_male"] > 1.85 and heights["short_female"] < 1.62 and heights["child"] < 1.4
     assert 1.6 < heights["neutral"] < 1.8

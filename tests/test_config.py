@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from toolkit.config import READER, load_settings, parse_overrides, save_settings
+from toolkit.config import READER, load_settings, parse_overrides, settings_text
 from toolkit.errors import SettingsError, UsageError
 from toolkit.sensing.settings import SensingSettings
 
@@ -118,7 +118,7 @@ def test_written_settings_are_read_back_equal(settings: Outer) -> None:
     import tempfile
 
     with tempfile.TemporaryDirectory() as folder:
-        save_settings(settings, Path(folder) / "config.yaml")
+        (Path(folder) / "config.yaml").write_text(settings_text(settings), encoding="utf-8")
         assert load_settings(Outer, Path(folder) / "config.yaml") == settings
 
 

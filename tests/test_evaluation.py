@@ -16,13 +16,13 @@ from rich.console import Console
 from toolkit import skeleton
 from toolkit.errors import RecordingError, TrackError, UsageError
 from toolkit.evaluation import agreement, evaluate, joints, plots, surface
-from toolkit.evaluation.bootstrap import paired_bootstrap
 from toolkit.evaluation.extrema import TIPS, all_found, limbs_of_points
 from toolkit.evaluation.scores import EvaluationTable, RunScores
 from toolkit.files import sha256_of
 from toolkit.recordings.writer import save_recording
 from toolkit.runs import PersonSummary, save_people
 from toolkit.sensing.camera import Camera, level_rotation
+from toolkit.testing.bootstrap import paired_bootstrap
 from toolkit.track import LOST, TRACKED, FrameResult, RunInfo, TrackWriter
 
 CAMERA = Camera(100.0, 100.0, 40.0, 30.0, 80, 60)

@@ -13,11 +13,11 @@ from hypothesis import strategies as st
 
 from toolkit import skeleton
 from toolkit.errors import RecordingError
-from toolkit.evaluation.calibration import calibration_error
 from toolkit.evaluation.identities import assigned, match_people
 from toolkit.evaluation.joints import SEEN_REACH, seen_joints
-from toolkit.evaluation.scenes import scene_figures, score_scene
 from toolkit.sensing.camera import Camera
+from toolkit.testing.calibration import calibration_error
+from toolkit.testing.scene_scores import scene_figures, score_scene
 from toolkit.track import EMPTY, TRACKED, Track
 
 CAMERA = Camera(100.0, 100.0, 40.0, 30.0, 81, 61)

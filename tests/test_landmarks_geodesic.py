@@ -16,7 +16,7 @@ from tests.landmark_helpers import CAMERA, cloud_of, figure, paint
 from toolkit.errors import SegmentationError, SettingsError, UsageError
 from toolkit.kernels.cloud import cloud_graph
 from toolkit.landmarks.extrema import extrema_of_graph, geodesic_extrema, source_node
-from toolkit.landmarks.graph import Graph, Workspace, grid_graph, nearest_neighbour_graph
+from toolkit.landmarks.graph import Graph, Workspace, grid_graph
 from toolkit.landmarks.settings import LandmarkSettings
 
 SETTINGS = LandmarkSettings()
@@ -304,8 +304,6 @@ def test_a_cloud_of_one_point_has_no_extremum() -> None:
 def test_an_empty_cloud_and_wrong_arguments_are_refused_in_one_sentence() -> None:
     with pytest.raises(SegmentationError, match="no points"):
         geodesic_extrema(cloud_of(np.zeros((240, 320))), 5)
-    with pytest.raises(SegmentationError, match="no points"):
-        nearest_neighbour_graph(np.zeros((0, 3)), SETTINGS)
     cloud = cloud_of(figure())
     with pytest.raises(UsageError, match="ask for at least 1"):
         geodesic_extrema(cloud, 0)
@@ -339,31 +337,6 @@ def test_the_source_lies_at_the_hips_and_not_on_a_hand_before_them() -> None:
     torso = np.flatnonzero(cloud.points[:, 2] < -2.5)
     hips = centre - [0.0, SETTINGS.source_drop, 0.0]
     assert source == torso[np.linalg.norm(cloud.points[torso] - hips, axis=1).argmin()]
-
-
-def test_an_unorganised_cloud_gives_the_extrema_of_the_same_cloud_on_the_grid() -> None:
-    cloud = cloud_of(figure())
-    order = np.random.default_rng(0).permutation(len(cloud))
-    points = cloud.points[order]
-    graph = nearest_neighbour_graph(points, SETTINGS)
-    source = source_node(graph, points, np.array([0.0, 0.0, -2.6]))
-    found = extrema_of_graph(graph, points, 5, source)
-    assert cdist(found.points, geodesic_extrema(cloud, 5).points).min(axis=1).max() < 0.05
-    nodes, reach, visits = algorithm_1(graph, source, 5)
-    assert (found.nodes.tolist(), found.visited.tolist()) == (nodes, visits)
-
-
-@pytest.mark.parametrize("count", [1, 2, 7, 60])
-def test_each_point_of_an_unorganised_cloud_is_joined_to_its_nearest_points(count: int) -> None:
-    points = np.random.default_rng(count).uniform(0.0, 0.2, (count, 3)).astype(np.float32)
-    graph = nearest_neighbour_graph(points, replace(SETTINGS, bridge_distance=1e-6), neighbours=4)
-    distances = cdist(points.astype(float), points.astype(float))
-    expected = set()
-    for node in range(count):
-        for other in np.argsort(distances[node])[1:5]:
-            if distances[node, other] < SETTINGS.neighbour_distance:
-                expected |= {(node, int(other)), (int(other), node)}
-    assert edges_of(graph).keys() == expected
 
 
 def test_the_benchmark_finds_equal_extrema_and_visits_on_rendered_people() -> None:

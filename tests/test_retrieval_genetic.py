@@ -309,7 +309,6 @@ def test_learning_gives_the_same_queries_for_any_number_of_workers() -> None:
         assert alone[label].solutions == together[label].solutions
     assert told[0] == ("both", 1, 6) and told[-1] == ("left", 6, 6)
     assert alone["both"].training.fitness == 1.0 and alone["both"].query.label == "both"
-    assert alone["both"].accumulated.shape == (40, len(alone["both"].template))
     other = learn(classes, settings, np.random.default_rng(6), labels=["both"])
     assert other["both"].solutions != alone["both"].solutions
 

@@ -10,7 +10,6 @@ from toolkit.retrieval.keyframes.query import (
     Keyframe,
     KeyframeQuery,
     admissible,
-    in_sequence,
     keyframes_at_once,
     keyframes_of_column,
 )
@@ -57,7 +56,6 @@ def test_wildcards_of_a_column_are_left_out() -> None:
         (lambda: KeyframeQuery.from_stiffness((KNEE, HAND), [5], 1.5), "stiffness 1.5"),
         (lambda: KeyframeQuery.from_stiffness((KNEE, HAND), [-5], 0.5), "distance -5"),
         (lambda: KeyframeQuery.from_stiffness((KNEE, HAND), [5], [0.5, 0.5]), "1 distances need as many"),
-        (lambda: in_sequence([KeyframeQuery((KNEE,))], [4], [0.5]), "1 actions in a row"),
     ],
 )
 def test_a_query_that_cannot_work_is_refused_in_one_sentence(make: object, message: str) -> None:
@@ -94,12 +92,3 @@ def test_keyframes_at_one_position_get_the_distance_zero() -> None:
     assert query.keyframes == (HAND, KNEE, KNEE)
     assert query.bounds == ((0, 0), (3, 10))
     assert (query.lead, query.tail) == (4, 2)
-
-
-def test_actions_in_a_row_keep_their_own_distances() -> None:
-    first = KeyframeQuery((KNEE, HAND), ((1, 2),), lead=3, label="kick")
-    second = KeyframeQuery((HAND, KNEE), ((4, None),), tail=5, label="wave")
-    both = in_sequence([first, second], [10], [0.5])
-    assert both.keyframes == (KNEE, HAND, HAND, KNEE)
-    assert both.bounds == ((1, 2), (5, 20), (4, None))
-    assert (both.lead, both.tail, both.label) == (3, 5, "kick + wave")

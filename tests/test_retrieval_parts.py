@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 from toolkit.errors import RetrievalError
-from toolkit.evaluation.bootstrap import paired_bootstrap
 from toolkit.retrieval.annotation.measures import (
     Segment,
     check_truth,
@@ -22,6 +21,7 @@ from toolkit.retrieval.priors.gaps import GapSettings, find_gaps, limb_support
 from toolkit.retrieval.priors.limbs import LIMBS, OUTER
 from toolkit.retrieval.search.find import HitRanges, pieces
 from toolkit.retrieval.search.rank import pick, rank
+from toolkit.testing.bootstrap import paired_bootstrap
 
 INDEX = SimpleNamespace(document_starts=np.array([0, 100, 200]), names=["a", "b"])
 

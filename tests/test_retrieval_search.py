@@ -11,7 +11,7 @@ from toolkit.errors import RetrievalError
 from toolkit.kernels.motion.keyframe_search import UNBOUNDED, keyframe_search
 from toolkit.retrieval.features.relational import FeatureMatrix
 from toolkit.retrieval.index.keyframe_index import KeyframeIndex
-from toolkit.retrieval.keyframes.query import SET_FEATURES, Keyframe, KeyframeQuery, in_sequence, keyframes_of_column
+from toolkit.retrieval.keyframes.query import SET_FEATURES, Keyframe, KeyframeQuery, keyframes_of_column
 from toolkit.retrieval.search.find import HitRanges, find, pieces
 from toolkit.retrieval.search.rank import Match, pick, rank
 
@@ -169,17 +169,6 @@ def test_a_stiff_query_misses_what_a_soft_one_finds() -> None:
     keyframes = [Keyframe("upper", (("F1", 1),)), Keyframe("upper", (("F2", 1),))]
     assert find(index, KeyframeQuery.from_stiffness(keyframes, [10], 1.0)).starts.tolist() == [10]
     assert find(index, KeyframeQuery.from_stiffness(keyframes, [10], 0.6)).starts.tolist() == [10, 50]
-
-
-def test_a_query_for_a_sequence_of_actions_finds_them_in_that_order_only() -> None:
-    values = np.zeros((40, 60), dtype=bool)
-    values[0, 5], values[1, 10], values[20, 25], values[19, 30] = True, True, True, True
-    index = KeyframeIndex.build([FeatureMatrix("a", values)])
-    wave = KeyframeQuery((Keyframe("upper", (("F1", 1),)), Keyframe("upper", (("F2", 1),))), ((3, 7),), lead=2)
-    kick = KeyframeQuery((Keyframe("lower", (("F21", 1),)), Keyframe("lower", (("F20", 1),))), ((3, 7),), tail=3)
-    hits = find(index, in_sequence([wave, kick], [10], [0.5]))
-    assert (hits.starts.tolist(), hits.stops.tolist()) == ([5], [31])
-    assert len(find(index, in_sequence([kick, wave], [10], [0.5]))) == 0
 
 
 def ranges(documents: list[int], starts: list[int], stops: list[int]) -> HitRanges:

@@ -12,9 +12,8 @@ from tests.retrieval_motions import random_motion
 from toolkit.errors import RetrievalError
 from toolkit.kernels.motion import dtw
 from toolkit.retrieval.features.relational import FeatureMatrix, pack, relational_features
-from toolkit.retrieval.templates.picture import plot_template
 from toolkit.retrieval.templates.quantised import WILDCARD, QuantisedTemplate, expand
-from toolkit.retrieval.templates.template import MotionTemplate, contract, spread_evenly
+from toolkit.retrieval.templates.template import MotionTemplate, contract
 
 
 def clips(count: int = 5, seed: int = 0) -> list[FeatureMatrix]:
@@ -154,33 +153,12 @@ def test_the_estimator_can_be_cloned_and_tells_its_parameters() -> None:
     assert copy.get_params() == {"strict": True, "max_rounds": 3, "tolerance": 0.005, "contract_below": 0.75}
 
 
-@pytest.mark.parametrize(("count", "size"), [(1, 1), (2, 2), (3, 2), (4, 2), (5, 3), (18, 9)])
-def test_the_training_half_is_rounded_up_and_spread_over_the_list(count: int, size: int) -> None:
-    chosen = spread_evenly(count)
-    assert len(chosen) == size and chosen[0] == 0 and chosen[-1] == count - 1 or count == 1
-
-
 def test_packing_puts_feature_i_into_bit_i() -> None:
     values = np.random.default_rng(0).random((40, 9)) < 0.5
     words = pack(values)
     unpacked = (words[None] >> np.arange(40, dtype=np.uint64)[:, None]) & np.uint64(1)
     np.testing.assert_array_equal(unpacked.astype(bool), values)
     assert [int(dtw.ones(word)) for word in words] == values.sum(axis=0).tolist()
-
-
-def test_a_template_is_drawn_with_its_features_as_rows() -> None:
-    import matplotlib
-
-    matplotlib.use("Agg")
-    from matplotlib import pyplot
-
-    template = MotionTemplate().fit(clips(3))
-    figure, (left, right) = pyplot.subplots(1, 2)
-    plot_template(template, left, features=(5, 6, 15, 16))
-    plot_template(template.quantised("class"), right)
-    assert [label.get_text() for label in left.get_yticklabels()] == ["F5", "F6", "F15", "F16"]
-    assert right.images[0].get_array().mask.any()
-    pyplot.close(figure)
 
 
 def test_a_quantised_template_counts_its_columns() -> None:

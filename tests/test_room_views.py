@@ -139,11 +139,6 @@ def test_the_votes_of_a_cloud_come_with_its_probability(trained: JointRegressor,
     estimate = trained.estimate(cloud, 10_000)
     each = trained.person_probability(depth, camera.intrinsics, cloud.rotation, cloud.pixels)
     assert estimate.person == pytest.approx(each.mean(), abs=0.02)
-    image = trained.person_image(cloud, 3)
-    assert image.shape == depth[::3, ::3].shape and (np.isnan(image) == (depth[::3, ::3] == 0)).all()
-    flat = np.full(depth.size, np.nan)
-    flat[cloud.pixels] = each
-    assert np.allclose(image, flat.reshape(depth.shape)[::3, ::3], equal_nan=True, atol=1e-6)
 
 
 def test_a_forest_of_people_alone_is_read_and_says_how_to_get_one_that_knows_rooms(trained: JointRegressor) -> None:

@@ -137,40 +137,6 @@ def test_the_median_is_opencv_s_inside_and_the_lower_middle_at_edges(step):
     )
 
 
-def test_a_mask_found_on_every_second_pixel_comes_back_at_full_size():
-    image = np.zeros((41, 61), np.uint16)
-    image[10:31, 20:41] = 2000
-    image[:, 50:] = 2020
-    coarse = np.where(np.arange(31)[None] < 24, image[::2, ::2], 0).astype(np.uint16)
-    padded, box = np.zeros((43, 63), np.uint16), np.zeros(4, np.int64)
-    count = components.refine_mask(image, coarse, 2, 30.0, padded, box)
-    expected = np.where(np.arange(61)[None] < 48, image, 0)
-    np.testing.assert_array_equal(padded[1:-1, 1:-1], expected)
-    assert count == (expected > 0).sum()
-    assert tuple(box) == (11, 32, 21, 42)
-
-
-def test_contacts_are_close_pairs_of_pixels():
-    from scipy.spatial.distance import cdist
-
-    rng = np.random.default_rng(0)
-    depth = rng.integers(1900, 2100, (12, 14)).astype(np.uint16)
-    labels = rng.integers(0, 4, (12, 14)).astype(np.int32)
-    camera = np.array([100.0, 100.0, 6.0, 5.0])
-    contacts = np.zeros((4, 4), np.int64)
-    components.contacts_between(depth, labels, 2, 0.06, camera, contacts)
-    v, u = (grid.ravel() for grid in np.mgrid[:12, :14])
-    z = depth.ravel() / 1000
-    points = np.column_stack([(u - 6) * z / 100, (v - 5) * z / 100, z])
-    window = (np.abs(v[:, None] - v) <= 2) & (np.abs(u[:, None] - u) <= 2)
-    close = window & (cdist(points, points) <= 0.06)
-    flat = labels.ravel()
-    for a in range(1, 4):
-        for b in range(1, 4):
-            expected = 0 if a == b else close[np.ix_(flat == a, flat == b)].sum()
-            assert contacts[a, b] == expected
-
-
 def test_overlap_and_selection_follow_the_labels():
     labels = np.pad(np.array([[1, 1, 2], [0, 2, 2]], np.int32), 1)
     depth = np.pad(np.array([[5, 0, 5], [5, 5, 0]], np.uint16), 1)

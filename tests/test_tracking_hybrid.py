@@ -31,9 +31,9 @@ from toolkit.recordings.writer import save_recording
 from toolkit.sensing.recording import Recording
 from toolkit.simulation.simulate import simulate_recording
 from toolkit.testing.misled import misled
+from toolkit.testing.solo import Solo
 from toolkit.track import EMPTY, LOST, TRACKED, FrameResult
 from toolkit.tracking.search.local import least_turn
-from toolkit.tracking.solo import Solo
 
 MOTIONS = ("idle", "raise_sideways", "raise_forward", "arm_circles", "march", "wave", "twist")
 SETTINGS = HybridSettings(hypotheses=("local", "extrema", "arms"))

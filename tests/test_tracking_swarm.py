@@ -34,10 +34,10 @@ from toolkit.recordings.writer import save_recording
 from toolkit.sensing.joints2d import Joints2D
 from toolkit.sensing.recording import Recording
 from toolkit.testing.joints import DERIVED, DetectorErrors, detected
+from toolkit.testing.solo import Solo
 from toolkit.testing.subjects import LEVEL, camera_for, draw, moving_poses
 from toolkit.track import EMPTY, TRACKED, FrameResult, RunInfo, Track
 from toolkit.tracking.clock import StageClock
-from toolkit.tracking.solo import Solo
 
 BODY = load_body("neutral")
 CAMERA = camera_for(3000)

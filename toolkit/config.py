@@ -17,7 +17,7 @@ import yaml
 
 from toolkit.constants import is_constant
 from toolkit.errors import SettingsError
-from toolkit.files import is_file, save_text, shipped
+from toolkit.files import is_file, shipped
 from toolkit.plain import parse_yaml, read_yaml
 from toolkit.typed import TypedReader
 
@@ -76,11 +76,6 @@ def parse_overrides(pairs: list[str]) -> dict[str, Any]:
             raise SettingsError(f"{pair!r} is no setting; write NAME=VALUE, for example sensing.half_resolution=true")
         overrides[name.strip()] = parse_yaml(value, f"the value {value[:80]!r} of {name}", SettingsError, "correct it")
     return overrides
-
-
-def save_settings(settings: Any, path: str | Path) -> None:
-    """Write the settings in force as YAML, which `load_settings` reads back."""
-    save_text(path, settings_text(settings))
 
 
 def settings_text(settings: Any) -> str:

@@ -186,11 +186,6 @@ def load_body(name: str = "neutral") -> Body:
     return space.body(_named(space.named, name), name=name)
 
 
-def body_names() -> tuple[str, ...]:
-    """Names that `load_body` and `subject_body` know."""
-    return tuple(ShapeSpace.load().named)
-
-
 def subject_body(
     shape: str | Sequence[float] | np.ndarray = "neutral",
     *,

@@ -94,39 +94,6 @@ def grid_graph(cloud: Cloud, settings: LandmarkSettings, workspace: Workspace | 
     return _connected(points, neighbours, lengths, edges, settings, workspace)
 
 
-def nearest_neighbour_graph(
-    points: np.ndarray, settings: LandmarkSettings, neighbours: int = 8, workspace: Workspace | None = None
-) -> Graph:
-    """Graph of an unorganised cloud `points` (N, 3), metres: each point with its `neighbours` nearest points under tau.
-
-    Raises
-    ------
-    SegmentationError
-        The cloud is empty.
-    """
-    from scipy.spatial import cKDTree
-
-    workspace = workspace or Workspace()
-    points = _checked(points)
-    nearest = cKDTree(points).query(points, k=min(neighbours + 1, len(points)))[1].reshape(len(points), -1)
-    pairs = np.stack([np.repeat(np.arange(len(points)), nearest.shape[1]), nearest.ravel()], axis=1)
-    pairs = np.unique(np.sort(pairs[pairs[:, 0] != pairs[:, 1]], axis=1), axis=0)
-    metres = np.linalg.norm(points[pairs[:, 0]].astype(np.float64) - points[pairs[:, 1]], axis=1)
-    units = np.maximum(np.rint(metres / cloud_graph.UNIT), 1).astype(np.int32)
-    near = units < round(settings.neighbour_distance / cloud_graph.UNIT)
-    pairs, units = pairs[near], units[near]
-    here, there = np.concatenate([pairs, pairs[:, ::-1]]).T
-    order = np.argsort(here, kind="stable")
-    degrees = np.bincount(here, minlength=len(points))
-    place = np.arange(len(here)) - np.repeat(np.cumsum(degrees) - degrees, degrees)
-    shape = (_rows(len(points), settings), max(int(degrees.max()), 1))
-    table = np.repeat(np.arange(shape[0], dtype=np.int32)[:, None], shape[1], axis=1)
-    lengths = np.zeros(shape, dtype=np.int32)
-    table[here[order], place] = there[order]
-    lengths[here[order], place] = np.tile(units, 2)[order]
-    return _connected(points, table, lengths, len(pairs), settings, workspace)
-
-
 def _rows(nodes: int, settings: LandmarkSettings) -> int:
     """Rows of a table that has room for every bridge that there can be."""
     return nodes + 2 * (nodes // settings.smallest_component)

@@ -247,26 +247,6 @@ class JointRegressor:
             )
         return self._person(self._leaves(depth, intrinsics, rotation, pixels))
 
-    def person_image(self, cloud: Cloud, step: int = 1) -> np.ndarray:
-        """`person_probability` of every `step`-th measured pixel of a cloud's image.
-
-        Returns
-        -------
-        float32 (H / step, W / step), rounded up: pixel (i, j) is that of (`step` i, `step` j); NaN where nothing was
-        measured
-
-        Raises
-        ------
-        DatabaseError
-            As `person_probability`.
-        """
-        measured = np.zeros(cloud.depth.shape, dtype=bool)
-        measured[::step, ::step] = cloud.depth[::step, ::step] > 0
-        pixels = np.flatnonzero(measured)
-        image = np.full(cloud.depth.shape, np.nan, dtype=np.float32)
-        image.flat[pixels] = self.person_probability(cloud.depth, cloud.camera.intrinsics, cloud.rotation, pixels)
-        return image[::step, ::step]
-
     def _leaves(
         self, depth: np.ndarray, intrinsics: np.ndarray, rotation: np.ndarray, pixels: np.ndarray
     ) -> np.ndarray:

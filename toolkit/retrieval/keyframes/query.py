@@ -196,30 +196,3 @@ class KeyframeQuery:
         return tuple(
             float(least) if greatest is None else math.sqrt(least * greatest) for least, greatest in self.bounds
         )
-
-
-def in_sequence(
-    queries: Sequence[KeyframeQuery], distances: Sequence[float], stiffness: Sequence[float]
-) -> KeyframeQuery:
-    """One query for several actions in a row (Section 3.6.2).
-
-    `distances[i]` are the frames from the last keyframe of action i to the first one of action i + 1, with its own
-    stiffness.
-
-    Raises
-    ------
-    RetrievalError
-        The numbers of queries, distances and stiffness values do not fit.
-    """
-    if not queries or not len(distances) == len(stiffness) == len(queries) - 1:
-        raise RetrievalError(
-            f"{len(queries)} actions in a row need one distance and one stiffness value less than actions, "
-            f"not {len(distances)} and {len(stiffness)}"
-        )
-    keyframes = queries[0].keyframes
-    bounds = queries[0].bounds
-    for query, distance, value in zip(queries[1:], distances, stiffness, strict=True):
-        keyframes += query.keyframes
-        bounds += (admissible(distance, value), *query.bounds)
-    label = " + ".join(query.label for query in queries)
-    return KeyframeQuery(keyframes, bounds, queries[0].lead, queries[-1].tail, label)

@@ -103,12 +103,6 @@ class LearnedQuery:
         best = (self.tight if tight else self.ranked)[:count]
         return [query_of(individual, len(self.template), self.label) for individual in best]
 
-    @property
-    def accumulated(self) -> np.ndarray:
-        """The runs' keyframes added up per template column, float64 (40, N), 0.5 for wildcards (Fig. 4.2a)."""
-        votes, _ = votes_of(self.solutions, len(self.template))
-        return 0.5 + 0.5 * (votes[1] - votes[0]) / len(self.solutions)
-
 
 def variations(motion: Motion, proportions: Sequence[float], speeds: Sequence[float]) -> list[FeatureMatrix]:
     """Features of a motion for each factor on the actor's own units of length, and for each factor on its speed.

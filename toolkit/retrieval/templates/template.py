@@ -124,12 +124,6 @@ def contract(values: np.ndarray, weights: np.ndarray, least: float) -> tuple[np.
     return np.add.reduceat(values * weights, starts, axis=1) / sums, sums
 
 
-def spread_evenly(count: int) -> np.ndarray:
-    """Indices of a training half of `count` sorted clips: rounded up, at least 2, spread over the list."""
-    size = min(count, max(2, (count + 1) // 2))
-    return np.unique(np.rint(np.linspace(0, count - 1, size)).astype(np.int64))
-
-
 def _align_all(clips: list[tuple[np.ndarray, np.ndarray]]) -> tuple[dict[tuple[int, int], np.ndarray], float]:
     """Alignment paths of every ordered pair (reference, warped), and the largest cost among them."""
     paths, largest = {}, 0.0

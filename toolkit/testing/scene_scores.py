@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 
 from toolkit.errors import RecordingError
-from toolkit.evaluation.calibration import calibration_error
 from toolkit.evaluation.identities import Identities, assigned, match_people
 from toolkit.evaluation.joints import CAP, NEAR, seen_joints
 from toolkit.sensing.recording import Recording
+from toolkit.testing.calibration import calibration_error
 from toolkit.track import EMPTY, TRACKED, Track
 
 THERE = 5
