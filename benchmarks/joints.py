@@ -78,7 +78,7 @@ def detections(
     recording: Recording, model: PoseModel, source: str, truth: np.ndarray
 ) -> Iterator[tuple[Sighting, np.ndarray]]:
     """Sightings in which joints were detected, and the true joints (20, 3) of that frame."""
-    finder = LonePerson(recording.camera, recording.background, SensingSettings(), recording.up_camera)
+    finder = LonePerson.of(recording)
     detect = DetectedJoints(model, recording.camera, in_color=source == "colour")
     for i, frame in enumerate(recording.stream(color=detect.needs_color)):
         (seen,) = detect.add(frame, finder.find(frame.depth_mm, frame.timestamp, {}))

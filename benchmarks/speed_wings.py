@@ -37,7 +37,6 @@ from toolkit.recordings.opening import open_recording
 from toolkit.recordings.writer import RecordingWriter
 from toolkit.sensing.cloud import Cloud
 from toolkit.sensing.recording import Recording
-from toolkit.sensing.settings import SensingSettings
 from toolkit.testing.scenes import record_scene
 from toolkit.testing.solo import Solo
 from toolkit.testing.suite import WORK, takes
@@ -69,7 +68,7 @@ def stages(row: str, threads: int, recording: Recording, frames: int) -> dict[st
 
 def hypothesis_us(body: Body, figure: str, size: tuple[int, int], recording: Recording) -> float:
     """Microseconds of one thread for one pose: placed, skinned, drawn and compared."""
-    finder = LonePerson(recording.camera, recording.background, SensingSettings(), recording.up_camera)
+    finder = LonePerson.of(recording)
     (sighting,) = finder.find(recording.depth(0), 0.0, {})
     cloud = Cloud.from_depth(sighting.depth, sighting.camera, np.diag((1.0, -1.0, -1.0)))
     settings = DiscrepancySettings(figure=figure, width=size[0], height=size[1])
@@ -84,7 +83,7 @@ def hypothesis_us(body: Body, figure: str, size: tuple[int, int], recording: Rec
 
 def network_ms(recording: Recording, frames: int) -> dict[str, dict[str, float]]:
     """Milliseconds of shading a frame, and of finding the points in it."""
-    finder = LonePerson(recording.camera, recording.background, SensingSettings(), recording.up_camera)
+    finder = LonePerson.of(recording)
     model, spent = PoseModel.load(), []
     for i in range(min(frames, len(recording))):
         (sighting,) = finder.find(recording.depth(i), float(recording.timestamps[i]), {})

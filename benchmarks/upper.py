@@ -42,7 +42,6 @@ from toolkit.rendering.overlay import color_depth, draw_points, draw_skeleton
 from toolkit.sensing.camera import level_rotation
 from toolkit.sensing.cloud import Cloud
 from toolkit.sensing.recording import Recording
-from toolkit.sensing.settings import SensingSettings
 from toolkit.testing.scenes import record_scene
 from toolkit.testing.solo import Solo
 from toolkit.testing.suite import ROOT, WORK
@@ -286,7 +285,7 @@ KINDS: dict[str, EffectorSettings] = {
 def count_found(recording: Recording, stride: int) -> dict[str, np.ndarray]:
     """For each kind the number of frames, of those with all three found, of forks and of forks that are right."""
     found = {kind: np.zeros(4, dtype=np.int64) for kind in KINDS}
-    finder = LonePerson(recording.camera, recording.background, SensingSettings(), recording.up_camera)
+    finder = LonePerson.of(recording)
     rotation, workspace = level_rotation(recording.up_camera), Workspace()
     for i in range(0, len(recording), stride):
         depth = recording.depth(i)

@@ -61,7 +61,7 @@ def find_person(
         if not room.cut_out:
             everybody = recording.camera, recording.up_camera, room, sensing, settings, None, judge
             return OneOfSeveral(SeveralPeople(*everybody), meant_person(recording, SeveralPeople(*everybody), sensing))
-    return LonePerson(recording.camera, recording.background, sensing, recording.up_camera)
+    return LonePerson.of(recording, sensing)
 
 
 def survey(
