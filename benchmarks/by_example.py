@@ -15,7 +15,7 @@ UTD-MHAD : 27 actions by 2 subjects (Kinect skeletons), each clip a document and
     cost was chosen on subjects 1 and 3, reported are 5 and 7
 
 Methods, from plain to shipped: DTW of joint positions (root at the origin, heading and size taken out), DTW of the
-booleans, the thesis's automatic keyframes before that, graded features, these weighted by what the example does with
+booleans, graded features, these weighted by what the example does with
 them, the same in two steps, and with the places of the limbs in the second one, which is `depthmocap search
 --by-example`. All DTW has the same steps.
 """
@@ -40,7 +40,6 @@ from scipy.io import loadmat
 
 from benchmarks._keyframe_corpus import FILLER_SHARE, SYMMETRIC, Example, load_examples, load_filler
 from benchmarks._record import pin_to_one_processor, save_figures
-from toolkit.errors import RetrievalError
 from toolkit.kernels.motion.graded import distinct_hits, graded_distances
 from toolkit.recordings.readers.utd_mhad import joints_from_kinect
 from toolkit.retrieval.annotation.annotator import distance_function
@@ -51,9 +50,8 @@ from toolkit.retrieval.features.motion import NAMED_JOINTS, SIDES, Motion, from_
 from toolkit.retrieval.features.places import places_of, spread
 from toolkit.retrieval.features.relational import FEATURE_RATE, FEATURES, MIRROR, FeatureMatrix, relational_features
 from toolkit.retrieval.index.keyframe_index import KeyframeIndex
-from toolkit.retrieval.keyframes.automatic import template_of
 from toolkit.retrieval.search import example as shipped
-from toolkit.retrieval.workflow.search import keyframes_of_example, search
+from toolkit.retrieval.templates.quantised import QuantisedTemplate
 
 LAST_TUNING_SUBJECT = 8
 """CMU subjects up to this one were looked at while the method was made."""
@@ -208,14 +206,8 @@ def methods_for(corpus: Corpus) -> dict[str, Method]:
         return hits_of([distance_of_positions(template, document) for document in placed])
 
     def by_booleans(example: FeatureMatrix, _: Motion) -> list[Hit]:
-        template = template_of(example)
+        template = QuantisedTemplate(example.name, example.values.astype(np.int8), np.ones(len(example)))
         return hits_of([distance_function(template, document) for document in corpus.features])
-
-    def by_keyframes(example: FeatureMatrix, _: Motion) -> list[Hit]:
-        try:
-            return of_matches(search(corpus.index, keyframes_of_example(example)).matches)
-        except RetrievalError:  # nothing characteristic in the example: nothing is found
-            return []
 
     def by_grades(example: FeatureMatrix, weights: np.ndarray) -> list[Hit]:
         template = np.ascontiguousarray(example.grades.T, dtype=np.float32)
@@ -228,7 +220,6 @@ def methods_for(corpus: Corpus) -> dict[str, Method]:
     return {
         "DTW of positions": by_positions,
         "DTW of booleans": by_booleans,
-        "automatic keyframes, DTW of booleans": by_keyframes,
         "DTW of grades": lambda example, _: by_grades(example, np.full(len(FEATURES), 1 / len(FEATURES))),
         "DTW of weighted grades": lambda example, _: by_grades(example, importance(example.grades)),
         "the same in two steps": lambda example, _: of_matches(

@@ -47,7 +47,7 @@ from toolkit.recordings.writer import save_recording
 from toolkit.retrieval.features.motion import NAMED_JOINTS, Motion
 from toolkit.retrieval.features.relational import FeatureMatrix, relational_features
 from toolkit.retrieval.index.keyframe_index import KeyframeIndex
-from toolkit.retrieval.keyframes.automatic import ChoiceSettings, choose_query, template_of
+from toolkit.retrieval.keyframes.query import KeyframeQuery, keyframes_of_column
 from toolkit.retrieval.search.example import Example, coarse_hits, search_example
 from toolkit.retrieval.search.find import find
 from toolkit.sensing.camera import Camera
@@ -241,7 +241,7 @@ def searched_figures(path: Path, wanted: list[FeatureMatrix]) -> dict[str, Any]:
     """What it takes to open an index and to search it."""
     figures: dict[str, Any] = {"open_milliseconds": milliseconds(lambda: KeyframeIndex.open(path), 3)}
     index = KeyframeIndex.open(path)
-    queries = [choose_query(template_of(f), ChoiceSettings(least_score=0.3, most=1)) for f in wanted]
+    queries = [_two_moments(f) for f in wanted]
     examples = [Example.of(features) for features in wanted]
     figures["first_keyframe_search_milliseconds"] = milliseconds(lambda: find(index, queries[0]))
     search_example(index, examples[0], 20)
@@ -308,10 +308,16 @@ def motion_index(parser: argparse.ArgumentParser) -> None:
     print(save_figures("index_scale", figures, {"hours": options.hours, "workers": options.workers}))
 
 
+def _two_moments(features: FeatureMatrix) -> KeyframeQuery:
+    """A query of two frames of an example, a third and two thirds through it."""
+    moments = [len(features) // 3, 2 * len(features) // 3]
+    columns = [(n, keyframes_of_column(features.values[:, n].astype(np.int8))) for n in moments]
+    return KeyframeQuery.from_positions(columns, len(features), 0.5)
+
+
 def _warm(wanted: list[FeatureMatrix]) -> tuple[KeyframeIndex, Any]:
     """A small index and a query, so that compiled code is loaded before anything is timed."""
-    query = choose_query(template_of(wanted[0]), ChoiceSettings(least_score=0.3, most=1))
-    return KeyframeIndex.build(replace(f, name=str(i)) for i, f in enumerate(wanted)), query
+    return KeyframeIndex.build(replace(f, name=str(i)) for i, f in enumerate(wanted)), _two_moments(wanted[0])
 
 
 def main() -> None:

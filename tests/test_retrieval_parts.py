@@ -20,7 +20,6 @@ from toolkit.retrieval.priors.bridge import End, bridge
 from toolkit.retrieval.priors.gaps import GapSettings, find_gaps, limb_support
 from toolkit.retrieval.priors.limbs import LIMBS, OUTER
 from toolkit.retrieval.search.find import HitRanges, pieces
-from toolkit.retrieval.search.rank import pick, rank
 from toolkit.testing.bootstrap import paired_bootstrap
 
 INDEX = SimpleNamespace(document_starts=np.array([0, 100, 200]), names=["a", "b"])
@@ -48,37 +47,6 @@ def test_a_query_s_lead_and_tail_say_how_far_the_refined_search_looks() -> None:
     query = SimpleNamespace(lead=4, tail=10)
     assert listed(pieces(INDEX, query, ranges((1, 50, 60)))) == [(1, 38, 90)]
     assert listed(pieces(INDEX, query, ranges((1, 50, 60)), factor=1.0)) == [(1, 46, 70)]
-
-
-def test_hits_are_taken_cheapest_first_and_close_what_lies_around_their_end() -> None:
-    costs, firsts = np.full(60, 0.9), np.arange(60) - 9
-    costs[[30, 27, 34, 50]] = (0.1, 0.15, 0.3, 0.2)
-    firsts[34] = 27
-    assert pick(costs, firsts, 0.5) == [(21, 30, 0.1), (41, 50, 0.2), (27, 34, 0.3)]
-    assert pick(costs, firsts, 0.15) == [(21, 30, 0.1)]
-    assert [hit[1] for hit in pick(costs, firsts, 0.2)] == [30]
-    firsts[34] = 23
-    assert [hit[1] for hit in pick(costs, firsts, 0.5)] == [30, 50]
-
-
-def test_a_distance_function_has_to_give_one_cost_per_frame() -> None:
-    with pytest.raises(RetrievalError, match="one per frame"):
-        pick(np.zeros(3), np.zeros(4), 1.0)
-
-
-def test_matches_are_told_in_seconds_of_their_document_the_cheapest_first() -> None:
-    index = SimpleNamespace(names=["a", "b"], features=lambda document, start, stop: (document, stop - start))
-
-    def distance(piece: tuple[int, int]) -> tuple[np.ndarray, np.ndarray]:
-        costs = np.full(piece[1], np.inf)
-        costs[8] = 0.3 - 0.1 * piece[0]
-        return costs, np.full(piece[1], 3)
-
-    found = rank(index, ranges((0, 30, 60), (1, 90, 120)), distance)  # type: ignore[arg-type]
-    assert [(m.document, m.start, m.end, m.cost) for m in found] == [
-        ("b", pytest.approx(3.1), pytest.approx(3.3), pytest.approx(0.2)),
-        ("a", pytest.approx(1.1), pytest.approx(1.3), pytest.approx(0.3)),
-    ]
 
 
 LIMB = next(iter(LIMBS))

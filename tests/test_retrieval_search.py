@@ -3,17 +3,14 @@ from __future__ import annotations
 import itertools
 
 import numpy as np
-import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from toolkit.errors import RetrievalError
 from toolkit.kernels.motion.keyframe_search import UNBOUNDED, keyframe_search
 from toolkit.retrieval.features.relational import FeatureMatrix
 from toolkit.retrieval.index.keyframe_index import KeyframeIndex
 from toolkit.retrieval.keyframes.query import SET_FEATURES, Keyframe, KeyframeQuery, keyframes_of_column
 from toolkit.retrieval.search.find import HitRanges, find, pieces
-from toolkit.retrieval.search.rank import Match, pick, rank
 
 Segments = list[tuple[int, int]]
 EXAMPLE: list[Segments] = [
@@ -185,36 +182,3 @@ def test_extended_pieces_are_joined_and_end_with_their_document() -> None:
     query = KeyframeQuery((Keyframe("upper", (("F1", 1),)),), lead=1, tail=2)
     assert pieces(index, query, hits).starts.tolist() == [0, 22, 0]
     assert len(ranges([], [], []).extended(index, 3, 4)) == 0
-
-
-def test_picking_hits_takes_the_cheapest_first_and_closes_its_neighbourhood() -> None:
-    costs = np.full(100, np.inf)
-    firsts = np.full(100, -1)
-    costs[[30, 34, 36, 80, 90]] = 0.2, 0.1, 0.15, 0.05, 0.5
-    firsts[[30, 34, 36, 80, 90]] = 11, 15, 17, 60, 70
-    assert pick(costs, firsts, 0.4) == [(60, 80, 0.05), (15, 34, 0.1)]
-
-
-def test_a_path_that_starts_where_a_better_one_started_is_dropped() -> None:
-    costs = np.full(100, np.inf)
-    firsts = np.full(100, -1)
-    costs[[30, 60]] = 0.1, 0.2
-    firsts[[30, 60]] = 11, 12
-    assert pick(costs, firsts, 1.0) == [(11, 30, 0.1)]
-
-
-def test_ranking_names_documents_and_seconds() -> None:
-    index = KeyframeIndex.build([FeatureMatrix(name, np.zeros((40, 90), dtype=bool)) for name in "ab"])
-
-    def distance(piece: FeatureMatrix) -> tuple[np.ndarray, np.ndarray]:
-        costs = np.full(len(piece), np.inf)
-        costs[20] = 0.2 if piece.name == "a" else 0.1
-        return costs, np.full(len(piece), 11)
-
-    found = rank(index, ranges([0, 1], [0, 30], [30, 60]), distance)
-    assert found == [Match("b", 41 / 30, 51 / 30, 0.1), Match("a", 11 / 30, 21 / 30, 0.2)]
-
-
-def test_a_distance_function_of_the_wrong_length_is_refused() -> None:
-    with pytest.raises(RetrievalError, match="one per frame"):
-        pick(np.zeros(3), np.zeros(2), 1.0)

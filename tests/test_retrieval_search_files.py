@@ -19,17 +19,13 @@ from toolkit.errors import RetrievalError, UsageError
 from toolkit.retrieval.features.relational import FeatureMatrix
 from toolkit.retrieval.index.keyframe_index import KeyframeIndex
 from toolkit.retrieval.keyframes import query_file
-from toolkit.retrieval.keyframes.automatic import ChoiceSettings, choose_query, steady_entries, template_of
 from toolkit.retrieval.keyframes.query import Keyframe, KeyframeQuery
 from toolkit.retrieval.keyframes.query_file import choose_labels, load_queries, save_queries
-from toolkit.retrieval.templates.quantised import WILDCARD, QuantisedTemplate
 from toolkit.retrieval.workflow.index import index_motions
 from toolkit.retrieval.workflow.motions import labels_of, load_motion
 from toolkit.retrieval.workflow.search import (
-    Query,
     by_example,
     cut_example,
-    keyframes_of_example,
     one_per_label,
     save_matches,
     search,
@@ -48,53 +44,6 @@ def documents(seed: int = 0) -> list[FeatureMatrix]:
     """Three documents of slowly changing features."""
     rng = np.random.default_rng(seed)
     return [FeatureMatrix(f"doc{i}", np.repeat(rng.random((40, 20)) < 0.4, 5, axis=1)) for i in range(3)]
-
-
-# the automatic choice
-
-
-def test_entries_near_a_change_become_wildcards() -> None:
-    values = np.zeros((40, 9), np.int8)
-    values[3, 4:] = 1
-    steady = steady_entries(values, 1)
-    assert steady[3].tolist() == [0, 0, 0, WILDCARD, WILDCARD, 1, 1, 1, 1]
-    assert not (steady[2] == WILDCARD).any()
-
-
-def test_the_column_with_most_ones_away_from_the_ends_is_chosen() -> None:
-    values = np.zeros((40, 50), np.int8)
-    values[14:20, 21:26] = 1
-    values[14:24, 0:3] = 1
-    query = choose_query(QuantisedTemplate("a", values, np.ones(50)), ChoiceSettings(most=1), "a")
-    lower = next(k for k in query.keyframes if k.feature_set == "lower")
-    assert dict(lower.values) == {f"F{n}": int(n <= 20) for n in range(15, 27)}
-    assert query.lead + query.tail < 50 and query.label == "a"
-
-
-def test_keyframes_of_one_set_stand_apart() -> None:
-    values = np.zeros((40, 60), np.int8)
-    values[14:24, 20:24], values[14:24, 27:29], values[14:22, 40:44] = 1, 1, 1
-    query = choose_query(QuantisedTemplate("a", values, np.ones(60)), ChoiceSettings(most=2, least_score=1.1))
-    assert [k.feature_set for k in query.keyframes] == ["lower", "lower"]
-    assert query.bounds[0][0] >= 0.5 * (40 - 24) - 1
-
-
-def test_a_template_of_wildcards_has_no_keyframes() -> None:
-    wild = QuantisedTemplate("wild", np.full((40, 30), WILDCARD, np.int8), np.ones(30))
-    with pytest.raises(RetrievalError, match="no column of 'wild'"):
-        choose_query(wild, ChoiceSettings())
-
-
-def test_an_example_finds_itself_and_its_slower_copy() -> None:
-    original = documents()[0]
-    slower = FeatureMatrix("slower", np.repeat(original.values, 2, axis=1))
-    index = KeyframeIndex.build([*documents(1), FeatureMatrix("same", original.values), slower])
-    template = template_of(original.sliced(20, 60))
-    report = search(index, Query(choose_query(template, ChoiceSettings(least_score=0.2)), template))
-    assert [match.document for match in report.matches[:2]] == ["same", "slower"]
-    best = report.matches[0]
-    assert (best.cost, best.start, best.end) == (0.0, pytest.approx(20 / 30, abs=0.2), pytest.approx(2.0, abs=0.2))
-    assert 0.0 < report.share <= report.searched < 0.5
 
 
 # files
@@ -157,8 +106,8 @@ def test_a_label_stands_for_all_its_alternatives() -> None:
 
 def test_results_are_written_as_csv_or_json(tmp_path: Path) -> None:
     query = KeyframeQuery((Keyframe("upper", (("F1", 1),)),), label="up")
-    report = search(KeyframeIndex.build(documents()), Query(query))
-    assert report.refined_milliseconds == 0.0 and len(report.matches) > 3 and report.share < 1.0
+    report = search(KeyframeIndex.build(documents()), query)
+    assert not report.ranked and len(report.matches) > 3 and report.share < 1.0
     save_matches(tmp_path / "hits.csv", [report])
     save_matches(tmp_path / "hits.json", [report])
     rows = list(csv.DictReader((tmp_path / "hits.csv").read_text().splitlines()))
@@ -167,13 +116,6 @@ def test_results_are_written_as_csv_or_json(tmp_path: Path) -> None:
     assert float(rows[0]["end"]) == pytest.approx(entries[0]["end"], abs=1e-4) and rows[0]["label"] == "up"
     with pytest.raises(UsageError, match="'hits.txt'"):
         save_matches(tmp_path / "hits.txt", [report])
-
-
-def test_documents_shorter_than_the_template_are_refused() -> None:
-    index = KeyframeIndex.build([FeatureMatrix("short", np.zeros((40, 10), dtype=bool))])
-    template = template_of(FeatureMatrix("long example", np.zeros((40, 90), dtype=bool)))
-    with pytest.raises(RetrievalError, match="longest document of the index has 10 frames .* 'long example' needs 46"):
-        search(index, Query(choose_query(template, ChoiceSettings()), template))
 
 
 # labels
@@ -238,8 +180,6 @@ def test_an_example_from_a_clip_ranks_its_own_class_first(squats: list[Path], tm
     best = by_example(index, example, limit=4).matches
     assert best[0].document == squats[0].stem and best[0].cost == pytest.approx(0.0, abs=1e-6)
     assert {match.document for match in best} == own
-    filtered = search(index, keyframes_of_example(example), 0.3).matches
-    assert filtered[0].document == squats[0].stem and {match.document for match in filtered} == own
 
 
 @pytest.mark.shared_data
@@ -249,8 +189,6 @@ def test_an_example_outside_of_its_clip_is_refused(squats: list[Path]) -> None:
     with pytest.raises(UsageError, match="1 to 0.5 s"):
         cut_example(squats[0], 1.0, 0.5)
     short = cut_example(squats[0], 0.5, 0.6)
-    with pytest.raises(RetrievalError, match="0.10 s is too short"):
-        keyframes_of_example(short)
     with pytest.raises(RetrievalError, match="lasts 0.10 s; give between 0.53 and 100 s"):
         by_example(KeyframeIndex.build([short]), short)
 
@@ -323,7 +261,7 @@ def test_the_commands_learn_and_annotate_label_a_flat_folder(squats: list[Path],
 def test_alternative_queries_of_a_label_are_one_table() -> None:
     first, second = (KeyframeQuery((Keyframe("upper", ((name, 1),)),), label="up") for name in ("F1", "F2"))
     index = KeyframeIndex.build(documents())
-    reports = [search(index, Query(query)) for query in (first, second)]
+    reports = [search(index, query) for query in (first, second)]
     (together,) = one_per_label(reports)
     assert together.label == "up"
     for report in reports:

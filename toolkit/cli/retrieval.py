@@ -15,7 +15,7 @@ from toolkit.cli.terminal import say
 
 if TYPE_CHECKING:
     from toolkit.retrieval.annotation.measures import Scores
-    from toolkit.retrieval.search.rank import Match
+    from toolkit.retrieval.search.find import Match
     from toolkit.retrieval.workflow.learn import LearnedModel
     from toolkit.retrieval.workflow.search import SearchReport
 
@@ -66,10 +66,6 @@ class Example:
     end: Annotated[float | None, typer.Option("--to", help="End of the example, seconds.", show_default="its end")] = (
         None
     )
-    keyframes: Annotated[
-        bool,
-        typer.Option("--keyframes", help="Look only where keyframes of the example match; this misses more."),
-    ] = False
 
 
 @dataclass(frozen=True)
@@ -139,26 +135,22 @@ def _labelled(
     from toolkit.retrieval.annotation.model import MotionModel
     from toolkit.retrieval.index.keyframe_index import KeyframeIndex
     from toolkit.retrieval.keyframes.query_file import choose_labels, load_queries
-    from toolkit.retrieval.workflow.search import DOUBT, Query, by_class, one_per_label, search
+    from toolkit.retrieval.workflow.search import DOUBT, by_class, one_per_label, search
 
     opened = KeyframeIndex.open(index)
     if classes is not None:
         return by_class(opened, MotionModel.load(classes), labels, DOUBT if threshold is None else threshold)
     wanted = choose_labels(load_queries(queries or Path()), labels)
-    largest = EXAMPLE_COST if threshold is None else threshold
-    return one_per_label([search(opened, Query(query), largest) for query in wanted])
+    return one_per_label([search(opened, query) for query in wanted])
 
 
 def _alike(index: Path, clip: Path, example: Example, limit: int, threshold: float | None) -> SearchReport:
     """What is like a piece of a clip."""
     from toolkit.retrieval.index.keyframe_index import KeyframeIndex
-    from toolkit.retrieval.workflow.search import by_example, cut_example, keyframes_of_example, search
+    from toolkit.retrieval.workflow.search import by_example, cut_example
 
-    opened, piece = KeyframeIndex.open(index), cut_example(clip, example.start, example.end)
-    largest = EXAMPLE_COST if threshold is None else threshold
-    if example.keyframes:
-        return search(opened, keyframes_of_example(piece), largest)
-    return by_example(opened, piece, limit, largest)
+    piece = cut_example(clip, example.start, example.end)
+    return by_example(KeyframeIndex.open(index), piece, limit, EXAMPLE_COST if threshold is None else threshold)
 
 
 def _play(film: Path, matches: list[Match], mocap: list[Path], example: Example) -> None:
@@ -185,9 +177,9 @@ def _show(report: SearchReport, limit: int) -> None:
     from toolkit.cli.terminal import print_table
 
     title = f"{report.label or 'query'}: {len(report.matches)} results"
-    if report.milliseconds:
+    if not report.ranked:
         title += f"; keyframe search {report.milliseconds:.2f} ms, {100 * report.share:.1f} % of the data left"
-    ranked = report.refined_milliseconds > 0.0
+    ranked = report.ranked
     table = Table("motion", "from", "to", *(["cost"] if ranked else []), title=title, title_justify="left")
     for match in report.matches[:limit]:
         cost = [f"{match.cost:.3f}"] if ranked else []

@@ -2,7 +2,7 @@
 
 Subsequence DTW in steps: of graded features at 7.5 Hz, then of these and the places of the limbs around the best hits
 at 30 Hz. In a large index DTW of a sketch at 1.9 Hz says first where to look at 7.5 Hz. No keyframe decides what is
-looked at: automatic ones (`keyframes.automatic`), the thesis's road, miss every second motion of another person.
+looked at: automatic ones, the thesis's road, missed every second motion of another person.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from toolkit.retrieval.features import places
 from toolkit.retrieval.features.grades import BLOCK, FULL, coarse, importance
 from toolkit.retrieval.features.relational import FEATURE_RATE, FeatureMatrix
 from toolkit.retrieval.index.keyframe_index import KeyframeIndex
-from toolkit.retrieval.search.rank import Match
+from toolkit.retrieval.search.find import Match
 
 MARGIN = 2 * BLOCK
 """Frames by which a hit may grow or move on each side when it is looked at more closely."""

@@ -12,6 +12,23 @@ from toolkit.retrieval.index.keyframe_index import KeyframeIndex
 from toolkit.retrieval.keyframes.query import Keyframe, KeyframeQuery
 
 
+@dataclass(frozen=True)
+class Match:
+    """One result of a search.
+
+    Attributes
+    ----------
+    document : its name
+    start, end : seconds from the start of the document
+    cost : how unlike what was searched for, 0 = the same
+    """
+
+    document: str
+    start: float
+    end: float
+    cost: float
+
+
 @dataclass(frozen=True, eq=False)
 class HitRanges:
     """Disjoint pieces of documents, in order.

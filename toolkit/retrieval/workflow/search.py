@@ -15,38 +15,19 @@ import numpy as np
 from toolkit.errors import RetrievalError, UsageError
 from toolkit.files import save_json, save_text
 from toolkit.names import shown
-from toolkit.retrieval.annotation.annotator import distance_function
 from toolkit.retrieval.annotation.model import MotionModel
 from toolkit.retrieval.features.grades import BLOCK
 from toolkit.retrieval.features.motion import Motion
 from toolkit.retrieval.features.relational import FEATURE_RATE, FEATURES, FeatureMatrix, relational_features
 from toolkit.retrieval.index.keyframe_index import KeyframeIndex
-from toolkit.retrieval.keyframes.automatic import ChoiceSettings, choose_query, steady_entries, template_of
 from toolkit.retrieval.keyframes.query import KeyframeQuery, keyframes_of_column
 from toolkit.retrieval.search.example import Example, search_example
-from toolkit.retrieval.search.find import find, pieces
-from toolkit.retrieval.search.rank import Match, rank
-from toolkit.retrieval.templates.quantised import WILDCARD, QuantisedTemplate
+from toolkit.retrieval.search.find import Match, find
+from toolkit.retrieval.templates.quantised import WILDCARD
 from toolkit.retrieval.workflow.motions import find_motions, load_motion
-
-EXAMPLE_CHOICE = ChoiceSettings(least_score=0.3, most=1, steady=9)
-"""Keyframes from a single example: entries steady for 0.3 s on both sides, one keyframe per set."""
-EXAMPLE_STEADY = 3
-"""Columns on both sides over which an entry of an example has to be steady to count in the refined search."""
-SHORTEST_EXAMPLE = 0.3
-"""Seconds."""
-
 
 DOUBT = 0.8
 """What a motion model holds for likelier than one in five is a result of a search."""
-
-
-@dataclass(frozen=True, eq=False)
-class Query:
-    """A keyframe query, and the template of the refined search if there is one."""
-
-    keyframes: KeyframeQuery
-    template: QuantisedTemplate | None = None
 
 
 def cut_example(clip: str | Path, start: float = 0.0, end: float | None = None) -> FeatureMatrix:
@@ -86,26 +67,6 @@ def stretches(matches: Sequence[Match], mocap: Sequence[str | Path]) -> list[Mot
     return found
 
 
-def keyframes_of_example(example: FeatureMatrix, choice: ChoiceSettings = EXAMPLE_CHOICE) -> Query:
-    """A keyframe query chosen from an example, and its booleans as the template of the refined search.
-
-    This is the thesis's search by example. It looks at a few percent of the data, and it misses motions that do not
-    pass exactly through the example's keyframes; `by_example` does not.
-
-    Raises
-    ------
-    RetrievalError
-        The example is too short, or nothing in it is characteristic.
-    """
-    if example.duration < SHORTEST_EXAMPLE:
-        raise RetrievalError(
-            f"the example of {example.duration:.2f} s is too short for keyframes; give at least {SHORTEST_EXAMPLE} s"
-        )
-    template = template_of(example)
-    refined = QuantisedTemplate(template.name, steady_entries(template.values, EXAMPLE_STEADY), template.weights)
-    return Query(choose_query(template, choice, label=example.name), refined)
-
-
 @dataclass(frozen=True, eq=False)
 class SearchReport:
     """What a query found.
@@ -113,57 +74,28 @@ class SearchReport:
     Attributes
     ----------
     label : of the query
-    matches : the results: alignments of the refined search, cheapest first, or the hit ranges at cost 0
-    share : part of all frames left after the keyframe search, 1 without one
-    searched : part of all frames left for the refined search, after extension, 1 without a keyframe search
-    milliseconds : time of the keyframe search, 0 without one
-    refined_milliseconds : time of the refined search, 0 without one
+    matches : the results, cheapest first; hits of keyframes cost 0
+    ranked : whether the results have costs
+    share : part of all frames that they leave
+    milliseconds : time of the search
     """
 
     label: str
     matches: tuple[Match, ...]
+    ranked: bool
     share: float
-    searched: float
     milliseconds: float
-    refined_milliseconds: float
 
 
-def search(index: KeyframeIndex, query: Query, threshold: float = np.inf) -> SearchReport:
-    """Keyframe search, then the refined search on the extended hits if the query has a template.
-
-    Parameters
-    ----------
-    index : what to search
-    query : keyframes and perhaps a template
-    threshold : results of the refined search have to cost less, in mean share of mismatching features
-
-    Raises
-    ------
-    RetrievalError
-        No document of the index is long enough for the template.
-    """
-    template = query.template
-    longest = int(np.diff(index.document_starts).max())
-    if template is not None and longest < (need := 1 + len(template) // 2):
-        raise RetrievalError(
-            f"the longest document of the index has {longest} frames at 30 Hz, but {template.name!r} needs {need}; "
-            "use a shorter example"
-        )
+def search(index: KeyframeIndex, query: KeyframeQuery) -> SearchReport:
+    """Where the keyframes of a query match."""
     _load_search()
     begin = time.perf_counter()
-    ranges = find(index, query.keyframes)
-    middle = time.perf_counter()
-    searched = pieces(index, query.keyframes, ranges)
-    if template is None:
-        spans = zip(ranges.documents, ranges.starts, ranges.stops, strict=True)
-        matches = [Match(index.names[d], a / FEATURE_RATE, b / FEATURE_RATE, 0.0) for d, a, b in spans]
-    else:
-        matches = rank(index, searched, lambda piece: distance_function(template, piece), threshold)
-    end = time.perf_counter()
-    return SearchReport(
-        query.keyframes.label, tuple(matches), ranges.frames / index.frames, searched.frames / index.frames,
-        1000 * (middle - begin), 1000 * (end - middle) if template is not None else 0.0,
-    )  # fmt: skip
+    ranges = find(index, query)
+    spent = 1000 * (time.perf_counter() - begin)
+    spans = zip(ranges.documents, ranges.starts, ranges.stops, strict=True)
+    matches = tuple(Match(index.names[d], a / FEATURE_RATE, b / FEATURE_RATE, 0.0) for d, a, b in spans)
+    return SearchReport(query.label, matches, False, ranges.frames / index.frames, spent)
 
 
 def one_per_label(reports: Sequence[SearchReport]) -> list[SearchReport]:
@@ -185,10 +117,9 @@ def _together(group: Sequence[SearchReport]) -> SearchReport:
     return SearchReport(
         group[0].label,
         tuple(matches),
+        False,
         min(1.0, sum(report.share for report in group)),
-        min(1.0, sum(report.searched for report in group)),
         sum(report.milliseconds for report in group),
-        sum(report.refined_milliseconds for report in group),
     )
 
 
@@ -205,7 +136,7 @@ def by_example(
     wanted = Example.of(example)
     begin = time.perf_counter()
     matches = search_example(index, wanted, limit, threshold)
-    return SearchReport(example.name, tuple(matches), 1.0, 1.0, 0.0, 1000 * (time.perf_counter() - begin))
+    return SearchReport(example.name, tuple(matches), True, 1.0, 1000 * (time.perf_counter() - begin))
 
 
 def by_class(
@@ -247,7 +178,7 @@ def by_class(
             if doubts[k] <= doubt
         ]  # fmt: skip
         share = sum(match.end - match.start for match in matches) / index.duration
-        reports.append(SearchReport(label, tuple(matches), share, 1.0, 0.0, 1000 * (time.perf_counter() - begin)))
+        reports.append(SearchReport(label, tuple(matches), True, share, 1000 * (time.perf_counter() - begin)))
     return reports
 
 
