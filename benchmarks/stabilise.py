@@ -149,12 +149,11 @@ def classes(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--sequences", nargs="*", help="names of some; all")
     parser.add_argument("--filler", action="store_true", help="other motions between the clips")
     parser.add_argument("--without-marks", action="store_true", help="leave out the MT priors")
-    parser.add_argument("--alternatives", type=int, default=1, help="2 tries the second cheapest class too")
     parser.add_argument("--pages", type=Path, help="folder for the pages of `depthmocap stabilise`, with pictures")
     parser.add_argument("--rounds", type=int, default=StabiliseSettings.rounds)
     add_database_options(parser)
     options = parser.parse_args()
-    settings = StabiliseSettings(rounds=options.rounds, alternatives=options.alternatives)
+    settings = StabiliseSettings(rounds=options.rounds)
     if options.without_marks:
         settings = replace(settings, marks=MarkSettings(weight=0.0))
     database, classes = poses_of(options), classes_from_clips(class_clips(options.split))
@@ -181,7 +180,6 @@ def classes(parser: argparse.ArgumentParser) -> None:
         *([options.config] if options.config != "hybrid" else []),
         *["filler"] * options.filler,
         *["without_marks"] * options.without_marks,
-        *["alternatives"] * (options.alternatives > 1),
     ]
     print("written:", save_figures("_".join(["stabilise", *words]), figures, asdict(settings)))
 

@@ -21,7 +21,7 @@ SAMPLES = 500
 KNOTS = 26
 """Confidences at which the reliability is kept."""
 FEWEST = 60
-"""Pixels without which nobody is looked for."""
+"""Pixels without which no person is looked for."""
 
 
 def calibrated(

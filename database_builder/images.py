@@ -15,7 +15,7 @@ from toolkit.progress import Count
 BALANCE = 0.7
 """Exponent that evens out the parts among an image's training pixels: 0 as they are seen, 1 all parts alike."""
 OF_NOBODY = 0.5
-"""Share of the training pixels of a room with a person in it that are of nobody."""
+"""Share of the training pixels of a room with a person in it that are of no person."""
 OF_WALLS = 0.25
 """Share of those pixels that show floor, walls and ceiling: in rooms most pixels do, and most of them are easy."""
 
@@ -115,7 +115,7 @@ class ImageSource:
 
 
 def _balanced(label: np.ndarray, count: int, rng: np.random.Generator) -> np.ndarray:
-    """Rows of `count` pixels of these labels (N,): hands are one in two hundred, and nobody would ask for them."""
+    """Rows of `count` pixels of these labels (N,): hands are one in two hundred, and no person would ask for them."""
     balance = np.bincount(label)[label] ** -BALANCE
     return rng.choice(len(label), count, replace=False, p=balance / balance.sum())
 

@@ -135,7 +135,7 @@ def _frame(where: Situation, rng: np.random.Generator) -> list[Mesh]:
 
 
 def _person(where: Situation, rng: np.random.Generator) -> list[Mesh]:
-    """Somebody else, before the person and at the side."""
+    """Another person, before the person and at the side."""
     from toolkit.database.canonical import place
 
     other = where.space.body(np.clip(rng.normal(0.0, 0.9, where.space.size), -2.0, 2.0))

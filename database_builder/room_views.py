@@ -33,7 +33,7 @@ from toolkit.interiors.room import KINDS, Room, furnished
 from toolkit.kernels.learning import forest
 
 NOBODY = 2 * len(skeleton.JOINT_NAMES)
-"""Label of a pixel that is of nobody, after those of `body_labels`."""
+"""Label of a pixel that is of no person, after those of `body_labels`."""
 VIEWS_OF_ROOM = 6
 """Images that are taken in a room before the next is furnished."""
 NEAREST, FARTHEST = 0.8, 5.5
@@ -166,7 +166,7 @@ class RoomPainter:
         return rng.uniform(np.minimum(low, high), np.maximum(low, high)) * (1, 0, 1) + [0.0, rng.uniform(*HEIGHTS), 0.0]
 
     def _someone(self, at: np.ndarray, rng: np.random.Generator) -> Someone:
-        """Somebody of any size and pose with their feet on the floor, at x and z of `at`."""
+        """A person of any size and pose with their feet on the floor, at x and z of `at`."""
         body = draw_body(self._space, self._settings.small, rng)
         row = row_of(self._sits, self._settings.seated, rng)
         pose, yaw = turned_pose(self._poses[row], 1.0, rng)
@@ -291,7 +291,7 @@ def _held(joints: np.ndarray, rng: np.random.Generator) -> Piece:
 
 
 def _clothes(body: Body, rng: np.random.Generator) -> np.ndarray:
-    """Reflectance (V,) of somebody's hair, skin, shirt and trousers; any but the skin may be nearly black."""
+    """Reflectance (V,) of a person's hair, skin, shirt and trousers; any but the skin may be nearly black."""
     hair, shirt, trousers = rng.choice([PLAIN, 0.35, DARK, BLACK], 3, p=[0.4, 0.25, 0.2, 0.15])
     names = np.array(skeleton.JOINT_NAMES)[body.part]
     legs = np.char.endswith(names, "hip") | np.char.endswith(names, "knee") | (names == "root")

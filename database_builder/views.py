@@ -1,8 +1,8 @@
 """Training views of the joint regressor: people as they are recorded, drawn from the poses of a database.
 
-Whoever records people records them whole, from the waist up, seated, behind a desk or behind each other, adults and
-children, with cameras on tables and under ceilings. A tilted camera sees what a level one at the same place sees, only
-in other pixels; the regressor asks its questions in the level frame, so that all views are drawn by level cameras.
+A person who records people records them whole, from the waist up, seated, behind a desk or behind each other, adults
+and children, with cameras on tables and under ceilings. A tilted camera sees what a level one at the same place sees,
+only in other pixels; the regressor asks its questions in the level frame, so that all views are drawn by level cameras.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ class RoomSettings:
 
     Attributes
     ----------
-    empty : nobody at all
+    empty : no person at all
     cut : cut out: the person with what touches them, or furniture alone
     touched : furniture is moved up to the person
     company : other people stand about, near and far
@@ -158,7 +158,7 @@ def draw_view(
     depth = sensed(np.where(blocked > inverse, 0.0, inverse), rng)
     window = image_window(joints + root, corner, (height, width), cut, rng)
     in_view = _in_view(joints + root, corner, window, blocked)
-    # Nobody can be seen where something nearer stands, if the source says what stands there; often it says nothing.
+    # No person can be seen where something nearer stands, if the source says what stands there; often it says nothing.
     if rng.random() < 0.6:
         depth[(blocked > -1.0 / (root[2] - 0.1)) & (depth == 0)] = forest.UNOBSERVED
     rows, columns = np.ogrid[:height, :width]
@@ -174,7 +174,7 @@ def row_of(sits: np.ndarray, share: float, rng: np.random.Generator) -> int:
 
 
 def draw_body(space: ShapeSpace, small: float, rng: np.random.Generator) -> Body:
-    """Somebody of the shape space, a child in a share `small` of all cases."""
+    """A person of the shape space, a child in a share `small` of all cases."""
     coefficients = np.clip(rng.normal(0.0, 0.9, space.size), -2.0, 2.0)
     if rng.random() < small:
         coefficients = 0.6 * coefficients + space.typical(rng.uniform(*STATURES))

@@ -126,15 +126,15 @@ def test_a_plane_is_shaded_evenly_and_the_more_it_turns_away_the_darker() -> Non
 class FakeModel:
     """Finds the middle of what is bright, and says how often it was asked."""
 
-    def __init__(self, somebody: float = 0.9) -> None:
-        self.somebody, self.crops = somebody, []
+    def __init__(self, presence: float = 0.9) -> None:
+        self.presence, self.crops = presence, []
 
     def find(self, picture: np.ndarray, crop: Crop) -> Landmarks:
         self.crops.append(crop)
         rows, columns = np.nonzero((picture != 120).any(axis=-1))
         points = np.tile([columns.mean(), rows.mean()], (POINTS, 1))
         points[UPWARD] = points[CENTRE] - (0.0, 60.0)
-        return Landmarks(points, np.ones(POINTS), self.somebody)
+        return Landmarks(points, np.ones(POINTS), self.presence)
 
 
 def frame_at(column: int, color: np.ndarray | None = None) -> tuple[Frame, Sighting]:
@@ -161,7 +161,7 @@ def test_a_crop_that_has_lost_the_person_is_laid_anew() -> None:
     model = FakeModel()
     source = DetectedJoints(model, CAMERA, in_color=False)  # type: ignore[arg-type]
     source.add(frame_at(100)[0], [frame_at(100)[1]])
-    model.somebody = 0.2
+    model.presence = 0.2
     (seen,) = source.add(frame_at(100)[0], [frame_at(100)[1]])
     assert seen.joints is None and len(model.crops) == 5 and source.export_state() == {}
 

@@ -23,7 +23,7 @@ from toolkit.retrieval.annotation.classes import learn_classes, load_classes, sa
 from toolkit.retrieval.annotation.measures import Segment
 from toolkit.retrieval.features.motion import from_poses
 from toolkit.retrieval.features.relational import FeatureMatrix, relational_features
-from toolkit.retrieval.priors.allocation import Allocation, allocate, second_choices, unknown_rows
+from toolkit.retrieval.priors.allocation import Allocation, allocate, unknown_rows
 from toolkit.retrieval.priors.bridge import End, bridge
 from toolkit.retrieval.priors.expectation import ExpectationSettings, Told, expect, fill
 from toolkit.retrieval.priors.gaps import Gap, GapSettings, find_gaps
@@ -325,14 +325,3 @@ def test_a_label_of_no_class_cannot_be_allocated():
     with pytest.raises(RetrievalError, match="'jump' is not one of the classes"):
         allocate(features, [Segment(0, 1, "jump")], classes_of("semaphore"))
     assert (Allocation.nothing(3).label == -1).all()
-
-
-def test_a_stretch_is_also_tried_as_the_second_cheapest_class():
-    classes = classes_of("knee_to_elbow", "semaphore")
-    features = example_of("semaphore", 2).features
-    segments = [Segment(0, len(features) / 30.0, "semaphore")]
-    found = second_choices(features, segments, classes, 1.0)
-    labels = [c.label for c in classes]
-    assert set(found.label[found.label >= 0]) == {labels.index("knee_to_elbow")}
-    assert found.cost.min() >= allocate(features, segments, classes).cost.min()
-    assert (second_choices(features, segments, classes, 1e-6).label == -1).all()

@@ -20,7 +20,7 @@ from toolkit.door import is_inside, open_file, read_file
 from toolkit.errors import OutputError, UsageError
 
 LARGEST_FOLDER = 1_000_000
-"""Files and folders below a recording's: more are somebody's disk."""
+"""Files and folders below a recording's: more are a person's disk."""
 LOCK_FILE, OWNER_FILE, OWN_MARK = ".lock", ".lock-owner", ".made-by-depthmocap"
 
 
@@ -175,7 +175,7 @@ def _same_file(a: Path, b: Path) -> bool:
 
 
 def free_folder(path: str | Path) -> Path:
-    """Where intermediate files may lie: `path`, or `path`-2, ... while that is somebody else's; nothing is made yet."""
+    """Where intermediate files may lie: `path`, or `path`-2, ... while that is not ours; nothing is made yet."""
     wanted, number = Path(path), 1
     folder = wanted
     while os.path.lexists(folder) and not _is_own(folder):
@@ -249,7 +249,7 @@ def locked(folder: str | Path) -> Iterator[None]:
 
 
 def _owner(path: Path) -> str:
-    """Who holds a lock. Its own file says so, because Windows lets nobody read the one that is locked."""
+    """Who holds a lock. Its own file says so, because Windows lets no person read the one that is locked."""
     try:
         return read_file(path, 1000, inside=True).decode("utf-8", "replace").strip() or "another process"
     except OSError:

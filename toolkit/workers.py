@@ -1,4 +1,4 @@
-"""Worker processes end with the process that they work for, however that ends: nobody is left to take their results."""
+"""Worker processes end with the process that they work for, however that ends: nothing takes their results then."""
 
 from __future__ import annotations
 

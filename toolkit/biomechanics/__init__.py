@@ -1,1 +1,1 @@
-"""What tracks say about how somebody stands and walks: foot contacts, joint angles, gait, sit-to-stand."""
+"""What tracks say about how a person stands and walks: foot contacts, joint angles, gait, sit-to-stand."""

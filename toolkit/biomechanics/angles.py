@@ -82,7 +82,7 @@ class Angles(NamedTuple):
 
     Attributes
     ----------
-    degrees : float64 (T, len(COLUMNS)), continuous over time, NaN where nobody is there
+    degrees : float64 (T, len(COLUMNS)), continuous over time, NaN where no person is there
     locked : bool (T, len(JOINTS)), where a sequence is so near its singular pose that only the sum of its first and
         third angle is known; the first is then carried on from the frames around
     """

@@ -111,7 +111,7 @@ def frames_in(seconds: float, times: np.ndarray) -> int:
 
 
 def ground_height(placed: np.ndarray, times: np.ndarray, known: np.ndarray) -> float | None:
-    """Height at which the feet rest, y in metres, from soles (T, 2, 2, 3); None of nobody.
+    """Height at which the feet rest, y in metres, from soles (T, 2, 2, 3); None of no person.
 
     The median of what is within 6 cm of the lowest twentieth of all heights of slow feet.
     """

@@ -1,4 +1,4 @@
-"""Gait: strides of somebody who walks, from where heels are before and toes are behind the pelvis.
+"""Gait: strides of a person who walks, from where heels are before and toes are behind the pelvis.
 
 A foot touches down where its heel is farthest ahead of the pelvis, and lifts off where it is farthest behind (Zeni
 2008, Gait & Posture 27): that needs neither a force plate nor a floor, and noise of the heights does not matter.

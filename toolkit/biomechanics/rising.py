@@ -1,4 +1,4 @@
-"""Sit-to-stand and squats: how often somebody rises, and how long it takes."""
+"""Sit-to-stand and squats: how often a person rises, and how long it takes."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from toolkit.body.body import Body
 from toolkit.body.sole import soles
 
 LOW, HIGH = 0.75, 0.92
-"""Shares of the height of the standing hips below which somebody is down, and above which they stand."""
+"""Shares of the height of the standing hips below which a person is down, and above which they stand."""
 SMOOTHING = 0.08
 """Seconds, standard deviation of the Gaussian over the height of the pelvis."""
 ONSET, DONE = 0.05, 0.95
@@ -80,7 +80,7 @@ def _rises(height: np.ndarray, times: np.ndarray, standing: float) -> list[Rise]
 
 
 def _until(low: np.ndarray, high: np.ndarray) -> np.ndarray:
-    """Frames from where somebody is low to where they stand."""
+    """Frames from where a person is low to where they stand."""
     down, out = False, np.zeros(len(low), dtype=bool)
     for i, (below, above) in enumerate(zip(low, high, strict=True)):
         down = below or (down and not above)

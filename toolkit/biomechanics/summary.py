@@ -54,7 +54,7 @@ def summary_of(person: Person) -> Summary:
 
 
 def ranges_of(angles: Angles) -> tuple[Range, ...]:
-    """Ranges of the angles that both sides have; NaN of somebody who is never there."""
+    """Ranges of the angles that both sides have; NaN of a person who is never there."""
     found = []
     for joint, motion in PAIRED:
         sides = []

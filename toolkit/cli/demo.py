@@ -49,7 +49,7 @@ def run_demo(
     seconds: float = SECONDS,
     show: Show | None = None,
 ) -> DemoResult:
-    """Record somebody unlike any body that is fitted in motions of no database, track, score and draw them.
+    """Record a person unlike any body that is fitted in motions of no database, track, score and draw them.
 
     Parameters
     ----------
@@ -95,11 +95,11 @@ def _page(show: Show, doing: str, done: int, total: int) -> None:
 
 
 def _silent(doing: str, done: int, total: int) -> None:
-    """Progress that nobody watches."""
+    """Progress that no person watches."""
 
 
 def _record(path: Path, seed: int, seconds: float, show: Show) -> Recording:
-    """A depth recording of somebody unlike the tracker's body, doing what is in no database."""
+    """A depth recording of a person unlike the tracker's body, doing what is in no database."""
     from toolkit.body.shape import subject_body
     from toolkit.mocap.procedural import SUBJECT_MOTIONS, procedural_clips
     from toolkit.simulation.simulate import simulate_recording

@@ -280,7 +280,7 @@ def _learn_model(
 
 
 def cautions(learned: LearnedModel, others: Sequence[Path], *, mined: bool = False) -> list[str]:
-    """What whoever learned a model should know about it; `mined` if counterexamples come from what is annotated."""
+    """What to know about a model that was learned; `mined` if counterexamples come from what is annotated."""
     lines = [
         f"{first} is hard to tell from {second}: only {ratio:.2f} times as far from it as from its own clips."
         for first, second, ratio in learned.alike

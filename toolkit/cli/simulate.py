@@ -100,7 +100,7 @@ class Cast:
         return [Person(clip, **{name: values[i] for name, values in columns.items()}) for i, clip in enumerate(clips)]
 
     def boxes(self) -> tuple[Box, ...]:
-        """Furniture of files, which belongs to nobody."""
+        """Furniture of files, which belongs to no person."""
         from toolkit.simulation.furniture import read_boxes
 
         files = [Path(text) for text in self.furniture or [] if text.endswith(BOXES)]

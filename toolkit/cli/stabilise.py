@@ -45,9 +45,6 @@ def stabilise(
             help="YAML of entries of templates that hold: `class: [{feature: 26, value: 0, columns: [3, 9]}]`."
         ),
     ] = None,
-    alternatives: Annotated[
-        int, typer.Option(help="2 tries the second cheapest class of a stretch too.", min=1, max=2)
-    ] = 1,
     repetitions_only: Annotated[
         bool, typer.Option("--repetitions-only", help="Learn hidden limbs from the person's repetitions alone.")
     ] = False,
@@ -61,7 +58,7 @@ def stabilise(
 
     if (segments is not None or moved.recording is not None) and len(runs) > 1:
         raise UsageError("--segments and --recording belong to one run; name one")
-    plain = StabiliseSettings(rounds=rounds, threshold=threshold, alternatives=alternatives)
+    plain = StabiliseSettings(rounds=rounds, threshold=threshold)
     settings = replace(plain, expectation=replace(plain.expectation, class_motions=not repetitions_only))
     table = Table("run", "rounds", "labels", "gaps", "filled", "moved mm", "result")
     with progress_bars() as bars:

@@ -89,7 +89,7 @@ class Folders:
         return self.workers is not None or self.retry_failed
 
     def keep_finished(self, runs: list[Path]) -> None:
-        """Refuse to replace a finished run that nobody said may go; a batch looks at each of them itself."""
+        """Refuse to replace a finished run that no person said may go; a batch looks at each of them itself."""
         from toolkit.runs import PEOPLE_FILE
         from toolkit.track import PARTIAL_FILE, TRACK_FILE
 

@@ -31,9 +31,9 @@ NOISE = 0.1
 _RAISED_THIGH = -float(np.cos(np.radians(60.0)))
 """Vertical part of a thigh's direction in the root's frame above which a thigh is a seated person's."""
 _UPRIGHT = float(np.cos(np.radians(50.0)))
-"""Vertical part of the trunk's direction below which nobody sits."""
+"""Vertical part of the trunk's direction below which no person sits."""
 _WIDEST = 10.0
-"""Radians, or lengths of the leg: nobody's variables are larger."""
+"""Radians, or lengths of the leg: no person's variables are larger."""
 _LYING_TRUNK, _LYING_HEIGHT = 0.5, 0.55
 _STANDING_HEIGHT = 0.8
 
@@ -59,8 +59,9 @@ def leg_length(body: Body) -> float:
 def situations(values: np.ndarray) -> np.ndarray:
     """Which of `SITUATIONS` poses of these variables (N, SIZE) are: int64 (N,).
 
-    Whoever has both thighs raised under an upright trunk sits, be it on a chair, on the floor or on the heels; whoever
-    is low with a level trunk lies; whoever else has the pelvis below 0.8 of the leg's length crouches.
+    A person who has both thighs raised under an upright trunk sits, be it on a chair, on the floor or on the heels; a
+    person who is low with a level trunk lies; any other person who has the pelvis below 0.8 of the leg's length
+    crouches.
     """
     up, height = values[:, UP], values[:, HEIGHT]
     raised = np.ones(len(values), dtype=np.bool_)
@@ -82,7 +83,7 @@ class Expected:
     mean, covariance : float64 (B,) and (B, B), of the whole mixture
     responsibilities : float64 (K,), probability of each component
     situations : float64 (4,), probability of each of `SITUATIONS`
-    log_density : of the known values under the prior: low where nobody was ever seen like that
+    log_density : of the known values under the prior: low where no person was ever seen like that
     """
 
     unknown: np.ndarray

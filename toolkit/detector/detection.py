@@ -11,7 +11,7 @@ import numpy as np
 from toolkit.archives import Column
 from toolkit.checkpoint import check_state
 from toolkit.detector.joint_formats import POSE_MODEL, reported_rows
-from toolkit.detector.pose_model import CENTRE, SOMEBODY, UPWARD, Crop, Landmarks, PoseModel
+from toolkit.detector.pose_model import CENTRE, LEAST_PRESENCE, UPWARD, Crop, Landmarks, PoseModel
 from toolkit.detector.shaded import ENLARGED, shaded
 from toolkit.errors import RecordingError
 from toolkit.people.joints import LEAST_SHARE, on_cut_out
@@ -98,8 +98,8 @@ class DetectedJoints:
         return Crop(float(u), float(v), float(edge - u), 0.0)
 
     def _found(self, seen: Landmarks, sighting: Sighting, scale: float) -> Joints2D | None:
-        """The person's joints, and their crop remembered; None where the network sees nobody, or somebody else."""
-        if seen.somebody < SOMEBODY:
+        """The person's joints, and their crop remembered; None where the network sees no person, or another person."""
+        if seen.presence < LEAST_PRESENCE:
             return None
         pixels = (seen.points + 0.5) / scale - 0.5
         crop = Crop.of_points(pixels[CENTRE], pixels[UPWARD])

@@ -15,7 +15,7 @@ Points = dict[str, tuple[int, ...]]
 def _both(ears: tuple[int, int], **pairs: tuple[Any, Any]) -> Points:
     """The points of the left and the right side by joint; a tuple where several make one. The head is between the ears.
 
-    Pelvis, spine and neck are derived from other joints and are nobody's points.
+    Pelvis, spine and neck are derived from other joints and are no person's points.
     """
     points: Points = {"head": ears}
     for name, pair in pairs.items():

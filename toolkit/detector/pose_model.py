@@ -34,8 +34,8 @@ CROP_REACH = 2.5
 """Side of a crop against the distance from `CENTRE` to `UPWARD`."""
 HEAT_REACH, HEAT_LEAST = 3, 0.5
 """Pixels around a point in which the heat map places it anew, and what it has to reach there."""
-SOMEBODY = 0.5
-"""Probability from which on there is somebody in the crop."""
+LEAST_PRESENCE = 0.5
+"""Probability from which on there is a person in the crop."""
 
 
 class Crop(NamedTuple):
@@ -90,12 +90,12 @@ class Landmarks(NamedTuple):
     ----------
     points : float64 (39, 2), pixels of the picture
     visibility : float64 (39,), 0 to 1
-    somebody : probability that there is somebody
+    presence : probability that there is a person
     """
 
     points: np.ndarray
     visibility: np.ndarray
-    somebody: float
+    presence: float
 
 
 def data_folder() -> Path:

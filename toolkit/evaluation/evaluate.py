@@ -55,7 +55,7 @@ def evaluate_runs(
     """Compare tracks with the truth or with another system's skeleton, and fitted bodies with the depth they explain.
 
     The people of a run of several (`people.json`) are matched with those of the truth at the least total error; each is
-    a row, and whoever was not found is one of 1 m. What needs every depth frame is left out for them.
+    a row, and a person who was not found is one of 1 m. What needs every depth frame is left out for them.
 
     Parameters
     ----------
@@ -105,7 +105,7 @@ def find_runs(paths: Sequence[str | Path]) -> list[Path]:
 
 
 def _evaluate(run: Path, references: list[Path], surface: bool, moved_to: str | Path | None = None) -> list[_Evaluated]:
-    """Every person of a run, and of a run of several whoever is in the truth and was not found."""
+    """Every person of a run, and of a run of several a person who is in the truth and was not found."""
     folders = person_runs(run)
     tracks = [Track.load(folder) for folder in folders]
     if not tracks:
@@ -131,7 +131,7 @@ def _evaluate(run: Path, references: list[Path], surface: bool, moved_to: str | 
 def match_people(
     reference: Reference | None, tracks: Sequence[Track]
 ) -> tuple[list[Reference | None], list[Reference]]:
-    """The person whom each track follows, None for nobody, at the least total error; and the people without a track."""
+    """The person whom each track follows, None for none, at the least total error; and the people without a track."""
     if reference is None:
         return [None] * len(tracks), []
     costs = np.array([[_mean_error(track, person) for track in tracks] for person in reference.people])
@@ -145,7 +145,7 @@ def match_people(
 
 
 def _mean_error(track: Track, person: np.ndarray) -> float:
-    """Mean error of a track as that of a person (T, 20, 3), metres; 1 m in frames for which it reports nobody."""
+    """Mean error of a track as that of a person (T, 20, 3), metres; 1 m in frames for which it reports no person."""
     errors = metrics.joint_errors(track.joints, person[: len(track)])
     errors[track.state == EMPTY] = metrics.CAP
     known = np.isfinite(person).all(axis=2)
@@ -154,7 +154,7 @@ def _mean_error(track: Track, person: np.ndarray) -> float:
 
 
 def _not_found(recording: Recording, run: Path, person: Reference) -> _Evaluated:
-    """The row of somebody who is in the truth and in no track: 1 m in every frame."""
+    """The row of a person who is in the truth and in no track: 1 m in every frame."""
     nowhere = np.full(person.joints.shape, np.inf)
     errors = metrics.joint_errors(nowhere, person.joints)
     scores = RunScores(f"{recording.name}/not found", str(run), 0, len(recording))

@@ -18,7 +18,7 @@ class Identities(NamedTuple):
     track_of : int64 (T, N), number of the track that follows each person, -1 = none
     switches : how often a person is followed by another track than the last time they were followed
     misses : frames times people who ought to be followed and are not
-    false : frames times tracks that follow nobody
+    false : frames times tracks that follow no person
     """
 
     track_of: np.ndarray
@@ -53,8 +53,8 @@ def match_people(distances: np.ndarray, due: np.ndarray, active: np.ndarray, *, 
     Parameters
     ----------
     distances : float64 (T, N, M), metres, between N people and M tracks in each frame; NaN where either is absent
-    due : bool (T, N), whether a person ought to be followed; whoever ought not may be, and is not missed otherwise
-    active : bool (T, M), whether a track says that somebody is there
+    due : bool (T, N), whether a person ought to be followed; a person who ought not may be, and is not missed otherwise
+    active : bool (T, M), whether a track says that a person is there
     gate : metres
     """
     frames, people, _ = distances.shape

@@ -29,8 +29,8 @@ lie up to 14 cm inside an average adult, those of the limbs up to 7 cm."""
 SURFACE_WINDOW = 2
 """Pixels to each side of a joint's projection that are searched for that surface."""
 SEEN_REACH = 0.22
-"""Metres from a joint to the first surface on its ray within which a joint of a scene counts as seen, whoever's surface
-it is: the joints of large people and of people in thick clothes lie that deep."""
+"""Metres from a joint to the first surface on its ray within which a joint of a scene counts as seen, no matter whose
+surface it is: the joints of large people and of people in thick clothes lie that deep."""
 
 
 def joint_errors(joints: np.ndarray, truth: np.ndarray) -> np.ndarray:

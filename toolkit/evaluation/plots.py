@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 LEGEND_ROWS = 12
-"""More runs than this are drawn without a legend, in which nobody could find anything."""
+"""More runs than this are drawn without a legend, in which no person could find anything."""
 
 
 def plot_accuracy(table: EvaluationTable, path: str | Path) -> None:

@@ -33,7 +33,7 @@ class Reference:
 
 
 def find_reference(recording: Recording, paths: list[Path], frames: int) -> Reference | None:
-    """Joints for the first `frames` frames of a recording, or None if nobody has any.
+    """Joints for the first `frames` frames of a recording, or None if no person has any.
 
     A path is a recording with joints, a skeleton that the recording's reader understands, a JSON file of the Azure
     Kinect body tracking SDK, or a folder that holds one of them under the recording's stem. Without paths the recording

@@ -24,7 +24,7 @@ def export_amass(path: str | Path, person: Person) -> None:
 
     z up, metres, ground at z = 0. The joint rotations are those of the track; hands, feet's toes and soft tissue are 0,
     and so is the shape, for the licensed body is not ours to fit. `state` and `timestamps`, which AMASS does not know,
-    say in which frames nobody is there; the nearest pose is held in them.
+    say in which frames no person is there; the nearest pose is held in them.
 
     Raises
     ------

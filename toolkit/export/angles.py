@@ -46,7 +46,7 @@ def export_angles(path: str | Path, person: Person) -> None:
     """Write the ISB angles as CSV: `time_s`, `state`, a column `<joint>_<motion>_<sequence>_deg` for each angle, then
     `<joint>_locked`, 1 where a sequence is at its singular pose and only the sum of first and third angle is known.
 
-    Where nobody is there the angles are blank.
+    Where no person is there the angles are blank.
 
     Raises
     ------
@@ -66,8 +66,8 @@ def export_angles(path: str | Path, person: Person) -> None:
 def export_mot(path: str | Path, person: Person) -> None:
     """Write the motion as OpenSim coordinates (`.mot`), and `<stem>_markers.xml`, the markers of an exported `.trc`.
 
-    Names and signs are those of the generic full-body model (Rajagopal 2016): ground X forwards of somebody who faces
-    the camera, Y up, Z to their right; degrees and metres. Frames in which nobody is there are left out.
+    Names and signs are those of the generic full-body model (Rajagopal 2016): ground X forwards of a person who faces
+    the camera, Y up, Z to their right; degrees and metres. Frames in which no person is there are left out.
 
     Raises
     ------

@@ -19,8 +19,8 @@ MILLIMETRES = 1000.0
 def export_c3d(path: str | Path, people: Sequence[Person]) -> None:
     """Write the reported joints as points of a C3D file: y up (level frame), millimetres.
 
-    Several people stand in one file, each point named `<person>:<joint>` as Vicon does. Where nobody is there a point
-    is marked as missing. Confidences are left out: the format's residuals hold 256 steps of one scale.
+    Several people stand in one file, each point named `<person>:<joint>` as Vicon does. Where no person is there a
+    point is marked as missing. Confidences are left out: the format's residuals hold 256 steps of one scale.
 
     Raises
     ------

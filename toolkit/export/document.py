@@ -22,7 +22,7 @@ DECIMALS = 5
 def export_json(path: str | Path, people: Sequence[Person], origin: Origin) -> None:
     """Write tracks as JSON: joints of the camera frame in metres, poses in the level frame, confidences, states.
 
-    With the floor as origin joints and poses are both in the level frame, moved there. Where nobody is there
+    With the floor as origin joints and poses are both in the level frame, moved there. Where no person is there
     (`"empty"`) joints, pose, confidence, observed and contact are null.
 
     Raises

@@ -45,7 +45,7 @@ def export_glb(
 
     Every person is a mesh of their own shape, skinned to joints named by `rig`, with one key per frame at the frame's
     own time. Linear blend skinning of glTF is the body's own, so vertices agree with `Body.vertex_positions` within
-    single precision. In frames where nobody is there the person is scaled to nothing,
+    single precision. In frames where no person is there the person is scaled to nothing,
     and the nearest pose is held.
 
     Parameters

@@ -61,7 +61,7 @@ def export_k4abt(path: str | Path, people: Sequence[Person]) -> None:
 
 
 def _bodies(person: Person) -> list[dict[str, Any] | None]:
-    """The person in every frame, None where nobody is there."""
+    """The person in every frame, None where no person is there."""
     from scipy.spatial.transform import Rotation
 
     track, there = person.track, np.flatnonzero(person.track.state != EMPTY)

@@ -16,7 +16,7 @@ from toolkit.track import LOST
 
 
 def notes_of(origin: Origin, people: Sequence[Person]) -> dict[str, Any]:
-    """Axes, and for each person the frames (first and last, from 0) in which nobody is there or they are lost."""
+    """Axes, and for each person the frames (first and last, from 0) in which no person is there or they are lost."""
     return {
         "axes": origin.note(),
         "people": [

@@ -20,7 +20,7 @@ from toolkit.sensing.recording import Recording
 from toolkit.sensing.settings import SensingSettings
 
 NOBODY = 255
-"""Of a pixel that is nobody's: as the Azure Kinect SDK's K4ABT_BODY_INDEX_MAP_BACKGROUND."""
+"""Of a pixel that is no person's: as the Azure Kinect SDK's K4ABT_BODY_INDEX_MAP_BACKGROUND."""
 MILLIMETRES = 1000.0
 REACH = 0.35
 """Metres from the points of a sighting to the joints of whom they belong to, at most (median)."""
@@ -45,7 +45,7 @@ def labelled_frames(
     """The frames of a recording with whose each measured pixel is, by the ids of `people.json`.
 
     The people are cut out as they were for the tracker, but at full resolution and with the contour that its cleaning
-    takes away; those who touch share their pixels by the tracked bodies of the frame before. Nobody has pixels in
+    takes away; those who touch share their pixels by the tracked bodies of the frame before. No person has pixels in
     frames in which they are not there.
 
     Raises
@@ -74,7 +74,7 @@ def labelled_frames(
 
 
 def _regain_contour(labels: np.ndarray, depth_mm: np.ndarray) -> None:
-    """Give pixels of nobody beside a person, at the same depth, to that person: `labels` (H, W) is changed."""
+    """Give pixels of no person beside a person, at the same depth, to that person: `labels` (H, W) is changed."""
     before = labels.copy()
     height, width = labels.shape
     for down in (-1, 0, 1):

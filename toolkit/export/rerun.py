@@ -41,7 +41,7 @@ def export_rerun(path: str | Path, people: Sequence[Person], origin: Origin, rec
 
     Entities: `world/points`, `world/<person>/body` (mesh), `world/<person>/joints` (those that were guessed are grey)
     and `world/<person>/bones`; `plots/<person>/...` confidence, state and foot contacts. The time line is `time`, the
-    recording's own seconds from its first frame. Where nobody is there the entities are cleared.
+    recording's own seconds from its first frame. Where no person is there the entities are cleared.
 
     Parameters
     ----------

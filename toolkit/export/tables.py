@@ -19,7 +19,7 @@ def export_csv(path: str | Path, person: Person, *, level: bool = False) -> None
 
     `time_s`, `state` (tracked, lost, empty), then `<joint>_x_m, <joint>_y_m, <joint>_z_m` for each of the 20, then
     `<joint>_confidence` and `<joint>_observed` (1, or 0 for one that was guessed), then `left_foot_contact` and
-    `right_foot_contact` (1 where the foot carries). Where nobody is there all but time and state is blank.
+    `right_foot_contact` (1 where the foot carries). Where no person is there all but time and state is blank.
 
     Parameters
     ----------

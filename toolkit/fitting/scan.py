@@ -97,7 +97,7 @@ def fit_scan(views: Sequence[ScanView], settings: ScanSettings | None = None) ->
     Raises
     ------
     BodyError
-        There are fewer than two views, they show nobody, different people, or nobody who holds their arms out.
+        There are fewer than two views, they show no person, different people, or no person who holds their arms out.
     """
     s, fitting = settings or ScanSettings(), FittingSettings()
     stature = _checked_stature(views, s)

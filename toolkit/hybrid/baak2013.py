@@ -45,7 +45,7 @@ class PublishedQuery(ExtremaQuery):
 
 
 class PublishedFollower(Follower):
-    """Nobody is expected where they were last seen."""
+    """No person is expected where they were last seen."""
 
     held = 0.0
 

@@ -28,8 +28,8 @@ class InitialPoseVerifier:
 
     The best of each body, the best that faces elsewhere than the best of all, and that one turned to the other side
     have their arms brought to where the cloud ends (Lopez-Mendez 2011, 2.2). A wrong size, too, is often the nearest
-    only until the arms are where they belong. Nobody is turned without a regressor: its votes know front from back, a
-    depth image alone does not.
+    only until the arms are where they belong. No person is turned without a regressor: its votes know front from back,
+    a depth image alone does not.
 
     Parameters
     ----------

@@ -197,7 +197,7 @@ def by_vertical(strands: Sequence[Strand], groups: int, sensors: int) -> tuple[n
 
 
 def _verticals(orientations: np.ndarray) -> np.ndarray:
-    """The vertical as somebody of these orientations (N, 4) sees it: float64 (N, 3)."""
+    """The vertical as a person of these orientations (N, 4) sees it: float64 (N, 3)."""
     return quat.rotate(quat.conjugate(orientations), np.array([0.0, 1.0, 0.0]))
 
 

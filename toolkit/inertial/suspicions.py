@@ -1,6 +1,6 @@
 """What looks wrong with sensor data, said with the evidence: units, order of quaternions, clocks, places.
 
-Nothing is mended by itself: a suspicion may be wrong, and whoever exported the file knows.
+Nothing is mended by itself: a suspicion may be wrong, and a person who exported the file knows.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from toolkit.inertial.stream import GRAVITY, Sensors, SensorStream
 from toolkit.rotations import quaternions as quat
 
 FASTEST = 35.0
-"""rad/s: the range of common gyroscopes (2000 deg/s); nobody turns a limb faster."""
+"""rad/s: the range of common gyroscopes (2000 deg/s); no person turns a limb faster."""
 MOVING = 0.3
 """rad/s: slower rows say nothing about the order of a quaternion."""
 OVER = 0.1

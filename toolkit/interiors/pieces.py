@@ -70,7 +70,7 @@ def _dressed_back(rng: np.random.Generator, seat: float, top: float, wide: float
         low = rng.uniform(0.15, seat)
         hung = cushion((0.0, 0.5 * (low + top) + 0.04, behind), (wide + 0.08, top - low + 0.1, 0.17), rng, 0.1)
         piece.append(Part(hung, _surface(rng)))
-        if rng.random() < 0.4:  # it reaches higher than the back, as somebody's shoulders and collar would
+        if rng.random() < 0.4:  # it reaches higher than the back, as a person's shoulders and collar would
             piece.append(Part(cushion((0.0, top + 0.06, behind), (0.3, 0.2, 0.16), rng, 0.1), _surface(rng)))
     if rng.random() < 0.25:
         piece += shifted(bag(rng), y=seat, z=0.02, yaw=rng.uniform(-0.6, 0.6))
@@ -273,7 +273,7 @@ def plant(rng: np.random.Generator) -> Piece:
 
 
 def coat_stand(rng: np.random.Generator) -> Piece:
-    """A stand with one to four coats and perhaps a hat: what looks most like somebody who stands."""
+    """A stand with one to four coats and perhaps a hat: what looks most like a person who stands."""
     high = rng.uniform(1.55, 1.9)
     piece = [Part(joined([post(0.025, 0.0, high), post(0.2, 0.0, 0.03, 8)]), _surface(rng))]
     for _ in range(rng.integers(1, 5)):

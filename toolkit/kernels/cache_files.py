@@ -1,7 +1,7 @@
 """The files of compiled kernels, read without trust: a cache may be cut by a loss of power, and it holds code.
 
 Numba keeps pickles. Those of kernels carry their SHA-256; what does not fit it is not unpickled but compiled anew.
-They lie in folders that belong to the user and that nobody else may write, or in no folder at all.
+They lie in folders that belong to the user and that no other person may write, or in no folder at all.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ _DIGEST = hashlib.sha256().digest_size
 
 
 def is_private(folder: Path) -> bool:
-    """Whether a folder is the user's own and nobody else may write there; a new one, still empty, is made so.
+    """Whether a folder is the user's own and no other person may write there; a new one, still empty, is made so.
 
     Where a system has no owners every folder is taken for private.
     """

@@ -85,7 +85,7 @@ class UpperViewer:
     def look(self, sighting: Sighting, crown: float | None = None) -> UpperSighting:
         """What is seen of an upper body; `crown` is how high its head reaches, metres, level frame.
 
-        Where nobody knows, a head is looked for, and where there is none, everything counts.
+        Where no person knows, a head is looked for, and where there is none, everything counts.
         """
         step = self._step
         depth = sighting.depth[::step, ::step]

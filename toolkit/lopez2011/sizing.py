@@ -33,7 +33,7 @@ ROUNDS = 4
 
 
 class FirstFrame(NamedTuple):
-    """What is known of a frame in which nobody is followed yet."""
+    """What is known of a frame in which no person is followed yet."""
 
     effectors: Effectors
     fork: Fork | None

@@ -250,7 +250,7 @@ class MeasuredBody:
             self._seen.append(seen)
 
     def predicted(self) -> PredictedBody:
-        """Nobody is followed meanwhile."""
+        """No person is followed meanwhile."""
         raise NotImplementedError("a body that is only measured is nowhere")
 
     @property

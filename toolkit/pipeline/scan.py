@@ -1,4 +1,4 @@
-"""Recordings of somebody in a T-pose into their body."""
+"""Recordings of a person in a T-pose into their body."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from toolkit.sensing.recording import Recording
 from toolkit.sensing.settings import SensingSettings
 
 FRAMES = 9
-"""Of each view: their median has a third of one frame's noise, and nobody holds still for long."""
+"""Of each view: their median has a third of one frame's noise, and no person holds still for long."""
 
 
 def scan_recordings(

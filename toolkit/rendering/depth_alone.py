@@ -1,4 +1,4 @@
-"""Pictures of a recording in which nobody was found: the depth alone."""
+"""Pictures of a recording in which no person was found: the depth alone."""
 
 from __future__ import annotations
 

@@ -179,7 +179,7 @@ def render_run(
     """Draw everybody in a run folder; recording, bodies and sensing settings come from `run.json`.
 
     `recording` is where the recording has been moved to, `frames` may be a slice too. The rest is as in
-    `render_people`; where nobody was found, the depth is drawn alone.
+    `render_people`; where no person was found, the depth is drawn alone.
     """
     folders = person_runs(run)
     check_output(output, [folder / name for folder in (*folders, Path(run)) for name in (TRACK_FILE, RUN_FILE)])

@@ -24,7 +24,7 @@ CURVES |= {"left_foot": "tab:orange", "right_foot": "tab:blue"}
 def plot_person(person: Person) -> Figure:
     """Some skeletons of the person, seen from the camera, above the heights of head, hands and feet; y is up, metres.
 
-    Nothing is drawn where nobody is there. Broken lines are feet; orange is the person's left.
+    Nothing is drawn where no person is there. Broken lines are feet; orange is the person's left.
     """
     from matplotlib.figure import Figure
 

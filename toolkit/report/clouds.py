@@ -33,7 +33,7 @@ class SceneClouds:
     ----------
     points : (N, 3), those near the people, frame after frame
     counts : int64 (F,), how many of them belong to each frame
-    room : (M, 3), what stays where it is and is near to nobody
+    room : (M, 3), what stays where it is and is near to no person
     """
 
     points: np.ndarray
@@ -47,7 +47,7 @@ def gather_clouds(recording: Recording, joints: np.ndarray, frames: range) -> Sc
     Parameters
     ----------
     recording : that was tracked
-    joints : float (T, J, 3), joints of everybody in every frame, camera frame, metres; NaN where nobody is there
+    joints : float (T, J, 3), joints of everybody in every frame, camera frame, metres; NaN where no person is there
     frames : which ones are shown, in order
     """
     limit = min(POINTS, max(50, TOTAL // len(frames)))

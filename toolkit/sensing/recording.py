@@ -39,7 +39,7 @@ class Recording(Protocol):
     timestamps : float64 (T,), seconds
     background : uint16 (H, W), depth of the empty scene, or None
     joints : float32 (T, 20, 3), true joints, metres, camera frame, NaN = unknown, or None; of several people (or of
-        nobody) (N, T, 20, 3), NaN while absent
+        no person) (N, T, 20, 3), NaN while absent
     reference_joints : the same, another system's estimate, or None
     image_joints : float32 (N, T, 20, 3), joints that a detector found in the images of up to N people in no order: u, v
         in pixels of the depth image and confidence, NaN = unknown; or None

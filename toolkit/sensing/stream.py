@@ -19,7 +19,7 @@ class Frame(NamedTuple):
     depth_mm : uint16 (H, W), millimetres along z, 0 = no measurement
     timestamp : seconds
     joints : of everybody whom a detector found in the image, in pixels of `depth_mm`, lens distortion included
-    color : uint8 (H', W', 3), RGB of the same view, or None where there is none or nobody asked for it
+    color : uint8 (H', W', 3), RGB of the same view, or None where there is none or no person asked for it
     """
 
     depth_mm: np.ndarray

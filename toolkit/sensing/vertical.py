@@ -14,8 +14,8 @@ class Vertical:
     Attributes
     ----------
     up_camera : float64 (3,), camera frame, length 1
-    source : "option" (whoever opened the recording said so), "file" (the recording says so), "floor" (a floor is seen)
-        or "assumed" (from walls and people, else the image's own vertical)
+    source : "option" (a person who opened the recording said so), "file" (the recording says so), "floor" (a floor is
+        seen) or "assumed" (from walls and people, else the image's own vertical)
     height : metres of the camera above the floor, None where no floor is seen
     """
 

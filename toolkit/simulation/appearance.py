@@ -34,7 +34,7 @@ LEGS = ("root", "left_hip", "right_hip", "left_knee", "right_knee")
 
 @dataclass(frozen=True)
 class Appearance:
-    """Colours of somebody, RGB.
+    """Colours of a person, RGB.
 
     Attributes
     ----------
@@ -53,7 +53,7 @@ class Appearance:
 
     @classmethod
     def drawn(cls, rng: np.random.Generator) -> Appearance:
-        """Somebody's at random; half of all shirts have stripes."""
+        """A person's at random; half of all shirts have stripes."""
         skin, hair, shirt, other, trousers, shoes = (
             palette[int(rng.integers(len(palette)))] for palette in (SKINS, HAIRS, CLOTHES, CLOTHES, TROUSERS, SHOES)
         )

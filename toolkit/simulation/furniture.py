@@ -24,7 +24,7 @@ class Box(NamedTuple):
 
 
 def chair(seat: float) -> tuple[Box, ...]:
-    """A chair whose seat is `seat` metres high, for somebody whose hips are above the origin and who faces +z."""
+    """A chair whose seat is `seat` metres high, for a person whose hips are above the origin and who faces +z."""
     return (
         Box((-0.22, seat - 0.05, -0.20), (0.22, seat, 0.26)),
         Box((-0.22, seat, -0.25), (0.22, seat + 0.45, -0.20)),
@@ -72,11 +72,11 @@ def _legs(half: float, depth: tuple[float, float], height: float) -> tuple[Box, 
 
 
 SEATS = {"chair": chair, "stool": stool}
-"""What somebody sits on, as functions of the seat's height."""
+"""What a person sits on, as functions of the seat's height."""
 OBSTACLES = {"desk": desk, "table": table, "crate": crate}
-"""What somebody stands or sits behind, as functions of its height."""
+"""What a person stands or sits behind, as functions of its height."""
 HEIGHTS = {"desk": 0.42, "table": 0.42, "crate": 0.33}
-"""Heights of obstacles over the stature of whoever they belong to."""
+"""Heights of obstacles over the stature of the person whom they belong to."""
 
 
 def check_kinds(kinds: Sequence[str]) -> tuple[str, ...]:

@@ -1,4 +1,4 @@
-"""Things in people's hands: they move with the hands and are nobody."""
+"""Things in people's hands: they move with the hands and are no person."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ _LEFT, _RIGHT = (skeleton.REPORTED.index(f"{side}_hand") for side in ("left", "r
 
 
 def check_holding(kind: str | None) -> None:
-    """Raise UsageError for a thing that nobody knows; the message lists the known ones."""
+    """Raise UsageError for a thing that no person knows; the message lists the known ones."""
     if kind is not None and kind not in HOLDINGS:
         raise UsageError(f"nobody can hold {kind!r}; use one of {', '.join(HOLDINGS)}")
 

@@ -71,7 +71,7 @@ NOISE: dict[str, SensorNoise] = {
 
 @dataclass(frozen=True)
 class Worn:
-    """Which inertial sensors somebody wears in a recording.
+    """Which inertial sensors a person wears in a recording.
 
     Attributes
     ----------

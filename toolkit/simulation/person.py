@@ -34,7 +34,7 @@ CHESTS = 0.075
 
 @dataclass(frozen=True)
 class Person:
-    """Somebody to be recorded.
+    """A person to be recorded.
 
     Attributes
     ----------
@@ -146,7 +146,7 @@ def grown_to(body: Body, stature: float) -> Body:
     Raises
     ------
     UsageError
-        Nobody is of this stature.
+        No person is of this stature.
     """
     if not 0.5 <= stature <= 2.3:
         raise UsageError(f"nobody is {stature} m tall; give a stature from 0.5 to 2.3 m")
@@ -158,7 +158,7 @@ def grown_to(body: Body, stature: float) -> Body:
 
 
 def prepare_person(person: Person, frame_rate: float, rng: np.random.Generator) -> Performer:
-    """Body and poses of a person on the floor plan; `rng` draws how somebody sits."""
+    """Body and poses of a person on the floor plan; `rng` draws how a person sits."""
     numbers = (*person.at, person.yaw, person.enters)
     if not np.isfinite(numbers).all() or person.enters < 0:
         raise UsageError(
@@ -272,7 +272,7 @@ def check_clear(performers: Sequence[Performer], boxes: Sequence[Box]) -> None:
     Raises
     ------
     UsageError
-        In some frame somebody's trunk is inside a box.
+        In some frame a person's trunk is inside a box.
     """
     for i, performer in enumerate(performers):
         trunk = _trunk(performer, performer.first, performer.end)

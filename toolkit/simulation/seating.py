@@ -19,16 +19,16 @@ SLOUCH = 6.0
 TRUNK = 0.30
 """Of the stature: from the seat up to the neck of who sits."""
 SWAY = 0.25
-"""Share of the root's own turning and leaning that somebody keeps who sits."""
+"""Share of the root's own turning and leaning that a person keeps who sits."""
 
 
 def seat_height(body: Body) -> float:
-    """Height of the seat that somebody gets, metres."""
+    """Height of the seat that a person gets, metres."""
     return SEAT_HEIGHT * body.height
 
 
 def neck_height(body: Body, *, seated: bool = False) -> float:
-    """Height above the floor of the neck of somebody upright, metres: where the shoulders are."""
+    """Height above the floor of the neck of a person upright, metres: where the shoulders are."""
     if seated:
         return seat_height(body) + TRUNK * body.height
     shoulder = body.joints[skeleton.JOINT_NAMES.index("left_shoulder"), 1]
@@ -36,7 +36,7 @@ def neck_height(body: Body, *, seated: bool = False) -> float:
 
 
 def seated(poses: np.ndarray, body: Body, rng: np.random.Generator) -> np.ndarray:
-    """A motion done by somebody who sits: poses (T, P) with hips above the origin, facing +z, the floor at y = 0.
+    """A motion done by a person who sits: poses (T, P) with hips above the origin, facing +z, the floor at y = 0.
 
     Spine, head and arms move as they did. The root stays on the seat and keeps a share `SWAY` of its turning; thighs
     lie on the seat, shins lean by a random angle of up to 15 degrees, feet are flat on the floor (or dangle, where the
@@ -65,7 +65,7 @@ def seated(poses: np.ndarray, body: Body, rng: np.random.Generator) -> np.ndarra
 
 
 def _legs(count: int, body: Body, rng: np.random.Generator) -> np.ndarray:
-    """Poses (count, P) whose legs are those of somebody seated upright."""
+    """Poses (count, P) whose legs are those of a person seated upright."""
     controls = np.tile(np.array([BASE[name] for name in CONTROLS]), (count, 1))
     times = np.arange(count)[:, None] / 30.0
     for side in ("left", "right"):

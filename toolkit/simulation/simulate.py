@@ -68,7 +68,7 @@ class Shot:
     distance : metres, horizontally, from the camera to the origin of the floor plan
     height : metres of the camera above the floor; None is as high as the first person's neck
     tilt : degrees downwards; None aims at the middle of the first person's body
-    cut : metres below the first person's neck at which the image ends, instead of a tilt; None cuts nobody
+    cut : metres below the first person's neck at which the image ends, instead of a tilt; None cuts no person
     frame_rate : frames a second of the recording; mocap is resampled, poses are thinned out
     furnished : whether the recording shows the room, or the people only (already cut out)
     background : whether a furnished recording holds the depth of its room without people
@@ -76,7 +76,7 @@ class Shot:
         None is a bare one
     boxes : furniture of the room, on the floor plan
     seconds : length of a recording without people
-    seed : of the sensor's noise, of how somebody sits, and of what is seen in colour
+    seed : of the sensor's noise, of how a person sits, and of what is seen in colour
     color : whether it holds colour, registered to the depth, of people in a room
     skinning : how skin follows the joints: "linear" blending, or "dual" quaternions, which keep the volume of a twist
 
@@ -125,7 +125,7 @@ class SimulatedFrame:
     ----------
     depth : uint16 (H, W), millimetres along z, 0 = no measurement
     joints : float32 (N, 20, 3), true reported joints, metres, camera frame; NaN for who is absent
-    person : int16 (H, W), number of the person whom a pixel measures, -1 = nobody
+    person : int16 (H, W), number of the person whom a pixel measures, -1 = no person
     timestamp : seconds
     color : uint8 (H, W, 3), RGB registered to the depth, or None
     """
@@ -320,7 +320,7 @@ def simulate_scene(
 
     Parameters
     ----------
-    people : nobody, one person or several; the true joints are (20, 3) a frame for one and (N, 20, 3) otherwise
+    people : no person, one person or several; the true joints are (20, 3) a frame for one and (N, 20, 3) otherwise
     output : the NPZ file to write
     shot : how they are recorded
     sensors : inertial sensors on the first person; `<stem>_sensors.npz` and `<stem>_sensors_truth.json` lie beside
@@ -335,7 +335,7 @@ def simulate_scene(
     MocapError
         A clip cannot be read or retargeted.
     BodyError, UsageError
-        An argument is unknown or out of range, somebody stands inside somebody else or inside a box, or `output` is no
+        An argument is unknown or out of range, a person stands inside another person or inside a box, or `output` is no
         .npz file or would replace a clip.
     OutputError
         The file cannot be written.

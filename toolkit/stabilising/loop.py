@@ -17,7 +17,7 @@ from toolkit.retrieval.annotation.class_motion import ANGLES
 from toolkit.retrieval.annotation.measures import Segment, frame_scores, label_frames
 from toolkit.retrieval.features.motion import frame_rate_of, from_poses
 from toolkit.retrieval.features.relational import FEATURE_RATE, FeatureMatrix, relational_features
-from toolkit.retrieval.priors.allocation import Allocation, allocate, second_choices, unknown_rows
+from toolkit.retrieval.priors.allocation import allocate, unknown_rows
 from toolkit.retrieval.priors.expectation import Told
 from toolkit.retrieval.priors.gaps import Gap, find_gaps
 from toolkit.retrieval.priors.limbs import OUTER
@@ -148,7 +148,7 @@ def best_round(rounds: Sequence[Round], settings: StabiliseSettings | None = Non
 
 
 def _silent(doing: str, done: int, total: int) -> None:
-    """Progress that nobody watches."""
+    """Progress that no person watches."""
 
 
 def _settled(before: Round, after: Round, settings: StabiliseSettings) -> bool:
@@ -161,9 +161,9 @@ def _round(
     source: Source, track: Track, known: Known, settings: StabiliseSettings, progress: Callable[[int, int], None]
 ) -> Round:
     gaps = find_gaps(track.confidence, source.present, settings.gaps)
-    told, annotation, labelled, second = _told(source, track, known, gaps, settings)
+    told, annotation, labelled = _told(source, track, known, gaps, settings)
     priors = tracking_priors(told.allocation, known.classes, known.marks)
-    ways = ways_through(told, gaps, settings, second) if labelled else []
+    ways = ways_through(told, gaps, settings) if labelled else []
     if not ways:  # nothing is hidden, or nothing is known of what is
         return Round(annotation, labelled, (), track, 0.0, priors)
     bad = bad_frames(told.hidden)
@@ -192,10 +192,8 @@ def choose(way: GapWays, distances: np.ndarray, angles: np.ndarray, settings: St
     The thesis accepts what it allocates (6.6 names the harm of a wrong one); here what is seen has the last word.
     """
     rules = settings.choice
-    sources = [way.expected] if way.otherwise is None else [way.expected, way.otherwise]
-    unlikely = np.min([
-        ((angles - source.mean) ** 2 / (source.variance + settings.prior_spread**2)).sum(axis=2) for source in sources
-    ], axis=0)  # fmt: skip
+    spread = way.expected.variance + settings.prior_spread**2
+    unlikely = ((angles - way.expected.mean) ** 2 / spread).sum(axis=2)
     costs = distances + rules.unlikely * unlikely
     costs[way.names.index(KEPT)] -= rules.margin
     costs = np.where(np.isfinite(costs), costs, np.where(np.arange(len(costs))[:, None] == 0, 0.0, np.inf))
@@ -223,8 +221,8 @@ def _around(flags: np.ndarray, by: int) -> np.ndarray:
 
 def _told(
     source: Source, track: Track, known: Known, gaps: Sequence[Gap], settings: StabiliseSettings
-) -> tuple[Told, Annotation | None, tuple[Segment, ...], Allocation | None]:
-    """The track with its labels and where its limbs are hidden, and what second choices say."""
+) -> tuple[Told, Annotation | None, tuple[Segment, ...]]:
+    """The track with its labels and where its limbs are hidden."""
     classes, segments = known.classes, known.segments
     rate = frame_rate_of(track.timestamps)
     features = relational_features(from_poses(track.pose, source.body, rate, source.run.name))
@@ -237,10 +235,7 @@ def _told(
     first = np.searchsorted(columns, np.arange(len(features)))
     unknown = unknown_rows({limb: flags[first] for limb, flags in hidden.items()}, len(features))
     allocation = allocate(features, labelled, classes, unknown).at(columns)
-    second = None
-    if settings.alternatives > 1:
-        second = second_choices(features, labelled, classes, settings.threshold, unknown).at(columns)
-    return Told(track.pose, track.timestamps, hidden, allocation, classes), annotation, labelled, second
+    return Told(track.pose, track.timestamps, hidden, allocation, classes), annotation, labelled
 
 
 def annotate(features: FeatureMatrix, classes: Sequence[MotionClass], threshold: float) -> Annotation | None:

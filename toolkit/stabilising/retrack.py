@@ -75,10 +75,10 @@ class Retracked(NamedTuple):
     Attributes
     ----------
     rows : one result per frame
-    distances : for each gap float64 (C, D), metres, of every way from every frame; infinite where nobody was seen
+    distances : for each gap float64 (C, D), metres, of every way from every frame; infinite where no person was seen
     angles : for each gap float64 (C, D, A), with those of tracking again
     confidence : for each gap float64 (C, D, 3), of the limb's outer joints on every way
-    explained : float64 (T,), metres: distances of the poses as they were; infinite where nobody was seen
+    explained : float64 (T,), metres: distances of the poses as they were; infinite where no person was seen
     whole : float64 (2, T), metres: distances of the whole pose as it was and tracked again; NaN where all is well
     """
 

@@ -44,7 +44,6 @@ class StabiliseSettings:
         recording is tracked again; a tenth of what the samples at a seen arm do
     prior_spread : radians, added to the spread of what is expected
     widened : frames by which a gap is looked at beyond its ends: a limb is mistaken before it is given up
-    alternatives : classes that a stretch is tried as: 1, or 2 for the second cheapest too
     agreed : share of the frames' labels that agree when the loop may stop
     moved : metres that joints move on average when the loop may stop
     """
@@ -54,7 +53,6 @@ class StabiliseSettings:
     prior_weight: float = 0.003
     prior_spread: float = 0.15
     widened: int = 20
-    alternatives: int = 1
     agreed: float = 0.99
     moved: float = 0.002
     gaps: GapSettings = field(default_factory=GapSettings)
@@ -65,7 +63,5 @@ class StabiliseSettings:
     def __post_init__(self) -> None:
         if self.rounds < 1:
             raise SettingsError(f"{self.rounds} rounds are impossible; give a whole number from 1 on")
-        if self.alternatives not in (1, 2):
-            raise SettingsError(f"{self.alternatives} alternatives are impossible; give 1 or 2")
         if not 0.0 < self.threshold <= 1.0:
             raise SettingsError(f"threshold {self.threshold} is not in (0, 1]; try 0.1")

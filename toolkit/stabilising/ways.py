@@ -16,7 +16,7 @@ from toolkit.retrieval.priors.gaps import Gap
 from toolkit.retrieval.priors.limbs import ENTRIES, LIMBS
 from toolkit.stabilising.settings import StabiliseSettings
 
-KEPT, AGAIN, STRAIGHT, OTHERWISE = "track", "tracked again", "interpolation", "second class"
+KEPT, AGAIN, STRAIGHT = "track", "tracked again", "interpolation"
 MOST = 3
 """Of the four limbs: with so many hidden at once a frame is bad."""
 
@@ -30,7 +30,6 @@ class GapWays:
     gap : looked at, wider than where the limb is hidden
     hidden : bool (D,), frames in which it is
     expected : angles and variance of what is expected
-    otherwise : the same by the second cheapest class; None where there is none
     names : of the ways; `KEPT` comes first, `AGAIN` second
     angles : float64 (C, D, A), radians; NaN for what is not known yet
     """
@@ -38,7 +37,6 @@ class GapWays:
     gap: Gap
     hidden: np.ndarray
     expected: Bridge
-    otherwise: Bridge | None
     names: tuple[str, ...]
     angles: np.ndarray
 
@@ -90,22 +88,12 @@ def whole_priors(told: Told, bad: np.ndarray, settings: StabiliseSettings) -> di
     return found
 
 
-def ways_through(
-    told: Told, gaps: Sequence[Gap], settings: StabiliseSettings, second: Allocation | None = None
-) -> list[GapWays]:
-    """All ways through all gaps, but for tracking again.
-
-    Parameters
-    ----------
-    told : the track, and where its limbs are hidden
-    gaps : where they are hidden
-    second : by the second cheapest classes, where labels may be wrong
-    """
+def ways_through(told: Told, gaps: Sequence[Gap], settings: StabiliseSettings) -> list[GapWays]:
+    """All ways through the gaps in which limbs are hidden, but for tracking again."""
     frames = len(told.times)
     wide = widened(gaps, frames, settings.widened, settings.gaps.joined)
     around = replace(told, hidden=flags_of(wide, frames))
     unlabelled = replace(around, allocation=Allocation.nothing(frames))
-    other = None if second is None else replace(around, allocation=second)
     found = []
     for gap in wide:
         expected, source = fill(around, gap, settings.expectation)
@@ -116,10 +104,5 @@ def ways_through(
         if source != STRAIGHT:
             names.append(source)
             angles.append(expected.mean)
-        otherwise = None
-        if other is not None and (other.allocation.label[rows] >= 0).any():
-            otherwise, _ = fill(other, gap, settings.expectation)
-            names.append(OTHERWISE)
-            angles.append(otherwise.mean)
-        found.append(GapWays(gap, told.hidden[gap.limb][rows], expected, otherwise, tuple(names), np.stack(angles)))
+        found.append(GapWays(gap, told.hidden[gap.limb][rows], expected, tuple(names), np.stack(angles)))
     return found

@@ -11,7 +11,7 @@ from toolkit import skeleton
 from toolkit.simulation.person import facing_of
 
 ASIDE = 0.62
-"""Metres beside the border of the image at which somebody is out of sight."""
+"""Metres beside the border of the image at which a person is out of sight."""
 APART, EMBRACED, WITHIN_REACH = 1.1, 0.42, 0.95
 """Metres between the roots of two people who go to meet, who embrace, and who hand something over."""
 ARMS: dict[str, dict[str, float]] = {
@@ -39,7 +39,7 @@ def with_arms(poses: np.ndarray, arms: str, share: np.ndarray | float = 1.0) -> 
 
 
 def travelled(poses: np.ndarray, places: np.ndarray, yaws: np.ndarray) -> np.ndarray:
-    """Poses (T, P) of somebody on the spot, brought to places (T, 2), x and z in metres, facing yaws (T,), radians."""
+    """Poses (T, P) of a person on the spot, brought to places (T, 2), x and z in metres, facing yaws (T,), radians."""
     out = poses.copy()
     turns = Rotation.from_euler("y", (yaws - facing_of(poses[0]))[:, None])
     middle = poses[:, skeleton.ROOT_POSITION].mean(axis=0) * [1.0, 0.0, 1.0]
@@ -50,12 +50,12 @@ def travelled(poses: np.ndarray, places: np.ndarray, yaws: np.ndarray) -> np.nda
 
 
 def out_of_sight(side: float, z: float, distance: float, slope: float) -> np.ndarray:
-    """Where (2,) somebody is out of sight on a side (-1 left, 1 right), before a camera of half the view's `slope`."""
+    """Where (2,) a person is out of sight on a side (-1 left, 1 right), before a camera of half the view's `slope`."""
     return np.array([side * (slope * (distance - z) + ASIDE), z])
 
 
 def path_of(kind: str, at: tuple[float, float], far: np.ndarray, frames: int) -> tuple[np.ndarray, np.ndarray]:
-    """Places (T, 2) and yaws (T,) of somebody who "crosses" from `far` to the other side, "comes" or "visits" `at`."""
+    """Places (T, 2) and yaws (T,) of a person who "crosses" from `far` to the other side, "comes" or "visits" `at`."""
     t, here = np.linspace(0.0, 1.0, frames), np.asarray(at)
     share = PATHS[kind](t)[:, None]
     places = far + share * (np.where(kind == "crosses", far * [-1, 1], here) - far)
@@ -79,7 +79,7 @@ def _visits(t: np.ndarray) -> np.ndarray:
 
 
 PATHS: dict[str, Callable[[np.ndarray], np.ndarray]] = {"crosses": lambda t: t, "comes": _comes, "visits": _visits}
-"""Share of the way that is behind somebody at a share of the time."""
+"""Share of the way that is behind a person at a share of the time."""
 
 
 def meeting(kind: str, side: float, at: tuple[float, float], poses: np.ndarray) -> np.ndarray:

@@ -12,7 +12,7 @@ LONGEST = 90
 
 @dataclass(frozen=True)
 class Actor:
-    """Somebody in a scene before they are made.
+    """A person in a scene before they are made.
 
     Attributes
     ----------
@@ -55,7 +55,7 @@ class Scene:
     sensor, distance, height, tilt, boxes, room : as of `Shot`
     view : out of `scenes.VIEWS`
     frames : length
-    seed : of bodies, noise and how somebody sits
+    seed : of bodies, noise and how a person sits
     """
 
     group: str

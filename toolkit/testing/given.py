@@ -1,4 +1,4 @@
-"""Who somebody is and how they stand, read off true joints: for trackers that are told where to begin."""
+"""Who a person is and how they stand, read off true joints: for trackers that are told where to begin."""
 
 from __future__ import annotations
 

@@ -47,7 +47,7 @@ def misled(state: PersonState, wrong: np.ndarray) -> PersonState:
     Raises
     ------
     UsageError
-        The tracker has found nobody yet.
+        The tracker has found no person yet.
     """
     if state.pose is None or state.previous is None or state.centre is None:
         raise UsageError("a tracker that has found nobody cannot be misled; let it track a frame first")

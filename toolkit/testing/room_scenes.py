@@ -1,8 +1,8 @@
-"""Scenes of people in furnished rooms: they come and go, carry things, embrace, stand in crowds; stills; nobody.
+"""Scenes of people in furnished rooms: they come and go, carry things, embrace, stand in crowds; stills; no person.
 
-Every room is another one. What is looked for: somebody cut by the border as they enter; a thing that is no part of
-whoever carries it; two people who are one surface; four to six people; cameras 0.8 to 2.5 m above the floor; one frame
-alone; and rooms in which nobody ever is.
+Every room is another one. What is looked for: a person cut by the border as they enter; a thing that is no part of
+a person who carries it; two people who are one surface; four to six people; cameras 0.8 to 2.5 m above the floor; one
+frame alone; and rooms in which no person ever is.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ import numpy as np
 from toolkit.testing.casting import Actor, Scene, one
 
 PASSING, VACANT = 120, 300
-"""Frames of scenes in which somebody comes and goes, and of rooms without people."""
+"""Frames of scenes in which a person comes and goes, and of rooms without people."""
 PASSES = {"frames": PASSING}
 KINDS = ("office", "living", "classroom", "corridor")
 

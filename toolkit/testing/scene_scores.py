@@ -1,4 +1,4 @@
-"""Figures of a scene: anybody from nobody to several people, of whom the camera sees only a part."""
+"""Figures of a scene: anybody from no person to several people, of whom the camera sees only a part."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from toolkit.track import EMPTY, TRACKED, Track
 THERE = 5
 """Seen joints from which on a person ought to be found."""
 SOON = 0.5
-"""Seconds within which somebody who comes should be found."""
+"""Seconds within which a person who comes should be found."""
 CONFIDENT = 0.5
 """Confidence above which a joint that is not seen is taken at its word."""
 CONFIDENCE_WITHIN = 0.05
@@ -55,7 +55,7 @@ def score_scene(recording: Recording, tracks: Sequence[Track]) -> SceneScore:
     """Compare all tracks of a recording with all people in it.
 
     In each frame people and tracks are matched at the least total error of the seen joints (of all joints where none is
-    seen). A track may end before the recording; it reports nobody then.
+    seen). A track may end before the recording; it reports no person then.
 
     Raises
     ------

@@ -31,7 +31,7 @@ GROUPS = ("waist", "seated", "behind", "several", "children", "clothes", "empty"
 VIEWS = ("cut", "background", "room")
 """Already cut out, in a room with its empty scene, in a room without it."""
 BARRIER = Box((-0.5, 0.0, 0.5), (0.1, 1.05, 0.7))
-"""What hides one side of somebody up to the waist."""
+"""What hides one side of a person up to the waist."""
 ROOM_GROUPS = ("enter", "carry", "together", "crowd", "rooms", "stills", "vacant")
 EMPTY_ROOMS, EMPTY_FRAMES = 10, 45
 """Recordings without people in each split, and their length."""
@@ -221,7 +221,7 @@ def record_scene(scene: Scene, work: Path, frames: int | None = None) -> Path:
 
 
 def _people(scene: Scene, frames: int) -> list[Person]:
-    """The actors with their bodies and motions; whoever does not pass stays as long as the longest motion lasts."""
+    """The actors with their bodies and motions; who does not pass stays as long as the longest motion lasts."""
     cast = []
     for k, actor in enumerate(scene.actors):
         body = subject_body(actor.body, seed=scene.seed + 1000 * k)
@@ -260,7 +260,7 @@ def _people(scene: Scene, frames: int) -> list[Person]:
 
 
 MOVED = (*acts.PATHS, "hug", "give")
-"""Paths that say where somebody is in every frame."""
+"""Paths that say where a person is in every frame."""
 
 
 def _played(actor: Actor, scene: Scene, poses: np.ndarray) -> np.ndarray:

@@ -232,7 +232,7 @@ def cut(poses: np.ndarray, start: float, frames: int, shortest: int = SHORTEST) 
 
 
 def in_place(poses: np.ndarray) -> np.ndarray:
-    """Poses (T, P) of somebody who travels as if on a treadmill; of anybody else as they are."""
+    """Poses (T, P) of a person who travels as if on a treadmill; of anybody else as they are."""
     poses = poses.copy()
     floor_path = poses[:, [0, 2]]
     if np.ptp(floor_path, axis=0).max() > TREADMILL:

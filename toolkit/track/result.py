@@ -9,7 +9,7 @@ import numpy as np
 from toolkit.skeleton import REPORTED
 
 TRACKED, LOST, EMPTY = 0, 1, 2
-"""States of a frame: followed; somebody is there but not explained; nobody is there."""
+"""States of a frame: followed; a person is there but not explained; no person is there."""
 STATE_NAMES = ("tracked", "lost", "empty")
 
 

@@ -28,8 +28,8 @@ def max_tree(
     `order` holds the nodes that take part, by falling value (equal ones by rising node). Edges stand in the table
     `neighbours` (R, D) with its further rows `more` (R,), as in `geodesic.extrema`; those between nodes that take no
     part are ignored. A branch is named by the last of its nodes in `order` at its level, the node at which its level
-    ends; all other nodes of that level hang directly below it. A root hangs below itself, whoever takes no part below
-    -1.
+    ends; all other nodes of that level hang directly below it. A root hangs below itself, what takes no part
+    below -1.
     """
     roots = np.full(values.shape[0], -1, dtype=np.int64)
     parents[:] = -1

@@ -22,7 +22,7 @@ NEAREST = 0.05
 class Tile(NamedTuple):
     """The part of a frame by which a layer is weighed, and how.
 
-    seen : float32 (H, W), metres, 0 where nobody is, NaN where nothing was observed
+    seen : float32 (H, W), metres, 0 where no person is, NaN where nothing was observed
     intrinsics : float64 (4,)
     window : int64 (4,), rows v0 to v1 and columns u0 to u1, ends excluded, within the image
     pixels : measured pixels in the window, at least 1; costs are per measured pixel

@@ -65,15 +65,15 @@ def grow(
     Parameters
     ----------
     points : float32 (H, W, 3), level frame, metres (y up)
-    measured : float32 (H, W), depth along z, metres; 0 belongs to nobody
+    measured : float32 (H, W), depth along z, metres; 0 belongs to no person
     seeds : int32 (H, W), 1.. the people, 0 none
     axes : float64 (N, 3), the level frame's x, y, z of each person's head
     reach : float32 (H, W), metres horizontally from such an axis within which the pixel may belong to it
     limits : float64 (2,), metres upwards from the head and downwards from it
     steps : float64 (5,), see above
     longest : metres of way after which nothing belongs to a person any more
-    labels : int32 (H, W); becomes 1.., 0 = nobody
-    distances : int32 (H, W); becomes the way in units, `FAR` where nobody comes
+    labels : int32 (H, W); becomes 1.., 0 = no person
+    distances : int32 (H, W); becomes the way in units, `FAR` where no person comes
     """
     height, width = measured.shape
     # A pixel is entered at most once by each of its 8 neighbours and once as a seed.
@@ -161,8 +161,8 @@ def refine_labels(
     """Bring labels found on `depth[::step, ::step]` back to full resolution.
 
     A pixel of `depth` (H, W), millimetres, takes the label of the coarse pixel around it whose depth `coarse` (h, w),
-    millimetres, is nearest to its own, if that is within `tolerance_mm`; coarse pixels of nobody (label 0) take part,
-    so that the edge between a person and the room runs where depth says. `out` uint8 (H, W).
+    millimetres, is nearest to its own, if that is within `tolerance_mm`; coarse pixels of no person (label 0) take
+    part, so that the edge between a person and the room runs where depth says. `out` uint8 (H, W).
     """
     height, width = depth.shape
     rows, columns = labels.shape

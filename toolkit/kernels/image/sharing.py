@@ -11,7 +11,7 @@ def draw_body(inverse_depth: np.ndarray, number: int, nearest: np.ndarray, owner
     """Add one body to a z-buffer of several.
 
     `inverse_depth` (H, W) of the body, 0 where it is not; `nearest` (H, W) is the largest inverse depth so far and
-    `owner` int32 (H, W) the number of the body that it belongs to, 0 where nobody is.
+    `owner` int32 (H, W) the number of the body that it belongs to, 0 where no person is.
     """
     height, width = inverse_depth.shape
     for v in range(height):

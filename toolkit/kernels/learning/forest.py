@@ -3,7 +3,7 @@
 A question at pixel u of depth z compares the depth at two probes, `u + f a / z` and `u + f b / z`, with offsets a and b
 in metres, so that the answer depends neither on the distance nor on the sensor's resolution (Shotton 2011, Eq. 1).
 Offsets and depths are those of a level camera at the same place, so that neither does it depend on the camera's tilt.
-Depth differences to z are clipped to one `REACH`. A probe that meets nobody counts as `REACH` behind the pixel; one
+Depth differences to z are clipped to one `REACH`. A probe that meets no person counts as `REACH` behind the pixel; one
 that can see nothing, outside the image or behind something else, as `REACH` before it.
 """
 

@@ -30,7 +30,7 @@ class Joins(NamedTuple):
 
 JOINS = Joins(1.5, 0.25, 1.5)
 HARD_JOINS = Joins(6.0, 0.02, 0.1)
-"""Joins that nobody could perform: what is left of the parts' ends is all there is to see of them."""
+"""Joins that no person could perform: what is left of the parts' ends is all there is to see of them."""
 
 _LEFT_HIP, _RIGHT_HIP, _ROOT = (NAMED_JOINTS.index(name) for name in ("left_hip", "right_hip", "root"))
 
@@ -43,7 +43,7 @@ class Document:
     ----------
     motion : the whole
     segments : true segments, seconds
-    joins : (start, end) of the joins between parts, seconds; nobody performed them, and they bear no label
+    joins : (start, end) of the joins between parts, seconds; no person performed them, and they bear no label
     """
 
     motion: Motion

@@ -1,6 +1,6 @@
 """Judges: whether what looks like a class is one, from how it differs from the nearest example, feature by feature.
 
-A sum of all differences, however weighted, cannot tell a kick with the other leg from a kick by somebody else. Which
+A sum of all differences, however weighted, cannot tell a kick with the other leg from a kick by another person. Which
 differences matter is learned per class, by logistic regression (scikit-learn) on what the examples found in documents
 whose truth is known. A class has few clips, and what tells right from wrong is much the same in all classes: a judge
 starts from what all of them show together, and from there learns its own. This goes beyond the thesis, whose wildcards

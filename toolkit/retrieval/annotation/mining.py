@@ -1,6 +1,6 @@
 """Counterexamples from motions of unknown content: what looks much less like a class than its own clips do.
 
-For whoever has no motions that are known to hold none of the classes. This goes beyond the thesis.
+For a person who has no motions that are known to hold none of the classes. This goes beyond the thesis.
 """
 
 from __future__ import annotations

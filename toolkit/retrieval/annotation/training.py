@@ -268,7 +268,7 @@ def alike(clips: Sequence[Clip]) -> list[tuple[str, str, float]]:
 def leave_one_out(
     clips: Sequence[Clip], others: Sequence[Motion], rng: np.random.Generator, progress: Progress | None = None
 ) -> list[LeftOut]:
-    """How well each person is annotated by a model of all others: what to expect for somebody new.
+    """How well each person is annotated by a model of all others: what to expect for a person new.
 
     With one person alone, halves of the clips take turns; that is what to expect for the same person again.
     """

@@ -261,7 +261,7 @@ def from_track(track: Track, body: Body, name: str) -> Motion:
     """The named joints of a track through its poses (level frame), at the median rate of its time stamps.
 
     Where the person was lost or not there, or frames are missing, joints go straight on to where they are known again:
-    the pose that a track holds meanwhile, and the jump that ends it, are nobody's motion.
+    the pose that a track holds meanwhile, and the jump that ends it, are no person's motion.
     """
     motion = from_poses(track.pose, body, frame_rate_of(track.timestamps), name)
     low, high, share = even_frames(track)

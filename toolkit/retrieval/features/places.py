@@ -22,7 +22,7 @@ SPREADS: np.ndarray = np.array([35, 50, 41, 58, 35, 50, 41, 58], dtype=np.float6
 and right alike, in steps. `depthmocap bench by_example DATA --constants` prints them."""
 IDLE_WEIGHT = 0.01
 """Weight of a limb that an example holds still, against 1 for one that it moves as much as is usual: next to nothing,
-for how somebody holds an idle arm is their own."""
+for how a person holds an idle arm is their own."""
 
 _CHOSEN = np.array([NAMED_JOINTS.index(name) for name in LIMBS])
 _LEFT, _RIGHT, _ROOT = (NAMED_JOINTS.index(name) for name in ("left_hip", "right_hip", "root"))
@@ -48,7 +48,7 @@ def spread(places: np.ndarray) -> np.ndarray:
 def importance(places: np.ndarray) -> np.ndarray:
     """Weight of each row in a comparison with an example's places (24, T): float64 (24,), sum 1.
 
-    As `grades.importance`, by limbs: which arm somebody throws with counts, what the other one does meanwhile hardly.
+    As `grades.importance`, by limbs: which arm a person throws with counts, what the other one does meanwhile hardly.
     """
     weights = np.repeat(IDLE_WEIGHT + spread(places) / SPREADS, 3)
     return np.asarray(weights / weights.sum())

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -94,26 +94,6 @@ def allocate(
             found.label[at], found.template[at], found.stretch[at] = row, number, stretch
             found.column[at], found.cost[at] = columns[better], cost
     return found
-
-
-def second_choices(
-    features: FeatureMatrix,
-    segments: Sequence[Segment],
-    classes: Sequence[MotionClass],
-    threshold: float,
-    unknown: np.ndarray | None = None,
-) -> Allocation:
-    """Each labelled stretch aligned with the cheapest of the other classes, if that costs less than `threshold`.
-
-    Labels may be wrong (thesis 6.6); parameters are as for `allocate`.
-    """
-    chosen = []
-    for segment in segments:
-        others = [replace(segment, label=c.label) for c in classes if c.label != segment.label]
-        costs = [allocate(features, [other], classes, unknown).cost.min(initial=np.inf) for other in others]
-        if costs and min(costs) < threshold:
-            chosen.append(others[int(np.argmin(costs))])
-    return allocate(features, chosen, classes, unknown)
 
 
 def _best_end(template: PreparedTemplate, words: np.ndarray, unknown: np.ndarray) -> tuple[float, np.ndarray]:

@@ -64,7 +64,7 @@ def find_gaps(confidence: np.ndarray, present: np.ndarray, settings: GapSettings
     Parameters
     ----------
     confidence : (T, 20), as a track has it
-    present : bool (T,), frames in which somebody is there; others end a gap
+    present : bool (T,), frames in which a person is there; others end a gap
     """
     settings = settings or GapSettings()
     found = []

@@ -25,7 +25,7 @@ def replay(
 ) -> Iterator[Event]:
     """Events in the order in which they would have been told while the run was tracked.
 
-    Frames in which nobody was there are left out.
+    Frames in which no person was there are left out.
 
     Raises
     ------

@@ -150,7 +150,7 @@ def by_class(
     model : examples and judges
     labels : of these classes only; all by default
     doubt : 1 minus the smallest probability of a result; `MotionModel.annotate` says only what it is sure of, a search
-        leaves the choice to whoever looks
+        leaves the choice to a person who looks
 
     Raises
     ------
