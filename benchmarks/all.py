@@ -26,7 +26,7 @@ COMMANDS: dict[str, str] = {
     "lookup": "lookup queries {database}",
     "accuracy_report": "accuracy --split report --rows hybrid,local,baak2013 --database {database}",
     "scenes_report": "scenes --split report --database {database}",
-    "real": "real --stride 1 --database {database}",
+    "real": "real tracked --stride 1 --database {database}",
     "rooms": "rooms --database toolkit/database/assets/default.npz",
     "candidates_report": "lookup candidates --split report --database {database}",
     "recovery_report": "recovery wrong --split report --database {database}",

@@ -1,9 +1,14 @@
-"""The hybrid tracker on real Kinect recordings: `depthmocap bench real [--stride 4] [--rows hybrid,local]`.
+"""Real Kinect recordings: `depthmocap bench real PART`, which is one of
 
-All recordings of UTD-MHAD (27 actions by 4 people), tracked with the database of `depthmocap bench accuracy`. The
-Kinect SDK's skeleton beside each is a reference and no truth, so figures are how well the fitted body explains the
-depth image, whether its bones keep their lengths, and agreement within 100 mm without hands and feet: plain, and with
-an offset per joint that was fitted on the other people. Results of a part of it go to a file ending in `_part`.
+- `tracked [--stride 4] [--rows hybrid,local]`: all recordings of UTD-MHAD (27 actions by 4 people), tracked with the
+  database of `depthmocap bench accuracy`. The Kinect SDK's skeleton beside each is a reference and no truth, so figures
+  are how well the fitted body explains the depth image, whether its bones keep their lengths, and agreement within 100
+  mm without hands and feet: plain, and with an offset per joint that was fitted on the other people. Results of a part
+  of it go to a file ending in `_part`.
+- `offsets --database all.npz`: how our joints differ from the SDK's, joint by joint. Every `--stride`-th recording of
+  UTD-MHAD and MSR Action3D is tracked. For each joint the mean offset from the SDK's place to ours in the frame of the
+  torso (left, up, forwards), the mean distance, what is left of it once the offset is taken away, and the share within
+  100 mm.
 """
 
 from __future__ import annotations
@@ -17,21 +22,24 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks._record import save_figures
+from benchmarks._record import run_part, save_figures
 from benchmarks._rows import ROWS, add_database_options, figures_of, make_tracker, poses_of, settings_of, swarm_settings
+from toolkit import skeleton
 from toolkit.config import parse_overrides
 from toolkit.database.database import PoseDatabase
+from toolkit.evaluation.agreement import torso_frames
 from toolkit.evaluation.evaluate import evaluate_runs
 from toolkit.evaluation.extrema import BONES, OWNERS
 from toolkit.evaluation.scores import EvaluationTable
-from toolkit.pipeline import track_recordings
+from toolkit.pipeline import load_tracker, track_recordings
+from toolkit.pipeline.run import track_recording
 from toolkit.qammaz.tracker import SwarmTracker
 from toolkit.recordings.opening import open_recording
 from toolkit.retrieval.features.motion import from_track
 from toolkit.retrieval.features.relational import FEATURES, relational_features
 from toolkit.skeleton import END_EFFECTORS
-from toolkit.testing.suite import ROOT
-from toolkit.track import RunInfo, Track
+from toolkit.testing.suite import ROOT, WORK
+from toolkit.track import TRACK_FILE, TRACKED, RunInfo, Track
 from toolkit.tracking.protocol import Tracker
 
 RECORDINGS = ROOT.parent / "shared" / "data" / "depth" / "utd_mhad"
@@ -119,9 +127,8 @@ def print_row(row: str, table: EvaluationTable, bones: dict[str, dict[str, float
     print("  least agreement:", ", ".join(f"{s.recording} {100 * (s.agreement or 0):.0f}" for s in worst))
 
 
-def main() -> None:
+def tracked(parser: argparse.ArgumentParser) -> None:
     """Track, evaluate, print, write JSON."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--recordings", type=Path, default=RECORDINGS, help="folder of UTD-MHAD")
     parser.add_argument("--stride", type=int, default=1, help="every so many recordings")
     parser.add_argument("--frame-rate", type=float, help="another one than the reader's own")
@@ -146,6 +153,57 @@ def main() -> None:
     whole = options.stride == 1 and not options.set and not options.frame_rate and options.recordings == RECORDINGS
     part = "real_part" + (f"_{options.frame_rate:g}_hz" if options.frame_rate else "")
     print("written:", save_figures("real" if whole else part, figures, settings))
+
+
+DEPTH = ROOT.parent / "shared" / "data" / "depth"
+SETS = ("utd_mhad", "msr_action3d")
+
+
+def offsets_of(recording: Path, run: Path, database: Path) -> np.ndarray:
+    """From the SDK's joints to ours in the torso's frame: float64 (F, 20, 3), metres, of the frames that both have."""
+    opened = open_recording(recording)
+    if not (run / TRACK_FILE).exists():
+        track_recording(opened, load_tracker("hybrid", {}, database=database), run, resume=True)
+    track, reference = Track.load(run), opened.reference_joints
+    known = (track.state == TRACKED) & np.isfinite(reference).all(axis=(1, 2))
+    ours = track.joints[known].astype(np.float64)
+    return np.einsum("tca,tjc->tja", torso_frames(ours), ours - reference[known])
+
+
+def by_joint(differences: np.ndarray) -> dict[str, dict[str, Any]]:
+    """Figures by joint of differences (F, 20, 3)."""
+    mean = differences.mean(axis=0)
+    distance = np.linalg.norm(differences, axis=2)
+    rest = np.linalg.norm(differences - mean, axis=2)
+    return {
+        name: {
+            "left_up_forwards_mm": (1000.0 * mean[j]).round(0).tolist(),
+            "distance_mm": round(1000.0 * float(distance[:, j].mean()), 1),
+            "without_offset_mm": round(1000.0 * float(rest[:, j].mean()), 1),
+            "within_100_mm": round(float((distance[:, j] < 0.1).mean()), 3),
+        }
+        for j, name in enumerate(skeleton.REPORTED)
+    }
+
+
+def offsets(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("--database", type=Path, required=True)
+    parser.add_argument("--stride", type=int, default=6)
+    parser.add_argument("--work", type=Path, default=WORK / "kinect_offsets")
+    options = parser.parse_args()
+    figures: dict[str, Any] = {}
+    for name in SETS:
+        files = sorted((DEPTH / name).glob("*_depth.mat"))[:: options.stride]
+        rows = [offsets_of(file, options.work / name / file.stem, options.database) for file in files]
+        figures[name] = {"recordings": len(rows), "frames": sum(map(len, rows)), "joints": by_joint(np.concatenate(rows))}
+        for joint, values in figures[name]["joints"].items():
+            print(f"{name:13} {joint:15}", values, flush=True)
+    print(save_figures("kinect_offsets", figures, vars(options)))
+
+
+def main() -> None:
+    """Run the part that is asked for."""
+    run_part(__doc__, {"tracked": tracked, "offsets": offsets})
 
 
 if __name__ == "__main__":

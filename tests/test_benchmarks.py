@@ -253,7 +253,7 @@ def test_speed_times_every_stage_at_full_and_half_resolution(
 def test_real_recordings_are_measured(
     shared_data: Path, bundled: Path, work: Path, small_database: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    run(real, "--stride", 108, "--database", small_database, "--work", work, *QUICK, monkeypatch=monkeypatch)
+    run(real, "tracked", "--stride", 108, "--database", small_database, "--work", work, *QUICK, monkeypatch=monkeypatch)
     mean = json.loads((bundled / "real_part.json").read_text())["figures"]["hybrid"]["mean"]
     assert 0 < mean["overlap"] <= 1
 
