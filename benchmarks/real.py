@@ -195,7 +195,8 @@ def offsets(parser: argparse.ArgumentParser) -> None:
     for name in SETS:
         files = sorted((DEPTH / name).glob("*_depth.mat"))[:: options.stride]
         rows = [offsets_of(file, options.work / name / file.stem, options.database) for file in files]
-        figures[name] = {"recordings": len(rows), "frames": sum(map(len, rows)), "joints": by_joint(np.concatenate(rows))}
+        joints = by_joint(np.concatenate(rows))
+        figures[name] = {"recordings": len(rows), "frames": sum(map(len, rows)), "joints": joints}
         for joint, values in figures[name]["joints"].items():
             print(f"{name:13} {joint:15}", values, flush=True)
     print(save_figures("kinect_offsets", figures, vars(options)))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+import subprocess
 from pathlib import Path
 
 import pytest
@@ -12,6 +13,9 @@ from benchmarks import _record
 from benchmarks import all as everything
 from scripts import write_tables
 from toolkit.cli.bench import benchmarks
+
+AWAITED = ("gait.json",)
+"""Results of a commit that was rebased: to be measured again."""
 
 
 @pytest.mark.quick
@@ -22,6 +26,14 @@ def test_pages_and_results_agree() -> None:
         assert write_tables.written(text) == text, f"{path.name} is stale: python scripts/write_tables.py"
         tables |= {name for _, name, _ in write_tables.MARKED.findall(text)}
     assert tables == set(write_tables.TABLES)
+
+
+@pytest.mark.quick
+def test_every_result_is_of_a_commit_of_this_history() -> None:
+    told = ["git", "-C", str(write_tables.ROOT), "rev-parse", "--is-shallow-repository"]
+    if subprocess.run(told, capture_output=True, text=True, check=False).stdout.strip() != "false":
+        pytest.skip("the history is not here")
+    assert [name for name in write_tables.strangers() if not name.startswith(AWAITED)] == []
 
 
 @pytest.mark.quick
