@@ -45,6 +45,8 @@ TAKES = (
     Take("walk_mocap", "02_01", "slim_male", "kinect", 20.0, 4.2, 4),
     Take("squats", Rising(2, 1.1, 0.0, 0.5, 0.42, 0.25), "athletic_male", "kinect", 25.0, 3.0, 5),
     Take("sit_to_stand", Rising(2, 1.3, 0.9, 0.5, 0.38, 0.34), "heavy_female", "kinect", 30.0, 3.0, 6),
+    Take("stand", Rising(1, 0.5, 1.0, 1.0, 0.0, 0.0), "average_male", "kinect", 15.0, 3.2, 7),
+    Take("stand_tof", Rising(1, 0.5, 1.0, 1.0, 0.0, 0.0), "short_female", "tof", -20.0, 2.6, 8),
 )
 
 

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from functools import partial
+
 import numpy as np
 import pytest
 
@@ -15,6 +18,7 @@ from toolkit.recordings.opening import open_recording
 from toolkit.recordings.writer import save_recording
 from toolkit.rendering import encoders, style
 from toolkit.rendering.film import FilmWriter, contact_sheet, render_people, render_run, save_png
+from toolkit.rendering.ground import Ground, grid
 from toolkit.rendering.mesh import draw_mesh, part_colors
 from toolkit.rendering.overlay import color_depth, draw_skeleton
 from toolkit.rendering.painter import FramePainter, RenderSettings
@@ -75,8 +79,9 @@ def test_the_left_of_a_person_who_faces_the_camera_is_at_the_right_of_the_pictur
         assert left > 0.5 > right
 
 
-def test_a_drawn_body_lies_on_the_depth_image(take):
+def test_a_drawn_body_lies_on_the_depth_image(take, monkeypatch):
     recording, track, body = take
+    monkeypatch.setattr(Ground, "draw_floor", lambda *arguments: None)
 
     def painted(track):
         painter = FramePainter(people_of(track, body), recording, settings=RenderSettings(panels=("body",)))
@@ -140,6 +145,38 @@ def test_a_head_line_names_everybody_within_the_picture_and_is_as_high_in_all_fr
         there = (np.abs(pictures[0][:high].astype(int) - style.person_color(k)).sum(axis=2) < 30).sum()
         assert there > 30, f"person {k + 1} is not named"
     assert (pictures[0][:, -4:] == pictures[0][0, -1]).all(axis=2)[:high].all(), "words leave the picture"
+
+
+@pytest.mark.parametrize("panel", ["depth", "body", "side", "plan"])
+def test_a_film_shows_the_feet_that_carry_and_the_ground_under_them(take, panel):
+    recording, track, body = take
+    pictures = {}
+    for carry in (False, True):
+        contact = np.zeros((4, 2), dtype=bool)
+        contact[1], contact[3] = (carry, False), True  # the left foot, and both for the legend
+        person = replace(people_of(track, body)[0], track=replace(track, contact=contact))
+        painter = FramePainter([person], recording, settings=RenderSettings(panels=(panel,), extrema=0))
+        pictures[carry] = painter.paint(1, recording.depth(1))[40:-40]
+    new = np.abs(pictures[True].astype(int) - pictures[False]).max(axis=2) > 30
+    where = np.argwhere(new).mean(axis=0) / new.shape
+    assert 20 < new.sum() < 0.02 * new.size
+    if panel != "plan":
+        assert where[0] > 0.75, "a sole is low in the picture"
+    if panel != "side":
+        assert where[1] > 0.5, "who faces the camera has the left foot at the right of the picture"
+    floor = np.zeros_like(pictures[True])
+    painter._ground.draw_floor(floor, partial(painter._to_pixels, panel))
+    assert floor.any(axis=2).sum() > 300
+
+
+def test_a_grid_lies_at_the_height_of_the_ground_around_the_people():
+    pieces = grid(np.array([[0.0, -3.0], [0.4, -2.0]]), -1.2)
+    assert (pieces[..., 1] == -1.2).all()
+    assert (pieces[..., 0].min(), pieces[..., 0].max()) == (-1.0, 1.5)
+    assert (pieces[..., 2].min(), pieces[..., 2].max()) == (-4.0, -1.0)
+    across = pieces[:, 0] != pieces[:, 1]
+    assert (across.sum(axis=1) == 1).all(), "a piece goes along x or along z"
+    assert grid(np.zeros((0, 2)), 0.0).shape == (0, 2, 3)
 
 
 def test_a_drawn_mesh_has_the_depth_that_ray_casting_gives():

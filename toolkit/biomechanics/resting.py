@@ -11,7 +11,15 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from toolkit import skeleton
-from toolkit.biomechanics.contact import contacts_of_soles, frames_in, ground_height, smoothed, spans, without_short
+from toolkit.biomechanics.contact import (
+    REACH,
+    contacts_of_soles,
+    frames_in,
+    ground_height,
+    smoothed,
+    spans,
+    typical_step,
+)
 from toolkit.body.body import Body
 from toolkit.body.sole import FEET, Sole, soles
 from toolkit.runs import Person
@@ -25,22 +33,21 @@ class RestSettings:
     Attributes
     ----------
     blend : seconds in which a foot comes to its place and leaves it
-    raised : metres above where it rests from which on heel or ball is no longer down
-    brief : seconds that it is raised at least; a shorter time is noise
-    drift : seconds, standard deviation of the Gaussian over a resting foot's places: it follows what lasts longer
-    farthest : metres that a sole is moved at most; farther, the contact is doubted and the foot left alone
+    together : seconds, standard deviation of the Gaussian over the frames that say where a foot rests
+    near : metres, the same over how far heel or ball are from there: one that rises, as the heel before a foot leaves,
+        goes its own way
+    before : seconds, of the Gaussian under which this distance is measured, for noise is no distance
     stiffness : metres of the sole for a radian of the leg's angles
-    knee : weight with which the knee stays where it was found
+    knee : weight with which the knee stays where it was found, heel, ball and ankle have 1
     rounds : of Gauss-Newton
     """
 
     blend: float = 0.10
-    raised: float = 0.03
-    brief: float = 0.13
-    drift: float = 0.6
-    farthest: float = 0.06
+    together: float = 1.0
+    near: float = 0.03
+    before: float = 0.05
     stiffness: float = 0.01
-    knee: float = 0.2
+    knee: float = 1.0
     rounds: int = 3
 
 
@@ -71,47 +78,41 @@ def _hold(
     sole, entries = Sole.of(body, leg), _leg_entries(leg)
     ankles = np.array([body.place(pose).origins[sole.joint] for pose in poses[span]])
     rows = np.concatenate([placed[span], ankles[:, None]], axis=1)
-    ramp = _ramp(len(rows), frames_in(settings.blend, times[span]))
-    moved = ramp[:, None, None] * _corrections(rows, times[span], settings)
-    if np.linalg.norm(moved, axis=2).max() > settings.farthest:
-        return
-    for k, i in enumerate(range(span.start, span.stop)):
-        if ramp[k] > 0:
-            poses[i] = _bent(body, sole, entries, poses[i], rows[k] + moved[k], settings)
+    ramp = _ramp(span, len(poses), frames_in(settings.blend, times[span]))
+    targets = rows + ramp[:, None, None] * (resting(rows, times[span], settings) - rows)
+    for target, i in zip(targets, range(span.start, span.stop), strict=True):
+        poses[i] = _bent(body, sole, entries, poses[i], target, settings)
 
 
-def _corrections(rows: np.ndarray, times: np.ndarray, settings: RestSettings) -> np.ndarray:
-    """By how much heel, ball and ankle (N, 3, 3) are to be moved: heel or ball that is down to where it rests, one that
-    is raised, as the heel before a foot leaves, along with the other; the ankle rests where both are down.
+def resting(rows: np.ndarray, times: np.ndarray, settings: RestSettings) -> np.ndarray:
+    """Where points (N, K, 3) of a foot that carries rest: the mean of each over the frames that are near in time and in
+    which it is near (a bilateral filter; Tomasi and Manduchi 1998, in time).
     """
-    heights = rows[:, :2, 1]
-    down = heights < np.percentile(heights, 25, axis=0) + settings.raised
-    brief = frames_in(settings.brief, times)
-    down = np.stack([without_short(down[:, point], brief) for point in range(2)], axis=1)
-    down = np.column_stack([down, down.all(axis=1)])
-    moved = np.zeros_like(rows)
-    for point in range(3):
-        held = down[:, point]
-        if held.any():
-            moved[held, point] = _resting(rows[held, point], times[held], settings.drift) - rows[held, point]
-    for point in range(2):
-        along = ~down[:, point] & down[:, 1 - point]
-        moved[along, point] = moved[along, 1 - point]
-        moved[along, 2] = moved[along, 1 - point]
-    return moved
+    step, own = typical_step(times), smoothed(rows, times, settings.before)
+    reach = min(len(rows) - 1, round(REACH * settings.together / step))
+    total, weights = np.zeros_like(rows), np.zeros(rows.shape[:2])
+    for shift in range(-reach, reach + 1):
+        here, there = _overlap(len(rows), shift), _overlap(len(rows), -shift)
+        far = np.linalg.norm(own[there] - own[here], axis=2) / settings.near
+        weight = np.exp(-0.5 * (shift * step / settings.together) ** 2 - 0.5 * far**2)
+        total[here] += weight[..., None] * rows[there]
+        weights[here] += weight
+    return np.asarray(total / weights[..., None])
 
 
-def _resting(rows: np.ndarray, times: np.ndarray, drift: float) -> np.ndarray:
-    """Where a point (N, 3) rests: its places under a wide Gaussian, a short contact's their median."""
-    if len(rows) <= frames_in(drift, times):
-        return np.broadcast_to(np.median(rows, axis=0), rows.shape)
-    return smoothed(rows, times, drift)
+def _overlap(count: int, shift: int) -> slice:
+    """The frames of so many that have one so many frames later."""
+    return slice(max(0, -shift), count - max(0, shift))
 
 
-def _ramp(count: int, blend: int) -> np.ndarray:
-    """Weights (count,) that rise over the first frames and fall over the last."""
-    steps = np.arange(count) + 0.5
-    return np.clip(np.minimum(steps, steps[::-1]) / blend, 0.0, 1.0)
+def _ramp(span: slice, count: int, blend: int) -> np.ndarray:
+    """Weights of the frames of a contact that rise over its first frames and fall over its last, where the track of
+    `count` frames goes on before and behind it.
+    """
+    steps = np.arange(span.stop - span.start) + 0.5
+    rise = steps if span.start > 0 else np.inf
+    fall = steps[::-1] if span.stop < count else np.inf
+    return np.asarray(np.clip(np.minimum(rise, fall) / blend, 0.0, 1.0) * np.ones(len(steps)))
 
 
 def _leg_entries(leg: str) -> np.ndarray:

@@ -8,14 +8,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from toolkit import skeleton
-from toolkit.biomechanics.contact import ground_height
-from toolkit.body.sole import soles
+from toolkit.biomechanics.ground import ground_of
 from toolkit.errors import UsageError
 from toolkit.runs import Person
-from toolkit.track import TRACKED
 
 FLOOR, CAMERA = "floor", "camera"
-SOLES = [skeleton.REPORTED.index(f"{side}_ankle") for side in ("left", "right")]
 
 
 @dataclass(frozen=True, eq=False)
@@ -26,8 +23,7 @@ class Origin:
     ----------
     name : "floor" or "camera"
     offset : float64 (3,), its place in the level frame, metres
-    ground : how the floor is known: "seen by the camera", "where the feet rest", "guessed" (no foot was ever seen), or
-        "" for a file whose origin is the camera
+    ground : how the floor is known, see `biomechanics.ground`; "" for a file whose origin is the camera
     """
 
     name: str
@@ -57,24 +53,5 @@ def origin_of(people: Sequence[Person], name: str) -> Origin:
         raise UsageError(f"--origin {name} is neither floor nor camera")
     first = min(people, key=lambda person: int(np.argmax(person.there)) if person.there.any() else len(person.there))
     place = first.track.pose[int(np.argmax(first.there)), skeleton.ROOT_POSITION]
-    height, ground = _ground(people)
+    height, ground = ground_of(people)
     return Origin(FLOOR, np.array([place[0], height, place[2]]), ground)
-
-
-def _ground(people: Sequence[Person]) -> tuple[float, str]:
-    """Y of the floor in the level frame, and how it is known."""
-    seen = next((person.camera_height for person in people if person.camera_height is not None), None)
-    if seen is not None:
-        return -seen, "seen by the camera"
-    for watched in (True, False):
-        found = []
-        for person in people:
-            track = person.track
-            known = track.state == TRACKED if watched else person.there
-            if watched:
-                known = known & track.observed[:, SOLES].any(axis=1)
-            height = ground_height(soles(person.body, track.pose), track.timestamps, known)
-            found += [] if height is None else [height]
-        if found:
-            return min(found), "where the feet rest" if watched else "guessed"
-    return 0.0, "guessed"

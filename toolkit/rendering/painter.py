@@ -13,6 +13,7 @@ from toolkit.errors import SettingsError, TrackError
 from toolkit.landmarks.extrema import geodesic_extrema
 from toolkit.rendering import style
 from toolkit.rendering.axes import LimbAxes
+from toolkit.rendering.ground import Ground
 from toolkit.rendering.mesh import draw_mesh, part_colors
 from toolkit.rendering.overlay import color_depth, draw_extrema, draw_points, draw_skeleton
 from toolkit.rendering.views import R_LEVEL_VIEW, outside_view_of, window_on
@@ -112,6 +113,7 @@ class FramePainter:
         self._window = window_on(joints, recording.camera.undistorted(), self.settings.size("depth"))
         level = joints @ self._rotation.T
         self._outside = {view: outside_view_of(level, self.settings.size(view), view) for view in R_LEVEL_VIEW}
+        self._ground = Ground(people)
         depths = joints[:, 0, 2]
         self._near = float(np.percentile(depths, 5)) - NEAR_SHARE
         self._far = float(np.percentile(depths, 95)) + FAR_SHARE
@@ -123,8 +125,11 @@ class FramePainter:
         backdrop = self._colored(depth_mm, cloud) if set(self.settings.panels) & {"depth", "body"} else None
         panels = []
         for panel in self.settings.panels:
-            image = self._blank(panel, backdrop)
+            image, project = self._blank(panel, backdrop), partial(self._to_pixels, panel)
+            if panel != "depth":  # which shows the floor as it was measured
+                self._ground.draw_floor(image, project)
             draw.get(panel, partial(self._draw_outside, panel))(image, i, cloud)
+            self._ground.draw_soles(image, project, i, [k for k, _ in self._there(i)])
             title = "depth, skeletons" if panel == "depth" and not self._extrema else TITLES[panel]
             if panel == "depth" and self._axes is not None:
                 title = "axes of the limbs: track thin, sensors bold"
@@ -168,6 +173,13 @@ class FramePainter:
             width, height = self.settings.size(panel)
             return np.full((height, width, 3), style.PAPER, dtype=np.uint8)
         return backdrop.copy() if panel == "depth" else backdrop // BEHIND_BODY
+
+    def _to_pixels(self, panel: str, points: np.ndarray) -> np.ndarray:
+        """Points (..., 3) of the level frame in a panel (..., 2), NaN behind its camera."""
+        if panel in R_LEVEL_VIEW:
+            view = self._outside[panel]
+            return view.camera.project(view.to_camera(points))
+        return self._window.camera.project(points @ self._rotation)
 
     def _draw_depth(self, image: np.ndarray, i: int, cloud: Cloud) -> None:
         for k, person in self._there(i):
@@ -228,6 +240,8 @@ class FramePainter:
             entries.append(("geodesic extrema (the first five larger)", style.EXTREMUM))
         if "side" in self.settings.panels:
             entries.append(("measured points", style.CLOUD))
+        if self._ground.carries:
+            entries.append(("the foot carries", style.CARRYING))
         places = style.flowed([style.width_of(text, size) + 2 * size for text, _ in entries], width, size)
         bar = np.full((2 * size * (1 + places[-1][0]), width, 3), style.BAR, dtype=np.uint8)
         for (text, color), (line, x) in zip(entries, places, strict=True):
