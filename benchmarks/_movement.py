@@ -11,6 +11,7 @@ import numpy as np
 from toolkit import skeleton
 from toolkit.body.body import Body
 from toolkit.body.shape import subject_body
+from toolkit.database.default import DEFAULT_DATABASE
 from toolkit.mocap.clip import PoseClip
 from toolkit.pipeline import load_tracker
 from toolkit.pipeline.run import track_recording
@@ -45,8 +46,8 @@ TAKES = (
     Take("walk_mocap", "02_01", "slim_male", "kinect", 20.0, 4.2, 4),
     Take("squats", Rising(2, 1.1, 0.0, 0.5, 0.42, 0.25), "athletic_male", "kinect", 25.0, 3.0, 5),
     Take("sit_to_stand", Rising(2, 1.3, 0.9, 0.5, 0.38, 0.34), "heavy_female", "kinect", 30.0, 3.0, 6),
-    Take("stand", Rising(1, 0.5, 1.0, 1.0, 0.0, 0.0), "average_male", "kinect", 15.0, 3.2, 7),
-    Take("stand_tof", Rising(1, 0.5, 1.0, 1.0, 0.0, 0.0), "short_female", "tof", -20.0, 2.6, 8),
+    Take("stand", Rising(count=0, stand=3.0), "average_male", "kinect", 15.0, 3.2, 7),
+    Take("stand_tof", Rising(count=0, stand=3.0), "short_female", "tof", -20.0, 2.6, 8),
 )
 
 
@@ -111,7 +112,7 @@ def _poses(take: Take, body: Body) -> np.ndarray:
 def movement_options(description: str | None) -> argparse.Namespace:
     """What is typed behind a benchmark of these takes: which of them, with which database, where they are kept."""
     parser = argparse.ArgumentParser(description=description, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--database", type=Path, required=True)
+    parser.add_argument("--database", type=Path, default=DEFAULT_DATABASE, help="another than the package's own")
     parser.add_argument("--takes", default=",".join(take.name for take in TAKES))
     parser.add_argument("--work", type=Path, default=WORK / "movement")
     return parser.parse_args()

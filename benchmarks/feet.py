@@ -17,7 +17,7 @@ from benchmarks._movement import TAKES, Tracked, movement_options, tracked
 from benchmarks._record import save_figures
 from toolkit import skeleton
 from toolkit.biomechanics.contact import contacts_of_soles, ground_height, smoothed, spans
-from toolkit.biomechanics.resting import with_resting_feet
+from toolkit.biomechanics.resting import at_rest
 from toolkit.body.sole import soles
 from toolkit.runs import Person
 from toolkit.track import TRACKED
@@ -83,7 +83,7 @@ def main() -> None:
             continue
         found = tracked(take, options.work, options.database)
         contact = true_contacts(found)
-        ways = {"tracked": found.person, "resting": with_resting_feet(found.person)}
+        ways = {"tracked": found.person, "resting": at_rest(found.person)}
         figures[take.name] = {name: row(found, person, contact) for name, person in ways.items()}
         for name, own in figures[take.name].items():
             shown = {k: round(v, 2) for k, v in own.items() if isinstance(v, float)}

@@ -1,8 +1,9 @@
-"""Gait, rises and joint angles: `depthmocap bench gait --database suite.npz`.
+"""Gait, rises and joint angles: `depthmocap bench gait`.
 
-Simulated people who walk, squat and rise (`benchmarks/_movement.py`), tracked. Each figure of a report is compared with
-that of the true poses: mean absolute errors over the takes; of joint angles the root mean square over the frames and
-the error of the range of motion, degrees.
+Simulated people who walk, squat and rise (`benchmarks/_movement.py`), tracked, with what rests held as in a report.
+Figures of gait and rises are compared with what is known without the project's code for them
+(`benchmarks/_plain_gait.py`), and so are those that this code finds in the true poses: the part of an error that no
+tracker can help. Joint angles and ranges of motion are compared with those of the true poses, degrees.
 """
 
 from __future__ import annotations
@@ -11,28 +12,38 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks._movement import TAKES, Tracked, movement_options, tracked
+from benchmarks._movement import RATE, TAKES, Tracked, movement_options, tracked
+from benchmarks._plain_gait import planned_rises, planned_walk, walk_on_ground
 from benchmarks._record import save_figures
 from toolkit.biomechanics.angles import COLUMNS
+from toolkit.biomechanics.resting import at_rest
 from toolkit.biomechanics.summary import Summary, summary_of
+from toolkit.testing.walking import Rising, Walk
 
-FIGURES = (
-    "strides", "stride_length_m", "cadence_steps_per_min", "speed_m_per_s", "step_width_m", "stance_share",
-    "stride_time_s",
-)  # fmt: skip
+WAYS = ("tracked", "true poses")
+
+
+def known_walk(found: Tracked) -> dict[str, float]:
+    """Figures of gait that are known; none of who does not walk."""
+    if isinstance(found.take.motion, Walk):
+        return planned_walk(found.take.motion)
+    return {} if isinstance(found.take.motion, Rising) else walk_on_ground(found.body, found.poses, RATE)
 
 
 def compared(found: Tracked) -> dict[str, Any]:
-    """Measured and true figures of one take."""
-    measured, true = summary_of(found.person), summary_of(found.truth)
+    """Figures of one take, as tracked and of the true poses, beside those that are known."""
+    summaries = [summary_of(person) for person in (at_rest(found.person), found.truth)]
+    motion = found.take.motion
     return {
-        "gait": {name: [s.gait.figures()[name] for s in (measured, true)] for name in FIGURES},
-        "rises": [[len(s.rises), sum(r.seated for r in s.rises)] for s in (measured, true)],
-        "rise_durations_s": [[r.duration for r in s.rises] for s in (measured, true)],
-        "angles_rms_deg": angle_errors(measured, true),
+        "strides": [len(summary.gait.strides) for summary in summaries],
+        "known": known_walk(found),
+        "gait": [summary.gait.figures() for summary in summaries],
+        "known_rises": planned_rises(motion) if isinstance(motion, Rising) else [],
+        "rises": [[(rise.start, rise.duration, rise.seated) for rise in summary.rises] for summary in summaries],
+        "angles_rms_deg": angle_errors(*summaries),
         "ranges_deg": {
             f"{a.joint}_{a.motion}": [[*a.left, *a.right], [*b.left, *b.right]]
-            for a, b in zip(measured.ranges, true.ranges, strict=True)
+            for a, b in zip(summaries[0].ranges, summaries[1].ranges, strict=True)
         },
     }
 
@@ -44,16 +55,24 @@ def angle_errors(measured: Summary, true: Summary) -> dict[str, float]:
     return dict(zip(COLUMNS, np.sqrt(np.nanmean(off**2, axis=0)).round(2).tolist(), strict=True))
 
 
-def summed(takes: dict[str, dict[str, Any]]) -> dict[str, float]:
-    """Mean absolute errors over the takes."""
+def known_errors(takes: dict[str, dict[str, Any]], way: int) -> dict[str, float]:
+    """Mean absolute errors of one of `WAYS` against what is known, over the takes."""
     out: dict[str, list[float]] = {}
     for take in takes.values():
-        for name, (a, b) in take["gait"].items():
-            if np.isfinite([a, b]).all() and name != "strides":
-                out.setdefault(name, []).append(abs(a - b))
-        if take["rises"][0] == take["rises"][1]:
-            for a, b in zip(*take["rise_durations_s"], strict=True):
-                out.setdefault("rise_duration_s", []).append(abs(a - b))
+        for name, known in take["known"].items():
+            if np.isfinite(take["gait"][way][name]):
+                out.setdefault(name, []).append(abs(take["gait"][way][name] - known))
+        if len(take["rises"][way]) == len(take["known_rises"]):
+            for (start, duration, _), (begin, lasts) in zip(take["rises"][way], take["known_rises"], strict=True):
+                out.setdefault("rise_start_s", []).append(abs(start - begin))
+                out.setdefault("rise_duration_s", []).append(abs(duration - lasts))
+    return {name: float(np.mean(values)) for name, values in out.items()}
+
+
+def range_errors(takes: dict[str, dict[str, Any]]) -> dict[str, float]:
+    """Mean absolute errors of the ranges of motion, degrees, over the takes and both sides."""
+    out: dict[str, list[float]] = {}
+    for take in takes.values():
         for name, (own, true) in take["ranges_deg"].items():
             widths = [np.array([r[1] - r[0], r[3] - r[2]]) for r in (own, true)]
             if np.isfinite(widths).all():
@@ -66,12 +85,20 @@ def main() -> None:
     takes = {}
     for take in TAKES:
         if take.name in options.takes.split(","):
-            takes[take.name] = compared(tracked(take, options.work, options.database))
-            print(take.name, {k: np.round(v, 3).tolist() for k, v in takes[take.name]["gait"].items()}, flush=True)
-            print("   rises", takes[take.name]["rises"], takes[take.name]["rise_durations_s"], flush=True)
+            own = takes[take.name] = compared(tracked(take, options.work, options.database))
+            print(take.name, "strides, tracked and true poses", own["strides"], flush=True)
+            for name, known in own["known"].items():
+                print(
+                    f"   {name:22} known {known:.3f}", *(f"{w} {own['gait'][k][name]:.3f}" for k, w in enumerate(WAYS))
+                )
+            if own["known_rises"]:
+                print("   rises, known", own["known_rises"], "tracked", own["rises"][0], "true poses", own["rises"][1])
     rms = {c: float(np.mean([t["angles_rms_deg"][c] for t in takes.values()])) for c in COLUMNS}
-    figures = {"mean_absolute_errors": summed(takes), "angles_rms_deg": rms, "takes": takes}
-    for name in ("mean_absolute_errors", "angles_rms_deg"):
+    errors = {way: known_errors(takes, k) for k, way in enumerate(WAYS)}
+    figures = {"mean_absolute_errors": errors, "ranges": range_errors(takes), "angles_rms_deg": rms, "takes": takes}
+    for name in ("tracked", "true poses"):
+        print("mean absolute errors against what is known,", name, {k: round(v, 4) for k, v in errors[name].items()})
+    for name in ("ranges", "angles_rms_deg"):
         print(name, {k: round(v, 3) for k, v in figures[name].items()})
     print(save_figures("gait", figures, vars(options)))
 

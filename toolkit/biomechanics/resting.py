@@ -1,81 +1,124 @@
-"""Feet that rest do not slide: where a foot carries, its leg is bent until heel and ball stay where they rest.
+"""What rests stays where it is: a body that stands still does not tremble, feet that carry do not slide.
 
-For finished tracks only: where a foot rests is known of the whole contact. The root and everything but the legs stay
-as they were found.
+For finished tracks only: where something rests is known of the frames before and after. A moment in which the whole
+body is near where it is now says the same pose once more, so the mean over such moments is the better one. Where a foot
+carries, its leg is then bent until heel and ball stay where they rest; the root and everything but the legs stay.
 """
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from toolkit import skeleton
-from toolkit.biomechanics.contact import (
-    REACH,
-    contacts_of_soles,
-    frames_in,
-    ground_height,
-    smoothed,
-    spans,
-    typical_step,
-)
+from toolkit.biomechanics.contact import REACH, frames_in, smoothed, spans, typical_step
 from toolkit.body.body import Body
 from toolkit.body.sole import FEET, Sole, soles
 from toolkit.runs import Person
 from toolkit.track import TRACKED
 
+CORE = [i for i, name in enumerate(skeleton.REPORTED) if not name.endswith(("shoulder", "elbow", "wrist", "hand"))]
+"""Reported joints that say whether trunk and legs rest; an arm may move while they do."""
+ARMS: dict[str, list[int]] = {
+    side: [skeleton.REPORTED.index(f"{side}_{part}") for part in ("shoulder", "elbow", "wrist", "hand")]
+    for side in ("left", "right")
+}
+STEP = 1e-5
+"""Radians of a forward difference."""
+
 
 @dataclass(frozen=True)
 class RestSettings:
-    """How feet are held.
+    """How what rests is held.
 
     Attributes
     ----------
+    body, body_near : seconds and metres, standard deviations of the Gaussians over the frames that say a pose once
+        more: by when they are, and by how far the joint that is farthest is from where it is now
+    foot, foot_near : the same of where a foot that carries rests; heel and ball each for itself, for one that rises, as
+        the heel before a foot leaves, goes its own way
+    before : seconds, of the Gaussian under which these distances are measured, for noise is no distance
     blend : seconds in which a foot comes to its place and leaves it
-    together : seconds, standard deviation of the Gaussian over the frames that say where a foot rests
-    near : metres, the same over how far heel or ball are from there: one that rises, as the heel before a foot leaves,
-        goes its own way
-    before : seconds, of the Gaussian under which this distance is measured, for noise is no distance
     stiffness : metres of the sole for a radian of the leg's angles
-    knee : weight with which the knee stays where it was found, heel, ball and ankle have 1
+    knee : weight with which the knee stays where it was found; heel, ball and ankle have 1
     rounds : of Gauss-Newton
     """
 
-    blend: float = 0.10
-    together: float = 1.0
-    near: float = 0.03
+    body: float = 0.3
+    body_near: float = 0.02
+    foot: float = 1.0
+    foot_near: float = 0.025
     before: float = 0.05
+    blend: float = 0.10
     stiffness: float = 0.01
     knee: float = 1.0
     rounds: int = 3
 
 
-def with_resting_feet(person: Person, settings: RestSettings | None = None) -> Person:
-    """The person with the soles of carrying feet held where they rest; `contact` of the track says which carry."""
+def at_rest(person: Person, settings: RestSettings | None = None) -> Person:
+    """The person with what rests held where it is; `contact` of the track says which feet carry."""
     chosen, track = settings or RestSettings(), person.track
-    placed = soles(person.body, track.pose)
-    contact = track.contact
-    if not contact.any():
-        tracked = track.state == TRACKED
-        ground = ground_height(placed, track.timestamps, tracked)
-        if ground is None:
-            return person
-        contact = contacts_of_soles(placed, track.timestamps, ground, tracked)
     poses = track.pose.copy()
+    for span in spans(track.state == TRACKED):
+        poses[span] = _still_body(person.body, poses[span], track.timestamps[span], chosen)
+    placed = soles(person.body, poses)
     for side, leg in enumerate(FEET):
-        for span in spans(contact[:, side]):
+        for span in spans(track.contact[:, side]):
             _hold(person.body, leg, poses, placed[:, side], span, track.timestamps, chosen)
     joints = (person.body.joint_positions(poses) @ person.R_level_camera).astype(track.joints.dtype)
     joints = np.where((poses == track.pose).all(axis=1)[:, None, None], track.joints, joints)
-    return replace(person, track=replace(track, pose=poses, joints=joints, contact=contact))
+    return replace(person, track=replace(track, pose=poses, joints=joints))
+
+
+def _still_body(body: Body, poses: np.ndarray, times: np.ndarray, settings: RestSettings) -> np.ndarray:
+    """Poses (N, P) moved to their mean over the frames near in time, by the share of these in which the body is near,
+    too: one that moves stays as it was found. An arm may move by itself.
+    """
+    from scipy.spatial.transform import Rotation
+
+    joints = smoothed(body.joint_positions(poses), times, settings.before)
+    turns = Rotation.from_rotvec(poses[:, skeleton.ROOT_ROTATION])
+    arms = {side: _entries(side, ("clavicle", "shoulder", "elbow")) for side in ARMS}
+    moved, weights = np.zeros_like(poses), np.zeros((len(poses), 1))
+    for here, there, late in _pairs(times, settings.body):
+        far = np.linalg.norm(joints[there] - joints[here], axis=2)
+        core = far[:, CORE].max(axis=1)
+        way = poses[there] - poses[here]
+        way[:, skeleton.ROOT_ROTATION] = (turns[there] * turns[here].inv()).as_rotvec()
+        weight = np.tile(_closeness(core, settings.body_near)[:, None], poses.shape[1])
+        for side, entries in arms.items():
+            own = np.maximum(core, far[:, ARMS[side]].max(axis=1))
+            weight[:, entries] = _closeness(own, settings.body_near)[:, None]
+        moved[here] += late * weight * way
+        weights[here] += late
+    moved /= weights
+    rested = poses + moved
+    turned = Rotation.from_rotvec(moved[:, skeleton.ROOT_ROTATION]) * turns
+    rested[:, skeleton.ROOT_ROTATION] = turned.as_rotvec()
+    return rested
+
+
+def _pairs(times: np.ndarray, seconds: float) -> Iterator[tuple[slice, slice, float]]:
+    """Frames and those so many frames later or earlier, with the weight of that time under a Gaussian."""
+    step, count = typical_step(times), len(times)
+    reach = min(count - 1, round(REACH * seconds / step))
+    for shift in range(-reach, reach + 1):
+        here = slice(max(0, -shift), count - max(0, shift))
+        there = slice(max(0, shift), count - max(0, -shift))
+        yield here, there, float(np.exp(-0.5 * (shift * step / seconds) ** 2))
+
+
+def _closeness(far: np.ndarray, near: float) -> np.ndarray:
+    return np.asarray(np.exp(-0.5 * (far / near) ** 2))
 
 
 def _hold(
     body: Body, leg: str, poses: np.ndarray, placed: np.ndarray, span: slice, times: np.ndarray, settings: RestSettings
 ) -> None:
-    """Bend one leg over one contact; `placed` (T, 2, 3) are its heel and ball as tracked, `poses` is changed."""
-    sole, entries = Sole.of(body, leg), _leg_entries(leg)
+    """Bend one leg over one contact; `placed` (T, 2, 3) are its heel and ball as found, `poses` is changed."""
+    sole, entries = Sole.of(body, leg), _entries(leg.split("_")[0], ("hip", "knee", "ankle"))
     ankles = np.array([body.place(pose).origins[sole.joint] for pose in poses[span]])
     rows = np.concatenate([placed[span], ankles[:, None]], axis=1)
     ramp = _ramp(span, len(poses), frames_in(settings.blend, times[span]))
@@ -86,23 +129,15 @@ def _hold(
 
 def resting(rows: np.ndarray, times: np.ndarray, settings: RestSettings) -> np.ndarray:
     """Where points (N, K, 3) of a foot that carries rest: the mean of each over the frames that are near in time and in
-    which it is near (a bilateral filter; Tomasi and Manduchi 1998, in time).
+    which it is near (a bilateral filter, Tomasi and Manduchi 1998, in time).
     """
-    step, own = typical_step(times), smoothed(rows, times, settings.before)
-    reach = min(len(rows) - 1, round(REACH * settings.together / step))
+    own = smoothed(rows, times, settings.before)
     total, weights = np.zeros_like(rows), np.zeros(rows.shape[:2])
-    for shift in range(-reach, reach + 1):
-        here, there = _overlap(len(rows), shift), _overlap(len(rows), -shift)
-        far = np.linalg.norm(own[there] - own[here], axis=2) / settings.near
-        weight = np.exp(-0.5 * (shift * step / settings.together) ** 2 - 0.5 * far**2)
+    for here, there, late in _pairs(times, settings.foot):
+        weight = late * _closeness(np.linalg.norm(own[there] - own[here], axis=2), settings.foot_near)
         total[here] += weight[..., None] * rows[there]
         weights[here] += weight
     return np.asarray(total / weights[..., None])
-
-
-def _overlap(count: int, shift: int) -> slice:
-    """The frames of so many that have one so many frames later."""
-    return slice(max(0, -shift), count - max(0, shift))
 
 
 def _ramp(span: slice, count: int, blend: int) -> np.ndarray:
@@ -110,14 +145,14 @@ def _ramp(span: slice, count: int, blend: int) -> np.ndarray:
     `count` frames goes on before and behind it.
     """
     steps = np.arange(span.stop - span.start) + 0.5
-    rise = steps if span.start > 0 else np.inf
-    fall = steps[::-1] if span.stop < count else np.inf
-    return np.asarray(np.clip(np.minimum(rise, fall) / blend, 0.0, 1.0) * np.ones(len(steps)))
+    rise = steps if span.start > 0 else np.full(len(steps), np.inf)
+    fall = steps[::-1] if span.stop < count else np.full(len(steps), np.inf)
+    return np.asarray(np.clip(np.minimum(rise, fall) / blend, 0.0, 1.0))
 
 
-def _leg_entries(leg: str) -> np.ndarray:
-    side = leg.split("_")[0]
-    joints = [skeleton.JOINT_NAMES.index(f"{side}_{part}") for part in ("hip", "knee", "ankle")]
+def _entries(side: str, parts: tuple[str, ...]) -> np.ndarray:
+    """Entries of a pose that belong to some joints of a side."""
+    joints = [skeleton.JOINT_NAMES.index(f"{side}_{part}") for part in parts]
     return np.asarray(3 + np.flatnonzero(np.isin(skeleton.DOF_JOINT, joints)))
 
 
@@ -147,7 +182,3 @@ def _bent(
         step = np.linalg.lstsq(system, wanted, rcond=None)[0]
         current[entries] = np.clip(current[entries] + step, np.minimum(low, start), np.maximum(high, start))
     return current
-
-
-STEP = 1e-5
-"""Radians of a forward difference."""

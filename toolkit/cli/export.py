@@ -35,8 +35,12 @@ def export(
             show_default="floor; of the .json formats camera",
         ),
     ] = None,
-    resting_feet: Annotated[
-        bool, typer.Option("--resting-feet", help="Hold the soles of feet that carry where they rest.")
+    as_tracked: Annotated[
+        bool,
+        typer.Option(
+            "--as-tracked",
+            help="Of a file on the floor: do not hold a body that stands still and feet that carry where they rest.",
+        ),
     ] = False,
     recording: Annotated[Path | None, typer.Option(help="Where the recording has been moved to.")] = None,
 ) -> None:
@@ -48,8 +52,6 @@ def export(
     """
     from toolkit.export.run import export_run
 
-    written = export_run(
-        run, output, rig=rig, format=format, origin=origin, recording=recording, resting_feet=resting_feet
-    )
+    written = export_run(run, output, rig=rig, format=format, origin=origin, recording=recording, as_tracked=as_tracked)
     for path in written:
         say(path)

@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from toolkit.biomechanics.resting import with_resting_feet
+from toolkit.biomechanics.resting import at_rest
 from toolkit.biomechanics.summary import as_plain, summary_of
 from toolkit.errors import RecordingError, UsageError
 from toolkit.export.amass import export_amass
@@ -175,7 +175,7 @@ def export_run(
     format: str | None = None,
     origin: str | None = None,
     recording: str | Path | None = None,
-    resting_feet: bool = False,
+    as_tracked: bool = False,
 ) -> tuple[Path, ...]:
     """Write everybody in a run folder to `path`; its suffix says how, or `format`, one of `FORMATS`.
 
@@ -190,7 +190,7 @@ def export_run(
     format : a key of `FORMATS`
     origin : "floor" (y up, ground at 0, below the first place of the person) or "camera"; the format's own by default
     recording : where the recording has been moved to, for formats that hold what was measured
-    resting_feet : hold the soles of feet that carry where they rest, see `biomechanics.resting`
+    as_tracked : do not hold what rests where it is, as a file on the floor does otherwise, see `biomechanics.resting`
 
     Returns
     -------
@@ -209,10 +209,16 @@ def export_run(
         A file cannot be written.
     """
     check_output(path, [Path(run) / PEOPLE_FILE, *(f / n for f in person_runs(run) for n in (TRACK_FILE, RUN_FILE))])
-    people = load_persons(run)
-    if resting_feet:
-        people = tuple(with_resting_feet(person) for person in people)
-    return export_people(people, path, rig=rig, format=format, origin=origin, run=run, recording=recording)
+    return export_people(
+        load_persons(run),
+        path,
+        rig=rig,
+        format=format,
+        origin=origin,
+        run=run,
+        recording=recording,
+        as_tracked=as_tracked,
+    )
 
 
 def export_people(
@@ -224,6 +230,7 @@ def export_people(
     origin: str | None = None,
     run: str | Path | None = None,
     recording: str | Path | None = None,
+    as_tracked: bool = False,
 ) -> tuple[Path, ...]:
     """The same of people whose tracks are in memory, or of those of the run folder `run`; raises as `export_run`."""
     target = Path(path)
@@ -233,13 +240,16 @@ def export_people(
         raise UsageError(f"--rig {rig} is for {named}; {name} names the joints that are reported")
     if origin is not None and origin in (FLOOR, CAMERA) and origin not in format_.origins:
         raise UsageError(f"--origin {origin} is not for {name}, whose origin is the {format_.origins[0]}")
+    place = origin or format_.origin
+    if place == FLOOR and not as_tracked:
+        people = [at_rest(person) for person in people]
     if format_.together or len(people) == 1:
-        _write(format_, target, people, origin, rig, run, recording)
+        _write(format_, target, people, place, rig, run, recording)
         return (target,)
     written = []
     for person in people:
         written.append(target.with_name(f"{target.stem}_{person.name}{target.suffix}"))
-        _write(format_, written[-1], [person], origin, rig, run, recording)
+        _write(format_, written[-1], [person], place, rig, run, recording)
     return tuple(written)
 
 
@@ -264,11 +274,11 @@ def _write(
     format_: Format,
     path: Path,
     people: Sequence[Person],
-    origin: str | None,
+    origin: str,
     rig: str | None,
     run: str | Path | None,
     recording: str | Path | None,
 ) -> None:
-    place = origin_of(people, origin or format_.origin)
+    place = origin_of(people, origin)
     moved = [person.moved(place.offset) for person in people]
     format_.write(path, Job(moved, place, rig or OWN, None if run is None else Path(run), recording))

@@ -1,0 +1,87 @@
+"""Gait and rises known without the project's own code for them: from how a motion was made, or from where feet stay.
+
+A made motion (`toolkit.testing.walking`) has its strides and durations in its plan. Of mocap a foot stands while its
+lowest vertex stays where it is; a stride goes from one stand's place to the foot's next. Neither peaks
+of the heel before the pelvis nor joint angles are used.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from toolkit import skeleton
+from toolkit.body.body import Body
+from toolkit.testing.walking import Rising, Walk
+
+ONSET = 0.05
+"""Share of the way up at which a rise begins, and that is left when it ends, by definition of the figure."""
+STAYS = 0.5
+"""Metres a second along the ground of a foot's lowest vertex; of one that swings it goes at several."""
+SHORTEST = 0.25
+"""Seconds of a stand in a walk."""
+
+
+def planned_walk(walk: Walk) -> dict[str, float]:
+    """The figures of a made walk."""
+    return {
+        "stride_length_m": walk.speed * 120.0 / walk.cadence,
+        "cadence_steps_per_min": walk.cadence,
+        "speed_m_per_s": walk.speed,
+        "step_width_m": walk.width,
+        "stance_share": walk.stance,
+        "stride_time_s": 120.0 / walk.cadence,
+    }
+
+
+def planned_rises(plan: Rising) -> list[tuple[float, float]]:
+    """Start and duration of every rise, seconds: the way up is half a cosine, of which the first and the last share of
+    `ONSET` do not count.
+    """
+    before = plan.duration * float(np.arccos(1.0 - 2.0 * ONSET)) / np.pi
+    cycle = plan.stand + 2.0 * plan.duration + plan.rest
+    first = plan.stand + plan.duration + plan.rest + before
+    return [(k * cycle + first, plan.duration - 2.0 * before) for k in range(plan.count)]
+
+
+def walk_on_ground(body: Body, poses: np.ndarray, rate: float) -> dict[str, float]:
+    """The figures of a walk in true poses (T, P), y up, by where the lowest vertices of the feet stay."""
+    vertices = np.array([body.vertex_positions(pose) for pose in poses])
+    ankles = [skeleton.REPORTED.index(f"{side}_ankle") for side in ("left", "right")]
+    places = body.joint_positions(poses)[:, ankles][..., [0, 2]]
+    stands = [
+        _stands(vertices[:, body.part == skeleton.JOINT_NAMES.index(f"{name}_ankle")], places[:, side], rate)
+        for side, name in enumerate(("left", "right"))
+    ]
+    lengths, times, widths = [], [], []
+    for side in range(2):
+        for (begin, here), (end, there) in zip(stands[side][:-1], stands[side][1:], strict=True):
+            lengths.append(float(np.linalg.norm(there - here)))
+            times.append(end - begin)
+            across = np.array([there[1] - here[1], here[0] - there[0]]) / lengths[-1]
+            widths += [abs(float((place - here) @ across)) for t, place in stands[1 - side] if begin < t < end]
+    length, time = float(np.mean(lengths)), float(np.mean(times))
+    return {
+        "stride_length_m": length,
+        "cadence_steps_per_min": 120.0 / time,
+        "speed_m_per_s": length / time,
+        "step_width_m": float(np.mean(widths)),
+        "stride_time_s": time,
+    }
+
+
+def _stands(foot: np.ndarray, ankle: np.ndarray, rate: float) -> list[tuple[float, np.ndarray]]:
+    """Start, seconds, and the ankle's place of every stand of a foot (T, V, 3) that begins after the first frame."""
+    rows, start = [], 0
+    for t in range(1, len(foot) + 1):
+        stays = False
+        if t < len(foot):
+            lowest = foot[t, :, 1].argmin()
+            step = foot[t, lowest] - foot[t - 1, lowest]
+            stays = float(np.hypot(step[0], step[2])) * rate < STAYS
+        if stays and start < 0:
+            start = t
+        elif not stays:
+            if start > 0 and (t - start) / rate > SHORTEST:
+                rows.append((start / rate, np.median(ankle[start:t], axis=0)))
+            start = -1
+    return rows
