@@ -286,10 +286,27 @@ def crowd() -> Rows:
     return rows
 
 
+def kinect_offsets() -> Rows:
+    """Our joints beside those of a Kinect's SDK, one by one."""
+    found = figures("kinect_offsets")
+    rows = [
+        ("joint", "UTD-MHAD: offset left, up, forwards; distance; without the offset, mm", "MSR Action3D: the same")
+    ]
+    for joint in found["utd_mhad"]["joints"]:
+        cells = []
+        for name in ("utd_mhad", "msr_action3d"):
+            own = found[name]["joints"][joint]
+            distances = (f"{own[kind]:.0f}" for kind in ("distance_mm", "without_offset_mm"))
+            cells.append("; ".join((series(own["left_up_forwards_mm"], ".0f"), *distances)))
+        rows.append((joint.replace("_", " "), *cells))
+    return rows
+
+
 TABLES: dict[str, Callable[[], Rows]] = {
     table.__name__: table
     for table in (
         first_screen, accuracy, times, swarm, sequences, models, upper, stabilised, events, hidden_limbs, scenes, crowd,
+        kinect_offsets,
     )
 }  # fmt: skip
 

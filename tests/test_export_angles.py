@@ -29,7 +29,7 @@ def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def test_the_csv_of_angles_names_the_sequence_and_blanks_absence(run: Path, tmp_path: Path) -> None:
-    export_run(run, tmp_path / "angles.csv", format="angles")
+    export_run(run, tmp_path / "angles.csv", format="angles", as_tracked=True)
     with (tmp_path / "angles.csv").open(newline="") as stream:
         rows = list(csv.DictReader(stream))
     assert "left_hip_flexion_ZXY_deg" in rows[0] and "right_shoulder_elevation_YXY_deg" in rows[0]
@@ -49,7 +49,7 @@ def read_mot(path: Path) -> dict[str, np.ndarray]:
 
 
 def test_a_mot_has_the_coordinates_of_the_generic_model(run: Path, tmp_path: Path) -> None:
-    export_run(run, tmp_path / "walk.mot")
+    export_run(run, tmp_path / "walk.mot", as_tracked=True)
     found, person = read_mot(tmp_path / "walk.mot"), load_persons(run)[0]
     assert len(found["time"]) == 88 and (np.diff(found["time"]) > 0).all()
     assert found["pelvis_tx"][-1] - found["pelvis_tx"][0] == pytest.approx(1.1 * 87 / 30, abs=0.01)
@@ -61,7 +61,7 @@ def test_a_mot_has_the_coordinates_of_the_generic_model(run: Path, tmp_path: Pat
 
 
 def test_the_markers_are_those_of_an_exported_trc(run: Path, tmp_path: Path) -> None:
-    export_run(run, tmp_path / "walk.mot")
+    export_run(run, tmp_path / "walk.mot", as_tracked=True)
     export_run(run, tmp_path / "walk.trc")
     root = ElementTree.parse(tmp_path / "walk_markers.xml").getroot()
     names = [marker.get("name") for marker in root.iter("Marker")]
