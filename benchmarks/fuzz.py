@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import math
 import os
 import select
 import signal
@@ -131,15 +132,14 @@ def main() -> None:
     options = parser.parse_args()
     work = options.work or Path(tempfile.mkdtemp(prefix="fuzz-"))
     work.mkdir(parents=True, exist_ok=True)
-    os.environ["NUMBA_BOUNDSCHECK"] = "1"  # read when kernels are imported; compiled ones lie apart from the usual
-    os.environ.setdefault("NUMBA_CACHE_DIR", str(work / "kernels"))
+    os.environ["NUMBA_BOUNDSCHECK"] = "1"  # read when kernels are imported
     from tests.fuzz_formats import FORMATS
 
     names = options.format or sorted(FORMATS)
-    share = -(-options.mutations // len(names))
+    one = options.mutations / sum(FORMATS[name].share for name in names)
     table: dict[str, dict[str, int]] = {}
     for name in names:
-        found = run_format(name, work, share, options.seed)
+        found = run_format(name, work, math.ceil(one * FORMATS[name].share), options.seed)
         table[name] = dict(found.most_common())
         findings = sum(count for outcome, count in found.items() if outcome.startswith("FINDING"))
         print(f"{name}: {sum(found.values())} mutations, {findings} findings {dict(found.most_common(5))}", flush=True)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import zipfile
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -13,6 +14,7 @@ from tests.container_files import realsense_recording, ros_recording
 from tests.database_helpers import moving_clip, small_database, write_bvh
 from tests.sensing_scenes import TOF, person_alone
 from toolkit import skeleton
+from toolkit.body import k4abt
 from toolkit.body.personal import save_body
 from toolkit.body.shape import ShapeSpace
 from toolkit.checkpoint import save_checkpoint
@@ -21,6 +23,9 @@ from toolkit.inertial.stream import Sensors, checked_stream
 from toolkit.pipeline.manifest import DONE, Manifest, ManifestRow
 from toolkit.recordings.writer import save_recording
 from toolkit.retrieval.annotation.classes import learn_classes, save_classes
+from toolkit.retrieval.annotation.examples import ExampleSet
+from toolkit.retrieval.annotation.judge import Judge
+from toolkit.retrieval.annotation.model import MotionModel
 from toolkit.retrieval.features.relational import FeatureMatrix
 from toolkit.retrieval.index.keyframe_index import KeyframeIndex
 from toolkit.rotations import quaternions as quat
@@ -126,8 +131,6 @@ def r3d_file(folder: Path) -> Path:
 
 
 def database_file(folder: Path) -> Path:
-    from dataclasses import replace
-
     from tests.test_database_prior import random_prior
     from tests.test_regressor import random_forest
 
@@ -146,6 +149,34 @@ def classes_file(folder: Path) -> Path:
         folder / "classes.npz", learn_classes({"walk": feature_matrices()[:2], "jump": feature_matrices()[2:]})
     )
     return folder / "classes.npz"
+
+
+def graded_features(number: int) -> FeatureMatrix:
+    rng, one = np.random.default_rng(number), feature_matrices()[number]
+    measured, placed = (rng.integers(-127, 128, (rows, len(one))).astype(np.int8) for rows in (40, 24))
+    return replace(one, measured=measured, placed=placed)
+
+
+def model_file(folder: Path) -> Path:
+    examples = ExampleSet.of([(graded_features(0), "walk"), (graded_features(1), "jump")])
+    MotionModel(examples, (Judge.of_cost(),) * 2).save(folder / "model.npz")
+    return folder / "model.npz"
+
+
+def skeletons_file(folder: Path) -> Path:
+    joints = len(k4abt.NAMES)
+    body = {
+        "body_id": 1,
+        "joint_positions": [[1.0, 2.0, 2000.0]] * joints,
+        "joint_orientations": [[1.0, 0, 0, 0]] * joints,
+    }
+    frames = [{"timestamp_usec": 33333 * i, "frame_id": i, "num_bodies": 1, "bodies": [body]} for i in range(2)]
+    (folder / "take.json").write_text(json.dumps({"frames": frames}))
+    return folder / "take.json"
+
+
+def metadata_file(folder: Path) -> Path:
+    return ros_file("take_sqlite")(folder).with_name("metadata.yaml")
 
 
 def index_file(folder: Path) -> Path:

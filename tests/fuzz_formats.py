@@ -20,12 +20,15 @@ from tests.fuzz_files import (
     cloud_file,
     database_file,
     feature_matrices,
+    graded_features,
     index_file,
     inertial_matlab_file,
     intrinsics_file,
     joints_file,
     manifest_file,
     mat_file,
+    metadata_file,
+    model_file,
     npz_file,
     people_file,
     person_state_file,
@@ -36,6 +39,7 @@ from tests.fuzz_files import (
     ros_file,
     run_file,
     sensors_file,
+    skeletons_file,
     state_file,
     stored_npz_file,
     stray_file,
@@ -43,7 +47,8 @@ from tests.fuzz_files import (
     track_file,
     tum_file,
 )
-from tests.fuzzing import Format, changed, resealed
+from tests.fuzz_runs import all_read, finished_run, resumed, shown, stopped_run, tracked
+from tests.fuzzing import Format, changed, handed_over, resealed, resealed_index, revalued
 from tests.mocap_helpers import AMC_ARM, ASF_ARM
 from tests.sensing_scenes import TOF
 from toolkit import skeleton
@@ -54,6 +59,7 @@ from toolkit.database.database import PoseDatabase
 from toolkit.database.prior import known_without
 from toolkit.database.search import FEATURE_SIZE
 from toolkit.detector.joint_files import read_joints
+from toolkit.evaluation.k4abt import read_k4abt
 from toolkit.evaluation.orientations import read_truth
 from toolkit.export.tree import read_bones
 from toolkit.hybrid.tracker import HybridSettings
@@ -63,13 +69,17 @@ from toolkit.inertial.readers import read_file
 from toolkit.inertial.readers.total_capture import read_calibration
 from toolkit.mocap.read import read_clip
 from toolkit.mocap.rig import read_map
+from toolkit.pipeline.events import EventStream
 from toolkit.pipeline.manifest import Manifest
 from toolkit.recordings.opening import open_recording
-from toolkit.retrieval.annotation.classes import load_classes
+from toolkit.retrieval.annotation.annotator import Annotator
+from toolkit.retrieval.annotation.classes import learn_classes, load_classes
+from toolkit.retrieval.annotation.model import MotionModel
 from toolkit.retrieval.annotation.report import read_segments
 from toolkit.retrieval.index.keyframe_index import KeyframeIndex
 from toolkit.retrieval.keyframes.query import Keyframe, KeyframeQuery
 from toolkit.retrieval.keyframes.query_file import load_queries
+from toolkit.retrieval.priors.marks import load_marks
 from toolkit.retrieval.search.example import Example, search_example
 from toolkit.retrieval.search.find import find
 from toolkit.retrieval.workflow.motions import labels_of
@@ -81,7 +91,8 @@ from toolkit.tracking.state import PersonState
 
 
 def _recording(path: Path) -> Any:
-    recording: Recording = open_recording(path if path.suffix not in (".png", ".json", ".csv", ".txt") else path.parent)
+    part = path.suffix in (".png", ".json", ".csv", ".txt", ".yaml")
+    recording: Recording = open_recording(path.parent if part else path)
     return _everything(recording)
 
 
@@ -132,6 +143,16 @@ def _person_state(path: Path) -> Any:
     state = PersonState.restore(load_checkpoint(path, "person"))
     moved = None if state.pose is None else state.body.joint_positions(state.pose[None])
     return state.export(), moved, state.rng().random()
+
+
+def _marks(path: Path) -> Any:
+    matrices = feature_matrices()
+    return load_marks(path, learn_classes({"walk": matrices[:2], "jump": matrices[2:]}))
+
+
+def _events(path: Path) -> Any:
+    EventStream((), (), path).begin(30.0, None, np.ones(1, [("timestamps", "f8")]))
+    return path.read_bytes()
 
 
 QUERIES = json.dumps(
@@ -224,12 +245,31 @@ FORMATS: dict[str, Format] = {
     "sensor placement yaml": Format(text_file("p.yaml", "00B421AF: left_shin\n7: pelvis\n"), load_placement),
     "sensor calibration json": Format(calibration_file, Calibration.load),
     "known errors csv": Format(text_file("truth.csv", "run,limb,start,end\na,left_shin,1.5,2\n"), read_truth),
+    "motion model": Format(model_file, MotionModel.load, checked=True),
+    "keyframe index, resealed": Format(index_file, _search_index, mutate=resealed_index),
+    "skeletons json": Format(skeletons_file, lambda path: read_k4abt(path).at(np.array([0.0, 0.0333]))),
+    "marks yaml": Format(text_file("m.yaml", "walk: [{feature: 26, value: 0, columns: [2, 9]}]\njump: []\n"), _marks),
+    "recording db3 metadata": Format(metadata_file, _recording),
+    "events jsonl": Format(text_file("e.jsonl", '{"time": 0.5}\n{"time": 1.5}\n'), _events),
+    "run folder, shown": Format(finished_run, shown, mutate=handed_over, share=0.25),
+    "run folder, first pass resumed": Format(stopped_run(3), resumed, mutate=handed_over, share=0.25),
+    "run folder, second pass resumed": Format(stopped_run(9), resumed, mutate=handed_over, share=0.25),
+    "all that is read, tracked": Format(all_read, tracked, mutate=handed_over, share=0.25),
 }
+
+VALUED = (
+    "recording intrinsics json", "people json", "run json", "queries json", "settings yaml", "rig yaml", "joints json",
+    "batch manifest", "furniture yaml", "export rig yaml", "sensor placement yaml", "sensor calibration json",
+    "skeletons json", "marks yaml", "recording db3 metadata", "events jsonl",
+)  # fmt: skip
+"""Formats of values by name: single values of theirs are exchanged, too."""
+FORMATS |= {f"{name}, revalued": replace(FORMATS[name], mutate=revalued) for name in VALUED}
 
 SEALED: dict[str, Callable[[Path], Any]] = {
     "recording npz": _recording,
     "pose database": _database_at_work,
-    "motion classes": load_classes,
+    "motion classes": lambda path: Annotator(load_classes(path)).annotate(feature_matrices()[0]),
+    "motion model": lambda path: MotionModel.load(path).annotate(graded_features(2)),
     "track npz": Track.load,
     "tracker state": lambda path: load_checkpoint(path, "hybrid"),
     "person state": _person_state,

@@ -9,18 +9,22 @@ from __future__ import annotations
 
 import hashlib
 import io
+import json
 import zipfile
 import zlib
 from collections import Counter
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from dataclasses import dataclass, fields, is_dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import yaml
 
 from toolkit.archives import CHECKSUM, checksum_of
 from toolkit.errors import DepthMocapError
+from toolkit.retrieval.index.storage import ALIGNMENT, DIGEST, MAGIC
 
 INTERESTING = (
     b"",
@@ -41,13 +45,19 @@ NUMBERS = (0, -1, 1, 2, 127, 65535, 2**31 - 1, -(2**31), 1e-30, 1e30, np.nan, np
 KINDS = (0, 0, 1, 1, 1, 2, 3, 3, 4, 5, 5, 6)
 """Kinds of changes of bytes; a cut is rare, for nearly every cut file is refused."""
 
+VALUES: tuple[Any, ...] = (
+    None, True, 0, 1, -1, 2.5, 1e-30, 1e30, 1e308, 2**31, 2**53 + 1, 10**30, "", "x", "-1", "nan", "a\nb", "\x1b[31m",
+    "../x", "/", "x" * 3000, [], {}, [[]], [None], [1.5] * 40, {"a": 1},
+)  # fmt: skip
+"""What mutations put in place of a value of JSON or YAML."""
+
 Mutation = Callable[[bytes, np.random.Generator], bytes]
 
 
 def mutated(data: bytes, rng: np.random.Generator) -> bytes:
     """Random changes of the bytes; half the time of a zip's, those of one file in it, packed again."""
     if data.startswith(b"PK") and rng.random() < 0.5:
-        return _repacked(data, rng)
+        return _repacked(data, rng, lambda _: changed)
     return changed(data, rng)
 
 
@@ -76,16 +86,65 @@ def changed(data: bytes, rng: np.random.Generator) -> bytes:
     return bytes(out)
 
 
-def _repacked(data: bytes, rng: np.random.Generator) -> bytes:
-    """A zip in which one file's content is changed, so that the zip itself is whole."""
+def revalued(data: bytes, rng: np.random.Generator) -> bytes:
+    """JSON, its first line, or YAML, in which one or two values are others, stand twice or are left out.
+
+    What is neither (any more) has its bytes changed.
+    """
+    known = _plain(data)
+    if known is None:
+        return changed(data, rng)
+    value, dumped, after = known
+    for _ in range(int(rng.geometric(0.7))):
+        places = list(_places(value))
+        if not places:
+            break
+        inside, key = places[int(rng.integers(len(places)))]
+        kind = int(rng.integers(10))
+        if kind == 0:
+            del inside[key]
+        elif kind == 1 and isinstance(inside, list):
+            inside.insert(key, inside[key])
+        else:
+            inside[key] = VALUES[int(rng.integers(len(VALUES)))]
+    return dumped(value).encode() + (b"\n" + after if after else b"")
+
+
+def _plain(data: bytes) -> tuple[Any, Callable[[Any], str], bytes] | None:
+    """The value of JSON or YAML, what writes such a value, and the lines after it; None of anything else."""
+    line, _, rest = data.partition(b"\n")
+    for text, after in ((data, b""), (line, rest)):
+        with suppress(ValueError):
+            return json.loads(text), json.dumps, after
+    with suppress(ValueError, yaml.YAMLError):
+        return yaml.safe_load(data), yaml.safe_dump, b""
+    return None
+
+
+def _places(value: Any) -> Iterator[tuple[Any, Any]]:
+    """Every value within a value, as what holds it and its name or number there."""
+    for key, item in value.items() if isinstance(value, dict) else enumerate(value) if isinstance(value, list) else ():
+        yield value, key
+        yield from _places(item)
+
+
+def handed_over(data: bytes, rng: np.random.Generator) -> bytes:
+    """A zip of a folder in which one file means something else, under a right checksum."""
+    how = {".npz": resealed, ".json": revalued, ".yaml": revalued}
+    return _repacked(data, rng, lambda name: how.get(Path(name).suffix, changed))
+
+
+def _repacked(data: bytes, rng: np.random.Generator, mutation: Callable[[str], Mutation]) -> bytes:
+    """A zip in which one file's content is changed, as is said for its name, so that the zip itself is whole."""
     with zipfile.ZipFile(io.BytesIO(data)) as archive:
         content = {name: archive.read(name) for name in archive.namelist()}
     chosen = sorted(content)[int(rng.integers(len(content)))]
-    content[chosen] = changed(content[chosen], rng)
-    return _zipped(content)
+    content[chosen] = mutation(chosen)(content[chosen], rng)
+    return zipped(content)
 
 
-def _zipped(content: dict[str, bytes]) -> bytes:
+def zipped(content: dict[str, bytes]) -> bytes:
+    """A zip of these files."""
     out = io.BytesIO()
     with zipfile.ZipFile(out, "w") as archive:
         for name, piece in content.items():
@@ -115,7 +174,9 @@ def _changed_array(array: np.ndarray, rng: np.random.Generator) -> np.ndarray:
     out, kind = array.copy(), int(rng.integers(5))
     if array.dtype.kind == "U" and array.size:
         at = int(rng.integers(array.size))
-        text = changed(str(array.flat[at]).encode(), rng).decode("utf-8", "replace").rstrip("\0")
+        whole = str(array.flat[at])
+        how = revalued if whole.startswith("{") and rng.random() < 0.8 else changed
+        text = how(whole.encode(), rng).decode("utf-8", "replace").rstrip("\0")
         values = [str(value) for value in array.flat]
         return np.array([*values[:at], text, *values[at + 1 :]]).reshape(array.shape)
     if kind == 0 and array.ndim:
@@ -129,6 +190,17 @@ def _changed_array(array: np.ndarray, rng: np.random.Generator) -> np.ndarray:
             value = np.asarray(NUMBERS[int(rng.integers(len(NUMBERS)))], np.float64).astype(out.dtype)
         out.flat[rng.integers(out.size, size=int(rng.integers(1, 4)))] = value
     return out
+
+
+def resealed_index(data: bytes, rng: np.random.Generator) -> bytes:
+    """An index whose header means something else, under a right checksum and at the same place in the file."""
+    begin = len(MAGIC) + 8
+    end = begin + int.from_bytes(data[len(MAGIC) : begin], "little")
+    text = revalued(data[begin:end], rng)
+    text += b" " * ((end - begin - len(text)) % ALIGNMENT)
+    start = end + DIGEST + (-end - DIGEST) % ALIGNMENT
+    head = MAGIC + len(text).to_bytes(8, "little") + text + hashlib.sha256(text).digest()
+    return head + bytes(-len(head) % ALIGNMENT) + data[start:]
 
 
 def meaning(value: Any) -> str:
@@ -167,12 +239,14 @@ class Format:
     read : everything that is read from it
     checked : a checksum forbids another meaning
     mutate : what is done to its bytes
+    share : how many of its mutations are done for each one of others; what is read takes long
     """
 
     make: Callable[[Path], Path]
     read: Callable[[Path], Any]
     checked: bool = False
     mutate: Mutation = mutated
+    share: float = 1.0
 
 
 FINDING = "FINDING"

@@ -159,13 +159,14 @@ def test_marks_of_a_file_take_the_place_of_those_of_their_classes(tmp_path):
 @pytest.mark.parametrize(
     ("text", "match"),
     (
-        ("- 1", "holds no classes with marks"),
+        ("- 1", "it is a list; it must be names with values"),
         ("a: [", "is no YAML"),
         ("walk: []", "marks the class 'walk'; there are: bend"),
-        ("bend: [{feature: 7, value: 1}]", "give feature, value, columns"),
+        ("bend: [{feature: 7, value: 1}]", "lacks columns"),
+        ("bend: 2.5", "bend is 2.5; it must be a list"),
         ("bend: [{feature: 9, value: 1, columns: [1, 2]}]", "names feature 9; used are 3, 4, 7"),
         ("bend: [{feature: 7, value: 2, columns: [1, 2]}]", "has the value 2; give 0 or 1"),
-        ("bend: [{feature: 7, value: 1, columns: [1, 99]}]", r"columns \[1, 99\]; give first and last within 1 to 9"),
+        ("bend: [{feature: 7, value: 1, columns: [1, 99]}]", "columns 1 to 99; give first and last within 1 to 9"),
         ("bend: [{feature: 7, value: 1, columns: [1, 2], template: 2}]", "names template 2; there are 1"),
     ),
 )

@@ -103,13 +103,13 @@ def a_step(number: int) -> Step:
 
 
 def test_a_way_is_written_and_read_in_any_order_of_the_frames(tmp_path: Path) -> None:
-    way = WayFile(tmp_path / "way", stages=2)
+    way = WayFile(tmp_path / "way", stages=2, sources=2)
     for frame in (5, 2, 9, 2):
         way[frame] = a_step(frame)
     assert [frame for frame in range(12) if way.get(frame) is not None] == [2, 5, 9]
     assert way[9].cost == 0.09 and way[5].result.pose[0] == 5.0 and way[2].result.observed.tolist()[:2] == [True, False]
     np.testing.assert_array_equal(way.packed(way[5]), way.packed(a_step(5)))
-    with pytest.raises(KeyError):
+    with pytest.raises(TrackError, match="lacks frame 3"):
         way[3]
     way.close()
 
@@ -200,7 +200,7 @@ def followed(
         sightings.append(frame, finder.find(recording.depth(i), float(timestamps[frame]), {}))
     rows = np.array([(check, 0, 0) for check in checks], dtype=np.int64).reshape(-1, 3)
     plan = Plan(load_body("slim_male"), np.array([(0, frames - 1, start)]), rows)
-    way = WayFile(folder / "way", len(tracker.stage_names))
+    way = WayFile(folder / "way", len(tracker.stage_names), len(tracker.source_names))
     both = tracker.both_ways(finder.camera, rotation, sightings.of(1), timestamps, way, plan)
     for _ in both.run():
         pass

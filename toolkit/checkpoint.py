@@ -16,6 +16,8 @@ from toolkit.plain import parse_json
 VERSION = 1
 HEADER = "header"
 HINT = "track the recording again"
+MOST_DIGITS = 10
+"""Of the number of a person or a frame."""
 
 
 def save_checkpoint(path: str | Path, kind: str, state: Mapping[str, Any]) -> None:
@@ -74,6 +76,13 @@ def check_state(state: Any, columns: Mapping[str, Column], nested: Collection[st
         names = ", ".join(sorted(map(str, state))) if isinstance(state, Mapping) else type(state).__name__
         raise TrackError(f"the state of the {what} holds {names or 'nothing'} and not {', '.join(wanted)}; {HINT}")
     check_columns(state, columns, TrackError, f"the state of the {what}", HINT)
+
+
+def numbered(state: Any, what: str) -> dict[int, Any]:
+    """The states of people or frames, which are called by their numbers; raises TrackError where they are not."""
+    if not isinstance(state, Mapping) or not all(name.isdecimal() and len(name) < MOST_DIGITS for name in state):
+        raise TrackError(f"the state of the {what} has names where numbers belong; {HINT}")
+    return {int(name): value for name, value in state.items()}
 
 
 def _described(value: Any, where: str, arrays: dict[str, np.ndarray]) -> Any:

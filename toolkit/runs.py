@@ -19,6 +19,8 @@ from toolkit.track.track import AGAIN
 from toolkit.typed import Range, TypedReader
 
 PEOPLE_FILE = "people.json"
+LONGEST_NAME = 200
+"""Bytes of the name of a person's folder."""
 MOST_PEOPLE = 1000
 """In one recording, however long: whoever comes back is known again, or not."""
 
@@ -78,13 +80,18 @@ def load_people(run: str | Path) -> tuple[PersonSummary, ...]:
     reader = TypedReader(TrackError, AGAIN, loose=True, source=str(path))
     people = reader.read(read_json(path, TrackError, AGAIN, inside=True), _People, "").people
     folders = [person.folder for person in people]
-    if any(Path(folder).name != folder or folder in ("", ".", "..") for folder in folders):
+    if not all(_is_plain(folder) for folder in folders):
         raise TrackError(f"{path} names the folders {folders}; they must be plain names within the run")
     if len(people) > MOST_PEOPLE or len(set(folders)) < len(folders):
         raise TrackError(f"{path} lists {len(people)} people, some of them twice or more than a camera sees; {AGAIN}")
     if linked := [folder for folder in folders if (Path(run) / folder).is_symlink()]:
         raise TrackError(f"{Path(run) / linked[0]} is a link; put the folder itself there")
     return people
+
+
+def _is_plain(name: str) -> bool:
+    short = len(name.encode(errors="replace")) <= LONGEST_NAME
+    return short and name.isprintable() and Path(name).name == name and name not in ("", ".", "..")
 
 
 def person_runs(run: str | Path) -> tuple[Path, ...]:

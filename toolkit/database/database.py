@@ -23,6 +23,7 @@ from toolkit.errors import DatabaseError
 from toolkit.files import is_file
 from toolkit.landmarks.regressor import JointRegressor
 from toolkit.plain import parse_json
+from toolkit.typed import TypedReader
 
 FORMAT_VERSION = 2
 """Raised whenever the meaning of a stored array changes; version 1 also held joints and features, which follow."""
@@ -87,11 +88,13 @@ class PoseDatabase:
         check_columns(vars(self), _columns(len(self.sources)), DatabaseError, "the pose database", REBUILD)
         if not len(self.poses):
             raise DatabaseError("the pose database has no poses; build it again from clips with frames")
-        if len(self.hashes) != len(self.sources) or not isinstance(self.notes, dict):
+        if len(self.hashes) != len(self.sources):
             raise DatabaseError(
-                f"the pose database has {len(self.sources)} sources, {len(self.hashes)} hashes and notes of type "
-                f"{type(self.notes).__name__}; {REBUILD}"
+                f"the pose database has {len(self.sources)} sources and {len(self.hashes)} hashes; {REBUILD}"
             )
+        TypedReader(DatabaseError, REBUILD, loose=True, source="the notes of the pose database").read(
+            self.notes, _Notes, ""
+        )
 
     def __len__(self) -> int:
         return len(self.poses)
@@ -270,6 +273,29 @@ class PoseDatabase:
             regressor=_stored_regressor(stored),
             prior=_stored_prior(stored),
         ).for_body(body)
+
+
+@dataclass(frozen=True)
+class _Residual:
+    """How far centre and facing are from the stored ones, from one viewpoint."""
+
+    yaw_degrees: float
+    distance: float
+    centre_mm: float
+    centre_90_mm: float
+    bias_mm: float
+    facing_degrees: float
+    facing_90_degrees: float
+
+
+@dataclass(frozen=True)
+class _Notes:
+    """What notes must be as far as they are shown."""
+
+    max_poses: int | None = None
+    poses_read: int | None = None
+    skipped: tuple[Any, ...] = ()
+    residual: tuple[_Residual, ...] = ()
 
 
 BUILD = "depthmocap database build MOCAP"

@@ -20,6 +20,7 @@ from toolkit.errors import InertialError
 from toolkit.files import save_text
 from toolkit.plain import parse_json
 from toolkit.rotations import quaternions as quat
+from toolkit.typed import TypedReader
 
 GRAVITY = 9.80665
 """m/s2, standard gravity: what accelerometers at rest measure, upwards."""
@@ -229,11 +230,11 @@ class Sensors:
         """
         arrays = load_archive(path, InertialError, "write it with `depthmocap inertial read`")
         try:
-            source = parse_json(
-                str(arrays.get("source", "{}")), f"the source of {path}", InertialError, "write it again"
-            )
+            where = f"the source of {path}"
+            source = parse_json(str(arrays.get("source", "{}")), where, InertialError, "write it again")
+            reader = TypedReader(InertialError, "write it again", loose=True, source=where)
+            origins = reader.read(source, _Source, "").orientation
             names = [str(name) for name in arrays["names"]]
-            origins = source.get("orientation", {})
             streams = [_stored_stream(name, k, arrays, origins.get(name, DEVICE)) for k, name in enumerate(names)]
             return cls(tuple(streams), arrays.get("world_up", np.array([0.0, 0.0, 1.0])), source)
         except (ValueError, KeyError, TypeError, AttributeError) as error:
@@ -244,6 +245,14 @@ class Sensors:
     def renamed(self, names: Sequence[str]) -> Sensors:
         """The same streams under other names, in order."""
         return replace(self, streams=tuple(replace(s, name=n) for s, n in zip(self.streams, names, strict=True)))
+
+
+@dataclass(frozen=True)
+class _Source:
+    """What is looked up of where sensor data come from: each limb's device, and the origin of its orientation."""
+
+    orientation: dict[str, str] = field(default_factory=dict)
+    devices: dict[str, str] = field(default_factory=dict)
 
 
 def _stored_stream(name: str, k: int, arrays: dict[str, np.ndarray], origin: str) -> SensorStream:

@@ -18,7 +18,7 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-from numba.core import caching, event
+from numba.core import caching, config, event
 
 from toolkit.kernels.cache_files import KernelFile, is_private, last_resort
 
@@ -48,8 +48,11 @@ def imported(path: Path, folder: Path = FOLDER) -> set[Path]:
 
 @cache
 def sources_digest(path: Path, folder: Path = FOLDER) -> str:
-    """Hexadecimal digits that name the sources of one kernel's file and of what it imports in `folder`, read once."""
-    digest = hashlib.sha256()
+    """Hexadecimal digits that name the sources of one kernel's file and of what it imports in `folder`, read once.
+
+    Kernels that look at their bounds (`NUMBA_BOUNDSCHECK`) are other code: Numba would not tell them apart.
+    """
+    digest = hashlib.sha256(b"bounds" if getattr(config, "BOUNDSCHECK", None) else b"")
     for each in sorted(imported(path, folder)):
         digest.update(f"{each.relative_to(folder).as_posix()}\0{each.stat().st_size}\0".encode())
         digest.update(each.read_bytes())

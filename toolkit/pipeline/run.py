@@ -152,9 +152,9 @@ def _track(
     try:
         with log_file(folder), stop_request() as stop:
             second = _second_pass(job, folder, sink) if watcher is None else None
-            if second is not None and resume and SecondPass.is_begun(folder):
-                second.restore()
-                bodies, frames = second.bodies, len(recording)
+            frames = len(recording)
+            if second is not None and resume and second.restore() and sink.rows(second.bodies) == frames:
+                bodies = second.bodies
             else:
                 bodies, frames = _first_pass(job, folder, sink, warm_up, report, stop, watcher, second)
             complete = frames == len(recording)

@@ -12,8 +12,9 @@ from typing import Any
 
 import numpy as np
 
+from toolkit.archives import Column
 from toolkit.body.body import Body
-from toolkit.checkpoint import load_checkpoint, save_checkpoint
+from toolkit.checkpoint import check_state, load_checkpoint, numbered, save_checkpoint
 from toolkit.pipeline.sink import RunSink
 from toolkit.sensing.camera import Camera
 from toolkit.track import EMPTY, FrameResult
@@ -64,11 +65,6 @@ class SecondPass:
         self._finished = 0
         self._resumed: Mapping[str, Any] = {}
 
-    @staticmethod
-    def is_begun(run: Path) -> bool:
-        """Whether the first pass of an unfinished run came to its end."""
-        return (run / FOLDER / STATE_FILE).exists()
-
     def sightings(self, frames: int) -> SightingFile:
         """Where the first pass keeps what it sees; of a run that goes on, the sightings of so many frames are there."""
         if frames == 0:
@@ -77,14 +73,26 @@ class SecondPass:
 
     def begin(self, bodies: Mapping[int, Body]) -> None:
         """After the first pass, which learnt these bodies."""
-        self.bodies = dict(bodies)
+        self.bodies, self._finished, self._resumed = dict(bodies), 0, {}
         self._keep({})
 
-    def restore(self) -> None:
-        """Go on from what an unfinished run left."""
+    def restore(self) -> bool:
+        """Go on from what an unfinished run left, if its first pass came to its end: whether there is anything.
+
+        Raises
+        ------
+        TrackError
+            It is no state of a second pass.
+        """
+        if not (self._folder / STATE_FILE).exists():
+            return False
         state = load_checkpoint(self._folder / STATE_FILE, self._tracker.settings.tracker)
-        self.bodies = {int(person): body_of(own) for person, own in state["bodies"].items()}
+        check_state(state, {"finished": Column("iu", (), 0)}, ("bodies", "way"), "second pass")
+        self.bodies = {person: body_of(own) for person, own in numbered(state["bodies"], "second pass").items()}
         self._finished, self._resumed = state["finished"], state["way"]
+        if self._resumed:
+            check_state(self._resumed, {}, ("plan", "steps"), "way")
+        return True
 
     def follow(self, stop: threading.Event, report: Callable[[int, int], None]) -> bool:
         """Follow everybody, until a stop is asked for; whether all are done."""
@@ -114,7 +122,7 @@ class SecondPass:
             plan = planner.plan
         if plan is None:
             return  # too little was seen: the rows of the first pass stay
-        way = WayFile(self._folder / f"way_{person}", len(stages))
+        way = WayFile(self._folder / f"way_{person}", len(stages), len(self._tracker.source_names))
         before = self._sink.past(person)
         both = self._tracker.both_ways(self._camera, self._rotation, seen, self._timestamps, way, plan, before)
         if "plan" in self._resumed:

@@ -54,15 +54,8 @@ class Track:
     def __post_init__(self) -> None:
         if not len(self.contact):
             object.__setattr__(self, "contact", np.zeros((len(self.joints), 2), dtype=np.bool_))
-        shapes = columns(len(self.pose_names), len(self.stage_names))
-        spans = {
-            "joints": (-FARTHEST, FARTHEST), "pose": (-FARTHEST, FARTHEST), "confidence": (0.0, 1.0),
-            "state": (0.0, len(STATE_NAMES) - 1.0), "source": (0.0, max(0.0, len(self.source_names) - 1.0)),
-            "timestamps": (-LATEST, LATEST), "stage_ms": (0.0, LATEST),
-        }  # fmt: skip
-        kinds = {name: "u" if name in ("state", "source") else "f" for name in spans}
-        wanted = {name: Column(kinds[name], ("frames", *shapes[name]), *span) for name, span in spans.items()}
-        wanted |= {"observed": Column("b", ("frames", *shapes["observed"])), "contact": Column("b", ("frames", 2))}
+        wanted = row_columns(len(self.pose_names), len(self.stage_names), len(self.source_names))
+        wanted["contact"] = Column("b", ("frames", 2))
         check_columns(vars(self), wanted, TrackError, "a track", "a tracker writes one such row per frame")
         if (np.diff(self.timestamps) < 0).any():
             raise TrackError("a track's timestamps run backwards; a tracker writes its rows in order")
@@ -123,6 +116,19 @@ def columns(pose_size: int, stages: int) -> dict[str, tuple[int, ...]]:
         "stage_ms": (stages,),
         "observed": (joints,),
     }
+
+
+def row_columns(pose_size: int, stages: int, sources: int) -> dict[str, Column]:
+    """What every column of rows must be: nobody's tracker writes anything else."""
+    shapes = columns(pose_size, stages)
+    spans = {
+        "joints": (-FARTHEST, FARTHEST), "pose": (-FARTHEST, FARTHEST), "confidence": (0.0, 1.0),
+        "state": (0.0, len(STATE_NAMES) - 1.0), "source": (0.0, max(0.0, sources - 1.0)),
+        "timestamps": (-LATEST, LATEST), "stage_ms": (0.0, LATEST),
+    }  # fmt: skip
+    kinds = {name: "u" if name in ("state", "source") else "f" for name in spans}
+    wanted = {name: Column(kinds[name], ("frames", *shapes[name]), *span) for name, span in spans.items()}
+    return wanted | {"observed": Column("b", ("frames", *shapes["observed"]))}
 
 
 def _storable(value: np.ndarray | tuple[str, ...]) -> np.ndarray:

@@ -17,11 +17,12 @@ from typing import Any, BinaryIO
 import numpy as np
 
 from toolkit import skeleton
+from toolkit.archives import check_columns
 from toolkit.door import open_file
 from toolkit.errors import OutputError, TrackError, UsageError
 from toolkit.files import atomic_path
 from toolkit.track.result import FrameResult
-from toolkit.track.track import PARTIAL_FILE, Track, columns
+from toolkit.track.track import AGAIN, PARTIAL_FILE, Track, columns, row_columns
 
 
 def row_type(stages: int) -> np.dtype:
@@ -31,6 +32,12 @@ def row_type(stages: int) -> np.dtype:
         observed="?",
     )  # fmt: skip
     return np.dtype([(name, types[name], tail) for name, tail in columns(skeleton.POSE_SIZE, stages).items()])
+
+
+def check_rows(rows: np.ndarray, sources: int, where: str) -> None:
+    """Raise TrackError where rows of `row_type`, from a file called `where`, hold what no tracker writes."""
+    wanted = row_columns(skeleton.POSE_SIZE, rows["stage_ms"].shape[1], sources)
+    check_columns({name: rows[name] for name in wanted}, wanted, TrackError, where, AGAIN)
 
 
 class TrackWriter:
@@ -47,7 +54,7 @@ class TrackWriter:
     UsageError
         The folder holds an unfinished track and `resume` is not set.
     TrackError
-        The unfinished track was written by a tracker with other stages, sources or pose entries.
+        The unfinished track was written by a tracker with other stages, sources or pose entries, or by none.
     OutputError
         The folder cannot be written.
     """
@@ -100,6 +107,7 @@ class TrackWriter:
             raise TrackError(f"{self._path} was begun by another tracker or version; remove it and track again")
         self._stream = stream
         self.cut(rows)
+        check_rows(self.past(), len(self.source_names), str(self._path))
         return stream
 
     def _write(self, data: bytes) -> None:

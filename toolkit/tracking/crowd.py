@@ -15,7 +15,7 @@ import numpy as np
 
 from toolkit.archives import Column
 from toolkit.body.body import Body
-from toolkit.checkpoint import HINT, check_state
+from toolkit.checkpoint import HINT, check_state, numbered
 from toolkit.errors import RecordingError, TrackError
 from toolkit.people.joints import JointSource, NoJoints
 from toolkit.people.sighting import PeopleFinder, PredictedBody, Sighting
@@ -154,18 +154,16 @@ class Crowd:
         """
         columns = {"frames": Column("iu", (), 0), "timestamps": Column("f", ("frames",))}
         check_state(state, columns, ("finder", "joints", "people"), "crowd")
-        if not isinstance(state["people"], Mapping) or not all(map(str.isdecimal, state["people"])):
-            raise TrackError(f"the people in the state of the crowd have no numbers; {HINT}")
         if len(state["timestamps"]) != state["frames"]:
             raise TrackError(f"the state of the crowd counts {state['frames']} frames and has other times; {HINT}")
         self.frames, self.timestamps, self._waiting = state["frames"], state["timestamps"].tolist(), {}
         self.finder.restore_state(state["finder"])
         self.joints.restore_state(state["joints"])
         self._followers = {}
-        for person, kept in state["people"].items():
+        for person, kept in numbered(state["people"], "crowd").items():
             follower = self.tracker.follower(self.finder.camera, self.level_rotation)
             follower.restore_state(kept)
-            self._followers[int(person)] = follower
+            self._followers[person] = follower
 
     def _predictions(self) -> Predictions:
         learners = {person: waiting.learner for person, waiting in self._waiting.items()}

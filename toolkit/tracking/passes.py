@@ -8,13 +8,16 @@ a stretch the one that explains it stays (`ways.py`).
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
+from toolkit.archives import Column
 from toolkit.body.body import Body
+from toolkit.checkpoint import HINT, check_state, numbered
+from toolkit.errors import TrackError
 from toolkit.track import EMPTY, TRACKED
 from toolkit.tracking.clock import StageClock
 from toolkit.tracking.follower import Follower
@@ -35,6 +38,8 @@ REPAIRED = 300
 """Frames that a second way is followed at most."""
 FIRST_PASS = 2
 """In place of a direction: from the pose of the first pass, in both."""
+_PLAN = {"stretches": Column("iu", ("stretches", 3), 0), "checks": Column("iu", ("checks", 3), 0)}
+_STEPS = {"leg": Column("iu", (), 0), "repairs": Column("iu", ("repairs", 3), -1, optional=True)}
 NOTHING_FOUND = 0.4
 """Metres that a frame costs in which no pose was found: twice what an unexplained point does."""
 
@@ -60,8 +65,19 @@ class Plan:
 
     @classmethod
     def restore(cls, state: Mapping[str, Any]) -> Plan:
-        """What `export` gave."""
+        """What `export` gave; raises TrackError for what no planner plans."""
+        check_state(state, _PLAN, ("body",), "plan")
         return cls(body_of(state["body"]), state["stretches"], state["checks"])
+
+    def check(self, frames: int, repairs: np.ndarray | None, pending: Collection[int]) -> None:
+        """Raise TrackError where this, or what `BothWays` has of it, does not lie in a recording of so many frames."""
+        first, last, start = self.stretches.T
+        moments = self.checks if repairs is None else np.concatenate([self.checks, repairs])
+        moments = moments[:, :2]
+        inside = (moments >= 0).all() and (moments < [frames, len(self.stretches)]).all()
+        fits = ((first <= start) & (start <= last) & (last < frames)).all()
+        if not (inside and fits) or max(pending, default=-1) >= frames:
+            raise TrackError(f"the second pass is of another recording; {HINT}")
 
 
 class BothWays:
@@ -119,11 +135,15 @@ class BothWays:
         }
 
     def restore_state(self, state: Mapping[str, Any]) -> None:
-        """Go on from what `export_state` gave."""
+        """Go on from what `export_state` gave; raises TrackError for what it never gives."""
+        frames = len(self._timestamps)
+        check_state(state, {**_STEPS, "frame": Column("iu", (), -1, frames)}, ("state", "pending"), "second pass")
+        pending = numbered(state["pending"], "way")
+        self._plan.check(frames, state["repairs"], pending)
         self._leg, self._frame, self._repairs = state["leg"], state["frame"], state["repairs"]
         self._state = PersonState.restore(state["state"])
-        for frame, packed in state["pending"].items():
-            self._way[int(frame)] = self._way.unpacked(packed)
+        for frame, packed in pending.items():
+            self._way.put_back(frame, packed)
         self._leg += bool(state["pending"])
 
     def _followed(self, stretch: np.ndarray, turn: int) -> Iterator[bool]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import os
 import zlib
 from collections.abc import Iterable
@@ -10,6 +11,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from toolkit import skeleton
+from toolkit.checkpoint import HINT
+from toolkit.door import open_file
 from toolkit.errors import OutputError, TrackError
 from toolkit.people.sighting import Sighting
 from toolkit.sensing.camera import Camera
@@ -21,6 +25,7 @@ HEADER = np.dtype([("window", "<i4", 4), ("mask", "<i4"), ("joints", "<i4")])
 """Of one sighting: rows and columns of its depth, ends excluded; bytes of the mask and numbers of the joints."""
 MILLIMETRE = float(np.float32(1e-3))
 """Metres, as `kernels.depth.median_to_metres` has it, so that a depth read back is the same to the bit."""
+JOINTS_BYTES = len(skeleton.REPORTED) * 3 * 4
 FASTEST = 1
 """Level of compression: a third of the time of the default, files a tenth larger."""
 
@@ -68,10 +73,15 @@ class Kept(NamedTuple):
 
     @classmethod
     def unpacked(cls, data: bytes, person: int, camera: Camera) -> Kept:
-        """From `packed`."""
-        plain = zlib.decompress(data)
+        """From `packed`; raises ValueError where it is from elsewhere."""
+        pixels = camera.width * camera.height
+        mask_bytes, unpacking = -(-pixels // 8), zlib.decompressobj()
+        plain = unpacking.decompress(data, HEADER.itemsize + 2 * pixels + mask_bytes + JOINTS_BYTES)
         header = np.frombuffer(plain, dtype=HEADER, count=1)[0]
         first, last, left, right = (int(edge) for edge in header["window"])
+        fits = 0 <= first <= last <= camera.height and 0 <= left <= right <= camera.width
+        if not (fits and unpacking.eof and header["mask"] in (0, mask_bytes) and header["joints"] in (0, JOINTS_BYTES)):
+            raise ValueError("it is of another camera")
         end_of_mask = len(plain) - int(header["joints"])
         end_of_depth = end_of_mask - int(header["mask"])
         millimetres = np.frombuffer(plain[HEADER.itemsize : end_of_depth], dtype="<u2")
@@ -97,13 +107,19 @@ class SightingFile:
     ------
     OutputError
         The folder cannot be written.
+    TrackError
+        What is there are no sightings, or not so many.
     """
 
     def __init__(self, folder: Path, camera: Camera, frames: int = 0) -> None:
         self._camera, self._folder = camera, folder
         try:
+            if folder.is_symlink():
+                raise OSError(errno.ELOOP, "it is a link")
             folder.mkdir(parents=True, exist_ok=True)
-            self._index, self._data = ((folder / name).open("a+b") for name in ("sightings.index", "sightings.data"))
+            self._index, self._data = (
+                open_file(folder / name, "a+b", inside=True) for name in ("sightings.index", "sightings.data")
+            )
             self._cut(frames)
         except OSError as error:
             raise _unwritable(folder, error) from error
@@ -142,13 +158,22 @@ class SightingFile:
     def of(self, person: int) -> PersonSightings:
         """What was kept of one person."""
         self.flush()
-        entries = np.fromfile(self._folder / "sightings.index", dtype=ENTRY)
+        entries = self._entries()
         return PersonSightings(self._folder / "sightings.data", entries[entries["person"] == person], self._camera)
 
+    def _entries(self) -> np.ndarray:
+        self._index.seek(0)
+        data = self._index.read()
+        return np.frombuffer(data, dtype=ENTRY, count=len(data) // ENTRY.itemsize)
+
     def _cut(self, frames: int) -> None:
-        entries = np.fromfile(self._folder / "sightings.index", dtype=ENTRY)
-        kept = int(np.searchsorted(entries["frame"], frames))
-        end = int(entries["end"][kept - 1]) if kept else 0
+        entries = self._entries()
+        entries = entries[: np.searchsorted(entries["frame"], frames)]
+        places = np.concatenate([[0], entries["end"]])
+        ordered = (np.diff(entries["frame"], prepend=0) >= 0).all() and (np.diff(places) >= 0).all()
+        if not ordered or (entries["begin"] != places[:-1]).any():
+            raise TrackError(f"the sightings in {self._folder} are in no order; remove it and track again")
+        kept, end = len(entries), int(places[-1])
         if os.path.getsize(self._folder / "sightings.data") < end:
             raise TrackError(f"{self._folder} lost some of its sightings; remove it and track again")
         for stream, size in ((self._index, kept * ENTRY.itemsize), (self._data, end)):
@@ -169,7 +194,7 @@ class PersonSightings:
         self._path, self._entries, self._camera = path, entries, camera
         self.frames = entries["frame"].astype(np.int64)
         self.pixels = entries["pixels"].astype(np.int64)
-        self._stream = path.open("rb")
+        self._stream = open_file(path, inside=True)
 
     def __getitem__(self, frame: int) -> Sighting | None:
         """What was seen of the person in a frame; None where nothing was."""
@@ -179,7 +204,10 @@ class PersonSightings:
         entry = self._entries[row]
         self._stream.seek(int(entry["begin"]))
         data = self._stream.read(int(entry["end"]) - int(entry["begin"]))
-        return Kept.unpacked(data, int(entry["person"]), self._camera).sighting()
+        try:
+            return Kept.unpacked(data, int(entry["person"]), self._camera).sighting()
+        except (ValueError, zlib.error) as error:
+            raise TrackError(f"frame {frame} in {self._path} is damaged ({error}); {HINT}") from error
 
 
 def _unwritable(folder: Path, error: OSError) -> OutputError:

@@ -136,8 +136,6 @@ class PersonState:
             It is the state of something else.
         """
         check_state(state, _NUMBERS, _NESTED, "person")
-        own = state["body"]
-        check_state(own, _BODY, what="body")
         for name in ("previous", "last_seen"):
             if state[name] is not None:
                 check_state(state[name], _PREVIOUS, what="frame before")
@@ -148,7 +146,7 @@ class PersonState:
         smoothed = state["smoothed"]
         plain = ("sized", "last_seen_at", "pose", "centre", "facing", "timestamp", "lost", "in_view", "turn", "memory")
         return cls(
-            body=body_of(own),
+            body=body_of(state["body"]),
             generator=_generator(state["generator"]),
             previous=None if state["previous"] is None else Previous(**state["previous"]),
             last_seen=None if state["last_seen"] is None else Previous(**state["last_seen"]),
@@ -216,7 +214,8 @@ def body_state(body: Body) -> State:
 
 
 def body_of(state: Mapping[str, Any]) -> Body:
-    """The body that `body_state` described."""
+    """The body that `body_state` described; raises TrackError or BodyError for no such thing."""
+    check_state(state, _BODY, what="body")
     return ShapeSpace.load().body(state["shape"], scale=state["scale"], name=state["name"], offsets=state["offsets"])
 
 

@@ -10,9 +10,11 @@ from pathlib import Path
 
 import numpy as np
 
-from toolkit.errors import OutputError
+from toolkit.checkpoint import HINT
+from toolkit.door import open_file
+from toolkit.errors import OutputError, TrackError
 from toolkit.track import FrameResult
-from toolkit.track.writer import row_type
+from toolkit.track.writer import check_rows, row_type
 
 APART = 1.0
 """Cost of a switch between two ways per metre that they are apart: ten frames in which the better way is 3 cm nearer to
@@ -42,21 +44,31 @@ class WayFile:
     ----------
     path : made if it is missing
     stages : how many stages each row has times of
+    sources : how many sources a row can name
 
     Raises
     ------
     OutputError
         The file cannot be written.
+    TrackError
+        What is there holds what no tracker writes.
     """
 
-    def __init__(self, path: Path, stages: int) -> None:
+    def __init__(self, path: Path, stages: int, sources: int) -> None:
         self._type = np.dtype([("row", row_type(stages)), ("cost", "<f8"), ("continues", "?"), ("known", "?")])
         self._path = path
         try:
-            path.touch()
-            self._file = path.open("r+b", buffering=0)
+            open_file(path, "a+b", inside=True).close()
+            self._file = open_file(path, "r+b", inside=True, buffering=0)
+            steps = self._file.read()
         except OSError as error:
             raise OutputError(f"cannot write {path}: {error.strerror or error}; free some space") from error
+        self._sources = sources
+        self._check(np.frombuffer(steps, dtype=self._type, count=len(steps) // self._type.itemsize))
+
+    def _check(self, steps: np.ndarray) -> None:
+        """Raise TrackError where a row is none: what is on disk may come from anybody."""
+        check_rows(steps["row"][steps["known"]], self._sources, str(self._path))
 
     def packed(self, step: Step) -> np.ndarray:
         """A step as uint8 (N,), as it lies on disk."""
@@ -90,6 +102,14 @@ class WayFile:
                 f"cannot write {self._path}: {error.strerror or error}; free some space and continue with --resume"
             ) from error
 
+    def put_back(self, frame: int, packed: np.ndarray) -> None:
+        """Set a frame's step, as `packed` gave it before the run was stopped; raises TrackError for anything else."""
+        step = np.asarray(packed)
+        if step.dtype != np.uint8 or step.shape != (self._type.itemsize,):
+            raise TrackError(f"{self._path} cannot take step {frame}; {HINT}")
+        self._check(np.frombuffer(step.tobytes(), dtype=self._type))
+        self[frame] = self.unpacked(step)
+
     def get(self, frame: int) -> Step | None:
         """The step of a frame; None where the way does not lead through it."""
         self._file.seek(frame * self._type.itemsize)
@@ -101,7 +121,7 @@ class WayFile:
     def __getitem__(self, frame: int) -> Step:
         step = self.get(frame)
         if step is None:
-            raise KeyError(frame)
+            raise TrackError(f"{self._path} lacks frame {frame}; {HINT}")
         return step
 
     def close(self) -> None:

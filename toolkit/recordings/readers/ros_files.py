@@ -110,6 +110,8 @@ class BagMessages:
             self._reader: Any = (Reader2 if self.cdr else Reader1)(path)
             self._reader.open()
             self.topics = {c.topic: _type_name(c.msgtype) for c in self._reader.connections}
+            if not all(isinstance(topic, str) for topic in self.topics):
+                raise ValueError("a topic has no name")
 
     def _connections(self, topic: str) -> list[Any]:
         return [c for c in self._reader.connections if c.topic == topic]

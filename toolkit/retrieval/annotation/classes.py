@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -20,6 +21,7 @@ from toolkit.retrieval.annotation.preselection import preselect_in
 from toolkit.retrieval.features.relational import FEATURES, FeatureMatrix, feature_fingerprint
 from toolkit.retrieval.keyframes.query import KeyframeQuery
 from toolkit.retrieval.templates.quantised import WILDCARD, QuantisedTemplate
+from toolkit.typed import TypedReader
 
 CLASSES_VERSION = 2
 OLDER_VERSIONS = (1,)
@@ -149,37 +151,53 @@ def load_classes(path: str | Path) -> list[MotionClass]:
     if "header" not in arrays:
         raise RetrievalError(f"{path} is not a class file; learn one from labelled clips")
     header = parse_json(str(arrays["header"]), f"the header of {path}", RetrievalError, RELEARN)
-    if not isinstance(header, dict):
-        raise RetrievalError(f"{path} is not a class file; learn one from labelled clips")
-    if header.get("version") not in (CLASSES_VERSION, *OLDER_VERSIONS):
-        raise RetrievalError(
-            f"{path} has classes of version {header.get('version')}, not {CLASSES_VERSION}; learn them again"
-        )
-    if "classes" not in header:
+    reader = TypedReader(RetrievalError, RELEARN, loose=True, source=f"the header of {path}")
+    known = reader.read(header, _Header, "")
+    if known.version not in (CLASSES_VERSION, *OLDER_VERSIONS):
+        raise RetrievalError(f"{path} has classes of version {known.version}, not {CLASSES_VERSION}; learn them again")
+    if known.classes is None:
         raise RetrievalError(f"{path} holds no motion templates; make them with `depthmocap annotate --templates`")
-    if header.get("features") != feature_fingerprint():
+    if known.features != feature_fingerprint():
         raise RetrievalError(
-            f"{path} was learned with other features ({header.get('features')}, here {feature_fingerprint()}); "
-            "learn it again"
+            f"{path} was learned with other features ({known.features}, here {feature_fingerprint()}); learn it again"
         )
-    if header.get("body", skeleton.fingerprint()) != skeleton.fingerprint():
+    if known.body != skeleton.fingerprint():
         raise RetrievalError(
-            f"{path} was learned with another body ({header['body']}, here {skeleton.fingerprint()}); learn it again"
+            f"{path} was learned with another body ({known.body}, here {skeleton.fingerprint()}); learn it again"
         )
     try:
-        return [_stored_class(entry, number, arrays) for number, entry in enumerate(header["classes"])]
-    except (KeyError, TypeError, ValueError) as error:
-        raise RetrievalError(f"{path} is incomplete ({error!r}); {RELEARN}") from error
+        return [_stored_class(entry, number, arrays) for number, entry in enumerate(known.classes)]
+    except KeyError as error:
+        raise RetrievalError(f"{path} lacks {error}; {RELEARN}") from error
 
 
-def _stored_class(entry: dict[str, Any], number: int, arrays: dict[str, np.ndarray]) -> MotionClass:
+@dataclass(frozen=True)
+class _Entry:
+    """One class as a file's header says it."""
+
+    label: str
+    templates: tuple[str, ...]
+    threshold: float
+
+
+@dataclass(frozen=True)
+class _Header:
+    """What a file says of itself; older ones name no body."""
+
+    version: int
+    features: str
+    classes: tuple[_Entry, ...] | None = None
+    body: str = field(default_factory=skeleton.fingerprint)
+
+
+def _stored_class(entry: _Entry, number: int, arrays: dict[str, np.ndarray]) -> MotionClass:
     templates, motions = [], []
-    for part, name in enumerate(entry["templates"]):
+    for part, name in enumerate(entry.templates):
         values, weights = arrays[f"values_{number}_{part}"], arrays[f"weights_{number}_{part}"]
         check_columns({"values": values, "weights": weights}, _TEMPLATE, RetrievalError, f"class {number}", RELEARN)
-        templates.append(QuantisedTemplate(str(name), values, weights))
+        templates.append(QuantisedTemplate(name, values, weights))
         if f"mean_{number}_{part}" in arrays:
             parts = {key: arrays[f"{key}_{number}_{part}"] for key in _MOTION}
             check_columns(parts, _MOTION, RetrievalError, f"class {number}", RELEARN)
             motions.append(ClassMotion(parts["mean"], parts["spread"], parts["covariance"], float(parts["memory"])))
-    return MotionClass(str(entry["label"]), tuple(templates), float(entry["threshold"]), tuple(motions))
+    return MotionClass(entry.label, tuple(templates), entry.threshold, tuple(motions))

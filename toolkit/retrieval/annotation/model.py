@@ -17,6 +17,7 @@ from toolkit.retrieval.annotation.judge import MEASURES, Judge
 from toolkit.retrieval.annotation.measures import Segment
 from toolkit.retrieval.features.grades import BLOCK
 from toolkit.retrieval.features.relational import FEATURES, FeatureMatrix, feature_fingerprint
+from toolkit.typed import TypedReader
 
 MODEL_VERSION = 1
 LEAST_PROBABILITY = 0.5
@@ -34,6 +35,16 @@ _COLUMNS = {
     "judges": Column("f", ("P", MEASURES)),
     "offsets": Column("f", ("P",)),
 }
+
+
+@dataclass(frozen=True)
+class _Header:
+    """What a file says of itself."""
+
+    version: int
+    features: str
+    labels: tuple[str, ...]
+    names: tuple[str, ...]
 
 
 @dataclass(frozen=True, eq=False)
@@ -128,13 +139,15 @@ class MotionModel:
         header = parse_json(str(arrays["header"]), f"the header of {path}", RetrievalError, RELEARN)
         if not isinstance(header, dict) or "labels" not in header:
             raise RetrievalError(f"{path} is no motion model; learn one with `depthmocap learn`")
-        if header.get("version") != MODEL_VERSION or header.get("features") != feature_fingerprint():
+        reader = TypedReader(RetrievalError, RELEARN, loose=True, source=f"the header of {path}")
+        known = reader.read(header, _Header, "")
+        if (known.version, known.features) != (MODEL_VERSION, feature_fingerprint()):
             raise RetrievalError(f"{path} is a motion model of another version or with other features; {RELEARN}")
         missing = sorted(_COLUMNS.keys() - arrays.keys())
         if missing:
             raise RetrievalError(f"{path} has no {missing[0]}; {RELEARN}")
         check_columns(arrays, _COLUMNS, RetrievalError, str(path), RELEARN)
-        labels, names = (tuple(str(text) for text in header.get(key, ())) for key in ("labels", "names"))
+        labels, names = known.labels, known.names
         starts = arrays["starts"].astype(np.int64)
         fits = (
             len(labels) == len(names) == len(arrays["weights"]) == len(starts) - 1 > 0

@@ -28,8 +28,8 @@ from toolkit.typed import Range, TypedReader
 REBUILD = "build it again"
 
 MAGIC = b"depthmocap index\n"
-_ALIGNMENT = 64
-_DIGEST = hashlib.sha256().digest_size
+ALIGNMENT = 64
+DIGEST = hashlib.sha256().digest_size
 
 
 @dataclass(frozen=True)
@@ -86,7 +86,7 @@ class StoredArrays:
                 if stream.read(len(MAGIC)) != MAGIC:
                     raise RetrievalError(f"{path} is no keyframe index; make one with `depthmocap index`")
                 length, size = int.from_bytes(stream.read(8), "little"), path.stat().st_size
-                text, digest = stream.read(min(length, size)), stream.read(_DIGEST)
+                text, digest = stream.read(min(length, size)), stream.read(DIGEST)
                 start = _padded(stream.tell())
         except OSError as error:
             raise RetrievalError(f"cannot read the index {path} ({error}); {REBUILD}") from error
@@ -158,4 +158,4 @@ def write_arrays(path: str | Path, header: Mapping[str, Any], arrays: Mapping[st
 
 
 def _padded(size: int) -> int:
-    return -(-size // _ALIGNMENT) * _ALIGNMENT
+    return -(-size // ALIGNMENT) * ALIGNMENT

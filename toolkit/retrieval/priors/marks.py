@@ -23,6 +23,7 @@ from toolkit.retrieval.features.relational import FEATURE_RATE, FEATURES
 from toolkit.retrieval.priors.allocation import Allocation
 from toolkit.retrieval.priors.limbs import ENTRIES, LIMBS_OF_FEATURE
 from toolkit.retrieval.templates.quantised import WILDCARD, QuantisedTemplate, expand
+from toolkit.typed import TypedReader
 
 DEMANDED = (3, 4, 7, 8, 20, 21, 27, 28, 29, 30, 33, 34)
 """Numbers of the features that a pose fulfils or not: hands above the neck, bent elbows and knees, abducted upper arms
@@ -89,6 +90,16 @@ def marks_of_classes(classes: Sequence[MotionClass], settings: MarkSettings | No
     return {c.label: [marks_of(template, shortest) for template in c.templates] for c in classes}
 
 
+@dataclass(frozen=True)
+class _Entry:
+    """A mark as a file says it: columns and templates count from 1."""
+
+    feature: int
+    value: int
+    columns: tuple[int, int]
+    template: int = 1
+
+
 def load_marks(path: str | Path, classes: Sequence[MotionClass], settings: MarkSettings | None = None) -> Marks:
     """Marks of a file in place of those that the classes it names have by themselves.
 
@@ -100,11 +111,10 @@ def load_marks(path: str | Path, classes: Sequence[MotionClass], settings: MarkS
     RetrievalError
         The file is none of that kind, or names a class, a feature, a template or columns that are not there.
     """
-    raw = read_yaml(path, str(path), RetrievalError, HINT)
+    reader = TypedReader(RetrievalError, HINT, source=str(path))
+    raw = reader.read(read_yaml(path, str(path), RetrievalError, HINT) or {}, dict[str, list[_Entry] | None], "")
     found = marks_of_classes(classes, settings)
     known = {c.label: c for c in classes}
-    if not isinstance(raw, dict):
-        raise RetrievalError(f"{path} holds no classes with marks; {HINT}")
     for label, entries in raw.items():
         if label not in known:
             raise RetrievalError(f"{path} marks the class {label!r}; there are: {', '.join(known)}")
@@ -116,25 +126,20 @@ def load_marks(path: str | Path, classes: Sequence[MotionClass], settings: MarkS
     return found
 
 
-def _mark(entry: Any, lengths: Sequence[int], where: str) -> tuple[int, Mark]:
+def _mark(entry: _Entry, lengths: Sequence[int], where: str) -> tuple[int, Mark]:
     """The row of a template and its mark, from one entry of a file."""
-    wanted = {"feature", "value", "columns"}
-    if not isinstance(entry, dict) or not wanted <= set(entry) <= {*wanted, "template"}:
-        raise RetrievalError(f"a mark of {where} is {entry!r}; give feature, value, columns and perhaps template")
-    number, value, template = entry["feature"], entry["value"], entry.get("template", 1)
-    if number not in USED:
-        raise RetrievalError(f"a mark of {where} names feature {number}; used are {', '.join(map(str, USED))}")
-    if value not in (0, 1):
-        raise RetrievalError(f"a mark of {where} has the value {value!r}; give 0 or 1")
+    (first, last), template = entry.columns, entry.template
+    if entry.feature not in USED:
+        raise RetrievalError(f"a mark of {where} names feature {entry.feature}; used are {', '.join(map(str, USED))}")
+    if entry.value not in (0, 1):
+        raise RetrievalError(f"a mark of {where} has the value {entry.value!r}; give 0 or 1")
     if template not in range(1, len(lengths) + 1):
         raise RetrievalError(f"a mark of {where} names template {template}; there are {len(lengths)}")
-    columns = entry["columns"]
-    whole = isinstance(columns, list) and len(columns) == 2 and all(isinstance(c, int) for c in columns)
-    if not whole or not 1 <= columns[0] <= columns[1] <= lengths[template - 1]:
+    if not 1 <= first <= last <= lengths[template - 1]:
         raise RetrievalError(
-            f"a mark of {where} has columns {columns!r}; give first and last within 1 to {lengths[template - 1]}"
+            f"a mark of {where} has columns {first} to {last}; give first and last within 1 to {lengths[template - 1]}"
         )
-    return template - 1, Mark(number, bool(value), columns[0] - 1, columns[1])
+    return template - 1, Mark(entry.feature, bool(entry.value), first - 1, last)
 
 
 def tracking_priors(allocation: Allocation, classes: Sequence[MotionClass], marks: Marks) -> np.ndarray:
