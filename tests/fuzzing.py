@@ -15,6 +15,7 @@ import zlib
 from collections import Counter
 from collections.abc import Callable, Iterator
 from contextlib import suppress
+from copy import deepcopy
 from dataclasses import dataclass, fields, is_dataclass
 from pathlib import Path
 from typing import Any
@@ -106,7 +107,7 @@ def revalued(data: bytes, rng: np.random.Generator) -> bytes:
         elif kind == 1 and isinstance(inside, list):
             inside.insert(key, inside[key])
         else:
-            inside[key] = VALUES[int(rng.integers(len(VALUES)))]
+            inside[key] = deepcopy(VALUES[int(rng.integers(len(VALUES)))])
     return dumped(value).encode() + (b"\n" + after if after else b"")
 
 

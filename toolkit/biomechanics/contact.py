@@ -89,7 +89,7 @@ def smoothed(values: np.ndarray, times: np.ndarray, seconds: float) -> np.ndarra
     if len(times) < 2 or not seconds > 0:
         return values
     deviation = seconds / typical_step(times)  # frames
-    reach = int(REACH * deviation + 0.5)
+    reach = int(min(REACH * deviation + 0.5, len(times)))  # times may be next to each other
     weights = np.exp(-0.5 * (np.arange(-reach, reach + 1) / deviation) ** 2)
     padded = np.pad(values, [(reach, reach), *[(0, 0)] * (values.ndim - 1)], mode="symmetric")
     out = np.zeros(values.shape)

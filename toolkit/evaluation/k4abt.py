@@ -123,7 +123,7 @@ def _body(body: dict[str, Any], columns: list[int]) -> dict[str, Any]:
     turns = body.get("joint_orientations")
     levels = next((body[key] for key in LEVELS if body.get(key)), None)
     row: dict[str, Any] = {
-        "id": body.get("body_id"),
+        "id": None if body.get("body_id") is None else int(body["body_id"]),
         "positions": positions / MILLIMETRES,
         "orientations": np.full((len(columns), 4), np.nan) if not turns else np.array(turns, dtype=float)[columns],
         "confidence": np.full(len(columns), np.nan) if levels is None else np.array(levels, dtype=float)[columns],
