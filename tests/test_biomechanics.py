@@ -13,7 +13,7 @@ from benchmarks.feet import sliding_mm
 from tests.run_helpers import write_run
 from toolkit import skeleton
 from toolkit.biomechanics.angles import joint_angles, sequence_angles
-from toolkit.biomechanics.contact import contacts_of_soles, ground_height, hysteresis, without_short
+from toolkit.biomechanics.contact import contacts_of_soles, frames_in, ground_height, hysteresis, without_short
 from toolkit.biomechanics.gait import walk_of
 from toolkit.biomechanics.resting import at_rest
 from toolkit.biomechanics.rising import rises_of
@@ -159,6 +159,13 @@ def test_contacts_begin_where_both_limits_hold_and_short_ones_go() -> None:
     np.testing.assert_array_equal(hysteresis(enter, stay), [False, True, True, True, False, False, False])
     flags = np.array([0, 0, 1, 0, 0, 0, 1, 1, 1, 0, 1, 1], dtype=bool)
     np.testing.assert_array_equal(without_short(flags, 2), [0, 0, 0, 0, 0, 0, 1, 1, 1, 1, 1, 1])
+
+
+@pytest.mark.parametrize("step", [5e-324, 1e-9])
+def test_times_that_are_next_to_each_other_are_one_moment(step: float) -> None:
+    times = np.arange(5) * step
+    assert frames_in(1.0, times) == RATE
+    assert contacts_of_soles(np.zeros((5, 2, 2, 3)), times, 0.0, np.ones(5, dtype=bool)).all()
 
 
 @pytest.mark.parametrize(("rest", "seated"), [(1.0, True), (0.0, False)])

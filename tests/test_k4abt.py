@@ -135,6 +135,14 @@ def test_bodies_without_numbers_are_followed_by_where_they_are(tmp_path: Path) -
     assert np.isnan(found.confidence).all() and np.isnan(found.orientations).all()
 
 
+@pytest.mark.parametrize(("number", "reason"), [('"x"', "frame 0"), ("[1]", "frame 0"), ("1e999", "is no JSON")])
+def test_a_body_whose_number_is_none_is_an_error_of_one_sentence(tmp_path: Path, number: str, reason: str) -> None:
+    path = kinect_file(tmp_path / "a.json", [[body_at(0.0, body_id="ID")]])
+    path.write_text(path.read_text().replace('"ID"', number))
+    with pytest.raises(RecordingError, match=reason):
+        read_k4abt(path)
+
+
 def test_older_versions_and_lists_of_confidence_are_read(tmp_path: Path) -> None:
     names = [{"SPINE_NAVEL": "SPINE_NAVAL"}.get(name, name) for name in k4abt.NAMES]
     frames = [[body_at(0.0, body_id=7, confidence_level=[1] * 32)]]
@@ -157,6 +165,7 @@ def test_a_skeleton_of_other_frames_finds_the_recordings_by_their_times(tmp_path
         ('{"frames": [{"bodies": []}]}', "frame 0"),
         ('{"frames": [{"timestamp_usec": 1, "bodies": [{"joint_positions": [[1, 2, 3]]}]}]}', "frame 0"),
         ('{"frames": [{"timestamp_usec": 1}], "joint_names": ["NOSE"]}', "no joint PELVIS"),
+        ('{"frames": [{"timestamp_usec": 1}], "joint_names": 5}', "joint_names"),
     ],
 )  # fmt: skip
 def test_a_file_that_is_no_skeleton_is_an_error_of_one_sentence(tmp_path: Path, text: str, reason: str) -> None:

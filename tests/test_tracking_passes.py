@@ -1,4 +1,4 @@
-"""Two passes: sightings on disk, ways and their joining, stature, a person followed from the surest frame outwards."""
+"""Two passes: ways and their joining, stature, a person followed from the surest frame outwards."""
 
 from __future__ import annotations
 
@@ -11,108 +11,27 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from toolkit import skeleton
 from toolkit.body.shape import ShapeSpace, load_body
 from toolkit.database.database import PoseDatabase
-from toolkit.errors import TrackError
 from toolkit.hybrid.settings import HybridSettings
 from toolkit.hybrid.tracker import HybridTracker
 from toolkit.mocap.procedural import procedural_clips
 from toolkit.people.lone import LonePerson
-from toolkit.people.sighting import Sighting
 from toolkit.pipeline import second, track_recording
 from toolkit.recordings.opening import open_recording
 from toolkit.recordings.writer import save_recording
-from toolkit.sensing.camera import Camera, level_rotation
-from toolkit.sensing.joints2d import Joints2D
+from toolkit.sensing.camera import level_rotation
 from toolkit.simulation.simulate import simulate_recording
 from toolkit.testing.misled import misled, wrong_pose
-from toolkit.track import EMPTY, TRACKED, FrameResult, RunInfo, Track
+from toolkit.track import EMPTY, TRACKED, RunInfo, Track
 from toolkit.tracking import clock
 from toolkit.tracking.passes import BothWays, Plan
-from toolkit.tracking.sightings import Kept, SightingFile
+from toolkit.tracking.sightings import SightingFile
 from toolkit.tracking.state import PersonState, Previous
 from toolkit.tracking.stature import StatureBelief, off_floor, unlikely
 from toolkit.tracking.ways import APART, Step, WayFile, better_parts
 
-CAMERA = Camera(100.0, 100.0, 40.0, 30.0, 80, 60)
 RATE = 30.0
-
-
-def sighting(number: int, person: int = 1) -> Sighting:
-    """A person whose depth, mask and joints all depend on `number`."""
-    depth, unobserved = np.zeros(CAMERA.shape, dtype=np.float32), np.zeros(CAMERA.shape, dtype=np.bool_)
-    rows = slice(number % 7, 20 + number)
-    depth[rows, 11:33] = ((1800 + np.arange(22) + number) * float(np.float32(1e-3))).astype(np.float32)
-    unobserved[number : number + 3] = True
-    joints = Joints2D.of_rows(np.full((20, 3), 0.5) + number) if number % 2 else None
-    return Sighting(person, depth, unobserved if number % 3 else None, CAMERA, joints)
-
-
-def assert_same(one: Sighting | None, other: Sighting | None) -> None:
-    assert one is not None and other is not None and one.id == other.id
-    np.testing.assert_array_equal(one.depth, other.depth)
-    assert (one.unobserved is None) == (other.unobserved is None)
-    if one.unobserved is not None and other.unobserved is not None:
-        np.testing.assert_array_equal(one.unobserved, other.unobserved)
-    assert (one.joints is None) == (other.joints is None)
-    if one.joints is not None and other.joints is not None:
-        np.testing.assert_array_equal(one.joints.rows, other.joints.rows)
-
-
-def test_sightings_are_read_back_to_the_bit_in_any_order(tmp_path: Path) -> None:
-    kept = SightingFile(tmp_path, CAMERA)
-    for frame in range(8):
-        kept.append(frame, [sighting(frame)] if frame != 3 else [])
-        kept.append(frame, [sighting(frame + 10, person=2)])
-    first, second = kept.of(1), kept.of(2)
-    assert first.frames.tolist() == [0, 1, 2, 4, 5, 6, 7] and second.frames.tolist() == list(range(8))
-    assert first[3] is None and first[8] is None
-    for frame in (7, 0, 5):
-        assert_same(first[frame], sighting(frame))
-        assert_same(second[frame], sighting(frame + 10, person=2))
-    assert first.pixels[2] == np.count_nonzero(sighting(2).depth)
-
-
-def test_sightings_of_a_killed_run_go_on_after_its_last_checkpoint(tmp_path: Path) -> None:
-    kept = SightingFile(tmp_path, CAMERA)
-    for frame in range(6):
-        kept.append(frame, [sighting(frame)])
-    kept.flush()  # the killed process wrote two frames more than its checkpoint knows
-    again = SightingFile(tmp_path, CAMERA, frames=4)
-    again.append(4, [sighting(14)])
-    seen = again.of(1)
-    assert seen.frames.tolist() == [0, 1, 2, 3, 4]
-    assert_same(seen[3], sighting(3))
-    assert_same(seen[4], sighting(14))
-    again.close()
-    (tmp_path / "sightings.data").write_bytes(b"")
-    with pytest.raises(TrackError, match="lost some of its sightings"):
-        SightingFile(tmp_path, CAMERA, frames=4)
-
-
-def test_an_empty_sighting_is_kept_too() -> None:
-    nobody = Sighting(1, np.zeros(CAMERA.shape, dtype=np.float32), None, CAMERA)
-    assert_same(Kept.unpacked(Kept.of(nobody).packed(), 1, CAMERA).sighting(), nobody)
-
-
-def a_step(number: int) -> Step:
-    pose, joints = np.full(skeleton.POSE_SIZE, float(number)), np.full((20, 3), number, dtype=np.float32)
-    confidence, observed = np.full(20, 0.25, dtype=np.float32), np.arange(20) % 2 == 0
-    return Step(FrameResult(pose, joints, confidence, TRACKED, 1, np.ones(2, np.float32), observed), 0.01 * number)
-
-
-def test_a_way_is_written_and_read_in_any_order_of_the_frames(tmp_path: Path) -> None:
-    way = WayFile(tmp_path / "way", stages=2, sources=2)
-    for frame in (5, 2, 9, 2):
-        way[frame] = a_step(frame)
-    assert [frame for frame in range(12) if way.get(frame) is not None] == [2, 5, 9]
-    assert way[9].cost == 0.09 and way[5].result.pose[0] == 5.0 and way[2].result.observed.tolist()[:2] == [True, False]
-    np.testing.assert_array_equal(way.packed(way[5]), way.packed(a_step(5)))
-    with pytest.raises(TrackError, match="lacks frame 3"):
-        way[3]
-    way.close()
-
 
 COSTS = st.lists(st.floats(0.0, 0.5), min_size=1, max_size=6)
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import io
 import json
+import math
 from functools import cache
 from pathlib import Path
 from typing import Any, Literal
@@ -60,10 +61,10 @@ def read_yaml(path: str | Path, where: str, error: type[DepthMocapError], hint: 
 
 def parse_json(text: str, where: str, error: type[DepthMocapError], hint: str) -> Any:
     """The value of a JSON text. NaN and Infinity, which JSON does not know, are refused, and so are endless nesting and
-    whole numbers that no float holds.
+    numbers that no float holds.
     """
     try:
-        return json.loads(text, parse_constant=_no_constant, parse_int=_whole)
+        return json.loads(text, parse_constant=_no_constant, parse_int=_whole, parse_float=_finite)
     except (ValueError, RecursionError) as problem:
         raise error(f"{where} is no JSON ({problem}); {hint}") from problem
 
@@ -118,6 +119,13 @@ def _whole(digits: str) -> int:
     if len(digits) > MOST_DIGITS:
         raise ValueError(f"a number of {len(digits)} digits")
     return int(digits)
+
+
+def _finite(digits: str) -> float:
+    value = float(digits)
+    if math.isinf(value):
+        raise ValueError(f"{digits[:20]} is more than a float holds")
+    return value
 
 
 def _no_constant(word: str) -> None:

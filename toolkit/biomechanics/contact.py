@@ -14,6 +14,8 @@ NEAR_FLOOR = 0.15
 """Metres between the floor that the camera sees and the height at which feet rest: farther, they rest on something."""
 REACH = 4.0
 """Standard deviations that a Gaussian reaches."""
+SHORTEST_STEP = 1e-4
+"""Seconds: frames that are nearer in time are of one moment, and say nothing about the rate of a camera."""
 
 
 @dataclass(frozen=True)
@@ -89,7 +91,7 @@ def smoothed(values: np.ndarray, times: np.ndarray, seconds: float) -> np.ndarra
     if len(times) < 2 or not seconds > 0:
         return values
     deviation = seconds / typical_step(times)  # frames
-    reach = int(min(REACH * deviation + 0.5, len(times)))  # times may be next to each other
+    reach = int(REACH * deviation + 0.5)
     weights = np.exp(-0.5 * (np.arange(-reach, reach + 1) / deviation) ** 2)
     padded = np.pad(values, [(reach, reach), *[(0, 0)] * (values.ndim - 1)], mode="symmetric")
     out = np.zeros(values.shape)
@@ -101,7 +103,7 @@ def smoothed(values: np.ndarray, times: np.ndarray, seconds: float) -> np.ndarra
 def typical_step(times: np.ndarray) -> float:
     """Median seconds from frame to frame, 1/30 where there are too few."""
     steps = np.diff(times)
-    steps = steps[steps > 0]
+    steps = steps[steps > SHORTEST_STEP]
     return float(np.median(steps)) if len(steps) else 1.0 / 30.0
 
 

@@ -110,6 +110,8 @@ def _columns(names: Any, file: Path) -> list[int]:
     """Where each of `k4abt.NAMES` stands in a row of the file."""
     if names is None:
         return list(range(len(k4abt.NAMES)))
+    if not isinstance(names, list):
+        raise RecordingError(f"the joint_names of {file} are no list; {HINT}")
     known = [k4abt.OLD_NAMES.get(str(name).upper(), str(name).upper()) for name in names]
     known = [name.removeprefix("K4ABT_JOINT_") for name in known]
     if missing := [name for name in k4abt.NAMES if name not in known]:

@@ -168,9 +168,11 @@ class SightingFile:
 
     def _cut(self, frames: int) -> None:
         entries = self._entries()
-        entries = entries[: np.searchsorted(entries["frame"], frames)]
+        early = entries["frame"] < frames
+        entries = entries[: np.count_nonzero(early)]
         places = np.concatenate([[0], entries["end"]])
-        ordered = (np.diff(entries["frame"], prepend=0) >= 0).all() and (np.diff(places) >= 0).all()
+        ordered = early[: len(entries)].all() and (np.diff(entries["frame"], prepend=0) >= 0).all()
+        ordered = ordered and (np.diff(places) >= 0).all()
         if not ordered or (entries["begin"] != places[:-1]).any():
             raise TrackError(f"the sightings in {self._folder} are in no order; remove it and track again")
         kept, end = len(entries), int(places[-1])

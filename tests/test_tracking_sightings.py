@@ -1,0 +1,184 @@
+"""What an unfinished run keeps of its second pass: sightings and ways, read back to the bit and without trust."""
+
+from __future__ import annotations
+
+import zlib
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from toolkit import skeleton
+from toolkit.errors import OutputError, TrackError
+from toolkit.people.sighting import Sighting
+from toolkit.sensing.camera import Camera
+from toolkit.sensing.joints2d import Joints2D
+from toolkit.track import TRACKED, FrameResult
+from toolkit.track.writer import row_type
+from toolkit.tracking.sightings import ENTRY, HEADER, Kept, SightingFile
+from toolkit.tracking.ways import Step, WayFile
+
+CAMERA = Camera(100.0, 100.0, 40.0, 30.0, 80, 60)
+
+
+def sighting(number: int, person: int = 1) -> Sighting:
+    """A person whose depth, mask and joints all depend on `number`."""
+    depth, unobserved = np.zeros(CAMERA.shape, dtype=np.float32), np.zeros(CAMERA.shape, dtype=np.bool_)
+    rows = slice(number % 7, 20 + number)
+    depth[rows, 11:33] = ((1800 + np.arange(22) + number) * float(np.float32(1e-3))).astype(np.float32)
+    unobserved[number : number + 3] = True
+    joints = Joints2D.of_rows(np.full((20, 3), 0.5) + number) if number % 2 else None
+    return Sighting(person, depth, unobserved if number % 3 else None, CAMERA, joints)
+
+
+def assert_same(one: Sighting | None, other: Sighting | None) -> None:
+    assert one is not None and other is not None and one.id == other.id
+    np.testing.assert_array_equal(one.depth, other.depth)
+    assert (one.unobserved is None) == (other.unobserved is None)
+    if one.unobserved is not None and other.unobserved is not None:
+        np.testing.assert_array_equal(one.unobserved, other.unobserved)
+    assert (one.joints is None) == (other.joints is None)
+    if one.joints is not None and other.joints is not None:
+        np.testing.assert_array_equal(one.joints.rows, other.joints.rows)
+
+
+def test_sightings_are_read_back_to_the_bit_in_any_order(tmp_path: Path) -> None:
+    kept = SightingFile(tmp_path, CAMERA)
+    for frame in range(8):
+        kept.append(frame, [sighting(frame)] if frame != 3 else [])
+        kept.append(frame, [sighting(frame + 10, person=2)])
+    first, second = kept.of(1), kept.of(2)
+    assert first.frames.tolist() == [0, 1, 2, 4, 5, 6, 7] and second.frames.tolist() == list(range(8))
+    assert first[3] is None and first[8] is None
+    for frame in (7, 0, 5):
+        assert_same(first[frame], sighting(frame))
+        assert_same(second[frame], sighting(frame + 10, person=2))
+    assert first.pixels[2] == np.count_nonzero(sighting(2).depth)
+
+
+def test_sightings_of_a_killed_run_go_on_after_its_last_checkpoint(tmp_path: Path) -> None:
+    kept = SightingFile(tmp_path, CAMERA)
+    for frame in range(6):
+        kept.append(frame, [sighting(frame)])
+    kept.flush()  # the killed process wrote two frames more than its checkpoint knows
+    again = SightingFile(tmp_path, CAMERA, frames=4)
+    again.append(4, [sighting(14)])
+    seen = again.of(1)
+    assert seen.frames.tolist() == [0, 1, 2, 3, 4]
+    assert_same(seen[3], sighting(3))
+    assert_same(seen[4], sighting(14))
+    again.close()
+    (tmp_path / "sightings.data").write_bytes(b"")
+    with pytest.raises(TrackError, match="lost some of its sightings"):
+        SightingFile(tmp_path, CAMERA, frames=4)
+
+
+@pytest.mark.parametrize("link", [Path.symlink_to, Path.hardlink_to])
+@pytest.mark.parametrize("name", ["sightings.index", "sightings.data", "way_1", "folder"])
+def test_nothing_of_a_second_pass_is_written_through_a_link(
+    tmp_path: Path, link: Callable[[Path, Path], None], name: str
+) -> None:
+    thesis, folder = tmp_path / "thesis.txt", tmp_path / "second"
+    thesis.write_text("years")
+    if name == "folder":
+        (tmp_path / "elsewhere").mkdir()
+        folder.symlink_to(tmp_path / "elsewhere")
+    else:
+        folder.mkdir()
+        link(folder / name, thesis)
+    with pytest.raises(OutputError, match="is a link|another name"):
+        SightingFile(folder, CAMERA)
+        WayFile(folder / "way_1", stages=2, sources=2)
+    assert thesis.read_text() == "years" and not list(tmp_path.glob("elsewhere/*"))
+
+
+def kept_sighting(window: tuple[int, int, int, int], mask: int = 0, joints: int = 0, pixels: int = 12) -> bytes:
+    """A sighting as it lies on disk, of a header and so many pixels."""
+    header = np.array([(window, mask, joints)], dtype=HEADER)
+    return zlib.compress(header.tobytes() + np.full(pixels, 2000, "<u2").tobytes())
+
+
+WINDOW = (0, 3, 0, 4)
+"""Of twelve pixels."""
+
+
+@pytest.mark.parametrize(
+    "data",
+    [
+        b"",
+        b"years",
+        kept_sighting((0, 3, 0, 99)),
+        kept_sighting((-3, 1, 0, 3)),
+        kept_sighting((3, 0, 4, 0)),
+        kept_sighting(WINDOW, mask=5),
+        kept_sighting(WINDOW, joints=-1),
+        kept_sighting(WINDOW, joints=8),
+        kept_sighting(WINDOW, pixels=11),
+        kept_sighting(WINDOW, pixels=1 << 24),
+    ],
+)
+def test_a_sighting_that_this_camera_cannot_have_seen_is_one_sentence(tmp_path: Path, data: bytes) -> None:
+    with pytest.raises((ValueError, zlib.error)):
+        Kept.unpacked(data, 1, CAMERA)
+    kept = SightingFile(tmp_path, CAMERA)
+    kept.append(0, [sighting(0)])
+    kept.close()
+    entries = np.fromfile(tmp_path / "sightings.index", dtype=ENTRY)
+    entries["end"] = len(data)
+    entries.tofile(tmp_path / "sightings.index")
+    (tmp_path / "sightings.data").write_bytes(data)
+    with pytest.raises(TrackError, match="frame 0 in .* is damaged"):
+        SightingFile(tmp_path, CAMERA, 1).of(1)[0]
+
+
+@pytest.mark.parametrize(("field", "value"), [("frame", 5), ("begin", 1), ("end", -1), ("begin", -(2**62))])
+def test_sightings_that_lie_in_no_order_are_one_sentence(tmp_path: Path, field: str, value: int) -> None:
+    kept = SightingFile(tmp_path, CAMERA)
+    for frame in range(3):
+        kept.append(frame, [sighting(frame)])
+    kept.close()
+    entries = np.fromfile(tmp_path / "sightings.index", dtype=ENTRY)
+    entries[field][1] = value
+    entries.tofile(tmp_path / "sightings.index")
+    with pytest.raises(TrackError, match="in no order"):
+        SightingFile(tmp_path, CAMERA, 3)
+
+
+def test_an_empty_sighting_is_kept_too() -> None:
+    nobody = Sighting(1, np.zeros(CAMERA.shape, dtype=np.float32), None, CAMERA)
+    assert_same(Kept.unpacked(Kept.of(nobody).packed(), 1, CAMERA).sighting(), nobody)
+
+
+def a_step(number: int) -> Step:
+    pose, joints = np.full(skeleton.POSE_SIZE, float(number)), np.full((20, 3), number, dtype=np.float32)
+    confidence, observed = np.full(20, 0.25, dtype=np.float32), np.arange(20) % 2 == 0
+    return Step(FrameResult(pose, joints, confidence, TRACKED, 1, np.ones(2, np.float32), observed), 0.01 * number)
+
+
+def test_a_way_is_written_and_read_in_any_order_of_the_frames(tmp_path: Path) -> None:
+    way = WayFile(tmp_path / "way", stages=2, sources=2)
+    for frame in (5, 2, 9, 2):
+        way[frame] = a_step(frame)
+    assert [frame for frame in range(12) if way.get(frame) is not None] == [2, 5, 9]
+    assert way[9].cost == 0.09 and way[5].result.pose[0] == 5.0 and way[2].result.observed.tolist()[:2] == [True, False]
+    np.testing.assert_array_equal(way.packed(way[5]), way.packed(a_step(5)))
+    with pytest.raises(TrackError, match="lacks frame 3"):
+        way[3]
+    way.close()
+
+
+@pytest.mark.parametrize(("field", "value"), [("source", 9), ("pose", np.nan), ("joints", np.inf)])
+def test_a_way_that_no_tracker_went_is_one_sentence(tmp_path: Path, field: str, value: float) -> None:
+    way = WayFile(tmp_path / "way", stages=2, sources=2)
+    way[0] = a_step(0)
+    row = way.packed(a_step(1))
+    way.close()
+    kind = np.dtype([("row", row_type(2)), ("cost", "<f8"), ("continues", "?"), ("known", "?")])
+    odd = np.frombuffer(row.tobytes(), dtype=kind).copy()
+    odd["row"][field] = value
+    with pytest.raises(TrackError):
+        WayFile(tmp_path / "way", stages=2, sources=2).put_back(1, np.frombuffer(odd.tobytes(), np.uint8))
+    odd.tofile(tmp_path / "way")
+    with pytest.raises(TrackError):
+        WayFile(tmp_path / "way", stages=2, sources=2)
