@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import argparse
+from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 
 from toolkit import skeleton
+from toolkit.biomechanics.contact import foot_contacts
 from toolkit.body.body import Body
 from toolkit.body.shape import subject_body
 from toolkit.database.default import DEFAULT_DATABASE
@@ -22,7 +24,7 @@ from toolkit.simulation.person import Person as Performer
 from toolkit.simulation.simulate import Shot, prepare, simulate_scene
 from toolkit.testing.suite import WORK, motion_of
 from toolkit.testing.walking import Rising, Walk, rising, walking
-from toolkit.track import TRACK_FILE
+from toolkit.track import TRACK_FILE, TRACKED
 
 RATE = 30.0
 
@@ -56,13 +58,11 @@ class Tracked(NamedTuple):
 
     Attributes
     ----------
-    take : which one
     person : as tracked
     body : the true one
     poses : float64 (T, P), the true ones, level frame
     """
 
-    take: Take
     person: Person
     body: Body
     poses: np.ndarray
@@ -70,32 +70,40 @@ class Tracked(NamedTuple):
     @property
     def truth(self) -> Person:
         """The true person, tracked in every frame."""
-        track = self.person.track
-        everything = {"pose": self.poses, "state": np.zeros(len(track), dtype=np.uint8)}
-        joints = (self.body.joint_positions(self.poses) @ self.person.R_level_camera).astype(np.float32)
-        return Person("truth", track.__class__(**{**vars(track), **everything, "joints": joints}), self.body,
-                      self.person.R_level_camera)  # fmt: skip
+        track, turn = self.person.track, self.person.R_level_camera
+        joints = (self.body.joint_positions(self.poses) @ turn).astype(np.float32)
+        found = replace(track, pose=self.poses, joints=joints, state=np.full(len(track), TRACKED, dtype=np.uint8))
+        return Person("truth", replace(found, contact=foot_contacts(self.body, found)), self.body, turn)
 
 
-def tracked(take: Take, work: Path, database: Path) -> Tracked:
-    """The take, simulated and tracked in `work` if it is not there yet."""
-    body = subject_body(take.body, seed=take.seed)
-    clip = PoseClip(take.name, _poses(take, body), RATE, take.name)
-    person = Performer(clip, body=body, yaw=take.yaw)
-    shot = Shot(sensor=take.sensor, distance=take.distance, height=1.2, furnished=True, seed=take.seed)
-    simulation = prepare([person], shot)
-    recording, run = work / f"{take.name}.npz", work / take.name
-    if not recording.exists():
-        work.mkdir(parents=True, exist_ok=True)
-        simulate_scene([person], recording, shot)
+def tracked_run(recording: Path, run: Path, database: Path) -> Person:
+    """The one person of a recording, tracked into `run` if that is not there yet."""
     if not (run / TRACK_FILE).exists():
         tracker = load_tracker("hybrid", {}, database=database)
         track_recording(open_recording(recording), tracker, run, resume=True)
-    performer = simulation.performers[0]
+    return load_persons(run)[0]
+
+
+def tracked_shot(performer: Performer, shot: Shot, run: Path, database: Path) -> Tracked:
+    """Somebody who is simulated, to the file `<run>.npz`, and tracked, both if they are not there yet."""
+    recording = run.with_name(f"{run.name}.npz")
+    if not recording.exists():
+        run.parent.mkdir(parents=True, exist_ok=True)
+        simulate_scene([performer], recording, shot)
+    person, simulation = tracked_run(recording, run, database), prepare([performer], shot)
+    true = simulation.performers[0]
     turn = level_rotation(simulation.view.up_camera)
-    poses = performer.poses.copy()
+    poses = true.poses.copy()
     poses[:, skeleton.ROOT_POSITION] = simulation.view.to_camera(poses[:, None, :3])[:, 0] @ turn.T
-    return Tracked(take, load_persons(run)[0], performer.body, poses)
+    return Tracked(person, true.body, poses)
+
+
+def tracked(take: Take, work: Path, database: Path) -> Tracked:
+    """A made take, in `work`."""
+    body = subject_body(take.body, seed=take.seed)
+    performer = Performer(PoseClip(take.name, _poses(take, body), RATE, take.name), body=body, yaw=take.yaw)
+    shot = Shot(sensor=take.sensor, distance=take.distance, height=1.2, furnished=True, seed=take.seed)
+    return tracked_shot(performer, shot, work / take.name, database)
 
 
 def _poses(take: Take, body: Body) -> np.ndarray:
@@ -109,10 +117,9 @@ def _poses(take: Take, body: Body) -> np.ndarray:
     return poses
 
 
-def movement_options(description: str | None) -> argparse.Namespace:
-    """What is typed behind a benchmark of these takes: which of them, with which database, where they are kept."""
+def movement_options(description: str | None) -> argparse.ArgumentParser:
+    """What is typed behind a benchmark of these takes: with which database, and where they are kept."""
     parser = argparse.ArgumentParser(description=description, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--database", type=Path, default=DEFAULT_DATABASE, help="another than the package's own")
-    parser.add_argument("--takes", default=",".join(take.name for take in TAKES))
     parser.add_argument("--work", type=Path, default=WORK / "movement")
-    return parser.parse_args()
+    return parser

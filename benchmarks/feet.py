@@ -1,45 +1,71 @@
-"""Feet that carry: `depthmocap bench feet --database suite.npz`.
+"""Feet that carry: `depthmocap bench feet [--real]`.
 
-Simulated people who walk, squat, rise and stand (`benchmarks/_movement.py`), tracked; truth says which foot carries.
-Sliding is the root mean square of the distance along the floor of the carrying sole (that of heel and ball that moves
-less) from its mean place, step by step; jitter is that of the ankles of somebody who stands on both feet about their
-own course (a Gaussian of 0.15 s); contacts are compared frame by frame. As tracked, and with the feet held where they
-rest (`toolkit/biomechanics/resting.py`), for which the errors of all joints are given too.
+Simulated people, tracked: the made motions of `benchmarks/_movement.py`, and those takes of the suite's report split in
+which the floor stays where it is (no treadmill, nobody turned on the spot). Truth says which foot carries. Sliding is
+the root mean square of the distance along the floor of the carrying sole (that of heel and ball that moves less) from
+its mean place, step by step; jitter is that of the ankles of somebody who stands still on both feet about their own
+course (a Gaussian of 0.15 s). Feet of mocap on a body of another size slide in truth, too, so both are also given of
+the truth, and of the found place minus the true one. As tracked, and with what rests held (`biomechanics.resting`), for
+which the errors of all joints are given too. With `--real` every fifth recording of UTD-MHAD as well, of which nothing
+is true: contacts and stillness are those found.
 """
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from benchmarks._movement import TAKES, Tracked, movement_options, tracked
+from benchmarks._movement import TAKES, Tracked, movement_options, tracked, tracked_run, tracked_shot
 from benchmarks._record import save_figures
 from toolkit import skeleton
-from toolkit.biomechanics.contact import contacts_of_soles, ground_height, smoothed, spans
+from toolkit.biomechanics.contact import smoothed, spans
 from toolkit.biomechanics.resting import at_rest
+from toolkit.body.shape import subject_body
 from toolkit.body.sole import soles
 from toolkit.runs import Person
+from toolkit.simulation.person import Person as Performer
+from toolkit.simulation.sensors import make_sensor
+from toolkit.simulation.simulate import Shot
+from toolkit.testing import suite
 from toolkit.track import TRACKED
 
 SHORTEST = 5
 """Frames of a step that is measured."""
 COURSE = 0.15
 """Seconds."""
+STILL = 0.05
+"""Metres a second below which somebody stands still: the faster ankle's speed along its course."""
+STRIDE = 5
+"""Of the recordings of UTD-MHAD that are measured."""
+ANKLES = [skeleton.REPORTED.index(f"{side}_ankle") for side in ("left", "right")]
+MEANS = ("sliding_mm", "sliding_beside_truth_mm", "jitter_mm", "jitter_beside_truth_mm", "error_mm", "contacts_right")
 
 
-def true_contacts(found: Tracked) -> np.ndarray:
-    """Which feet carry, of the true poses: bool (T, 2)."""
-    placed, times = soles(found.body, found.poses), found.person.track.timestamps
-    everywhere = np.ones(len(placed), dtype=bool)
-    return contacts_of_soles(placed, times, ground_height(placed, times, everywhere) or 0.0, everywhere)
+class Feet(NamedTuple):
+    """Where feet are: heel and ball of both (T, 2, 2, 3), level frame, and the ankles (T, 2, 3), metres."""
+
+    soles: np.ndarray
+    ankles: np.ndarray
+
+    @classmethod
+    def of(cls, person: Person) -> Feet:
+        """Those of a track."""
+        ankles = person.track.joints[:, ANKLES].astype(np.float64) @ person.R_level_camera.T
+        return cls(soles(person.body, person.track.pose), ankles)
+
+    def minus(self, other: Feet) -> Feet:
+        """Differences in place."""
+        return Feet(self.soles - other.soles, self.ankles - other.ankles)
 
 
-def sliding_mm(person: Person, contact: np.ndarray) -> list[float]:
-    """Root mean square of each step's sliding, millimetres, without its first and last frame."""
-    placed, rows = soles(person.body, person.track.pose), []
+def sliding_mm(placed: np.ndarray, contact: np.ndarray) -> list[float]:
+    """Root mean square of the sliding of every step of soles (T, 2, 2, 3), without its first and last frame."""
+    rows = []
     for side in range(2):
-        for span in spans(contact[:, side] & (person.track.state == TRACKED)):
+        for span in spans(contact[:, side]):
             inner = slice(span.start + 1, span.stop - 1)
             if inner.stop - inner.start < SHORTEST:
                 continue
@@ -49,45 +75,117 @@ def sliding_mm(person: Person, contact: np.ndarray) -> list[float]:
     return rows
 
 
-def jitter_mm(person: Person, contact: np.ndarray) -> float | None:
-    """Root mean square of the ankles' distance from their own course while both feet carry, millimetres."""
-    ankles = person.track.joints[:, [skeleton.REPORTED.index(f"{s}_ankle") for s in ("left", "right")]]
-    times, parts = person.track.timestamps, []
-    for span in spans(contact.all(axis=1) & (person.track.state == TRACKED)):
+def jitter_mm(ankles: np.ndarray, still: np.ndarray, times: np.ndarray) -> float | None:
+    """Root mean square of the distance of ankles (T, 2, 3) from their own course while somebody stands `still` (T,)."""
+    parts = []
+    for span in spans(still):
         if span.stop - span.start >= 2 * SHORTEST:
-            rows = ankles[span].astype(np.float64)
+            rows = ankles[span]
             parts.append(np.linalg.norm(rows - smoothed(rows, times[span], COURSE), axis=2).ravel())
     return 1000.0 * float(np.sqrt((np.concatenate(parts) ** 2).mean())) if parts else None
 
 
-def row(found: Tracked, person: Person, contact: np.ndarray) -> dict[str, Any]:
-    """Figures of one way of placing the feet."""
-    errors = 1000.0 * np.linalg.norm(person.track.joints - found.truth.track.joints, axis=2)
-    steps = sliding_mm(person, contact)
+def stands_still(feet: Feet, contact: np.ndarray, times: np.ndarray) -> np.ndarray:
+    """Frames in which both feet carry and neither ankle is under way: bool (T,)."""
+    if len(times) < 2:
+        return contact.all(axis=1)
+    speeds = np.linalg.norm(np.gradient(smoothed(feet.ankles, times, COURSE), times, axis=0), axis=2)
+    return np.asarray(contact.all(axis=1) & (speeds < STILL).all(axis=1))
+
+
+def row(feet: Feet, contact: np.ndarray, still: np.ndarray, times: np.ndarray) -> dict[str, Any]:
+    """Figures of feet while `contact` (T, 2) says that they carry."""
+    steps = sliding_mm(feet.soles, contact)
     return {
         "sliding_mm": float(np.mean(steps)) if steps else None,
         "worst_step_mm": max(steps, default=None),
         "steps": len(steps),
-        "jitter_mm": jitter_mm(person, contact),
-        "error_mm": float(errors.mean()),
-        "joints_mm": dict(zip(skeleton.REPORTED, errors.mean(axis=0).round(2).tolist(), strict=True)),
-        "contacts_right": float((person.track.contact == contact).mean()),
+        "jitter_mm": jitter_mm(feet.ankles, still, times),
     }
 
 
+def simulated(found: Tracked) -> dict[str, Any]:
+    """Figures of somebody of whom the truth is known, by how the feet are placed."""
+    times, truth = found.person.track.timestamps, found.truth
+    known, true = found.person.track.state == TRACKED, Feet.of(truth)
+    contact = truth.track.contact & known[:, None]
+    still = stands_still(true, contact, times)
+    figures: dict[str, Any] = {"true": row(true, contact, still, times)}
+    for way, person in {"tracked": found.person, "resting": at_rest(found.person)}.items():
+        own, errors = Feet.of(person), 1000.0 * np.linalg.norm(person.track.joints - truth.track.joints, axis=2)
+        beside = row(own.minus(true), contact, still, times)
+        figures[way] = row(own, contact, still, times) | {
+            "sliding_beside_truth_mm": beside["sliding_mm"],
+            "jitter_beside_truth_mm": beside["jitter_mm"],
+            "error_mm": float(errors.mean()),
+            "joints_mm": dict(zip(skeleton.REPORTED, errors.mean(axis=0).round(2).tolist(), strict=True)),
+            "contacts_right": float((person.track.contact == truth.track.contact).mean()),
+        }
+    return figures
+
+
+def of_suite(take: suite.Take, work: Path, database: Path) -> Tracked:
+    """A take of the suite."""
+    body = subject_body(take.body, seed=take.seed)
+    clip = suite.performed(take, body, suite.LONGEST)
+    distance = take.room * suite.distance_needed(take, body, clip, make_sensor(take.sensor).camera)
+    shot = Shot(
+        sensor=take.sensor, distance=distance, height=take.height, seed=take.seed, furnished=take.furnished
+    )  # fmt: skip
+    return tracked_shot(Performer(clip, body=body, yaw=take.yaw), shot, work / "suite" / take.name, database)
+
+
+def on_floor(take: suite.Take) -> bool:
+    """Whether the floor of a take stays where it is."""
+    body = subject_body(take.body, seed=take.seed)
+    poses = suite.motion_of(take.motion, body, seed=take.seed, fast=take.group == "fast").poses
+    way = suite.cut(poses, take.start, suite.LONGEST)[:, [0, 2]]
+    return take.spin == 0.0 and float(np.ptp(way, axis=0).max()) <= suite.TREADMILL
+
+
+def real(person: Person) -> dict[str, Any]:
+    """Figures of somebody of whom nothing is true, by how the feet are placed."""
+    contact, times = person.track.contact & (person.track.state == TRACKED)[:, None], person.track.timestamps
+    still = stands_still(Feet.of(person), contact, times)
+    ways = {"tracked": person, "resting": at_rest(person)}
+    return {way: row(Feet.of(own), contact, still, times) for way, own in ways.items()}
+
+
+def measured(work: Path, database: Path, recordings: Path | None) -> Iterator[tuple[str, str, dict[str, Any]]]:
+    """Kind, name and figures of every take."""
+    for made in TAKES:
+        yield "made", made.name, simulated(tracked(made, work, database))
+    for take in filter(on_floor, suite.takes("report")):
+        yield "suite", take.name, simulated(of_suite(take, work, database))
+    for file in sorted(recordings.glob("*_depth.mat"))[::STRIDE] if recordings else []:
+        yield "utd_mhad", file.stem, real(tracked_run(file, work / "utd_mhad" / file.stem, database))
+
+
+def means(takes: dict[str, dict[str, Any]]) -> dict[str, dict[str, float]]:
+    """Mean figures over the takes that have them, by how the feet are placed."""
+    found: dict[str, dict[str, float]] = {}
+    for way in next(iter(takes.values())):
+        for name in MEANS:
+            values = [own[way][name] for own in takes.values() if own[way].get(name) is not None]
+            if values:
+                found.setdefault(way, {})[name] = float(np.mean(values))
+    return found
+
+
 def main() -> None:
-    options = movement_options(__doc__)
-    figures = {}
-    for take in TAKES:
-        if take.name not in options.takes.split(","):
-            continue
-        found = tracked(take, options.work, options.database)
-        contact = true_contacts(found)
-        ways = {"tracked": found.person, "resting": at_rest(found.person)}
-        figures[take.name] = {name: row(found, person, contact) for name, person in ways.items()}
-        for name, own in figures[take.name].items():
+    parser = movement_options(__doc__)
+    parser.add_argument("--real", type=Path, metavar="FOLDER", help="that holds the recordings of UTD-MHAD")
+    options = parser.parse_args()
+    takes: dict[str, dict[str, Any]] = {}
+    for kind, name, figures in measured(options.work, options.database, options.real):
+        takes.setdefault(kind, {})[name] = figures
+        for way, own in figures.items():
             shown = {k: round(v, 2) for k, v in own.items() if isinstance(v, float)}
-            print(f"{take.name:14} {name:8}", shown, flush=True)
+            print(f"{kind:8} {name:40} {way:8}", shown, flush=True)
+    figures = {kind: {"means": means(own), "takes": own} for kind, own in takes.items()}
+    for kind, all_of_them in figures.items():
+        for way, own in all_of_them["means"].items():
+            print(f"{kind:8} mean of {len(takes[kind]):2} {way:8}", {k: round(v, 2) for k, v in own.items()})
     print(save_figures("feet", figures, vars(options)))
 
 

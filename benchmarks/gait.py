@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks._movement import RATE, TAKES, Tracked, movement_options, tracked
+from benchmarks._movement import RATE, TAKES, Take, Tracked, movement_options, tracked
 from benchmarks._plain_gait import planned_rises, planned_walk, walk_on_ground
 from benchmarks._record import save_figures
 from toolkit.biomechanics.angles import COLUMNS
@@ -23,22 +23,21 @@ from toolkit.testing.walking import Rising, Walk
 WAYS = ("tracked", "true poses")
 
 
-def known_walk(found: Tracked) -> dict[str, float]:
+def known_walk(take: Take, found: Tracked) -> dict[str, float]:
     """Figures of gait that are known; none of who does not walk."""
-    if isinstance(found.take.motion, Walk):
-        return planned_walk(found.take.motion)
-    return {} if isinstance(found.take.motion, Rising) else walk_on_ground(found.body, found.poses, RATE)
+    if isinstance(take.motion, Walk):
+        return planned_walk(take.motion)
+    return {} if isinstance(take.motion, Rising) else walk_on_ground(found.body, found.poses, RATE)
 
 
-def compared(found: Tracked) -> dict[str, Any]:
+def compared(take: Take, found: Tracked) -> dict[str, Any]:
     """Figures of one take, as tracked and of the true poses, beside those that are known."""
     summaries = [summary_of(person) for person in (at_rest(found.person), found.truth)]
-    motion = found.take.motion
     return {
         "strides": [len(summary.gait.strides) for summary in summaries],
-        "known": known_walk(found),
+        "known": known_walk(take, found),
         "gait": [summary.gait.figures() for summary in summaries],
-        "known_rises": planned_rises(motion) if isinstance(motion, Rising) else [],
+        "known_rises": planned_rises(take.motion) if isinstance(take.motion, Rising) else [],
         "rises": [[(rise.start, rise.duration, rise.seated) for rise in summary.rises] for summary in summaries],
         "angles_rms_deg": angle_errors(*summaries),
         "ranges_deg": {
@@ -81,18 +80,15 @@ def range_errors(takes: dict[str, dict[str, Any]]) -> dict[str, float]:
 
 
 def main() -> None:
-    options = movement_options(__doc__)
+    options = movement_options(__doc__).parse_args()
     takes = {}
     for take in TAKES:
-        if take.name in options.takes.split(","):
-            own = takes[take.name] = compared(tracked(take, options.work, options.database))
-            print(take.name, "strides, tracked and true poses", own["strides"], flush=True)
-            for name, known in own["known"].items():
-                print(
-                    f"   {name:22} known {known:.3f}", *(f"{w} {own['gait'][k][name]:.3f}" for k, w in enumerate(WAYS))
-                )
-            if own["known_rises"]:
-                print("   rises, known", own["known_rises"], "tracked", own["rises"][0], "true poses", own["rises"][1])
+        own = takes[take.name] = compared(take, tracked(take, options.work, options.database))
+        print(take.name, "strides, tracked and true poses", own["strides"], flush=True)
+        for name, known in own["known"].items():
+            print(f"   {name:22} known {known:.3f}", *(f"{w} {own['gait'][k][name]:.3f}" for k, w in enumerate(WAYS)))
+        if own["known_rises"]:
+            print("   rises, known", own["known_rises"], "tracked", own["rises"][0], "true poses", own["rises"][1])
     rms = {c: float(np.mean([t["angles_rms_deg"][c] for t in takes.values()])) for c in COLUMNS}
     errors = {way: known_errors(takes, k) for k, way in enumerate(WAYS)}
     figures = {"mean_absolute_errors": errors, "ranges": range_errors(takes), "angles_rms_deg": rms, "takes": takes}

@@ -5,7 +5,7 @@
   are how well the fitted body explains the depth image, whether its bones keep their lengths, and agreement within 100
   mm without hands and feet: plain, and with an offset per joint that was fitted on the other people. Results of a part
   of it go to a file ending in `_part`.
-- `offsets --database all.npz`: how our joints differ from the SDK's, joint by joint. Every `--stride`-th recording of
+- `offsets`: how our joints differ from the SDK's, joint by joint. Every `--stride`-th recording of
   UTD-MHAD and MSR Action3D is tracked. For each joint the mean offset from the SDK's place to ours in the frame of the
   torso (left, up, forwards), the mean distance, what is left of it once the offset is taken away, and the share within
   100 mm.
@@ -22,24 +22,25 @@ from typing import Any
 
 import numpy as np
 
+from benchmarks._movement import tracked_run
 from benchmarks._record import run_part, save_figures
 from benchmarks._rows import ROWS, add_database_options, figures_of, make_tracker, poses_of, settings_of, swarm_settings
 from toolkit import skeleton
 from toolkit.config import parse_overrides
 from toolkit.database.database import PoseDatabase
+from toolkit.database.default import DEFAULT_DATABASE
 from toolkit.evaluation.agreement import torso_frames
 from toolkit.evaluation.evaluate import evaluate_runs
 from toolkit.evaluation.extrema import BONES, OWNERS
 from toolkit.evaluation.scores import EvaluationTable
-from toolkit.pipeline import load_tracker, track_recordings
-from toolkit.pipeline.run import track_recording
+from toolkit.pipeline import track_recordings
 from toolkit.qammaz.tracker import SwarmTracker
 from toolkit.recordings.opening import open_recording
 from toolkit.retrieval.features.motion import from_track
 from toolkit.retrieval.features.relational import FEATURES, relational_features
 from toolkit.skeleton import END_EFFECTORS
 from toolkit.testing.suite import ROOT, WORK
-from toolkit.track import TRACK_FILE, TRACKED, RunInfo, Track
+from toolkit.track import TRACKED, RunInfo, Track
 from toolkit.tracking.protocol import Tracker
 
 RECORDINGS = ROOT.parent / "shared" / "data" / "depth" / "utd_mhad"
@@ -161,10 +162,7 @@ SETS = ("utd_mhad", "msr_action3d")
 
 def offsets_of(recording: Path, run: Path, database: Path) -> np.ndarray:
     """From the SDK's joints to ours in the torso's frame: float64 (F, 20, 3), metres, of the frames that both have."""
-    opened = open_recording(recording)
-    if not (run / TRACK_FILE).exists():
-        track_recording(opened, load_tracker("hybrid", {}, database=database), run, resume=True)
-    track, reference = Track.load(run), opened.reference_joints
+    track, reference = tracked_run(recording, run, database).track, open_recording(recording).reference_joints
     known = (track.state == TRACKED) & np.isfinite(reference).all(axis=(1, 2))
     ours = track.joints[known].astype(np.float64)
     return np.einsum("tca,tjc->tja", torso_frames(ours), ours - reference[known])
@@ -187,9 +185,9 @@ def by_joint(differences: np.ndarray) -> dict[str, dict[str, Any]]:
 
 
 def offsets(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("--database", type=Path, required=True)
-    parser.add_argument("--stride", type=int, default=6)
-    parser.add_argument("--work", type=Path, default=WORK / "kinect_offsets")
+    parser.add_argument("--database", type=Path, default=DEFAULT_DATABASE)
+    parser.add_argument("--stride", type=int, default=5)
+    parser.add_argument("--work", type=Path, default=WORK / "movement")
     options = parser.parse_args()
     figures: dict[str, Any] = {}
     for name in SETS:
