@@ -27,13 +27,15 @@ from pathlib import Path
 
 import numpy as np
 
-from toolkit.errors import DepthMocapError
+from toolkit.pipeline import second
 
 KILL = -1
 HOWS = {
-    "full disk": (errno.ENOSPC, 1), "no space once": (errno.ENOSPC, 0), "input or output error": (errno.EIO, 0),
-    "interrupted": (errno.EINTR, 0), "killed": (KILL, 0),
-}  # fmt: skip
+    "full disk": (errno.ENOSPC, 1),
+    "input or output error": (errno.EIO, 0),
+    "interrupted": (errno.EINTR, 0),
+    "killed": (KILL, 0),
+}
 """Name -> error of the call, and whether all later ones fail too."""
 LONGEST = 120
 """Seconds after which a command is said to hang."""
@@ -74,6 +76,9 @@ def failing_points(command: Command, folder: Path, how: str, points: int | None 
         command.prepare(given)
     before = contents(given)
     shutil.rmtree(out, ignore_errors=True)
+    with contextlib.redirect_stdout(io.StringIO()), contextlib.redirect_stderr(io.StringIO()):
+        command.run(given, out)  # whose children compile and import nothing
+    shutil.rmtree(out)
     attempt(command, folder, -1, how)
     expected, total = arrays(out), json.loads((folder / "said.json").read_text())[1]
     every = 1 if points is None else max(1, total // points)
@@ -115,7 +120,7 @@ def attempt(command: Command, folder: Path, point: int, how: str) -> str | None:
             words = io.StringIO()
             with contextlib.redirect_stdout(words), contextlib.redirect_stderr(words):
                 library.failing_begin(f"{folder}/".encode(), ctypes.c_long(point), number, ever_after)
-                ended = _ending(command, folder)
+                ended = _ending(command, folder, words)
                 counted = library.failing_counted()
                 library.failing_begin(b"", ctypes.c_long(-1), 0, 0)
             said.write_text(json.dumps([ended, counted]))
@@ -132,17 +137,16 @@ def attempt(command: Command, folder: Path, point: int, how: str) -> str | None:
     return ended if counted > point else None
 
 
-def _ending(command: Command, folder: Path) -> str:
+def _ending(command: Command, folder: Path, words: io.StringIO) -> str:
     try:
         command.run(folder / "in", folder / "out")
-    except DepthMocapError as error:
-        return "one sentence" if "\n" not in str(error) else f"FINDING: {error}"
-    except OSError as error:  # the command says its reason
-        return "one sentence" if error.strerror else f"FINDING: {error!r} gives no reason"
+    except SystemExit:
+        said = [line for line in words.getvalue().splitlines() if line.startswith("depthmocap: ")]
+        return "one sentence" if len(said) == 1 else f"FINDING: {words.getvalue()}"
     except BaseException as error:
         trace = "".join(traceback.format_tb(error.__traceback__)[-2:])
         return f"FINDING: {type(error).__name__}: {error} {trace}"
-    return "done"
+    return "done" if "Traceback" not in words.getvalue() else f"FINDING: {words.getvalue()}"
 
 
 def contents(folder: Path) -> dict[str, bytes]:
@@ -152,6 +156,8 @@ def contents(folder: Path) -> dict[str, bytes]:
 
 IGNORED = (".txt", ".partial", ".html", ".json", ".jsonl", ".yaml", "state.npz")
 """What is no result, or tells the time."""
+UNFINISHED = (".work", second.FOLDER)
+"""Folders of work that goes on."""
 TIMES = ("stage_ms", "checksum")
 
 
@@ -159,7 +165,7 @@ def arrays(folder: Path) -> dict[str, str]:
     """The arrays of every result below a folder; temporary files and those of work that goes on are none."""
     found = {}
     for path in sorted(folder.rglob("*")):
-        hidden = any(part.startswith(".") or part.endswith(".work") for part in path.relative_to(folder).parts)
+        hidden = any(part.startswith(".") or part.endswith(UNFINISHED) for part in path.relative_to(folder).parts)
         if path.is_dir() or hidden or path.name.endswith(IGNORED):
             continue
         if path.suffix != ".npz":

@@ -1,4 +1,4 @@
-"""The commands whose calls fail in turn: on tiny inputs, with all their files."""
+"""The commands whose calls fail in turn: as they are typed, with the default tracker, on tiny inputs."""
 
 from __future__ import annotations
 
@@ -9,25 +9,26 @@ from typing import Any
 
 import numpy as np
 
-from database_builder.build import Sampling, build_database
 from tests.database_helpers import write_bvh
 from tests.failing_calls import Command
-from tests.fake_tracker import FakeTracker, write_recording
+from tests.fake_tracker import write_recording
+from tests.fuzz_files import body_file, database_file
 from tests.run_helpers import write_run
 from toolkit import skeleton
-from toolkit.export.run import export_run
+from toolkit.cli.main import main
 from toolkit.people import survey
 from toolkit.people.sighting import PredictedBody, Sighting
 from toolkit.pipeline import run as pipeline
-from toolkit.pipeline import track_recordings
-from toolkit.retrieval.workflow.index import index_motions
+from toolkit.pipeline import second
 from toolkit.stabilising import workflow
 
-FRAMES = 4
+FRAMES = 3
 
 
 class TwoPeople:
-    """Finds the same surface twice; the second one from the third frame on."""
+    """Finds the same surface twice; the second one from the second frame on."""
+
+    furniture: frozenset[int] = frozenset()
 
     def __init__(self, camera: Any) -> None:
         self.camera, self._frames = camera, 0
@@ -37,7 +38,7 @@ class TwoPeople:
     ) -> tuple[Sighting, ...]:
         self._frames += 1
         depth = depth_mm.astype(np.float32) / 1000
-        ids = (1, 2) if self._frames > 2 else (1,)
+        ids = (1, 2) if self._frames > 1 else (1,)
         return tuple(Sighting(i, depth * i, np.zeros(depth.shape, bool), self.camera) for i in ids)
 
     def export_state(self) -> dict[str, Any]:
@@ -47,19 +48,30 @@ class TwoPeople:
         self._frames = state["frames"]
 
 
-def _recording(folder: Path) -> None:
+def _take(folder: Path) -> None:
     write_recording(folder / "take.npz", FRAMES)
+    database_file(folder)
+    body_file(folder)
 
 
-def _track(given: Path, out: Path) -> None:
-    pipeline.MEMORY_SECONDS = -1.0  # a state after every frame
-    track_recordings([given / "take.npz"], FakeTracker(), out / "run", resume=True)
+def _typed(*words: str | Path) -> None:
+    """A command as it is typed; raises SystemExit where it fails."""
+    try:
+        main([str(word) for word in words])
+    except SystemExit as stop:
+        if stop.code:
+            raise
+
+
+def _track(given: Path, out: Path, *words: str) -> None:
+    pipeline.MEMORY_SECONDS = second.MEMORY_SECONDS = -1.0  # a state after every frame
+    files = ("--database", given / "poses.npz", "--body", given / "me.npz", "--output", out / "run")
+    _typed("track", given / "take.npz", *files, "--resume", *words)
 
 
 def _track_all(given: Path, out: Path) -> None:
-    pipeline.MEMORY_SECONDS = -1.0
     survey.find_people = lambda recording, *_, **__: TwoPeople(recording.camera)  # type: ignore[assignment]
-    track_recordings([given / "take.npz"], FakeTracker(), out / "run", people=None, resume=True)
+    _track(given, out, "--people", "all")
 
 
 def _mocap(folder: Path) -> None:
@@ -68,11 +80,12 @@ def _mocap(folder: Path) -> None:
 
 
 def _build(given: Path, out: Path) -> None:
-    build_database([given], out / "poses.npz", Sampling(max_poses=20, seated=False), parts=None, workers=1)
+    options = ("--max-poses", "20", "--no-seated", "--no-parts", "--workers", "1")
+    _typed("database", "build", given, "--output", out / "poses.npz", *options)
 
 
 def _index(given: Path, out: Path) -> None:
-    index_motions([given], out / "motions.index")
+    _typed("index", given, "--output", out / "motions.index", "--workers", "1")
 
 
 def _run(folder: Path) -> None:
@@ -81,7 +94,7 @@ def _run(folder: Path) -> None:
 
 def _export(given: Path, out: Path) -> None:
     for suffix in (".glb", ".bvh", ".csv", ".trc"):
-        export_run(given / "run", out / f"motion{suffix}")
+        _typed("export", given / "run", "--output", out / f"motion{suffix}")
 
 
 def _stabilising(folder: Path) -> None:
@@ -100,7 +113,7 @@ _ROUNDS: list[Any] = []
 def _stabilise(given: Path, out: Path) -> None:
     """The command with its files; what it computes between reading and writing is computed once."""
     workflow.stabilise = lambda source, wanted, settings, **_: _ROUNDS  # type: ignore[assignment]
-    workflow.stabilise_run(given / "wrong", given / "classes.npz", out / "stable")
+    _typed("stabilise", given / "wrong", "--classes", given / "classes.npz", "--output", out / "stable")
 
 
 def _prepare_stabilising(folder: Path) -> None:
@@ -110,8 +123,8 @@ def _prepare_stabilising(folder: Path) -> None:
 
 
 COMMANDS = {
-    "track": Command(_recording, _track),
-    "track --people all": Command(_recording, _track_all),
+    "track": Command(_take, _track),
+    "track --people all": Command(_take, _track_all),
     "database build": Command(_mocap, _build),
     "index": Command(_mocap, _index),
     "export": Command(_run, _export),
