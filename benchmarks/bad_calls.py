@@ -28,6 +28,7 @@ from benchmarks._record import save_figures
 VALUES = (
     "", "0", "-1", "nan", "inf", "-inf", "1e9", "1e-9", "1e308", "9" * 40, "x", "[/red]", "$\\foo$", "a\nb", "\x1b[31m",
     "caf\udce9", "..", "/", "/dev/zero", "~", "a,b", "1,2,3", "-", "--", "null", "x" * 300, "=1+1", "0,0", "kinect",
+    "\u202ezpn", "/dev/full", "/proc/self/mem", "1e400", "0x10", "٣", "%s%n", "{}", "*", "\t", "NaN,NaN,NaN", "1;2",
 )  # fmt: skip
 IMPORTED = (
     "toolkit.pipeline", "toolkit.evaluation.evaluate", "toolkit.report.page", "toolkit.export.run",
@@ -62,12 +63,14 @@ def call(number: int, seed: int, folder: Path) -> list[str]:
     (folder / "read").mkdir(parents=True)
     words = list(VERBS[sorted(VERBS)[rng.integers(len(VERBS))]])
     kinds = [kind for kind in KINDS if kind != "missing"]
-    name = (*NAMES[:1], "bad.bvh", "bad.pcd", "bad.mkv", "bad.csv", "bad.yaml", "caf\udce9", "[red]")[rng.integers(8)]
+    name = (*NAMES[:1], "bad.bvh", "bad.pcd", "bad.mkv", "bad.csv", "bad.yaml", "caf\udce9", "[red]",
+            "a\nb.npz", "\x1b[31m.npz", "\u202ezpn.npz", "$\\foo$.npz")[rng.integers(12)]  # fmt: skip
     if rng.random() < 0.9:
         KINDS[kinds[rng.integers(len(kinds))]](folder / "read" / name)
     good = str(folder.parent / ("take.npz" if rng.random() < 0.7 else "run"))
     bad = good if rng.random() < 0.4 else str(folder / "read" / name)
-    filled = {"BAD": bad, "POSES": str(folder.parent / "poses.npz")}
+    known_files = {"POSES": "poses.npz", "TAKE": "take.npz", "RUN": "run"}
+    filled = {"BAD": bad, **{word: str(folder.parent / file) for word, file in known_files.items()}}
     words = [filled.get(w, str(folder / w) if w.startswith("OUT") else w) for w in words]
     known = options_of(words[:2])
     for _ in range(int(rng.integers(0, 4))):
@@ -99,7 +102,7 @@ def outcome(number: int, seed: int, work: Path) -> tuple[str, list[str]]:
                 except SystemExit as stop:
                     code = stop.code if isinstance(stop.code, int) else 0 if stop.code is None else 1
             text = said.getvalue()
-            wrong = "FINDING: an escape" if "\x1b[31m" in text else ""
+            wrong = "FINDING: an escape" if "\x1b[31m" in text or "\u202e" in text else ""
             wrong = "FINDING: a traceback" if "Traceback" in text else wrong
             os.write(write, (wrong or f"exit code {code}").encode())
         except BaseException as error:

@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+import io
 import os
+import pickle
+import stat
+import zipfile
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -26,8 +30,13 @@ VERBS: dict[str, tuple[str, ...]] = {
     "simulate": ("simulate", "BAD", "--output", "OUT.npz"),
     "joints": ("joints", "BAD", "--output", "OUT.npz"),
     "track": ("track", "BAD", "--database", "POSES", "--output", "OUT"),
-    "track, database": ("track", "POSES", "--database", "BAD", "--output", "OUT"),
-    "track, settings": ("track", "POSES", "--database", "POSES", "--config", "BAD", "--output", "OUT"),
+    "track, database": ("track", "TAKE", "--database", "BAD", "--output", "OUT"),
+    "track, settings": ("track", "TAKE", "--database", "POSES", "--config", "BAD", "--output", "OUT"),
+    "track, body": ("track", "TAKE", "--database", "POSES", "--body", "BAD", "--output", "OUT"),
+    "track, joints": ("track", "TAKE", "--database", "POSES", "--joints", "BAD", "--output", "OUT"),
+    "track, classes": ("track", "TAKE", "--database", "POSES", "--classes", "BAD", "--events", "-", "--output", "OUT"),
+    "track, queries": ("track", "TAKE", "--database", "POSES", "--queries", "BAD", "--output", "OUT"),
+    "track, background": ("track", "TAKE", "--database", "POSES", "--background", "BAD", "--output", "OUT"),
     "track, workers": ("track", "BAD", "--database", "POSES", "--output", "OUT", "--workers", "1"),
     "evaluate": ("evaluate", "BAD"),
     "render": ("render", "BAD", "--output", "OUT.png"),
@@ -39,7 +48,27 @@ VERBS: dict[str, tuple[str, ...]] = {
     "annotate": ("annotate", "BAD", "--classes", "POSES", "--output", "OUT"),
     "annotate, classes": ("annotate", "POSES", "--classes", "BAD", "--output", "OUT"),
     "inertial read": ("inertial", "read", "BAD", "--output", "OUT.npz"),
+    "inertial calibrate": ("inertial", "calibrate", "BAD", "--sensors", "BAD", "--output", "OUT"),
+    "stabilise": ("stabilise", "BAD", "--classes", "POSES", "--output", "OUT"),
+    "stabilise, classes": ("stabilise", "RUN", "--classes", "BAD", "--output", "OUT"),
+    "body scan": ("body", "scan", "BAD", "--output", "OUT.npz"),
+    "export, rig": ("export", "RUN", "--rig", "BAD", "--output", "OUT.glb"),
 }
+
+
+def _npz_of(header: str, data: bytes = b"") -> bytes:
+    """An NPZ file of one array under a header that may be anything."""
+    text = header.encode() + b"\n"
+    out = io.BytesIO()
+    with zipfile.ZipFile(out, "w", zipfile.ZIP_DEFLATED) as archive:
+        archive.writestr("depth.npy", b"\x93NUMPY\x01\x00" + len(text).to_bytes(2, "little") + text + data)
+    return out.getvalue()
+
+
+BOMB = _npz_of("{'descr': '|u1', 'fortran_order': False, 'shape': (67108864,), }", bytes(1 << 26))
+PICKLE = _npz_of("{'descr': '|O', 'fortran_order': False, 'shape': (1,), }", pickle.dumps([{}]))
+ENDLESS = _npz_of("{'descr': '<f8', 'fortran_order': False, 'shape': (4611686018427387904, 4611686018427387904), }")
+NESTED = _npz_of("(" * 5000)
 KINDS: dict[str, Callable[[Path], object]] = {
     "missing": lambda path: None,
     "empty": lambda path: path.write_bytes(b""),
@@ -47,7 +76,14 @@ KINDS: dict[str, Callable[[Path], object]] = {
     "text": lambda path: path.write_text("hello, world\n"),
     "an empty folder": lambda path: path.mkdir(),
     "a pipe": lambda path: os.mkfifo(path),
+    "a socket": lambda path: os.mknod(path, stat.S_IFSOCK | 0o600),
     "a link to itself": lambda path: path.symlink_to(path),
+    "a link to a device": lambda path: path.symlink_to("/dev/zero"),
+    "a link to the folder that holds it": lambda path: path.symlink_to(path.parent),
+    "a bomb": lambda path: path.write_bytes(BOMB),
+    "a pickle": lambda path: path.write_bytes(PICKLE),
+    "an endless array": lambda path: path.write_bytes(ENDLESS),
+    "a nested header": lambda path: path.write_bytes(NESTED),
     "a zip of nothing": lambda path: path.write_bytes(b"PK\x05\x06" + bytes(18)),
 }
 NAMES = ("bad.npz", "x" * 300)
@@ -55,17 +91,20 @@ NAMES = ("bad.npz", "x" * 300)
 
 @pytest.mark.parametrize("verb", VERBS)
 def test_bad_input_is_one_sentence(verb: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    poses = tmp_path / "poses.npz"
+    poses, take, run = (tmp_path / name for name in ("poses.npz", "take.npz", "run"))
     small_database(12).save(poses)
+    write_run(run, np.zeros((3, skeleton.POSE_SIZE)), recording=str(write_recording(take, 3)))
     for name in NAMES:
         for kind, make in KINDS.items():
             if len(name) > 255 and kind != "missing":
                 continue
+            if (verb, kind) == ("track, settings", "empty"):
+                continue  # the usual ones
             folder = tmp_path / f"{name[:8]} {kind}"
             folder.mkdir()
             make(folder / name)
             before = sorted(folder.rglob("*"))
-            words = {"BAD": str(folder / name), "POSES": str(poses)}
+            words = {"BAD": str(folder / name), "POSES": str(poses), "TAKE": str(take), "RUN": str(run)}
             arguments = [words.get(a, str(folder / a) if a.startswith("OUT") else a) for a in VERBS[verb]]
             with pytest.raises(SystemExit) as stop:
                 main(arguments)

@@ -191,6 +191,8 @@ def test_a_prior_that_does_not_fit_is_refused() -> None:
         PosePrior.of_arrays(arrays | {"means": arrays["means"][:, :-1]})
     with pytest.raises(DatabaseError, match="not finite"):
         PosePrior.of_arrays(arrays | {"covariances": np.full_like(arrays["covariances"], np.nan)})
+    with pytest.raises(DatabaseError, match="situation of the pose prior is <U4"):
+        PosePrior.of_arrays(arrays | {"situation": arrays["situation"].astype("U4")})
     with pytest.raises(SettingsError, match="prior"):
         PriorSettings(components=0)
 

@@ -50,6 +50,8 @@ class Guiding:
             Options do not go together, or belong to one recording.
         """
         if self.events is None:
+            if self.early or self.classes is not None or self.queries is not None:
+                raise UsageError("--classes, --queries and --early belong to --events; add it, or leave them out")
             return None
         if self.classes is None or len(recordings) != 1:
             raise UsageError("--events tells the motions of one recording; name it, and --classes")

@@ -34,6 +34,12 @@ _UPRIGHT = float(np.cos(np.radians(50.0)))
 """Vertical part of the trunk's direction below which no person sits."""
 _WIDEST = 10.0
 """Radians, or lengths of the leg: no person's variables are larger."""
+_COLUMNS = {
+    "weights": Column("f", ("components",), 0.0, 1.0),
+    "means": Column("f", ("components", SIZE), -_WIDEST, _WIDEST),
+    "covariances": Column("f", ("components", SIZE, SIZE), -(_WIDEST**2), _WIDEST**2),
+    "situation": Column("i", ("components",), 0, len(SITUATIONS) - 1),
+}
 _LYING_TRUNK, _LYING_HEIGHT = 0.5, 0.55
 _STANDING_HEIGHT = 0.8
 
@@ -117,14 +123,7 @@ class PosePrior:
     _conditioned: dict[tuple[bytes, float], tuple[np.ndarray, ...]] = field(default_factory=dict, repr=False)
 
     def __post_init__(self) -> None:
-        columns = {
-            "weights": Column("f", ("components",), 0.0, 1.0),
-            "means": Column("f", ("components", SIZE), -_WIDEST, _WIDEST),
-            "covariances": Column("f", ("components", SIZE, SIZE), -(_WIDEST**2), _WIDEST**2),
-            "situation": Column("i", ("components",), 0, len(SITUATIONS) - 1),
-        }
-        values = {name: getattr(self, name) for name in columns}
-        check_columns(values, columns, DatabaseError, "the pose prior", "build the database again")
+        check_columns(vars(self), _COLUMNS, DatabaseError, "the pose prior", "build the database again")
         if not (len(self.weights) and (self.weights > 0.0).all()):
             raise DatabaseError("the pose prior has no component, or one without weight; build the database again")
 
@@ -144,8 +143,9 @@ class PosePrior:
         Raises
         ------
         DatabaseError
-            One is missing or does not fit.
+            One is missing, of another type, or does not fit.
         """
+        check_columns(arrays, _COLUMNS, DatabaseError, "the pose prior", "build the database again")
         try:
             return PosePrior(
                 arrays["weights"].astype(np.float64), arrays["means"].astype(np.float64),
