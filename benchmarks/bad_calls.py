@@ -34,6 +34,7 @@ IMPORTED = (
     "toolkit.pipeline", "toolkit.evaluation.evaluate", "toolkit.report.page", "toolkit.export.run",
     "toolkit.simulation.simulate", "toolkit.inertial.workflow", "toolkit.retrieval.workflow.search",
     "toolkit.retrieval.workflow.annotate", "toolkit.retrieval.workflow.learn", "database_builder.build",
+    "toolkit.hybrid.tracker", "toolkit.stabilising.workflow", "toolkit.pipeline.events",
 )  # fmt: skip
 """Modules that every call would import anew."""
 PATIENCE = 120
@@ -126,7 +127,6 @@ def main() -> None:
     options = parser.parse_args()
     work = Path(tempfile.mkdtemp(prefix="bad-calls-"))
     os.environ["NUMBA_BOUNDSCHECK"] = "1"
-    os.environ.setdefault("NUMBA_CACHE_DIR", str(work / "kernels"))
     from tests.database_helpers import small_database
     from tests.fake_tracker import write_recording
     from tests.run_helpers import write_run

@@ -11,6 +11,7 @@ import json
 import re
 import subprocess
 import sys
+from collections import Counter
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
@@ -302,11 +303,50 @@ def kinect_offsets() -> Rows:
     return rows
 
 
+FINDING = "FINDING"
+"""How outcomes begin that must not be."""
+CHANGED = {
+    ", revalued": "values of JSON and YAML",
+    ", resealed": "arrays and headers under a right checksum",
+    " folder, ": "a run that is shown or gone on with",
+    ", tracked": "recording, database and body of a run",
+    "": "bytes",
+}
+"""What a name of the benchmark holds, the first that fits -> what is changed of such files."""
+
+
+def damaged() -> Rows:
+    """What became of damaged files, by what was changed."""
+    counts: dict[str, Counter[str]] = {said: Counter() for said in CHANGED.values()}
+    for name, outcomes in figures("fuzz").items():
+        own = counts[next(said for part, said in CHANGED.items() if part in name)]
+        own["kinds"] += 1
+        own.update({outcome.split(":")[0]: count for outcome, count in outcomes.items()})
+    counts["all"] = sum(counts.values(), Counter())
+    seen = ("refused", "same", "other", FINDING)
+    rows = [("what is changed", "kinds of files", "changes", "refused", "as it was", "another meaning", "findings")]
+    for said, own in counts.items():
+        changes = sum(own[outcome] for outcome in seen)
+        rows.append((said, *(f"{number:,}" for number in (own["kinds"], changes, *(own[o] for o in seen)))))
+    return rows
+
+
+def failing() -> Rows:
+    """What became of commands one of whose calls of the file system failed."""
+    rows = [("command", "failure", "points", "one sentence", "done all the same", "killed", "findings")]
+    for command, hows in figures("failures").items():
+        for how, outcomes in hows.items():
+            bad = sum(count for outcome, count in outcomes.items() if outcome.startswith(FINDING))
+            seen = (outcomes.get(outcome, 0) for outcome in ("one sentence", "done", "killed"))
+            rows.append((command, how, *(f"{number:,}" for number in (sum(outcomes.values()), *seen, bad))))
+    return rows
+
+
 TABLES: dict[str, Callable[[], Rows]] = {
     table.__name__: table
     for table in (
         first_screen, accuracy, times, swarm, sequences, models, upper, stabilised, events, hidden_limbs, scenes, crowd,
-        kinect_offsets,
+        kinect_offsets, damaged, failing,
     )
 }  # fmt: skip
 
