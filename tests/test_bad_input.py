@@ -191,3 +191,14 @@ def test_what_cannot_be_is_named(
     said = capsys.readouterr().err.splitlines()[-1]
     assert stop.value.code in (1, 2) and said.startswith("depthmocap: ") and OUT_OF_RANGE[command] in said
     assert (files / "table.csv").read_bytes() == b"mine"
+
+
+@pytest.mark.parametrize("command", ["report run --output r.html --to", "render run --output f.png --from"])
+def test_a_frame_that_no_recording_has_is_named(
+    command: str, files: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(files)
+    with pytest.raises(SystemExit) as stop:
+        main([*command.split(), "9" * 40])
+    said = capsys.readouterr().err
+    assert stop.value.code == 2 and command.split()[-1] in said and "Traceback" not in said

@@ -18,7 +18,15 @@ from tests.run_helpers import write_people, write_run
 from toolkit import skeleton
 from toolkit.archives import CHECKSUM, checksum_of
 from toolkit.cli.main import main
-from toolkit.errors import DepthMocapError, MocapError, RecordingError, RetrievalError, TrackError, UsageError
+from toolkit.errors import (
+    DepthMocapError,
+    MocapError,
+    OutputError,
+    RecordingError,
+    RetrievalError,
+    TrackError,
+    UsageError,
+)
 from toolkit.files import sha256_of
 from toolkit.pipeline import run as pipeline
 from toolkit.pipeline import track_recordings
@@ -290,6 +298,31 @@ def main_of(*words: str) -> int:
     except SystemExit as stop:
         return int(stop.code or 0)
     return 0
+
+
+def test_a_pipe_in_the_place_of_the_second_pass_is_not_waited_for(tmp_path: Path) -> None:
+    from tests.fuzz_files import body_file, database_file
+    from tests.fuzz_runs import _track, _tracker
+
+    recording = write_recording(tmp_path / "take.npz", 2)
+    database_file(tmp_path)
+    body_file(tmp_path)
+    (tmp_path / "run").mkdir()
+    os.mkfifo(tmp_path / "run" / "second")
+    with pytest.raises(OutputError, match="second"):
+        _track(recording, _tracker(tmp_path), tmp_path / "run")
+
+
+def test_a_word_without_end_in_a_cloud_is_one_sentence(tmp_path: Path) -> None:
+    from toolkit.recordings.readers.cloud import load_cloud
+
+    header = (
+        "ply\nformat ascii 1.0\nelement vertex 1\nproperty float x\nproperty float y\nproperty float z\nend_header\n"
+    )
+    for text in (header.replace("vertex", "[" * 2000), header + "0 0 " + "1" * 2000):
+        (tmp_path / "a.ply").write_text(text)
+        with pytest.raises(RecordingError, match="a word of more than"):
+            load_cloud(tmp_path / "a.ply", "camera")
 
 
 def test_an_events_file_of_something_else_is_one_sentence(tmp_path: Path) -> None:

@@ -10,6 +10,9 @@ import typer
 
 from toolkit.errors import UsageError
 
+MOST_FRAMES = 1_000_000_000
+"""What the number of a frame may be: a year at 30 a second."""
+
 Run = Annotated[
     Path, typer.Argument(metavar="RUN", help="Run folder that `depthmocap track` wrote.", show_default=False)
 ]

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from toolkit.cli.options import Run
+from toolkit.cli.options import MOST_FRAMES, Run
 from toolkit.cli.terminal import say
 from toolkit.errors import UsageError
 
@@ -28,8 +28,10 @@ def render(
     ],
     recording: Annotated[Path | None, typer.Option(help="Where the recording has been moved to.")] = None,
     rate: Annotated[float | None, typer.Option(help="Frames per second.", show_default="the recording's")] = None,
-    start: Annotated[int, typer.Option("--from", help="First frame.")] = 0,
-    end: Annotated[int | None, typer.Option("--to", help="Frame after the last.", show_default="all")] = None,
+    start: Annotated[int, typer.Option("--from", help="First frame.", max=MOST_FRAMES)] = 0,
+    end: Annotated[
+        int | None, typer.Option("--to", help="Frame after the last.", max=MOST_FRAMES, show_default="all")
+    ] = None,
     panels: Annotated[
         str | None,
         typer.Option(help="Which of depth, body, side, plan, with commas between.", show_default="depth,body,side"),

@@ -7,6 +7,7 @@ from typing import Annotated
 
 import typer
 
+from toolkit.cli.options import MOST_FRAMES
 from toolkit.cli.terminal import say
 
 
@@ -20,8 +21,10 @@ def report(
         typer.Option("--reference", "-r", help="What the tracks are compared with; each run's own recording without."),
     ] = None,
     recording: Annotated[Path | None, typer.Option(help="Where the recording has been moved to.")] = None,
-    start: Annotated[int, typer.Option("--from", help="First frame.")] = 0,
-    end: Annotated[int | None, typer.Option("--to", help="Frame after the last.", show_default="3000 at most")] = None,
+    start: Annotated[int, typer.Option("--from", help="First frame.", max=MOST_FRAMES)] = 0,
+    end: Annotated[
+        int | None, typer.Option("--to", help="Frame after the last.", max=MOST_FRAMES, show_default="3000 at most")
+    ] = None,
 ) -> None:
     """Write one page that works offline: film, the body in three dimensions, errors, confidence, times, settings."""
     from toolkit.cli.terminal import progress_bars

@@ -15,6 +15,7 @@ import numpy as np
 from toolkit.archives import Column
 from toolkit.body.body import Body
 from toolkit.checkpoint import check_state, load_checkpoint, numbered, save_checkpoint
+from toolkit.files import is_folder
 from toolkit.pipeline.sink import RunSink
 from toolkit.sensing.camera import Camera
 from toolkit.track import EMPTY, FrameResult
@@ -67,7 +68,7 @@ class SecondPass:
 
     def sightings(self, frames: int) -> SightingFile:
         """Where the first pass keeps what it sees; of a run that goes on, the sightings of so many frames are there."""
-        if frames == 0:
+        if frames == 0 and is_folder(self._folder):  # of a pipe rmtree would wait for a writer
             shutil.rmtree(self._folder, ignore_errors=True)
         return SightingFile(self._folder, self._camera, frames)
 

@@ -33,6 +33,8 @@ LARGEST_SIDE = 640  # pixels of a virtual camera
 SPACING_SAMPLES = 2000
 LARGEST_CLOUD = 50_000_000
 """Points of a cloud, ten times as many as a depth camera has pixels: Open3D takes memory for as many as are stated."""
+LONGEST_WORD = 255
+"""Characters of a word in the text of a PLY file: Open3D's reader writes a longer one past a buffer."""
 NEAREST, FARTHEST = (
     1e-4,
     1e5,
@@ -76,6 +78,8 @@ def load_cloud(path: Path, axes: str) -> RawCloud:
     header = _header(path)
     if path.suffix.lower() == ".pcd" and not _stated(header):  # Open3D would take any number for that of the points
         raise RecordingError(f"{path} states no points; it is empty, truncated or no PCD")
+    if path.suffix.lower() == ".ply" and _longest_word(path) > LONGEST_WORD:
+        raise RecordingError(f"{path} holds a word of more than {LONGEST_WORD} characters; it is damaged or no PLY")
     if _stated(header) > LARGEST_CLOUD:
         raise RecordingError(f"{path} states {_stated(header)} points; it is damaged, or no picture of a camera")
     with o3d.utility.VerbosityContextManager(o3d.utility.VerbosityLevel.Error):
@@ -115,6 +119,14 @@ def _header(path: Path) -> dict[str, int]:
             if len(words) in (2, 3) and words[-1].isascii() and words[-1].isdigit():
                 numbers[words[-2].upper()] = int(words[-1])
     return numbers
+
+
+def _longest_word(path: Path) -> int:
+    """Characters of the longest word of a PLY file's text: its header, and without a binary format all of it."""
+    with damaged(path), open_file(path) as stream:
+        content = stream.read()
+    text, _, _ = content.partition(b"end_header")
+    return max(map(len, (text if b"format binary_" in text else content).split()), default=0)
 
 
 def _stated(header: dict[str, int]) -> int:
