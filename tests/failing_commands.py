@@ -80,7 +80,7 @@ def _mocap(folder: Path) -> None:
 
 
 def _build(given: Path, out: Path) -> None:
-    options = ("--max-poses", "20", "--no-seated", "--no-parts", "--workers", "1")
+    options = ("--max-poses", "20", "--no-seated", "--no-parts", "--workers", "1", "--strict")
     _typed("database", "build", given, "--output", out / "poses.npz", *options)
 
 
