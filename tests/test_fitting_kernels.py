@@ -157,7 +157,7 @@ def test_the_pixel_search_finds_the_points_that_a_scan_of_all_finds(search) -> N
     expected = np.sort(distances[distances < reach])[:wanted]
     squared, pixels = np.full(wanted, np.nan), np.full(wanted, -1)
     ray = longest_ray(*depth.shape, intrinsics)
-    found = nearest_pixels(*query, depth, intrinsics, ray, reach, wanted, squared, pixels)
+    found = nearest_pixels(*query, depth, intrinsics, ray, reach, squared, pixels)
     assert found == len(expected)
     assert np.sqrt(squared[:found]) == pytest.approx(expected, rel=1e-9, abs=1e-12)
     of_pixel = dict(zip(flat.tolist(), distances.tolist(), strict=True))
@@ -169,7 +169,7 @@ def test_equally_near_points_are_all_found_once() -> None:
     depth = np.full((5, 5), 2.0)
     intrinsics = np.array([10.0, 10.0, 2.0, 2.0])
     squared, pixels = np.empty(9), np.empty(9, dtype=np.int64)
-    found = nearest_pixels(0.0, 0.0, 2.0, depth, intrinsics, longest_ray(5, 5, intrinsics), 9.0, 9, squared, pixels)
+    found = nearest_pixels(0.0, 0.0, 2.0, depth, intrinsics, longest_ray(5, 5, intrinsics), 9.0, squared, pixels)
     assert found == 9
     assert pixels[0] == 12
     assert set(pixels[1:5]) == {7, 11, 13, 17} and set(pixels[5:]) == {6, 8, 16, 18}
@@ -186,7 +186,7 @@ def test_the_bound_of_the_search_holds_for_the_longest_ray_of_an_image_beside_th
 @pytest.mark.parametrize("z", [0.05, 0.0, -1.0])
 def test_a_query_behind_the_camera_finds_nothing(z: float) -> None:
     depth, intrinsics = np.full((5, 5), 0.1), np.array([10.0, 10.0, 2.0, 2.0])
-    assert nearest_pixels(0.0, 0.0, z, depth, intrinsics, 1.1, 2.0, 1, np.empty(1), np.empty(1, dtype=np.int64)) == 0
+    assert nearest_pixels(0.0, 0.0, z, depth, intrinsics, 1.1, 2.0, np.empty(1), np.empty(1, dtype=np.int64)) == 0
 
 
 # Correspondences

@@ -38,6 +38,20 @@ def test_every_piece_stands_on_the_floor_and_is_as_large_as_furniture(kind: str)
         assert all(0.0 <= part.reflectance <= 1.0 for part in parts)
 
 
+class Sparing(np.random.Generator):
+    """Nothing that is put somewhere by chance is put there."""
+
+    def random(self, size: int | None = None) -> float | np.ndarray:  # type: ignore[override]
+        return 0.9 if size is None else np.full(size, 0.9)
+
+
+@pytest.mark.parametrize("kind", PIECES)
+def test_every_part_of_a_piece_has_a_surface_whatever_chance_leaves_out(kind: str) -> None:
+    for seed in range(5):
+        parts = PIECES[kind](Sparing(np.random.PCG64(seed)))
+        assert parts and all(len(part.mesh.vertices) and len(part.mesh.faces) for part in parts)
+
+
 @pytest.mark.parametrize("kind", SEATS)
 def test_a_seat_is_as_high_as_it_is_told(kind: str) -> None:
     for seat in (0.3, 0.5):

@@ -129,7 +129,7 @@ class Body:
 
     def place(self, pose: np.ndarray) -> PlacedJoints:
         """Forward kinematics of one pose (P,)."""
-        pose = skeleton.check_pose(pose)
+        pose = np.array(skeleton.check_pose(pose))  # one kind of array, so that one kernel is compiled
         count = len(skeleton.JOINTS)
         placed = PlacedJoints(np.empty((count, 3)), np.empty((count, 3, 3)), np.empty((count, 3)))
         kinematics.forward_kinematics(
@@ -213,11 +213,11 @@ class Body:
 
 def vertex_normals(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
     """Outward unit normals (V, 3) of a mesh, area-weighted over the faces at a vertex."""
-    corners = vertices[faces]
-    areas = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    normals = np.zeros_like(vertices)
-    for corner in range(3):
-        np.add.at(normals, faces[:, corner], areas)
+    first, second, third = (vertices[faces[:, corner]].T for corner in range(3))
+    a, b = second - first, third - first
+    areas = (a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0])
+    at = faces.T.ravel()
+    normals = np.stack([np.bincount(at, np.tile(area, 3), len(vertices)) for area in areas], axis=1)
     return normals / np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-12)
 
 

@@ -92,7 +92,7 @@ class Placer:
         self.camera = camera
         self.intrinsics = np.array(camera.intrinsics, dtype=np.float64)
         self.from_level = np.ascontiguousarray(level_rotation.T, dtype=np.float64)
-        self.faces = body.faces.astype(np.int64)
+        self.faces = np.ascontiguousarray(body.faces, np.int64)
         self.chosen = choose_vertices(body)
         self.front = np.asarray(body.normals[self.chosen, 2] > 0.0)
         self.around_joints = chosen_around_joints(body, self.chosen)

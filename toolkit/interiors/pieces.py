@@ -225,8 +225,8 @@ def shelf(rng: np.random.Generator) -> Piece:
                 full.append(box((x, low, -0.4 * deep), (end, tall, rng.uniform(0.1, 0.45) * deep)))
             x += size
     boards.append(slab((0.0, high, 0.0), (wide, 0.025, deep)))
-    reflectance = _surface(rng)
-    return [Part(joined([*sides, back, *boards]), reflectance), Part(joined(full), _surface(rng))]
+    piece, reflectance = [Part(joined([*sides, back, *boards]), _surface(rng))], _surface(rng)
+    return [*piece, Part(joined(full), reflectance)] if full else piece
 
 
 def sofa(rng: np.random.Generator) -> Piece:

@@ -48,9 +48,10 @@ def unobserved_pixels(
     bool (H, W), or None if there is no such pixel. Something that is not this person hides what is behind it; it does
     so for a person whose farthest measured point lies behind it.
     """
-    farthest = kernels.depth_quantile(depth, SAMPLES, 0.95)
-    if farthest == 0.0:
+    measured = kernels.depth_samples(depth, SAMPLES)
+    if not len(measured):
         return None
+    farthest = float(np.quantile(measured, 0.95))
     mask = np.empty(depth.shape, dtype=np.bool_)
     largest = 0 if cut_out else int(np.count_nonzero(depth))
     hidden = kernels.hidden_pixels(whole_mm, depth, 1000 * (farthest + THICKNESS), holes, largest, mask)

@@ -14,7 +14,7 @@ from toolkit.pipeline.rows import RowWatcher
 from toolkit.pipeline.run import RUN_FILES, track_recording
 from toolkit.pipeline.summary import BatchReport
 from toolkit.progress import RecordingProgress
-from toolkit.recordings.opening import open_upright
+from toolkit.recordings.opening import open_recording, open_upright
 from toolkit.sensing.recording import ReaderOptions
 from toolkit.tracking.protocol import Tracker
 
@@ -85,7 +85,7 @@ def unreadable(paths: Sequence[str | Path], reader_options: Mapping[str, Any] | 
     first: RecordingError | None = None
     for path in map(Path, paths):
         try:
-            recording = open_upright(path, **(reader_options or {}))
+            recording = open_recording(path, **(reader_options or {}))
             next(iter(recording.stream()), None)
         except RecordingError as error:
             failed[path], first = str(error), first or error

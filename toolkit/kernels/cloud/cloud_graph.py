@@ -141,7 +141,7 @@ def closest_pair(
     best = np.inf
     for i in range(0, members_a.shape[0], CHUNK):  # one pair of nodes per pair of chunks bounds the search from above
         for j in range(0, members_b.shape[0], CHUNK):
-            best = min(best, _squared(points, members_a[i], members_b[j]))
+            best = min(best, _squared(points, np.int64(members_a[i]), np.int64(members_b[j])))
     node_a = node_b = np.int64(points.shape[0])
     for i in range(boxes_a.shape[0]):
         for j in range(boxes_b.shape[0]):

@@ -45,8 +45,10 @@ def boxes(columns: np.ndarray, starts: np.ndarray) -> tuple[np.ndarray, np.ndarr
     high = np.empty_like(low)
     for leaf in range(low.shape[0]):
         for d in range(low.shape[1]):
-            low[leaf, d] = columns[d, starts[leaf] : starts[leaf + 1]].min()
-            high[leaf, d] = columns[d, starts[leaf] : starts[leaf + 1]].max()
+            least = most = columns[d, starts[leaf]]
+            for n in range(starts[leaf] + 1, starts[leaf + 1]):
+                least, most = min(least, columns[d, n]), max(most, columns[d, n])
+            low[leaf, d], high[leaf, d] = least, most
     return low, high
 
 
@@ -91,9 +93,14 @@ def nearest(
                 if used[m, d]:
                     outside = max(low[leaf, d] - queries[m, d], queries[m, d] - high[leaf, d], np.float32(0.0))
                     bound[leaf] += outside * outside
-        for leaf in np.argsort(bound):
-            if bound[leaf] * SLACK > distances[m, -1]:
+        for _ in range(leaves):
+            leaf = 0  # the nearest of those that are left
+            for other in range(1, leaves):
+                if bound[other] < bound[leaf]:
+                    leaf = other
+            if bound[leaf] * SLACK > distances[m, -1] or bound[leaf] == np.inf:
                 break
+            bound[leaf] = np.inf
             begin = starts[leaf]
             size = starts[leaf + 1] - begin
             squares[:size] = 0.0

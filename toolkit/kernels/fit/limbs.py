@@ -124,7 +124,8 @@ def place_balls(angles: np.ndarray, chain: Chain, balls: np.ndarray) -> None:
     vectors, origins, rotations = np.empty((joints, 3)), np.empty((joints, 3)), np.empty((joints, 3, 3))
     pose = np.zeros(6 + angles.shape[1])
     for c in range(angles.shape[0]):
-        pose[6:] = angles[c]
+        for k in range(angles.shape[1]):
+            pose[6 + k] = angles[c, k]
         _place(pose, chain, vectors, rotations, origins, balls[c])
 
 
@@ -164,7 +165,8 @@ def fit_limbs(
     towards = np.empty(3)
     observed = measured.samples.shape[0]
     for c in range(angles.shape[0]):
-        pose[6:] = angles[c]
+        for k in range(size):
+            pose[6 + k] = angles[c, k]
         _place(pose, chain, vectors, rotations, origins, balls)
         for _ in range(iterations):
             world_axes(chain.parents, vectors, rotations, chain.dof_joint, chain.dof_axis, axes)
@@ -175,7 +177,8 @@ def fit_limbs(
                     b, residual = _nearest_ball(measured.samples[n], balls, chain.radii, measured.cap)
                     if b < 0:
                         continue
-                    towards[:] = balls[b] - measured.samples[n]
+                    for a in range(3):
+                        towards[a] = balls[b, a] - measured.samples[n, a]
                     weight = measured.share / (1.0 + (residual / sigma) ** 2) ** 2
                 else:
                     b = n - observed
@@ -183,7 +186,8 @@ def fit_limbs(
                     # A ball beside the silhouette has no way back along its ray.
                     if residual == 0.0 or residual == -measured.cap:
                         continue
-                    towards[:] = balls[b] - camera
+                    for a in range(3):
+                        towards[a] = balls[b, a] - camera[a]
                     weight = measured.free_space / count
                 length = np.sqrt(towards[0] ** 2 + towards[1] ** 2 + towards[2] ** 2)
                 for k in range(size):
@@ -206,7 +210,8 @@ def fit_limbs(
                     for m in range(size):
                         matrix[k, m] += weight * row[k] * row[m]
             bounded_step(matrix, vector, angles[c], chain.limits, damp, step)
-            angles[c] += step
-            pose[6:] = angles[c]
+            for k in range(size):
+                angles[c, k] += step[k]
+                pose[6 + k] = angles[c, k]
             _place(pose, chain, vectors, rotations, origins, balls)
         costs[c] = _cost(balls, chain.radii, measured)

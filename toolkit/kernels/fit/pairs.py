@@ -111,9 +111,7 @@ def nearest_medians(
         out[i, 0] = np.nan
         if not wanted_points[i]:
             continue
-        found = nearest_pixels(
-            points[i, 0], points[i, 1], points[i, 2], depth, intrinsics, ray, reach, wanted, squared, pixels
-        )
+        found = nearest_pixels(points[i, 0], points[i, 1], points[i, 2], depth, intrinsics, ray, reach, squared, pixels)
         if found == 0:
             continue
         for n in range(found):
@@ -192,7 +190,7 @@ def nearest_model_points(
     for i in range(samples.shape[0]):
         vertex_of[i] = -1
         found = nearest_pixels(
-            samples[i, 0], samples[i, 1], samples[i, 2], model_depth, model_intrinsics, ray, reach, 1, squared, pixels
+            samples[i, 0], samples[i, 1], samples[i, 2], model_depth, model_intrinsics, ray, reach, squared, pixels
         )
         if found == 0:
             continue

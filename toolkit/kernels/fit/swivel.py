@@ -85,7 +85,7 @@ def elbow_for(bones: ArmBones, fore: np.ndarray, distance: float, before: float)
     found = before
     for sign in (-1.0, 1.0):
         angle = phase + sign * bend
-        angle -= 2.0 * np.pi * np.round((angle - 0.5 * (low + high)) / (2.0 * np.pi))
+        angle -= 2.0 * np.pi * np.rint((angle - 0.5 * (low + high)) / (2.0 * np.pi))
         inside = min(max(angle, low), high)
         # An angle that has to be moved to a limit misses the distance by as much.
         reached = a * np.cos(inside) + b * np.sin(inside)
@@ -116,8 +116,9 @@ def solve_arm(bones: ArmBones, fore: np.ndarray, target: np.ndarray, swivel: flo
     rotation, swing, turned = np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3))
     rotation_from_vector(arm[0], arm[1], arm[2], rotation)
     if distance > 1e-9 and length > 1e-9:
-        start, end, axis = np.empty(3), target / distance, np.empty(3)
+        start, end, axis = np.empty(3), np.empty(3), np.empty(3)
         for a in range(3):
+            end[a] = target[a] / distance
             start[a] = (rotation[a, 0] * hand[0] + rotation[a, 1] * hand[1] + rotation[a, 2] * hand[2]) / length
         _swing(start, end, axis)
         rotation_from_vector(axis[0], axis[1], axis[2], swing)
@@ -131,11 +132,11 @@ def solve_arm(bones: ArmBones, fore: np.ndarray, target: np.ndarray, swivel: flo
         turn = np.sqrt(vector[0] ** 2 + vector[1] ** 2 + vector[2] ** 2)
         if turn == 0.0:
             return np.inf
-        vector *= 1.0 - 2.0 * np.pi / turn
+        for a in range(3):
+            vector[a] *= 1.0 - 2.0 * np.pi / turn
         if not _within(vector, bones.shoulder_limits):
             return np.inf
-    arm[:3] = vector
-    arm[3] = angle
+    arm[0], arm[1], arm[2], arm[3] = vector[0], vector[1], vector[2], angle
     return abs(distance - length)
 
 
@@ -156,15 +157,21 @@ def _swing(start: np.ndarray, end: np.ndarray, out: np.ndarray) -> None:
     sine = np.sqrt(out[0] ** 2 + out[1] ** 2 + out[2] ** 2)
     cosine = start[0] * end[0] + start[1] * end[1] + start[2] * end[2]
     if sine > 1e-12:
-        out *= np.arctan2(sine, cosine) / sine
+        factor = np.arctan2(sine, cosine) / sine
+        for a in range(3):
+            out[a] *= factor
     elif cosine < 0.0:
         # Opposite: any axis across does, here one across the smallest coordinate.
         smallest = 0
         for a in range(1, 3):
             if abs(start[a]) < abs(start[smallest]):
                 smallest = a
-        out[:] = -start[smallest] * start
+        for a in range(3):
+            out[a] = -start[smallest] * start[a]
         out[smallest] += 1.0
-        out *= np.pi / np.sqrt(out[0] ** 2 + out[1] ** 2 + out[2] ** 2)
+        factor = np.pi / np.sqrt(out[0] ** 2 + out[1] ** 2 + out[2] ** 2)
+        for a in range(3):
+            out[a] *= factor
     else:
-        out[:] = 0.0
+        for a in range(3):
+            out[a] = 0.0

@@ -31,17 +31,17 @@ def nearest_pixels(
     intrinsics: np.ndarray,
     ray: float,
     reach: float,
-    wanted: int,
     squared: np.ndarray,
     pixels: np.ndarray,
 ) -> int:
-    """The `wanted` measured points nearest to (x, y, z), all in the camera frame, nearer than `reach` metres.
+    """The measured points nearest to (x, y, z), all in the camera frame, nearer than `reach` metres.
 
-    Fills `squared` and `pixels` (flat index), nearest first, and returns how many were found. Ties go to the pixel met
-    first (inner ring first, then row by row). `depth` (H, W) holds z, 0 where nothing was measured; `ray` comes from
-    `longest_ray`. A point less than 5 cm in front of the camera, or behind it, has no projection and finds nothing.
+    Fills `squared` and `pixels` (flat index), both as long as points are wanted, nearest first, and returns how many
+    were found. Ties go to the pixel met first (inner ring first, then row by row). `depth` (H, W) holds z, 0 where
+    nothing was measured; `ray` comes from `longest_ray`. A point less than 5 cm in front of the camera, or behind it,
+    has no projection and finds nothing.
     """
-    height, width = depth.shape
+    (height, width), wanted = depth.shape, squared.shape[0]
     fx, fy, cx, cy = intrinsics[0], intrinsics[1], intrinsics[2], intrinsics[3]
     if z <= 0.05:
         return 0
