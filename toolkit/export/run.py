@@ -137,7 +137,7 @@ def _clouds(path: Path, job: Job) -> None:
 
 
 def _gait(path: Path, job: Job) -> None:
-    found = [{"name": person.name} | as_plain(summary_of(person)) for person in job.people]
+    found = [{"name": person.name} | as_plain(summary_of(at_rest(person))) for person in job.people]
     save_json(path, {"format": "depthmocap gait", "people": found})
 
 

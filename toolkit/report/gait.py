@@ -8,6 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from toolkit.biomechanics.contact import spans
+from toolkit.biomechanics.resting import at_rest
 from toolkit.biomechanics.summary import Summary, summary_of
 from toolkit.report.expected import EXPECTED
 from toolkit.runs import Person
@@ -36,7 +37,7 @@ def gait_section(name: str, people: Sequence[Person]) -> str:
     for person in people:
         if len(people) > 1:
             parts.append(f"<h3>{html.escape(person.name)}</h3>")
-        parts.append(_person(person, summary_of(person)))
+        parts.append(_person(person, summary_of(at_rest(person))))
     return "\n".join(parts)
 
 
