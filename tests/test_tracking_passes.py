@@ -11,6 +11,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from tests.sensing_scenes import TOF
+from toolkit import skeleton
 from toolkit.body.shape import ShapeSpace, load_body
 from toolkit.database.database import PoseDatabase
 from toolkit.hybrid.settings import HybridSettings
@@ -23,12 +25,13 @@ from toolkit.recordings.writer import save_recording
 from toolkit.sensing.camera import level_rotation
 from toolkit.simulation.simulate import simulate_recording
 from toolkit.testing.misled import misled, wrong_pose
-from toolkit.track import EMPTY, TRACKED, RunInfo, Track
+from toolkit.track import EMPTY, TRACKED, FrameResult, RunInfo, Track
 from toolkit.tracking import clock
 from toolkit.tracking.passes import BothWays, Plan
 from toolkit.tracking.sightings import SightingFile
 from toolkit.tracking.state import PersonState, Previous
 from toolkit.tracking.stature import StatureBelief, off_floor, unlikely
+from toolkit.tracking.walking import BACKWARDS, directions_walked
 from toolkit.tracking.ways import APART, Step, WayFile, better_parts
 
 RATE = 30.0
@@ -162,6 +165,30 @@ def test_what_followed_from_a_wrong_start_is_repaired_from_behind(
     assert error < 0.08 if repaired else error > 0.25
 
 
+def test_stretches_walked_backwards_are_looked_at_afresh_once_each(tracker: HybridTracker, tmp_path: Path) -> None:
+    way = WayFile(tmp_path / "way", len(tracker.stage_names), len(tracker.source_names))
+    ahead = np.ones(12)
+    ahead[3:6], ahead[8] = -0.8, -0.3  # the second is half a turn and not to be doubted
+    ahead[4] = -1.0
+    rest = np.zeros(skeleton.POSE_SIZE), np.zeros((20, 3), np.float32), np.ones(20, np.float32)
+    for frame in range(12):
+        way[frame] = Step(FrameResult(*rest, TRACKED, 0, np.ones(len(tracker.stage_names), np.float32)), 0.0)
+    plan = Plan(load_body("neutral"), np.array([(0, 11, 0)]), np.empty((0, 3), dtype=np.int64))
+    seen = SightingFile(tmp_path, TOF).of(1)
+    walked = np.stack([np.zeros(12), ahead], axis=1)  # a body at rest faces +z
+    both = tracker.both_ways(TOF, np.eye(3), seen, np.arange(12) / RATE, way, plan, walked=walked)
+    assert both._backwards().tolist() == [[4, 0, 0]]
+    assert not tracker.both_ways(TOF, np.eye(3), seen, np.arange(12) / RATE, way, plan)._backwards().size
+
+
+def test_a_pose_that_walks_backwards_costs_more_by_as_much_as_it_is_sure(tracker: HybridTracker) -> None:
+    follower, pose = tracker.follower(TOF, np.eye(3), load_body("neutral")), np.zeros(skeleton.POSE_SIZE)
+    assert follower.backwards(pose) == 0.0
+    for share, angle in product((0.0, 0.5, 1.0), np.linspace(-np.pi, np.pi, 9)):
+        follower.walked = share * np.array([np.sin(angle), np.cos(angle)])
+        assert follower.backwards(pose) == pytest.approx(-BACKWARDS * share * np.cos(angle), abs=1e-9)
+
+
 @pytest.mark.parametrize("checks", [(), (15,)])
 def test_a_frame_that_is_looked_at_afresh_repairs_a_way_that_went_wrong(
     checks: tuple[int, ...], take: Path, tracker: HybridTracker, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
@@ -244,3 +271,30 @@ def test_who_is_out_of_sight_has_rows_that_say_so(take: Path, tracker: HybridTra
     assert not track.confidence[gone].any() and not track.observed[gone].any()
     np.testing.assert_array_equal(track.pose[:3], np.repeat(track.pose[3:4], 3, axis=0))
     np.testing.assert_array_equal(track.pose[gone[3:]], np.repeat(track.pose[seen - 1 : seen], 40, axis=0))
+
+
+def walk(speed: float, frames: int = 60) -> np.ndarray:
+    """Rows of somebody who walks to the right in the image."""
+    rows = np.zeros(frames, dtype=[("joints", np.float32, (20, 3)), ("state", np.int64)])
+    rows["joints"][:, :, 0] = (speed * np.arange(frames) / RATE)[:, None]
+    rows["joints"][:, :, 2] = 3.0
+    rows["state"] = TRACKED
+    return rows
+
+
+@pytest.mark.parametrize(("speed", "length"), [(0.0, 0.0), (0.3, 0.0), (0.6, 0.5), (1.4, 1.0)])
+def test_who_walks_is_said_to_walk_where_they_go_and_who_stands_is_not(speed: float, length: float) -> None:
+    times = np.arange(60) / RATE
+    walked = directions_walked(walk(speed), times, np.diag([1.0, -1.0, -1.0]))
+    np.testing.assert_allclose(walked, np.tile([length, 0.0], (60, 1)), atol=1e-4)
+
+
+def test_nothing_is_said_across_a_gap_or_of_a_single_frame() -> None:
+    rows, times = walk(1.4), np.arange(60) / RATE
+    times[30:] += 2.0
+    rows["state"][[10, 59]] = EMPTY
+    walked = directions_walked(rows, times, np.diag([1.0, -1.0, -1.0]))
+    assert not walked[10].any() and not walked[59].any() and walked[9, 0] > 0.99
+    assert not directions_walked(walk(1.4, 1), times[:1], np.eye(3)).any()
+    alone = walk(1.4, 3)
+    assert not directions_walked(alone, np.array([0.0, 2.0, 4.0]), np.eye(3)).any()

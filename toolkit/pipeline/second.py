@@ -24,6 +24,7 @@ from toolkit.tracking.person import PREDICTED
 from toolkit.tracking.protocol import LooksBack
 from toolkit.tracking.sightings import SightingFile
 from toolkit.tracking.state import body_of, body_state
+from toolkit.tracking.walking import directions_walked
 from toolkit.tracking.ways import WayFile
 
 FOLDER = "second"
@@ -114,18 +115,19 @@ class SecondPass:
     def _person(self, person: int, sightings: SightingFile) -> Iterator[int]:
         """Follow one person and put their rows in place; between two steps whoever asks may stop."""
         seen, stages = sightings.of(person), self._tracker.stage_names
+        before = self._sink.past(person)
+        walked = directions_walked(before, self._timestamps, self._rotation)
         if "plan" in self._resumed:
             plan: Plan | None = Plan.restore(self._resumed["plan"])
         else:
-            planner = self._tracker.planner(self._camera, self._rotation, seen, self._timestamps, self._floor)
+            planner = self._tracker.planner(self._camera, self._rotation, seen, self._timestamps, self._floor, walked)
             for _ in planner.run():
                 yield 0
             plan = planner.plan
         if plan is None:
             return  # too little was seen: the rows of the first pass stay
         way = WayFile(self._folder / f"way_{person}", len(stages), len(self._tracker.source_names))
-        before = self._sink.past(person)
-        both = self._tracker.both_ways(self._camera, self._rotation, seen, self._timestamps, way, plan, before)
+        both = self._tracker.both_ways(self._camera, self._rotation, seen, self._timestamps, way, plan, before, walked)
         if "plan" in self._resumed:
             both.restore_state(self._resumed["steps"])
         kept = time.monotonic()

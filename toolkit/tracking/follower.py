@@ -25,6 +25,7 @@ from toolkit.tracking.settings import FollowerSettings
 from toolkit.tracking.smoothing import PoseSmoother
 from toolkit.tracking.state import PersonState, Previous
 from toolkit.tracking.stature import off_floor, unlikely
+from toolkit.tracking.walking import BACKWARDS, forwards
 
 HELD = 1.0
 """Seconds out of sight after which nobody is expected to come back in the pose in which they went."""
@@ -50,6 +51,7 @@ class Follower(Person):
     observation : of the last sighting, None where nobody was seen
     sizes : as above; fewer may be tried
     floor : y of the floor, metres, level frame, None where it is not known: it tells how tall a person is
+    walked : float64 (2,), where the person walks in the next frame, see `directions_walked`; None where nobody knows
     scored : all hypotheses of the last frame
     winner : the hypothesis that was selected in the last frame, None where there was none
     """
@@ -75,6 +77,7 @@ class Follower(Person):
         self._occluded_limbs, self._verifier = occluded_limbs, verifier
         self.observation: Observation | None = None
         self.floor: float | None = None
+        self.walked: np.ndarray | None = None
         self.scored: Sequence[ScoredHypothesis] = ()
         self.winner: ScoredHypothesis | None = None
 
@@ -98,7 +101,7 @@ class Follower(Person):
         self.scored, asked = self._hypotheses(observation, clock)
 
         # 5.4.4: late fusion; the hypothesis of least cost is the pose.
-        winner = min(self.scored, key=cost_of if asked.sized else self.cost_of_size, default=None)
+        winner = min(self.scored, key=self.cost if asked.sized else self.cost_of_size, default=None)
         if winner is None:
             row, self.state = self.predicted_row(LOST), unseen(asked, timestamp)
         else:
@@ -121,9 +124,17 @@ class Follower(Person):
         """How far the pose of the last frame is from it, metres; infinite where none was found."""
         return math.inf if self.winner is None else self.winner.comparison.distance
 
+    def cost(self, scored: ScoredHypothesis) -> float:
+        """What is to be least, metres: a person walks forwards, where it is known that they walk."""
+        return scored.cost + self.backwards(scored.hypothesis.pose)
+
     def cost_of_size(self, scored: ScoredHypothesis) -> float:
         """What is to be least where the size is unknown, metres: unlikely statures cost more."""
-        return scored.cost + unlikely(scored.body.height) + self.off_floor(scored)
+        return self.cost(scored) + unlikely(scored.body.height) + self.off_floor(scored)
+
+    def backwards(self, pose: np.ndarray) -> float:
+        """What it says against a pose (P,) that the person walks as they do, metres."""
+        return 0.0 if self.walked is None else -BACKWARDS * forwards(self.walked, pose)
 
     def off_floor(self, scored: ScoredHypothesis) -> float:
         """What the floor says against a hypothesis, metres."""

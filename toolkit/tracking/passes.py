@@ -24,6 +24,7 @@ from toolkit.tracking.follower import Follower
 from toolkit.tracking.search.protocol import UNLIKELY
 from toolkit.tracking.sightings import PersonSightings
 from toolkit.tracking.state import PersonState, Previous, State, body_of, body_state
+from toolkit.tracking.walking import forwards
 from toolkit.tracking.ways import Step, WayFile, apart, better_parts
 
 AGREED, AGREED_FRAMES = 0.04, 3
@@ -36,6 +37,8 @@ DISAGREED = 5
 """Frames in a row in which the first pass says something else, before its way is followed too."""
 REPAIRED = 300
 """Frames that a second way is followed at most."""
+BACKWARDS_FROM = -0.5
+"""How far somebody walks forwards, see `forwards`, below which they are looked at afresh."""
 FIRST_PASS = 2
 """In place of a direction: from the pose of the first pass, in both."""
 _PLAN = {"stretches": Column("iu", ("stretches", 3), 0), "checks": Column("iu", ("checks", 3), 0)}
@@ -92,6 +95,7 @@ class BothWays:
     plan : where to begin
     stages : names of the follower's stages
     first_pass : the person's rows (T,) as one pass had them, with the track's columns; None without
+    walked : float64 (T, 2), where the person walks in each frame, see `directions_walked`; None without
     """
 
     def __init__(
@@ -103,7 +107,9 @@ class BothWays:
         plan: Plan,
         stages: tuple[str, ...],
         first_pass: np.ndarray | None = None,
+        walked: np.ndarray | None = None,
     ) -> None:
+        self._walked = walked
         self._follower, self._seen, self._timestamps, self._first_pass = follower, seen, timestamps, first_pass
         self._way, self._plan, self._stages = way, plan, stages
         self._unknown = replace(follower.state, body=plan.body, sized=True)
@@ -118,7 +124,7 @@ class BothWays:
             yield from self._followed(*legs[self._leg])
             self._leg, self._frame = self._leg + 1, -1
         if self._repairs is None:
-            self._repairs = np.concatenate([self._plan.checks, self._jumps(), self._disagreements()])
+            self._repairs = np.concatenate([self._backwards(), self._plan.checks, self._jumps(), self._disagreements()])
             yield True
         while self._leg < len(legs) + len(self._repairs):
             yield from self._repaired(*self._repairs[self._leg - len(legs)].tolist())
@@ -168,10 +174,13 @@ class BothWays:
     def step_at(self, frame: int) -> Step:
         """Follow on to a frame."""
         follower = self._follower
+        if self._walked is not None:
+            follower.walked = self._walked[frame]
         result = follower.step(self._seen[frame], float(self._timestamps[frame]), StageClock(self._stages))
         if follower.winner is None:
             return Step(result, NOTHING_FOUND, continues=False)
-        return Step(result, follower.distance, follower.winner.hypothesis.continues)
+        against = follower.backwards(follower.winner.hypothesis.pose)
+        return Step(result, follower.distance + against, follower.winner.hypothesis.continues)
 
     def _jumps(self) -> np.ndarray:
         """Repairs from behind every jump: int64 (J, 3), frame to begin in, its stretch, and 1 or -1 for where to.
@@ -189,6 +198,18 @@ class BothWays:
                     found.append((after.cost, behind, number, turn))
                 before = here
         return np.array([row for _, *row in sorted(found)], dtype=np.int64).reshape(-1, 3)
+
+    def _backwards(self) -> np.ndarray:
+        """Where the way has the person walk backwards: int64 (B, 3), frame to look at afresh, its stretch, and 0."""
+        found: list[tuple[int, int, int]] = []
+        if self._walked is None:
+            return np.empty((0, 3), dtype=np.int64)
+        for number, (first, last, _) in enumerate(self._plan.stretches.tolist()):
+            ahead = [forwards(self._walked[f], self._way[f].result.pose) for f in range(first, last + 1)]
+            wrong = np.concatenate([[False], np.array(ahead) < BACKWARDS_FROM, [False]])
+            begins, ends = np.flatnonzero(wrong[1:] & ~wrong[:-1]), np.flatnonzero(wrong[:-1] & ~wrong[1:])
+            found += [(first + b + int(np.argmin(ahead[b:e])), number, 0) for b, e in zip(begins, ends, strict=True)]
+        return np.array(found, dtype=np.int64).reshape(-1, 3)
 
     def _disagreements(self) -> np.ndarray:
         """Repairs from where the first pass says something else: int64 (D, 3), frame, stretch, and `FIRST_PASS`."""
@@ -260,7 +281,11 @@ class BothWays:
             return None
         scene = follower.observation.scene
         old, new = (follower.objective.compare(self._plan.body, at.result.pose, scene) for at in (known, step))
-        better = new.distance + UNLIKELY * new.energy < old.distance + UNLIKELY * old.energy
+        before, afresh = (
+            compared.distance + UNLIKELY * compared.energy + follower.backwards(at.result.pose)
+            for compared, at in ((old, known), (new, step))
+        )
+        better = afresh < before
         return (step, follower.state) if better else None
 
     def _state_at(self, frame: int) -> PersonState:

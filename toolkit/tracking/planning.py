@@ -69,6 +69,7 @@ class Planner:
     stages : names of the followers' stages
     smallest : measured points that a sighting needs to be looked at
     body : the person's own, if it is known
+    walked : float64 (T, 2), where they walk in each frame, see `directions_walked`
     """
 
     def __init__(
@@ -80,8 +81,9 @@ class Planner:
         stages: tuple[str, ...],
         smallest: int,
         body: Body | None = None,
+        walked: np.ndarray | None = None,
     ) -> None:
-        self._learner, self._follower, self._seen = learner, follower, seen
+        self._learner, self._follower, self._seen, self._walked = learner, follower, seen, walked
         self._timestamps, self._stages, self._smallest, self._body = timestamps, stages, smallest, body
         self.plan: Plan | None = None
 
@@ -163,7 +165,7 @@ class Planner:
             costs: dict[int, float] = {}
             for scored in follower.scored:
                 number = next(k for k, body in enumerate(belief.bodies) if body is scored.body)
-                costs[number] = min(costs.get(number, np.inf), scored.cost + follower.off_floor(scored))
+                costs[number] = min(costs.get(number, np.inf), follower.cost(scored) + follower.off_floor(scored))
             if costs:
                 belief = belief.narrowed(costs)
             yield
@@ -179,13 +181,16 @@ class Planner:
         for moment in moments:
             follower.state = replace(unknown, body=body, sized=True)
             follower.step(self._sighting(moment), float(self._timestamps[moment]), StageClock(self._stages))
-            doubts.append(min((scored.cost for scored in follower.scored), default=np.inf))
+            doubts.append(min((follower.cost(scored) for scored in follower.scored), default=np.inf))
             yield
         follower.state = unknown
         return moments[int(np.argmin(doubts))]
 
     def _sighting(self, frame: int) -> Sighting:
+        """What is seen of the person in a frame, which both followers are about to look at."""
         sighting = self._seen[frame]
+        if self._walked is not None:
+            self._follower.walked = self._learner.follower.walked = self._walked[frame]
         assert sighting is not None, "planned frames are frames in which the person was seen"
         return sighting
 

@@ -213,6 +213,7 @@ class LooksBack(Tracker, Protocol):
         seen: PersonSightings,
         timestamps: np.ndarray,
         floor: float | None = None,
+        walked: np.ndarray | None = None,
     ) -> Planner:
         """Learns the body of the person whose sightings these are, and says where to begin; see `Planner`."""
         ...
@@ -226,6 +227,7 @@ class LooksBack(Tracker, Protocol):
         way: WayFile,
         plan: Plan,
         first_pass: np.ndarray | None = None,
+        walked: np.ndarray | None = None,
     ) -> BothWays:
         """Follows that person; see `BothWays`."""
         ...

@@ -138,12 +138,13 @@ class SearchingTracker(ABC):
         seen: PersonSightings,
         timestamps: np.ndarray,
         floor: float | None = None,
+        walked: np.ndarray | None = None,
     ) -> Planner:
         """See `LooksBack.planner`."""
         learner = self.learner(camera, level_rotation, floor)
         follower = self.follower(camera, level_rotation, self._first_body)
         smallest = self._common.smallest_person
-        return Planner(learner, follower, seen, timestamps, self.stage_names, smallest, self._known_body)
+        return Planner(learner, follower, seen, timestamps, self.stage_names, smallest, self._known_body, walked)
 
     def both_ways(
         self,
@@ -154,10 +155,11 @@ class SearchingTracker(ABC):
         way: WayFile,
         plan: Plan,
         first_pass: np.ndarray | None = None,
+        walked: np.ndarray | None = None,
     ) -> BothWays:
         """See `LooksBack.both_ways`."""
         follower = self.follower(camera, level_rotation, plan.body)
-        return BothWays(follower, seen, timestamps, way, plan, self.stage_names, first_pass)
+        return BothWays(follower, seen, timestamps, way, plan, self.stage_names, first_pass, walked)
 
     def assembled(
         self, objective: Objective, refiner: Refiner, observer: Observer, level_rotation: np.ndarray, state: PersonState
