@@ -40,6 +40,7 @@ def learn_prior(
 ) -> PosePrior | None:
     """The prior of canonical poses (N, P) of `body`; None where no situation has enough of them."""
     from sklearn.mixture import GaussianMixture
+    from threadpoolctl import threadpool_limits
 
     settings = settings or PriorSettings()
     values = variables(poses, body)
@@ -55,7 +56,8 @@ def learn_prior(
             continue
         chosen = values[rows[np.linspace(0, len(rows) - 1, min(len(rows), settings.most)).astype(np.int64)]]
         mixture = GaussianMixture(count, reg_covar=settings.deviation**2, random_state=seed, max_iter=60, tol=1e-2)
-        mixture.fit(chosen)
+        with threadpool_limits(1):  # the products of BLAS differ in their last bits with the number of threads
+            mixture.fit(chosen)
         weights.append(mixture.weights_ * len(rows) ** settings.evenness)
         means.append(mixture.means_)
         covariances.append(mixture.covariances_)

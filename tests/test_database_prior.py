@@ -168,6 +168,23 @@ def test_a_situation_with_few_poses_gets_no_component_and_too_few_poses_give_no_
     assert again is not None and np.array_equal(prior.means, again.means)
 
 
+def test_a_prior_is_the_same_to_the_bit_for_any_number_of_threads() -> None:
+    from threadpoolctl import threadpool_limits
+
+    body = neutral()
+    rng = np.random.default_rng(0)
+    poses = np.tile(poses_of(("walk", "wave", "boxing", "idle"), body), (8, 1))
+    poses[:, 6:] += rng.normal(0.0, 0.15, poses[:, 6:].shape)
+    learnt = []
+    for threads in (1, 2):
+        with threadpool_limits(threads):
+            learnt.append(learn_prior(poses, body))
+    one, two = learnt
+    assert one is not None and two is not None
+    for name in ("weights", "means", "covariances"):
+        assert getattr(one, name).tobytes() == getattr(two, name).tobytes(), name
+
+
 def test_a_database_file_keeps_its_prior_and_one_without_opens(tmp_path: Path) -> None:
     from dataclasses import replace
 
