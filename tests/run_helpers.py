@@ -15,9 +15,16 @@ TURN = np.diag([1.0, -1.0, -1.0])
 
 
 def write_run(
-    run: Path, poses: np.ndarray, *, shape: float = 0.5, absent: int = 0, rate: float = 25.0, recording: str = "/r.npz"
+    run: Path,
+    poses: np.ndarray,
+    *,
+    shape: float = 0.5,
+    absent: int = 0,
+    rate: float = 25.0,
+    recording: str = "/r.npz",
+    contact: np.ndarray | None = None,
 ) -> Path:
-    """A finished run of these poses (T, P); in the first `absent` frames nobody is there."""
+    """A finished run of these poses (T, P); in the first `absent` frames nobody is there. `contact` (T, 2) carries."""
     turn = TURN.ravel().tolist()
     info = RunInfo(recording, "ab", {}, skeleton.fingerprint(), [shape], 1.1, "", turn, {}, "0")
     joints = (info.body().joint_positions(poses) @ TURN).astype(np.float32)
@@ -26,7 +33,7 @@ def write_run(
         state, confidence = (EMPTY, 0.0) if i < absent else (TRACKED, 0.9)
         row = FrameResult(pose, joints[i], np.full(20, confidence, np.float32), state, 0, np.ones(1))
         writer.append(row, 1.0 + i / rate)
-    writer.finish()
+    writer.finish(contacts=None if contact is None else lambda _: contact)
     info.save(run)
     return run
 

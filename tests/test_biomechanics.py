@@ -9,12 +9,14 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from benchmarks._plain_gait import planned_walk, walk_on_ground
 from benchmarks.feet import sliding_mm
+from tests.plain_gait import plain_strides
 from tests.run_helpers import write_run
 from toolkit import skeleton
 from toolkit.biomechanics.angles import joint_angles, sequence_angles
 from toolkit.biomechanics.contact import contacts_of_soles, frames_in, ground_height, hysteresis, without_short
-from toolkit.biomechanics.gait import walk_of
+from toolkit.biomechanics.gait import SIDES, walk_of
 from toolkit.biomechanics.resting import at_rest
 from toolkit.biomechanics.rising import rises_of
 from toolkit.body.shape import load_body
@@ -100,6 +102,27 @@ def test_the_strides_of_a_made_walk_are_found(walk: Walk) -> None:
     assert found.speed == pytest.approx(walk.speed, abs=0.03)
     assert found.mean("width") == pytest.approx(walk.width, abs=0.015)
     assert found.mean("stance") == pytest.approx(walk.stance, abs=0.05)
+
+
+@pytest.mark.parametrize("noise", [0.0, 0.02, 0.05])
+@pytest.mark.parametrize("walk", [Walk(), Walk(0.8, 90.0, 0.2, 0.66)])
+def test_strides_are_those_of_plain_loops_over_frames(walk: Walk, noise: float) -> None:
+    poses = walking(BODY, walk, 4.0, RATE)[0]
+    poses[:, 3:] += np.random.default_rng(0).normal(scale=noise, size=poses[:, 3:].shape)
+    found = walk_of(BODY, poses, np.arange(len(poses)) / RATE, np.ones(len(poses), dtype=bool))
+    ankles = [skeleton.REPORTED.index(f"{side}_ankle") for side in SIDES]
+    plain = plain_strides(soles(BODY, poses), BODY.joint_positions(poses)[:, ankles], poses[:, :3], RATE)
+    own = [(SIDES.index(s.side), s.start, s.lift, s.end, s.length, s.width, s.step) for s in found.strides]
+    assert len(own) >= 3
+    np.testing.assert_allclose(own, sorted(plain, key=lambda stride: stride.start), rtol=0, atol=1e-9)
+
+
+@pytest.mark.parametrize("walk", [Walk(), Walk(0.8, 90.0, 0.2, 0.66), Walk(1.4, 120.0, 0.08, 0.6)])
+def test_what_is_known_of_a_walk_by_where_feet_stay_is_its_plan(walk: Walk) -> None:
+    known, plan = walk_on_ground(BODY, walking(BODY, walk, 5.0, RATE)[0], RATE), planned_walk(walk)
+    for name, off in {"stride_length_m": 0.01, "stride_time_s": 0.01, "cadence_steps_per_min": 1.0,
+                      "speed_m_per_s": 0.01, "step_width_m": 0.01}.items():  # fmt: skip
+        assert known[name] == pytest.approx(plan[name], abs=off), name
 
 
 def test_a_walk_too_short_for_a_stride_and_somebody_who_stands_say_so() -> None:

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import csv
 import json
+import re
 import xml.etree.ElementTree as ElementTree
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -13,6 +15,8 @@ import pytest
 from tests.run_helpers import write_run
 from toolkit import skeleton
 from toolkit.biomechanics.angles import COLUMNS
+from toolkit.biomechanics.resting import at_rest
+from toolkit.biomechanics.summary import as_plain, summary_of
 from toolkit.body.shape import load_body
 from toolkit.errors import UsageError
 from toolkit.export.run import export_run
@@ -75,6 +79,39 @@ def test_the_gait_of_a_run_is_a_file_of_figures(run: Path, tmp_path: Path) -> No
     (person,) = json.loads((tmp_path / "gait.json").read_text())["people"]
     assert person["gait"]["stride_length_m"] == pytest.approx(Walk().stride_length, abs=0.03)
     assert len(person["strides"]) == person["gait"]["strides"] and person["rises"] == []
+
+
+@pytest.fixture(scope="module")
+def sliding(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Somebody who walks, as a tracker finds it: feet that carry slide and tremble."""
+    poses, contact = walking(load_body("neutral"), Walk(), 3.0, 30.0)
+    poses[:, 3:] += np.random.default_rng(0).normal(scale=0.015, size=poses[:, 3:].shape)
+    return write_run(tmp_path_factory.mktemp("sliding") / "run", poses, shape=0.0, rate=30.0, contact=contact)
+
+
+def test_the_gait_of_a_file_and_of_a_page_is_that_of_the_track_with_what_rests_held_once(
+    sliding: Path, tmp_path: Path
+) -> None:
+    (person,) = load_persons(sliding)
+    held, found = as_plain(summary_of(at_rest(person))), as_plain(summary_of(person))
+    for flag, expected in ((False, held), (True, found)):
+        export_run(sliding, tmp_path / "gait.json", format="gait", as_tracked=flag)
+        (own,) = json.loads((tmp_path / "gait.json").read_text())["people"]
+        assert own == {"name": person.name} | expected
+    assert held["gait"] != found["gait"] and held["strides"] != found["strides"]
+    shown = set(re.findall(r"<td>(-?\d+ to -?\d+)</td>", gait_section("walk", [person])))
+    assert shown <= ranges(held) and not shown <= ranges(found)
+
+
+def ranges(figures: dict[str, Any]) -> set[str]:
+    """All ranges of motion as a page writes them."""
+    sides = [row[side] for row in figures["ranges_deg"] for side in ("left", "right")]
+    return {f"{low:.0f} to {high:.0f}" for low, high in sides}
+
+
+def test_gait_has_no_other_origin_than_the_floor(run: Path, tmp_path: Path) -> None:
+    with pytest.raises(UsageError, match="whose origin is the floor"):
+        export_run(run, tmp_path / "gait.json", format="gait", origin="camera")
 
 
 def test_a_page_shows_gait_and_says_where_there_is_none(run: Path, tmp_path: Path) -> None:

@@ -137,7 +137,7 @@ def _clouds(path: Path, job: Job) -> None:
 
 
 def _gait(path: Path, job: Job) -> None:
-    found = [{"name": person.name} | as_plain(summary_of(at_rest(person))) for person in job.people]
+    found = [{"name": person.name} | as_plain(summary_of(person)) for person in job.people]
     save_json(path, {"format": "depthmocap gait", "people": found})
 
 
@@ -158,7 +158,7 @@ FORMATS: dict[str, Format] = {
     ),
     "angles": Format(".csv", lambda path, job: export_angles(path, job.person)),
     "mot": Format(".mot", lambda path, job: export_mot(path, job.person)),
-    "gait": Format(".json", _gait, together=True),
+    "gait": Format(".json", _gait, together=True, origins=(FLOOR,)),
     "rerun": Format(".rrd", _rerun, together=True),
     "body-index": Format("", _body_index, together=True, origin=CAMERA, origins=(CAMERA,)),
     "ply": Format("", _clouds, together=True, origin=CAMERA),
