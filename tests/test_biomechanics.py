@@ -127,11 +127,16 @@ def test_what_is_known_of_a_walk_by_where_feet_stay_is_its_plan(walk: Walk) -> N
 
 def test_a_walk_too_short_for_a_stride_and_somebody_who_stands_say_so() -> None:
     poses, _ = walking(BODY, Walk(), 0.9, RATE)
-    for rows, note in ((poses, "no whole stride"), (np.repeat(poses[:1], 40, axis=0), "nobody walks")):
+    for rows, note in (
+        (poses, "no whole stride was walked"),
+        (np.repeat(poses[:1], 40, axis=0), "nobody walks"),
+        *((poses[:count], "too short for a stride") for count in (1, 2, 12, 18)),
+    ):
         found = walk_of(BODY, rows, np.arange(len(rows)) / RATE, np.ones(len(rows), dtype=bool))
-        assert not found.strides and note in found.note and np.isnan(found.cadence)
-    alone = walk_of(BODY, poses[:1], np.zeros(1), np.ones(1, dtype=bool))
-    assert not alone.strides and np.isnan(alone.figures()["stride_length_m"])
+        assert not found.strides and note == found.note
+        assert all(np.isnan(v) for k, v in found.figures().items() if k not in ("strides", "walking_s"))
+    nobody = walk_of(BODY, poses, np.arange(len(poses)) / RATE, np.zeros(len(poses), dtype=bool))
+    assert not nobody.strides and nobody.note == "nobody walks"
 
 
 def test_feet_that_carry_are_told_from_feet_that_swing() -> None:

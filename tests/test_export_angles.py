@@ -118,7 +118,7 @@ def test_a_page_shows_gait_and_says_where_there_is_none(run: Path, tmp_path: Pat
     text = gait_section("walk <b>", load_persons(run))
     assert "stride length" in text and "1.22 m" in text and "<polyline" in text and "<b>" not in text
     still = write_run(tmp_path / "still", np.zeros((1, skeleton.POSE_SIZE)))
-    assert "nobody walks" in gait_section("still", load_persons(still))
+    assert "too short for a stride" in gait_section("still", load_persons(still))
     nobody = write_run(tmp_path / "nobody", np.zeros((4, skeleton.POSE_SIZE)), absent=4)
     assert "nobody walks" in gait_section("nobody", load_persons(nobody))
 

@@ -71,6 +71,7 @@ class Gait:
     ----------
     strides : in order of their start
     walking : seconds in which the person walks
+    note : why there is no stride
     """
 
     strides: tuple[Stride, ...] = ()
@@ -115,10 +116,15 @@ def walk_of(body: Body, poses: np.ndarray, times: np.ndarray, known: np.ndarray)
             rows = slice(span.start + part.start, span.start + part.stop)
             walking += float(times[rows][-1] - times[rows][0])
             strides += _strides(body, poses[rows], times[rows])
-    note = ""
-    if not strides:
-        note = "no whole stride was walked" if walking else "nobody walks"
+    note = "" if strides else _why_none(walking, [times[span] for span in spans(known)])
     return Gait(tuple(sorted(strides, key=lambda stride: stride.start)), walking, note)
+
+
+def _why_none(walking: float, stretches: list[np.ndarray]) -> str:
+    """Why there is no stride, from the times of the stretches in which the person is known."""
+    if stretches and max(float(own[-1] - own[0]) for own in stretches) < SHORTEST:
+        return "too short for a stride"
+    return "no whole stride was walked" if walking else "nobody walks"
 
 
 def _bouts(poses: np.ndarray, times: np.ndarray) -> list[slice]:
