@@ -253,7 +253,7 @@ def followed(parser: argparse.ArgumentParser) -> None:
         database = None if row in ("swarm", "qammaz") else poses_of(options)
         tracker = load_tracker(row, parse_overrides(options.set), database=database)
         track_recordings([stored], tracker, run, people=None)
-        for person in load_people(run):
+        for person in load_people(run).people:
             track = Track.load(run / person.folder)
             off = apart_mm(track, recording)
             figures[f"{row}, {person.folder}"] = {

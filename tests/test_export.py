@@ -250,7 +250,7 @@ def test_a_single_frame_has_no_rate_and_says_so(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("folder", ["..", "/etc", "a/b", ""])
 def test_people_json_names_nothing_outside_its_run(runs: Path, tmp_path: Path, folder: str) -> None:
-    save_people(tmp_path, [replace(load_people(runs)[0], folder=folder)])
+    save_people(tmp_path, [replace(load_people(runs).people[0], folder=folder)])
     with pytest.raises(TrackError, match="plain names"):
         person_runs(tmp_path)
 

@@ -115,6 +115,7 @@ def test_a_run_of_people_whose_folders_are_links_is_refused(tmp_path: Path) -> N
         (lambda people: [{**people[0], "folder": "../other"}], "plain names"),
         (lambda people: [{**people[0], "stature": "tall"}], "stature is 'tall'"),
         (lambda people: [{**people[0], "first_frame": -1}], "outside"),
+        (lambda people: [{**people[0], "evidence": {"looks": -1}}], "outside"),
         (lambda people: None, "people is empty"),
     ],
 )

@@ -10,8 +10,9 @@ import pytest
 
 from tests.fake_tracker import FakeTracker
 from tests.sensing_scenes import KINECT, scene
-from toolkit.errors import SegmentationError
-from toolkit.people.hypothesis import HEAD_HEIGHT, followed_log_odds, possible_height
+from toolkit.errors import SegmentationError, TrackError
+from toolkit.people.evidence import Evidence, export_evidence, furniture, restore_evidence
+from toolkit.people.hypothesis import HEAD_HEIGHT, possible_height
 from toolkit.people.joints import GivenJoints, on_cut_out
 from toolkit.people.settings import PeopleSettings
 from toolkit.people.several import SeveralPeople
@@ -212,31 +213,42 @@ class Says:
         return np.full(len(pixels), self.odds)
 
 
-@pytest.mark.parametrize(("odds", "furniture"), [(1.0, frozenset()), (-4.0, frozenset({1}))])
-def test_what_was_followed_is_furniture_if_the_judge_says_so_again_and_again(odds, furniture):
+@pytest.mark.parametrize(("odds", "dropped"), [(1.0, frozenset()), (-4.0, frozenset({1}))])
+def test_what_was_followed_is_furniture_if_the_judge_says_so_again_and_again(odds, dropped):
     empty = np.zeros((120, 160), dtype=np.float32)
     room = Surroundings(False, True, empty, empty, empty > 0)
     finder = SeveralPeople(KINECT, UP, room, judge=Says(odds))
     for k in range(30):
         finder.find(scene(KINECT, ((0.0, 2.5),))[0], k / 30, {})
-    assert finder.furniture == furniture
+    assert furniture(finder.evidence) == dropped
     assert finder.people[0].looks == 4, "a few times a second is enough"
     again = SeveralPeople(KINECT, UP, room, judge=Says(odds))
     again.restore_state(finder.export_state())
-    assert again.furniture == furniture
+    assert again.evidence == finder.evidence
 
 
 def test_nobody_is_furniture_where_nothing_but_people_is_measured():
     finder = SeveralPeople(KINECT, UP, judge=Says(-4.0))
     for k in range(5):
         finder.find(scene(KINECT, ((0.0, 2.5),))[0], k / 3, {})
-    assert finder.people and finder.furniture == frozenset()
+    assert finder.people and finder.evidence == {}
 
 
 def test_somebody_half_hidden_is_believed_unless_the_judge_speaks_against_them():
-    assert followed_log_odds(0, 0, 0.0) > 0
-    assert followed_log_odds(10, 5, 0.0) > 0 > followed_log_odds(10, 5, -20.0)
-    assert followed_log_odds(10, 0, 10.0) > 0 > followed_log_odds(10, 0, 0.0)
+    assert Evidence(0, 0, 0.0).log_odds > 0
+    assert Evidence(10, 5, 0.0).log_odds > 0 > Evidence(10, 5, -20.0).log_odds
+    assert Evidence(10, 0, 10.0).log_odds > 0 > Evidence(10, 0, 0.0).log_odds
+
+
+def test_evidence_says_in_a_line_what_its_log_odds_are_made_of_and_comes_back_from_a_file():
+    evidence = {1: Evidence(4, 3, 6.0), 3: Evidence(2, 0, -4.0), 7: Evidence()}
+    assert furniture(evidence) == {3}
+    assert evidence[1].text() == "a person's shape in 3 of 4 looks, pixels +1.5, in all +5.8 log odds of a person"
+    assert evidence[7].text() == "never looked at closely"
+    assert restore_evidence(export_evidence(evidence)) == evidence
+    assert restore_evidence(export_evidence({})) == {}
+    with pytest.raises(TrackError, match="evidence"):
+        restore_evidence({**export_evidence(evidence), "looks": np.array([-1, 0, 0])})
 
 
 def test_a_head_is_no_lower_and_no_higher_above_the_floor_than_heads_are():
@@ -261,12 +273,17 @@ def test_people_who_were_none_leave_no_folder_and_the_others_are_numbered_withou
     states = {1: TRACKED, 2: TRACKED, 3: EMPTY}
     for frame in range(3):
         sink.write([Row(person, frame, frame / 30, row(state)) for person, state in states.items()])
-    sink.drop({1})
+    sink.judge({1: Evidence(3, 0, -9.0), 2: Evidence(4, 4, 8.0)})
     tracks = sink.finish(dict.fromkeys((2, 3), load_body("neutral")), complete=True)
     assert [int(track.state[0]) for track in tracks] == [TRACKED, EMPTY]
     assert sorted(path.name for path in (tmp_path / "run").glob("person_*")) == ["person_01", "person_02"]
-    assert [person.folder for person in load_people(tmp_path / "run")] == ["person_01", "person_02"]
+    assert [person.folder for person in load_people(tmp_path / "run").people] == ["person_01", "person_02"]
     assert "person_03" not in json.dumps((tmp_path / "run" / "people.json").read_text())
+    first, second = load_people(tmp_path / "run").text().split("\n")[:2]
+    assert first.startswith("person_01: 1.") and first.endswith("in all +8.0 log odds of a person")
+    assert second.startswith("person_02") and "looks" not in second
+    assert load_people(tmp_path / "run").furniture == (Evidence(3, 0, -9.0),)
+    assert load_people(tmp_path / "run").text().split("\n")[2].startswith("furniture, left out: a person's shape in 0")
 
 
 # The one who is meant.

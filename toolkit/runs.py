@@ -13,6 +13,7 @@ from toolkit import skeleton
 from toolkit.body.body import Body
 from toolkit.errors import TrackError, UsageError
 from toolkit.files import save_json
+from toolkit.people.evidence import Evidence
 from toolkit.plain import read_json
 from toolkit.track import EMPTY, RunInfo, Track
 from toolkit.track.track import AGAIN
@@ -36,6 +37,7 @@ class PersonSummary:
     first_frame, last_frame : the first and the last frame in which they are there
     stature : of the fitted body, metres
     tracked, lost, hidden : shares, in [0, 1], of the frames in between
+    evidence : why they were taken for a person, None where that was no question
     """
 
     id: int
@@ -46,16 +48,35 @@ class PersonSummary:
     tracked: Annotated[float, Range(0, 1)]
     lost: Annotated[float, Range(0, 1)]
     hidden: Annotated[float, Range(0, 1)]
+    evidence: Evidence | None = None
+
+    def text(self) -> str:
+        """One line for people."""
+        why = "" if self.evidence is None else f"; {self.evidence.text()}"
+        frames = f"frames {self.first_frame} to {self.last_frame}, {100 * self.tracked:.0f} % tracked"
+        return f"{self.folder}: {self.stature:.2f} m, {frames}{why}"
 
 
 @dataclass(frozen=True)
-class _People:
-    """What stands in `people.json`."""
+class People:
+    """What stands in `people.json`.
+
+    Attributes
+    ----------
+    people : everybody, in order of appearance
+    furniture : what was followed for a while and is no person, and why
+    """
 
     people: tuple[PersonSummary, ...]
+    furniture: tuple[Evidence, ...] = ()
+
+    def text(self) -> str:
+        """A line for everybody and for each piece of furniture, for people."""
+        lines = [person.text() for person in self.people]
+        return "\n".join([*lines, *(f"furniture, left out: {own.text()}" for own in self.furniture)])
 
 
-def save_people(run: str | Path, people: Sequence[PersonSummary]) -> Path:
+def save_people(run: str | Path, people: Sequence[PersonSummary], furniture: Sequence[Evidence] = ()) -> Path:
     """Write `people.json` into a run and return its path.
 
     Raises
@@ -64,11 +85,11 @@ def save_people(run: str | Path, people: Sequence[PersonSummary]) -> Path:
         The file cannot be written.
     """
     path = Path(run) / PEOPLE_FILE
-    save_json(path, {"people": [asdict(person) for person in people]})
+    save_json(path, asdict(People(tuple(people), tuple(furniture))))
     return path
 
 
-def load_people(run: str | Path) -> tuple[PersonSummary, ...]:
+def load_people(run: str | Path) -> People:
     """Read `people.json` of a run.
 
     Raises
@@ -78,7 +99,8 @@ def load_people(run: str | Path) -> tuple[PersonSummary, ...]:
     """
     path = Path(run) / PEOPLE_FILE
     reader = TypedReader(TrackError, AGAIN, loose=True, source=str(path))
-    people = reader.read(read_json(path, TrackError, AGAIN, inside=True), _People, "").people
+    whole = reader.read(read_json(path, TrackError, AGAIN, inside=True), People, "")
+    people = whole.people
     folders = [person.folder for person in people]
     if not all(_is_plain(folder) for folder in folders):
         raise TrackError(f"{path} names the folders {folders}; they must be plain names within the run")
@@ -86,7 +108,7 @@ def load_people(run: str | Path) -> tuple[PersonSummary, ...]:
         raise TrackError(f"{path} lists {len(people)} people, some of them twice or more than a camera sees; {AGAIN}")
     if linked := [folder for folder in folders if (Path(run) / folder).is_symlink()]:
         raise TrackError(f"{Path(run) / linked[0]} is a link; put the folder itself there")
-    return people
+    return whole
 
 
 def _is_plain(name: str) -> bool:
@@ -105,7 +127,7 @@ def person_runs(run: str | Path) -> tuple[Path, ...]:
     folder = Path(run)
     if not (folder / PEOPLE_FILE).exists():
         return (folder,)
-    return tuple(folder / person.folder for person in load_people(folder))
+    return tuple(folder / person.folder for person in load_people(folder).people)
 
 
 @dataclass(frozen=True, eq=False)
@@ -198,7 +220,7 @@ def load_persons(run: str | Path) -> tuple[Person, ...]:
         A track has no frames, or nobody was found.
     """
     people, several = [], (Path(run) / PEOPLE_FILE).exists()
-    numbers = [person.id for person in load_people(run)] if several else [1]
+    numbers = [person.id for person in load_people(run).people] if several else [1]
     for number, folder in zip(numbers, person_runs(run), strict=True):
         track, info = Track.load(folder), RunInfo.load(folder)
         if not len(track):

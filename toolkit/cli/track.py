@@ -151,6 +151,7 @@ def _track_each(
     from toolkit.cli.terminal import doing_words, progress_bars
     from toolkit.files import is_file
     from toolkit.pipeline import Inputs, load_tracker, track_recordings
+    from toolkit.runs import PEOPLE_FILE, load_people
 
     guide, watcher = guiding.guide(recordings), guiding.watcher(recordings)
     with progress_bars() as bars:
@@ -173,6 +174,8 @@ def _track_each(
         )
     for summary in report.done:
         say(summary.text())
+        if (summary.run / PEOPLE_FILE).exists():
+            say(load_people(summary.run).text())
     for path, reason in report.failed.items():
         say(f"depthmocap: {path}: {reason}", file=sys.stderr)
     if report.failed or report.interrupted:

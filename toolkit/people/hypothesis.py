@@ -13,26 +13,20 @@ from typing import Protocol
 import numpy as np
 
 from toolkit.people.detection import near_head
+from toolkit.people.evidence import JUDGED, MOST_JUDGED, SHAPED
 from toolkit.people.view import Lens, View
 from toolkit.sensing.camera import Camera
 
 BEFOREHAND = -4.0
 """Log odds of something with a head and without other evidence: rooms hold more such things than people."""
-MOVED, MOVED_AT_ALL, HEAD_MOVED_AT_ALL, SHAPED = 4.0, 2.0, 3.0, 6.0
-"""Log odds of what stood elsewhere in the other frames; of one whose surface, and whose head, moves in place; and
-between one that never has a person's shape and one that is seen with it in all frames."""
+MOVED, MOVED_AT_ALL, HEAD_MOVED_AT_ALL = 4.0, 2.0, 3.0
+"""Log odds of what stood elsewhere in the other frames; of one whose surface, and whose head, moves in place."""
 ENOUGH, ENOUGH_HEAD = 0.02, 0.1
 """Share of the pixels of a body (a hand) and of a head that move in place, and that is all the evidence they give."""
-JUDGED = 1.5
-"""Log odds for each of the mean that the judge gives: its pixels tell more of one another than of other frames."""
-FOLLOWED = 2.0
-"""Log odds of somebody who was found and followed, before their shape and the judge are asked."""
 ALONE = 1.5
 """Log odds of a person's shape where only one frame is known."""
 HEAD_HEIGHT = (0.5, 2.4)
 """Metres of a head's middle above the floor: a child of 0.8 m who squats, an adult of 2.2 m on a step."""
-MOST_JUDGED = 4.0
-"""Log odds beyond which a judge is not believed."""
 
 
 class PersonJudge(Protocol):
@@ -108,18 +102,6 @@ def log_odds(glimpses: Sequence[Glimpse], frames: int) -> float:
         + SHAPED * (shaped - 0.5)
         + JUDGED * float(np.clip(mean([g.judged for g in glimpses]), -MOST_JUDGED, MOST_JUDGED))
     )
-
-
-def followed_log_odds(looks: int, shaped: int, judged: float) -> float:
-    """Log odds that somebody who was found and followed is a person, by `looks` at them from time to time.
-
-    They moved, or stood for a person in the room: that much is said already. `shaped` of the looks showed a person's
-    shape, and `judged` is the sum of what the judge gave.
-    """
-    if looks == 0:
-        return FOLLOWED
-    mean = float(np.clip(judged / looks, -MOST_JUDGED, MOST_JUDGED))
-    return FOLLOWED + SHAPED * (shaped / looks - 0.5) + JUDGED * mean
 
 
 def alone_log_odds(judged: float) -> float:

@@ -6,10 +6,12 @@ Undistort, subtract the background or cut out the person, delete mixed pixels at
 from __future__ import annotations
 
 from collections.abc import Mapping
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
 
+from toolkit.people.evidence import Evidence
 from toolkit.people.segmentation import Segmenter
 from toolkit.people.sighting import PredictedBody, Sighting
 from toolkit.people.visibility import hole_sizes, unobserved_pixels
@@ -41,7 +43,7 @@ class LonePerson:
         The settings ask for a background and there is none.
     """
 
-    furniture: frozenset[int] = frozenset()
+    evidence: Mapping[int, Evidence] = MappingProxyType({})
 
     def __init__(
         self,

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
 
 from toolkit.errors import SegmentationError
+from toolkit.people.evidence import Evidence, furniture
 from toolkit.people.several import SeveralPeople
 from toolkit.people.sighting import PredictedBody, Sighting
 from toolkit.sensing.recording import Recording
@@ -28,7 +30,7 @@ class OneOfSeveral:
     meant : the id
     """
 
-    furniture: frozenset[int] = frozenset()
+    evidence: Mapping[int, Evidence] = MappingProxyType({})
 
     def __init__(self, finder: SeveralPeople, meant: int) -> None:
         self._finder, self._meant = finder, meant
@@ -93,7 +95,8 @@ def meant_person(recording: Recording, finder: SeveralPeople, sensing: SensingSe
                 "frame, or --segment person"
             )
         return at_seed
-    people = {number: p for number, p in seen.items() if number not in finder.furniture}
+    dropped = furniture(finder.evidence)
+    people = {number: p for number, p in seen.items() if number not in dropped}
     if not people:
         return next(iter(seen), ID)  # of whom nothing will be believed; the track says that nobody is there
     first = max(people, key=lambda number: people[number].area)

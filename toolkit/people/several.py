@@ -15,7 +15,8 @@ from toolkit.errors import TrackError
 from toolkit.kernels.image.growth import refine_labels, take_label
 from toolkit.people.candidates import apart, beside, headless, in_a_mirror, shaped_alone
 from toolkit.people.detection import find_heads, head_seeds, near_head, share_out
-from toolkit.people.hypothesis import NoJudge, PersonJudge, followed_log_odds, judged_head, possible_height
+from toolkit.people.evidence import Evidence
+from toolkit.people.hypothesis import NoJudge, PersonJudge, judged_head, possible_height
 from toolkit.people.newcomers import Newcomers
 from toolkit.people.settings import PeopleSettings
 from toolkit.people.sharing import body_seeds, stayed_seeds
@@ -144,11 +145,11 @@ class SeveralPeople:
         return surroundings
 
     @property
-    def furniture(self) -> frozenset[int]:
-        """Ids of what was followed and is no person by all that was seen of it."""
+    def evidence(self) -> dict[int, Evidence]:
+        """See `PeopleFinder`: nothing where nothing but people is measured."""
         if self._surroundings is None or self._surroundings.cut_out:
-            return frozenset()
-        return frozenset(p.id for p in self.people if followed_log_odds(p.looks, p.shaped, p.judged) <= 0)
+            return {}
+        return {person.id: person.evidence for person in self.people}
 
     def export_state(self) -> dict[str, Any]:
         """See `PeopleFinder.export_state`."""

@@ -8,6 +8,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
+from toolkit.people.evidence import Evidence
 from toolkit.sensing.camera import Camera
 from toolkit.sensing.joints2d import Joints2D
 
@@ -58,13 +59,13 @@ class PeopleFinder(Protocol):
     Attributes
     ----------
     camera : of every sighting
-    furniture : ids of what was followed so far and is no person by all that was seen of it
+    evidence : by id, whether those who were followed so far are people; of nobody where that is no question
     """
 
     camera: Camera
 
     @property
-    def furniture(self) -> frozenset[int]:
+    def evidence(self) -> Mapping[int, Evidence]:
         """See above."""
         ...
 

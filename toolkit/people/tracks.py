@@ -11,6 +11,7 @@ import numpy as np
 from toolkit.archives import Column
 from toolkit.checkpoint import HINT, check_state
 from toolkit.errors import TrackError
+from toolkit.people.evidence import Evidence
 
 LONGEST_FORECAST = 0.5  # s over which a velocity holds
 VELOCITY_MEMORY = 0.2  # s over which a velocity is averaged
@@ -87,6 +88,11 @@ class Person:
         return replace(
             self, looks=self.looks + 1, looked=timestamp, shaped=self.shaped + shaped, judged=self.judged + judged
         )
+
+    @property
+    def evidence(self) -> Evidence:
+        """What these looks say."""
+        return Evidence(self.looks, self.shaped, self.judged)
 
     def gate(self, timestamp: float) -> float:
         """Metres around there in which it is looked for."""

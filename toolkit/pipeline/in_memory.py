@@ -9,6 +9,7 @@ import numpy as np
 
 from toolkit.biomechanics.contact import foot_contacts
 from toolkit.body.body import Body
+from toolkit.people.evidence import furniture
 from toolkit.pipeline.joints import JointChoice, give_joints, joint_source
 from toolkit.pipeline.run import Job, finder_of
 from toolkit.pipeline.sink import folder_of
@@ -61,7 +62,7 @@ def follow_recording(
     rows += crowd.finish()
     height, turns = recording.vertical.height, int(recording.options.get("rotate", 0)) // 90
     found: list[Person] = []
-    for person in sorted({row.person for row in rows} - set(crowd.finder.furniture)):
+    for person in sorted({row.person for row in rows} - furniture(crowd.finder.evidence)):
         number, body = len(found) + 1, crowd.bodies[person]
         track = track_of([row for row in rows if row.person == person], tracker, body, height)
         name = folder_of(number) if people != 1 else recording.name

@@ -22,6 +22,7 @@ from toolkit.checkpoint import HINT, load_checkpoint, save_checkpoint
 from toolkit.config import settings_text
 from toolkit.errors import DepthMocapError, RecordingError, TrackError, UsageError
 from toolkit.files import locked, sha256_of
+from toolkit.people.evidence import furniture
 from toolkit.people.joints import JointSource
 from toolkit.people.sighting import PeopleFinder
 from toolkit.people.up import floor_height
@@ -155,6 +156,7 @@ def _track(
             frames = len(recording)
             if second is not None and resume and second.restore() and sink.rows(second.bodies) == frames:
                 bodies = second.bodies
+                sink.judge(second.evidence)
             else:
                 bodies, frames = _first_pass(job, folder, sink, warm_up, report, stop, watcher, second)
             complete = frames == len(recording)
@@ -193,13 +195,12 @@ def _first_pass(
         watcher.begin(_frame_rate(recording), crowd.bodies.get(1), sink.past())
     _follow(recording, crowd, sink, report, stop, watcher)
     bodies, complete = crowd.bodies, crowd.frames == len(recording)
-    if complete and (furniture := crowd.finder.furniture):
-        sink.drop(furniture)
-        bodies = {person: body for person, body in bodies.items() if person not in furniture}
-        logger.info("%s: %d thing(s) followed for a while are no people", recording.name, len(furniture))
+    if complete:
+        sink.judge(crowd.finder.evidence)
+        bodies = {person: body for person, body in bodies.items() if person not in furniture(crowd.finder.evidence)}
     if second is not None and crowd.sightings is not None and complete:
         crowd.sightings.close()
-        second.begin(bodies)
+        second.begin(bodies, crowd.finder.evidence)
     return bodies, crowd.frames
 
 

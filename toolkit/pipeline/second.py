@@ -16,6 +16,7 @@ from toolkit.archives import Column
 from toolkit.body.body import Body
 from toolkit.checkpoint import check_state, load_checkpoint, numbered, save_checkpoint
 from toolkit.files import is_folder
+from toolkit.people.evidence import Evidence, export_evidence, restore_evidence
 from toolkit.pipeline.sink import RunSink
 from toolkit.sensing.camera import Camera
 from toolkit.track import EMPTY, FrameResult
@@ -49,6 +50,7 @@ class SecondPass:
     Attributes
     ----------
     bodies : of everybody, by id: after `begin` or `restore` those of the first pass, then their own
+    evidence : of everybody and of what is furniture, by id, from the first pass
     """
 
     def __init__(
@@ -64,6 +66,7 @@ class SecondPass:
         self._folder, self._tracker, self._camera, self._rotation = run / FOLDER, tracker, camera, level_rotation
         self._timestamps, self._floor, self._sink = timestamps, floor, sink
         self.bodies: dict[int, Body] = {}
+        self.evidence: dict[int, Evidence] = {}
         self._finished = 0
         self._resumed: Mapping[str, Any] = {}
 
@@ -73,9 +76,9 @@ class SecondPass:
             shutil.rmtree(self._folder, ignore_errors=True)
         return SightingFile(self._folder, self._camera, frames)
 
-    def begin(self, bodies: Mapping[int, Body]) -> None:
-        """After the first pass, which learnt these bodies."""
-        self.bodies, self._finished, self._resumed = dict(bodies), 0, {}
+    def begin(self, bodies: Mapping[int, Body], evidence: Mapping[int, Evidence]) -> None:
+        """After the first pass, which learnt these bodies and gathered this evidence."""
+        self.bodies, self.evidence, self._finished, self._resumed = dict(bodies), dict(evidence), 0, {}
         self._keep({})
 
     def restore(self) -> bool:
@@ -89,8 +92,9 @@ class SecondPass:
         if not (self._folder / STATE_FILE).exists():
             return False
         state = load_checkpoint(self._folder / STATE_FILE, self._tracker.settings.tracker)
-        check_state(state, {"finished": Column("iu", (), 0)}, ("bodies", "way"), "second pass")
+        check_state(state, {"finished": Column("iu", (), 0)}, ("bodies", "evidence", "way"), "second pass")
         self.bodies = {person: body_of(own) for person, own in numbered(state["bodies"], "second pass").items()}
+        self.evidence = restore_evidence(state["evidence"])
         self._finished, self._resumed = state["finished"], state["way"]
         if self._resumed:
             check_state(self._resumed, {}, ("plan", "steps"), "way")
@@ -157,6 +161,7 @@ class SecondPass:
     def _keep(self, way: Mapping[str, Any]) -> None:
         state = {
             "bodies": {str(person): body_state(body) for person, body in self.bodies.items()},
+            "evidence": export_evidence(self.evidence),
             "finished": self._finished,
             "way": way,
         }

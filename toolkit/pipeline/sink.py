@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import shutil
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -15,6 +15,7 @@ from toolkit.body.body import Body
 from toolkit.config import settings_text
 from toolkit.errors import OutputError
 from toolkit.files import save_text
+from toolkit.people.evidence import Evidence, furniture
 from toolkit.runs import PEOPLE_FILE, PersonSummary, load_people, save_people
 from toolkit.track import (
     EMPTY,
@@ -58,6 +59,7 @@ class RunSink:
     def __init__(self, run: Path, tracker: Tracker, info: RunInfo, *, several: bool, resume: bool) -> None:
         self.run, self._tracker, self._info, self._several, self._resume = run, tracker, info, several, resume
         self._writers: dict[int, TrackWriter] = {}
+        self._evidence: Mapping[int, Evidence] = {}
         try:
             run.mkdir(parents=True, exist_ok=True)
         except OSError as error:
@@ -108,9 +110,10 @@ class RunSink:
                 writer.abandon()
                 del self._writers[person]
 
-    def drop(self, people: Iterable[int]) -> None:
-        """Forget people who were none, and number the others 1, 2, ... at the end."""
-        for person in people:
+    def judge(self, evidence: Mapping[int, Evidence]) -> None:
+        """Forget whom the evidence takes for furniture, number the others 1, 2, ... at the end and tell why."""
+        self._evidence = evidence
+        for person in furniture(evidence):
             if self._several and person in self._writers:
                 writer = self._writers.pop(person)
                 writer.abandon()
@@ -134,14 +137,14 @@ class RunSink:
         # Where folders get other names a kill in between starts the run anew; else it is finished by `resume`.
         anew = complete and self._several and list(tracks) != list(range(1, len(tracks) + 1))
         if self._several and not anew:
-            save_people(self.run, [self._summary(p, track, bodies[p]) for p, track in tracks.items()])
+            self._save_people([self._summary(p, p, track, bodies[p]) for p, track in tracks.items()])
         for writer in self._writers.values() if complete else ():  # only now is nothing missing any more
             writer.forget()
         if anew:
             for number, person in enumerate(tracks, start=1):
                 (self.run / folder_of(person)).replace(self.run / folder_of(number))
             numbered = enumerate(tracks.items(), start=1)
-            save_people(self.run, [self._summary(n, track, bodies[p]) for n, (p, track) in numbered])
+            self._save_people([self._summary(n, p, track, bodies[p]) for n, (p, track) in numbered])
         return list(tracks.values())
 
     def _contacts(self, body: Body | None) -> Callable[[Track], np.ndarray] | None:
@@ -174,13 +177,16 @@ class RunSink:
         names = [path.parent.name.split("_")[1] for path in sorted(self.run.glob(f"person_*/{PARTIAL_FILE}"))]
         return [int(name) for name in names if name.isdecimal() and folder_of(int(name)) == f"person_{name}"]
 
-    @staticmethod
-    def _summary(person: int, track: Track, body: Body) -> PersonSummary:
+    def _save_people(self, people: Sequence[PersonSummary]) -> None:
+        save_people(self.run, people, [self._evidence[p] for p in sorted(furniture(self._evidence))])
+
+    def _summary(self, number: int, person: int, track: Track, body: Body) -> PersonSummary:
         there = np.flatnonzero(track.state != EMPTY)
         first, last = (int(there[0]), int(there[-1])) if len(there) else (0, 0)
         state = track.state[first : last + 1]
-        shares = [float((state == kind).mean()) for kind in (TRACKED, LOST, EMPTY)]
-        return PersonSummary(person, folder_of(person), first, last, float(body.height), *shares)
+        tracked, lost, hidden = (float((state == kind).mean()) for kind in (TRACKED, LOST, EMPTY))
+        stature, why = float(body.height), self._evidence.get(person)
+        return PersonSummary(number, folder_of(number), first, last, stature, tracked, lost, hidden, why)
 
 
 def folder_of(person: int) -> str:
@@ -195,4 +201,4 @@ def finished_tracks(run: Path, *, several: bool) -> list[Track] | None:
         return [Track.load(run)] if whole else None
     if not (run / PEOPLE_FILE).exists() or any(run.glob(f"person_*/{PARTIAL_FILE}")):
         return None
-    return [Track.load(run / person.folder) for person in load_people(run)]
+    return [Track.load(run / person.folder) for person in load_people(run).people]

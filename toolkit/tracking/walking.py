@@ -10,6 +10,7 @@ import numpy as np
 
 from toolkit import skeleton
 from toolkit.database import canonical
+from toolkit.kernels import linear
 from toolkit.track import TRACKED
 
 WINDOW = 0.75
@@ -40,7 +41,7 @@ def directions_walked(rows: np.ndarray, timestamps: np.ndarray, level_rotation: 
     """
     known = np.flatnonzero(rows["state"] == TRACKED)
     walked = np.zeros((len(timestamps), 2))
-    places = rows["joints"][known][:, PLACED].mean(axis=1) @ level_rotation[[0, 2]].T
+    places = linear.rotated(rows["joints"][known][:, PLACED].mean(axis=1), level_rotation.T)[:, [0, 2]]
     times = timestamps[known]
     for k, moment in enumerate(times):
         first, last = np.searchsorted(times, [moment - WINDOW, moment + WINDOW])

@@ -1,0 +1,78 @@
+"""What repeated looks at somebody who is followed say: a person, or furniture that looked like one for a while."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import astuple, dataclass
+from typing import Annotated, Any
+
+import numpy as np
+
+from toolkit.archives import Column
+from toolkit.checkpoint import check_state
+from toolkit.typed import Range
+
+SHAPED = 6.0
+"""Log odds between what never has a person's shape and what is seen with it in all frames."""
+JUDGED, MOST_JUDGED = 1.5, 4.0
+"""Log odds for each of the mean that the judge gives, for its pixels tell more of one another than of other frames; and
+the mean beyond which it is not believed."""
+FOLLOWED = 2.0
+"""Log odds of somebody who was found and followed, before shape and judge are asked: they moved, or stood for a person
+in the room."""
+
+COLUMNS = {"id": int, "looks": int, "shaped": int, "judged": float}
+"""Of the evidence of many, in a file."""
+
+
+@dataclass(frozen=True)
+class Evidence:
+    """What was seen of somebody who is followed, in looks from time to time.
+
+    Attributes
+    ----------
+    looks : how often it was looked whether it is a person
+    shaped : how many of the looks showed a person's shape
+    judged : sum of the mean log odds that the judge gave for the head's pixels
+    """
+
+    looks: Annotated[int, Range(0)] = 0
+    shaped: Annotated[int, Range(0)] = 0
+    judged: Annotated[float, Range(-1e12, 1e12)] = 0.0
+
+    @property
+    def log_odds(self) -> float:
+        """Of a person and not of furniture."""
+        if self.looks == 0:
+            return FOLLOWED
+        mean = float(np.clip(self.judged / self.looks, -MOST_JUDGED, MOST_JUDGED))
+        return FOLLOWED + SHAPED * (self.shaped / self.looks - 0.5) + JUDGED * mean
+
+    def text(self) -> str:
+        """Why it was taken for what it is, for people."""
+        if self.looks == 0:
+            return "never looked at closely"
+        mean = self.judged / self.looks
+        return (
+            f"a person's shape in {self.shaped} of {self.looks} looks, pixels {mean:+.1f}, in all {self.log_odds:+.1f} "
+            "log odds of a person"
+        )
+
+
+def furniture(evidence: Mapping[int, Evidence]) -> frozenset[int]:
+    """Ids of what is no person by all that was seen of it."""
+    return frozenset(person for person, own in evidence.items() if own.log_odds <= 0)
+
+
+def export_evidence(evidence: Mapping[int, Evidence]) -> dict[str, Any]:
+    """Evidence by id as columns."""
+    rows = [(person, *astuple(own)) for person, own in sorted(evidence.items())]
+    return {name: np.array([row[k] for row in rows], dtype=kind) for k, (name, kind) in enumerate(COLUMNS.items())}
+
+
+def restore_evidence(state: Mapping[str, Any]) -> dict[int, Evidence]:
+    """Evidence by id from what `export_evidence` gave; raises TrackError for anything else."""
+    whole, number = Column("i", ("n",), 0, 1e9), Column("f", ("n",), -1e12, 1e12)
+    check_state(state, {name: number if kind is float else whole for name, kind in COLUMNS.items()}, (), "evidence")
+    rows = zip(*(state[name].tolist() for name in COLUMNS), strict=True)
+    return {person: Evidence(*row) for person, *row in rows}
