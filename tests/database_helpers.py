@@ -12,6 +12,7 @@ from toolkit.body.body import Body
 from toolkit.body.shape import load_body
 from toolkit.database.canonical import canonicalise
 from toolkit.database.database import PoseDatabase, PoseOrigins
+from toolkit.database.prior import HEIGHT, SIZE
 from toolkit.mocap.clip import PoseClip
 
 
@@ -81,3 +82,15 @@ def write_bvh(path: Path, seed: int, frames: int = 30) -> None:
         angles = reach * np.sin(phase + 0.2 * frame)
         lines.append(" ".join(f"{value:.4f}" for value in [0.01 * frame, 0.9, 0.0, *angles.ravel()]))
     path.write_text("\n".join(lines) + "\n")
+
+
+def known_without(joints: tuple[str, ...], *, floor: bool = False) -> np.ndarray:
+    """Bool (SIZE,): all variables are known but the angles of `joints`, and the height unless a `floor` is.
+
+    Joints are those of `skeleton.JOINT_NAMES`, for example `left_hip`.
+    """
+    known = np.ones(SIZE, dtype=np.bool_)
+    for entry, joint in enumerate(skeleton.DOF_JOINT[3:]):
+        known[entry] = skeleton.JOINT_NAMES[joint] not in joints
+    known[HEIGHT] = floor
+    return known

@@ -17,6 +17,17 @@ from toolkit.fitting.terms import PairTerm
 from toolkit.sensing.camera import Camera
 
 
+def vertex_jacobian(body: Body, pose: np.ndarray, vertices: np.ndarray) -> np.ndarray:
+    """Derivative of the chosen vertices by the pose by central differences of fourth order: float64 (V, 3, P)."""
+    out = np.empty((len(vertices), 3, len(pose)))
+    for entry, change in enumerate(1e-3 * np.eye(len(pose))):
+        near, far = (
+            body.vertex_positions(pose + k * change) - body.vertex_positions(pose - k * change) for k in (1, 2)
+        )
+        out[:, :, entry] = (8.0 * near - far)[vertices] / 12e-3
+    return out
+
+
 class Fit:
     """Objective and refiner of one body."""
 

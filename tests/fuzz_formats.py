@@ -56,7 +56,7 @@ from toolkit.body.personal import load_body_file
 from toolkit.checkpoint import load_checkpoint
 from toolkit.config import load_settings
 from toolkit.database.database import PoseDatabase
-from toolkit.database.prior import known_without
+from toolkit.database.prior import SIZE
 from toolkit.database.search import FEATURE_SIZE
 from toolkit.detector.joint_files import read_joints
 from toolkit.evaluation.k4abt import read_k4abt
@@ -66,7 +66,6 @@ from toolkit.hybrid.tracker import HybridSettings
 from toolkit.inertial.calibration import Calibration
 from toolkit.inertial.placement import load_placement
 from toolkit.inertial.readers import read_file
-from toolkit.inertial.readers.total_capture import read_calibration
 from toolkit.mocap.read import read_clip
 from toolkit.mocap.rig import read_map
 from toolkit.pipeline.events import EventStream
@@ -133,7 +132,7 @@ def _database_at_work(path: Path) -> Any:
         points = np.random.default_rng(0).normal(0, 1, (len(pixels), 3))
         votes = database.regressor.votes(depth, np.array([30.0, 30.0, 15.0, 10.0]), np.eye(3), pixels, points)
     if database.prior is not None:
-        known = known_without(("left_knee",))
+        known = np.arange(SIZE) != 0
         expected = database.prior.expected(np.zeros(len(known)), known).mean
     return found, votes, expected
 
@@ -241,7 +240,6 @@ FORMATS: dict[str, Format] = {
     "sensors sto": _sensors("take.sto", STO),
     "sensors czu text": _sensors("pi03", "0 0 1 0 0 90 100.0\n0 0 1 0 0 90 100.003\n"),
     "sensors mat": Format(inertial_matlab_file, read_file),
-    "total capture calibration": Format(text_file("imu_bone.txt", "1\nHead 0.5 0.5 0.5 -0.5\n"), read_calibration),
     "sensor placement yaml": Format(text_file("p.yaml", "00B421AF: left_shin\n7: pelvis\n"), load_placement),
     "sensor calibration json": Format(calibration_file, Calibration.load),
     "known errors csv": Format(text_file("truth.csv", "run,limb,start,end\na,left_shin,1.5,2\n"), read_truth),

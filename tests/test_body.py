@@ -82,27 +82,6 @@ def test_forward_kinematics_and_skinning_agree_with_multiplied_matrices(body: Bo
         np.testing.assert_allclose(body.vertex_positions(pose), skin_by_matrices(body, pose), atol=1e-12)
 
 
-@pytest.mark.parametrize("spread", [0.0, 1e-5, 1.0])
-def test_vertex_jacobian_agrees_with_central_differences(body: Body, spread: float) -> None:
-    rng = np.random.default_rng(1)
-    pose = random_pose(rng, spread)
-    chosen = rng.choice(len(body.vertices), 60, replace=False)
-    analytic = body.vertex_jacobian(pose, chosen)
-    step = 1e-6
-    for k in range(skeleton.POSE_SIZE):
-        change = step * np.eye(skeleton.POSE_SIZE)[k]
-        numeric = (body.vertex_positions(pose + change) - body.vertex_positions(pose - change))[chosen] / (2 * step)
-        np.testing.assert_allclose(analytic[:, :, k], numeric, atol=2e-8, err_msg=skeleton.POSE_NAMES[k])
-
-
-def test_joint_jacobian_agrees_with_central_differences(body: Body) -> None:
-    pose = random_pose(np.random.default_rng(2))
-    analytic = body.joint_jacobian(pose)
-    changes = 1e-6 * np.eye(skeleton.POSE_SIZE)
-    numeric = (body.joint_positions(pose + changes) - body.joint_positions(pose - changes)) / 2e-6
-    np.testing.assert_allclose(analytic, numeric.transpose(1, 2, 0), atol=2e-8)
-
-
 def test_many_poses_at_once_give_what_each_gives_alone(body: Body) -> None:
     rng = np.random.default_rng(3)
     poses = np.array([[random_pose(rng) for _ in range(3)] for _ in range(2)])

@@ -10,8 +10,8 @@ from typing import Any
 import pytest
 import yaml
 
-from scripts.write_configs import HEADS, config_text
-from toolkit.config import attributes_of, load_settings, settings_text
+from scripts.write_configs import HEADS, attributes_of, config_text
+from toolkit.config import load_settings, settings_text
 from toolkit.errors import SettingsError
 from toolkit.hybrid.settings import HybridSettings
 from toolkit.lopez2011.head_hands import HeadHandSettings

@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from database_builder.prior import PriorSettings, learn_prior
-from tests.database_helpers import neutral, random_poses, small_database
+from tests.database_helpers import known_without, neutral, random_poses, small_database
 from toolkit import skeleton
 from toolkit.body.body import Body
 from toolkit.body.shape import load_body
@@ -22,7 +22,6 @@ from toolkit.database.prior import (
     SIZE,
     UP,
     PosePrior,
-    known_without,
     situations,
     variables,
 )

@@ -10,6 +10,7 @@ from hypothesis.extra import numpy as hnp
 from scipy.optimize import lsq_linear
 from scipy.spatial import cKDTree
 
+from tests.fitting_helpers import vertex_jacobian
 from toolkit import skeleton
 from toolkit.body.body import BELOW, Body
 from toolkit.body.raycast import cast_body
@@ -382,7 +383,7 @@ def test_rigid_vertices_give_the_dense_normal_equations(body: Body, seed: int) -
     assert len(np.unique(body.part[chosen])) > 10
     residuals = np.random.default_rng(seed).normal(0.0, 0.03, (len(chosen), 3))
     system = surface_system(posed, chosen, residuals, 0.1)
-    jacobians = np.einsum("ab,nbp->nap", posed.placer.from_level, body.vertex_jacobian(pose, chosen))
+    jacobians = np.einsum("ab,nbp->nap", posed.placer.from_level, vertex_jacobian(body, pose, chosen))
     metrics = metrics_of(residuals, posed.normals[chosen], np.ones(len(chosen)), 0.1)
     matrix, vector = dense(jacobians, residuals, metrics)
     assert system.matrix == pytest.approx(matrix, abs=1e-9 * np.abs(matrix).max())
@@ -403,7 +404,7 @@ def test_blended_vertices_give_the_gradient_and_bound_the_curvature_from_above(b
     excess = np.linalg.eigvalsh(system.matrix - matrix)
     assert excess.min() > -1e-9 * scale and excess.max() > 1e-6 * scale
     # The blended point stands for the points that its joints would put there; true skinning differs a little.
-    jacobians = np.einsum("ab,nbp->nap", posed.placer.from_level, body.vertex_jacobian(pose, chosen))
+    jacobians = np.einsum("ab,nbp->nap", posed.placer.from_level, vertex_jacobian(body, pose, chosen))
     _, true_vector = dense(jacobians, residuals, metrics)
     assert np.linalg.norm(system.vector - true_vector) < 0.02 * np.linalg.norm(true_vector)
 

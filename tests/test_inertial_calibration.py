@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -303,11 +304,17 @@ def test_a_sensor_that_does_not_belong_to_the_track_is_refused():
     assert found.usable == ("right_forearm",)
 
 
+def renamed(sensors: Sensors, names: Sequence[str]) -> Sensors:
+    """The same streams under other names, in order."""
+    streams = zip(sensors.streams, names, strict=True)
+    return replace(sensors, streams=tuple(replace(stream, name=name) for stream, name in streams))
+
+
 def test_exchanged_sensors_and_mirrored_recordings_are_suspected():
     _, take = take_of("archery", limbs=("left_forearm", "right_forearm", "left_shin", "right_shin"), noise="mtx")
     assert place_suspicions(take) == []
     names = ("left_shin", "right_forearm", "left_forearm", "right_shin")
-    said = place_suspicions(replace(take, sensors=take.sensors.renamed(names)))
+    said = place_suspicions(replace(take, sensors=renamed(take.sensors, names)))
     assert any("the sensor on left_shin fits left_forearm better" in text for text in said), said
     arms = replace(take, sensors=replace(take.sensors, streams=take.sensors.streams[:2]))
     said = place_suspicions(mirrored_take(arms))

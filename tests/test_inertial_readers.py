@@ -8,7 +8,6 @@ import pytest
 from toolkit.errors import InertialError, UsageError
 from toolkit.inertial.readers import read_file, read_files
 from toolkit.inertial.readers.common import SensorOptions, unwrapped
-from toolkit.inertial.readers.total_capture import read_calibration
 from toolkit.inertial.stream import GRAVITY
 from toolkit.rotations import quaternions as quat
 
@@ -160,13 +159,6 @@ def test_a_total_capture_file_has_one_block_per_frame(tmp_path, width):
     np.testing.assert_allclose(sensors.streams[1].times, np.arange(4) / 60)
     np.testing.assert_allclose(quat.angle(sensors.streams[1].rotations, TURNED), 0.0, atol=1e-5)
     assert (sensors.streams[0].gyro is None) == (width == 7)
-
-
-def test_the_calibration_files_of_total_capture_have_the_real_part_last(tmp_path):
-    path = write(tmp_path / "s1_calib_imu_bone.txt", "1\nHead 0.5 0.5 0.5 -0.5\n")
-    np.testing.assert_allclose(read_calibration(path)["Head"], [-0.5, 0.5, 0.5, 0.5])
-    with pytest.raises(InertialError, match="expected a name and x y z w"):
-        read_calibration(write(path, "1\nHead 0.5 0.5\n"))
 
 
 @pytest.mark.parametrize(

@@ -25,7 +25,6 @@ from toolkit.retrieval.annotation.measures import (
     Scores,
     Segment,
     check_truth,
-    confusion,
     frame_scores,
     label_frames,
     segment_scores,
@@ -286,12 +285,6 @@ def test_scores_of_documents_add_up_and_nothing_found_among_nothing_is_perfect()
     assert Scores(0, 0, 0, 0).f == 1.0
     assert Scores(0, 0, 0, 4).f == 0.0
     assert Scores(0, 3, 0, 0).precision == 0.0
-
-
-def test_the_confusion_matrix_counts_frames_by_true_and_found_class() -> None:
-    true = np.array([[True, True, False, False], [False, False, True, False]])
-    table = confusion(true, np.array([0, 1, -1, 0]))
-    assert table.tolist() == [[1, 1, 0], [0, 0, 1], [1, 0, 0]]
 
 
 def test_true_segments_that_overlap_or_end_before_they_start_are_refused() -> None:

@@ -23,7 +23,6 @@ from toolkit.pipeline import load_tracker
 from toolkit.sensing.camera import Camera
 from toolkit.track import EMPTY, LOST, TRACKED, FrameResult
 from toolkit.tracking.clock import StageClock
-from toolkit.tracking.learning import learn_body
 from toolkit.tracking.registry import registered
 
 LEVEL = np.diag([1.0, -1.0, -1.0])
@@ -367,11 +366,14 @@ def test_it_needs_no_database_and_is_the_one_that_the_papers_settings_name() -> 
 
 def test_the_size_is_measured_from_the_first_frames() -> None:
     tracker = ParticleTracker()
-    body = learn_body(tracker.learner(CAMERA, LEVEL), [(sighting_of(pose), i / 30) for i, pose in enumerate(WAVING)])
-    assert body is not None and 1.5 < body.height < 2.0
     learner = tracker.learner(CAMERA, LEVEL)
-    assert learn_body(learner, [(of_depth(np.zeros(CAMERA.shape)), 0.0)]) is None and not learner.found
-    assert ParticleTracker(body=body).learning_seconds == 0.0
+    for i, pose in enumerate(WAVING):
+        learner.observe(sighting_of(pose), i / 30)
+    assert learner.body is not None and 1.5 < learner.body.height < 2.0
+    learner = tracker.learner(CAMERA, LEVEL)
+    learner.observe(of_depth(np.zeros(CAMERA.shape)), 0.0)
+    assert learner.body is None and not learner.found
+    assert ParticleTracker(body=load_body("neutral")).learning_seconds == 0.0
 
 
 @pytest.mark.parametrize(

@@ -6,8 +6,6 @@ wrong type or a value out of range is an error that lists what there is.
 
 from __future__ import annotations
 
-import inspect
-import textwrap
 from collections.abc import Mapping
 from dataclasses import fields, is_dataclass
 from pathlib import Path
@@ -96,46 +94,6 @@ def _shown(settings: Any, default: Any, *, public: bool) -> dict[str, Any]:
         elif setting or value != usual:
             shown[item.name] = value
     return shown
-
-
-def explained_text(settings: Any, indent: str = "") -> str:
-    """The settings, without constants, with what its class says of each value above it.
-
-    The settings dataclasses tell of every field in the `Attributes` of their docstring what it is, in which unit, and
-    why it has its value: there and nowhere else.
-    """
-    lines: list[str] = []
-    said = attributes_of(type(settings))
-    for field in (field for field in fields(settings) if not is_constant(field)):
-        value = getattr(settings, field.name)
-        for names, text in said.items():
-            if names.split(", ")[0] == field.name:
-                told = f"{names}: {text}" if ", " in names else text
-                lines += textwrap.wrap(
-                    told, 110, initial_indent=f"{indent}# ", subsequent_indent=f"{indent}# ", break_on_hyphens=False
-                )
-        if is_dataclass(value):
-            lines += [f"{indent}{field.name}:", explained_text(value, indent + "  "), ""]
-        else:
-            plain = _plain(value)
-            flow = yaml.safe_dump(plain, default_flow_style=True, width=1000).removesuffix("\n...\n").strip()
-            lines.append(f"{indent}{field.name}: {flow}")
-    return "\n".join(lines).rstrip("\n") + ("\n" if not indent else "")
-
-
-def attributes_of(kind: type) -> dict[str, str]:
-    """What the docstring of a class says of its attributes: text by name, or by names with commas between them."""
-    told: dict[str, str] = {}
-    _, _, section = inspect.cleandoc(kind.__doc__ or "").partition("Attributes\n----------\n")
-    for line in section.splitlines():
-        if line and not line.startswith(" "):
-            names, _, text = line.partition(" : ")
-            told[names] = text
-        elif line:
-            told[names] += " " + line.strip()
-        else:
-            break
-    return told
 
 
 def _plain(value: Any) -> Any:

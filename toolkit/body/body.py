@@ -184,32 +184,6 @@ class Body:
         lead = poses.shape[:-1]
         return reported.reshape(*lead, -1, 3), moved[:, sites:].reshape(*lead, -1, 3)
 
-    def vertex_jacobian(self, pose: np.ndarray, vertices: np.ndarray) -> np.ndarray:
-        """Analytic derivative of the chosen vertices by the pose: float64 (len(vertices), 3, P) (thesis 6.2.2)."""
-        pose = skeleton.check_pose(pose)
-        return self._jacobian(pose, self.vertices[vertices], self.skin_joints[vertices], self.skin_weights[vertices])
-
-    def joint_jacobian(self, pose: np.ndarray) -> np.ndarray:
-        """Analytic derivative of the 20 reported joints by the pose: float64 (20, 3, P)."""
-        pose = skeleton.check_pose(pose)
-        points = np.concatenate([self.joints, self.sites])
-        carriers = np.concatenate([np.arange(len(self.joints)), skeleton.SITE_PARENTS])[:, None]
-        jacobian = self._jacobian(pose, points, carriers, np.ones(carriers.shape))
-        return np.einsum("rk,kcp->rcp", skeleton.REPORTED_FROM_POINTS, jacobian)
-
-    def _jacobian(self, pose: np.ndarray, points: np.ndarray, joints: np.ndarray, weights: np.ndarray) -> np.ndarray:
-        placed = self.place(pose)
-        axes = np.empty((len(skeleton.DOF_JOINT), 3))
-        kinematics.world_axes(
-            skeleton.PARENTS, placed.vectors, placed.rotations, skeleton.DOF_JOINT, skeleton.DOF_AXIS, axes
-        )
-        out = np.empty((len(points), 3, skeleton.POSE_SIZE))
-        kinematics.skin_jacobian(
-            points, joints, weights, self.joints, placed.rotations, placed.origins, axes,
-            skeleton.DOF_JOINT, BELOW, out,
-        )  # fmt: skip
-        return out
-
 
 def vertex_normals(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
     """Outward unit normals (V, 3) of a mesh, area-weighted over the faces at a vertex."""

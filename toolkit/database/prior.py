@@ -194,18 +194,6 @@ KEPT = 32
 """Sets of known variables whose factors are kept: half a megabyte each."""
 
 
-def known_without(joints: tuple[str, ...], *, floor: bool = False) -> np.ndarray:
-    """Bool (SIZE,): all variables are known but the angles of `joints`, and the height unless a `floor` is.
-
-    Joints are those of `skeleton.JOINT_NAMES`, for example `left_hip`.
-    """
-    known = np.ones(SIZE, dtype=np.bool_)
-    for entry, joint in enumerate(skeleton.DOF_JOINT[3:]):
-        known[entry] = skeleton.JOINT_NAMES[joint] not in joints
-    known[HEIGHT] = floor
-    return known
-
-
 def _up_in_root(poses: np.ndarray) -> np.ndarray:
     from scipy.spatial.transform import Rotation
 

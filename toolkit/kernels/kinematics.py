@@ -163,52 +163,6 @@ def skin(
 
 
 @njit(cache=True)
-def skin_jacobian(
-    points: np.ndarray,
-    skin_joints: np.ndarray,
-    skin_weights: np.ndarray,
-    rest: np.ndarray,
-    rotations: np.ndarray,
-    origins: np.ndarray,
-    axes: np.ndarray,
-    dof_joint: np.ndarray,
-    below: np.ndarray,
-    out: np.ndarray,
-) -> None:
-    """Derivative of the skinned points with respect to the pose: fills `out` (V, 3, 3 + D).
-
-    `below[i, j]` is True where joint j is i or hangs below it. Per skinning joint the point moves rigidly, so entry k
-    adds `weight * axes[k] x (moved point - origin of k's joint)`.
-    """
-    out[:] = 0.0
-    for v in range(points.shape[0]):
-        for a in range(3):
-            out[v, a, a] = 1.0
-        for s in range(skin_joints.shape[1]):
-            w = skin_weights[v, s]
-            if w == 0.0:
-                continue
-            j = skin_joints[v, s]
-            dx = points[v, 0] - rest[j, 0]
-            dy = points[v, 1] - rest[j, 1]
-            dz = points[v, 2] - rest[j, 2]
-            r = rotations[j]
-            px = r[0, 0] * dx + r[0, 1] * dy + r[0, 2] * dz + origins[j, 0]
-            py = r[1, 0] * dx + r[1, 1] * dy + r[1, 2] * dz + origins[j, 1]
-            pz = r[2, 0] * dx + r[2, 1] * dy + r[2, 2] * dz + origins[j, 2]
-            for k in range(dof_joint.shape[0]):
-                i = dof_joint[k]
-                if not below[i, j]:
-                    continue
-                qx = px - origins[i, 0]
-                qy = py - origins[i, 1]
-                qz = pz - origins[i, 2]
-                out[v, 0, 3 + k] += w * (axes[k, 1] * qz - axes[k, 2] * qy)
-                out[v, 1, 3 + k] += w * (axes[k, 2] * qx - axes[k, 0] * qz)
-                out[v, 2, 3 + k] += w * (axes[k, 0] * qy - axes[k, 1] * qx)
-
-
-@njit(cache=True)
 def key_points(
     poses: np.ndarray,
     parents: np.ndarray,

@@ -16,7 +16,6 @@ from toolkit.sensing.recording import Recording
 from toolkit.sensing.stream import Frame
 from toolkit.track import FrameResult
 from toolkit.tracking.clock import StageClock
-from toolkit.tracking.learning import learn_body
 from toolkit.tracking.protocol import PersonFollower, Tracker, judge_of
 
 
@@ -43,7 +42,9 @@ class Solo:
         if tracker.learning_seconds:
             before = self._joints.export_state()
             learner = tracker.learner(camera, self.level_rotation)
-            body = learn_body(learner, self._first_sightings(recording))
+            for sighting, timestamp in self._first_sightings(recording):
+                learner.observe(sighting, timestamp)
+            body = learner.body
             self._joints.restore_state(before)
         self.follower: PersonFollower = tracker.follower(camera, self.level_rotation, body)
 

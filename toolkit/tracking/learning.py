@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
 from dataclasses import replace
 
 from toolkit.body.body import Body
@@ -14,7 +13,6 @@ from toolkit.people.sighting import PredictedBody, Sighting
 from toolkit.track import TRACKED
 from toolkit.tracking.clock import StageClock
 from toolkit.tracking.follower import Follower
-from toolkit.tracking.protocol import BodyLearner
 
 
 class FollowedBody:
@@ -89,10 +87,3 @@ class Pace:
             return False
         self._due = max(self._due, timestamp) + 1.0 / self._rate
         return True
-
-
-def learn_body(learner: BodyLearner, frames: Iterable[tuple[Sighting, float]]) -> Body | None:
-    """The body that a learner makes of sightings and their times in seconds; None where nobody was found."""
-    for sighting, timestamp in frames:
-        learner.observe(sighting, timestamp)
-    return learner.body

@@ -1,9 +1,7 @@
-"""TotalCapture: `*.sensors` with orientations `w x y z` in its data, and calibration files with `x y z w`.
+"""TotalCapture: `*.sensors` with orientations `w x y z`.
 
 The first line says how many sensors and frames there are. A frame is its number and one line per sensor: name,
-orientation, acceleration, and in the long form gyroscope and magnetometer. 60 frames a second. Beside it
-`*_calib_imu_bone.txt` holds the orientation of every sensor in its bone, `*_calib_imu_ref.txt` the inertial world's in
-the mocap's; they are read by `read_calibration`.
+orientation, acceleration, and in the long form gyroscope and magnetometer. 60 frames a second.
 """
 
 from __future__ import annotations
@@ -68,21 +66,3 @@ def read(path: Path, options: SensorOptions) -> Sensors:
         for k, name in enumerate(names)
     ]
     return Sensors(tuple(streams))
-
-
-def read_calibration(path: str | Path) -> dict[str, np.ndarray]:
-    """Sensor -> quaternion (4,) `w, x, y, z` of a `*_calib_imu_bone.txt` or `*_calib_imu_ref.txt` file.
-
-    Raises
-    ------
-    InertialError
-        A line is no name with four numbers.
-    """
-    found = {}
-    for words in (line.split() for line in read_text(Path(path)).splitlines()[1:] if line.strip()):
-        try:
-            x, y, z, w = (float(word) for word in words[1:])
-        except ValueError:
-            raise InertialError(f"{path} has a line {' '.join(words)!r}; expected a name and x y z w") from None
-        found[words[0]] = np.array([w, x, y, z])
-    return found

@@ -90,16 +90,6 @@ class RunLists:
         run_starts = np.concatenate([*starts, [frames]]).astype(np.int32)
         return RunLists.from_runs(run_starts, np.concatenate(vectors), np.cumsum(counts).astype(np.int32))
 
-    def inverted_list(self, vector: int) -> np.ndarray:
-        """The inverted list of a feature vector: (document, number of the run in it) per entry, int64 (L, 2), in
-        order."""
-        u = int(np.searchsorted(self.vectors, vector))
-        if u == len(self.vectors) or self.vectors[u] != vector:
-            return np.empty((0, 2), np.int64)
-        runs = np.asarray(self.list_runs[self.list_offsets[u] : self.list_offsets[u + 1]], np.int64)
-        documents = np.searchsorted(self.document_runs, runs, side="right") - 1
-        return np.stack([documents, runs - self.document_runs[documents]], axis=1)
-
     def segments(self, mask: int, value: int) -> tuple[np.ndarray, np.ndarray, int]:
         """Maximal segments of frames whose vector v has `v & mask == value`: first and last frames, and runs listed."""
         return keyframe_list(
