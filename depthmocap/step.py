@@ -29,7 +29,7 @@ class Pose(NamedTuple):
     frame : number of the frame, from 0
     timestamp : seconds
     state : "tracked", "lost" or "empty"
-    joints : float32 (20, 3), metres, camera frame; where nobody is there, where the person was last
+    joints : float32 (20, 3), metres, camera frame; where the person is out of sight, their last ones
     confidence : float32 (20,), probability that the joint is within 5 cm
     observed : bool (20,), False for a joint that was guessed
     pose : float64 (P,), the pose of the body
@@ -111,7 +111,7 @@ class Tracker:
         return self._known(self._crowd.step(frame))
 
     def finish(self) -> list[Pose]:
-        """No more frames: the poses of somebody whose body was still being learnt."""
+        """No more frames: the poses of a person whose body was still being learnt."""
         return [] if self._crowd is None else self._known(self._crowd.finish())
 
     @property

@@ -52,7 +52,7 @@ class Track:
 
     @property
     def joints(self) -> np.ndarray:
-        """float32 (T, 20, 3): x right, y down, z forward from the camera, metres; NaN where nobody is there."""
+        """float32 (T, 20, 3): x right, y down, z forward from the camera, metres; NaN where out of sight."""
         return np.where(self.person.there[:, None, None], self.person.track.joints, np.float32(np.nan))
 
     @property
@@ -67,7 +67,7 @@ class Track:
 
     @property
     def state(self) -> np.ndarray:
-        """Text (T,): "tracked", "lost" (there, not explained) or "empty" (nobody is there)."""
+        """Text (T,): "tracked", "lost" (there, not explained) or "empty" (out of sight)."""
         return np.array(STATE_NAMES)[self.person.track.state]
 
     @property

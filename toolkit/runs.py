@@ -23,7 +23,7 @@ PEOPLE_FILE = "people.json"
 LONGEST_NAME = 200
 """Bytes of the name of a person's folder."""
 MOST_PEOPLE = 1000
-"""In one recording, however long: whoever comes back is known again, or not."""
+"""In one recording: a person who comes back and is not known again counts twice."""
 
 
 @dataclass(frozen=True)
@@ -117,7 +117,7 @@ def _is_plain(name: str) -> bool:
 
 
 def person_runs(run: str | Path) -> tuple[Path, ...]:
-    """The ordinary run folders of a run: one per person (none of nobody) where it has a `people.json`, else itself.
+    """The ordinary run folders of a run: one per person (maybe none) where it has a `people.json`, else itself.
 
     Raises
     ------
@@ -140,7 +140,7 @@ class Person:
     track : one row per frame of the recording
     body : as it was fitted
     R_level_camera : float64 (3, 3), turns points from the camera frame into the level frame
-    id : the person's number in `people.json`, 1 for somebody who was followed alone
+    id : the person's number in `people.json`, 1 for a person who was followed alone
     camera_height : metres of the camera above the floor, None where none was seen
     recording : name of the recording's file or folder
     turns : quarter turns clockwise by which the recording's images were turned upright
@@ -162,7 +162,7 @@ class Person:
 
     @property
     def held_poses(self) -> np.ndarray:
-        """float64 (T, P): the poses, and where nobody is there that of the nearest frame in which the person is."""
+        """float64 (T, P): the poses, where the person is out of sight that of the nearest frame."""
         there = np.flatnonzero(self.there)
         if not len(there):
             return self.track.pose
@@ -187,7 +187,7 @@ class Person:
 
     @property
     def joints_level(self) -> np.ndarray:
-        """float64 (T, 20, 3): the reported joints in the level frame (y up), metres, NaN where nobody is there."""
+        """float64 (T, 20, 3): the reported joints in the level frame (y up), metres, NaN where out of sight."""
         joints = self.track.joints.astype(np.float64) @ self.R_level_camera.T
         joints[self.track.state == EMPTY] = np.nan
         return joints
@@ -217,7 +217,7 @@ def load_persons(run: str | Path) -> tuple[Person, ...]:
     TrackError
         A folder holds no finished track, or `people.json` is damaged.
     UsageError
-        A track has no frames, or nobody was found.
+        A track has no frames, or no person was found.
     """
     people, several = [], (Path(run) / PEOPLE_FILE).exists()
     numbers = [person.id for person in load_people(run).people] if several else [1]

@@ -45,14 +45,14 @@ class Cast:
     ] = None
     yaw: Annotated[
         list[float] | None,
-        typer.Option(help="Degrees by which somebody is turned to their left.", rich_help_panel=PEOPLE),
+        typer.Option(help="Degrees by which a person is turned to their left.", rich_help_panel=PEOPLE),
     ] = None
     stature: Annotated[
         list[float] | None,
         typer.Option(help="Metres; below 1.25 with a small child's proportions.", rich_help_panel=PEOPLE),
     ] = None
     enters: Annotated[
-        list[float] | None, typer.Option(help="Seconds after which somebody appears.", rich_help_panel=PEOPLE)
+        list[float] | None, typer.Option(help="Seconds after which a person appears.", rich_help_panel=PEOPLE)
     ] = None
     clothes: Annotated[
         list[str] | None,

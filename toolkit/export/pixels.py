@@ -20,14 +20,14 @@ from toolkit.sensing.recording import Recording
 from toolkit.sensing.settings import SensingSettings
 
 NOBODY = 255
-"""Of a pixel that is no person's: as the Azure Kinect SDK's K4ABT_BODY_INDEX_MAP_BACKGROUND."""
+"""Value of background pixels, that of the Azure Kinect SDK's K4ABT_BODY_INDEX_MAP_BACKGROUND."""
 MILLIMETRES = 1000.0
 REACH = 0.35
-"""Metres from the points of a sighting to the joints of whom they belong to, at most (median)."""
+"""Metres, median, within which the points of a sighting are from the joints of its person."""
 CONTOUR, ROUNDS = 60, 2
 """Millimetres of depth between neighbouring pixels of one person, at most, and pixels that a contour is wide."""
 SAMPLES = 300
-"""Points of a sighting that are asked whose they are."""
+"""Points of a sighting that decide whose it is."""
 HEAD = skeleton.REPORTED.index("head")
 
 

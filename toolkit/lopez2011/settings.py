@@ -28,9 +28,9 @@ class ParticleSettings:
     smoothness : `lambda` of Eq. 4: an arm may turn by two radians for a candidate
     least : log-probability of Eq. 4 below which an arm is diffused instead: four spreads from the candidate
     swivel : radians of spread about the swivel nearest to the arm before
-    looks : swivels all round at which every candidate is held against the frame before every second aimed arm is drawn,
-        by what they cost, for either arm in every other frame: from an arm that is folded the wrong way the near ones
-        lead beyond the joint limits; 0 = the paper's blind draw
+    looks : swivel samples, all round, of a candidate arm. They are scored against the frame, for either arm in every
+        second frame, and every second aimed arm is drawn by its cost: from an arm that is folded the wrong way the
+        near ones lead beyond the joint limits; 0 = the paper's draw without scores
     near : metres: a candidate counts exp(-distance / near) as much as one at the hand before (`f` of Eq. 5)
     floor : but at least this share, or a raised hand is never proposed to a hanging arm
     holding : metres: the other hand holds a candidate that is as near as this

@@ -1,4 +1,4 @@
-"""What looks like a head and may be somebody new: beside whom, apart from whom, in a mirror, of what shape."""
+"""Candidates for a new person: their distance from the people present, mirror images, and shape."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from toolkit.people.view import Lens, View
 
 
 def shaped_alone(view: View, lens: Lens, place: np.ndarray, settings: PeopleSettings) -> bool:
-    """Whether what hangs on a head has a person's shape, as if nobody else were there."""
+    """Whether the surface below a head has a person's shape; other people are ignored."""
     seeds = np.zeros(view.depth.shape, dtype=np.int32)
     head_seeds(view, [place], seeds)
     mask = share_out(view, lens, seeds, [place], settings, bridge=settings.bridge_cut) == 1
@@ -25,7 +25,7 @@ def shaped_alone(view: View, lens: Lens, place: np.ndarray, settings: PeopleSett
 
 
 def beside(place: np.ndarray, others: Sequence[np.ndarray], settings: PeopleSettings) -> bool:
-    """Whether a place is within the reach of somebody who sits, of one of the others."""
+    """Whether a place is within a seated person's reach of one of the other heads."""
     asides = [float(np.hypot(place[0] - other[0], place[2] - other[2])) for other in others]
     return min(asides, default=np.inf) < settings.reach_still
 
@@ -47,7 +47,7 @@ def headless(
 def in_a_mirror(
     place: np.ndarray, places: Sequence[np.ndarray], planes: Sequence[Plane], lens: Lens, settings: PeopleSettings
 ) -> bool:
-    """Whether a head is behind a wall, where somebody before it, at one of `places`, would be seen in a mirror."""
+    """Whether a head is behind a wall, at the mirror image of one of the `places` before it."""
     for plane in planes:
         normal = lens.to_level(plane.normal[None])[0]
         behind = linear.dot(normal, place) + plane.offset

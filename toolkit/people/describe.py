@@ -19,7 +19,7 @@ from toolkit.sensing.settings import SensingSettings
 
 FIRST_SECONDS = 3.0
 FRAMES = 45  # of them that are looked at, at the most
-BORDER = 3  # pixels from the image's border at which somebody is cut off: registered depth often ends before it
+BORDER = 3  # pixels from the image border within which a person counts as cut: registered depth often ends before it
 BORDER_SHARE = 0.05  # of a person's width or height that lies on such a border
 CUTS = ((0.35, "head"), (0.6, "chest"), (1.0, "waist"), (1.35, "knees"))
 """Metres below the middle of the head at which the image cuts an adult off, and what that is near."""
@@ -106,7 +106,7 @@ def _room_line(surroundings: Surroundings) -> str:
 
 
 def person_text(sighting: Sighting, lens: Lens) -> str:
-    """Number, distance and how the image cuts somebody off."""
+    """Number and distance of the people, and how the image border cuts them."""
     v, u = np.nonzero(largest_surface(sighting.depth))
     distance = float(np.median(sighting.depth[v, u]))
     height, width = sighting.depth.shape
@@ -122,7 +122,7 @@ def person_text(sighting: Sighting, lens: Lens) -> str:
 
 
 def largest_surface(depth: np.ndarray) -> np.ndarray:
-    """The largest piece of what was measured, bool (H, W): specks say neither where somebody is nor how far they reach.
+    """The largest piece of what was measured, bool (H, W): specks are no part of a person.
 
     `depth` is float32 (H, W) in metres, 0 where nothing was measured.
     """

@@ -52,7 +52,7 @@ class Head:
 def find_heads(view: View, lens: Lens, settings: PeopleSettings, *, cut_out: bool) -> list[Head]:
     """Heads in a frame, the highest first; of those above one another on a body only the highest.
 
-    `cut_out`: where nothing was measured nobody is, so that it counts as space beside a head.
+    `cut_out`: unmeasured pixels are background, so that they count as space beside a head.
     """
     scores, small = np.zeros(view.depth.shape, dtype=np.float32), np.zeros(view.depth.shape, dtype=np.bool_)
     for size, body, least in TEMPLATES:
@@ -105,12 +105,12 @@ def head_seeds(view: View, heads: Sequence[np.ndarray], seeds: np.ndarray) -> No
 def share_out(
     view: View, lens: Lens, seeds: np.ndarray, heads: Sequence[np.ndarray], settings: PeopleSettings, *, bridge: float
 ) -> np.ndarray:
-    """Give the foreground to the people whose seeds are nearest over the surface: int32 (h, w), 0 = nobody.
+    """Give the foreground to the people whose seeds are nearest over the surface: int32 (h, w), 0 = background.
 
     Parameters
     ----------
     seeds : int32 (h, w), 1.. the people
-    heads : (3,) each, level frame, metres; nobody reaches farther from the head than a person does
+    heads : (3,) each, level frame, metres; pixels beyond a person's reach of them are left out
     bridge : metres of the largest depth step within one person
     """
     labels = np.zeros(seeds.shape, dtype=np.int32)

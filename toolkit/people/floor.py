@@ -13,7 +13,7 @@ from toolkit.sensing.camera import DEFAULT_UP, Camera
 SAMPLES = 6000  # points; a floor of a tenth of the scene still has 600
 INLIER_DISTANCE = 0.03  # m; a Kinect's quantisation at 3 m
 ITERATIONS = 2000  # find a plane of a tenth of the points with probability 0.86, of a fifth always
-SEED = 0  # a scene has one floor, whoever asks
+SEED = 0  # every search of a scene finds the same floor
 PLANES = 6  # walls, ceiling and tables may be larger than the floor
 LARGEST_TILT = np.deg2rad(50.0)  # of a camera that still counts as upright
 SMALLEST_AREA = 0.8  # m^2; a person shows no plane of this size

@@ -1,6 +1,6 @@
 """Person or furniture: what was seen of something with a head, over the frames of a recording, and what it speaks for.
 
-Nothing here is decided in a single frame. Whoever has a head above shoulders is a hypothesis; motion, a person's shape
+Nothing here is decided in a single frame. Every head above shoulders is a hypothesis; motion, a person's shape
 and what the regressor says of its pixels are evidence for it, and so is its absence against it. Log odds add up.
 """
 

@@ -17,7 +17,7 @@ from toolkit.sensing.stream import Frame
 REACH = 2
 """Pixels beside a cut-out that still count as on it: its contour is deleted, and joints are seldom exact."""
 LEAST_SHARE = 0.3
-"""Of the sure joints that have to lie on a cut-out: with fewer they are somebody else's."""
+"""Share of the sure joints that have to lie on a cut-out; with fewer they are another person's."""
 
 
 class JointSource(Protocol):
@@ -46,7 +46,7 @@ class JointSource(Protocol):
 
 
 class NoJoints:
-    """Nobody says where joints are."""
+    """A source without joints."""
 
     name = "none"
     needs_color = False

@@ -20,9 +20,9 @@ from toolkit.people.surroundings import Surroundings, room_of, tolerances
 from toolkit.people.view import Lens
 
 FEWEST = 8  # frames from which anything is learnt; fewer show what stands there, not what stays
-LASTING = 0.15  # of the samples, and at least 2, in which the room behind somebody must be seen
+LASTING = 0.15  # of the samples, and at least 2, in which the room behind a person must be seen
 MOSTLY = 0.5  # of the samples at the background's depth: if so many are a person, the room there is not known
-OFTEN = 0.12  # of the samples in which a pixel differs that moves: whoever walks by before it does so in fewer
+OFTEN = 0.12  # of the samples in which a moving pixel differs; a person who walks by covers it in fewer
 CLOSE_BY = 0.4  # m in depth, between one surface of a person and another that moves into its place
 SAME_PLACE = 0.2  # m between the heads of one figure
 HEAD_MOVED = 0.5  # of the pixels of what may be a head: it moved there
@@ -178,7 +178,7 @@ def _share(mask: np.ndarray, among: np.ndarray) -> float:
 def _changed(own: np.ndarray, depth: np.ndarray, stack: np.ndarray, margin: np.ndarray) -> np.ndarray:
     """Pixels of a thing, `own` (h, w), that often show another depth close by in the other frames: bool (h, w).
 
-    Somebody who walks by before it is not close by, or not for long.
+    A person who walks by in front is neither close to it nor there for long.
     """
     changed = np.zeros(own.shape, dtype=np.int32)
     for other in stack:

@@ -14,7 +14,7 @@ from toolkit.checkpoint import check_state
 GATE, WALK = 0.3, 2.0  # m, and m/s, that a head moves from frame to frame
 LEAST_FRAMES = 2.5
 FRAMES = 3  # in which it must be seen: noise does not look like a head in the same place three times
-TOUCHING_TIME = 0.5  # s for which it must be seen on somebody else's surface: a knee or a fist may look like a head
+TOUCHING_TIME = 0.5  # s for which a head on another person's surface must be seen: a knee or a fist may look like one
 PATIENCE = 0.3  # s without being seen, after which it is forgotten
 
 
@@ -40,7 +40,7 @@ class Newcomers:
     ) -> list[int]:
         """Indices of the candidates, places (3,), that now count.
 
-        What has a person's shape, `shaped`, and is on nobody else's surface, `touching`, counts at once.
+        A candidate counts at once where it has a person's shape (`shaped`) and touches no other person (`touching`).
         """
         counted = [i for i in range(len(candidates)) if shaped[i] and not touching[i]]
         left, kept = [i for i in range(len(candidates)) if i not in counted], []

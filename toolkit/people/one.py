@@ -18,11 +18,11 @@ from toolkit.sensing.settings import SegmentationMode, SensingSettings
 
 ID = 1
 TOGETHER = 0.5
-"""Share of the frames of the person who is seen most: whoever is seen with them in more might be meant as well."""
+"""Share of the frames of the person seen most; another person seen with them in more may be meant as well."""
 
 
 class OneOfSeveral:
-    """A `PeopleFinder` of the one person with an id among those of a finder; nobody else is told of.
+    """A `PeopleFinder` of the one person with an id among those of a finder; all others are left out.
 
     Parameters
     ----------
@@ -57,7 +57,7 @@ class OneOfSeveral:
 
 @dataclass
 class Presence:
-    """How much is seen of somebody over a recording: in which frames, m^2 in all of them, and metres away in each."""
+    """What is seen of a person over a recording: frames, total area in m^2, and distance in each frame in metres."""
 
     frames: set[int] = field(default_factory=set)
     area: float = 0.0
@@ -67,12 +67,12 @@ class Presence:
 def meant_person(recording: Recording, finder: SeveralPeople, sensing: SensingSettings) -> int:
     """Id of the person whom `sensing.subject` means, over all frames, as `finder`, which is used up, numbers them.
 
-    Somebody whom a body will be fitted to has the same id then: nobody is told of before they are seen first.
+    The ids are those of the tracking pass: a person gets theirs in the first frame in which they are seen.
 
     Raises
     ------
     SegmentationError
-        Nobody is found, nobody at the pixel of "seed:U,V", or `subject` is "only" and somebody else is there as well
+        No person is found, none at the pixel of "seed:U,V", or `subject` is "only" and there are several
         for most of the time.
     """
     mode = SegmentationMode.parse(sensing.segment)
@@ -98,7 +98,7 @@ def meant_person(recording: Recording, finder: SeveralPeople, sensing: SensingSe
     dropped = furniture(finder.evidence)
     people = {number: p for number, p in seen.items() if number not in dropped}
     if not people:
-        return next(iter(seen), ID)  # of whom nothing will be believed; the track says that nobody is there
+        return next(iter(seen), ID)  # no sighting of this id will come; every row of the track is empty
     first = max(people, key=lambda number: people[number].area)
     if sensing.subject == "nearest":
         return min(people, key=lambda number: float(np.median(people[number].distances)))

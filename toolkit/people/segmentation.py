@@ -68,7 +68,7 @@ class Segmenter:
     Raises
     ------
     SegmentationError
-        The settings ask for a background and there is none, or for somebody in a room: `find_person` finds them.
+        The settings ask for a background and there is none, or for a person in a room (see `find_person`).
     """
 
     def __init__(
@@ -129,7 +129,7 @@ class Segmenter:
 
     @property
     def cut_out(self) -> bool:
-        """Whether the frames are taken as segmented already: zero depth then says that nobody is there."""
+        """Whether the frames are taken as segmented already: zero depth is then background."""
         return self._mode.name in ("auto", "segmented")
 
     def export_state(self) -> dict[str, Any]:

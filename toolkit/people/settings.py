@@ -19,7 +19,7 @@ class PeopleSettings:
     bridge_cost : how many times as long as a step on the surface that one counts
     upright_cost : how many times as long a vertical step counts as a horizontal one when people share pixels
     reach : horizontally from head to fingertip of a tall adult, leaning
-    reach_still : the same where nothing moved so far: the knees of somebody who sits; more would be the chair
+    reach_still : the same where nothing moved so far: a seated person's knees; more would be the chair
     reach_up : from the head's centre to the fingertip of a raised arm
     reach_down : from the head's centre to the sole of a person of 2.1 m
     longest_way : over the surface from head to toe or fingertip
@@ -31,22 +31,22 @@ class PeopleSettings:
     knee_reach : horizontally, within which what lies more below a head than beside it, on the surface that hangs on the
         head, is a knee (of one who sits, 0.55 m below) or the back of one who leans
     least_area : of a person: head and chest of a child that a table cuts off
-    least_cut_out : of a person where nothing but people is measured: somebody of half a metre
+    least_cut_out : of a person where nothing but people is measured: one of half a metre
     least_height : of a person: head and chest of a child
-    least_part : of a person who is known: a shoulder beside somebody else
-    least_body : of somebody whose head is not seen
-    least_island, largest_island : of a piece that hangs on nobody and is given to somebody: half a hand, an arm with
+    least_part : of a known person: a shoulder beside another person
+    least_body : of a person whose head is not seen
+    least_island, largest_island : of an unassigned component that is given to a person: half a hand, an arm with
         its hand or a leg
     island_gap : from such a piece to the person (Baak 2013, 5.4.2)
     torso : horizontally from the head's axis, of what stays a person's from frame to frame
     same_surface : depth by which a surface moves from frame to frame: 5 m/s at 30 Hz
     body_gate : from a measured point to the surface of the body that it belongs to
-    patience : during which somebody who is not seen is expected where they were
+    patience : during which an unseen person is expected at their last place
     plane_area, plane_side : the least of a wall or a floor; no person shows a plane of this size
     plane_distance : of a pixel from such a plane, on top of the quantisation
-    mirror_depth, mirror_gate : somebody so far behind a wall, and so close to where somebody before it would be
+    mirror_depth, mirror_gate : a head so far behind a wall, and so close to the mirror image of one before it
         mirrored, is that mirror image: walls are known to a few degrees
-    most_people : that are told apart; whoever comes after them is left out
+    most_people : that are told apart; later ones are left out
     """
 
     coarse_width: int = 160

@@ -34,9 +34,9 @@ from toolkit.sensing.settings import SensingSettings
 logger = logging.getLogger(__name__)
 
 NEVER_MOVED = 0.3
-"""Of the pixels of what may be a head: so many never moved, and it is none, where somebody is close by."""
+"""Share of still pixels above which a head candidate beside a person is furniture."""
 LOOK_AGAIN = 0.3
-"""Seconds from one look whether somebody is a person to the next."""
+"""Seconds between two looks at a track whether it is a person."""
 MIDDLE_SAMPLES = 300
 """Points of a person whose median is their middle."""
 
@@ -51,7 +51,7 @@ class SeveralPeople:
     surroundings : what is known of the room; None decides with the first frame
     sensing : how depth is cleaned
     settings : how people are found
-    most : how many people are told apart; whoever comes after them is left out. None = all
+    most : how many people are told apart; later ones are left out. None = all
     judge : tells people from furniture by their pixels; None cannot tell
 
     Attributes
@@ -100,7 +100,7 @@ class SeveralPeople:
         return self._sightings(flat, surroundings)
 
     def follow(self, depth_mm: np.ndarray, timestamp: float) -> tuple[np.ndarray, np.ndarray]:
-        """As `find`, without bodies and coarsely: ids int32 (h, w), 0 = nobody, and depth float32 (h, w), metres."""
+        """As `find`, without bodies and coarsely: ids int32 (h, w), 0 = none, and depth float32 (h, w), metres."""
         self._follow(self._polisher.checked(depth_mm), timestamp, {})
         return self._labels, self._depth
 
@@ -110,7 +110,7 @@ class SeveralPeople:
         return min(round(v / self.lens.step), height - 1), min(round(u / self.lens.step), width - 1)
 
     def _follow(self, flat: np.ndarray, timestamp: float, predicted: Mapping[int, PredictedBody]) -> Surroundings:
-        """Find out who is where in an undistorted frame, at coarse resolution."""
+        """Label the people of an undistorted frame at coarse resolution."""
         view, surroundings = self._look(flat)
         present = self._present(timestamp, predicted)
         heads, children, furniture = self._heads(view, surroundings)
@@ -184,8 +184,8 @@ class SeveralPeople:
         return lens.view(depth, foreground, surroundings.still), surroundings
 
     def _heads(self, view: View, surroundings: Surroundings) -> tuple[list[np.ndarray], list[bool], list[np.ndarray]]:
-        """Places of heads, which of them only a small child may have, and places of what is none but keeps its pixels
-        from the people beside it.
+        """Places of heads, which of them are of a small child's size, and places of furniture, whose pixels go to no
+        person beside it.
         """
         if surroundings.known:
             heads = find_heads(view, self.lens, self._settings, cut_out=surroundings.cut_out)
@@ -196,7 +196,7 @@ class SeveralPeople:
         return people, [False] * len(people), furniture
 
     def _present(self, timestamp: float, predicted: Mapping[int, PredictedBody]) -> list[Person]:
-        """Those who were seen of late, as the bodies that follow them have them."""
+        """The people seen within `patience`, with stature and head of their predicted bodies."""
         present = [p for p in self.people if timestamp - p.last <= self._settings.patience]
         for k, person in enumerate(present):
             if person.id in predicted:
@@ -224,11 +224,11 @@ class SeveralPeople:
     ) -> View:
         """Add the pixels near the expected bodies to `seeds`, of those whose head is where that body is.
 
-        Where nothing ever moved and everybody has a body, what is not near one is furniture that somebody touches; it
-        is not in the foreground of the view that is returned.
+        Where every person has a body, still pixels near none of them are furniture that a person touches; they are not
+        in the foreground of the view that is returned.
         """
         if len(present) < 2 and not view.still.any():
-            return view  # nobody to share with, nothing to be cut off
+            return view  # one person has all pixels
         asked = {k: predicted[p.id] for k, p in enumerate(present, start=1) if p.id in predicted}
         bodies = {k: body for k, body in asked.items() if self._follows(body, places[k - 1])}
         if not bodies:
@@ -248,7 +248,7 @@ class SeveralPeople:
         numbers = np.zeros(1 + max((p.id for p in self.people), default=0), dtype=np.int32)
         for k, person in enumerate(present, start=1):
             numbers[person.id] = k
-        # What never moved may be the chair that somebody has just left.
+        # Still pixels may be the chair from which a person has just risen.
         here = ~view.still & (np.abs(view.depth - self._depth) < self._settings.same_surface)
         stayed_seeds(view, np.where(here, numbers[self._labels], 0), places, self._settings, seeds)
 
@@ -260,7 +260,7 @@ class SeveralPeople:
         places: Sequence[np.ndarray],
         furniture: Sequence[np.ndarray],
     ) -> tuple[np.ndarray, list[np.ndarray]]:
-        """Labels of the people at `places` (1, 2, ...), and masks of what may be somebody without a visible head."""
+        """Labels of the people at `places` (1, 2, ...), and masks of possible people without a visible head."""
         settings = self._settings
         bridge = settings.bridge_cut if surroundings.known else settings.bridge_room
         everything = seeds.copy()
@@ -281,9 +281,9 @@ class SeveralPeople:
         heads: Sequence[np.ndarray],
         children: Sequence[bool],
     ) -> tuple[list[np.ndarray], list[bool]]:
-        """Heads that may be somebody new: no shoulder, knee or fist of somebody who is there or comes before; and which
-        of them touch somebody. What only a child may have is a fist where it touches somebody, and what never moved
-        beside somebody is a chair's back.
+        """Heads that may be new people, and which of them touch a person: no shoulder, knee or fist of a person who is
+        present or comes earlier in the list. A head of a child's size that touches a person is a fist, a still one
+        beside a person a chair's back.
         """
         everybody, found, touching, seeds = list(places), [], [], seeds.copy()
         for head, child in zip(heads, children, strict=True):  # adults first, then the highest
@@ -300,10 +300,10 @@ class SeveralPeople:
         return found, touching
 
     def _sure(self, view: View, place: np.ndarray, is_head: bool, surroundings: Surroundings) -> bool:
-        """Whether what hangs on a head is surely a person's.
+        """Whether the surface below a candidate head is surely a person's.
 
-        Before a known room it has to have a person's shape: what is carried is before it too. Where nothing but people
-        is measured everything is, in the first frame. Of an unknown room only what has that shape comes here.
+        With a known background it has to have a person's shape, for carried things are foreground too. In a cut out
+        recording all of the first frame is people. In an unknown room candidates were chosen by their shape before.
         """
         if surroundings.cut_out:
             return not self.people
@@ -314,7 +314,7 @@ class SeveralPeople:
         return shaped_alone(view, self.lens, place, self._settings)
 
     def _look_at(self, view: View, heads: Mapping[int, np.ndarray], timestamp: float) -> None:
-        """Gather evidence whether those whose heads are seen, by id, are people; a few times a second."""
+        """Look whether the tracks whose heads are seen, by id, are people; a few times a second."""
         if self._surroundings is None or self._surroundings.cut_out:
             return
         for k, person in enumerate(self.people):
@@ -326,7 +326,7 @@ class SeveralPeople:
                 )
 
     def _where_they_were(self, candidates: Sequence[np.ndarray], timestamp: float) -> list[int]:
-        """Indices of the candidates at whose place somebody was seen last who is not there now."""
+        """Indices of the candidates at the last places of people who are absent now."""
         absent = [p for p in self.people if timestamp - p.last > self._settings.patience]
         return list(match_heads([replace(p, last=timestamp) for p in absent], candidates, timestamp).values())
 
@@ -340,7 +340,7 @@ class SeveralPeople:
         timestamp: float,
         cut_out: bool,
     ) -> np.ndarray:
-        """Write down who was seen where; the id of every label, int32 (n + 1,), 0 for what is nobody."""
+        """Update the people; returns the id of every label, int32 (n + 1,), 0 for background."""
         settings = self._settings
         ids = np.zeros(len(places) + 1, dtype=np.int32)
         known = {p.id: p for p in self.people}

@@ -1,4 +1,4 @@
-"""Pixels that surely belong to somebody: those near a predicted body, the head that is seen, the torso that stayed."""
+"""Seeds, the pixels that surely belong to a person: near a predicted body, of a visible head, of a still torso."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ def stayed_seeds(
 
     Parameters
     ----------
-    stayed : int32 (h, w), whose a pixel was in the frame before, where its surface is still there; 0 = nobody's
+    stayed : int32 (h, w), person of a pixel in the frame before, where its surface is still there; 0 = none
     places : (3,) each, where the heads are or are expected, level frame, metres
 
     Limbs are shared out anew in every frame, so that no mistake outlives the touch that caused it.

@@ -25,7 +25,7 @@ class Sighting:
         that is not the person. None where every pixel of the image says something. Whatever lies outside the image is
         unobserved as well
     camera : of that depth, without lens distortion
-    joints : the person's joints in the image, in pixels of `depth`, or None where nobody says
+    joints : the person's joints in the image, in pixels of `depth`, or None without a source of joints
     """
 
     id: int
@@ -83,7 +83,7 @@ class PeopleFinder(Protocol):
         ...
 
     def export_state(self) -> dict[str, Any]:
-        """All that the next frame depends on: arrays, numbers and text by name, nested; fit for `files.save_state`."""
+        """All that the next frame depends on: arrays, numbers and text by name, nested; fit for `checkpoint`."""
         ...
 
     def restore_state(self, state: Mapping[str, Any]) -> None:

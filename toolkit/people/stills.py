@@ -42,7 +42,7 @@ def people_and_furniture(
     furniture = [
         head
         for head, good in zip(heads, shaped, strict=True)
-        # What is lower on somebody's body is a part of it; a cupboard keeps its pixels to itself.
+        # A lower head within a person's body is a part of it; a cupboard keeps its own pixels.
         if not good and not any(_below(head, person) for person in people)
     ]
     labels = np.zeros(view.depth.shape, dtype=np.int32)

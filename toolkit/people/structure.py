@@ -127,7 +127,7 @@ def _refitted(
 
 
 def _bounds(points: np.ndarray, tolerances: np.ndarray, on: np.ndarray, normal: np.ndarray, offset: float) -> bool:
-    """Whether little is seen through the plane where it was seen itself."""
+    """Whether few points lie behind the plane within the rectangle of its own points, as seen from the camera."""
     slopes = linear.times(points, normal)
     through = slopes + offset < -3 * tolerances
     if not through.any():

@@ -29,7 +29,7 @@ class Surroundings:
     cut_out : the source measures nothing but people: a pixel without depth is free
     known : what is before it can only be people and what they carry; else furniture may be among them
     background : float32 (h, w), metres, 0 = not known
-    margin : float32 (h, w), metres by which somebody must stand before the background
+    margin : float32 (h, w), metres by which a person must stand before the background
     planes : walls and floor
     floor : its y, level frame, metres; None where no floor is known
     figures : things of a person's shape that never moved while the room was learnt, and are taken for furniture
@@ -118,7 +118,7 @@ def is_cut_out(depth: np.ndarray, lens: Lens, settings: PeopleSettings) -> bool:
 
 
 def room_of(depth: np.ndarray, lens: Lens, settings: PeopleSettings) -> Surroundings:
-    """Surroundings of which nothing is known but the walls and the floor of one coarse frame float32 (h, w), metres."""
+    """Surroundings without a background: walls and floor of one coarse frame float32 (h, w), metres."""
     empty = np.zeros(lens.camera.shape, dtype=np.float32)
     planes = tuple(_planes_of(depth, lens, settings))
     return Surroundings(False, False, empty, empty, np.zeros(empty.shape, dtype=np.bool_), planes)

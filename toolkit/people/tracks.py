@@ -16,25 +16,25 @@ from toolkit.people.evidence import Evidence
 LONGEST_FORECAST = 0.5  # s over which a velocity holds
 VELOCITY_MEMORY = 0.2  # s over which a velocity is averaged
 GATE = 0.4  # m from where a head is expected: it nods, and its middle moves as it turns
-GATE_GROWTH = 1.5  # m/s by which the gate widens while nobody is seen: a brisk walk
+GATE_GROWTH = 1.5  # m/s by which the gate widens while the person is unseen: a brisk walk
 WIDEST_GATE = 1.5  # m
 TALLEST_MEMORY = 1.0  # s in which the height of a head that stands is learnt
-WHOLE = 0.7  # of somebody's area: less, and they are half hidden
-AREA_FADING = 0.1  # a second, of what was seen of somebody who walks away
-TALLER, SHORTER = 0.08, 0.12  # m by which somebody who comes back may differ: shoes and noise; a bent neck as well
-WALK = 2.5  # m/s: the fastest that somebody out of sight moves in a room
+WHOLE = 0.7  # of a person's area: less, and they are half hidden
+AREA_FADING = 0.1  # a second, by which the known area fades as a person walks away
+TALLER, SHORTER = 0.08, 0.12  # m by which a returning person may differ: shoes and noise; a bent neck as well
+WALK = 2.5  # m/s: the fastest motion of a person out of sight in a room
 
 LEVEL = np.array([1.0, 0.0, 1.0])
 """Times a way in the level frame: what of it is horizontal."""
 NEVER = -1e9
 """Seconds before every timestamp."""
 UNKNOWN = np.full(3, np.nan)
-"""A place that nobody tells."""
+"""The place where none is known."""
 
 
 @dataclass(frozen=True, eq=False)
 class Person:
-    """Somebody who was seen.
+    """A person who was seen.
 
     Attributes
     ----------
@@ -44,12 +44,12 @@ class Person:
     first, last : timestamps of the first and the last frame in which they were seen, seconds
     tallest : height at which the head stands, level frame, metres
     middle : float64 (3,), median of the measured points, level frame, metres
-    area : m^2, seen head on, that are measured of them where nobody hides them
-    stature : metres, as learnt by whoever follows the person; 0 = not known
+    area : m^2, seen head on, that are measured of them where nothing hides them
+    stature : metres, as learnt by the person's follower; 0 = not known
     borne_out : whether the head of the body that follows them was ever seen where that body has it; from then on the
         body knows better where it is than what looks like a head
     body_head : float64 (3,), level frame, metres, where that body had its head in the last frame; NaN = not known
-    looks, looked : how often somebody looked whether it is a person, and when last, seconds
+    looks, looked : number of looks whether the track is a person, and the time of the last one, seconds
     shaped, judged : how often it had a person's shape then, and the sum of the judge's log odds
     """
 
@@ -109,7 +109,7 @@ class Person:
         elapsed = max(timestamp - self.last, 0.0)
         whole = area > WHOLE * self.area
         place, before = head, self.head
-        if place is None:  # what is left of somebody half hidden says little of where they go
+        if place is None:  # the visible part of a half hidden person says little of their velocity
             before = self._start
             moved = (middle - self.middle) * LEVEL  # what hides legs or shows them again lifts the middle, not the head
             place = before + moved if whole else self.expected(timestamp)
@@ -146,9 +146,9 @@ def match_heads(people: Sequence[Person], heads: Sequence[np.ndarray], timestamp
 
 
 def known_again(absent: Sequence[Person], head: np.ndarray, timestamp: float) -> Person | None:
-    """Whoever of the absent may have come back with the head there: the one whose height fits best, or None.
+    """The absent person who may have come back with this head: the one whose height fits best, or None.
 
-    Somebody who comes back may sit, but is not taller than before, and was not out of sight for too short a time to
+    A person who comes back may sit, but is not taller than before, and was out of sight long enough to
     get there.
     """
     best: tuple[float, Person] | None = None
@@ -185,5 +185,5 @@ def restore_people(state: Mapping[str, Any]) -> list[Person]:
     check_state(state, columns, what="people")
     count = len(state["id"])
     if len(set(state["id"].tolist())) < count:
-        raise TrackError(f"the state of the people tells somebody twice; {HINT}")
+        raise TrackError(f"the state of the people tells a person twice; {HINT}")
     return [Person(**{k: (v[i].copy() if v[i].ndim else v[i].item()) for k, v in state.items()}) for i in range(count)]

@@ -24,8 +24,8 @@ CLEARLY = np.cos(np.radians(35.0))
 def quarter_turns(recording: Recording) -> int:
     """Quarter turns clockwise that bring the images upright, 0 where nothing says that they are not.
 
-    The vertical that the file knows decides, else a floor that is seen only in a turned image, in which somebody stands
-    who does not stand in the image as it is. Whoever said how the camera stands (`--rotate`, `--up`) is believed.
+    The vertical that the file knows decides, else a floor that is seen only in a turned image, in which a person stands
+    who does not stand in the image as it is. What the user said (`--rotate`, `--up`) holds.
     """
     if recording.options.keys() & {"rotate", "up_camera"}:
         return 0
@@ -47,7 +47,7 @@ def quarter_turns(recording: Recording) -> int:
 
 
 def _stands(depth_mm: np.ndarray, camera: Camera, turns: int, settings: PeopleSettings) -> bool:
-    """Whether somebody stands in the image after so many quarter turns."""
+    """Whether a person stands in the image after so many quarter turns."""
     lens = Lens(camera.undistorted().rotated(turns), np.array(DEFAULT_UP), settings.coarse_width, SensingSettings())
     axes = people_axes(lens.coarse(_turned(depth_mm, turns)), lens, settings)
     return any(trust == "standing" and linear.dot(axis, np.array(DEFAULT_UP)) > CLEARLY for axis, trust in axes)

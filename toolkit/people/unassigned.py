@@ -1,4 +1,4 @@
-"""Pieces of foreground that hang on nobody: a hand before the body, somebody without a visible head, or noise."""
+"""Unassigned components of the foreground: a hand before the body, a person without a visible head, or noise."""
 
 from __future__ import annotations
 
@@ -24,18 +24,18 @@ def attach_islands(
 ) -> tuple[np.ndarray, list[np.ndarray]]:
     """Give the pieces that are left over to the people near by.
 
-    One of a person's size is only given to somebody whose head is, or is expected, right above it.
+    One of a person's size is only given to a person whose head is, or is expected, right above it.
 
     Parameters
     ----------
-    labels : int32 (h, w), 1.. the people, 0 = nobody
+    labels : int32 (h, w), 1.. the people, 0 = none
     places : where their heads are, (3,) each, level frame, metres
     cut_out : nothing but people was measured, so that a small piece may be a child
 
     Returns
     -------
     labels : the same with islands attached, a new array
-    bodies : masks bool (h, w) of the pieces that are as large as a person, and nobody's
+    bodies : masks bool (h, w) of the unassigned components that are as large as a person
     """
     from scipy.spatial import cKDTree
 
@@ -76,7 +76,7 @@ def _aside(points: np.ndarray, place: np.ndarray) -> float:
 def surfaces(
     view: View, lens: Lens, labels: np.ndarray, settings: PeopleSettings
 ) -> tuple[np.ndarray, int, np.ndarray]:
-    """Connected surfaces of the foreground of nobody: labels int32 (h, w), their number, and areas in m^2 (n + 1,)."""
+    """Connected unassigned surfaces of the foreground: labels int32 (h, w), their number, and areas in m^2 (n + 1,)."""
     height, width = labels.shape
     padded = np.zeros((height + 2, width + 2), dtype=np.uint16)
     padded[1:-1, 1:-1] = np.where(view.foreground & (labels == 0), np.rint(1000 * view.depth), 0)

@@ -23,7 +23,7 @@ from toolkit.sensing.recording import Recording
 from toolkit.sensing.settings import SensingSettings
 from toolkit.sensing.vertical import Vertical
 
-FLOOR_FRAMES = 4  # in which a floor is looked for; somebody may stand on it in one
+FLOOR_FRAMES = 4  # in which a floor is looked for; a person may hide it in one
 PEOPLE_FRAMES = 8  # a stride leans, several do not
 FIRST_SECONDS = 3.0
 CAMERA_HEIGHT = (0.3, 4.0)  # m above the floor: from a chair's seat to a ceiling
@@ -32,7 +32,7 @@ LARGEST_TILT = np.deg2rad(50.0)  # of a camera that still counts as upright
 WALL_TILT = np.deg2rad(25.0)  # by which a wall may lean in the image of a tilted camera
 TRUST = {"wall": np.deg2rad(2.0), "standing": np.deg2rad(8.0), "torso": np.deg2rad(15.0), "image": np.deg2rad(20.0)}
 CLEARLY = np.deg2rad(10.0)  # from the image's vertical: a lean of as much is everyday
-ELONGATED = 2.2  # length over width of somebody who stands with the arms down
+ELONGATED = 2.2  # length over width of a standing person with the arms down
 CHEST_DROP, CHEST_RADIUS = 0.45, 0.25  # m below a head's centre and around there
 
 

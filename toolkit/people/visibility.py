@@ -41,7 +41,7 @@ def unobserved_pixels(
     whole_mm : uint16 (H, W), all that was measured, millimetres, 0 = no measurement
     depth : float32 (H, W), the person's own depth, metres, 0 elsewhere
     holes : int32 (H, W), as `hole_sizes` has them
-    cut_out : the source says that nobody is where nothing was measured
+    cut_out : the recording is cut out: unmeasured pixels are background
 
     Returns
     -------

@@ -221,7 +221,7 @@ def floor_of(recording: Recording) -> float | None:
 
 
 def _silent(name: str, doing: str, done: int, total: int) -> None:
-    """RecordingProgress that nobody watches."""
+    """RecordingProgress without a display."""
 
 
 def finder_of(job: Job) -> PeopleFinder:

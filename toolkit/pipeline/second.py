@@ -117,7 +117,7 @@ class SecondPass:
         return True
 
     def _person(self, person: int, sightings: SightingFile) -> Iterator[int]:
-        """Follow one person and put their rows in place; between two steps whoever asks may stop."""
+        """Follow one person and put their rows in place; `stop` may end it between two steps."""
         seen, stages = sightings.of(person), self._tracker.stage_names
         before = self._sink.past(person)
         walked = directions_walked(before, self._timestamps, self._rotation)
@@ -145,7 +145,7 @@ class SecondPass:
         way.close()
 
     def _rows(self, person: int, way: WayFile) -> Iterator[tuple[FrameResult, float]]:
-        """All rows of a person; where nobody was in sight the last pose, before that the first one."""
+        """All rows of a person; where they were out of sight the last pose, before that the first one."""
         spent = self._sink.past(person)["stage_ms"]
         nobody = self._tracker.source_names.index(PREDICTED)
         known = next(step for step in map(way.get, range(len(self._timestamps))) if step is not None)

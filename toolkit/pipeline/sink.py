@@ -173,7 +173,7 @@ class RunSink:
         save_text(folder / CONFIG_FILE, settings_text(self._tracker.settings))
 
     def _begun(self) -> list[int]:
-        """People of whom an unfinished run has rows."""
+        """Ids of the people with rows in an unfinished run."""
         names = [path.parent.name.split("_")[1] for path in sorted(self.run.glob(f"person_*/{PARTIAL_FILE}"))]
         return [int(name) for name in names if name.isdecimal() and folder_of(int(name)) == f"person_{name}"]
 

@@ -53,7 +53,7 @@ class Sensor(Protocol):
         ...
 
     def measure(self, surface: Surface, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
-        """Measured depth, uint16 (H, W) millimetres along z with 0 = none, and int16 (H, W): of whom, -1 = nobody."""
+        """Measured depth, uint16 (H, W) millimetres along z with 0 = none, and int16 (H, W): person, -1 = none."""
         ...
 
 

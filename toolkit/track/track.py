@@ -119,7 +119,7 @@ def columns(pose_size: int, stages: int) -> dict[str, tuple[int, ...]]:
 
 
 def row_columns(pose_size: int, stages: int, sources: int) -> dict[str, Column]:
-    """What every column of rows must be: nobody's tracker writes anything else."""
+    """What every column of rows must be, whichever tracker wrote it."""
     shapes = columns(pose_size, stages)
     spans = {
         "joints": (-FARTHEST, FARTHEST), "pose": (-FARTHEST, FARTHEST), "confidence": (0.0, 1.0),

@@ -47,7 +47,7 @@ class Waiting:
 
 
 class Predictions(Mapping[int, PredictedBody]):
-    """Where people are expected who are followed, or learnt; a body is placed when somebody asks for it."""
+    """The predicted bodies of the followed people; each is placed when it is first read."""
 
     def __init__(self, known: Mapping[int, PersonFollower | BodyLearner]) -> None:
         self._known = known
@@ -70,7 +70,7 @@ class Crowd:
     tracker : makes a follower for each person
     finder : tells the people of a frame apart
     up_camera : (3,), the vertical in the camera frame
-    joints : tells where the joints of those who were found are in the image; None for nobody's
+    joints : tells the joints of the people in the image; None for no joints
     floor : y of the floor, metres, level frame, None where it is not known
 
     Attributes
@@ -99,7 +99,7 @@ class Crowd:
 
     @property
     def settled(self) -> bool:
-        """Whether nobody's body is being learnt, so that the state is small and all rows are out."""
+        """Whether no body is being learnt, so that the state is small and all rows are out."""
         return not self._waiting
 
     @property

@@ -28,7 +28,7 @@ from toolkit.tracking.stature import off_floor, unlikely
 from toolkit.tracking.walking import BACKWARDS, forwards
 
 HELD = 1.0
-"""Seconds out of sight after which nobody is expected to come back in the pose in which they went."""
+"""Seconds out of sight after which the last pose says nothing of the next one."""
 
 
 class Follower(Person):
@@ -48,10 +48,10 @@ class Follower(Person):
     Attributes
     ----------
     state : everything that the next step depends on besides the sighting; replaced, never changed, by `step`
-    observation : of the last sighting, None where nobody was seen
+    observation : of the last sighting, None without one
     sizes : as above; fewer may be tried
     floor : y of the floor, metres, level frame, None where it is not known: it tells how tall a person is
-    walked : float64 (2,), where the person walks in the next frame, see `directions_walked`; None where nobody knows
+    walked : float64 (2,), where the person walks in the next frame, see `directions_walked`; None where it is not known
     scored : all hypotheses of the last frame
     winner : the hypothesis that was selected in the last frame, None where there was none
     """
@@ -82,7 +82,7 @@ class Follower(Person):
         self.winner: ScoredHypothesis | None = None
 
     def step(self, sighting: Sighting | None, timestamp: float, clock: StageClock) -> FrameResult:
-        """Find the person in the next frame, at `timestamp` seconds; without a sighting nobody is there."""
+        """Find the person in the next frame, at `timestamp` seconds; without a sighting the frame is empty."""
         self.observation, self.scored, self.winner = None, (), None
         # Baak 2013, 5.3.1: the person's depth as a cloud.
         cloud = None if sighting is None else Cloud.from_depth(sighting.depth, sighting.camera, self.level_rotation)
@@ -150,7 +150,7 @@ class Follower(Person):
         went = _last_seen(state, observation.timestamp, self.held)
         known = [] if went is None else [replace(state, previous=went)]
         bodies = (state.body,) if state.sized else self.sizes
-        # Who was hidden for a moment has not turned round meanwhile.
+        # A person who was hidden for a moment has not turned round meanwhile.
         anew = state.previous is None and not known
         scored: list[ScoredHypothesis] = []
         for told in (*known, *(replace(state, body=body) for body in bodies)):
@@ -225,10 +225,10 @@ class Follower(Person):
 
 
 def unseen(before: PersonState, timestamp: float) -> PersonState:
-    """The state after a frame that shows nobody, or of which no search says anything.
+    """The state after a frame without a sighting or without a hypothesis.
 
-    Who comes back may stand anywhere, in any pose, facing anywhere; who was hidden for a moment is probably where they
-    went.
+    A person who comes back may stand anywhere, in any pose, facing anywhere; after a short absence they are probably
+    near the last place.
     """
     went = {} if before.previous is None else _went(before, before.previous)
     return replace(

@@ -38,7 +38,7 @@ DISAGREED = 5
 REPAIRED = 300
 """Frames that a second way is followed at most."""
 BACKWARDS_FROM = -0.5
-"""How far somebody walks forwards, see `forwards`, below which they are looked at afresh."""
+"""How far a person walks forwards, see `forwards`, below which the frame is looked at afresh."""
 FIRST_PASS = 2
 """In place of a direction: from the pose of the first pass, in both."""
 _PLAN = {"stretches": Column("iu", ("stretches", 3), 0), "checks": Column("iu", ("checks", 3), 0)}
@@ -118,7 +118,7 @@ class BothWays:
         self._pending: dict[int, Step] = {}
 
     def run(self) -> Iterator[bool]:
-        """Follow everything. Between two frames whoever asks may stop, or keep `export_state`; True says it has to."""
+        """Follow everything, by frames; the caller may stop in between, or keep `export_state`: True says to."""
         legs = [(stretch, turn) for stretch in self._plan.stretches for turn in (1, -1)]
         while self._leg < len(legs):
             yield from self._followed(*legs[self._leg])

@@ -63,7 +63,7 @@ class Person:
         return PredictedBody(self._placer.place(body, self.last_pose).vertices, body.faces, body.height, head)
 
     def rng(self) -> np.random.Generator:
-        """The generator as the state has it; made anew only where somebody else replaced the state."""
+        """The generator as the state has it; made anew only where the state was replaced from outside."""
         if self._drawn is None or self._drawn[0] is not self.state.generator:
             self._drawn = self.state.generator, self.state.rng()
         return self._drawn[1]

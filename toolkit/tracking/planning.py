@@ -88,7 +88,7 @@ class Planner:
         self.plan: Plan | None = None
 
     def run(self) -> Iterator[None]:
-        """Make the plan; whoever asks may stop in between. It stays None where too little was ever seen."""
+        """Make the plan, a frame at a time: the caller may stop in between. It stays None where too little was seen."""
         usable = self._seen.frames[self._seen.pixels >= self._smallest]
         if not len(usable):
             return

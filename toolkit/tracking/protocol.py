@@ -65,7 +65,7 @@ class PersonFollower(Protocol):
         ...
 
     def step(self, sighting: Sighting | None, timestamp: float, clock: StageClock) -> FrameResult:
-        """Find the person in the next frame, at `timestamp` seconds; None where nobody is."""
+        """Find the person in the next frame, at `timestamp` seconds; None without a sighting."""
         ...
 
     def predicted(self) -> PredictedBody:
@@ -87,7 +87,7 @@ class BodyLearner(Protocol):
     Attributes
     ----------
     found : whether it knows where the person is, so that it can be asked for `predicted`
-    body : as learnt so far; None while nobody was found
+    body : as learnt so far; None before the first sighting
     """
 
     @property

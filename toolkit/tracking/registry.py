@@ -35,7 +35,7 @@ MODULES = {
     "particles": "toolkit.lopez2011.tracker",
     "swarm": "toolkit.qammaz.tracker",
 }
-"""Modules that register a tracker of this name when they are imported; trackers that nobody asks for cost nothing."""
+"""Modules that register a tracker of this name when they are imported; other trackers are not imported."""
 REGISTERED: dict[str, Registration] = {}
 
 

@@ -73,8 +73,8 @@ class PersonState:
     facing : float64 (2,), smoothed direction in the ground plane, or None
     timestamp : seconds, of the frame before
     lost : seconds since a pose last explained a frame; 0 while one does
-    in_view : float64 (20,), how likely each reported joint has been in view lately; None for a person of whom nothing
-        was ever cut off
+    in_view : float64 (20,), how likely each reported joint has been in view lately; None for a person who
+        was never cut off
     turn : frames since the start in which all was well; searches that take turns count by it
     smoothed : pose (P,) last reported by the smoother, and its timestamp
     memory : what each search keeps for itself, by its name

@@ -18,7 +18,7 @@ ADULTS, SPREAD, TAILS = 1.70, 0.09, 2.0
 children."""
 NAT = 0.004
 """Metres of distance from a frame that are worth a natural unit of information about the size: those of neighbouring
-sizes of somebody who is cut at the waist differ by as much by chance."""
+sizes of a person who is cut at the waist differ by as much by chance."""
 MISLED = 0.03
 """Metres by which a frame may be nearer to a body of another size than the person's."""
 FLOOR_SIGMA, FLOOR_CAP = 0.04, 4.0

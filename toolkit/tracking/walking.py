@@ -14,20 +14,20 @@ from toolkit.kernels import linear
 from toolkit.track import TRACKED
 
 WINDOW = 0.75
-"""Seconds before and after a moment, over which the way is measured: somebody who bends, sits down or rises does not
+"""Seconds before and after a moment, over which the way is measured: a person who bends, sits down or rises does not
 get far in twice as long."""
 LONGEST = 1.2
 """Seconds to the nearest frame on either side, at most."""
 STANDS, WALKS = 0.4, 0.8
-"""Metres a second: nothing is said of somebody slower than the first, all of somebody faster than the second."""
+"""Metres a second: slower than the first counts nothing, faster than the second in full."""
 BACKWARDS = 0.006
-"""Metres that a frame costs in which somebody walks backwards, and that it gains where they walk forwards."""
+"""Metres that a frame costs in which the person walks backwards, and gains where they walk forwards."""
 PLACED = [skeleton.REPORTED.index(name) for name in ("neck", "pelvis")]
-"""Joints whose mean is where somebody is."""
+"""Joints whose mean is the place of a person."""
 
 
 def directions_walked(rows: np.ndarray, timestamps: np.ndarray, level_rotation: np.ndarray) -> np.ndarray:
-    """Directions in which somebody walks, by a track of them.
+    """Directions in which a person walks, by their track.
 
     Parameters
     ----------
@@ -55,7 +55,7 @@ def directions_walked(rows: np.ndarray, timestamps: np.ndarray, level_rotation: 
 
 
 def forwards(walked: np.ndarray, pose: np.ndarray) -> float:
-    """How far somebody of a pose (P,), level frame, walks forwards, -1 to 1; `walked` (2,) is a direction as above."""
+    """How far a person of pose (P,), level frame, walks forwards, -1 to 1; `walked` (2,) is a direction as above."""
     if not walked.any():
         return 0.0
     yaw = float(canonical.body_facing(pose))

@@ -40,7 +40,7 @@ class Measured(NamedTuple):
     """What was measured, and what counts.
 
     rotation : float64 (3, 3) and origin : float64 (3,), from the carrying joint's frame to the camera's
-    evidence : float32 (H, W), metres, 0 where nobody is, NaN where nothing was observed; intrinsics : float64 (4,)
+    evidence : float32 (H, W), metres, 0 in the background, NaN where nothing was observed; intrinsics : float64 (4,)
     samples : float64 (M, 3), points that the limb may explain, in the carrying joint's frame
     share : weight of a sample; free_space : weight of the mean intrusion of the balls
     tolerance : metres by which a sample may be off and still is explained

@@ -85,7 +85,7 @@ class Fold(NamedTuple):
     Attributes
     ----------
     classes : learned from some people
-    documents : with true segments, of somebody whom they do not know
+    documents : with true segments, of a person who is in no example
     queries : keyframes learned from the same people, if keyframes will narrow the search down
     """
 

@@ -36,7 +36,7 @@ class Hypothesis:
 
 
 UNLIKELY = 0.1
-"""Metres of distance that a unit of the pose prior's energy counts where nobody knows the pose before: of two poses
+"""Metres of distance that a unit of the pose prior's energy counts where no previous pose is known: of two poses
 that explain a frame alike, the likelier one."""
 
 
