@@ -303,6 +303,90 @@ def kinect_offsets() -> Rows:
     return rows
 
 
+def gait() -> Rows:
+    """Figures of gait and rises, tracked and of the true poses, beside what is known without the project's code."""
+    found, rows = figures("gait"), [("figure", "mean absolute error, tracked", "true poses")]
+    ways = ("tracked", "true poses")
+    errors = [found["mean_absolute_errors"][way] for way in ways]
+
+    def row(said: str, *shown: tuple[str, float, str]) -> tuple[str, ...]:
+        return said, *("; ".join(f"{own[key] * scale:{form}}" for key, scale, form in shown) for own in errors)
+
+    rows += [
+        row("stride length; step width, mm", ("stride_length_m", 1e3, ".1f"), ("step_width_m", 1e3, ".1f")),
+        row("cadence, steps/min; speed, m/s", ("cadence_steps_per_min", 1, ".2f"), ("speed_m_per_s", 1, ".3f")),
+        row("stance, share of the stride; stride time, ms", ("stance_share", 1, ".3f"), ("stride_time_s", 1e3, ".0f")),
+        row("rises: start; duration, ms", ("rise_start_s", 1e3, ".0f"), ("rise_duration_s", 1e3, ".0f")),
+    ]
+    takes = list(found["takes"].values())
+    true = [sum(take["strides"][1] for take in takes), sum(len(take["known_rises"]) for take in takes)]
+    counts = []
+    for way in range(len(ways)):
+        strides, rises = (sum(take["strides"][way] for take in takes), sum(len(take["rises"][way]) for take in takes))
+        counts.append(f"{strides} of {true[0]}; {rises} of {true[1]}")
+    return [*rows, ("strides, of those in the true poses; rises found", *counts)]
+
+
+ANGLES = (
+    ("knee flexion", "knee_flexion"), ("hip flexion", "hip_flexion"), ("hip adduction", "hip_adduction"),
+    ("hip rotation", "hip_internal_rotation"), ("ankle dorsiflexion", "ankle_dorsiflexion"),
+    ("ankle inversion", "ankle_inversion"), ("shoulder elevation", "shoulder_elevation"),
+    ("shoulder plane of elevation", "shoulder_plane_of_elevation"),
+    ("shoulder rotation", "shoulder_internal_rotation"), ("elbow flexion", "elbow_flexion"),
+    ("thorax flexion", "thorax_flexion"), ("trunk flexion", "trunk_flexion"), ("pelvis tilt", "pelvis_backward_tilt"),
+)  # fmt: skip
+"""What is said of an angle, and what the names of its columns hold."""
+
+
+def angles() -> Rows:
+    """Root mean square errors of joint angles, and of ranges of motion where both sides have one."""
+    found, rows = figures("gait"), [("angle", "frame by frame, RMS degrees", "range of motion, mean absolute degrees")]
+    for said, name in ANGLES:
+        own = [rms for column, rms in found["angles_rms_deg"].items() if column[: -len("_ZXY_deg")].endswith(name)]
+        width = found["ranges"].get(f"{name}_deg")
+        rows.append((said, f"{sum(own) / len(own):.1f}", "" if width is None else f"{width:.1f}"))
+    return rows
+
+
+def feet() -> Rows:
+    """Sliding and jitter of feet that carry, as tracked and held, plain and beside the true ones."""
+    found = figures("feet")
+    rows = [
+        (
+            "feet, means of the takes, mm",
+            "target",
+            "true poses",
+            "as tracked; minus the true place",
+            "what rests held; minus the true place",
+        )
+    ]
+    kinds = (("made", "made motions"), ("suite", "suite"), ("utd_mhad", "UTD-MHAD"))
+    for figure, said, target in (
+        ("sliding", "sliding of a carrying foot, RMS of a step", 10.0),
+        ("jitter", "jitter of the ankles of who stands still, RMS", 3.0),
+    ):
+        for kind, name in kinds:
+            own = found[kind]["means"]
+            cells = []
+            for way in ("tracked", "resting"):
+                both = [own[way].get(f"{figure}_mm"), own[way].get(f"{figure}_beside_truth_mm")]
+                cells.append("; ".join(f"{value:.1f}" for value in both if value is not None))
+            last = own["resting"].get(f"{figure}_beside_truth_mm", own["resting"][f"{figure}_mm"])
+            cells[1] += " (miss)" if last > target else ""
+            true = f"{own['true'][f'{figure}_mm']:.1f}" if "true" in own else ""
+            rows.append((f"{said}: {name}", f"{target:.0f}", true, *cells))
+    for key, said, form, scale in (
+        ("error_mm", "mean error of all joints", ".1f", 1.0),
+        ("contacts_right", "contacts right, % of the frames", ".0f", 100.0),
+    ):
+        for kind, name in kinds[:2]:
+            own = found[kind]["means"]
+            rows.append(
+                (f"{said}: {name}", "", "", *(f"{scale * own[way][key]:{form}}" for way in ("tracked", "resting")))
+            )
+    return rows
+
+
 FINDING = "FINDING"
 """How outcomes begin that must not be."""
 CHANGED = {
@@ -346,7 +430,7 @@ TABLES: dict[str, Callable[[], Rows]] = {
     table.__name__: table
     for table in (
         first_screen, accuracy, times, swarm, sequences, models, upper, stabilised, events, hidden_limbs, scenes, crowd,
-        kinect_offsets, damaged, failing,
+        kinect_offsets, gait, angles, feet, damaged, failing,
     )
 }  # fmt: skip
 

@@ -398,6 +398,12 @@ def test_a_track_of_nobody_in_the_truth_has_no_error(tmp_path: Path) -> None:
     assert table.rows[0].error_mm is None and table.rows[1].error_mm == pytest.approx(0.0, abs=1e-2)
 
 
+def test_runs_in_which_nobody_was_found_make_no_empty_table(tmp_path: Path) -> None:
+    save_people(tmp_path / "run", [])
+    with pytest.raises(UsageError, match="nobody was found in .*run; there is nothing to compare"):
+        evaluate.evaluate_runs([tmp_path / "run"])
+
+
 def test_one_track_on_a_recording_of_several_is_compared_with_whom_it_follows(tmp_path: Path) -> None:
     right = standing() + np.float32([0.8, 0, 0])
     table = evaluate.evaluate_runs([write_run(tmp_path, right, joints=np.stack([standing(), right]))], surface=False)

@@ -181,6 +181,14 @@ def test_of_a_camera_on_its_side_the_file_has_the_frame_of_the_camera_as_it_stoo
     np.testing.assert_allclose(again, person.track.joints, atol=1e-5)
 
 
+def test_frames_in_all_of_which_nobody_is_there_are_written_without_bodies(tmp_path: Path) -> None:
+    run = write_run(tmp_path / "run", random_poses(3), absent=3)
+    export_run(run, tmp_path / "bodies.json", format="k4abt")
+    frames = json.loads((tmp_path / "bodies.json").read_text())["frames"]
+    assert [frame["bodies"] for frame in frames] == [[], [], []]
+    assert not len(read_k4abt(tmp_path / "bodies.json").joints)
+
+
 def test_a_person_alone_has_the_number_one_and_is_not_written_while_absent(tmp_path: Path) -> None:
     run = write_run(tmp_path / "run", random_poses(4), absent=2)
     export_run(run, tmp_path / "bodies.json", format="k4abt")

@@ -68,7 +68,7 @@ def evaluate_runs(
     Raises
     ------
     UsageError
-        A recording is named for several runs.
+        A recording is named for several runs, or nobody was found in any run.
     TrackError
         There is no finished track, or it does not fit its recording.
     RecordingError
@@ -85,6 +85,8 @@ def evaluate_runs(
         evaluated.extend(_evaluate(folder, paths, surface, recording))
     if progress is not None:
         progress("", len(folders), len(folders))
+    if folders and not evaluated:
+        raise UsageError(f"nobody was found in {', '.join(map(str, folders))}; there is nothing to compare")
     return _with_offsets(evaluated, subject_pattern)
 
 

@@ -71,7 +71,7 @@ def _bodies(person: Person) -> list[dict[str, Any] | None]:
     positions = np.round(placed.positions @ R_camera_level.T * MILLIMETRES, DECIMALS)
     turns = R_camera_level @ placed.frames
     quaternions = Rotation.from_matrix(turns.reshape(-1, 3, 3)).as_quat()[:, [3, 0, 1, 2]]
-    quaternions = np.round(quaternions, QUATERNION_DECIMALS).reshape(len(there), -1, 4)
+    quaternions = np.round(quaternions, QUATERNION_DECIMALS).reshape(len(there), len(k4abt.NAMES), 4)
     levels = confidence_levels(person)[there]
     rows: list[dict[str, Any] | None] = [None] * len(track)
     for k, i in enumerate(there.tolist()):
