@@ -315,7 +315,22 @@ def test_a_figure_that_never_moves_is_furniture_and_said_to_be(tmp_path):
     finder = find_people(recording)
     for k, (depth, who) in enumerate(frames):
         assert [truth_of(s, who)[0] for s in finder.find(depth, k / 30, {})] == [1]
-    assert "1 still thing(s) of a person's shape" in describe(recording).lines[2]
+    look = describe(recording)
+    assert "1 still thing(s) of a person's shape" in look.lines[2]
+    assert "a person's shape in" in look.lines[3], "who is believed is said why"
+    (u, v) = look.furniture[0]
+    assert abs(u - (KINECT.cx + KINECT.fx * 0.7 / 3.2)) < 12 and v < KINECT.cy
+
+
+def test_a_camera_that_was_moved_between_is_said(tmp_path, caplog):
+    def filmed(away: float, where: str) -> str:
+        walls = [scene(KINECT, ((-0.6 + 0.06 * k, 2.4),), height=1.2, wall=4.0 - (k >= 10) * away) for k in range(20)]
+        caplog.clear()
+        find_people(recorded(tmp_path / where, [depth for depth, _ in walls]))
+        return caplog.text
+
+    assert "camera was moved" in filmed(0.8, "moved")
+    assert not filmed(0.0, "fixed")
 
 
 def test_a_very_small_and_a_very_tall_person_are_found():

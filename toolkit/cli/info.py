@@ -23,8 +23,11 @@ def info(
     segment: SegmentOption = None,
     reading: Reading = Reading(),
 ) -> None:
-    """Look at the first seconds of a recording: camera, up, room, people, and which option would help."""
+    """Look at the first seconds of a recording: camera, up, room, people and why, and which option would help."""
+    from toolkit.database.database import PoseDatabase
+    from toolkit.database.default import DEFAULT_DATABASE
     from toolkit.files import check_output
+    from toolkit.landmarks.judge import RegressorJudge
     from toolkit.people.describe import describe
     from toolkit.recordings.opening import open_upright
     from toolkit.rendering.look import save_picture
@@ -32,7 +35,9 @@ def info(
 
     target = check_output(output or Path(f"{recording.stem}_info.png"), [recording], sealed=[recording])
     opened = open_upright(recording, **reading.options())
-    look = describe(opened, SensingSettings(**given(segment=segment)))
+    regressor = PoseDatabase.load(DEFAULT_DATABASE).regressor
+    judge = None if regressor is None else RegressorJudge(regressor)
+    look = describe(opened, SensingSettings(**given(segment=segment)), judge)
     save_picture(look, target)
     say("\n".join(look.lines))
     say(f"picture: {target} (frame {look.frame})")

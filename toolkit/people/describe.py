@@ -6,6 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from toolkit.people.evidence import Evidence, furniture
+from toolkit.people.hypothesis import PersonJudge
 from toolkit.people.settings import PeopleSettings
 from toolkit.people.several import SeveralPeople
 from toolkit.people.sighting import Sighting
@@ -36,16 +38,18 @@ class Look:
     frame : number of the frame with the most people, the first of them
     depth_mm : uint16 (H, W), that frame
     sightings : the people in it
+    furniture : float64 (F, 2), u and v in it of the heads of still things that have a person's shape
     """
 
     lines: tuple[str, str, str, str, str]
     frame: int
     depth_mm: np.ndarray
     sightings: tuple[Sighting, ...]
+    furniture: np.ndarray
 
 
-def describe(recording: Recording, sensing: SensingSettings | None = None) -> Look:
-    """Look at the first seconds of a recording.
+def describe(recording: Recording, sensing: SensingSettings | None = None, judge: PersonJudge | None = None) -> Look:
+    """Look at the first seconds of a recording; `judge` tells people from furniture.
 
     Raises
     ------
@@ -53,8 +57,8 @@ def describe(recording: Recording, sensing: SensingSettings | None = None) -> Lo
         A frame cannot be read.
     """
     sensing, settings = sensing or SensingSettings(), PeopleSettings()
-    surroundings = survey(recording, sensing, settings)
-    finder = SeveralPeople(recording.camera, recording.up_camera, surroundings, sensing, settings)
+    surroundings = survey(recording, sensing, settings, judge)
+    finder = SeveralPeople(recording.camera, recording.up_camera, surroundings, sensing, settings, judge=judge)
     end = int(np.searchsorted(recording.timestamps, recording.timestamps[0] + FIRST_SECONDS))
     numbers = np.unique(np.linspace(0, max(end - 1, 0), min(max(end, 1), FRAMES)).astype(np.int64))
     best: tuple[int, tuple[Sighting, ...]] = (0, ())
@@ -62,19 +66,25 @@ def describe(recording: Recording, sensing: SensingSettings | None = None) -> Lo
         sightings = finder.find(recording.depth(int(i)), float(recording.timestamps[i]), {})
         if len(sightings) > len(best[1]):
             best = (int(i), sightings)
-    frame, sightings = best
+    frame, sightings = best[0], tuple(s for s in best[1] if s.id not in furniture(finder.evidence))
     depth = recording.depth(frame)
     lens = Lens(recording.camera.undistorted(), recording.up_camera, settings.coarse_width, sensing)
-    people = [person_text(s, lens) for s in sightings]
+    people = [person_text(s, lens, finder.evidence.get(s.id)) for s in sightings]
     advice = _advice(recording, surroundings, sightings, depth, lens, settings)
     lines = (
         _camera_line(recording),
         _up_line(recording),
         _room_line(surroundings),
-        f"people: {len(people)} in the first {FIRST_SECONDS:g} s" + "".join(f"; {text}" for text in people),
+        f"people: {len(people)} in the first {FIRST_SECONDS:g} s" + "".join(f"\n  {text}" for text in people),
         f"advice: {'; '.join(advice) if advice else 'none, the defaults fit'}",
     )
-    return Look(lines, frame, depth, sightings)
+    camera = lens.camera
+    heads = lens.from_level(surroundings.figures)
+    figures = np.column_stack([camera.fx * heads[:, 0], camera.fy * heads[:, 1]]) / heads[:, 2:] + (
+        camera.cx,
+        camera.cy,
+    )
+    return Look(lines, frame, depth, sightings, figures * lens.step)
 
 
 def _camera_line(recording: Recording) -> str:
@@ -101,12 +111,13 @@ def _room_line(surroundings: Surroundings) -> str:
     if surroundings.cut_out:
         return "room: none, people are cut out already"
     how = "known or learnt" if surroundings.known else "not known, too few frames to learn it"
-    figures = f", {surroundings.figures} still thing(s) of a person's shape in it" if surroundings.figures else ""
+    count = len(surroundings.figures)
+    figures = f", {count} still thing(s) of a person's shape in it, taken for furniture" if count else ""
     return f"room: {how}, {len(surroundings.planes)} walls and floors{figures}"
 
 
-def person_text(sighting: Sighting, lens: Lens) -> str:
-    """Number and distance of the people, and how the image border cuts them."""
+def person_text(sighting: Sighting, lens: Lens, evidence: Evidence | None = None) -> str:
+    """Number, distance, how the image border cuts the person, and the evidence for one where that was a question."""
     v, u = np.nonzero(largest_surface(sighting.depth))
     distance = float(np.median(sighting.depth[v, u]))
     height, width = sighting.depth.shape
@@ -118,7 +129,8 @@ def person_text(sighting: Sighting, lens: Lens) -> str:
         cuts.append("cut off above")
     if min(u.min(), width - 1 - u.max()) < border:
         cuts.append("cut off at the side")
-    return f"{sighting.id} at {distance:.1f} m, {' and '.join(cuts) if cuts else 'whole'}"
+    why = "" if evidence is None else f" ({evidence.text()})"
+    return f"{sighting.id} at {distance:.1f} m, {' and '.join(cuts) if cuts else 'whole'}{why}"
 
 
 def largest_surface(depth: np.ndarray) -> np.ndarray:

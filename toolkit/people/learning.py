@@ -16,7 +16,7 @@ from toolkit.people.hypothesis import Glimpse, PersonJudge, judged_head, log_odd
 from toolkit.people.settings import PeopleSettings
 from toolkit.people.stills import people_and_furniture
 from toolkit.people.structure import Plane, find_planes, on_planes
-from toolkit.people.surroundings import Surroundings, room_of, tolerances
+from toolkit.people.surroundings import NO_FIGURES, Surroundings, room_of, tolerances
 from toolkit.people.view import Lens
 
 FEWEST = 8  # frames from which anything is learnt; fewer show what stands there, not what stays
@@ -28,6 +28,7 @@ SAME_PLACE = 0.2  # m between the heads of one figure
 HEAD_MOVED = 0.5  # of the pixels of what may be a head: it moved there
 FIGURE = 0.5  # of the samples in which a thing that never moves has a person's shape, to be called a figure
 STILL = 0.98  # of the samples in which a pixel shows the same depth where nothing moves
+ANOTHER_ROOM = 0.5  # of the pixels whose background differs between two halves of a recording: the camera was moved
 NOISE = 3.0  # standard deviations of a pixel that stands before the room
 MOST_NOISE = 0.3  # m that a pixel's noise may widen the margin
 
@@ -75,20 +76,32 @@ def learnt(
         for s in _seen(k, stack, moved, margin, planes, lens, settings, judge)
         if possible_height(s.place, floor)
     ]
-    people, figures = np.zeros(stack.shape, dtype=np.bool_), 0
+    people, figures = np.zeros(stack.shape, dtype=np.bool_), [NO_FIGURES]
     for figure in _figures(seen):
         glimpses = [s.glimpse for s in figure]
         if log_odds(glimpses, len(stack)) > 0 or np.mean([g.moved for g in glimpses]) > HEAD_MOVED:
             for s in figure:
                 people[s.frame] |= s.own
-        else:
-            figures += sum(g.shaped for g in glimpses) > FIGURE * len(stack)
+        elif sum(g.shaped for g in glimpses) > FIGURE * len(stack):
+            figures.append(np.mean([[s.place for s in figure]], axis=1))
     background = farthest_lasting(np.where(people, np.float32(0), stack), 0.0, lens, settings)
     margin, near = _margins(stack, background, lens, settings)
     count = near.sum(axis=0)
     still = (count >= STILL * np.maximum((stack > 0).sum(axis=0), 1)) & (background > 0)
     background[(near & people).sum(axis=0) > MOSTLY * count] = 0.0
-    return Surroundings(False, True, background, margin, still, tuple(planes), int(figures))
+    return Surroundings(False, True, background, margin, still, tuple(planes), np.concatenate(figures))
+
+
+def camera_moved(frames: Sequence[np.ndarray], lens: Lens, settings: PeopleSettings) -> bool:
+    """Whether the first half of coarse frames float32 (h, w), metres, shows another room than the second."""
+    if len(frames) < 2 * FEWEST:
+        return False
+    stack = np.stack(frames)
+    halves = (stack[: len(stack) // 2], stack[len(stack) // 2 :])
+    before, after = (farthest_lasting(half, LASTING, lens, settings) for half in halves)
+    both = (before > 0) & (after > 0)
+    margin = 2 * np.maximum(tolerances(before, lens, settings), tolerances(after, lens, settings))
+    return bool(np.count_nonzero(both & (np.abs(before - after) > margin)) > ANOTHER_ROOM * max(both.sum(), 1))
 
 
 def farthest_lasting(stack: np.ndarray, share: float, lens: Lens, settings: PeopleSettings) -> np.ndarray:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -18,6 +18,7 @@ from toolkit.people.view import Lens
 
 EMPTY_SHARE = 0.1  # of a frame is 0 where it is already cut out (recording format)
 LARGEST_HEADLESS = 1.5  # m^2 of surfaces without a head where nothing but people is measured: a lying, wide adult
+NO_FIGURES = np.zeros((0, 3))
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,7 +33,8 @@ class Surroundings:
     margin : float32 (h, w), metres by which a person must stand before the background
     planes : walls and floor
     floor : its y, level frame, metres; None where no floor is known
-    figures : things of a person's shape that never moved while the room was learnt, and are taken for furniture
+    figures : float64 (F, 3), level frame, metres: the heads of things of a person's shape that never moved while the
+        room was learnt, and are taken for furniture
     still : bool (h, w), pixels in which nothing moved while the room was learnt; False where it was not
     """
 
@@ -42,7 +44,7 @@ class Surroundings:
     margin: np.ndarray
     still: np.ndarray
     planes: tuple[Plane, ...] = ()
-    figures: int = 0
+    figures: np.ndarray = field(default_factory=NO_FIGURES.copy)
     floor: float | None = None
 
     def export_state(self) -> dict[str, Any]:
@@ -64,7 +66,8 @@ class Surroundings:
         """From what `export_state` gave, of coarse frames of that shape; raises TrackError for anything else."""
         columns = {
             "cut_out": Column("b", ()), "known": Column("b", ()), "background": Column("f", shape, 0, 1e3),
-            "margin": Column("f", shape, 0, 1e3), "still": Column("b", shape), "figures": Column("iu", (), 0, 1e6),
+            "margin": Column("f", shape, 0, 1e3), "still": Column("b", shape),
+            "figures": Column("f", ("figures", 3), -1e3, 1e3),
             "floor": Column("f", (), -1e3, 1e3, gaps=True),
             "planes": Column("f", ("planes", 5), -1e6, 1e6),
         }  # fmt: skip
@@ -72,7 +75,7 @@ class Surroundings:
         planes = tuple(Plane(row[:3], float(row[3]), float(row[4])) for row in state["planes"])
         arrays = (state["background"], state["margin"], state["still"])
         floor = float(state["floor"]) if np.isfinite(state["floor"]) else None
-        return cls(bool(state["cut_out"]), bool(state["known"]), *arrays, planes, int(state["figures"]), floor)
+        return cls(bool(state["cut_out"]), bool(state["known"]), *arrays, planes, state["figures"], floor)
 
     def foreground(self, depth: np.ndarray, rays: np.ndarray, tolerance: np.ndarray) -> np.ndarray:
         """Pixels of a coarse frame float32 (h, w) that are measured and not known to be the room: bool (h, w)."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Iterator
 from dataclasses import replace
 
@@ -9,7 +10,7 @@ import numpy as np
 
 from toolkit.errors import SegmentationError
 from toolkit.people.hypothesis import NoJudge, PersonJudge
-from toolkit.people.learning import learnt
+from toolkit.people.learning import camera_moved, learnt
 from toolkit.people.lone import LonePerson
 from toolkit.people.one import OneOfSeveral, meant_person
 from toolkit.people.settings import PeopleSettings
@@ -20,6 +21,8 @@ from toolkit.people.view import Lens
 from toolkit.sensing.depth_filter import DepthFilter
 from toolkit.sensing.recording import Recording
 from toolkit.sensing.settings import SegmentationMode, SensingSettings
+
+logger = logging.getLogger(__name__)
 
 SAMPLES = 40  # frames spread over a recording: who walks through leaves every pixel free in most of them
 FIRST = 3  # frames that tell whether people are cut out already
@@ -99,7 +102,14 @@ def survey(
     spread = np.unique(np.linspace(0, len(recording) - 1, min(SAMPLES, len(recording))).astype(np.int64))
     height = recording.vertical.height
     floor = None if height is None else -height
-    room = learnt(list(_coarse(recording, polisher, lens, spread)), lens, settings, judge or NoJudge(), floor)
+    frames = list(_coarse(recording, polisher, lens, spread))
+    if camera_moved(frames, lens, settings):
+        logger.warning(
+            "%s: its first half shows another room than its second, the camera was moved; furniture may be taken for "
+            "people, track the parts before and after as two recordings",
+            recording.name,
+        )
+    room = learnt(frames, lens, settings, judge or NoJudge(), floor)
     return replace(room, floor=floor)
 
 

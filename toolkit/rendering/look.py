@@ -8,14 +8,16 @@ import numpy as np
 
 from toolkit.people.describe import Look, largest_surface
 from toolkit.rendering.film import save_png
-from toolkit.rendering.style import FAINT, INK, PAPER, person_color
+from toolkit.rendering.style import ALARM, FAINT, INK, PAPER, person_color
 
 NEAR_SHADE, FAR_SHADE = 0.95, 0.25
 """Brightness of the nearest and the farthest measurement."""
 
 
 def picture(look: Look) -> np.ndarray:
-    """RGB uint8 (H, W, 3): nearer is brighter, people are coloured and numbered, unmeasured pixels are dark."""
+    """RGB uint8 (H, W, 3): nearer is brighter, people are coloured and numbered, furniture of a person's shape is
+    ringed, unmeasured pixels are dark.
+    """
     import cv2
 
     depth = look.depth_mm.astype(np.float64)
@@ -36,6 +38,10 @@ def picture(look: Look) -> np.ndarray:
         step = image.shape[0] / sighting.depth.shape[0]
         at = (int(u[k] * step), int(max(v[k] * step, 24 * scale)))
         cv2.putText(painted, str(sighting.id), at, cv2.FONT_HERSHEY_SIMPLEX, scale, INK, max(1, round(2 * scale)))
+    for u, v in np.rint(look.furniture).astype(int).tolist():
+        cv2.circle(painted, (u, v), round(14 * scale), ALARM, max(1, round(2 * scale)), cv2.LINE_AA)
+        at = (u + round(18 * scale), v)
+        cv2.putText(painted, "furniture", at, cv2.FONT_HERSHEY_SIMPLEX, 0.5 * scale, ALARM, max(1, round(scale)))
     return painted
 
 
