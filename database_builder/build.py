@@ -96,6 +96,9 @@ class BuildReport:
             f"{self.path}: {len(self.database)} of {self.poses_read} poses from {len(self.database.sources)} sources"
         ]
         lines += [f"skipped {name}: {reason}" for name, reason in self.skipped]
+        if self.skipped:
+            given = len(self.skipped) + len(self.database.sources)
+            lines.append(f"{len(self.skipped)} of {given} sources skipped; --strict makes that an error")
         lines.append("seconds: " + ", ".join(f"{stage} {value:.1f}" for stage, value in self.seconds.items()))
         return "\n".join(lines)
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -37,8 +36,11 @@ class Kept:
         except Exception:  # whatever is wrong with it, it is made again
             return None
 
-    def save(self, arrays: Mapping[str, Any]) -> None:
-        """Keep arrays as far as there is room: a build goes on without."""
+    def save(self, arrays: Mapping[str, Any]) -> bool:
+        """Keep arrays as far as there is room, and whether there was: a build goes on without."""
         if self.path is not None:
-            with contextlib.suppress(OutputError):
+            try:
                 save_archive(self.path, {**arrays, "key": self.key}, compressed=False)
+            except OutputError:
+                return False
+        return True

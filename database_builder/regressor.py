@@ -59,6 +59,8 @@ class RegressorSettings:
             raise SettingsError("parts: images, pixels, trees, depth and questions are at least 1, bins at least 2")
 
 
+IMAGES = "images-*.npz"
+"""Files that keep what was drawn until trees have grown."""
 DRAWN_TOGETHER = 1000
 """Images that a process draws in one go, about two seconds."""
 FEWEST = 5
@@ -96,7 +98,10 @@ def train_regressor(
     else:
         data = _drawn(poses, settings, drawing, workers, kept, key, report)
         trained = _grown(data, settings, growing, workers, report)
-        grown.save(trained.arrays())
+        if kept and not grown.save(trained.arrays()):
+            for path in kept.glob(IMAGES):  # of no more use: the forest takes their place on a full disk
+                path.unlink(missing_ok=True)
+            grown.save(trained.arrays())
     return calibrated(trained, poses, settings.views, settings.calibration, judging, report)
 
 
@@ -116,7 +121,7 @@ def _drawn(
     """All training images, drawn side by side."""
     counts = [min(DRAWN_TOGETHER, settings.images - i) for i in range(0, settings.images, DRAWN_TOGETHER)]
     tasks = [
-        (count, stream, Kept(kept and kept / f"images-{number:04}.npz", f"{key} {number}"))
+        (count, stream, Kept(kept and kept / IMAGES.replace("*", f"{number:04}"), f"{key} {number}"))
         for number, (count, stream) in enumerate(zip(counts, rng.spawn(len(counts)), strict=True))
     ]
     parts: list[TrainingImages] = []

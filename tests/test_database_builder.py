@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import os
 import time
 from collections.abc import Sequence
@@ -12,12 +13,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from database_builder import build, processes, reading
+from database_builder import build, processes, reading, regressor
+from database_builder.regressor import RegressorSettings
 from database_builder.report import database_text, plot_coverage
 from database_builder.sampling import farthest_first, pose_distance
 from database_builder.views import is_seated
 from tests.database_helpers import moving_clip, neutral, write_bvh
-from toolkit import skeleton
+from toolkit import files, skeleton
 from toolkit.database.canonical import canonicalise, mirrored
 from toolkit.database.database import PoseDatabase
 from toolkit.errors import DatabaseError, MocapError, OutputError, UsageError
@@ -119,7 +121,36 @@ def test_a_bad_file_is_named_skipped_and_counted(mocap: Path, tmp_path: Path) ->
     assert [name for name, _ in report.skipped] == ["broken.bvh", "empty.amc"]
     assert report.database.sources == ("deep/jump.bvh", "walk.bvh")
     assert "skipped broken.bvh" in report.text()
+    assert report.text().splitlines()[-2].startswith("2 of 4 sources skipped")
     assert [name for name, _ in PoseDatabase.load(report.path).notes["skipped"]] == ["broken.bvh", "empty.amc"]
+
+
+def test_a_full_disk_is_one_sentence_and_the_forest_is_kept_in_the_place_of_its_images(
+    mocap: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    work, on_disk, grow = tmp_path / "poses.work", files._on_disk, regressor.grow_trees
+    few = RegressorSettings(images=12, pixels=30, trees=1, depth=4, calibration=6)
+    grown: list[int] = []
+
+    def full(path: Path, flags: int) -> None:
+        """There is room for the images or for the forest, and none for the database."""
+        if path.name.startswith(".poses-") or (path.name.startswith(".forest-") and list(work.glob("images-*"))):
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+        on_disk(path, flags)
+
+    def growing(*arguments: Any) -> Any:
+        grown.append(len(list(work.glob("images-*"))))
+        return grow(*arguments)
+
+    monkeypatch.setattr(regressor, "grow_trees", growing)
+    with monkeypatch.context() as disk:
+        disk.setattr(files, "_on_disk", full)
+        with pytest.raises(OutputError, match="poses.npz: No space left on device; free some space") as said:
+            build_database([mocap], tmp_path / "poses.npz", parts=few)
+    assert "\n" not in str(said.value) and not (tmp_path / "poses.npz").exists()
+    assert (work / "forest.npz").exists() and not list(work.glob("images-*"))
+    build_database([mocap], tmp_path / "poses.npz", parts=few)
+    assert grown == [1] and not work.exists()
 
 
 def test_a_bad_file_is_fatal_when_strict_and_nothing_is_written(mocap: Path, tmp_path: Path) -> None:

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import re
+import shlex
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
-from tests.database_helpers import neutral, small_database
+from tests.database_helpers import neutral, small_database, write_bvh
 from toolkit.body.shape import load_body
+from toolkit.cli.main import main
 from toolkit.database.database import PoseDatabase
 from toolkit.errors import DatabaseError, OutputError
 
@@ -63,7 +66,7 @@ def test_a_database_file_needs_no_pickle(saved: Path) -> None:
     ("values", "words"),
     [
         ({"fingerprint": "0123456789abcdef"}, "another body"),
-        ({"format_version": 99}, "format version 99.*`depthmocap database build MOCAP` --output .*poses.npz"),
+        ({"format_version": 99}, "format version 99, this program reads 1 and "),
         ({"format": "something"}, "not a pose database"),
         ({"offsets": None}, "lacks offsets"),
         ({"offsets": np.zeros((3, 4), np.float16)}, "has shape"),
@@ -94,6 +97,20 @@ def test_a_database_file_needs_no_pickle(saved: Path) -> None:
 def test_a_file_that_does_not_fit_is_refused_with_the_reason(saved: Path, values: dict[str, Any], words: str) -> None:
     with pytest.raises(DatabaseError, match=words):
         PoseDatabase.load(changed(saved, **values))
+
+
+@pytest.mark.parametrize("values", [{"format_version": 99}, {"fingerprint": "0"}, {"offsets": None}])
+def test_the_command_that_builds_it_again_is_one_that_a_shell_takes(saved: Path, values: dict[str, Any]) -> None:
+    old = changed(saved, **values).rename(saved.with_name("my poses.npz"))
+    with pytest.raises(DatabaseError) as refused:
+        PoseDatabase.load(old)
+    (command,) = re.findall("`(.*)`", str(refused.value))
+    write_bvh(saved.with_name("walk.bvh"), 1)
+    words = [str(saved.with_name("walk.bvh")) if word == "MOCAP" else word for word in shlex.split(command)]
+    assert words.pop(0) == "depthmocap"
+    with pytest.raises(SystemExit) as done:
+        main([*words, "--no-seated", "--no-parts"])
+    assert not done.value.code and PoseDatabase.load(old).sources == ("walk.bvh",)
 
 
 def test_a_value_changed_behind_the_checksum_is_noticed(saved: Path) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shlex
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
@@ -85,14 +86,14 @@ class PoseDatabase:
     search: Callable[[np.ndarray], NearestNeighbours] = LeafSearch
 
     def __post_init__(self) -> None:
-        check_columns(vars(self), _columns(len(self.sources)), DatabaseError, "the pose database", REBUILD)
+        check_columns(vars(self), _columns(len(self.sources)), DatabaseError, "the pose database", BUILT_AGAIN)
         if not len(self.poses):
             raise DatabaseError("the pose database has no poses; build it again from clips with frames")
         if len(self.hashes) != len(self.sources):
             raise DatabaseError(
-                f"the pose database has {len(self.sources)} sources and {len(self.hashes)} hashes; {REBUILD}"
+                f"the pose database has {len(self.sources)} sources and {len(self.hashes)} hashes; {BUILT_AGAIN}"
             )
-        TypedReader(DatabaseError, REBUILD, loose=True, source="the notes of the pose database").read(
+        TypedReader(DatabaseError, BUILT_AGAIN, loose=True, source="the notes of the pose database").read(
             self.notes, _Notes, ""
         )
 
@@ -245,13 +246,14 @@ class PoseDatabase:
         file = Path(path)
         if not is_file(file):
             raise DatabaseError(f"there is no pose database {file}; build one with `{BUILD}`")
-        stored = load_archive(file, DatabaseError, REBUILD)
+        again = _rebuild(file)
+        stored = load_archive(file, DatabaseError, again)
         _check_identity(file, stored)
         missing = [name for name in _STORED if name not in stored]
         if missing:
-            raise DatabaseError(f"{file} lacks {', '.join(missing)}; {REBUILD}")
-        check_columns(stored, _SCALARS, DatabaseError, str(file), REBUILD)
-        check_columns(stored, _columns(len(stored["sources"])), DatabaseError, str(file), REBUILD)
+            raise DatabaseError(f"{file} lacks {', '.join(missing)}; {again}")
+        check_columns(stored, _SCALARS, DatabaseError, str(file), again)
+        check_columns(stored, _columns(len(stored["sources"])), DatabaseError, str(file), again)
         body = ShapeSpace.load().body(stored["body_shape"], float(stored["body_scale"]), str(stored["body_name"]))
         poses = stored["poses"].astype(np.float32)
         return PoseDatabase(
@@ -269,7 +271,7 @@ class PoseDatabase:
             body_shape=stored["body_shape"],
             body_scale=float(stored["body_scale"]),
             torso_length=float(stored["torso_length"]),
-            notes=parse_json(str(stored["notes"]), f"notes of {file}", DatabaseError, REBUILD),
+            notes=parse_json(str(stored["notes"]), f"notes of {file}", DatabaseError, again),
             regressor=_stored_regressor(stored),
             prior=_stored_prior(stored),
         ).for_body(body)
@@ -299,9 +301,14 @@ class _Notes:
 
 
 BUILD = "depthmocap database build MOCAP"
-REBUILD = f"build it again with `{BUILD}`"
+BUILT_AGAIN = f"build it again with `{BUILD}`"
 FARTHEST, WIDEST = 10.0, 6.5
 """Metres and radians: no entry of a canonical pose, joint, feature or offset is larger."""
+
+
+def _rebuild(file: Path) -> str:
+    """What to do about a file that is of no use, with a command that a shell takes."""
+    return f"build it again with `{BUILD} --output {shlex.quote(str(file))}`"
 
 
 def _columns(sources: int) -> dict[str, Column]:
@@ -363,11 +370,10 @@ def _check_identity(file: Path, stored: dict[str, np.ndarray]) -> None:
     version = stored.get("format_version")
     if version is None or str(version) not in READABLE:
         raise DatabaseError(
-            f"{file} has format version {version}, this program reads {' and '.join(READABLE)}; {REBUILD} "
-            f"--output {file}"
+            f"{file} has format version {version}, this program reads {' and '.join(READABLE)}; {_rebuild(file)}"
         )
     if str(stored.get("fingerprint")) != expected["fingerprint"]:
         raise DatabaseError(
             f"{file} was built for another body (fingerprint {stored.get('fingerprint')}, this one has "
-            f"{expected['fingerprint']}); {REBUILD} --output {file}"
+            f"{expected['fingerprint']}); {_rebuild(file)}"
         )

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from toolkit.body.body import Body
+from toolkit.body.body import Body, vertex_normals
 from toolkit.kernels.image import shading
 from toolkit.rendering.style import PART_COLORS
 from toolkit.sensing.camera import Camera
@@ -48,14 +48,3 @@ def draw_mesh(
 def part_colors(body: Body) -> np.ndarray:
     """Colour of every vertex, mixed by its skinning weights: float64 (V, 3)."""
     return np.asarray((body.skin_weights[..., None] * PART_COLORS[body.skin_joints]).sum(axis=1), dtype=np.float64)
-
-
-def vertex_normals(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
-    """Mean of the adjacent faces' normals, weighted by their area: float64 (V, 3), of any length."""
-    a, b, c = (vertices[faces[:, k]] for k in range(3))
-    across = np.cross(b - a, c - a)
-    normals = np.zeros(vertices.shape)
-    for k in range(3):
-        for axis in range(3):
-            normals[:, axis] += np.bincount(faces[:, k], across[:, axis], minlength=len(vertices))
-    return normals
