@@ -16,6 +16,10 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
+from toolkit.testing.bootstrap import paired_bootstrap
+
 ROOT = Path(__file__).resolve().parents[1]
 RESULTS = ROOT / "benchmarks" / "results"
 MARKED = re.compile(r"(<!-- table: (\w+) -->\n).*?(<!-- end -->)", re.DOTALL)
@@ -86,17 +90,23 @@ def first_screen() -> Rows:
 
 
 def accuracy() -> Rows:
-    """The hybrid tracker and what it is without its parts."""
-    found = figures("accuracy_report")
-    rows = [("switched off", "error mm", "hybrid is better by, 95 % interval of a paired bootstrap over recordings")]
-    for row, said in (
-        ("hybrid", "nothing"),
-        ("local", "database after the first frame (local only)"),
-        ("baak2013", "all of it (`--config baak2013`)"),
-    ):
-        gain = found["compared"].get(row)
-        better = "" if gain is None else f"{gain['mean']:.1f} [{gain['low']:.1f}, {gain['high']:.1f}]"
-        rows.append((said, f"{found['rows'][row]['means']['overall']['error_mm']:.1f}", better))
+    """The hybrid tracker beside what it is without its parts, group by group, by a paired bootstrap over recordings."""
+    found = figures("accuracy_report")["rows"]
+    errors = {row: {name: own["error_mm"] for name, own in found[row]["recordings"].items()} for row in found}
+    head = ["recordings", "hybrid mm"]
+    for said in ("database off after the first frame (local only)", "all of it off (`--config baak2013`)"):
+        head += [f"{said} mm", "hybrid is better by, 95 %; on"]
+    rows = [head]
+    for group in (*GROUPS, ""):
+        names = [name for name in errors["hybrid"] if name.startswith(group)]
+        own = np.array([errors["hybrid"][name] for name in names])
+        cells = [f"{group or 'all'}, {len(names)}", f"{own.mean():.1f}"]
+        for other in ("local", "baak2013"):
+            theirs = np.array([errors[other][name] for name in names])
+            gain = paired_bootstrap(theirs, own, np.random.default_rng(0))
+            better = f"{int((own < theirs).sum())} of {len(names)}"
+            cells += [f"{theirs.mean():.1f}", f"{gain.mean:.1f} [{gain.low:.1f}, {gain.high:.1f}]; {better}"]
+        rows.append(cells)
     return rows
 
 

@@ -203,8 +203,8 @@ class Person:
         steps = np.diff(self.track.timestamps)
         if len(steps) == 0 or not np.median(steps) > 0:
             raise UsageError(
-                f"{self.name} has {len(self.track)} frames whose times do not grow; a file with a frame rate needs two "
-                "that do, export it as .csv or .json"
+                f"a file with a frame rate needs two frames whose times grow; {self.name} has {len(self.track)} in all,"
+                " export it as .csv or .json"
             )
         return float(1.0 / np.median(steps))
 
