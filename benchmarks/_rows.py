@@ -56,7 +56,7 @@ ROWS: dict[str, tuple[str, dict[str, Any]]] = {
 `no sharing` no body says whose pixels are whose; `no seated` leaves the bundled seated poses out of the database.
 Without a retrained regressor is another `--database`.
 `local` takes its first pose from the lookup and never asks it again. Without personal shape only the size is chosen,
-out of five."""
+out of seven."""
 
 
 NO_IMAGE = {"discrepancy.depth": 0.0}

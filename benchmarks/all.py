@@ -17,7 +17,7 @@ from benchmarks._rows import add_database_options, poses_of
 from toolkit.testing.suite import ROOT
 
 SMALL_BALLS = "--set discrepancy.figure=balls --set discrepancy.width=30 --set discrepancy.height=40"
-SMALL_MESH = SMALL_BALLS.replace("balls", "small")
+SMALL_MESH = SMALL_BALLS.replace("balls", "mesh")
 COMMANDS: dict[str, str] = {
     "speed": "speed hybrid {database}",
     "speed_crowd": "speed crowd {database} --frames 120",

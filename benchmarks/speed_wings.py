@@ -2,8 +2,8 @@
 
 - `swarm [--frames 60] [--threads 1,2]`: a simulated Kinect take with joints that are given: milliseconds per frame and
   stage of `configs/swarm.yaml` and `configs/qammaz.yaml` (the paper: 111 ms on a GPU, 5.3 s with serial drawing on it).
-  Then what one hypothesis costs, microseconds: a body made of balls, a mesh of about 360 vertices, and the whole mesh,
-  in images of several sizes. With `--network` the stages of finding joints in the shaded depth image as well, for which
+  Then what one hypothesis costs, microseconds: a body made of balls and the mesh, in images of several
+  sizes. With `--network` the stages of finding joints in the shaded depth image as well, for which
   the pose model is needed.
 - `upper [--counts 64,192,256]`: frames a second of the particle filter as a whole. One take of each group, its depth
   doubled to 640x480, by `configs/lopez2011.yaml`: the whole step from the depth image to the row, cutting out the

@@ -24,7 +24,6 @@ from toolkit.qammaz.discrepancy import (
     figure_of,
     small_image,
 )
-from toolkit.qammaz.small_mesh import simplified
 from toolkit.qammaz.tracker import SwarmTrackerSettings
 from toolkit.sensing.camera import Camera
 from toolkit.testing.subjects import LEVEL, moving_poses
@@ -119,32 +118,6 @@ def test_the_mesh_is_where_rays_meet_it() -> None:
     assert np.abs(ours - cast)[both].max() < 1e-3
 
 
-def test_the_small_mesh_is_a_closed_surface_of_a_third_of_the_vertices() -> None:
-    figure = figure_of(BODY, "small")
-    edges = np.sort(np.concatenate([figure.faces[:, [0, 1]], figure.faces[:, [1, 2]], figure.faces[:, [2, 0]]]), axis=1)
-    _, shared = np.unique(edges, axis=0, return_counts=True)
-    assert (shared == 2).all() and len(figure.vertices) - len(shared) + len(figure.faces) == 2
-    assert len(figure.vertices) == 360
-    corners = figure.vertices[figure.faces]
-    volume = (np.cross(corners[:, 0], corners[:, 1]) * corners[:, 2]).sum() / 6
-    whole = BODY.vertices[BODY.faces]
-    assert 0.8 < volume / ((np.cross(whole[:, 0], whole[:, 1]) * whole[:, 2]).sum() / 6) < 1.0
-
-
-def test_a_mesh_that_is_small_enough_stays_as_it_is() -> None:
-    faces = np.array([[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]])
-    vertices = np.vstack([np.zeros(3), np.eye(3)])
-    np.testing.assert_array_equal(simplified(vertices, faces, 4), faces)
-
-
-@pytest.mark.parametrize("pose", POSES[:3])
-def test_the_small_mesh_is_drawn_near_the_whole_one(pose: np.ndarray) -> None:
-    few, whole = drawn(pose, "small")[0], drawn(pose, "mesh")[0]
-    both = (few > 0) & (whole > 0)
-    assert both.sum() > 0.85 * (whole > 0).sum()
-    assert np.median(np.abs(few - whole)[both]) < 0.01
-
-
 def test_front_faces_are_those_that_a_loop_with_branches_keeps() -> None:
     rng = np.random.default_rng(0)
     projected = np.concatenate([rng.uniform(-10, 70, (80, 2)), rng.choice([0.0, 0.3, 0.5], (80, 1))], axis=1)
@@ -170,7 +143,7 @@ def mixed(depth: np.ndarray, rng: np.random.Generator) -> np.ndarray:
     return seen
 
 
-@pytest.mark.parametrize("kind", ["balls", "small", "mesh"])
+@pytest.mark.parametrize("kind", ["balls", "mesh"])
 def test_a_batch_costs_what_plain_loops_say(kind: str) -> None:
     rng = np.random.default_rng(1)
     seen_depth = mixed(drawn(POSES[0], kind)[0], rng)
@@ -341,7 +314,7 @@ def test_the_divisor_counts_pixels_near_the_previous_solution() -> None:
 @pytest.mark.parametrize(
     ("wrong", "said"),
     [
-        ({"figure": "cones"}, "balls, small, mesh"),
+        ({"figure": "cones"}, "balls, mesh"),
         ({"clamp": 0.0}, "the most that a pixel costs"),
         ({"depth": 0.0, "joints_2d": 0.0, "joints_3d": 0.0}, "not all"),
         ({"depth": -1.0}, "at least 0"),

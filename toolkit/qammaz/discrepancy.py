@@ -12,18 +12,16 @@ import numpy as np
 
 from toolkit import skeleton
 from toolkit.body.body import Body
-from toolkit.body.shape import load_body
 from toolkit.errors import SettingsError
 from toolkit.fitting.placed import balls_of
 from toolkit.fitting.terms import CARRIERS
 from toolkit.kernels.fit import swarm as kernel
-from toolkit.qammaz.small_mesh import simplified
 from toolkit.rotations import quaternions as quat
 
 WEIGHTS: dict[str, float] = {"hip": 0.2, "wrist": 1.8, "ankle": 1.8}
 """Of joints that detectors find badly or well (Qammaz, 2.3.2); 1 for the others."""
 JOINT_WEIGHTS: np.ndarray = np.array([WEIGHTS.get(name.split("_")[-1], 1.0) for name in skeleton.REPORTED])
-FIGURES = ("balls", "small", "mesh")
+FIGURES = ("balls", "mesh")
 
 
 @dataclass(frozen=True)
@@ -32,8 +30,8 @@ class DiscrepancySettings:
 
     Attributes
     ----------
-    figure : what is drawn: 40 "balls", the body's "mesh", or a "small" one of 360 of its vertices. Balls cost a fifth
-        of the mesh, and the local optimisation has the mesh
+    figure : what is drawn: 40 "balls", or the body's "mesh". Balls cost a fifth of the mesh, and the local optimisation
+        has the mesh
     width, height : pixels of the small image that is compared: a limb has two across
     margin : size of its box against that of the silhouette, at least 1: an arm that is not where it is thought to be
         has to cost something
@@ -145,15 +143,11 @@ def figure_of(body: Body, kind: str) -> kernel.Figure:
     """The body as it is drawn, `kind` out of `FIGURES`."""
     balls = balls_of(body)
     drawn = slice(None) if kind == "balls" else slice(0)
-    vertices, faces = np.arange(len(body.vertices)), np.empty((0, 3), dtype=np.int64)
-    if kind == "mesh":
-        faces = body.faces.astype(np.int64)
-    elif kind == "small":
-        vertices, faces = _few(body.faces.tobytes())
+    faces = body.faces.astype(np.int64) if kind == "mesh" else np.empty((0, 3), dtype=np.int64)
     return kernel.Figure(
         skeleton.PARENTS, skeleton.DOF_JOINT, skeleton.DOF_AXIS, body.joints,
         balls.joint[drawn], balls.offset[drawn], balls.radius[drawn],
-        body.vertices[vertices], body.skin_joints[vertices], body.skin_weights[vertices], faces,
+        body.vertices, body.skin_joints, body.skin_weights, faces,
     )  # fmt: skip
 
 
@@ -161,14 +155,6 @@ def figure_of(body: Body, kind: str) -> kernel.Figure:
 def _pool(threads: int) -> ThreadPoolExecutor:
     """Threads that stay: to begin them costs as much as a hundred poses."""
     return ThreadPoolExecutor(threads)
-
-
-@lru_cache(maxsize=2)
-def _few(topology: bytes) -> tuple[np.ndarray, np.ndarray]:
-    """Vertices int64 (W,) of a mesh's small figure, and its triangles (G, 3) of them: the same for all bodies."""
-    faces = simplified(load_body("neutral").vertices, np.frombuffer(topology, dtype=np.int32).reshape(-1, 3))
-    used = np.unique(faces)
-    return used, np.searchsorted(used, faces)
 
 
 def targets_of(body: Body, seen: SeenJoints | None, distance: float, settings: DiscrepancySettings) -> kernel.Targets:
