@@ -194,9 +194,7 @@ def test_the_swarms_time_is_told_by_stage_and_by_hypothesis(
     monkeypatch.setattr(speed_wings, "IMAGES", ((30, 40),))
     run(speed_wings, "swarm", "--frames", 3, "--rows", "swarm", "--work", work, monkeypatch=monkeypatch)
     figures = json.loads((bundled / "speed_swarm.json").read_text())["figures"]
-    assert list(figures["times"]) == ["swarm, 1", "swarm, 2"] and set(figures["hypothesis_us"]) == {
-        "balls", "small", "mesh",
-    }  # fmt: skip
+    assert list(figures["times"]) == ["swarm, 1", "swarm, 2"] and set(figures["hypothesis_us"]) == {"balls", "mesh"}
     assert set(figures["times"]["swarm, 1"]["stages"]) == {"prepare", "landmarks", "local", "swarm", "select"}
 
 
