@@ -77,7 +77,7 @@ class ViewSettings:
     room : what those show
     """
 
-    turned: float = 0.5
+    turned: float = 1.0
     cut: float = 0.25
     hidden: float = 0.2
     raised: float = 0.3
