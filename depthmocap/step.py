@@ -11,6 +11,7 @@ import numpy as np
 from depthmocap.tracks import Track, tracker_of
 from toolkit.errors import UsageError
 from toolkit.people.joints import NoJoints
+from toolkit.people.up import floor_height
 from toolkit.pipeline.in_memory import track_of
 from toolkit.pipeline.run import Job, finder_of
 from toolkit.recordings.arrays import recording_of
@@ -82,6 +83,7 @@ class Tracker:
         self._background = background
         self._recording: StoredRecording | None = None
         self._crowd: Crowd | None = None
+        self._height: float | None = None
         self._rows: list[Row] = []
 
     def step(self, depth: np.ndarray, timestamp: float) -> list[Pose]:
@@ -106,7 +108,9 @@ class Tracker:
             )
             joints = NoJoints()
             finder = finder_of(Job(self._recording, self._tracker, 1, joints))
-            self._crowd = Crowd(self._tracker, finder, self._recording.up_camera, joints)
+            self._height = floor_height(self._recording)
+            floor = None if self._height is None else -self._height
+            self._crowd = Crowd(self._tracker, finder, self._recording.up_camera, joints, floor)
         frame = Frame(self._recording.convert(image, self._crowd.frames), float(timestamp))
         return self._known(self._crowd.step(frame))
 
@@ -123,11 +127,11 @@ class Tracker:
         UsageError
             No pose is known yet.
         """
-        if not self._rows or self._crowd is None or self._recording is None:
+        if not self._rows or self._crowd is None:
             raise UsageError("no pose is known yet; give frames to step() for some seconds, or call finish()")
-        body, height = self._crowd.bodies[1], self._recording.vertical.height
-        found = track_of(self._rows, self._tracker, body, height)
-        return Track(Person("person", found, body, self._crowd.level_rotation, camera_height=height))
+        body = self._crowd.bodies[1]
+        found = track_of(self._rows, self._tracker, body, self._height)
+        return Track(Person("person", found, body, self._crowd.level_rotation, camera_height=self._height))
 
     def _known(self, rows: list[Row]) -> list[Pose]:
         self._rows += rows

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import cv2
 import numpy as np
 import pytest
@@ -29,7 +31,10 @@ def test_a_first_look_names_camera_up_room_people_and_what_helps(tmp_path):
     assert camera == "camera: 320 x 240, 59 degrees wide, 9 frames, 30.0 frames a second"
     assert up == "up: file; the camera looks 11 degrees down, rolled by 0"
     assert surroundings.startswith("room: known")
-    assert people == "people: 2 in the first 3 s; 1 at 2.5 m, whole; 2 at 3.1 m, whole"
+    why = "a person's shape in 1 of 1 looks, in all +5.0 log odds of a person"
+    assert people.split("\n  ") == [
+        "people: 2 in the first 3 s", f"1 at 2.5 m, whole ({why})", f"2 at 3.1 m, whole ({why})"
+    ]  # fmt: skip
     assert advice == "advice: --people all follows everybody"
 
 
@@ -57,19 +62,24 @@ def test_nobody_in_view_is_said(tmp_path):
 
 def test_the_picture_shows_everybody_in_their_own_colour(tmp_path):
     depth, who = scene(KINECT, ((-0.7, 2.6), (0.7, 2.6)))
-    image = picture(describe(open_recording(recorded(tmp_path, [depth])))).astype(int)
+    look = describe(open_recording(recorded(tmp_path, [depth])))
+    image = picture(look).astype(int)
+    ringed = picture(replace(look, furniture=np.array([[160.0, 40.0]]))).astype(int)
+    changed = np.flatnonzero((ringed != image).any(axis=2).any(axis=0))
+    assert 140 < changed.min() < 156 and changed.max() > 165, "furniture is ringed"
     hues = [image[who == number].mean(axis=0) / image[who == number].mean() for number in (1, 2)]
     expected = [np.array(person_color(k)) / np.mean(person_color(k)) for k in (0, 1)]
     off = [[np.abs(hue - color).max() for color in expected] for hue in hues]
     assert sorted(int(np.argmin(row)) for row in off) == [0, 1] and max(min(row) for row in off) < 0.1
 
 
-def test_the_verb_prints_five_lines_and_writes_the_picture(tmp_path, capsys):
+def test_the_verb_prints_a_line_for_each_thing_and_person_and_writes_the_picture(tmp_path, capsys):
     path = recorded(tmp_path, [scene(KINECT, ((0.0, 2.6),))[0]])
     with pytest.raises(SystemExit) as done:
         main(["info", str(path), "--output", str(tmp_path / "look.png")])
     assert done.value.code == 0
     lines = capsys.readouterr().out.splitlines()
+    assert lines.pop(4).startswith("  1 at ")
     assert [line.split(":")[0] for line in lines] == ["camera", "up", "room", "people", "advice", "picture"]
     assert cv2.imread(str(tmp_path / "look.png")).shape == (*KINECT.shape, 3)
 

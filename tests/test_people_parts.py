@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -18,7 +19,7 @@ from toolkit.people.settings import PeopleSettings
 from toolkit.people.several import SeveralPeople
 from toolkit.people.sighting import Sighting
 from toolkit.people.structure import Plane
-from toolkit.people.surroundings import Surroundings
+from toolkit.people.surroundings import Surroundings, empty_scene
 from toolkit.people.survey import find_person
 from toolkit.people.tracks import Person, known_again, match_heads
 from toolkit.people.unassigned import attach_islands
@@ -198,6 +199,28 @@ def test_whoever_stands_behind_a_wall_where_a_mirror_shows_somebody_is_nobody(pl
     assert seen[-1] == count
     without = SeveralPeople(KINECT, UP, Surroundings(False, True, empty, empty, empty > 0))
     assert [len(without.find(depth, k / 30, {})) for k in range(5)][-1] == 2
+
+
+def test_who_comes_in_feet_first_keeps_their_number_when_the_head_is_seen():
+    """A leg of a person whom the image cuts is taken in without a head; the head above it is no second person."""
+    whole = scene(KINECT, ((0.0, 2.6),), height=1.2, wall=4.0, floor=True)[0]
+    empty = scene(KINECT, (), height=1.2, wall=4.0, floor=True)[0]
+    legs = whole.copy()
+    legs[:130] = empty[:130]
+    lens = SeveralPeople(KINECT, UP).lens
+    finder = SeveralPeople(KINECT, UP, replace(empty_scene(lens.coarse(empty), lens, 0.05), floor=-1.2))
+    seen = [[s.id for s in finder.find(legs if k < 12 else whole, k / 15, {})] for k in range(30)]
+    assert seen[11] == [1] and seen[12] == [1] and seen[-1] == [1]
+    assert finder.people[0].head_seen and len(finder.people) == 1
+
+
+@pytest.mark.parametrize(
+    ("head", "theirs"), [((0.1, 0.2, -2.5), True), ((0.1, -0.75, -2.5), False), ((1.2, 0.2, -2.5), False)]
+)
+def test_a_head_is_that_of_a_leg_below_it_only(head, theirs):
+    leg = Person(1, np.array([0.0, -0.8, -2.5]), np.zeros(3), 0.0, 0.0, -0.8, np.zeros(3), 0.2, head_seen=False)
+    assert leg.may_have(np.array(head)) == theirs
+    assert not leg.with_head(np.array(head)).may_have(np.array(head)), "a person has one head"
 
 
 # What is dropped.

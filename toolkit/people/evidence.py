@@ -52,11 +52,9 @@ class Evidence:
         """Why it was taken for what it is, for people."""
         if self.looks == 0:
             return "never looked at closely"
-        mean = self.judged / self.looks
-        return (
-            f"a person's shape in {self.shaped} of {self.looks} looks, pixels {mean:+.1f}, in all {self.log_odds:+.1f} "
-            "log odds of a person"
-        )
+        pixels = f", pixels {self.judged / self.looks:+.1f}" if self.judged else ""
+        shape = f"a person's shape in {self.shaped} of {self.looks} looks"
+        return f"{shape}{pixels}, in all {self.log_odds:+.1f} log odds of a person"
 
 
 def furniture(evidence: Mapping[int, Evidence]) -> frozenset[int]:

@@ -124,7 +124,11 @@ class SeveralPeople:
         view = self._shared_by_bodies(view, present, places, predicted, seeds)
         self._stayed(view, present, places, seeds)
         labels, bodies = self._shared(view, surroundings, seeds, places, furniture)
-        candidates, touching = self._candidates(view, surroundings, seeds, places, others, [children[i] for i in left])
+        small = [children[i] for i in left]
+        candidates, touching, own = self._candidates(view, surroundings, seeds, present, places, others, small)
+        for k, i in own.items():
+            matched[k], places[k], present[k] = left[i], others[i], present[k].with_head(others[i])
+            seeds[near_head(view, others[i]) & view.foreground] = k + 1
         whole = {len(candidates) + i: body for i, body in enumerate(headless(view, bodies, others, self._settings))}
         candidates += [head_of(view, body) for body in whole.values()]
         sure = [self._sure(view, candidate, i < len(touching), surroundings) for i, candidate in enumerate(candidates)]
@@ -133,12 +137,14 @@ class SeveralPeople:
         fresh = sorted({*fresh, *self._where_they_were(candidates, timestamp)})
         walls, everywhere = surroundings.planes, [*places, *candidates]
         fresh = [i for i in fresh if not in_a_mirror(candidates[i], everywhere, walls, self.lens, self._settings)]
-        if fresh:
+        if fresh or own:
             for k, i in enumerate(fresh, start=len(places) + 1):
                 seeds[whole[i] if i in whole else near_head(view, candidates[i]) & view.foreground] = k
             places += [candidates[i] for i in fresh]
             labels, _ = self._shared(view, surroundings, seeds, places, furniture)
-        ids = self._updated(view, labels, present, places, set(matched), timestamp, surroundings.cut_out)
+        headless_ones = {len(present) + k for k, i in enumerate(fresh) if i in whole}
+        cut_out = surroundings.cut_out
+        ids = self._updated(view, labels, present, places, set(matched), headless_ones, timestamp, cut_out)
         self._labels, self._depth = ids[labels], view.depth
         heads_seen = {int(ids[k + 1]): place for k, place in enumerate(places) if k in matched or k >= len(present)}
         self._look_at(view, heads_seen, timestamp)
@@ -277,19 +283,26 @@ class SeveralPeople:
         view: View,
         surroundings: Surroundings,
         seeds: np.ndarray,
+        present: Sequence[Person],
         places: Sequence[np.ndarray],
         heads: Sequence[np.ndarray],
         children: Sequence[bool],
-    ) -> tuple[list[np.ndarray], list[bool]]:
+    ) -> tuple[list[np.ndarray], list[bool], dict[int, int]]:
         """Heads that may be new people, and which of them touch a person: no shoulder, knee or fist of a person who is
         present or comes earlier in the list. A head of a child's size that touches a person is a fist, a still one
-        beside a person a chair's back.
+        beside a person a chair's back. And the heads of those present that are seen for the first time, by person.
         """
         everybody, found, touching, seeds = list(places), [], [], seeds.copy()
-        for head, child in zip(heads, children, strict=True):  # adults first, then the highest
+        own: dict[int, int] = {}
+        for i, (head, child) in enumerate(zip(heads, children, strict=True)):  # adults first, then the highest
             labels, _ = self._shared(view, surroundings, seeds, everybody, [])
             here = near_head(view, head) & view.foreground
             owners = np.unique(labels[here & (labels > 0)])
+            whose = [int(k) - 1 for k in owners if k <= len(present) and present[k - 1].may_have(head)]
+            if len(owners) == 1 and whose and whose[0] not in own:
+                own[whose[0]] = i
+                seeds[here] = owners[0]
+                continue
             still = np.count_nonzero(view.still & here) > NEVER_MOVED * np.count_nonzero(here)
             chair = still and beside(head, everybody, self._settings)
             if not chair and all(apart(head, everybody[k - 1], self._settings) and not child for k in owners):
@@ -297,7 +310,7 @@ class SeveralPeople:
                 found.append(head)
                 touching.append(len(owners) > 0)
                 seeds[here] = len(everybody)
-        return found, touching
+        return found, touching, own
 
     def _sure(self, view: View, place: np.ndarray, is_head: bool, surroundings: Surroundings) -> bool:
         """Whether the surface below a candidate head is surely a person's.
@@ -337,10 +350,13 @@ class SeveralPeople:
         present: Sequence[Person],
         places: Sequence[np.ndarray],
         matched: set[int],
+        headless: set[int],
         timestamp: float,
         cut_out: bool,
     ) -> np.ndarray:
-        """Update the people; returns the id of every label, int32 (n + 1,), 0 for background."""
+        """Update the people; returns the id of every label, int32 (n + 1,), 0 for background. `matched` and `headless`
+        are indices of places: whose head is seen, and which new person shows none.
+        """
         settings = self._settings
         ids = np.zeros(len(places) + 1, dtype=np.int32)
         known = {p.id: p for p in self.people}
@@ -367,9 +383,8 @@ class SeveralPeople:
                     ids[k + 1] = again.id
                 elif len(known) < self._most:
                     number = len(known) + 1
-                    known[number] = Person(
-                        number, place, np.zeros(3), timestamp, timestamp, float(place[1]), middle, area
-                    )
+                    here = Person(number, place, np.zeros(3), timestamp, timestamp, float(place[1]), middle, area)
+                    known[number] = replace(here, head_seen=k not in headless)
                     ids[k + 1] = number
                 elif not self._left_out:
                     self._left_out = True

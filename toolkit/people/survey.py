@@ -17,6 +17,7 @@ from toolkit.people.settings import PeopleSettings
 from toolkit.people.several import SeveralPeople
 from toolkit.people.sighting import PeopleFinder
 from toolkit.people.surroundings import Surroundings, empty_scene, is_cut_out, nothing_but_people
+from toolkit.people.up import floor_height
 from toolkit.people.view import Lens
 from toolkit.sensing.depth_filter import DepthFilter
 from toolkit.sensing.recording import Recording
@@ -100,7 +101,7 @@ def survey(
         if all(is_cut_out(depth, lens, settings) for depth in first):
             return nothing_but_people(lens)
     spread = np.unique(np.linspace(0, len(recording) - 1, min(SAMPLES, len(recording))).astype(np.int64))
-    height = recording.vertical.height
+    height = floor_height(recording)
     floor = None if height is None else -height
     frames = list(_coarse(recording, polisher, lens, spread))
     if camera_moved(frames, lens, settings):

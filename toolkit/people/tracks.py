@@ -24,6 +24,8 @@ AREA_FADING = 0.1  # a second, by which the known area fades as a person walks a
 TALLER, SHORTER = 0.08, 0.12  # m by which a returning person may differ: shoes and noise; a bent neck as well
 WALK = 2.5  # m/s: the fastest motion of a person out of sight in a room
 
+HEAD_ASIDE, HEAD_ABOVE = 0.8, 0.2  # m from the top of a leg that is all that is seen, to the head: a stride, a thigh
+
 LEVEL = np.array([1.0, 0.0, 1.0])
 """Times a way in the level frame: what of it is horizontal."""
 NEVER = -1e9
@@ -49,6 +51,7 @@ class Person:
     borne_out : whether the head of the body that follows them was ever seen where that body has it; from then on the
         body knows better where it is than what looks like a head
     body_head : float64 (3,), level frame, metres, where that body had its head in the last frame; NaN = not known
+    head_seen : whether their head ever was; who comes in feet first is known by a leg
     looks, looked : number of looks whether the track is a person, and the time of the last one, seconds
     shaped, judged : how often it had a person's shape then, and the sum of the judge's log odds
     """
@@ -64,6 +67,7 @@ class Person:
     stature: float = 0.0
     borne_out: bool = False
     body_head: np.ndarray = field(default_factory=UNKNOWN.copy)
+    head_seen: bool = True
     looks: int = 0
     looked: float = NEVER
     shaped: int = 0
@@ -82,6 +86,15 @@ class Person:
         """The person whose head is seen at `head` (3,); within `distance` metres it bears their body out."""
         near = ((self.body_head - head) ** 2).sum() < distance**2  # never, where that is not known
         return replace(self, borne_out=self.borne_out or bool(near))
+
+    def may_have(self, head: np.ndarray) -> bool:
+        """Whether a head at `head` (3,), on their surface, may be theirs, which was not seen yet: above the rest."""
+        aside = float(np.hypot(head[0] - self.head[0], head[2] - self.head[2]))
+        return not self.head_seen and aside < HEAD_ASIDE and head[1] > self.head[1] + HEAD_ABOVE
+
+    def with_head(self, head: np.ndarray) -> Person:
+        """The person whose head is seen for the first time, at `head` (3,)."""
+        return replace(self, head=head, velocity=np.zeros(3), tallest=float(head[1]), borne_out=False, head_seen=True)
 
     def looked_at(self, shaped: bool, judged: float, timestamp: float) -> Person:
         """The person after a look whether it is one."""
@@ -122,7 +135,11 @@ class Person:
             rising = self.last - self.first < TALLEST_MEMORY
             tallest += (1.0 if rising else min(elapsed / TALLEST_MEMORY, 1.0)) * (float(head[1]) - tallest)
         kept = max(area, self.area * (1 - AREA_FADING * elapsed))
-        return replace(self, head=place, velocity=velocity, middle=middle, area=kept, last=timestamp, tallest=tallest)
+        shown = self.head_seen or head is not None
+        return replace(
+            self, head=place, velocity=velocity, middle=middle, area=kept, last=timestamp, tallest=tallest,
+            head_seen=shown,
+        )  # fmt: skip
 
 
 def assigned(costs: np.ndarray, gates: np.ndarray) -> list[tuple[int, int]]:
@@ -180,6 +197,7 @@ def restore_people(state: Mapping[str, Any]) -> list[Person]:
         "id": Column("i", ("n",), 1, 1e6), "head": place, "velocity": place, "first": number, "last": number,
         "tallest": number, "middle": place, "area": number, "stature": number, "borne_out": Column("b", ("n",)),
         "body_head": replace(place, gaps=True), "looks": Column("i", ("n",), 0, 1e9), "looked": number,
+        "head_seen": Column("b", ("n",)),
         "shaped": Column("i", ("n",), 0, 1e9), "judged": number,
     }  # fmt: skip
     check_state(state, columns, what="people")

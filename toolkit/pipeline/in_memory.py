@@ -10,6 +10,7 @@ import numpy as np
 from toolkit.biomechanics.contact import foot_contacts
 from toolkit.body.body import Body
 from toolkit.people.evidence import furniture
+from toolkit.people.up import floor_height
 from toolkit.pipeline.joints import JointChoice, give_joints, joint_source
 from toolkit.pipeline.run import Job, finder_of
 from toolkit.pipeline.sink import folder_of
@@ -53,14 +54,15 @@ def follow_recording(
     choice = joints or JointChoice()
     give_joints(recording, choice)
     job = Job(recording, tracker, people, joint_source(recording, choice, tracker.joints_wanted))
-    crowd = Crowd(tracker, finder_of(job), recording.up_camera, job.joints)
+    height, turns = floor_height(recording), int(recording.options.get("rotate", 0)) // 90
+    floor = None if height is None else -height
+    crowd = Crowd(tracker, finder_of(job), recording.up_camera, job.joints, floor)
     rows: list[Row] = []
     for frame in recording.stream(color=job.joints.needs_color):
         rows += crowd.step(frame)
         if progress is not None:
             progress(crowd.frames, len(recording))
     rows += crowd.finish()
-    height, turns = recording.vertical.height, int(recording.options.get("rotate", 0)) // 90
     found: list[Person] = []
     for person in sorted({row.person for row in rows} - furniture(crowd.finder.evidence)):
         number, body = len(found) + 1, crowd.bodies[person]
