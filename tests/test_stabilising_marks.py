@@ -145,6 +145,14 @@ def test_a_foot_that_rests_is_pulled_to_the_floor_and_to_its_place(leg, known):
         np.testing.assert_allclose(after, standing, atol=0.03)
 
 
+def test_a_resting_sole_is_held_along_the_ground_and_to_its_floor() -> None:
+    sole = Sole.of(BODY, "left_leg")
+    term = floor_term(BODY, "left_leg", ENTRIES["left_leg"], -0.9, sole.at(BODY, STANDING), 1.0, 0.2)
+    moved = STANDING.copy()
+    moved[skeleton.ROOT_POSITION] = (0.1, 0.2, 0.3)
+    np.testing.assert_allclose(term.residuals(moved) - term.residuals(STANDING), [0.2, 0.2, 0.1, 0.3, 0.1, 0.3])
+
+
 def test_marks_of_a_file_take_the_place_of_those_of_their_classes(tmp_path):
     values = np.full((40, 9), WILDCARD)
     values[6] = 1

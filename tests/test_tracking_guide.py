@@ -156,3 +156,11 @@ def test_sensors_and_calibration_go_together(tmp_path):
         both = Guiding(inertial=tmp_path / "s.npz", calibration=tmp_path / "c.json")
         both.guide([tmp_path / "a.npz", tmp_path / "b.npz"])
     assert Guiding().guide([tmp_path / "take.npz"]) is None
+
+
+def test_a_disagreement_costs_what_geman_and_mcclure_say(placer):
+    placed = placer.place(load_body("neutral"), pose_of())
+    for turn in (0.1, 0.5, 2.5):
+        term = replace(term_of(placer, 4, -1, turn), sigma=0.5)
+        square = (turn / 0.5) ** 2
+        assert term.cost(placed) == pytest.approx(0.1 * square / (1.0 + square))

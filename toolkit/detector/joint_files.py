@@ -97,7 +97,7 @@ def _files(folder: Path, count: int) -> dict[int, Path]:
 
 
 def _people(path: Path) -> list[np.ndarray]:
-    """Everybody in one file, float32 (20, 3) each; those of whom nothing is known are left out."""
+    """The people of one file with a known joint, float32 (20, 3) each."""
     value = read_json(path, RecordingError, HINT)
     people = value.get("people") if isinstance(value, dict) else None
     if not isinstance(people, list):

@@ -9,7 +9,7 @@ import numpy as np
 from toolkit import skeleton
 
 Points = dict[str, tuple[int, ...]]
-"""Reported joint -> the points of a detector whose mean it is."""
+"""Reported joint -> the points of a detector; it is their mean."""
 
 
 def _both(ears: tuple[int, int], **pairs: tuple[Any, Any]) -> Points:

@@ -182,7 +182,7 @@ def _evaluate_person(
 
 
 def _scores_of(track: Track, recording: str, run: str, recorded_frames: int) -> RunScores:
-    """What a track tells without being compared with anything."""
+    """Figures of a track without a reference."""
     return RunScores(
         recording=recording,
         run=run,

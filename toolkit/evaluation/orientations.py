@@ -20,7 +20,7 @@ from toolkit.plain import read_table
 from toolkit.retrieval.annotation.measures import Scores, Segment, segment_scores
 
 THRESHOLDS: np.ndarray = np.arange(10.0, 91.0, 5.0)
-"""Degrees at which precision and recall are told (thesis, Fig. 7.12)."""
+"""Thresholds, degrees, of precision and recall (thesis, Fig. 7.12)."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -29,7 +29,7 @@ DAMPING = 5e-4
 COARSE = 3
 """Every third sample will do to find the cheapest arms."""
 DIFFERENT = 0.2
-"""Radians: arms of which no angle differs by more are one candidate."""
+"""Radians: arms that differ by less in every angle are one candidate."""
 
 
 @dataclass(frozen=True)

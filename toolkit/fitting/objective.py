@@ -20,9 +20,9 @@ from toolkit.kernels.fit import pairs
 SUPPORT = 0.04
 """Metres from a measured point at which a vertex no longer supports its joint."""
 WITHIN = 0.05
-"""Metres: what the confidence of a joint is the probability of being within."""
+"""Metres: the confidence of a joint is the probability of an error below it."""
 ODDS: tuple[float, float, float, float] = (-0.43, 2.61, 0.98, -3.44)
-"""Log odds of a joint to be within 5 cm: of one of which nothing is observed; per root of its support; for being
+"""Log odds of a joint to be within 5 cm: constant of an unobserved one; per root of its support; for being
 observed; per natural logarithm of the pose's distance in units of `USUAL`. A logistic regression over the tuning splits
 of `bench scenes` and `bench accuracy`."""
 USUAL = 0.04
@@ -67,7 +67,7 @@ class Comparison:
 
 
 WORSE = Comparison(np.inf, np.empty(0), np.empty(0), np.empty(0, dtype=np.int64), np.inf, None, None)
-"""A pose that was given up because it is farther than asked for."""
+"""A pose whose comparison stopped beyond the bound."""
 
 
 class Objective:

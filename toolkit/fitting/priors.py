@@ -97,7 +97,7 @@ class ResidualTerm:
     residuals: Callable[[np.ndarray], np.ndarray]
 
     def violation(self, pose: np.ndarray) -> float:
-        """How much of what is demanded `pose` (P,) contradicts: 0 to the number of residuals."""
+        """Robust sum of the residuals of `pose` (P,): 0 to their number."""
         square = (self.residuals(pose) / self.sigma) ** 2
         return float((square / (1.0 + square)).sum())
 

@@ -1,4 +1,4 @@
-"""What the regressor is sure of, as evidence: where no body has been learnt yet, a fit may settle in a wrong size."""
+"""Joints of the regressor as evidence: before the body is learnt, a fit may settle in a wrong size."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from toolkit.landmarks.regressor import JointEstimate
 SURE = 0.8
 """Reliability from which on a voted joint is evidence."""
 WITHIN = 0.1
-"""Metres: what the reliability of a vote is the probability of being within; so far it says nothing against a pose."""
+"""Metres: the reliability of a vote is the probability of an error below it; a pose within it costs nothing."""
 CAP = 0.2
 """Metres that a joint is too far, at most: what `FittingSettings.unexplained` is for a point."""
 OUT_OF_VIEW = 0.2

@@ -21,7 +21,7 @@ SOURCE = "head_hands"
 CANDIDATES = 8
 """Geodesic extrema in the order found: head and both hands are among them in 96 % of frames from the waist up."""
 SWIVELS = 12
-"""Of an arm whose hand is at a candidate: 30 degrees apart."""
+"""Swivel samples of an arm whose hand is at a candidate: 30 degrees apart."""
 AIM = aiming.Aim(0.05, 0.0, -8.0)
 """A hand may be 20 cm beside its candidate: the fit does the rest."""
 

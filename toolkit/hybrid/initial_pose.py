@@ -1,4 +1,4 @@
-"""The last word on a first frame: the best poses that face apart, brought equally far before one of them is believed.
+"""Verification of first poses: the best poses of different facings are refined alike before the selection.
 
 A body seen from behind has nearly the outline and the depth of one seen from the front, with its arms bent the other
 way. Whichever of the two a search happens to finish better wins, and is followed for good.
@@ -43,7 +43,7 @@ class InitialPoseVerifier:
         self._objective, self._refiner, self._arms = objective, refiner, arms
 
     def verified(self, observation: Observation, scored: Sequence[ScoredHypothesis]) -> list[ScoredHypothesis]:
-        """See `Verifier.verified`: `scored` is what every search said of every body."""
+        """See `Verifier.verified`: `scored` are the hypotheses of all searches and bodies."""
         aimed = [self._arms.of(each, observation) for each in best_of_each_body(scored)]
         best = min(aimed, key=cost_of)
         others = facing_elsewhere(best, scored)

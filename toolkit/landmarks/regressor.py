@@ -30,7 +30,7 @@ OFFSET_UNIT = 0.01
 SURE_SPREAD = 0.03
 """Metres: standard deviation of the offsets in a leaf that is as sure as can be; half the width of a limb."""
 FARTHEST_PROBE = 10.0
-"""Metres at the pixel's depth: no question looks farther than across a room."""
+"""Metres at the pixel's depth: largest offset of a split."""
 CERTAIN = 0.99
 """Share of a leaf's training views above which, and one minus it below which, it counts as no surer."""
 CHILDREN_AHEAD = "children_ahead"

@@ -77,7 +77,7 @@ class ParticleImage(NamedTuple):
 
 
 class ParticleFrame(NamedTuple):
-    """What the filter is told of a frame.
+    """A frame as the filter sees it.
 
     Attributes
     ----------

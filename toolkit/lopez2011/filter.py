@@ -38,7 +38,7 @@ class Filtered:
 
 
 def resampled(costs: np.ndarray, rng: np.random.Generator) -> np.ndarray:
-    """Which particles go on, int64 (N,), by their costs (N,), -log of what their weights are proportional to."""
+    """Resampled particles, int64 (N,), by their costs (N,), the negative log weights."""
     chosen = np.empty(len(costs), dtype=np.int64)
     systematic(likelihood(costs), rng.random(), chosen)
     return chosen

@@ -23,7 +23,7 @@ from toolkit.sensing.settings import SensingSettings
 TOP = 0.12
 """Metres from the middle of a head to its crown."""
 TRUNK_SHARE = 75
-"""Percentile of the distances of what is high up, at which the trunk is: hands are before it."""
+"""Percentile of the distances of the upper points that is the trunk's distance; hands are before it."""
 
 
 class Limits(NamedTuple):

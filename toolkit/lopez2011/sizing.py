@@ -29,7 +29,7 @@ UNLIKELY = 1.0
 """Cost of a size one standard deviation from the mean, and a quarter of that of two: unseen legs leave size hardly
 observable, and a first pose that is better by chance costs as much less."""
 ROUNDS = 4
-"""Times that a frame is filtered while sizes are compared: fewer than for a pose, for the trunk tells the size."""
+"""Rounds of filtering while sizes are compared: fewer than for a pose, for the trunk decides."""
 
 
 class FirstFrame(NamedTuple):

@@ -83,7 +83,7 @@ class UpperBodies:
 
 
 def rig_of(body: Body, joints: Collection[int], from_level: np.ndarray) -> Rig:
-    """What is drawn of a body whose skin hangs mostly on `joints`; the balls are those of the whole upper body."""
+    """The drawn part of a body, skinned mostly to `joints`; the balls are those of the whole upper body."""
     drawn = np.isin(body.part, sorted(joints))
     faces = body.faces[drawn[body.faces].all(axis=1)]
     used, compact = np.unique(faces, return_inverse=True)

@@ -29,14 +29,14 @@ from toolkit.tracking.state import PersonState
 ANGLES = np.arange(6, skeleton.POSE_SIZE)
 """Entries of a pose that perturbations change."""
 BELIEVED = 0.35
-"""Seconds after which a detector that says left for right is asked again, and the frame decides."""
+"""Seconds of exchanged sides after which a fresh start lets the frame decide."""
 REST = 0.3
 """Seconds after a fresh start that found nothing better in which none is tried: what misleads it lasts longer."""
 
 
 @dataclass(frozen=True)
 class SwarmSearchSettings:
-    """Where a swarm looks, and what becomes of what it finds.
+    """The search window of a swarm, and the refinement of its result.
 
     Attributes
     ----------
@@ -276,7 +276,7 @@ class _Found:
 
 @dataclass(frozen=True, eq=False)
 class _Frame:
-    """What a swarm is told of a frame."""
+    """A frame as the swarm sees it."""
 
     observation: Observation
     seen: SeenJoints | None

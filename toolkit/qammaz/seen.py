@@ -98,7 +98,7 @@ def first_poses(observation: Observation, seen: SeenJoints | None) -> list[np.nd
 
 
 def _standing(place: np.ndarray, left: np.ndarray, up: np.ndarray) -> np.ndarray:
-    """The pose (P,) of a person upright along `up`, whose left-hand side is as nearly as can be at `left`."""
+    """The pose (P,) of a person upright along `up`, whose left side points as nearly as possible along `left`."""
     left = _unit(left - linear.dot(left, up) * up)
     pose = np.zeros(skeleton.POSE_SIZE)
     pose[skeleton.ROOT_POSITION] = place

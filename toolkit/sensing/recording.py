@@ -1,4 +1,4 @@
-"""What a camera saw: the `Recording` protocol, what a reader may be told, and what it hands out.
+"""The `Recording` protocol, and the options of readers.
 
 A recording is never mirrored: a person who faces the camera has the left hand at positive x. Frames are handed out
 one at a time; a long recording is never read whole.

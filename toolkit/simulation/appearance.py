@@ -20,7 +20,7 @@ CLOTHES: tuple[Color, ...] = (
 TROUSERS: tuple[Color, ...] = ((44, 54, 84), (40, 40, 44), (120, 108, 88), (92, 96, 100), (70, 52, 42))
 SHOES: tuple[Color, ...] = ((30, 28, 28), (210, 210, 205), (90, 60, 40))
 HEAD_WIDTH = 0.17
-"""Metres: width of the head in which places on it are said."""
+"""Metres: width of the head to which places on it are relative."""
 HAIRLINE = ((-0.1, -0.04, 0.0, 0.04, 0.085), (-0.09, -0.06, 0.01, 0.025, 0.065))
 """Height of the hairline over the middle of the head by the distance in front of it, metres."""
 LONG_HAIR = -0.15

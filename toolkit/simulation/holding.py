@@ -19,7 +19,7 @@ _LEFT, _RIGHT = (skeleton.REPORTED.index(f"{side}_hand") for side in ("left", "r
 
 
 def check_holding(kind: str | None) -> None:
-    """Raise UsageError for a thing that no person knows; the message lists the known ones."""
+    """Raise UsageError for an unknown thing; the message lists the known ones."""
     if kind is not None and kind not in HOLDINGS:
         raise UsageError(f"nobody can hold {kind!r}; use one of {', '.join(HOLDINGS)}")
 

@@ -39,7 +39,7 @@ class Row(NamedTuple):
 
 @dataclass
 class Waiting:
-    """What was seen of a person whose body is not known yet; the learner is there from where enough was seen."""
+    """Kept sightings of a person whose body is not learnt yet; the learner exists once enough was seen."""
 
     frames: list[tuple[Kept | None, float, float]] = field(default_factory=list)
     seen_since: int | None = None
@@ -104,7 +104,7 @@ class Crowd:
 
     @property
     def bodies(self) -> dict[int, Body]:
-        """The bodies of the people whose rows have come."""
+        """Predicted bodies of the followed people."""
         return {person: follower.body for person, follower in self._followers.items()}
 
     def step(self, frame: Frame) -> list[Row]:

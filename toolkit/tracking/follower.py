@@ -42,8 +42,8 @@ class Follower(Person):
     sizes : the bodies that are tried where the person's size is unknown
     sources : names of the hypotheses that can win, in the order in which the track numbers them
     state : before the first frame
-    occluded_limbs : judges limbs of which nothing is observed; None believes whatever pose wins
-    verifier : has the last word where the person has to be found anew; None leaves it to the searches
+    occluded_limbs : guesses occluded limbs; None keeps the winner as it is
+    verifier : adds hypotheses where the person has to be found anew; None adds none
 
     Attributes
     ----------

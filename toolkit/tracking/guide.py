@@ -17,7 +17,7 @@ from toolkit.inertial.stream import Sensors, SensorStream
 from toolkit.rotations import quaternions as quat
 
 TWISTLESS = ("elbow", "wrist")
-"""Joints whose tracked frame does not turn about the bone as the limb does: of them only the direction counts."""
+"""Joints whose tracked frame does not turn about the bone with the limb: only the bone's direction counts."""
 
 
 class Guide(Protocol):

@@ -27,7 +27,7 @@ from toolkit.tracking.guide import Guide, NoGuide
 from toolkit.tracking.state import PersonState
 
 LEG_LINKS: np.ndarray = np.isin(skeleton.JOINT_NAMES, skeleton.LEGS)
-"""Bool (18,): joints whose links are of a leg."""
+"""Bool (18,): joints of the legs."""
 VIEW_TIME = 0.3
 """Seconds over which what is in view is smoothed: a person who crouches for a moment is no head behind a desk."""
 

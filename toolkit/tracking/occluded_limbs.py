@@ -1,4 +1,4 @@
-"""Limbs of which nothing was observed: what becomes of them, and how sure that is."""
+"""Occluded limbs: the guess that the pose prior makes of them, and its confidence."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ FOUND = 0.04
 
 @dataclass(frozen=True, eq=False)
 class Guess:
-    """A pose of which the angles that nothing is known of were guessed.
+    """A pose whose unobserved angles were guessed.
 
     Attributes
     ----------
@@ -48,7 +48,7 @@ class Guess:
 
 
 class OccludedLimbs:
-    """Judges limbs of which nothing is observed, and keeps them from jumping.
+    """Guesses occluded limbs, and keeps them from jumping.
 
     Where nothing is observed the pose term of the fit alone moves a limb, to where the rest of the body lets it be
     expected. A pose that was retrieved for the sake of the rest knows no better.
@@ -92,7 +92,7 @@ class OccludedLimbs:
 
 
 def unobserved_joints(placed: PlacedBody, observed: np.ndarray) -> np.ndarray:
-    """Bool (18,): joints whose angles nothing is known of, because next to nothing at and below them was observed.
+    """Bool (18,): unobserved joints: next to nothing at and below them was measured.
 
     `observed` : float64 (C,), 1 for chosen vertices that lie where something was observed, else 0
     """

@@ -19,7 +19,7 @@ PREDICTED = "predicted"
 """The source of a pose that no hypothesis gave: the last one that was found."""
 HEAD = skeleton.REPORTED.index("head")
 UNSEEN = (0.0, 0.0, -3.0)
-"""Metres, level frame: where the root is said to be before anybody was seen."""
+"""Metres, level frame: the root's reported place before the first sighting."""
 
 
 class Person:
@@ -103,7 +103,7 @@ class Person:
         )
 
     def predicted_row(self, state: int) -> FrameResult:
-        """The row of a frame in which no pose was found, without times: the last one, of which nothing is sure."""
+        """The row of a frame without a pose, without times: the last pose at confidence 0."""
         joints = self.state.body.joint_positions(self.last_pose)
         nothing = np.zeros(len(joints), dtype=np.bool_)
         return self.row(self.last_pose, joints, np.zeros(len(joints)), nothing, state, PREDICTED)

@@ -19,14 +19,14 @@ from toolkit.tracking.sightings import PersonSightings
 from toolkit.tracking.stature import StatureBelief
 
 SURVEYED = 0.25
-"""Seconds between frames in which the regressor is asked how much of the person is to be seen."""
+"""Seconds between the surveyed frames, in which the regressor counts the visible joints."""
 MOMENTS, MOMENT_GAP = 4, 1.0
-"""Frames that show most, on which sizes are tried and of which the surest is the start; seconds that they are apart."""
+"""Frames with most visible joints, on which sizes are tried, the surest being the start; seconds between them."""
 CHECKED = 5.0
-"""Seconds of each of which the frame that shows most is looked at afresh."""
+"""Seconds of each stretch; its frame with most visible joints is searched afresh."""
 
 CANDIDATES, FEW = 3, 16
-"""Bodies of different sizes that are followed before one is believed, and through how many frames."""
+"""Bodies of different sizes that are followed, and through how many frames, before one is chosen."""
 NOTHING = 0.4
 """Metres that a frame counts in which no pose was found."""
 
@@ -173,7 +173,7 @@ class Planner:
         return belief
 
     def _surest(self, moments: list[int], body: Body) -> Generator[None, None, int]:
-        """Of some frames the one whose pose is least in doubt for a body."""
+        """The frame whose pose has the least cost for a body."""
         if len(moments) == 1:
             return moments[0]
         follower, doubts = self._follower, []

@@ -111,7 +111,7 @@ class BodyLearner(Protocol):
 
 @runtime_checkable
 class TakesBody(Protocol):
-    """A tracker to which the person's own body may be told."""
+    """A tracker that takes the person's own body."""
 
     def know(self, body: Body) -> None:
         """Take a body for that of everybody who is tracked from now on; none is learnt."""
@@ -188,7 +188,7 @@ class JudgesPeople(Protocol):
 
 
 def judge_of(tracker: Tracker) -> PersonJudge | None:
-    """What tells people from furniture for a tracker, None where it has no such thing."""
+    """The tracker's classifier of people and furniture, None if it has none."""
     return tracker.judge if isinstance(tracker, JudgesPeople) else None
 
 

@@ -1,4 +1,4 @@
-"""What trackers have in common whose followers ask searches: camera, body and its learning from the first frames."""
+"""The base of trackers whose followers use searches: camera, body, and its learning from the first frames."""
 
 from __future__ import annotations
 
@@ -88,7 +88,7 @@ class SearchingTracker(ABC):
 
     @property
     def occluded_limbs(self) -> OccludedLimbs | None:
-        """Judges limbs of which nothing is observed; None believes whatever pose wins."""
+        """Guesses occluded limbs; None keeps the winner as it is."""
         return None
 
     @property
@@ -101,7 +101,7 @@ class SearchingTracker(ABC):
         """The searches of the settings, in the order in which they are asked."""
 
     def verifier(self, objective: Objective, refiner: Refiner) -> Verifier | None:
-        """Has the last word on first frames; None leaves it to the distances of what the searches say."""
+        """Verifies first poses; None leaves the selection to the costs."""
         return None
 
     @property

@@ -199,7 +199,7 @@ class PersonSightings:
         self._stream = open_file(path, inside=True)
 
     def __getitem__(self, frame: int) -> Sighting | None:
-        """What was seen of the person in a frame; None where nothing was."""
+        """The person's sighting in a frame; None without one."""
         row = int(np.searchsorted(self.frames, frame))
         if row == len(self.frames) or self.frames[row] != frame:
             return None

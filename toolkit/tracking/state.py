@@ -16,7 +16,7 @@ from toolkit.checkpoint import HINT, check_state
 from toolkit.errors import TrackError
 
 FIRST_STEP = 1.0 / 30.0
-"""Seconds that a first frame is said to come after a frame before it."""
+"""Seconds that are assumed to have passed before a first frame."""
 
 State = dict[str, Any]
 """Arrays, numbers, text and None by name, nested: what `checkpoint.py` writes and nothing else."""

@@ -33,7 +33,7 @@ def unlikely(stature: float) -> float:
 
 
 def off_floor(lowest: float, floor: float | None) -> float:
-    """Metres of distance that a body costs whose lowest point is at `lowest`, for a floor at `floor`: both y, metres,
+    """Cost, metres, of a body's lowest point at `lowest` above or below a floor at `floor`: both y, metres,
     level frame; nothing where no floor is known.
     """
     if floor is None:

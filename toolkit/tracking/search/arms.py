@@ -16,7 +16,7 @@ from toolkit.tracking.search.protocol import NOTHING, Hypothesis, Proposal, Scor
 from toolkit.tracking.state import PersonState
 
 FARTHER = 1.2
-"""By how much the sparse distance may grow: beyond it the new arm is in the way of what was measured."""
+"""Metres by which the sparse distance may grow; beyond it the new arm hides measured points."""
 
 
 class ArmSearch:

@@ -13,7 +13,7 @@ from toolkit.fitting.refiner import Refiner
 from toolkit.fitting.scene import Scene
 
 ITERATIONS = 2
-"""Of the refinement of a pose of which only a limb is new."""
+"""Iterations that refine a pose with one new limb."""
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""What a search is asked and what it answers."""
+"""The protocol of a search: an observation and a state in, a proposal of hypotheses out."""
 
 from __future__ import annotations
 
@@ -71,7 +71,7 @@ def cost_of(scored: ScoredHypothesis) -> float:
 
 @dataclass(frozen=True, eq=False)
 class Proposal:
-    """What a search answers: hypotheses, and what it wants to be told in the next frame (None: nothing new)."""
+    """A search's answer: hypotheses, and its memory for the next frame (None: unchanged)."""
 
     hypotheses: tuple[Hypothesis, ...] = ()
     memory: Mapping[str, np.ndarray] | None = None
@@ -101,7 +101,7 @@ class Search(Protocol):
 
 
 class Verifier(Protocol):
-    """Asked once where the person has to be found anew, after all searches were asked for all bodies.
+    """Adds hypotheses once where the person has to be found anew, after all searches of all bodies.
 
     Attributes
     ----------
