@@ -18,7 +18,7 @@ import argparse
 import time
 import timeit
 from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -34,7 +34,7 @@ from toolkit.retrieval.annotation.annotator import (
 from toolkit.retrieval.annotation.classes import Fold, learn_classes, learn_threshold
 from toolkit.retrieval.annotation.documents import assemble, shuffled_parts
 from toolkit.retrieval.annotation.measures import Scores, Segment, confusion, frame_scores, label_frames, segment_scores
-from toolkit.retrieval.annotation.online import Event, OnlineAnnotator, OnlineSettings
+from toolkit.retrieval.annotation.online import HOLD, Event, OnlineAnnotator
 from toolkit.retrieval.annotation.preselection import preselect, preselect_in
 from toolkit.retrieval.annotation.report import plot_annotation
 from toolkit.retrieval.features.motion import Motion, from_poses
@@ -327,7 +327,6 @@ def told_events(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--threshold", type=float, default=0.06)
     parser.add_argument("--queries", type=Path, help="keyframes of `depthmocap learn`, for both")
     options = parser.parse_args()
-    settings = OnlineSettings()
     queries = load_queries(options.queries) if options.queries else ()
     learned = classes_from_clips(class_clips(options.split))
     classes = [replace(c, threshold=options.threshold) for c in learned]
@@ -340,7 +339,7 @@ def told_events(parser: argparse.ArgumentParser) -> None:
         features = relational_features(from_poses(clip.poses, done.body, clip.frame_rate, clip.name))
         intervals = preselect_in([features], queries, tuple(c.label for c in classes))[0] if queries else None
         whole += segment_scores(done.segments, Annotator(classes).annotate(features, intervals).segments)
-        annotator = OnlineAnnotator(classes, done.body, clip.frame_rate, queries, settings)
+        annotator = OnlineAnnotator(classes, done.body, clip.frame_rate, queries)
         start, events = time.process_time(), list[Event]()
         for pose, moment in zip(clip.poses, clip.timestamps, strict=True):
             events += annotator.push(pose, float(moment))
@@ -362,7 +361,7 @@ def told_events(parser: argparse.ArgumentParser) -> None:
     for name, value in figures.items():
         print(name, value)
     name = "_".join(["events", *["tune"] * (options.split == "tune"), *["keyframes"] * bool(queries)])
-    print("written:", save_figures(name, figures, {"threshold": options.threshold, **asdict(settings)}))
+    print("written:", save_figures(name, figures, {"threshold": options.threshold, "hold": HOLD}))
 
 
 def _delay(event: Event, truth: tuple[Segment, ...]) -> float:

@@ -145,6 +145,15 @@ def test_a_foot_that_rests_is_pulled_to_the_floor_and_to_its_place(leg, known):
         np.testing.assert_allclose(after, standing, atol=0.03)
 
 
+@pytest.mark.parametrize("leg", list(FEET))
+def test_heel_and_ball_lie_on_the_floor_behind_and_before_the_ankle(leg: str) -> None:
+    sole = Sole.of(BODY, leg)
+    ankle = BODY.joints[sole.joint]
+    heel, ball = sole.points
+    assert heel[2] < -0.03 and ball[2] > 0.08 and abs(heel[0]) < 1e-9
+    np.testing.assert_allclose(sole.points[:, 1] + ankle[1], BODY.vertices[:, 1].min(), atol=0.005)
+
+
 def test_a_resting_sole_is_held_along_the_ground_and_to_its_floor() -> None:
     sole = Sole.of(BODY, "left_leg")
     term = floor_term(BODY, "left_leg", ENTRIES["left_leg"], -0.9, sole.at(BODY, STANDING), 1.0, 0.2)

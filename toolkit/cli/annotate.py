@@ -56,20 +56,11 @@ class Learning:
     seed: Seed = 0
 
 
-@dataclass(frozen=True)
-class Replay:
-    """Events, as they are typed."""
-
-    events: Events = None
-    early: Annotated[bool, typer.Option("--early", help="Events also where a motion has begun.")] = False
-    hold: Annotated[int, typer.Option(help="Columns of 1/30 s that confirm an event.")] = 3
-
-
 @spread
 def annotate(
     motions: Motions,
     learning: Learning,
-    replaying: Replay,
+    events: Events = None,
     output: Annotated[
         Path | None, typer.Option("--output", "-o", help="Folder of the reports; not needed with --events.")
     ] = None,
@@ -97,8 +88,8 @@ def annotate(
     from toolkit.retrieval.workflow.annotate import annotate_motions, load_wanted
     from toolkit.retrieval.workflow.motions import find_motions, tags_of
 
-    if replaying.events is not None:
-        _replay(motions, replaying.events, classes, queries, replaying)
+    if events is not None:
+        _replay(motions, events, classes, queries)
         if output is None:
             return
     if output is None:
@@ -162,16 +153,14 @@ def _show(done: list[AnnotatedFile]) -> None:
     print_table(table)
 
 
-def _replay(motions: list[Path], events: str, classes: Path | None, queries: Path | None, replaying: Replay) -> None:
+def _replay(motions: list[Path], events: str, classes: Path | None, queries: Path | None) -> None:
     """Events of one run."""
     from toolkit.errors import UsageError
     from toolkit.retrieval.annotation.classes import load_classes
-    from toolkit.retrieval.annotation.online import OnlineSettings
     from toolkit.retrieval.keyframes.query_file import load_queries
     from toolkit.retrieval.workflow.events import replay, write_events
 
     if classes is None or len(motions) != 1:
         raise UsageError("--events replays one run with --classes; name one run folder and the class file")
     wanted = load_queries(queries) if queries else ()
-    settings = OnlineSettings(hold=replaying.hold, early=replaying.early)
-    write_events(replay(motions[0], load_classes(classes), wanted, settings), events)
+    write_events(replay(motions[0], load_classes(classes), wanted), events)

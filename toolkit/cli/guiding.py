@@ -32,7 +32,6 @@ class Guiding:
         str | None,
         typer.Option(metavar="FILE|-", help="One JSON line for each motion that ends.", rich_help_panel=EVENTS),
     ] = None
-    early: Annotated[bool, typer.Option("--early", help="And for each that has begun.", rich_help_panel=EVENTS)] = False
     inertial: Annotated[
         Path | None,
         typer.Option(help="Canonical file of inertial sensors that guide the tracker.", rich_help_panel=SENSORS),
@@ -50,18 +49,17 @@ class Guiding:
             Options do not go together, or belong to one recording.
         """
         if self.events is None:
-            if self.early or self.classes is not None or self.queries is not None:
-                raise UsageError("--classes, --queries and --early belong to --events; add it, or leave them out")
+            if self.classes is not None or self.queries is not None:
+                raise UsageError("--classes and --queries belong to --events; add it, or leave them out")
             return None
         if self.classes is None or len(recordings) != 1:
             raise UsageError("--events tells the motions of one recording; name it, and --classes")
         from toolkit.pipeline.events import EventStream
         from toolkit.retrieval.annotation.classes import load_classes
-        from toolkit.retrieval.annotation.online import OnlineSettings
         from toolkit.retrieval.keyframes.query_file import load_queries
 
         wanted = load_queries(self.queries) if self.queries else ()
-        return EventStream(load_classes(self.classes), wanted, self.events, OnlineSettings(early=self.early))
+        return EventStream(load_classes(self.classes), wanted, self.events)
 
     def guide(self, recordings: list[Path]) -> Guide | None:
         """The guide of the sensors, if there are any; raises as `watcher`."""

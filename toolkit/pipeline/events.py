@@ -15,7 +15,7 @@ from toolkit.errors import OutputError, UsageError
 from toolkit.files import save_text
 from toolkit.plain import parse_json, read_text
 from toolkit.retrieval.annotation.annotator import MotionClass
-from toolkit.retrieval.annotation.online import Event, OnlineAnnotator, OnlineSettings
+from toolkit.retrieval.annotation.online import Event, OnlineAnnotator
 from toolkit.retrieval.keyframes.query import KeyframeQuery
 from toolkit.retrieval.workflow.events import STANDARD_OUTPUT
 from toolkit.track import EMPTY, FrameResult
@@ -36,7 +36,7 @@ class EventStream:
 
     Parameters
     ----------
-    classes, queries, settings : see `OnlineAnnotator`
+    classes, queries : see `OnlineAnnotator`
     output : file to which lines are added, `-` for the standard output
     """
 
@@ -45,9 +45,8 @@ class EventStream:
         classes: Sequence[MotionClass],
         queries: Sequence[KeyframeQuery] = (),
         output: str | Path = STANDARD_OUTPUT,
-        settings: OnlineSettings | None = None,
     ) -> None:
-        self._classes, self._queries, self._settings = tuple(classes), tuple(queries), settings
+        self._classes, self._queries = tuple(classes), tuple(queries)
         self._output = str(output)
         self._frame_rate = 30.0
         self._annotator: OnlineAnnotator | None = None
@@ -73,7 +72,7 @@ class EventStream:
         if state == EMPTY or body is None:
             return []
         if self._annotator is None:
-            self._annotator = OnlineAnnotator(self._classes, body, self._frame_rate, self._queries, self._settings)
+            self._annotator = OnlineAnnotator(self._classes, body, self._frame_rate, self._queries)
         return self._annotator.push(pose, timestamp)
 
     def _keep_until(self, time: float) -> None:

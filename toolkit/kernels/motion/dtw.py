@@ -212,10 +212,10 @@ def push_columns(
 
 @njit(cache=True)
 def cheapest_of(
-    costs: np.ndarray, starts: np.ndarray, places: np.ndarray, factors: np.ndarray, owner: np.ndarray,
+    costs: np.ndarray, starts: np.ndarray, places: np.ndarray, owner: np.ndarray,
     costs_out: np.ndarray, starts_out: np.ndarray,
 ) -> None:  # fmt: skip
-    """For each owner the least of `factors` (M,) times `costs` (K,) at `places` (M,), the first on ties, and its start.
+    """For each owner the least of `costs` (K,) at `places` (M,), the first on ties, and its start.
 
     Parameters
     ----------
@@ -225,7 +225,7 @@ def cheapest_of(
     costs_out[:] = np.inf
     starts_out[:] = -1
     for m in range(places.shape[0]):
-        cost = factors[m] * costs[places[m]]
+        cost = costs[places[m]]
         if cost < costs_out[owner[m]]:
             costs_out[owner[m]], starts_out[owner[m]] = cost, starts[places[m]]
 

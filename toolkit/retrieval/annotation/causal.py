@@ -20,7 +20,6 @@ class CausalAlignments:
     Attributes
     ----------
     owner, part, lengths : int64 (M,), row of the class of each of M templates, number within it, and columns
-    first : int64 (M,), where each template begins among the K columns of all
     column : number of the last column of the document, -1 before the first one
     costs, starts : float64 and int64 (K,), cheapest alignment of each beginning that ends in the last column, infinite
         where there is none, and its first column
@@ -36,7 +35,6 @@ class CausalAlignments:
         self.part = np.array([part for _, part, _ in found], dtype=np.int64)
         self.lengths = np.array([template.length for _, _, template in found], dtype=np.int64)
         self._bounds = np.concatenate([[0], np.cumsum(self.lengths)])
-        self.first = self._bounds[:-1]
         self._bits = np.concatenate([template.bits for _, _, template in found])
         self._mask = np.concatenate([template.mask for _, _, template in found])
         self._scale = np.concatenate([template.scale for _, _, template in found])
@@ -61,12 +59,12 @@ class CausalAlignments:
         """See the class."""
         return self._starts[self.column % 3]
 
-    def cheapest(self, places: np.ndarray, factors: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Per class the least of costs at some columns (M,), one in each template, times factors (M,); and its start.
+    def cheapest(self) -> tuple[np.ndarray, np.ndarray]:
+        """Per class the least cost of its whole templates, and its start.
 
         Returns float64 and int64 (P,), for all classes up to the last one that has a template.
         """
         count = int(self.owner[-1]) + 1
         costs, starts = np.empty(count), np.empty(count, dtype=np.int64)
-        dtw.cheapest_of(self.costs, self.starts, places, factors, self.owner, costs, starts)
+        dtw.cheapest_of(self.costs, self.starts, self._bounds[1:] - 1, self.owner, costs, starts)
         return costs, starts

@@ -15,7 +15,6 @@ from dataclasses import asdict, dataclass
 import numpy as np
 
 from toolkit.body.body import Body
-from toolkit.errors import SettingsError
 from toolkit.retrieval.annotation.annotator import DecisionSettings, MotionClass
 from toolkit.retrieval.annotation.causal import CausalAlignments
 from toolkit.retrieval.features.frames import FrameFeatures
@@ -25,44 +24,23 @@ from toolkit.retrieval.keyframes.within import met_within
 
 SMOOTHING = 0.25
 """Seconds of the longest window of a feature; half of it, and the next frame, lie in the future."""
-BEGIN, END = "begin", "end"
-
-
-@dataclass(frozen=True)
-class OnlineSettings:
-    """When a motion is told.
-
-    Attributes
-    ----------
-    hold : columns of 1/30 s without a lower cost that confirm a minimum
-    early : also tell that a motion has begun
-    begun : share of a template after which it has
-    """
-
-    hold: int = 3
-    early: bool = False
-    begun: float = 0.4
-
-    def __post_init__(self) -> None:
-        if self.hold < 0 or not 0.0 < self.begun < 1.0:
-            raise SettingsError(f"hold {self.hold} and begun {self.begun} cannot be; give 0 or more, and 0 to 1")
+HOLD = 3
+"""Columns of 1/30 s without a lower cost that confirm a minimum."""
 
 
 @dataclass(frozen=True)
 class Event:
-    """A motion that has ended, or begun.
+    """A motion that has ended.
 
     Attributes
     ----------
-    event : `end` or `begin`
     label : motion class
-    start, end : seconds of the recording; a motion that has begun ends where it was last seen
+    start, end : seconds of the recording
     time : seconds of the recording at which this was known
     delay : seconds between the two
     cost : mean share of features that differ
     """
 
-    event: str
     label: str
     start: float
     end: float
@@ -94,8 +72,8 @@ class OnlineAnnotator:
     body : whose poses will come; its bones are the units of length
     frame_rate : poses a second, about
     queries : learned keyframe queries; a hit of a class that has some counts only if one is met within it
-    settings : when a motion is told
     decision : what counts as a motion among hits that overlap
+    hold : columns of 1/30 s without a lower cost that confirm a minimum
     """
 
     def __init__(
@@ -104,22 +82,17 @@ class OnlineAnnotator:
         body: Body,
         frame_rate: float,
         queries: Sequence[KeyframeQuery] = (),
-        settings: OnlineSettings | None = None,
         decision: DecisionSettings | None = None,
+        hold: int = HOLD,
     ) -> None:
-        self.settings, self.decision = settings or OnlineSettings(), decision or DecisionSettings()
+        self.decision, self._hold = decision or DecisionSettings(), hold
         self.labels = tuple(motion_class.label for motion_class in classes)
         self._thresholds = np.array([motion_class.threshold for motion_class in classes])
         self._alignments = aligned = CausalAlignments(classes)
-        begun = np.maximum(1, np.ceil(self.settings.begun * aligned.lengths).astype(np.int64) - 1)
         self._reach = 2 * int(aligned.lengths.max(initial=0))  # columns of the longest hit: every step may take two
-        self._whole = aligned.first + aligned.lengths - 1, np.ones(len(aligned.lengths))
-        # The cost of a beginning counts for all of the template's columns: per column of its own.
-        self._early = aligned.first + begun, aligned.lengths / (begun + 1.0)
         self._queries = [[q for q in queries if q.label == label] for label in self.labels]
         self._features = FeatureStream(body, frame_rate)
         self._pending: list[_Hit | None] = [None] * len(classes)
-        self._begun: list[int] = [-1] * len(classes)
         self._told: list[tuple[int, _Hit]] = []
         self.columns: list[np.ndarray] = []
         self._times: list[float] = []
@@ -144,23 +117,12 @@ class OnlineAnnotator:
         self._times.append(column_time)
         self._alignments.push(pack(values[:, None])[0])
         column = self._alignments.column
-        costs, starts = self._alignments.cheapest(*self._whole)
+        costs, starts = self._alignments.cheapest()
         for row in np.flatnonzero(costs < self._thresholds):
             pending = self._pending[row]
             if pending is None or costs[row] < pending.cost:
                 self._pending[row] = _Hit(float(costs[row]), int(starts[row]), column)
-        return (self._beginnings(column, now) if self.settings.early else []) + self._confirmed(now)
-
-    def _beginnings(self, column: int, now: float) -> list[Event]:
-        """Classes of which a beginning ends in this column, once for each motion."""
-        costs, starts = self._alignments.cheapest(*self._early)
-        events = []
-        for row in np.flatnonzero(costs < self._thresholds):
-            early = _Hit(float(costs[row]), int(starts[row]), column)
-            if early.start > self._begun[row] and not self._explained(int(row), early):
-                self._begun[row] = early.end
-                events.append(self._event(BEGIN, int(row), early, now))
-        return events
+        return self._confirmed(now)
 
     def _confirmed(self, now: float, *, everything: bool = False) -> list[Event]:
         """Hits that no lower cost has replaced for long enough, the cheapest first."""
@@ -174,14 +136,14 @@ class OnlineAnnotator:
             hit = self._pending[row]
             assert hit is not None  # only those that wait were sorted
             rival = any(other.start <= hit.end and hit.start <= other.end for other in open_hits)
-            if not everything and (column - hit.end < self.settings.hold or rival):
+            if not everything and (column - hit.end < self._hold or rival):
                 open_hits.append(hit)
                 continue
             self._pending[row] = None
             if self._explained(row, hit) or not self._keyframes_met(row, hit):
                 continue
             self._told = [(r, told) for r, told in self._told if told.end >= column - self._reach] + [(row, hit)]
-            events.append(self._event(END, row, hit, now))
+            events.append(self._event(row, hit, now))
         return sorted(events, key=lambda event: (event.end, event.label))
 
     def _explained(self, row: int, hit: _Hit) -> bool:
@@ -202,9 +164,9 @@ class OnlineAnnotator:
         values = np.stack(self.columns[hit.start : hit.end + 1], axis=1)
         return any(met_within(query, values) for query in self._queries[row])
 
-    def _event(self, kind: str, row: int, hit: _Hit, now: float) -> Event:
+    def _event(self, row: int, hit: _Hit, now: float) -> Event:
         start, end = self._times[hit.start], self._times[hit.end]
-        return Event(kind, self.labels[row], start, end, now, now - end, hit.cost)
+        return Event(self.labels[row], start, end, now, now - end, hit.cost)
 
 
 class FeatureStream:

@@ -10,7 +10,7 @@ import numpy as np
 
 from toolkit.files import save_text
 from toolkit.retrieval.annotation.annotator import MotionClass
-from toolkit.retrieval.annotation.online import Event, OnlineAnnotator, OnlineSettings
+from toolkit.retrieval.annotation.online import Event, OnlineAnnotator
 from toolkit.retrieval.keyframes.query import KeyframeQuery
 from toolkit.track import EMPTY, RunInfo, Track
 
@@ -21,7 +21,6 @@ def replay(
     run: str | Path,
     classes: Sequence[MotionClass],
     queries: Sequence[KeyframeQuery] = (),
-    settings: OnlineSettings | None = None,
 ) -> Iterator[Event]:
     """Events in the order in which they would have been told while the run was tracked.
 
@@ -35,7 +34,7 @@ def replay(
     track, info = Track.load(run), RunInfo.load(run)
     steps = np.diff(track.timestamps)
     rate = 1.0 / float(np.median(steps)) if len(steps) and np.median(steps) > 0 else 30.0
-    annotator = OnlineAnnotator(classes, info.body(), rate, queries, settings)
+    annotator = OnlineAnnotator(classes, info.body(), rate, queries)
     for pose, state, time in zip(track.pose, track.state, track.timestamps, strict=True):
         if state != EMPTY:
             yield from annotator.push(pose, float(time))
