@@ -13,6 +13,7 @@ from benchmarks import _record
 from benchmarks import all as everything
 from scripts import write_tables
 from toolkit.cli.bench import benchmarks
+from toolkit.report.expected import EXPECTED
 
 
 @pytest.mark.quick
@@ -23,6 +24,13 @@ def test_pages_and_results_agree() -> None:
         assert write_tables.written(text) == text, f"{path.name} is stale: python scripts/write_tables.py"
         tables |= {name for _, name, _ in write_tables.MARKED.findall(text)}
     assert tables == set(write_tables.TABLES)
+
+
+@pytest.mark.quick
+def test_the_typical_errors_of_a_report_are_those_that_were_measured() -> None:
+    found = write_tables.figures("gait")
+    measured = found["mean_absolute_errors"]["tracked"] | found["ranges"]
+    assert {name: float(f"{measured[name]:.3g}") for name in EXPECTED} == EXPECTED
 
 
 @pytest.mark.quick
