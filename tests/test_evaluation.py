@@ -12,6 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 from rich.console import Console
+from scipy.spatial.transform import Rotation
 
 from toolkit import skeleton
 from toolkit.errors import RecordingError, TrackError, UsageError
@@ -140,8 +141,8 @@ def test_offsets_of_other_subjects_undo_a_constant_displacement_however_the_pers
     offsets = rng.normal(scale=0.1, size=(20, 3))
     differences, plain = [], []
     for yaw in (0.0, 1.0, 2.0):
-        c, s = np.cos(yaw), np.sin(yaw)
-        track = standing().astype(np.float64) @ np.array([[c, 0, -s], [0, 1, 0], [s, 0, c]])
+        turn = Rotation.from_euler("yxz", [yaw, 0.4, 0.3]).as_matrix()
+        track = standing().astype(np.float64) @ turn
         reference = track + np.einsum("tac,jc->tja", agreement.torso_frames(track), offsets)
         plain.append(agreement.agreement(track, reference))
         differences.append(agreement.local_differences(track, reference))

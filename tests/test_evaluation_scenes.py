@@ -124,6 +124,14 @@ def test_who_is_lost_and_found_again_by_the_same_track_has_not_switched() -> Non
     assert (found.switches, found.misses, found.false) == (0, 1, 1)
 
 
+def test_who_is_found_again_by_another_track_after_a_gap_has_switched() -> None:
+    absent = np.nan
+    distances = np.array([[[0.1, absent]], [[absent, absent]], [[absent, 0.1]]])
+    found = match_people(distances, np.ones((3, 1), bool), np.isfinite(distances[:, 0]))
+    assert found.track_of[:, 0].tolist() == [0, -1, 1]
+    assert (found.switches, found.misses, found.false) == (1, 1, 0)
+
+
 def test_tracks_that_change_places_are_two_switches() -> None:
     near, far = 0.1, 0.9
     distances = np.array([[[near, far], [far, near]], [[far, near], [near, far]]])

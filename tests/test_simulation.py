@@ -165,6 +165,16 @@ def test_time_of_flight_mixes_front_and_back_at_edges() -> None:
     assert (subject >= 0).sum(axis=1).min() > 80
 
 
+def test_a_pixel_is_a_person_s_where_at_least_half_of_its_rays_meet_them() -> None:
+    sensor = TimeOfFlight()
+    surface = wall(sensor, 2.0)
+    surface.person[:, 31:60] = 0  # two of the rays of pixel 10, all of those of pixels 11 to 19
+    surface.person[:, 92:100] = 1  # one of pixel 30, all of 31 and 32, one of 33
+    _, person = sensor.measure(surface, np.random.default_rng(0))
+    assert np.flatnonzero(person[50] == 0).tolist() == list(range(10, 20))
+    assert np.flatnonzero(person[50] == 1).tolist() == [31, 32]
+
+
 def test_the_kinect_casts_a_shadow_to_the_left_of_what_is_near() -> None:
     sensor = KinectV1(ragged=0.0, torn=0.0)
     measured, _ = sensor.measure(step_edge(sensor, 2.0, 4.0), np.random.default_rng(0))

@@ -25,7 +25,7 @@ from toolkit.people.lone import LonePerson
 from toolkit.pipeline import load_tracker
 from toolkit.pipeline.joints import JointChoice, joint_source
 from toolkit.qammaz.discrepancy import DiscrepancySettings, SeenJoints
-from toolkit.qammaz.search import SwarmSearchSettings
+from toolkit.qammaz.search import SwarmSearch, SwarmSearchSettings
 from toolkit.qammaz.seen import exchanged, gap, looks_exchanged
 from toolkit.qammaz.swarm import SwarmSettings
 from toolkit.qammaz.tracker import SwarmTracker, SwarmTrackerSettings
@@ -210,6 +210,19 @@ def test_sides_that_are_exchanged_in_the_whole_take_are_put_right_by_the_depth(r
     joints = [other_side(recording.joints_2d(i)[0]) for i in range(FRAMES)]
     found = errors(run(recording, joints, SwarmTrackerSettings()), recording)
     assert found.mean() < 0.06 and found.max() < 0.15
+
+
+@pytest.mark.parametrize(("other", "expected"), [(0.04, ("given", 0.05)), (0.03, ("exchanged", 0.045))])
+def test_exchanged_joints_are_believed_only_where_the_body_is_clearly_nearer(other: float, expected: tuple) -> None:
+    exchanged_frame = SimpleNamespace(name="exchanged", cost=other)
+    frame = SimpleNamespace(name="given", cost=0.05, exchanged=lambda: exchanged_frame)
+    search = SimpleNamespace(
+        _settings=SwarmSearchSettings(sides=0.015),
+        _anywhere=lambda frame, body, rng: frame.name,
+        _judged=lambda frame, body, found: frame.cost,
+    )
+    found, least = SwarmSearch._afresh(search, frame, BODY, np.random.default_rng(0))  # type: ignore[arg-type]
+    assert (found, least) == (expected[0], pytest.approx(expected[1]))
 
 
 def test_a_joint_300_pixels_off_is_outside_the_image_and_unknown(
