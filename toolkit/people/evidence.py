@@ -1,4 +1,4 @@
-"""What repeated looks at somebody who is followed say: a person, or furniture that looked like one for a while."""
+"""The evidence of repeated looks at a track: of a person, or of furniture that looked like one for a while."""
 
 from __future__ import annotations
 
@@ -18,20 +18,20 @@ JUDGED, MOST_JUDGED = 1.5, 4.0
 """Log odds for each of the mean that the judge gives, for its pixels tell more of one another than of other frames; and
 the mean beyond which it is not believed."""
 FOLLOWED = 2.0
-"""Log odds of somebody who was found and followed, before shape and judge are asked: they moved, or stood for a person
-in the room."""
+"""Prior log odds of a followed track, before its shape and the judge are asked: it moved, or had a person's shape in
+the room."""
 
 COLUMNS = {"id": int, "looks": int, "shaped": int, "judged": float}
-"""Of the evidence of many, in a file."""
+"""Columns of the evidence of many tracks in a file."""
 
 
 @dataclass(frozen=True)
 class Evidence:
-    """What was seen of somebody who is followed, in looks from time to time.
+    """The evidence of the looks at one track.
 
     Attributes
     ----------
-    looks : how often it was looked whether it is a person
+    looks : their number
     shaped : how many of the looks showed a person's shape
     judged : sum of the mean log odds that the judge gave for the head's pixels
     """
@@ -42,7 +42,7 @@ class Evidence:
 
     @property
     def log_odds(self) -> float:
-        """Of a person and not of furniture."""
+        """Log odds of a person against furniture."""
         if self.looks == 0:
             return FOLLOWED
         mean = float(np.clip(self.judged / self.looks, -MOST_JUDGED, MOST_JUDGED))

@@ -1,7 +1,7 @@
 """A room learnt from frames with people in it, without a frame in which it is empty.
 
-A pixel's background is the farthest depth that lasts. That alone would make background of the torso of somebody who
-stays in place; so the people among what has a head there are left out (`toolkit.people.hypothesis`).
+A pixel's background is the farthest depth that lasts. That alone would make background of a still person's torso; so
+the people among the heads there are left out (`toolkit.people.hypothesis`).
 """
 
 from __future__ import annotations

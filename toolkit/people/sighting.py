@@ -59,7 +59,7 @@ class PeopleFinder(Protocol):
     Attributes
     ----------
     camera : of every sighting
-    evidence : by id, whether those who were followed so far are people; of nobody where that is no question
+    evidence : by id, of each track whether it is a person; empty where all tracks are people
     """
 
     camera: Camera
