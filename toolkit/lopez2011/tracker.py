@@ -32,7 +32,7 @@ from toolkit.sensing.camera import Camera
 from toolkit.sensing.settings import SensingSettings
 from toolkit.track import EMPTY, LOST, TRACKED, FrameResult
 from toolkit.tracking.clock import StageClock
-from toolkit.tracking.person import PREDICTED, Person
+from toolkit.tracking.person import PREDICTED, FollowedPerson
 from toolkit.tracking.protocol import Wanted
 from toolkit.tracking.registry import Registration, register
 from toolkit.tracking.settings import check_seed
@@ -99,7 +99,7 @@ class ParticleTrackerSettings:
             raise SettingsError(f"patience and lost_cost are {self.patience} and {self.lost_cost}; give more than 0")
 
 
-class ParticleFollower(Person):
+class ParticleFollower(FollowedPerson):
     """Follows one person's upper body; see `PersonFollower`.
 
     Attributes

@@ -16,7 +16,7 @@ class StageClock:
         self._last = perf_counter()
 
     def record(self, name: str) -> None:
-        """Charge the time since the last lap to stage `name`."""
+        """Charge the time since the last record to stage `name`."""
         now = perf_counter()
         self.milliseconds[self._index[name]] += 1000.0 * (now - self._last)
         self._last = now

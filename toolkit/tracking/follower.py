@@ -18,7 +18,7 @@ from toolkit.track import EMPTY, LOST, TRACKED, FrameResult
 from toolkit.tracking.clock import StageClock
 from toolkit.tracking.observation import Observation, Observer
 from toolkit.tracking.occluded_limbs import Guess, OccludedLimbs
-from toolkit.tracking.person import Person
+from toolkit.tracking.person import FollowedPerson
 from toolkit.tracking.search.labelings import EFFECTORS
 from toolkit.tracking.search.protocol import Hypothesis, ScoredHypothesis, Search, Verifier, cost_of
 from toolkit.tracking.settings import FollowerSettings
@@ -31,7 +31,7 @@ HELD = 1.0
 """Seconds out of sight after which the last pose says nothing of the next one."""
 
 
-class Follower(Person):
+class Follower(FollowedPerson):
     """One person before one camera.
 
     Parameters

@@ -22,7 +22,7 @@ UNSEEN = (0.0, 0.0, -3.0)
 """Metres, level frame: the root's reported place before the first sighting."""
 
 
-class Person:
+class FollowedPerson:
     """One person before one camera; a `PersonFollower` but for its step.
 
     Parameters
