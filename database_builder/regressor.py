@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Iterator, Sequence
-from dataclasses import asdict, dataclass, field, fields
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import asdict, dataclass, field
 from functools import partial
 from pathlib import Path
 
@@ -124,12 +124,15 @@ def _drawn(
         (count, stream, Kept(kept and kept / IMAGES.replace("*", f"{number:04}"), f"{key} {number}"))
         for number, (count, stream) in enumerate(zip(counts, rng.spawn(len(counts)), strict=True))
     ]
-    parts: list[TrainingImages] = []
     with process_pool(workers if len(tasks) > 1 else 1) as mapped:
-        for part in mapped(partial(_draw, poses, settings), tasks):
-            parts.append(part)
-            progress(sum(counts[: len(parts)]), settings.images)
-    return _together(parts)
+        return _together(_told(mapped(partial(_draw, poses, settings), tasks), counts, progress))
+
+
+def _told(parts: Iterable[TrainingImages], counts: list[int], progress: Count) -> Iterator[TrainingImages]:
+    """The parts, of so many images each, as they are drawn."""
+    for number, part in enumerate(parts, start=1):
+        yield part
+        progress(sum(counts[:number]), sum(counts))
 
 
 def _draw(
@@ -143,37 +146,46 @@ def _draw(
     return data
 
 
-def _together(parts: list[TrainingImages]) -> TrainingImages:
-    """Images of several drawings as of one; `parts` is empty afterwards, so that memory is taken once."""
-    pixels, images = ([getattr(part, name).shape[0] for part in parts] for name in ("depth", "starts"))
-    columns = [dict(vars(part)) for part in parts]
-    parts.clear()
-    joined: dict[str, np.ndarray] = {}
-    for item in fields(TrainingImages):
-        column = [part.pop(item.name) for part in columns]
-        before = {"starts": pixels, "sample_image": images}.get(item.name)
-        if before is not None:
-            column = [c + c.dtype.type(n) for c, n in zip(column, np.cumsum([0, *before[:-1]]), strict=True)]
-        joined[item.name] = _joined(column)
-    return TrainingImages(**joined)
-
-
-def _joined(column: list[np.ndarray]) -> np.ndarray:
-    """The arrays end to end; each is let go of as it is copied."""
-    out = np.empty((sum(map(len, column)), *column[0].shape[1:]), dtype=column[0].dtype)
-    column.reverse()
-    start = 0
-    while column:
-        piece = column.pop()
-        out[start : start + len(piece)] = piece
-        start += len(piece)
-    return out
+def _together(parts: Iterable[TrainingImages]) -> TrainingImages:
+    """Images of several drawings as of one. Arrays grow where they lie, so that memory is taken once."""
+    drawn = iter(parts)
+    whole = TrainingImages(**{name: column.copy() for name, column in vars(next(drawn)).items()})
+    for part in drawn:
+        part.starts = part.starts + len(whole.depth)
+        part.sample_image = part.sample_image + np.int32(len(whole.starts))
+        for name, column in vars(part).items():
+            grown = getattr(whole, name)
+            first = len(grown)
+            grown.resize((first + len(column), *grown.shape[1:]), refcheck=False)
+            grown[first:] = column
+    return whole
 
 
 def _grown(
     data: TrainingImages, settings: RegressorSettings, rng: np.random.Generator, workers: int, progress: Count
 ) -> JointRegressor:
-    """The forest of training images, not yet calibrated."""
+    """The forest of training images, not yet calibrated. Their depth is let go of when trees have grown."""
+    grown = _trees(data, settings, rng, workers, progress)
+    data.depth = np.empty(0, dtype=np.uint16)
+    leaves = [leaf for tree, rows in grown for leaf in _leaves(data, tree, rows)]
+    offsets, sure, share, person = (np.concatenate(column) for column in zip(*leaves, strict=True))
+    forest, roots = together([tree for tree, _ in grown])
+    return JointRegressor(
+        forest.offsets,
+        forest.thresholds,
+        forest.children,
+        roots,
+        offsets,
+        sure,
+        share,
+        leaf_person=person if settings.views.rooms else None,
+    )
+
+
+def _trees(
+    data: TrainingImages, settings: RegressorSettings, rng: np.random.Generator, workers: int, progress: Count
+) -> list[tuple[Tree, np.ndarray]]:
+    """See `grow_trees`."""
     samples = Samples(
         data.depth, data.starts, data.shapes, data.windows, FOCAL, data.sample_image, data.sample_u, data.sample_v
     )
@@ -182,20 +194,7 @@ def _grown(
         settings.node_samples, int(data.labels.max()) + 1,
     )  # fmt: skip
     seeds = [int(seed) for seed in rng.integers(1 << 62, size=settings.trees)]
-    grown = grow_trees(samples, data.labels, growth, seeds, workers, progress)
-    leaves = [leaf for tree, rows in grown for leaf in _leaves(data, tree, rows)]
-    mean, variance, share, person = (np.concatenate(column) for column in zip(*leaves, strict=True))
-    forest, roots = together([tree for tree, _ in grown])
-    return JointRegressor(
-        forest.offsets,
-        forest.thresholds,
-        forest.children,
-        roots,
-        coarse_offsets(mean, variance),
-        coarse_sureness(variance),
-        (SHARE_STEP * np.rint(255.0 / SHARE_STEP * share)).astype(np.uint8),
-        leaf_person=np.rint(255.0 * person).astype(np.uint8) if settings.views.rooms else None,
-    )
+    return grow_trees(samples, data.labels, growth, seeds, workers, progress)
 
 
 def coarse_offsets(mean: np.ndarray, variance: np.ndarray) -> np.ndarray:
@@ -218,13 +217,19 @@ def coarse_sureness(variance: np.ndarray) -> np.ndarray:
 
 
 def _leaves(data: TrainingImages, tree: Tree, rows: np.ndarray) -> Iterator[tuple[np.ndarray, ...]]:
-    """`leaf_votes` of all leaves of a tree, some leaves at a time."""
+    """`leaf_votes` of all leaves of a tree as a forest stores them, some leaves at a time."""
     first = 0
     while first < len(tree.paths):
         last = int(np.searchsorted(tree.starts, tree.starts[first] + JUDGED_TOGETHER, side="right")) - 1
         last = min(max(last, first + 1), len(tree.paths))
         starts = tree.starts[first : last + 1]
-        yield leaf_votes(data, rows[starts[0] : starts[-1]], starts - starts[0])
+        mean, variance, share, person = leaf_votes(data, rows[starts[0] : starts[-1]], starts - starts[0])
+        yield (
+            coarse_offsets(mean, variance),
+            coarse_sureness(variance),
+            (SHARE_STEP * np.rint(255.0 / SHARE_STEP * share)).astype(np.uint8),
+            np.rint(255.0 * person).astype(np.uint8),
+        )
         first = last
 
 

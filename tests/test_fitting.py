@@ -23,6 +23,7 @@ from toolkit.fitting.shape import ShapeEstimator, ShapeSettings
 from toolkit.fitting.terms import JointTerm
 from toolkit.sensing.camera import Camera, level_rotation
 from toolkit.sensing.cloud import Cloud
+from toolkit.testing.plain_fitting import PlainPlacer
 
 CAMERA = Camera(190.0, 190.0, 87.5, 71.5, 176, 144)
 HORIZONTAL = np.diag([1.0, -1.0, -1.0])
@@ -142,6 +143,17 @@ def test_chosen_vertices_cover_every_part_and_all_tips(body: Body) -> None:
     assert np.isin(body.part[chosen], limbs).mean() > 0.8 * share_of_skin
     # Spread out: wherever on the body, a chosen vertex is near.
     assert cKDTree(body.vertices[chosen]).query(body.vertices)[0].max() < 0.12
+
+
+def test_a_body_is_placed_where_it_is_whatever_its_normals_are_taken_for(body: Body) -> None:
+    placer = Placer(body, CAMERA, TILTED)
+    other = load_body("child").normals
+    given, own = placer.place(body, standing(), other), placer.place(body, standing())
+    np.testing.assert_array_equal(given.vertices, own.vertices)
+    assert not np.array_equal(given.normals, own.normals)
+    np.testing.assert_array_equal(placer.place(body, standing(), body.normals).normals, own.normals)
+    plain = PlainPlacer.like(placer).place(body, standing(), other)
+    np.testing.assert_allclose(plain.normals, given.normals, atol=1e-9)
 
 
 # Refinement

@@ -54,6 +54,14 @@ def test_a_camera_on_its_side_is_noticed(tmp_path):
     assert "1 at 2.5 m" in describe(open_recording(path, rotate=90)).lines[3]
 
 
+def test_a_file_that_knows_up_is_not_told_to_turn(tmp_path, monkeypatch):
+    monkeypatch.setattr("toolkit.people.describe.turns_with_heads", lambda *arguments: 3)
+    empty = [np.zeros(KINECT.shape, dtype=np.uint16)]
+    assert "--rotate 270" in describe(open_recording(recorded(tmp_path, empty))).lines[4]
+    knows = recorded(tmp_path, empty, up_camera=up_of_tilt(0.2))
+    assert "nobody is seen" in describe(open_recording(knows)).lines[4]
+
+
 def test_nobody_in_view_is_said(tmp_path):
     look = describe(open_recording(recorded(tmp_path, [np.zeros(KINECT.shape, dtype=np.uint16)])))
     assert look.lines[3] == "people: 0 in the first 3 s" and "nobody is seen" in look.lines[4]

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+import tracemalloc
+from dataclasses import fields, replace
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -714,6 +715,28 @@ def test_training_goes_on_where_nothing_can_be_kept(tmp_path: Path, monkeypatch:
     monkeypatch.setattr("database_builder.kept.save_archive", full)
     assert len(train_regressor(a_few_poses(), SMALL, kept=tmp_path).roots) == 2
     assert not list(tmp_path.iterdir())
+
+
+def test_images_drawn_in_parts_are_put_together_within_their_own_memory() -> None:
+    def part(pixels: int) -> TrainingImages:
+        whole = {"starts": np.array([0, 5]), "sample_image": np.array([0, 1, 1], np.int32)}
+        rows = {item.name: np.ones(3, np.uint8) for item in fields(TrainingImages)}
+        return TrainingImages(**{**rows, **whole, "depth": np.full(pixels, 7, np.uint16)})
+
+    sizes = [1_000_000 + number for number in range(8)]
+    tracemalloc.start()
+    try:
+        joined = parts._together(map(part, sizes))
+        peak = tracemalloc.get_traced_memory()[1]
+    finally:
+        tracemalloc.stop()
+    begins = np.cumsum([0, *sizes[:-1]])
+    np.testing.assert_array_equal(joined.starts, np.concatenate([[begin, begin + 5] for begin in begins]))
+    np.testing.assert_array_equal(
+        joined.sample_image, np.concatenate([[2 * k, 2 * k + 1, 2 * k + 1] for k in range(8)])
+    )
+    assert joined.sample_image.dtype == np.int32 and (joined.depth == 7).all() and len(joined.depth) == sum(sizes)
+    assert peak < joined.depth.nbytes + 3 * 2 * max(sizes)  # three parts besides, in bytes
 
 
 @pytest.mark.parametrize("values", [{"images": 0}, {"trees": 0}, {"bins": 1}])

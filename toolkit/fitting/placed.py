@@ -34,8 +34,11 @@ def spread_rows(points: np.ndarray, count: int) -> np.ndarray:
     return np.array(chosen, dtype=np.int64)
 
 
+@lru_cache(maxsize=16)
 def choose_vertices(body: Body) -> np.ndarray:
     """The subset `C_chi` of mesh vertices, spread over every body part by farthest-first choice (Baak 2013, Fig. 5.6a).
+
+    They are chosen once for each body.
 
     Returns
     -------
@@ -97,9 +100,12 @@ class Placer:
         self.front = np.asarray(body.normals[self.chosen, 2] > 0.0)
         self.around_joints = chosen_around_joints(body, self.chosen)
 
-    def place(self, body: Body, pose: np.ndarray) -> PlacedBody:
-        """`body` in `pose` (P,), level frame."""
-        return PlacedBody(self, body, pose)
+    def place(self, body: Body, pose: np.ndarray, normals: np.ndarray | None = None) -> PlacedBody:
+        """`body` in `pose` (P,), level frame.
+
+        `normals` (V, 3) are those of its rest mesh, worked out unless they are given, which takes longer than the rest.
+        """
+        return PlacedBody(self, body, pose, body.normals if normals is None else normals)
 
 
 class PlacedBody:
@@ -112,14 +118,14 @@ class PlacedBody:
     rotations, origins, axes : placed joints float64 (18, 3, 3), (18, 3) and rotation axes (40, 3)
     """
 
-    def __init__(self, placer: Placer, body: Body, pose: np.ndarray) -> None:
+    def __init__(self, placer: Placer, body: Body, pose: np.ndarray, normals: np.ndarray) -> None:
         self.placer, self.body = placer, body
         joints, dofs = len(skeleton.JOINTS), len(skeleton.DOF_JOINT)
         self.rotations, self.origins, self.axes = np.empty((joints, 3, 3)), np.empty((joints, 3)), np.empty((dofs, 3))
         self.vertices, self.normals = np.empty_like(body.vertices), np.empty_like(body.vertices)
         placing.place(
             pose, skeleton.PARENTS, body.joints, skeleton.DOF_JOINT, skeleton.DOF_AXIS, placer.from_level,
-            body.vertices, body.normals, body.skin_joints, body.skin_weights,
+            body.vertices, normals, body.skin_joints, body.skin_weights,
             self.rotations, self.origins, self.axes, self.vertices, self.normals,
         )  # fmt: skip
 

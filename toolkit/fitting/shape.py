@@ -75,7 +75,7 @@ class ShapeEstimator:
         for k in range(len(self.coefficients)):
             changed = self.coefficients.copy()
             changed[k] += STEP
-            moved = placer.place(self._space.body(changed), pose).vertices[vertex]
+            moved = placer.place(self._space.body(changed), pose, self.body.normals).vertices[vertex]
             columns[:, k] = linear.dots(normals, moved - base) / STEP
         weight = weight / NOISE**2
         wanted = linear.times(columns, self.coefficients) - linear.dots(normals, residual)

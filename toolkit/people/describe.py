@@ -169,7 +169,8 @@ def _advice(
     if len(sightings) > 1:
         found.append("--people all follows everybody")
     if not sightings:
-        turned = turns_with_heads(depth_mm, recording.camera, settings)
+        knows_up = recording.vertical.source == "file"
+        turned = 0 if knows_up else turns_with_heads(depth_mm, recording.camera, settings)
         found.append(
             f"--rotate {90 * turned}: heads are seen in the turned image"
             if turned

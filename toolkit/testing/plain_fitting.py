@@ -77,15 +77,15 @@ class PlainPlacer(Placer):
         vars(plain).update(vars(placer))
         return plain
 
-    def place(self, body: Body, pose: np.ndarray) -> PlacedBody:
+    def place(self, body: Body, pose: np.ndarray, normals: np.ndarray | None = None) -> PlacedBody:
         """See `Placer.place`."""
-        return PlainPlacedBody(self, body, pose)
+        return PlainPlacedBody(self, body, pose, body.normals if normals is None else normals)
 
 
 class PlainPlacedBody(PlacedBody):
     """A body that is placed and drawn by vectorised NumPy."""
 
-    def __init__(self, placer: Placer, body: Body, pose: np.ndarray) -> None:
+    def __init__(self, placer: Placer, body: Body, pose: np.ndarray, rest_normals: np.ndarray) -> None:
         self.placer, self.body = placer, body
         vectors = np.zeros((len(skeleton.JOINTS), 3))
         vectors[skeleton.DOF_JOINT, skeleton.DOF_AXIS] = pose[3:]
@@ -108,7 +108,7 @@ class PlainPlacedBody(PlacedBody):
         joints, weights = body.skin_joints, body.skin_weights
         carried = self.rotations[joints] @ (body.vertices[:, None] - body.joints[joints])[..., None]
         self.vertices = (weights[..., None] * (carried[..., 0] + self.origins[joints])).sum(axis=1)
-        normals = (weights[..., None] * (self.rotations[joints] @ body.normals[:, None, :, None])[..., 0]).sum(axis=1)
+        normals = (weights[..., None] * (self.rotations[joints] @ rest_normals[:, None, :, None])[..., 0]).sum(axis=1)
         self.normals = normals / np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-12)
 
     @cached_property
