@@ -101,6 +101,7 @@ def test_the_gait_of_a_file_and_of_a_page_is_that_of_the_track_with_what_rests_h
     assert held["gait"] != found["gait"] and held["strides"] != found["strides"]
     shown = set(re.findall(r"<td>(-?\d+ to -?\d+)</td>", gait_section("walk", [person])))
     assert shown <= ranges(held) and not shown <= ranges(found)
+    assert "<td>-0</td>" not in gait_section("walk", [person])
 
 
 def ranges(figures: dict[str, Any]) -> set[str]:

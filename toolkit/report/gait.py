@@ -99,7 +99,7 @@ def _range_table(found: Summary) -> str:
             continue
         sides = [f"{low:.0f} to {high:.0f}" for low, high in (r.left, r.right)]
         name = f"{r.joint} {MOTIONS.get(r.motion, r.motion)}"
-        rows.append([name, *sides, f"{widths[0] - widths[1]:+.0f}", _error(f"{r.joint}_{r.motion}_deg", "°")])
+        rows.append([name, *sides, f"{round(widths[0] - widths[1]):+d}", _error(f"{r.joint}_{r.motion}_deg", "°")])
     head = ["degrees", "left", "right", "wider on the left by", "typical error"]
     return _table("Ranges of motion", head, rows) if rows else ""
 
