@@ -139,6 +139,17 @@ def test_a_walk_too_short_for_a_stride_and_somebody_who_stands_say_so() -> None:
     assert not nobody.strides and nobody.note == "nobody walks"
 
 
+def test_no_stride_spans_the_time_in_which_somebody_was_away() -> None:
+    poses, _ = walking(BODY, Walk(), 6.0, RATE)
+    known = np.ones(len(poses), dtype=bool)
+    known[80:100] = False
+    poses[~known] = 0.0
+    found = walk_of(BODY, poses, np.arange(len(poses)) / RATE, known)
+    assert any(s.end < 80 / RATE for s in found.strides) and any(s.start > 100 / RATE for s in found.strides)
+    assert all(s.end < 80 / RATE or s.start > 99 / RATE for s in found.strides)
+    assert found.walking < 5.4 and found.mean("length") == pytest.approx(Walk().stride_length, abs=0.02)
+
+
 def test_feet_that_carry_are_told_from_feet_that_swing() -> None:
     poses, truth = walking(BODY, Walk(), 4.0, RATE)
     placed, times = soles(BODY, poses), np.arange(len(poses)) / RATE
