@@ -12,6 +12,7 @@ from toolkit import skeleton
 from toolkit.body.shape import ShapeSpace, load_body
 from toolkit.errors import SettingsError
 from toolkit.kernels.fit import particles as kernel
+from toolkit.lopez2011 import initial
 from toolkit.lopez2011.costs import ParticleFrame, ParticleImage, likelihood
 from toolkit.lopez2011.effectors import Effectors, Fork
 from toolkit.lopez2011.filter import UpperFilter
@@ -391,3 +392,20 @@ def test_sides_are_told_by_where_the_body_faces_however_far_it_leans(lean: float
     hands = np.stack([tips["left_hand"], tips["right_hand"]])
     left, right = sides_of(hands, pose)
     assert left.tolist() == hands[:1].tolist() and right.tolist() == hands[1:].tolist()
+
+
+def test_an_arm_reaches_for_the_candidates_of_its_own_side_only(
+    upper: UpperBody, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    pose = pose_of()
+    head, left, right = np.array([[0.0, 0.3, -1.5], [0.6, -0.4, -1.5], [-0.5, -0.3, -1.4]])
+    asked: dict[int, list[list[float]]] = {}
+
+    def best_arm(upper, filtering, pose, side, targets, frame, swivels, *, resting):
+        asked[side] = targets.tolist()
+        return pose
+
+    monkeypatch.setattr(initial, "_best_arm", best_arm)
+    start = initial._unlabelled(upper, None, np.stack([right, head, left]), head, pose, None, InitialSettings())
+    assert asked == {0: [left.tolist()], 1: [right.tolist()]}
+    assert start.wanted.tolist() == [head.tolist()]
