@@ -13,7 +13,7 @@ from toolkit import skeleton
 from toolkit.body.body import Body
 from toolkit.body.shape import ShapeSpace
 from toolkit.errors import RecordingError, UsageError
-from toolkit.export.pixels import NOBODY
+from toolkit.export.pixels import NOBODY, _regain_contour
 from toolkit.export.run import export_run
 from toolkit.files import sha256_of
 from toolkit.mocap.clip import PoseClip
@@ -79,6 +79,16 @@ def test_a_body_index_map_has_the_ids_of_people_json(two: tuple[Path, Simulation
         assert (labels == truth).mean() > 0.95
         assert set(np.unique(labels)) == ({2, NOBODY} if i == 0 else {1, 2, NOBODY})
         assert (labels[frame.depth == 0] == NOBODY).all()
+
+
+def test_a_contour_is_regained_at_the_person_s_depth_only() -> None:
+    depth = np.full((5, 5), 3000, dtype=np.uint16)
+    depth[1:4, 1:4] = 2000
+    depth[1, 1] = 0
+    labels = np.full(depth.shape, NOBODY, dtype=np.uint8)
+    labels[2, 2] = 7
+    _regain_contour(labels, depth)
+    assert np.array_equal(labels == 7, depth == 2000)
 
 
 def test_the_clouds_of_people_are_their_points_with_their_ids(two: tuple[Path, Simulation], tmp_path: Path) -> None:

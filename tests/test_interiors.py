@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -89,6 +91,16 @@ def test_faces_know_their_material_and_piece_and_pieces_can_be_left_out() -> Non
     assert any(part.reflectance == GLASS for piece in room.standing for part in piece.parts if piece.kind == "window")
     bare = room.surfaces(np.array([[x, z] for x in range(-5, 6) for z in range(-5, 6)], dtype=float), 2.0)
     assert set(bare.piece) == {-1}
+
+
+def test_floor_walls_and_ceiling_have_the_finish_of_the_room() -> None:
+    room = replace(furnished("office", np.random.default_rng(3)), standing=(), finish=(0.2, 0.5, 0.8))
+    found = room.surfaces()
+    heights = found.mesh.vertices[found.mesh.faces][..., 1]
+    floor, ceiling = (heights == 0.0).all(axis=1), (heights == room.high[1]).all(axis=1)
+    assert floor.any() and ceiling.any() and not (floor | ceiling).all()
+    expected = np.where(floor, 0.2, np.where(ceiling, 0.8, 0.5)).astype(np.float32)
+    assert np.array_equal(found.reflectance, expected)
 
 
 def test_what_is_not_wanted_is_in_no_room() -> None:
