@@ -84,7 +84,7 @@ def test_a_body_index_map_has_the_ids_of_people_json(two: tuple[Path, Simulation
 def test_a_contour_is_regained_at_the_person_s_depth_only() -> None:
     depth = np.full((5, 5), 3000, dtype=np.uint16)
     depth[1:4, 1:4] = 2000
-    depth[1, 1] = 0
+    depth[1, 1], depth[3, 2] = 0, 3000
     labels = np.full(depth.shape, NOBODY, dtype=np.uint8)
     labels[2, 2] = 7
     _regain_contour(labels, depth)

@@ -15,9 +15,12 @@ from benchmarks.lookup import extrema_rows
 from tests.landmark_helpers import CAMERA, cloud_of, figure, paint
 from toolkit.errors import SegmentationError, SettingsError, UsageError
 from toolkit.kernels.cloud import cloud_graph
+from toolkit.landmarks.cuts import on_cuts
 from toolkit.landmarks.extrema import extrema_of_graph, geodesic_extrema, source_node
 from toolkit.landmarks.graph import Graph, Workspace, grid_graph
 from toolkit.landmarks.settings import LandmarkSettings
+from toolkit.sensing.camera import Camera
+from toolkit.sensing.cloud import Cloud
 
 SETTINGS = LandmarkSettings()
 
@@ -360,3 +363,21 @@ def test_on_real_recordings_the_fast_extrema_are_those_of_algorithm_1(shared_dat
         graph = grid_graph(cloud, SETTINGS)
         found = geodesic_extrema(cloud, 20)
         assert (found.nodes.tolist(), found.visited.tolist()) == algorithm_1(graph, found.source, 20)[::2]
+
+
+@pytest.mark.parametrize(("side", "rows", "cut"), [(0, 4, False), (0, 14, True), (79, 4, False), (79, 14, True)])
+def test_an_arm_that_leaves_by_a_side_is_no_cut_and_a_trunk_is(side: int, rows: int, cut: bool) -> None:
+    depth = np.zeros((60, 80), dtype=np.float32)
+    depth[15:50, 30:50] = 2.0
+    depth[20 : 20 + rows, min(side, 40) : max(side, 40) + 1] = 2.0
+    cloud = Cloud.from_depth(depth, Camera(100.0, 100.0, 39.5, 29.5, 80, 60), np.diag((1.0, -1.0, -1.0)))
+    nodes = np.searchsorted(cloud.pixels, [21 * 80 + side, 40 * 80 + 40])
+    assert on_cuts(cloud, nodes, None).tolist() == [cut, False]
+
+
+def test_a_leg_that_leaves_by_the_lower_border_is_cut_however_narrow() -> None:
+    depth = np.zeros((60, 80), dtype=np.float32)
+    depth[10:50, 30:50] = 2.0
+    depth[50:, 38:40] = 2.0
+    cloud = Cloud.from_depth(depth, Camera(100.0, 100.0, 39.5, 29.5, 80, 60), np.diag((1.0, -1.0, -1.0)))
+    assert on_cuts(cloud, np.searchsorted(cloud.pixels, [59 * 80 + 38]), None).tolist() == [True]
