@@ -43,8 +43,8 @@ from toolkit.testing.misled import wrong_pose
 from toolkit.testing.solo import Solo
 from toolkit.testing.suite import GROUPS, REPORT, TUNE, chosen_takes, performed, record, takes
 
-QUICK = ("--set", "shape.seconds=0.1")
-"""The shape is learnt from two frames only."""
+QUICK = ("--set", "shape.seconds=0.1", "--set", "sizes=[0.4]")
+"""The shape is learnt from two frames only, of one size."""
 FEW = [f"--set={name}" for name in ("sizes=[0.4]", "swarm.particles=6", "swarm.generations=4", "shape.seconds=0.1")]
 """The same, by a swarm too small to find much."""
 
