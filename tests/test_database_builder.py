@@ -128,7 +128,7 @@ def test_a_bad_file_is_named_skipped_and_counted(mocap: Path, tmp_path: Path) ->
 def test_a_full_disk_is_one_sentence_and_the_forest_is_kept_in_the_place_of_its_images(
     mocap: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    work, on_disk, grow = tmp_path / "poses.work", files._on_disk, regressor.grow_trees
+    work, on_disk, grow = tmp_path / "poses.work", files.flush_to_disk, regressor.grow_trees
     few = RegressorSettings(images=12, pixels=30, trees=1, depth=4, calibration=6)
     grown: list[int] = []
 
@@ -144,7 +144,7 @@ def test_a_full_disk_is_one_sentence_and_the_forest_is_kept_in_the_place_of_its_
 
     monkeypatch.setattr(regressor, "grow_trees", growing)
     with monkeypatch.context() as disk:
-        disk.setattr(files, "_on_disk", full)
+        disk.setattr(files, "flush_to_disk", full)
         with pytest.raises(OutputError, match="poses.npz: No space left on device; free some space") as said:
             build_database([mocap], tmp_path / "poses.npz", parts=few)
     assert "\n" not in str(said.value) and not (tmp_path / "poses.npz").exists()

@@ -13,7 +13,7 @@ from toolkit import skeleton
 from toolkit.body.body import Body
 from toolkit.body.shape import ShapeSpace
 from toolkit.errors import RecordingError, UsageError
-from toolkit.export.pixels import NOBODY, _regain_contour
+from toolkit.export.pixels import NOBODY, regain_contour
 from toolkit.export.run import export_run
 from toolkit.files import sha256_of
 from toolkit.mocap.clip import PoseClip
@@ -87,7 +87,7 @@ def test_a_contour_is_regained_at_the_person_s_depth_only() -> None:
     depth[1, 1], depth[3, 2] = 0, 3000
     labels = np.full(depth.shape, NOBODY, dtype=np.uint8)
     labels[2, 2] = 7
-    _regain_contour(labels, depth)
+    regain_contour(labels, depth)
     assert np.array_equal(labels == 7, depth == 2000)
 
 

@@ -406,6 +406,6 @@ def test_an_arm_reaches_for_the_candidates_of_its_own_side_only(
         return pose
 
     monkeypatch.setattr(initial, "_best_arm", best_arm)
-    start = initial._unlabelled(upper, None, np.stack([right, head, left]), head, pose, None, InitialSettings())
+    start = initial.unlabelled_start(upper, None, np.stack([right, head, left]), head, pose, None, InitialSettings())
     assert asked == {0: [left.tolist()], 1: [right.tolist()]}
     assert start.wanted.tolist() == [head.tolist()]

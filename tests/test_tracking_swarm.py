@@ -221,7 +221,7 @@ def test_exchanged_joints_are_believed_only_where_the_body_is_clearly_nearer(oth
         _anywhere=lambda frame, body, rng: frame.name,
         _judged=lambda frame, body, found: frame.cost,
     )
-    found, least = SwarmSearch._afresh(search, frame, BODY, np.random.default_rng(0))  # type: ignore[arg-type]
+    found, least = SwarmSearch.afresh(search, frame, BODY, np.random.default_rng(0))  # type: ignore[arg-type]
     assert (found, least) == (expected[0], pytest.approx(expected[1]))
 
 

@@ -51,10 +51,10 @@ def atomic_path(path: str | Path, *, lasting: bool = True) -> Iterator[Path]:
         yield temporary
         os.chmod(temporary, 0o666 & ~_umask())
         if lasting:
-            _on_disk(temporary, os.O_RDWR)
+            flush_to_disk(temporary, os.O_RDWR)
         os.replace(temporary, target)
         if lasting and os.name == "posix":
-            _on_disk(target.parent, os.O_RDONLY)
+            flush_to_disk(target.parent, os.O_RDONLY)
     except OSError as error:
         reason = error.strerror or error
         raise OutputError(f"cannot write {target}: {reason}; free some space or choose another folder") from error
@@ -62,7 +62,7 @@ def atomic_path(path: str | Path, *, lasting: bool = True) -> Iterator[Path]:
         temporary.unlink(missing_ok=True)
 
 
-def _on_disk(path: Path, flags: int) -> None:
+def flush_to_disk(path: Path, flags: int) -> None:
     """Wait until what was written to a file, or the names in a folder, would outlast a loss of power."""
     handle = os.open(path, flags)
     try:

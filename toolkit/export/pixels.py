@@ -69,11 +69,11 @@ def labelled_frames(
         for person, sighting in _matched(finder.find(frame.depth_mm, frame.timestamp, predicted), people, i):
             labels[(sighting.depth > 0)[lookup] & (frame.depth_mm > 0)] = person.id
         for _ in range(ROUNDS):
-            _regain_contour(labels, frame.depth_mm)
+            regain_contour(labels, frame.depth_mm)
         yield LabelledFrame(i, frame.depth_mm, labels)
 
 
-def _regain_contour(labels: np.ndarray, depth_mm: np.ndarray) -> None:
+def regain_contour(labels: np.ndarray, depth_mm: np.ndarray) -> None:
     """Give pixels of no person beside a person, at the same depth, to that person: `labels` (H, W) is changed."""
     before = labels.copy()
     height, width = labels.shape

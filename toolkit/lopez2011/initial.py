@@ -127,7 +127,7 @@ def initial_pose(
         poses = np.stack([standing_pose(upper, *trunk) for trunk in trunks])
         costs = filtering.costs.whole(upper, poses, frame)
         starts += [
-            _unlabelled(upper, filtering, effectors.points, trunks[row][0], poses[row], frame, settings)
+            unlabelled_start(upper, filtering, effectors.points, trunks[row][0], poses[row], frame, settings)
             for row in np.argsort(costs, kind="stable")[:ARMED]
         ]
     if not starts:
@@ -175,7 +175,7 @@ def _labelled(
     return Start(pose, wanted)
 
 
-def _unlabelled(
+def unlabelled_start(
     upper: UpperBody, filtering: UpperFilter, points: np.ndarray, head: np.ndarray, pose: np.ndarray,
     frame: ParticleFrame, settings: InitialSettings,
 ) -> Start:  # fmt: skip

@@ -147,7 +147,7 @@ class SwarmSearch:
             return NOTHING
         frame, doubts = self._frame(observation, state)
         if state.previous is None:
-            found, _ = self._afresh(frame, state.body, rng)
+            found, _ = self.afresh(frame, state.body, rng)
             return Proposal((Hypothesis("swarm", found.pose, found.comparison),), _memory(found.pose[None], 0.0, 0.0))
         poses = self._history(state)
         kept, asked = poses[: self._settings.history], doubts > BELIEVED
@@ -156,7 +156,7 @@ class SwarmSearch:
         found = self._follow(frame, state.body, poses, rivals, rng)
         nearest = min([*rivals, found], key=lambda rival: rival.comparison.distance)
         if asked or (rest == 0.0 and self._disagrees(frame, state.body, nearest)):
-            afresh, judged = self._afresh(frame, state.body, rng)
+            afresh, judged = self.afresh(frame, state.body, rng)
             if judged < self._judged(frame, state.body, nearest):
                 hypothesis = Hypothesis("joints", afresh.pose, afresh.comparison, improves=best)
                 return Proposal((hypothesis,), _memory(kept, 0.0, 0.0))
@@ -195,7 +195,7 @@ class SwarmSearch:
         limits = self._window(starts[0], half)
         return self._finished(frame, body, costs, self._searched(costs, starts, limits, rng))
 
-    def _afresh(self, frame: _Frame, body: Body, rng: np.random.Generator) -> tuple[_Found, float]:
+    def afresh(self, frame: _Frame, body: Body, rng: np.random.Generator) -> tuple[_Found, float]:
         """The best pose within all limits, whichever way the person may face, and how it is judged, metres.
 
         A detector may have taken left for right. Turned round, a body lies farther from the frame, and that decides,
