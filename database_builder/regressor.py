@@ -125,7 +125,7 @@ def _drawn(
         for number, (count, stream) in enumerate(zip(counts, rng.spawn(len(counts)), strict=True))
     ]
     with process_pool(workers if len(tasks) > 1 else 1) as mapped:
-        return _together(_told(mapped(partial(_draw, poses, settings), tasks), counts, progress))
+        return gathered(_told(mapped(partial(_draw, poses, settings), tasks), counts, progress))
 
 
 def _told(parts: Iterable[TrainingImages], counts: list[int], progress: Count) -> Iterator[TrainingImages]:
@@ -146,7 +146,7 @@ def _draw(
     return data
 
 
-def _together(parts: Iterable[TrainingImages]) -> TrainingImages:
+def gathered(parts: Iterable[TrainingImages]) -> TrainingImages:
     """Images of several drawings as of one. Arrays grow where they lie, so that memory is taken once."""
     drawn = iter(parts)
     whole = TrainingImages(**{name: column.copy() for name, column in vars(next(drawn)).items()})

@@ -726,7 +726,7 @@ def test_images_drawn_in_parts_are_put_together_within_their_own_memory() -> Non
     sizes = [1_000_000 + number for number in range(8)]
     tracemalloc.start()
     try:
-        joined = parts._together(map(part, sizes))
+        joined = parts.gathered(map(part, sizes))
         peak = tracemalloc.get_traced_memory()[1]
     finally:
         tracemalloc.stop()
