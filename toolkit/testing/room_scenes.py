@@ -120,7 +120,8 @@ REPORT = (
     one("carry", "dg_grabHigh_014", "slim_female", 2.2, 1.2, 5, holds="tablet", room="corridor:132"),
     one("carry", "02_02", "heavy_male", 2.9, 1.9, 15, holds="bag", path="crosses", room="living:133", **PASSES),
     one("carry", "dg_squat_027", "short_female", 2.5, 1.2, 4, holds="box", room="classroom:134", yaw=-35),
-    _pair("hug", ("bundled_conduct", "athletic_male"), ("bundled_conduct", "slim_female"), "living:141", (2.7, 1.5, 7)),
+    _pair("hug", ("bundled_semaphore", "athletic_male"), ("bundled_conduct", "slim_female"), "living:141", (2.7, 1.5, 7)
+    ),
     _pair("hug", ("bundled_conduct", "elderly"), ("bundled_semaphore", "heavy_male"), "office:142", (2.8, 2.3, 25)),
     _pair("give", ("bundled_conduct", "short_female"), ("dg_rotateArms_009", "elderly"), "office:143", (2.8, 1.6, 9)),
     _crowd((
