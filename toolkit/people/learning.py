@@ -77,11 +77,14 @@ def learnt(
         if possible_height(s.place, floor)
     ]
     people, figures = np.zeros(stack.shape, dtype=np.bool_), [NO_FIGURES]
+    stays: list[list[Seen]] = []
     for figure in _figures(seen):
         glimpses = [s.glimpse for s in figure]
         if log_odds(glimpses, len(stack)) > 0 or np.mean([g.moved for g in glimpses]) > HEAD_MOVED:
             for s in figure:
                 people[s.frame] |= s.own
+            if len(figure) >= FEWEST:
+                stays.append(figure)
         elif sum(g.shaped for g in glimpses) > FIGURE * len(stack):
             figures.append(np.mean([[s.place for s in figure]], axis=1))
     background = farthest_lasting(np.where(people, np.float32(0), stack), 0.0, lens, settings)
@@ -89,6 +92,8 @@ def learnt(
     count = near.sum(axis=0)
     still = (count >= STILL * np.maximum((stack > 0).sum(axis=0), 1)) & (background > 0)
     background[(near & people).sum(axis=0) > MOSTLY * count] = 0.0
+    for figure in stays:  # whose head is not seen in all frames, but they are there
+        background[sum(near[s.frame] & s.own for s in figure) > MOSTLY * len(figure)] = 0.0
     return Surroundings(False, True, background, margin, still, tuple(planes), np.concatenate(figures))
 
 
