@@ -5,6 +5,7 @@ from __future__ import annotations
 import shutil
 from collections.abc import Mapping
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -17,6 +18,7 @@ from tests.run_helpers import write_run
 from toolkit import skeleton
 from toolkit.cli.main import main
 from toolkit.people import survey
+from toolkit.people.evidence import Evidence
 from toolkit.people.sighting import PredictedBody, Sighting
 from toolkit.pipeline import run as pipeline
 from toolkit.pipeline import second
@@ -28,7 +30,7 @@ FRAMES = 3
 class TwoPeople:
     """Finds the same surface twice; the second one from the second frame on."""
 
-    furniture: frozenset[int] = frozenset()
+    evidence: Mapping[int, Evidence] = MappingProxyType({})
 
     def __init__(self, camera: Any) -> None:
         self.camera, self._frames = camera, 0

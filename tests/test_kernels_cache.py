@@ -49,7 +49,7 @@ def run(installation: Path, **environment: str) -> tuple[int, int, Path]:
     variables = {k: v for k, v in os.environ.items() if not k.startswith("NUMBA_")}
     done = subprocess.run(
         [sys.executable, "-c", RUN],
-        env={**variables, "PYTHONPATH": str(installation), **environment},
+        env={**variables, "PYTHONPATH": str(installation), "PYTHONDONTWRITEBYTECODE": "1", **environment},
         cwd=installation,
         capture_output=True,
         text=True,

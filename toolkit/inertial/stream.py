@@ -242,6 +242,10 @@ class Sensors:
                 f"cannot read {path} as sensor data: {error}; write it with `depthmocap inertial read`"
             ) from error
 
+    def renamed(self, names: Sequence[str]) -> Sensors:
+        """The same streams under other names, in order."""
+        return replace(self, streams=tuple(replace(s, name=n) for s, n in zip(self.streams, names, strict=True)))
+
 
 @dataclass(frozen=True)
 class _Source:
