@@ -47,11 +47,18 @@ def save_figures(name: str, figures: Any, settings: dict[str, Any]) -> Path:
                 "python": platform.python_version(),
                 "system": platform.system(),
             },
+            "processor_seconds": round(processor_seconds(), 1),
             "commit": commit(),
             "date": datetime.now(timezone.utc).isoformat(timespec="seconds"),
         },
     )
     return path
+
+
+def processor_seconds() -> float:
+    """User and system time of this process and of those it has waited for, seconds."""
+    spent = os.times()
+    return spent.user + spent.system + spent.children_user + spent.children_system
 
 
 def _portable(value: Any) -> Any:

@@ -18,6 +18,7 @@ from toolkit.database.database import PoseDatabase
 from toolkit.evaluation.scores import RunScores
 from toolkit.fitting.objective import Objective
 from toolkit.fitting.refiner import Refiner
+from toolkit.hybrid.baak2013 import Baak2013Tracker
 from toolkit.hybrid.settings import HybridSettings
 from toolkit.hybrid.tracker import HybridTracker
 from toolkit.kernels import linear
@@ -40,6 +41,8 @@ ROWS: dict[str, tuple[str, dict[str, Any]]] = {
     "local": ("hybrid", {"passes": 1, "patience": 1_000_000, "hypotheses": ["local", "extrema", "joints"]}),
     "lookup": ("hybrid", {"hypotheses": ["extrema", "joints"]}),
     "baak2013": ("baak2013", {}),
+    "baak2013 local": ("baak2013", {"patience": 1_000_000}),
+    "baak2013 lookup": ("baak2013", {"hypotheses": ["extrema"]}),
     "no shape": ("hybrid", {"shape.seconds": 0.0}),
     "no prior": ("hybrid", {"fitting.prior_weight": 0.0}),
     "no regressor": ("hybrid", {"hypotheses": ["local", "extrema", "arms"]}),
@@ -55,7 +58,8 @@ ROWS: dict[str, tuple[str, dict[str, Any]]] = {
 `no unobserved` takes all that was not measured as the person's for free space, but for what is outside the image; in
 `no sharing` no body says whose pixels are whose; `no seated` leaves the bundled seated poses out of the database.
 Without a retrained regressor is another `--database`.
-`local` takes its first pose from the lookup and never asks it again. Without personal shape only the size is chosen,
+`local` takes its first pose from the lookup and never asks it again. `baak2013` and its two halves are the paper's own
+tracker (Fig. 5.12). Without personal shape only the size is chosen,
 out of seven."""
 
 
@@ -179,6 +183,10 @@ class LocalTracker(HybridTracker):
         return tuple(FirstFrames(member) if isinstance(member, DatabaseLookup) else member for member in members)
 
 
+class LocalBaak2013Tracker(LocalTracker, Baak2013Tracker):
+    """The paper's local optimisation alone, after a first pose from its lookup."""
+
+
 class BlindObservation(Observation):
     """An observation that does not know which pixels say nothing."""
 
@@ -250,6 +258,9 @@ def without_sources(database: PoseDatabase, prefix: str) -> PoseDatabase:
 KINDS: dict[str, type[HybridTracker]] = {
     "one pass": WatchedTracker,
     "local": LocalTracker,
+    "baak2013": Baak2013Tracker,
+    "baak2013 local": LocalBaak2013Tracker,
+    "baak2013 lookup": Baak2013Tracker,
     "no unobserved": BlindTracker,
     "no sharing": UnsharingTracker,
 }

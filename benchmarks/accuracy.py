@@ -54,6 +54,10 @@ COLUMNS = (
     ("extrema_free", "free %", 100.0),
 )
 """Figure, heading and factor of the printed tables."""
+COLOURS = {
+    "baak2013 local": "#7f9fc6", "baak2013 lookup": "#e0a458", "baak2013": "#9c3b3b", "hybrid": "#2b2b2b"
+}  # fmt: skip
+"""Of the rows that are drawn."""
 BINS = np.linspace(0.0, 1.0, 21)
 """Of the confidence."""
 
@@ -181,17 +185,16 @@ def compare(rows: dict[str, Row]) -> dict[str, Any]:
 
 
 def plot_rows(rows: dict[str, Row], path: Path) -> None:
-    """Error per recording as bars, as in Fig. 5.12."""
+    """Error per recording as bars: the paper's tracker, its two halves (Fig. 5.12) and the hybrid one."""
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(12, 4.6), layout="constrained")
     axes = figure.add_subplot()
-    shown = [name for name in ("local", "lookup", "hybrid") if name in rows]
+    shown = [name for name in COLOURS if name in rows]
     names = [scores.recording for scores in rows[shown[-1]].table]
-    colours = {"local": "#7f9fc6", "lookup": "#e0a458", "hybrid": "#2b2b2b"}
     for k, name in enumerate(shown):
         places = np.arange(len(names)) + (k - (len(shown) - 1) / 2) * 0.8 / len(shown)
-        axes.bar(places, rows[name].table.figures("error_mm"), 0.8 / len(shown), label=name, color=colours[name])
+        axes.bar(places, rows[name].table.figures("error_mm"), 0.8 / len(shown), label=name, color=COLOURS[name])
     axes.set_xticks(range(len(names)), [n.rsplit("_", 1)[0] for n in names], rotation=60, ha="right", fontsize=7)
     axes.set(ylabel="mean error, mm", xlim=(-0.6, len(names) - 0.4))
     axes.legend(frameon=False)

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import shlex
 import subprocess
 import sys
 from pathlib import Path
@@ -18,13 +19,14 @@ from toolkit.testing.suite import ROOT
 
 SMALL_BALLS = "--set discrepancy.figure=balls --set discrepancy.width=30 --set discrepancy.height=40"
 SMALL_MESH = SMALL_BALLS.replace("balls", "mesh")
+CLAIMED = "hybrid,local,baak2013,baak2013 local,baak2013 lookup"
 COMMANDS: dict[str, str] = {
     "speed": "speed hybrid {database}",
     "speed_crowd": "speed crowd {database} --frames 120",
-    "speed_swarm": "speed_wings swarm --frames 30 --network",
+    "speed_swarm": "speed swarm --frames 30 --network",
     "extrema": "lookup extrema",
     "lookup": "lookup queries {database}",
-    "accuracy_report": "accuracy --split report --rows hybrid,local,baak2013 --database {database}",
+    "accuracy_report": f"accuracy --split report --rows '{CLAIMED}' --database {{database}}",
     "scenes_report": "scenes --split report --database {database}",
     "real": "real tracked --stride 1 --database {database}",
     "rooms": "rooms --database toolkit/database/assets/default.npz",
@@ -50,8 +52,8 @@ COMMANDS: dict[str, str] = {
     "gait": "gait",
     "feet": "feet --real {data}/depth/utd_mhad",
     "kinect_offsets": "real offsets",
-    "inertial": "inertial --split report --database {database}",
-    "inertial_real": "inertial_real --database {database}",
+    "inertial": "inertial simulated --split report --database {database}",
+    "inertial_real": "inertial real --database {database}",
     "stabilise_report": "stabilise classes --split report --database {database}",
     "fused_report": "stabilise sensors --split report --takes side_bk_kick_010_heavy_male_tof --database {database}",
     "hidden_limbs": "hidden_limbs",
@@ -93,7 +95,7 @@ def main() -> None:
         return
     database, failed = poses_of(options) if due else None, []
     for name, command in due.items():
-        script, *words = command.format(database=database, data=options.data).split()
+        script, *words = shlex.split(command.format(database=database, data=options.data))
         print(f"{name}: bench {command}", flush=True)
         if subprocess.run([sys.executable, "-m", f"benchmarks.{script}", *words], cwd=ROOT, check=False).returncode:
             failed.append(name)

@@ -1,10 +1,13 @@
-"""Simulated inertial sensors on real motions: `depthmocap bench inertial [--split report] [--tracks 8]`.
+"""Tracks and inertial sensors: `depthmocap bench inertial PART`, which is one of
 
-Three parts. Calibration: true poses of the split's clips of HDM05, two sensors of 3 degrees of noise each, with and
-without one stretch of 30 % wrong frames, by how far the vertical moves about in the limb. Clock: the offset against
-true poses, one sensor by acceleration and all five by both signals. Errors: takes of the suite are tracked, one stretch
-per arm and leg replaced by the angles of another pose, calibrated on that very take and checked; so is the noise floor
-of the torso. `tune` is actor bk, `report` actor dg.
+- `real [--people 1,5]`: the wearable sensors of UTD-MHAD (`benchmarks/_inertial_real.py`).
+- `simulated [--split report] [--tracks 8]`: simulated sensors on real motions.
+
+The latter has three parts. Calibration: true poses of the split's clips of HDM05, two sensors of 3 degrees of noise
+each, with and without one stretch of 30 % wrong frames, by how far the vertical moves about in the limb. Clock: the
+offset against true poses, one sensor by acceleration and all five by both signals. Errors: takes of the suite are
+tracked, one stretch per arm and leg replaced by the angles of another pose, calibrated on that very take and checked;
+so is the noise floor of the torso. `tune` is actor bk, `report` actor dg.
 """
 
 from __future__ import annotations
@@ -17,7 +20,8 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks._record import save_figures
+from benchmarks._inertial_real import real
+from benchmarks._record import run_part, save_figures
 from benchmarks._rows import add_database_options, poses_of
 from toolkit import skeleton
 from toolkit.body.body import Body
@@ -253,9 +257,8 @@ def tracked(split: str, count: int, work: Path, poses: PoseDatabase) -> list[Any
     return found
 
 
-def main() -> None:
+def simulated(parser: argparse.ArgumentParser) -> None:
     """Simulate, calibrate, compare, print, write JSON."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--split", choices=tuple(ACTORS), default="tune", help="report is not for tuning")
     parser.add_argument("--clips", type=int, default=40, help="of the calibration part")
     parser.add_argument("--tracks", type=int, default=8, help="takes that are tracked for the other parts; 0 for none")
@@ -295,6 +298,11 @@ def _tracked_figures(options: argparse.Namespace) -> dict[str, Any]:
         "errors, robust": error_figures(rows, pool, "robust"),
         "errors, thesis": error_figures(rows, pool, "thesis"),
     }
+
+
+def main() -> None:
+    """Run the part that is asked for."""
+    run_part(__doc__, {"real": real, "simulated": simulated})
 
 
 if __name__ == "__main__":

@@ -11,6 +11,7 @@
   camera, already cut out; the image is the same however many there are. A frame is all that `Crowd.step` does, with a
   known body. The excess is the time over N times that of one person. The people of all counts take their frames in
   turn, so that what else the machine does falls on all alike.
+- `swarm`, `upper`: the swarm tracker and the particle filter (`benchmarks/_speed_wings.py`).
 """
 
 from __future__ import annotations
@@ -30,6 +31,7 @@ import numpy as np
 
 from benchmarks._record import percentiles, pin_to_one_processor, run_part, save_figures
 from benchmarks._rows import settings_of
+from benchmarks._speed_wings import swarm, upper
 from toolkit import skeleton
 from toolkit.body.shape import load_body, subject_body
 from toolkit.config import load_settings, parse_overrides
@@ -294,7 +296,7 @@ def crowd(parser: argparse.ArgumentParser) -> None:
 
 def main() -> None:
     """Run the part that is asked for."""
-    run_part(__doc__, {"hybrid": hybrid, "crowd": crowd})
+    run_part(__doc__, {"hybrid": hybrid, "crowd": crowd, "swarm": swarm, "upper": upper})
 
 
 if __name__ == "__main__":

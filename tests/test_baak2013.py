@@ -7,6 +7,7 @@ from functools import lru_cache
 import numpy as np
 import pytest
 
+from benchmarks._rows import ROWS, LocalTracker, make_tracker
 from tests.database_helpers import small_database
 from toolkit.body.shape import load_body
 from toolkit.config import load_settings
@@ -55,6 +56,14 @@ def test_the_config_builds_the_papers_tracker() -> None:
     tracker = follower()
     assert [search.name for search in tracker.searches] == ["local", "lookup"]
     assert SETTINGS.hypotheses == ("local", "extrema") and SETTINGS.extrema == 20 and SETTINGS.shape.seconds == 0.0
+
+
+@pytest.mark.parametrize("row", [name for name, (config, _) in ROWS.items() if config == "baak2013"])
+def test_the_rows_of_benchmarks_that_bear_the_papers_name_are_the_papers_tracker(row: str) -> None:
+    tracker = make_tracker(row, small_database())
+    assert isinstance(tracker, Baak2013Tracker) and isinstance(tracker, LocalTracker) == row.endswith("local")
+    wanted = {"baak2013": ["local", "lookup"], "baak2013 lookup": ["lookup"], "baak2013 local": ["local", "lookup"]}
+    assert [search.name for search in tracker.follower(CAMERA, LEVEL).searches] == wanted[row]
 
 
 @pytest.mark.parametrize("pose", POSES[1:])

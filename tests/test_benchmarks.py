@@ -13,6 +13,7 @@ import pytest
 
 from benchmarks import (
     _record,
+    _speed_wings,
     _takes,
     accuracy,
     lookup,
@@ -20,7 +21,6 @@ from benchmarks import (
     recovery,
     regressor,
     speed,
-    speed_wings,
     swarm,
     upper,
 )
@@ -191,9 +191,9 @@ def test_first_frames_are_counted_with_the_swarm_and_without(
 def test_the_swarms_time_is_told_by_stage_and_by_hypothesis(
     bundled: Path, work: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(speed_wings, "HYPOTHESES", 4)
-    monkeypatch.setattr(speed_wings, "IMAGES", ((30, 40),))
-    run(speed_wings, "swarm", "--frames", 3, "--rows", "swarm", "--work", work, monkeypatch=monkeypatch)
+    monkeypatch.setattr(_speed_wings, "HYPOTHESES", 4)
+    monkeypatch.setattr(_speed_wings, "IMAGES", ((30, 40),))
+    run(speed, "swarm", "--frames", 3, "--rows", "swarm", "--work", work, monkeypatch=monkeypatch)
     figures = json.loads((bundled / "speed_swarm.json").read_text())["figures"]
     assert list(figures["times"]) == ["swarm, 1", "swarm, 2"] and set(figures["hypothesis_us"]) == {"balls", "mesh"}
     assert set(figures["times"]["swarm, 1"]["stages"]) == {"prepare", "landmarks", "local", "swarm", "select"}
@@ -348,9 +348,9 @@ def test_of_people_in_a_row_nobody_hides_another() -> None:
 def test_the_particle_filters_frames_a_second_are_told(
     bundled: Path, work: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(speed_wings, "LEFT_OUT", 1)
+    monkeypatch.setattr(_speed_wings, "LEFT_OUT", 1)
     arguments = ("--groups", "cut", "--frames", 3, "--work", work, "--counts", "8")
-    run(speed_wings, "upper", *arguments, monkeypatch=monkeypatch)
+    run(speed, "upper", *arguments, monkeypatch=monkeypatch)
     assert json.loads((bundled / "speed_upper_part.json").read_text())["figures"]["8"]["frame_rate"] > 0
 
 

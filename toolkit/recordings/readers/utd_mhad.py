@@ -4,7 +4,7 @@
 u = 160 + f x / z, v = 120 - f y / z, f = 285.63 pixels. The source is mirrored: u' = 319 - u and x' = -x put it right.
 
 The files hold no times. The wearable sensors of the same clips say that their frames lie 53 ms apart (5 to 95 % of the
-clips: 47 to 59), not the 33 of a Kinect: `depthmocap bench inertial_real`.
+clips: 47 to 59), not the 33 of a Kinect: `depthmocap bench inertial real`.
 """
 
 from __future__ import annotations

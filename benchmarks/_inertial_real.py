@@ -1,4 +1,4 @@
-"""Tracks against real wearable sensors: `depthmocap bench inertial_real [--runs FOLDER] [--people 1,5]`.
+"""Tracks against real wearable sensors: `depthmocap bench inertial real [--runs FOLDER] [--people 1,5]`.
 
 The 108 shared recordings of UTD-MHAD carry one sensor each, on the right wrist or the right thigh, without times, north
 or a common clock. Per clip: the clock with its ratio by angular speed and acceleration; the correlation of the angular
@@ -113,9 +113,8 @@ def summary(clips: Sequence[ClipFigures]) -> dict[str, Any]:
     return found
 
 
-def main() -> None:
+def real(parser: argparse.ArgumentParser) -> None:
     """Track, synchronise, calibrate, compare, print, write JSON."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("data", nargs="?", type=Path, default=SENSORS, help="folder of *_inertial.mat")
     parser.add_argument("--recordings", type=Path, default=RECORDINGS, help="folder of *_depth.mat")
     parser.add_argument("--runs", type=Path, help="run folders of these recordings")
@@ -150,7 +149,3 @@ def main() -> None:
     figures = {"summary": table, "clips": [asdict(clip) for clip in clips]}
     whole = options.people == "1,3,5,7" and len(takes) == len(files)
     print("written:", save_figures("inertial_real" if whole else "inertial_real_part", figures, asdict(SYNC)))
-
-
-if __name__ == "__main__":
-    main()

@@ -1,4 +1,4 @@
-"""Time per frame of the swarm tracker and of the particle filter: `depthmocap bench speed_wings PART`, which is one of
+"""Time per frame of the swarm tracker and of the particle filter: two parts of `depthmocap bench speed`.
 
 - `swarm [--frames 60] [--threads 1,2]`: a simulated Kinect take with joints that are given: milliseconds per frame and
   stage of `configs/swarm.yaml` and `configs/qammaz.yaml` (the paper: 111 ms on a GPU, 5.3 s with serial drawing on it).
@@ -8,7 +8,7 @@
 - `upper [--counts 64,192,256]`: frames a second of the particle filter as a whole. One take of each group, its depth
   doubled to 640x480, by `configs/lopez2011.yaml`: the whole step from the depth image to the row, cutting out the
   person included; frames in which a first pose is looked for are counted apart. To quote them, ask for a core: `chrt -f
-  10 taskset -c 1 depthmocap bench speed_wings upper`.
+  10 taskset -c 1 depthmocap bench speed upper`.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks._record import percentiles, pin_to_one_processor, run_part, save_figures
+from benchmarks._record import percentiles, pin_to_one_processor, save_figures
 from benchmarks._rows import swarm_settings
 from benchmarks._takes import joints_of, prepared
 from toolkit.body.body import Body
@@ -203,12 +203,3 @@ def upper(parser: argparse.ArgumentParser) -> None:
               f"{values['frame_rate']:>11.1f}{values['first_ms']:>11.1f}  {values['stages_ms']}")  # fmt: skip
     whole = options.groups == ",".join(GROUPS)
     print("written:", save_figures(f"speed_upper{'' if whole else '_part'}", figures, {"first": options.first}))
-
-
-def main() -> None:
-    """Run the part that is asked for."""
-    run_part(__doc__, {"swarm": swarm, "upper": upper})
-
-
-if __name__ == "__main__":
-    main()
