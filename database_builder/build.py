@@ -13,7 +13,7 @@ import numpy as np
 
 from database_builder.pool import PosePool
 from database_builder.prior import learn_prior
-from database_builder.processes import process_pool, usable_processors
+from database_builder.processes import process_pool
 from database_builder.reading import (
     Source,
     find_sources,
@@ -30,6 +30,7 @@ from toolkit.files import check_output, free_folder, is_folder, locked, make_own
 from toolkit.mocap.clip import PoseClip
 from toolkit.mocap.procedural import SEATED_MOTIONS, procedural_clips
 from toolkit.progress import Progress
+from toolkit.workers import usable_processors
 
 THRESHOLD = 0.009
 """Metres in the unit of Eq. 5.1, 4 cm root mean square per joint: half of the paper's 1.8 cm. Below it the curve of

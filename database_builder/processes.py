@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager, nullcontext
 from itertools import islice
@@ -49,8 +48,3 @@ def process_pool(workers: int) -> Iterator[Callable[..., Iterator[Any]]]:
         raise DatabaseError(
             "a process of the build was killed, by lack of memory perhaps; use fewer workers"
         ) from error
-
-
-def usable_processors() -> int:
-    """Processors that this process may use."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1

@@ -34,6 +34,11 @@ def _watch(parent: int) -> None:
     os._exit(1)
 
 
+def usable_processors() -> int:
+    """Processors that this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
 @dataclass(frozen=True)
 class Task:
     """A function that is called in a worker process, which ends with the process that made the task."""

@@ -148,8 +148,11 @@ def _track_each(
     recordings: list[Path], output: Path, tracking: Tracking, guiding: Guiding, resume: bool, how: dict[str, Any]
 ) -> None:
     """One recording after the other, in this process; exit code 1 where one is not done."""
+    from toolkit.ahead import compile_beside
     from toolkit.cli.terminal import doing_words, progress_bars
     from toolkit.files import is_file
+
+    compile_beside()
     from toolkit.pipeline import Inputs, load_tracker, track_recordings
     from toolkit.runs import PEOPLE_FILE, load_people
 

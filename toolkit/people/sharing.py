@@ -30,7 +30,7 @@ def body_seeds(view: View, lens: Lens, bodies: Mapping[int, PredictedBody], gate
         vertices = np.ascontiguousarray(body.vertices, dtype=np.float64)
         projected = np.empty_like(vertices)
         raster.project(vertices, intrinsics, projected)
-        raster.rasterise(projected, np.asarray(body.faces, dtype=np.int64), inverse_depth, triangle)
+        raster.rasterise(projected, np.ascontiguousarray(body.faces, dtype=np.int64), inverse_depth, triangle)
         sharing.draw_body(inverse_depth, number, nearest, owner)
     sharing.nearest_owner(view.depth, view.foreground, nearest, owner, intrinsics, gate, seeds)
 
