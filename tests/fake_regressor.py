@@ -74,6 +74,7 @@ class FakeObserver:
         """See `Observer.observe`."""
         self.states.append(state)
         self.shown.timestamp = timestamp
+        self.shown.follows = state.previous is not None
         self.sizes.append(len(cloud))
         if state.timestamp is not None:
             self.shown.elapsed = timestamp - state.timestamp

@@ -341,8 +341,8 @@ def test_who_was_hidden_for_a_moment_goes_on_as_before_unless_somewhere_else_is_
 
     kept = followed(previous=Previous.of_pose(load_body("neutral"), pose_at(), before=pose_at()))
     for distances, source in (({1.0: NEAR, 2.0: FAR}, "local"), ({1.0: FAR, 2.0: NEAR}, "extrema")):
-        search = FakeSearch("first", answer)
-        person = follower([search], distances=distances, **kept)
+        search, observer = FakeSearch("first", answer), FakeObserver()
+        person = follower([search], distances=distances, observer=observer, **kept)
         person.step(None, 0.1, StageClock(STAGES))
         person.step(None, 0.2, StageClock(STAGES))
         assert person.state.last_seen is not None and person.state.last_seen.before is None
@@ -350,6 +350,9 @@ def test_who_was_hidden_for_a_moment_goes_on_as_before_unless_somewhere_else_is_
         result = step(person, timestamp=away)
         assert [state.previous is None for _, state, _ in search.asked] == [False, True][2 - asked :]
         assert SOURCES[result.source] == (source if asked == 2 else "extrema")
+        # Both searches see the one frame, and it was looked at as one that follows no other.
+        assert [seen is observer.shown for seen, _, _ in search.asked] == [True] * asked
+        assert [before.previous for before in observer.states] == [None]
         assert person.state.last_seen is None
 
 

@@ -117,6 +117,21 @@ def test_sure_votes_are_evidence_where_somebody_is_looked_for_and_while_a_body_i
     assert bool(observer.observe(cloud, 0.0, state(previous=previous)).evidence) == evidence
 
 
+def test_a_pose_of_before_a_gap_is_a_guess_that_the_frame_does_not_believe(
+    cloud: Cloud, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(Observation, "votes", JointEstimate(np.zeros((20, 3)), np.ones(20)))
+    last = Previous.of_pose(load_body("neutral"), np.zeros(skeleton.POSE_SIZE))
+    observer = replace(OBSERVER, vote_pull=30.0)
+    out_of_view = np.where(np.arange(20) < 4, 0.0, 1.0)
+    seen, after_gap = (
+        observer.observe(cloud, 0.2, state(in_view=out_of_view, timestamp=0.1, last_seen_at=0.0, **known))
+        for known in ({"previous": last}, {"last_seen": last})
+    )
+    assert seen.follows and not seen.evidence and seen.withheld is not None
+    assert not after_gap.follows and after_gap.evidence and after_gap.withheld is None
+
+
 class Votes:
     """A regressor that says what is in view."""
 

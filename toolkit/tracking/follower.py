@@ -151,7 +151,7 @@ class Follower(FollowedPerson):
         known = [] if went is None else [replace(state, previous=went)]
         bodies = (state.body,) if state.sized else self.sizes
         # A person who was hidden for a moment has not turned round meanwhile.
-        anew = state.previous is None and not known
+        anew = not observation.follows and not known
         scored: list[ScoredHypothesis] = []
         for told in (*known, *(replace(state, body=body) for body in bodies)):
             for search in self.searches:

@@ -92,8 +92,9 @@ class Observation:
     unobserved : bool (H, W), pixels that say nothing about the person, or None
     joints : the person's joints in the image, in pixels of the cloud's camera, or None
     observer : how it is looked at
-    anew : nothing is known of the frame before, so that the person may stand anywhere. Searches may be told where they
-        went out of sight a moment ago; all poses of a frame are compared with this one observation
+    follows : the frame before has a pose. It has none on a first frame, after a loss, and where the person was out of
+        sight for a moment: there the searches are told the last pose as one guess of several, and all guesses are
+        compared with this one observation, which believes none of them
     scale : size of the person against an adult
     """
 
@@ -108,7 +109,7 @@ class Observation:
     ) -> None:
         self.cloud, self.timestamp, self.unobserved, self.joints = cloud, timestamp, unobserved, joints
         self.observer, self._state = observer, state
-        self.anew = state.previous is None
+        self.follows = state.previous is not None
         self.scale = state.body.height / ADULT_HEIGHT
 
     @property
@@ -197,7 +198,7 @@ class Observation:
         """
         if self.observer.body != "auto":
             return LEG_LINKS if self.observer.body == "upper" else None
-        if self.anew or self._state.in_view is None or self.observer.learning:
+        if not self.follows or self._state.in_view is None or self.observer.learning:
             return None
         hidden = links_out_of_view(self._state.in_view)
         return hidden if hidden.any() else None
@@ -215,7 +216,7 @@ class Observation:
         """What is known of the frame besides its depth, and what the regressor is sure of."""
         observer = self.observer
         evidence = list(observer.guide.evidence(self.timestamp, self.cloud.rotation))
-        unsure = self.anew or observer.learning
+        unsure = not self.follows or observer.learning
         if observer.vote_pull > 0.0 and unsure and self.votes is not None:
             evidence.append(VotedJoints(self.votes, self.cloud.rotation, observer.vote_pull))
         return evidence
