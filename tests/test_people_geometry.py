@@ -1,0 +1,308 @@
+"""Parts of the finder that are geometry: the floor, candidates beside people and mirrors, seeds, who is meant."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from tests.sensing_scenes import KINECT, TOF, neutral, scene, standing, up_of_tilt
+from toolkit.errors import SegmentationError
+from toolkit.people.candidates import apart, beside, headless, in_a_mirror, shaped_alone
+from toolkit.people.floor import Floor, find_floor, find_known_floor
+from toolkit.people.one import ID, OneOfSeveral, meant_person
+from toolkit.people.settings import PeopleSettings
+from toolkit.people.sharing import body_seeds, stayed_seeds
+from toolkit.people.sighting import PredictedBody, Sighting
+from toolkit.people.stills import large_enough, people_and_furniture
+from toolkit.people.structure import Plane
+from toolkit.people.turned import quarter_turns
+from toolkit.people.view import Lens, View
+from toolkit.sensing.camera import level_rotation, rotated_points
+from toolkit.sensing.settings import SensingSettings
+
+SETTINGS = PeopleSettings()
+LEVEL = up_of_tilt(0.0)
+HEAD_HEIGHT = 1.63  # of the neutral body above the floor
+
+
+def view_of(depth_mm: np.ndarray, camera=KINECT, up: np.ndarray = LEVEL) -> tuple[Lens, View]:
+    """A frame in which all that is measured is foreground."""
+    lens = Lens(camera, up, SETTINGS.coarse_width, SensingSettings())
+    depth = lens.coarse(depth_mm)
+    return lens, lens.view(depth, depth > 0, np.zeros(depth.shape, dtype=np.bool_))
+
+
+def whole(who: np.ndarray, lens: Lens) -> np.ndarray:
+    return who[:: lens.step, :: lens.step]
+
+
+# The floor.
+
+
+@pytest.mark.parametrize(("tilt", "height"), [(0.3, 1.2), (0.4, 1.9), (0.6, 2.4)])
+def test_both_searches_find_the_floor_of_a_room_with_somebody_in_it(tilt, height):
+    depth_mm, _ = scene(TOF, ((0.3, 2.5),), tilt=tilt, height=height, wall=4.0, floor=True)
+    found, known = find_floor(depth_mm, TOF), find_known_floor(depth_mm, TOF, up_of_tilt(tilt))
+    assert found is not None and known is not None
+    assert np.degrees(np.arccos(found.up_camera @ up_of_tilt(tilt))) < 0.5
+    assert [found.height, known.height] == pytest.approx([height] * 2, abs=0.015)
+
+
+def test_a_wall_alone_and_an_empty_image_have_no_floor():
+    for depth_mm in (scene(TOF, (), wall=3.0)[0], np.zeros(TOF.shape, dtype=np.uint16)):
+        assert find_floor(depth_mm, TOF) is None
+        assert find_known_floor(depth_mm, TOF, LEVEL) is None
+
+
+def test_a_table_with_the_floor_below_it_is_not_the_floor():
+    tilt, up = 0.5, up_of_tilt(0.5)
+    depth_mm, _ = scene(TOF, (), tilt=tilt, height=1.6, floor=True)
+    table = scene(TOF, (), tilt=tilt, height=0.8, floor=True)[0]
+    depth_mm[80:, 30:140] = table[80:, 30:140]
+    floor = find_known_floor(depth_mm, TOF, up)
+    assert floor is not None and floor.height == pytest.approx(1.6, abs=0.015)
+
+
+def test_heights_above_the_floor_are_those_of_the_points():
+    rng = np.random.default_rng(0)
+    depth_mm = rng.integers(500, 4000, TOF.shape).astype(np.uint16)
+    floor = Floor(up_of_tilt(0.4), 1.3)
+    z = depth_mm * 1e-3
+    points = np.dstack([TOF.rays() * z[..., None], z])
+    np.testing.assert_allclose(floor.heights(TOF, depth_mm), points @ floor.up_camera + 1.3, atol=1e-5)
+
+
+# Candidates for a new person.
+
+
+def test_a_person_alone_has_the_shape_of_one_at_the_head_and_not_at_the_knees():
+    depth_mm, _ = scene(KINECT, ((0.0, 2.5),))
+    lens, view = view_of(depth_mm)
+    head = np.array([0.0, HEAD_HEIGHT - 1.2, -2.45])
+    assert shaped_alone(view, lens, head, SETTINGS)
+    assert not shaped_alone(view, lens, head - (0.0, 1.2, 0.0), SETTINGS)
+    board = np.where(np.arange(KINECT.height)[:, None] > 40, np.full(KINECT.shape, 2500), 0).astype(np.uint16)
+    lens, view = view_of(board)
+    assert not shaped_alone(view, lens, head, SETTINGS)
+
+
+@pytest.mark.parametrize("turn", [0.0, 1.1, 2.5])
+def test_beside_and_apart_are_horizontal_distances_whichever_way_round(turn):
+    place = np.array([0.2, 0.4, -2.0])
+    away = np.array([np.sin(turn), 0.0, np.cos(turn)])
+    for distance, near in ((SETTINGS.reach_still - 0.01, True), (SETTINGS.reach_still + 0.01, False)):
+        assert beside(place, [place + distance * away - (0.0, 3.0, 0.0)], SETTINGS) == near
+    assert not beside(place, [], SETTINGS)
+    assert apart(place, place + (SETTINGS.shoulder_distance + 0.01) * away, SETTINGS)
+    assert not apart(place, place + (SETTINGS.shoulder_distance - 0.01) * away, SETTINGS)
+    # What lies lower than it lies beside is a knee or a back, within a knee's reach.
+    low = np.array([0.0, -1.0, 0.0])
+    assert not apart(place, place + low + (SETTINGS.knee_reach - 0.01) * away, SETTINGS)
+    assert apart(place, place + low + (SETTINGS.knee_reach + 0.01) * away, SETTINGS)
+
+
+def test_bodies_that_hang_under_a_known_head_are_not_headless():
+    depth_mm, who = scene(KINECT, ((-0.8, 3.0), (0.8, 3.0)))
+    lens, view = view_of(depth_mm)
+    bodies = [whole(who, lens) == k for k in (1, 2)]
+    left = headless(view, bodies, [np.array([-0.8, 0.0, -2.95])], SETTINGS)
+    assert len(left) == 1 and left[0] is bodies[1]
+    assert len(headless(view, bodies, [], SETTINGS)) == 2
+
+
+@pytest.mark.parametrize(
+    ("place", "mirrored"),
+    [((0.5, 0.4, -4.0), True), ((0.5, 0.4, -2.0), False), ((1.5, 0.4, -4.0), False), ((0.5, 0.4, -3.2), False)],
+    ids=["the image", "the person", "beside it", "just behind the wall"],
+)
+def test_a_mirror_image_is_as_far_behind_the_wall_as_somebody_stands_before_it(place, mirrored):
+    lens, _ = view_of(np.zeros(KINECT.shape, dtype=np.uint16))
+    wall = Plane(np.array([0.0, 0.0, -1.0]), 3.0, 5.0)  # camera frame: z = 3 m
+    assert in_a_mirror(np.array(place), [np.array([0.5, 0.4, -2.0])], [wall], lens, SETTINGS) == mirrored
+
+
+# Seeds.
+
+
+def predicted(x: float, distance: float, up: np.ndarray = LEVEL) -> PredictedBody:
+    body = neutral()[0]
+    vertices = body.vertex_positions(standing(x, distance, 1.2)) @ level_rotation(up)
+    return PredictedBody(vertices, body.faces, body.height)
+
+
+def test_pixels_go_to_the_body_that_is_expected_there_and_one_behind_another_claims_nothing():
+    people = ((-0.1, 2.5), (0.25, 3.2))
+    depth_mm, who = scene(KINECT, people)
+    lens, view = view_of(depth_mm)
+    truth, seeds = whole(who, lens), np.zeros(view.depth.shape, dtype=np.int32)
+    bodies = {4 + k: predicted(*place) for k, place in enumerate(people)}
+    body_seeds(view, lens, bodies, SETTINGS.body_gate, seeds)
+    for number in (1, 2):
+        own = seeds[truth == number]
+        assert (own == 3 + number).mean() > 0.97
+        assert not (own == 6 - number).sum() > 5, "pixels of one body's rim"
+    assert not seeds[truth == 0].any()
+
+
+def test_what_is_farther_from_every_body_than_the_gate_and_what_is_taken_stay_as_they_are():
+    depth_mm, who = scene(KINECT, ((0.0, 2.5),))
+    lens, view = view_of(depth_mm)
+    seeds = np.zeros(view.depth.shape, dtype=np.int32)
+    body_seeds(view, lens, {1: predicted(0.0, 3.0)}, SETTINGS.body_gate, seeds)
+    assert not seeds.any()
+    seeds[whole(who, lens) == 1] = 9
+    body_seeds(view, lens, {1: predicted(0.0, 2.5)}, SETTINGS.body_gate, seeds)
+    assert set(np.unique(seeds)) == {0, 9}
+
+
+def test_torsos_that_stayed_are_seeds_and_outstretched_hands_are_not():
+    depth_mm, who = scene(KINECT, ((0.0, 2.5),))
+    lens, view = view_of(depth_mm)
+    stayed = np.where(whole(who, lens) == 1, 1, 0).astype(np.int32)
+    seeds = np.zeros(view.depth.shape, dtype=np.int32)
+    head = np.array([0.0, HEAD_HEIGHT - 1.2, -2.5])
+    stayed_seeds(view, stayed, [head], SETTINGS, seeds)
+    aside = np.hypot(view.points[..., 0] - head[0], view.points[..., 2] - head[2])
+    near_axis, measured = aside < SETTINGS.torso, stayed > 0
+    assert (seeds[measured & near_axis] == 1).all()
+    assert not seeds[measured & ~near_axis & (view.points[..., 1] < 0.0)].any()
+    assert (measured & ~near_axis).any()
+
+
+# People in a single image.
+
+
+class FakeJudge:
+    """Speaks for or against what is on the left of the image, and says nothing else."""
+
+    def __init__(self, odds: float) -> None:
+        self.odds = odds
+
+    def log_odds(self, depth: np.ndarray, camera: Any, rotation: np.ndarray, pixels: np.ndarray) -> np.ndarray:
+        """See `PersonJudge.log_odds`."""
+        return np.where(pixels % depth.shape[1] < depth.shape[1] // 2, self.odds, 0.0)
+
+
+@pytest.mark.parametrize(("odds", "sides"), [(0.0, [-1, 1]), (-9.0, [1])])
+def test_two_in_an_image_are_two_and_whom_the_judge_speaks_against_is_furniture(odds, sides):
+    depth_mm, who = scene(KINECT, ((-0.7, 2.6), (0.7, 3.0)))
+    lens, view = view_of(depth_mm)
+    people, furniture, labels = people_and_furniture(view, lens, SETTINGS, cut_out=True, judge=FakeJudge(odds))
+    assert sorted(np.sign(place[0]) for place in people) == sides
+    assert [np.sign(place[0]) for place in furniture] == ([] if odds == 0.0 else [-1])
+    truth = whole(who, lens)
+    for number, place in enumerate([*people, *furniture], start=1):  # furniture keeps its pixels
+        assert (labels[truth == (1 if place[0] < 0 else 2)] == number).mean() > 0.9
+
+
+def test_large_enough_is_area_and_height():
+    depth_mm, who = scene(KINECT, ((0.0, 2.5),))
+    lens, view = view_of(depth_mm)
+    body = whole(who, lens) == 1
+    rows = np.flatnonzero(body.any(axis=1))
+    band = body & (np.arange(len(body)) < rows[0] + 8)[:, None]
+    assert large_enough(view, lens, body, SETTINGS)
+    assert not large_enough(view, lens, band, SETTINGS)
+    assert np.ptp(view.points[band][:, 1]) < SETTINGS.least_height
+
+
+# Who is meant.
+
+
+class FakePeople:
+    """A finder that follows and finds what it is given."""
+
+    camera = KINECT
+    evidence: Mapping[int, Any] = {}
+
+    def __init__(self, frames: Sequence[Mapping[int, tuple[slice, float]]] = ()) -> None:
+        self.frames, self.told, self.lens = list(frames), {}, view_of(np.zeros(KINECT.shape, dtype=np.uint16))[0]
+
+    def coarse_pixel(self, u: float, v: float) -> tuple[int, int]:
+        return int(v) // self.lens.step, int(u) // self.lens.step
+
+    def follow(self, depth_mm: np.ndarray, timestamp: float) -> tuple[np.ndarray, np.ndarray]:
+        """Bands of columns of the image, 20 rows high, by person, at a distance."""
+        labels, depth = np.zeros(self.lens.camera.shape, dtype=np.int32), np.zeros(self.lens.camera.shape)
+        for number, (columns, distance) in self.frames[round(timestamp * 10)].items():
+            labels[20:40, columns], depth[20:40, columns] = number, distance
+        return labels, depth
+
+    def find(self, depth_mm: np.ndarray, timestamp: float, told: Mapping[int, Any]) -> tuple[Sighting, ...]:
+        self.told = told
+        return tuple(Sighting(k, np.full(KINECT.shape, k, np.float32), None, KINECT) for k in (1, 2, 3))
+
+
+class Frames:
+    """A recording of which nothing matters but the times."""
+
+    def __init__(self, timestamps: np.ndarray) -> None:
+        self.timestamps = timestamps
+
+    def __len__(self) -> int:
+        return len(self.timestamps)
+
+    def depth(self, i: int) -> None:
+        return None
+
+
+SMALL, LARGE = slice(10, 30), slice(60, 110)
+
+
+@pytest.mark.parametrize(("subject", "meant"), [("largest", 2), ("nearest", 1)])
+def test_of_two_it_is_the_larger_one_or_the_nearer(subject, meant):
+    finder = FakePeople([{1: (SMALL, 2.0), 2: (LARGE, 4.0)}] * 4)
+    sensing = SensingSettings(subject=subject)
+    assert meant_person(Frames(np.arange(4) / 10), finder, sensing) == meant
+
+
+@pytest.mark.parametrize(("together", "refused"), [(2, False), (3, True)])
+def test_two_are_one_too_many_who_are_seen_together_for_more_than_half_of_the_time(together, refused):
+    frames = [{2: (LARGE, 3.0)} | ({1: (SMALL, 3.0)} if k < together else {}) for k in range(4)]
+    sensing, recording = SensingSettings(subject="only"), Frames(np.arange(4) / 10)
+    if refused:
+        with pytest.raises(SegmentationError, match="2 people are in view"):
+            meant_person(recording, FakePeople(frames), sensing)
+    else:
+        assert meant_person(recording, FakePeople(frames), sensing) == 2
+
+
+def test_a_seed_means_whoever_is_at_the_pixel_in_the_first_frame_that_shows_anybody():
+    frames = [{}, {1: (SMALL, 3.0), 2: (LARGE, 3.0)}, {1: (LARGE, 3.0)}]
+    recording = Frames(np.arange(3) / 10)
+    step = FakePeople().lens.step
+    for column, meant in ((20, 1), (80, 2)):
+        sensing = SensingSettings(segment=f"seed:{step * column},{step * 30}")
+        assert meant_person(recording, FakePeople(frames), sensing) == meant
+    with pytest.raises(SegmentationError, match="nobody is found at the pixel"):
+        meant_person(recording, FakePeople(frames), SensingSettings(segment="seed:0,0"))
+
+
+def test_where_nobody_is_seen_some_id_is_meant():
+    assert meant_person(Frames(np.arange(2) / 10), FakePeople([{}, {}]), SensingSettings()) == ID
+
+
+def test_one_of_several_has_the_id_1_and_is_told_as_the_one_they_are():
+    finder = FakePeople()
+    one = OneOfSeveral(finder, 3)
+    (sighting,) = one.find(np.zeros(KINECT.shape, np.uint16), 0.0, {ID: "body"})
+    assert sighting.id == ID and sighting.depth[0, 0] == 3.0
+    assert finder.told == {3: "body"}
+    (empty,) = OneOfSeveral(finder, 7).find(np.zeros(KINECT.shape, np.uint16), 0.0, {})
+    assert empty.id == ID and not empty.depth.any() and finder.told == {}
+
+
+# Cameras on their side.
+
+
+@pytest.mark.parametrize("turns", [0, 1, 2, 3])
+def test_the_vertical_of_a_file_says_how_often_the_image_has_to_be_turned(turns):
+    up = rotated_points(np.array([0.0, -1.0, 0.0]), -turns)
+    recording = SimpleNamespace(options={}, vertical=SimpleNamespace(source="file", up_camera=up))
+    assert quarter_turns(recording) == turns
+    recording.options = {"rotate": 90}
+    assert quarter_turns(recording) == 0
