@@ -1,0 +1,146 @@
+"""Recordings' parts by themselves: raw depth put right, checks of arrays, rows inside NPZ files."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from toolkit.errors import RecordingError, UsageError
+from toolkit.recordings.arrays import recording_of
+from toolkit.recordings.checks import check_joints, check_timestamps
+from toolkit.recordings.npz_stream import MemberReader
+from toolkit.sensing.camera import Camera
+from toolkit.sensing.conversion import FARTHEST_MEDIAN_MM, NOTHING, DepthConverter, unit_in_metres
+
+CAMERA = Camera(40.0, 44.0, 9.5, 7.5, 20, 16)
+FILE = Path("recording.npz")
+
+
+def raw(kind: type = np.uint16, scale: float = 1.0) -> np.ndarray:
+    rng = np.random.default_rng(0)
+    return (rng.integers(800, 4000, CAMERA.shape) * scale).astype(kind)
+
+
+@pytest.mark.parametrize(
+    ("unit", "kind", "scale"), [("mm", np.uint16, 1.0), ("m", np.float64, 1e-3), (2e-4, np.uint16, 5.0)]
+)
+def test_every_unit_becomes_millimetres(unit: str | float, kind: type, scale: float) -> None:
+    converted = DepthConverter(unit).convert(raw(kind, scale), CAMERA, "frame 0")
+    assert converted.dtype == np.uint16
+    np.testing.assert_array_equal(converted, raw())
+
+
+def test_distances_to_the_camera_become_depths_along_z() -> None:
+    z = raw() * 1e-3
+    rays = CAMERA.rays()
+    points = np.dstack([rays * z[..., None], z])
+    distances = np.linalg.norm(points, axis=2)
+    converted = DepthConverter("m", radial=True).convert(distances, CAMERA, "frame 0")
+    assert np.abs(converted.astype(int) - raw()).max() <= 1
+
+
+def test_a_mirrored_image_is_flipped_and_a_mirrored_camera_sees_it_the_right_way_round() -> None:
+    converted = DepthConverter(mirrored=True).convert(raw(), CAMERA, "frame 0")
+    np.testing.assert_array_equal(converted, raw()[:, ::-1])
+
+
+@pytest.mark.parametrize("value", [np.nan, np.inf, -1.0, 70.0])
+def test_what_is_no_depth_is_no_measurement(value: float) -> None:
+    frame = raw(np.float64, 1e-3)
+    frame[3, 4] = value
+    converted = DepthConverter("m").convert(frame, CAMERA, "frame 0")
+    assert converted[3, 4] == 0 and np.count_nonzero(converted) == converted.size - 1
+
+
+def test_high_values_of_16_bits_mark_nothing() -> None:
+    frame = raw()
+    frame[0, 0], frame[0, 1] = NOTHING, 65535
+    assert DepthConverter().convert(frame, CAMERA, "frame 0")[0, :2].tolist() == [0, 0]
+
+
+def test_an_absurd_median_is_refused_with_the_unit_that_fits() -> None:
+    with pytest.raises(RecordingError, match="give --depth-unit m$"):
+        DepthConverter("mm").convert(raw(np.float32, 1e-3), CAMERA, "frame 0")
+    with pytest.raises(RecordingError, match="give --depth-unit mm"):
+        DepthConverter("m").convert(raw(), CAMERA, "frame 0")
+    nothing = np.zeros(CAMERA.shape, dtype=np.uint16)
+    converter = DepthConverter("mm")
+    converter.convert(nothing, CAMERA, "frame 0")
+    with pytest.raises(RecordingError):  # the first frame that holds a measurement is the one that is checked
+        converter.convert(np.full(CAMERA.shape, FARTHEST_MEDIAN_MM + 1).astype(np.uint16), CAMERA, "frame 1")
+
+
+@pytest.mark.parametrize(("unit", "metres"), [("mm", 1e-3), ("m", 1.0), ("0.0002", 2e-4), (0.01, 0.01)])
+def test_units_are_names_or_metres(unit: str | float, metres: float) -> None:
+    assert unit_in_metres(unit) == pytest.approx(metres)
+
+
+@pytest.mark.parametrize("unit", ["cm", 0, -1, "nan", 10])
+def test_other_units_are_refused(unit: str | float) -> None:
+    with pytest.raises(UsageError, match="--depth-unit"):
+        unit_in_metres(unit)
+
+
+@pytest.mark.parametrize(
+    ("times", "words"),
+    [
+        ([0.0, 1.0], "one per frame"),
+        ([0.0, 0.2, 0.1], "backwards"),
+        ([0.0, np.nan, 1.0], "not finite"),
+        ([5.0, 5.0, 5.0], "all timestamps"),
+        ([0.0, 33.0, 66.0], "not milliseconds"),
+    ],
+)
+def test_timestamps_that_cannot_be_are_named(times: list[float], words: str) -> None:
+    with pytest.raises(RecordingError, match=words):
+        check_timestamps(np.array(times), 3, FILE)
+
+
+def test_frames_at_one_time_and_single_frames_are_good() -> None:
+    assert check_timestamps(np.array([0, 0, 1], dtype=np.float32), 3, FILE).dtype == np.float64
+    assert check_timestamps(np.array([7.0]), 1, FILE).tolist() == [7.0]
+
+
+@pytest.mark.parametrize("shape", [(5, 20, 3), (2, 5, 20, 3)])
+def test_joints_are_copied_and_what_is_not_finite_is_unknown(shape: tuple[int, ...]) -> None:
+    given = np.zeros(shape)
+    given[..., 0, 0] = np.inf
+    checked = check_joints(given, 5, "joints", FILE)
+    assert checked is not None and np.isnan(checked[..., 0, 0]).all() and np.isfinite(checked[..., 1:, :]).all()
+    checked[:] = 1.0
+    assert given[..., 1:, :].max() == 0.0
+    with pytest.raises(RecordingError, match="joints of recording.npz"):
+        check_joints(given[..., :19, :], 5, "joints", FILE)
+    assert check_joints(None, 5, "joints", FILE) is None
+
+
+@pytest.mark.parametrize("save", [np.savez, np.savez_compressed])
+def test_rows_of_an_npz_file_come_in_any_order(tmp_path: Path, save: object) -> None:
+    depth = np.random.default_rng(1).integers(0, 5000, (6, 16, 20)).astype(np.uint16)
+    save(tmp_path / "rows.npz", depth=depth, other=np.zeros(3))  # type: ignore[operator]
+    reader = MemberReader(tmp_path / "rows.npz", "depth")
+    assert reader.shape == depth.shape and reader.dtype == depth.dtype
+    for i in (2, 3, 0, 5, 5):
+        np.testing.assert_array_equal(reader.row(i), depth[i])
+    np.testing.assert_array_equal(np.array(list(reader.rows())), depth)
+
+
+def test_rows_that_are_none_or_cut_off_are_refused(tmp_path: Path) -> None:
+    np.savez(tmp_path / "a.npz", text=np.array(["a"]), columns=np.asfortranarray(np.zeros((4, 5))), one=np.float64(1))
+    for name in ("text", "columns", "one", "missing"):
+        with pytest.raises(RecordingError):
+            MemberReader(tmp_path / "a.npz", name)
+
+
+def test_depth_in_memory_is_a_recording_in_the_unit_of_its_kind() -> None:
+    depth = np.stack([raw(), raw()])
+    options = {"intrinsics": (40.0, 44.0, 9.5, 7.5)}
+    for frames in (depth, depth * 1e-3):
+        recording = recording_of(frames, timestamps=np.array([0.0, 0.5]), **options)
+        np.testing.assert_array_equal(recording.depth(1), depth[1])
+    assert recording.timestamps.tolist() == [0.0, 0.5]
+    assert recording_of(depth, frame_rate=10.0, **options).timestamps.tolist() == pytest.approx([0.0, 0.1])
+    with pytest.raises(RecordingError, match="give numbers"):
+        recording_of(depth[0], **options)

@@ -1,0 +1,129 @@
+"""Where a person of a recording is begun: the surest of the frames that show most, in each time in sight."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from toolkit.body.shape import load_body
+from toolkit.fitting.shape import ShapeSettings
+from toolkit.people.sighting import Sighting
+from toolkit.sensing.camera import Camera
+from toolkit.tracking.follower import HELD
+from toolkit.tracking.planning import CHECKED, MOMENT_GAP, MOMENTS, SURVEYED, Planner, Survey, _around, _stretches
+from toolkit.tracking.state import PersonState
+
+CAMERA = Camera(50.0, 50.0, 4.5, 3.5, 10, 8)
+BODY = load_body("neutral")
+TIMES = np.arange(400) / 20  # 20 s
+SMALLEST = 100
+
+
+def test_the_best_frames_show_most_and_are_a_second_apart() -> None:
+    shown = np.array([1.0, 9.0, 8.0, 2.0, 7.0, 3.0])
+    survey = Survey(np.array([0, 20, 25, 40, 60, 80]), shown)
+    assert survey.best(2, 0, 100, TIMES) == [20, 60], "25 is a quarter of a second beside the best"
+    assert survey.best(9, 0, 100, TIMES) == [20, 60, 80, 40, 0]
+    assert survey.best(9, 25, 60, TIMES) == [25, 60]
+    assert survey.best(3, 61, 79, TIMES) == []
+    assert MOMENT_GAP == 1.0
+
+
+def test_who_is_out_of_sight_for_longer_than_a_moment_begins_anew() -> None:
+    gap = round(HELD * 20)
+    usable = np.array([5, 6, 7, 7 + gap, 8 + gap, 9 + 2 * gap])
+    assert _stretches(usable, TIMES) == [(5, 8 + gap), (9 + 2 * gap, 9 + 2 * gap)]
+    assert _stretches(np.array([3]), TIMES) == [(3, 3)]
+
+
+def test_a_body_is_learnt_of_the_nearest_frames_on_both_sides_evenly_spread() -> None:
+    settings = replace(ShapeSettings(), rate=2.0, seconds=3.0)
+    frames = _around(200, np.arange(400), TIMES, settings)
+    assert len(frames) == 6 and 200 in frames
+    for side in (frames[frames >= 200], frames[frames < 200]):  # 10 frames are half a second
+        assert len(side) == 3 and ((np.diff(side) >= 7) & (np.diff(side) <= 10)).all()
+    late = _around(390, np.arange(400), TIMES, settings)
+    assert late[-1] == 390 and late[0] < 350, "there is little after it"
+
+
+class FakeFollower:
+    """Sees what `shown` says in each frame, and its pose costs `costs` there."""
+
+    def __init__(self, shown: np.ndarray, costs: np.ndarray) -> None:
+        self._shown, self._costs = shown, costs
+        self.state, self.walked, self.stepped = PersonState.begin(BODY, sized=False, seed=0), None, []
+        self.scored: list[Any] = []
+
+    def shown(self, sighting: Sighting, timestamp: float) -> float:
+        return float(self._shown[round(timestamp * 20)])
+
+    def step(self, sighting: Sighting, timestamp: float, clock: object) -> None:
+        assert self.state.sized and self.state.body is BODY
+        self.stepped.append(round(timestamp * 20))
+        self.state = replace(self.state, timestamp=timestamp)
+        self.scored = [SimpleNamespace(price=self._costs[self.stepped[-1]] + extra) for extra in (0.5, 0.0)]
+
+    def cost(self, scored: Any) -> float:
+        return float(scored.price)
+
+
+class FakeSightings:
+    def __init__(self, frames: np.ndarray, pixels: np.ndarray) -> None:
+        self.frames, self.pixels, self.asked = frames, pixels, []
+
+    def __getitem__(self, frame: int) -> Sighting:
+        self.asked.append(frame)
+        assert frame in self.frames
+        return Sighting(1, np.zeros(CAMERA.shape, np.float32), None, CAMERA)
+
+
+def planned(
+    frames: np.ndarray, shown: np.ndarray, costs: np.ndarray, pixels: np.ndarray | None = None, **others: Any
+) -> tuple[Planner, FakeFollower, FakeSightings]:
+    follower = FakeFollower(shown, costs)
+    seen = FakeSightings(frames, np.full(len(frames), SMALLEST) if pixels is None else pixels)
+    learner = SimpleNamespace(follower=SimpleNamespace(walked=None))
+    planner = Planner(learner, follower, seen, TIMES, ("prepare", "landmarks", "select"), SMALLEST, BODY, **others)  # type: ignore[arg-type]
+    for _ in planner.run():
+        pass
+    return planner, follower, seen
+
+
+def test_each_time_in_sight_begins_at_its_surest_frame_and_others_are_checked() -> None:
+    frames = np.concatenate([np.arange(0, 100), np.arange(200, 300)])
+    shown, costs = np.ones(400), np.full(400, 0.2)
+    step = round(SURVEYED * 20)
+    best = {10 * step: 9.0, 16 * step: 8.0, 42 * step: 9.0, 48 * step: 8.0}
+    for frame, value in best.items():
+        shown[frame] = value
+    costs[16 * step], costs[42 * step] = 0.1, 0.1
+    planner, follower, _ = planned(frames, shown, costs)
+    plan = planner.plan
+    assert plan is not None and plan.body is BODY
+    assert plan.stretches.tolist() == [[0, 99, 16 * step], [200, 299, 42 * step]]
+    checked = plan.checks[:, 0].tolist()
+    assert {10 * step, 48 * step} <= set(checked) and not {16 * step, 42 * step} & set(checked)
+    assert [number for frame, number, _ in plan.checks] == [int(frame >= 200) for frame in checked]
+    assert len(checked) >= 2 * (5 // CHECKED)
+    assert len(follower.stepped) == 2 * MOMENTS
+    assert follower.state.timestamp is None, "the state is as it was before"
+
+
+def test_frames_that_show_too_few_pixels_are_left_out_and_without_any_there_is_no_plan() -> None:
+    frames = np.arange(0, 100)
+    pixels = np.where(frames < 50, SMALLEST - 1, SMALLEST)
+    planner, _, seen = planned(frames, np.ones(400), np.ones(400), pixels)
+    assert planner.plan is not None and min(seen.asked) == planner.plan.stretches[0, 0] == 50
+    planner, _, seen = planned(frames, np.ones(400), np.ones(400), np.zeros(100))
+    assert planner.plan is None and not seen.asked
+
+
+def test_followers_are_told_where_the_person_walks_in_the_frame_that_they_look_at() -> None:
+    walked = np.arange(800.0).reshape(400, 2)
+    planner, follower, seen = planned(np.arange(0, 60), np.ones(400), np.ones(400), walked=walked)
+    assert planner.plan is not None
+    assert follower.walked == pytest.approx(walked[seen.asked[-1]])
