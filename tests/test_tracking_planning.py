@@ -47,7 +47,7 @@ def test_a_body_is_learnt_of_the_nearest_frames_on_both_sides_evenly_spread() ->
     for side in (frames[frames >= 200], frames[frames < 200]):  # 10 frames are half a second
         assert len(side) == 3 and ((np.diff(side) >= 7) & (np.diff(side) <= 10)).all()
     late = _around(390, np.arange(400), TIMES, settings)
-    assert late[-1] == 390 and late[0] < 350, "there is little after it"
+    assert (late < 390).sum() == 4, "there is little after it"
 
 
 class FakeFollower:
