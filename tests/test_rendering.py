@@ -308,11 +308,13 @@ def save_run(run, recording, track, body):
     ).save(run)  # fmt: skip
 
 
-def test_a_run_is_drawn_from_its_folder(take, tmp_path):
+def test_a_run_is_drawn_from_its_folder_without_a_word_of_the_encoder(take, tmp_path, capfd, monkeypatch):
     recording, track, body = take
     run = tmp_path / "run"
     save_run(run, recording, track, body)
+    monkeypatch.setattr("toolkit.rendering.encoders.has_av", lambda: False)
     assert render_run(run, tmp_path / "film.webm").stat().st_size > 1000
+    assert capfd.readouterr().err == ""
 
 
 def test_a_half_resolution_run_is_drawn(take):

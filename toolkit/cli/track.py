@@ -139,7 +139,7 @@ def track(
         {
             ("report", str(output), "--output", "report.html"): "one page: film, body in three dimensions, plots",
             ("evaluate", str(output)): "error, where the recording knows the truth; time; states",
-            ("export", str(runs[0]), "--output", "motion.glb"): "for Blender, Unity, browsers; also .bvh, .c3d, .trc",
+            ("export", str(runs[0]), "--output", "motion.glb"): "for Blender, Unity, browsers; also .bvh, .trc, .csv",
         }
     )
 

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import importlib.util
-from collections.abc import Callable
+import os
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from fractions import Fraction
 from pathlib import Path
 from typing import Any, Protocol
@@ -90,12 +92,26 @@ class _AvEncoder:
         self._file.close()
 
 
+@contextmanager
+def _silence() -> Iterator[None]:
+    """Nothing that libraries print to the error stream is seen inside the block."""
+    kept = os.dup(2)
+    try:
+        with open(os.devnull, "wb") as nothing:
+            os.dup2(nothing.fileno(), 2)
+            yield
+    finally:
+        os.dup2(kept, 2)
+        os.close(kept)
+
+
 class _OpenCvEncoder:
     def __init__(self, path: Path, codec: str, rate: float, width: int, height: int) -> None:
         import cv2
 
         self._path, self._written = path, 0
-        self._writer = cv2.VideoWriter(str(path), cv2.VideoWriter.fourcc(*codec), rate, (width, height))
+        with _silence():  # it says of every WebM that the container names no codecs
+            self._writer = cv2.VideoWriter(str(path), cv2.VideoWriter.fourcc(*codec), rate, (width, height))
         if not self._writer.isOpened():
             raise OutputError(
                 f"OpenCV cannot encode {codec} here; name the output *.png for a contact sheet, "
