@@ -7,7 +7,9 @@ The latter has three parts. Calibration: true poses of the split's clips of HDM0
 each, with and without one stretch of 30 % wrong frames, by how far the vertical moves about in the limb. Clock: the
 offset against true poses, one sensor by acceleration and all five by both signals. Errors: takes of the suite are
 tracked, one stretch per arm and leg replaced by the angles of another pose, calibrated on that very take and checked;
-so is the noise floor of the torso. `tune` is actor bk, `report` actor dg.
+so is the noise floor of the torso. Drawn are the thesis's figures 7.12 (precision and recall over thresholds, the two
+kinds of truth in place of two annotators), 7.13 (rates of turn and accelerations) and 7.14 (wrong offsets). `tune` is
+actor bk, `report` actor dg.
 """
 
 from __future__ import annotations
@@ -20,8 +22,21 @@ from typing import Any
 
 import numpy as np
 
+from benchmarks._inertial_figures import (
+    add_frames,
+    example_of_offsets,
+    mean_told,
+    nothing_swept,
+    offset_figures,
+    plot_offsets,
+    plot_signals,
+    plot_thresholds,
+    signals_of,
+    swept_figures,
+    told_apart,
+)
 from benchmarks._inertial_real import real
-from benchmarks._record import run_part, save_figures
+from benchmarks._record import RESULTS, run_part, save_figures
 from benchmarks._rows import add_database_options, poses_of
 from toolkit import skeleton
 from toolkit.body.body import Body
@@ -197,7 +212,11 @@ def injected(poses: np.ndarray, pool: np.ndarray, rng: np.random.Generator) -> t
 def error_figures(
     tracks: Sequence[tuple[Track, Body, np.ndarray, Any]], pool: np.ndarray, method: str
 ) -> dict[str, Any]:
-    """Precision and recall of orientations off by over 45 degrees and of the injected stretches, per kind of limb."""
+    """Precision and recall of orientations off by over 45 degrees and of the injected stretches, per kind of limb; the
+    same over thresholds (Fig. 7.12), and how well orientations and raw signals tell wrong frames (Fig. 7.13).
+    """
+    swept = {name: nothing_swept() for name in GROUPS}
+    told: list[dict[str, float | None]] = []
     off = {name: Scores(0, 0, 0, 0) for name in GROUPS}
     stretches = {name: Scores(0, 0, 0, 0) for name in GROUPS}
     torso: list[np.ndarray] = []
@@ -228,12 +247,21 @@ def error_figures(
                 ramps |= (curve.times >= s.start - 5 / RATE) & (curve.times < s.start)
                 ramps |= (curve.times >= s.end) & (curve.times < s.end + 5 / RATE)
             kept = replace(curve, full=np.where(ramps, np.nan, curve.full))
+            inside = np.any([(curve.times >= s.start) & (curve.times < s.end) for s in own], axis=0)
+            add_frames(swept[kind], kept.full, {"off by 45 degrees": wrong, "injected": inside})
+            signals = signals_of(take, found, curve.limb)
+            apart = {name: np.linalg.norm(sensor - track, axis=1) for name, (sensor, track) in signals.items()}
+            told.append({name: told_apart(v, wrong) for name, v in {"orientation": curve.full, **apart}.items()})
+            if method == "robust" and seed == 0 and curve.limb == "left_shin":
+                plot_signals(curve.times, signals, wrong, RESULTS / "inertial_signals.png")
             stretches[kind] += frame_scores(kept, check.truth or (), np.nan_to_num(kept.full) > 30.0)
     floor = np.concatenate(torso)
     return {
         "off by 45 degrees, P, R": {name: [s.precision, s.recall] for name, s in off.items()},
         "injected frames, tau 30, P, R": {name: [s.precision, s.recall] for name, s in stretches.items()},
         "torso, mean and deviation": [float(floor.mean()), float(floor.std())],
+        "over thresholds": {name: swept_figures(own) for name, own in swept.items()},
+        "wrong frames told apart": mean_told(told),
     }
 
 
@@ -278,6 +306,11 @@ def simulated(parser: argparse.ArgumentParser) -> None:
         print(name)
         for key, value in part.items():
             print("  ", key, value)
+    offsets = example_of_offsets()
+    plot_offsets(*offsets, RESULTS / "inertial_offsets.png")
+    figures["wrong offsets"] = offset_figures(*offsets)
+    if options.tracks:
+        plot_thresholds(figures["errors, robust"]["over thresholds"], RESULTS / "inertial_thresholds.png")
     name = "inertial" if options.split == "report" else f"inertial_{options.split}"
     print("written:", save_figures(name, figures, asdict(NOISE)))
 

@@ -8,6 +8,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from benchmarks._inertial_figures import (
+    THRESHOLDS,
+    add_frames,
+    example_of_offsets,
+    nothing_swept,
+    offset_figures,
+    signals_of,
+    swept_figures,
+    told_apart,
+)
 from tests.inertial_scenes import FIVE, RATE, motion_of, poses_of, sensors_of, write_run
 from tests.test_inertial_clock import typed
 from toolkit import skeleton
@@ -36,30 +46,42 @@ def curve(values) -> Distances:
 
 
 def test_one_wrong_offset_shrinks_an_error_and_two_hide_it():
-    """The example of Fig. 7.14: 640 orientations, errors in frames 50 to 200 and 400 to 600."""
-    frames = np.arange(640)
-    steps = np.stack([np.sin(0.013 * frames), 0.8 * np.sin(0.021 * frames + 1), np.cos(0.017 * frames)], axis=1)
-    inertial = quat.exponential(1.2 * steps)
-    error = np.zeros((640, 3))
-    error[50:201, 0] = np.radians(70.0) * np.linspace(0, 1, 151)
-    error[400:601, 1] = np.radians(110.0) * np.sin(np.linspace(0, np.pi, 201))
-    tracked = quat.multiply(inertial, quat.exponential(error))
-    right = (error == 0).all(axis=1)
-
-    def distance(a, b):
-        return np.degrees(quat.angle(inertial, quat.multiply(quat.multiply(b, tracked), a)))
-
-    wrong_a, wrong_b = quat.exponential([1.1, -0.9, 0.7]), quat.exponential([-0.8, 1.3, 0.5])
-    true, one, two = (
-        distance(quat.IDENTITY, quat.IDENTITY),
-        distance(quat.IDENTITY, wrong_b),
-        distance(wrong_a, wrong_b),
-    )
+    """The example of Fig. 7.14."""
+    curves, right = example_of_offsets()
+    true, one, two = curves.values()
     assert true[right].max() < 1e-6
     assert true[200] == pytest.approx(70.0)
     assert one[right].std() < 1e-6, "one wrong offset shifts what is right by a constant"
     assert one[200] - one[right].mean() < 60.0, "and shrinks the error"
     assert two[right].std() > 10.0, "with two, what is right already looks like errors"
+    told = [row["told apart"] for row in offset_figures(curves, right).values()]
+    assert told[0] > 0.99 > told[1] > told[2]
+
+
+def test_frames_are_counted_against_each_truth_at_each_threshold():
+    full, wrong = np.array([5.0, 50.0, 80.0, np.nan]), np.array([False, True, True, True])
+    swept = nothing_swept()
+    add_frames(swept, full, {"off by 45 degrees": wrong, "injected": ~wrong})
+    found = swept_figures(swept)["off by 45 degrees"]
+    at = {float(threshold): place for place, threshold in enumerate(THRESHOLDS)}
+    assert (found["precision"][at[10.0]], found["recall"][at[10.0]]) == (1.0, 1.0)
+    assert found["recall"][at[60.0]] == 0.5
+
+
+def test_values_tell_frames_apart_as_often_as_pairs_are_in_order():
+    values, wrong = np.array([1.0, 2.0, 2.0, 3.0, np.nan]), np.array([False, False, True, True, True])
+    pairs = [(a > b) + 0.5 * (a == b) for a in (2.0, 3.0) for b in (1.0, 2.0)]
+    assert told_apart(values, wrong) == np.mean(pairs)
+    assert told_apart(values, np.zeros(5, dtype=bool)) is None
+
+
+def test_the_signals_of_a_sensor_on_a_right_track_are_those_of_the_track():
+    simulated = sensors_of()
+    take = Take(motion_of(), simulated.sensors, Clock(simulated.offset, simulated.rate))
+    found = calibrate([take])
+    for limb in ("left_shin", "right_forearm"):
+        for name, (sensor, track) in signals_of(take, found, limb).items():
+            assert np.median(np.abs(sensor - track)) < 0.3 * max(1.0, np.median(np.abs(track))), name
 
 
 def test_errors_have_hysteresis_and_short_ones_do_not_count():

@@ -19,7 +19,7 @@ from toolkit.inertial.suspicions import clock_suspicion, suspicions
 from toolkit.inertial.synchronise import SyncSettings, synchronise
 from toolkit.kernels.motion.inertial import correlation_over_lags, integrate
 from toolkit.rotations import quaternions as quat
-from toolkit.simulation.inertial import SensorNoise, Worn
+from toolkit.simulation.inertial import DECLINATION, SensorNoise, Worn, earth_field, simulate_sensors
 from toolkit.simulation.simulate import simulate_recording
 
 UP = np.array([0.0, 0.0, 1.0])
@@ -76,7 +76,7 @@ def test_the_kernel_that_integrates_is_its_plain_twin():
 @pytest.mark.parametrize("name", ("semaphore", "side_step", "knee_to_elbow"))
 def test_raw_measurements_become_orientations_up_to_the_heading(name):
     stream = sensors_of(name, noise="mtx").sensors.streams[3]
-    found = fused(replace(stream, rotations=None), FusionSettings())
+    found = fused(replace(stream, rotations=None, magnetic=None), FusionSettings())
     assert found.origin == FREE
     rows = np.flatnonzero(stream.valid)
     difference = quat.multiply(stream.rotations[rows], quat.conjugate(found.rotations[rows]))
@@ -94,6 +94,22 @@ def test_a_steady_field_ties_the_heading_to_north_and_a_disturbed_one_does_not()
     assert np.degrees(np.median(quat.angle(north.rotations, stream.rotations))) < 6.0
     disturbed = field * np.random.default_rng(0).uniform(0.3, 3.0, len(field))[:, None]
     assert fused(replace(stream, rotations=None, magnetic=disturbed), FusionSettings()).origin == FREE
+
+
+def test_the_earths_field_dips_and_declines_and_its_declination_is_taken_out():
+    field = earth_field(60.0, 30.0, 2.0)  # Eq. A.4 to A.7
+    np.testing.assert_allclose(field, [np.sqrt(3) / 2, -0.5, -np.sqrt(3)], atol=1e-9)
+    stream = sensors_of(noise=SensorNoise(gyro_bias=0.02)).sensors.streams[0]
+    raw = replace(stream, rotations=None)
+    off = {}
+    for declination in (0.0, DECLINATION, DECLINATION + 40.0):
+        found = fused(raw, FusionSettings(declination=declination))
+        assert found.origin == NORTH
+        turn = quat.logarithm(quat.multiply(found.rotations, quat.conjugate(stream.rotations)))
+        off[declination] = float(np.degrees(np.median(turn[:, 2])))
+    assert off[0.0] - off[DECLINATION] == pytest.approx(DECLINATION, abs=0.1)
+    assert off[DECLINATION] - off[DECLINATION + 40.0] == pytest.approx(40.0, abs=1.0)
+    assert abs(off[DECLINATION]) < 5.0
 
 
 def test_the_bias_is_what_a_gyroscope_says_at_rest():
@@ -172,7 +188,6 @@ def test_periodic_motion_is_refused_because_it_locks_a_period_off():
     poses = np.tile(poses_of()[:45], (5, 1))
     poses[-1, 6] += 0.01
     from toolkit.body.shape import subject_body
-    from toolkit.simulation.inertial import simulate_sensors
 
     simulated = simulate_sensors(subject_body("neutral"), poses, RATE, ["left_shin", "right_forearm"], "none")
     with pytest.raises(InertialError, match="agree nearly as well at two offsets"):

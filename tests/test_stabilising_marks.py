@@ -95,11 +95,11 @@ def test_marks_go_to_the_frames_that_were_aligned_with_their_columns():
 @pytest.mark.parametrize("number", DEMANDED)
 @pytest.mark.parametrize("value", (0, 1))
 def test_a_demand_is_the_gradient_of_its_energy_and_holds_where_the_feature_does(number, value):
-    (limb,) = LIMBS_OF_FEATURE[number - 1]
-    demands, violated = Demands(BODY, STANDING, MarkSettings(sigma=1.0)), 0
+    limb = LIMBS_OF_FEATURE[number - 1][0]
+    demands, violated = Demands(BODY, STANDING[None], np.zeros(1), MarkSettings(sigma=1.0)), 0
     for seed in range(60):
         pose = some_pose(seed)
-        term = demands.term(limb, demanded(number, value))
+        term = demands.term(limb, demanded(number, value), 0)
         assert term is not None
         poses = np.stack([STANDING, pose])
         on = native_features(from_poses(poses, BODY, 30.0, "two"))[number - 1, 1]
@@ -121,9 +121,29 @@ def test_a_demand_is_the_gradient_of_its_energy_and_holds_where_the_feature_does
 
 
 def test_nothing_is_demanded_of_a_limb_of_which_nothing_is_marked():
-    demands = Demands(BODY, STANDING)
-    assert demands.term("left_arm", demanded(7, 1)) is None
-    assert demands.term("right_arm", np.full(len(FEATURES), WILDCARD)) is None
+    demands = Demands(BODY, STANDING[None], np.zeros(1))
+    assert demands.term("left_arm", demanded(7, 1), 0) is None
+    assert demands.term("right_arm", np.full(len(FEATURES), WILDCARD), 0) is None
+    assert demands.term("left_arm", demanded(2, 1), 0) is None  # nothing is known of before
+
+
+@pytest.mark.parametrize(("number", "side"), ((1, "right"), (2, "left")))
+def test_a_hand_that_moves_to_the_front_is_pulled_before_its_place_of_shortly_before(number: int, side: str) -> None:
+    limb, times = f"{side}_arm", np.arange(5) / 30.0
+    demands = Demands(BODY, np.tile(STANDING, (5, 1)), times, MarkSettings(sigma=1.0))
+    term = demands.term(limb, demanded(number, 1), 4)
+    assert term is not None and demands.term(limb, demanded(number, 0), 4) is None
+    elbow, shoulder = (skeleton.JOINT_NAMES.index(f"{side}_{joint}") for joint in ("elbow", "shoulder"))
+    humerus = float(np.linalg.norm(BODY.joints[elbow] - BODY.joints[shoulder]))
+    assert term.residuals(STANDING)[0] == pytest.approx(1.3 * humerus * 0.1, rel=0.02)  # F1: 1.3 HL/s, for 3 frames
+    system = system_of(term, STANDING)
+    steps = 1e-6 * np.eye(skeleton.POSE_SIZE)[term.entries]
+    numeric = [(term.energy(STANDING + step) - term.energy(STANDING - step)) / 2e-6 for step in steps]
+    np.testing.assert_allclose(system.vector[term.entries], numeric, atol=2e-5)
+    after = descended(term, STANDING)
+    assert term.violation(after) < 0.1 * term.violation(STANDING)
+    moved = BODY.joint_positions(after) - BODY.joint_positions(STANDING)
+    assert moved[skeleton.REPORTED.index(f"{side}_wrist")][2] > 0.02  # z is forwards
 
 
 @pytest.mark.parametrize("leg", FEET)
@@ -181,7 +201,7 @@ def test_marks_of_a_file_take_the_place_of_those_of_their_classes(tmp_path):
         ("walk: []", "marks the class 'walk'; there are: bend"),
         ("bend: [{feature: 7, value: 1}]", "lacks columns"),
         ("bend: 2.5", "bend is 2.5; it must be a list"),
-        ("bend: [{feature: 9, value: 1, columns: [1, 2]}]", "names feature 9; used are 3, 4, 7"),
+        ("bend: [{feature: 9, value: 1, columns: [1, 2]}]", "names feature 9; used are 1, 2, 3, 4, 7"),
         ("bend: [{feature: 7, value: 2, columns: [1, 2]}]", "has the value 2; give 0 or 1"),
         ("bend: [{feature: 7, value: 1, columns: [1, 99]}]", "columns 1 to 99; give first and last within 1 to 9"),
         ("bend: [{feature: 7, value: 1, columns: [1, 2], template: 2}]", "names template 2; there are 1"),

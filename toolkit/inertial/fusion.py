@@ -32,6 +32,7 @@ class FusionSettings:
     still_seconds : a rest lasts at least so long; its mean rate is the bias
     most_bias : rad/s, a steadier turn that is faster is no rest
     steady_field : share by which the magnetic field's strength may differ from its median to be north
+    declination : degrees by which magnetic north lies east of the north that x points to; 0 has x to magnetic north
     """
 
     seconds: float = 1.5
@@ -39,6 +40,7 @@ class FusionSettings:
     still_seconds: float = 0.5
     most_bias: float = 0.1
     steady_field: float = 0.1
+    declination: float = 0.0
 
 
 def oriented(sensors: Sensors, settings: FusionSettings | None = None) -> Sensors:
@@ -113,7 +115,7 @@ def _smoothed(values: np.ndarray, sigma: float) -> np.ndarray:
 
 
 def _north(q: np.ndarray, magnetic: np.ndarray, settings: FusionSettings) -> np.ndarray | None:
-    """Turn about the vertical (N,) that brings x to magnetic north; None where the field is never steady.
+    """Turn about the vertical (N,) that brings x to the north; None where the field is never steady.
 
     The heading error is smoothed over the steady rows, since a gyroscope drifts slowly.
     """
@@ -125,4 +127,4 @@ def _north(q: np.ndarray, magnetic: np.ndarray, settings: FusionSettings) -> np.
     field = quat.rotate(q, magnetic / typical)
     horizontal = np.where(steady[:, None], field[:, :2], 0.0)
     smooth = _smoothed(horizontal, max(1.0, len(q) / 8.0))
-    return -np.unwrap(np.arctan2(smooth[:, 1], smooth[:, 0]))
+    return -np.unwrap(np.arctan2(smooth[:, 1], smooth[:, 0])) - np.radians(settings.declination)

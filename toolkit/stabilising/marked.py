@@ -61,10 +61,10 @@ def marked_terms(
     found: dict[int, list[ResidualTerm]] = {}
     if settings.weight == 0.0:
         return found
-    demands = Demands(source.body, told.poses[0], settings)
+    demands = Demands(source.body, told.poses, told.times, settings)
     for limb in LIMBS:
         for frame in np.flatnonzero(told.hidden[limb]).tolist():
-            term = demands.term(limb, priors[:, frame])
+            term = demands.term(limb, priors[:, frame], frame)
             if term is not None:
                 found.setdefault(frame, []).append(term)
     for leg in FEET:

@@ -63,7 +63,7 @@ def open_source(run: str | Path, *, recording: str | Path | None = None, databas
     track, info = Track.load(folder), RunInfo.load(folder)
     if (folder.resolve().parent / PEOPLE_FILE).exists():
         raise UsageError(f"{folder} is one of several people's runs; stabilise follows one person alone")
-    if info.tracker != "hybrid":
+    if info.tracker not in ("hybrid", "baak2013"):
         raise UsageError(f"{folder} was made by the tracker {info.tracker!r}; stabilise needs the hybrid one")
     config = folder / CONFIG_FILE
     if not is_inside(config):

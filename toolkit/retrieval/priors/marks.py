@@ -1,7 +1,8 @@
 """MT priors: entries of motion templates that say what a limb does, and what becomes of them in a track (thesis 6.4.1).
 
 Runs of equal entries of a template are marked by themselves; a file may mark others. Used is what can be demanded of
-single poses: bent and abducted joints, hands above the neck and lowered, and feet that rest.
+single poses: bent and abducted joints, hands above the neck and lowered, feet behind and before each other, and feet
+that rest; and that a hand moves to the front, of a pose and the place of that hand shortly before.
 """
 
 from __future__ import annotations
@@ -25,12 +26,16 @@ from toolkit.retrieval.priors.limbs import ENTRIES, LIMBS_OF_FEATURE
 from toolkit.retrieval.templates.quantised import WILDCARD, QuantisedTemplate, expand
 from toolkit.typed import TypedReader
 
-DEMANDED = (3, 4, 7, 8, 20, 21, 27, 28, 29, 30, 33, 34)
-"""Numbers of the features that a pose fulfils or not: hands above the neck, bent elbows and knees, abducted upper arms
-and thighs, lowered hands."""
+DEMANDED = (3, 4, 7, 8, 15, 16, 20, 21, 27, 28, 29, 30, 33, 34)
+"""Numbers of the features that a pose fulfils or not: hands above the neck, bent elbows and knees, a foot behind the
+other leg (0: it has moved to the front), abducted upper arms and thighs, lowered hands."""
+FORWARDS = (1, 2)
+"""Numbers of the features that are 1 where a hand moves to the front."""
+BEFORE = 0.125
+"""Seconds over which a hand has to move: half of what the velocity of these features is averaged over."""
 RESTING: dict[str, tuple[int, int]] = {"right_leg": (17, 25), "left_leg": (18, 26)}
 """Leg -> the features that are 0 where its foot rests: raised, and fast."""
-USED: tuple[int, ...] = tuple(sorted({*DEMANDED, *(number for pair in RESTING.values() for number in pair)}))
+USED: tuple[int, ...] = tuple(sorted({*DEMANDED, *FORWARDS, *(number for pair in RESTING.values() for number in pair)}))
 """Numbers of all features that are marked."""
 HINT = "write lines such as `kick: [{feature: 26, value: 0, columns: [22, 58]}]`"
 
@@ -165,23 +170,29 @@ class Demands:
     Parameters
     ----------
     body : whose poses are fitted
-    pose : float64 (P,), in which its lengths are measured, as features do it in the first frame
+    poses, times : float64 (T, P) and (T,), seconds, the track so far; lengths are measured in its first frame, as
+        features do it
     settings : see `MarkSettings`
     """
 
-    def __init__(self, body: Body, pose: np.ndarray, settings: MarkSettings | None = None) -> None:
+    def __init__(self, body: Body, poses: np.ndarray, times: np.ndarray, settings: MarkSettings | None = None) -> None:
         self.settings = settings or MarkSettings()
+        self._poses, self._times = poses, times
         self._features = FrameFeatures(body, FEATURE_RATE)
-        self._features.measure(self._features.joints(pose)[0])
+        self._features.measure(self._features.joints(poses[0])[0])
 
-    def term(self, limb: str, priors: np.ndarray) -> ResidualTerm | None:
+    def term(self, limb: str, priors: np.ndarray, frame: int) -> ResidualTerm | None:
         """How far a limb is beyond what tracking priors (40,) of one frame demand; None where they say nothing of it.
 
-        A feature that is 1 demands its loose threshold, one that is 0 that its strict one is not passed.
+        A feature that is 1 demands its loose threshold, one that is 0 that its strict one is not passed. A hand that
+        moves to the front is at least so far before its place in the track `BEFORE` that frame as its loose velocity
+        takes it meanwhile; one that does not is free.
         """
-        rows = np.array([
-            number - 1 for number in DEMANDED if priors[number - 1] >= 0 and limb in LIMBS_OF_FEATURE[number - 1]
-        ], dtype=np.int64)  # fmt: skip
+        before = int(np.searchsorted(self._times, self._times[frame] - BEFORE - 1e-6))
+        seconds = float(self._times[frame] - self._times[before])
+        wanted = [number for number in DEMANDED if priors[number - 1] >= 0]
+        wanted += [number for number in FORWARDS if priors[number - 1] == 1 and seconds > 0.0]
+        rows = np.array([n - 1 for n in wanted if limb in LIMBS_OF_FEATURE[n - 1]], dtype=np.int64)
         if not len(rows):
             return None
         on = priors[rows] == 1
@@ -190,10 +201,15 @@ class Demands:
         sides = np.where(on == rising, -1.0, 1.0)  # -1: at least the bound, 1: at most
         degrees = np.array([FEATURES[row].unit == "deg" for row in rows])
         scales = sides * np.where(degrees, np.radians(1.0) * self.settings.lever, 1.0)
+        moving = np.isin(rows + 1, FORWARDS)
+        scales[moving] *= seconds
+        # In a motion of two frames every velocity is their difference, as far apart as two columns of features are.
+        rates = np.where(moving, 1.0 / (FEATURE_RATE * seconds) if seconds else 0.0, 1.0)
+        earlier = self._features.joints(self._poses[before])
 
         def residuals(pose: np.ndarray) -> np.ndarray:
-            joints, axis = self._features.joints(pose)
-            values = self._features.quantities(joints[None], axis[None], 0, rows)
-            return np.maximum(scales * (values - bounds), 0.0)
+            joints, axes = (np.stack(pair) for pair in zip(earlier, self._features.joints(pose), strict=True))
+            values = self._features.quantities(joints, axes, 1, rows)
+            return np.maximum(scales * (rates * values - bounds), 0.0)
 
         return ResidualTerm(self.settings.weight, self.settings.sigma, ENTRIES[limb], residuals)

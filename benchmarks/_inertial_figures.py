@@ -1,0 +1,174 @@
+"""Figures 7.12 to 7.14 of the thesis, of simulated sensors: thresholds, signals that tell no errors, wrong offsets."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from toolkit.evaluation.orientations import THRESHOLDS
+from toolkit.files import atomic_path
+from toolkit.inertial.calibrate import Take
+from toolkit.inertial.calibration import Calibration
+from toolkit.inertial.stream import GRAVITY
+from toolkit.retrieval.annotation.measures import Scores
+from toolkit.rotations import quaternions as quat
+
+SWEPT = {"precision": "black", "recall": "tab:red", "f": "tab:green"}
+"""Figures over thresholds and their colours."""
+TRUTHS = {"off by 45 degrees": "-", "injected": "--"}
+"""What counts as an error, in the place of the thesis's two annotators, and its line."""
+Swept = dict[str, list[Scores]]
+"""Of each of `TRUTHS` the scores at each of `THRESHOLDS`."""
+SIGNALS = ("orientation", "rate of turn", "acceleration")
+
+
+def nothing_swept() -> Swept:
+    """Without any frame."""
+    return {truth: [Scores(0, 0, 0, 0) for _ in THRESHOLDS] for truth in TRUTHS}
+
+
+def add_frames(swept: Swept, full: np.ndarray, truths: Mapping[str, np.ndarray]) -> None:
+    """Count frames of one curve (T,), degrees, NaN where it is unknown, against what is an error in them, bool (T,)."""
+    known = np.isfinite(full)
+    for name, wrong in truths.items():
+        for place, threshold in enumerate(THRESHOLDS):
+            found = np.nan_to_num(full) > threshold
+            both = int((wrong & found & known).sum())
+            swept[name][place] += Scores(both, int((found & known).sum()), both, int((wrong & known).sum()))
+
+
+def swept_figures(swept: Swept) -> dict[str, Any]:
+    """As JSON."""
+    return {truth: {key: [getattr(s, key) for s in scores] for key in SWEPT} for truth, scores in swept.items()}
+
+
+def plot_thresholds(kinds: Mapping[str, Mapping[str, Any]], path: Path) -> None:
+    """Fig. 7.12: precision, recall and F over thresholds, a panel for each kind of limb."""
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(4.0 * len(kinds), 3.4), layout="constrained")
+    for panel, (kind, truths) in zip(np.atleast_1d(figure.subplots(1, len(kinds))), kinds.items(), strict=True):
+        for truth, line in TRUTHS.items():
+            for key, colour in SWEPT.items():
+                panel.plot(THRESHOLDS, truths[truth][key], line, color=colour, label=f"{key}, {truth}")
+        panel.set(title=kind, xlabel="threshold, degrees", ylim=(0, 1.02))
+        panel.grid(alpha=0.3)
+    figure.axes[0].legend(fontsize=6)
+    _save(figure, path)
+
+
+def signals_of(take: Take, calibration: Calibration, limb: str) -> dict[str, tuple[np.ndarray, np.ndarray]]:
+    """Rates of turn, rad/s, and accelerations, m/s2, in the limb's frame: the sensor's and the track's, (T, 3) each.
+
+    The track's are differences of its frames; the sensor's are brought into the limb's frame by its mounting `q_L`.
+    """
+    stream = next(stream for stream in take.sensors if stream.name == limb)
+    assert stream.gyro is not None and stream.acceleration is not None  # simulated
+    moments = take.clock.sensor_times(take.motion.times)
+
+    def measured(values: np.ndarray) -> np.ndarray:
+        columns = [np.interp(moments, stream.times[stream.valid], column) for column in values[stream.valid].T]
+        return quat.rotate(calibration.mounting(limb), np.stack(columns, axis=1))
+
+    times, orientation = take.motion.times, take.motion.orientation(limb)
+    turned = quat.angular_velocity(orientation, times)
+    path = take.motion.middle(limb)
+    pulled = np.gradient(np.gradient(path, times, axis=0), times, axis=0) + [0.0, GRAVITY, 0.0]
+    return {
+        "rate of turn": (measured(stream.gyro), np.concatenate([turned, turned[-1:]])),
+        "acceleration": (measured(stream.acceleration), quat.rotate(quat.conjugate(orientation), pulled)),
+    }
+
+
+def told_apart(values: np.ndarray, wrong: np.ndarray) -> float | None:
+    """Probability that a wrong frame has a greater value than a right one (ties count half), None without both."""
+    values, wrong = values[np.isfinite(values)], wrong[np.isfinite(values)]
+    if not wrong.any() or wrong.all():
+        return None
+    from scipy.stats import rankdata
+
+    ranks = rankdata(values)[wrong]
+    return float((ranks.sum() - len(ranks) * (len(ranks) + 1) / 2) / (len(ranks) * (~wrong).sum()))
+
+
+def plot_signals(
+    times: np.ndarray, signals: Mapping[str, tuple[np.ndarray, np.ndarray]], wrong: np.ndarray, path: Path
+) -> None:
+    """Fig. 7.13: three components of each signal by the sensor (red) and the track (black), wrong frames shaded."""
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(11, 9), layout="constrained")
+    panels = figure.subplots(3 * len(signals), 1, sharex=True)
+    for row, (name, (sensor, track)) in enumerate(signals.items()):
+        for axis, panel in enumerate(panels[3 * row : 3 * row + 3]):
+            panel.plot(times, sensor[:, axis], color="tab:red", lw=0.9)
+            panel.plot(times, track[:, axis], color="black", lw=0.9)
+            panel.fill_between(times, *panel.get_ylim(), where=wrong, color="0.85", lw=0, zorder=0)
+            panel.set_ylabel(f"{name}, {'xyz'[axis]}", fontsize=7)
+    panels[-1].set_xlabel("time, s")
+    _save(figure, path)
+
+
+def example_of_offsets() -> tuple[dict[str, np.ndarray], np.ndarray]:
+    """Fig. 7.14: distances (640,), degrees, with right offsets, with one and with two wrong ones; and right frames.
+
+    640 orientations, of which those of frames 50 to 200 and 400 to 600 are tracked wrongly.
+    """
+    frames = np.arange(640)
+    steps = np.stack([np.sin(0.013 * frames), 0.8 * np.sin(0.021 * frames + 1), np.cos(0.017 * frames)], axis=1)
+    inertial = quat.exponential(1.2 * steps)
+    error = np.zeros((640, 3))
+    error[50:201, 0] = np.radians(70.0) * np.linspace(0, 1, 151)
+    error[400:601, 1] = np.radians(110.0) * np.sin(np.linspace(0, np.pi, 201))
+    tracked = quat.multiply(inertial, quat.exponential(error))
+
+    def distance(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+        """Eq. 7.17."""
+        return np.degrees(quat.angle(inertial, quat.multiply(quat.multiply(b, tracked), a)))
+
+    a, b = quat.exponential([1.1, -0.9, 0.7]), quat.exponential([-0.8, 1.3, 0.5])
+    curves = {
+        "both offsets right": distance(quat.IDENTITY, quat.IDENTITY),
+        "one wrong": distance(quat.IDENTITY, b),
+        "both wrong": distance(a, b),
+    }
+    return curves, (error == 0.0).all(axis=1)
+
+
+def plot_offsets(curves: Mapping[str, np.ndarray], right: np.ndarray, path: Path) -> None:
+    """The curves below each other, wrong frames shaded."""
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(9, 5), layout="constrained")
+    for panel, (name, values) in zip(figure.subplots(len(curves), 1, sharex=True), curves.items(), strict=True):
+        panel.plot(values, color="black", lw=1.0)
+        panel.fill_between(np.arange(len(values)), 0.0, 180.0, where=~right, color="0.85", lw=0, zorder=0)
+        panel.set(ylim=(0, 180), ylabel="degrees")
+        panel.set_title(name, fontsize=9, loc="left")
+    figure.axes[-1].set_xlabel("frame")
+    _save(figure, path)
+
+
+def offset_figures(curves: Mapping[str, np.ndarray], right: np.ndarray) -> dict[str, Any]:
+    """How well a threshold would tell wrong frames, and what frame 200, which is off by 70 degrees, says."""
+    return {
+        name: {
+            "told apart": told_apart(np.round(values, 6), ~right),
+            "right frames, degrees": [float(values[right].mean()), float(values[right].std())],
+            "frame 200, over right frames": float(values[200] - values[right].mean()),
+        }
+        for name, values in curves.items()
+    }
+
+
+def mean_told(told: Sequence[dict[str, float | None]]) -> dict[str, float]:
+    """Means over limbs and takes of what is known of each signal."""
+    return {name: float(np.mean([row[name] for row in told if row[name] is not None])) for name in SIGNALS}
+
+
+def _save(figure: Any, path: Path) -> None:
+    with atomic_path(path) as temporary:
+        figure.savefig(temporary, dpi=110)
