@@ -62,6 +62,7 @@ COMMANDS: dict[str, str] = {
     "motion_model": "motion_model {data} --seeds 3 --curve",
     "by_example": "by_example {data}",
     "keyframe_search": "keyframes search {data}",
+    "keyframe_ranking": "keyframes ranking {data}",
     "keyframe_learning": "keyframes learning {data}",
     "index_scale": "scale index {data}",
     "scale": "scale recordings --recordings 12 --database {database}",

@@ -8,10 +8,14 @@ import numpy as np
 import pytest
 
 from benchmarks import _keyframe_corpus as corpus
+from benchmarks import _keyframe_ranking as ranking
 from benchmarks import annotation, keyframes
 from tests.retrieval_motions import random_motion
-from toolkit.retrieval.features.relational import FeatureMatrix
+from toolkit.retrieval.annotation.annotator import PreparedTemplate
+from toolkit.retrieval.features.relational import FeatureMatrix, relational_features
+from toolkit.retrieval.keyframes.query import Keyframe, KeyframeQuery
 from toolkit.retrieval.search.find import HitRanges
+from toolkit.retrieval.templates.quantised import QuantisedTemplate
 
 
 def document(name: str, frames: int, *segments: tuple[int, int, str]) -> corpus.LabelledDocument:
@@ -29,6 +33,37 @@ def test_alternatives_are_judged_by_what_any_of_them_leaves() -> None:
     assert (share, touched, half) == (0.2, 1.0, 0.5)
     assert keyframes.quality(found[:1], documents, [0], "hop") == (0.1, 0.5, 0.5)
     assert keyframes.relevant_share(documents, [0], "hop") == 0.2
+
+
+def test_ranked_hits_find_each_motion_once_and_precision_falls_with_wrong_ones() -> None:
+    documents = [document("a", 100, (10, 20, "hop"), (50, 60, "hop"), (70, 90, "kick"))]
+    found = [ranking.Hit(0.1, 0, 11, 21), ranking.Hit(0.2, 0, 12, 19), ranking.Hit(0.3, 0, 52, 80)]
+    right, relevant = ranking.right_ones(found, documents, "hop")
+    assert right.tolist() == [True, False, True] and relevant == 2
+    curve = ranking.precisions(right, relevant)
+    assert curve[ranking.RECALLS <= 0.5].min() == 1.0
+    np.testing.assert_allclose(curve[ranking.RECALLS > 0.51], 2 / 3)
+    assert not ranking.precisions(np.zeros(0, dtype=bool), 3).any()
+
+
+def test_hits_of_a_template_do_not_overlap_and_the_cheapest_comes_first() -> None:
+    features = relational_features(random_motion(3))
+    clip = features.sliced(20, 40)
+    template = PreparedTemplate(QuantisedTemplate("x", clip.values.astype(np.int8), np.ones(20)))
+    documents = [corpus.LabelledDocument(features, "bd", ())]
+    found = ranking.ranked(template, documents, hits((0, 0, 60)))
+    assert found[0] == ranking.Hit(0.0, 0, 20, 40)
+    assert [hit.cost for hit in found] == sorted(hit.cost for hit in found)
+    spans = sorted((hit.start, hit.stop) for hit in found)
+    assert all(a[1] <= b[0] for a, b in zip(spans, spans[1:], strict=False))
+
+
+def test_one_stiffness_for_all_gaps_keeps_keyframes_of_one_frame_together() -> None:
+    keyframe = Keyframe("upper", (("F1", 1),))
+    query = KeyframeQuery((keyframe,) * 3, ((0, 0), (5, 20)), 1, 2, "hop")
+    assert ranking.stiffened(query, 1.0).bounds == ((0, 0), (10, 10))
+    assert ranking.stiffened(query, 0.0).bounds == ((0, 0), (0, None))
+    assert ranking.stiffened(query, 0.5) == KeyframeQuery((keyframe,) * 3, ((0, 0), (5, 20)), 1, 2)
 
 
 def test_the_summary_sets_data_left_against_what_is_relevant() -> None:
