@@ -145,7 +145,8 @@ def _row(
     precise = precisions(right, relevant)
     return {
         "stiffness": kind, "label": query.label, "relevant": relevant, "frames": reduced.frames,
-        "cells": reduced.frames * prepared.length, "milliseconds": 1000.0 * spent, "left": reduced.frames / index.frames,
+        "cells": reduced.frames * prepared.length, "milliseconds": 1000.0 * spent,
+        "left": reduced.frames / index.frames,
         "recall": float(right.sum() / max(relevant, 1)), "precisions": precise.tolist(),
     }  # fmt: skip
 

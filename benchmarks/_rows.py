@@ -12,6 +12,7 @@ import numpy as np
 
 from database_builder.build import THRESHOLD
 from database_builder.regressor import RegressorSettings
+from toolkit import skeleton
 from toolkit.body.body import Body
 from toolkit.config import load_settings
 from toolkit.database.database import PoseDatabase
@@ -23,7 +24,10 @@ from toolkit.hybrid.settings import HybridSettings
 from toolkit.hybrid.tracker import HybridTracker
 from toolkit.kernels import linear
 from toolkit.people.sighting import PredictedBody, Sighting
-from toolkit.qammaz.tracker import SwarmTrackerSettings
+from toolkit.qammaz.discrepancy import Discrepancy
+from toolkit.qammaz.search import ANGLES, SwarmSearch
+from toolkit.qammaz.swarm import minimise
+from toolkit.qammaz.tracker import SwarmTracker, SwarmTrackerSettings
 from toolkit.sensing.camera import Camera
 from toolkit.testing.suite import LONGEST, WORK, database
 from toolkit.track import FrameResult
@@ -81,6 +85,7 @@ SWARM_ROWS: dict[str, tuple[str, dict[str, Any]]] = {
     "no perturbation": ("swarm", PLAIN),
     "swarm alone": ("swarm", {"hypotheses": ["swarm"]}),
     "qammaz": ("qammaz", {}),
+    "qammaz two phases": ("qammaz", {}),
     "qammaz depth": ("qammaz", NO_JOINTS),
     "qammaz joints": ("qammaz", NO_IMAGE),
     "qammaz 2D": ("qammaz", {**NO_IMAGE, "discrepancy.joints_3d": 0.0}),
@@ -88,7 +93,8 @@ SWARM_ROWS: dict[str, tuple[str, dict[str, Any]]] = {
     **{f"w_D {w:g}": ("qammaz", {"discrepancy.depth": w / 3.0}) for w in WEIGHTS},
     **{f"plain w_D {w:g}": ("qammaz", {"discrepancy.depth": w / 3.0, **PLAIN}) for w in WEIGHTS},
 }
-"""Name of the row, shipped settings that it starts from, and overrides."""
+"""Name of the row, shipped settings that it starts from, and overrides. `qammaz two phases` goes on from each solution
+with a second swarm on the depth alone (3.3), see `TwoPhaseTracker`."""
 
 NOWHERE = 1e6
 """Metres from the camera: beyond every gate."""
@@ -226,6 +232,32 @@ class UnsharingTracker(HybridTracker):
     kind = UnsharingFollower
 
 
+class TwoPhaseSearch(SwarmSearch):
+    """A swarm, and around its solution a second one, whose objective is the depth term alone (Qammaz, 3.3)."""
+
+    def _finished(self, frame: Any, body: Body, costs: Discrepancy, position: np.ndarray) -> Any:
+        """The solution of the second phase as a pose."""
+        pose, s = costs.pose_of(position), self._settings
+        settings = replace(self._discrepancy, joints_2d=0.0, joints_3d=0.0)
+        depth = frame.discrepancy(body, pose, settings, previous=True)
+        starts, half = depth.position_of(pose[None]), np.full(len(pose), s.window)
+        half[skeleton.ROOT_POSITION] = s.reach
+        limits = self._window(starts[0], half)
+        # Of its own randomness, so that the first phase is that of the row beside it.
+        rng = np.random.default_rng(0)
+        second = minimise(depth, starts, limits, self._swarm, rng, perturbed=ANGLES).position
+        return super()._finished(frame, body, depth, second)
+
+
+class TwoPhaseTracker(SwarmTracker):
+    """The paper's tracker with a second phase."""
+
+    def searches(self, objective: Objective, refiner: Refiner) -> tuple[Search, ...]:
+        """See `SwarmTracker.searches`."""
+        s = self.settings
+        return (TwoPhaseSearch(s.search, s.swarm, s.discrepancy, objective, refiner),)
+
+
 def settings_of(row: str, overrides: Mapping[str, Any] | None = None) -> HybridSettings:
     """Settings of a row with overrides on top."""
     config, own = ROWS[row]
@@ -265,6 +297,8 @@ KINDS: dict[str, type[HybridTracker]] = {
     "no sharing": UnsharingTracker,
 }
 """What is built for a row, where it is no plain hybrid tracker."""
+SWARM_KINDS: dict[str, type[SwarmTracker]] = {"qammaz two phases": TwoPhaseTracker}
+"""The same of `SWARM_ROWS`."""
 
 
 def figures_of(scores: RunScores) -> dict[str, Any]:

@@ -5,10 +5,10 @@
   Then what one hypothesis costs, microseconds: a body made of balls and the mesh, in images of several
   sizes. With `--network` the stages of finding joints in the shaded depth image as well, for which
   the pose model is needed.
-- `upper [--counts 64,192,256]`: frames a second of the particle filter as a whole. One take of each group, its depth
-  doubled to 640x480, by `configs/lopez2011.yaml`: the whole step from the depth image to the row, cutting out the
-  person included; frames in which a first pose is looked for are counted apart. To quote them, ask for a core: `chrt -f
-  10 taskset -c 1 depthmocap bench speed upper`.
+- `upper [--counts 64,192,256] [--columns 160,320,640]`: frames a second of the particle filter as a whole. One take of
+  each group, its depth doubled to 640x480, by `configs/lopez2011.yaml`: the whole step from the depth image to the row,
+  cutting out the person included, in images of three sizes as in the paper's Table 1; frames in which a first pose is
+  looked for are counted apart. To quote them, ask for a core: `chrt -f 10 taskset -c 1 depthmocap bench speed upper`.
 """
 
 from __future__ import annotations
@@ -16,6 +16,7 @@ from __future__ import annotations
 import argparse
 import time
 from collections.abc import Callable
+from itertools import product
 from pathlib import Path
 from typing import Any
 
@@ -135,9 +136,11 @@ def swarm(parser: argparse.ArgumentParser) -> None:
     print("written:", save_figures("speed_swarm", figures, settings))
 
 
+WIDTH = 160
+"""Pixels of the image in which the trackers weigh arms."""
 LEFT_OUT = 5
 """Frames of a take that are left out."""
-HEADINGS = ("count", "frames", "median ms", "99 % ms", "frames/s", "first ms")
+HEADINGS = ("columns", "count", "frames", "median ms", "99 % ms", "frames/s", "first ms")
 
 
 def doubled(recording: Recording, path: Path, frames: int) -> Recording:
@@ -175,6 +178,7 @@ def step_times(tracker: ParticleTracker, recording: Recording) -> tuple[list[flo
 def upper(parser: argparse.ArgumentParser) -> None:
     """Time, print, write JSON."""
     parser.add_argument("--counts", default="64,192,256", help="particles in each of the three layers")
+    parser.add_argument("--columns", default="160", help="width, pixels, of the images that arms are weighed in")
     parser.add_argument("--groups", default=",".join(GROUPS))
     parser.add_argument("--frames", type=int, default=90, help="length of each take, at most")
     parser.add_argument("--first", type=int, default=40, help="frames of each take that are timed, at most")
@@ -188,8 +192,10 @@ def upper(parser: argparse.ArgumentParser) -> None:
         recordings.append(doubled(recording, options.work / f"doubled_{scene.name}.npz", options.first))
     figures: dict[str, Any] = {}
     print(*(f"{heading:>10}" for heading in HEADINGS))
-    for count in map(int, options.counts.split(",")):
-        tracker = load_tracker("particles", {"particles.count": count, "refined": False})
+    sizes = product(map(int, options.columns.split(",")), map(int, options.counts.split(",")))
+    for columns, count in sizes:
+        images = {"particles.trunk_columns": columns // 2, "particles.arm_columns": columns}
+        tracker = load_tracker("particles", {"particles.count": count, "refined": False, **images})
         assert isinstance(tracker, ParticleTracker)
         measured = [step_times(tracker, recording) for recording in recordings]
         followed = [value for own, _, _ in measured for value in own]
@@ -198,8 +204,8 @@ def upper(parser: argparse.ArgumentParser) -> None:
         values["first_ms"] = float(np.median([value for _, first, _ in measured for value in first]))
         stages = np.mean([stage for _, _, stage in measured], axis=0)
         values["stages_ms"] = dict(zip(tracker.stage_names, np.round(stages, 2).tolist(), strict=True))
-        figures[str(count)] = values
-        print(f"{count:>10}{len(followed):>11}{values['median_ms']:>11.1f}{values['p99_ms']:>11.1f}"
+        figures[f"{count}" if columns == WIDTH else f"{count}, {columns} wide"] = values
+        print(f"{columns:>10}{count:>10}{len(followed):>11}{values['median_ms']:>11.1f}{values['p99_ms']:>11.1f}"
               f"{values['frame_rate']:>11.1f}{values['first_ms']:>11.1f}  {values['stages_ms']}")  # fmt: skip
     whole = options.groups == ",".join(GROUPS)
     print("written:", save_figures(f"speed_upper{'' if whole else '_part'}", figures, {"first": options.first}))

@@ -1,7 +1,8 @@
 """Every figure of README and docs, one after the other: `depthmocap bench --all [--database POSES] [--data FOLDER]`.
 
 What has a result of this commit is left out, so that the same command goes on where it was stopped. A benchmark that
-fails is said, and the others go on; the exit code is 1 then. `--list` only tells what would run.
+fails is said, and the others go on; the exit code is 1 then. `--list` only tells what would run, and how
+much of a processor's time it took last.
 """
 
 from __future__ import annotations
@@ -24,6 +25,7 @@ COMMANDS: dict[str, str] = {
     "speed": "speed hybrid {database}",
     "speed_crowd": "speed crowd {database} --frames 120",
     "speed_swarm": "speed swarm --frames 30 --network",
+    "speed_upper": "speed upper --counts 64,256 --columns 160,320,640 --first 10",
     "extrema": "lookup extrema",
     "lookup": "lookup queries {database}",
     "accuracy_report": f"accuracy --split report --rows '{CLAIMED}' --database {{database}}",
@@ -82,6 +84,16 @@ def _measured_at(name: str) -> str | None:
     return json.loads(path.read_text(encoding="utf-8")).get("commit") if path.exists() else None
 
 
+def spent_on(name: str) -> float | None:
+    """Seconds of a processor that the last run took; None where its result does not say it."""
+    path = RESULTS / f"{name}.json"
+    return json.loads(path.read_text(encoding="utf-8")).get("processor_seconds") if path.exists() else None
+
+
+def _minutes(seconds: float | None) -> str:
+    return "" if seconds is None else f"{seconds / 60:.1f} min"
+
+
 def main() -> None:
     """Run what is left."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
@@ -92,7 +104,11 @@ def main() -> None:
     options = parser.parse_args()
     due = left({name: COMMANDS[name] for name in options.only})
     if options.list:
-        print("\n".join(f"{name:20} bench {command}" for name, command in due.items()))
+        spent = {name: spent_on(name) for name in options.only}
+        for name, command in due.items():
+            print(f"{name:20} {_minutes(spent[name]):>10}  bench {command}")
+        known = [seconds for seconds in spent.values() if seconds is not None]
+        print(f"of {len(spent)} results {len(known)} say their processor time: {_minutes(sum(known))} together")
         return
     database, failed = poses_of(options) if due else None, []
     for name, command in due.items():

@@ -2,9 +2,10 @@
 
 - `thesis DATA [--runs 30]`: for each of the HDM05 actors bd, bk and dg, motion templates, keyframes and one threshold
   are learned from the cut clips of the other two, and documents of this one are annotated, without and with keyframe
-  preselection (thesis 5.4, Table 5.2). The threshold is chosen by learning templates and keyframes from each training
-  actor alone and annotating documents of the other with both. Nothing is chosen on the actor that is reported.
-  Documents are put together from cut clips, with blended joins and unlabelled filler.
+  preselection (thesis 5.4, Table 5.2), and with keyframes at one threshold after the other (Fig. 5.6). The threshold is
+  chosen by learning templates and keyframes from each training actor alone and annotating documents of the other with
+  both. Nothing is chosen on the actor that is reported. Documents are put together from cut clips, with blended joins
+  and unlabelled filler.
 - `events [--split report] [--queries FILE] [--threshold 0.06]`: motions told while they go on. True poses of the
   sequences of `toolkit/testing/labelled.py`, with other motions between the clips, on the neutral body's proportions;
   classes of the other actors. F over segments of the events against that of annotation of the whole, both without
@@ -30,6 +31,7 @@ from toolkit.retrieval.annotation.annotator import (
     AS_PUBLISHED,
     Annotator,
     DecisionSettings,
+    Intervals,
 )
 from toolkit.retrieval.annotation.classes import Fold, learn_classes, learn_threshold
 from toolkit.retrieval.annotation.documents import assemble, shuffled_parts
@@ -68,6 +70,9 @@ VARIANTS: dict[str, tuple[bool, DecisionSettings]] = {
     "with keyframes, rules as published": (True, AS_PUBLISHED),
 }
 """Name -> whether keyframes narrow the search down, and which overlapping hits count."""
+THRESHOLDS = tuple(round(0.02 * step, 2) for step in range(1, 13))
+"""`tau` of Fig. 5.6, with the thesis's own rules."""
+MEASURES = ("frames", "segments")
 RELEVANT_SHARE = 0.1
 """Share of labelled frames in the second corpus that is timed."""
 Labelled = tuple[FeatureMatrix, tuple[Segment, ...], tuple[tuple[float, float], ...]]
@@ -167,7 +172,36 @@ def measured(trained: Trained, documents: Sequence[Labelled]) -> dict[str, Any]:
             table += confusion(true, found.decided)
             annotations.append((frame_scores(true, found.frames).f, found, segments))
         result[name] = {"scores": totals, "confusion": table, "annotations": annotations}
+    result["over thresholds"] = [swept(trained, threshold, documents, intervals) for threshold in THRESHOLDS]
     return result
+
+
+def swept(
+    trained: Trained, threshold: float, documents: Sequence[Labelled], intervals: Sequence[Intervals]
+) -> dict[str, Scores]:
+    """Scores over frames and over segments with keyframes and one threshold for all classes (Fig. 5.6)."""
+    classes = [replace(known, threshold=threshold) for known in trained.annotator.classes]
+    annotator, found = Annotator(classes, AS_PUBLISHED), dict.fromkeys(MEASURES, Scores(0, 0, 0, 0))
+    for (features, segments, _), own in zip(documents, intervals, strict=True):
+        annotation = annotator.annotate(features, own)
+        true = label_frames(segments, annotator.labels, len(features), features.frame_rate)
+        found["frames"] += frame_scores(true, annotation.frames)
+        found["segments"] += segment_scores(segments, annotation.segments)
+    return found
+
+
+def plot_thresholds(rows: Sequence[dict[str, Scores]], path: Path) -> None:
+    """Precision, recall and F over thresholds, of frames and of segments, as in Fig. 5.6."""
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(9, 3.6), layout="constrained")
+    for panel, measure in zip(figure.subplots(1, 2), MEASURES, strict=True):
+        for key, colour in (("precision", "black"), ("recall", "tab:red"), ("f", "tab:green")):
+            panel.plot(THRESHOLDS, [getattr(row[measure], key) for row in rows], color=colour, label=key)
+        panel.set(title=measure, xlabel="threshold", ylim=(0, 1.02))
+        panel.grid(alpha=0.3)
+    figure.axes[0].legend(fontsize=8)
+    figure.savefig(path, dpi=110)
 
 
 def speed(trained: Trained, parts: Sequence[FeatureMatrix], minutes: float) -> dict[str, float]:
@@ -229,6 +263,8 @@ def hdm05(options: argparse.Namespace) -> dict[str, Any]:
     for name in VARIANTS:
         print(f"all actors, {name}: {_line(totals[name])}")
     tables = {name: sum(rotations[a][name]["confusion"] for a in ACTORS) for name in list(VARIANTS)[:2]}
+    thresholds = [_summed([rotations[a]["over thresholds"][place] for a in ACTORS]) for place in range(len(THRESHOLDS))]
+    plot_thresholds(thresholds, RESULTS / "annotation_thresholds.png")
     names = [*trained.annotator.labels, "no class"]
     plot_confusion(tables["with keyframes"], names, RESULTS / "annotation_confusion.png", "HDM05, frames")
     done = [annotation for r in rotations.values() for annotation in r["with keyframes"]["annotations"]]
@@ -243,6 +279,7 @@ def hdm05(options: argparse.Namespace) -> dict[str, Any]:
         "documents": HOW,
         "features": {"minutes": options.minutes, "cpu_seconds": feature_seconds},
         "all_actors": {name: _scores(total) for name, total in totals.items()},
+        "over_thresholds": {f"{tau:g}": _scores(row) for tau, row in zip(THRESHOLDS, thresholds, strict=True)},
         "by_actor_left_out": {
             actor: {
                 "threshold": r["threshold"], "minutes": r["minutes"], "share_searched": r["share_searched"],

@@ -17,7 +17,7 @@ from __future__ import annotations
 import argparse
 import json
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
@@ -31,6 +31,7 @@ from toolkit.config import parse_overrides
 from toolkit.errors import DepthMocapError
 from toolkit.evaluation import upper
 from toolkit.evaluation.joints import seen_joints
+from toolkit.files import atomic_path
 from toolkit.fitting.arms import SIDES, entries_of
 from toolkit.landmarks.graph import Workspace
 from toolkit.lopez2011.effectors import EffectorSettings, find_effectors, find_fork
@@ -262,7 +263,24 @@ def track(parser: argparse.ArgumentParser) -> None:
     stem = "upper_real" if options.real else f"upper_{options.split}"
     own = "" if options.rows == DEFAULT_ROWS else "_" + options.rows.replace(",", "_").replace(" ", "_")
     settings = {name: getattr(options, name) for name in ("rows", "frames", "groups", "set")}
-    print("written:", save_figures(stem + (own if whole else "_part"), figures, settings))
+    name = stem + (own if whole else "_part")
+    plot_success({row: found["curve"] for row, found in figures.items() if "curve" in found}, RESULTS / f"{name}.png")
+    print("written:", save_figures(name, figures, settings))
+
+
+def plot_success(curves: Mapping[str, Mapping[str, float]], path: Path) -> None:
+    """The share of joints within so many pixels of a 640x480 image, as in the paper's Fig. 10."""
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(6, 4), layout="constrained")
+    axes = figure.add_subplot()
+    for row, curve in curves.items():
+        axes.plot([float(limit) for limit in curve], [100 * share for share in curve.values()], "o-", ms=3, label=row)
+    axes.set(xlabel="error, pixels of a 640x480 image", ylabel="joints within, %", xlim=(0, 60), ylim=(0, 101))
+    axes.grid(alpha=0.3)
+    axes.legend(fontsize=8)
+    with atomic_path(path) as temporary:
+        figure.savefig(temporary, dpi=110)
 
 
 WITHIN = 0.15

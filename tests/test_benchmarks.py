@@ -24,7 +24,7 @@ from benchmarks import (
     swarm,
     upper,
 )
-from benchmarks._rows import WatchedTracker
+from benchmarks._rows import SWARM_KINDS, WatchedTracker, swarm_settings
 from database_builder.build import Sampling, build_database
 from database_builder.regressor import RegressorSettings
 from toolkit.body.body import Body
@@ -36,6 +36,7 @@ from toolkit.lopez2011.initial import InitialSettings
 from toolkit.lopez2011.sizing import FirstFrame, fitting_body
 from toolkit.lopez2011.upper import UpperBodies
 from toolkit.mocap.procedural import procedural_clips
+from toolkit.qammaz.tracker import SwarmTracker
 from toolkit.recordings.opening import open_recording
 from toolkit.simulation.person import facing_of
 from toolkit.testing import suite
@@ -349,9 +350,34 @@ def test_the_particle_filters_frames_a_second_are_told(
     bundled: Path, work: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(_speed_wings, "LEFT_OUT", 1)
-    arguments = ("--groups", "cut", "--frames", 3, "--work", work, "--counts", "8")
+    arguments = ("--groups", "cut", "--frames", 3, "--work", work, "--counts", "8", "--columns", "160,320")
     run(speed, "upper", *arguments, monkeypatch=monkeypatch)
     assert json.loads((bundled / "speed_upper_part.json").read_text())["figures"]["8"]["frame_rate"] > 0
+    assert "8, 320 wide" in json.loads((bundled / "speed_upper_part.json").read_text())["figures"]
+
+
+def test_success_within_pixels_is_drawn(tmp_path: Path) -> None:
+    upper.plot_success({"hybrid": {"0": 0.0, "10": 0.5, "60": 1.0}}, tmp_path / "success.png")
+    assert (tmp_path / "success.png").stat().st_size > 5_000
+
+
+def test_a_second_phase_goes_on_from_the_solution_by_the_depth_alone(work: Path) -> None:
+    few = {
+        "swarm.particles": 6,
+        "swarm.generations": 4,
+        "shape.seconds": 0.0,
+        "sizes": [0.4],
+        "discrepancy.figure": "balls",
+    }
+    take = chosen_takes("tune", count=1)[0]
+    recording = _takes.prepared(take, "truth", work, 4)
+    costs = {}
+    for row in ("qammaz", "qammaz two phases"):
+        settings = swarm_settings(row, few)
+        tracked = swarm.follow(settings, recording, frames=1, kind=SWARM_KINDS.get(row, SwarmTracker))
+        costs[row] = tracked.errors
+    assert np.isfinite(costs["qammaz two phases"]).all()
+    assert (costs["qammaz"] != costs["qammaz two phases"]).any()
 
 
 def test_a_benchmark_names_its_parts(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:

@@ -11,7 +11,8 @@ from benchmarks import _keyframe_corpus as corpus
 from benchmarks import _keyframe_ranking as ranking
 from benchmarks import annotation, keyframes
 from tests.retrieval_motions import random_motion
-from toolkit.retrieval.annotation.annotator import PreparedTemplate
+from toolkit.retrieval.annotation.annotator import Annotator, MotionClass, PreparedTemplate
+from toolkit.retrieval.annotation.measures import Segment
 from toolkit.retrieval.features.relational import FeatureMatrix, relational_features
 from toolkit.retrieval.keyframes.query import Keyframe, KeyframeQuery
 from toolkit.retrieval.search.find import HitRanges
@@ -109,6 +110,19 @@ def test_annotated_documents_hold_every_clip_once() -> None:
     documents = annotation.make_documents(examples, [random_motion(99, seconds=8.0)], 0)
     assert [len(segments) for _, segments, _ in documents] == [annotation.CLIPS_PER_DOCUMENT, 2]
     assert all(len(joins) >= len(segments) - 1 for _, segments, joins in documents)
+
+
+def test_a_threshold_of_one_finds_no_less_than_a_stricter_one(tmp_path: Path) -> None:
+    features = relational_features(random_motion(3))
+    template = QuantisedTemplate("x", features.sliced(20, 40).values.astype(np.int8), np.ones(20))
+    trained = annotation.Trained(Annotator([MotionClass("swing", (template,))]), [], 0.1)
+    documents = [(features, (Segment(20 / 30, 40 / 30, "swing"),), ())]
+    rows = [annotation.swept(trained, tau, documents, [{"swing": [(0, 60)]}]) for tau in annotation.THRESHOLDS]
+    assert rows[0]["segments"].recall == 1.0
+    found = [row["frames"].recall for row in rows]
+    assert found == sorted(found)
+    annotation.plot_thresholds(rows, tmp_path / "thresholds.png")
+    assert (tmp_path / "thresholds.png").stat().st_size > 5_000
 
 
 def test_a_confusion_matrix_is_drawn(tmp_path: Path) -> None:

@@ -65,6 +65,22 @@ def test_what_has_a_result_of_this_commit_is_not_measured_again(
 
 
 @pytest.mark.quick
+def test_the_list_tells_what_is_due_and_what_it_took_last(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(everything, "RESULTS", tmp_path)
+    (tmp_path / "gait.json").write_text(json.dumps({"commit": "0123456", "processor_seconds": 90.0}))
+    monkeypatch.setattr("sys.argv", ["all.py", "--list", "--only", "gait", "extrema"])
+    everything.main()
+    lines = capsys.readouterr().out.splitlines()
+    assert [line.split() for line in lines[:2]] == [
+        ["gait", "1.5", "min", "bench", "gait"],
+        ["extrema", "bench", "lookup", "extrema"],
+    ]
+    assert lines[2] == "of 2 results 1 say their processor time: 1.5 min together"
+
+
+@pytest.mark.quick
 def test_every_benchmark_that_is_listed_or_named_on_a_page_is_there() -> None:
     named = {command.split()[0] for command in everything.COMMANDS.values()}
     for path in write_tables.pages():
