@@ -78,6 +78,8 @@ def test_long_runs_of_equal_entries_are_marked():
     values[6, 2:8], values[6, 8:12], values[25, 0:5], values[8, :] = 1, 0, 0, 1
     assert marks_of(template(values), 5) == [Mark(7, True, 2, 8), Mark(26, False, 0, 5)]
     assert Mark(7, False, 8, 12) in marks_of(template(values), 4)
+    values[[0, 14]] = 1
+    assert not {1, 15} & {mark.number for mark in marks_of(template(values), 5)}  # only a file marks these
 
 
 def test_marks_go_to_the_frames_that_were_aligned_with_their_columns():

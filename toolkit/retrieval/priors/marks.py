@@ -31,6 +31,8 @@ DEMANDED = (3, 4, 7, 8, 15, 16, 20, 21, 27, 28, 29, 30, 33, 34)
 other leg (0: it has moved to the front), abducted upper arms and thighs, lowered hands."""
 FORWARDS = (1, 2)
 """Numbers of the features that are 1 where a hand moves to the front."""
+ASKED = (*FORWARDS, 15, 16)
+"""Numbers of the features that are marked by a file only: what they gain unasked is not measured."""
 BEFORE = 0.125
 """Seconds over which a hand has to move: half of what the velocity of these features is averaged over."""
 RESTING: dict[str, tuple[int, int]] = {"right_leg": (17, 25), "left_leg": (18, 26)}
@@ -78,11 +80,12 @@ Marks = Mapping[str, Sequence[Sequence[Mark]]]
 
 
 def marks_of(template: QuantisedTemplate, shortest: int) -> list[Mark]:
-    """Runs of at least `shortest` equal entries, of the features in `USED`."""
+    """Runs of at least `shortest` equal entries, of the features in `USED` that need not be asked for."""
     values = expand(template.values, template.weights)[0]
     return [
         Mark(number, bool(value), first, stop)
         for number in USED
+        if number not in ASKED
         for value in (0, 1)
         for first, stop in runs(values[number - 1] == value)
         if stop - first >= shortest
