@@ -37,7 +37,7 @@ from benchmarks._takes import SOURCES, TURNS, is_right, joints_of, prepared, sca
 from toolkit.body.body import Body
 from toolkit.body.shape import load_body
 from toolkit.config import parse_overrides
-from toolkit.evaluation.plots import plot_curves
+from toolkit.evaluation.report import plot_curves
 from toolkit.pipeline.scan import scan_recordings
 from toolkit.qammaz.tracker import SwarmTracker, SwarmTrackerSettings
 from toolkit.sensing.recording import Recording

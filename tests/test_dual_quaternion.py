@@ -8,7 +8,7 @@ from scipy.spatial.transform import Rotation
 from toolkit import skeleton
 from toolkit.body.body import Body
 from toolkit.body.shape import load_body
-from toolkit.rotations.dual_quaternion import quaternion_of, skin_dual
+from toolkit.simulation.skinning import quaternion_of, skin_dual
 
 
 def random_pose(seed: int) -> np.ndarray:

@@ -10,7 +10,7 @@ import pytest
 from toolkit.errors import RecordingError, UsageError
 from toolkit.recordings.arrays import recording_of
 from toolkit.recordings.checks import check_joints, check_timestamps
-from toolkit.recordings.npz_stream import MemberReader
+from toolkit.recordings.readers.npz import MemberReader
 from toolkit.sensing.camera import Camera
 from toolkit.sensing.conversion import FARTHEST_MEDIAN_MM, NOTHING, DepthConverter, unit_in_metres
 

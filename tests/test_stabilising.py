@@ -30,12 +30,11 @@ from toolkit.retrieval.priors.expectation import Told
 from toolkit.retrieval.priors.gaps import Gap
 from toolkit.retrieval.priors.limbs import ENTRIES, LIMBS, OUTER
 from toolkit.simulation.simulate import simulate_recording
-from toolkit.stabilising.choice import cheapest_path
 from toolkit.stabilising.loop import stabilise
 from toolkit.stabilising.marked import floor_of
 from toolkit.stabilising.settings import ChoiceSettings, StabiliseSettings
 from toolkit.stabilising.source import open_source
-from toolkit.stabilising.ways import bad_frames, whole_priors, widened
+from toolkit.stabilising.ways import bad_frames, cheapest_path, whole_priors, widened
 from toolkit.stabilising.workflow import output_folders, stabilise_run
 from toolkit.track import RunInfo, Track
 

@@ -15,7 +15,6 @@ from toolkit.body.sole import FEET, Sole
 from toolkit.errors import RetrievalError, SettingsError
 from toolkit.fitting.placed import NormalSystem
 from toolkit.fitting.priors import ResidualTerm
-from toolkit.fitting.sole import floor_term
 from toolkit.retrieval.annotation.annotator import MotionClass
 from toolkit.retrieval.features.motion import from_poses
 from toolkit.retrieval.features.relational import FEATURES, native_features
@@ -34,6 +33,7 @@ from toolkit.retrieval.priors.marks import (
 )
 from toolkit.retrieval.templates.quantised import WILDCARD, QuantisedTemplate
 from toolkit.stabilising.loop import Round, best_round
+from toolkit.stabilising.marked import floor_term
 from toolkit.track import RunInfo
 
 STANDING = np.zeros(skeleton.POSE_SIZE)

@@ -14,7 +14,16 @@ from toolkit.fitting.shape import ShapeSettings
 from toolkit.people.sighting import Sighting
 from toolkit.sensing.camera import Camera
 from toolkit.tracking.follower import HELD
-from toolkit.tracking.planning import CHECKED, MOMENT_GAP, MOMENTS, SURVEYED, Planner, Survey, _around, _stretches
+from toolkit.tracking.planning import (
+    CHECKED,
+    MOMENT_GAP,
+    MOMENTS,
+    SURVEYED,
+    Planner,
+    Survey,
+    frames_around,
+    times_in_sight,
+)
 from toolkit.tracking.state import PersonState
 
 CAMERA = Camera(50.0, 50.0, 4.5, 3.5, 10, 8)
@@ -36,17 +45,17 @@ def test_the_best_frames_show_most_and_are_a_second_apart() -> None:
 def test_who_is_out_of_sight_for_longer_than_a_moment_begins_anew() -> None:
     gap = round(HELD * 20)
     usable = np.array([5, 6, 7, 7 + gap, 8 + gap, 9 + 2 * gap])
-    assert _stretches(usable, TIMES) == [(5, 8 + gap), (9 + 2 * gap, 9 + 2 * gap)]
-    assert _stretches(np.array([3]), TIMES) == [(3, 3)]
+    assert times_in_sight(usable, TIMES) == [(5, 8 + gap), (9 + 2 * gap, 9 + 2 * gap)]
+    assert times_in_sight(np.array([3]), TIMES) == [(3, 3)]
 
 
 def test_a_body_is_learnt_of_the_nearest_frames_on_both_sides_evenly_spread() -> None:
     settings = replace(ShapeSettings(), rate=2.0, seconds=3.0)
-    frames = _around(200, np.arange(400), TIMES, settings)
+    frames = frames_around(200, np.arange(400), TIMES, settings)
     assert len(frames) == 6 and 200 in frames
     for side in (frames[frames >= 200], frames[frames < 200]):  # 10 frames are half a second
         assert len(side) == 3 and ((np.diff(side) >= 7) & (np.diff(side) <= 10)).all()
-    late = _around(390, np.arange(400), TIMES, settings)
+    late = frames_around(390, np.arange(400), TIMES, settings)
     assert (late < 390).sum() == 4, "there is little after it"
 
 

@@ -26,8 +26,7 @@ from toolkit.landmarks.regressor import JointEstimate
 from toolkit.sensing.camera import Camera
 from toolkit.tracking import searching
 from toolkit.tracking.learning import Pace
-from toolkit.tracking.search.arms import FARTHER, ArmSearch
-from toolkit.tracking.search.exchange import ITERATIONS
+from toolkit.tracking.search.arms import FARTHER, ITERATIONS, ArmSearch
 from toolkit.tracking.search.extrema import ExtremaQuery
 from toolkit.tracking.search.labelings import LookupSettings
 from toolkit.tracking.search.local import FARTHEST, LocalSearch, moved_on

@@ -13,7 +13,7 @@ from benchmarks import _record
 from benchmarks import all as everything
 from scripts import write_tables
 from toolkit.cli.bench import benchmarks
-from toolkit.report.expected import EXPECTED
+from toolkit.report.gait import EXPECTED
 
 
 @pytest.mark.quick

@@ -102,6 +102,17 @@ REPORTED: tuple[str, ...] = (
 )  # fmt: skip
 """The 20 joints that every tracker reports, in the order of the track file."""
 
+BONES: tuple[tuple[str, str], ...] = (
+    ("pelvis", "spine"), ("spine", "neck"), ("neck", "head"),
+    *((a.format(s), b.format(s)) for s in ("left", "right") for a, b in (
+        ("neck", "{}_shoulder"), ("{}_shoulder", "{}_elbow"), ("{}_elbow", "{}_wrist"), ("{}_wrist", "{}_hand"),
+        ("pelvis", "{}_hip"), ("{}_hip", "{}_knee"), ("{}_knee", "{}_ankle"), ("{}_ankle", "{}_foot"),
+    )),
+)  # fmt: skip
+"""Pairs of reported joints that a drawn skeleton connects."""
+BONE_ROWS: np.ndarray = np.array([[REPORTED.index(a), REPORTED.index(b)] for a, b in BONES])
+"""Int (19, 2): the bones as rows of a track's joints."""
+
 OTHER_SIDE: tuple[int, ...] = tuple(
     REPORTED.index({"left": "right_", "right": "left_"}.get(side, side) + rest)
     for side, _, rest in (name.partition("_") for name in REPORTED)

@@ -11,7 +11,7 @@ import typer
 from toolkit.errors import UsageError
 
 if TYPE_CHECKING:
-    from toolkit.pipeline.rows import RowWatcher
+    from toolkit.pipeline.watch import RowWatcher
     from toolkit.tracking.guide import Guide
 
 SENSORS = "Inertial sensors"

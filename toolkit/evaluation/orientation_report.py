@@ -2,10 +2,6 @@
 
 from __future__ import annotations
 
-import base64
-import csv
-import io
-from collections.abc import Sequence
 from dataclasses import asdict
 from html import escape
 from pathlib import Path
@@ -15,16 +11,13 @@ import numpy as np
 
 from toolkit.evaluation.orientations import THRESHOLDS, RunCheck
 from toolkit.files import save_bytes, save_json, save_text
+from toolkit.pages import csv_of, page, picture, png_of, table
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 DISTANCES, ERRORS_CSV, ERRORS_JSON = "distances.csv", "errors.csv", "errors.json"
 PICTURE, PAGE = "distances.png", "report.html"
-
-_STYLE = """body{font:15px/1.5 sans-serif;max-width:70em;margin:2em auto;padding:0 1em;color:#222}
-table{border-collapse:collapse;margin:1em 0}td,th{padding:.25em .8em;border-bottom:1px solid #ccc;text-align:left}
-img{max-width:100%}"""
 
 
 def write_check(check: RunCheck, folder: str | Path) -> list[Path]:
@@ -36,16 +29,15 @@ def write_check(check: RunCheck, folder: str | Path) -> list[Path]:
         for curve in check.distances
         for time, full, axis in zip(curve.times, curve.full, curve.axis, strict=True)
     ]
-    _save_csv(paths[0], ("time", "limb", "full", "axis"), rows)
+    save_text(paths[0], csv_of(("time", "limb", "full", "axis"), rows))
     errors = [
         (e.limb, f"{e.start:.3f}", f"{e.end:.3f}", f"{e.peak:.1f}", f"{e.mean:.1f}", e.kind) for e in check.errors
     ]
-    _save_csv(paths[1], ("limb", "start", "end", "peak", "mean", "kind"), errors)
+    save_text(paths[1], csv_of(("limb", "start", "end", "peak", "mean", "kind"), errors))
     save_json(paths[2], _as_json(check))
-    picture = io.BytesIO()
-    plot_check(check).savefig(picture, dpi=110, format="png")
-    save_bytes(paths[3], picture.getvalue())
-    save_text(paths[4], _page(check, picture.getvalue()))
+    drawn = png_of(plot_check(check))
+    save_bytes(paths[3], drawn)
+    save_text(paths[4], _page(check, drawn))
     return paths
 
 
@@ -85,14 +77,6 @@ def _cell(value: float) -> str:
     return "" if np.isnan(value) else f"{value:.2f}"
 
 
-def _save_csv(path: Path, head: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
-    text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(head)
-    writer.writerows(rows)
-    save_text(path, text.getvalue())
-
-
 def _as_json(check: RunCheck) -> dict[str, Any]:
     limbs = {}
     for curve in check.distances:
@@ -123,39 +107,26 @@ def _scores(scores: Any) -> dict[str, float]:
     return {"precision": scores.precision, "recall": scores.recall, "f": scores.f}
 
 
-def _page(check: RunCheck, picture: bytes) -> str:
+def _page(check: RunCheck, drawn: bytes) -> str:
     """The page: what was found in words, the picture, the errors, the calibration, and how to read them."""
-    name = escape(check.name)
-    threshold = check.settings.threshold
-    parts = [
-        f"<!doctype html><html lang='en'><head><meta charset='utf-8'><title>{name}</title><style>{_STYLE}</style>",
-        f"</head><body><h1>{name}: the track and its inertial sensors</h1>",
-        f"<p>{len(check.errors)} stretches disagree by more than {threshold:g} degrees.</p>",
-    ]
+    parts = [f"<p>{len(check.errors)} stretches disagree by more than {check.settings.threshold:g} degrees.</p>"]
     if check.truth is not None:
         rows = [(n, f"{s.precision:.2f}", f"{s.recall:.2f}", f"{s.f:.2f}") for n, s in check.scores().items()]
-        parts.append(_table(("against known errors, over", "precision", "recall", "F"), rows))
-    encoded = base64.b64encode(picture).decode("ascii")
-    parts.append(f"<img alt='distance curves' src='data:image/png;base64,{encoded}'>")
+        parts.append(table(("against known errors, over", "precision", "recall", "F"), rows))
+    parts.append(picture(drawn, "distance curves"))
     errors = [
         (escape(e.limb), f"{e.start:.2f}", f"{e.end:.2f}", f"{e.peak:.0f}", f"{e.mean:.0f}", e.kind)
         for e in check.errors
     ]
-    parts.append(_table(("part", "from (s)", "to (s)", "peak", "mean", "kind"), errors))
+    parts.append(table(("part", "from (s)", "to (s)", "peak", "mean", "kind"), errors))
     sensors = [
         (escape(limb), s.status, f"{s.spread:.0f}", f"{s.median:.1f}", f"{s.p90:.1f}", escape(s.reason))
         for limb, s in check.calibration.sensors.items()
     ]
-    parts.append(_table(("sensor", "calibration", "spread", "median", "90 %", "why"), sensors))
+    parts.append(table(("sensor", "calibration", "spread", "median", "90 %", "why"), sensors))
     parts.append(
         "<p>Angles are in degrees. A stretch of the kind <i>twist</i> (orange) differs about the bone's own length "
         "only: a tracked forearm cannot turn about itself and a straight limb shows no twist, so that this is mostly "
         "no error of the track. Black bars above a curve are known errors.</p>"
     )
-    return "\n".join(parts) + "</body></html>\n"
-
-
-def _table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
-    lines = ["<table><tr>" + "".join(f"<th>{text}</th>" for text in head) + "</tr>"]
-    lines += ["<tr>" + "".join(f"<td>{text}</td>" for text in row) + "</tr>" for row in rows]
-    return "\n".join(lines) + "</table>"
+    return page(check.name, parts, about=": the track and its inertial sensors")

@@ -22,18 +22,6 @@ POINTS = 6000
 MILLIMETRES = 1000.0
 COLORS = ((91, 143, 249), (246, 144, 61), (97, 221, 170), (211, 173, 247), (246, 189, 22), (255, 153, 195))
 GREY = (150, 156, 166)
-BONES = tuple(
-    (skeleton.REPORTED.index(a), skeleton.REPORTED.index(b))
-    for a, b in (
-        ("pelvis", "spine"), ("spine", "neck"), ("neck", "head"),
-        *((f"{s}_{a}", f"{s}_{b}") for s in ("left", "right") for a, b in (
-            ("shoulder", "elbow"), ("elbow", "wrist"), ("wrist", "hand"), ("hip", "knee"), ("knee", "ankle"),
-            ("ankle", "foot"),
-        )),
-        *((a, f"{s}_{b}") for s in ("left", "right") for a, b in (("neck", "shoulder"), ("pelvis", "hip"))),
-    )
-)  # fmt: skip
-"""Rows of reported joints that are joined by a line."""
 
 
 def export_rerun(path: str | Path, people: Sequence[Person], origin: Origin, recording: Recording | None) -> None:
@@ -100,7 +88,7 @@ def _log_person(rr: Any, stream: Any, person: Person, frame: int, color: tuple[i
     )
     colors = [color if known else GREY for known in seen]
     stream.log(f"{place}/joints", rr.Points3D(joints, colors=colors, radii=0.02, labels=list(skeleton.REPORTED)))
-    stream.log(f"{place}/bones", rr.LineStrips3D([joints[list(bone)] for bone in BONES], colors=color, radii=0.008))
+    stream.log(f"{place}/bones", rr.LineStrips3D(joints[skeleton.BONE_ROWS], colors=color, radii=0.008))
     stream.log(f"{plots}/confidence/mean", rr.Scalars(float(track.confidence[frame].mean())))
     for side, carries in zip(("left", "right"), track.contact[frame], strict=True):
         stream.log(f"{plots}/contact/{side}_foot", rr.Scalars(float(carries)))

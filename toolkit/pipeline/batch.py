@@ -10,9 +10,9 @@ from toolkit.errors import DepthMocapError, RecordingError, UsageError
 from toolkit.files import check_output
 from toolkit.pipeline.inputs import NO_INPUTS, Inputs
 from toolkit.pipeline.joints import JointChoice
-from toolkit.pipeline.rows import RowWatcher
 from toolkit.pipeline.run import RUN_FILES, track_recording
 from toolkit.pipeline.summary import BatchReport
+from toolkit.pipeline.watch import RowWatcher
 from toolkit.progress import RecordingProgress
 from toolkit.recordings.opening import open_recording, open_upright
 from toolkit.sensing.recording import ReaderOptions

@@ -28,11 +28,10 @@ from toolkit.people.sighting import PeopleFinder
 from toolkit.people.up import floor_height
 from toolkit.pipeline.inputs import NO_INPUTS, Inputs
 from toolkit.pipeline.joints import JointChoice, give_joints, joint_source, name_of
-from toolkit.pipeline.rows import RowWatcher
 from toolkit.pipeline.second import SecondPass
 from toolkit.pipeline.sink import CONFIG_FILE, RunSink, finished_tracks
 from toolkit.pipeline.summary import RunSummary, summarised
-from toolkit.pipeline.watch import LOG_FILE, log_file, stop_request
+from toolkit.pipeline.watch import LOG_FILE, RowWatcher, log_file, stop_request
 from toolkit.plain import read_text
 from toolkit.progress import RecordingProgress
 from toolkit.runs import PEOPLE_FILE

@@ -6,7 +6,8 @@ from functools import lru_cache
 
 import numpy as np
 
-from toolkit.rendering.style import BONE_COLORS, BONE_ROWS, EXTREMUM, JOINT_COLORS, PAPER
+from toolkit.rendering.style import BONE_COLORS, EXTREMUM, JOINT_COLORS, PAPER
+from toolkit.skeleton import BONE_ROWS
 
 SHIFT = 3  # binary places of a pixel: lines do not jump from pixel to pixel between frames
 DIM = 0.45  # brightness of what is not the person

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from toolkit.names import printable
-from toolkit.skeleton import JOINT_NAMES, PARENTS, REPORTED
+from toolkit.skeleton import BONES, JOINT_NAMES, PARENTS, REPORTED
 
 LEFT = (255, 145, 40)
 RIGHT = (60, 150, 255)
@@ -33,23 +33,11 @@ def person_color(number: int) -> tuple[int, int, int]:
     return PEOPLE[number % len(PEOPLE)]
 
 
-BONES: tuple[tuple[str, str], ...] = (
-    ("pelvis", "spine"), ("spine", "neck"), ("neck", "head"),
-    *((a.format(s), b.format(s)) for s in ("left", "right") for a, b in (
-        ("neck", "{}_shoulder"), ("{}_shoulder", "{}_elbow"), ("{}_elbow", "{}_wrist"), ("{}_wrist", "{}_hand"),
-        ("pelvis", "{}_hip"), ("{}_hip", "{}_knee"), ("{}_knee", "{}_ankle"), ("{}_ankle", "{}_foot"),
-    )),
-)  # fmt: skip
-"""Pairs of reported joints that a drawn skeleton connects."""
-
-
 def side_color(name: str) -> tuple[int, int, int]:
     """Colour of a joint by the side in its name."""
     return LEFT if name.startswith("left") else RIGHT if name.startswith("right") else MIDDLE
 
 
-BONE_ROWS: np.ndarray = np.array([[REPORTED.index(a), REPORTED.index(b)] for a, b in BONES])
-"""Int (19, 2): the bones as rows of a track's joints."""
 BONE_COLORS: tuple[tuple[int, int, int], ...] = tuple(side_color(b) for _, b in BONES)
 JOINT_COLORS: tuple[tuple[int, int, int], ...] = tuple(side_color(name) for name in REPORTED)
 PART_COLORS: np.ndarray = np.array([side_color(name) for name in JOINT_NAMES], dtype=np.float32)

@@ -6,9 +6,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from toolkit.rendering.style import BONES, side_color
+from toolkit.rendering.style import BONE_COLORS
 from toolkit.runs import Person
-from toolkit.skeleton import REPORTED
+from toolkit.skeleton import BONE_ROWS, REPORTED
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -34,9 +34,8 @@ def plot_person(person: Person) -> Figure:
     frames = np.flatnonzero(person.there)
     for k, frame in enumerate(frames[np.linspace(0, len(frames) - 1, SKELETONS).astype(int)] if len(frames) else ()):
         points = joints[frame] - joints[frame, REPORTED.index("pelvis")] * (1.0, 0.0, 0.0)
-        for first, second in BONES:
-            a, b = points[REPORTED.index(first)], points[REPORTED.index(second)]
-            color = tuple(channel / 255 * 0.8 for channel in side_color(second))
+        for (a, b), side in zip(points[BONE_ROWS], BONE_COLORS, strict=True):
+            color = tuple(channel / 255 * 0.8 for channel in side)
             above.plot([k * STEP + a[0], k * STEP + b[0]], [a[1], b[1]], color=color, lw=2)
         above.text(k * STEP, np.nanmin(points[:, 1]) - 0.15, f"{times[frame]:.1f} s", ha="center", va="top", fontsize=8)
     above.set_aspect("equal")

@@ -119,7 +119,7 @@ def _numbers(run: str | Path, info: RunInfo, people: list[Person], frames: range
         "recorded": total,
         "times": np.round(times, 4).tolist(),
         "joint_names": skeleton.REPORTED,
-        "bones": style.BONE_ROWS.tolist(),
+        "bones": skeleton.BONE_ROWS.tolist(),
         "view": {"target": np.round(target, 3).tolist(), "from": np.round(target + (1.6, 0.5, 3.0), 3).tolist()},
         "floor": round(float(np.percentile(feet, 5)) - 0.05, 3),
         "lens": [1.0, 1.0, 0.0, 0.0, 0, 0],

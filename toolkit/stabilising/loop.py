@@ -22,12 +22,11 @@ from toolkit.retrieval.priors.expectation import Told
 from toolkit.retrieval.priors.gaps import Gap, find_gaps
 from toolkit.retrieval.priors.limbs import OUTER
 from toolkit.retrieval.priors.marks import Marks, marks_of_classes, tracking_priors
-from toolkit.stabilising.choice import cheapest_path
 from toolkit.stabilising.marked import FloorHeight, floor_of, marked_terms
 from toolkit.stabilising.retrack import GapGuide, Retracked, retrack
 from toolkit.stabilising.settings import StabiliseSettings
 from toolkit.stabilising.source import Source
-from toolkit.stabilising.ways import KEPT, GapWays, bad_frames, flags_of, ways_through, whole_priors
+from toolkit.stabilising.ways import KEPT, GapWays, bad_frames, cheapest_path, flags_of, ways_through, whole_priors
 from toolkit.track import Track
 
 SOURCE = "prior"

@@ -7,10 +7,10 @@ from typing import NamedTuple
 
 import numpy as np
 
+from toolkit.body.body import Body
 from toolkit.body.sole import FEET, Sole
 from toolkit.errors import RecordingError
 from toolkit.fitting.priors import ResidualTerm
-from toolkit.fitting.sole import floor_term
 from toolkit.people.up import find_vertical
 from toolkit.retrieval.annotation.annotator import runs
 from toolkit.retrieval.priors.expectation import Told
@@ -93,3 +93,26 @@ def _resting(
 def contradiction(terms: Sequence[ResidualTerm], pose: np.ndarray, settings: MarkSettings) -> float:
     """Metres by which a pose (P,) is farther from its frame than it looks, for what is demanded of it."""
     return settings.disagreement * sum(term.violation(pose) for term in terms)
+
+
+def floor_term(
+    body: Body, leg: str, entries: np.ndarray, height: float, rest: np.ndarray | None, weight: float, sigma: float
+) -> ResidualTerm:
+    """The sole of a foot on the floor: both points pulled down or up to it, and to where they came to rest.
+
+    Parameters
+    ----------
+    body : whose foot it is
+    leg, entries : `left_leg` or `right_leg`, and where the angles stand in a pose that may give way
+    height : metres, y of the floor under the foot, level frame
+    rest : float64 (2, 3), where heel and ball rest, of which x and z count; None where that is not known
+    weight, sigma : see `ResidualTerm`
+    """
+    sole = Sole.of(body, leg)
+
+    def residuals(pose: np.ndarray) -> np.ndarray:
+        points = sole.at(body, pose)
+        above = points[:, 1] - height
+        return above if rest is None else np.concatenate([above, (points - rest)[:, [0, 2]].ravel()])
+
+    return ResidualTerm(weight, sigma, entries, residuals)

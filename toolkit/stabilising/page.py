@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import base64
-import io
 from collections.abc import Sequence
 from html import escape
 from pathlib import Path
@@ -15,6 +13,7 @@ from toolkit import skeleton
 from toolkit.evaluation.joints import frame_errors, joint_errors
 from toolkit.files import save_bytes, save_text
 from toolkit.names import shown
+from toolkit.pages import page, picture, png_of, table
 from toolkit.retrieval.annotation.annotator import runs
 from toolkit.retrieval.priors.limbs import LIMBS, OUTER
 from toolkit.retrieval.priors.marks import USED
@@ -34,39 +33,25 @@ APART = 20
 """Frames between two changes that are drawn."""
 MARGIN = 12
 """Pixels around the person."""
-_BONES = (
-    ("pelvis", "spine"), ("spine", "neck"), ("neck", "head"),
-    *((f"{side}_{a}", f"{side}_{b}") for side in ("left", "right") for a, b in (
-        ("shoulder", "elbow"), ("elbow", "wrist"), ("wrist", "hand"), ("hip", "knee"), ("knee", "ankle"),
-        ("ankle", "foot"),
-    )),
-    ("neck", "left_shoulder"), ("neck", "right_shoulder"), ("pelvis", "left_hip"), ("pelvis", "right_hip"),
-)  # fmt: skip
-_STYLE = """body{font:15px/1.5 sans-serif;max-width:76em;margin:2em auto;padding:0 1em;color:#222}
-table{border-collapse:collapse;margin:1em 0}td,th{padding:.25em .8em;border-bottom:1px solid #ccc;text-align:left}
-img{max-width:100%}"""
 
 
 def write_page(source: Source, rounds: Sequence[Round], best: Round, folder: Path) -> Path:
     """Write `report.html` into a folder (after the thesis's Fig. 6.11, 6.13 and 6.14), and `changes.png` if anything
     changed; `best` is the round that was kept."""
-    name = escape(source.run.name)
     parts = [
-        f"<!doctype html><html lang='en'><head><meta charset='utf-8'><title>{name}</title><style>{_STYLE}</style>",
-        f"</head><body><h1>{name}: stabilised</h1>",
         f"<p>{len(rounds)} rounds; {sum(g.accepted for r in rounds for g in r.gaps)} of "
         f"{sum(len(r.gaps) for r in rounds)} gaps were filled.</p>",
-        _picture(_png(_curves(source, rounds, best)), "costs, gaps, priors and errors over time"),
+        picture(png_of(_curves(source, rounds, best)), "costs, gaps, priors and errors over time"),
     ]
     changes = largest_changes(source.track, best.track)
     if changes:
-        drawn = _png(_drawn(source, best.track, changes))
+        drawn = png_of(_drawn(source, best.track, changes))
         parts.append("<h2>The largest changes</h2><p>Red: before. Green: afterwards. White: the truth, if known.</p>")
-        parts.append(_picture(drawn, "poses before and after"))
+        parts.append(picture(drawn, "poses before and after"))
         save_bytes(folder / CHANGES, drawn)
     parts.append("<h2>Gaps</h2>" + _table(source, rounds))
     path = folder / PAGE
-    save_text(path, "\n".join(parts) + "</body></html>\n")
+    save_text(path, page(source.run.name, parts, about=": stabilised"))
     return path
 
 
@@ -157,19 +142,8 @@ def _drawn(source: Source, after: Track, frames: Sequence[int]) -> Figure:
 
 
 def _draw_bones(panel: Axes, pixels: np.ndarray, colour: str) -> None:
-    for a, b in _BONES:
-        ends = pixels[[skeleton.REPORTED.index(a), skeleton.REPORTED.index(b)]]
+    for ends in pixels[skeleton.BONE_ROWS]:
         panel.plot(ends[:, 0], ends[:, 1], color=colour, lw=1.6)
-
-
-def _png(figure: Figure) -> bytes:
-    stream = io.BytesIO()
-    figure.savefig(stream, dpi=100, format="png")
-    return stream.getvalue()
-
-
-def _picture(png: bytes, words: str) -> str:
-    return f"<img alt='{words}' src='data:image/png;base64,{base64.b64encode(png).decode('ascii')}'>"
 
 
 def _table(source: Source, rounds: Sequence[Round]) -> str:
@@ -184,14 +158,13 @@ def _table(source: Source, rounds: Sequence[Round]) -> str:
         "distance before, after (mm)",
     )
     times = source.track.timestamps
-    lines = ["<table><tr>" + "".join(f"<th>{word}</th>" for word in head) + "</tr>"]
+    rows = []
     for number, found in enumerate(rounds, start=1):
         for gap in found.gaps:
             taken = ", ".join(f"{name} {count}" for name, count in gap.sources.items() if name != KEPT) or "nothing"
-            row = (
+            rows.append((
                 str(number), gap.limb.replace("_", " "), f"{times[gap.start]:.2f}", f"{times[gap.stop - 1]:.2f}",
                 str(gap.hidden.sum()), escape(taken), f"{1000 * gap.changed:.0f}",
                 f"{1000 * gap.before:.1f}, {1000 * gap.after:.1f}",
-            )  # fmt: skip
-            lines.append("<tr>" + "".join(f"<td>{cell}</td>" for cell in row) + "</tr>")
-    return "\n".join(lines) + "</table>"
+            ))  # fmt: skip
+    return table(head, rows)

@@ -92,7 +92,7 @@ class Planner:
         usable = self._seen.frames[self._seen.pixels >= self._smallest]
         if not len(usable):
             return
-        stretches = _stretches(usable, self._timestamps)
+        stretches = times_in_sight(usable, self._timestamps)
         survey = yield from self._survey(usable)
         body = self._body
         if body is None:
@@ -127,7 +127,7 @@ class Planner:
         """The body that explains the frames around the surest of these moments."""
         belief = yield from self._believed(moments)
         start = yield from self._surest(moments, belief.bodies[belief.likely[0]])
-        around = _around(start, usable, self._timestamps, self._learner.settings)
+        around = frames_around(start, usable, self._timestamps, self._learner.settings)
         if not len(around):
             return belief.bodies[belief.likely[0]]  # only the size is chosen
         if len(belief.likely) > 1:
@@ -195,14 +195,14 @@ class Planner:
         return sighting
 
 
-def _stretches(usable: np.ndarray, timestamps: np.ndarray) -> list[tuple[int, int]]:
+def times_in_sight(usable: np.ndarray, timestamps: np.ndarray) -> list[tuple[int, int]]:
     """First and last frame of each time in sight; who is hidden for a moment only is still there."""
     ends = np.flatnonzero(np.diff(timestamps[usable]) > HELD)
     firsts, lasts = np.concatenate([[0], ends + 1]), np.concatenate([ends, [len(usable) - 1]])
     return [(int(usable[a]), int(usable[b])) for a, b in zip(firsts, lasts, strict=True)]
 
 
-def _around(start: int, usable: np.ndarray, timestamps: np.ndarray, settings: ShapeSettings) -> np.ndarray:
+def frames_around(start: int, usable: np.ndarray, timestamps: np.ndarray, settings: ShapeSettings) -> np.ndarray:
     """Frames around `start`, nearest in time and evenly spread, rising: as many as a body is learnt of."""
     chosen = []
     for frames in (usable[usable >= start], usable[usable < start][::-1]):

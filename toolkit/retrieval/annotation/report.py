@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import base64
-import csv
-import io
 from collections.abc import Sequence
 from html import escape
 from pathlib import Path
@@ -15,6 +12,7 @@ import numpy as np
 from toolkit.errors import RetrievalError
 from toolkit.files import save_bytes, save_json, save_text
 from toolkit.names import shown
+from toolkit.pages import csv_of, page, picture, png_of, table
 from toolkit.plain import read_table
 from toolkit.retrieval.annotation.annotator import Annotation
 from toolkit.retrieval.annotation.measures import (
@@ -41,10 +39,6 @@ _SCORE_WORDS = {
     "cost": "The score is the share of body features that agree with the class's motion template along the segment;",
     "doubt": "The score is the probability that the segment is such a motion;",
 }
-_STYLE = """body{font:15px/1.5 sans-serif;max-width:70em;margin:2em auto;padding:0 1em;color:#222}
-table{border-collapse:collapse;margin:1em 0}td,th{padding:.25em .8em;border-bottom:1px solid #ccc;text-align:left}
-td.n,th.n{text-align:right;font-variant-numeric:tabular-nums}img{max-width:100%}
-.ok{color:#060}.no{color:#a00}"""
 
 
 def write_report(
@@ -71,13 +65,12 @@ def write_report(
     """
     folder = Path(folder)
     scores = {} if truth is None else score(annotation, truth)
-    _save_csv(folder / SEGMENTS_CSV, annotation.segments)
+    rows = [(f"{s.start:.3f}", f"{s.end:.3f}", shown(s.label, "table"), f"{s.score:.4f}") for s in annotation.segments]
+    save_text(folder / SEGMENTS_CSV, csv_of(COLUMNS, rows))
     save_json(folder / SEGMENTS_JSON, _as_json(annotation, scores))
-    figure = plot_annotation(annotation, truth)
-    picture = io.BytesIO()
-    figure.savefig(picture, dpi=110, format="png")
-    save_bytes(folder / PICTURE, picture.getvalue())
-    save_text(folder / PAGE, _page(annotation, truth, scores, picture.getvalue()))
+    drawn = png_of(plot_annotation(annotation, truth))
+    save_bytes(folder / PICTURE, drawn)
+    save_text(folder / PAGE, _page(annotation, truth, scores, drawn))
     return scores
 
 
@@ -162,14 +155,6 @@ def _bars(axes: Any, segments: Sequence[Segment], label: str, centre: float, col
     axes.broken_barh(spans, (centre - 0.18, 0.36), color=colour)
 
 
-def _save_csv(path: Path, segments: Sequence[Segment]) -> None:
-    text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(COLUMNS)
-    writer.writerows([f"{s.start:.3f}", f"{s.end:.3f}", shown(s.label, "table"), f"{s.score:.4f}"] for s in segments)
-    save_text(path, text.getvalue())
-
-
 def _as_json(annotation: Annotation, scores: dict[str, Scores]) -> dict[str, Any]:
     return {
         "name": annotation.name,
@@ -184,34 +169,30 @@ def _as_json(annotation: Annotation, scores: dict[str, Scores]) -> dict[str, Any
     }
 
 
-def _page(annotation: Annotation, truth: Sequence[Segment] | None, scores: dict[str, Scores], picture: bytes) -> str:
+def _page(annotation: Annotation, truth: Sequence[Segment] | None, scores: dict[str, Scores], drawn: bytes) -> str:
     """The page: what was found in words, the picture, the segments, and how to read them."""
-    name = escape(annotation.name)
     seconds = annotation.frames.shape[1] / annotation.frame_rate
     labelled = 100.0 * annotation.frames.any(axis=0).mean()
     parts = [
-        f"<!doctype html><html lang='en'><head><meta charset='utf-8'><title>{name}</title><style>{_STYLE}</style>",
-        f"</head><body><h1>{name}</h1>",
         f"<p>{seconds:.1f} seconds were searched for {len(annotation.labels)} motion classes. "
         f"{len(annotation.segments)} segments were found; they cover {labelled:.0f} % of the time.</p>",
     ]
     if annotation.too_long:
         parts.append(f"<p>Too long for this motion, and so not searched: {escape(', '.join(annotation.too_long))}.</p>")
     if scores:
-        parts.append(_table(
+        parts.append(table(
             ("compared with the true segments", "precision", "recall", "F"),
             [(f"over {name}", f"{s.precision:.2f}", f"{s.recall:.2f}", f"{s.f:.2f}") for name, s in scores.items()],
         ))  # fmt: skip
-    encoded = base64.b64encode(picture).decode("ascii")
-    parts.append(f"<img alt='distance functions and segments over time' src='data:image/png;base64,{encoded}'>")
-    parts.append(_table(("from (s)", "to (s)", "motion", "score"), [_row(s, truth) for s in annotation.segments]))
+    parts.append(picture(drawn, "distance functions and segments over time"))
+    parts.append(table(("from (s)", "to (s)", "motion", "score"), [_row(s, truth) for s in annotation.segments]))
     missed = missed_segments(truth or (), annotation.segments)
     if missed:
         rows = [(f"{s.start:.2f}", f"{s.end:.2f}", escape(s.label)) for s in missed]
-        parts.append(_table(("missed from (s)", "to (s)", "motion"), rows))
+        parts.append(table(("missed from (s)", "to (s)", "motion"), rows))
     words = f"{_SCORE_WORDS[annotation.measure]} below {1.0 - max(annotation.thresholds):.2f} nothing is reported."
     parts.append(f"<p>{words}</p>")
-    return "\n".join(parts) + "</body></html>\n"
+    return page(annotation.name, parts)
 
 
 def _row(segment: Segment, truth: Sequence[Segment] | None) -> tuple[str, str, str, str]:
@@ -220,13 +201,3 @@ def _row(segment: Segment, truth: Sequence[Segment] | None) -> tuple[str, str, s
         right = segment_scores(truth, [segment]).right_found
         mark = " <span class='ok'>right</span>" if right else " <span class='no'>not in the truth</span>"
     return f"{segment.start:.2f}", f"{segment.end:.2f}", escape(segment.label) + mark, f"{segment.score:.3f}"
-
-
-def _table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
-    def cell(tag: str, text: str) -> str:
-        number = text.replace(".", "").isdigit() or text in ("precision", "recall", "F", "score") or "(s)" in text
-        return f"<{tag}{' class=n' if number else ''}>{text}</{tag}>"
-
-    lines = ["<table><tr>" + "".join(cell("th", text) for text in head) + "</tr>"]
-    lines += ["<tr>" + "".join(cell("td", text) for text in row) + "</tr>" for row in rows]
-    return "\n".join(lines) + "</table>"

@@ -1,0 +1,69 @@
+"""Small pages of HTML: what is put in comes out of a parser again, and text stays text."""
+
+from __future__ import annotations
+
+import base64
+import csv
+import io
+from html.parser import HTMLParser
+
+import numpy as np
+
+from toolkit.pages import csv_of, page, picture, png_of, table
+
+
+class Read(HTMLParser):
+    """The cells of a page by row, its words, and its pictures."""
+
+    def __init__(self, text: str) -> None:
+        super().__init__()
+        self.rows: list[list[tuple[str, bool]]] = []
+        self.words: list[str] = []
+        self.pictures: list[dict[str, str | None]] = []
+        self.tags: list[str] = []
+        self.feed(text)
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.tags.append(tag)
+        if tag == "tr":
+            self.rows.append([])
+        if tag in ("td", "th"):
+            self.rows[-1].append(("", ("class", "n") in attrs))
+        if tag == "img":
+            self.pictures.append(dict(attrs))
+
+    def handle_data(self, data: str) -> None:
+        self.words.append(data)
+        if self.tags[-1] in ("td", "th"):
+            text, number = self.rows[-1][-1]
+            self.rows[-1][-1] = (text + data.strip(), number)
+
+
+def test_cells_come_back_and_columns_of_numbers_stand_at_the_right() -> None:
+    read = Read(table(("limb", "from (s)", "peak"), [("arm", "1.25", "40"), ("leg", "2.50", "none")]))
+    assert [[text for text, _ in row] for row in read.rows] == [
+        ["limb", "from (s)", "peak"], ["arm", "1.25", "40"], ["leg", "2.50", "none"],
+    ]  # fmt: skip
+    assert all([right for _, right in row] == [False, True, False] for row in read.rows)
+    assert [text for text, _ in Read(table(("alone",), [])).rows[0]] == ["alone"]
+
+
+def test_a_name_with_a_tag_stays_text_and_parts_stay_html() -> None:
+    read = Read(page("<b>run</b>", ["<p>said</p>"], about=": a page"))
+    assert "b" not in read.tags and "p" in read.tags
+    assert "<b>run</b>" in read.words and "<b>run</b>: a page" in read.words and "said" in read.words
+
+
+def test_a_figure_is_a_picture_inside_the_page() -> None:
+    from matplotlib.figure import Figure
+
+    png = png_of(Figure(figsize=(2.0, 1.0)), dpi=50)
+    (found,) = Read(picture(png, "what's shown")).pictures
+    assert found["alt"] == "what's shown"
+    data = base64.b64decode(str(found["src"]).removeprefix("data:image/png;base64,"))
+    assert data == png and np.frombuffer(data[16:24], ">u4").tolist() == [100, 50]
+
+
+def test_a_csv_comes_back_whatever_is_in_it() -> None:
+    rows = [["a,b", 'say "x"'], ["", "two\nlines"]]
+    assert list(csv.reader(io.StringIO(csv_of(("one", "two"), rows)))) == [["one", "two"], *rows]

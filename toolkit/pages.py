@@ -1,0 +1,58 @@
+"""Small pages of HTML for people, in one file each: words, tables, and pictures of matplotlib."""
+
+from __future__ import annotations
+
+import base64
+import csv
+import io
+from collections.abc import Iterable, Sequence
+from html import escape
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+_STYLE = """body{font:15px/1.5 sans-serif;max-width:72em;margin:2em auto;padding:0 1em;color:#222}
+table{border-collapse:collapse;margin:1em 0}td,th{padding:.25em .8em;border-bottom:1px solid #ccc;text-align:left}
+td.n,th.n{text-align:right;font-variant-numeric:tabular-nums}img{max-width:100%}
+.ok{color:#060}.no{color:#a00}"""
+
+
+def page(name: str, parts: Iterable[str], *, about: str = "") -> str:
+    """A page whose title is a name, any text, and its heading the name and what the page is `about`; parts are HTML."""
+    title = escape(name)
+    head = f"<!doctype html><html lang='en'><head><meta charset='utf-8'><title>{title}</title><style>{_STYLE}</style>"
+    return "\n".join([head, f"</head><body><h1>{title}{about}</h1>", *parts]) + "</body></html>\n"
+
+
+def table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+    """A table of cells that are HTML; columns of numbers stand at the right."""
+    numbers = [bool(rows) and all(row[k].replace(".", "").isdigit() for row in rows) for k in range(len(head))]
+
+    def line(tag: str, cells: Sequence[str]) -> str:
+        classes = (" class=n" if number else "" for number in numbers)
+        return "".join(f"<{tag}{name}>{cell}</{tag}>" for cell, name in zip(cells, classes, strict=True))
+
+    lines = (line("th", head), *(line("td", row) for row in rows))
+    return "<table><tr>" + "</tr>\n<tr>".join(lines) + "</tr></table>"
+
+
+def png_of(figure: Figure, dpi: int = 110) -> bytes:
+    """A figure as a PNG file."""
+    stream = io.BytesIO()
+    figure.savefig(stream, dpi=dpi, format="png")
+    return stream.getvalue()
+
+
+def picture(png: bytes, words: str) -> str:
+    """A PNG file inside the page, and what it shows."""
+    return f"<img alt='{escape(words)}' src='data:image/png;base64,{base64.b64encode(png).decode('ascii')}'>"
+
+
+def csv_of(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
+    """The text of a CSV file."""
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(head)
+    writer.writerows(rows)
+    return text.getvalue()
