@@ -7,6 +7,8 @@ import sys
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
+from typing import cast
 
 import numpy as np
 import pytest
@@ -21,6 +23,7 @@ from benchmarks import (
     recovery,
     regressor,
     speed,
+    stabilise,
     swarm,
     upper,
 )
@@ -38,11 +41,14 @@ from toolkit.lopez2011.upper import UpperBodies
 from toolkit.mocap.procedural import procedural_clips
 from toolkit.qammaz.tracker import SwarmTracker
 from toolkit.recordings.opening import open_recording
+from toolkit.recordings.writer import save_recording
+from toolkit.sensing.camera import Camera
 from toolkit.simulation.person import facing_of
 from toolkit.testing import suite
 from toolkit.testing.misled import wrong_pose
 from toolkit.testing.solo import Solo
 from toolkit.testing.suite import GROUPS, REPORT, TUNE, chosen_takes, performed, record, takes
+from toolkit.track import Track
 
 QUICK = ("--set", "shape.seconds=0.1", "--set", "sizes=[0.4]")
 """The shape is learnt from two frames only, of one size."""
@@ -354,6 +360,31 @@ def test_the_particle_filters_frames_a_second_are_told(
     run(speed, "upper", *arguments, monkeypatch=monkeypatch)
     assert json.loads((bundled / "speed_upper_part.json").read_text())["figures"]["8"]["frame_rate"] > 0
     assert "8, 320 wide" in json.loads((bundled / "speed_upper_part.json").read_text())["figures"]
+
+
+def test_noise_falls_on_what_was_measured_and_on_nothing_else(tmp_path: Path) -> None:
+    depth = np.zeros((40, 60, 50), dtype=np.uint16)
+    depth[:, 10:40, 10:40] = 2500
+    camera = Camera(60.0, 60.0, 25.0, 30.0, 50, 60)
+    save_recording(tmp_path / "take.npz", depth=depth, camera=camera, timestamps=np.arange(40) / 30.0)
+    assert stabilise.noisy(tmp_path / "take.npz", 0.0) == tmp_path / "take.npz"
+    found = np.array([f.depth_mm for f in open_recording(stabilise.noisy(tmp_path / "take.npz", 50.0)).stream()])
+    assert not found[depth == 0].any()
+    off = found[depth > 0].astype(float) - 2500
+    assert abs(off.mean()) < 1.0 and off.std() == pytest.approx(50.0, rel=0.02)
+
+
+def test_a_tracks_figures_are_those_of_its_frames_and_are_drawn_round_by_round(tmp_path: Path) -> None:
+    truth = np.zeros((3, 20, 3))
+    found = truth.copy()
+    found[1, :, 0], found[2, :, 0] = 0.1, 0.2
+    seen, track = np.ones((3, 20), dtype=bool), cast(Track, SimpleNamespace(joints=found))
+    figures = dict(zip(stabilise.FIGURES, stabilise.figures_of(track, truth, seen), strict=True))
+    assert figures["mean mm"] == pytest.approx(100.0) and figures["largest mm"] == pytest.approx(200.0)
+    assert figures["deviation mm"] == pytest.approx(np.std([0.0, 100.0, 200.0]))
+    rounds = [np.array([30.0, 90.0]), np.array([20.0, 40.0])]
+    stabilise.plot_errors({"kick": rounds, "throw": rounds[:1]}, tmp_path / "frames.png")
+    assert (tmp_path / "frames.png").stat().st_size > 5_000
 
 
 def test_success_within_pixels_is_drawn(tmp_path: Path) -> None:
