@@ -52,9 +52,9 @@ class Hit(NamedTuple):
 
 
 def stiffened(query: KeyframeQuery, stiffness: float) -> KeyframeQuery:
-    """A query with one stiffness for all gaps; keyframes of the same frame stay together."""
+    """A query with one stiffness for all gaps, of whole frames; keyframes of the same frame stay together."""
     bounds = tuple(
-        bound if bound == (0, 0) else admissible(distance, stiffness)
+        bound if bound == (0, 0) else admissible(round(distance), stiffness)
         for bound, distance in zip(query.bounds, query.distances, strict=True)
     )
     return KeyframeQuery(query.keyframes, bounds, query.lead, query.tail, query.label)

@@ -63,6 +63,8 @@ def test_one_stiffness_for_all_gaps_keeps_keyframes_of_one_frame_together() -> N
     keyframe = Keyframe("upper", (("F1", 1),))
     query = KeyframeQuery((keyframe,) * 3, ((0, 0), (5, 20)), 1, 2, "hop")
     assert ranking.stiffened(query, 1.0).bounds == ((0, 0), (10, 10))
+    between = KeyframeQuery((keyframe,) * 2, ((1, 3),), 0, 0, "hop")  # its distance, 1.7, is no number of frames
+    assert ranking.stiffened(between, 1.0).bounds == ((2, 2),)
     assert ranking.stiffened(query, 0.0).bounds == ((0, 0), (0, None))
     assert ranking.stiffened(query, 0.5) == KeyframeQuery((keyframe,) * 3, ((0, 0), (5, 20)), 1, 2)
 
