@@ -23,7 +23,7 @@ from __future__ import annotations
 
 import argparse
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -37,7 +37,10 @@ from benchmarks._takes import SOURCES, TURNS, is_right, joints_of, prepared, sca
 from toolkit.body.body import Body
 from toolkit.body.shape import load_body
 from toolkit.config import parse_overrides
-from toolkit.evaluation.report import plot_curves
+from toolkit.evaluation.joints import CURVE
+from toolkit.files import save_bytes
+from toolkit.names import shown
+from toolkit.pages import png_of
 from toolkit.pipeline.scan import scan_recordings
 from toolkit.qammaz.tracker import SwarmTracker, SwarmTrackerSettings
 from toolkit.sensing.recording import Recording
@@ -321,13 +324,27 @@ def models(bench: Bench) -> None:
 
 def curves_of(bench: Bench, part: str) -> dict[str, np.ndarray]:
     """Errors (N,), metres, of the rows that the plot of a part shows."""
-    shown = {
+    drawn = {
         "table2": TABLE_2,
         "table3": TABLE_3,
         "models": ("all with their own", "all with neutral", "all with balls"),
         "sequences": tuple(bench.runs),
     }.get(part, ())
-    return {row: np.concatenate([t.errors.ravel() for t in bench.runs[row]]) for row in shown}
+    return {row: np.concatenate([t.errors.ravel() for t in bench.runs[row]]) for row in drawn}
+
+
+def plot_curves(errors: Mapping[str, np.ndarray], path: Path) -> None:
+    """Write A(t) of several sets of distances (N,), metres, in one picture, each under its name."""
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(7.0, 4.2), layout="constrained")
+    axes = figure.add_subplot()
+    for name, distances in errors.items():
+        axes.plot(CURVE * 1000, 100 * (distances <= CURVE[:, None]).mean(axis=1), lw=1.4, label=shown(name, "plot"))
+    axes.set(xlabel="t, mm", ylabel="joints within t, %", xlim=(0, CURVE[-1] * 1000), ylim=(0, 100), title="A(t)")
+    axes.grid(alpha=0.3)
+    axes.legend(fontsize=8, loc="lower right")
+    save_bytes(path, png_of(figure, 130))
 
 
 def paper(parser: argparse.ArgumentParser) -> None:

@@ -30,7 +30,6 @@ from toolkit import skeleton
 from toolkit.config import parse_overrides
 from toolkit.errors import DepthMocapError
 from toolkit.evaluation import upper
-from toolkit.evaluation.joints import seen_joints
 from toolkit.files import atomic_path
 from toolkit.fitting.arms import SIDES, entries_of
 from toolkit.landmarks.graph import Workspace
@@ -43,6 +42,7 @@ from toolkit.rendering.overlay import color_depth, draw_points, draw_skeleton
 from toolkit.sensing.camera import level_rotation
 from toolkit.sensing.cloud import Cloud
 from toolkit.sensing.recording import Recording
+from toolkit.testing.scene_scores import seen_joints
 from toolkit.testing.scenes import record_scene
 from toolkit.testing.solo import Solo
 from toolkit.testing.suite import ROOT, WORK

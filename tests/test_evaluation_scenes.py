@@ -13,11 +13,11 @@ from hypothesis import strategies as st
 
 from toolkit import skeleton
 from toolkit.errors import RecordingError
-from toolkit.evaluation.identities import assigned, match_people
-from toolkit.evaluation.joints import SEEN_REACH, seen_joints
+from toolkit.evaluation.evaluate import assigned
 from toolkit.sensing.camera import Camera
 from toolkit.testing.calibration import calibration_error
-from toolkit.testing.scene_scores import scene_figures, score_scene
+from toolkit.testing.identities import identities_of
+from toolkit.testing.scene_scores import SEEN_REACH, scene_figures, score_scene, seen_joints
 from toolkit.track import EMPTY, TRACKED, Track
 
 CAMERA = Camera(100.0, 100.0, 40.0, 30.0, 81, 61)
@@ -112,14 +112,14 @@ def test_the_assignment_is_the_cheapest_of_all_that_use_as_many_allowed_pairs_as
 
 def test_a_match_lasts_while_it_is_within_the_gate_even_if_another_track_is_nearer() -> None:
     distances = np.array([[[0.1, 0.4]], [[0.4, 0.1]], [[0.6, 0.1]]])
-    found = match_people(distances, np.ones((3, 1), bool), np.ones((3, 2), bool))
+    found = identities_of(distances, np.ones((3, 1), bool), np.ones((3, 2), bool))
     assert found.track_of[:, 0].tolist() == [0, 0, 1]
     assert (found.switches, found.misses, found.false) == (1, 0, 3)
 
 
 def test_who_is_lost_and_found_again_by_the_same_track_has_not_switched() -> None:
     distances = np.array([[[0.1]], [[0.9]], [[0.1]]])
-    found = match_people(distances, np.ones((3, 1), bool), np.ones((3, 1), bool))
+    found = identities_of(distances, np.ones((3, 1), bool), np.ones((3, 1), bool))
     assert found.track_of[:, 0].tolist() == [0, -1, 0]
     assert (found.switches, found.misses, found.false) == (0, 1, 1)
 
@@ -127,7 +127,7 @@ def test_who_is_lost_and_found_again_by_the_same_track_has_not_switched() -> Non
 def test_who_is_found_again_by_another_track_after_a_gap_has_switched() -> None:
     absent = np.nan
     distances = np.array([[[0.1, absent]], [[absent, absent]], [[absent, 0.1]]])
-    found = match_people(distances, np.ones((3, 1), bool), np.isfinite(distances[:, 0]))
+    found = identities_of(distances, np.ones((3, 1), bool), np.isfinite(distances[:, 0]))
     assert found.track_of[:, 0].tolist() == [0, -1, 1]
     assert (found.switches, found.misses, found.false) == (1, 1, 0)
 
@@ -135,18 +135,18 @@ def test_who_is_found_again_by_another_track_after_a_gap_has_switched() -> None:
 def test_tracks_that_change_places_are_two_switches() -> None:
     near, far = 0.1, 0.9
     distances = np.array([[[near, far], [far, near]], [[far, near], [near, far]]])
-    found = match_people(distances, np.ones((2, 2), bool), np.ones((2, 2), bool))
+    found = identities_of(distances, np.ones((2, 2), bool), np.ones((2, 2), bool))
     assert (found.switches, found.misses, found.false) == (2, 0, 0)
 
 
 def test_whoever_need_not_be_followed_is_not_missed_and_a_track_on_them_is_not_false() -> None:
     distances = np.array([[[0.1]], [[np.nan]]])
-    found = match_people(distances, np.zeros((2, 1), bool), np.array([[True], [False]]))
+    found = identities_of(distances, np.zeros((2, 1), bool), np.array([[True], [False]]))
     assert (found.misses, found.false) == (0, 0)
 
 
 def test_an_empty_scene_has_nothing_but_false_tracks() -> None:
-    found = match_people(np.empty((3, 0, 1)), np.empty((3, 0), bool), np.array([[True], [True], [False]]))
+    found = identities_of(np.empty((3, 0, 1)), np.empty((3, 0), bool), np.array([[True], [True], [False]]))
     assert (found.switches, found.misses, found.false) == (0, 0, 2)
 
 

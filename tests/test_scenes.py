@@ -19,12 +19,12 @@ from database_builder.build import Sampling, build_database
 from database_builder.regressor import RegressorSettings
 from tests.database_helpers import small_database
 from toolkit.body.shape import load_body
-from toolkit.evaluation.joints import seen_joints
 from toolkit.mocap.procedural import procedural_clips
 from toolkit.recordings.opening import open_recording
 from toolkit.sensing.camera import Camera
 from toolkit.sensing.cloud import Cloud
 from toolkit.testing import suite
+from toolkit.testing.scene_scores import seen_joints
 from toolkit.testing.scenes import EMPTY_ROOMS, GROUPS, REPORT, TUNE, VIEWS, chosen_scenes, record_scene, scenes
 from toolkit.track import EMPTY, TRACKED
 from toolkit.tracking.state import PersonState

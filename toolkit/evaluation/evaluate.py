@@ -20,7 +20,6 @@ from toolkit.evaluation.agreement import (
     subject_of,
 )
 from toolkit.evaluation.extrema import TIPS, all_free, extrema_found
-from toolkit.evaluation.identities import assigned
 from toolkit.evaluation.reference import Reference, find_reference
 from toolkit.evaluation.scores import EvaluationTable, RunScores
 from toolkit.evaluation.surface import depth_residual, silhouette_overlap
@@ -128,6 +127,26 @@ def _evaluate(run: Path, references: list[Path], surface: bool, moved_to: str | 
         for item, folder in zip(evaluated, folders, strict=True)
     ]
     return evaluated if alone else [*named, *(_not_found(recording, run, person) for person in missing)]
+
+
+def assigned(costs: np.ndarray) -> np.ndarray:
+    """The column of each row at the least total cost, int64 (N,), -1 for none; infinite costs are never chosen.
+
+    Parameters
+    ----------
+    costs : float64 (N, M), not negative
+    """
+    from scipy.optimize import linear_sum_assignment
+
+    allowed = np.isfinite(costs)
+    chosen = np.full(len(costs), -1, dtype=np.int64)
+    if not allowed.any():
+        return chosen
+    forbidden = 1.0 + 2.0 * costs[allowed].sum()
+    rows, columns = linear_sum_assignment(np.where(allowed, costs, forbidden))
+    kept = allowed[rows, columns]
+    chosen[rows[kept]] = columns[kept]
+    return chosen
 
 
 def match_people(

@@ -28,9 +28,6 @@ SURFACE_REACH = np.array([0.2 if name in TRUNK else 0.12 for name in skeleton.RE
 lie up to 14 cm inside an average adult, those of the limbs up to 7 cm."""
 SURFACE_WINDOW = 2
 """Pixels to each side of a joint's projection that are searched for that surface."""
-SEEN_REACH = 0.22
-"""Metres from a joint to the first surface on its ray within which a joint of a scene counts as seen, no matter whose
-surface it is: the joints of large people and of people in thick clothes lie that deep."""
 
 
 def joint_errors(joints: np.ndarray, truth: np.ndarray) -> np.ndarray:
@@ -108,35 +105,4 @@ def visible_joints(joints_camera: np.ndarray, depth_m: np.ndarray, camera: Camer
             max(0, column - SURFACE_WINDOW) : column + SURFACE_WINDOW + 1,
         ]
         seen[j] = bool(((window > 0) & (np.abs(window - joints_camera[j, 2]) < SURFACE_REACH[j])).any())
-    return seen
-
-
-def seen_joints(joints_camera: np.ndarray, depth_m: np.ndarray, camera: Camera) -> np.ndarray:
-    """Which joints of the people in a scene are seen: bool (..., 20).
-
-    Seen is a joint inside the image for which the first surface on its ray is within `SEEN_REACH`. Where the joint's
-    pixel holds no measurement, the median of those around it stands for it.
-
-    Parameters
-    ----------
-    joints_camera : (..., 20, 3), metres, true joints; NaN is not seen
-    depth_m : float32 (H, W), metres along z, 0 = nothing measured
-    camera : of that image
-    """
-    joints = np.asarray(joints_camera, dtype=np.float64)
-    height, width = depth_m.shape
-    pixels = np.nan_to_num(np.rint(camera.project(joints)), nan=-1.0)
-    inside = ((pixels >= 0) & (pixels < [width, height])).all(axis=-1)
-    column, row = pixels[inside].astype(np.int64).T
-    measured = np.pad(np.where(depth_m > 0, depth_m, np.nan), 1, constant_values=np.nan)
-    around = np.stack([measured[row + i, column + j] for i in range(3) for j in range(3)])
-    known = np.isfinite(around)
-    ordered = np.sort(around, axis=0)  # NaN last
-    middle = ordered[np.maximum(known.sum(axis=0) - 1, 0) // 2, np.arange(around.shape[1])]
-    surface = np.where(known[4], around[4], middle)
-    points = joints[inside]
-    with np.errstate(invalid="ignore"):
-        near = np.abs(surface / points[:, 2] - 1.0) * np.linalg.norm(points, axis=1) <= SEEN_REACH
-    seen = np.zeros(joints.shape[:-1], dtype=bool)
-    seen[inside] = near
     return seen

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -71,17 +70,6 @@ def plot_accuracy(table: EvaluationTable, path: str | Path) -> None:
     axes.grid(alpha=0.3)
     if not many:
         axes.legend(fontsize=8, loc="lower right")
-    _write(figure, path)
-
-
-def plot_curves(errors: Mapping[str, np.ndarray], path: str | Path) -> None:
-    """Write A(t) of several sets of distances (N,), metres, in one picture, each under its name."""
-    figure, axes = _figure()
-    for name, distances in errors.items():
-        axes.plot(CURVE * 1000, 100 * (distances <= CURVE[:, None]).mean(axis=1), lw=1.4, label=shown(name, "plot"))
-    axes.set(xlabel="t, mm", ylabel="joints within t, %", xlim=(0, CURVE[-1] * 1000), ylim=(0, 100), title="A(t)")
-    axes.grid(alpha=0.3)
-    axes.legend(fontsize=8, loc="lower right")
     _write(figure, path)
 
 

@@ -6,6 +6,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from toolkit.evaluation.evaluate import assigned
+
 GATE = 0.5
 """Mean distance of the joints, metres, beyond which a track is not that person."""
 
@@ -27,27 +29,7 @@ class Identities(NamedTuple):
     false: int
 
 
-def assigned(costs: np.ndarray) -> np.ndarray:
-    """The column of each row at the least total cost, int64 (N,), -1 for none; infinite costs are never chosen.
-
-    Parameters
-    ----------
-    costs : float64 (N, M), not negative
-    """
-    from scipy.optimize import linear_sum_assignment
-
-    allowed = np.isfinite(costs)
-    chosen = np.full(len(costs), -1, dtype=np.int64)
-    if not allowed.any():
-        return chosen
-    forbidden = 1.0 + 2.0 * costs[allowed].sum()
-    rows, columns = linear_sum_assignment(np.where(allowed, costs, forbidden))
-    kept = allowed[rows, columns]
-    chosen[rows[kept]] = columns[kept]
-    return chosen
-
-
-def match_people(distances: np.ndarray, due: np.ndarray, active: np.ndarray, *, gate: float = GATE) -> Identities:
+def identities_of(distances: np.ndarray, due: np.ndarray, active: np.ndarray, *, gate: float = GATE) -> Identities:
     """CLEAR MOT: a match lasts while it is within the gate; the rest is matched at the least total distance.
 
     Parameters
