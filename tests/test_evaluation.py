@@ -16,7 +16,7 @@ from scipy.spatial.transform import Rotation
 
 from toolkit import skeleton
 from toolkit.errors import RecordingError, TrackError, UsageError
-from toolkit.evaluation import agreement, evaluate, joints, plots, surface
+from toolkit.evaluation import agreement, evaluate, joints, report, surface
 from toolkit.evaluation.extrema import TIPS, all_found, limbs_of_points
 from toolkit.evaluation.scores import EvaluationTable, RunScores
 from toolkit.files import sha256_of
@@ -349,12 +349,12 @@ def test_a_row_is_called_by_its_run_folder_and_names_a_recording_of_another_name
 def test_plots_are_written_and_refused_without_anything_to_plot(tmp_path: Path) -> None:
     truth = standing()
     table = evaluate.evaluate_runs([write_run(tmp_path, truth, joints=truth)], surface=False)
-    for draw in (plots.plot_accuracy, plots.plot_errors):
+    for draw in (report.plot_accuracy, report.plot_errors):
         draw(table, tmp_path / "plot.png")
         assert (tmp_path / "plot.png").stat().st_size > 5000
         (tmp_path / "plot.png").unlink()
     blind = evaluate.evaluate_runs([write_run(tmp_path, truth, name="blind")], surface=False)
-    for draw in (plots.plot_accuracy, plots.plot_errors):
+    for draw in (report.plot_accuracy, report.plot_errors):
         with pytest.raises(UsageError, match="--reference"):
             draw(blind, tmp_path / "plot.png")
 
