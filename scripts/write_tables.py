@@ -221,10 +221,16 @@ def stabilised() -> Rows:
         ("hidden mm", "of hidden joints", "50"),
     ):
         rows.append((said, target, *(f"{found[kind][name]:.1f}" for kind in kinds)))
+
+    def spread(own: dict[str, float]) -> str:
+        """As in Table 6.1."""
+        return f"{own['deviation mm']:.1f}; {own['largest mm']:.0f}"
+
     near = (f"{percent(found[kind]['hidden within 100 mm'], 0)} %" for kind in kinds)
     labels = f"{found['F segments']:.2f}, {found['F frames']:.2f}"
     return [
         *rows, ("hidden joints within 100 mm", "90 %", *near),
+        ("error of a frame: deviation; largest, mm", "", *(spread(found[kind]) for kind in kinds)),
         ("worst change of a sequence", "+1", "", "", f"{found['most harm mm']:.1f}"),
         ("labels of the tracks, F over segments, over frames", "0.95, 0.90", "", "", labels),
     ]  # fmt: skip
