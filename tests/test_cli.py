@@ -24,7 +24,7 @@ from toolkit.database.default import default_database_path
 from toolkit.errors import UsageError
 from toolkit.people.sighting import Sighting
 from toolkit.pipeline import many
-from toolkit.track import FrameResult, Track
+from toolkit.track import EMPTY, TRACKED, FrameResult, Track
 from toolkit.tracking.clock import StageClock
 
 VERBS = (
@@ -148,6 +148,18 @@ def test_track_writes_a_run_and_says_so(tmp_path: Path, fake: FakeTracker, capsy
         ("hybrid", {"sensing.segment": "person", "sensing.half_resolution": True, "extrema": 10}),
         {"database": Path("d.npz"), "max_poses": 7, "guide": None, "body": None},
     )
+
+
+@pytest.mark.parametrize(("state", "verb", "other"), [(TRACKED, "export", "info"), (EMPTY, "info", "export")])
+def test_what_comes_next_is_of_the_run_or_of_a_recording_in_which_nobody_is_found(
+    state: int, verb: str, other: str, tmp_path: Path, fake: FakeTracker,
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str],
+) -> None:  # fmt: skip
+    monkeypatch.setattr("tests.fake_tracker.TRACKED", state)
+    recording = write_recording(tmp_path / "take.npz")
+    assert run("track", recording, "--database", "d.npz", "--output", tmp_path / "o") == 0
+    following = capsys.readouterr().err.split("next:")[1]
+    assert f" {verb} " in following and f" {other} " not in following
 
 
 def test_several_recordings_go_to_folders_by_stem_and_a_failure_is_named(

@@ -132,9 +132,12 @@ def track(
     if folders.batch:
         _track_batch(recordings, output, tracking, guiding, folders, how)
         return
-    _track_each(recordings, output, tracking, guiding, folders.resume, how)
+    anybody = _track_each(recordings, output, tracking, guiding, folders.resume, how)
     from toolkit.cli.terminal import next_commands
 
+    if not anybody:
+        next_commands({("info", str(recordings[0])): "what the recording holds, and which option would help"})
+        return
     next_commands(
         {
             ("report", str(output), "--output", "report.html"): "one page: film, body in three dimensions, plots",
@@ -146,8 +149,8 @@ def track(
 
 def _track_each(
     recordings: list[Path], output: Path, tracking: Tracking, guiding: Guiding, resume: bool, how: dict[str, Any]
-) -> None:
-    """One recording after the other, in this process; exit code 1 where one is not done."""
+) -> bool:
+    """One recording after the other; whether anybody was tracked. Exit code 1 where one is not done."""
     from toolkit.ahead import compile_beside
     from toolkit.cli.terminal import doing_words, progress_bars
     from toolkit.files import is_file
@@ -183,6 +186,7 @@ def _track_each(
         say(f"depthmocap: {path}: {reason}", file=sys.stderr)
     if report.failed or report.interrupted:
         raise typer.Exit(1)
+    return any(summary.states["tracked"] for summary in report.done)
 
 
 def _track_batch(
