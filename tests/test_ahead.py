@@ -51,13 +51,13 @@ def test_every_line_of_the_list_names_a_kernel_and_comes_back_as_it_is_written()
 
 
 def test_calls_are_noted_once_with_the_types_that_numba_sees() -> None:
-    fresh = numba.njit(linear._dot.py_func)
-    vector, read = np.ones(3), np.ones(3)
+    fresh = numba.njit(linear.substitute.py_func)
+    factor, read = np.eye(3), np.eye(3)
     read.setflags(write=False)
     with called() as lines:
-        for argument in (vector, vector, read):
-            fresh(vector, argument)
-    assert list(lines) == ["linear._dot float64:1 float64:1", "linear._dot float64:1 float64:1!"]
+        for argument in (factor, factor, read):
+            fresh(argument, np.ones(3))
+    assert list(lines) == ["linear.substitute float64:2 float64:1", "linear.substitute float64:2! float64:1"]
 
 
 def test_the_list_is_compiled_from_its_end_and_kept(tmp_path: Path) -> None:
