@@ -63,14 +63,16 @@ def plot_thresholds(kinds: Mapping[str, Mapping[str, Any]], path: Path) -> None:
 def signals_of(take: Take, calibration: Calibration, limb: str) -> dict[str, tuple[np.ndarray, np.ndarray]]:
     """Rates of turn, rad/s, and accelerations, m/s2, in the limb's frame: the sensor's and the track's, (T, 3) each.
 
-    The track's are differences of its frames; the sensor's are brought into the limb's frame by its mounting `q_L`.
+    The track's are differences of its frames; the sensor's, NaN where it measured nothing, are brought into the limb's
+    frame by its mounting `q_L`.
     """
     stream = next(stream for stream in take.sensors if stream.name == limb)
     assert stream.gyro is not None and stream.acceleration is not None  # simulated
     moments = take.clock.sensor_times(take.motion.times)
 
     def measured(values: np.ndarray) -> np.ndarray:
-        columns = [np.interp(moments, stream.times[stream.valid], column) for column in values[stream.valid].T]
+        own = stream.times[stream.valid]
+        columns = [np.interp(moments, own, column, np.nan, np.nan) for column in values[stream.valid].T]
         return quat.rotate(calibration.mounting(limb), np.stack(columns, axis=1))
 
     times, orientation = take.motion.times, take.motion.orientation(limb)
