@@ -24,6 +24,7 @@ CLAIMED = "hybrid,local,baak2013,baak2013 local,baak2013 lookup"
 COMMANDS: dict[str, str] = {
     "speed": "speed hybrid {database}",
     "speed_crowd": "speed crowd {database} --frames 120",
+    "speed_passes": "speed passes toolkit/database/assets/default.npz --frames 30,90",
     "speed_swarm": "speed swarm --frames 30 --network",
     "speed_upper": "speed upper --counts 64,256 --columns 160,320,640 --first 10",
     "extrema": "lookup extrema",

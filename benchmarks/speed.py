@@ -11,6 +11,10 @@
   camera, already cut out; the image is the same however many there are. A frame is all that `Crowd.step` does, with a
   known body. The excess is the time over N times that of one person. The people of all counts take their frames in
   turn, so that what else the machine does falls on all alike.
+- `passes DATABASE [--frames 60,180]`: `depthmocap track` as it is typed, in two passes and in one (`--online`), of one
+  person of about 6,000 pixels who is cut out, and of six in a furnished room before a Kinect of 640x480 pixels. A frame
+  costs what the longer recording takes more of the processor than the shorter one, so that starting, compiling and
+  learning the bodies do not count, nor what else the machine does; memory is the peak over the longer one.
 - `swarm`, `upper`: the swarm tracker and the particle filter (`benchmarks/_speed_wings.py`).
 """
 
@@ -21,8 +25,9 @@ import os
 import subprocess
 import sys
 import tempfile
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import asdict
+from itertools import cycle
 from pathlib import Path
 from time import perf_counter
 from typing import Any
@@ -39,11 +44,18 @@ from toolkit.database.database import PoseDatabase, PoseOrigins
 from toolkit.evaluation.joints import accuracy, frame_errors, joint_errors
 from toolkit.hybrid.settings import HybridSettings
 from toolkit.hybrid.tracker import HybridTracker
+from toolkit.mocap.clip import PoseClip
+from toolkit.mocap.procedural import SUBJECT_MOTIONS
 from toolkit.people.survey import find_people
 from toolkit.recordings.opening import open_recording
 from toolkit.recordings.writer import save_recording
+from toolkit.runs import person_runs
 from toolkit.sensing.camera import Camera
 from toolkit.sensing.recording import Recording
+from toolkit.simulation.person import Person
+from toolkit.simulation.sensors import KinectV1
+from toolkit.simulation.simulate import Shot, simulate_scene
+from toolkit.testing import suite
 from toolkit.testing.plain_pipeline import PlainTracker
 from toolkit.testing.solo import Solo
 from toolkit.testing.subjects import DISTANCE, camera_for, draw, moving_poses, write_recording
@@ -137,17 +149,19 @@ def compare(recording: Recording, database: PoseDatabase, settings: HybridSettin
     }
 
 
-def peak_memory(recording: Path, database: Path, output: Path) -> float:
-    """Peak resident memory of `depthmocap track` over a recording, megabytes; its run folder goes to `output`."""
+def tracked(recording: Path, database: Path, output: Path, *options: str) -> tuple[float, float]:
+    """Peak resident memory of `depthmocap track` over a recording, megabytes, and its processor time, seconds; its run
+    folder goes to `output`.
+    """
     command = [sys.executable, "-m", "toolkit.cli.main", "track", recording, "--database", database, "--output", output]
     process = subprocess.Popen(
-        [str(word) for word in command], env={**os.environ, **ONE_THREAD}, stdout=subprocess.DEVNULL
+        [str(word) for word in (*command, *options)], env={**os.environ, **ONE_THREAD}, stdout=subprocess.DEVNULL
     )
     _, status, usage = os.wait4(process.pid, 0)
     process.returncode = os.waitstatus_to_exitcode(status)
     if process.returncode:
         raise SystemExit(f"depthmocap track of {recording} ended with {process.returncode}")
-    return usage.ru_maxrss / 1024.0  # kilobytes, on Linux
+    return usage.ru_maxrss / 1024.0, usage.ru_utime + usage.ru_stime  # memory in kilobytes, on Linux
 
 
 def print_times(rows: list[dict[str, Any]]) -> None:
@@ -196,7 +210,7 @@ def hybrid(parser: argparse.ArgumentParser) -> None:
         for frames in options.memory_frames:
             path = Path(folder) / f"memory_{frames}.npz"
             write_recording(path, SIZES[1], frames)
-            peak = peak_memory(path, saved, Path(folder) / f"run_{frames}")
+            peak, _ = tracked(path, saved, Path(folder) / f"run_{frames}")
             figures["memory"].append({"frames": frames, "peak_mb": peak})
             print(f"peak memory over {frames} frames: {peak:.0f} MB")
     name = "speed" if options.frames >= 1000 + WARM_UP else "speed_part"
@@ -294,9 +308,61 @@ def crowd(parser: argparse.ArgumentParser) -> None:
     print("written:", save_figures("speed_crowd", figures, {"set": options.set, "poses": len(database)}))
 
 
+SIX = ((-1.5, 0.0), (-0.9, -0.8), (-0.3, 0.2), (0.4, -0.6), (0.9, 0.3), (1.6, -0.4))
+"""Places of six people on the floor, metres."""
+LARGE = Camera(571.26, 571.26, 319.5, 239.5, 640, 480)
+
+
+def six_in_a_room(path: Path, frames: int) -> None:
+    """Six people who move in an office, before a camera 1.9 m above the floor that looks down."""
+    people = []
+    for k, (place, motion) in enumerate(zip(SIX, cycle(SUBJECT_MOTIONS), strict=False)):
+        body = subject_body("neutral", seed=k)
+        poses = suite.cut(suite.motion_of(f"bundled_{motion}", body, seed=k).poses, 0.0, frames, frames)
+        people.append(Person(PoseClip(motion, suite.in_place(poses), suite.RATE, ""), body, place))
+    shot = Shot(sensor=KinectV1(camera=LARGE), distance=4.2, height=1.9, tilt=13.0, background=False, room="office:53")
+    simulate_scene(people, path, shot)
+
+
+MADE: dict[str, Callable[[Path, int], None]] = {
+    "one": lambda path, frames: write_recording(path, PIXELS, frames),
+    "six": six_in_a_room,
+}
+"""Recordings by the number of people in them, which is written with their length in frames."""
+PASSES = {"two": (), "one": ("--online",)}
+
+
+def passes(parser: argparse.ArgumentParser) -> None:
+    """Measure two passes beside one, print, write JSON."""
+    parser.add_argument("database", type=Path)
+    parser.add_argument("--frames", default="60,180", help="of a short and of a long recording")
+    options = parser.parse_args()
+    lengths = [int(frames) for frames in options.frames.split(",")]
+    figures: dict[str, Any] = {}
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        for people, make in MADE.items():
+            paths = [folder / f"{people}_{frames}.npz" for frames in lengths]
+            for path, frames in zip(paths, lengths, strict=True):
+                make(path, frames)
+            figures[people] = {}
+            for number, extra in PASSES.items():
+                runs = [folder / f"{path.stem}_{number}" for path in paths]
+                both = [
+                    tracked(path, options.database, run, "--people", "1" if people == "one" else "all", *extra)
+                    for path, run in zip(paths, runs, strict=True)
+                ]
+                more = 1000 * (both[1][1] - both[0][1]) / (lengths[1] - lengths[0])
+                found = [len(person_runs(run)) for run in runs]
+                figures[people][number] = {"frame_ms": more, "peak_mb": both[1][0], "found": found}
+                print(f"{people} people, {number} passes: {more:.1f} ms a frame, {both[1][0]:.0f} MB, found {found}")
+            figures[people]["ratio"] = figures[people]["two"]["frame_ms"] / figures[people]["one"]["frame_ms"]
+    print("written:", save_figures("speed_passes", figures, {"frames": lengths}))
+
+
 def main() -> None:
     """Run the part that is asked for."""
-    run_part(__doc__, {"hybrid": hybrid, "crowd": crowd, "swarm": swarm, "upper": upper})
+    run_part(__doc__, {"hybrid": hybrid, "crowd": crowd, "passes": passes, "swarm": swarm, "upper": upper})
 
 
 if __name__ == "__main__":

@@ -255,6 +255,23 @@ def test_speed_times_every_stage_at_full_and_half_resolution(
     assert set(full["stages"]) == {"prepare", "landmarks", "local", "arms", "lookup", "head_hands", "swarm", "select"}
 
 
+def test_a_frame_costs_what_a_longer_recording_takes_more_of_the_processor(
+    bundled: Path, small_database: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def tracked(recording: Path, _database: Path, _output: Path, *options: str) -> tuple[float, float]:
+        frames, pass_ms = int(recording.stem.split("_")[1]), 10 if "--online" in options else 15
+        return 100.0 + frames, 20.0 + frames * pass_ms / 1000
+
+    made = {people: lambda path, frames: path.touch() for people in ("one", "six")}
+    monkeypatch.setattr(speed, "MADE", made)
+    monkeypatch.setattr(speed, "tracked", tracked)
+    monkeypatch.setattr(speed, "person_runs", lambda run: [run])
+    run(speed, "passes", small_database, "--frames", "4,9", monkeypatch=monkeypatch)
+    figures = json.loads((bundled / "speed_passes.json").read_text())["figures"]
+    assert figures["six"]["two"]["frame_ms"] == pytest.approx(15) and figures["six"]["two"]["peak_mb"] == 109
+    assert figures["one"]["ratio"] == pytest.approx(1.5)
+
+
 @pytest.mark.shared_data
 def test_real_recordings_are_measured(
     shared_data: Path, bundled: Path, work: Path, small_database: Path, monkeypatch: pytest.MonkeyPatch
