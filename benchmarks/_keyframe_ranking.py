@@ -52,9 +52,12 @@ class Hit(NamedTuple):
 
 
 def stiffened(query: KeyframeQuery, stiffness: float) -> KeyframeQuery:
-    """A query with one stiffness for all gaps, of whole frames; keyframes of the same frame stay together."""
+    """A query with one stiffness for all gaps, of whole frames; keyframes of the same frame stay together.
+
+    The distance of a gap from 0 to n frames, which Eq. 4.8 loses, is taken to be half of n.
+    """
     bounds = tuple(
-        bound if bound == (0, 0) else admissible(round(distance), stiffness)
+        bound if bound == (0, 0) else admissible(round(distance if bound[0] else (bound[1] or 0) / 2), stiffness)
         for bound, distance in zip(query.bounds, query.distances, strict=True)
     )
     return KeyframeQuery(query.keyframes, bounds, query.lead, query.tail, query.label)
@@ -71,6 +74,12 @@ def ranked(template: PreparedTemplate, documents: Sequence[LabelledDocument], fo
             hits.append(Hit(float(costs[end]), number, first + int(starts[end]), first + end + 1))
             costs[(ends >= starts[end]) & (starts <= end)] = np.inf
     return sorted(hits)
+
+
+def whole(documents: Sequence[LabelledDocument]) -> HitRanges:
+    """All of some documents."""
+    numbers = np.arange(len(documents))
+    return HitRanges(numbers, np.zeros_like(numbers), np.array([len(document.features) for document in documents]))
 
 
 def right_ones(hits: Sequence[Hit], documents: Sequence[LabelledDocument], label: str) -> tuple[np.ndarray, int]:
@@ -118,7 +127,9 @@ def ranking(parser: argparse.ArgumentParser) -> None:
         ]
         learned = learned_from(seen, others, LearningSettings(runs=options.runs), rng)
         clips = {label: [e.features for e in seen if e.label == label] for label in by_label(seen)}
-        for found in learn_classes(clips):
+        classes = learn_classes(clips)
+        ranked(PreparedTemplate(classes[0].templates[0]), documents, whole(documents[:1]))  # loads the kernel
+        for found in classes:
             (query,) = learned[found.label].alternatives(1)
             stiffness += [s for s, bound in zip(query.stiffness, query.bounds, strict=True) if bound != (0, 0)]
             kinds = {LEARNED: query, **{f"{s:g}": stiffened(query, s) for s in STIFFNESS}}

@@ -52,7 +52,7 @@ def test_hits_of_a_template_do_not_overlap_and_the_cheapest_comes_first() -> Non
     clip = features.sliced(20, 40)
     template = PreparedTemplate(QuantisedTemplate("x", clip.values.astype(np.int8), np.ones(20)))
     documents = [corpus.LabelledDocument(features, "bd", ())]
-    found = ranking.ranked(template, documents, hits((0, 0, 60)))
+    found = ranking.ranked(template, documents, ranking.whole(documents))
     assert found[0] == ranking.Hit(0.0, 0, 20, 40)
     assert [hit.cost for hit in found] == sorted(hit.cost for hit in found)
     spans = sorted((hit.start, hit.stop) for hit in found)
@@ -65,6 +65,8 @@ def test_one_stiffness_for_all_gaps_keeps_keyframes_of_one_frame_together() -> N
     assert ranking.stiffened(query, 1.0).bounds == ((0, 0), (10, 10))
     between = KeyframeQuery((keyframe,) * 2, ((1, 3),), 0, 0, "hop")  # its distance, 1.7, is no number of frames
     assert ranking.stiffened(between, 1.0).bounds == ((2, 2),)
+    early = KeyframeQuery((keyframe,) * 2, ((0, 12),), 0, 0, "hop")
+    assert ranking.stiffened(early, 0.5).bounds == ((3, 12),)
     assert ranking.stiffened(query, 0.0).bounds == ((0, 0), (0, None))
     assert ranking.stiffened(query, 0.5) == KeyframeQuery((keyframe,) * 3, ((0, 0), (5, 20)), 1, 2)
 
