@@ -109,14 +109,13 @@ def test_a_plot_shows_some_skeletons_of_who_is_there_and_five_curves(states: lis
 def test_depth_alone_has_one_scale_of_colours_and_an_even_size() -> None:
     take: Any = SimpleNamespace(name="take", timestamps=np.array([0.0, 0.1]))
     painter = DepthPainter(take, RenderSettings(height=120))
-    near = np.full((15, 21), 1000, dtype=np.uint16)
-    near[:, 10:] = 3000
-    first = painter.paint(0, near)
-    again = painter.paint(1, np.where(near == 1000, near, 0).astype(np.uint16))
-    bar = len(first) - 120
+    depth = np.repeat(np.repeat([1000, 2000, 3000], 7)[None], 15, axis=0).astype(np.uint16)
+    first = painter.paint(0, depth)
+    again = painter.paint(1, np.where(depth == 2000, depth, 0).astype(np.uint16))
     assert first.shape[1] % 2 == 0 and first.shape == again.shape
-    np.testing.assert_array_equal(first[bar:, 2], again[bar:, 2])
-    assert first[bar:, 2].sum() > first[bar:, -3].sum() > again[bar:, -3].sum(), "nearer is lighter, nothing is dark"
+    near, middle, far = (first[-60, column] for column in (20, 84, 148))
+    assert near.sum() > middle.sum() > far.sum() > again[-60, 148].sum(), "nearer is lighter, nothing is dark"
+    np.testing.assert_array_equal(again[-60, 84], middle)
 
 
 def test_controls_of_both_sides_are_those_of_each() -> None:
