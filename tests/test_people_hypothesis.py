@@ -81,6 +81,7 @@ def test_somebody_who_sits_still_is_in_the_room_unless_the_judge_says_otherwise(
     v, u = lens.camera.height // 2, lens.camera.width // 2
     assert furniture.background[v, u] == pytest.approx(2.4, abs=0.15) and len(furniture.figures) == 1
     assert person.background[v, u] == 0.0 and len(person.figures) == 0
+    assert person.still[v, u], "a chair's back that flows together with them is found by it"
     assert person.background[v, 5] == furniture.background[v, 5] > 3.9
 
 

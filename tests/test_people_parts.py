@@ -58,6 +58,11 @@ def test_heads_go_to_people_by_least_total_distance():
     assert match_heads(people, heads, 0.1) == {0: 0, 1: 1}, "the nearest to the second alone would be the first head"
 
 
+@pytest.mark.parametrize(("way", "resting", "found"), [(0.3, True, {}), (0.3, False, {0: 0}), (0.1, True, {0: 0})])
+def test_a_head_where_nothing_ever_moved_is_a_chairs_unless_theirs_was_there(way, resting, found):
+    assert match_heads([somebody()], [HEAD + (way, 0.0, 0.0)], 0.1, [resting]) == found
+
+
 def test_somebody_is_expected_where_the_velocity_leads_for_half_a_second():
     person = somebody(velocity=(1.0, 0.0, 0.0))
     assert person.expected(0.2)[0] == pytest.approx(0.2)

@@ -66,7 +66,8 @@ def learnt(
         return room_of(frames[0], lens, settings)
     stack = np.stack(frames)
     rough = farthest_lasting(stack, LASTING, lens, settings)
-    margin, _ = _margins(stack, rough, lens, settings)
+    margin, same = _margins(stack, rough, lens, settings)
+    still = (same.sum(axis=0) >= STILL * np.maximum((stack > 0).sum(axis=0), 1)) & (rough > 0)
     moved = np.stack([_opened((depth > 0) & (rough - depth > margin)) for depth in stack])
     tolerance = tolerances(rough, lens, settings)
     planes = find_planes(rough, lens.rays, tolerance, settings.plane_area, settings.plane_side)
@@ -90,7 +91,6 @@ def learnt(
     background = farthest_lasting(np.where(people, np.float32(0), stack), 0.0, lens, settings)
     margin, near = _margins(stack, background, lens, settings)
     count = near.sum(axis=0)
-    still = (count >= STILL * np.maximum((stack > 0).sum(axis=0), 1)) & (background > 0)
     background[(near & people).sum(axis=0) > MOSTLY * count] = 0.0
     for figure in stays:  # whose head is not seen in all frames, but they are there
         background[sum(near[s.frame] & s.own for s in figure) > MOSTLY * len(figure)] = 0.0

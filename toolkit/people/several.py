@@ -114,7 +114,7 @@ class SeveralPeople:
         view, surroundings = self._look(flat)
         present = self._present(timestamp, predicted)
         heads, children, furniture = self._heads(view, surroundings)
-        matched = match_heads(present, heads, timestamp)
+        matched = match_heads(present, heads, timestamp, [self._rests(view, head) for head in heads])
         for k, i in matched.items():
             present[k] = present[k].faced(heads[i], self._settings.head_distance)
         places = [heads[matched[k]] if k in matched else person.expected(timestamp) for k, person in enumerate(present)]
@@ -187,7 +187,8 @@ class SeveralPeople:
         if depth.any():
             self._surroundings = surroundings
         foreground = surroundings.foreground(depth, lens.rays, tolerances(depth, lens, settings))
-        return lens.view(depth, foreground, surroundings.still), surroundings
+        before = foreground & (surroundings.background > 0)  # somebody, where nothing moved while the room was learnt
+        return lens.view(depth, foreground, surroundings.still & ~before), surroundings
 
     def _heads(self, view: View, surroundings: Surroundings) -> tuple[list[np.ndarray], list[bool], list[np.ndarray]]:
         """Places of heads, which of them are of a small child's size, and places of furniture, whose pixels go to no
@@ -303,14 +304,18 @@ class SeveralPeople:
                 own[whose[0]] = i
                 seeds[here] = owners[0]
                 continue
-            still = np.count_nonzero(view.still & here) > NEVER_MOVED * np.count_nonzero(here)
-            chair = still and beside(head, everybody, self._settings)
+            chair = self._rests(view, head) and beside(head, everybody, self._settings)
             if not chair and all(apart(head, everybody[k - 1], self._settings) and not child for k in owners):
                 everybody.append(head)
                 found.append(head)
                 touching.append(len(owners) > 0)
                 seeds[here] = len(everybody)
         return found, touching, own
+
+    def _rests(self, view: View, head: np.ndarray) -> bool:
+        """Whether nothing ever moved at a head's place."""
+        here = near_head(view, head) & view.foreground
+        return bool(np.count_nonzero(view.still & here) > NEVER_MOVED * np.count_nonzero(here))
 
     def _sure(self, view: View, place: np.ndarray, is_head: bool, surroundings: Surroundings) -> bool:
         """Whether the surface below a candidate head is surely a person's.

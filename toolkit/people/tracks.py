@@ -142,6 +142,10 @@ class Person:
         )  # fmt: skip
 
 
+RESTED = 0.15
+"""Metres from a head's last place within which it rests there."""
+
+
 def assigned(costs: np.ndarray, gates: np.ndarray) -> list[tuple[int, int]]:
     """Pairs (row, column) of least total cost (R, C) among those not above their row's gate (R,)."""
     from scipy.optimize import linear_sum_assignment
@@ -153,12 +157,21 @@ def assigned(costs: np.ndarray, gates: np.ndarray) -> list[tuple[int, int]]:
     return [(int(r), int(c)) for r, c in zip(rows, columns, strict=True) if not beyond[r, c]]
 
 
-def match_heads(people: Sequence[Person], heads: Sequence[np.ndarray], timestamp: float) -> dict[int, int]:
-    """Which head is whose: index of the person to index of the head."""
+def match_heads(
+    people: Sequence[Person], heads: Sequence[np.ndarray], timestamp: float, resting: Sequence[bool] = ()
+) -> dict[int, int]:
+    """Which head is whose: index of the person to index of the head.
+
+    `resting` says of each head whether nothing ever moved there: such a head is of somebody whose head was there
+    before, and else a chair's.
+    """
     if not people or not heads:
         return {}
     expected = np.array([p.expected(timestamp) for p in people])
     costs = np.sqrt(((expected[:, None] - np.array(heads)[None]) ** 2).sum(axis=2))
+    if any(resting):
+        away = np.sqrt(((np.array([p.head for p in people])[:, None] - np.array(heads)[None]) ** 2).sum(axis=2))
+        costs[np.array(resting) & (away > RESTED)] = np.inf
     return dict(assigned(costs, np.array([p.gate(timestamp) for p in people])))
 
 
