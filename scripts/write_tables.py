@@ -255,6 +255,48 @@ def events() -> Rows:
     return rows
 
 
+LIMBS = ("shins", "forearms", "hands")
+
+
+def inertial() -> Rows:
+    """Simulated sensors: calibration, clock, errors that are found, and what tells them (thesis 7.6, 7.7)."""
+    found, rows = figures("inertial"), [("figure", "target", "measured")]
+    own, park = found["errors, robust"], found["errors, thesis"]
+    for said, target, key in (
+        ("calibration, spread of 15 degrees on: error of psi / q_L, degrees, median (90 %)", "0.5 (1.5) / 1.0 (2.5)",
+         "robust, all right"),
+        ("with 30 % wrong frames", "as above", "robust, 30 % wrong"),
+        ("the same, Park and Martin's closed form", "", "thesis, 30 % wrong"),
+    ):  # fmt: skip
+        errors = (found["calibration"][f"{key}, spread 15 and more"][name] for name in ("psi", "q_L"))
+        rows.append((said, target, " / ".join(f"{middle:.1f} ({most:.1f})" for middle, most in errors)))
+    for said, target in (("true poses", "3"), ("own tracks", "10, 30")):
+        clock = found[f"clock against {said}"]
+        best = series(clock["all five, refined: median, worst ms"], ".1f")
+        measured = f"{best}; {clock['refused']} of {clock['takes']} refused as periodic"
+        rows.append((f"clock against {said}, five sensors: median, worst ms", target, measured))
+    off, stretches = "off by 45 degrees, P, R", "injected frames, tau 30, P, R"
+    for said, target, values in (
+        ("off by over 45 degrees, P, R: shins; forearms; hands", "0.97, 0.97; 0.97, 0.95; 0.95, 0.95", own[off]),
+        ("the same by Park and Martin", "", park[off]),
+        ("frames of the injected stretches, tau 30, P, R", "0.95, 0.80; 0.85, 0.90; 0.85, 0.90", own[stretches]),
+    ):  # fmt: skip
+        rows.append((said, target, "; ".join(series(values[limb], ".2f") for limb in LIMBS)))
+    mean, deviation = own["torso, mean and deviation"]
+    rows.append(("noise floor of the torso, degrees", "5 +- 3", f"{mean:.1f} +- {deviation:.1f}"))
+    told = [own["wrong frames told apart"].values(), (row["told apart"] for row in found["wrong offsets"].values())]
+    for said, shares in zip(
+        (
+            "a wrong frame has the larger value, of pairs with a right one: orientation; rate of turn; acceleration",
+            "the same of the thesis's made example: both offsets right; one wrong; both wrong",
+        ),
+        told,
+        strict=True,
+    ):
+        rows.append((said, "", "; ".join(f"{percent(share, 0)} %" for share in shares)))
+    return rows
+
+
 def hidden_limbs() -> Rows:
     """How well a hidden limb is told."""
     found = figures("hidden_limbs")
@@ -486,7 +528,7 @@ TABLES: dict[str, Callable[[], Rows]] = {
     table.__name__: table
     for table in (
         first_screen, accuracy, published, times, swarm, sequences, models, upper, stabilised, events, hidden_limbs,
-        scenes, crowd, rooms, kinect_offsets, gait, angles, feet, damaged, failing,
+        inertial, scenes, crowd, rooms, kinect_offsets, gait, angles, feet, damaged, failing,
     )
 }  # fmt: skip
 
