@@ -297,6 +297,15 @@ def inertial() -> Rows:
     return rows
 
 
+def ranking() -> Rows:
+    """Hits of keyframes ranked by motion templates, by stiffness."""
+    rows = [("stiffness of all gaps", "motions found %", "left to rank %", "mean precision over recall %", "ms")]
+    for kind, means in figures("keyframe_ranking")["means"].items():
+        cells = (percent(means[key]) for key in ("recall", "left", "average precision"))
+        rows.append((kind, *cells, f"{means['milliseconds']:.1f}"))
+    return rows
+
+
 def hidden_limbs() -> Rows:
     """How well a hidden limb is told."""
     found = figures("hidden_limbs")
@@ -528,7 +537,7 @@ TABLES: dict[str, Callable[[], Rows]] = {
     table.__name__: table
     for table in (
         first_screen, accuracy, published, times, swarm, sequences, models, upper, stabilised, events, hidden_limbs,
-        inertial, scenes, crowd, rooms, kinect_offsets, gait, angles, feet, damaged, failing,
+        inertial, ranking, scenes, crowd, rooms, kinect_offsets, gait, angles, feet, damaged, failing,
     )
 }  # fmt: skip
 
