@@ -120,6 +120,10 @@ class SeveralPeople:
         places = [heads[matched[k]] if k in matched else person.expected(timestamp) for k, person in enumerate(present)]
         left = [i for i in range(len(heads)) if i not in matched.values()]
         others = [heads[i] for i in left]
+        resting = [self._rests(view, head) for head in others]
+        movers = [*places, *(head for head, rests in zip(others, resting, strict=True) if not rests)]
+        chairs = [head for head, rests in zip(others, resting, strict=True) if rests]
+        furniture = [*furniture, *(head for head in chairs if beside(head, movers, self._settings))]
         seeds = self._seeds(view, present, places, set(matched))
         view = self._shared_by_bodies(view, present, places, predicted, seeds)
         self._stayed(view, present, places, seeds)
