@@ -115,6 +115,17 @@ def _part(examples: Sequence[Example], filler: Sequence[Motion], rng: np.random.
     return motion.mirrored(), example.label if example.label in SYMMETRIC else None
 
 
+def documents_of_each(
+    examples: Sequence[Example], filler: Sequence[Motion], frames: int, rng: np.random.Generator
+) -> list[LabelledDocument]:
+    """Documents of `frames` frames made of each actor's own clips, actor by actor."""
+    return [
+        document
+        for actor in sorted({example.actor for example in examples})
+        for document in make_documents([e for e in examples if e.actor == actor], filler, frames, rng)
+    ]
+
+
 def learned_from(
     examples: Sequence[Example],
     documents: Sequence[LabelledDocument],

@@ -15,6 +15,7 @@ from benchmarks._keyframe_corpus import (
     HOW,
     LabelledDocument,
     by_label,
+    documents_of_each,
     learned_from,
     load_examples,
     load_filler,
@@ -120,11 +121,7 @@ def ranking(parser: argparse.ArgumentParser) -> None:
         seen, own = ([e for e in examples if (e.actor == actor) == here] for here in (False, True))
         documents = make_documents(own, filler[1::2], options.frames // len(ACTORS), rng)
         index = KeyframeIndex.build([document.features for document in documents])
-        others = [
-            made
-            for other in sorted({example.actor for example in seen})
-            for made in make_documents([e for e in seen if e.actor == other], filler[0::2], COUNTEREXAMPLES, rng)
-        ]
+        others = documents_of_each(seen, filler[0::2], COUNTEREXAMPLES, rng)
         learned = learned_from(seen, others, LearningSettings(runs=options.runs), rng)
         clips = {label: [e.features for e in seen if e.label == label] for label in by_label(seen)}
         classes = learn_classes(clips)

@@ -36,6 +36,7 @@ from benchmarks._keyframe_corpus import (
     Example,
     LabelledDocument,
     by_label,
+    documents_of_each,
     learned_from,
     load_examples,
     load_filler,
@@ -171,11 +172,7 @@ def rotate(
 ) -> None:  # fmt: skip
     """Learn from the others, search the documents of one actor, and add what comes of it."""
     seen = [example for example in examples if example.actor != actor]
-    made: list[LabelledDocument] = []
-    for other in sorted({example.actor for example in seen}):
-        own = [example for example in seen if example.actor == other]
-        made.extend(make_documents(own, filler, COUNTEREXAMPLES // 2, rng))
-    learned = learned_from(seen, made, settings, rng)
+    learned = learned_from(seen, documents_of_each(seen, filler, COUNTEREXAMPLES // 2, rng), settings, rng)
     for label, result in learned.items():
         for count, tight in ALTERNATIVES:
             row = judged(index, documents, actor, result, count, tight)

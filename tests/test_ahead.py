@@ -15,13 +15,13 @@ import pytest
 from scripts.write_first_track import called, text_of
 from toolkit import ahead
 from toolkit.kernels import linear
+from toolkit.workers import Task
 
 
 class Started(NamedTuple):
     """What `compile_beside` would have started."""
 
     target: Any
-    args: tuple[int, ...]
     daemon: bool
 
 
@@ -63,13 +63,13 @@ def test_calls_are_noted_once_with_the_types_that_numba_sees() -> None:
 def test_the_list_is_compiled_from_its_end_and_kept(tmp_path: Path) -> None:
     (tmp_path / "list.txt").write_text("linear._dot float64:1 float64:1\nlinear._lengths float64:2 float64:1\n")
     program = (
-        "import os, pathlib, toolkit.ahead as ahead\n"
+        "import pathlib, toolkit.ahead as ahead\n"
         "kernels = ahead.listed(pathlib.Path('list.txt'))\n"
         "done = []\n"
         "ahead.listed = lambda: [(type('Kernel', (), {'compile': lambda self, types, of=kernel: "
         "(of.compile(types), done.append(of.py_func.__name__))})(), types) for kernel, types in kernels]\n"
         "assert not any(ahead._is_kept(kernel) for kernel, _ in kernels)\n"
-        "ahead.compile_listed(os.getppid())\n"
+        "ahead.compile_listed()\n"
         "assert all(ahead._is_kept(kernel) for kernel, _ in kernels)\n"
         "print(*done)"
     )
@@ -87,7 +87,7 @@ def test_a_second_process_is_started_once_where_much_is_missing(
     monkeypatch.setattr(ahead, "_is_kept", lambda kernel: False)
     ahead.compile_beside()
     ahead.compile_beside()
-    assert started == [Started(ahead.compile_listed, (os.getpid(),), True)]
+    assert started == [Started(Task(ahead.compile_listed, os.getpid()), True)]
 
 
 @pytest.mark.parametrize(("processors", "kept"), [(1, False), (2, True)])

@@ -20,7 +20,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any
 
-from toolkit.workers import end_with, usable_processors
+from toolkit.workers import Task, usable_processors
 
 LIST = Path(__file__).with_name("first_track.txt")
 KERNELS = "toolkit.kernels."
@@ -34,7 +34,7 @@ _TOKEN = re.compile(r"[^\s()]+|[()]")
 def compile_beside() -> None:
     """Have a second process compile what a first track lacks, where there is a processor for it; returns at once."""
     if usable_processors() > 1 and sum(not _is_kept(kernel) for kernel, _ in listed()) > FEW:
-        work = multiprocessing.get_context("spawn").Process(target=compile_listed, args=(os.getpid(),), daemon=True)
+        work = multiprocessing.get_context("spawn").Process(target=Task.of(compile_listed), daemon=True)
         with suppress(OSError):  # there is no other process to be had
             work.start()
 
@@ -79,9 +79,8 @@ def _is_kept(kernel: Any) -> bool:
     return file is not None and os.path.exists(file._index_path)
 
 
-def compile_listed(parent: int) -> None:
-    """Compile the listed kernels from the last one back, as long as the process `parent`, which started it, lives."""
+def compile_listed() -> None:
+    """Compile the listed kernels from the last one back."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent decides when its work ends
-    end_with(parent)
     for kernel, types in reversed(listed()):
         kernel.compile(types)

@@ -9,7 +9,7 @@ import numpy as np
 
 from toolkit.errors import UsageError
 from toolkit.evaluation.joints import CURVE, LOST_ERROR
-from toolkit.evaluation.scores import EvaluationTable
+from toolkit.evaluation.scores import EvaluationTable, RunScores
 from toolkit.files import atomic_path
 from toolkit.names import shown
 
@@ -51,9 +51,7 @@ def plot_accuracy(table: EvaluationTable, path: str | Path) -> None:
     UsageError
         No run was compared with anything.
     """
-    rows = [row for row in table if row.curve.size]
-    if not rows:
-        raise UsageError("no run has a reference, so there is no A(t) to plot; name one with --reference")
+    rows = _compared([row for row in table if row.curve.size], "A(t)")
     figure, axes = _figure()
     many = len(rows) > LEGEND_ROWS
     for row in rows:
@@ -81,9 +79,7 @@ def plot_errors(table: EvaluationTable, path: str | Path) -> None:
     UsageError
         No run was compared with anything.
     """
-    rows = [row for row in table if row.frame_error_mm.size]
-    if not rows:
-        raise UsageError("no run has a reference, so there is no error to plot; name one with --reference")
+    rows = _compared([row for row in table if row.frame_error_mm.size], "error")
     figure, axes = _figure()
     many = len(rows) > LEGEND_ROWS
     for row in rows:
@@ -103,6 +99,12 @@ def plot_errors(table: EvaluationTable, path: str | Path) -> None:
     if not many:
         axes.legend(fontsize=8)
     _write(figure, path)
+
+
+def _compared(rows: list[RunScores], what: str) -> list[RunScores]:
+    if not rows:
+        raise UsageError(f"no run has a reference, so there is no {what} to plot; name one with --reference")
+    return rows
 
 
 def _figure() -> tuple[Figure, Axes]:

@@ -114,16 +114,16 @@ class SeveralPeople:
         view, surroundings = self._look(flat)
         present = self._present(timestamp, predicted)
         heads, children, furniture = self._heads(view, surroundings)
-        matched = match_heads(present, heads, timestamp, [self._rests(view, head) for head in heads])
+        resting = [self._rests(view, head) for head in heads]
+        matched = match_heads(present, heads, timestamp, resting)
         for k, i in matched.items():
             present[k] = present[k].faced(heads[i], self._settings.head_distance)
         places = [heads[matched[k]] if k in matched else person.expected(timestamp) for k, person in enumerate(present)]
         left = [i for i in range(len(heads)) if i not in matched.values()]
         others = [heads[i] for i in left]
-        resting = [self._rests(view, head) for head in others]
-        movers = [*places, *(head for head, rests in zip(others, resting, strict=True) if not rests)]
-        chairs = [head for head, rests in zip(others, resting, strict=True) if rests]
-        furniture = [*furniture, *(head for head in chairs if beside(head, movers, self._settings))]
+        movers = [*places, *(heads[i] for i in left if not resting[i])]
+        chairs = [heads[i] for i in left if resting[i] and beside(heads[i], movers, self._settings)]
+        furniture = [*furniture, *chairs]
         seeds = self._seeds(view, present, places, set(matched))
         view = self._shared_by_bodies(view, present, places, predicted, seeds)
         self._stayed(view, present, places, seeds)
