@@ -43,7 +43,7 @@ def test_every_result_is_of_a_commit_of_this_history() -> None:
 
 @pytest.mark.quick
 def test_a_table_is_written_anew_and_nothing_else(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setitem(write_tables.TABLES, "crowd", lambda: [("people", "ms"), ("1", "")])
+    monkeypatch.setitem(write_tables.TABLES, "crowd", lambda: "| people | ms |\n| 1 |  |\n")
     page = "before\n<!-- table: crowd -->\nold\n<!-- end -->\nafter\n"
     found = write_tables.written(page)
     assert found == "before\n<!-- table: crowd -->\n| people | ms |\n|---|---|\n| 1 | |\n<!-- end -->\nafter\n"
