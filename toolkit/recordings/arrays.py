@@ -2,21 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from toolkit.errors import RecordingError
-from toolkit.recordings.readers.common import chosen_camera, chosen_up, frame_times
-from toolkit.recordings.stored import StoredRecording
-from toolkit.sensing.conversion import DepthConverter
+from toolkit.recordings.readers.common import chosen_camera, recording_of_source
+from toolkit.recordings.stored import FrameSource, StoredRecording
 from toolkit.sensing.recording import ReaderOptions
 
 
-class ArrayFrames:
-    """Raw frames of an array (T, H, W); see `FrameSource`."""
+class ArrayFrames(FrameSource):
+    """Raw frames of an array (T, H, W)."""
 
     def __init__(self, depth: np.ndarray) -> None:
         self._depth = depth
@@ -27,14 +25,6 @@ class ArrayFrames:
     def depth(self, i: int) -> np.ndarray:
         """Raw frame `i`."""
         return np.asarray(self._depth[i])
-
-    def frames(self) -> Iterator[np.ndarray]:
-        """Raw frames in order."""
-        return iter(self._depth)
-
-    def color(self, i: int) -> np.ndarray | None:
-        """None: there is no colour."""
-        return None
 
 
 def recording_of(
@@ -65,16 +55,14 @@ def recording_of(
     frames = np.asarray(depth)
     if frames.ndim != 3 or frames.dtype.kind not in "uif":
         raise RecordingError(f"depth has shape {frames.shape} of {frames.dtype}; give numbers (frames, height, width)")
-    chosen = ReaderOptions.from_mapping(options)
-    unit = chosen.unit("m" if frames.dtype.kind == "f" else "mm")
-    return StoredRecording(
+    chosen, path = ReaderOptions.from_mapping(options), Path(name)
+    return recording_of_source(
+        path,
+        ArrayFrames(frames),
+        chosen_camera(chosen, frames.shape[1:], path),
+        chosen,
         name=name,
-        path=Path(name),
-        camera=chosen_camera(chosen, frames.shape[1:], Path(name)),
-        timestamps=frame_times(len(frames), chosen) if timestamps is None else np.asarray(timestamps, np.float64),
-        source=ArrayFrames(frames),
-        converter=DepthConverter(unit, chosen.radial, bool(chosen.mirrored)),
+        unit="m" if frames.dtype.kind == "f" else "mm",
+        timestamps=None if timestamps is None else np.asarray(timestamps, np.float64),
         background=background,
-        stored_up=chosen_up(chosen, None),
-        options=chosen.given(),
     )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from abc import ABC, abstractmethod
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -17,9 +18,27 @@ from toolkit.recordings.checks import check_joints, check_timestamps
 from toolkit.sensing.camera import Camera, rotated_points
 from toolkit.sensing.conversion import DepthConverter
 from toolkit.sensing.joints2d import Joints2D, check_rows, mirrored_rows, rotated_rows
-from toolkit.sensing.recording import FrameSource
 from toolkit.sensing.stream import Frame
 from toolkit.sensing.vertical import Vertical
+
+
+class FrameSource(ABC):
+    """Raw frames as they lie in files, before units, mirroring and projection are put right."""
+
+    @abstractmethod
+    def __len__(self) -> int: ...
+
+    @abstractmethod
+    def depth(self, i: int) -> np.ndarray:
+        """Raw frame `i`: numbers (H, W)."""
+
+    def frames(self) -> Iterator[np.ndarray]:
+        """Raw frames in order."""
+        return (self.depth(i) for i in range(len(self)))
+
+    def color(self, i: int) -> np.ndarray | None:
+        """Colour of frame `i`, uint8 (H, W, 3), RGB, or None, as here."""
+        return None
 
 
 @dataclass(eq=False)

@@ -69,8 +69,6 @@ class RecordingWriter:
         *,
         color: np.ndarray | None = None,
         joints: np.ndarray | None = None,
-        reference_joints: np.ndarray | None = None,
-        joints_2d: np.ndarray | None = None,
     ) -> None:
         """Add one frame.
 
@@ -79,9 +77,7 @@ class RecordingWriter:
         depth : uint16 (H, W), millimetres along z, 0 = no measurement
         timestamp : seconds
         color : uint8 (H, W, 3), RGB registered to depth; for all frames or for none
-        joints, reference_joints : (20, 3), or (N, 20, 3) of N people, metres, camera frame, NaN = unknown; for all
-            frames or for none
-        joints_2d : the same with u, v in pixels of the depth image and confidence (see `Joints2D`)
+        joints : (20, 3), or (N, 20, 3) of N people, metres, camera frame, NaN = unknown; for all frames or for none
 
         Raises
         ------
@@ -95,18 +91,20 @@ class RecordingWriter:
         if color is not None:
             self._write_image("color", self._checked(np.asarray(color), (*shape, 3), np.dtype(np.uint8)))
         self._rows["timestamps"].append(timestamp)
-        for key, value in (("joints", joints), ("reference_joints", reference_joints), ("joints_2d", joints_2d)):
-            if value is not None:
-                self._rows[key].append(np.asarray(value, dtype=np.float32))
+        if joints is not None:
+            self._rows["joints"].append(np.asarray(joints, dtype=np.float32))
         self._count += 1
 
     def set_joints(
         self,
         joints: np.ndarray | None,
         reference_joints: np.ndarray | None,
-        joints_2d: np.ndarray | None = None,
+        joints_2d: np.ndarray | None,
     ) -> None:
-        """Joints of all frames at once, (T, 20, 3) or (N, T, 20, 3) each or None, instead of frame by frame."""
+        """Joints of all frames at once, (T, 20, 3) or (N, T, 20, 3) each or None, instead of frame by frame.
+
+        `joints_2d` are u, v in pixels of the depth image and confidence (see `Joints2D`).
+        """
         for key, value in (("joints", joints), ("reference_joints", reference_joints), ("joints_2d", joints_2d)):
             if value is not None:
                 array = np.asarray(value, dtype=np.float32)

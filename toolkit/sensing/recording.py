@@ -97,24 +97,6 @@ class Recording(Protocol):
         ...
 
 
-class FrameSource(Protocol):
-    """Raw frames as they lie in a file, before units, mirroring and projection are put right."""
-
-    def __len__(self) -> int: ...
-
-    def depth(self, i: int) -> np.ndarray:
-        """Raw frame `i`: numbers (H, W)."""
-        ...
-
-    def frames(self) -> Iterator[np.ndarray]:
-        """Raw frames in order."""
-        ...
-
-    def color(self, i: int) -> np.ndarray | None:
-        """Colour of frame `i`, uint8 (H, W, 3), RGB, or None."""
-        ...
-
-
 @dataclass(frozen=True)
 class ReaderOptions:
     """How to read a recording, where its files do not say so themselves.
@@ -179,10 +161,6 @@ class ReaderOptions:
         if made.rotate not in (0, 90, 180, 270):
             raise UsageError(f"--rotate is {made.rotate!r}; give 90, 180 or 270")
         return made
-
-    def unit(self, default: str | float) -> str | float:
-        """The chosen depth unit, or the `default` of a format."""
-        return default if self.depth_unit is None else self.depth_unit
 
     def given(self) -> dict[str, Any]:
         """The options that differ from their defaults."""

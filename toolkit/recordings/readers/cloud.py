@@ -8,7 +8,6 @@ the origin; everything downstream works on the pixel grid.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -17,12 +16,8 @@ import numpy as np
 from toolkit.door import open_file
 from toolkit.errors import RecordingError
 from toolkit.kernels.image import depth as kernels
-from toolkit.recordings.readers.common import (
-    chosen_camera,
-    damaged,
-    natural_key,
-    recording_of_files,
-)
+from toolkit.recordings.readers.common import chosen_camera, damaged, natural_key, recording_of_source
+from toolkit.recordings.stored import FrameSource
 from toolkit.sensing.camera import Camera
 from toolkit.sensing.recording import ReaderOptions, Recording
 
@@ -181,7 +176,7 @@ def virtual_camera(points: np.ndarray) -> Camera:
     return Camera(1 / pitch, 1 / pitch, cx, cy, width, height)
 
 
-class CloudFrames:
+class CloudFrames(FrameSource):
     """Depth images of clouds, one file each, in the files' unit (float64)."""
 
     def __init__(self, files: list[Path], axes: str, camera: Camera, organised: bool) -> None:
@@ -199,10 +194,6 @@ class CloudFrames:
         image = np.zeros(self._camera.shape)
         kernels.z_buffer(cloud.points, self._camera.intrinsics, image)
         return image
-
-    def frames(self) -> Iterator[np.ndarray]:
-        """Frames in order."""
-        return (self.depth(i) for i in range(len(self)))
 
     def color(self, i: int) -> np.ndarray | None:
         """Colour of an organised cloud, or None."""
@@ -237,4 +228,4 @@ def read(path: Path, options: ReaderOptions) -> Recording:
     else:
         camera = virtual_camera(first.points)
     source = CloudFrames(files, options.axes, camera, found is not None)
-    return recording_of_files(path, camera, source, options, "m")
+    return recording_of_source(path, source, camera, options, unit="m")

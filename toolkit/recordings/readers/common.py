@@ -1,11 +1,11 @@
-"""What every reader decides the same way: camera, times, vertical, background."""
+"""What every reader decides the same way: frames in files, camera, times, vertical, background, unit."""
 
 from __future__ import annotations
 
 import io
 import math
 import re
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -36,29 +36,83 @@ def frame_times(count: int, options: ReaderOptions, rate: float = 30.0) -> np.nd
     return np.arange(count, dtype=np.float64) / (options.frame_rate or rate)
 
 
-def chosen_up(options: ReaderOptions, stored: np.ndarray | None) -> np.ndarray | None:
-    """The vertical given as an option, else the stored one."""
-    return np.asarray(options.up_camera, dtype=np.float64) if options.up_camera is not None else stored
+class FileFrames(FrameSource):
+    """Frames that lie in a file each.
+
+    Parameters
+    ----------
+    files : of depth
+    read : reads one of them
+    color : images of the same view, one for each frame, or none
+    """
+
+    def __init__(self, files: Sequence[Path], read: Callable[[Path], np.ndarray], color: Sequence[Path] = ()) -> None:
+        self._files, self._read, self._color = files, read, color
+
+    def __len__(self) -> int:
+        return len(self._files)
+
+    def depth(self, i: int) -> np.ndarray:
+        """Raw frame `i`."""
+        return self._read(self._files[i])
+
+    def color(self, i: int) -> np.ndarray | None:
+        """Colour image of frame `i`, RGB, or None."""
+        if not self._color:
+            return None
+        import cv2
+
+        return np.ascontiguousarray(read_image(self._color[i], cv2.IMREAD_COLOR)[:, :, ::-1])
 
 
-def chosen_background(options: ReaderOptions, stored: np.ndarray | None) -> np.ndarray | None:
-    """The background image given as an option, else the stored one."""
-    return stored if options.background is None else read_depth_png(Path(options.background))
-
-
-def recording_of_files(
-    path: Path, camera: Camera, source: FrameSource, options: ReaderOptions, unit: str
+def recording_of_source(
+    path: Path,
+    source: FrameSource,
+    camera: Camera,
+    options: ReaderOptions,
+    *,
+    name: str | None = None,
+    unit: str | float = "mm",
+    mirrored: bool = False,
+    timestamps: np.ndarray | None = None,
+    background: np.ndarray | None = None,
+    up: np.ndarray | None = None,
+    joints: np.ndarray | None = None,
+    reference_joints: np.ndarray | None = None,
+    image_joints: np.ndarray | None = None,
 ) -> StoredRecording:
-    """Frames that lie in files of their own and know nothing but depth, which is in `unit` unless an option says."""
+    """A recording of what a file says, where the options do not say otherwise.
+
+    Parameters
+    ----------
+    path : of the recording
+    source, camera : its raw frames, and what they were taken with
+    options : as they were given
+    name : that of the path if None
+    unit, mirrored : as in `ReaderOptions`
+    timestamps : (T,), seconds; None = evenly, at the option's rate or 30 a second
+    background : raw depth of the empty scene
+    up : the vertical in the camera frame
+    joints, reference_joints, image_joints : as in `Recording`
+    """
+    if options.background is not None:
+        background = read_depth_png(Path(options.background))
     return StoredRecording(
-        name=path.stem,
+        name=path.stem if name is None else name,
         path=path,
         camera=camera,
-        timestamps=frame_times(len(source), options),
+        timestamps=frame_times(len(source), options) if timestamps is None else timestamps,
         source=source,
-        converter=DepthConverter(options.unit(unit), options.radial, bool(options.mirrored)),
-        background=chosen_background(options, None),
-        stored_up=chosen_up(options, None),
+        converter=DepthConverter(
+            unit if options.depth_unit is None else options.depth_unit,
+            options.radial,
+            mirrored if options.mirrored is None else options.mirrored,
+        ),
+        background=background,
+        joints=joints,
+        reference_joints=reference_joints,
+        image_joints=image_joints,
+        stored_up=up if options.up_camera is None else np.asarray(options.up_camera, dtype=np.float64),
         options=options.given(),
     )
 

@@ -9,7 +9,6 @@ is registered to depth through the calibration.
 from __future__ import annotations
 
 import struct
-from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -19,11 +18,10 @@ import numpy as np
 from toolkit.errors import RecordingError
 from toolkit.files import is_file
 from toolkit.plain import parse_json
-from toolkit.recordings.readers.common import chosen_background, chosen_camera, chosen_up, damaged, decoded, upright
+from toolkit.recordings.readers.common import chosen_camera, damaged, decoded, recording_of_source, upright
 from toolkit.recordings.readers.matroska import Matroska, Track
-from toolkit.recordings.stored import StoredRecording
+from toolkit.recordings.stored import FrameSource
 from toolkit.sensing.camera import Camera
-from toolkit.sensing.conversion import DepthConverter
 from toolkit.sensing.recording import ReaderOptions, Recording
 
 DEPTH_CODE, COLOR_CODE = b"b16g", b"MJPG"
@@ -107,7 +105,7 @@ def _pose(entry: Any) -> tuple[np.ndarray, np.ndarray]:
     return rotation, np.array(entry["Rt"]["Translation"], dtype=np.float64).reshape(3)
 
 
-class MkvFrames:
+class MkvFrames(FrameSource):
     """Depth blocks and, registered to them, the colour block that is nearest in time."""
 
     def __init__(
@@ -126,10 +124,6 @@ class MkvFrames:
             if len(data) != 2 * shape[0] * shape[1]:
                 raise ValueError(f"frame {i} has {len(data)} bytes")
         return np.frombuffer(data, ">u2").reshape(shape).astype(np.uint16)
-
-    def frames(self) -> Iterator[np.ndarray]:
-        """Raw frames in order."""
-        return (self.depth(i) for i in range(len(self)))
 
     def color(self, i: int) -> np.ndarray | None:
         """Colour of every measured pixel of frame `i`, black elsewhere, or None without a colour track."""
@@ -181,17 +175,9 @@ def read(path: Path, options: ReaderOptions) -> Recording:
         lenses = calibration_of(text, (depth.width, depth.height), size, str(path))
     source = MkvFrames(path, file, depth, color, lenses)
     own = lenses is not None and options.intrinsics is None
-    return StoredRecording(
-        name=path.stem,
-        path=path,
-        camera=lenses.depth if own and lenses else chosen_camera(options, (depth.height, depth.width), path),
-        timestamps=1e-9 * np.array([block.time - depth.blocks[0].time for block in depth.blocks], dtype=np.float64),
-        source=source,
-        converter=DepthConverter(options.unit("mm"), options.radial, bool(options.mirrored)),
-        background=chosen_background(options, None),
-        stored_up=chosen_up(options, _up(path, file, lenses)),
-        options=options.given(),
-    )
+    camera = lenses.depth if own and lenses else chosen_camera(options, (depth.height, depth.width), path)
+    times = 1e-9 * np.array([block.time - depth.blocks[0].time for block in depth.blocks], dtype=np.float64)
+    return recording_of_source(path, source, camera, options, timestamps=times, up=_up(path, file, lenses))
 
 
 def _depth_track(path: Path, file: Matroska, wanted: str | None) -> Track:

@@ -12,9 +12,8 @@ import numpy as np
 
 from toolkit.archives import Column, archive_names, check_columns, load_archive, read_header, translated
 from toolkit.errors import RecordingError
-from toolkit.recordings.readers.common import LARGEST_PICTURE, chosen_background, chosen_camera, chosen_up, frame_times
-from toolkit.recordings.stored import StoredRecording
-from toolkit.sensing.conversion import DepthConverter
+from toolkit.recordings.readers.common import LARGEST_PICTURE, chosen_camera, recording_of_source
+from toolkit.recordings.stored import FrameSource
 from toolkit.sensing.recording import ReaderOptions, Recording
 
 RECORD_AGAIN = "copy or record it again"
@@ -102,7 +101,7 @@ def matches(path: Path) -> bool:
     return path.suffix == ".npz"
 
 
-class NpzFrames:
+class NpzFrames(FrameSource):
     """Frames of the members `depth` and `color` of an NPZ file."""
 
     def __init__(self, path: Path, names: list[str]) -> None:
@@ -147,17 +146,15 @@ def read(path: Path, options: ReaderOptions) -> Recording:
     small = load_archive(path, RecordingError, RECORD_AGAIN, only=METADATA, most=most)
     check_columns(small, METADATA, RecordingError, str(path), "write it as the documentation says")
     camera = chosen_camera(options, source.shape, path, small.get("intrinsics"), small.get("distortion"))
-    return StoredRecording(
-        name=path.stem,
-        path=path,
-        camera=camera,
-        timestamps=small.get("timestamps", frame_times(count, options)),
-        source=source,
-        converter=DepthConverter(options.unit("mm"), options.radial, bool(options.mirrored)),
-        background=chosen_background(options, small.get("background")),
+    return recording_of_source(
+        path,
+        source,
+        camera,
+        options,
+        timestamps=small.get("timestamps"),
+        background=small.get("background"),
+        up=small.get("up_camera"),
         joints=small.get("joints"),
         reference_joints=small.get("reference_joints"),
         image_joints=small.get("joints_2d"),
-        stored_up=chosen_up(options, small.get("up_camera")),
-        options=options.given(),
     )

@@ -2,19 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from pathlib import Path
-
-import numpy as np
 
 from toolkit.errors import RecordingError
 from toolkit.recordings.readers.common import (
+    FileFrames,
     camera_beside,
     chosen_camera,
     natural_key,
     read_depth_png,
-    read_image,
-    recording_of_files,
+    recording_of_source,
 )
 from toolkit.sensing.recording import ReaderOptions, Recording
 
@@ -37,32 +34,6 @@ def _depth_files(path: Path) -> list[Path]:
     return [p for p in files if "depth" in p.stem.lower()] or files
 
 
-class PngFrames:
-    """Depth images and, where there are as many, colour images by sorted name (numbers by value)."""
-
-    def __init__(self, depth: list[Path], color: list[Path]) -> None:
-        self._depth, self._color = depth, color
-
-    def __len__(self) -> int:
-        return len(self._depth)
-
-    def depth(self, i: int) -> np.ndarray:
-        """Raw frame `i`."""
-        return read_depth_png(self._depth[i])
-
-    def frames(self) -> Iterator[np.ndarray]:
-        """Raw frames in order."""
-        return (self.depth(i) for i in range(len(self)))
-
-    def color(self, i: int) -> np.ndarray | None:
-        """Colour image of frame `i`, RGB, or None."""
-        if not self._color:
-            return None
-        import cv2
-
-        return np.ascontiguousarray(read_image(self._color[i], cv2.IMREAD_COLOR)[:, :, ::-1])
-
-
 def read(path: Path, options: ReaderOptions) -> Recording:
     """Open a folder of depth images, or one image.
 
@@ -74,12 +45,12 @@ def read(path: Path, options: ReaderOptions) -> Recording:
     if not files:
         raise RecordingError(f"{path} holds no PNG file; give the folder of the depth images")
     folder = files[0].parent
-    source = PngFrames(files, _color_files(folder, files))
+    source = FileFrames(files, read_depth_png, _color_files(folder, files))
     shape: tuple[int, int] = source.depth(0).shape
     own = [folder, path] if folder.parent == path else [folder]
     camera = None if options.intrinsics is not None else camera_beside(own, own[-1].parent, shape)
     camera = camera or chosen_camera(options, shape, path)
-    return recording_of_files(path, camera, source, options, "mm")
+    return recording_of_source(path, source, camera, options)
 
 
 def _color_files(folder: Path, depth: list[Path]) -> list[Path]:

@@ -2,23 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 
 from toolkit.door import read_file
 from toolkit.errors import RecordingError
-from toolkit.recordings.readers.common import (
-    LARGEST_FILE,
-    chosen_background,
-    chosen_camera,
-    chosen_up,
-    frame_times,
-    natural_key,
-)
-from toolkit.recordings.stored import StoredRecording
-from toolkit.sensing.conversion import DepthConverter
+from toolkit.recordings.readers.common import LARGEST_FILE, FileFrames, chosen_camera, natural_key, recording_of_source
 from toolkit.sensing.recording import ReaderOptions, Recording
 
 KNOWN_SIZES = {2 * w * h: (w, h) for w, h in ((640, 480), (512, 424), (320, 240), (176, 144))}
@@ -39,36 +30,18 @@ def _files(path: Path) -> list[Path]:
     return sorted((p for p in files if p.suffix in suffixes) or files, key=natural_key)
 
 
-class RawFrames:
-    """Frames of (height, width) little-endian uint16, one file each, by sorted name (numbers by value)."""
-
-    def __init__(self, files: list[Path], shape: tuple[int, int]) -> None:
-        self._files, self._shape = files, shape
-
-    def __len__(self) -> int:
-        return len(self._files)
-
-    def depth(self, i: int) -> np.ndarray:
-        """Raw frame `i`."""
-        try:
-            content = read_file(self._files[i], LARGEST_FILE)
-        except OSError as error:
-            raise RecordingError(f"{self._files[i]} cannot be read: {error.strerror or error}") from error
-        data = np.frombuffer(content[: len(content) // 2 * 2], dtype="<u2")
-        if data.size != self._shape[0] * self._shape[1]:
-            raise RecordingError(
-                f"{self._files[i]} holds {data.size} values, expected {self._shape[1]}x{self._shape[0]}; "
-                "give --size WIDTH,HEIGHT"
-            )
-        return data.reshape(self._shape)
-
-    def frames(self) -> Iterator[np.ndarray]:
-        """Raw frames in order."""
-        return (self.depth(i) for i in range(len(self)))
-
-    def color(self, i: int) -> None:
-        """There is none."""
-        return None
+def _read_frame(path: Path, shape: tuple[int, int]) -> np.ndarray:
+    """One image of a shape (height, width)."""
+    try:
+        content = read_file(path, LARGEST_FILE)
+    except OSError as error:
+        raise RecordingError(f"{path} cannot be read: {error.strerror or error}") from error
+    data = np.frombuffer(content[: len(content) // 2 * 2], dtype="<u2")
+    if data.size != shape[0] * shape[1]:
+        raise RecordingError(
+            f"{path} holds {data.size} values, expected {shape[1]}x{shape[0]}; give --size WIDTH,HEIGHT"
+        )
+    return data.reshape(shape)
 
 
 def read(path: Path, options: ReaderOptions) -> Recording:
@@ -82,15 +55,5 @@ def read(path: Path, options: ReaderOptions) -> Recording:
     if size is None:
         raise RecordingError(f"{files[0]} has {files[0].stat().st_size} bytes, no known size; give --size WIDTH,HEIGHT")
     shape = (int(size[1]), int(size[0]))
-    source = RawFrames(files, shape)
-    return StoredRecording(
-        name=path.stem,
-        path=path,
-        camera=chosen_camera(options, shape, path),
-        timestamps=frame_times(len(source), options),
-        source=source,
-        converter=DepthConverter(options.unit("mm"), options.radial, bool(options.mirrored)),
-        background=chosen_background(options, None),
-        stored_up=chosen_up(options, None),
-        options=options.given(),
-    )
+    source = FileFrames(files, partial(_read_frame, shape=shape))
+    return recording_of_source(path, source, chosen_camera(options, shape, path), options)

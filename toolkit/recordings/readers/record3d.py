@@ -7,7 +7,6 @@ and perhaps times. Depth images are the colour images scaled down.
 from __future__ import annotations
 
 import zipfile
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -16,18 +15,9 @@ import numpy as np
 from toolkit.errors import RecordingError, UsageError
 from toolkit.files import is_file
 from toolkit.plain import LARGEST_JSON, parse_json
-from toolkit.recordings.readers.common import (
-    LARGEST_FILE,
-    chosen_background,
-    chosen_camera,
-    chosen_up,
-    damaged,
-    decoded,
-    frame_times,
-)
-from toolkit.recordings.stored import StoredRecording
+from toolkit.recordings.readers.common import LARGEST_FILE, chosen_camera, damaged, decoded, recording_of_source
+from toolkit.recordings.stored import FrameSource
 from toolkit.sensing.camera import Camera
-from toolkit.sensing.conversion import DepthConverter
 from toolkit.sensing.recording import ReaderOptions, Recording
 
 LARGEST_SIDE = 4096
@@ -39,7 +29,7 @@ def matches(path: Path) -> bool:
     return is_file(path) and path.suffix.lower() == ".r3d"
 
 
-class Record3dFrames:
+class Record3dFrames(FrameSource):
     """Depth and colour images of the archive, by number."""
 
     def __init__(self, path: Path, shape: tuple[int, int]) -> None:
@@ -68,10 +58,6 @@ class Record3dFrames:
             raise ValueError(f"{name} is too large")
         return self._archive.read(name)
 
-    def frames(self) -> Iterator[np.ndarray]:
-        """Raw frames in order."""
-        return (self.depth(i) for i in range(len(self)))
-
     def color(self, i: int) -> np.ndarray | None:
         """Colour of frame `i`, scaled down to the depth's size, or None."""
         import cv2
@@ -96,18 +82,9 @@ def read(path: Path, options: ReaderOptions) -> Recording:
     with damaged(path):
         shape, own, times = _facts(known)
         source = Record3dFrames(path, shape)
-    given = options.intrinsics is not None
-    return StoredRecording(
-        name=path.stem,
-        path=path,
-        camera=chosen_camera(options, shape, path) if given else own,
-        timestamps=times if len(times) == len(source) else frame_times(len(source), options),
-        source=source,
-        converter=DepthConverter(options.unit("m"), options.radial, bool(options.mirrored)),
-        background=chosen_background(options, None),
-        stored_up=chosen_up(options, None),
-        options=options.given(),
-    )
+    camera = own if options.intrinsics is None else chosen_camera(options, shape, path)
+    stored = times if len(times) == len(source) else None
+    return recording_of_source(path, source, camera, options, unit="m", timestamps=stored)
 
 
 def _facts(known: Any) -> tuple[tuple[int, int], Camera, np.ndarray]:

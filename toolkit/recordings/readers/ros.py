@@ -18,11 +18,10 @@ import numpy as np
 from toolkit.errors import RecordingError
 from toolkit.files import is_file, is_folder
 from toolkit.recordings.readers import ros_messages as decode
-from toolkit.recordings.readers.common import chosen_background, chosen_camera, chosen_up, damaged, upright
+from toolkit.recordings.readers.common import chosen_camera, damaged, recording_of_source, upright
 from toolkit.recordings.readers.ros_files import BAG_SUFFIXES, METADATA, SQLITE_SUFFIX, MessageFile, open_messages
-from toolkit.recordings.stored import StoredRecording
+from toolkit.recordings.stored import FrameSource
 from toolkit.sensing.camera import Camera
-from toolkit.sensing.conversion import DepthConverter
 from toolkit.sensing.recording import ReaderOptions, Recording
 
 IMAGE, COMPRESSED, CAMERA, IMU = (
@@ -41,7 +40,7 @@ def matches(path: Path) -> bool:
     return is_folder(path) and is_file(path / METADATA)
 
 
-class RosFrames:
+class RosFrames(FrameSource):
     """Depth images of a topic, and the colour images of another that are nearest in time."""
 
     def __init__(self, path: Path, file: MessageFile, depth: str, color: str | None) -> None:
@@ -101,18 +100,14 @@ def read(path: Path, options: ReaderOptions) -> Recording:
         raise RecordingError(f"topic {topic} of {path} holds {picture.encoding} images; depth has 16 bits or is 32FC1")
     source = RosFrames(path, file, topic, _color_topic(file, topic))
     camera = _camera(path, file, topic) if options.intrinsics is None else None
-    return StoredRecording(
-        name=path.stem,
-        path=path,
-        camera=camera or chosen_camera(options, picture.pixels.shape, path),
+    return recording_of_source(
+        path,
+        source,
+        camera or chosen_camera(options, picture.pixels.shape, path),
+        options,
+        unit=_unit(path, file, topic, picture),
         timestamps=1e-9 * (source.times - source.times[0]),
-        source=source,
-        converter=DepthConverter(
-            options.unit(_unit(path, file, topic, picture)), options.radial, bool(options.mirrored)
-        ),
-        background=chosen_background(options, None),
-        stored_up=chosen_up(options, _up(path, file)),
-        options=options.given(),
+        up=_up(path, file),
     )
 
 

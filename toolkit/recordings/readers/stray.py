@@ -13,11 +13,14 @@ import numpy as np
 from toolkit.errors import RecordingError
 from toolkit.files import is_file, is_folder
 from toolkit.plain import read_table, read_text
-from toolkit.recordings.readers.common import chosen_background, chosen_camera, chosen_up, frame_times, natural_key
-from toolkit.recordings.readers.png import PngFrames
-from toolkit.recordings.stored import StoredRecording
+from toolkit.recordings.readers.common import (
+    FileFrames,
+    chosen_camera,
+    natural_key,
+    read_depth_png,
+    recording_of_source,
+)
 from toolkit.sensing.camera import Camera
-from toolkit.sensing.conversion import DepthConverter
 from toolkit.sensing.recording import ReaderOptions, Recording
 
 MATRIX, ODOMETRY = "camera_matrix.csv", "odometry.csv"
@@ -74,22 +77,13 @@ def read(path: Path, options: ReaderOptions) -> Recording:
     files = sorted((path / "depth").glob("*.png"), key=natural_key)
     if not files:
         raise RecordingError(f"{path / 'depth'} holds no PNG file; copy the recording again")
-    source = PngFrames(files, [])
+    source = FileFrames(files, read_depth_png)
     shape: tuple[int, int] = source.depth(0).shape
-    times, up = frame_times(len(files), options), None
+    times, up = None, None
     if is_file(path / ODOMETRY):
         measured, up = odometry_of(path / ODOMETRY)
         if len(measured) >= len(files):
             times = measured[: len(files)] - measured[0]
     given = options.intrinsics is not None
-    return StoredRecording(
-        name=path.stem,
-        path=path,
-        camera=chosen_camera(options, shape, path) if given else camera_of(path / MATRIX, shape),
-        timestamps=times,
-        source=source,
-        converter=DepthConverter(options.unit("mm"), options.radial, bool(options.mirrored)),
-        background=chosen_background(options, None),
-        stored_up=chosen_up(options, up),
-        options=options.given(),
-    )
+    camera = chosen_camera(options, shape, path) if given else camera_of(path / MATRIX, shape)
+    return recording_of_source(path, source, camera, options, timestamps=times, up=up)

@@ -13,10 +13,13 @@ import numpy as np
 from toolkit.errors import RecordingError
 from toolkit.files import is_file, is_folder
 from toolkit.plain import read_text
-from toolkit.recordings.readers.common import camera_beside, chosen_background, chosen_camera, chosen_up
-from toolkit.recordings.readers.png import PngFrames
-from toolkit.recordings.stored import StoredRecording
-from toolkit.sensing.conversion import DepthConverter
+from toolkit.recordings.readers.common import (
+    FileFrames,
+    camera_beside,
+    chosen_camera,
+    read_depth_png,
+    recording_of_source,
+)
 from toolkit.sensing.recording import ReaderOptions, Recording
 
 DEPTH_LIST, COLOR_LIST = "depth.txt", "rgb.txt"
@@ -67,17 +70,8 @@ def read(path: Path, options: ReaderOptions) -> Recording:
     if is_file(path / COLOR_LIST):
         color_times, color_files = listed(path / COLOR_LIST)
         color = [color_files[int(np.abs(color_times - time).argmin())] for time in times]
-    source = PngFrames(files, color)
+    source = FileFrames(files, read_depth_png, color)
     shape: tuple[int, int] = source.depth(0).shape
     camera = None if options.intrinsics is not None else camera_beside([path], path / "depth", shape)
-    return StoredRecording(
-        name=path.stem,
-        path=path,
-        camera=camera or chosen_camera(options, shape, path, CAMERA.get(shape)),
-        timestamps=times - times[0],
-        source=source,
-        converter=DepthConverter(options.unit(UNIT), options.radial, bool(options.mirrored)),
-        background=chosen_background(options, None),
-        stored_up=chosen_up(options, None),
-        options=options.given(),
-    )
+    camera = camera or chosen_camera(options, shape, path, CAMERA.get(shape))
+    return recording_of_source(path, source, camera, options, unit=UNIT, timestamps=times - times[0])

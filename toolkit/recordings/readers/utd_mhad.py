@@ -9,16 +9,14 @@ clips: 47 to 59), not the 33 of a Kinect: `depthmocap bench inertial real`.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
 
 from toolkit.errors import RecordingError
 from toolkit.matlab import read_matlab
-from toolkit.recordings.readers.common import chosen_background, chosen_camera, chosen_up, frame_times
-from toolkit.recordings.stored import StoredRecording
-from toolkit.sensing.conversion import DepthConverter
+from toolkit.recordings.arrays import ArrayFrames
+from toolkit.recordings.readers.common import chosen_camera, frame_times, recording_of_source
 from toolkit.sensing.recording import ReaderOptions, Recording
 
 INTRINSICS = (285.63, 285.63, 160.0, 120.0)  # of the raw, mirrored image
@@ -33,28 +31,6 @@ _SHOULDERS, _HIPS = (4, 8), (12, 16)
 def matches(path: Path) -> bool:
     """Whether `path` is a MATLAB file by its name."""
     return path.suffix == ".mat"
-
-
-class MatFrames:
-    """Frames of `d_depth`. A MATLAB v5 file is one compressed block, so this one array is held; clips last seconds."""
-
-    def __init__(self, depth: np.ndarray) -> None:
-        self._depth = depth
-
-    def __len__(self) -> int:
-        return self._depth.shape[2]
-
-    def depth(self, i: int) -> np.ndarray:
-        """Raw frame `i`."""
-        return self._depth[:, :, i]
-
-    def frames(self) -> Iterator[np.ndarray]:
-        """Raw frames in order."""
-        return (self.depth(i) for i in range(len(self)))
-
-    def color(self, i: int) -> None:
-        """There is none."""
-        return None
 
 
 def joints_from_kinect(skeleton: np.ndarray) -> np.ndarray:
@@ -73,32 +49,27 @@ def joints_from_kinect(skeleton: np.ndarray) -> np.ndarray:
 
 def read(path: Path, options: ReaderOptions) -> Recording:
     """Open a UTD-MHAD recording; the skeleton is looked for beside it unless the option `skeleton` says where."""
-    depth = _load(path, "d_depth", 3)
-    source = MatFrames(depth)
-    name = path.stem.removesuffix(SUFFIX)
-    skeleton = _skeleton_path(path, name, options)
+    depth = np.moveaxis(_load(path, "d_depth"), 2, 0)
+    skeleton = _skeleton_path(path, options)
     reference = None
     if skeleton is not None:
-        kinect = _load(skeleton, "d_skel", 3)
-        if kinect.shape != (20, 3, len(source)):
-            raise RecordingError(f"d_skel in {skeleton} has shape {kinect.shape}; expected (20, 3, {len(source)})")
+        kinect = _load(skeleton, "d_skel")
+        if kinect.shape != (20, 3, len(depth)):
+            raise RecordingError(f"d_skel in {skeleton} has shape {kinect.shape}; expected (20, 3, {len(depth)})")
         reference = joints_from_kinect(kinect)
-    return StoredRecording(
-        name=path.stem,
-        path=path,
-        camera=chosen_camera(options, depth.shape[:2], path, np.array(INTRINSICS)),
-        timestamps=frame_times(len(source), options, FRAME_RATE),
-        source=source,
-        converter=DepthConverter(options.unit("mm"), options.radial, options.mirrored is not False),
-        background=chosen_background(options, None),
+    return recording_of_source(
+        path,
+        ArrayFrames(depth),
+        chosen_camera(options, depth.shape[1:], path, np.array(INTRINSICS)),
+        options,
+        mirrored=True,
+        timestamps=frame_times(len(depth), options, FRAME_RATE),
         reference_joints=reference,
-        stored_up=chosen_up(options, None),
-        options=options.given(),
     )
 
 
-def _skeleton_path(path: Path, name: str, options: ReaderOptions) -> Path | None:
-    file = f"{name}_skeleton.mat"
+def _skeleton_path(path: Path, options: ReaderOptions) -> Path | None:
+    file = f"{path.stem.removesuffix(SUFFIX)}_skeleton.mat"
     if options.skeleton is None:
         beside = path.parent / file
         return beside if beside.exists() else None
@@ -109,12 +80,12 @@ def _skeleton_path(path: Path, name: str, options: ReaderOptions) -> Path | None
     return chosen
 
 
-def _load(path: Path, key: str, dimensions: int) -> np.ndarray:
+def _load(path: Path, key: str) -> np.ndarray:
     stored = read_matlab(path, RecordingError)
     if key not in stored:
         raise RecordingError(f"{path} has no {key!r}; is it a UTD-MHAD file?")
     array = stored[key]
-    if isinstance(array, list) or array.ndim != dimensions:
+    if isinstance(array, list) or array.ndim != 3:
         found = "cells" if isinstance(array, list) else f"shape {array.shape}"
-        raise RecordingError(f"{key} in {path} has {found}; expected {dimensions} dimensions")
+        raise RecordingError(f"{key} in {path} has {found}; expected 3 dimensions")
     return array
