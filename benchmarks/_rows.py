@@ -45,6 +45,7 @@ ROWS: dict[str, tuple[str, dict[str, Any]]] = {
     "local": ("hybrid", {"passes": 1, "patience": 1_000_000, "hypotheses": ["local", "extrema", "joints"]}),
     "lookup": ("hybrid", {"hypotheses": ["extrema", "joints"]}),
     "baak2013": ("baak2013", {}),
+    "baak2013 delete": ("baak2013", {"sensing.contour": "delete"}),
     "baak2013 local": ("baak2013", {"patience": 1_000_000}),
     "baak2013 lookup": ("baak2013", {"hypotheses": ["extrema"]}),
     "no shape": ("hybrid", {"shape.seconds": 0.0}),
@@ -63,8 +64,8 @@ ROWS: dict[str, tuple[str, dict[str, Any]]] = {
 `no sharing` no body says whose pixels are whose; `no seated` leaves the bundled seated poses out of the database.
 Without a retrained regressor is another `--database`.
 `local` takes its first pose from the lookup and never asks it again. `baak2013` and its two halves are the paper's own
-tracker (Fig. 5.12). Without personal shape only the size is chosen,
-out of seven."""
+tracker (Fig. 5.12); `baak2013 delete` loses every pixel at a depth edge (5.3.1). Without personal shape only the size is
+chosen, out of seven."""
 
 
 NO_IMAGE = {"discrepancy.depth": 0.0}
@@ -88,8 +89,6 @@ SWARM_ROWS: dict[str, tuple[str, dict[str, Any]]] = {
     "qammaz two phases": ("qammaz", {}),
     "qammaz depth": ("qammaz", NO_JOINTS),
     "qammaz joints": ("qammaz", NO_IMAGE),
-    "qammaz 2D": ("qammaz", {**NO_IMAGE, "discrepancy.joints_3d": 0.0}),
-    "qammaz 3D": ("qammaz", {**NO_IMAGE, "discrepancy.joints_2d": 0.0}),
     **{f"w_D {w:g}": ("qammaz", {"discrepancy.depth": w / 3.0}) for w in WEIGHTS},
     **{f"plain w_D {w:g}": ("qammaz", {"discrepancy.depth": w / 3.0, **PLAIN}) for w in WEIGHTS},
 }
@@ -291,6 +290,7 @@ KINDS: dict[str, type[HybridTracker]] = {
     "one pass": WatchedTracker,
     "local": LocalTracker,
     "baak2013": Baak2013Tracker,
+    "baak2013 delete": Baak2013Tracker,
     "baak2013 local": LocalBaak2013Tracker,
     "baak2013 lookup": Baak2013Tracker,
     "no unobserved": BlindTracker,

@@ -7,8 +7,8 @@
   the pose model is needed.
 - `upper [--counts 64,192,256] [--columns 160,320,640]`: frames a second of the particle filter as a whole. One take of
   each group, its depth doubled to 640x480, by `configs/lopez2011.yaml`: the whole step from the depth image to the row,
-  cutting out the person included, in images of three sizes as in the paper's Table 1; frames in which a first pose is
-  looked for are counted apart. To quote them, ask for a core: `chrt -f 10 taskset -c 1 depthmocap bench speed upper`.
+  cutting out the person included, in images of three sizes as in the paper's Table 1. First poses need no fork here, so
+  that every take is followed; frames in which one is looked for are counted apart. To quote them, ask for a core: `chrt -f 10 taskset -c 1 depthmocap bench speed upper`.
 """
 
 from __future__ import annotations
@@ -194,8 +194,8 @@ def upper(parser: argparse.ArgumentParser) -> None:
     print(*(f"{heading:>10}" for heading in HEADINGS))
     sizes = product(map(int, options.columns.split(",")), map(int, options.counts.split(",")))
     for columns, count in sizes:
-        images = {"particles.trunk_columns": columns // 2, "particles.arm_columns": columns}
-        tracker = load_tracker("particles", {"particles.count": count, "refined": False, **images})
+        images = {"particles.trunk_columns": columns, "particles.arm_columns": columns}
+        tracker = load_tracker("lopez2011", {"particles.count": count, "initial.unlabelled": True, **images})
         assert isinstance(tracker, ParticleTracker)
         measured = [step_times(tracker, recording) for recording in recordings]
         followed = [value for own, _, _ in measured for value in own]

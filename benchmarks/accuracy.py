@@ -3,8 +3,9 @@
 The suite is described in `toolkit/testing/suite.py`, the rows in `benchmarks/_rows.py`. Every tracker gets the
 recording and the database, no true pose and no true shape. Figures as `depthmocap evaluate` defines them: averaged over
 the frames of a recording, then over recordings. The gain is the mean error of the local hypothesis minus the result's,
-over the frames in which a database hypothesis won. Rows are compared by a paired bootstrap over recordings. What is
-measured on a part of the suite is written to files of their own, ending in `_part`.
+over the frames in which a database hypothesis won. Rows are compared by a paired bootstrap over recordings. Figures
+without the hybrid tracker are written under the name of their first row, what is measured on a part of the suite to
+files of their own, ending in `_part`.
 """
 
 from __future__ import annotations
@@ -55,7 +56,8 @@ COLUMNS = (
 )
 """Figure, heading and factor of the printed tables."""
 COLOURS = {
-    "baak2013 local": "#7f9fc6", "baak2013 lookup": "#e0a458", "baak2013": "#9c3b3b", "hybrid": "#2b2b2b"
+    "baak2013 local": "#7f9fc6", "baak2013 lookup": "#e0a458", "baak2013": "#9c3b3b", "baak2013 delete": "#b9a8c9",
+    "local": "#7f9fc6", "hybrid": "#2b2b2b",
 }  # fmt: skip
 """Of the rows that are drawn."""
 BINS = np.linspace(0.0, 1.0, 21)
@@ -185,13 +187,13 @@ def compare(rows: dict[str, Row]) -> dict[str, Any]:
 
 
 def plot_rows(rows: dict[str, Row], path: Path) -> None:
-    """Error per recording as bars: the paper's tracker, its two halves (Fig. 5.12) and the hybrid one."""
+    """Error per recording as bars: the hybrid tracker, or the paper's and its two halves (Fig. 5.12)."""
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(12, 4.6), layout="constrained")
     axes = figure.add_subplot()
     shown = [name for name in COLOURS if name in rows]
-    names = [scores.recording for scores in rows[shown[-1]].table]
+    names = [scores.recording for scores in next(iter(rows.values())).table]
     for k, name in enumerate(shown):
         places = np.arange(len(names)) + (k - (len(shown) - 1) / 2) * 0.8 / len(shown)
         axes.bar(places, rows[name].table.figures("error_mm"), 0.8 / len(shown), label=name, color=COLOURS[name])
@@ -260,7 +262,7 @@ def main() -> None:
         figures["compared"] = compare(rows)
     settings = {name: asdict(settings_of(name, overrides)) for name in rows}
     whole = len(chosen) == len(takes(options.split)) and options.frames >= LONGEST and not options.set
-    stem = f"accuracy_{options.split}{'' if whole else '_part'}"
+    stem = f"{'accuracy' if 'hybrid' in rows else next(iter(rows))}_{options.split}{'' if whole else '_part'}"
     described = {
         "takes": [asdict(take) for take in chosen],
         "mocap": has_mocap(),
@@ -268,9 +270,9 @@ def main() -> None:
         "rows": settings,
     }
     print("written:", save_figures(stem, figures, described))
+    plot_rows(rows, RESULTS / f"{stem}.png")
     if bins:
         plot_confidence(bins, RESULTS / f"{stem}_confidence.png")
-        plot_rows(rows, RESULTS / f"{stem}.png")
 
 
 if __name__ == "__main__":

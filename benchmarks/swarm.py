@@ -5,11 +5,11 @@
   --fetch`), or which are the true ones with the errors of such a network (`truth`, see `toolkit/testing/joints.py`).
   `--rows` chooses settings of `benchmarks/_rows.py`, compared with the first one by a paired bootstrap over the
   recordings. With `--cold` every sixth frame is a first frame: right is one of which 18 of 20 joints are within 150 mm.
-- `sequences`, `table2`, `table3`, `figure3`, `models`: Qammaz, 3.3, on our four sequences. Delta and A(t) of
+- `sequences`, `table2`, `table3`, `models`: Qammaz, 3.3, on our four sequences. Delta and A(t) of
   `configs/swarm.yaml` and `configs/qammaz.yaml`; depth alone, joints alone, both (its curves are the paper's figure 5),
   and a second phase on the depth alone, which gained the paper less than 5 mm;
-  five weights w_D with and without perturbation (figure 4); Delta over particles and generations; Table 4, every
-  sequence with the bodies scanned from all four subjects, with balls and with the neutral body (figure 6).
+  five weights w_D with and without perturbation (figure 4); Table 4, every sequence with the bodies scanned from all
+  four subjects, with balls and with the neutral body (figure 6).
 - `scan`: the bodies of the four sequences, scanned from four views of a T-pose, against what they are.
 
 Delta is the mean distance of the joints, not capped; A(t) the share of them within t millimetres. In the sequences the
@@ -198,10 +198,8 @@ PAPER: dict[str, dict[str, float]] = {
     },
 }  # fmt: skip
 """Delta in mm; sequences and people by the names that ours have."""
-TABLE_2 = ("qammaz", "qammaz depth", "qammaz joints", "qammaz two phases", "qammaz 2D", "qammaz 3D")
+TABLE_2 = ("qammaz", "qammaz depth", "qammaz joints", "qammaz two phases")
 TABLE_3 = tuple(f"{kind}w_D {w:g}" for kind in ("", "plain ") for w in WEIGHTS)
-PARTICLES, GENERATIONS = range(40, 121, 10), range(30, 71, 10)
-"""Of figure 3."""
 PRIMITIVES = {"discrepancy.figure": "balls"}
 
 
@@ -285,14 +283,6 @@ def table3(bench: Bench) -> None:
         bench.row(row, row, bench.names)
     for w in WEIGHTS:
         bench.compare(f"w_D {w:g}", [f"plain w_D {w:g}"])
-
-
-def figure3(bench: Bench) -> None:
-    """Sizes of the swarm."""
-    for particles in PARTICLES:
-        for generations in GENERATIONS:
-            size = {"swarm.particles": particles, "swarm.generations": generations}
-            bench.row(f"{particles} particles, {generations} generations", "qammaz", bench.names, **size)
 
 
 def models(bench: Bench) -> None:
@@ -409,7 +399,7 @@ def scan(parser: argparse.ArgumentParser) -> None:
     print(save_figures("scan", figures, vars(options)))
 
 
-TABLES = {"sequences": sequences, "table2": table2, "table3": table3, "figure3": figure3, "models": models}
+TABLES = {"sequences": sequences, "table2": table2, "table3": table3, "models": models}
 
 
 def main() -> None:

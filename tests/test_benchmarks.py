@@ -172,14 +172,12 @@ def test_tables_of_the_swarms_paper_are_made_of_short_sequences(
     bundled: Path, work: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(swarm, "scanned", lambda name, work: load_body("neutral"))
-    monkeypatch.setattr(swarm, "PARTICLES", (4, 8))
-    monkeypatch.setattr(swarm, "GENERATIONS", (3,))
     arguments = ["--sequences", "MS_1", "--frames", 3, "--joints", "truth", "--work", work, *FEW]
     for part in swarm.TABLES:
         run(swarm, part, *arguments, monkeypatch=monkeypatch)
         figures = json.loads((bundled / f"qammaz_{part}.json").read_text())["figures"]
         assert all(0.0 < row["delta_mm"] < 1500.0 for row in figures["ours"].values())
-        assert (bundled / f"qammaz_{part}.png").exists() == (part != "figure3")
+        assert (bundled / f"qammaz_{part}.png").exists()
         if part == "models":
             assert "MS_1 with neutral" in figures["ours"] and figures["paper_mm"]["MS_1 with MS_2"] == 103.7
 
