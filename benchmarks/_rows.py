@@ -64,8 +64,8 @@ ROWS: dict[str, tuple[str, dict[str, Any]]] = {
 `no sharing` no body says whose pixels are whose; `no seated` leaves the bundled seated poses out of the database.
 Without a retrained regressor is another `--database`.
 `local` takes its first pose from the lookup and never asks it again. `baak2013` and its two halves are the paper's own
-tracker (Fig. 5.12); `baak2013 delete` loses every pixel at a depth edge (5.3.1). Without personal shape only the size is
-chosen, out of seven."""
+tracker (Fig. 5.12); `baak2013 delete` loses every pixel at a depth edge (5.3.1). Without personal shape only the size
+is chosen, out of seven."""
 
 
 NO_IMAGE = {"discrepancy.depth": 0.0}

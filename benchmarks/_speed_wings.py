@@ -8,7 +8,8 @@
 - `upper [--counts 64,192,256] [--columns 160,320,640]`: frames a second of the particle filter as a whole. One take of
   each group, its depth doubled to 640x480, by `configs/lopez2011.yaml`: the whole step from the depth image to the row,
   cutting out the person included, in images of three sizes as in the paper's Table 1. First poses need no fork here, so
-  that every take is followed; frames in which one is looked for are counted apart. To quote them, ask for a core: `chrt -f 10 taskset -c 1 depthmocap bench speed upper`.
+  that every take is followed; frames in which one is looked for are counted apart. To quote them, ask for a core:
+  `chrt -f 10 taskset -c 1 depthmocap bench speed upper`.
 """
 
 from __future__ import annotations
