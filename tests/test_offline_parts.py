@@ -12,12 +12,13 @@ from typing import Any
 import numpy as np
 import pytest
 
+from database_builder.kept import Kept
 from database_builder.occluders import BOX_FACES, box, occluder_meshes
 from toolkit import skeleton
 from toolkit.biomechanics.ground import ground_of
 from toolkit.body.raycast import Hits, cast
 from toolkit.body.shape import ShapeSpace, load_body
-from toolkit.errors import RecordingError
+from toolkit.errors import OutputError, RecordingError
 from toolkit.evaluation.orientation_report import write_check
 from toolkit.evaluation.orientations import RunCheck
 from toolkit.evaluation.reference import Reference, find_reference
@@ -259,3 +260,31 @@ def test_rows_become_the_columns_of_a_track() -> None:
     assert track.timestamps.tolist() == pytest.approx([0.0, 0.1, 0.2])
     np.testing.assert_array_equal(track.pose[2], results[2].pose)
     assert track.stage_ms.shape == (3, 3) and track.contact.shape == (3, 2) and not track.contact[1].any()
+
+
+# What a build keeps.
+
+
+def test_what_is_kept_comes_back_under_its_key_alone(tmp_path: Path) -> None:
+    path = tmp_path / "images.npz"
+    kept = Kept(path, "seed 1")
+    assert kept.load() is None
+    assert kept.save({"depth": np.arange(5, dtype=np.uint16), "name": "a"})
+    arrays = kept.load()
+    assert arrays is not None and set(arrays) == {"depth", "name"}
+    np.testing.assert_array_equal(arrays["depth"], np.arange(5))
+    assert Kept(path, "seed 2").load() is None
+    content = path.read_bytes()
+    path.write_bytes(content[: len(content) // 2])
+    assert kept.load() is None, "what is damaged is made again"
+
+
+def test_without_a_place_or_without_room_a_build_goes_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    assert Kept(None, "a").save({"depth": np.zeros(3)}) and Kept(None, "a").load() is None
+
+    def full(*_: Any, **__: Any) -> None:
+        raise OutputError("No space left on device")
+
+    monkeypatch.setattr("database_builder.kept.save_archive", full)
+    assert not Kept(tmp_path / "images.npz", "a").save({"depth": np.zeros(3)})
+    assert not list(tmp_path.iterdir())

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import asdict
 from functools import lru_cache
 
 import numpy as np
@@ -20,6 +21,8 @@ from toolkit.retrieval.features.motion import from_poses
 from toolkit.retrieval.features.relational import relational_features
 from toolkit.retrieval.keyframes.query import Keyframe, KeyframeQuery
 from toolkit.retrieval.keyframes.within import met_within
+from toolkit.retrieval.workflow.events import replay, write_events
+from toolkit.track import EMPTY
 
 MOTIONS = {"kick": "knee_to_elbow", "bow": "half_squat_reach", "draw": "archery"}
 
@@ -155,6 +158,20 @@ def test_a_run_is_replayed_as_lines_of_json(tmp_path, capsys):
     assert printed == stored
     assert [event["label"] for event in stored] == ["kick", "draw", "bow", "kick"]
     assert set(stored[0]) == {"label", "start", "end", "time", "delay", "cost"}
+
+
+def test_a_replay_tells_what_was_told_while_the_person_was_there(tmp_path, capsys):
+    """Frames without a person say nothing; the times are those of the track."""
+    state = np.zeros(len(document()))
+    run = write_run(tmp_path / "run", document(), state)
+    events = list(replay(run, classes()))
+    assert [asdict(event) for event in events] == [asdict(event) for event in told(document())]
+    state[: len(parts()["kick"]) + 6] = EMPTY
+    later = list(replay(write_run(tmp_path / "later", document(), state), classes()))
+    assert [event.label for event in later] == ["draw", "bow", "kick"]
+    assert list(replay(write_run(tmp_path / "none", document(), np.full(len(document()), EMPTY)), classes())) == []
+    assert write_events(iter(events), tmp_path / "events.jsonl") == write_events(iter(events), "-") == len(events)
+    assert (tmp_path / "events.jsonl").read_text() == capsys.readouterr().out
 
 
 def test_a_replay_needs_classes_and_one_run(tmp_path, capsys):

@@ -1,0 +1,94 @@
+"""Options as they are typed at the command line: what becomes of them, and how those that cannot be are named."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from toolkit.cli.options import given, numbers
+from toolkit.cli.reading import Joints, Reading, intrinsics_of, people_of, size_of, unit_of
+from toolkit.errors import UsageError
+from toolkit.inertial.readers.table import UNITS, factors_of, pairs_of
+from toolkit.inertial.stream import GRAVITY
+from toolkit.sensing.recording import ReaderOptions
+
+
+def test_nothing_typed_is_nothing_told() -> None:
+    assert Reading().options() == {} and ReaderOptions.from_mapping(Reading().options()) == ReaderOptions()
+
+
+def test_what_is_typed_is_what_a_reader_is_told() -> None:
+    typed = Reading(
+        format="raw", intrinsics="570,571,320,240", mirrored=False, radial=True, depth_unit="0.0005", size="640,480",
+        frame_rate=15.0, up="0,-1,0.1", rotate=90, track="/depth",
+    )  # fmt: skip
+    told = ReaderOptions.from_mapping(typed.options())
+    assert told.intrinsics == (570.0, 571.0, 320.0, 240.0) and told.size == (640, 480)
+    assert (told.depth_unit, told.frame_rate, told.rotate, told.track) == (0.0005, 15.0, 90, "/depth")
+    assert told.mirrored is False and told.radial is True
+    np.testing.assert_allclose(np.asarray(told.up_camera), [0.0, -1.0, 0.1])
+
+
+@pytest.mark.parametrize(("text", "unit"), [(None, None), ("mm", "mm"), ("m", "m"), ("0.001", 0.001), ("1e-4", 1e-4)])
+def test_a_unit_is_a_name_or_a_number(text: str | None, unit: str | float | None) -> None:
+    assert unit_of(text) == unit
+
+
+def test_intrinsics_are_numbers_or_a_file() -> None:
+    assert intrinsics_of(None) is None and intrinsics_of("camera.json") == "camera.json"
+    assert intrinsics_of("1,2,3,4") == (1.0, 2.0, 3.0, 4.0)
+
+
+@pytest.mark.parametrize("text", ["1,2,3", "1,2,3,4,5", "1,2,3,x", "1,2,nan,4", "1,2,inf,4", ""])
+def test_numbers_that_are_more_fewer_or_none_are_refused(text: str) -> None:
+    with pytest.raises(UsageError, match="--intrinsics is .*; give 4 numbers separated by commas"):
+        numbers(text, 4, "--intrinsics")
+
+
+def test_people_are_a_number_or_all() -> None:
+    assert people_of("all") is None and people_of("1") == 1 and people_of("12") == 12
+    for text in ("0", "-1", "two", "1.5", ""):
+        with pytest.raises(UsageError, match="give a number of people, or all"):
+            people_of(text)
+
+
+def test_a_size_is_a_width_and_a_height() -> None:
+    assert size_of("640,480", "--size") == (640, 480)
+    choice = Joints(joints="folder", joints_size="1920,1080").choice()
+    assert (choice.source, choice.size) == ("folder", (1920, 1080))
+    with pytest.raises(UsageError, match="--joints-size belongs to a folder of joints"):
+        Joints(joints="colour", joints_size="1920,1080").choice()
+    with pytest.raises(UsageError, match="--joints-size is '640'"):
+        Joints(joints="folder", joints_size="640").choice()
+
+
+def test_only_what_is_none_is_not_given() -> None:
+    assert given(a=None, b=0, c=False, d="") == {"b": 0, "c": False, "d": ""}
+
+
+# Columns and units of sensor tables.
+
+
+def test_pairs_are_parted_by_commas_and_may_stand_apart() -> None:
+    assert pairs_of(None, "--columns") == pairs_of("", "--columns") == {}
+    assert pairs_of("time_s=t, qw = Q 0", "--columns") == {"time_s": "t", "qw": "Q 0"}
+
+
+@pytest.mark.parametrize("text", ["time_s", "=t", "time_s=", "a=b,", "a=b, =c"])
+def test_pairs_that_are_none_are_refused(text: str) -> None:
+    with pytest.raises(UsageError, match=r"--columns is .*; write pairs"):
+        pairs_of(text, "--columns")
+
+
+def test_units_are_ours_unless_others_are_chosen() -> None:
+    assert factors_of(None) == {"gyro": 1.0, "acceleration": 1.0, "time": 1.0}
+    found = factors_of("time=us,acceleration=g")
+    assert found == {"gyro": 1.0, "acceleration": GRAVITY, "time": 1e-6}
+    assert factors_of("gyro=deg/s")["gyro"] * 180 == pytest.approx(np.pi)
+    assert all(next(iter(units.values())) == 1.0 for units in UNITS.values()), "the first is ours"
+
+
+@pytest.mark.parametrize("text", ["time=min", "mass=g"])
+def test_units_that_there_are_not_are_refused_with_those_that_there_are(text: str) -> None:
+    with pytest.raises(UsageError, match=f"--units knows no {text}; there are gyro: rad/s, deg/s; "):
+        factors_of(text)
