@@ -1,13 +1,14 @@
 """A process that is killed inside a final write: what was there stays, what is there is whole, and writing again works.
 
-Each writer runs in forked processes that are killed before one after another of its steps on the file system, and by
-the kernel within its writes, at some sizes of a file.
+Each writer runs in a forked process that copies what stands on the disk before each of its steps on the file system,
+and in others that are killed: in the middle of these steps, and by the kernel within their writes.
 """
 
 from __future__ import annotations
 
 import os
 import resource
+import shutil
 import signal
 import sys
 from collections.abc import Callable, Iterator
@@ -108,37 +109,63 @@ def killed(write: Callable[[], object], folder: Path, step: int | None, size: in
 
     Returns whether it was killed; a process that went on to its end was not.
     """
+
+    def die(number: int) -> None:
+        if number == step:
+            os.kill(os.getpid(), signal.SIGKILL)
+
+    def limited() -> None:
+        if size is not None:
+            signal.signal(signal.SIGXFSZ, signal.SIG_DFL)
+            resource.setrlimit(resource.RLIMIT_FSIZE, (size, size))
+        write()
+
+    return os.WIFSIGNALED(beside(limited, folder, die))
+
+
+def beside(write: Callable[[], object], folder: Path, before: Callable[[int], None]) -> int:
+    """Run `write` in a forked process that is told the number of each step before it changes a file in the folder.
+
+    Returns how the process ended, as `os.waitpid` says.
+    """
     child = os.fork()
     if child == 0:
-        count = [0]
+        count, busy = [0], [False]
 
-        def die_at_step(event: str, details: tuple[object, ...]) -> None:
-            if event in STEPS and str(details[0]).startswith(str(folder)):
-                if count[0] == step:
-                    os.kill(os.getpid(), signal.SIGKILL)
+        def hook(event: str, details: tuple[object, ...]) -> None:
+            if event in STEPS and not busy[0] and str(details[0]).startswith(str(folder)):
+                busy[0] = True
+                before(count[0])
+                busy[0] = False
                 count[0] += 1
 
         try:
-            sys.addaudithook(die_at_step)
-            if size is not None:
-                signal.signal(signal.SIGXFSZ, signal.SIG_DFL)
-                resource.setrlimit(resource.RLIMIT_FSIZE, (size, size))
+            sys.addaudithook(hook)
             write()
         finally:
             os._exit(0)  # whatever it raised: an error is an end too, and its traceback nobody's business
-    return os.WIFSIGNALED(os.waitpid(child, 0)[1])
+    return os.waitpid(child, 0)[1]
 
 
-def kills(write: Callable[[], object], folder: Path, size: int) -> Iterator[str]:
-    """End the writer everywhere, one process after the other, and say where."""
-    step = 0
-    while killed(write, folder, step, None):
-        yield f"step {step}"
-        step += 1
-    assert step >= 3, "a file is made, put in place, and something is tidied up"
-    for largest in (0, size // 2):
-        killed(write, folder, None, largest)
-        yield f"size {largest}"
+def left_behind(write: Callable[[], object], folder: Path, size: int) -> Iterator[tuple[str, Path]]:
+    """What a folder holds after the writer ended anywhere, and where that was.
+
+    A process that is killed before a step leaves what stands on the disk at that moment: one process copies that before
+    each of its steps. Then processes are killed indeed: in the middle, and by the kernel within their writes.
+    """
+    copies = folder.with_name("copies")
+    copies.mkdir()
+    beside(write, folder, lambda number: shutil.copytree(folder, copies / str(number)))
+    steps = len(list(copies.iterdir()))
+    assert steps >= 3, "a file is made, put in place, and something is tidied up"
+    for step in range(steps):
+        yield f"step {step}", copies / str(step)
+    first = copies / "0"
+    for step, largest in ((steps // 2, None), (None, 0), (None, size // 2)):
+        shutil.rmtree(folder)
+        shutil.copytree(first, folder)
+        assert killed(write, folder, step, largest) or largest is not None
+        yield f"step {step}" if largest is None else f"size {largest}", folder
 
 
 @pytest.mark.parametrize("before", ["nothing", "the file"])
@@ -148,17 +175,19 @@ def test_a_killed_writer_leaves_the_old_file_or_none(name: str, before: str, tmp
     (tmp_path / "whole").mkdir()
     folder.mkdir()
     whole = kind.make(tmp_path / "whole")
-    path, expected = folder / whole.relative_to(tmp_path / "whole"), meaning(kind.read(whole))
+    place, expected = whole.relative_to(tmp_path / "whole"), meaning(kind.read(whole))
     if before == "the file":
         kind.make(folder)
-    for how in kills(lambda: kind.make(folder), folder, whole.stat().st_size):
+    for how, left in left_behind(lambda: kind.make(folder), folder, whole.stat().st_size):
+        path = left / place
         if before == "the file" or path.exists():
             assert meaning(kind.read(path)) == expected, how
-        for left in folder.rglob("track.partial"):  # to go on from, but here is nothing to resume
-            left.unlink()
-        if before == "nothing":
-            path.unlink(missing_ok=True)
-    assert meaning(kind.read(kind.make(folder))) == expected, "writing again works"
+        for partial in left.rglob("track.partial"):  # to go on from, but here is nothing to resume
+            partial.unlink()
+        shutil.copytree(left, tmp_path / "all", dirs_exist_ok=True)
+    if before == "nothing":
+        (tmp_path / "all" / place).unlink(missing_ok=True)
+    assert meaning(kind.read(kind.make(tmp_path / "all"))) == expected, "writing again works, whatever is left"
 
 
 def test_a_killed_batch_keeps_the_rows_that_it_wrote(tmp_path: Path) -> None:
