@@ -7,6 +7,9 @@ SHELL := /bin/bash
 VENV := .venv
 BIN := $(VENV)/bin
 
+# Bytecode is kept: without it every process compiles all sources anew, and pytest writes all assertions anew.
+unexport PYTHONDONTWRITEBYTECODE
+
 .PHONY: demo test quick environment lint node wheel clean
 
 environment:

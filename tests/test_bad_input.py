@@ -9,6 +9,7 @@ import stat
 import zipfile
 from collections.abc import Callable
 from dataclasses import replace
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -65,7 +66,12 @@ def _npz_of(header: str, data: bytes = b"") -> bytes:
     return out.getvalue()
 
 
-BOMB = _npz_of("{'descr': '|u1', 'fortran_order': False, 'shape': (67108864,), }", bytes(1 << 26))
+@cache
+def bomb() -> bytes:
+    """An array of 64 MB in a small file."""
+    return _npz_of("{'descr': '|u1', 'fortran_order': False, 'shape': (67108864,), }", bytes(1 << 26))
+
+
 PICKLE = _npz_of("{'descr': '|O', 'fortran_order': False, 'shape': (1,), }", pickle.dumps([{}]))
 ENDLESS = _npz_of("{'descr': '<f8', 'fortran_order': False, 'shape': (4611686018427387904, 4611686018427387904), }")
 NESTED = _npz_of("(" * 5000)
@@ -80,7 +86,7 @@ KINDS: dict[str, Callable[[Path], object]] = {
     "a link to itself": lambda path: path.symlink_to(path),
     "a link to a device": lambda path: path.symlink_to("/dev/zero"),
     "a link to the folder that holds it": lambda path: path.symlink_to(path.parent),
-    "a bomb": lambda path: path.write_bytes(BOMB),
+    "a bomb": lambda path: path.write_bytes(bomb()),
     "a pickle": lambda path: path.write_bytes(PICKLE),
     "an endless array": lambda path: path.write_bytes(ENDLESS),
     "a nested header": lambda path: path.write_bytes(NESTED),
