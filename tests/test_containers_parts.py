@@ -1,4 +1,4 @@
-"""The parts of container readers, each for itself: Matroska's index, ROS messages, a Kinect's calibration and colour."""
+"""Parts of container readers, each for itself: Matroska's index, ROS messages, a Kinect's calibration and colour."""
 
 from __future__ import annotations
 
@@ -140,9 +140,7 @@ NUMBERS = st.one_of(
 @pytest.mark.parametrize(
     ("pack", "two"), [(ros1, False), (cdr, True), (lambda *f: cdr(*f, big=True), True)], ids=["1", "2", "2, big-endian"]
 )
-def test_a_cursor_reads_what_was_packed(
-    pack: Callable[..., bytes], two: bool, fields: list[tuple[str, Any]]
-) -> None:
+def test_a_cursor_reads_what_was_packed(pack: Callable[..., bytes], two: bool, fields: list[tuple[str, Any]]) -> None:
     cursor = ros.Cursor(pack(*fields), two)
     for code, value in fields:
         assert (cursor.text().encode() if code == "s" else cursor.numbers(code, 1)[0]) == value
@@ -176,7 +174,9 @@ def test_a_header_and_an_acceleration_are_those_of_the_message(two: bool) -> Non
 
 @pytest.mark.parametrize("two", [False, True])
 def test_a_camera_is_that_of_the_message(two: bool) -> None:
-    lens, matrix, turn, projection = ([base + k for k in range(n)] for base, n in ((0.5, 5), (10, 9), (90, 9), (20, 12)))
+    lens, matrix, turn, projection = (
+        [base + k for k in range(n)] for base, n in ((0.5, 5), (10, 9), (90, 9), (20, 12))
+    )
     floats = [("d", float(value)) for values in (matrix, turn, projection) for value in values]
     data = message(two, ("I", 48), ("I", 64), ("s", b"plumb_bob"), ("I", 5), *[("d", v) for v in lens], *floats)
     info = ros.camera_info(data, two)

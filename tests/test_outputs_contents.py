@@ -135,7 +135,9 @@ def test_motions_begin_at_once_and_those_that_end_first_wait(pictures: list[np.n
     assert (left[last] != left[last + 1]).any() and (left[-motions.HOLD :] == left[-1]).all()
 
 
-def test_a_motion_is_drawn_on_its_feet_in_the_middle_wherever_it_goes(pictures: list[np.ndarray], tmp_path: Path) -> None:
+def test_a_motion_is_drawn_on_its_feet_in_the_middle_wherever_it_goes(
+    pictures: list[np.ndarray], tmp_path: Path
+) -> None:
     """Turned and moved over the ground it is the same film."""
     motion = random_motion(3, seconds=0.2)
     turn = np.array([[0.0, 0.0, 1.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0]])
@@ -231,14 +233,13 @@ def moved_by(metres: dict[int, float]) -> list[int]:
     before, after = (np.zeros((100, 20, 3), np.float32) for _ in range(2))
     for frame, far in metres.items():
         after[frame, 7] = [far, 0.0, 0.0]
-    tracks = [
-        Track(
-            joints, np.zeros((100, skeleton.POSE_SIZE)), np.ones((100, 20), np.float32), *(np.zeros(100, np.uint8),) * 2,
-            np.arange(100.0), np.zeros((100, 1), np.float32), np.ones((100, 20), bool), ("local",), ("fit",),
-        )
+    still, sure = np.zeros((100, skeleton.POSE_SIZE)), np.ones((100, 20), np.float32)
+    state, times, spent = np.zeros(100, np.uint8), np.arange(100.0), np.zeros((100, 1), np.float32)
+    before_and_after = (
+        Track(joints, still, sure, state, state, times, spent, sure > 0, ("local",), ("fit",))
         for joints in (before, after)
-    ]  # fmt: skip
-    return largest_changes(*tracks)
+    )
+    return largest_changes(*before_and_after)
 
 
 def test_the_largest_changes_are_shown_apart_from_each_other_and_no_more_than_there_are() -> None:
