@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -26,17 +26,27 @@ from toolkit.inertial.calibrate import CalibrationSettings, Take, better_clock, 
 from toolkit.inertial.distance import distances, worlds_of
 from toolkit.inertial.limbs import TrackedMotion
 from toolkit.inertial.places import other_side
-from toolkit.inertial.synchronise import SyncSettings, speed_correlation, synchronise
+from toolkit.inertial.stream import SensorStream
+from toolkit.inertial.synchronise import (
+    STEP,
+    Clock,
+    SyncSettings,
+    sensor_signals,
+    smoothing_for,
+    synchronise,
+    track_signals,
+)
 from toolkit.inertial.workflow import read_sensors
+from toolkit.kernels.motion.inertial import correlation_over_lags
 from toolkit.pipeline import track_recordings
 
 SHARED = Path(__file__).resolve().parents[2] / "shared" / "data"
 RECORDINGS, SENSORS = SHARED / "depth" / "utd_mhad", SHARED / "inertial" / "utd_mhad"
-SYNC = SyncSettings(max_offset=0.7, free_rate=True, rates=(0.85, 1.35))
+SYNC = SyncSettings(max_offset=0.7, rates=(0.85, 1.35))
 """The recordings lie 49 to 68 ms apart by their own lengths, and the reader says 53."""
 SURE = 0.75
 """Correlation of angular speeds from which a clip counts as explained."""
-CALIBRATION = CalibrationSettings(heading="own", most_residual=180.0, weak_spread=0.0)
+CALIBRATION = CalibrationSettings(heading="own", refuse=False)
 """Whatever the motion determines: single clips are short, the person's clips together are not."""
 
 
@@ -71,13 +81,13 @@ def figures_of_clip(take: Take, others: Sequence[Take]) -> ClipFigures:
     """Figures of a clip with the mounting of the person's other clips."""
     (stream,) = take.sensors
     limb, across = stream.name, other_side(stream.name)
-    exchanged = take.sensors.renamed([across])
+    exchanged = replace(take.sensors, streams=(replace(stream, name=across),))
     wrong = synchronise(take.motion, exchanged, SYNC, check=False)
     full = axis = float("nan")
     try:
         calibration = calibrate(others, CALIBRATION)
         worlds = worlds_of(calibration, take)
-        better = better_clock(take, worlds, {limb: calibration.mounting(limb)}, CALIBRATION)
+        better = better_clock(take, worlds, {limb: calibration.mounting(limb)})
         (found,) = distances(calibration, better)
         full, axis = float(np.nanmedian(found.full)), float(np.nanmedian(found.axis))
     except InertialError as error:
@@ -86,13 +96,24 @@ def figures_of_clip(take: Take, others: Sequence[Take]) -> ClipFigures:
     return ClipFigures(
         take.motion.name.removesuffix("_depth"),
         limb,
-        speed_correlation(take.motion, stream, take.clock, SYNC),
-        speed_correlation(take.motion, exchanged.streams[0], wrong, SYNC),
+        speed_correlation(take.motion, stream, take.clock),
+        speed_correlation(take.motion, exchanged.streams[0], wrong),
         1000.0 * frame * take.clock.rate,
         1000.0 * float(stream.times[-1]) / (len(take.motion.times) - 1),
         full,
         axis,
     )
+
+
+def speed_correlation(motion: TrackedMotion, stream: SensorStream, clock: Clock) -> float:
+    """Correlation, -1 to 1, of the angular speeds of a sensor and its part of the body at a clock; NaN if unknown."""
+    smoothing = smoothing_for(motion, clock.rate)
+    tracked = track_signals(motion, stream.name, clock.rate, smoothing)[0]
+    measured = sensor_signals(stream, smoothing)[0]
+    out = np.empty(1)
+    lag = np.array([round((tracked.start + clock.offset - measured.start) / STEP)])
+    correlation_over_lags(tracked.values, tracked.known, measured.values, measured.known, lag, 10, out)
+    return float(out[0])
 
 
 def summary(clips: Sequence[ClipFigures]) -> dict[str, Any]:

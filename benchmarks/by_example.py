@@ -44,8 +44,8 @@ from toolkit.kernels.motion.graded import distinct_hits, graded_distances
 from toolkit.recordings.readers.utd_mhad import joints_from_kinect
 from toolkit.retrieval.annotation.annotator import distance_function
 from toolkit.retrieval.annotation.documents import HARD_JOINS, JOINS, Joins, assemble
-from toolkit.retrieval.features.geometry import BodyLengths
 from toolkit.retrieval.features.grades import FULL, SCALES, grade, importance
+from toolkit.retrieval.features.lengths import BodyLengths
 from toolkit.retrieval.features.motion import NAMED_JOINTS, SIDES, Motion, from_joints
 from toolkit.retrieval.features.places import places_of, spread
 from toolkit.retrieval.features.relational import FEATURE_RATE, FEATURES, MIRROR, FeatureMatrix, relational_features
@@ -331,11 +331,11 @@ def kinect_corpus(data: Path, subjects: Sequence[str]) -> tuple[Corpus, list[tup
 
 def print_constants(examples: Sequence[Example], filler: Sequence[Motion]) -> None:
     """The tables of `features/grades.py`."""
-    from toolkit.retrieval.features.relational import margins_of
+    from toolkit.retrieval.features.relational import native_features
 
     chosen = [e.motion for e in examples if e.actor != REPORTED]
     chosen += [m for m in filler if int(m.name.split("_")[0]) <= LAST_TUNING_SUBJECT]
-    margins = np.concatenate([margins_of(motion) for motion in chosen], axis=1)
+    margins = np.concatenate([native_features(motion)[1] for motion in chosen], axis=1)
     low, high = np.percentile(margins, [16, 84], axis=1)
     scales = 0.25 * (high - low + (high - low)[MIRROR])
     spreads = grade(margins * (SCALES / scales)[:, None]).std(axis=1)

@@ -47,7 +47,7 @@ from toolkit.evaluation.orientations import RunCheck, frame_scores
 from toolkit.hybrid.tracker import HybridTracker
 from toolkit.inertial.calibrate import CalibrationSettings, Take, calibrate
 from toolkit.inertial.calibration import GOOD, Calibration, Mounting, TakeClock
-from toolkit.inertial.distance import CheckSettings, distances, errors_of
+from toolkit.inertial.distance import distances, errors_of
 from toolkit.inertial.limbs import TrackedMotion
 from toolkit.inertial.synchronise import Clock, SyncSettings, synchronise
 from toolkit.inertial.workflow import clock_of
@@ -145,8 +145,7 @@ def calibration_figures(clips: Sequence[np.ndarray], body: Body) -> dict[str, An
         for wrong in (False, True):
             take = Take(wrong_stretch(motion, rng) if wrong else motion, simulated.sensors, Clock(0.0))
             for method in ("robust", "thesis"):
-                settings = CalibrationSettings(method=method, lags=0.0, weak_spread=0.0, weak_axes=0.0)
-                found = calibrate([take], replace(settings, most_residual=180.0))
+                found = calibrate([take], CalibrationSettings(method=method, refine_clock=False, refuse=False))
                 worlds = found.takes["clip"].worlds
                 for limb in PAIR:
                     psi = float(np.degrees(quat.angle(np.array(worlds[limb]), simulated.world)))
@@ -229,8 +228,7 @@ def error_figures(
         true = TrackedMotion.of_poses(body, truth, track.timestamps, name="truth")
         clock = synchronise(motion, simulated.sensors, SyncSettings(), check=False)
         take = Take(motion, simulated.sensors, clock)
-        settings = CalibrationSettings(method=method, weak_spread=0.0, weak_axes=0.0, most_residual=180.0)
-        found = calibrate([take], settings)
+        found = calibrate([take], CalibrationSettings(method=method, refuse=False))
         take = replace(take, clock=clock_of(found.takes["take"], clock))
         for curve in distances(found, take):
             if curve.limb == "chest":
@@ -244,7 +242,7 @@ def error_figures(
             off[kind] += Scores(both, int((above & known).sum()), both, int((wrong & known).sum()))
             chain = curve.limb.split("_")[0] + ("_leg" if kind == "shins" else "_arm")
             own = [Segment(s.start, s.end, curve.limb) for s in segments if s.label == chain]
-            check = RunCheck("take", found, (curve,), tuple(errors_of(curve, CheckSettings(30.0))), tuple(own))
+            check = RunCheck("take", found, (curve,), tuple(errors_of(curve, 30.0)), tuple(own))
             ramps = np.zeros(len(curve.times), dtype=bool)
             for s in own:
                 ramps |= (curve.times >= s.start - 5 / RATE) & (curve.times < s.start)

@@ -85,26 +85,7 @@ def test_the_thesis_is_exact_without_noise_and_breaks_on_wrong_frames():
     np.testing.assert_allclose(np.degrees([quat.angle(found[0], world), quat.angle(found[1], mounting)]), 0, atol=1e-4)
     spoilt = strand_of(rng, world, mounting, wrong=0.3)
     by_thesis = solvers.thesis(spoilt.inertial, spoilt.tracked, rng)
-    robust = solvers.so4(spoilt, rng)
     assert np.degrees(quat.angle(by_thesis[1], mounting)) > 2.0
-    assert np.degrees(quat.angle(robust[1], mounting)) < 0.5
-
-
-def test_the_solver_without_a_vertical_is_the_least_squares_one():
-    rng = np.random.default_rng(2)
-    world, mounting = random_turns(rng, 2)
-    strand = strand_of(rng, world, mounting, count=200, noise=2.0)
-    found = solvers.so4(strand, rng)[:2]
-    scale = float(solvers.SCALES[-1])
-
-    def left(x):
-        g, mount = quat.multiply(world, quat.exponential(x[:3])), quat.multiply(quat.exponential(x[3:]), mounting)
-        e = solvers.residuals(strand, g, mount)
-        return e / np.sqrt(1.0 + (e / scale) ** 2)
-
-    best = least_squares(left, np.zeros(6)).x
-    assert np.degrees(quat.angle(found[0], quat.multiply(world, quat.exponential(best[:3])))) < 0.2
-    assert np.degrees(quat.angle(found[1], quat.multiply(quat.exponential(best[3:]), mounting))) < 0.2
 
 
 def test_the_solver_with_a_vertical_is_the_least_squares_one():
@@ -129,16 +110,6 @@ def test_the_solver_with_a_vertical_is_the_least_squares_one():
     for k in range(2):
         expected = quat.multiply(mountings[k], quat.exponential(best.x[1 + 3 * k : 4 + 3 * k]))
         assert np.degrees(quat.angle(found[k], expected)) < 0.2
-
-
-@given(st.integers(0, 10_000))
-@settings(max_examples=20, deadline=None)
-def test_a_turn_of_four_dimensions_splits_into_its_factors(seed):
-    left, right = random_turns(np.random.default_rng(seed), 2)
-    matrix = np.stack([quat.multiply(quat.multiply(left, unit), right) for unit in np.eye(4)], axis=1)
-    a, b = solvers.split(matrix)
-    for unit in np.eye(4):
-        np.testing.assert_allclose(quat.multiply(quat.multiply(a, unit), b), matrix @ unit, atol=1e-9)
 
 
 @given(st.integers(0, 10_000))
@@ -268,28 +239,21 @@ def test_a_mounting_is_good_only_if_sensor_and_track_agree_in_half_of_the_frames
         turns = quat.exponential(np.radians(rng.uniform(40, 120)) * np.eye(3)[rng.integers(3)][None])
         bad = rows[: round(wrong * len(rows))]
         rotations[bad] = quat.multiply(rotations[bad], turns)
-    found = calibrate([replace(take, motion=replace(take.motion, rotations=rotations))], CalibrationSettings(lags=0.0))
+    found = calibrate(
+        [replace(take, motion=replace(take.motion, rotations=rotations))], CalibrationSettings(refine_clock=False)
+    )
     for sensor in found.sensors.values():
         assert sensor.status == status, sensor
         assert (sensor.inliers >= 0.5) == (status == GOOD)
         assert "% of the frames" in sensor.reason or status == GOOD
 
 
-@pytest.mark.parametrize("up", ([0.0, 0.0, 1.0], [np.nan] * 3))
-def test_without_a_second_axis_nothing_is_told(up):
+def test_without_a_second_axis_nothing_is_told():
     motion = upright_motion(0.5)
-    take = Take(motion, replace(sensors_on(motion), world_up=np.array(up)), Clock(0.0))
+    take = Take(motion, sensors_on(motion), Clock(0.0))
     for method in ("robust", "thesis"):
         with pytest.raises(InertialError, match="no sensor can be calibrated"):
             calibrate([take], CalibrationSettings(method=method))
-
-
-def test_an_unknown_vertical_is_no_obstacle_where_the_turns_have_two_axes():
-    simulated, take = take_of(limbs=ARMS, noise="mtx")
-    blind = replace(take, sensors=replace(take.sensors, world_up=np.full(3, np.nan)))
-    worlds, mountings = offsets_of(simulated, blind)
-    assert max(worlds) < 5.0
-    assert max(mountings) < 5.0
 
 
 def test_a_sensor_that_does_not_belong_to_the_track_is_refused():

@@ -1,4 +1,4 @@
-"""Checking a track: distances, errors, drift, known errors, the report, and the verbs as typed."""
+"""Checking a track: distances, errors, known errors, the report, and the verbs as typed."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from toolkit.cli.main import main
 from toolkit.errors import InertialError, TrackError, UsageError
 from toolkit.evaluation.orientations import check_runs, found_frames, read_truth
 from toolkit.inertial.calibrate import Take, calibrate
-from toolkit.inertial.distance import TWIST, CheckSettings, Distances, distances, errors_of, runs_above
+from toolkit.inertial.distance import TWIST, Distances, distances, errors_of, runs_above
 from toolkit.inertial.synchronise import Clock
 from toolkit.inertial.workflow import calibrate_runs, paired
 from toolkit.rotations import quaternions as quat
@@ -88,20 +88,19 @@ def test_the_signals_of_a_sensor_on_a_right_track_are_those_of_the_track():
 
 
 def test_errors_have_hysteresis_and_short_ones_do_not_count():
-    settings = CheckSettings(threshold=45.0)
     values = [0, 40, 50, 40, 40, 50, 37, 30, 0, 90, 0, 0, 0, 0, 0, 60, 60, np.nan, 60, 60, 0]
-    runs = runs_above(np.array(values, float), np.arange(len(values)) / RATE, settings)
+    runs = runs_above(np.array(values, float), np.arange(len(values)) / RATE, 45.0)
     assert runs == [(1, 9), (15, 19)], "gaps below a tenth of a second are closed, unknown frames among them"
-    assert runs_above(np.array([0, 90, 90, 0.0]), np.arange(4) / RATE, settings) == []
-    assert runs_above(np.array([38.0] * 30), np.arange(30) / RATE, settings) == []
-    assert runs_above(np.array([90.0] * 30), np.arange(30) / RATE, settings) == [(0, 29)]
+    assert runs_above(np.array([0, 90, 90, 0.0]), np.arange(4) / RATE, 45.0) == []
+    assert runs_above(np.array([38.0] * 30), np.arange(30) / RATE, 45.0) == []
+    assert runs_above(np.array([90.0] * 30), np.arange(30) / RATE, 45.0) == [(0, 29)]
 
 
 def test_a_stretch_whose_bone_points_right_is_a_twist():
     found = curve([0] * 5 + [80] * 10 + [0] * 5)
-    assert [error.kind for error in errors_of(found, CheckSettings())] == [TWIST]
+    assert [error.kind for error in errors_of(found)] == [TWIST]
     apart = replace(found, axis=np.where(found.full > 0, 60.0, 0.0))
-    (error,) = errors_of(apart, CheckSettings())
+    (error,) = errors_of(apart)
     assert (error.kind, error.peak, error.mean) == ("error", 80.0, 80.0)
     assert (error.start, error.end) == pytest.approx((5 / RATE, 14 / RATE))
 
@@ -116,19 +115,7 @@ def test_a_twist_of_the_forearm_is_none_of_its_axis():
     found = distances(calibrate([take]), take)[0]
     assert np.nanmedian(found.full[60:100]) > 55
     assert np.nanmedian(found.axis[60:100]) < 8
-    assert {error.kind for error in errors_of(found, CheckSettings())} == {TWIST}
-
-
-def test_a_steady_drift_of_the_heading_is_told_and_taken_out():
-    simulated = sensors_of(limbs=("left_forearm",))
-    (stream,) = simulated.sensors
-    turn = quat.exponential(np.radians(120.0 / 60.0) * stream.times[:, None] * [0, 0, 1])
-    drifting = replace(simulated.sensors, streams=(replace(stream, rotations=quat.multiply(turn, stream.rotations)),))
-    take = Take(motion_of(), drifting, Clock(simulated.offset))
-    calibration = calibrate([take])
-    plain, corrected = (distances(calibration, take, drift=drift)[0] for drift in (False, True))
-    assert corrected.drift == pytest.approx(120.0, abs=6.0)
-    assert np.nanmedian(corrected.full) < 0.5 * np.nanmedian(plain.full)
+    assert {error.kind for error in errors_of(found)} == {TWIST}
 
 
 def test_an_injected_error_is_found_at_the_right_limb_and_time(tmp_path):
@@ -215,11 +202,11 @@ def test_a_run_of_another_body_and_an_empty_one_are_refused(tmp_path):
 
 def test_a_threshold_that_finds_nothing_is_refused():
     with pytest.raises(UsageError, match="a threshold of 200"):
-        CheckSettings(threshold=200.0)
+        check_runs([], [], threshold=200.0)
 
 
 def test_found_frames_are_those_within_errors():
-    found = found_frames(curve([0] * 5 + [80] * 10 + [0] * 5), CheckSettings())
+    found = found_frames(curve([0] * 5 + [80] * 10 + [0] * 5), 45.0)
     assert np.flatnonzero(found).tolist() == list(range(5, 15))
 
 

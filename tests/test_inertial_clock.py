@@ -13,10 +13,10 @@ from hypothesis import strategies as st
 from tests.inertial_scenes import RATE, motion_of, poses_of, sensors_of, write_run
 from toolkit.cli.main import main
 from toolkit.errors import InertialError, UsageError
-from toolkit.inertial.fusion import NORTH, FusionSettings, fused, gyroscope_bias
+from toolkit.inertial.fusion import NORTH, fused, gyroscope_bias
 from toolkit.inertial.stream import FREE, GRAVITY, Sensors, checked_stream
 from toolkit.inertial.suspicions import clock_suspicion, suspicions
-from toolkit.inertial.synchronise import SyncSettings, synchronise
+from toolkit.inertial.synchronise import RATES, SyncSettings, synchronise
 from toolkit.kernels.motion.inertial import correlation_over_lags, integrate
 from toolkit.rotations import quaternions as quat
 from toolkit.simulation.inertial import DECLINATION, SensorNoise, Worn, earth_field, simulate_sensors
@@ -76,7 +76,7 @@ def test_the_kernel_that_integrates_is_its_plain_twin():
 @pytest.mark.parametrize("name", ("semaphore", "side_step", "knee_to_elbow"))
 def test_raw_measurements_become_orientations_up_to_the_heading(name):
     stream = sensors_of(name, noise="mtx").sensors.streams[3]
-    found = fused(replace(stream, rotations=None, magnetic=None), FusionSettings())
+    found = fused(replace(stream, rotations=None, magnetic=None))
     assert found.origin == FREE
     rows = np.flatnonzero(stream.valid)
     difference = quat.multiply(stream.rotations[rows], quat.conjugate(found.rotations[rows]))
@@ -89,11 +89,11 @@ def test_raw_measurements_become_orientations_up_to_the_heading(name):
 def test_a_steady_field_ties_the_heading_to_north_and_a_disturbed_one_does_not():
     stream = sensors_of(noise=SensorNoise(gyro_bias=0.02)).sensors.streams[0]
     field = quat.rotate(quat.conjugate(stream.rotations), [0.5, 0.0, -0.8])
-    north = fused(replace(stream, rotations=None, magnetic=field), FusionSettings())
+    north = fused(replace(stream, rotations=None, magnetic=field))
     assert north.origin == NORTH
     assert np.degrees(np.median(quat.angle(north.rotations, stream.rotations))) < 6.0
     disturbed = field * np.random.default_rng(0).uniform(0.3, 3.0, len(field))[:, None]
-    assert fused(replace(stream, rotations=None, magnetic=disturbed), FusionSettings()).origin == FREE
+    assert fused(replace(stream, rotations=None, magnetic=disturbed)).origin == FREE
 
 
 def test_the_earths_field_dips_and_declines_and_its_declination_is_taken_out():
@@ -103,7 +103,7 @@ def test_the_earths_field_dips_and_declines_and_its_declination_is_taken_out():
     raw = replace(stream, rotations=None)
     off = {}
     for declination in (0.0, DECLINATION, DECLINATION + 40.0):
-        found = fused(raw, FusionSettings(declination=declination))
+        found = fused(raw, declination=declination)
         assert found.origin == NORTH
         turn = quat.logarithm(quat.multiply(found.rotations, quat.conjugate(stream.rotations)))
         off[declination] = float(np.degrees(np.median(turn[:, 2])))
@@ -116,15 +116,15 @@ def test_the_bias_is_what_a_gyroscope_says_at_rest():
     rng = np.random.default_rng(0)
     gyro = rng.normal(size=(400, 3))
     gyro[100:250] = [0.02, -0.01, 0.03] + 0.002 * rng.normal(size=(150, 3))
-    found = gyroscope_bias(np.arange(400) / 100, gyro, FusionSettings())
+    found = gyroscope_bias(np.arange(400) / 100, gyro)
     np.testing.assert_allclose(found, [0.02, -0.01, 0.03], atol=1e-3)
-    np.testing.assert_array_equal(gyroscope_bias(np.arange(50) / 100, gyro[:50], FusionSettings()), 0.0)
+    np.testing.assert_array_equal(gyroscope_bias(np.arange(50) / 100, gyro[:50]), 0.0)
 
 
 def test_without_an_accelerometer_nothing_can_be_fused():
     stream = checked_stream("pelvis", np.arange(5) / 100, gyro=np.ones((5, 3)))
     with pytest.raises(InertialError, match="no gyroscope and accelerometer to make one from"):
-        fused(stream, FusionSettings())
+        fused(stream)
 
 
 def test_the_correlation_kernel_is_a_full_scan():
@@ -178,7 +178,7 @@ def test_a_clock_that_starts_at_another_epoch_is_found():
 def test_the_ratio_of_clocks_is_found_where_it_is_free_and_said():
     simulated = sensors_of("semaphore")
     slow = [replace(stream, times=1.6 * stream.times, gyro=stream.gyro / 1.6) for stream in simulated.sensors]
-    clock = synchronise(motion_of("semaphore"), Sensors(tuple(slow)), SyncSettings(free_rate=True))
+    clock = synchronise(motion_of("semaphore"), Sensors(tuple(slow)), SyncSettings(rates=RATES))
     assert abs(clock.rate - 1.6) < 0.02
     assert "its frames lie 53 ms apart" in clock_suspicion(1.6)[0]
     assert clock_suspicion(1.0001) == []

@@ -6,15 +6,14 @@ import numpy as np
 import pytest
 
 from toolkit.errors import InertialError
-from toolkit.inertial.distance import CheckSettings, Distances, errors_of, runs_above
-from toolkit.inertial.fusion import UP, FusionSettings, fused, gyroscope_bias
+from toolkit.inertial.distance import Distances, errors_of, runs_above
+from toolkit.inertial.fusion import UP, fused, gyroscope_bias
 from toolkit.inertial.stream import GRAVITY, Sensors, checked_stream
 from toolkit.inertial.suspicions import agreement, clock_suspicion, suspicions
-from toolkit.inertial.synchronise import Signal, SyncSettings, highest_peak, on_grid, parabola, track_signals
+from toolkit.inertial.synchronise import SMOOTHING, Signal, highest_peak, on_grid, parabola, track_signals
 from toolkit.rotations import quaternions as quat
 
 TIMES = np.arange(0.0, 4.0, 0.01)
-FUSION = FusionSettings()
 
 
 def still_gyro(bias: tuple[float, float, float]) -> np.ndarray:
@@ -25,12 +24,12 @@ def still_gyro(bias: tuple[float, float, float]) -> np.ndarray:
 
 
 def test_the_bias_of_a_gyroscope_is_what_it_says_at_rest() -> None:
-    assert gyroscope_bias(TIMES, still_gyro((0.03, -0.02, 0.01)), FUSION) == pytest.approx([0.03, -0.02, 0.01])
+    assert gyroscope_bias(TIMES, still_gyro((0.03, -0.02, 0.01))) == pytest.approx([0.03, -0.02, 0.01])
 
 
 def test_a_steady_fast_turn_is_no_rest_and_too_few_rows_say_nothing() -> None:
-    assert gyroscope_bias(TIMES, np.tile([0.5, 0.0, 0.0], (len(TIMES), 1)), FUSION).tolist() == [0.0, 0.0, 0.0]
-    assert gyroscope_bias(TIMES[:20], still_gyro((0.03, 0.0, 0.0))[:20], FUSION).tolist() == [0.0, 0.0, 0.0]
+    assert gyroscope_bias(TIMES, np.tile([0.5, 0.0, 0.0], (len(TIMES), 1))).tolist() == [0.0, 0.0, 0.0]
+    assert gyroscope_bias(TIMES[:20], still_gyro((0.03, 0.0, 0.0))[:20]).tolist() == [0.0, 0.0, 0.0]
 
 
 def tilted_stream(tilt: float, bias: float = 0.0, magnetic: bool = False, heading: float = 0.0):
@@ -45,7 +44,7 @@ def tilted_stream(tilt: float, bias: float = 0.0, magnetic: bool = False, headin
 
 def test_gravity_tells_how_a_resting_sensor_is_tilted() -> None:
     stream, q = tilted_stream(0.7)
-    found = fused(stream, FUSION)
+    found = fused(stream)
     assert found.rotations is not None
     assert quat.rotate(found.rotations, quat.rotate(quat.conjugate(q), UP)) == pytest.approx(
         np.tile(UP, (len(TIMES), 1)), abs=1e-6
@@ -53,31 +52,31 @@ def test_gravity_tells_how_a_resting_sensor_is_tilted() -> None:
 
 
 def test_a_resting_gyroscope_s_bias_turns_nothing() -> None:
-    found = fused(tilted_stream(0.3, bias=0.05)[0], FUSION).rotations
+    found = fused(tilted_stream(0.3, bias=0.05)[0]).rotations
     assert found is not None
     assert float(quat.angle(found[0], found[-1])) < 1e-3
 
 
 def test_with_a_steady_field_the_heading_is_that_of_north() -> None:
     stream, q = tilted_stream(0.4, magnetic=True, heading=0.8)
-    found = fused(stream, FUSION)
+    found = fused(stream)
     assert found.origin.endswith("magnetic north") and found.rotations is not None
     assert quat.angle(found.rotations, q) == pytest.approx(np.zeros(len(TIMES)), abs=1e-3)
 
 
 def test_the_inertial_world_s_own_vertical_is_kept() -> None:
-    found = fused(tilted_stream(0.4)[0], FUSION, world_up=np.array([0.0, 1.0, 0.0])).rotations
+    found = fused(tilted_stream(0.4)[0], world_up=np.array([0.0, 1.0, 0.0])).rotations
     assert found is not None
     up_sensor = quat.rotate(quat.conjugate(np.tile(quat.exponential([0.4, 0.0, 0.0]), (len(TIMES), 1))), UP)
     assert quat.rotate(found, up_sensor)[:, 1] == pytest.approx(np.ones(len(TIMES)), abs=1e-6)
 
 
-SETTINGS = CheckSettings(threshold=40.0, release=0.5, shortest=0.2)
-FRAMES = np.arange(0.0, 3.0, 0.1)
+THRESHOLD = 40.0
+FRAMES = np.arange(0.0, 1.5, 0.05)
 
 
 def curve(**stretches: tuple[int, int, float]) -> np.ndarray:
-    """Degrees over 30 frames, 10 but in these stretches."""
+    """Degrees over 30 frames, 20 a second, 10 but in these stretches."""
     values = np.full(len(FRAMES), 10.0)
     for first, last, value in stretches.values():
         values[first : last + 1] = value
@@ -85,25 +84,26 @@ def curve(**stretches: tuple[int, int, float]) -> np.ndarray:
 
 
 def test_an_error_begins_and_ends_at_the_release_and_needs_the_threshold() -> None:
-    values = curve(rise=(4, 5, 30.0), peak=(6, 8, 50.0), low=(20, 25, 30.0))
-    assert runs_above(values, FRAMES, SETTINGS) == [(4, 8)]
-    assert runs_above(curve(peak=(25, 29, 50.0)), FRAMES, SETTINGS) == [(25, 29)]
+    values = curve(rise=(4, 5, 35.0), peak=(6, 8, 50.0), low=(20, 25, 35.0))
+    assert runs_above(values, FRAMES, THRESHOLD) == [(4, 8)]
+    assert runs_above(curve(peak=(25, 29, 50.0)), FRAMES, THRESHOLD) == [(25, 29)]
 
 
 def test_short_gaps_between_errors_are_closed_and_short_errors_left_out() -> None:
     values = curve(first=(4, 6, 50.0), second=(8, 10, 50.0), third=(20, 20, 50.0))
-    assert runs_above(values, FRAMES, CheckSettings(threshold=40.0, release=0.5, shortest=0.25)) == [(4, 10)]
-    apart = CheckSettings(threshold=40.0, release=0.5, shortest=0.15)
+    assert runs_above(values, FRAMES, THRESHOLD) == [(4, 6), (8, 10)], "a gap of two steps is as long as what counts"
+    dense = FRAMES / 2.0
+    assert runs_above(values, dense, THRESHOLD) == [(4, 10)]
     values[5] = np.nan
-    assert runs_above(values, FRAMES, apart) == [(8, 10)]
+    assert runs_above(values, FRAMES, THRESHOLD) == [(8, 10)]
 
 
 def test_an_error_whose_bone_agrees_is_a_twist() -> None:
     full = curve(peak=(6, 8, 50.0), top=(7, 7, 56.0), other=(15, 18, 60.0))
     axis = curve(other=(15, 18, 55.0))
-    twist, error = errors_of(Distances("left_shin", FRAMES, full, axis), SETTINGS)
+    twist, error = errors_of(Distances("left_shin", FRAMES, full, axis), THRESHOLD)
     assert (twist.kind, error.kind) == ("twist", "error")
-    assert (twist.start, twist.end, twist.peak, twist.mean) == pytest.approx((0.6, 0.8, 56.0, 52.0))
+    assert (twist.start, twist.end, twist.peak, twist.mean) == pytest.approx((0.3, 0.4, 56.0, 52.0))
     assert error.limb == "left_shin" and error.peak == 60.0
 
 
@@ -164,12 +164,11 @@ def test_between_rows_orientations_are_interpolated_and_in_long_gaps_unknown() -
 
 
 def test_a_signal_is_known_on_whole_steps_but_for_holes() -> None:
-    settings = SyncSettings(step=0.1)
-    times = np.array([0.14, 0.2, 0.3, 0.4, 1.0, 1.1, 1.2])
-    grid, values, known = on_grid(times, times[:, None] * [2.0], settings)
-    assert grid == pytest.approx(np.arange(2, 13) * 0.1)
+    times = np.array([0.014, 0.02, 0.03, 0.04, 0.16, 0.17, 0.18])
+    grid, values, known = on_grid(times, times[:, None] * [2.0])
+    assert grid == pytest.approx(np.arange(2, 19) * 0.01)
     assert values[:, 0] == pytest.approx(2.0 * grid)
-    assert known.tolist() == [True, True, *[False] * 6, True, True, True]
+    assert known.tolist() == [True, True, *[False] * 12, True, True, True]
 
 
 def test_a_peak_is_placed_by_its_neighbours_and_a_second_one_found() -> None:
@@ -200,7 +199,7 @@ class Motion:
 
 @pytest.mark.parametrize(("fall", "size"), [(0.0, GRAVITY), (GRAVITY, 0.0), (-GRAVITY, 2.0 * GRAVITY)])
 def test_what_an_accelerometer_on_a_tracked_limb_would_measure_holds_gravity(fall: float, size: float) -> None:
-    rates, acceleration = track_signals(Motion(fall), "head", 1.0, SyncSettings())  # type: ignore[arg-type]
+    rates, acceleration = track_signals(Motion(fall), "head", 1.0, SMOOTHING)  # type: ignore[arg-type]
     assert isinstance(acceleration, Signal) and rates.values.max() < 1e-9
     inner = acceleration.values[60:-60]
     assert inner == pytest.approx(np.full(len(inner), size), abs=0.05)

@@ -15,8 +15,8 @@ from toolkit.kernels.motion import graded
 from toolkit.kernels.motion.graded import cheapest, distinct_hits, graded_distances
 from toolkit.retrieval.annotation.documents import assemble
 from toolkit.retrieval.features import places
-from toolkit.retrieval.features.geometry import BodyLengths
 from toolkit.retrieval.features.grades import BLOCK, FULL, coarse, grade, importance
+from toolkit.retrieval.features.lengths import BodyLengths
 from toolkit.retrieval.features.motion import NAMED_JOINTS
 from toolkit.retrieval.features.places import LIMBS, STEPS, places_of
 from toolkit.retrieval.features.relational import FeatureMatrix, relational_features

@@ -5,15 +5,15 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from tests.plain_relations import plain_quantities
 from tests.test_retrieval_online import body, classes, document
 from toolkit import skeleton
 from toolkit.kernels.motion import dtw
 from toolkit.retrieval.annotation.annotator import PreparedTemplate
 from toolkit.retrieval.annotation.causal import CausalAlignments
 from toolkit.retrieval.features.frames import FrameFeatures
-from toolkit.retrieval.features.geometry import BodyLengths, Geometry
 from toolkit.retrieval.features.motion import NAMED_JOINTS, Motion, from_poses
-from toolkit.retrieval.features.relational import FEATURES, native_features, relational_features
+from toolkit.retrieval.features.relational import FEATURES, native_features, quantities_of, relational_features
 
 
 @pytest.mark.parametrize("rate", (30.0, 55.0, 8.0))
@@ -21,8 +21,8 @@ from toolkit.retrieval.features.relational import FEATURES, native_features, rel
 def test_every_quantity_of_a_frame_is_that_of_the_whole_motion(rate, frames):
     rng = np.random.default_rng(frames)
     motion = Motion("any", rng.normal(size=(frames, len(NAMED_JOINTS), 3)), rate, rng.normal(size=(frames, 3)))
-    geometry, single = Geometry(motion), FrameFeatures(body(), rate)
-    whole = np.stack([np.broadcast_to(feature.quantity(geometry), frames) for feature in FEATURES])
+    whole, single = plain_quantities(motion), FrameFeatures(body(), rate)
+    np.testing.assert_allclose(quantities_of(motion), whole, rtol=1e-9, atol=1e-6)
     for frame in range(frames):
         found = single.quantities(motion.joints, motion.root_axis, frame)
         np.testing.assert_allclose(found, whole[:, frame], rtol=1e-9, atol=1e-6)
@@ -30,7 +30,7 @@ def test_every_quantity_of_a_frame_is_that_of_the_whole_motion(rate, frames):
 
 def test_points_without_distance_have_the_quantities_of_distance_zero():
     joints, axes = np.zeros((3, len(NAMED_JOINTS), 3)), np.tile([1.0, 0.0, 0.0], (3, 1))
-    whole = np.stack([f.quantity(Geometry(Motion("point", joints, 30.0, axes))) for f in FEATURES])
+    whole = plain_quantities(Motion("point", joints, 30.0, axes))
     np.testing.assert_allclose(FrameFeatures(body(), 30.0).quantities(joints, axes, 1), whole[:, 1], atol=1e-9)
 
 
@@ -47,7 +47,7 @@ def test_features_pushed_frame_by_frame_have_the_hysteresis_of_the_whole():
     motion = from_poses(document(), body(), 30.0, "whole")
     single, on = FrameFeatures(body(), 30.0), np.zeros(len(FEATURES), dtype=bool)
     single.measure(motion.joints[0])
-    whole = native_features(motion, BodyLengths.of(motion))
+    whole = native_features(motion)[0]
     for frame in range(len(motion)):
         single.push(motion.joints, motion.root_axis, frame, on)
         np.testing.assert_array_equal(on, whole[:, frame])

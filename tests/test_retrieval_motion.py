@@ -16,7 +16,7 @@ from toolkit.mocap.clip import Clip
 from toolkit.mocap.procedural import procedural_clips
 from toolkit.mocap.read import find_clips, read_clip
 from toolkit.mocap.retarget import retarget
-from toolkit.retrieval.features.geometry import BodyLengths
+from toolkit.retrieval.features.lengths import BodyLengths
 from toolkit.retrieval.features.motion import (
     NAMED_JOINTS,
     Motion,

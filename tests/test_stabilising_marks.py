@@ -104,7 +104,7 @@ def test_a_demand_is_the_gradient_of_its_energy_and_holds_where_the_feature_does
         term = demands.term(limb, demanded(number, value), 0)
         assert term is not None
         poses = np.stack([STANDING, pose])
-        on = native_features(from_poses(poses, BODY, 30.0, "two"))[number - 1, 1]
+        on = native_features(from_poses(poses, BODY, 30.0, "two"))[0][number - 1, 1]
         if term.violation(pose) == 0.0:
             continue
         violated += 1

@@ -75,7 +75,7 @@ def synchronise(
     from toolkit.inertial.synchronise import SyncSettings
     from toolkit.inertial.workflow import synchronise_run
 
-    clock, doubts = synchronise_run(run, sensors, SyncSettings(max_offset=max_offset, free_rate=_is_free(rate)))
+    clock, doubts = synchronise_run(run, sensors, SyncSettings(max_offset, _rates(rate)))
     say(
         f"t_sensor = {clock.rate:.5f} t_camera {clock.offset:+.4f} s "
         f"(correlation {clock.correlation:.2f}, next best {clock.second:.2f})"
@@ -105,7 +105,7 @@ def calibrate(
 
     found = calibrate_runs(
         runs, sensors, output, settings=CalibrationSettings(method=method, heading=heading),
-        sync=SyncSettings(max_offset=max_offset, free_rate=_is_free(rate)),
+        sync=SyncSettings(max_offset, _rates(rate)),
     )  # fmt: skip
     table = Table("sensor", "status", "spread", "median", "90 %", "inliers %", "why")
     for limb, s in found.sensors.items():
@@ -127,7 +127,6 @@ def check(
     ] = None,
     threshold: Annotated[float, typer.Option(help="Degrees above which the track errs.")] = 45.0,
     truth: Annotated[Path | None, typer.Option(help="CSV of known errors: limb, start, end, and run.")] = None,
-    drift: Annotated[bool, typer.Option("--drift", help="Take a steady drift of the heading out first.")] = False,
     rate: Rate = "same",
     max_offset: MaxOffset = 3.0,
 ) -> None:
@@ -137,12 +136,11 @@ def check(
     from toolkit.cli.terminal import print_table
     from toolkit.evaluation.orientation_report import write_check
     from toolkit.evaluation.orientations import check_runs
-    from toolkit.inertial.distance import CheckSettings
     from toolkit.inertial.synchronise import SyncSettings
 
     checks = check_runs(
-        runs, sensors, calibration=calibration, truth=truth, settings=CheckSettings(threshold=threshold, drift=drift),
-        sync=SyncSettings(max_offset=max_offset, free_rate=_is_free(rate)),
+        runs, sensors, calibration=calibration, truth=truth, threshold=threshold,
+        sync=SyncSettings(max_offset, _rates(rate)),
     )  # fmt: skip
     table = Table("run", "part", "from s", "to s", "peak", "mean", "kind")
     for found in checks:
@@ -160,10 +158,13 @@ def check(
     print_table(table)
 
 
-def _is_free(rate: str) -> bool:
+def _rates(rate: str) -> tuple[float, float] | None:
+    """Ratios of the clocks that are looked for."""
+    from toolkit.inertial.synchronise import RATES
+
     if rate not in ("same", "free"):
         raise UsageError(f"--rate is {rate!r}; give same or free")
-    return rate == "free"
+    return RATES if rate == "free" else None
 
 
 def _say(sentences: list[str] | tuple[str, ...]) -> None:

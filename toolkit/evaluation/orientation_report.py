@@ -51,7 +51,7 @@ def plot_check(check: RunCheck) -> Figure:
     for panel, curve in zip(axes, check.distances, strict=False):
         panel.plot(curve.times, curve.full, color="black", lw=1.0, label="orientation")
         panel.plot(curve.times, curve.axis, color="tab:blue", lw=0.9, label="direction of the bone")
-        panel.axhline(check.settings.threshold, color="0.5", lw=0.8, ls="--")
+        panel.axhline(check.threshold, color="0.5", lw=0.8, ls="--")
         for error in (e for e in check.errors if e.limb == curve.limb):
             colour = "tab:orange" if error.kind == "twist" else "tab:red"
             panel.axvspan(error.start, error.end, color=colour, alpha=0.25, lw=0)
@@ -87,12 +87,11 @@ def _as_json(check: RunCheck) -> dict[str, Any]:
             "deviation": float(known.std()) if len(known) else None,
             "median": float(np.median(known)) if len(known) else None,
             "median_axis": float(np.nanmedian(curve.axis)) if len(known) else None,
-            "drift_per_minute": curve.drift,
             "scores": {name: _scores(s) for name, s in check.scores(curve.limb).items()},
         }
     return {
         "run": check.name,
-        "settings": asdict(check.settings),
+        "threshold": check.threshold,
         "errors": [asdict(error) for error in check.errors],
         "limbs": limbs,
         "scores": {name: _scores(s) for name, s in check.scores().items()},
@@ -109,7 +108,7 @@ def _scores(scores: Any) -> dict[str, float]:
 
 def _page(check: RunCheck, drawn: bytes) -> str:
     """The page: what was found in words, the picture, the errors, the calibration, and how to read them."""
-    parts = [f"<p>{len(check.errors)} stretches disagree by more than {check.settings.threshold:g} degrees.</p>"]
+    parts = [f"<p>{len(check.errors)} stretches disagree by more than {check.threshold:g} degrees.</p>"]
     if check.truth is not None:
         rows = [(n, f"{s.precision:.2f}", f"{s.recall:.2f}", f"{s.f:.2f}") for n, s in check.scores().items()]
         parts.append(table(("against known errors, over", "precision", "recall", "F"), rows))

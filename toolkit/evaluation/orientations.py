@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
-from toolkit.errors import InertialError
+from toolkit.errors import InertialError, UsageError
 from toolkit.inertial.calibrate import CalibrationSettings
 from toolkit.inertial.calibration import Calibration
-from toolkit.inertial.distance import CheckSettings, Distances, TrackError, distances, errors_of, runs_above
+from toolkit.inertial.distance import THRESHOLD, Distances, TrackError, distances, errors_of, runs_above
 from toolkit.inertial.limbs import LIMBS
 from toolkit.inertial.stream import Sensors
 from toolkit.inertial.synchronise import SyncSettings
@@ -34,7 +34,7 @@ class RunCheck:
     distances : per sensor
     errors : of all sensors, by time
     truth : known errors, labelled by the part of the body; None where nothing is known
-    settings : what is called an error
+    threshold : degrees, above it the track errs
     """
 
     name: str
@@ -42,7 +42,7 @@ class RunCheck:
     distances: tuple[Distances, ...]
     errors: tuple[TrackError, ...]
     truth: tuple[Segment, ...] | None = None
-    settings: CheckSettings = field(default_factory=CheckSettings)
+    threshold: float = THRESHOLD
 
     def segments(self, errors: Sequence[TrackError] | None = None) -> list[Segment]:
         """Errors as labelled segments; the end is that of the last frame."""
@@ -58,7 +58,7 @@ class RunCheck:
         names = {d.limb for d in curves}
         total = Scores(0, 0, 0, 0)
         for curve in curves:
-            total += frame_scores(curve, self.truth, found_frames(curve, self.settings))
+            total += frame_scores(curve, self.truth, found_frames(curve, self.threshold))
         found = [s for s in self.segments() if s.label in names]
         true = [s for s in self.truth if s.label in names]
         return {"frames": total, "segments": segment_scores(true, found)}
@@ -83,7 +83,7 @@ def check_runs(
     *,
     calibration: str | Path | Calibration | None = None,
     truth: str | Path | None = None,
-    settings: CheckSettings | None = None,
+    threshold: float = THRESHOLD,
     calibrating: CalibrationSettings | None = None,
     sync: SyncSettings | None = None,
 ) -> list[RunCheck]:
@@ -94,32 +94,34 @@ def check_runs(
     runs, sensors : as in `calibrate_runs`
     calibration : a file or what it holds; None calibrates on each run itself
     truth : CSV with the columns limb, start, end in seconds, and run where there are several
-    settings, calibrating, sync : what is an error, how to calibrate, how to compare clocks
+    threshold : degrees between 0 and 180, above which a track errs
+    calibrating, sync : how to calibrate, how to compare clocks
 
     Raises
     ------
     TrackError, InertialError, UsageError
         A run, the sensors, the calibration or the truth cannot be used.
     """
-    settings = settings or CheckSettings()
+    if not 0.0 < threshold < 180.0:
+        raise UsageError(f"a threshold of {threshold:g} degrees finds nothing; give one between 0 and 180")
     pairs = paired(runs, sensors)
     known = Calibration.load(calibration) if isinstance(calibration, (str, Path)) else calibration
     true = None if truth is None else read_truth(truth)
     checks = []
     for run, file in pairs:
         used, take = checked_take(run, file, known, settings=calibrating, sync=sync)
-        curves = distances(used, take, drift=settings.drift)
-        errors = sorted((e for curve in curves for e in errors_of(curve, settings)), key=lambda e: (e.start, e.limb))
+        curves = distances(used, take)
+        errors = sorted((e for curve in curves for e in errors_of(curve, threshold)), key=lambda e: (e.start, e.limb))
         name = take.motion.name
         own = None if true is None else tuple(s for owner, s in true if owner in ("", name))
-        checks.append(RunCheck(name, used, tuple(curves), tuple(errors), own, settings))
+        checks.append(RunCheck(name, used, tuple(curves), tuple(errors), own, threshold))
     return checks
 
 
-def found_frames(curve: Distances, settings: CheckSettings) -> np.ndarray:
+def found_frames(curve: Distances, threshold: float) -> np.ndarray:
     """Bool (T,): frames within an error."""
     found = np.zeros(len(curve.times), dtype=bool)
-    for first, last in runs_above(curve.full, curve.times, settings):
+    for first, last in runs_above(curve.full, curve.times, threshold):
         found[first : last + 1] = True
     return found
 

@@ -1,13 +1,13 @@
 """How sensors sit on the limbs and where their world points, from what a tracker saw (thesis 7.5).
 
-The default knows the vertical in both worlds: what is left of `q_G` is a heading, one for all sensors of a magnetic
-world or one each, and one turn about a horizontal axis determines all. Frames in which the tracker erred lose their
-say. `thesis` is the reference, by Park and Martin. Neither gives a number that the motion does not determine.
+The default, `robust`, knows the vertical in both worlds: what is left of `q_G` is a heading, one for all sensors of a
+magnetic world or one each, and one turn about a horizontal axis determines all. Frames in which the tracker erred lose
+their say. `thesis` is the reference, by Park and Martin. Neither gives a number that the motion does not determine.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -21,47 +21,44 @@ from toolkit.inertial.stream import FREE, Sensors
 from toolkit.inertial.synchronise import Clock
 from toolkit.rotations import quaternions as quat
 
-Solver = Callable[[Strand, np.random.Generator], tuple[np.ndarray, np.ndarray]]
-
 METHODS, HEADINGS = ("robust", "thesis"), ("shared", "own")
 AGREE = np.radians(20.0)
 """Residual below which a frame speaks for itself."""
+GOOD_SPREAD: dict[str, float] = {"robust": 15.0, "thesis": 20.0}
+WEAK_SPREAD: dict[str, float] = {"robust": 5.0, "thesis": 8.0}
+"""Degrees of spread (see `_spread`) from which a mounting is good, or is told at all."""
+GOOD_INLIERS = 0.5
+"""Share of the frames in which sensor and track agree from which a mounting is good (a weight above one half: within
+6.4 degrees, so that at one half the median residual is below that too). On simulated sensors whose track is wrong for a
+part of the time, every mounting with one half or more is right within 1.3 degrees; below 0.3 it is off by 31 in the
+median."""
+MOST_RESIDUAL = 40.0
+"""Degrees, median residual above which sensor and track do not belong together."""
+LEAST_FRAMES = 10
+"""Frames that sensor and track have in common, below which nothing is said."""
+ROWS = 600
+"""Frames per strand that take part."""
+LAGS, LAG_STEP = 0.06, 0.01
+"""Seconds: largest correction of the clock by what the calibration leaves over, and the step between those tried."""
 Y_UP: np.ndarray = np.array([0.0, 1.0, 0.0])
 
 
 @dataclass(frozen=True)
 class CalibrationSettings:
-    """What a calibration asks of the motion.
+    """How sensors are calibrated.
 
     Attributes
     ----------
     method : `robust` or `thesis`
     heading : `shared`, `own`, or None: shared where the devices know north
-    good_spread, weak_spread : degrees of tilting spread from which a heading is good, or is told at all
-    good_axes, weak_axes : the same where no vertical is known, for the second axis of the turns
-    good_inliers : share of the frames in which sensor and track agree (a weight above one half: within 6.4 degrees, so
-        that at one half the median residual is below that too) from which a mounting is good. On simulated sensors
-        whose track is wrong for a part of the time, every mounting with one half or more is right within 1.3 degrees;
-        below 0.3 it is off by 31 in the median
-    most_residual : degrees, median residual above which sensor and track do not belong together
-    rows : frames per strand that take part
-    lags : s, largest correction of the clock by what the calibration leaves over
-    lag_step : s, between the lags that are tried
-    seed : of the pairs of frames that the thesis's method draws
+    refine_clock : whether the clock may be corrected by what the calibration leaves over
+    refuse : whether mountings that the motion does not determine, or that disagree with the track, are refused
     """
 
     method: str = "robust"
     heading: str | None = None
-    good_spread: float = 15.0
-    weak_spread: float = 5.0
-    good_axes: float = 20.0
-    weak_axes: float = 8.0
-    good_inliers: float = 0.5
-    most_residual: float = 40.0
-    rows: int = 600
-    lags: float = 0.06
-    lag_step: float = 0.01
-    seed: int = 0
+    refine_clock: bool = True
+    refuse: bool = True
 
     def __post_init__(self) -> None:
         if self.method not in METHODS:
@@ -97,21 +94,20 @@ def calibrate(takes: Sequence[Take], settings: CalibrationSettings | None = None
     Raises
     ------
     InertialError
-        No sensor and no track have ten frames in common, or the motion determines no sensor at all.
+        No sensor and no track have `LEAST_FRAMES` in common, or the motion determines no sensor at all.
     """
     settings = settings or CalibrationSettings()
     limbs = tuple(dict.fromkeys(name for take in takes for name in take.sensors.names))
     free = any(stream.origin == FREE for take in takes for stream in take.sensors)
     heading = settings.heading or ("own" if free else "shared")
     if settings.method == "thesis":
-        worlds, mountings = _by_thesis(takes, limbs, settings)
-    elif _vertical_known(takes, settings):
-        for _ in range(2):
-            worlds, mountings = _by_heading(takes, limbs, heading, settings)
-            takes = [better_clock(take, worlds[i], mountings, settings) for i, take in enumerate(takes)]
+        worlds, mountings = _by_thesis(takes, limbs)
     else:
-        worlds, mountings = _by_so4(takes, limbs, settings)
-    spreads = {limb: _spread(takes, limb, worlds, mountings[limb], settings) for limb in limbs}
+        for _ in range(2):
+            worlds, mountings = _by_heading(takes, limbs, heading)
+            if settings.refine_clock:
+                takes = [better_clock(take, worlds[i], mountings) for i, take in enumerate(takes)]
+    spreads = {limb: _spread(takes, limb, worlds, mountings[limb], settings.method) for limb in limbs}
     shared = heading == "shared" and settings.method == "robust"
     sensors = {limb: _judged(takes, limb, worlds, mountings[limb], spreads, shared, settings) for limb in limbs}
     if all(sensor.status == REFUSED for sensor in sensors.values()):
@@ -126,26 +122,22 @@ def calibrate(takes: Sequence[Take], settings: CalibrationSettings | None = None
     return Calibration(settings.method, heading, sensors, clocks)
 
 
-def _vertical_known(takes: Sequence[Take], settings: CalibrationSettings) -> bool:
-    return settings.method == "robust" and all(np.isfinite(take.sensors.world_up).all() for take in takes)
-
-
 def upright(world_up: np.ndarray) -> np.ndarray:
     """The change of axes (4,) from a world with y up, such as the level frame, to one with `world_up`."""
     return quat.between(Y_UP, world_up)
 
 
-def strands_of(takes: Sequence[Take], limbs: Sequence[str], heading: str, rows: int) -> tuple[list[Strand], list[int]]:
-    """Strands in worlds with y up, and for each the number of its take; those of less than ten frames are left out."""
+def strands_of(takes: Sequence[Take], limbs: Sequence[str], heading: str) -> tuple[list[Strand], list[int]]:
+    """Strands in worlds with y up, and for each the number of its take; those of few frames are left out."""
     strands, owners, groups = [], [], 0
     for i, take in enumerate(takes):
         change = quat.conjugate(upright(take.sensors.world_up))
         for limb in take.sensors.names:
             group = groups if heading == "own" else 0
             strand = take.strand(limb, limbs.index(limb), group)
-            if len(strand.inertial) < 10:
+            if len(strand.inertial) < LEAST_FRAMES:
                 continue
-            strands.append(replace(strand, inertial=quat.multiply(change, strand.inertial)).thinned(rows))
+            strands.append(replace(strand, inertial=quat.multiply(change, strand.inertial)).thinned(ROWS))
             owners.append(i)
             groups += 1
     if not strands:
@@ -154,9 +146,9 @@ def strands_of(takes: Sequence[Take], limbs: Sequence[str], heading: str, rows: 
 
 
 def _by_heading(
-    takes: Sequence[Take], limbs: Sequence[str], heading: str, settings: CalibrationSettings
+    takes: Sequence[Take], limbs: Sequence[str], heading: str
 ) -> tuple[list[dict[str, np.ndarray]], dict[str, np.ndarray]]:
-    strands, owners = strands_of(takes, limbs, heading, settings.rows)
+    strands, owners = strands_of(takes, limbs, heading)
     groups = max(s.group for s in strands) + 1
     psis, mountings = np.zeros(groups), np.tile(quat.IDENTITY, (len(limbs), 1))
     if heading == "own":  # sensors with headings of their own have nothing to say to each other
@@ -176,30 +168,19 @@ def _by_heading(
 
 
 def _by_thesis(
-    takes: Sequence[Take], limbs: Sequence[str], settings: CalibrationSettings
-) -> tuple[list[dict[str, np.ndarray]], dict[str, np.ndarray]]:
-    return _one_by_one(takes, limbs, lambda strand, rng: solvers.thesis(strand.inertial, strand.tracked, rng), settings)
-
-
-def _by_so4(
-    takes: Sequence[Take], limbs: Sequence[str], settings: CalibrationSettings
-) -> tuple[list[dict[str, np.ndarray]], dict[str, np.ndarray]]:
-    return _one_by_one(takes, limbs, lambda strand, rng: solvers.so4(strand, rng)[:2], settings)
-
-
-def _one_by_one(
-    takes: Sequence[Take], limbs: Sequence[str], solve: Solver, settings: CalibrationSettings
+    takes: Sequence[Take], limbs: Sequence[str]
 ) -> tuple[list[dict[str, np.ndarray]], dict[str, np.ndarray]]:
     """World and mounting of each sensor by itself, from all takes at once: they share one world."""
     worlds: list[dict[str, np.ndarray]] = [{} for _ in takes]
     mountings = {}
     for limb in limbs:
-        rng = np.random.default_rng(settings.seed)
+        rng = np.random.default_rng(0)
         own = [(i, take.strand(limb)) for i, take in enumerate(takes) if limb in take.sensors.names]
         strand = Strand(0, 0, np.concatenate([s.inertial for _, s in own]), np.concatenate([s.tracked for _, s in own]))
-        if len(strand.inertial) < 10:
+        if len(strand.inertial) < LEAST_FRAMES:
             raise InertialError(f"the sensor on {limb} and its track have {len(strand.inertial)} frames in common")
-        world, mountings[limb] = solve(strand.thinned(settings.rows), rng)
+        thinned = strand.thinned(ROWS)
+        world, mountings[limb] = solvers.thesis(thinned.inertial, thinned.tracked, rng)
         for i, _ in own:
             worlds[i][limb] = world
     return worlds, mountings
@@ -215,16 +196,14 @@ def _filled(worlds: list[dict[str, np.ndarray]], takes: Sequence[Take]) -> list[
     return worlds
 
 
-def better_clock(
-    take: Take, worlds: dict[str, np.ndarray], mountings: dict[str, np.ndarray], settings: CalibrationSettings
-) -> Take:
+def better_clock(take: Take, worlds: dict[str, np.ndarray], mountings: dict[str, np.ndarray]) -> Take:
     """The take with its clock at the lag of least calibrated distance: orientations are sharper than their speeds."""
-    lags = np.arange(-settings.lags, settings.lags + 1e-9, settings.lag_step)
+    lags = np.arange(-LAGS, LAGS + 1e-9, LAG_STEP)
     costs = np.zeros(len(lags))
     for k, lag in enumerate(lags):
         for limb in worlds:
-            strand = take.strand(limb, lag=lag).thinned(settings.rows)
-            if len(strand.inertial) >= 10:
+            strand = take.strand(limb, lag=lag).thinned(ROWS)
+            if len(strand.inertial) >= LEAST_FRAMES:
                 costs[k] += solvers.cost_of(
                     solvers.residuals(strand, worlds[limb], mountings[limb]), float(solvers.SCALES[-1])
                 )
@@ -234,7 +213,7 @@ def better_clock(
     left, middle, right = costs[best - 1 : best + 2]
     bend = left - 2.0 * middle + right
     step = 0.5 * (left - right) / bend if bend > 0 else 0.0
-    offset = take.clock.offset + lags[best] + settings.lag_step * step
+    offset = take.clock.offset + lags[best] + LAG_STEP * step
     return replace(take, clock=replace(take.clock, offset=float(offset)))
 
 
@@ -243,9 +222,10 @@ def _spread(
     limb: str,
     worlds: Sequence[dict[str, np.ndarray]],
     mounting: np.ndarray,
-    settings: CalibrationSettings,
+    method: str,
 ) -> float:
-    """Degrees by which the vertical moves about in the limb's frame; without a vertical, the turns' second axis.
+    """Degrees by which the vertical moves about in the limb's frame; of `thesis`, which knows no vertical, the extent
+    of the turns about their second axis.
 
     Of the frames in which sensor and track agree: a tracker that errs pretends a motion.
     """
@@ -256,9 +236,9 @@ def _spread(
             agree = solvers.residuals(strand, worlds[i][limb], mounting) < AGREE
             parts.append(strand.tracked[agree])
     tracked = np.concatenate(parts)
-    if len(tracked) < 10:
+    if len(tracked) < LEAST_FRAMES:
         return 0.0
-    if _vertical_known(takes, settings):
+    if method == "robust":
         up = quat.rotate(quat.conjugate(tracked), Y_UP)
         return float(np.degrees(np.sqrt(((up - up.mean(axis=0)) ** 2).sum(axis=1).mean())))
     turns = quat.logarithm(quat.multiply(quat.conjugate(quat.mean(tracked, np.ones(len(tracked)))), tracked))
@@ -286,28 +266,27 @@ def _judged(
     degrees = np.degrees(angles)
     # a shared heading is known by all sensors together, the best of which is enough
     spread = max(spreads.values()) if shared else spreads[limb]
-    known = _vertical_known(takes, settings)
-    good, weak = (settings.good_spread, settings.weak_spread) if known else (settings.good_axes, settings.weak_axes)
-    what = "tilted" if known else "turned about a second axis"
+    good, weak = GOOD_SPREAD[settings.method], WEAK_SPREAD[settings.method]
+    what = "tilted" if settings.method == "robust" else "turned about a second axis"
     inliers = float((solvers.weights_of(angles, float(solvers.SCALES[-1])) > 0.5).mean()) if len(degrees) else 0.0
     status, reason = GOOD, ""
-    if len(degrees) < 10:
+    if len(degrees) < LEAST_FRAMES:
         status, reason = REFUSED, f"only {len(degrees)} frames are known to both"
-    elif float(np.median(degrees)) > settings.most_residual:
+    elif settings.refuse and float(np.median(degrees)) > MOST_RESIDUAL:
         status = REFUSED
         reason = f"it disagrees by {np.median(degrees):.0f} degrees in the middle; check placement and clock"
-    elif spread < weak:
+    elif settings.refuse and spread < weak:
         status, reason = (
             REFUSED,
             f"it {what} by {spread:.1f} degrees only; bend and lean in a take of at least {good:.0f}",
         )
     elif spread < good:
         status, reason = WEAK, f"it {what} by {spread:.1f} degrees; {good:.0f} make it sure"
-    elif inliers < settings.good_inliers:
+    elif inliers < GOOD_INLIERS:
         status = WEAK
         reason = (
             f"it agrees with the track in {100 * inliers:.0f} % of the frames only, its median residual is "
-            f"{np.median(degrees):.0f} degrees; {100 * settings.good_inliers:.0f} % make it sure: show the limb longer"
+            f"{np.median(degrees):.0f} degrees; {100 * GOOD_INLIERS:.0f} % make it sure: show the limb longer"
         )
     return Mounting(
         _plain(mounting), status, reason, spreads[limb],

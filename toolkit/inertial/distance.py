@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from toolkit.errors import InertialError, UsageError
+from toolkit.errors import InertialError
 from toolkit.inertial import solvers
 from toolkit.inertial.calibrate import Take, strands_of, upright
 from toolkit.inertial.calibration import Calibration
@@ -14,28 +14,12 @@ from toolkit.inertial.limbs import bone_axis
 from toolkit.rotations import quaternions as quat
 
 ERROR, TWIST = "error", "twist"
-
-
-@dataclass(frozen=True)
-class CheckSettings:
-    """What is called an error.
-
-    Attributes
-    ----------
-    threshold : degrees, `tau` of Eq. 7.16
-    release : share of it below which an error is over
-    shortest : s, shorter errors are left out, and shorter gaps between them closed
-    drift : take a steady drift of the sensors' heading out first
-    """
-
-    threshold: float = 45.0
-    release: float = 0.8
-    shortest: float = 0.1
-    drift: bool = False
-
-    def __post_init__(self) -> None:
-        if not 0.0 < self.threshold < 180.0:
-            raise UsageError(f"a threshold of {self.threshold:g} degrees finds nothing; give one between 0 and 180")
+THRESHOLD = 45.0
+"""Degrees, `tau` of Eq. 7.16: above it a track errs."""
+RELEASE = 0.8
+"""Share of the threshold below which an error is over."""
+SHORTEST = 0.1
+"""Seconds: shorter errors are left out, and shorter gaps between them closed."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,14 +32,12 @@ class Distances:
     times : float64 (T,), of the frames, seconds
     full : float64 (T,), degrees between the orientations (Eq. 7.16), NaN where one is unknown
     axis : float64 (T,), degrees between the directions of the bone alone
-    drift : degrees a minute by which the sensor's heading drifts, 0 where it was not asked for
     """
 
     limb: str
     times: np.ndarray
     full: np.ndarray
     axis: np.ndarray
-    drift: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -83,10 +65,10 @@ def worlds_of(calibration: Calibration, take: Take) -> dict[str, np.ndarray]:
 
     A sensor without north starts each recording with another heading; the mounting stays.
     """
-    if calibration.heading == "shared" or not np.isfinite(take.sensors.world_up).all():
+    if calibration.heading == "shared":
         return {limb: np.array(q) for other in calibration.takes.values() for limb, q in other.worlds.items()}
     limbs = tuple(calibration.sensors)
-    strands, _ = strands_of([take], limbs, "own", 600)
+    strands, _ = strands_of([take], limbs, "own")
     mountings = np.array([calibration.mounting(limb) for limb in limbs])
     up = upright(take.sensors.world_up)
     return {
@@ -95,7 +77,7 @@ def worlds_of(calibration: Calibration, take: Take) -> dict[str, np.ndarray]:
     }
 
 
-def distances(calibration: Calibration, take: Take, *, drift: bool = False) -> list[Distances]:
+def distances(calibration: Calibration, take: Take) -> list[Distances]:
     """The distances of every sensor whose calibration was not refused.
 
     Raises
@@ -108,7 +90,7 @@ def distances(calibration: Calibration, take: Take, *, drift: bool = False) -> l
     found = []
     for stream in take.sensors:
         if stream.name in calibration.usable and stream.name in worlds:
-            found.append(_distances(stream.name, take, worlds[stream.name], calibration.mounting(stream.name), drift))
+            found.append(_distances(stream.name, take, worlds[stream.name], calibration.mounting(stream.name)))
     if not found:
         raise InertialError(f"no sensor of {take.motion.name} is calibrated; calibrate on a take with more motion")
     return found
@@ -122,14 +104,10 @@ def measured_limb(limb: str, take: Take, world: np.ndarray, mounting: np.ndarray
     return said, known & take.motion.valid
 
 
-def _distances(limb: str, take: Take, world: np.ndarray, mounting: np.ndarray, drift: bool) -> Distances:
+def _distances(limb: str, take: Take, world: np.ndarray, mounting: np.ndarray) -> Distances:
     motion = take.motion
     tracked = motion.orientation(limb)
     said, known = measured_limb(limb, take, world, mounting)
-    rate = 0.0
-    if drift:
-        turn, rate = _drift(said, tracked, known, motion.times)
-        said = quat.multiply(turn, said)
     axis = bone_axis(limb)
     cosine = (quat.rotate(said, axis) * quat.rotate(tracked, axis)).sum(axis=1)
     return Distances(
@@ -137,34 +115,16 @@ def _distances(limb: str, take: Take, world: np.ndarray, mounting: np.ndarray, d
         motion.times,
         np.where(known, np.degrees(quat.angle(said, tracked)), np.nan),
         np.where(known, np.degrees(np.arccos(np.clip(cosine, -1.0, 1.0))), np.nan),
-        float(np.degrees(rate) * 60.0),
     )
 
 
-def _drift(said: np.ndarray, tracked: np.ndarray, known: np.ndarray, times: np.ndarray) -> tuple[np.ndarray, float]:
-    """Turns about the vertical (T, 4) that take a steady drift out, and its rate, rad/s: a line through the inliers."""
-    difference = quat.multiply(tracked, quat.conjugate(said))
-    psi = 2.0 * np.arctan2(difference[:, 2], difference[:, 0])
-    psi = (psi + np.pi) % (2.0 * np.pi) - np.pi
-    line = np.zeros(2)
-    middle = float(times.mean())
-    for scale in solvers.SCALES.repeat(solvers.ROUNDS):
-        left = quat.multiply(quat.exponential((line[0] + line[1] * (times - middle))[:, None] * [0.0, 1.0, 0.0]), said)
-        weights = np.where(known, solvers.weights_of(quat.angle(left, tracked), float(scale)), 0.0)
-        design = np.stack([np.ones(len(times)), times - middle], axis=1)
-        normal = np.einsum("n,ni,nj->ij", weights, design, design) + 1e-9 * np.eye(2)
-        line = np.linalg.solve(normal, np.einsum("n,ni,n->i", weights, design, psi))
-    turns = quat.exponential((line[0] + line[1] * (times - middle))[:, None] * [0.0, 1.0, 0.0])
-    return turns, float(-line[1])
-
-
-def errors_of(found: Distances, settings: CheckSettings) -> list[TrackError]:
-    """Stretches above the threshold, with hysteresis; short gaps closed, short stretches left out."""
-    runs = runs_above(found.full, found.times, settings)
+def errors_of(found: Distances, threshold: float = THRESHOLD) -> list[TrackError]:
+    """Stretches above a threshold, degrees, with hysteresis; short gaps closed, short stretches left out."""
+    runs = runs_above(found.full, found.times, threshold)
     errors = []
     for first, last in runs:
         full, axis = found.full[first : last + 1], found.axis[first : last + 1]
-        kind = ERROR if np.nanmax(axis) > settings.threshold else TWIST
+        kind = ERROR if np.nanmax(axis) > threshold else TWIST
         errors.append(
             TrackError(
                 found.limb, float(found.times[first]), float(found.times[last]), float(np.nanmax(full)),
@@ -174,22 +134,22 @@ def errors_of(found: Distances, settings: CheckSettings) -> list[TrackError]:
     return errors
 
 
-def runs_above(values: np.ndarray, times: np.ndarray, settings: CheckSettings) -> list[tuple[int, int]]:
+def runs_above(values: np.ndarray, times: np.ndarray, threshold: float) -> list[tuple[int, int]]:
     """First and last frame of every stretch that exceeds the threshold and has not yet fallen below the release."""
     runs: list[tuple[int, int]] = []
     start, peak = -1, 0.0
     for i, value in enumerate(values):
-        inside = value > settings.release * settings.threshold  # NaN is outside
+        inside = value > RELEASE * threshold  # NaN is outside
         if inside:
             start, peak = (i, value) if start < 0 else (start, max(peak, value))
         if start >= 0 and (not inside or i == len(values) - 1):
-            if peak > settings.threshold:
+            if peak > threshold:
                 runs.append((start, i if inside else i - 1))
             start, peak = -1, 0.0
     joined: list[tuple[int, int]] = []
     for first, last in runs:
-        if joined and times[first] - times[joined[-1][1]] < settings.shortest:
+        if joined and times[first] - times[joined[-1][1]] < SHORTEST:
             first = joined.pop()[0]
         joined.append((first, last))
     step = float(np.median(np.diff(times))) if len(times) > 1 else 0.0
-    return [(first, last) for first, last in joined if times[last] - times[first] + step >= settings.shortest]
+    return [(first, last) for first, last in joined if times[last] - times[first] + step >= SHORTEST]

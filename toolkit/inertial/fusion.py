@@ -8,7 +8,7 @@ only some do. The inertial world has z up. With a steady magnetic field the head
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -19,31 +19,18 @@ from toolkit.rotations import quaternions as quat
 
 NORTH = "gyroscope, gravity and magnetic north"
 UP: np.ndarray = np.array([0.0, 0.0, 1.0])
+GRAVITY_SECONDS = 1.5
+"""Standard deviation of the low-pass that leaves gravity: longer than a motion, shorter than the drift."""
+STILL_RATE, STILL_SECONDS = 0.03, 0.5
+"""rad/s, standard deviation of the gyroscope within a rest, and how long one lasts at least; its mean rate is the
+bias."""
+MOST_BIAS = 0.1
+"""rad/s: a steadier turn that is faster is no rest."""
+STEADY_FIELD = 0.1
+"""Share by which the magnetic field's strength may differ from its median to be north."""
 
 
-@dataclass(frozen=True)
-class FusionSettings:
-    """How raw measurements become orientations.
-
-    Attributes
-    ----------
-    seconds : standard deviation of the low-pass that leaves gravity: longer than a motion, shorter than the drift
-    still_rate : rad/s, standard deviation of the gyroscope within a rest
-    still_seconds : a rest lasts at least so long; its mean rate is the bias
-    most_bias : rad/s, a steadier turn that is faster is no rest
-    steady_field : share by which the magnetic field's strength may differ from its median to be north
-    declination : degrees by which magnetic north lies east of the north that x points to; 0 has x to magnetic north
-    """
-
-    seconds: float = 1.5
-    still_rate: float = 0.03
-    still_seconds: float = 0.5
-    most_bias: float = 0.1
-    steady_field: float = 0.1
-    declination: float = 0.0
-
-
-def oriented(sensors: Sensors, settings: FusionSettings | None = None) -> Sensors:
+def oriented(sensors: Sensors) -> Sensors:
     """The sensors with an orientation each: their own where they have one, else fused.
 
     Raises
@@ -51,15 +38,21 @@ def oriented(sensors: Sensors, settings: FusionSettings | None = None) -> Sensor
     InertialError
         A sensor without orientations has no gyroscope or no accelerometer.
     """
-    settings = settings or FusionSettings()
     if all(stream.rotations is not None for stream in sensors):
         return sensors
-    streams = tuple(s if s.rotations is not None else fused(s, settings, sensors.world_up) for s in sensors)
+    streams = tuple(s if s.rotations is not None else fused(s, sensors.world_up) for s in sensors)
     return replace(sensors, streams=streams)
 
 
-def fused(stream: SensorStream, settings: FusionSettings, world_up: np.ndarray = UP) -> SensorStream:
+def fused(stream: SensorStream, world_up: np.ndarray = UP, declination: float = 0.0) -> SensorStream:
     """One stream with orientations from its gyroscope, accelerometer and, where it is steady, magnetometer.
+
+    Parameters
+    ----------
+    stream : raw measurements
+    world_up : (3,), the vertical of the world that is wanted
+    declination : degrees by which magnetic north lies east of the north that x points to (thesis, App. A); with 0 x
+        points to magnetic north, and a calibration finds what is left as part of the heading
 
     Raises
     ------
@@ -74,33 +67,32 @@ def fused(stream: SensorStream, settings: FusionSettings, world_up: np.ndarray =
     rows = np.flatnonzero(stream.valid)
     times, gyro = stream.times[rows], stream.gyro[rows]
     free = np.empty((len(rows), 4))
-    integrate(np.ascontiguousarray(times), gyro - gyroscope_bias(times, gyro, settings), free)
-    q = quat.multiply(_upright(free, times, stream.acceleration[rows], settings), free)
+    integrate(np.ascontiguousarray(times), gyro - gyroscope_bias(times, gyro), free)
+    q = quat.multiply(_upright(free, times, stream.acceleration[rows]), free)
     origin = FREE
-    if stream.magnetic is not None and (turn := _north(q, stream.magnetic[rows], settings)) is not None:
+    if stream.magnetic is not None and (turn := _north(q, stream.magnetic[rows], declination)) is not None:
         q, origin = quat.multiply(quat.exponential(turn[:, None] * UP), q), NORTH
-    if np.isfinite(world_up).all():
-        q = quat.multiply(quat.between(UP, world_up), q)
+    q = quat.multiply(quat.between(UP, world_up), q)
     rotations = np.tile(quat.IDENTITY, (len(stream), 1))
     rotations[rows] = quat.continuous(q)
     return replace(stream, rotations=rotations, origin=origin)
 
 
-def gyroscope_bias(times: np.ndarray, gyro: np.ndarray, settings: FusionSettings) -> np.ndarray:
+def gyroscope_bias(times: np.ndarray, gyro: np.ndarray) -> np.ndarray:
     """Mean rate (3,) of the still stretches; zero where the sensor never rests."""
-    width = max(2, round(settings.still_seconds / float(np.median(np.diff(times)))))
+    width = max(2, round(STILL_SECONDS / float(np.median(np.diff(times)))))
     if len(gyro) < width:
         return np.zeros(3)
     windows = np.lib.stride_tricks.sliding_window_view(gyro, width, axis=0)
     means = windows.mean(axis=2)
-    still = windows.std(axis=2).max(axis=1) < settings.still_rate
-    still &= np.linalg.norm(means, axis=1) < settings.most_bias
+    still = windows.std(axis=2).max(axis=1) < STILL_RATE
+    still &= np.linalg.norm(means, axis=1) < MOST_BIAS
     return np.median(means[still], axis=0) if still.any() else np.zeros(3)
 
 
-def _upright(free: np.ndarray, times: np.ndarray, acceleration: np.ndarray, settings: FusionSettings) -> np.ndarray:
+def _upright(free: np.ndarray, times: np.ndarray, acceleration: np.ndarray) -> np.ndarray:
     """Turns (N, 4) of the integrated frame that bring gravity on to z, each the smallest after the one before."""
-    up = _smoothed(quat.rotate(free, acceleration), settings.seconds / float(np.median(np.diff(times))))
+    up = _smoothed(quat.rotate(free, acceleration), GRAVITY_SECONDS / float(np.median(np.diff(times))))
     up /= np.maximum(np.linalg.norm(up, axis=1, keepdims=True), 1e-9)
     half = np.concatenate([1.0 + up[:, 2:], np.cross(up, UP)], axis=1)
     half[np.linalg.norm(half, axis=1) < 1e-6] = (0.0, 1.0, 0.0, 0.0)
@@ -114,17 +106,17 @@ def _smoothed(values: np.ndarray, sigma: float) -> np.ndarray:
     return gaussian_filter1d(values, sigma, axis=0, mode="constant", truncate=3.0)
 
 
-def _north(q: np.ndarray, magnetic: np.ndarray, settings: FusionSettings) -> np.ndarray | None:
+def _north(q: np.ndarray, magnetic: np.ndarray, declination: float) -> np.ndarray | None:
     """Turn about the vertical (N,) that brings x to the north; None where the field is never steady.
 
     The heading error is smoothed over the steady rows, since a gyroscope drifts slowly.
     """
     strength = np.linalg.norm(magnetic, axis=1)
     typical = float(np.median(strength[strength > 0])) if (strength > 0).any() else 0.0
-    steady = (typical > 0) & (np.abs(strength - typical) <= settings.steady_field * typical)
+    steady = (typical > 0) & (np.abs(strength - typical) <= STEADY_FIELD * typical)
     if steady.sum() < max(10, 0.5 * len(q)):
         return None
     field = quat.rotate(q, magnetic / typical)
     horizontal = np.where(steady[:, None], field[:, :2], 0.0)
     smooth = _smoothed(horizontal, max(1.0, len(q) / 8.0))
-    return -np.unwrap(np.arctan2(smooth[:, 1], smooth[:, 0])) - np.radians(settings.declination)
+    return -np.unwrap(np.arctan2(smooth[:, 1], smooth[:, 0])) - np.radians(declination)

@@ -46,8 +46,6 @@ def place_suspicions(take: Take) -> list[str]:
     from scipy.optimize import linear_sum_assignment
 
     names = take.sensors.names
-    if not np.isfinite(take.sensors.world_up).all():
-        return []
     matrix = np.array([[residual(take, sensor, limb) for limb in names] for sensor in names])
     own = np.diagonal(matrix)
     reflected = mirrored_take(take)

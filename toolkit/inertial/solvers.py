@@ -1,8 +1,8 @@
 """The two offsets between sensor and limb: `q_I(t) = q_G q_T(t) q_L` for all t (thesis, Eq. 7.5).
 
 `park_martin` is the thesis's own, linear and unprotected. `heading` knows the vertical in both worlds, so that `q_G` is
-an angle; `so4` knows nothing. Both weigh each frame by Geman and McClure, from a wide scale to a narrow one, so that
-frames in which the tracker erred lose their say.
+an angle, and weighs each frame by Geman and McClure, from a wide scale to a narrow one, so that frames in which the
+tracker erred lose their say.
 """
 
 from __future__ import annotations
@@ -96,30 +96,27 @@ def yaw(psi: float) -> np.ndarray:
     return quat.exponential([0.0, psi, 0.0])
 
 
-def heading(
-    strands: Sequence[Strand], groups: int, sensors: int, known: tuple[np.ndarray, np.ndarray] | None = None
-) -> tuple[np.ndarray, np.ndarray, float]:
+def heading(strands: Sequence[Strand], groups: int, sensors: int) -> tuple[np.ndarray, np.ndarray, float]:
     """Headings (groups,) and mountings (sensors, 4) of strands whose worlds both have y up, and the cost.
 
     `q_I = yaw(psi_group) q_T q_L_sensor`. Given the headings a mounting is a weighted chordal mean; given the mountings
     a heading has a closed form. Every start fixes the first heading; the others follow through the sensors they share.
     One more start needs no heading: the mountings that bring the vertical of all strands together. The best few of
-    them, by the widest scale, compete to the end. `known` headings and mountings are only improved.
+    them, by the widest scale, compete to the end.
     """
-    if known is None:
-        rough = [strand.thinned(ROUGH_ROWS) for strand in strands]
-        starts = [_spread(rough, groups, sensors, psi) for psi in np.arange(STARTS) * (2.0 * np.pi / STARTS)]
-        starts.append(by_vertical(rough, groups, sensors))
-        tried = sorted(
-            (_alternated(rough, sensors, start, SCALES[:1].repeat(ROUNDS)) for start in starts),
-            key=lambda found: found[2],
-        )
-        ends = (_alternated(rough, sensors, found[:2], SCALES.repeat(ROUNDS)) for found in tried[:FINALISTS])
-        known = min(ends, key=lambda found: found[2])[:2]
-    return _alternated(strands, sensors, known, SCALES[-1:].repeat(LAST_ROUNDS))
+    rough = [strand.thinned(ROUGH_ROWS) for strand in strands]
+    starts = [_spread(rough, groups, sensors, psi) for psi in np.arange(STARTS) * (2.0 * np.pi / STARTS)]
+    starts.append(by_vertical(rough, groups, sensors))
+    tried = sorted(
+        (_alternated(rough, sensors, start, SCALES[:1].repeat(ROUNDS)) for start in starts),
+        key=lambda found: found[2],
+    )
+    ends = (_alternated(rough, sensors, found[:2], SCALES.repeat(ROUNDS)) for found in tried[:FINALISTS])
+    best = min(ends, key=lambda found: found[2])[:2]
+    return _alternated(strands, sensors, best, SCALES[-1:].repeat(LAST_ROUNDS))
 
 
-def heading_given(strands: Sequence[Strand], mountings: np.ndarray, scale: float = float(SCALES[-1])) -> float:
+def heading_given(strands: Sequence[Strand], mountings: np.ndarray) -> float:
     """The one heading of strands whose mountings (sensors, 4) are known, the best of all starts, then robustly."""
     difference = [
         quat.multiply(quat.multiply(s.inertial, quat.conjugate(mountings[s.sensor])), quat.conjugate(s.tracked))
@@ -129,9 +126,9 @@ def heading_given(strands: Sequence[Strand], mountings: np.ndarray, scale: float
     best, least = 0.0, np.inf
     for start in np.arange(STARTS) * (2.0 * np.pi / STARTS):
         psi = float(start)
-        for width in np.append(SCALES, np.full(ROUNDS, scale)):
+        for width in np.append(SCALES, SCALES[-1:].repeat(ROUNDS)):
             psi = _heading_of(turns, weights_of(quat.angle(turns, yaw(psi)), width))
-        cost = cost_of(quat.angle(turns, yaw(psi)), scale)
+        cost = cost_of(quat.angle(turns, yaw(psi)), float(SCALES[-1]))
         if cost < least - 1e-12:
             best, least = psi, cost
     return best
@@ -221,39 +218,3 @@ def _heading_of(turns: np.ndarray, weights: np.ndarray) -> float:
     """The angle about y that turns (N, 4) agree on best: twice that of the first eigenvector of their w, y part."""
     w, y = turns[:, 0], turns[:, 2]
     return float(np.arctan2(2.0 * (weights * w * y).sum(), (weights * (w * w - y * y)).sum()))
-
-
-def so4(strand: Strand, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray, float]:
-    """`q_G`, `q_L` (4,) and the cost where no vertical is known: `q_I = Q q_T` with Q in SO(4), robustly.
-
-    A weighted 4 x 4 Procrustes problem; of Q, its rearrangement of rank one is `q_G q_L'`. It starts from the thesis's
-    solution and from the quaternions as they follow each other.
-    """
-    inertial, tracked = quat.continuous(strand.inertial), quat.continuous(strand.tracked)
-    world, mounting = thesis(inertial, tracked, rng)
-    found = []
-    for signs in (quat.multiply(quat.multiply(world, tracked), mounting), inertial):
-        aligned = np.where((inertial * signs).sum(axis=1, keepdims=True) < 0.0, -inertial, inertial)
-        weights = np.ones(len(inertial))
-        for scale in [*np.repeat(SCALES[:-1], ROUNDS), *[SCALES[-1]] * LAST_ROUNDS]:
-            q = _procrustes(aligned, tracked, weights)
-            said = np.einsum("ij,nj->ni", q, tracked)
-            aligned = np.where((aligned * said).sum(axis=1, keepdims=True) < 0.0, -aligned, aligned)
-            weights = weights_of(quat.angle(aligned, said), scale)
-        world, mounting = split(q)
-        found.append((world, mounting, cost_of(residuals(strand, world, mounting), SCALES[-1])))
-    return min(found, key=lambda solution: solution[2])
-
-
-def _procrustes(inertial: np.ndarray, tracked: np.ndarray, weights: np.ndarray) -> np.ndarray:
-    """The turn of four-dimensional space (4, 4) that brings `tracked` on to `inertial` best."""
-    u, _, v = np.linalg.svd(np.einsum("n,ni,nj->ij", weights, inertial, tracked))
-    return (u * [1.0, 1.0, 1.0, np.linalg.det(u) * np.linalg.det(v)]) @ v
-
-
-def split(q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Left and right factor (4,) of a turn (4, 4) of quaternions: `Q x = left x right`."""
-    units = np.eye(4)
-    basis = np.array([[quat.multiply(quat.multiply(a, units), b).T for b in units] for a in units])
-    u, _, v = np.linalg.svd(np.einsum("abij,ij->ab", basis, q))
-    return u[:, 0], v[0] * np.sign((u[:, 0] * np.einsum("abij,ij,b->a", basis, q, v[0])).sum())

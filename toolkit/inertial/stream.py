@@ -169,7 +169,7 @@ class Sensors:
     Attributes
     ----------
     streams : one per sensor, names unique
-    world_up : float64 (3,), the vertical of the inertial world; NaN where it is unknown
+    world_up : float64 (3,), the vertical of the inertial world
     source : files, format, device of each part of the body: whatever belongs into a report
     """
 
@@ -184,7 +184,7 @@ class Sensors:
         if twice := sorted({name for name in names if names.count(name) > 1}):
             raise InertialError(f"two sensors are both called {', '.join(twice)}; every part of the body carries one")
         up = np.asarray(self.world_up, np.float64)
-        if up.shape != (3,) or (np.isfinite(up).all() and np.linalg.norm(up) < 1e-6):
+        if up.shape != (3,) or not np.linalg.norm(up) > 1e-6 or not np.isfinite(up).all():
             raise InertialError(f"world_up {up.tolist()} is no direction; give three numbers such as 0, 0, 1")
         object.__setattr__(self, "world_up", up / np.linalg.norm(up))
 
@@ -241,10 +241,6 @@ class Sensors:
             raise InertialError(
                 f"cannot read {path} as sensor data: {error}; write it with `depthmocap inertial read`"
             ) from error
-
-    def renamed(self, names: Sequence[str]) -> Sensors:
-        """The same streams under other names, in order."""
-        return replace(self, streams=tuple(replace(s, name=n) for s, n in zip(self.streams, names, strict=True)))
 
 
 @dataclass(frozen=True)

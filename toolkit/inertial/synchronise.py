@@ -8,7 +8,7 @@ signals of all sensors of one clock are summed, by how many rows each has. `t_se
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -20,6 +20,21 @@ from toolkit.rotations import quaternions as quat
 
 STILL = 0.05
 """rad/s: a sensor whose angular speed spreads by less rests throughout."""
+RATES = (0.8, 2.2)
+"""Least and largest ratio of clocks that differ, sensor seconds per camera second."""
+RATE_STEP = 0.01
+"""Relative step between ratios; over 3 s one step shifts the ends by 15 ms."""
+STEP = 0.01
+"""Seconds, of the common grid of times."""
+SMOOTHING, SMOOTHING_FRAMES = 0.06, 2.0
+"""Standard deviation of the low-pass that both signals pass: seconds, and at least so many frames of the camera, for
+slower cameras say less about fast turns."""
+LEAST_OVERLAP = 0.5
+"""Share of the track that a lag must leave."""
+MARGIN = 0.05
+"""By how much the highest correlation must exceed that of any other peak; periodic motion locks a period off."""
+APART = 0.2
+"""Seconds: a second peak is at least so far away."""
 
 
 @dataclass(frozen=True)
@@ -29,27 +44,12 @@ class SyncSettings:
     Attributes
     ----------
     max_offset : s, largest offset that is looked for
-    free_rate : also look for the ratio of the clocks
-    rates : least and largest ratio, sensor seconds per camera second
-    rate_step : relative step between ratios; over 3 s one step shifts the ends by 15 ms
-    step : s, of the common grid of times
-    smoothing : s, standard deviation of the low-pass that both signals pass, at least
-    frames : the same in frames of the camera: slower cameras say less about fast turns
-    least_overlap : share of the track that a lag must leave
-    margin : by how much the highest correlation must exceed that of any other peak; periodic motion locks a period off
-    apart : s, a second peak is at least so far away
+    rates : least and largest ratio of the clocks, sensor seconds per camera second, that is looked for; None: they run
+        alike
     """
 
     max_offset: float = 3.0
-    free_rate: bool = False
-    rates: tuple[float, float] = (0.8, 2.2)
-    rate_step: float = 0.01
-    step: float = 0.01
-    smoothing: float = 0.06
-    frames: float = 2.0
-    least_overlap: float = 0.5
-    margin: float = 0.05
-    apart: float = 0.2
+    rates: tuple[float, float] | None = None
 
 
 @dataclass(frozen=True)
@@ -101,23 +101,23 @@ def synchronise(
     """
     settings = settings or SyncSettings()
     rates = _rates(settings)
-    settings = _for_camera(settings, motion, float(np.sqrt(rates[0] * rates[-1])))
+    smoothing = smoothing_for(motion, float(np.sqrt(rates[0] * rates[-1])))
     moving = [stream for stream in sensors if not is_still(stream)]
     if not moving:
         raise InertialError(
             f"the sensors {', '.join(sensors.names)} rest throughout; nothing can be synchronised without motion"
         )
-    measured = [sensor_signals(stream, settings) for stream in moving]
-    reach = round(settings.max_offset / settings.step)
+    measured = [sensor_signals(stream, smoothing) for stream in moving]
+    reach = round(settings.max_offset / STEP)
     lags = np.arange(-reach, reach + 1)
     # a clock may start anywhere: offsets are looked for around that which lets both begin together
     base = float(min(stream.times[stream.valid][0] for stream in moving))
     scores = np.full((len(rates), len(lags)), np.nan)
     for r, rate in enumerate(rates):
-        tracked = [track_signals(motion, stream.name, rate, settings) for stream in moving]
+        tracked = [track_signals(motion, stream.name, rate, smoothing) for stream in moving]
         begin = rate * motion.times[0]
         offset = base - begin if abs(base - begin) > settings.max_offset else 0.0
-        scores[r] = _summed(tracked, measured, lags, offset, settings)
+        scores[r] = _summed(tracked, measured, lags, offset)
     if not np.isfinite(scores).any():
         raise InertialError(
             f"no sensor overlaps {motion.name} for half its length: the track runs from {motion.times[0]:.2f} to "
@@ -127,23 +127,23 @@ def synchronise(
     begin = rates[r] * motion.times[0]
     shift = base - begin if abs(base - begin) > settings.max_offset else 0.0
     # the second peak is looked for at the same ratio: along the ridge of ratio against offset nothing is periodic
-    elsewhere = np.abs(lags - lags[k]) * settings.step >= settings.apart
+    elsewhere = np.abs(lags - lags[k]) * STEP >= APART
     second = highest_peak(np.where(elsewhere, scores[r], np.nan), scores[r])
     clock = Clock(
-        float(shift + settings.step * (lags[k] + parabola(scores[r], int(k)))),
-        float(rates[r] * (1.0 + settings.rate_step * parabola(scores[:, k], int(r)))) if len(rates) > 1 else 1.0,
+        float(shift + STEP * (lags[k] + parabola(scores[r], int(k)))),
+        float(rates[r] * (1.0 + RATE_STEP * parabola(scores[:, k], int(r)))) if len(rates) > 1 else 1.0,
         float(scores[r, k]),
         second,
     )
     if check:
-        _check(clock, int(k) in (0, len(lags) - 1), motion, settings)
+        _check(clock, int(k) in (0, len(lags) - 1), motion)
     return clock
 
 
-def _for_camera(settings: SyncSettings, motion: TrackedMotion, rate: float) -> SyncSettings:
-    """The settings for a camera of so slow a rate, in seconds of the sensors."""
+def smoothing_for(motion: TrackedMotion, rate: float) -> float:
+    """Standard deviation of the low-pass for a track, seconds of sensors whose clock is `rate` times as fast."""
     step = float(np.median(np.diff(motion.times))) if len(motion.times) > 1 else 0.0
-    return replace(settings, smoothing=max(settings.smoothing, settings.frames * rate * step))
+    return max(SMOOTHING, SMOOTHING_FRAMES * rate * step)
 
 
 def is_still(stream: SensorStream) -> bool:
@@ -151,28 +151,28 @@ def is_still(stream: SensorStream) -> bool:
     return float(np.std(_angular_speed(stream)[1])) < STILL
 
 
-def sensor_signals(stream: SensorStream, settings: SyncSettings) -> list[Signal]:
-    """Angular speed and size of the acceleration of a sensor, low-passed, on its own clock."""
+def sensor_signals(stream: SensorStream, smoothing: float) -> list[Signal]:
+    """Angular speed and size of the acceleration of a sensor, on its own clock, under a Gaussian of `smoothing` s."""
     times, rates = _angular_velocity(stream)
-    signals = [_size(times, rates, settings)]
+    signals = [_size(times, rates, smoothing)]
     if stream.acceleration is not None:
         vectors = stream.acceleration
         if stream.rotations is not None:  # vectors are low-passed in a frame that does not turn, as the track's are
             vectors = quat.rotate(stream.rotations, vectors)
-        signals.append(_size(stream.times[stream.valid], vectors[stream.valid], settings))
+        signals.append(_size(stream.times[stream.valid], vectors[stream.valid], smoothing))
     return signals
 
 
-def track_signals(motion: TrackedMotion, limb: str, rate: float, settings: SyncSettings) -> list[Signal]:
+def track_signals(motion: TrackedMotion, limb: str, rate: float, smoothing: float) -> list[Signal]:
     """The same of a tracked part of the body; camera seconds are stretched by `rate`."""
     times = rate * motion.times[motion.valid]
     turned = quat.continuous(motion.orientation(limb)[motion.valid])
     middles = 0.5 * (times[1:] + times[:-1])
-    signals = [_size(middles, quat.angular_velocity(turned, times), settings)]
-    grid, path, known = on_grid(times, motion.middle(limb)[motion.valid], settings)
+    signals = [_size(middles, quat.angular_velocity(turned, times), smoothing)]
+    grid, path, known = on_grid(times, motion.middle(limb)[motion.valid])
     if len(grid) > 4:
-        smooth = _low_passed(path, settings)
-        acceleration = np.gradient(np.gradient(smooth, settings.step, axis=0), settings.step, axis=0)
+        smooth = _low_passed(path, smoothing)
+        acceleration = np.gradient(np.gradient(smooth, STEP, axis=0), STEP, axis=0)
         acceleration[:, 1] += GRAVITY
         size = np.linalg.norm(acceleration, axis=1)
         known[:2] = known[-2:] = False
@@ -193,15 +193,15 @@ def _angular_speed(stream: SensorStream) -> tuple[np.ndarray, np.ndarray]:
     return times, np.linalg.norm(rates, axis=1)
 
 
-def _size(times: np.ndarray, vectors: np.ndarray, settings: SyncSettings) -> Signal:
-    grid, values, known = on_grid(times, vectors, settings)
-    return Signal(np.linalg.norm(_low_passed(values, settings), axis=1), known, float(grid[0]))
+def _size(times: np.ndarray, vectors: np.ndarray, smoothing: float) -> Signal:
+    grid, values, known = on_grid(times, vectors)
+    return Signal(np.linalg.norm(_low_passed(values, smoothing), axis=1), known, float(grid[0]))
 
 
-def on_grid(times: np.ndarray, values: np.ndarray, settings: SyncSettings) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def on_grid(times: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Values (N, K) on the common grid, whose times are whole steps, and where they are known."""
-    first, last = np.ceil(times[0] / settings.step - 1e-6), np.floor(times[-1] / settings.step + 1e-6)
-    grid = settings.step * np.arange(first, max(last, first) + 1)
+    first, last = np.ceil(times[0] / STEP - 1e-6), np.floor(times[-1] / STEP + 1e-6)
+    grid = STEP * np.arange(first, max(last, first) + 1)
     low = np.clip(np.searchsorted(times, grid, side="right") - 1, 0, len(times) - 2)
     wide = times[low + 1] - times[low]
     # a camera that drops frames leaves holes; what is guessed in them says nothing
@@ -210,17 +210,17 @@ def on_grid(times: np.ndarray, values: np.ndarray, settings: SyncSettings) -> tu
     return grid, np.stack(columns, axis=1), known
 
 
-def _low_passed(values: np.ndarray, settings: SyncSettings) -> np.ndarray:
+def _low_passed(values: np.ndarray, smoothing: float) -> np.ndarray:
     from scipy.ndimage import gaussian_filter1d
 
-    return gaussian_filter1d(values, settings.smoothing / settings.step, axis=0, mode="nearest")
+    return gaussian_filter1d(values, smoothing / STEP, axis=0, mode="nearest")
 
 
 def _rates(settings: SyncSettings) -> np.ndarray:
-    if not settings.free_rate:
+    if settings.rates is None:
         return np.ones(1)
     low, high = np.log(settings.rates)
-    return np.exp(np.arange(low, high, np.log1p(settings.rate_step)))
+    return np.exp(np.arange(low, high, np.log1p(RATE_STEP)))
 
 
 def _summed(
@@ -228,15 +228,14 @@ def _summed(
     measured: Sequence[Sequence[Signal]],
     lags: np.ndarray,
     offset: float,
-    settings: SyncSettings,
 ) -> np.ndarray:
     """Mean correlation of all pairs of signals over the lags (L,), each lag by the pairs known there."""
     total, weight = np.zeros(len(lags)), np.zeros(len(lags))
     out = np.empty(len(lags))
     for ours, theirs in zip(tracked, measured, strict=True):
         for a, b in zip(ours, theirs, strict=False):
-            shift = round((a.start + offset - b.start) / settings.step)
-            least = int(settings.least_overlap * a.known.sum())
+            shift = round((a.start + offset - b.start) / STEP)
+            least = int(LEAST_OVERLAP * a.known.sum())
             correlation_over_lags(a.values, a.known, b.values, b.known, lags + shift, max(least, 10), out)
             known = np.isfinite(out)
             total[known] += out[known]
@@ -262,26 +261,15 @@ def highest_peak(values: np.ndarray, whole: np.ndarray) -> float:
     return float(values[peaks].max()) if len(peaks) else -1.0
 
 
-def _check(clock: Clock, at_border: bool, motion: TrackedMotion, settings: SyncSettings) -> None:
+def _check(clock: Clock, at_border: bool, motion: TrackedMotion) -> None:
     if at_border:
         raise InertialError(
             f"the clocks of {motion.name} agree best at the border of the search, an offset of {clock.offset:.2f} s; "
             "raise --max-offset"
         )
-    if clock.correlation - clock.second < settings.margin:
+    if clock.correlation - clock.second < MARGIN:
         raise InertialError(
             f"the clocks of {motion.name} agree nearly as well at two offsets (correlations {clock.correlation:.2f} "
-            f"and {clock.second:.2f}, apart by less than {settings.margin:g}); record a motion that does not repeat "
+            f"and {clock.second:.2f}, apart by less than {MARGIN:g}); record a motion that does not repeat "
             "itself, or narrow the search with --max-offset"
         )
-
-
-def speed_correlation(motion: TrackedMotion, stream: SensorStream, clock: Clock, settings: SyncSettings) -> float:
-    """Correlation, -1 to 1, of the angular speeds of a sensor and its part of the body at a clock; NaN if unknown."""
-    settings = _for_camera(settings, motion, clock.rate)
-    tracked = track_signals(motion, stream.name, clock.rate, settings)[0]
-    measured = sensor_signals(stream, settings)[0]
-    out = np.empty(1)
-    lag = np.array([round((tracked.start + clock.offset - measured.start) / settings.step)])
-    correlation_over_lags(tracked.values, tracked.known, measured.values, measured.known, lag, 10, out)
-    return float(out[0])

@@ -13,7 +13,7 @@ from toolkit.files import check_output, sha256_of
 from toolkit.inertial.calibrate import CalibrationSettings, Take, better_clock, calibrate
 from toolkit.inertial.calibration import Calibration, TakeClock
 from toolkit.inertial.distance import worlds_of
-from toolkit.inertial.fusion import FusionSettings, oriented
+from toolkit.inertial.fusion import oriented
 from toolkit.inertial.limbs import TrackedMotion
 from toolkit.inertial.placement import load_placement, placed
 from toolkit.inertial.places import place_suspicions
@@ -44,7 +44,6 @@ def read_sensors(
     *,
     placement: str | Path | None = None,
     options: SensorOptions | None = None,
-    fusion: FusionSettings | None = None,
 ) -> ReadReport:
     """Read sensor files of any known format, place them, fuse what is raw, and write the canonical file.
 
@@ -54,7 +53,6 @@ def read_sensors(
     output : `.npz` or `.csv`; None writes nothing
     placement : `placement.yaml`; without it the sensors' own names must say where they sit
     options : what the readers may be told
-    fusion : how raw measurements become orientations
 
     Raises
     ------
@@ -67,7 +65,7 @@ def read_sensors(
         check_output(output, [*files, *([] if placement is None else [placement])])
     raw = placed(read_files(files, options), None if placement is None else load_placement(placement))
     doubts = suspicions(raw)
-    sensors = oriented(raw, fusion)
+    sensors = oriented(raw)
     if output is not None:
         sensors.save(output)
     return ReadReport(sensors, tuple(doubts))
@@ -179,7 +177,7 @@ def checked_take(
     calibration.check_placement(take.sensors)
     mountings = {limb: calibration.mounting(limb) for limb in calibration.sensors}
     worlds = worlds_of(calibration, take)
-    return calibration, better_clock(take, worlds, mountings, settings or CalibrationSettings())
+    return calibration, better_clock(take, worlds, mountings)
 
 
 def clock_of(take: TakeClock, found: Clock) -> Clock:

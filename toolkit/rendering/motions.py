@@ -9,7 +9,7 @@ import numpy as np
 
 from toolkit.rendering import style
 from toolkit.rendering.film import FilmWriter, contact_sheet
-from toolkit.retrieval.features.geometry import BodyLengths
+from toolkit.retrieval.features.lengths import BodyLengths
 from toolkit.retrieval.features.motion import NAMED_JOINTS, Motion
 
 RATE = 30.0

@@ -70,7 +70,7 @@ def read_files(paths: Sequence[str | Path], options: SensorOptions | None = None
     parts = [read_file(path, options) for path in paths]
     up = parts[0].world_up
     for path, part in zip(paths, parts, strict=True):
-        if not np.allclose(part.world_up, up, atol=1e-6, equal_nan=True):
+        if not np.allclose(part.world_up, up, atol=1e-6):
             raise InertialError(f"the vertical of {path} is {part.world_up.tolist()}, of the others {up.tolist()}")
     devices = {limb: device for part in parts for limb, device in part.devices.items()}
     source = {"files": [Path(path).name for path in paths], "devices": devices}

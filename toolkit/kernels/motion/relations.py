@@ -1,8 +1,7 @@
-"""The relational quantities of one frame, compiled: what a live annotator asks for thirty times a second (thesis 2.2).
+"""The relational quantities of a motion or of one of its frames, compiled (thesis 2.2).
 
 A program says what each quantity is: one row per quantity with an operation, up to five points, a window of velocities
-and a sign. `toolkit.retrieval.features.frames` writes it, `features.geometry` says the same of
-whole motions.
+and a sign. `toolkit.retrieval.features.relational` writes it.
 """
 
 from __future__ import annotations
@@ -105,6 +104,13 @@ def quantities(
             x, z, next_x, next_z = axes[frame, 0], axes[frame, 2], axes[frame + 1, 0], axes[frame + 1, 2]
             value = abs(math.degrees(math.atan2(x * next_z - z * next_x, x * next_x + z * next_z))) * rate
         out[row] = abs(value) if sign == 0 else sign * value
+
+
+@njit(cache=True)
+def quantities_of_all(joints: np.ndarray, axes: np.ndarray, rate: float, program: np.ndarray, out: np.ndarray) -> None:
+    """Every quantity of a program in all frames of a motion: `out` is float64 (T, Q), see `quantities`."""
+    for frame in range(joints.shape[0]):
+        quantities(joints, axes, frame, rate, program, out[frame])
 
 
 @njit(cache=True)

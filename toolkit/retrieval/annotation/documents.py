@@ -10,7 +10,7 @@ import numpy as np
 
 from toolkit.errors import RetrievalError
 from toolkit.retrieval.annotation.measures import Segment
-from toolkit.retrieval.features.geometry import BodyLengths
+from toolkit.retrieval.features.lengths import BodyLengths
 from toolkit.retrieval.features.motion import NAMED_JOINTS, Motion
 
 

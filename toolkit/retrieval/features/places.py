@@ -8,8 +8,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from toolkit.retrieval.features.geometry import BodyLengths
 from toolkit.retrieval.features.grades import FULL
+from toolkit.retrieval.features.lengths import BodyLengths
 from toolkit.retrieval.features.motion import NAMED_JOINTS, SIDES, Motion
 
 LIMBS: tuple[str, ...] = tuple(f"{side}_{joint}" for side in SIDES for joint in ("elbow", "wrist", "knee", "ankle"))

@@ -11,13 +11,14 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
-from functools import cached_property, lru_cache, partial
+from functools import cached_property, lru_cache
 
 import numpy as np
 
 from toolkit.errors import RetrievalError
-from toolkit.retrieval.features.geometry import BodyLengths, Geometry
+from toolkit.kernels.motion import relations as r
 from toolkit.retrieval.features.grades import FULL, SCALES, grade
+from toolkit.retrieval.features.lengths import BodyLengths
 from toolkit.retrieval.features.motion import NAMED_JOINTS, Motion
 from toolkit.retrieval.features.places import ROWS, mirrored, places_of
 
@@ -98,9 +99,6 @@ def pack(values: np.ndarray) -> np.ndarray:
     return words
 
 
-Quantity = Callable[[Geometry], np.ndarray]
-
-
 @dataclass(frozen=True)
 class Feature:
     """One relational feature: 1 from the first strict frame on for as long as the loose test holds.
@@ -112,7 +110,11 @@ class Feature:
     test : "<", "<=", ">", ">=" against the threshold, or "within" that distance of 90 degrees, ends included
     loose, strict : thresholds in units
     unit : unit of the thresholds: a body length (per second for velocities) or "deg" (degrees, also per second)
-    quantity : the real-valued quantity, per frame
+    operation : what is measured, see `kernels.motion.relations`
+    points : of which named joints, in the order of the operation; a plane goes through the first three (or stands at
+        the third, across the line between the first two), and the fourth is seen from the third or from a fifth
+    window : milliseconds over which velocities are smoothed
+    sign : factor, 1 or -1; 0 if the size alone counts
     """
 
     number: int
@@ -121,16 +123,17 @@ class Feature:
     loose: float
     strict: float
     unit: str
-    quantity: Quantity
+    operation: int
+    points: tuple[str, ...]
+    window: float = 0.0
+    sign: int = 1
 
-    def evaluate(self, geometry: Geometry, lengths: BodyLengths) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """The loose and the strict test, bool (T,) each, and how far beyond the middle of their thresholds the quantity
-        lies, float64 (T,) in units."""
-        values, unit = self.quantity(geometry), lengths.unit(self.unit)
-        test = _TESTS[self.test]
-        return test(values, self.loose * unit), test(values, self.strict * unit), self._margin(values / unit)
+    def holds(self, values: np.ndarray, threshold: float) -> np.ndarray:
+        """The test of values (T,) against a threshold in their unit: bool (T,)."""
+        return np.asarray(_TESTS[self.test](values, threshold))
 
-    def _margin(self, values: np.ndarray) -> np.ndarray:
+    def margin(self, values: np.ndarray) -> np.ndarray:
+        """How far values (T,), in units, lie beyond the middle of the two thresholds: float64 (T,)."""
         middle = 0.5 * (self.loose + self.strict)
         if self.test == "within":
             return middle - np.abs(values - 90.0)
@@ -147,86 +150,77 @@ _TESTS: dict[str, Callable[[np.ndarray, float], np.ndarray]] = {
 
 
 def _pair(
-    number: int,
-    meaning: str,
-    test: str,
-    loose: float,
-    strict: float,
-    unit: str,
-    quantity: Callable[[Geometry, str], np.ndarray],
-) -> Iterator[Feature]:
-    """An odd feature of the right side and the even one of the left; `quantity` takes the side's prefix."""
+    number: int, meaning: str, test: str, loose: float, strict: float, unit: str, operation: int,
+    points: tuple[str, ...], window: float = 0.0,
+) -> Iterator[Feature]:  # fmt: skip
+    """An odd feature of the right side and the even one of the left; `*` in a point stands for the side."""
     for offset, side in enumerate(("right", "left")):
-        of_side = partial(_of_side, quantity, side)
-        yield Feature(number + offset, f"{side} {meaning}", test, loose, strict, unit, of_side)
+        own = tuple(point.replace("*", side) for point in points)
+        yield Feature(number + offset, f"{side} {meaning}", test, loose, strict, unit, operation, own, window)
 
 
-def _of_side(quantity: Callable[[Geometry, str], np.ndarray], side: str, geometry: Geometry) -> np.ndarray:
-    return quantity(geometry, side)
-
-
-# The rows of the specification: comparison, loose and strict threshold, unit, quantity. Velocities end with the window
-# of their smoothing in milliseconds.
+# The rows of the specification: comparison, loose and strict threshold, unit, operation, points, and the window of the
+# velocities in milliseconds.
 FEATURES: tuple[Feature, ...] = (
     # upper body
     *_pair(1, "hand moving forwards", ">", 1.3, 1.8, "HL",
-            lambda g, s: g.vplane("neck", "right_hip", "left_hip", f"{s}_wrist", 250)),
+        r.VPLANE, ("neck", "right_hip", "left_hip", "*_wrist"), window=250),
     *_pair(3, "hand above neck", ">=", 0.0, 0.2, "CN",
-            lambda g, s: g.nplane("chest", "neck", "neck", f"{s}_wrist")),
+        r.NPLANE, ("chest", "neck", "neck", "*_wrist")),
     *_pair(5, "hand moving upwards", ">", 1.3, 1.8, "HL",
-            lambda g, s: g.vnplane("chest", "neck", "neck", f"{s}_wrist", 250)),
+        r.VNPLANE, ("chest", "neck", "neck", "*_wrist"), window=250),
     *_pair(7, "elbow bent", "<=", 120, 110, "deg",
-            lambda g, s: g.angle(f"{s}_elbow", f"{s}_shoulder", f"{s}_elbow", f"{s}_wrist")),
+        r.ANGLE, ("*_elbow", "*_shoulder", "*_elbow", "*_wrist")),
     Feature(9, "hands far apart, sideways", ">=", 2.0, 2.5, "SW",
-             lambda g: np.abs(g.nplane("left_shoulder", "right_shoulder", "left_wrist", "right_wrist"))),
+        r.NPLANE, ("left_shoulder", "right_shoulder", "left_wrist", "right_wrist"), sign=0),
     Feature(10, "hands approaching each other", ">=", 1.2, 1.4, "HR",
-             lambda g: g.vnplane("left_wrist", "right_wrist", "right_wrist", "left_wrist", 100)),
+        r.VNPLANE, ("left_wrist", "right_wrist", "right_wrist", "left_wrist"), window=100),
     *_pair(11, "hand moving away from root", ">=", 1.2, 1.4, "HR",
-            lambda g, s: g.vnplane(f"{s}_wrist", "root", f"{s}_wrist", "root", 0)),
+        r.VNPLANE, ("*_wrist", "root", "*_wrist", "root")),
     *_pair(13, "hand fast", ">=", 2.0, 2.5, "HR",
-            lambda g, s: g.speed(f"{s}_fingers", 100)),
+        r.SPEED, ("*_fingers",), window=100),
     # lower body
     Feature(15, "right foot behind left leg", ">=", 0.0, 0.375, "HR",
-             lambda g: g.plane("root", "left_hip", "left_ankle", "right_ankle")),
+        r.PLANE, ("root", "left_hip", "left_ankle", "right_ankle")),
     Feature(16, "left foot behind right leg", ">=", 0.0, 0.375, "HR",
-             lambda g: g.plane("root", "right_ankle", "right_hip", "left_ankle")),
+        r.PLANE, ("root", "right_ankle", "right_hip", "left_ankle")),
     *_pair(17, "foot raised", ">=", 1.0, 1.2, "HR",
-            lambda g, s: g.height(f"{s}_toes")),
+        r.HEIGHT, ("*_toes",)),
     Feature(19, "feet far apart, sideways", ">=", 1.8, 2.1, "HR",
-             lambda g: np.abs(g.nplane("left_hip", "right_hip", "left_ankle", "right_ankle"))),
+        r.NPLANE, ("left_hip", "right_hip", "left_ankle", "right_ankle"), sign=0),
     *_pair(20, "knee bent", "<=", 120, 110, "deg",
-            lambda g, s: g.angle(f"{s}_knee", f"{s}_hip", f"{s}_knee", f"{s}_ankle")),
+        r.ANGLE, ("*_knee", "*_hip", "*_knee", "*_ankle")),
     Feature(22, "feet crossed over", "<=", 0.0, -0.125, "HW",
-             lambda g: g.nplane("left_hip", "right_hip", "left_ankle", "right_ankle")),
+        r.NPLANE, ("left_hip", "right_hip", "left_ankle", "right_ankle")),
     Feature(23, "feet moving towards each other, sideways", ">=", 1.3, 1.5, "HR",
-             lambda g: g.vnplane("left_hip", "right_hip", "right_ankle", "left_ankle", 100)),
+        r.VNPLANE, ("left_hip", "right_hip", "right_ankle", "left_ankle"), window=100),
     Feature(24, "feet moving apart, sideways", ">=", 1.3, 1.5, "HR",
-             lambda g: g.vnplane("left_hip", "right_hip", "left_ankle", "right_ankle", 100)),
+        r.VNPLANE, ("left_hip", "right_hip", "left_ankle", "right_ankle"), window=100),
     *_pair(25, "foot fast", ">=", 2.0, 2.5, "HR",
-            lambda g, s: np.minimum(g.speed(f"{s}_toes", 100), g.speed(f"{s}_ankle", 100))),
+        r.SLOWER, ("*_toes", "*_ankle"), window=100),
     # mixed
     *_pair(27, "humerus abducted", "<", 155, 150, "deg",
-            lambda g, s: g.angle("root", "neck", f"{s}_shoulder", f"{s}_elbow")),
+        r.ANGLE, ("root", "neck", "*_shoulder", "*_elbow")),
     *_pair(29, "femur abducted", ">", 45, 50, "deg",
-            lambda g, s: g.angle("root", "neck", f"{s}_knee", f"{s}_hip")),
+        r.ANGLE, ("root", "neck", "*_knee", "*_hip")),
     Feature(31, "root behind frontal plane", "<", -0.35, -0.5, "HR",
-             lambda g: g.plane("left_ankle", "neck", "right_ankle", "root")),
+        r.PLANE, ("left_ankle", "neck", "right_ankle", "root")),
     Feature(32, "spine horizontal", "within", 30, 20, "deg",
-             lambda g: g.incline("root", "neck")),
+        r.INCLINE, ("root", "neck")),
     *_pair(33, "hand lowered", "<", 1.4, 1.2, "HR",
-            lambda g, s: g.height(f"{s}_fingers", (f"{s}_fingers", f"{s}_wrist"))),
+        r.HEIGHT, ("*_fingers", "*_fingers", "*_wrist")),
     Feature(35, "shoulders rotated right", ">", 0.35, 0.40, "HL",
-             lambda g: g.shoulder_turn()),
+        r.PLANE, ("right_hip", "left_hip", "neck", "left_shoulder", "right_shoulder")),
     Feature(36, "shoulders rotated left", ">", 0.35, 0.40, "HL",
-             lambda g: -g.shoulder_turn()),
+        r.PLANE, ("right_hip", "left_hip", "neck", "left_shoulder", "right_shoulder"), sign=-1),
     Feature(37, "Y-extents of body small", "<=", 0.9, 0.8, "BL",
-             lambda g: g.vertical_extent()),
+        r.TALL, ()),
     Feature(38, "XZ-extents of body large", ">=", 3.0, 3.25, "HR",
-             lambda g: g.ground_extent("left_ankle", "right_ankle", "left_wrist", "right_wrist", "headtop", "root")),
+        r.WIDE, ("left_ankle", "right_ankle", "left_wrist", "right_wrist", "headtop", "root")),
     Feature(39, "root fast", ">=", 2.0, 2.3, "HR",
-             lambda g: g.speed("root", 0)),
+        r.SPEED, ("root",)),
     Feature(40, "root rotates around Y", ">=", 100, 110, "deg",
-             lambda g: g.yaw_rate()),
+        r.YAW, ()),
 )  # fmt: skip
 
 FEATURE_SETS: dict[str, np.ndarray] = {
@@ -267,7 +261,7 @@ def relational_features(motion: Motion, lengths: BodyLengths | None = None) -> F
         bool (40, T30), their grades and the places of the limbs: the columns nearest to multiples of 1/30 s, every 4th
         one of a 120 Hz motion.
     """
-    native, margins = _evaluated(motion, lengths)
+    native, margins = native_features(motion, lengths)
     columns = feature_columns(len(motion), motion.frame_rate)
     grades = grade(margins[:, columns])
     return FeatureMatrix(motion.name, native[:, columns], measured=grades, placed=places_of(motion, columns))
@@ -280,32 +274,61 @@ def feature_columns(frames: int, frame_rate: float) -> np.ndarray:
     return np.minimum(columns, frames - 1)
 
 
-def native_features(motion: Motion, lengths: BodyLengths | None = None) -> np.ndarray:
-    """All 40 features at the motion's own rate: bool (40, T)."""
-    return _evaluated(motion, lengths)[0]
+@lru_cache(maxsize=16)
+def program(frame_rate: float) -> np.ndarray:
+    """The quantities of all features at so many frames a second, for `kernels.motion.relations`: int64 (40, 8)."""
+    found = np.zeros((len(FEATURES), 8), dtype=np.int64)
+    for row, feature in enumerate(FEATURES):
+        places = [NAMED_JOINTS.index(point) for point in feature.points]
+        if feature.operation in _SETS:
+            single = _SETS[feature.operation]
+            places = [*places[:single], sum(1 << place for place in places[single:])]
+        elif len(places) == 4 and feature.operation in _PLANES:
+            places.append(places[2])
+        found[row, 0], found[row, 1 : 1 + len(places)] = feature.operation, places
+        found[row, 6] = max(1, int(np.ceil(feature.window * frame_rate / 1000.0 - 1e-9)))
+        found[row, 7] = feature.sign
+    return found
 
 
-def margins_of(motion: Motion) -> np.ndarray:
-    """How far each feature lies beyond the middle of its two thresholds, at the motion's own rate: float32 (40, T), in
-    the feature's unit."""
-    return _evaluated(motion, None)[1]
+_SETS = {r.HEIGHT: 1, r.WIDE: 0}
+"""Operations of which the points from that place on are a set."""
+_PLANES = (r.PLANE, r.NPLANE, r.VPLANE, r.VNPLANE)
+"""Operations that see their fourth point from the third, unless there is a fifth."""
 
 
-def _evaluated(motion: Motion, lengths: BodyLengths | None) -> tuple[np.ndarray, np.ndarray]:
-    """Features, bool (40, T), and how far beyond their thresholds they are, float32 (40, T), at the motion's rate."""
-    loose, strict, margins = tests_of(motion, BodyLengths.of(motion) if lengths is None else lengths)
+def native_features(motion: Motion, lengths: BodyLengths | None = None) -> tuple[np.ndarray, np.ndarray]:
+    """All 40 features at the motion's own rate.
+
+    Returns
+    -------
+    values : bool (40, T)
+    margins : float32 (40, T), how far each lies beyond the middle of its two thresholds, in the feature's unit
+    """
+    lengths = BodyLengths.of(motion) if lengths is None else lengths
+    quantities = quantities_of(motion)
+    loose, strict = np.empty(quantities.shape, dtype=bool), np.empty(quantities.shape, dtype=bool)
+    margins = np.empty(quantities.shape, dtype=np.float32)
+    for row, (feature, values) in enumerate(zip(FEATURES, quantities, strict=True)):
+        unit = lengths.unit(feature.unit)
+        loose[row], strict[row] = (
+            feature.holds(values, feature.loose * unit),
+            feature.holds(values, feature.strict * unit),
+        )
+        margins[row] = feature.margin(values / unit)
     return hysteresis(loose, strict), margins
 
 
-def tests_of(motion: Motion, lengths: BodyLengths) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """What `hysteresis` decides by: the loose and the strict tests, bool (40, T), and the margins, float32 (40, T)."""
-    geometry = Geometry(motion)
-    loose = np.empty((len(FEATURES), len(motion)), dtype=bool)
-    strict = np.empty_like(loose)
-    margins = np.empty(loose.shape, dtype=np.float32)
-    for row, feature in enumerate(FEATURES):
-        loose[row], strict[row], margins[row] = feature.evaluate(geometry, lengths)
-    return loose, strict, margins
+def quantities_of(motion: Motion) -> np.ndarray:
+    """What the features compare with their thresholds, float64 (40, T), in the motion's own unit of length."""
+    joints, axes = np.ascontiguousarray(motion.joints, dtype=np.float64), motion.root_axis
+    if axes is None:
+        axes = joints[:, NAMED_JOINTS.index("left_hip")] - joints[:, NAMED_JOINTS.index("right_hip")]
+    found = np.empty((len(motion), len(FEATURES)))
+    r.quantities_of_all(
+        joints, np.ascontiguousarray(axes, dtype=np.float64), motion.frame_rate, program(motion.frame_rate), found
+    )
+    return np.ascontiguousarray(found.T)
 
 
 def hysteresis(loose: np.ndarray, strict: np.ndarray) -> np.ndarray:

@@ -11,7 +11,7 @@ import numpy as np
 
 from toolkit.errors import RetrievalError, SettingsError
 from toolkit.progress import Progress
-from toolkit.retrieval.features.geometry import BodyLengths
+from toolkit.retrieval.features.lengths import BodyLengths
 from toolkit.retrieval.features.motion import Motion
 from toolkit.retrieval.features.relational import FEATURES, FeatureMatrix, relational_features
 from toolkit.retrieval.keyframes.query import Keyframe, KeyframeQuery, keyframes_of_column

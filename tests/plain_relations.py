@@ -1,8 +1,7 @@
-"""What relational features measure: body lengths, planes, angles and velocities of one motion (thesis 2.2)."""
+"""The 40 relational quantities of whole motions in plain NumPy (thesis 2.2): the twin of `kernels.motion.relations`."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
 from itertools import combinations
 
 import numpy as np
@@ -10,47 +9,40 @@ import numpy as np
 from toolkit.retrieval.features.motion import NAMED_JOINTS, Motion
 
 
-@dataclass(frozen=True)
-class BodyLengths:
-    """The actor's own units of length, in the unit of the motion's positions; all measured in one frame."""
-
-    humerus_right: float
-    humerus_left: float
-    shoulders: float
-    hips: float
-    chest_neck: float
-    body: float
-
-    @classmethod
-    def of(cls, motion: Motion) -> BodyLengths:
-        """Measure the first frame; the body's length is that of right leg and spine, without the drop to the hips."""
-        point = dict(zip(NAMED_JOINTS, motion.joints[0], strict=True))
-
-        def length(*chain: str) -> float:
-            steps = zip(chain[:-1], chain[1:], strict=True)
-            return float(sum(np.linalg.norm(point[a] - point[b]) for a, b in steps))
-
-        return cls(
-            humerus_right=length("right_shoulder", "right_elbow"),
-            humerus_left=length("left_shoulder", "left_elbow"),
-            shoulders=length("left_shoulder", "right_shoulder"),
-            hips=length("left_hip", "right_hip"),
-            chest_neck=length("chest", "neck"),
-            body=length("right_ankle", "right_knee", "right_hip")
-            + length("root", "belly", "chest", "neck", "head", "headtop"),
-        )
-
-    def symmetric(self) -> BodyLengths:
-        """Both arms with their mean length: left and right features become mirror images (F1 and F2 excepted)."""
-        mean = 0.5 * (self.humerus_right + self.humerus_left)
-        return replace(self, humerus_right=mean, humerus_left=mean)
-
-    def unit(self, name: str) -> float:
-        """Length of HR, HL, SW, HW, CN or BL; 1 for degrees."""
-        return {
-            "HR": self.humerus_right, "HL": self.humerus_left, "SW": self.shoulders, "HW": self.hips,
-            "CN": self.chest_neck, "BL": self.body, "deg": 1.0,
-        }[name]  # fmt: skip
+def plain_quantities(motion: Motion) -> np.ndarray:
+    """Float64 (40, T), F1 to F40."""
+    g = Geometry(motion)
+    rows = [
+        *((g.vplane("neck", "right_hip", "left_hip", f"{s}_wrist", 250)) for s in ("right", "left")),
+        *((g.nplane("chest", "neck", "neck", f"{s}_wrist")) for s in ("right", "left")),
+        *((g.vnplane("chest", "neck", "neck", f"{s}_wrist", 250)) for s in ("right", "left")),
+        *((g.angle(f"{s}_elbow", f"{s}_shoulder", f"{s}_elbow", f"{s}_wrist")) for s in ("right", "left")),
+        np.abs(g.nplane("left_shoulder", "right_shoulder", "left_wrist", "right_wrist")),
+        g.vnplane("left_wrist", "right_wrist", "right_wrist", "left_wrist", 100),
+        *((g.vnplane(f"{s}_wrist", "root", f"{s}_wrist", "root", 0)) for s in ("right", "left")),
+        *((g.speed(f"{s}_fingers", 100)) for s in ("right", "left")),
+        g.plane("root", "left_hip", "left_ankle", "right_ankle"),
+        g.plane("root", "right_ankle", "right_hip", "left_ankle"),
+        *((g.height(f"{s}_toes")) for s in ("right", "left")),
+        np.abs(g.nplane("left_hip", "right_hip", "left_ankle", "right_ankle")),
+        *((g.angle(f"{s}_knee", f"{s}_hip", f"{s}_knee", f"{s}_ankle")) for s in ("right", "left")),
+        g.nplane("left_hip", "right_hip", "left_ankle", "right_ankle"),
+        g.vnplane("left_hip", "right_hip", "right_ankle", "left_ankle", 100),
+        g.vnplane("left_hip", "right_hip", "left_ankle", "right_ankle", 100),
+        *((np.minimum(g.speed(f"{s}_toes", 100), g.speed(f"{s}_ankle", 100))) for s in ("right", "left")),
+        *((g.angle("root", "neck", f"{s}_shoulder", f"{s}_elbow")) for s in ("right", "left")),
+        *((g.angle("root", "neck", f"{s}_knee", f"{s}_hip")) for s in ("right", "left")),
+        g.plane("left_ankle", "neck", "right_ankle", "root"),
+        g.incline("root", "neck"),
+        *((g.height(f"{s}_fingers", (f"{s}_fingers", f"{s}_wrist"))) for s in ("right", "left")),
+        g.shoulder_turn(),
+        -g.shoulder_turn(),
+        g.vertical_extent(),
+        g.ground_extent("left_ankle", "right_ankle", "left_wrist", "right_wrist", "headtop", "root"),
+        g.speed("root", 0),
+        g.yaw_rate(),
+    ]
+    return np.stack([np.broadcast_to(row, len(motion)) for row in rows])
 
 
 class Geometry:

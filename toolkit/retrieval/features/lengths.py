@@ -1,0 +1,52 @@
+"""The actor's own units of length, in which relational features measure (thesis 2.2)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from toolkit.retrieval.features.motion import NAMED_JOINTS, Motion
+
+
+@dataclass(frozen=True)
+class BodyLengths:
+    """The actor's own units of length, in the unit of the motion's positions; all measured in one frame."""
+
+    humerus_right: float
+    humerus_left: float
+    shoulders: float
+    hips: float
+    chest_neck: float
+    body: float
+
+    @classmethod
+    def of(cls, motion: Motion) -> BodyLengths:
+        """Measure the first frame; the body's length is that of right leg and spine, without the drop to the hips."""
+        point = dict(zip(NAMED_JOINTS, motion.joints[0], strict=True))
+
+        def length(*chain: str) -> float:
+            steps = zip(chain[:-1], chain[1:], strict=True)
+            return float(sum(np.linalg.norm(point[a] - point[b]) for a, b in steps))
+
+        return cls(
+            humerus_right=length("right_shoulder", "right_elbow"),
+            humerus_left=length("left_shoulder", "left_elbow"),
+            shoulders=length("left_shoulder", "right_shoulder"),
+            hips=length("left_hip", "right_hip"),
+            chest_neck=length("chest", "neck"),
+            body=length("right_ankle", "right_knee", "right_hip")
+            + length("root", "belly", "chest", "neck", "head", "headtop"),
+        )
+
+    def symmetric(self) -> BodyLengths:
+        """Both arms with their mean length: left and right features become mirror images (F1 and F2 excepted)."""
+        mean = 0.5 * (self.humerus_right + self.humerus_left)
+        return replace(self, humerus_right=mean, humerus_left=mean)
+
+    def unit(self, name: str) -> float:
+        """Length of HR, HL, SW, HW, CN or BL; 1 for degrees."""
+        return {
+            "HR": self.humerus_right, "HL": self.humerus_left, "SW": self.shoulders, "HW": self.hips,
+            "CN": self.chest_neck, "BL": self.body, "deg": 1.0,
+        }[name]  # fmt: skip
