@@ -8,8 +8,7 @@ Two sets of documents, put together from cut clips:
 easy : blended joins, filler
 hard : joins of at most 0.1 s, filler, and the mirror images of all clips of one-sided classes, which belong to none
 
-Beside it, on the same documents: the model without motions of no class, the same with counterexamples mined in the
-documents themselves, the thesis's motion templates with the
+Beside it, on the same documents: the model without motions of no class, the thesis's motion templates with the
 threshold learned likewise (their keyframes learned in this run where `--keyframe-runs` is above 0), and with `--curve`
 what fewer people and fewer clips teach. The method was begun on bd and bk, each trained on alone for the other;
 counterexamples at other speeds, no grouping by person and the thresholds per class were settled with the three
@@ -244,16 +243,11 @@ class Measured(NamedTuple):
 
 
 def annotators_of(
-    seen: Sequence[Clip], filler: Sequence[Motion], documents: dict[str, list[TrainedDocument]], seed: int,
-    options: argparse.Namespace,
-) -> dict[str, Annotate]:  # fmt: skip
-    """All annotators but the model itself, by row; of one that belongs to one set of documents the row ends with it."""
+    seen: Sequence[Clip], filler: Sequence[Motion], seed: int, options: argparse.Namespace
+) -> dict[str, Annotate]:
+    """All annotators but the model itself, by row."""
     found: dict[str, Annotate] = {}
     found["without motions of no class"] = train(seen, [], np.random.default_rng(seed)).annotate
-    for name, part in documents.items():
-        unknown = [document.features for document in part]
-        taught = train(seen, [], np.random.default_rng(seed), unlabelled=unknown)
-        found[f"mined in what is annotated ({name})"] = taught.annotate
     if seed == options.seed:
         found |= templates(seen, filler, seed, options.keyframe_runs)
     if not options.curve:
@@ -286,7 +280,7 @@ def rotate(
     begin = time.process_time()
     model = train(seen, early, np.random.default_rng(seed))
     measured.training.append(time.process_time() - begin)
-    others = annotators_of(seen, early, documents, seed, options)
+    others = annotators_of(seen, early, seed, options)
     for name, part in documents.items():
         measured.searched[name] += found_by_search(model, part)
         begin = time.process_time()
@@ -295,8 +289,7 @@ def rotate(
         minutes = sum(document.features.duration for document in part) / 60.0
         measured.annotated.append(minutes / spent)
         for row, annotate in others.items():
-            if not row.endswith(tuple(f"({other})" for other in SETS if other != name)):
-                measured.rows[name].setdefault(row.split(" (")[0], []).append(judged(annotate, part, labels))
+            measured.rows[name].setdefault(row.split(" (")[0], []).append(judged(annotate, part, labels))
 
 
 def figures_of(measured: Measured, name: str, labels: Sequence[str], curve: bool) -> dict[str, Any]:

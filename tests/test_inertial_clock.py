@@ -255,7 +255,9 @@ def typed(*words) -> None:
 def test_the_verbs_read_and_synchronise_as_typed(tmp_path, capsys):
     simulated = sensors_of(noise="mtx", seed=4)
     devices = [f"00B{i}" for i in range(len(simulated.sensors))]
-    simulated.sensors.renamed(devices).save(tmp_path / "raw.csv")
+    streams = zip(simulated.sensors, devices, strict=True)
+    renamed = replace(simulated.sensors, streams=tuple(replace(stream, name=name) for stream, name in streams))
+    renamed.save(tmp_path / "raw.csv")
     limbs = zip(devices, simulated.sensors.names, strict=True)
     (tmp_path / "placement.yaml").write_text("\n".join(f"{device}: {limb}" for device, limb in limbs))
     run = write_run(tmp_path / "run", poses_of())

@@ -242,10 +242,7 @@ def test_limbs_held_otherwise_cost_where_no_relation_changes() -> None:
     joints = motion.joints.copy()
     joints[:, NAMED_JOINTS.index("left_elbow"), 2] += 0.02
     features, other = relational_features(motion), relational_features(replace(motion, joints=joints))
-    index = KeyframeIndex.build([replace(features, placed=other.placed)])
-    costs = [search_example(index, Example.of(e.sliced(30, 90)), 1)[0].cost for e in (features, index_of(index))]
+    indexed = replace(features, placed=other.placed)
+    index = KeyframeIndex.build([indexed])
+    costs = [search_example(index, Example.of(e.sliced(30, 90)), 1)[0].cost for e in (features, indexed)]
     assert costs[1] == 0.0 < costs[0]
-
-
-def index_of(index: KeyframeIndex) -> FeatureMatrix:
-    return index.features(0, 0, index.frames)

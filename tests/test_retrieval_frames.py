@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -66,10 +68,15 @@ def test_alignments_of_all_templates_are_those_of_each():
         np.testing.assert_array_equal(together.starts, np.concatenate([s[column % 3] for _, s in state]))
 
 
-def test_the_cheapest_of_an_owner_is_the_first_of_its_least_costs():
-    costs, starts = np.array([3.0, 1.0, 1.0, np.inf, 2.0, 2.0]), np.array([7, 8, 9, -1, 5, 6])
-    best, begun = np.empty(4), np.empty(4, dtype=np.int64)
-    places, owner = np.arange(6), np.array([0, 0, 0, 2, 3, 3])
-    dtw.cheapest_of(costs, starts, places, owner, best, begun)
-    np.testing.assert_allclose(best, [1.0, np.inf, np.inf, 2.0])
-    np.testing.assert_array_equal(begun, [8, -1, -1, 5])
+def test_the_cheapest_of_a_class_is_the_first_of_its_least_costs():
+    other = classes()[0].templates
+    several = [replace(c, templates=(*c.templates, *other, *c.templates), motions=()) for c in classes()]
+    together = CausalAlignments(several)
+    for word in relational_features(from_poses(document(), body(), 30.0, "whole")).words[:60]:
+        together.push(word)
+    costs, starts = together.cheapest()
+    ends = np.cumsum(together.lengths) - 1
+    for row in range(len(several)):
+        own = ends[together.owner == row]
+        assert costs[row] == together.costs[own].min()
+        assert starts[row] == together.starts[own[np.argmin(together.costs[own])]]

@@ -14,9 +14,8 @@ from toolkit.kernels.motion.graded import differences, graded_distances, nearest
 from toolkit.retrieval.annotation.classes import load_classes
 from toolkit.retrieval.annotation.documents import assemble
 from toolkit.retrieval.annotation.examples import ExampleSet
-from toolkit.retrieval.annotation.judge import COST, MEASURES, USUAL_COST, Judge, Turn, joined, learn_judges
+from toolkit.retrieval.annotation.judge import MEASURES, USUAL_COST, Judge, Turn, joined, learn_judges
 from toolkit.retrieval.annotation.measures import Segment
-from toolkit.retrieval.annotation.mining import UNLIKE, with_unlike
 from toolkit.retrieval.annotation.model import MotionModel
 from toolkit.retrieval.annotation.training import (
     Clip,
@@ -218,38 +217,6 @@ def test_leaving_people_out_tells_what_to_expect(others: list[Motion]) -> None:
     assert all(scores.recall > 0.5 for result in results for scores in result.segments.values())
     alone = leave_one_out(clips_of(people=1, copies=4), others, np.random.default_rng(0))
     assert [result.person for result in alone] == ["half 1", "half 2"]
-
-
-def test_what_is_much_less_like_a_class_than_its_own_clips_is_a_counterexample() -> None:
-    measures = np.zeros((4, MEASURES))
-    measures[:, COST] = [0.5, 1.0, 2.0, 3.0]
-    true = np.array([True, True, False, False])
-    places = np.zeros((3, MEASURES))
-    places[:, COST] = [0.9, 1.1 * UNLIKE, 0.99 * UNLIKE]
-    turns, found = {0: (measures, true), 1: (measures[:2], true[:2])}, {0: places, 1: places[:1]}
-    (grown, right), (other, _) = with_unlike(turns, found).values()
-    np.testing.assert_array_equal(grown[4:], places[[1]])
-    np.testing.assert_array_equal(right, [*true, False])
-    np.testing.assert_array_equal(other, measures[:2])
-    nothing = {0: (measures[2:], true[2:])}
-    assert with_unlike(nothing, {0: places})[0][0] is nothing[0][0], "no right place says what is unlike"
-    assert with_unlike({}, {}) == {}
-
-
-def test_a_model_learns_from_the_motions_that_it_will_annotate(others: list[Motion]) -> None:
-    parts = [(performed(seed, 77), f"move {seed}" if seed < 3 else None) for seed in (30, 1, 31, 2, 32)]
-    document = assemble("document", parts)
-    unknown = [relational_features(motion) for motion in (document.motion, *others)]
-    learned = train(clips_of(), [], np.random.default_rng(0), unlabelled=unknown)
-    found = learned.annotate(unknown[0]).segments
-    assert [segment.label for segment in found] == [segment.label for segment in document.segments]
-    for segment, true in zip(found, document.segments, strict=True):
-        assert segment.start == pytest.approx(true.start, abs=0.3) and segment.end == pytest.approx(true.end, abs=0.3)
-    without = train(clips_of(), [], np.random.default_rng(0))
-    assert any((a.weights != b.weights).any() for a, b in zip(learned.judges, without.judges, strict=True))
-    alone, unmined = (train(clips_of(people=1), [], np.random.default_rng(0), unlabelled=u) for u in (unknown, ()))
-    for a, b in zip(alone.judges, unmined.judges, strict=True):
-        np.testing.assert_array_equal(a.weights, b.weights, err_msg="one person's clips do not say what is unlike")
 
 
 def test_turns_keep_people_apart_and_one_person_takes_turns_in_halves() -> None:

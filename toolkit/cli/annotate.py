@@ -31,7 +31,6 @@ Others = Annotated[
     list[Path] | None,
     typer.Option(
         help="Motions of no class: what the examples are not to be mistaken for.",
-        show_default="of examples by several people: what is least like them in the motions",
     ),
 ]
 Events = Annotated[
@@ -105,7 +104,7 @@ def annotate(
             wanted = (
                 _templates(tags, learned, bars)
                 if learning.templates
-                else _model(tags, learned, learning.others or [], motions, learning.seed, bars)
+                else _model(tags, learned, learning.others or [], learning.seed, bars)
             )
         done = annotate_motions(
             motions, wanted, output, queries=load_queries(queries) if queries else (), truth=truth,
@@ -124,19 +123,15 @@ def _templates(tags: dict[Path, Tag], output: Path, progress: Progress) -> list[
     return wanted
 
 
-def _model(
-    tags: dict[Path, Tag], output: Path, others: list[Path], motions: list[Path], seed: int, progress: Progress
-) -> MotionModel:
+def _model(tags: dict[Path, Tag], output: Path, others: list[Path], seed: int, progress: Progress) -> MotionModel:
     """A motion model, learned from examples and written."""
     import numpy as np
 
     from toolkit.retrieval.workflow.learn import learn_model
 
-    learned = learn_model(
-        tags, output, np.random.default_rng(seed), others=others, unlabelled=motions, check=False, progress=progress
-    )
+    learned = learn_model(tags, output, np.random.default_rng(seed), others=others, check=False, progress=progress)
     counts = ", ".join(f"{label} ({count})" for label, count in learned.clips.items())
-    say(f"classes: {counts}", *cautions(learned, others, mined=True), sep="\n")
+    say(f"classes: {counts}", *cautions(learned, others), sep="\n")
     return learned.model
 
 

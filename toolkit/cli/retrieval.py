@@ -279,16 +279,13 @@ def _learn_model(
         say(line)
 
 
-def cautions(learned: LearnedModel, others: Sequence[Path], *, mined: bool = False) -> list[str]:
-    """What to know about a model that was learned; `mined` if counterexamples come from what is annotated."""
+def cautions(learned: LearnedModel, others: Sequence[Path]) -> list[str]:
+    """What to know about a model that was learned."""
     lines = [
         f"{first} is hard to tell from {second}: only {ratio:.2f} times as far from it as from its own clips."
         for first, second, ratio in learned.alike
     ]
-    if mined and not others and len(learned.people) > 1:
-        lines.append("Without --others the counterexamples are what is least like the examples in the motions given;")
-        lines.append("motions known to be of no class, such as walking, sitting, standing about, teach more.")
-    elif not others:
+    if not others:
         lines.append(
             "Without --others the model knows only its own classes, and labels whatever resembles one of them:"
         )

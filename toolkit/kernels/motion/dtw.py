@@ -211,26 +211,6 @@ def push_columns(
 
 
 @njit(cache=True)
-def cheapest_of(
-    costs: np.ndarray, starts: np.ndarray, places: np.ndarray, owner: np.ndarray,
-    costs_out: np.ndarray, starts_out: np.ndarray,
-) -> None:  # fmt: skip
-    """For each owner the least of `costs` (K,) at `places` (M,), the first on ties, and its start.
-
-    Parameters
-    ----------
-    owner : int64 (M,), rows of the outputs
-    costs_out, starts_out : float64 and int64 (P,), filled; infinite and -1 for none
-    """
-    costs_out[:] = np.inf
-    starts_out[:] = -1
-    for m in range(places.shape[0]):
-        cost = costs[places[m]]
-        if cost < costs_out[owner[m]]:
-            costs_out[owner[m]], starts_out[owner[m]] = cost, starts[places[m]]
-
-
-@njit(cache=True)
 def trace(
     bits: np.ndarray, mask: np.ndarray, scale: np.ndarray, document: np.ndarray, unknown: np.ndarray
 ) -> tuple[float, np.ndarray]:

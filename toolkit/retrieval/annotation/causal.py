@@ -60,11 +60,8 @@ class CausalAlignments:
         return self._starts[self.column % 3]
 
     def cheapest(self) -> tuple[np.ndarray, np.ndarray]:
-        """Per class the least cost of its whole templates, and its start.
-
-        Returns float64 and int64 (P,), for all classes up to the last one that has a template.
-        """
-        count = int(self.owner[-1]) + 1
-        costs, starts = np.empty(count), np.empty(count, dtype=np.int64)
-        dtw.cheapest_of(self.costs, self.starts, self._bounds[1:] - 1, self.owner, costs, starts)
-        return costs, starts
+        """Per class the least cost of its whole templates, the first on ties, and its start: float64 and int64 (P,)."""
+        ends = self._bounds[1:] - 1
+        costs = self.costs[ends]
+        cheapest = np.lexsort((costs, self.owner))[np.searchsorted(self.owner, np.unique(self.owner))]
+        return costs[cheapest], self.starts[ends][cheapest]

@@ -20,7 +20,6 @@ from toolkit.retrieval.annotation.documents import HARD_JOINS, JOINS, assemble, 
 from toolkit.retrieval.annotation.examples import ExampleSet, Proposals
 from toolkit.retrieval.annotation.judge import Turn, joined, learn_judges
 from toolkit.retrieval.annotation.measures import Scores, Segment, frame_scores, label_frames, segment_scores
-from toolkit.retrieval.annotation.mining import with_unlike
 from toolkit.retrieval.annotation.model import MotionModel
 from toolkit.retrieval.features.grades import BLOCK
 from toolkit.retrieval.features.motion import Motion
@@ -91,7 +90,6 @@ def train(
     others: Sequence[Motion],
     rng: np.random.Generator,
     progress: Progress | None = None,
-    unlabelled: Sequence[FeatureMatrix] = (),
 ) -> MotionModel:
     """Learn a model: all clips are its examples, its judges come from what some clips find in documents of others.
 
@@ -101,8 +99,6 @@ def train(
     others : motions that hold none of the classes: counterexamples
     rng : source of all randomness
     progress : told after each part
-    unlabelled : motions of unknown content, in which counterexamples are mined (`mining`), if clips are by several
-        people: one person's clips do not tell how far another's may be from them
 
     Raises
     ------
@@ -112,17 +108,14 @@ def train(
     if not clips:
         raise RetrievalError("there are no labelled clips to learn from; give at least one")
     labels = sorted({clip.label for clip in clips})
-    if len(labels) == 1 and not others and not unlabelled:
+    if len(labels) == 1 and not others:
         raise RetrievalError(
             f"all clips have the label {labels[0]!r}, so there is nothing to tell it from; give clips of other "
             "classes, or motions of none"
         )
     several = len({clip.person for clip in clips}) > 1  # halves of one person teach no caution about others
-    rows, unknown = _what_clips_find(clips, others, rng, progress, unlabelled if several else ())
-    turns = {
-        label: with_unlike({turn: joined(parts) for turn, parts in rows[label].items()}, unknown[label])
-        for label in labels
-    }
+    found = _what_clips_find(clips, others, rng, progress)
+    turns = {label: {turn: joined(parts) for turn, parts in found[label].items()} for label in labels}
     judges = learn_judges(turns, cautious=several)
     return MotionModel(
         ExampleSet.of([(clip.features, clip.label) for clip in clips]), tuple(judges[label] for label in labels)
@@ -134,10 +127,8 @@ def _what_clips_find(
     others: Sequence[Motion],
     rng: np.random.Generator,
     progress: Progress | None,
-    unlabelled: Sequence[FeatureMatrix],
-) -> tuple[dict[str, dict[int, list[Turn]]], dict[str, dict[int, np.ndarray]]]:
-    """Per label and turn: what places in documents of known truth measure and whether they are right, and what places
-    in motions of unknown content measure."""
+) -> dict[str, dict[int, list[Turn]]]:
+    """Per label and turn: what places in documents of known truth measure, and whether they are right."""
     symmetric, labels = two_sided(clips), {clip.label for clip in clips}
     empty = [
         TrainedDocument(relational_features(side.at_speed(speed)), ())
@@ -146,7 +137,6 @@ def _what_clips_find(
         for speed in SPEEDS
     ]
     rows: dict[str, dict[int, list[Turn]]] = {label: {} for label in labels}
-    unknown: dict[str, dict[int, np.ndarray]] = {label: {} for label in labels}
     steps = [
         (turn, parts, hard)
         for _ in range(ROUNDS)
@@ -159,11 +149,9 @@ def _what_clips_find(
         for label in examples.classes:
             places = examples.propose(label, [document.features for document in documents])
             rows[label].setdefault(turn, []).append((places.described, rightness(places, label, documents)))
-            if unlabelled and turn not in unknown[label]:
-                unknown[label][turn] = examples.propose(label, unlabelled).described
         if progress is not None:
             progress("learning", number, len(steps))
-    return rows, unknown
+    return rows
 
 
 def turns_of(clips: Sequence[Clip], rng: np.random.Generator) -> list[tuple[list[Clip], list[Clip]]]:

@@ -55,6 +55,26 @@ def importance(grades: np.ndarray) -> np.ndarray:
 
 def coarse(grades: np.ndarray) -> np.ndarray:
     """Means of `BLOCK` columns each of grades (40, T), the last block perhaps shorter: int8 (40, ceil(T / BLOCK))."""
-    starts = np.arange(0, grades.shape[1], BLOCK)
-    sums = np.add.reduceat(grades, starts, axis=1, dtype=np.float64)
-    return np.rint(sums / np.diff(np.append(starts, grades.shape[1]))).astype(np.int8)
+    return np.ascontiguousarray(coarse_rows(grades.T, np.array([0, grades.shape[1]]))[0].T)
+
+
+def coarse_rows(rows: np.ndarray, starts: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The same of many documents, one after the other.
+
+    Parameters
+    ----------
+    rows : int8 (N, 40), graded columns of all documents
+    starts : int64 (D + 1,), first column of each document, ending with N
+
+    Returns
+    -------
+    means : int8 (M, 40), no block reaches into the next document
+    coarse_starts : int64 (D + 1,), first block of each document, ending with M
+    """
+    counts = -(-np.diff(starts) // BLOCK)
+    coarse_starts = np.concatenate([[0], np.cumsum(counts)])
+    within = np.arange(coarse_starts[-1]) - np.repeat(coarse_starts[:-1], counts)
+    firsts = np.repeat(starts[:-1], counts) + BLOCK * within
+    sums = np.add.reduceat(rows, firsts, axis=0, dtype=np.float32)
+    means = np.rint(sums / np.diff(np.append(firsts, len(rows)))[:, None].astype(np.float32))
+    return means.astype(np.int8), coarse_starts

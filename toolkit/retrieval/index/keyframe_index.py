@@ -2,7 +2,7 @@
 
 A file is opened without being read (`storage`): the lists of a feature set are read, compared with their checksums and
 looked through when a search first needs them, for compiled code follows where they lead; grades and places are numbers,
-read where a hit is. The runs hold every frame, so the index also gives back the features of any piece of a document.
+read where a hit is. The runs hold every frame, so that documents can be added and taken out without their files.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ import numpy as np
 
 from toolkit.archives import Column, check_columns
 from toolkit.errors import RetrievalError
-from toolkit.retrieval.features.grades import BLOCK, coarse
+from toolkit.retrieval.features.grades import BLOCK, coarse_rows
 from toolkit.retrieval.features.places import ROWS
 from toolkit.retrieval.features.relational import (
     FEATURE_RATE,
@@ -80,20 +80,25 @@ class KeyframeIndex:
             if len(document) == 0:
                 raise RetrievalError(f"document {document.name!r} has no frame; leave it out of the index")
         starts = np.concatenate([[0], np.cumsum([len(document) for document in documents])]).astype(np.int64)
-        sets: dict[str, RunLists] = {}
         words = np.concatenate([document.words for document in documents])
-        for name, rows in FEATURE_SETS.items():
-            vectors = words >> np.uint64(rows[0]) & np.uint64((1 << len(rows)) - 1)
-            sets[name] = RunLists.of(vectors.astype(np.uint16), starts)
         grades, places = (
             np.concatenate([np.ascontiguousarray(getattr(document, name).T) for document in documents])
             for name in ("grades", "places")
         )
-        blocks = [coarse(document.grades) for document in documents]
-        coarse_starts = np.cumsum([0, *(block.shape[1] for block in blocks)])
-        columns = np.ascontiguousarray(np.concatenate(blocks, axis=1).T)
-        sketch = np.concatenate([coarse(block) for block in blocks], axis=1)
-        return cls(names, starts, sets, grades, places, columns, coarse_starts, sketch)
+        return cls._of(names, starts, words, grades, places)
+
+    @classmethod
+    def _of(
+        cls, names: tuple[str, ...], starts: np.ndarray, words: np.ndarray, grades: np.ndarray, places: np.ndarray
+    ) -> KeyframeIndex:
+        """An index of frames: bit words of their features (N,), grades (N, 40), places (N, 24)."""
+        sets: dict[str, RunLists] = {}
+        for name, rows in FEATURE_SETS.items():
+            vectors = words >> np.uint64(rows[0]) & np.uint64((1 << len(rows)) - 1)
+            sets[name] = RunLists.of(vectors.astype(np.uint16), starts)
+        coarse, coarse_starts = coarse_rows(grades, starts)
+        sketch = np.ascontiguousarray(coarse_rows(coarse, coarse_starts)[0].T)
+        return cls(names, starts, sets, grades, places, coarse, coarse_starts, sketch)
 
     def added(self, documents: Iterable[FeatureMatrix]) -> KeyframeIndex:
         """A new index with further documents behind the present ones.
@@ -105,16 +110,12 @@ class KeyframeIndex:
         """
         self.check()
         new = KeyframeIndex.build(documents)
-        names = _distinct([*self.names, *new.names])
-        return KeyframeIndex(
-            names,
-            _continued(self.document_starts, new.document_starts),
-            {name: lists.joined(new.sets[name]) for name, lists in self.sets.items()},
+        return KeyframeIndex._of(
+            _distinct([*self.names, *new.names]),
+            np.concatenate([self.document_starts[:-1], new.document_starts + self.frames]),
+            np.concatenate([self.words, new.words]),
             np.concatenate([self.grades, new.grades]),
             np.concatenate([self.places, new.places]),
-            np.concatenate([self.coarse, new.coarse]),
-            _continued(self.coarse_starts, new.coarse_starts),
-            np.concatenate([self.sketch, new.sketch], axis=1),
         )
 
     def without(self, names: Iterable[str]) -> KeyframeIndex:
@@ -132,18 +133,17 @@ class KeyframeIndex:
             raise RetrievalError(
                 f"there is no document {unknown[0]!r} in the index; `depthmocap search` names those it finds"
             )
-        kept = [number for number, name in enumerate(self.names) if name not in leaving]
-        if not kept:
+        stays = np.array([name not in leaving for name in self.names])
+        if not stays.any():
             raise RetrievalError("nothing would be left in the index; delete the file instead")
-        return KeyframeIndex(
-            tuple(self.names[number] for number in kept),
-            _restarted(self.document_starts, kept),
-            {name: lists.chosen(kept) for name, lists in self.sets.items()},
-            _chosen(self.grades, self.document_starts, kept),
-            _chosen(self.places, self.document_starts, kept),
-            _chosen(self.coarse, self.coarse_starts, kept),
-            _restarted(self.coarse_starts, kept),
-            np.ascontiguousarray(_chosen(self.sketch.T, self.sketch_starts, kept).T),
+        lengths = np.diff(self.document_starts)
+        frames = np.repeat(stays, lengths)
+        return KeyframeIndex._of(
+            tuple(name for name in self.names if name not in leaving),
+            np.concatenate([[0], np.cumsum(lengths[stays])]),
+            self.words[frames],
+            self.grades[frames],
+            self.places[frames],
         )
 
     def __len__(self) -> int:
@@ -164,17 +164,13 @@ class KeyframeIndex:
         """Seconds of all documents."""
         return self.frames / FEATURE_RATE
 
-    def features(self, document: int, start: int, stop: int) -> FeatureMatrix:
-        """Features of frames start to stop - 1 of a document, put back together from the runs."""
-        offset = int(self.document_starts[document])
-        values = np.empty((len(FEATURES), stop - start), dtype=bool)
+    @property
+    def words(self) -> np.ndarray:
+        """The features of all frames as bit words, uint64 (N,), put back together from the runs."""
+        words = np.zeros(self.frames, dtype=np.uint64)
         for name, rows in FEATURE_SETS.items():
-            vectors = self.sets[name].frames(offset + start, offset + stop)
-            values[rows] = vectors >> np.arange(len(rows), dtype=np.uint16)[:, None] & 1
-        grades, places = (
-            np.ascontiguousarray(rows[offset + start : offset + stop].T) for rows in (self.grades, self.places)
-        )
-        return FeatureMatrix(self.names[document], values, measured=grades, placed=places)
+            words |= self.sets[name].frames.astype(np.uint64) << np.uint64(rows[0])
+        return words
 
     def keyframe_list(self, keyframe: Keyframe) -> tuple[np.ndarray, np.ndarray, int]:
         """Inverted keyframe list, Eq. 3.5: first and last frames of its segments, and the number of runs listed."""
@@ -292,18 +288,3 @@ def _distinct(names: Sequence[str]) -> tuple[str, ...]:
 def _starts_of_blocks(starts: np.ndarray) -> np.ndarray:
     """First block of each document, int64 (D + 1,), from their first columns."""
     return np.concatenate([[0], np.cumsum(-(-np.diff(starts) // BLOCK))])
-
-
-def _continued(starts: np.ndarray, further: np.ndarray) -> np.ndarray:
-    """Starts of documents followed by those of others."""
-    return np.concatenate([starts[:-1], further + starts[-1]])
-
-
-def _restarted(starts: np.ndarray, kept: Sequence[int]) -> np.ndarray:
-    """Starts of some of the documents, without what lay between them."""
-    return np.cumsum([0, *np.diff(starts)[kept]])
-
-
-def _chosen(rows: np.ndarray, starts: np.ndarray, kept: Sequence[int]) -> np.ndarray:
-    """The rows of some of the documents."""
-    return np.concatenate([rows[starts[number] : starts[number + 1]] for number in kept])

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -61,34 +60,11 @@ class RunLists:
     @classmethod
     def of(cls, vectors: np.ndarray, document_starts: np.ndarray) -> RunLists:
         """Runs and lists of the frames' feature vectors (N,), of documents from `document_starts` (D + 1,)."""
-        return cls.from_runs(*runs_of(vectors, document_starts))
-
-    @classmethod
-    def from_runs(cls, run_starts: np.ndarray, run_vectors: np.ndarray, document_runs: np.ndarray) -> RunLists:
-        """Sort the runs into inverted lists."""
+        run_starts, run_vectors, document_runs = runs_of(vectors, document_starts)
         order = np.argsort(run_vectors, kind="stable").astype(np.int32)
         vectors, first = np.unique(run_vectors[order], return_index=True)
         offsets = np.append(first, len(order)).astype(np.int64)
         return cls(run_starts, run_vectors, document_runs, vectors, offsets, order)
-
-    def joined(self, other: RunLists) -> RunLists:
-        """These documents followed by those of `other`."""
-        starts = np.concatenate([self.run_starts[:-1], other.run_starts + self.run_starts[-1]])
-        runs = np.concatenate([self.document_runs[:-1], other.document_runs + self.document_runs[-1]])
-        return RunLists.from_runs(starts, np.concatenate([self.run_vectors, other.run_vectors]), runs)
-
-    def chosen(self, documents: Sequence[int]) -> RunLists:
-        """Some of the documents, in the order given."""
-        starts, vectors, counts, frames = [], [], [0], 0
-        for document in documents:
-            first, stop = int(self.document_runs[document]), int(self.document_runs[document + 1])
-            begin, end = int(self.run_starts[first]), int(self.run_starts[stop])
-            starts.append(self.run_starts[first:stop] - begin + frames)
-            vectors.append(self.run_vectors[first:stop])
-            counts.append(stop - first)
-            frames += end - begin
-        run_starts = np.concatenate([*starts, [frames]]).astype(np.int32)
-        return RunLists.from_runs(run_starts, np.concatenate(vectors), np.cumsum(counts).astype(np.int32))
 
     def segments(self, mask: int, value: int) -> tuple[np.ndarray, np.ndarray, int]:
         """Maximal segments of frames whose vector v has `v & mask == value`: first and last frames, and runs listed."""
@@ -109,9 +85,7 @@ class RunLists:
             windows, self.run_vectors, self.run_starts, kind(keyframe.mask), kind(keyframe.value), frames
         )
 
-    def frames(self, start: int, stop: int) -> np.ndarray:
-        """Feature vectors of the frames start to stop - 1."""
-        first = int(np.searchsorted(self.run_starts, start, side="right")) - 1
-        last = int(np.searchsorted(self.run_starts, stop, side="left"))
-        edges = np.clip(self.run_starts[first : last + 1], start, stop)
-        return np.repeat(self.run_vectors[first:last], np.diff(edges))
+    @property
+    def frames(self) -> np.ndarray:
+        """Feature vector of every frame, unsigned (N,)."""
+        return np.repeat(self.run_vectors, np.diff(self.run_starts))

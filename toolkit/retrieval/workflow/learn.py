@@ -87,7 +87,6 @@ def learn_model(
     rng: np.random.Generator,
     *,
     others: Sequence[str | Path] = (),
-    unlabelled: Sequence[str | Path] = (),
     check: bool = True,
     progress: Callable[[str, int, int], None] | None = None,
 ) -> LearnedModel:
@@ -99,8 +98,6 @@ def learn_model(
     output : the model file (NPZ); None writes nothing
     rng : source of all randomness
     others : clips, folders of clips: motions of no class
-    unlabelled : motions of unknown content, such as those to be annotated; where there are no others, and several
-        people, what is least like a class in them is a counterexample
     check : leave each person out once; without it `left_out` is empty
     progress : told what is done, how much of it, and how much there is
     """
@@ -113,8 +110,7 @@ def learn_model(
             progress("reading clips", number, len(clips))
     more = [load_motion(file) for file in find_motions(others)]
     left_out = leave_one_out(read, more, rng, progress) if check else []
-    unknown = [] if more else [relational_features(load_motion(file)) for file in find_motions(unlabelled)]
-    model = train(read, more, rng, progress, unknown)
+    model = train(read, more, rng, progress)
     if output is not None:
         model.save(output)
     counts = {label: sum(clip.label == label for clip in read) for label in model.labels}
