@@ -34,7 +34,6 @@ COMMANDS: dict[str, str] = {
     "rooms": "rooms --database toolkit/database/assets/default.npz",
     "recovery_report": "recovery wrong --split report --database {database}",
     "cold_report_depth": "recovery cold --split report --takes 2 --joints depth --every 24 --database {database}",
-    "cold_report_colour": "recovery cold --split report --takes 1 --joints colour --every 24 --database {database}",
     "person_tune": "regressor people --views 25 --database toolkit/database/assets/default.npz",
     "builds": "database collections",
     "swarm_report_colour": "swarm suite --split report --first 60 --joints colour",
@@ -62,6 +61,8 @@ COMMANDS: dict[str, str] = {
     "keyframe_ranking": "keyframes ranking {data}",
     "keyframe_learning": "keyframes learning {data}",
     "fuzz": "fuzz --mutations 106200 --seed 1",
+    "failures": "failures --points 20",
+    "bad_calls": "bad_calls --calls 2000 --seed 24",
 }
 """Result -> the benchmark that writes it, as it is typed behind `depthmocap bench`."""
 

@@ -9,10 +9,9 @@ easy : blended joins, filler
 hard : joins of at most 0.1 s, filler, and the mirror images of all clips of one-sided classes, which belong to none
 
 Beside it, on the same documents: the model without motions of no class, the thesis's motion templates with the
-threshold learned likewise (their keyframes learned in this run where `--keyframe-runs` is above 0), and with `--curve`
-what fewer people and fewer clips teach. The method was begun on bd and bk, each trained on alone for the other;
-counterexamples at other speeds, no grouping by person and the thresholds per class were settled with the three
-rotations in view, so a fresh set has to confirm the figures.
+threshold learned likewise, and with `--curve` what fewer people and fewer clips teach. The method was begun on bd and
+bk, each trained on alone for the other; counterexamples at other speeds, no grouping by person and the thresholds per
+class were settled with the three rotations in view, so a fresh set has to confirm the figures.
 """
 
 from __future__ import annotations
@@ -28,26 +27,19 @@ import numpy as np
 
 from benchmarks._keyframe_corpus import (
     ACTORS,
-    Example,
-    LabelledDocument,
-    learned_from,
     load_examples,
     load_filler,
 )
 from benchmarks._record import RESULTS, save_figures
-from benchmarks.annotation import ALTERNATIVES, HOLDS_A_CLASS, LAST_TRAINING_SUBJECT, plot_confusion
-from toolkit.retrieval.annotation.annotator import Annotation, Annotator
+from benchmarks.annotation import HOLDS_A_CLASS, LAST_TRAINING_SUBJECT, plot_confusion
+from toolkit.retrieval.annotation.annotator import Annotator
 from toolkit.retrieval.annotation.classes import Fold, learn_classes, learn_threshold
 from toolkit.retrieval.annotation.measures import Scores, confusion, frame_scores, label_frames, segment_scores
 from toolkit.retrieval.annotation.model import MotionModel
-from toolkit.retrieval.annotation.preselection import preselect_in
 from toolkit.retrieval.annotation.training import Clip, TrainedDocument, documents_of, train, two_sided
 from toolkit.retrieval.features.motion import Motion
 from toolkit.retrieval.features.relational import FEATURE_RATE, relational_features
 from toolkit.retrieval.index.keyframe_index import KeyframeIndex
-from toolkit.retrieval.keyframes.query import KeyframeQuery
-from toolkit.retrieval.learning.genetic import GeneticSettings
-from toolkit.retrieval.learning.queries import LearningSettings
 from toolkit.retrieval.workflow.search import by_class
 
 SETS = {"easy": False, "hard": True}
@@ -64,48 +56,15 @@ Annotate = Any
 """A function from a feature matrix to an `Annotation`."""
 
 
-def templates(clips: Sequence[Clip], filler: Sequence[Motion], seed: int, keyframe_runs: int) -> dict[str, Annotate]:
-    """The thesis's annotators, learned from the same clips, each with the threshold that it needs."""
+def templates(clips: Sequence[Clip], filler: Sequence[Motion], seed: int) -> Annotator:
+    """The thesis's annotator, learned from the same clips, with the threshold that it needs."""
     rng = np.random.default_rng(seed)
     folds = []
     for person in sorted({clip.person for clip in clips}):
         seen, unseen = ([c for c in clips if (c.person == person) == out] for out in (False, True))
         documents = documents_of(unseen, filler, rng, hard=False)
         folds.append(Fold(learn_classes(matrices(seen)), [(d.features, d.segments) for d in documents]))
-    annotator = Annotator(learn_classes(matrices(clips), threshold=learn_threshold(folds)))
-    rows: dict[str, Annotate] = {"motion templates": annotator.annotate}
-    if keyframe_runs:
-        people = sorted({clip.person for clip in clips})
-        others = [keyframes(learned_with(clips, without=person), filler, rng, keyframe_runs) for person in people]
-        as_used = [fold._replace(queries=queries) for fold, queries in zip(folds, others, strict=True)]
-        behind = Annotator(learn_classes(matrices(clips), threshold=learn_threshold(as_used)))
-        queries = keyframes(clips, filler, rng, keyframe_runs)
-
-        def narrowed(features: Any) -> Annotation:
-            return behind.annotate(features, preselect_in([features], queries, behind.labels)[0])
-
-        rows["motion templates with keyframes"] = narrowed
-    return rows
-
-
-def learned_with(clips: Sequence[Clip], without: str) -> list[Clip]:
-    """Everybody's clips but one person's."""
-    return [clip for clip in clips if clip.person != without]
-
-
-def keyframes(
-    clips: Sequence[Clip], filler: Sequence[Motion], rng: np.random.Generator, runs: int
-) -> list[KeyframeQuery]:
-    """The best keyframes of each class, learned from clips and from what bears no label in documents of them."""
-    made = [
-        LabelledDocument(d.features, person, tuple((*s.frames(FEATURE_RATE), s.label) for s in d.segments))
-        for person in sorted({clip.person for clip in clips})
-        for hard in SETS.values()
-        for d in documents_of([c for c in clips if c.person == person], filler, rng, hard=hard)
-    ]
-    examples = [Example(clip.motion, clip.person, clip.label) for clip in clips]
-    learned = learned_from(examples, made, LearningSettings(genetic=GeneticSettings(), runs=runs), rng)
-    return [query for result in learned.values() for query in result.alternatives(ALTERNATIVES)]
+    return Annotator(learn_classes(matrices(clips), threshold=learn_threshold(folds)))
 
 
 def matrices(clips: Sequence[Clip]) -> dict[str, list[Any]]:
@@ -249,7 +208,7 @@ def annotators_of(
     found: dict[str, Annotate] = {}
     found["without motions of no class"] = train(seen, [], np.random.default_rng(seed)).annotate
     if seed == options.seed:
-        found |= templates(seen, filler, seed, options.keyframe_runs)
+        found["motion templates"] = templates(seen, filler, seed).annotate
     if not options.curve:
         return found
     for share in SHARES:
@@ -314,7 +273,6 @@ def main() -> None:
     parser.add_argument("data", type=Path, help="the shared data folder")
     parser.add_argument("--seeds", type=int, default=3, help="of training and of the documents reported")
     parser.add_argument("--seed", type=int, default=0, help="the first one")
-    parser.add_argument("--keyframe-runs", type=int, default=0, help="genetic runs per class of the thesis's row")
     parser.add_argument("--curve", action="store_true", help="learn from fewer people and fewer clips as well")
     options = parser.parse_args()
 
@@ -337,7 +295,7 @@ def main() -> None:
     corpus_minutes = sum(relational_features(c.motion).duration for c in clips) / 60.0
     print(figures["seconds"], f"of {corpus_minutes:.1f} minutes of clips")
     settings = {name: value for name, value in vars(options).items() if name != "data"}
-    print(save_figures(f"motion_model{'_keyframes' if options.keyframe_runs else ''}", figures, settings))
+    print(save_figures("motion_model", figures, settings))
 
 
 if __name__ == "__main__":
