@@ -77,7 +77,7 @@ def test_the_list_tells_what_is_due_and_what_it_took_last(
         ["gait", "1.5", "min", "bench", "gait"],
         ["extrema", "bench", "lookup", "extrema"],
     ]
-    assert lines[2] == "of 2 results 1 say their processor time: 1.5 min together"
+    assert lines[2] == "of 2 results 1 say their processor time: 1.5 min together, 0.0 hours on two processors"
 
 
 @pytest.mark.quick
