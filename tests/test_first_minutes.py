@@ -124,7 +124,6 @@ def test_a_log_gets_a_line_a_minute_and_nothing_of_what_takes_less(capsys: pytes
 
 def test_a_speck_says_neither_where_somebody_is_nor_that_the_image_cuts_them_off() -> None:
     from toolkit.people.describe import person_text
-    from toolkit.people.settings import PeopleSettings
     from toolkit.people.view import Lens
     from toolkit.sensing.settings import SensingSettings
 
@@ -132,7 +131,7 @@ def test_a_speck_says_neither_where_somebody_is_nor_that_the_image_cuts_them_off
     depth[40:200, 140:190] = 2.5
     depth[0:2, 0:12] = 3.0
     assert not largest_surface(depth)[:30].any() and largest_surface(depth)[40:200, 140:190].all()
-    lens = Lens(KINECT, np.array([0.0, -1.0, 0.0]), PeopleSettings().coarse_width, SensingSettings())
+    lens = Lens(KINECT, np.array([0.0, -1.0, 0.0]), SensingSettings())
     assert person_text(Sighting(1, depth, None, KINECT), lens) == "1 at 2.5 m, whole"
 
 

@@ -279,7 +279,7 @@ def test_furniture_that_touches_somebody_is_cut_off_once_their_body_is_known():
     chair[int(np.median(v)) : v.max(), u.max() - 8 : u.max() + 25] = True
     chair &= who == 0
     depth[chair] = 2600
-    sees = Lens(KINECT, UP, 160, SensingSettings())
+    sees = Lens(KINECT, UP, SensingSettings())
     background = sees.coarse(np.where(who | chair, 0, depth).astype(np.uint16))
     room = Surroundings(False, True, background, np.full(background.shape, 0.05, np.float32), background == 0)
     finder = SeveralPeople(KINECT, UP, room)

@@ -11,27 +11,26 @@ import pytest
 
 from tests.sensing_scenes import KINECT, TOF, neutral, scene, standing, up_of_tilt
 from toolkit.errors import SegmentationError
-from toolkit.people.candidates import apart, beside, headless, in_a_mirror, shaped_alone
+from toolkit.people.candidates import KNEE_REACH, apart, beside, headless, in_a_mirror, shaped_alone
+from toolkit.people.detection import REACH_STILL, SHOULDER_DISTANCE
 from toolkit.people.floor import Floor, find_floor, find_known_floor
 from toolkit.people.one import ID, OneOfSeveral, meant_person
-from toolkit.people.settings import PeopleSettings
-from toolkit.people.sharing import body_seeds, stayed_seeds
+from toolkit.people.sharing import TORSO, body_seeds, stayed_seeds
 from toolkit.people.sighting import PredictedBody, Sighting
-from toolkit.people.stills import large_enough, people_and_furniture
+from toolkit.people.stills import LEAST_HEIGHT, large_enough, people_and_furniture
 from toolkit.people.structure import Plane
 from toolkit.people.turned import quarter_turns
 from toolkit.people.view import Lens, View
 from toolkit.sensing.camera import level_rotation, rotated_points
 from toolkit.sensing.settings import SensingSettings
 
-SETTINGS = PeopleSettings()
 LEVEL = up_of_tilt(0.0)
 HEAD_HEIGHT = 1.63  # of the neutral body above the floor
 
 
 def view_of(depth_mm: np.ndarray, camera=KINECT, up: np.ndarray = LEVEL) -> tuple[Lens, View]:
     """A frame in which all that is measured is foreground."""
-    lens = Lens(camera, up, SETTINGS.coarse_width, SensingSettings())
+    lens = Lens(camera, up, SensingSettings())
     depth = lens.coarse(depth_mm)
     return lens, lens.view(depth, depth > 0, np.zeros(depth.shape, dtype=np.bool_))
 
@@ -83,35 +82,35 @@ def test_a_person_alone_has_the_shape_of_one_at_the_head_and_not_at_the_knees():
     depth_mm, _ = scene(KINECT, ((0.0, 2.5),))
     lens, view = view_of(depth_mm)
     head = np.array([0.0, HEAD_HEIGHT - 1.2, -2.45])
-    assert shaped_alone(view, lens, head, SETTINGS)
-    assert not shaped_alone(view, lens, head - (0.0, 1.2, 0.0), SETTINGS)
+    assert shaped_alone(view, lens, head)
+    assert not shaped_alone(view, lens, head - (0.0, 1.2, 0.0))
     board = np.where(np.arange(KINECT.height)[:, None] > 40, np.full(KINECT.shape, 2500), 0).astype(np.uint16)
     lens, view = view_of(board)
-    assert not shaped_alone(view, lens, head, SETTINGS)
+    assert not shaped_alone(view, lens, head)
 
 
 @pytest.mark.parametrize("turn", [0.0, 1.1, 2.5])
 def test_beside_and_apart_are_horizontal_distances_whichever_way_round(turn):
     place = np.array([0.2, 0.4, -2.0])
     away = np.array([np.sin(turn), 0.0, np.cos(turn)])
-    for distance, near in ((SETTINGS.reach_still - 0.01, True), (SETTINGS.reach_still + 0.01, False)):
-        assert beside(place, [place + distance * away - (0.0, 3.0, 0.0)], SETTINGS) == near
-    assert not beside(place, [], SETTINGS)
-    assert apart(place, place + (SETTINGS.shoulder_distance + 0.01) * away, SETTINGS)
-    assert not apart(place, place + (SETTINGS.shoulder_distance - 0.01) * away, SETTINGS)
+    for distance, near in ((REACH_STILL - 0.01, True), (REACH_STILL + 0.01, False)):
+        assert beside(place, [place + distance * away - (0.0, 3.0, 0.0)]) == near
+    assert not beside(place, [])
+    assert apart(place, place + (SHOULDER_DISTANCE + 0.01) * away)
+    assert not apart(place, place + (SHOULDER_DISTANCE - 0.01) * away)
     # What lies lower than it lies beside is a knee or a back, within a knee's reach.
     low = np.array([0.0, -1.0, 0.0])
-    assert not apart(place, place + low + (SETTINGS.knee_reach - 0.01) * away, SETTINGS)
-    assert apart(place, place + low + (SETTINGS.knee_reach + 0.01) * away, SETTINGS)
+    assert not apart(place, place + low + (KNEE_REACH - 0.01) * away)
+    assert apart(place, place + low + (KNEE_REACH + 0.01) * away)
 
 
 def test_bodies_that_hang_under_a_known_head_are_not_headless():
     depth_mm, who = scene(KINECT, ((-0.8, 3.0), (0.8, 3.0)))
     lens, view = view_of(depth_mm)
     bodies = [whole(who, lens) == k for k in (1, 2)]
-    left = headless(view, bodies, [np.array([-0.8, 0.0, -2.95])], SETTINGS)
+    left = headless(view, bodies, [np.array([-0.8, 0.0, -2.95])])
     assert len(left) == 1 and left[0] is bodies[1]
-    assert len(headless(view, bodies, [], SETTINGS)) == 2
+    assert len(headless(view, bodies, [])) == 2
 
 
 @pytest.mark.parametrize(
@@ -122,7 +121,7 @@ def test_bodies_that_hang_under_a_known_head_are_not_headless():
 def test_a_mirror_image_is_as_far_behind_the_wall_as_somebody_stands_before_it(place, mirrored):
     lens, _ = view_of(np.zeros(KINECT.shape, dtype=np.uint16))
     wall = Plane(np.array([0.0, 0.0, -1.0]), 3.0, 5.0)  # camera frame: z = 3 m
-    assert in_a_mirror(np.array(place), [np.array([0.5, 0.4, -2.0])], [wall], lens, SETTINGS) == mirrored
+    assert in_a_mirror(np.array(place), [np.array([0.5, 0.4, -2.0])], [wall], lens) == mirrored
 
 
 # Seeds.
@@ -140,7 +139,7 @@ def test_pixels_go_to_the_body_that_is_expected_there_and_one_behind_another_cla
     lens, view = view_of(depth_mm)
     truth, seeds = whole(who, lens), np.zeros(view.depth.shape, dtype=np.int32)
     bodies = {4 + k: predicted(*place) for k, place in enumerate(people)}
-    body_seeds(view, lens, bodies, SETTINGS.body_gate, seeds)
+    body_seeds(view, lens, bodies, seeds)
     for number in (1, 2):
         own = seeds[truth == number]
         assert (own == 3 + number).mean() > 0.97
@@ -152,10 +151,10 @@ def test_what_is_farther_from_every_body_than_the_gate_and_what_is_taken_stay_as
     depth_mm, who = scene(KINECT, ((0.0, 2.5),))
     lens, view = view_of(depth_mm)
     seeds = np.zeros(view.depth.shape, dtype=np.int32)
-    body_seeds(view, lens, {1: predicted(0.0, 3.0)}, SETTINGS.body_gate, seeds)
+    body_seeds(view, lens, {1: predicted(0.0, 3.0)}, seeds)
     assert not seeds.any()
     seeds[whole(who, lens) == 1] = 9
-    body_seeds(view, lens, {1: predicted(0.0, 2.5)}, SETTINGS.body_gate, seeds)
+    body_seeds(view, lens, {1: predicted(0.0, 2.5)}, seeds)
     assert set(np.unique(seeds)) == {0, 9}
 
 
@@ -165,9 +164,9 @@ def test_torsos_that_stayed_are_seeds_and_outstretched_hands_are_not():
     stayed = np.where(whole(who, lens) == 1, 1, 0).astype(np.int32)
     seeds = np.zeros(view.depth.shape, dtype=np.int32)
     head = np.array([0.0, HEAD_HEIGHT - 1.2, -2.5])
-    stayed_seeds(view, stayed, [head], SETTINGS, seeds)
+    stayed_seeds(view, stayed, [head], seeds)
     aside = np.hypot(view.points[..., 0] - head[0], view.points[..., 2] - head[2])
-    near_axis, measured = aside < SETTINGS.torso, stayed > 0
+    near_axis, measured = aside < TORSO, stayed > 0
     assert (seeds[measured & near_axis] == 1).all()
     assert not seeds[measured & ~near_axis & (view.points[..., 1] < 0.0)].any()
     assert (measured & ~near_axis).any()
@@ -191,7 +190,7 @@ class FakeJudge:
 def test_two_in_an_image_are_two_and_whom_the_judge_speaks_against_is_furniture(odds, sides):
     depth_mm, who = scene(KINECT, ((-0.7, 2.6), (0.7, 3.0)))
     lens, view = view_of(depth_mm)
-    people, furniture, labels = people_and_furniture(view, lens, SETTINGS, cut_out=True, judge=FakeJudge(odds))
+    people, furniture, labels = people_and_furniture(view, lens, cut_out=True, judge=FakeJudge(odds))
     assert sorted(np.sign(place[0]) for place in people) == sides
     assert [np.sign(place[0]) for place in furniture] == ([] if odds == 0.0 else [-1])
     truth = whole(who, lens)
@@ -205,9 +204,9 @@ def test_large_enough_is_area_and_height():
     body = whole(who, lens) == 1
     rows = np.flatnonzero(body.any(axis=1))
     band = body & (np.arange(len(body)) < rows[0] + 8)[:, None]
-    assert large_enough(view, lens, body, SETTINGS)
-    assert not large_enough(view, lens, band, SETTINGS)
-    assert np.ptp(view.points[band][:, 1]) < SETTINGS.least_height
+    assert large_enough(view, lens, body)
+    assert not large_enough(view, lens, band)
+    assert np.ptp(view.points[band][:, 1]) < LEAST_HEIGHT
 
 
 # Who is meant.

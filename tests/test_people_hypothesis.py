@@ -11,7 +11,6 @@ from toolkit.landmarks.judge import RegressorJudge
 from toolkit.people.hypothesis import Glimpse, NoJudge, judged_head, log_odds
 from toolkit.people.learning import FEWEST, learnt
 from toolkit.people.newcomers import Newcomers
-from toolkit.people.settings import PeopleSettings
 from toolkit.people.several import SeveralPeople
 from toolkit.people.surroundings import is_cut_out
 from toolkit.people.view import Lens
@@ -67,7 +66,7 @@ def test_the_judge_contradicts_what_moves_and_is_not_believed_without_limit():
 
 
 def lens_of(camera=KINECT):
-    return Lens(camera, UP, PeopleSettings().coarse_width, SensingSettings())
+    return Lens(camera, UP, SensingSettings())
 
 
 def coarse(frames):
@@ -76,8 +75,8 @@ def coarse(frames):
 
 def test_somebody_who_sits_still_is_in_the_room_unless_the_judge_says_otherwise():
     frames = coarse([scene(KINECT, ((0.0, 2.5),), **ROOM)[0]] * 12)
-    lens, settings = lens_of(), PeopleSettings()
-    furniture, person = (learnt(frames, lens, settings, judge) for judge in (NoJudge(), Sure(2.0)))
+    lens = lens_of()
+    furniture, person = (learnt(frames, lens, judge) for judge in (NoJudge(), Sure(2.0)))
     v, u = lens.camera.height // 2, lens.camera.width // 2
     assert furniture.background[v, u] == pytest.approx(2.4, abs=0.15) and len(furniture.figures) == 1
     assert person.background[v, u] == 0.0 and len(person.figures) == 0
@@ -93,21 +92,21 @@ def test_a_desk_that_people_pass_is_no_part_of_them():
         desk = np.s_[150:220, 150:200]
         depth[desk] = np.where(depth[desk] < 2600, depth[desk], 2600)
         frames.append(depth)
-    room = learnt(coarse(frames), lens_of(), PeopleSettings(), NoJudge())
+    room = learnt(coarse(frames), lens_of(), NoJudge())
     assert np.median(room.background[80:105, 80:95]) == pytest.approx(2.6, abs=0.02)
     assert (room.background[80:105, 80:95] > 0).mean() > 0.95
 
 
 def test_fewer_frames_than_tell_what_stays_give_no_background():
     frames = coarse([scene(KINECT, ((0.0, 2.5),), **ROOM)[0]] * (FEWEST - 1))
-    room = learnt(frames, lens_of(), PeopleSettings(), NoJudge())
+    room = learnt(frames, lens_of(), NoJudge())
     assert not room.known and not room.cut_out and not room.background.any() and room.planes
 
 
 def test_people_who_are_not_cut_out_stay_so_in_a_short_recording():
     depth = coarse([scene(KINECT, ((0.0, 2.5),))[0]])
-    assert is_cut_out(depth[0], lens_of(), PeopleSettings())
-    assert not learnt(depth, lens_of(), PeopleSettings(), NoJudge()).cut_out
+    assert is_cut_out(depth[0], lens_of())
+    assert not learnt(depth, lens_of(), NoJudge()).cut_out
 
 
 def test_a_large_surface_without_a_head_says_that_nobody_is_cut_out():
@@ -115,7 +114,7 @@ def test_a_large_surface_without_a_head_says_that_nobody_is_cut_out():
     v, u = np.mgrid[: KINECT.height, : KINECT.width]
     sofa = (v > 100) & (u < 170) & (depth == 0)
     depth[sofa] = 2400 + 0.03 * ((u[sofa] - 85) ** 2 + (v[sofa] - 170) ** 2)
-    assert not is_cut_out(coarse([depth])[0], lens_of(), PeopleSettings())
+    assert not is_cut_out(coarse([depth])[0], lens_of())
 
 
 def test_the_judge_of_a_still_sends_away_what_only_looks_like_a_person():

@@ -15,7 +15,6 @@ from toolkit.errors import SegmentationError, TrackError
 from toolkit.people.evidence import Evidence, export_evidence, furniture, restore_evidence
 from toolkit.people.hypothesis import HEAD_HEIGHT, possible_height
 from toolkit.people.joints import GivenJoints, on_cut_out
-from toolkit.people.settings import PeopleSettings
 from toolkit.people.several import SeveralPeople
 from toolkit.people.sighting import Sighting
 from toolkit.people.structure import Plane
@@ -123,7 +122,7 @@ def test_of_two_who_may_have_sat_down_it_is_the_nearer():
 
 def patches(*boxes):
     """A view with rectangles (v0, v1, u0, u1, metres) and nothing else."""
-    lens = Lens(KINECT, UP, PeopleSettings().coarse_width, SensingSettings())
+    lens = Lens(KINECT, UP, SensingSettings())
     depth = np.zeros(lens.camera.shape, dtype=np.float32)
     for v0, v1, u0, u1, z in boxes:
         depth[v0:v1, u0:u1] = z
@@ -148,7 +147,7 @@ def test_small_pieces_near_somebody_are_theirs(island, taken):
     labels = np.zeros(view.depth.shape, dtype=np.int32)
     labels[TORSO[0] : TORSO[1], TORSO[2] : TORSO[3]] = 1
     far = [np.array([9.0, 0.5, -2.5])]
-    attached, bodies = attach_islands(view, lens, labels, far, PeopleSettings(), cut_out=False)
+    attached, bodies = attach_islands(view, lens, labels, far, cut_out=False)
     assert (attached[island[0], island[2]] == 1) == taken
     assert not bodies
 
@@ -159,7 +158,7 @@ def test_a_piece_of_a_persons_size_is_theirs_whose_head_is_above_it():
     top = view.points[50, 75].astype(np.float64)
     for aside, taken in ((0.2, True), (1.0, False)):
         places = [top + (aside, 0.2, 0.0)]
-        attached, bodies = attach_islands(view, lens, nobody, places, PeopleSettings(), cut_out=False)
+        attached, bodies = attach_islands(view, lens, nobody, places, cut_out=False)
         assert (attached[70, 75] == 1) == taken and len(bodies) == (not taken)
 
 

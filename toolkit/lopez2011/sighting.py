@@ -13,7 +13,6 @@ from toolkit.lopez2011.costs import ParticleFrame, ParticleImage
 from toolkit.lopez2011.effectors import Effectors, EffectorSettings, find_effectors
 from toolkit.lopez2011.settings import ParticleSettings
 from toolkit.people.detection import find_heads
-from toolkit.people.settings import PeopleSettings
 from toolkit.people.sighting import Sighting
 from toolkit.people.view import Lens
 from toolkit.sensing.camera import Camera
@@ -80,7 +79,7 @@ class UpperViewer:
         self._level_rotation, self._settings, self._limits = level_rotation, settings, limits
         self._step = max(1, camera.width // settings.arm_columns)
         self._camera = camera.subsampled(self._step)
-        self._lens = Lens(self._camera, level_rotation[1], self._camera.width, SensingSettings())
+        self._lens = Lens(self._camera, level_rotation[1], SensingSettings(), self._camera.width)
 
     def look(self, sighting: Sighting, crown: float | None = None) -> UpperSighting:
         """What is seen of an upper body; `crown` is how high its head reaches, metres, level frame.
@@ -120,5 +119,5 @@ class UpperViewer:
         """How high the highest head in a depth image (h, w) reaches, metres, level frame."""
         seen = depth > 0
         view = self._lens.view(np.ascontiguousarray(depth, dtype=np.float32), seen, np.zeros_like(seen))
-        heads = find_heads(view, self._lens, PeopleSettings(), cut_out=True)
+        heads = find_heads(view, self._lens, cut_out=True)
         return float(heads[0].place[1]) + TOP if heads else None

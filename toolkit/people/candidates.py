@@ -7,52 +7,61 @@ from collections.abc import Sequence
 import numpy as np
 
 from toolkit.kernels import linear
-from toolkit.people.detection import head_seeds, looks_like_person, share_out
-from toolkit.people.settings import PeopleSettings
+from toolkit.people.detection import (
+    BRIDGE_CUT,
+    REACH_STILL,
+    SHOULDER_DISTANCE,
+    head_seeds,
+    looks_like_person,
+    share_out,
+)
 from toolkit.people.structure import Plane
 from toolkit.people.unassigned import head_of
 from toolkit.people.view import Lens, View
 
+KNEE_REACH = 0.75
+"""Metres horizontally, within which what lies more below a head than beside it, on the surface that hangs on the head,
+is a knee (of one who sits, 0.55 m below) or the back of one who leans."""
+MIRROR_DEPTH, MIRROR_GATE = 0.3, 0.4
+"""Metres: a head so far behind a wall, and so close to the mirror image of one before it mirrored, is that mirror
+image; walls are known to a few degrees."""
+
 # Places are (3,), level frame, metres.
 
 
-def shaped_alone(view: View, lens: Lens, place: np.ndarray, settings: PeopleSettings) -> bool:
+def shaped_alone(view: View, lens: Lens, place: np.ndarray) -> bool:
     """Whether the surface below a head has a person's shape; other people are ignored."""
     seeds = np.zeros(view.depth.shape, dtype=np.int32)
     head_seeds(view, [place], seeds)
-    mask = share_out(view, lens, seeds, [place], settings, bridge=settings.bridge_cut) == 1
-    return looks_like_person(view, lens, mask, place, settings)
+    mask = share_out(view, lens, seeds, [place], bridge=BRIDGE_CUT) == 1
+    return looks_like_person(view, lens, mask, place)
 
 
-def beside(place: np.ndarray, others: Sequence[np.ndarray], settings: PeopleSettings) -> bool:
+def beside(place: np.ndarray, others: Sequence[np.ndarray]) -> bool:
     """Whether a place is within a seated person's reach of one of the other heads."""
     asides = [float(np.hypot(place[0] - other[0], place[2] - other[2])) for other in others]
-    return min(asides, default=np.inf) < settings.reach_still
+    return min(asides, default=np.inf) < REACH_STILL
 
 
-def apart(head: np.ndarray, other: np.ndarray, settings: PeopleSettings) -> bool:
+def apart(head: np.ndarray, other: np.ndarray) -> bool:
     """Whether two heads on one surface may be two people's."""
     aside = float(np.hypot(head[0] - other[0], head[2] - other[2]))
     level = abs(head[1] - other[1]) <= aside  # what is more below than beside is the back of one who leans
-    return aside >= (settings.shoulder_distance if level else settings.knee_reach)
+    return aside >= (SHOULDER_DISTANCE if level else KNEE_REACH)
 
 
-def headless(
-    view: View, bodies: Sequence[np.ndarray], heads: Sequence[np.ndarray], settings: PeopleSettings
-) -> list[np.ndarray]:
+def headless(view: View, bodies: Sequence[np.ndarray], heads: Sequence[np.ndarray]) -> list[np.ndarray]:
     """Those bodies (masks) that hang under none of the heads."""
-    return [body for body in bodies if not beside(head_of(view, body), heads, settings)]
+    return [body for body in bodies if not beside(head_of(view, body), heads)]
 
 
-def in_a_mirror(
-    place: np.ndarray, places: Sequence[np.ndarray], planes: Sequence[Plane], lens: Lens, settings: PeopleSettings
-) -> bool:
+def in_a_mirror(place: np.ndarray, places: Sequence[np.ndarray], planes: Sequence[Plane], lens: Lens) -> bool:
     """Whether a head is behind a wall, at the mirror image of one of the `places` before it."""
     for plane in planes:
         normal = lens.to_level(plane.normal[None])[0]
         behind = linear.dot(normal, place) + plane.offset
-        if behind < -settings.mirror_depth:
+        if behind < -MIRROR_DEPTH:
             image = place - 2 * behind * normal
-            if any(((image - other) ** 2).sum() < settings.mirror_gate**2 for other in places):
+            if any(((image - other) ** 2).sum() < MIRROR_GATE**2 for other in places):
                 return True
     return False

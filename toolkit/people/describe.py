@@ -8,7 +8,6 @@ import numpy as np
 
 from toolkit.people.evidence import Evidence, furniture
 from toolkit.people.hypothesis import PersonJudge
-from toolkit.people.settings import PeopleSettings
 from toolkit.people.several import SeveralPeople
 from toolkit.people.sighting import Sighting
 from toolkit.people.surroundings import Surroundings
@@ -56,9 +55,9 @@ def describe(recording: Recording, sensing: SensingSettings | None = None, judge
     RecordingError
         A frame cannot be read.
     """
-    sensing, settings = sensing or SensingSettings(), PeopleSettings()
-    surroundings = survey(recording, sensing, settings, judge)
-    finder = SeveralPeople(recording.camera, recording.up_camera, surroundings, sensing, settings, judge=judge)
+    sensing = sensing or SensingSettings()
+    surroundings = survey(recording, sensing, judge)
+    finder = SeveralPeople(recording.camera, recording.up_camera, surroundings, sensing, judge=judge)
     end = int(np.searchsorted(recording.timestamps, recording.timestamps[0] + FIRST_SECONDS))
     numbers = np.unique(np.linspace(0, max(end - 1, 0), min(max(end, 1), FRAMES)).astype(np.int64))
     best: tuple[int, tuple[Sighting, ...]] = (0, ())
@@ -68,9 +67,9 @@ def describe(recording: Recording, sensing: SensingSettings | None = None, judge
             best = (int(i), sightings)
     frame, sightings = best[0], tuple(s for s in best[1] if s.id not in furniture(finder.evidence))
     depth = recording.depth(frame)
-    lens = Lens(recording.camera.undistorted(), recording.up_camera, settings.coarse_width, sensing)
+    lens = Lens(recording.camera.undistorted(), recording.up_camera, sensing)
     people = [person_text(s, lens, finder.evidence.get(s.id)) for s in sightings]
-    advice = _advice(recording, surroundings, sightings, depth, lens, settings)
+    advice = _advice(recording, surroundings, sightings, depth, lens)
     lines = (
         _camera_line(recording),
         _up_line(recording),
@@ -163,14 +162,13 @@ def _advice(
     sightings: tuple[Sighting, ...],
     depth_mm: np.ndarray,
     lens: Lens,
-    settings: PeopleSettings,
 ) -> list[str]:
     found = []
     if len(sightings) > 1:
         found.append("--people all follows everybody")
     if not sightings:
         knows_up = recording.vertical.source == "file"
-        turned = 0 if knows_up else turns_with_heads(depth_mm, recording.camera, settings)
+        turned = 0 if knows_up else turns_with_heads(depth_mm, recording.camera)
         found.append(
             f"--rotate {90 * turned}: heads are seen in the turned image"
             if turned

@@ -10,7 +10,6 @@ import numpy as np
 from toolkit.kernels.cloud.planes import best_plane
 from toolkit.kernels.image.growth import FAR, grow, mark_seeds
 from toolkit.kernels.image.heads import head_scores
-from toolkit.people.settings import PeopleSettings
 from toolkit.people.view import Lens, View
 
 # Places in metres (right, up) around the centre of a head that is 0.16 m wide and 0.23 m high (adults have 0.14 to
@@ -23,6 +22,20 @@ TOLERANCES = np.array([0.10, 0.12, 0.3, 0.1])  # m: head's depth, gap behind it,
 TEMPLATES = ((1.0, 1.0, 0.0), (0.85, 0.65, 0.95))
 """Size of head and body against these, and the least score, of an adult and of a child of a metre, whom a fist on a
 forearm resembles."""
+HEAD_SCORE = 0.8  # of 1, which a head must reach
+HEAD_DISTANCE = 0.25  # m between two heads; shoulder to shoulder, cheek to cheek
+SHOULDER_DISTANCE, LEAST_DROP = 0.3, 0.1  # m aside and down from a head, of a shoulder that looks like one
+BODY_DISTANCE, HEAD_DROP = 0.45, 0.5  # m from a head's axis, of an elbow or a knee, and m down from where on
+SURFACE_GAP = 0.05  # m in depth between neighbours on one surface, on top of the quantisation: a torso's side, at 3 m
+BRIDGE_CUT = 0.5  # m of the largest step within a person where only people are measured: an arm before the chest
+BRIDGE_ROOM = 0.12  # m, the same in a room: less than what separates a person from a shelf behind
+BRIDGE_COST = 3.0  # times a step on the surface that one over a gap counts
+UPRIGHT_COST = 0.5  # times a horizontal step that a vertical one counts when people share pixels
+REACH = 1.1  # m horizontally from the head to the fingertip of a tall adult, leaning
+REACH_STILL = 0.6  # m, the same where nothing moved so far: a seated person's knees; more would be the chair
+REACH_UP = 0.85  # m from the head's centre to the fingertip of a raised arm
+REACH_DOWN = 2.0  # m from the head's centre to the sole of a person of 2.1 m
+LONGEST_WAY = 2.5  # m over the surface from head to toe or fingertip
 SEED_RADIUS = 0.12  # m around a head's centre that is surely the head
 PLATEAU = 0.05  # of a score: the head's centre is the middle of what scores nearly best
 RIVALRY = 0.1  # of a score by which a head may be worse than the shoulder below it
@@ -49,7 +62,7 @@ class Head:
     small: bool
 
 
-def find_heads(view: View, lens: Lens, settings: PeopleSettings, *, cut_out: bool) -> list[Head]:
+def find_heads(view: View, lens: Lens, *, cut_out: bool) -> list[Head]:
     """Heads in a frame, the highest first; of those above one another on a body only the highest.
 
     `cut_out`: unmeasured pixels are background, so that they count as space beside a head.
@@ -62,15 +75,15 @@ def find_heads(view: View, lens: Lens, settings: PeopleSettings, *, cut_out: boo
         head_scores(
             view.depth, view.foreground, lens.camera.intrinsics, lens.up, *places, TOLERANCES, unmeasured, scaled
         )
-        small |= (scaled >= least) & (scores < settings.head_score) & (size < 1)
+        small |= (scaled >= least) & (scores < HEAD_SCORE) & (size < 1)
         np.maximum(scores, np.where(scaled >= least, scaled, 0), out=scores)
-    rows = np.flatnonzero(scores.ravel() >= settings.head_score - PLATEAU)
+    rows = np.flatnonzero(scores.ravel() >= HEAD_SCORE - PLATEAU)
     values, points = scores.ravel()[rows].astype(np.float64), view.points.reshape(-1, 3)[rows].astype(np.float64)
     child = small.ravel()[rows]
     heads: list[Head] = []
-    while len(rows) and (best := values.max()) >= settings.head_score:
+    while len(rows) and (best := values.max()) >= HEAD_SCORE:
         distance = np.sqrt(((points - points[int(values.argmax())]) ** 2).sum(axis=1))
-        near = distance < settings.head_distance
+        near = distance < HEAD_DISTANCE
         plateau = near & (values >= best - PLATEAU)
         heads.append(Head(points[plateau].mean(axis=0), float(best), bool(child[plateau].all())))
         values, points, rows, child = values[~near], points[~near], rows[~near], child[~near]
@@ -78,17 +91,17 @@ def find_heads(view: View, lens: Lens, settings: PeopleSettings, *, cut_out: boo
     kept: list[Head] = []
     for head in heads:
         above = [o for o in kept if o.score >= head.score - RIVALRY]  # a raised fist is no reason to drop a head
-        if not any(_on_body_below(head.place, other.place, settings) for other in above):
+        if not any(_on_body_below(head.place, other.place) for other in above):
             kept.append(head)
     return kept
 
 
-def _on_body_below(place: np.ndarray, head: np.ndarray, settings: PeopleSettings) -> bool:
+def _on_body_below(place: np.ndarray, head: np.ndarray) -> bool:
     """Whether `place` is so close to the axis below `head` that it is a shoulder, an elbow or a knee."""
     aside, drop = float(np.hypot(place[0] - head[0], place[2] - head[2])), head[1] - place[1]
-    if drop < settings.least_drop:
+    if drop < LEAST_DROP:
         return False
-    return aside < (settings.shoulder_distance if drop < settings.head_drop else settings.body_distance)
+    return aside < (SHOULDER_DISTANCE if drop < HEAD_DROP else BODY_DISTANCE)
 
 
 def near_head(view: View, place: np.ndarray) -> np.ndarray:
@@ -102,9 +115,7 @@ def head_seeds(view: View, heads: Sequence[np.ndarray], seeds: np.ndarray) -> No
     mark_seeds(view.points, view.foreground, np.zeros(seeds.shape, dtype=np.int32), rows, SEED_RADIUS, 0.0, seeds)
 
 
-def share_out(
-    view: View, lens: Lens, seeds: np.ndarray, heads: Sequence[np.ndarray], settings: PeopleSettings, *, bridge: float
-) -> np.ndarray:
+def share_out(view: View, lens: Lens, seeds: np.ndarray, heads: Sequence[np.ndarray], *, bridge: float) -> np.ndarray:
     """Give the foreground to the people whose seeds are nearest over the surface: int32 (h, w), 0 = background.
 
     Parameters
@@ -117,19 +128,19 @@ def share_out(
     if len(heads) == 0:
         return labels
     distances = np.empty(seeds.shape, dtype=np.int32)
-    reach = np.where(view.still, settings.reach_still, settings.reach).astype(np.float32)
-    limits = np.array([settings.reach_up, settings.reach_down])
-    steps = np.array([settings.surface_gap, lens.quantisation, bridge, settings.bridge_cost, settings.upright_cost])
+    reach = np.where(view.still, REACH_STILL, REACH).astype(np.float32)
+    limits = np.array([REACH_UP, REACH_DOWN])
+    steps = np.array([SURFACE_GAP, lens.quantisation, bridge, BRIDGE_COST, UPRIGHT_COST])
     measured = np.where(view.foreground, view.depth, np.float32(0))
-    grow(view.points, measured, seeds, np.array(heads), reach, limits, steps, settings.longest_way, labels, distances)
+    grow(view.points, measured, seeds, np.array(heads), reach, limits, steps, LONGEST_WAY, labels, distances)
     labels[distances == FAR] = 0
     return labels
 
 
-def looks_like_person(view: View, lens: Lens, mask: np.ndarray, head: np.ndarray, settings: PeopleSettings) -> bool:
+def looks_like_person(view: View, lens: Lens, mask: np.ndarray, head: np.ndarray) -> bool:
     """Whether a surface has a head that is narrower than the chest below it, and is not flat."""
     shaped = any(_head_on_chest(view, mask, head, scale) for _, scale, _ in TEMPLATES)
-    return shaped and _open_outline(view, mask, head) >= OPEN and planar_share(view, lens, mask, settings) < PLANAR
+    return shaped and _open_outline(view, mask, head) >= OPEN and planar_share(view, lens, mask) < PLANAR
 
 
 def _head_on_chest(view: View, mask: np.ndarray, head: np.ndarray, scale: float) -> bool:
@@ -177,7 +188,7 @@ def _open_outline(view: View, mask: np.ndarray, head: np.ndarray) -> float:
     return ends / max(total, 1)
 
 
-def planar_share(view: View, lens: Lens, mask: np.ndarray, settings: PeopleSettings) -> float:
+def planar_share(view: View, lens: Lens, mask: np.ndarray) -> float:
     """Share of a surface's pixels that lie in one plane, 0 to 1; 0 as well where noise makes everything flat."""
     v, u = np.nonzero(mask)
     picked = np.linspace(0, len(v) - 1, min(PLANAR_SAMPLES, len(v))).astype(np.int64)

@@ -13,7 +13,6 @@ import numpy as np
 
 from toolkit.people.detection import near_head
 from toolkit.people.hypothesis import Glimpse, PersonJudge, judged_head, log_odds, possible_height
-from toolkit.people.settings import PeopleSettings
 from toolkit.people.stills import people_and_furniture
 from toolkit.people.structure import Plane, find_planes, on_planes
 from toolkit.people.surroundings import NO_FIGURES, Surroundings, room_of, tolerances
@@ -54,7 +53,6 @@ class Seen:
 def learnt(
     frames: Sequence[np.ndarray],
     lens: Lens,
-    settings: PeopleSettings,
     judge: PersonJudge,
     floor: float | None = None,
 ) -> Surroundings:
@@ -63,18 +61,18 @@ def learnt(
     `floor` is its y, metres, level frame, where it is known.
     """
     if len(frames) < FEWEST:
-        return room_of(frames[0], lens, settings)
+        return room_of(frames[0], lens)
     stack = np.stack(frames)
-    rough = farthest_lasting(stack, LASTING, lens, settings)
-    margin, same = _margins(stack, rough, lens, settings)
+    rough = farthest_lasting(stack, LASTING, lens)
+    margin, same = _margins(stack, rough, lens)
     still = (same.sum(axis=0) >= STILL * np.maximum((stack > 0).sum(axis=0), 1)) & (rough > 0)
     moved = np.stack([_opened((depth > 0) & (rough - depth > margin)) for depth in stack])
-    tolerance = tolerances(rough, lens, settings)
-    planes = find_planes(rough, lens.rays, tolerance, settings.plane_area, settings.plane_side)
+    tolerance = tolerances(rough, lens)
+    planes = find_planes(rough, lens.rays, tolerance)
     seen = [
         s
         for k in range(len(stack))
-        for s in _seen(k, stack, moved, margin, planes, lens, settings, judge)
+        for s in _seen(k, stack, moved, margin, planes, lens, judge)
         if possible_height(s.place, floor)
     ]
     people, figures = np.zeros(stack.shape, dtype=np.bool_), [NO_FIGURES]
@@ -88,8 +86,8 @@ def learnt(
                 stays.append(figure)
         elif sum(g.shaped for g in glimpses) > FIGURE * len(stack):
             figures.append(np.mean([[s.place for s in figure]], axis=1))
-    background = farthest_lasting(np.where(people, np.float32(0), stack), 0.0, lens, settings)
-    margin, near = _margins(stack, background, lens, settings)
+    background = farthest_lasting(np.where(people, np.float32(0), stack), 0.0, lens)
+    margin, near = _margins(stack, background, lens)
     count = near.sum(axis=0)
     background[(near & people).sum(axis=0) > MOSTLY * count] = 0.0
     for figure in stays:  # whose head is not seen in all frames, but they are there
@@ -97,19 +95,19 @@ def learnt(
     return Surroundings(False, True, background, margin, still, tuple(planes), np.concatenate(figures))
 
 
-def camera_moved(frames: Sequence[np.ndarray], lens: Lens, settings: PeopleSettings) -> bool:
+def camera_moved(frames: Sequence[np.ndarray], lens: Lens) -> bool:
     """Whether the first half of coarse frames float32 (h, w), metres, shows another room than the second."""
     if len(frames) < 2 * FEWEST:
         return False
     stack = np.stack(frames)
     halves = (stack[: len(stack) // 2], stack[len(stack) // 2 :])
-    before, after = (farthest_lasting(half, LASTING, lens, settings) for half in halves)
+    before, after = (farthest_lasting(half, LASTING, lens) for half in halves)
     both = (before > 0) & (after > 0)
-    margin = 2 * np.maximum(tolerances(before, lens, settings), tolerances(after, lens, settings))
+    margin = 2 * np.maximum(tolerances(before, lens), tolerances(after, lens))
     return bool(np.count_nonzero(both & (np.abs(before - after) > margin)) > ANOTHER_ROOM * max(both.sum(), 1))
 
 
-def farthest_lasting(stack: np.ndarray, share: float, lens: Lens, settings: PeopleSettings) -> np.ndarray:
+def farthest_lasting(stack: np.ndarray, share: float, lens: Lens) -> np.ndarray:
     """The farthest depth of each pixel that at least `share` of its samples, and 2, agree on: float32 (h, w), 0 = none.
 
     `stack` float32 (K, h, w), metres, 0 = no sample.
@@ -120,18 +118,16 @@ def farthest_lasting(stack: np.ndarray, share: float, lens: Lens, settings: Peop
     found = np.zeros(stack.shape[1:], dtype=np.float32)
     for last in range(count - 1, needed - 2, -1):
         far, near = ordered[last], ordered[last - needed + 1]
-        agree = (found == 0) & (near > 0) & (far - near <= 2 * tolerances(far, lens, settings))
+        agree = (found == 0) & (near > 0) & (far - near <= 2 * tolerances(far, lens))
         found = np.where(agree, ordered[last - needed // 2], found)
     return found
 
 
-def _margins(
-    stack: np.ndarray, background: np.ndarray, lens: Lens, settings: PeopleSettings
-) -> tuple[np.ndarray, np.ndarray]:
+def _margins(stack: np.ndarray, background: np.ndarray, lens: Lens) -> tuple[np.ndarray, np.ndarray]:
     """Metres before the background in which it may still be noise, float32 (h, w), and the samples that show it, bool
     (K, h, w).
     """
-    tolerance = tolerances(background, lens, settings)
+    tolerance = tolerances(background, lens)
     near = (stack > 0) & (np.abs(stack - background) <= 2 * tolerance)
     count = np.maximum(near.sum(axis=0), 1)
     spread = np.sqrt((np.where(near, stack - background, np.float32(0)) ** 2).sum(axis=0) / count)
@@ -152,14 +148,13 @@ def _seen(
     margin: np.ndarray,
     planes: list[Plane],
     lens: Lens,
-    settings: PeopleSettings,
     judge: PersonJudge,
 ) -> list[Seen]:
     """What has a head in one of the samples. `moved` bool (K, h, w): what stands before the rough background."""
     depth = stack[frame]
-    on = on_planes(depth, lens.rays, tolerances(depth, lens, settings), planes)
+    on = on_planes(depth, lens.rays, tolerances(depth, lens), planes)
     view = lens.view(depth, (depth > 0) & ~on, np.asarray(~moved.any(axis=0)))
-    people, others, labels = people_and_furniture(view, lens, settings)
+    people, others, labels = people_and_furniture(view, lens)
     found = []
     for k, place in enumerate([*people, *others], start=1):
         own, head = labels == k, near_head(view, place) & view.foreground

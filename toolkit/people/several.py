@@ -14,11 +14,19 @@ from toolkit.checkpoint import HINT, check_state
 from toolkit.errors import TrackError
 from toolkit.kernels.image.growth import refine_labels, take_label
 from toolkit.people.candidates import apart, beside, headless, in_a_mirror, shaped_alone
-from toolkit.people.detection import find_heads, head_seeds, near_head, share_out
+from toolkit.people.detection import (
+    BRIDGE_CUT,
+    BRIDGE_ROOM,
+    HEAD_DISTANCE,
+    SURFACE_GAP,
+    find_heads,
+    head_seeds,
+    near_head,
+    share_out,
+)
 from toolkit.people.evidence import Evidence
 from toolkit.people.hypothesis import NoJudge, PersonJudge, judged_head, possible_height
 from toolkit.people.newcomers import Newcomers
-from toolkit.people.settings import PeopleSettings
 from toolkit.people.sharing import body_seeds, stayed_seeds
 from toolkit.people.sighting import PredictedBody, Sighting
 from toolkit.people.stills import large_enough, people_and_furniture
@@ -37,6 +45,14 @@ NEVER_MOVED = 0.3
 """Share of still pixels above which a head candidate beside a person is furniture."""
 LOOK_AGAIN = 0.3
 """Seconds between two looks at a track whether it is a person."""
+SAME_SURFACE = 0.15
+"""Metres of depth by which a surface moves from frame to frame: 5 m/s at 30 Hz."""
+LEAST_PART = 0.02
+"""Square metres of a known person: a shoulder beside another person."""
+PATIENCE = 1.0
+"""Seconds during which an unseen person is expected at their last place."""
+MOST_PEOPLE = 16
+"""That are told apart, where nothing else is asked for; later ones are left out."""
 MIDDLE_SAMPLES = 300
 """Points of a person whose median is their middle."""
 
@@ -50,8 +66,7 @@ class SeveralPeople:
     up_camera : (3,), the vertical in the camera frame
     surroundings : what is known of the room; None decides with the first frame
     sensing : how depth is cleaned
-    settings : how people are found
-    most : how many people are told apart; later ones are left out. None = all
+    most : how many people are told apart; later ones are left out
     judge : tells people from furniture by their pixels; None cannot tell
 
     Attributes
@@ -67,17 +82,16 @@ class SeveralPeople:
         up_camera: np.ndarray,
         surroundings: Surroundings | None = None,
         sensing: SensingSettings | None = None,
-        settings: PeopleSettings | None = None,
-        most: int | None = None,
+        most: int = MOST_PEOPLE,
         judge: PersonJudge | None = None,
     ) -> None:
-        self._settings, sensing = settings or PeopleSettings(), sensing or SensingSettings()
+        sensing = sensing or SensingSettings()
         self._polisher = DepthFilter(camera, sensing)
         self.camera = self._polisher.camera
-        self.lens = Lens(self._polisher.flat_camera, up_camera, self._settings.coarse_width, sensing)
+        self.lens = Lens(self._polisher.flat_camera, up_camera, sensing)
         self._surroundings = surroundings
         self._judge = judge or NoJudge()
-        self._most = self._settings.most_people if most is None else most
+        self._most = most
         self.people: list[Person] = []
         self._newcomers, self._left_out = Newcomers(), False
         self._labels = np.zeros(self.lens.camera.shape, dtype=np.int32)
@@ -117,12 +131,12 @@ class SeveralPeople:
         resting = [self._rests(view, head) for head in heads]
         matched = match_heads(present, heads, timestamp, resting)
         for k, i in matched.items():
-            present[k] = present[k].faced(heads[i], self._settings.head_distance)
+            present[k] = present[k].faced(heads[i], HEAD_DISTANCE)
         places = [heads[matched[k]] if k in matched else person.expected(timestamp) for k, person in enumerate(present)]
         left = [i for i in range(len(heads)) if i not in matched.values()]
         others = [heads[i] for i in left]
         movers = [*places, *(heads[i] for i in left if not resting[i])]
-        chairs = [heads[i] for i in left if resting[i] and beside(heads[i], movers, self._settings)]
+        chairs = [heads[i] for i in left if resting[i] and beside(heads[i], movers)]
         furniture = [*furniture, *chairs]
         seeds = self._seeds(view, present, places, set(matched))
         view = self._shared_by_bodies(view, present, places, predicted, seeds)
@@ -133,14 +147,14 @@ class SeveralPeople:
         for k, i in own.items():
             matched[k], places[k], present[k] = left[i], others[i], present[k].with_head(others[i])
             seeds[near_head(view, others[i]) & view.foreground] = k + 1
-        whole = {len(candidates) + i: body for i, body in enumerate(headless(view, bodies, others, self._settings))}
+        whole = {len(candidates) + i: body for i, body in enumerate(headless(view, bodies, others))}
         candidates += [head_of(view, body) for body in whole.values()]
         sure = [self._sure(view, candidate, i < len(touching), surroundings) for i, candidate in enumerate(candidates)]
         touching = [touches and bool(self.people) for touches in touching] + [False] * len(whole)
         fresh = self._newcomers.promoted(candidates, touching, sure, timestamp)
         fresh = sorted({*fresh, *self._where_they_were(candidates, timestamp)})
         walls, everywhere = surroundings.planes, [*places, *candidates]
-        fresh = [i for i in fresh if not in_a_mirror(candidates[i], everywhere, walls, self.lens, self._settings)]
+        fresh = [i for i in fresh if not in_a_mirror(candidates[i], everywhere, walls, self.lens)]
         if fresh or own:
             for k, i in enumerate(fresh, start=len(places) + 1):
                 seeds[whole[i] if i in whole else near_head(view, candidates[i]) & view.foreground] = k
@@ -185,12 +199,12 @@ class SeveralPeople:
         self._surroundings = None if kept is None else Surroundings.from_state(kept, shape)
 
     def _look(self, flat: np.ndarray) -> tuple[View, Surroundings]:
-        lens, settings = self.lens, self._settings
+        lens = self.lens
         depth = lens.coarse(flat)
-        surroundings = self._surroundings or first_look(depth, lens, settings)
+        surroundings = self._surroundings or first_look(depth, lens)
         if depth.any():
             self._surroundings = surroundings
-        foreground = surroundings.foreground(depth, lens.rays, tolerances(depth, lens, settings))
+        foreground = surroundings.foreground(depth, lens.rays, tolerances(depth, lens))
         before = foreground & (surroundings.background > 0)  # somebody, where nothing moved while the room was learnt
         return lens.view(depth, foreground, surroundings.still & ~before), surroundings
 
@@ -199,16 +213,16 @@ class SeveralPeople:
         person beside it.
         """
         if surroundings.known:
-            heads = find_heads(view, self.lens, self._settings, cut_out=surroundings.cut_out)
+            heads = find_heads(view, self.lens, cut_out=surroundings.cut_out)
             heads = [head for head in heads if possible_height(head.place, surroundings.floor)]
             heads.sort(key=lambda head: head.small)
             return [h.place for h in heads], [h.small for h in heads], []
-        people, furniture, _ = people_and_furniture(view, self.lens, self._settings, judge=self._judge)
+        people, furniture, _ = people_and_furniture(view, self.lens, judge=self._judge)
         return people, [False] * len(people), furniture
 
     def _present(self, timestamp: float, predicted: Mapping[int, PredictedBody]) -> list[Person]:
         """The people seen within `patience`, with stature and head of their predicted bodies."""
-        present = [p for p in self.people if timestamp - p.last <= self._settings.patience]
+        present = [p for p in self.people if timestamp - p.last <= PATIENCE]
         for k, person in enumerate(present):
             if person.id in predicted:
                 body = predicted[person.id]
@@ -244,7 +258,7 @@ class SeveralPeople:
         bodies = {k: body for k, body in asked.items() if self._follows(body, places[k - 1])}
         if not bodies:
             return view
-        body_seeds(view, self.lens, bodies, self._settings.body_gate, seeds)
+        body_seeds(view, self.lens, bodies, seeds)
         if len(bodies) < len(present):
             return view
         return replace(view, foreground=view.foreground & ~(view.still & (seeds == 0)))
@@ -252,7 +266,7 @@ class SeveralPeople:
     def _follows(self, body: PredictedBody, place: np.ndarray) -> bool:
         """Whether a body's surface is near the place (3,) of the person's head."""
         head = self.lens.from_level(place[None])[0]
-        return bool(((body.vertices - head) ** 2).sum(axis=1).min() < self._settings.head_distance**2)
+        return bool(((body.vertices - head) ** 2).sum(axis=1).min() < HEAD_DISTANCE**2)
 
     def _stayed(self, view: View, present: Sequence[Person], places: Sequence[np.ndarray], seeds: np.ndarray) -> None:
         """Add heads where they are expected, and torsos that stayed where they were, to `seeds`."""
@@ -260,8 +274,8 @@ class SeveralPeople:
         for k, person in enumerate(present, start=1):
             numbers[person.id] = k
         # Still pixels may be the chair from which a person has just risen.
-        here = ~view.still & (np.abs(view.depth - self._depth) < self._settings.same_surface)
-        stayed_seeds(view, np.where(here, numbers[self._labels], 0), places, self._settings, seeds)
+        here = ~view.still & (np.abs(view.depth - self._depth) < SAME_SURFACE)
+        stayed_seeds(view, np.where(here, numbers[self._labels], 0), places, seeds)
 
     def _shared(
         self,
@@ -272,16 +286,15 @@ class SeveralPeople:
         furniture: Sequence[np.ndarray],
     ) -> tuple[np.ndarray, list[np.ndarray]]:
         """Labels of the people at `places` (1, 2, ...), and masks of possible people without a visible head."""
-        settings = self._settings
-        bridge = settings.bridge_cut if surroundings.known else settings.bridge_room
+        bridge = BRIDGE_CUT if surroundings.known else BRIDGE_ROOM
         everything = seeds.copy()
         for k, place in enumerate(furniture, start=len(places) + 1):
             everything[near_head(view, place) & view.foreground & (everything == 0)] = k
-        labels = share_out(view, self.lens, everything, [*places, *furniture], settings, bridge=bridge)
+        labels = share_out(view, self.lens, everything, [*places, *furniture], bridge=bridge)
         labels[labels > len(places)] = 0
         if not surroundings.known:
             return labels, []
-        return attach_islands(view, self.lens, labels, places, settings, cut_out=surroundings.cut_out)
+        return attach_islands(view, self.lens, labels, places, cut_out=surroundings.cut_out)
 
     def _candidates(
         self,
@@ -308,8 +321,8 @@ class SeveralPeople:
                 own[whose[0]] = i
                 seeds[here] = owners[0]
                 continue
-            chair = self._rests(view, head) and beside(head, everybody, self._settings)
-            if not chair and all(apart(head, everybody[k - 1], self._settings) and not child for k in owners):
+            chair = self._rests(view, head) and beside(head, everybody)
+            if not chair and all(apart(head, everybody[k - 1]) and not child for k in owners):
                 everybody.append(head)
                 found.append(head)
                 touching.append(len(owners) > 0)
@@ -333,7 +346,7 @@ class SeveralPeople:
             return True
         if not is_head:
             return False
-        return shaped_alone(view, self.lens, place, self._settings)
+        return shaped_alone(view, self.lens, place)
 
     def _look_at(self, view: View, heads: Mapping[int, np.ndarray], timestamp: float) -> None:
         """Look whether the tracks whose heads are seen, by id, are people; a few times a second."""
@@ -343,13 +356,11 @@ class SeveralPeople:
             if person.id in heads and timestamp - person.looked >= LOOK_AGAIN:
                 head = heads[person.id]
                 judged = judged_head(view, self.lens, head, self._judge)
-                self.people[k] = person.looked_at(
-                    shaped_alone(view, self.lens, head, self._settings), judged, timestamp
-                )
+                self.people[k] = person.looked_at(shaped_alone(view, self.lens, head), judged, timestamp)
 
     def _where_they_were(self, candidates: Sequence[np.ndarray], timestamp: float) -> list[int]:
         """Indices of the candidates at the last places of people who are absent now."""
-        absent = [p for p in self.people if timestamp - p.last > self._settings.patience]
+        absent = [p for p in self.people if timestamp - p.last > PATIENCE]
         return list(match_heads([replace(p, last=timestamp) for p in absent], candidates, timestamp).values())
 
     def _updated(
@@ -366,10 +377,9 @@ class SeveralPeople:
         """Update the people; returns the id of every label, int32 (n + 1,), 0 for background. `matched` and `headless`
         are indices of places: whose head is seen, and which new person shows none.
         """
-        settings = self._settings
         ids = np.zeros(len(places) + 1, dtype=np.int32)
         known = {p.id: p for p in self.people}
-        absent = [p for p in self.people if timestamp - p.last > settings.patience]
+        absent = [p for p in self.people if timestamp - p.last > PATIENCE]
         for k, place in enumerate(places):
             mask = labels == k + 1
             points, area = view.points[mask], self.lens.area(view.depth[mask])
@@ -379,11 +389,11 @@ class SeveralPeople:
             if k < len(present):
                 person = present[k]
                 known[person.id] = person
-                if area >= settings.least_part:
+                if area >= LEAST_PART:
                     head = place if k in matched else None
                     known[person.id] = person.seen(head, middle, area, timestamp)
                     ids[k + 1] = person.id
-            elif len(points) and large_enough(view, self.lens, mask, settings, cut_out=cut_out):
+            elif len(points) and large_enough(view, self.lens, mask, cut_out=cut_out):
                 again = known_again(absent, place, timestamp)
                 if again is not None:
                     absent.remove(again)
@@ -409,7 +419,7 @@ class SeveralPeople:
     def _sightings(self, flat: np.ndarray, surroundings: Surroundings) -> tuple[Sighting, ...]:
         """Depth of each person at full resolution."""
         coarse = np.rint(1000 * self._depth).astype(np.uint16)
-        refine_labels(flat, coarse, self._labels, self.lens.step, 1000 * self._settings.surface_gap, self._fine)
+        refine_labels(flat, coarse, self._labels, self.lens.step, 1000 * SURFACE_GAP, self._fine)
         step = self._polisher.step
         whole = flat[::step, ::step]
         holes = hole_sizes(whole)

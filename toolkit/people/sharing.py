@@ -9,13 +9,17 @@ import numpy as np
 from toolkit.kernels.image import raster, sharing
 from toolkit.kernels.image.growth import mark_seeds
 from toolkit.people.detection import SEED_RADIUS
-from toolkit.people.settings import PeopleSettings
 from toolkit.people.sighting import PredictedBody
 from toolkit.people.view import Lens, View
 
+BODY_GATE = 0.12
+"""Metres from a measured point to the surface of the body that it belongs to."""
+TORSO = 0.25
+"""Metres horizontally from the head's axis, of what stays a person's from frame to frame."""
 
-def body_seeds(view: View, lens: Lens, bodies: Mapping[int, PredictedBody], gate: float, seeds: np.ndarray) -> None:
-    """Give each foreground pixel to the body whose expected surface is nearest, within `gate` metres.
+
+def body_seeds(view: View, lens: Lens, bodies: Mapping[int, PredictedBody], seeds: np.ndarray) -> None:
+    """Give each foreground pixel to the body whose expected surface is nearest, within `BODY_GATE`.
 
     All bodies are drawn into one z-buffer, so that one behind another claims nothing that the other hides.
 
@@ -32,12 +36,10 @@ def body_seeds(view: View, lens: Lens, bodies: Mapping[int, PredictedBody], gate
         raster.project(vertices, intrinsics, projected)
         raster.rasterise(projected, np.ascontiguousarray(body.faces, dtype=np.int64), inverse_depth, triangle)
         sharing.draw_body(inverse_depth, number, nearest, owner)
-    sharing.nearest_owner(view.depth, view.foreground, nearest, owner, intrinsics, gate, seeds)
+    sharing.nearest_owner(view.depth, view.foreground, nearest, owner, intrinsics, BODY_GATE, seeds)
 
 
-def stayed_seeds(
-    view: View, stayed: np.ndarray, places: Sequence[np.ndarray], settings: PeopleSettings, seeds: np.ndarray
-) -> None:
+def stayed_seeds(view: View, stayed: np.ndarray, places: Sequence[np.ndarray], seeds: np.ndarray) -> None:
     """Mark heads, and torsos that stayed where they were, with 1, 2, ... in `seeds` int32 (h, w) where it is 0.
 
     Parameters
@@ -48,4 +50,4 @@ def stayed_seeds(
     Limbs are shared out anew in every frame, so that no mistake outlives the touch that caused it.
     """
     rows = np.array(places, dtype=np.float64).reshape(-1, 3)
-    mark_seeds(view.points, view.foreground, stayed, rows, SEED_RADIUS, settings.torso, seeds)
+    mark_seeds(view.points, view.foreground, stayed, rows, SEED_RADIUS, TORSO, seeds)

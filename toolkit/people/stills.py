@@ -4,16 +4,18 @@ from __future__ import annotations
 
 import numpy as np
 
-from toolkit.people.detection import find_heads, head_seeds, looks_like_person, share_out
+from toolkit.people.detection import BRIDGE_ROOM, find_heads, head_seeds, looks_like_person, share_out
 from toolkit.people.hypothesis import PersonJudge, alone_log_odds, judged_head
-from toolkit.people.settings import PeopleSettings
 from toolkit.people.view import Lens, View
 
+LEAST_AREA = 0.06  # m^2 of a person seen head on: head and chest of a child that a table cuts off
+LEAST_CUT_OUT = 0.03  # m^2 where nothing but people is measured: one of half a metre
+LEAST_HEIGHT = 0.35  # m of a person: head and chest of a child
 KNEES = 0.3  # m horizontally, within which what looks like a person below a head are the legs of that person
 
 
 def people_and_furniture(
-    view: View, lens: Lens, settings: PeopleSettings, *, cut_out: bool = False, judge: PersonJudge | None = None
+    view: View, lens: Lens, *, cut_out: bool = False, judge: PersonJudge | None = None
 ) -> tuple[list[np.ndarray], list[np.ndarray], np.ndarray]:
     """What looks like people in a single image of a room, and what only has something like a head.
 
@@ -22,16 +24,16 @@ def people_and_furniture(
     people, furniture : places of heads, (3,) each, level frame, metres
     labels : int32 (h, w), 1.. the people, then the furniture, 0 = neither
     """
-    heads = [h.place for h in find_heads(view, lens, settings, cut_out=cut_out)]
-    alone = [_surfaces(view, lens, [head], settings)[0] for head in heads]
-    large = [large_enough(view, lens, mask, settings) for mask in alone]
+    heads = [h.place for h in find_heads(view, lens, cut_out=cut_out)]
+    alone = [_surfaces(view, lens, [head])[0] for head in heads]
+    large = [large_enough(view, lens, mask) for mask in alone]
     heads = [head for head, big in zip(heads, large, strict=True) if big]
     # Heads that compete for one surface share it out, and no half has a person's shape: each is judged as if the
     # surface were its own, too.
     alone = [mask for mask, big in zip(alone, large, strict=True) if big]
-    shared = _surfaces(view, lens, heads, settings)
+    shared = _surfaces(view, lens, heads)
     shaped = [
-        any(large_enough(view, lens, m, settings) and looks_like_person(view, lens, m, head, settings) for m in masks)
+        any(large_enough(view, lens, m) and looks_like_person(view, lens, m, head) for m in masks)
         and (judge is None or alone_log_odds(judged_head(view, lens, head, judge)) > 0)
         for head, *masks in zip(heads, alone, shared, strict=True)
     ]
@@ -46,16 +48,16 @@ def people_and_furniture(
         if not good and not any(_below(head, person) for person in people)
     ]
     labels = np.zeros(view.depth.shape, dtype=np.int32)
-    for k, mask in enumerate(_surfaces(view, lens, [*people, *furniture], settings), start=1):
+    for k, mask in enumerate(_surfaces(view, lens, [*people, *furniture]), start=1):
         labels[mask] = k
     return people, furniture, labels
 
 
-def _surfaces(view: View, lens: Lens, heads: list[np.ndarray], settings: PeopleSettings) -> list[np.ndarray]:
+def _surfaces(view: View, lens: Lens, heads: list[np.ndarray]) -> list[np.ndarray]:
     """What hangs on each of the heads when they share out the foreground: masks bool (h, w)."""
     seeds = np.zeros(view.depth.shape, dtype=np.int32)
     head_seeds(view, heads, seeds)
-    labels = share_out(view, lens, seeds, heads, settings, bridge=settings.bridge_room)
+    labels = share_out(view, lens, seeds, heads, bridge=BRIDGE_ROOM)
     return [labels == k + 1 for k in range(len(heads))]
 
 
@@ -64,9 +66,9 @@ def _below(place: np.ndarray, head: np.ndarray) -> bool:
     return aside < KNEES and place[1] < head[1]
 
 
-def large_enough(view: View, lens: Lens, mask: np.ndarray, settings: PeopleSettings, *, cut_out: bool = False) -> bool:
+def large_enough(view: View, lens: Lens, mask: np.ndarray, *, cut_out: bool = False) -> bool:
     """Whether a surface has a person's area and height; `cut_out`: nothing but people is measured."""
-    if lens.area(view.depth[mask]) < (settings.least_cut_out if cut_out else settings.least_area):
+    if lens.area(view.depth[mask]) < (LEAST_CUT_OUT if cut_out else LEAST_AREA):
         return False
     heights = view.points[mask][:, 1]
-    return bool(np.ptp(heights) >= settings.least_height)
+    return bool(np.ptp(heights) >= LEAST_HEIGHT)

@@ -10,6 +10,7 @@ import numpy as np
 from toolkit.kernels import linear
 from toolkit.kernels.cloud.planes import best_plane
 
+LEAST_AREA, LEAST_SIDE = 1.2, 0.9  # m^2, and m of the shorter side, of a wall or a floor; no person shows such a plane
 SAMPLES = 2500  # points of the image: a wall of a twentieth of it still has 125
 TRIPLES = 400  # of them half from one neighbourhood: a plane of a fifth of the points is hit with probability 0.9999
 NEIGHBOURHOOD = 0.1  # of the image's width
@@ -37,9 +38,7 @@ class Plane:
     area: float
 
 
-def find_planes(
-    depth: np.ndarray, rays: np.ndarray, tolerance: np.ndarray, least_area: float, least_side: float
-) -> list[Plane]:
+def find_planes(depth: np.ndarray, rays: np.ndarray, tolerance: np.ndarray) -> list[Plane]:
     """Large planes of a depth image, the largest first.
 
     Parameters
@@ -47,7 +46,6 @@ def find_planes(
     depth : float32 (H, W), metres along z, 0 = no measurement
     rays : float64 (H, W, 2), x/z and y/z
     tolerance : float (H, W), metres within which a pixel lies on a plane
-    least_area, least_side : m^2 and metres, of a plane and of its shorter side
     """
     v, u = np.nonzero(depth)
     if len(v) < 50:
@@ -65,7 +63,7 @@ def find_planes(
     planes: list[Plane] = []
     for _ in range(MOST_PLANES):
         members = np.flatnonzero(rest)
-        if facing[members].sum() < least_area / 4 or len(members) < 50:
+        if facing[members].sum() < LEAST_AREA / 4 or len(members) < 50:
             break
         triples = _triples(v[members], u[members], NEIGHBOURHOOD * depth.shape[1], rng)
         plane = np.zeros(4)
@@ -76,7 +74,7 @@ def find_planes(
         slant = np.abs(linear.times(points, normal)) / linear.lengths(points)
         area = float((facing[on] / np.maximum(slant[on], LEAST_SLANT)).sum())
         sides = _sides(points[on], normal)
-        large = area >= least_area and sides[1] >= least_side and area >= FILLED * sides[0] * sides[1]
+        large = area >= LEAST_AREA and sides[1] >= LEAST_SIDE and area >= FILLED * sides[0] * sides[1]
         if large and _bounds(points, tolerances, on, normal, offset):
             planes.append(Plane(normal, offset, area))
     return sorted(planes, key=lambda p: -p.area)

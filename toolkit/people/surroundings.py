@@ -11,13 +11,13 @@ import numpy as np
 from toolkit.archives import Column
 from toolkit.checkpoint import check_state
 from toolkit.people.detection import find_heads, near_head
-from toolkit.people.settings import PeopleSettings
 from toolkit.people.structure import Plane, find_planes, on_planes
 from toolkit.people.unassigned import surfaces
 from toolkit.people.view import Lens
 
 EMPTY_SHARE = 0.1  # of a frame is 0 where it is already cut out (recording format)
 LARGEST_HEADLESS = 1.5  # m^2 of surfaces without a head where nothing but people is measured: a lying, wide adult
+PLANE_DISTANCE = 0.03  # m of a pixel from a wall or floor, on top of the quantisation
 NO_FIGURES = np.zeros((0, 3))
 
 
@@ -86,9 +86,9 @@ class Surroundings:
         return before
 
 
-def tolerances(depth: np.ndarray, lens: Lens, settings: PeopleSettings) -> np.ndarray:
+def tolerances(depth: np.ndarray, lens: Lens) -> np.ndarray:
     """Metres within which a pixel lies on a plane, as `depth`."""
-    return np.asarray(settings.plane_distance + lens.quantisation * depth**2, dtype=np.float32)
+    return np.asarray(PLANE_DISTANCE + lens.quantisation * depth**2, dtype=np.float32)
 
 
 def nothing_but_people(lens: Lens) -> Surroundings:
@@ -103,37 +103,37 @@ def empty_scene(background: np.ndarray, lens: Lens, margin: float) -> Surroundin
     return Surroundings(False, True, background, margins.astype(np.float32), np.zeros(background.shape, dtype=np.bool_))
 
 
-def is_cut_out(depth: np.ndarray, lens: Lens, settings: PeopleSettings) -> bool:
+def is_cut_out(depth: np.ndarray, lens: Lens) -> bool:
     """Whether a coarse frame holds nothing but people: much of it is 0, no wall or floor is in it, and no more of other
     surfaces without a head than a person has.
     """
     if np.count_nonzero(depth == 0) < EMPTY_SHARE * depth.size:
         return False
     view = lens.view(depth, depth > 0, np.zeros(depth.shape, dtype=np.bool_))
-    labels, count, areas = surfaces(view, lens, np.zeros(depth.shape, dtype=np.int32), settings)
+    labels, count, areas = surfaces(view, lens, np.zeros(depth.shape, dtype=np.int32))
     headless = np.ones(count + 1, dtype=np.bool_)
     headless[0] = False
-    for head in find_heads(view, lens, settings, cut_out=True):
+    for head in find_heads(view, lens, cut_out=True):
         headless[labels[near_head(view, head.place)]] = False
     if areas[headless].sum() > LARGEST_HEADLESS:
         return False
-    return not _planes_of(depth, lens, settings)
+    return not _planes_of(depth, lens)
 
 
-def room_of(depth: np.ndarray, lens: Lens, settings: PeopleSettings) -> Surroundings:
+def room_of(depth: np.ndarray, lens: Lens) -> Surroundings:
     """Surroundings without a background: walls and floor of one coarse frame float32 (h, w), metres."""
     empty = np.zeros(lens.camera.shape, dtype=np.float32)
-    planes = tuple(_planes_of(depth, lens, settings))
+    planes = tuple(_planes_of(depth, lens))
     return Surroundings(False, False, empty, empty, np.zeros(empty.shape, dtype=np.bool_), planes)
 
 
-def first_look(depth: np.ndarray, lens: Lens, settings: PeopleSettings) -> Surroundings:
+def first_look(depth: np.ndarray, lens: Lens) -> Surroundings:
     """Surroundings as far as a single coarse frame float32 (h, w), metres, tells."""
-    if is_cut_out(depth, lens, settings):
+    if is_cut_out(depth, lens):
         return nothing_but_people(lens)
-    return room_of(depth, lens, settings)
+    return room_of(depth, lens)
 
 
-def _planes_of(depth: np.ndarray, lens: Lens, settings: PeopleSettings) -> list[Plane]:
-    tolerance = tolerances(depth, lens, settings)
-    return find_planes(depth, lens.rays, tolerance, settings.plane_area, settings.plane_side)
+def _planes_of(depth: np.ndarray, lens: Lens) -> list[Plane]:
+    tolerance = tolerances(depth, lens)
+    return find_planes(depth, lens.rays, tolerance)

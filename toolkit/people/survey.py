@@ -13,8 +13,7 @@ from toolkit.people.hypothesis import NoJudge, PersonJudge
 from toolkit.people.learning import camera_moved, learnt
 from toolkit.people.lone import LonePerson
 from toolkit.people.one import OneOfSeveral, meant_person
-from toolkit.people.settings import PeopleSettings
-from toolkit.people.several import SeveralPeople
+from toolkit.people.several import MOST_PEOPLE, SeveralPeople
 from toolkit.people.sighting import PeopleFinder
 from toolkit.people.surroundings import Surroundings, empty_scene, is_cut_out, nothing_but_people
 from toolkit.people.up import floor_height
@@ -32,7 +31,6 @@ FIRST = 3  # frames that tell whether people are cut out already
 def find_people(
     recording: Recording,
     sensing: SensingSettings | None = None,
-    settings: PeopleSettings | None = None,
     most: int | None = None,
     judge: PersonJudge | None = None,
 ) -> SeveralPeople:
@@ -43,9 +41,10 @@ def find_people(
     SegmentationError
         `sensing.segment` asks for a background that the recording has not.
     """
-    sensing, settings = sensing or SensingSettings(), settings or PeopleSettings()
-    surroundings = survey(recording, sensing, settings, judge)
-    return SeveralPeople(recording.camera, recording.up_camera, surroundings, sensing, settings, most, judge)
+    sensing = sensing or SensingSettings()
+    surroundings = survey(recording, sensing, judge)
+    most = MOST_PEOPLE if most is None else most
+    return SeveralPeople(recording.camera, recording.up_camera, surroundings, sensing, most, judge)
 
 
 def find_person(
@@ -58,19 +57,17 @@ def find_person(
     SegmentationError
         `sensing.segment` asks for a background that the recording has not, or it is not clear who is meant.
     """
-    sensing, settings = sensing or SensingSettings(), PeopleSettings()
+    sensing = sensing or SensingSettings()
     mode = SegmentationMode.parse(sensing.segment).name
     if mode in ("person", "seed") or (mode == "auto" and recording.background is None):
-        room = survey(recording, sensing, settings, judge)
+        room = survey(recording, sensing, judge)
         if not room.cut_out:
-            everybody = recording.camera, recording.up_camera, room, sensing, settings, None, judge
+            everybody = recording.camera, recording.up_camera, room, sensing, MOST_PEOPLE, judge
             return OneOfSeveral(SeveralPeople(*everybody), meant_person(recording, SeveralPeople(*everybody), sensing))
     return LonePerson.of(recording, sensing)
 
 
-def survey(
-    recording: Recording, sensing: SensingSettings, settings: PeopleSettings, judge: PersonJudge | None = None
-) -> Surroundings:
+def survey(recording: Recording, sensing: SensingSettings, judge: PersonJudge | None = None) -> Surroundings:
     """The room of a recording: its empty scene, nothing but people, or what frames spread over it tell.
 
     `sensing.segment` counts as far as it speaks of the room; "person" and "seed" say that people are not cut out.
@@ -82,7 +79,7 @@ def survey(
     """
     polisher = DepthFilter(recording.camera, sensing)
     mode = SegmentationMode.parse(sensing.segment)
-    lens = Lens(polisher.flat_camera, recording.up_camera, settings.coarse_width, sensing)
+    lens = Lens(polisher.flat_camera, recording.up_camera, sensing)
     if mode.name == "background" and recording.background is None:
         raise SegmentationError(
             "--segment is background and the recording has none; give --background or --segment auto"
@@ -98,19 +95,19 @@ def survey(
         return empty_scene(np.median(stack, axis=0).astype(np.float32), lens, sensing.background_margin)
     if mode.name == "auto":
         first = list(_coarse(recording, polisher, lens, np.arange(min(FIRST, len(recording)))))
-        if all(is_cut_out(depth, lens, settings) for depth in first):
+        if all(is_cut_out(depth, lens) for depth in first):
             return nothing_but_people(lens)
     spread = np.unique(np.linspace(0, len(recording) - 1, min(SAMPLES, len(recording))).astype(np.int64))
     height = floor_height(recording)
     floor = None if height is None else -height
     frames = list(_coarse(recording, polisher, lens, spread))
-    if camera_moved(frames, lens, settings):
+    if camera_moved(frames, lens):
         logger.warning(
             "%s: its first half shows another room than its second, the camera was moved; furniture may be taken for "
             "people, track the parts before and after as two recordings",
             recording.name,
         )
-    room = learnt(frames, lens, settings, judge or NoJudge(), floor)
+    room = learnt(frames, lens, judge or NoJudge(), floor)
     return replace(room, floor=floor)
 
 

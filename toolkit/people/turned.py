@@ -7,7 +7,6 @@ import numpy as np
 from toolkit.kernels import linear
 from toolkit.people.detection import find_heads
 from toolkit.people.floor import find_floor
-from toolkit.people.settings import PeopleSettings
 from toolkit.people.surroundings import first_look, tolerances
 from toolkit.people.up import people_axes
 from toolkit.people.view import Lens
@@ -36,32 +35,32 @@ def quarter_turns(recording: Recording) -> int:
         return best if best and fits[best] > CLEARLY else 0
     if vertical.source == "floor":
         return 0
-    settings, depth, camera = PeopleSettings(), recording.depth(0), recording.camera
+    depth, camera = recording.depth(0), recording.camera
     scene = depth if recording.background is None else recording.background
-    if _stands(depth, camera, 0, settings):
+    if _stands(depth, camera, 0):
         return 0
     for turns in OTHERS:
-        if _stands(depth, camera, turns, settings) and find_floor(_turned(scene, turns), camera.rotated(turns)):
+        if _stands(depth, camera, turns) and find_floor(_turned(scene, turns), camera.rotated(turns)):
             return turns
     return 0
 
 
-def _stands(depth_mm: np.ndarray, camera: Camera, turns: int, settings: PeopleSettings) -> bool:
+def _stands(depth_mm: np.ndarray, camera: Camera, turns: int) -> bool:
     """Whether a person stands in the image after so many quarter turns."""
-    lens = Lens(camera.undistorted().rotated(turns), np.array(DEFAULT_UP), settings.coarse_width, SensingSettings())
-    axes = people_axes(lens.coarse(_turned(depth_mm, turns)), lens, settings)
+    lens = Lens(camera.undistorted().rotated(turns), np.array(DEFAULT_UP), SensingSettings())
+    axes = people_axes(lens.coarse(_turned(depth_mm, turns)), lens)
     return any(trust == "standing" and linear.dot(axis, np.array(DEFAULT_UP)) > CLEARLY for axis, trust in axes)
 
 
-def turns_with_heads(depth_mm: np.ndarray, camera: Camera, settings: PeopleSettings) -> int:
+def turns_with_heads(depth_mm: np.ndarray, camera: Camera) -> int:
     """The first quarter turns clockwise after which heads are seen, 0 for none."""
     for turns in OTHERS:
-        lens = Lens(camera.undistorted().rotated(turns), np.array(DEFAULT_UP), settings.coarse_width, SensingSettings())
+        lens = Lens(camera.undistorted().rotated(turns), np.array(DEFAULT_UP), SensingSettings())
         depth = lens.coarse(_turned(depth_mm, turns))
-        surroundings = first_look(depth, lens, settings)
-        foreground = surroundings.foreground(depth, lens.rays, tolerances(depth, lens, settings))
+        surroundings = first_look(depth, lens)
+        foreground = surroundings.foreground(depth, lens.rays, tolerances(depth, lens))
         view = lens.view(depth, foreground, surroundings.still)
-        if find_heads(view, lens, settings, cut_out=surroundings.cut_out):
+        if find_heads(view, lens, cut_out=surroundings.cut_out):
             return turns
     return 0
 

@@ -7,9 +7,14 @@ from collections.abc import Sequence
 import numpy as np
 
 from toolkit.kernels.image import components
-from toolkit.people.settings import PeopleSettings
+from toolkit.people.detection import REACH_STILL, SURFACE_GAP
+from toolkit.people.stills import LEAST_CUT_OUT, LEAST_HEIGHT
 from toolkit.people.view import Lens, View
 
+LEAST_BODY = 0.12  # m^2 of a person whose head is not seen
+LEAST_ISLAND = 0.003  # m^2 of a piece that is given to a person: half a hand
+LARGEST_ISLAND = 0.15  # m^2: an arm with its hand, or a leg
+ISLAND_GAP = 0.5  # m from such a piece to the person (Baak 2013, 5.4.2)
 SAMPLES = 200  # pixels of a piece, and of a person, between which the gap is measured
 
 
@@ -18,7 +23,6 @@ def attach_islands(
     lens: Lens,
     labels: np.ndarray,
     places: Sequence[np.ndarray],
-    settings: PeopleSettings,
     *,
     cut_out: bool,
 ) -> tuple[np.ndarray, list[np.ndarray]]:
@@ -39,30 +43,30 @@ def attach_islands(
     """
     from scipy.spatial import cKDTree
 
-    pieces, count, areas = surfaces(view, lens, labels, settings)
-    least_body = settings.least_cut_out if cut_out else settings.least_body
+    pieces, count, areas = surfaces(view, lens, labels)
+    least_body = LEAST_CUT_OUT if cut_out else LEAST_BODY
     trees = {}
     for k in np.unique(labels[labels > 0]):
         points = view.points[labels == k]
         trees[int(k)] = cKDTree(points[:: max(1, len(points) // SAMPLES)])
     attached, bodies = labels.copy(), []
     for piece in range(1, count + 1):
-        if areas[piece] < settings.least_island:
+        if areas[piece] < LEAST_ISLAND:
             continue
         mask = pieces == piece
         points = view.points[mask]
         height, width = (float(np.ptp(points[:, axis])) for axis in (1, 0))
-        if areas[piece] >= least_body and height >= max(settings.least_height, width / 2):
+        if areas[piece] >= least_body and height >= max(LEAST_HEIGHT, width / 2):
             asides = [_aside(points, place) for place in places]
-            if asides and min(asides) < settings.reach_still:
+            if asides and min(asides) < REACH_STILL:
                 attached[mask] = 1 + int(np.argmin(asides))
             else:
                 bodies.append(mask)
-        elif trees and areas[piece] <= settings.largest_island:
+        elif trees and areas[piece] <= LARGEST_ISLAND:
             sampled = points[:: max(1, len(points) // SAMPLES)]
             gaps = {k: float(tree.query(sampled)[0].min()) for k, tree in trees.items()}
             nearest = min(gaps, key=lambda k: gaps[k])
-            if gaps[nearest] <= settings.island_gap:
+            if gaps[nearest] <= ISLAND_GAP:
                 attached[mask] = nearest
     return attached, bodies
 
@@ -73,9 +77,7 @@ def _aside(points: np.ndarray, place: np.ndarray) -> float:
     return float(np.hypot(middle[0] - place[0], middle[2] - place[2])) if middle[1] < place[1] else np.inf
 
 
-def surfaces(
-    view: View, lens: Lens, labels: np.ndarray, settings: PeopleSettings
-) -> tuple[np.ndarray, int, np.ndarray]:
+def surfaces(view: View, lens: Lens, labels: np.ndarray) -> tuple[np.ndarray, int, np.ndarray]:
     """Connected unassigned surfaces of the foreground: labels int32 (h, w), their number, and areas in m^2 (n + 1,)."""
     height, width = labels.shape
     padded = np.zeros((height + 2, width + 2), dtype=np.uint16)
@@ -83,7 +85,7 @@ def surfaces(
     numbers = np.zeros(padded.shape, dtype=np.int32)
     parents = np.zeros(height * width + 2, dtype=np.int32)
     box = np.array([1, height + 1, 1, width + 1])
-    gap, growth = 1000 * settings.surface_gap, 1000 * lens.quantisation
+    gap, growth = 1000 * SURFACE_GAP, 1000 * lens.quantisation
     count = int(components.label_components(padded, box, gap, growth, numbers, parents))
     pieces = numbers[1:-1, 1:-1]
     pixel_areas = view.depth.astype(np.float64) ** 2 / (lens.camera.fx * lens.camera.fy)

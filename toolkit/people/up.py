@@ -13,7 +13,6 @@ import numpy as np
 
 from toolkit.kernels import linear
 from toolkit.people.floor import Floor, find_floor, find_known_floor
-from toolkit.people.settings import PeopleSettings
 from toolkit.people.stills import people_and_furniture
 from toolkit.people.structure import find_planes
 from toolkit.people.surroundings import first_look, tolerances
@@ -94,16 +93,15 @@ def assumed_up(frames: Sequence[np.ndarray], camera: Camera) -> np.ndarray:
     image_up = np.array(DEFAULT_UP)
     # What is minimised: squared sines to people's axes and to the image's vertical, squared cosines to walls' normals.
     doubt = -_outer(image_up, TRUST["image"])
-    settings = PeopleSettings()
-    lens = Lens(camera.undistorted(), image_up, settings.coarse_width, SensingSettings())
+    lens = Lens(camera.undistorted(), image_up, SensingSettings())
     for frame in frames:
         depth = lens.coarse(frame)
-        for axis, trust in people_axes(depth, lens, settings):
+        for axis, trust in people_axes(depth, lens):
             doubt -= _outer(axis, TRUST[trust]) / len(frames)
     if frames:
         depth = lens.coarse(frames[0])
-        tolerance = tolerances(depth, lens, settings)
-        for plane in find_planes(depth, lens.rays, tolerance, settings.plane_area, settings.plane_side):
+        tolerance = tolerances(depth, lens)
+        for plane in find_planes(depth, lens.rays, tolerance):
             if abs(_angle(plane.normal, image_up) - np.pi / 2) < WALL_TILT:
                 doubt += _outer(plane.normal, TRUST["wall"])
     up = linear.principal_axes(doubt)[1][:, 0]
@@ -115,13 +113,11 @@ def _outer(direction: np.ndarray, deviation: float) -> np.ndarray:
     return np.asarray(direction[:, None] * direction[None, :] / deviation**2)
 
 
-def people_axes(depth: np.ndarray, lens: Lens, settings: PeopleSettings) -> list[tuple[np.ndarray, str]]:
+def people_axes(depth: np.ndarray, lens: Lens) -> list[tuple[np.ndarray, str]]:
     """Directions in which the people of a coarse frame point upwards, camera frame, and how far to trust them."""
-    surroundings = first_look(depth, lens, settings)
-    view = lens.view(
-        depth, surroundings.foreground(depth, lens.rays, tolerances(depth, lens, settings)), surroundings.still
-    )
-    heads, _, labels = people_and_furniture(view, lens, settings, cut_out=surroundings.cut_out)
+    surroundings = first_look(depth, lens)
+    view = lens.view(depth, surroundings.foreground(depth, lens.rays, tolerances(depth, lens)), surroundings.still)
+    heads, _, labels = people_and_furniture(view, lens, cut_out=surroundings.cut_out)
     axes = []
     for k, head in enumerate(heads, start=1):
         points = lens.from_level(view.points[labels == k].astype(np.float64))

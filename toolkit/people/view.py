@@ -10,6 +10,9 @@ from toolkit.kernels import linear
 from toolkit.sensing.camera import Camera, level_rotation
 from toolkit.sensing.settings import SensingSettings
 
+COARSE_WIDTH = 160
+"""Pixels of the image in which people are looked for; a head of 0.16 m is 7 pixels wide at 3 m."""
+
 
 @dataclass(frozen=True, eq=False)
 class View:
@@ -36,8 +39,8 @@ class Lens:
     ----------
     camera : of the full frames, without lens distortion
     up_camera : (3,), the vertical in the camera frame
-    width : about that many pixels are kept
     sensing : its `near` and `far` bound what counts as measured
+    width : about that many pixels of a row are kept
 
     Attributes
     ----------
@@ -49,7 +52,9 @@ class Lens:
     quantisation : metres at 1 m, growing with the square of the distance
     """
 
-    def __init__(self, camera: Camera, up_camera: np.ndarray, width: int, sensing: SensingSettings) -> None:
+    def __init__(
+        self, camera: Camera, up_camera: np.ndarray, sensing: SensingSettings, width: int = COARSE_WIDTH
+    ) -> None:
         self.step = max(1, round(camera.width / width))
         self.camera = camera.subsampled(self.step)
         self.rays = self.camera.rays()
