@@ -9,7 +9,7 @@ from tests.sensing_scenes import KINECT, scene
 from toolkit.errors import DatabaseError
 from toolkit.landmarks.judge import RegressorJudge
 from toolkit.people.hypothesis import Glimpse, NoJudge, judged_head, log_odds
-from toolkit.people.learning import FEWEST, learnt
+from toolkit.people.learning import FEWEST, Seen, hanging, learnt
 from toolkit.people.newcomers import Newcomers
 from toolkit.people.several import SeveralPeople
 from toolkit.people.surroundings import is_cut_out
@@ -82,6 +82,48 @@ def test_somebody_who_sits_still_is_in_the_room_unless_the_judge_says_otherwise(
     assert person.background[v, u] == 0.0 and len(person.figures) == 0
     assert person.still[v, u], "a chair's back that flows together with them is found by it"
     assert person.background[v, 5] == furniture.background[v, 5] > 3.9
+
+
+class Likes:
+    """A judge that is for a person at some coarse pixels, bool (h, w), and against one at all others."""
+
+    def __init__(self, where):
+        self.where = where
+
+    def log_odds(self, depth, camera, rotation, pixels):
+        return np.where(self.where.ravel()[pixels], 2.0, -3.0)
+
+
+def seated_on_a_block():
+    """Frames of somebody who never moves, and beside them, in one surface, a block; where they and it are."""
+    depth, who = scene(KINECT, ((0.0, 2.5),), **ROOM)
+    v, u = np.nonzero(who == 1)
+    block = np.zeros(who.shape, dtype=bool)
+    block[int(np.quantile(v, 0.6)) : int(np.quantile(v, 0.9)), int(np.median(u)) : u.max() + 20] = True
+    block &= who == 0
+    depth[block] = 2500
+    own, block = ((mask[::2, ::2]) for mask in (who == 1, block))
+    return coarse([depth] * 12), own, block
+
+
+def test_what_never_moved_beside_somebody_who_stays_is_the_rooms_where_the_judge_is_against_a_person():
+    frames, own, block = seated_on_a_block()
+    one, two = (learnt(frames, lens_of(), judge) for judge in (Sure(2.0), Likes(own)))
+    assert (one.background[block] == 0).mean() > 0.7, "the block flows together with them"
+    assert (two.background[block] > 0).mean() > 0.7 and (two.background[own] == 0).mean() > 0.7
+    assert two.owned[own].mean() > 0.7 and not two.owned[two.background > 0].any()
+
+
+def test_what_hangs_on_a_head_over_likely_pixels_is_theirs_though_another_thing_had_it():
+    frames, own, block = seated_on_a_block()
+    lens = lens_of()
+    view = lens.view(frames[0], frames[0] > 0, np.zeros(own.shape, dtype=bool))
+    place = view.points[own][np.argmax(view.points[own][:, 1])] - (0.0, 0.1, 0.0)
+    seen = Seen(0, place.astype(np.float64), np.zeros(own.shape, dtype=bool), FIGURE)
+    still = np.ones(own.shape, dtype=bool)
+    found = hanging([seen], [seen], np.stack(frames), still, own, [], lens)
+    assert found[own].mean() > 0.7 and not found[~own].any()
+    assert not hanging([seen], [seen], np.stack(frames), still, ~own, [], lens).any()
 
 
 def test_a_desk_that_people_pass_is_no_part_of_them():

@@ -13,7 +13,7 @@ import numpy as np
 
 from toolkit.people.detection import near_head
 from toolkit.people.hypothesis import Glimpse, PersonJudge, judged_head, log_odds, possible_height
-from toolkit.people.stills import people_and_furniture
+from toolkit.people.stills import hanging_on, people_and_furniture
 from toolkit.people.structure import Plane, find_planes, on_planes
 from toolkit.people.surroundings import NO_FIGURES, Surroundings, room_of, tolerances
 from toolkit.people.view import Lens
@@ -30,6 +30,9 @@ STILL = 0.98  # of the samples in which a pixel shows the same depth where nothi
 ANOTHER_ROOM = 0.5  # of the pixels whose background differs between two halves of a recording: the camera was moved
 NOISE = 3.0  # standard deviations of a pixel that stands before the room
 MOST_NOISE = 0.3  # m that a pixel's noise may widen the margin
+JUDGED = 8  # samples of which the judge is asked about every pixel
+PATCH = 5  # pixels across, over which its answers are averaged: a forearm's width at 2 m
+LEAST_ODDS = -1.2  # of a still pixel that hangs on somebody's head and is theirs: three in four of such pixels are
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,22 +67,24 @@ def learnt(
         return room_of(frames[0], lens)
     stack = np.stack(frames)
     rough = farthest_lasting(stack, LASTING, lens)
-    margin, same = _margins(stack, rough, lens)
+    rough_margin, same = _margins(stack, rough, lens)
     still = (same.sum(axis=0) >= STILL * np.maximum((stack > 0).sum(axis=0), 1)) & (rough > 0)
-    moved = np.stack([_opened((depth > 0) & (rough - depth > margin)) for depth in stack])
+    moved = np.stack([_opened((depth > 0) & (rough - depth > rough_margin)) for depth in stack])
     tolerance = tolerances(rough, lens)
     planes = find_planes(rough, lens.rays, tolerance)
     seen = [
         s
         for k in range(len(stack))
-        for s in _seen(k, stack, moved, margin, planes, lens, judge)
+        for s in _seen(k, stack, moved, rough_margin, planes, lens, judge)
         if possible_height(s.place, floor)
     ]
     people, figures = np.zeros(stack.shape, dtype=np.bool_), [NO_FIGURES]
+    somebody: list[Seen] = []
     stays: list[list[Seen]] = []
     for figure in _figures(seen):
         glimpses = [s.glimpse for s in figure]
         if log_odds(glimpses, len(stack)) > 0 or np.mean([g.moved for g in glimpses]) > HEAD_MOVED:
+            somebody += figure
             for s in figure:
                 people[s.frame] |= s.own
             if len(figure) >= FEWEST:
@@ -88,11 +93,24 @@ def learnt(
             figures.append(np.mean([[s.place for s in figure]], axis=1))
     background = farthest_lasting(np.where(people, np.float32(0), stack), 0.0, lens)
     margin, near = _margins(stack, background, lens)
+    owned = background == 0  # somebody's in all samples
     count = near.sum(axis=0)
     background[(near & people).sum(axis=0) > MOSTLY * count] = 0.0
     for figure in stays:  # whose head is not seen in all frames, but they are there
         background[sum(near[s.frame] & s.own for s in figure) > MOSTLY * len(figure)] = 0.0
-    return Surroundings(False, True, background, margin, still, tuple(planes), np.concatenate(figures))
+    judged = _judged(stack, lens, judge) if stays else np.zeros(still.shape)
+    if judged.any():  # a judge that cannot tell says 0 of all
+        likely = judged > LEAST_ODDS
+        for figure in stays:
+            furniture = still & ~likely & (sum(s.own for s in figure) > MOSTLY * len(figure))
+            background[furniture], margin[furniture] = rough[furniture], rough_margin[furniture]
+        for figure in stays:
+            theirs = still & hanging(figure, somebody, stack, still, likely, planes, lens)
+            background[theirs], owned[theirs] = 0.0, True
+    still &= background == 0
+    return Surroundings(
+        False, True, background, margin, still, tuple(planes), np.concatenate(figures), owned=still & owned
+    )
 
 
 def camera_moved(frames: Sequence[np.ndarray], lens: Lens) -> bool:
@@ -121,6 +139,41 @@ def farthest_lasting(stack: np.ndarray, share: float, lens: Lens) -> np.ndarray:
         agree = (found == 0) & (near > 0) & (far - near <= 2 * tolerances(far, lens))
         found = np.where(agree, ordered[last - needed // 2], found)
     return found
+
+
+def _judged(stack: np.ndarray, lens: Lens, judge: PersonJudge) -> np.ndarray:
+    """Mean log odds of a person, over samples and neighbours, of each pixel: float32 (h, w), 0 where nothing is
+    measured.
+    """
+    import cv2
+
+    total, count = (np.zeros(stack.shape[1:], dtype=np.float32) for _ in range(2))
+    for depth in stack[:: -(-len(stack) // JUDGED)]:
+        pixels = np.flatnonzero(depth > 0)
+        total.ravel()[pixels] += judge.log_odds(depth, lens.camera, lens.rotation, pixels).astype(np.float32)
+        count.ravel()[pixels] += 1
+    total, count = (cv2.blur(image, (PATCH, PATCH)) for image in (total, count))
+    return np.asarray(total / np.maximum(count, 1.0 / PATCH**2))
+
+
+def hanging(
+    figure: Sequence[Seen],
+    somebody: Sequence[Seen],
+    stack: np.ndarray,
+    still: np.ndarray,
+    likely: np.ndarray,
+    planes: list[Plane],
+    lens: Lens,
+) -> np.ndarray:
+    """What hangs on the head of somebody who stays, over `likely` pixels (h, w) alone, shared out with everybody else
+    who is there: bool (h, w), in the middle one of their samples.
+    """
+    middle = figure[len(figure) // 2]
+    depth = stack[middle.frame]
+    on = on_planes(depth, lens.rays, tolerances(depth, lens), planes)
+    view = lens.view(depth, (depth > 0) & ~on & likely, still)
+    others = [s.place for s in somebody if s.frame == middle.frame and s is not middle]
+    return hanging_on(view, lens, [middle.place, *others])[0]
 
 
 def _margins(stack: np.ndarray, background: np.ndarray, lens: Lens) -> tuple[np.ndarray, np.ndarray]:

@@ -128,7 +128,7 @@ class SeveralPeople:
         view, surroundings = self._look(flat)
         present = self._present(timestamp, predicted)
         heads, children, furniture = self._heads(view, surroundings)
-        resting = [self._rests(view, head) for head in heads]
+        resting = [_rests(view, head, surroundings) for head in heads]
         matched = match_heads(present, heads, timestamp, resting)
         for k, i in matched.items():
             present[k] = present[k].faced(heads[i], HEAD_DISTANCE)
@@ -205,8 +205,7 @@ class SeveralPeople:
         if depth.any():
             self._surroundings = surroundings
         foreground = surroundings.foreground(depth, lens.rays, tolerances(depth, lens))
-        before = foreground & (surroundings.background > 0)  # somebody, where nothing moved while the room was learnt
-        return lens.view(depth, foreground, surroundings.still & ~before), surroundings
+        return lens.view(depth, foreground, surroundings.unclaimed), surroundings
 
     def _heads(self, view: View, surroundings: Surroundings) -> tuple[list[np.ndarray], list[bool], list[np.ndarray]]:
         """Places of heads, which of them are of a small child's size, and places of furniture, whose pixels go to no
@@ -321,18 +320,13 @@ class SeveralPeople:
                 own[whose[0]] = i
                 seeds[here] = owners[0]
                 continue
-            chair = self._rests(view, head) and beside(head, everybody)
+            chair = _rests(view, head, surroundings) and beside(head, everybody)
             if not chair and all(apart(head, everybody[k - 1]) and not child for k in owners):
                 everybody.append(head)
                 found.append(head)
                 touching.append(len(owners) > 0)
                 seeds[here] = len(everybody)
         return found, touching, own
-
-    def _rests(self, view: View, head: np.ndarray) -> bool:
-        """Whether nothing ever moved at a head's place."""
-        here = near_head(view, head) & view.foreground
-        return bool(np.count_nonzero(view.still & here) > NEVER_MOVED * np.count_nonzero(here))
 
     def _sure(self, view: View, place: np.ndarray, is_head: bool, surroundings: Surroundings) -> bool:
         """Whether the surface below a candidate head is surely a person's.
@@ -433,3 +427,9 @@ class SeveralPeople:
                 unobserved = unobserved_pixels(whole, depth, holes, cut_out=surroundings.cut_out)
                 found.append(Sighting(int(number), depth, unobserved, self.camera))
         return tuple(found)
+
+
+def _rests(view: View, head: np.ndarray, surroundings: Surroundings) -> bool:
+    """Whether nothing ever moved at a head's place (3,), whoever it belongs to."""
+    here = near_head(view, head) & view.foreground
+    return bool(np.count_nonzero(surroundings.still & here) > NEVER_MOVED * np.count_nonzero(here))

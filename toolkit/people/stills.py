@@ -25,13 +25,13 @@ def people_and_furniture(
     labels : int32 (h, w), 1.. the people, then the furniture, 0 = neither
     """
     heads = [h.place for h in find_heads(view, lens, cut_out=cut_out)]
-    alone = [_surfaces(view, lens, [head])[0] for head in heads]
+    alone = [hanging_on(view, lens, [head])[0] for head in heads]
     large = [large_enough(view, lens, mask) for mask in alone]
     heads = [head for head, big in zip(heads, large, strict=True) if big]
     # Heads that compete for one surface share it out, and no half has a person's shape: each is judged as if the
     # surface were its own, too.
     alone = [mask for mask, big in zip(alone, large, strict=True) if big]
-    shared = _surfaces(view, lens, heads)
+    shared = hanging_on(view, lens, heads)
     shaped = [
         any(large_enough(view, lens, m) and looks_like_person(view, lens, m, head) for m in masks)
         and (judge is None or alone_log_odds(judged_head(view, lens, head, judge)) > 0)
@@ -48,12 +48,12 @@ def people_and_furniture(
         if not good and not any(_below(head, person) for person in people)
     ]
     labels = np.zeros(view.depth.shape, dtype=np.int32)
-    for k, mask in enumerate(_surfaces(view, lens, [*people, *furniture]), start=1):
+    for k, mask in enumerate(hanging_on(view, lens, [*people, *furniture]), start=1):
         labels[mask] = k
     return people, furniture, labels
 
 
-def _surfaces(view: View, lens: Lens, heads: list[np.ndarray]) -> list[np.ndarray]:
+def hanging_on(view: View, lens: Lens, heads: list[np.ndarray]) -> list[np.ndarray]:
     """What hangs on each of the heads when they share out the foreground: masks bool (h, w)."""
     seeds = np.zeros(view.depth.shape, dtype=np.int32)
     head_seeds(view, heads, seeds)

@@ -35,7 +35,9 @@ class Surroundings:
     floor : its y, level frame, metres; None where no floor is known
     figures : float64 (F, 3), level frame, metres: the heads of things of a person's shape that never moved while the
         room was learnt, and are taken for furniture
-    still : bool (h, w), pixels in which nothing moved while the room was learnt; False where it was not
+    still : bool (h, w), pixels in which nothing moved while the room was learnt, and behind which it is not known;
+        False where it was not learnt
+    owned : bool (h, w), those of them that are surely somebody's; None = none of them
     """
 
     cut_out: bool
@@ -46,6 +48,12 @@ class Surroundings:
     planes: tuple[Plane, ...] = ()
     figures: np.ndarray = field(default_factory=NO_FIGURES.copy)
     floor: float | None = None
+    owned: np.ndarray | None = None
+
+    @property
+    def unclaimed(self) -> np.ndarray:
+        """Bool (h, w), still pixels that may be of furniture as well as of somebody who touches it."""
+        return self.still if self.owned is None else self.still & ~self.owned
 
     def export_state(self) -> dict[str, Any]:
         """All of it as arrays and numbers."""
@@ -56,6 +64,7 @@ class Surroundings:
             "background": self.background,
             "margin": self.margin,
             "still": self.still,
+            "owned": self.still & ~self.unclaimed,
             "figures": self.figures,
             "floor": np.array(np.nan if self.floor is None else self.floor),
             "planes": np.array(rows, dtype=np.float64).reshape(-1, 5),
@@ -67,6 +76,7 @@ class Surroundings:
         columns = {
             "cut_out": Column("b", ()), "known": Column("b", ()), "background": Column("f", shape, 0, 1e3),
             "margin": Column("f", shape, 0, 1e3), "still": Column("b", shape),
+            "owned": Column("b", shape),
             "figures": Column("f", ("figures", 3), -1e3, 1e3),
             "floor": Column("f", (), -1e3, 1e3, gaps=True),
             "planes": Column("f", ("planes", 5), -1e6, 1e6),
@@ -75,7 +85,8 @@ class Surroundings:
         planes = tuple(Plane(row[:3], float(row[3]), float(row[4])) for row in state["planes"])
         arrays = (state["background"], state["margin"], state["still"])
         floor = float(state["floor"]) if np.isfinite(state["floor"]) else None
-        return cls(bool(state["cut_out"]), bool(state["known"]), *arrays, planes, state["figures"], floor)
+        known = bool(state["cut_out"]), bool(state["known"])
+        return cls(*known, *arrays, planes, state["figures"], floor, state["owned"])
 
     def foreground(self, depth: np.ndarray, rays: np.ndarray, tolerance: np.ndarray) -> np.ndarray:
         """Pixels of a coarse frame float32 (h, w) that are measured and not known to be the room: bool (h, w)."""
