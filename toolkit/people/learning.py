@@ -152,8 +152,8 @@ def _judged(stack: np.ndarray, lens: Lens, judge: PersonJudge) -> np.ndarray:
         pixels = np.flatnonzero(depth > 0)
         total.ravel()[pixels] += judge.log_odds(depth, lens.camera, lens.rotation, pixels).astype(np.float32)
         count.ravel()[pixels] += 1
-    total, count = (cv2.blur(image, (PATCH, PATCH)) for image in (total, count))
-    return np.asarray(total / np.maximum(count, 1.0 / PATCH**2))
+    nearby, measured = (cv2.blur(image, (PATCH, PATCH)) for image in (total, count))
+    return np.asarray(nearby / np.maximum(measured, 1.0 / PATCH**2))
 
 
 def hanging(
