@@ -46,7 +46,7 @@ ROWS: dict[str, tuple[str, dict[str, Any]]] = {
     "lookup": ("hybrid", {"hypotheses": ["extrema", "joints"]}),
     "baak2013": ("baak2013", {}),
     "baak2013 delete": ("baak2013", {"sensing.contour": "delete"}),
-    "baak2013 local": ("baak2013", {"patience": 1_000_000}),
+    "baak2013 local": ("baak2013", {}),
     "baak2013 lookup": ("baak2013", {"hypotheses": ["extrema"]}),
     "no shape": ("hybrid", {"shape.seconds": 0.0}),
     "no prior": ("hybrid", {"fitting.prior_weight": 0.0}),
