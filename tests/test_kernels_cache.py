@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import pickle
 import shutil
@@ -9,7 +10,7 @@ import stat
 import subprocess
 import sys
 import tempfile
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
@@ -44,22 +45,72 @@ def installed(tmp_path: Path) -> Path:
     return tmp_path
 
 
-def run(installation: Path, **environment: str) -> tuple[int, int, Path]:
+SERVER = """
+import json, os, sys
+import numba
+numba.njit(lambda: 0)()
+for line in sys.stdin:
+    installation, code, environment = json.loads(line)
+    if os.fork() == 0:
+        os.environ.clear()
+        os.environ.update(environment)
+        numba.core.config.reload_config()
+        os.chdir(installation)
+        sys.path.insert(0, installation)
+        exec(code, {"__name__": "__main__"})
+        sys.exit()
+    print(f"ended {os.wait()[1]}", flush=True)
+"""
+"""A process that has Numba and no kernel, and forks: importing Numba takes longer than all that is tested."""
+
+
+class Starter:
+    """Starts processes that have Numba already."""
+
+    def __init__(self) -> None:
+        variables = {k: v for k, v in os.environ.items() if k not in ("PYTHONPATH", "NUMBA_CACHE_DIR")}
+        self.process = subprocess.Popen(
+            [sys.executable, "-c", SERVER], env={**variables, "PYTHONDONTWRITEBYTECODE": "1"}, text=True,
+            stdin=subprocess.PIPE, stdout=subprocess.PIPE,
+        )  # fmt: skip
+
+    def said(self, installation: Path, code: str, **environment: str) -> list[str]:
+        """The lines that code prints in a new process, which imports the kernels of an installation."""
+        assert self.process.stdin is not None and self.process.stdout is not None
+        variables = {k: v for k, v in os.environ.items() if not k.startswith("NUMBA_")} | environment
+        self.process.stdin.write(json.dumps([str(installation), code, variables]) + "\n")
+        self.process.stdin.flush()
+        lines = []
+        for line in self.process.stdout:
+            if line.startswith("ended "):
+                assert line == "ended 0\n", "it failed"
+                return lines
+            lines.append(line.rstrip("\n"))
+        raise AssertionError("the starter ended")
+
+
+@pytest.fixture(scope="module")
+def starter() -> Iterator[Starter]:
+    made = Starter()
+    yield made
+    made.process.communicate()
+
+
+Run = Callable[..., tuple[int, int, Path]]
+
+
+@pytest.fixture
+def run(starter: Starter) -> Run:
     """What the outer kernel returns in a new process, whether it came from the cache, and where that lies."""
-    variables = {k: v for k, v in os.environ.items() if not k.startswith("NUMBA_")}
-    done = subprocess.run(
-        [sys.executable, "-c", RUN],
-        env={**variables, "PYTHONPATH": str(installation), "PYTHONDONTWRITEBYTECODE": "1", **environment},
-        cwd=installation,
-        capture_output=True,
-        text=True,
-        check=True,
-    )
-    value, hits, path = done.stdout.split()
-    return int(value), int(hits), Path(path)
+
+    def found(installation: Path, **environment: str) -> tuple[int, int, Path]:
+        value, hits, path = starter.said(installation, RUN, **environment)
+        return int(value), int(hits), Path(path)
+
+    return found
 
 
-def test_a_kernel_follows_an_edit_in_the_file_of_another_one(installed: Path) -> None:
+def test_a_kernel_follows_an_edit_in_the_file_of_another_one(installed: Path, run: Run) -> None:
     assert run(installed)[:2] == (1, 0)
     assert run(installed)[:2] == (1, 1)
     inner = installed / "toolkit" / "kernels" / "room" / "inner.py"
@@ -71,7 +122,7 @@ def test_a_kernel_follows_an_edit_in_the_file_of_another_one(installed: Path) ->
     assert run(installed)[:2] == (1, 1)
 
 
-def test_an_upgraded_installation_never_runs_old_code(installed: Path) -> None:
+def test_an_upgraded_installation_never_runs_old_code(installed: Path, run: Run) -> None:
     folder = run(installed)[2]
     kernels = installed / "toolkit" / "kernels"
     (kernels / "room" / "inner.py").write_text(INNER.format(value=3))
@@ -84,7 +135,7 @@ def test_an_upgraded_installation_never_runs_old_code(installed: Path) -> None:
 
 
 def test_an_installation_that_cannot_be_written_keeps_its_kernels_in_the_users_cache(
-    installed: Path, tmp_path: Path
+    installed: Path, tmp_path: Path, run: Run
 ) -> None:
     (installed / "toolkit" / "kernels" / "__pycache__").touch()  # in the way of a folder, for root too
     home = {"XDG_CACHE_HOME": str(tmp_path / "home"), "HOME": str(tmp_path / "home")}
@@ -96,18 +147,14 @@ def test_an_installation_that_cannot_be_written_keeps_its_kernels_in_the_users_c
     assert run(installed, **home)[:2] == (4, 0)
 
 
-def test_no_garbage_is_collected_while_a_kernel_is_compiled(installed: Path) -> None:
+def test_no_garbage_is_collected_while_a_kernel_is_compiled(installed: Path, starter: Starter) -> None:
     code = (
         "import gc\nfrom numba.core import event\nfrom toolkit.kernels.outer import outer\nseen = []\n"
         "class Listener(event.Listener):\n    def on_start(self, event): seen.append(gc.isenabled())\n"
         "    def on_end(self, event): pass\n"
         "event.register('numba:compile', Listener())\nouter()\nprint(seen, gc.isenabled())"
     )
-    environment = {**os.environ, "PYTHONPATH": str(installed)}
-    done = subprocess.run(
-        [sys.executable, "-c", code], env=environment, cwd=installed, capture_output=True, text=True, check=True
-    )
-    assert done.stdout == "[False, False] True\n"
+    assert starter.said(installed, code) == ["[False, False] True"]
 
 
 def test_old_sets_of_compiled_kernels_are_removed_and_the_newest_stay(tmp_path: Path) -> None:
@@ -152,12 +199,16 @@ def test_all_that_the_tracker_s_kernels_import_is_in_their_digest() -> None:
     assert names == {"fit/pairs.py", "fit/twists.py", "image/pixel_search.py", "kinematics.py", "linear.py"}
 
 
+def _of_this_file() -> None:
+    pass
+
+
 def test_functions_of_other_packages_are_cached_as_numba_does() -> None:
     from numba.core.caching import CompileResultCacheImpl
 
     digest = cache.sources_digest(cache.FOLDER / "fit" / "pairs.py")
     assert digest in CompileResultCacheImpl(pairs.mean_nearest.py_func).filename_base
-    assert digest not in CompileResultCacheImpl(run).filename_base
+    assert digest not in CompileResultCacheImpl(_of_this_file).filename_base
 
 
 def test_help_answers_without_numba() -> None:
@@ -187,7 +238,7 @@ DAMAGES: dict[str, Callable[[bytes, Path], bytes]] = {
 }
 
 
-def test_what_cannot_be_read_is_compiled_anew_and_never_unpickled(installed: Path) -> None:
+def test_what_cannot_be_read_is_compiled_anew_and_never_unpickled(installed: Path, run: Run) -> None:
     folder = run(installed)[2]
     for number, (name, damage) in enumerate((*DAMAGES.items(), ("a trap", DAMAGES["a trap"]))):
         for path in folder.glob(f"*.{'nbi' if number % 2 else 'nbc'}"):
@@ -197,7 +248,7 @@ def test_what_cannot_be_read_is_compiled_anew_and_never_unpickled(installed: Pat
     assert not (installed / "sprung").exists()
 
 
-def test_a_folder_that_others_may_write_is_not_used(installed: Path, tmp_path: Path) -> None:
+def test_a_folder_that_others_may_write_is_not_used(installed: Path, tmp_path: Path, run: Run) -> None:
     shared = tmp_path / "shared"
     own = {"NUMBA_CACHE_DIR": str(shared), "XDG_CACHE_HOME": str(tmp_path / "home"), "HOME": str(tmp_path / "home")}
     first = run(installed, **own)[2]
