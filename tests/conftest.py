@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterator
+from functools import cache
 from pathlib import Path
 
 import pytest
+import typer.main
 from filelock import FileLock
 
 QUICK = frozenset({
@@ -35,10 +37,11 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 
 
 @pytest.fixture(scope="session", autouse=True)
-def disks_that_are_not_waited_for() -> Iterator[None]:
-    """What tests write need not outlive a power cut."""
+def done_once_or_not_at_all() -> Iterator[None]:
+    """What tests write need not outlive a power cut, and the command line is made of its verbs once and not per call."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(os, "fsync", lambda handle: None)
+        patch.setattr(typer.main, "get_command", cache(typer.main.get_command))
         yield
 
 
@@ -54,6 +57,19 @@ def bundled_database(tmp_path_factory: pytest.TempPathFactory) -> Path:
         if not path.exists():
             build_database(None, path, Sampling(max_poses=800), parts=None, workers=1)
     return path
+
+
+@pytest.fixture(scope="session")
+def cut_recordings(shared_data: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder of two recordings of UTD-MHAD with their skeletons, the first 24 frames of each."""
+    from scipy.io import loadmat, savemat
+
+    folder = tmp_path_factory.mktemp("utd_mhad")
+    for name in ("a1_s1_t1", "a3_s3_t1"):
+        for kind, key in (("depth", "d_depth"), ("skeleton", "d_skel")):
+            file = f"{name}_{kind}.mat"
+            savemat(folder / file, {key: loadmat(shared_data / "depth" / "utd_mhad" / file)[key][..., :24]})
+    return folder
 
 
 @pytest.fixture(scope="session")

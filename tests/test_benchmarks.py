@@ -132,7 +132,7 @@ def test_a_turning_subject_turns_by_the_angle_that_the_take_says(bundled: Path) 
 
 def test_the_whole_subject_stays_in_the_image(bundled: Path, work: Path) -> None:
     take = chosen_takes("tune", ["fast"], 1)[0]
-    recording = open_recording(record(take, work, frames=20))
+    recording = open_recording(record(take, work, frames=8))
     pixels = recording.camera.project(recording.joints)
     assert (pixels > 0).all()
     assert (pixels < [recording.camera.width - 1, recording.camera.height - 1]).all()
@@ -272,9 +272,10 @@ def test_a_frame_costs_what_a_longer_recording_takes_more_of_the_processor(
 
 @pytest.mark.shared_data
 def test_real_recordings_are_measured(
-    shared_data: Path, bundled: Path, work: Path, small_database: Path, monkeypatch: pytest.MonkeyPatch
+    cut_recordings: Path, bundled: Path, work: Path, small_database: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    run(real, "tracked", "--stride", 108, "--database", small_database, "--work", work, *QUICK, monkeypatch=monkeypatch)
+    arguments = ["--recordings", cut_recordings, "--stride", 2, "--database", small_database, "--work", work]
+    run(real, "tracked", *arguments, *QUICK, monkeypatch=monkeypatch)
     mean = json.loads((bundled / "real_part.json").read_text())["figures"]["hybrid"]["mean"]
     assert 0 < mean["overlap"] <= 1
 
@@ -283,7 +284,7 @@ def test_candidates_are_counted_in_frames_with_free_end_effectors(
     bundled: Path, work: Path, small_database: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     run(
-        lookup, "candidates", "--takes", 1, "--frames", 8, "--database", small_database, "--recordings", work,
+        lookup, "candidates", "--takes", 1, "--frames", 5, "--database", small_database, "--recordings", work,
         "--work", work, monkeypatch=monkeypatch,
     )  # fmt: skip
     figures = json.loads((bundled / "candidates_tune_part.json").read_text())["figures"]
@@ -371,10 +372,10 @@ def test_the_particle_filters_frames_a_second_are_told(
     bundled: Path, work: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(_speed_wings, "LEFT_OUT", 1)
-    arguments = ("--groups", "cut", "--frames", 3, "--work", work, "--counts", "8", "--columns", "160,320")
+    arguments = ("--groups", "cut", "--frames", 3, "--work", work, "--counts", "8", "--columns", "160,80")
     run(speed, "upper", *arguments, monkeypatch=monkeypatch)
     assert json.loads((bundled / "speed_upper_part.json").read_text())["figures"]["8"]["frame_rate"] > 0
-    assert "8, 320 wide" in json.loads((bundled / "speed_upper_part.json").read_text())["figures"]
+    assert "8, 80 wide" in json.loads((bundled / "speed_upper_part.json").read_text())["figures"]
 
 
 def test_noise_falls_on_what_was_measured_and_on_nothing_else(tmp_path: Path) -> None:

@@ -18,10 +18,10 @@ NAMES = ("a1_s1_t1_depth", "a3_s3_t1_depth")
 
 
 @pytest.fixture(scope="module")
-def runs(shared_data: Path, bundled_database: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+def runs(cut_recordings: Path, bundled_database: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Run folders of two real recordings, tracked with a database that has seen neither mocap nor depth."""
     folder = tmp_path_factory.mktemp("road")
-    recordings = [str(shared_data / "depth" / "utd_mhad" / f"{name}.mat") for name in NAMES]
+    recordings = [str(cut_recordings / f"{name}.mat") for name in NAMES]
     with pytest.raises(SystemExit) as stop:
         main(["track", *recordings, "--database", str(bundled_database), "--output", str(folder / "runs")])
     assert not stop.value.code
@@ -45,8 +45,10 @@ def test_the_subject_faces_the_camera_with_the_left_hand_at_positive_x(runs: Pat
         assert np.median(ankle - foot) > 0.03  # toes towards the camera
 
 
-def test_one_table_compares_real_recordings_with_the_sdk_of_their_folder(runs: Path, shared_data: Path) -> None:
-    table = evaluate_runs([runs], [shared_data / "depth" / "utd_mhad"])
+def test_one_table_compares_real_recordings_with_the_sdk_of_their_folder(
+    runs: Path, cut_recordings: Path
+) -> None:
+    table = evaluate_runs([runs], [cut_recordings])
     assert [row.recording for row in table] == list(NAMES)
     mean = table.mean()
     assert mean.error_mm is None  # another system's estimate is no truth

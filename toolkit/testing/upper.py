@@ -82,8 +82,9 @@ REPORT = (
 def upper_scenes(split: str, groups: tuple[str, ...] = GROUPS, count: int | None = None) -> list[Scene]:
     """The takes of `tune` or `report`, of some groups only, and of each group at most `count`."""
     base = 0 if split == "tune" else 100
-    scenes = [_aimed(scene, base + i) for i, scene in enumerate({"tune": TUNE, "report": REPORT}[split])]
-    return [scene for group in groups for scene in [s for s in scenes if s.group == group][:count]]
+    numbered = list(enumerate({"tune": TUNE, "report": REPORT}[split], start=base))
+    chosen = [own for group in groups for own in [own for own in numbered if own[1].group == group][:count]]
+    return [_aimed(scene, seed) for seed, scene in chosen]
 
 
 def _aimed(scene: Scene, seed: int) -> Scene:
