@@ -19,9 +19,9 @@ QUICK = frozenset({
 })  # fmt: skip
 """Modules whose tests answer at once: the heart, with parts made up where they would be slow."""
 LONGEST = (
-    "test_benchmarks", "test_kills", "test_stabilising", "test_tracking_particles", "test_examples", "test_same_tracks",
-    "test_pipeline_many", "test_demo", "test_kernels_cache", "test_main_road", "test_inertial_road", "test_bad_input",
-    "test_database_builder", "test_regressor",
+    "test_benchmarks", "test_pipeline_many", "test_stabilising", "test_inertial_road", "test_examples",
+    "test_same_tracks", "test_failing_calls", "test_tracking_particles", "test_kills", "test_demo", "test_fuzzing",
+    "test_regressor", "test_database_builder", "test_bad_input", "test_kernels_cache", "test_main_road",
 )  # fmt: skip
 """Modules that take longest, the longest first: begun first, so that no worker is left alone with one at the end."""
 SHARED_DATA = Path(__file__).resolve().parents[2] / "shared" / "data"

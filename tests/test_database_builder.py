@@ -91,8 +91,8 @@ def test_mirroring_adds_the_mirror_image_of_every_pose(tmp_path: Path) -> None:
         np.testing.assert_allclose(database.poses[row], mirrored(canonicalise(frame)[0]), atol=1e-3)
 
 
-def test_the_bundled_motions_are_the_source_when_none_is_given(tmp_path: Path) -> None:
-    database = build_database(None, tmp_path / "poses.npz", threshold=0.018).database
+def test_the_bundled_motions_are_the_source_when_none_is_given(bundled_database: Path) -> None:
+    database = PoseDatabase.load(bundled_database)
     assert len(database) > 100 and len(database.sources) > 10
 
 
