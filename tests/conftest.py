@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 import typer.main
 from filelock import FileLock
+from hypothesis import settings
 
 QUICK = frozenset({
     "test_config", "test_configs", "test_database_canonical", "test_database_query", "test_files", "test_fitting_parts",
@@ -24,6 +25,8 @@ LONGEST = (
     "test_regressor", "test_database_builder", "test_bad_input", "test_kernels_cache", "test_main_road",
 )  # fmt: skip
 """Modules that take longest, the longest first: begun first, so that no worker is left alone with one at the end."""
+settings.register_profile("suite", derandomize=True, deadline=None, max_examples=50)
+settings.load_profile("suite")
 SHARED_DATA = Path(__file__).resolve().parents[2] / "shared" / "data"
 
 
@@ -38,7 +41,7 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 
 @pytest.fixture(scope="session", autouse=True)
 def done_once_or_not_at_all() -> Iterator[None]:
-    """What tests write need not outlive a power cut, and the command line is made of its verbs once and not per call."""
+    """What tests write need not outlive a power cut; the command line is made of its verbs once and not per call."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(os, "fsync", lambda handle: None)
         patch.setattr(typer.main, "get_command", cache(typer.main.get_command))

@@ -45,9 +45,7 @@ def test_the_subject_faces_the_camera_with_the_left_hand_at_positive_x(runs: Pat
         assert np.median(ankle - foot) > 0.03  # toes towards the camera
 
 
-def test_one_table_compares_real_recordings_with_the_sdk_of_their_folder(
-    runs: Path, cut_recordings: Path
-) -> None:
+def test_one_table_compares_real_recordings_with_the_sdk_of_their_folder(runs: Path, cut_recordings: Path) -> None:
     table = evaluate_runs([runs], [cut_recordings])
     assert [row.recording for row in table] == list(NAMES)
     mean = table.mean()
