@@ -14,7 +14,7 @@ from toolkit.body.body import Body
 from toolkit.body.raycast import render_depth
 from toolkit.body.shape import ShapeSpace, load_body
 from toolkit.errors import SettingsError
-from toolkit.fitting.placed import NormalSystem, Placer, choose_vertices
+from toolkit.fitting.placed import NormalSystem, Placer, choose_vertices, spread_rows
 from toolkit.fitting.priors import GaussianPrior
 from toolkit.fitting.refiner import mesh_terms
 from toolkit.fitting.scene import Scene
@@ -143,6 +143,16 @@ def test_chosen_vertices_cover_every_part_and_all_tips(body: Body) -> None:
     assert np.isin(body.part[chosen], limbs).mean() > 0.8 * share_of_skin
     # Spread out: wherever on the body, a chosen vertex is near.
     assert cKDTree(body.vertices[chosen]).query(body.vertices)[0].max() < 0.12
+
+
+@pytest.mark.parametrize(("rows", "size", "count"), [(400, 27, 30), (50, 3, 50), (7, 3, 9), (0, 3, 4)])
+def test_rows_are_chosen_farthest_first_as_a_plain_loop_does(rows: int, size: int, count: int) -> None:
+    points = np.random.default_rng(rows).normal(size=(rows, size))
+    nearest, expected = np.linalg.norm(points - points.mean(axis=0), axis=1) if rows else np.empty(0), []
+    for _ in range(min(count, rows)):
+        expected.append(int(nearest.argmax()))
+        nearest = np.minimum(nearest, np.linalg.norm(points - points[expected[-1]], axis=1))
+    assert spread_rows(points, count).tolist() == expected
 
 
 def test_a_body_is_placed_where_it_is_whatever_its_normals_are_taken_for(body: Body) -> None:

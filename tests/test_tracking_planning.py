@@ -9,10 +9,12 @@ from typing import Any
 import numpy as np
 import pytest
 
+from toolkit import skeleton
 from toolkit.body.shape import load_body
 from toolkit.fitting.shape import ShapeSettings
 from toolkit.people.sighting import Sighting
 from toolkit.sensing.camera import Camera
+from toolkit.track import TRACKED, FrameResult
 from toolkit.tracking.follower import HELD
 from toolkit.tracking.planning import (
     CHECKED,
@@ -65,19 +67,29 @@ class FakeFollower:
     def __init__(self, shown: np.ndarray, costs: np.ndarray) -> None:
         self._shown, self._costs = shown, costs
         self.state, self.walked, self.stepped = PersonState.begin(BODY, sized=False, seed=0), None, []
-        self.scored: list[Any] = []
+        self.winner: Any = None
 
     def shown(self, sighting: Sighting, timestamp: float) -> float:
         return float(self._shown[round(timestamp * 20)])
 
-    def step(self, sighting: Sighting, timestamp: float, clock: object) -> None:
+    def step(self, sighting: Sighting, timestamp: float, clock: object) -> FrameResult:
         assert self.state.sized and self.state.body is BODY
         self.stepped.append(round(timestamp * 20))
         self.state = replace(self.state, timestamp=timestamp)
-        self.scored = [SimpleNamespace(price=self._costs[self.stepped[-1]] + extra) for extra in (0.5, 0.0)]
+        hypothesis = SimpleNamespace(pose=np.zeros(skeleton.POSE_SIZE), continues=False)
+        self.winner = SimpleNamespace(hypothesis=hypothesis, cost=float(self._costs[self.stepped[-1]]))
+        joints = np.zeros((len(skeleton.REPORTED), 3), np.float32)
+        return FrameResult(hypothesis.pose, joints, joints[:, 0], TRACKED, 0, np.zeros(3, np.float32))
+
+    @property
+    def distance(self) -> float:
+        return self.winner.cost
+
+    def backwards(self, pose: np.ndarray) -> float:
+        return 0.0
 
     def cost(self, scored: Any) -> float:
-        return float(scored.price)
+        return scored.cost
 
 
 class FakeSightings:
@@ -119,7 +131,9 @@ def test_each_time_in_sight_begins_at_its_surest_frame_and_others_are_checked() 
     assert [number for frame, number, _ in plan.checks] == [int(frame >= 200) for frame in checked]
     assert len(checked) >= 2 * (5 // CHECKED)
     assert len(follower.stepped) == 2 * MOMENTS
-    assert follower.state.timestamp is None, "the state is as it was before"
+    assert sorted(plan.looks) == sorted(follower.stepped) and set(plan.stretches[:, 2]) <= plan.looks.keys()
+    for frame, look in plan.looks.items():
+        assert look.cost == look.step.cost == costs[frame] and look.state.timestamp == TIMES[frame]
 
 
 def test_frames_that_show_too_few_pixels_are_left_out_and_without_any_there_is_no_plan() -> None:

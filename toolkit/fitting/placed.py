@@ -26,12 +26,10 @@ def spread_rows(points: np.ndarray, count: int) -> np.ndarray:
 
     Returns int64 (min(count, N),), in the order of choice.
     """
-    nearest = np.linalg.norm(points - points.mean(axis=0), axis=1) if len(points) else np.empty(0)
-    chosen: list[int] = []
-    for _ in range(min(count, len(points))):
-        chosen.append(int(nearest.argmax()))
-        nearest = np.minimum(nearest, np.linalg.norm(points - points[chosen[-1]], axis=1))
-    return np.array(chosen, dtype=np.int64)
+    chosen = np.empty(min(count, len(points)), dtype=np.int64)
+    if len(points):
+        placing.spread(points, ((points - points.mean(axis=0)) ** 2).sum(axis=1), chosen)
+    return chosen
 
 
 @lru_cache(maxsize=16)

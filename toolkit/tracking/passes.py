@@ -9,7 +9,7 @@ a stretch the one that explains it stays (`ways.py`).
 from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -19,8 +19,8 @@ from toolkit.body.body import Body
 from toolkit.checkpoint import HINT, check_state, numbered
 from toolkit.errors import TrackError
 from toolkit.track import EMPTY, TRACKED
-from toolkit.tracking.clock import StageClock
 from toolkit.tracking.follower import Follower
+from toolkit.tracking.looks import Look, Looker
 from toolkit.tracking.search.protocol import UNLIKELY
 from toolkit.tracking.sightings import PersonSightings
 from toolkit.tracking.state import PersonState, Previous, State, body_of, body_state
@@ -43,8 +43,6 @@ FIRST_PASS = 2
 """In place of a direction: from the pose of the first pass, in both."""
 _PLAN = {"stretches": Column("iu", ("stretches", 3), 0), "checks": Column("iu", ("checks", 3), 0)}
 _STEPS = {"leg": Column("iu", (), 0), "repairs": Column("iu", ("repairs", 3), -1, optional=True)}
-NOTHING_FOUND = 0.4
-"""Metres that a frame costs in which no pose was found: twice what an unexplained point does."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,11 +54,13 @@ class Plan:
     body : the person's own
     stretches : int64 (S, 3), of each time in sight the first and last frame, and the surest one between them
     checks : int64 (C, 3), further frames that are looked at afresh, each with the number of its stretch, and 0
+    looks : at some of these frames, by which they were chosen; they are not kept on disk, for they can be had again
     """
 
     body: Body
     stretches: np.ndarray
     checks: np.ndarray
+    looks: Mapping[int, Look] = field(default_factory=dict)
 
     def export(self) -> State:
         """As plain arrays, numbers and text."""
@@ -109,9 +109,9 @@ class BothWays:
         first_pass: np.ndarray | None = None,
         walked: np.ndarray | None = None,
     ) -> None:
-        self._walked = walked
-        self._follower, self._seen, self._timestamps, self._first_pass = follower, seen, timestamps, first_pass
-        self._way, self._plan, self._stages = way, plan, stages
+        self._follower, self._looker = follower, Looker(follower, seen, timestamps, stages, walked)
+        self._timestamps, self._walked, self._first_pass = timestamps, walked, first_pass
+        self._way, self._plan = way, plan
         self._unknown = replace(follower.state, body=plan.body, sized=True)
         self._leg, self._frame, self._state = 0, -1, self._unknown
         self._repairs: np.ndarray | None = None
@@ -168,19 +168,13 @@ class BothWays:
 
     def start_at(self, frame: int) -> Step:
         """Find the person anew in a frame."""
-        self._follower.state = self._unknown
-        return self.step_at(frame)
+        look = self._plan.looks.get(frame) or self._looker.afresh(frame, self._plan.body)
+        self._follower.state = look.state
+        return look.step
 
     def step_at(self, frame: int) -> Step:
         """Follow on to a frame."""
-        follower = self._follower
-        if self._walked is not None:
-            follower.walked = self._walked[frame]
-        result = follower.step(self._seen[frame], float(self._timestamps[frame]), StageClock(self._stages))
-        if follower.winner is None:
-            return Step(result, NOTHING_FOUND, continues=False)
-        against = follower.backwards(follower.winner.hypothesis.pose)
-        return Step(result, follower.distance + against, follower.winner.hypothesis.continues)
+        return self._looker.follow(frame)
 
     def _jumps(self) -> np.ndarray:
         """Repairs from behind every jump: int64 (J, 3), frame to begin in, its stretch, and 1 or -1 for where to.
@@ -274,9 +268,10 @@ class BothWays:
 
     def _found_otherwise(self, frame: int) -> tuple[Step, PersonState] | None:
         """What a look afresh says that explains the frame better than the way does, and the state after it."""
-        follower, known = self._follower, self._way[frame]
-        follower.state = self._unknown
-        step = self.step_at(frame)
+        follower, known, planned = self._follower, self._way[frame], self._plan.looks.get(frame)
+        if planned is not None and apart(planned.step.result, known.result) < OTHERWISE:
+            return None
+        step = self._looker.afresh(frame, self._plan.body).step
         if follower.observation is None or apart(step.result, known.result) < OTHERWISE:
             return None
         scene = follower.observation.scene

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Generator, Iterator
+from collections.abc import Generator, Iterator, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -14,6 +14,7 @@ from toolkit.people.sighting import Sighting
 from toolkit.tracking.clock import StageClock
 from toolkit.tracking.follower import HELD, Follower
 from toolkit.tracking.learning import FollowedBody, Pace
+from toolkit.tracking.looks import NOTHING_FOUND, Look, Looker
 from toolkit.tracking.passes import Plan
 from toolkit.tracking.sightings import PersonSightings
 from toolkit.tracking.stature import StatureBelief
@@ -27,8 +28,6 @@ CHECKED = 5.0
 
 CANDIDATES, FEW = 3, 16
 """Bodies of different sizes that are followed, and through how many frames, before one is chosen."""
-NOTHING = 0.4
-"""Metres that a frame counts in which no pose was found."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,6 +83,7 @@ class Planner:
         walked: np.ndarray | None = None,
     ) -> None:
         self._learner, self._follower, self._seen, self._walked = learner, follower, seen, walked
+        self._looker = Looker(follower, seen, timestamps, stages, walked)
         self._timestamps, self._stages, self._smallest, self._body = timestamps, stages, smallest, body
         self.plan: Plan | None = None
 
@@ -98,19 +98,20 @@ class Planner:
         if body is None:
             moments = survey.best(MOMENTS, int(usable[0]), int(usable[-1]), self._timestamps)
             body = yield from self._own_body(moments, usable)
-        rows, checks = [], []
+        rows, checks, looks = [], [], dict[int, Look]()
         for number, (first, last) in enumerate(stretches):
-            best = survey.best(MOMENTS, first, last, self._timestamps)
-            start = yield from self._surest(best or [int(usable[np.searchsorted(usable, first)])], body)
+            best = survey.best(MOMENTS, first, last, self._timestamps) or [first]
+            found = yield from self._looks(best, body)
+            start = surest(found)
+            looks |= found
             rows.append((first, last, start))
             others = set(best)
             for begin in np.arange(self._timestamps[first], self._timestamps[last], CHECKED):
                 low, high = np.searchsorted(self._timestamps, [begin, begin + CHECKED]).tolist()
                 others.update(survey.best(1, low, min(high - 1, last), self._timestamps))
             checks += [(frame, number, 0) for frame in sorted(others - {start})]
-        self.plan = Plan(
-            body, np.array(rows, dtype=np.int64).reshape(-1, 3), np.array(checks, dtype=np.int64).reshape(-1, 3)
-        )
+        starts = np.array(rows, dtype=np.int64).reshape(-1, 3)
+        self.plan = Plan(body, starts, np.array(checks, dtype=np.int64).reshape(-1, 3), looks)
 
     def _survey(self, usable: np.ndarray) -> Generator[None, None, Survey]:
         frames, shown, due = [], [], -np.inf
@@ -126,7 +127,8 @@ class Planner:
     def _own_body(self, moments: list[int], usable: np.ndarray) -> Generator[None, None, Body]:
         """The body that explains the frames around the surest of these moments."""
         belief = yield from self._believed(moments)
-        start = yield from self._surest(moments, belief.bodies[belief.likely[0]])
+        looks = yield from self._looks(moments, belief.bodies[belief.likely[0]])
+        start = surest(looks)
         around = frames_around(start, usable, self._timestamps, self._learner.settings)
         if not len(around):
             return belief.bodies[belief.likely[0]]  # only the size is chosen
@@ -135,7 +137,7 @@ class Planner:
             for k in belief.likely[:CANDIDATES]:
                 body = yield from self._learnt(belief.bodies[k], start, few)
                 learnt.append(body)
-                costs.append(float(np.mean(self._distances[len(self._distances) // 2 :] or [NOTHING])))
+                costs.append(float(np.mean(self._distances[len(self._distances) // 2 :] or [NOTHING_FOUND])))
             belief = StatureBelief.of(tuple(learnt)).narrowed(dict(enumerate(costs)))
         return (yield from self._learnt(ShapeSpace.load().body(belief.shape), start, around))
 
@@ -149,7 +151,7 @@ class Planner:
             learner.follower.state = replace(begun, body=learner.follower.state.body)
             for frame in frames.tolist():
                 learner.take(self._sighting(frame), float(self._timestamps[frame]))
-                self._distances.append(min(learner.follower.distance, NOTHING))
+                self._distances.append(min(learner.follower.distance, NOTHING_FOUND))
                 yield
         return learner.follower.state.body
 
@@ -172,19 +174,13 @@ class Planner:
         follower.sizes, follower.state = belief.bodies, unknown
         return belief
 
-    def _surest(self, moments: list[int], body: Body) -> Generator[None, None, int]:
-        """The frame whose pose has the least cost for a body."""
-        if len(moments) == 1:
-            return moments[0]
-        follower, doubts = self._follower, []
-        unknown = follower.state
+    def _looks(self, moments: list[int], body: Body) -> Generator[None, None, dict[int, Look]]:
+        """What looks afresh say of these moments, for a body."""
+        looks = {}
         for moment in moments:
-            follower.state = replace(unknown, body=body, sized=True)
-            follower.step(self._sighting(moment), float(self._timestamps[moment]), StageClock(self._stages))
-            doubts.append(min((follower.cost(scored) for scored in follower.scored), default=np.inf))
+            looks[moment] = self._looker.afresh(moment, body)
             yield
-        follower.state = unknown
-        return moments[int(np.argmin(doubts))]
+        return looks
 
     def _sighting(self, frame: int) -> Sighting:
         """What is seen of the person in a frame, which both followers are about to look at."""
@@ -193,6 +189,11 @@ class Planner:
             self._follower.walked = self._learner.follower.walked = self._walked[frame]
         assert sighting is not None, "planned frames are frames in which the person was seen"
         return sighting
+
+
+def surest(looks: Mapping[int, Look]) -> int:
+    """The frame in which a pose was found at the least cost."""
+    return min(looks, key=lambda frame: looks[frame].cost)
 
 
 def times_in_sight(usable: np.ndarray, timestamps: np.ndarray) -> list[tuple[int, int]]:

@@ -133,3 +133,28 @@ def draw(
         for u in range(depth.shape[1]):
             w = depth[v, u]
             depth[v, u] = 1.0 / w if w > 0.0 else 0.0
+
+
+@njit(cache=True)
+def spread(points: np.ndarray, nearest: np.ndarray, chosen: np.ndarray) -> None:
+    """Choose rows of `points` (N, D) farthest first, each the one farthest from those before it.
+
+    Parameters
+    ----------
+    nearest : float64 (N,), squared distance of each row to what lies nearest to it before any is chosen; changed
+    chosen : int64 (K,), filled in the order of choice
+    """
+    for k in range(chosen.shape[0]):
+        best = 0
+        for i in range(points.shape[0]):
+            if nearest[i] > nearest[best]:
+                best = i
+        chosen[k] = best
+        for i in range(points.shape[0]):
+            square = 0.0
+            for d in range(points.shape[1]):
+                away = points[i, d] - points[best, d]
+                square += away * away
+                if square >= nearest[i]:
+                    break
+            nearest[i] = min(nearest[i], square)
