@@ -25,8 +25,8 @@ from toolkit.errors import InertialError
 from toolkit.inertial.calibrate import CalibrationSettings, Take, better_clock, calibrate
 from toolkit.inertial.distance import distances, worlds_of
 from toolkit.inertial.limbs import TrackedMotion
-from toolkit.inertial.places import other_side
 from toolkit.inertial.stream import SensorStream
+from toolkit.inertial.suspicions import other_side
 from toolkit.inertial.synchronise import (
     STEP,
     Clock,

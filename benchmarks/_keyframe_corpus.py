@@ -10,13 +10,18 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
 from toolkit.mocap.read import find_clips
+from toolkit.retrieval.annotation.annotator import Annotator, Intervals, MotionClass
 from toolkit.retrieval.annotation.documents import assemble
+from toolkit.retrieval.annotation.measures import Segment, label_frames
+from toolkit.retrieval.annotation.preselection import preselect_in
 from toolkit.retrieval.features.motion import Motion
 from toolkit.retrieval.features.relational import FEATURE_RATE, FeatureMatrix, relational_features
+from toolkit.retrieval.keyframes.query import KeyframeQuery
 from toolkit.retrieval.learning.queries import LearnedQuery, LearningSettings, learn, training_clips
 from toolkit.retrieval.workflow.motions import load_motion
 
@@ -148,3 +153,65 @@ def unlabelled_pieces(documents: Sequence[LabelledDocument]) -> list[FeatureMatr
                 if len(piece) >= SHORTEST_PIECE:
                     pieces.append(replace(piece, name=f"{document.features.name} from {start}"))
     return pieces
+
+
+def confusion(true: np.ndarray, decided: np.ndarray) -> np.ndarray:
+    """Frames by true and found class: int64 (P + 1, P + 1), the last row and column standing for "no class".
+
+    Parameters
+    ----------
+    true : bool (P, L); a frame with several true labels counts once for each
+    decided : int64 (L,), class of each frame before segments are extended, -1 for none
+    """
+    classes = len(true)
+    table = np.zeros((classes + 1, classes + 1), dtype=np.int64)
+    columns = np.where(decided < 0, classes, decided)
+    for row, frames in enumerate([*true, ~true.any(axis=0)]):
+        table[row] = np.bincount(columns[frames], minlength=classes + 1)
+    return table
+
+
+THRESHOLDS: np.ndarray = np.round(np.arange(0.02, 0.15, 0.01), 3)
+"""Thresholds that `learn_threshold` chooses from."""
+
+
+class Fold(NamedTuple):
+    """What was learned from some people, and what it is tried on.
+
+    Attributes
+    ----------
+    classes : learned from some people
+    documents : with true segments, of a person who is in no example
+    queries : keyframes learned from the same people, if keyframes will narrow the search down
+    """
+
+    classes: Sequence[MotionClass]
+    documents: Sequence[tuple[FeatureMatrix, Sequence[Segment]]]
+    queries: Sequence[KeyframeQuery] = ()
+
+
+def learn_threshold(folds: Sequence[Fold]) -> float:
+    """The threshold, common to all classes, with the best F over frames on documents of people that were left out.
+
+    It is learned as it will be used: behind keyframes, which keep most of what is no motion away, a looser one is best.
+
+    Returns
+    -------
+    One of `THRESHOLDS`, the smallest among equals.
+    """
+    found, right, true = (np.zeros(len(THRESHOLDS)) for _ in range(3))
+    for classes, documents, queries in folds:
+        labels = [motion_class.label for motion_class in classes]
+        matrices = [features for features, _ in documents]
+        narrowed: Sequence[Intervals | None] = [None] * len(documents)
+        if queries:
+            narrowed = preselect_in(matrices, queries, labels)
+        for number, threshold in enumerate(THRESHOLDS):
+            annotator = Annotator([MotionClass(c.label, c.templates, float(threshold)) for c in classes])
+            for (features, segments), intervals in zip(documents, narrowed, strict=True):
+                frames = annotator.annotate(features, intervals).frames
+                truth = label_frames(segments, annotator.labels, len(features), features.frame_rate)
+                found[number] += frames.sum()
+                right[number] += (frames & truth).sum()
+                true[number] += truth.sum()
+    return float(THRESHOLDS[int((2.0 * right / (found + true)).argmax())])

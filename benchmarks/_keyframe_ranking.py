@@ -22,11 +22,12 @@ from benchmarks._keyframe_corpus import (
     make_documents,
 )
 from benchmarks._record import RESULTS, save_figures
+from benchmarks._stiffness import admissible, distance_of, stiffness_of
 from toolkit.files import atomic_path
 from toolkit.retrieval.annotation.annotator import PreparedTemplate
 from toolkit.retrieval.annotation.classes import learn_classes
 from toolkit.retrieval.index.keyframe_index import KeyframeIndex
-from toolkit.retrieval.keyframes.query import KeyframeQuery, admissible
+from toolkit.retrieval.keyframes.query import KeyframeQuery
 from toolkit.retrieval.learning.queries import LearningSettings
 from toolkit.retrieval.search.find import HitRanges, find, pieces
 
@@ -58,8 +59,10 @@ def stiffened(query: KeyframeQuery, stiffness: float) -> KeyframeQuery:
     The distance of a gap from 0 to n frames, which Eq. 4.8 loses, is taken to be half of n.
     """
     bounds = tuple(
-        bound if bound == (0, 0) else admissible(round(distance if bound[0] else (bound[1] or 0) / 2), stiffness)
-        for bound, distance in zip(query.bounds, query.distances, strict=True)
+        bound
+        if bound == (0, 0)
+        else admissible(round(distance_of(bound) if bound[0] else (bound[1] or 0) / 2), stiffness)
+        for bound in query.bounds
     )
     return KeyframeQuery(query.keyframes, bounds, query.lead, query.tail, query.label)
 
@@ -128,7 +131,7 @@ def ranking(parser: argparse.ArgumentParser) -> None:
         ranked(PreparedTemplate(classes[0].templates[0]), documents, whole(documents[:1]))  # loads the kernel
         for found in classes:
             (query,) = learned[found.label].alternatives(1)
-            stiffness += [s for s, bound in zip(query.stiffness, query.bounds, strict=True) if bound != (0, 0)]
+            stiffness += [stiffness_of(bound) for bound in query.bounds if bound != (0, 0)]
             kinds = {LEARNED: query, **{f"{s:g}": stiffened(query, s) for s in STIFFNESS}}
             rows += [_row(kind, own_query, index, documents, found.templates[0]) for kind, own_query in kinds.items()]
         print(f"{actor} left out: {len(rows)} rankings", flush=True)

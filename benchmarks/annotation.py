@@ -25,7 +25,17 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks._keyframe_corpus import ACTORS, Example, LabelledDocument, learned_from, load_examples, load_filler
+from benchmarks._keyframe_corpus import (
+    ACTORS,
+    Example,
+    Fold,
+    LabelledDocument,
+    confusion,
+    learn_threshold,
+    learned_from,
+    load_examples,
+    load_filler,
+)
 from benchmarks._record import RESULTS, run_part, save_figures
 from toolkit.retrieval.annotation.annotator import (
     AS_PUBLISHED,
@@ -33,9 +43,9 @@ from toolkit.retrieval.annotation.annotator import (
     DecisionSettings,
     Intervals,
 )
-from toolkit.retrieval.annotation.classes import Fold, learn_classes, learn_threshold
+from toolkit.retrieval.annotation.classes import learn_classes
 from toolkit.retrieval.annotation.documents import assemble, shuffled_parts
-from toolkit.retrieval.annotation.measures import Scores, Segment, confusion, frame_scores, label_frames, segment_scores
+from toolkit.retrieval.annotation.measures import Scores, Segment, frame_scores, label_frames, segment_scores
 from toolkit.retrieval.annotation.online import HOLD, Event, OnlineAnnotator
 from toolkit.retrieval.annotation.preselection import preselect, preselect_in
 from toolkit.retrieval.annotation.report import plot_annotation
@@ -46,7 +56,7 @@ from toolkit.retrieval.keyframes.query import KeyframeQuery
 from toolkit.retrieval.keyframes.query_file import load_queries, save_queries
 from toolkit.retrieval.learning.genetic import GeneticSettings
 from toolkit.retrieval.learning.queries import LearningSettings
-from toolkit.retrieval.workflow.annotate import classes_from_clips
+from toolkit.retrieval.workflow.learn import learn_templates
 from toolkit.testing.labelled import SEQUENCES, class_clips, perform
 
 CLIPS_PER_DOCUMENT = 12
@@ -365,7 +375,7 @@ def told_events(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--queries", type=Path, help="keyframes of `depthmocap learn`, for both")
     options = parser.parse_args()
     queries = load_queries(options.queries) if options.queries else ()
-    learned = classes_from_clips(class_clips(options.split))
+    learned = learn_templates(class_clips(options.split))
     classes = [replace(c, threshold=options.threshold) for c in learned]
     whole = live = Scores(0, 0, 0, 0)
     delays: list[float] = []

@@ -42,7 +42,7 @@ from benchmarks._keyframe_corpus import FILLER_SHARE, SYMMETRIC, Example, load_e
 from benchmarks._record import pin_to_one_processor, save_figures
 from toolkit.kernels.motion.graded import distinct_hits, graded_distances
 from toolkit.recordings.readers.utd_mhad import joints_from_kinect
-from toolkit.retrieval.annotation.annotator import distance_function
+from toolkit.retrieval.annotation.annotator import PreparedTemplate
 from toolkit.retrieval.annotation.documents import HARD_JOINS, JOINS, Joins, assemble
 from toolkit.retrieval.features.grades import FULL, SCALES, grade, importance
 from toolkit.retrieval.features.lengths import BodyLengths
@@ -51,7 +51,7 @@ from toolkit.retrieval.features.places import places_of, spread
 from toolkit.retrieval.features.relational import FEATURE_RATE, FEATURES, MIRROR, FeatureMatrix, relational_features
 from toolkit.retrieval.index.keyframe_index import KeyframeIndex
 from toolkit.retrieval.search import example as shipped
-from toolkit.retrieval.templates.quantised import QuantisedTemplate
+from toolkit.retrieval.templates import QuantisedTemplate
 
 LAST_TUNING_SUBJECT = 8
 """CMU subjects up to this one were looked at while the method was made."""
@@ -207,7 +207,7 @@ def methods_for(corpus: Corpus) -> dict[str, Method]:
 
     def by_booleans(example: FeatureMatrix, _: Motion) -> list[Hit]:
         template = QuantisedTemplate(example.name, example.values.astype(np.int8), np.ones(len(example)))
-        return hits_of([distance_function(template, document) for document in corpus.features])
+        return hits_of([PreparedTemplate(template).distance(document.words) for document in corpus.features])
 
     def by_grades(example: FeatureMatrix, weights: np.ndarray) -> list[Hit]:
         template = np.ascontiguousarray(example.grades.T, dtype=np.float32)

@@ -12,7 +12,7 @@ import argparse
 import time
 import timeit
 from collections.abc import Sequence
-from dataclasses import asdict, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -26,7 +26,7 @@ from toolkit.retrieval.annotation.measures import Segment
 from toolkit.retrieval.features.motion import from_poses
 from toolkit.retrieval.features.relational import FEATURE_RATE, FeatureMatrix, relational_features
 from toolkit.retrieval.priors.allocation import Allocation, allocate, unknown_rows
-from toolkit.retrieval.priors.expectation import ExpectationSettings, Told, expect, fill
+from toolkit.retrieval.priors.expectation import Told, expect, fill
 from toolkit.retrieval.priors.gaps import Gap
 from toolkit.retrieval.priors.limbs import ENTRIES, LIMBS, OUTER
 from toolkit.retrieval.workflow.motions import load_motion, load_poses
@@ -39,8 +39,6 @@ WHOLE = "whole motion"
 SECONDS = (0.5, 1.0, 2.0)
 FRAMES = 1257
 """Of the take of the thesis (6.5), which spends 15 s on labels and priors."""
-SETTINGS = ExpectationSettings()
-WITHOUT_CLASS = replace(SETTINGS, class_motions=False)
 
 Errors = dict[tuple[str, str, str], list[float]]
 """Kind of limb, how long it is hidden and how it is told -> mean errors, metres."""
@@ -112,7 +110,7 @@ def _hide_all(
     every = np.arange(length)
     ways = {
         "held": np.repeat(clip.poses[:1, ENTRIES[limb]], length, axis=0),
-        "class": expect(alone, limb, every, SETTINGS).mean,
+        "class": expect(alone, limb, every).mean,
     }
     if length > 2:
         first = told_of([clip], label, classes, limb, Gap(limb, 1, length))
@@ -121,8 +119,9 @@ def _hide_all(
         )
     if others:
         beside = told_of([clip, *others], label, classes, limb, Gap(limb, 0, length))
-        ways["repetitions"] = expect(beside, limb, every, WITHOUT_CLASS).mean
-        ways["class and repetitions"] = expect(beside, limb, every, SETTINGS).mean
+        without = replace(beside, classes=[replace(c, motions=()) for c in beside.classes])
+        ways["repetitions"] = expect(without, limb, every).mean
+        ways["class and repetitions"] = expect(beside, limb, every).mean
     for name, angles in ways.items():
         errors.setdefault((kind, WHOLE, name), []).append(error_of(clip.poses, limb, angles))
 
@@ -172,7 +171,7 @@ def main() -> None:
     seconds = seconds_of([clip for clips in examples[person].values() for clip in clips], classes)
     print(f"annotate, allocate and bridge {FRAMES} frames: {seconds:.2f} s of a processor")
     figures["seconds"] = {"frames": FRAMES, "annotate, allocate and bridge": seconds}
-    print("written:", save_figures("hidden_limbs", figures, {"clips": options.clips, **asdict(SETTINGS)}))
+    print("written:", save_figures("hidden_limbs", figures, {"clips": options.clips}))
 
 
 if __name__ == "__main__":

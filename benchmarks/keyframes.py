@@ -51,7 +51,7 @@ from toolkit.retrieval.keyframes.query import KeyframeQuery
 from toolkit.retrieval.learning.genetic import Breeder, GeneticSettings, Individual, Quality, TrainingSet, evolve
 from toolkit.retrieval.learning.queries import LearnedQuery, LearningSettings, learn, query_of, training_clips
 from toolkit.retrieval.search.find import HitRanges, find, pieces
-from toolkit.retrieval.templates.template import MotionTemplate
+from toolkit.retrieval.templates import MotionTemplate
 
 COUNTEREXAMPLES = 30_000
 """Frames of the documents from which counterexamples are cut."""
@@ -179,7 +179,7 @@ def rotate(
             measured.together[count, tight].append(row)
             print(f"{label:28s} {actor}", *(f"{row[key]:.3g}" for key in SHOWN), sep="  ", flush=True)
         measured.timed["learned"].extend(timed(index, query) for query in result.alternatives(1))
-        breeder = Breeder(result.template, settings.genetic, rng)
+        breeder = Breeder(result.template, rng)
         random = [query_of(breeder.individual(), len(result.template), label) for _ in range(UNSPECIFIC)]
         measured.timed["random columns"].extend(timed(index, query) for query in random)
 
@@ -254,8 +254,8 @@ def tables(examples: Sequence[Example], settings: LearningSettings, seed: int) -
         seconds = time.process_time() - begin
         for label, result in learned.items():
             verification = set_of(unseen, label)
-            quality = verification.quality(result.individual, settings.genetic.beta)
-            runs = [verification.quality(s, settings.genetic.beta).fitness for s in result.solutions]
+            quality = verification.quality(result.individual)
+            runs = [verification.quality(s).fitness for s in result.solutions]
             rows.append(
                 {
                     "left_out": actor, "label": label, "clips": int(verification.relevant.sum()),
@@ -284,12 +284,12 @@ def curves(examples: Sequence[Example], learning: LearningSettings, runs: int) -
         for label, clips in classes.items():
             training = TrainingSet(documents, [owner == label for owner in owners])
             sets = {"training": training, "verification": set_of(unseen, label)}
-            template = MotionTemplate(strict=True).fit(clips).quantised(label, 0.0)
+            template = MotionTemplate.of(clips, strict=True).quantised(label, 0.0)
 
             def observe(generation: int, population: Sequence[Individual], sets: dict[str, TrainingSet] = sets) -> None:
                 if generation % GENERATION_STEP == 0:
                     for part, judge in sets.items():
-                        found = [judge.quality(individual, settings.beta) for individual in population]
+                        found = [judge.quality(individual) for individual in population]
                         means = [np.mean([getattr(q, name) for q in found]) for name in PARTS_OF_QUALITY]
                         sums[part][generation // GENERATION_STEP] += means
 
@@ -318,14 +318,14 @@ def timed_run(examples: Sequence[Example], repeats: int) -> dict[str, Any]:
                     negative.append(replace(features, name=f"{features.name} x {factor}"))
                     frames += len(features)
     training = TrainingSet([*positive, *negative], [True] * len(positive) + [False] * len(negative))
-    template = MotionTemplate(strict=True).fit(positive).quantised(label, 0.0)
+    template = MotionTemplate.of(positive, strict=True).quantised(label, 0.0)
     evolve(training, template, replace(settings, generations=2), np.random.default_rng(0))
     seconds, last = [], Quality(0.0, 0.0, 0.0)
     for seed in range(repeats):
         begin = time.process_time()
         best = evolve(training, template, settings, np.random.default_rng(seed))
         seconds.append(time.process_time() - begin)
-        last = training.quality(best, settings.beta)
+        last = training.quality(best)
     return {
         "frames": training.frames, "documents": len(training.relevant), "median_cpu_seconds": float(np.median(seconds)),
         "worst_cpu_seconds": float(np.max(seconds)), "training_fitness": last.fitness,

@@ -27,16 +27,20 @@ import numpy as np
 
 from benchmarks._keyframe_corpus import (
     ACTORS,
+    Fold,
+    confusion,
+    learn_threshold,
     load_examples,
     load_filler,
 )
 from benchmarks._record import RESULTS, save_figures
 from benchmarks.annotation import HOLDS_A_CLASS, LAST_TRAINING_SUBJECT, plot_confusion
 from toolkit.retrieval.annotation.annotator import Annotator
-from toolkit.retrieval.annotation.classes import Fold, learn_classes, learn_threshold
-from toolkit.retrieval.annotation.measures import Scores, confusion, frame_scores, label_frames, segment_scores
+from toolkit.retrieval.annotation.classes import learn_classes
+from toolkit.retrieval.annotation.documents import Document
+from toolkit.retrieval.annotation.measures import Scores, frame_scores, label_frames, segment_scores
 from toolkit.retrieval.annotation.model import MotionModel
-from toolkit.retrieval.annotation.training import Clip, TrainedDocument, documents_of, train, two_sided
+from toolkit.retrieval.annotation.training import Clip, documents_of, train, two_sided
 from toolkit.retrieval.features.motion import Motion
 from toolkit.retrieval.features.relational import FEATURE_RATE, relational_features
 from toolkit.retrieval.index.keyframe_index import KeyframeIndex
@@ -72,7 +76,7 @@ def matrices(clips: Sequence[Clip]) -> dict[str, list[Any]]:
     return {label: [c.features for c in clips if c.label == label] for label in sorted({c.label for c in clips})}
 
 
-def judged(annotate: Annotate, documents: Sequence[TrainedDocument], labels: Sequence[str]) -> dict[str, Any]:
+def judged(annotate: Annotate, documents: Sequence[Document], labels: Sequence[str]) -> dict[str, Any]:
     """Scores over frames and segments, per class and confused, of an annotator on documents."""
     frames, segments, classes = NOTHING, NOTHING, dict.fromkeys(labels, NOTHING)
     table = np.zeros((len(labels) + 1, len(labels) + 1), dtype=np.int64)
@@ -90,7 +94,7 @@ def judged(annotate: Annotate, documents: Sequence[TrainedDocument], labels: Seq
     return {"frames": frames, "segments": segments, "classes": classes, "confusion": table}
 
 
-def found_by_search(model: MotionModel, documents: Sequence[TrainedDocument]) -> np.ndarray:
+def found_by_search(model: MotionModel, documents: Sequence[Document]) -> np.ndarray:
     """What `depthmocap search --classes` leaves, over all classes: int64 (D, 5).
 
     For each of `DOUBTS` frames left, frames of true segments, segments of which a frame is left, of which half is, all.

@@ -37,6 +37,7 @@ import numpy as np
 from benchmarks._keyframe_corpus import load_examples, load_filler
 from benchmarks._record import run_part, save_figures
 from benchmarks._rows import add_database_options, poses_of
+from benchmarks._stiffness import placed_query
 from benchmarks.real import RECORDINGS
 from toolkit import skeleton
 from toolkit.body.shape import load_body
@@ -312,7 +313,7 @@ def _two_moments(features: FeatureMatrix) -> KeyframeQuery:
     """A query of two frames of an example, a third and two thirds through it."""
     moments = [len(features) // 3, 2 * len(features) // 3]
     columns = [(n, keyframes_of_column(features.values[:, n].astype(np.int8))) for n in moments]
-    return KeyframeQuery.from_positions(columns, len(features), 0.5)
+    return placed_query(columns, len(features), 0.5)
 
 
 def _warm(wanted: list[FeatureMatrix]) -> tuple[KeyframeIndex, Any]:

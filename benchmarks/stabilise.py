@@ -42,16 +42,14 @@ from toolkit.retrieval.annotation.annotator import MotionClass
 from toolkit.retrieval.annotation.measures import Scores, frame_scores, label_frames, segment_scores
 from toolkit.retrieval.features.motion import from_poses
 from toolkit.retrieval.features.relational import FEATURES, relational_features
-from toolkit.retrieval.priors.marks import MarkSettings
-from toolkit.retrieval.templates.quantised import WILDCARD
-from toolkit.retrieval.workflow.annotate import classes_from_clips
+from toolkit.retrieval.templates import WILDCARD
+from toolkit.retrieval.workflow.learn import learn_templates
 from toolkit.sensing.recording import Recording
 from toolkit.simulation.inertial import NOISE, simulate_sensors
 from toolkit.simulation.sensors import make_sensor
 from toolkit.simulation.simulate import simulate_recording
-from toolkit.stabilising.loop import Round, annotate, best_round, stabilise
+from toolkit.stabilising.loop import Round, StabiliseSettings, annotate, best_round, stabilise
 from toolkit.stabilising.page import write_page
-from toolkit.stabilising.settings import StabiliseSettings
 from toolkit.stabilising.source import Source, open_source
 from toolkit.testing.labelled import SEQUENCES, MotionSequence, Performed, class_clips, record_sequence
 from toolkit.testing.suite import RATE, distance_needed, performed, takes
@@ -151,7 +149,7 @@ def measured(
     labels, marked = (NOTHING, NOTHING), np.zeros(len(FEATURES), dtype=np.int64)
     rounds = stabilise(source, classes, settings)
     seconds = time.process_time() - start
-    best = best_round(rounds, settings)
+    best = best_round(rounds)
     tracks = [source.track, *(found.track for found in rounds[: rounds.index(best) + 1])]
     for found in rounds:
         marked += (found.priors != WILDCARD).sum(axis=1)
@@ -184,8 +182,8 @@ def classes(parser: argparse.ArgumentParser) -> None:
     options = parser.parse_args()
     settings = StabiliseSettings(rounds=options.rounds)
     if options.without_marks:
-        settings = replace(settings, marks=MarkSettings(weight=0.0))
-    database, classes = poses_of(options), classes_from_clips(class_clips(options.split))
+        settings = replace(settings, marks=False)
+    database, classes = poses_of(options), learn_templates(class_clips(options.split))
     done: dict[str, Measured] = {}
     for sequence in SEQUENCES:
         if not options.sequences or sequence.name in options.sequences:

@@ -3,7 +3,7 @@
     python examples/06_gestures.py
 
 Three gestures are learnt from one example each. A player then performs them, pose by pose, as a tracker hands them on;
-every event steers the raft. `depthmocap annotate RUN --classes classes.npz --events -` tells those of a tracked run.
+every event steers the raft. `depthmocap track TAKE --classes classes.npz --events -` tells those of a recording.
 """
 
 from __future__ import annotations

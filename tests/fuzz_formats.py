@@ -81,7 +81,7 @@ from toolkit.retrieval.keyframes.query_file import load_queries
 from toolkit.retrieval.priors.marks import load_marks
 from toolkit.retrieval.search.example import Example, search_example
 from toolkit.retrieval.search.find import find
-from toolkit.retrieval.workflow.motions import labels_of
+from toolkit.retrieval.workflow.motions import tags_of
 from toolkit.runs import load_people
 from toolkit.sensing.recording import Recording
 from toolkit.simulation.furniture import read_boxes
@@ -211,7 +211,7 @@ FORMATS: dict[str, Format] = {
     "person state": Format(person_state_file, _person_state, checked=True),
     "queries json": Format(text_file("q.json", QUERIES), load_queries),
     "labels csv": Format(
-        text_file("l.csv", "clip,label\na,walk\nb,jump\n"), lambda path: labels_of([Path("a.bvh")], table=path)
+        text_file("l.csv", "clip,label\na,walk\nb,jump\n"), lambda path: tags_of([Path("a.bvh")], table=path)
     ),
     "segments csv": Format(text_file("s.csv", "start,end,label\n0,1.5,walk\n1.5,2,jump\n"), read_segments),
     "settings yaml": Format(

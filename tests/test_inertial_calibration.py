@@ -18,9 +18,9 @@ from toolkit.inertial import solvers
 from toolkit.inertial.calibrate import CalibrationSettings, Take, calibrate
 from toolkit.inertial.calibration import GOOD, REFUSED, WEAK, Calibration
 from toolkit.inertial.limbs import TrackedMotion
-from toolkit.inertial.places import mirrored_take, place_suspicions
 from toolkit.inertial.solvers import Strand
 from toolkit.inertial.stream import Sensors
+from toolkit.inertial.suspicions import mirrored_take, place_suspicions
 from toolkit.inertial.synchronise import Clock
 from toolkit.rotations import quaternions as quat
 

@@ -13,7 +13,7 @@ from tests.test_retrieval_priors import BODY, classes_of, example_of, hiding
 from toolkit import skeleton
 from toolkit.database.canonical import mirrored
 from toolkit.inertial.calibrate import Take, calibrate
-from toolkit.inertial.places import mirrored_take, other_side
+from toolkit.inertial.suspicions import mirrored_take, other_side
 from toolkit.retrieval.annotation.annotator import MotionClass
 from toolkit.retrieval.annotation.class_motion import ANGLE_COUNT, ANGLES, ClassMotion
 from toolkit.retrieval.annotation.classes import learn_classes

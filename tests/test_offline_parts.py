@@ -15,7 +15,7 @@ import pytest
 from database_builder.kept import Kept
 from database_builder.occluders import BOX_FACES, box, occluder_meshes
 from toolkit import skeleton
-from toolkit.biomechanics.ground import ground_of
+from toolkit.biomechanics.contact import ground_of
 from toolkit.body.raycast import Hits, cast
 from toolkit.body.shape import ShapeSpace, load_body
 from toolkit.errors import OutputError, RecordingError
@@ -31,12 +31,12 @@ from toolkit.pipeline.in_memory import track_of
 from toolkit.retrieval.priors.bridge import Bridge
 from toolkit.retrieval.priors.gaps import Gap
 from toolkit.retrieval.priors.limbs import ENTRIES
+from toolkit.retrieval.priors.marks import DISAGREEMENT
 from toolkit.sensing.camera import Camera
 from toolkit.simulation.picture import FINER, Backdrop, Drawn
 from toolkit.simulation.scene import View
 from toolkit.stabilising.retrack import GapGuide
-from toolkit.stabilising.settings import StabiliseSettings
-from toolkit.stabilising.ways import KEPT, GapWays
+from toolkit.stabilising.ways import KEPT, PRIOR_SPREAD, GapWays
 from toolkit.track import EMPTY, LOST, TRACKED, FrameResult
 from toolkit.tracking.crowd import Row
 
@@ -132,23 +132,23 @@ def test_the_ground_is_where_the_camera_saw_it_else_where_feet_rest_else_guessed
 
 
 def test_a_prior_holds_hidden_frames_only_and_gives_way_to_the_whole_pose_in_bad_ones() -> None:
-    times, settings = np.arange(10) / 30, StabiliseSettings()
+    times = np.arange(10) / 30
     entries = ENTRIES["left_arm"]
     gap, hidden = Gap("left_arm", 2, 7), np.array([False, True, True, True, False])
     mean = np.arange(5.0)[:, None] + np.zeros(len(entries))
     way = GapWays(gap, hidden, Bridge(mean, np.full_like(mean, 0.04)), (KEPT,), np.zeros((1, *mean.shape)))
     whole: Any = {4: object()}
     marked = {5: [SimpleNamespace(violation=lambda pose: 0.2), SimpleNamespace(violation=lambda pose: 0.1)]}
-    guide = GapGuide([way], whole, times, settings, marked)  # type: ignore[arg-type]
+    guide = GapGuide([way], whole, times, marked)  # type: ignore[arg-type]
     priors = [guide.priors(float(time)) for time in times]
     assert [len(terms) for terms in priors] == [0, 0, 0, 1, 1, 3, 0, 0, 0, 0]
     first = priors[3][0]
     assert isinstance(first, LimbPrior) and first.entries is entries
     assert first.mean.tolist() == mean[1].tolist()
-    np.testing.assert_allclose(first.variance, 0.04 + settings.prior_spread**2)
+    np.testing.assert_allclose(first.variance, 0.04 + PRIOR_SPREAD**2)
     assert priors[4][0] is whole[4]
     pose = np.zeros(skeleton.POSE_SIZE)
-    assert guide.contradicts(float(times[5]), pose) == pytest.approx(0.3 * settings.marks.disagreement)
+    assert guide.contradicts(float(times[5]), pose) == pytest.approx(0.3 * DISAGREEMENT)
     assert guide.contradicts(float(times[4]), pose) == 0.0
 
 

@@ -16,8 +16,6 @@ from toolkit.retrieval.annotation.annotator import (
     MotionClass,
     PreparedTemplate,
     decide,
-    distance_function,
-    extend,
     runs,
 )
 from toolkit.retrieval.annotation.documents import assemble, shuffled_parts
@@ -29,9 +27,8 @@ from toolkit.retrieval.annotation.measures import (
     label_frames,
     segment_scores,
 )
-from toolkit.retrieval.features.relational import FeatureMatrix, relational_features
-from toolkit.retrieval.templates.quantised import WILDCARD, QuantisedTemplate
-from toolkit.retrieval.templates.template import MotionTemplate
+from toolkit.retrieval.features.relational import FeatureMatrix, pack, relational_features
+from toolkit.retrieval.templates import WILDCARD, MotionTemplate, QuantisedTemplate
 
 INF = np.inf
 
@@ -68,7 +65,7 @@ def noisy_class(label: str, seed: int) -> tuple[MotionClass, FeatureMatrix]:
     clean = relational_features(random_motion(seed))
     rng = np.random.default_rng(seed)
     copies = [FeatureMatrix(f"{label} {i}", clean.values ^ (rng.random(clean.values.shape) < 0.01)) for i in range(3)]
-    return MotionClass(label, (MotionTemplate().fit(copies).quantised(label),), 0.04), clean
+    return MotionClass(label, (MotionTemplate.of(copies).quantised(label),), 0.04), clean
 
 
 @given(st.integers(0, 10_000), st.integers(1, 9), st.integers(1, 25))
@@ -77,7 +74,7 @@ def test_the_compiled_distance_function_is_the_written_recursion(seed: int, n: i
     rng = np.random.default_rng(seed)
     template = random_template(rng, n)
     document = rng.random((40, length)) < 0.5
-    cost, start = distance_function(template, FeatureMatrix("document", document))
+    cost, start = PreparedTemplate(template).distance(pack(document))
     expected, expected_start = plain_distance(template, document)
     np.testing.assert_allclose(cost, expected, atol=1e-12)
     assert ((start == -1) == np.isinf(expected)).all()
@@ -89,7 +86,7 @@ def test_a_column_of_wildcards_costs_nothing_and_a_known_one_its_share_of_mismat
     values = np.full((40, 2), WILDCARD, dtype=np.int8)
     values[:4, 1] = [1, 1, 0, 0]
     document = np.zeros((40, 2), dtype=bool)
-    cost, start = distance_function(QuantisedTemplate("x", values, np.ones(2)), FeatureMatrix("d", document))
+    cost, start = PreparedTemplate(QuantisedTemplate("x", values, np.ones(2))).distance(pack(document))
     np.testing.assert_allclose(cost, [INF, 0.5 / 2])
     assert start.tolist() == [-1, 0]
 
@@ -101,7 +98,7 @@ def test_a_motion_within_a_document_is_found_where_it_is_at_half_and_double_spee
     noise = rng.random((40, 40)) < 0.5
     for columns in (np.arange(48), np.arange(0, 48, 2), np.repeat(np.arange(48), 2)):
         document = np.concatenate([noise, values[:, columns], noise], axis=1)
-        cost, start = distance_function(template, FeatureMatrix("d", document))
+        cost, start = PreparedTemplate(template).distance(pack(document))
         end = int(cost.argmin())
         assert cost[end] < 0.06
         block = 4 * len(columns) / 48  # an alignment may leave out most of the first and of the last block
@@ -177,11 +174,11 @@ def test_a_run_grows_while_its_distance_does_not_rise_away_from_it() -> None:
     second = np.array([INF, INF, 0.20, 0.01, 0.09, 0.05, 0.01, INF, INF])
     distances = np.stack([first, second])
     decided = np.array([-1, 0, 0, 1, 1, 1, 1, 0, -1])
-    frames = extend(decided, distances, 0.0)
+    frames = dtw.widen_runs(decided, distances, 0.0)
     assert runs(frames[0]) == [(1, 3), (7, 8)]
     assert runs(frames[1]) == [(3, 7)]
     decided[3:6] = -1, 0, -1
-    assert runs(extend(decided, distances, 0.0)[0]) == [(1, 6), (7, 8)]
+    assert runs(dtw.widen_runs(decided, distances, 0.0)[0]) == [(1, 6), (7, 8)]
 
 
 def test_what_is_left_of_a_hit_beside_a_cheaper_one_of_another_class_is_no_motion() -> None:
@@ -189,8 +186,8 @@ def test_what_is_left_of_a_hit_beside_a_cheaper_one_of_another_class_is_no_motio
     second = np.array([INF, INF, 0.01, 0.01, 0.01, 0.01])
     distances = np.stack([first, second])
     decided = decide(distances)
-    assert runs(extend(decided, distances, 0.25)[0]) == [(1, 5)]
-    frames = extend(decided, distances, 0.5)
+    assert runs(dtw.widen_runs(decided, distances, 0.25)[0]) == [(1, 5)]
+    frames = dtw.widen_runs(decided, distances, 0.5)
     assert runs(frames[0]) == [] and runs(frames[1]) == [(2, 6)]
 
 

@@ -10,16 +10,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from benchmarks._keyframe_corpus import THRESHOLDS, Fold, learn_threshold
 from toolkit.body.shape import load_body
 from toolkit.errors import RetrievalError, UsageError
 from toolkit.export.bvh import export_bvh
 from toolkit.mocap.procedural import procedural_clips
 from toolkit.retrieval.annotation.annotator import AS_PUBLISHED, Annotator, MotionClass, runs
 from toolkit.retrieval.annotation.classes import (
-    THRESHOLDS,
-    Fold,
     learn_classes,
-    learn_threshold,
     load_classes,
     save_classes,
 )
@@ -29,8 +27,9 @@ from toolkit.retrieval.annotation.report import read_segments, score, write_repo
 from toolkit.retrieval.features.motion import from_poses
 from toolkit.retrieval.features.relational import FeatureMatrix, relational_features
 from toolkit.retrieval.keyframes.query import Keyframe, KeyframeQuery
-from toolkit.retrieval.templates.quantised import WILDCARD
-from toolkit.retrieval.workflow.annotate import annotate_motions, classes_from_clips
+from toolkit.retrieval.templates import WILDCARD
+from toolkit.retrieval.workflow.annotate import annotate_motions
+from toolkit.retrieval.workflow.learn import learn_templates
 from toolkit.retrieval.workflow.motions import load_motion
 
 NAMES = ("squat", "kick_front", "wave")
@@ -240,7 +239,7 @@ def test_a_line_of_true_segments_that_cannot_be_read_is_named(tmp_path: Path, te
 
 
 def test_motion_files_become_report_folders(files: dict[Path, str], tmp_path: Path) -> None:
-    classes = classes_from_clips(files)
+    classes = learn_templates(files)
     paths = list(files)
     several = annotate_motions(paths, classes, tmp_path / "all")
     assert sorted(folder.name for folder in (tmp_path / "all").iterdir()) == sorted(path.stem for path in paths)
@@ -254,7 +253,7 @@ def test_motion_files_become_report_folders(files: dict[Path, str], tmp_path: Pa
 def test_templates_as_published_decide_by_the_rules_and_the_threshold_of_the_thesis(
     files: dict[Path, str], tmp_path: Path
 ) -> None:
-    classes, path = classes_from_clips(files), next(iter(files))
+    classes, path = learn_templates(files), next(iter(files))
     (done,) = annotate_motions([path], classes, tmp_path / "published", as_published=True)
     told = Annotator([replace(c, threshold=0.07) for c in classes], AS_PUBLISHED)
     expected = told.annotate(relational_features(load_motion(path)))
@@ -263,7 +262,7 @@ def test_templates_as_published_decide_by_the_rules_and_the_threshold_of_the_the
 
 
 def test_one_truth_for_several_motions_and_equal_stems_are_refused(files: dict[Path, str], tmp_path: Path) -> None:
-    classes, paths = classes_from_clips(files), list(files)
+    classes, paths = learn_templates(files), list(files)
     (tmp_path / "truth.csv").write_text("start,end,label\n")
     with pytest.raises(UsageError, match="cannot serve 4 motions"):
         annotate_motions(paths, classes, tmp_path, truth=tmp_path / "truth.csv")

@@ -16,7 +16,7 @@ from toolkit.retrieval.annotation.measures import Segment
 from toolkit.retrieval.features.relational import FeatureMatrix, relational_features
 from toolkit.retrieval.keyframes.query import Keyframe, KeyframeQuery
 from toolkit.retrieval.search.find import HitRanges
-from toolkit.retrieval.templates.quantised import QuantisedTemplate
+from toolkit.retrieval.templates import QuantisedTemplate
 
 
 def document(name: str, frames: int, *segments: tuple[int, int, str]) -> corpus.LabelledDocument:

@@ -12,7 +12,7 @@ from tests.test_retrieval_online import body, classes, document
 from toolkit import skeleton
 from toolkit.kernels.motion import dtw
 from toolkit.retrieval.annotation.annotator import PreparedTemplate
-from toolkit.retrieval.annotation.causal import CausalAlignments
+from toolkit.retrieval.annotation.online import CausalAlignments
 from toolkit.retrieval.features.frames import FrameFeatures
 from toolkit.retrieval.features.motion import NAMED_JOINTS, Motion, from_poses
 from toolkit.retrieval.features.relational import FEATURES, native_features, quantities_of, relational_features

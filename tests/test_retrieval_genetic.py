@@ -37,8 +37,7 @@ from toolkit.retrieval.learning.queries import (
     votes_of,
 )
 from toolkit.retrieval.search.find import find
-from toolkit.retrieval.templates.quantised import WILDCARD, QuantisedTemplate
-from toolkit.retrieval.templates.template import MotionTemplate
+from toolkit.retrieval.templates import WILDCARD, MotionTemplate, QuantisedTemplate
 from toolkit.retrieval.workflow.motions import load_motion
 
 QUICK = GeneticSettings(population=12, generations=15, parents=4)
@@ -69,12 +68,12 @@ def training_of(classes: dict[str, list[FeatureMatrix]], label: str) -> Training
 
 
 def strict_template(members: list[FeatureMatrix], label: str = "") -> QuantisedTemplate:
-    return MotionTemplate(strict=True).fit(members).quantised(label, 0.0)
+    return MotionTemplate.of(members, strict=True).quantised(label, 0.0)
 
 
 @pytest.fixture
 def breeder() -> Breeder:
-    return Breeder(strict_template(clips(4)["both"]), QUICK, np.random.default_rng(1))
+    return Breeder(strict_template(clips(4)["both"]), np.random.default_rng(1))
 
 
 def check(individual: Individual) -> None:
@@ -89,7 +88,7 @@ def check(individual: Individual) -> None:
 @settings(max_examples=60, deadline=None)
 @given(st.integers(0, 999999))
 def test_every_operation_makes_a_valid_individual(seed: int) -> None:
-    breeder = Breeder(strict_template(clips(3)["both"]), QUICK, np.random.default_rng(seed))
+    breeder = Breeder(strict_template(clips(3)["both"]), np.random.default_rng(seed))
     a, b = breeder.individual(), breeder.individual()
     check(a)
     for _ in range(6):
@@ -234,19 +233,20 @@ def test_keyframes_learned_from_two_actors_find_the_third(shared_data: Path) -> 
 def test_distances_of_fixed_keyframes_are_fitted() -> None:
     classes = clips(5)
     training = training_of(classes, "both")
-    breeder = Breeder(strict_template(classes["both"]), QUICK, np.random.default_rng(0))
+    breeder = Breeder(strict_template(classes["both"]), np.random.default_rng(0))
     scored = with_best_distances(training, breeder, [(10, 1, 1), (21, 2, 2)], QUICK)
     assert scored.fitness == 1.0 and scored.individual.masks == (1, 2)
 
 
-def test_the_most_frequent_keyframes_stand_out() -> None:
+def test_the_most_frequent_keyframes_stand_out(monkeypatch: pytest.MonkeyPatch) -> None:
     often = Individual((5, 20), (0b11, 0b100), (0b01, 0b100), (5,), (15,))
     beside = replace(often, positions=(6, 19))
     odd = Individual((12, 28), (1 << 30, 1 << 31), (0, 0), (5,), (15,))
     votes, counts = votes_of([often, often, odd], 30)
     assert counts[5] == 2 and votes[1, 0, 5] == 2 and votes[0, 1, 5] == 2
-    settings = LearningSettings(most_keyframes=2, shares=(0.5,))
-    (keyframes,) = frequent_keyframes([often, often, beside, odd], 30, settings)
+    monkeypatch.setattr("toolkit.retrieval.learning.queries.MOST_KEYFRAMES", 2)
+    monkeypatch.setattr("toolkit.retrieval.learning.queries.SHARES", (0.5,))
+    (keyframes,) = frequent_keyframes([often, often, beside, odd], 30)
     assert [(mask, value) for _, mask, value in keyframes] == [(0b11, 0b01), (0b100, 0b100)]
     assert abs(keyframes[0][0] - 5) <= 2 and abs(keyframes[1][0] - 20) <= 2
 
@@ -328,7 +328,7 @@ def test_training_data_that_cannot_teach_anything_is_refused() -> None:
         TrainingSet(classes["both"], [True])
     wild = QuantisedTemplate("wild", np.full((40, 9), WILDCARD, np.int8), np.ones(9))
     with pytest.raises(RetrievalError, match="'wild' agree in fewer than 2 columns"):
-        Breeder(wild, QUICK, rng)
+        Breeder(wild, rng)
 
 
 @pytest.mark.parametrize(
@@ -336,9 +336,7 @@ def test_training_data_that_cannot_teach_anything_is_refused() -> None:
     [
         lambda: GeneticSettings(population=1),
         lambda: GeneticSettings(parents=60),
-        lambda: GeneticSettings(beta=0.0),
         lambda: LearningSettings(runs=0),
-        lambda: LearningSettings(shares=()),
     ],
 )
 def test_settings_out_of_range_are_refused(make: object) -> None:

@@ -5,11 +5,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from benchmarks._stiffness import admissible, distance_of, placed_query, stiffness_of
 from toolkit.errors import RetrievalError
 from toolkit.retrieval.keyframes.query import (
     Keyframe,
     KeyframeQuery,
-    admissible,
     keyframes_at_once,
     keyframes_of_column,
 )
@@ -53,9 +53,8 @@ def test_wildcards_of_a_column_are_left_out() -> None:
         (lambda: KeyframeQuery((KNEE, HAND)), "need 1 distances"),
         (lambda: KeyframeQuery((KNEE, HAND), ((3, 2),)), "from 3 to 2 frames"),
         (lambda: KeyframeQuery((KNEE,), lead=-1), "lead -1"),
-        (lambda: KeyframeQuery.from_stiffness((KNEE, HAND), [5], 1.5), "stiffness 1.5"),
-        (lambda: KeyframeQuery.from_stiffness((KNEE, HAND), [-5], 0.5), "distance -5"),
-        (lambda: KeyframeQuery.from_stiffness((KNEE, HAND), [5], [0.5, 0.5]), "1 distances need as many"),
+        (lambda: admissible(5, 1.5), "stiffness 1.5"),
+        (lambda: admissible(-5, 0.5), "distance -5"),
     ],
 )
 def test_a_query_that_cannot_work_is_refused_in_one_sentence(make: object, message: str) -> None:
@@ -83,12 +82,12 @@ def test_stiffness_zero_has_no_upper_bound_even_at_distance_zero() -> None:
 
 @given(st.integers(1, 300), st.integers(0, 300))
 def test_distance_and_stiffness_give_the_bounds_back(least: int, more: int) -> None:
-    query = KeyframeQuery((KNEE, HAND), ((least, least + more),))
-    assert KeyframeQuery.from_stiffness(query.keyframes, query.distances, query.stiffness) == query
+    bound = (least, least + more)
+    assert admissible(distance_of(bound), stiffness_of(bound)) == bound
 
 
 def test_keyframes_at_one_position_get_the_distance_zero() -> None:
-    query = KeyframeQuery.from_positions([(9, (KNEE,)), (4, (HAND, KNEE))], length=12, stiffness=0.5)
+    query = placed_query([(9, (KNEE,)), (4, (HAND, KNEE))], length=12, stiffness=0.5)
     assert query.keyframes == (HAND, KNEE, KNEE)
     assert query.bounds == ((0, 0), (3, 10))
     assert (query.lead, query.tail) == (4, 2)

@@ -1,28 +1,22 @@
-"""Annotation while a motion goes on: features, costs, events, and the replay of a run."""
+"""Annotation while a motion goes on: features, costs, events."""
 
 from __future__ import annotations
 
-import json
-from dataclasses import asdict
 from functools import lru_cache
 
 import numpy as np
 import pytest
 
-from tests.inertial_scenes import RATE, write_run
+from tests.inertial_scenes import RATE
 from toolkit.body.shape import ShapeSpace
-from toolkit.cli.main import main
 from toolkit.kernels.motion import dtw
 from toolkit.mocap.procedural import procedural_clips
 from toolkit.retrieval.annotation.annotator import Annotator, PreparedTemplate
-from toolkit.retrieval.annotation.classes import learn_classes, save_classes
-from toolkit.retrieval.annotation.online import Event, OnlineAnnotator
+from toolkit.retrieval.annotation.classes import learn_classes
+from toolkit.retrieval.annotation.online import Event, OnlineAnnotator, met_within
 from toolkit.retrieval.features.motion import from_poses
 from toolkit.retrieval.features.relational import relational_features
 from toolkit.retrieval.keyframes.query import Keyframe, KeyframeQuery
-from toolkit.retrieval.keyframes.within import met_within
-from toolkit.retrieval.workflow.events import replay, write_events
-from toolkit.track import EMPTY
 
 MOTIONS = {"kick": "knee_to_elbow", "bow": "half_squat_reach", "draw": "archery"}
 
@@ -101,8 +95,10 @@ def test_every_motion_is_told_once_soon_after_its_end():
         assert event.delay < 0.5
 
 
-def test_a_longer_hold_tells_the_same_later():
-    soon, late = told(document(), hold=1), told(document(), hold=8)
+def test_a_longer_hold_tells_the_same_later(monkeypatch):
+    soon = told(document())
+    monkeypatch.setattr("toolkit.retrieval.annotation.online.HOLD", 8)
+    late = told(document())
     assert [e.label for e in late] == ["kick", "draw", "bow", "kick"]
     assert np.mean([e.delay for e in late]) > np.mean([e.delay for e in soon[-4:]]) + 0.15
 
@@ -143,41 +139,3 @@ def test_a_motion_that_knows_nothing_tells_nothing():
     still = np.repeat(document()[:1], 60, axis=0)
     assert told(still) == []
     assert OnlineAnnotator(classes(), body(), RATE).finish() == []
-
-
-def test_a_run_is_replayed_as_lines_of_json(tmp_path, capsys):
-    run = write_run(tmp_path / "run", document())
-    save_classes(tmp_path / "classes.npz", classes())
-    words = ["annotate", str(run), "--classes", str(tmp_path / "classes.npz"), "--events"]
-    for target in ("-", str(tmp_path / "events.jsonl")):
-        with pytest.raises(SystemExit) as ended:
-            main([*words, target])
-        assert ended.value.code == 0
-    printed = [json.loads(line) for line in capsys.readouterr().out.splitlines()]
-    stored = [json.loads(line) for line in (tmp_path / "events.jsonl").read_text().splitlines()]
-    assert printed == stored
-    assert [event["label"] for event in stored] == ["kick", "draw", "bow", "kick"]
-    assert set(stored[0]) == {"label", "start", "end", "time", "delay", "cost"}
-
-
-def test_a_replay_tells_what_was_told_while_the_person_was_there(tmp_path, capsys):
-    """Frames without a person say nothing; the times are those of the track."""
-    state = np.zeros(len(document()))
-    run = write_run(tmp_path / "run", document(), state)
-    events = list(replay(run, classes()))
-    assert [asdict(event) for event in events] == [asdict(event) for event in told(document())]
-    state[: len(parts()["kick"]) + 6] = EMPTY
-    later = list(replay(write_run(tmp_path / "later", document(), state), classes()))
-    assert [event.label for event in later] == ["draw", "bow", "kick"]
-    assert list(replay(write_run(tmp_path / "none", document(), np.full(len(document()), EMPTY)), classes())) == []
-    assert write_events(iter(events), tmp_path / "events.jsonl") == write_events(iter(events), "-") == len(events)
-    assert (tmp_path / "events.jsonl").read_text() == capsys.readouterr().out
-
-
-def test_a_replay_needs_classes_and_one_run(tmp_path, capsys):
-    run = write_run(tmp_path / "run", document())
-    for words in (["annotate", str(run), "--events", "-"], ["annotate", str(run), "--classes", "none.npz"]):
-        with pytest.raises(SystemExit) as ended:
-            main(words)
-        assert ended.value.code == 2
-    assert "--events" in capsys.readouterr().err

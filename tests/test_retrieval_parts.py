@@ -7,17 +7,17 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from benchmarks._keyframe_corpus import confusion
 from toolkit.errors import RetrievalError
 from toolkit.retrieval.annotation.measures import (
     Segment,
     check_truth,
-    confusion,
     frame_scores,
     label_frames,
     segment_scores,
 )
 from toolkit.retrieval.priors.bridge import End, bridge
-from toolkit.retrieval.priors.gaps import GapSettings, find_gaps, limb_support
+from toolkit.retrieval.priors.gaps import find_gaps, limb_support
 from toolkit.retrieval.priors.limbs import LIMBS, OUTER
 from toolkit.retrieval.search.find import HitRanges, pieces
 from toolkit.testing.bootstrap import paired_bootstrap
@@ -50,7 +50,6 @@ def test_a_query_s_lead_and_tail_say_how_far_the_refined_search_looks() -> None:
 
 
 LIMB = next(iter(LIMBS))
-PLAIN = GapSettings(hidden=0.5, ends=0.7, smoothing=1, joined=3, shortest=4)
 
 
 def confidence(*hidden: tuple[int, int, float]) -> np.ndarray:
@@ -61,19 +60,26 @@ def confidence(*hidden: tuple[int, int, float]) -> np.ndarray:
     return values
 
 
-def gaps_of(values: np.ndarray, absent: slice = slice(0, 0), settings: GapSettings = PLAIN) -> list[tuple[int, int]]:
+@pytest.fixture
+def unsmoothed(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Gaps by the confidence of single frames."""
+    monkeypatch.setattr("toolkit.retrieval.priors.gaps.SMOOTHING", 1)
+
+
+def gaps_of(values: np.ndarray, absent: slice = slice(0, 0)) -> list[tuple[int, int]]:
     present = np.ones(len(values), dtype=bool)
     present[absent] = False
-    return [(gap.start, gap.stop) for gap in find_gaps(values, present, settings) if gap.limb == LIMB]
+    return [(gap.start, gap.stop) for gap in find_gaps(values, present) if gap.limb == LIMB]
 
 
-def test_a_gap_is_hidden_somewhere_and_goes_on_where_the_limb_is_seen_badly() -> None:
-    assert gaps_of(confidence((8, 20, 0.6), (10, 15, 0.2))) == [(8, 20)]
-    assert gaps_of(confidence((8, 20, 0.6))) == []
+def test_a_gap_is_hidden_somewhere_and_goes_on_where_the_limb_is_seen_badly(unsmoothed: None) -> None:
+    assert gaps_of(confidence((8, 20, 0.79), (10, 15, 0.2))) == [(8, 20)]
+    assert gaps_of(confidence((8, 20, 0.79))) == []
+    assert gaps_of(confidence((8, 20, 0.81), (10, 15, 0.2))) == [(10, 15)]
     assert gaps_of(confidence((10, 13, 0.2))) == [] and gaps_of(confidence((10, 14, 0.2))) == [(10, 14)]
 
 
-def test_near_gaps_are_one_unless_nobody_was_there_between_them() -> None:
+def test_near_gaps_are_one_unless_nobody_was_there_between_them(unsmoothed: None) -> None:
     values = confidence((5, 11, 0.2), (13, 20, 0.2))
     assert gaps_of(values) == [(5, 20)]
     assert gaps_of(values, absent=slice(11, 12)) == [(5, 11), (13, 20)]

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from toolkit import skeleton
 from toolkit.archives import load_archive, save_archive
 from toolkit.body.shape import load_body
-from toolkit.errors import RetrievalError, SettingsError
+from toolkit.errors import RetrievalError
 from toolkit.kernels.motion import dtw
 from toolkit.mocap.procedural import procedural_clips
 from toolkit.retrieval.annotation.annotator import Annotator, MotionClass, PreparedTemplate
@@ -25,11 +25,10 @@ from toolkit.retrieval.features.motion import from_poses
 from toolkit.retrieval.features.relational import FeatureMatrix, relational_features
 from toolkit.retrieval.priors.allocation import Allocation, allocate, unknown_rows
 from toolkit.retrieval.priors.bridge import End, bridge
-from toolkit.retrieval.priors.expectation import ExpectationSettings, Told, expect, fill
-from toolkit.retrieval.priors.gaps import Gap, GapSettings, find_gaps
+from toolkit.retrieval.priors.expectation import Told, expect, fill
+from toolkit.retrieval.priors.gaps import Gap, find_gaps
 from toolkit.retrieval.priors.limbs import ENTRIES, LIMBS, LIMBS_OF_FEATURE, OUTER
-from toolkit.retrieval.templates.quantised import QuantisedTemplate
-from toolkit.retrieval.templates.template import MotionTemplate
+from toolkit.retrieval.templates import MotionTemplate, QuantisedTemplate
 
 BODY = load_body("neutral")
 
@@ -140,7 +139,7 @@ def example_of(name: str, seed: int = 0, rate: float = 30.0, frames: int | None 
 def test_a_class_of_equal_clips_has_that_clip_as_its_motion():
     example = example_of("knee_to_elbow")
     example = Example(example.features.sliced(0, 60), example.poses[:60])
-    template = MotionTemplate().fit([example.features] * 3)
+    template = MotionTemplate.of([example.features] * 3)
     motion = learn_motion(template, [example] * 3)
     assert len(motion) == 60
     np.testing.assert_allclose(motion.mean, example.poses[:, ANGLES], atol=1e-9)
@@ -149,7 +148,7 @@ def test_a_class_of_equal_clips_has_that_clip_as_its_motion():
 
 def test_a_class_motion_lies_between_clips_of_different_speeds():
     slow, fast = example_of("knee_to_elbow", rate=36.0), example_of("knee_to_elbow", rate=30.0)
-    template = MotionTemplate().fit([slow.features, fast.features])
+    template = MotionTemplate.of([slow.features, fast.features])
     motion = learn_motion(template, [slow, fast])
     knee = skeleton.POSE_NAMES.index("left_knee_rx")
     reach = [np.ptp(e.poses[:, knee]) for e in (slow, fast)]
@@ -159,7 +158,7 @@ def test_a_class_motion_lies_between_clips_of_different_speeds():
 
 def test_clips_without_a_pose_for_each_column_are_refused():
     example = example_of("knee_to_elbow")
-    template = MotionTemplate().fit([example.features])
+    template = MotionTemplate.of([example.features])
     with pytest.raises(RetrievalError, match="columns but 5 poses"):
         learn_motion(template, [Example(example.features, example.poses[:5])])
     with pytest.raises(RetrievalError, match="at least one training clip"):
@@ -241,22 +240,18 @@ def test_gaps_are_where_a_limb_has_no_support():
     assert gap.limb == "left_arm" and abs(gap.start - 20) <= 2 and abs(gap.stop - 40) <= 2
 
 
-def test_near_gaps_are_one_and_short_ones_none():
-    settings = GapSettings(smoothing=1)
-    joined = find_gaps(confidence_of(60, "right_leg", (10, 20), (22, 30), (40, 43)), np.ones(60, bool), settings)
+def test_near_gaps_are_one_and_short_ones_none(monkeypatch):
+    monkeypatch.setattr("toolkit.retrieval.priors.gaps.SMOOTHING", 1)
+    joined = find_gaps(confidence_of(60, "right_leg", (10, 20), (22, 30), (40, 43)), np.ones(60, bool))
     assert joined == [Gap("right_leg", 10, 30)]
 
 
-def test_a_gap_ends_where_nobody_is_there():
+def test_a_gap_ends_where_nobody_is_there(monkeypatch):
+    monkeypatch.setattr("toolkit.retrieval.priors.gaps.SMOOTHING", 1)
     present = np.ones(60, dtype=bool)
     present[30:35] = False
-    found = find_gaps(confidence_of(60, "left_arm", (20, 50)), present, GapSettings(smoothing=1))
+    found = find_gaps(confidence_of(60, "left_arm", (20, 50)), present)
     assert found == [Gap("left_arm", 20, 30), Gap("left_arm", 35, 50)]
-
-
-def test_impossible_gaps_are_refused():
-    with pytest.raises(SettingsError, match="hidden <= ends"):
-        GapSettings(hidden=0.9, ends=0.5)
 
 
 def told_of(poses: np.ndarray, hidden: dict[str, np.ndarray], classes=(), segments=()) -> Told:
@@ -307,7 +302,7 @@ def test_repetitions_alone_tell_a_limb_where_it_was_seen_before():
 def test_what_no_label_covers_wanders():
     poses = example_of("semaphore").poses
     told = told_of(poses, hiding(len(poses), "left_arm", 5, 9))
-    found = expect(told, "left_arm", np.arange(5, 9), ExpectationSettings())
+    found = expect(told, "left_arm", np.arange(5, 9))
     assert found.source == "interpolation" and (found.spread > 0.5).all()
 
 

@@ -6,6 +6,7 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from benchmarks._stiffness import admissible, placed_query
 from toolkit.kernels.motion.keyframe_search import UNBOUNDED, keyframe_search
 from toolkit.retrieval.features.relational import FeatureMatrix
 from toolkit.retrieval.index.keyframe_index import KeyframeIndex
@@ -59,7 +60,7 @@ def union_of_all_matches(lists: list[Segments], bounds: list[tuple[int, int]], d
 
 
 def test_the_worked_example_of_the_text_gives_one_range_from_3_to_15() -> None:
-    bounds = list(KeyframeQuery.from_stiffness([Keyframe("upper", (("F1", 1),))] * 3, [3, 5], [0.5, 0.6]).bounds)
+    bounds = [admissible(3, 0.5), admissible(5, 0.6)]
     assert search(EXAMPLE, bounds, [0, 20]) == [(3, 15)]  # type: ignore[arg-type]
     assert union_of_all_matches(EXAMPLE, bounds, [0, 20]) == [(3, 15)]  # type: ignore[arg-type]
 
@@ -75,7 +76,7 @@ def test_the_worked_example_is_found_in_an_index() -> None:
     keyframes = [
         Keyframe(name, ((feature, 1),)) for name, feature in (("upper", "F1"), ("lower", "F15"), ("mixed", "F27"))
     ]
-    hits = find(index, KeyframeQuery.from_stiffness(keyframes, [3, 5], [0.5, 0.6]))
+    hits = find(index, KeyframeQuery(tuple(keyframes), (admissible(3, 0.5), admissible(5, 0.6))))
     assert (hits.documents.tolist(), hits.starts.tolist(), hits.stops.tolist()) == ([1], [3], [16])
     assert hits.processed >= min(map(len, EXAMPLE))
 
@@ -143,7 +144,7 @@ def test_several_keyframes_at_one_position_constrain_the_same_frame() -> None:
     index = KeyframeIndex.build([FeatureMatrix("noise", values)])
     column = np.full(40, -1, np.int8)
     column[[1, 8, 16, 30]] = 1, 0, 1, 1
-    hits = find(index, KeyframeQuery.from_positions([(0, keyframes_of_column(column))], length=1, stiffness=0.5))
+    hits = find(index, placed_query([(0, keyframes_of_column(column))], length=1, stiffness=0.5))
     expected = np.flatnonzero(values[1] & ~values[8] & values[16] & values[30])
     frames = np.concatenate([np.arange(a, b) for a, b in zip(hits.starts, hits.stops, strict=True)])
     assert np.array_equal(frames, expected) and len(expected) > 5
@@ -164,8 +165,8 @@ def test_a_stiff_query_misses_what_a_soft_one_finds() -> None:
     values[0, [10, 50]], values[1, [20, 65]] = True, True
     index = KeyframeIndex.build([FeatureMatrix("a", values)])
     keyframes = [Keyframe("upper", (("F1", 1),)), Keyframe("upper", (("F2", 1),))]
-    assert find(index, KeyframeQuery.from_stiffness(keyframes, [10], 1.0)).starts.tolist() == [10]
-    assert find(index, KeyframeQuery.from_stiffness(keyframes, [10], 0.6)).starts.tolist() == [10, 50]
+    assert find(index, KeyframeQuery(tuple(keyframes), (admissible(10, 1.0),))).starts.tolist() == [10]
+    assert find(index, KeyframeQuery(tuple(keyframes), (admissible(10, 0.6),))).starts.tolist() == [10, 50]
 
 
 def ranges(documents: list[int], starts: list[int], stops: list[int]) -> HitRanges:

@@ -22,7 +22,7 @@ from toolkit.retrieval.keyframes import query_file
 from toolkit.retrieval.keyframes.query import Keyframe, KeyframeQuery
 from toolkit.retrieval.keyframes.query_file import choose_labels, load_queries, save_queries
 from toolkit.retrieval.workflow.index import index_motions
-from toolkit.retrieval.workflow.motions import labels_of, load_motion
+from toolkit.retrieval.workflow.motions import load_motion, tags_of
 from toolkit.retrieval.workflow.search import (
     by_example,
     cut_example,
@@ -123,31 +123,31 @@ def test_results_are_written_as_csv_or_json(tmp_path: Path) -> None:
 
 def test_labels_come_from_folders_names_or_a_table(tmp_path: Path) -> None:
     files = [tmp_path / "kick" / "bd_kick_1.bvh", tmp_path / "wave" / "bd_wave_7.bvh"]
-    assert list(labels_of(files).values()) == ["kick", "wave"]
-    assert list(labels_of(files, r"bd_(?P<label>\w+)_\d").values()) == ["kick", "wave"]
+    assert [tag.label for tag in tags_of(files).values()] == ["kick", "wave"]
+    assert [tag.label for tag in tags_of(files, r"bd_(?P<label>\w+)_\d").values()] == ["kick", "wave"]
     table = tmp_path / "labels.csv"
     table.write_text("clip,label\nbd_kick_1,foot\nbd_wave_7,hand\n")
-    assert list(labels_of(files, table=table).values()) == ["foot", "hand"]
+    assert [tag.label for tag in tags_of(files, table=table).values()] == ["foot", "hand"]
 
 
 def test_labels_that_cannot_be_told_are_refused(tmp_path: Path) -> None:
     files, table = [tmp_path / "bd_kick_1.bvh"], tmp_path / "labels.csv"
     with pytest.raises(RetrievalError, match="bd_kick_1.bvh has no label by pattern"):
-        labels_of(files, r"(?P<label>wave).*")
+        tags_of(files, r"(?P<label>wave).*")
     with pytest.raises(UsageError, match="no group named label"):
-        labels_of(files, r"bd_(\w+)")
+        tags_of(files, r"bd_(\w+)")
     with pytest.raises(UsageError, match="no regular expression"):
-        labels_of(files, r"bd_(")
+        tags_of(files, r"bd_(")
     with pytest.raises(UsageError, match="not from both"):
-        labels_of(files, r"(?P<label>.*)", table)
+        tags_of(files, r"(?P<label>.*)", table)
     with pytest.raises(RetrievalError, match="there is no file"):
-        labels_of(files, table=table)
+        tags_of(files, table=table)
     table.write_text("name,class\nx,y\n")
     with pytest.raises(RetrievalError, match="no columns clip and label"):
-        labels_of(files, table=table)
+        tags_of(files, table=table)
     table.write_text("clip,label\nother,y\n")
     with pytest.raises(RetrievalError, match="bd_kick_1.bvh has no label in"):
-        labels_of(files, table=table)
+        tags_of(files, table=table)
 
 
 # real motions and the commands
@@ -248,6 +248,9 @@ def test_the_commands_learn_and_annotate_label_a_flat_folder(squats: list[Path],
     run("annotate", squats[1], "--classes", model, "--output", labels)
     (row,) = list(csv.DictReader((labels / "segments.csv").read_text().splitlines()))
     assert row["label"] == "squat1Reps" and float(row["score"]) >= 0.5
+    assert "2 classes" in run("learn", *squats, "--templates", "--output", tmp_path / "classes.npz")
+    run("annotate", squats[1], "--classes", tmp_path / "classes.npz", "--output", labels)
+    assert "squat1Reps" in (labels / "segments.csv").read_text()
     index = tmp_path / "motions.index"
     run("index", *squats[:2], "--output", index)
     hits = tmp_path / "hits.csv"

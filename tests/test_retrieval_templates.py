@@ -6,14 +6,12 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from sklearn.base import clone
 
 from tests.retrieval_motions import random_motion
 from toolkit.errors import RetrievalError
 from toolkit.kernels.motion import dtw
 from toolkit.retrieval.features.relational import FeatureMatrix, pack, relational_features
-from toolkit.retrieval.templates.quantised import WILDCARD, QuantisedTemplate, expand
-from toolkit.retrieval.templates.template import MotionTemplate, contract
+from toolkit.retrieval.templates import WILDCARD, MotionTemplate, QuantisedTemplate, contract, expand
 
 
 def clips(count: int = 5, seed: int = 0) -> list[FeatureMatrix]:
@@ -101,33 +99,30 @@ def test_a_heavy_column_is_repeated_as_often_as_its_rounded_weight() -> None:
 
 def test_equal_clips_are_their_own_template() -> None:
     clip = clips(1)[0]
-    template = MotionTemplate().fit([clip, clip, clip])
-    np.testing.assert_array_equal(template.values_, clip.values)
-    np.testing.assert_array_equal(template.weights_, np.ones(len(clip)))
+    template = MotionTemplate.of([clip, clip, clip])
+    np.testing.assert_array_equal(template.values, clip.values)
+    np.testing.assert_array_equal(template.weights, np.ones(len(clip)))
 
 
 def test_a_template_is_about_as_long_as_its_clips_on_average_and_shows_what_they_share() -> None:
     training = clips(6)
-    template = MotionTemplate().fit(training)
-    assert template.weights_.sum() == pytest.approx(np.mean([len(clip) for clip in training]), rel=0.05)
-    assert template.spread_[-1] < template.spread_[0] / 5
-    assert template.n_clips_ == 6
-    shared = np.abs(template.values_ - 0.5) > 0.3
+    template = MotionTemplate.of(training)
+    assert template.weights.sum() == pytest.approx(np.mean([len(clip) for clip in training]), rel=0.05)
+    assert template.spread[-1] < template.spread[0] / 5
+    shared = np.abs(template.values - 0.5) > 0.3
     assert shared.mean() > 0.8
 
 
 def test_the_strict_variant_keeps_only_what_all_clips_agree_on() -> None:
     training = clips(4)
-    strict = MotionTemplate(strict=True).fit(training)
-    assert set(np.unique(strict.values_)) <= {0.0, 0.5, 1.0}
-    loose = MotionTemplate().fit(training).quantised(delta=0.05)
+    strict = MotionTemplate.of(training, strict=True)
+    assert set(np.unique(strict.values)) <= {0.0, 0.5, 1.0}
+    loose = MotionTemplate.of(training).quantised(delta=0.05)
     assert strict.quantised(delta=0.0).wildcards.mean() > loose.wildcards.mean()
 
 
 def test_quantising_keeps_values_at_the_threshold() -> None:
-    template = MotionTemplate().fit(clips(1))
-    template.values_ = np.full((40, 3), [0.05, 0.95, 0.5])
-    template.weights_ = np.ones(3)
+    template = MotionTemplate(np.full((40, 3), [0.05, 0.95, 0.5]), np.ones(3), np.zeros(1))
     quantised = template.quantised("class", 0.05)
     assert quantised.values[0].tolist() == [0, 1, WILDCARD] and len(quantised) == 3
 
@@ -135,22 +130,17 @@ def test_quantising_keeps_values_at_the_threshold() -> None:
 @pytest.mark.parametrize("delta", [-0.1, 0.5, 0.8])
 def test_a_quantisation_threshold_outside_its_range_is_refused(delta: float) -> None:
     with pytest.raises(RetrievalError, match=str(delta)):
-        MotionTemplate().fit(clips(1)).quantised(delta=delta)
+        MotionTemplate.of(clips(1)).quantised(delta=delta)
 
 
 def test_a_class_without_clips_is_refused() -> None:
     with pytest.raises(RetrievalError, match="without clips"):
-        MotionTemplate().fit([])
+        MotionTemplate.of([])
 
 
 def test_a_clip_without_frames_is_named() -> None:
     with pytest.raises(RetrievalError, match="'nothing'"):
-        MotionTemplate().fit([FeatureMatrix("nothing", np.zeros((40, 0), dtype=bool))])
-
-
-def test_the_estimator_can_be_cloned_and_tells_its_parameters() -> None:
-    copy = clone(MotionTemplate(strict=True, max_rounds=3))
-    assert copy.get_params() == {"strict": True, "max_rounds": 3, "tolerance": 0.005, "contract_below": 0.75}
+        MotionTemplate.of([FeatureMatrix("nothing", np.zeros((40, 0), dtype=bool))])
 
 
 def test_packing_puts_feature_i_into_bit_i() -> None:

@@ -30,9 +30,8 @@ from toolkit.retrieval.priors.expectation import Told
 from toolkit.retrieval.priors.gaps import Gap
 from toolkit.retrieval.priors.limbs import ENTRIES, LIMBS, OUTER
 from toolkit.simulation.simulate import simulate_recording
-from toolkit.stabilising.loop import stabilise
+from toolkit.stabilising.loop import StabiliseSettings, stabilise
 from toolkit.stabilising.marked import floor_of
-from toolkit.stabilising.settings import ChoiceSettings, StabiliseSettings
 from toolkit.stabilising.source import open_source
 from toolkit.stabilising.ways import bad_frames, cheapest_path, whole_priors, widened
 from toolkit.stabilising.workflow import output_folders, stabilise_run
@@ -84,15 +83,13 @@ def test_a_limb_prior_is_the_gradient_of_its_energy():
 
 def test_gaps_grow_and_meet_within_the_track():
     gaps = [Gap("left_arm", 5, 10), Gap("left_arm", 30, 40), Gap("left_leg", 50, 58)]
-    assert widened(gaps, 60, 10, 3) == [Gap("left_arm", 0, 50), Gap("left_leg", 40, 60)]
-    assert widened(gaps, 60, 0, 3) == gaps
+    assert widened(gaps, 60, 10) == [Gap("left_arm", 0, 50), Gap("left_leg", 40, 60)]
+    assert widened(gaps, 60, 0) == gaps
 
 
 def test_impossible_settings_are_refused():
     with pytest.raises(SettingsError, match="0 rounds"):
         StabiliseSettings(rounds=0)
-    with pytest.raises(SettingsError, match="metres from 0 on"):
-        ChoiceSettings(margin=-1.0)
 
 
 @pytest.fixture(scope="module")
@@ -186,18 +183,18 @@ def test_a_label_gives_the_whole_pose_of_bad_frames_alone() -> None:
     np.testing.assert_array_equal(np.flatnonzero(bad), np.arange(20, 30))
     allocation = allocate(example.features, [Segment(0.0, FRAMES / 30.0, "semaphore")], classes)
     told = Told(example.poses, np.arange(FRAMES) / 30.0, hidden, allocation, classes)
-    priors = whole_priors(told, bad, StabiliseSettings())
+    priors = whole_priors(told, bad)
     assert set(priors) <= set(range(20, 30)) and priors
     away = [np.abs(prior.mean[6:] - example.poses[frame, 6:]).mean() for frame, prior in priors.items()]
     assert np.mean(away) < 0.2
     nothing = replace(told, allocation=Allocation.nothing(FRAMES))
-    assert whole_priors(nothing, bad, StabiliseSettings()) == {}
+    assert whole_priors(nothing, bad) == {}
 
 
-def test_without_a_gap_nothing_changes(road: Path) -> None:
+def test_without_a_gap_nothing_changes(road: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("toolkit.retrieval.priors.gaps.HIDDEN", 0.0)
     source = open_source(road / "run")
-    quiet = StabiliseSettings(gaps=replace(StabiliseSettings().gaps, hidden=0.0))
-    (only,) = stabilise(source, classes_of("semaphore"), quiet)
+    (only,) = stabilise(source, classes_of("semaphore"))
     assert only.track is source.track and only.gaps == ()
 
 
@@ -226,11 +223,9 @@ def test_segments_that_cannot_be_are_refused(road: Path, tmp_path: Path, lines: 
         stabilise_run(road / "run", road / "classes.npz", tmp_path / "out", segments=tmp_path / "segments.csv")
 
 
-def test_classes_without_motions_serve_repetitions_only(road: Path, tmp_path: Path) -> None:
+def test_classes_without_motions_serve_repetitions(road: Path, tmp_path: Path) -> None:
     save_classes(tmp_path / "plain.npz", [replace(c, motions=()) for c in classes_of("semaphore")])
-    with pytest.raises(RetrievalError, match="holds no class motions; learn .* --repetitions-only"):
-        stabilise_run(road / "run", tmp_path / "plain.npz", tmp_path / "out")
-    typed("stabilise", road / "run", "--classes", tmp_path / "plain.npz", "-o", tmp_path / "out", "--repetitions-only")
+    typed("stabilise", road / "run", "--classes", tmp_path / "plain.npz", "-o", tmp_path / "out")
     assert len(Track.load(tmp_path / "out")) == FRAMES
 
 

@@ -12,7 +12,7 @@ from tests.inertial_scenes import write_run
 from tests.test_retrieval_priors import BODY, classes_of
 from toolkit import skeleton
 from toolkit.body.sole import FEET, Sole
-from toolkit.errors import RetrievalError, SettingsError
+from toolkit.errors import RetrievalError
 from toolkit.fitting.placed import NormalSystem
 from toolkit.fitting.priors import ResidualTerm
 from toolkit.retrieval.annotation.annotator import MotionClass
@@ -24,14 +24,13 @@ from toolkit.retrieval.priors.marks import (
     DEMANDED,
     Demands,
     Mark,
-    MarkSettings,
     load_marks,
     marks_of,
     marks_of_classes,
     rests,
     tracking_priors,
 )
-from toolkit.retrieval.templates.quantised import WILDCARD, QuantisedTemplate
+from toolkit.retrieval.templates import WILDCARD, QuantisedTemplate
 from toolkit.stabilising.loop import Round, best_round
 from toolkit.stabilising.marked import floor_term
 from toolkit.track import RunInfo
@@ -96,9 +95,10 @@ def test_marks_go_to_the_frames_that_were_aligned_with_their_columns():
 
 @pytest.mark.parametrize("number", DEMANDED)
 @pytest.mark.parametrize("value", (0, 1))
-def test_a_demand_is_the_gradient_of_its_energy_and_holds_where_the_feature_does(number, value):
+def test_a_demand_is_the_gradient_of_its_energy_and_holds_where_the_feature_does(monkeypatch, number, value):
+    monkeypatch.setattr("toolkit.retrieval.priors.marks.SIGMA", 1.0)
     limb = LIMBS_OF_FEATURE[number - 1][0]
-    demands, violated = Demands(BODY, STANDING[None], np.zeros(1), MarkSettings(sigma=1.0)), 0
+    demands, violated = Demands(BODY, STANDING[None], np.zeros(1)), 0
     for seed in range(60):
         pose = some_pose(seed)
         term = demands.term(limb, demanded(number, value), 0)
@@ -132,7 +132,7 @@ def test_nothing_is_demanded_of_a_limb_of_which_nothing_is_marked():
 @pytest.mark.parametrize(("number", "side"), ((1, "right"), (2, "left")))
 def test_a_hand_that_moves_to_the_front_is_pulled_before_its_place_of_shortly_before(number: int, side: str) -> None:
     limb, times = f"{side}_arm", np.arange(5) / 30.0
-    demands = Demands(BODY, np.tile(STANDING, (5, 1)), times, MarkSettings(sigma=1.0))
+    demands = Demands(BODY, np.tile(STANDING, (5, 1)), times)
     term = demands.term(limb, demanded(number, 1), 4)
     assert term is not None and demands.term(limb, demanded(number, 0), 4) is None
     elbow, shoulder = (skeleton.JOINT_NAMES.index(f"{side}_{joint}") for joint in ("elbow", "shoulder"))
@@ -156,7 +156,7 @@ def test_a_foot_that_rests_is_pulled_to_the_floor_and_to_its_place(leg, known):
     np.testing.assert_allclose(standing[:, 1], floor, atol=0.02)
     floating = STANDING.copy()
     floating[ENTRIES[leg][0]], floating[ENTRIES[leg][3]] = -0.5, 0.6  # hip and knee bent
-    term = floor_term(BODY, leg, ENTRIES[leg], floor, standing if known else None, 1.0, 0.2)
+    term = floor_term(BODY, leg, ENTRIES[leg], floor, standing if known else None)
     system = system_of(term, floating)
     steps = 1e-6 * np.eye(skeleton.POSE_SIZE)
     numeric = [(term.energy(floating + step) - term.energy(floating - step)) / 2e-6 for step in steps[ENTRIES[leg]]]
@@ -178,7 +178,7 @@ def test_heel_and_ball_lie_on_the_floor_behind_and_before_the_ankle(leg: str) ->
 
 def test_a_resting_sole_is_held_along_the_ground_and_to_its_floor() -> None:
     sole = Sole.of(BODY, "left_leg")
-    term = floor_term(BODY, "left_leg", ENTRIES["left_leg"], -0.9, sole.at(BODY, STANDING), 1.0, 0.2)
+    term = floor_term(BODY, "left_leg", ENTRIES["left_leg"], -0.9, sole.at(BODY, STANDING))
     moved = STANDING.copy()
     moved[skeleton.ROOT_POSITION] = (0.1, 0.2, 0.3)
     np.testing.assert_allclose(term.residuals(moved) - term.residuals(STANDING), [0.2, 0.2, 0.1, 0.3, 0.1, 0.3])
@@ -213,11 +213,6 @@ def test_marks_that_cannot_be_are_refused(tmp_path, text: str, match: str):
     (tmp_path / "marks.yaml").write_text(text)
     with pytest.raises(RetrievalError, match=match):
         load_marks(tmp_path / "marks.yaml", [MotionClass("bend", (template(np.ones((40, 9))),))])
-
-
-def test_impossible_settings_of_marks_are_refused():
-    with pytest.raises(SettingsError, match="weights from 0 on"):
-        MarkSettings(sigma=0.0)
 
 
 def test_a_floor_is_kept_in_the_run(tmp_path):

@@ -1,13 +1,15 @@
-"""Which foot carries: low over the ground and slow, with hysteresis on both."""
+"""Which foot carries: low over the ground and slow, with hysteresis on both; and how high the ground lies."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
 
 import numpy as np
 
+from toolkit import skeleton
 from toolkit.body.body import Body
 from toolkit.body.sole import soles
+from toolkit.runs import Person
 from toolkit.track import TRACKED, Track
 
 NEAR_FLOOR = 0.15
@@ -18,29 +20,18 @@ SHORTEST_STEP = 1e-4
 """Seconds: frames that are nearer in time are of one moment, and say nothing about the rate of a camera."""
 
 
-@dataclass(frozen=True)
-class ContactSettings:
-    """When a foot comes to rest and when it leaves.
-
-    Attributes
-    ----------
-    low, high : metres over the ground below which a sole's lower point must come, and above which it leaves
-    slow, fast : the same in metres a second along the ground, of the sole's slower point
-    smoothing : seconds, standard deviation of the Gaussian over the sole's places before speeds are taken
-    shortest : seconds that a contact, or a gap between two, lasts at least
-    """
-
-    low: float = 0.05
-    high: float = 0.09
-    slow: float = 0.30
-    fast: float = 0.55
-    smoothing: float = 0.045
-    shortest: float = 0.10
+ANKLES = [skeleton.REPORTED.index(f"{side}_ankle") for side in ("left", "right")]
+LOW, HIGH = 0.05, 0.09
+"""Metres over the ground below which a sole's lower point must come, and above which it leaves."""
+SLOW, FAST = 0.30, 0.55
+"""The same in metres a second along the ground, of the sole's slower point."""
+SMOOTHING = 0.045
+"""Seconds, standard deviation of the Gaussian over the sole's places before speeds are taken."""
+SHORTEST = 0.10
+"""Seconds that a contact, or a gap between two, lasts at least."""
 
 
-def foot_contacts(
-    body: Body, track: Track, camera_height: float | None = None, settings: ContactSettings | None = None
-) -> np.ndarray:
+def foot_contacts(body: Body, track: Track, camera_height: float | None = None) -> np.ndarray:
     """Whether the left and the right foot carry: bool (T, 2), False where the person is not tracked.
 
     Parameters
@@ -48,7 +39,6 @@ def foot_contacts(
     body : that the poses belong to
     track : one row per frame, level frame
     camera_height : metres of the camera above the floor, None where none is seen
-    settings : the limits
     """
     placed, tracked = soles(body, track.pose), track.state == TRACKED
     ground = ground_height(placed, track.timestamps, tracked)
@@ -56,32 +46,29 @@ def foot_contacts(
         ground = -camera_height
     if ground is None:
         return np.zeros((len(track), 2), dtype=bool)
-    return contacts_of_soles(placed, track.timestamps, ground, tracked, settings)
+    return contacts_of_soles(placed, track.timestamps, ground, tracked)
 
 
-def contacts_of_soles(
-    placed: np.ndarray, times: np.ndarray, ground: float, known: np.ndarray, settings: ContactSettings | None = None
-) -> np.ndarray:
+def contacts_of_soles(placed: np.ndarray, times: np.ndarray, ground: float, known: np.ndarray) -> np.ndarray:
     """The same from heel and ball of both feet (T, 2, 2, 3), y up, metres, and the ground's y; `known` is bool (T,)."""
-    chosen = settings or ContactSettings()
     found = np.zeros((len(times), 2), dtype=bool)
     for span in spans(known):
         rows, own = placed[span], times[span]
         heights = rows[..., 1].min(axis=2) - ground
-        speeds = sole_speeds(rows, own, chosen.smoothing)
-        shortest = frames_in(chosen.shortest, own)
+        speeds = sole_speeds(rows, own)
+        shortest = frames_in(SHORTEST, own)
         for side in range(2):
-            enter = (heights[:, side] < chosen.low) & (speeds[:, side] < chosen.slow)
-            stay = (heights[:, side] < chosen.high) & (speeds[:, side] < chosen.fast)
+            enter = (heights[:, side] < LOW) & (speeds[:, side] < SLOW)
+            stay = (heights[:, side] < HIGH) & (speeds[:, side] < FAST)
             found[span, side] = without_short(hysteresis(enter, stay), shortest)
     return found
 
 
-def sole_speeds(placed: np.ndarray, times: np.ndarray, smoothing: float) -> np.ndarray:
+def sole_speeds(placed: np.ndarray, times: np.ndarray) -> np.ndarray:
     """Speed along the ground of the slower one of heel and ball: float64 (T, 2), metres a second."""
     if len(times) < 2:
         return np.zeros(placed.shape[:2])
-    flat = smoothed(placed, times, smoothing)[..., [0, 2]]
+    flat = smoothed(placed, times, SMOOTHING)[..., [0, 2]]
     velocities = np.gradient(flat, np.maximum.accumulate(times + 1e-9 * np.arange(len(times))), axis=0)
     return np.asarray(np.linalg.norm(velocities, axis=-1).min(axis=2))
 
@@ -120,7 +107,7 @@ def ground_height(placed: np.ndarray, times: np.ndarray, known: np.ndarray) -> f
     heights = []
     for span in spans(known):
         lower = placed[span][..., 1].min(axis=2)
-        slow = sole_speeds(placed[span], times[span], ContactSettings.smoothing) < ContactSettings.slow
+        slow = sole_speeds(placed[span], times[span]) < SLOW
         heights.append(lower[slow])
     resting = np.concatenate(heights) if heights else np.zeros(0)
     if not len(resting):
@@ -128,6 +115,27 @@ def ground_height(placed: np.ndarray, times: np.ndarray, known: np.ndarray) -> f
     if not len(resting):
         return None
     return float(np.median(resting[resting <= np.percentile(resting, 5) + 0.06]))
+
+
+def ground_of(people: Sequence[Person]) -> tuple[float, str]:
+    """Y of the ground in the level frame, metres, and how it is known: "seen by the camera", "where the feet rest", or
+    "guessed" (no foot was ever seen).
+    """
+    seen = next((person.camera_height for person in people if person.camera_height is not None), None)
+    if seen is not None:
+        return -seen, "seen by the camera"
+    for watched in (True, False):
+        found = []
+        for person in people:
+            track = person.track
+            known = track.state == TRACKED if watched else person.there
+            if watched:
+                known = known & track.observed[:, ANKLES].any(axis=1)
+            height = ground_height(soles(person.body, track.pose), track.timestamps, known)
+            found += [] if height is None else [height]
+        if found:
+            return min(found), "where the feet rest" if watched else "guessed"
+    return 0.0, "guessed"
 
 
 def hysteresis(enter: np.ndarray, stay: np.ndarray) -> np.ndarray:

@@ -8,7 +8,7 @@ carries, its leg is then bent until heel and ball stay where they rest; the root
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -29,68 +29,56 @@ STEP = 1e-5
 """Radians of a forward difference."""
 
 
-@dataclass(frozen=True)
-class RestSettings:
-    """How what rests is held.
-
-    Attributes
-    ----------
-    body, body_near : seconds and metres, standard deviations of the Gaussians over the frames that say a pose once
-        more: by when they are, and by how far the joint that is farthest is from where it is now
-    foot, foot_near : the same of where a foot that carries rests; heel and ball each for itself, for one that rises, as
-        the heel before a foot leaves, goes its own way
-    before : seconds, of the Gaussian under which these distances are measured, for noise is no distance
-    blend : seconds in which a foot comes to its place and leaves it
-    stiffness : metres of the sole for a radian of the leg's angles
-    knee : weight with which the knee stays where it was found; heel, ball and ankle have 1
-    rounds : of Gauss-Newton
-    """
-
-    body: float = 0.3
-    body_near: float = 0.02
-    foot: float = 1.0
-    foot_near: float = 0.025
-    before: float = 0.05
-    blend: float = 0.10
-    stiffness: float = 0.01
-    knee: float = 1.0
-    rounds: int = 3
+BODY, BODY_NEAR = 0.3, 0.02
+"""Seconds and metres, standard deviations of the Gaussians over the frames that say a pose once more: by when they are,
+and by how far the joint that is farthest is from where it is now."""
+FOOT, FOOT_NEAR = 1.0, 0.025
+"""The same of where a foot that carries rests; heel and ball each for itself, for one that rises, as the heel before a
+foot leaves, goes its own way."""
+BEFORE = 0.05
+"""Seconds, of the Gaussian under which these distances are measured, for noise is no distance."""
+BLEND = 0.10
+"""Seconds in which a foot comes to its place and leaves it."""
+STIFFNESS = 0.01
+"""Metres of the sole for a radian of the leg's angles."""
+ROUNDS = 3
+"""Of Gauss-Newton."""
 
 
-def at_rest(person: Person, settings: RestSettings | None = None) -> Person:
+def at_rest(person: Person) -> Person:
     """The person with what rests held where it is; `contact` of the track says which feet carry."""
-    chosen, track = settings or RestSettings(), person.track
+    track = person.track
     poses = track.pose.copy()
     for span in spans(track.state == TRACKED):
-        poses[span] = _still_body(person.body, poses[span], track.timestamps[span], chosen)
+        poses[span] = _still_body(person.body, poses[span], track.timestamps[span])
     placed = soles(person.body, poses)
     for side, leg in enumerate(FEET):
         for span in spans(track.contact[:, side]):
-            _hold(person.body, leg, poses, placed[:, side], span, track.timestamps, chosen)
+            _hold(person.body, leg, poses, placed[:, side], span, track.timestamps)
     joints = (person.body.joint_positions(poses) @ person.R_level_camera).astype(track.joints.dtype)
     joints = np.where((poses == track.pose).all(axis=1)[:, None, None], track.joints, joints)
     return replace(person, track=replace(track, pose=poses, joints=joints))
 
 
-def _still_body(body: Body, poses: np.ndarray, times: np.ndarray, settings: RestSettings) -> np.ndarray:
+def _still_body(body: Body, poses: np.ndarray, times: np.ndarray) -> np.ndarray:
     """Poses (N, P) moved to their mean over the frames near in time, by the share of these in which the body is near,
     too: one that moves stays as it was found. An arm may move by itself.
     """
     from scipy.spatial.transform import Rotation
 
-    joints = smoothed(body.joint_positions(poses), times, settings.before)
+    joints = smoothed(body.joint_positions(poses), times, BEFORE)
     turns = Rotation.from_rotvec(poses[:, skeleton.ROOT_ROTATION])
     arms = {side: _entries(side, ("clavicle", "shoulder", "elbow")) for side in ARMS}
     moved, weights = np.zeros_like(poses), np.zeros((len(poses), 1))
-    for here, there, late in _pairs(times, settings.body):
+    for here, there, late in _pairs(times, BODY):
         far = np.linalg.norm(joints[there] - joints[here], axis=2)
         core = far[:, CORE].max(axis=1)
         way = poses[there] - poses[here]
         way[:, skeleton.ROOT_ROTATION] = (turns[there] * turns[here].inv()).as_rotvec()
-        weight = np.tile(_closeness(core, settings.body_near)[:, None], poses.shape[1])
+        weight = np.tile(_closeness(core, BODY_NEAR)[:, None], poses.shape[1])
         for side, entries in arms.items():
             own = np.maximum(core, far[:, ARMS[side]].max(axis=1))
-            weight[:, entries] = _closeness(own, settings.body_near)[:, None]
+            weight[:, entries] = _closeness(own, BODY_NEAR)[:, None]
         moved[here] += late * weight * way
         weights[here] += late
     moved /= weights
@@ -114,27 +102,25 @@ def _closeness(far: np.ndarray, near: float) -> np.ndarray:
     return np.asarray(np.exp(-0.5 * (far / near) ** 2))
 
 
-def _hold(
-    body: Body, leg: str, poses: np.ndarray, placed: np.ndarray, span: slice, times: np.ndarray, settings: RestSettings
-) -> None:
+def _hold(body: Body, leg: str, poses: np.ndarray, placed: np.ndarray, span: slice, times: np.ndarray) -> None:
     """Bend one leg over one contact; `placed` (T, 2, 3) are its heel and ball as found, `poses` is changed."""
     sole, entries = Sole.of(body, leg), _entries(leg.split("_")[0], ("hip", "knee", "ankle"))
     ankles = np.array([body.place(pose).origins[sole.joint] for pose in poses[span]])
     rows = np.concatenate([placed[span], ankles[:, None]], axis=1)
-    ramp = _ramp(span, len(poses), frames_in(settings.blend, times[span]))
-    targets = rows + ramp[:, None, None] * (resting(rows, times[span], settings) - rows)
+    ramp = _ramp(span, len(poses), frames_in(BLEND, times[span]))
+    targets = rows + ramp[:, None, None] * (resting(rows, times[span]) - rows)
     for target, i in zip(targets, range(span.start, span.stop), strict=True):
-        poses[i] = _bent(body, sole, entries, poses[i], target, settings)
+        poses[i] = _bent(body, sole, entries, poses[i], target)
 
 
-def resting(rows: np.ndarray, times: np.ndarray, settings: RestSettings) -> np.ndarray:
+def resting(rows: np.ndarray, times: np.ndarray) -> np.ndarray:
     """Where points (N, K, 3) of a foot that carries rest: the mean of each over the frames that are near in time and in
     which it is near (a bilateral filter, Tomasi and Manduchi 1998, in time).
     """
-    own = smoothed(rows, times, settings.before)
+    own = smoothed(rows, times, BEFORE)
     total, weights = np.zeros_like(rows), np.zeros(rows.shape[:2])
-    for here, there, late in _pairs(times, settings.foot):
-        weight = late * _closeness(np.linalg.norm(own[there] - own[here], axis=2), settings.foot_near)
+    for here, there, late in _pairs(times, FOOT):
+        weight = late * _closeness(np.linalg.norm(own[there] - own[here], axis=2), FOOT_NEAR)
         total[here] += weight[..., None] * rows[there]
         weights[here] += weight
     return np.asarray(total / weights[..., None])
@@ -156,29 +142,27 @@ def _entries(side: str, parts: tuple[str, ...]) -> np.ndarray:
     return np.asarray(3 + np.flatnonzero(np.isin(skeleton.DOF_JOINT, joints)))
 
 
-def _bent(
-    body: Body, sole: Sole, entries: np.ndarray, pose: np.ndarray, target: np.ndarray, settings: RestSettings
-) -> np.ndarray:
+def _bent(body: Body, sole: Sole, entries: np.ndarray, pose: np.ndarray, target: np.ndarray) -> np.ndarray:
     """The pose (P,) with the leg's angles moved as little as brings heel, ball and ankle to `target` (3, 3)."""
-    knee, weights = int(skeleton.PARENTS[sole.joint]), np.array([1.0, 1.0, 1.0, settings.knee])[:, None]
+    knee = int(skeleton.PARENTS[sole.joint])
 
     def points(at: np.ndarray) -> np.ndarray:
         placed = body.place(at)
         both = placed.origins[sole.joint] + sole.points @ placed.rotations[sole.joint].T
-        return np.concatenate([both, placed.origins[[sole.joint, knee]]]) * weights
+        return np.concatenate([both, placed.origins[[sole.joint, knee]]])
 
     low, high = skeleton.POSE_LIMITS[entries].T
     start, current = pose[entries], pose.copy()
-    aim = np.concatenate([target, points(pose)[3:] / settings.knee]) * weights
-    for _ in range(settings.rounds):
+    aim = np.concatenate([target, points(pose)[3:]])
+    for _ in range(ROUNDS):
         here = points(current)
         jacobian = np.empty((here.size, len(entries)))
         for k, entry in enumerate(entries):
             nudged = current.copy()
             nudged[entry] += STEP
             jacobian[:, k] = (points(nudged) - here).ravel() / STEP
-        system = np.concatenate([jacobian, settings.stiffness * np.eye(len(entries))])
-        wanted = np.concatenate([(aim - here).ravel(), settings.stiffness * (start - current[entries])])
+        system = np.concatenate([jacobian, STIFFNESS * np.eye(len(entries))])
+        wanted = np.concatenate([(aim - here).ravel(), STIFFNESS * (start - current[entries])])
         step = np.linalg.lstsq(system, wanted, rcond=None)[0]
         current[entries] = np.clip(current[entries] + step, np.minimum(low, start), np.maximum(high, start))
     return current

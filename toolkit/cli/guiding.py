@@ -23,7 +23,7 @@ class Guiding:
     """Classes of motions and inertial sensors, as they are typed."""
 
     classes: Annotated[
-        Path | None, typer.Option(help="Class file of `depthmocap annotate --templates`.", rich_help_panel=EVENTS)
+        Path | None, typer.Option(help="Class file of `depthmocap learn --templates`.", rich_help_panel=EVENTS)
     ] = None
     queries: Annotated[
         Path | None, typer.Option(help="Keyframe queries of `depthmocap learn`.", rich_help_panel=EVENTS)

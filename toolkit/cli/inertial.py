@@ -49,7 +49,7 @@ def read(
 
     from toolkit.cli.terminal import print_table
     from toolkit.inertial.readers.common import SensorOptions
-    from toolkit.inertial.workflow import gap_seconds, read_sensors
+    from toolkit.inertial.workflow import read_sensors
 
     options = SensorOptions(**given(format=format, columns=columns, units=units, sensor=sensor, rate=rate))
     report = read_sensors(files, output, placement=placement, options=options)
@@ -58,7 +58,7 @@ def read(
         table.add_row(
             stream.name, report.sensors.devices.get(stream.name, ""), f"{stream.rate:.1f}",
             f"{stream.times[-1] - stream.times[0]:.2f}", str(len(stream)), str(int((~stream.valid).sum())),
-            str(stream.gaps), f"{gap_seconds(stream.times, stream.valid):.3f}", stream.origin,
+            str(stream.gaps), f"{stream.longest_gap:.3f}", stream.origin,
         )  # fmt: skip
     print_table(table)
     _say(report.suspicions)
@@ -72,15 +72,18 @@ def synchronise(
     rate: Rate = "same",
 ) -> None:
     """Find the offset of the sensors' clock against the camera's."""
-    from toolkit.inertial.synchronise import SyncSettings
-    from toolkit.inertial.workflow import synchronise_run
+    from toolkit.inertial import synchronise as clocks
+    from toolkit.inertial.limbs import TrackedMotion
+    from toolkit.inertial.suspicions import clock_suspicion
+    from toolkit.inertial.workflow import load_sensors
 
-    clock, doubts = synchronise_run(run, sensors, SyncSettings(max_offset, _rates(rate)))
+    wanted = clocks.SyncSettings(max_offset, _rates(rate))
+    clock = clocks.synchronise(TrackedMotion.load(run), load_sensors(sensors), wanted)
     say(
         f"t_sensor = {clock.rate:.5f} t_camera {clock.offset:+.4f} s "
         f"(correlation {clock.correlation:.2f}, next best {clock.second:.2f})"
     )
-    _say(doubts)
+    _say(clock_suspicion(clock.rate))
 
 
 @app.command()

@@ -13,8 +13,6 @@ from toolkit.errors import UsageError
 if TYPE_CHECKING:
     from toolkit.pipeline.joints import JointChoice
 
-PANEL = "How to read the recording"
-
 SegmentOption = Annotated[
     str | None,
     typer.Option(
@@ -24,70 +22,41 @@ SegmentOption = Annotated[
 ]
 
 
+def _option(help: str, *names: str) -> Any:
+    """An option of how a recording is read."""
+    return typer.Option(*names, help=help, rich_help_panel="How to read the recording")
+
+
 @dataclass(frozen=True)
 class Reading:
     """What a reader may be told, as it is typed."""
 
     format: Annotated[
         str | None,
-        typer.Option(
-            help="npz, ros, mkv, record3d, tum, stray, png, utd_mhad, raw or cloud; guessed from the path.",
-            rich_help_panel=PANEL,
-        ),
+        _option("npz, ros, mkv, record3d, tum, stray, png, utd_mhad, raw or cloud; guessed from the path."),
     ] = None
-    intrinsics: Annotated[
-        str | None,
-        typer.Option(help="fx,fy,cx,cy in pixels, or a JSON file that holds them.", rich_help_panel=PANEL),
-    ] = None
+    intrinsics: Annotated[str | None, _option("fx,fy,cx,cy in pixels, or a JSON file that holds them.")] = None
     mirrored: Annotated[
         bool | None,
-        typer.Option(
-            "--mirrored/--not-mirrored",
-            help="The source shows the scene as a mirror does; its images are flipped.",
-            rich_help_panel=PANEL,
-        ),
+        _option("The source shows the scene as a mirror does; its images are flipped.", "--mirrored/--not-mirrored"),
     ] = None
     radial: Annotated[
-        bool | None,
-        typer.Option(
-            "--radial", help="Pixels hold the distance to the camera instead of the depth along z.",
-            rich_help_panel=PANEL,
-        ),
-    ] = None  # fmt: skip
-    depth_unit: Annotated[str | None, typer.Option(help="mm, m, or the metres of one unit.", rich_help_panel=PANEL)] = (
-        None
-    )
-    size: Annotated[str | None, typer.Option(help="Width,height in pixels of raw files.", rich_help_panel=PANEL)] = None
-    frame_rate: Annotated[
-        float | None, typer.Option(help="Frames per second of a source without timestamps.", rich_help_panel=PANEL)
+        bool | None, _option("Pixels hold the distance to the camera instead of the depth along z.", "--radial")
     ] = None
-    up: Annotated[str | None, typer.Option(help="The vertical x,y,z in the camera frame.", rich_help_panel=PANEL)] = (
-        None
-    )
-    background: Annotated[str | None, typer.Option(help="16-bit PNG of the empty scene.", rich_help_panel=PANEL)] = None
-    skeleton: Annotated[
-        str | None, typer.Option(help="File or folder of a reference skeleton.", rich_help_panel=PANEL)
-    ] = None
+    depth_unit: Annotated[str | None, _option("mm, m, or the metres of one unit.")] = None
+    size: Annotated[str | None, _option("Width,height in pixels of raw files.")] = None
+    frame_rate: Annotated[float | None, _option("Frames per second of a source without timestamps.")] = None
+    up: Annotated[str | None, _option("The vertical x,y,z in the camera frame.")] = None
+    background: Annotated[str | None, _option("16-bit PNG of the empty scene.")] = None
+    skeleton: Annotated[str | None, _option("File or folder of a reference skeleton.")] = None
     axes: Annotated[
-        str | None,
-        typer.Option(
-            help="camera (x right, y down, z forward) or graphics (y up, z backward), for clouds.",
-            rich_help_panel=PANEL,
-        ),
+        str | None, _option("camera (x right, y down, z forward) or graphics (y up, z backward), for clouds.")
     ] = None
     rotate: Annotated[
         int | None,
-        typer.Option(
-            help="Degrees (90, 180, 270) by which the images are turned clockwise, for a camera on its side.",
-            rich_help_panel=PANEL,
-        ),
+        _option("Degrees (90, 180, 270) by which the images are turned clockwise, for a camera on its side."),
     ] = None
-    track: Annotated[
-        str | None,
-        typer.Option(
-            help="Name of the depth topic or track of a file that holds several.", rich_help_panel=PANEL
-        ),
-    ] = None  # fmt: skip
+    track: Annotated[str | None, _option("Name of the depth topic or track of a file that holds several.")] = None
 
     def options(self) -> dict[str, Any]:
         """Those of `ReaderOptions` that were given.

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -16,7 +15,7 @@ from toolkit.cli.terminal import say
 if TYPE_CHECKING:
     from toolkit.retrieval.annotation.measures import Scores
     from toolkit.retrieval.search.find import Match
-    from toolkit.retrieval.workflow.learn import LearnedModel
+    from toolkit.retrieval.workflow.motions import Tag
     from toolkit.retrieval.workflow.search import SearchReport
 
 PLAYED = 5
@@ -178,7 +177,7 @@ def _show(report: SearchReport, limit: int) -> None:
 
     title = f"{report.label or 'query'}: {len(report.matches)} results"
     if not report.ranked:
-        title += f"; keyframe search {report.milliseconds:.2f} ms, {100 * report.share:.1f} % of the data left"
+        title += f", {100 * report.share:.1f} % of the data"
     ranked = report.ranked
     table = Table("motion", "from", "to", *(["cost"] if ranked else []), title=title, title_justify="left")
     for match in report.matches[:limit]:
@@ -208,28 +207,45 @@ def learn(
     pattern: Pattern = None,
     labels: LabelTable = None,
     others: Annotated[list[Path] | None, typer.Option(help="Clips of no class: more counterexamples.")] = None,
+    templates: Annotated[
+        bool, typer.Option("--templates", help="Motion templates (the thesis's way) in place of a motion model.")
+    ] = False,
     seed: Seed = 0,
 ) -> None:
     """Learn motions from cut clips: a motion model for `depthmocap annotate` (OUTPUT.npz), with a table of how well it
-    does on people left out, or keyframe queries for `depthmocap search` (OUTPUT.json).
+    does on people left out, motion templates (OUTPUT.npz), or keyframe queries for `depthmocap search` (OUTPUT.json).
 
     The class of a clip is its folder; in a single folder it comes from the clips' names, unless told otherwise.
     """
-    if output.suffix.lower() == ".npz":
-        _learn_model(clips, output, pattern, labels, others or [], seed)
-        return
+    from toolkit.cli.terminal import progress_bars
+    from toolkit.retrieval.workflow.learn import learn_templates
+    from toolkit.retrieval.workflow.motions import find_motions, tags_of
+
+    tags = tags_of(find_motions(clips), pattern, labels)
+    classes = {file: tag.label for file, tag in tags.items()}
+    if templates:
+        with progress_bars() as bars:
+            learned = learn_templates(classes, output, bars)
+        say(f"{output}: {len(learned)} classes ({', '.join(c.label for c in learned)}) from {len(classes)} clips")
+    elif output.suffix.lower() == ".npz":
+        _learn_model(tags, output, others or [], seed)
+    else:
+        _learn_queries(classes, output, keyframes, others or [], seed)
+
+
+def _learn_queries(
+    classes: dict[Path, str], output: Path, keyframes: KeyframeLearning, others: list[Path], seed: int
+) -> None:
     import numpy as np
     from rich.table import Table
 
     from toolkit.cli.terminal import print_table, progress_bars
     from toolkit.retrieval.learning.queries import LearningSettings
     from toolkit.retrieval.workflow.learn import learn_queries
-    from toolkit.retrieval.workflow.motions import find_motions, labels_of
 
-    classes = labels_of(find_motions(clips), pattern, labels)
     with progress_bars() as bars:
         learned = learn_queries(
-            classes, output, np.random.default_rng(seed), labels=keyframes.label, others=others or (),
+            classes, output, np.random.default_rng(seed), labels=keyframes.label, others=others,
             settings=LearningSettings(runs=keyframes.runs), alternatives=keyframes.alternatives, tight=keyframes.tight,
             workers=keyframes.workers,
             progress=lambda _, done, total: bars("genetic runs", done, total),
@@ -242,18 +258,14 @@ def learn(
     print_table(table)
 
 
-def _learn_model(
-    clips: list[Path], output: Path, pattern: str | None, labels: Path | None, others: list[Path], seed: int
-) -> None:
+def _learn_model(tags: dict[Path, Tag], output: Path, others: list[Path], seed: int) -> None:
     import numpy as np
     from rich.table import Table
 
     from toolkit.cli.terminal import print_table, progress_bars
     from toolkit.retrieval.annotation.measures import Scores
     from toolkit.retrieval.workflow.learn import learn_model
-    from toolkit.retrieval.workflow.motions import find_motions, tags_of
 
-    tags = tags_of(find_motions(clips), pattern, labels)
     with progress_bars() as bars:
         learned = learn_model(tags, output, np.random.default_rng(seed), others=others, progress=bars)
     several = len(learned.people) > 1
@@ -275,22 +287,11 @@ def _learn_model(
         say(f"{output}: {len(learned.clips)} classes of one clip each; nothing could be left out to try them on")
     if not several:
         say("Nobody is named who performs the clips, so this says nothing about other people: see --pattern.")
-    for line in cautions(learned, others):
-        say(line)
-
-
-def cautions(learned: LearnedModel, others: Sequence[Path]) -> list[str]:
-    """What to know about a model that was learned."""
-    lines = [
-        f"{first} is hard to tell from {second}: only {ratio:.2f} times as far from it as from its own clips."
-        for first, second, ratio in learned.alike
-    ]
+    for first, second, ratio in learned.alike:
+        say(f"{first} is hard to tell from {second}: only {ratio:.2f} times as far from it as from its own clips.")
     if not others:
-        lines.append(
-            "Without --others the model knows only its own classes, and labels whatever resembles one of them:"
-        )
-        lines.append("give motions of no class, such as walking, sitting, standing about.")
-    return lines
+        say("Without --others the model knows only its own classes, and labels whatever resembles one of them:")
+        say("give motions of no class, such as walking, sitting, standing about.")
 
 
 def _scores_shown(frames: Scores, segments: Scores) -> tuple[str, ...]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
 
@@ -27,9 +27,7 @@ def stabilise(
     runs: Annotated[
         list[Path], typer.Argument(metavar="RUN...", help="Run folders of the hybrid tracker.", show_default=False)
     ],
-    classes: Annotated[
-        Path, typer.Option(help="Class file of `depthmocap annotate --templates --examples`.", show_default=False)
-    ],
+    classes: Annotated[Path, typer.Option(help="Class file of `depthmocap learn --templates`.", show_default=False)],
     output: Annotated[
         Path, typer.Option("--output", "-o", help="Run folder; several runs go to OUTPUT/<name>.", show_default=False)
     ],
@@ -45,21 +43,17 @@ def stabilise(
             help="YAML of entries of templates that hold: `class: [{feature: 26, value: 0, columns: [3, 9]}]`."
         ),
     ] = None,
-    repetitions_only: Annotated[
-        bool, typer.Option("--repetitions-only", help="Learn hidden limbs from the person's repetitions alone.")
-    ] = False,
 ) -> None:
     """Fill in what limbs did while they were hidden, by the motions that are recognised in the track itself."""
     from rich.table import Table
 
     from toolkit.cli.terminal import print_table, progress_bars
-    from toolkit.stabilising.settings import StabiliseSettings
+    from toolkit.stabilising.loop import StabiliseSettings
     from toolkit.stabilising.workflow import output_folders, stabilise_run
 
     if (segments is not None or moved.recording is not None) and len(runs) > 1:
         raise UsageError("--segments and --recording belong to one run; name one")
-    plain = StabiliseSettings(rounds=rounds, threshold=threshold)
-    settings = replace(plain, expectation=replace(plain.expectation, class_motions=not repetitions_only))
+    settings = StabiliseSettings(rounds, threshold)
     table = Table("run", "rounds", "labels", "gaps", "filled", "moved mm", "result")
     with progress_bars() as bars:
         for run, folder in output_folders(runs, output).items():

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from toolkit import skeleton
-from toolkit.biomechanics.ground import ground_of
+from toolkit.biomechanics.contact import ground_of
 from toolkit.errors import UsageError
 from toolkit.runs import Person
 

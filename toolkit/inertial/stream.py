@@ -71,6 +71,11 @@ class SensorStream:
         """Number of places where nothing valid was measured for longer than `LONGEST_GAP`."""
         return int((np.diff(self.times[self.valid]) > LONGEST_GAP + 1e-9).sum())
 
+    @property
+    def longest_gap(self) -> float:
+        """The longest time without a valid row, seconds."""
+        return float(np.diff(self.times[self.valid]).max(initial=0.0))
+
     def at(self, times: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Orientations (M, 4) at other times by spherical interpolation, and where they are known: bool (M,)."""
         if self.rotations is None:

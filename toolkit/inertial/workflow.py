@@ -1,12 +1,10 @@
-"""What the verbs `inertial read`, `synchronise` and `calibrate` do, as calls."""
+"""What the verbs `inertial read` and `calibrate` do, as calls."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-
-import numpy as np
 
 from toolkit.errors import InertialError, UsageError
 from toolkit.files import check_output, sha256_of
@@ -16,11 +14,10 @@ from toolkit.inertial.distance import worlds_of
 from toolkit.inertial.fusion import oriented
 from toolkit.inertial.limbs import TrackedMotion
 from toolkit.inertial.placement import load_placement, placed
-from toolkit.inertial.places import place_suspicions
 from toolkit.inertial.readers import read_files
 from toolkit.inertial.readers.common import SensorOptions
 from toolkit.inertial.stream import Sensors
-from toolkit.inertial.suspicions import clock_suspicion, suspicions
+from toolkit.inertial.suspicions import clock_suspicion, place_suspicions, suspicions
 from toolkit.inertial.synchronise import Clock, SyncSettings, synchronise
 
 
@@ -183,23 +180,3 @@ def checked_take(
 def clock_of(take: TakeClock, found: Clock) -> Clock:
     """The clock that a calibration refined."""
     return replace(found, offset=take.offset, rate=take.rate)
-
-
-def synchronise_run(
-    run: str | Path, sensors: str | Path | Sensors, settings: SyncSettings | None = None
-) -> tuple[Clock, list[str]]:
-    """The clock of sensors against a run's, and what looks wrong with it.
-
-    Raises
-    ------
-    TrackError, InertialError
-        See `TrackedMotion.load` and `synchronise`.
-    """
-    found = sensors if isinstance(sensors, Sensors) else load_sensors(sensors)
-    clock = synchronise(TrackedMotion.load(run), found, settings)
-    return clock, clock_suspicion(clock.rate)
-
-
-def gap_seconds(times: np.ndarray, valid: np.ndarray) -> float:
-    """The longest time without a valid row, seconds."""
-    return float(np.diff(times[valid]).max(initial=0.0))

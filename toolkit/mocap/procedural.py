@@ -35,6 +35,8 @@ WOBBLE_DEGREES = 2.5
 """Standard deviation of the slow wobble added to every angle."""
 HABIT_DEGREES = 6.0
 """Standard deviation of each control from the held pose of a settled motion, drawn once per performance."""
+RANDOM_POSES = 20
+"""Poses of a random motion."""
 RANDOM_STEP = 1.2
 """Seconds from one random pose to the next."""
 SOLE = 0.015
@@ -195,11 +197,11 @@ def _played(motion: Motion, rate: float, rng: np.random.Generator | None) -> np.
     return controls + _habit(rng) if motion.settled else controls
 
 
-def _random_controls(rate: float, rng: np.random.Generator, count: int = 20) -> np.ndarray:
-    """Smooth motion (T, C) through `count` random poses within natural ranges, drawn towards the base pose."""
+def _random_controls(rate: float, rng: np.random.Generator) -> np.ndarray:
+    """Smooth motion (T, C) through random poses within natural ranges, drawn towards the base pose."""
     from scipy.interpolate import PchipInterpolator
 
-    base = np.array([BASE[name] for name in CONTROLS])
+    count, base = RANDOM_POSES, np.array([BASE[name] for name in CONTROLS])
     low, high = np.array([LIMITS.get(name, (BASE[name], BASE[name])) for name in CONTROLS]).T
     poses = rng.uniform(low, high, (count, len(CONTROLS)))
     legs = np.array(["flex" in name or "knee" in name or "open" in name for name in CONTROLS])

@@ -17,9 +17,10 @@ from toolkit.plain import parse_json, read_text
 from toolkit.retrieval.annotation.annotator import MotionClass
 from toolkit.retrieval.annotation.online import Event, OnlineAnnotator
 from toolkit.retrieval.keyframes.query import KeyframeQuery
-from toolkit.retrieval.workflow.events import STANDARD_OUTPUT
 from toolkit.track import EMPTY, FrameResult
 from toolkit.typed import TypedReader
+
+STANDARD_OUTPUT = "-"
 
 
 @dataclass(frozen=True)

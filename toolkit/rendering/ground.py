@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from toolkit.biomechanics.ground import ground_of
+from toolkit.biomechanics.contact import ground_of
 from toolkit.body.sole import soles
 from toolkit.rendering.overlay import draw_line
 from toolkit.rendering.style import CARRYING, FLOOR

@@ -10,6 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from toolkit.biomechanics.contact import foot_contacts
+from toolkit.errors import SettingsError
 from toolkit.kernels import linear
 from toolkit.progress import Progress
 from toolkit.retrieval.annotation.annotator import Annotation, Annotator, MotionClass, runs
@@ -24,13 +25,51 @@ from toolkit.retrieval.priors.limbs import OUTER
 from toolkit.retrieval.priors.marks import Marks, marks_of_classes, tracking_priors
 from toolkit.stabilising.marked import FloorHeight, floor_of, marked_terms
 from toolkit.stabilising.retrack import GapGuide, Retracked, retrack
-from toolkit.stabilising.settings import StabiliseSettings
 from toolkit.stabilising.source import Source
-from toolkit.stabilising.ways import KEPT, GapWays, bad_frames, cheapest_path, flags_of, ways_through, whole_priors
+from toolkit.stabilising.ways import (
+    KEPT,
+    PRIOR_SPREAD,
+    WIDENED,
+    GapWays,
+    bad_frames,
+    cheapest_path,
+    flags_of,
+    ways_through,
+    whole_priors,
+)
 from toolkit.track import Track
 
 SOURCE = "prior"
 """The source of frames of which a limb was exchanged, in `Track.source_names`."""
+AGREED, MOVED = 0.99, 0.002
+"""The loop stops where so many of the frames' labels agree, and joins move by so many metres on average."""
+UNLIKELY = 0.00015
+"""Metres of distance from the frame that one standard deviation, squared, of one angle counts. This, the next and
+`ways.STIFFNESS` were chosen on the tuning split of the sequences."""
+MARGIN = 0.0007
+"""Metres by which another way must be better than the track's own."""
+
+
+@dataclass(frozen=True)
+class StabiliseSettings:
+    """What is chosen of the loop of Fig. 6.1.
+
+    Attributes
+    ----------
+    rounds : at most; five in the thesis
+    threshold : costs at or above it are no hits (0.07 in the thesis, for tracks of another kind)
+    marks : whether MT priors hold hidden limbs
+    """
+
+    rounds: int = 5
+    threshold: float = 0.1
+    marks: bool = True
+
+    def __post_init__(self) -> None:
+        if self.rounds < 1:
+            raise SettingsError(f"{self.rounds} rounds are impossible; give a whole number from 1 on")
+        if not 0.0 < self.threshold <= 1.0:
+            raise SettingsError(f"threshold {self.threshold} is not in (0, 1]; try 0.1")
 
 
 @dataclass(frozen=True, eq=False)
@@ -129,20 +168,20 @@ def stabilise(
         Segments that overlap, end after the track, or bear an unknown label.
     """
     settings = settings or StabiliseSettings()
-    known = Known(tuple(classes), segments, marks or marks_of_classes(classes, settings.marks), floor_of(source))
+    known = Known(tuple(classes), segments, marks or marks_of_classes(classes), floor_of(source))
     track, rounds = source.track, list[Round]()
     for number in range(settings.rounds):
         found = _round(source, track, known, settings, partial(progress or _silent, f"round {number + 1}"))
         rounds.append(found)
         track = found.track
-        if found.moved == 0.0 or (number and _settled(rounds[-2], found, settings)):
+        if found.moved == 0.0 or (number and _settled(rounds[-2], found)):
             break
     return rounds
 
 
-def best_round(rounds: Sequence[Round], settings: StabiliseSettings | None = None) -> Round:
+def best_round(rounds: Sequence[Round]) -> Round:
     """The last round, or an earlier one whose track is clearly nearer to its frames (thesis 6.6: wrong priors harm)."""
-    worst = min(found.after for found in rounds) + (settings or StabiliseSettings()).choice.margin
+    worst = min(found.after for found in rounds) + MARGIN
     return next(found for found in reversed(rounds) if found.after <= worst)
 
 
@@ -150,27 +189,27 @@ def _silent(doing: str, done: int, total: int) -> None:
     """Progress that no person watches."""
 
 
-def _settled(before: Round, after: Round, settings: StabiliseSettings) -> bool:
+def _settled(before: Round, after: Round) -> bool:
     labels = sorted({s.label for s in (*before.segments, *after.segments)})
     frames = [label_frames(r.segments, labels, len(r.track), FEATURE_RATE) for r in (before, after)]
-    return after.moved < settings.moved and (not labels or frame_scores(*frames).f >= settings.agreed)
+    return after.moved < MOVED and (not labels or frame_scores(*frames).f >= AGREED)
 
 
 def _round(
     source: Source, track: Track, known: Known, settings: StabiliseSettings, progress: Callable[[int, int], None]
 ) -> Round:
-    gaps = find_gaps(track.confidence, source.present, settings.gaps)
+    gaps = find_gaps(track.confidence, source.present)
     told, annotation, labelled = _told(source, track, known, gaps, settings)
     priors = tracking_priors(told.allocation, known.classes, known.marks)
-    ways = ways_through(told, gaps, settings) if labelled else []
+    ways = ways_through(told, gaps) if labelled else []
     if not ways:  # nothing is hidden, or nothing is known of what is
         return Round(annotation, labelled, (), track, 0.0, priors)
     bad = bad_frames(told.hidden)
-    marked = marked_terms(source, told, priors, known.floor, settings.marks)
-    guide = GapGuide(ways, whole_priors(told, bad, settings), track.timestamps, settings, marked)
-    again = retrack(source, track.pose, ways, _around(bad, settings.widened), guide, progress)
-    paths = [choose(*of_gap, settings) for of_gap in zip(ways, again.distances, again.angles, strict=True)]
-    fresh = _exchanged(source, track, ways, again, paths, choose_rows(track, again, settings))
+    marked = marked_terms(source, told, priors, known.floor) if settings.marks else {}
+    guide = GapGuide(ways, whole_priors(told, bad), track.timestamps, marked)
+    again = retrack(source, track.pose, ways, _around(bad, WIDENED), guide, progress)
+    paths = [choose(*of_gap) for of_gap in zip(ways, again.distances, again.angles, strict=True)]
+    fresh = _exchanged(source, track, ways, again, paths, choose_rows(track, again))
     moved = linear.lengths((fresh.joints - track.joints).reshape(-1, 3).astype(np.float64)).reshape(len(track), -1)
     filled = tuple(_filled(*of_gap, moved) for of_gap in zip(ways, paths, again.angles, again.distances, strict=True))
     before, after = _explained(track, again, filled)
@@ -185,28 +224,27 @@ def _explained(track: Track, again: Retracked, filled: Sequence[FilledGap]) -> t
     return before, before + gained / max(len(track), 1)
 
 
-def choose(way: GapWays, distances: np.ndarray, angles: np.ndarray, settings: StabiliseSettings) -> np.ndarray:
+def choose(way: GapWays, distances: np.ndarray, angles: np.ndarray) -> np.ndarray:
     """Which way (D,) to take through a gap: near the frames, likely, smooth, and the track's own unless one is better.
 
     The thesis accepts what it allocates (6.6 names the harm of a wrong one); here what is seen has the last word.
     """
-    rules = settings.choice
-    spread = way.expected.variance + settings.prior_spread**2
+    spread = way.expected.variance + PRIOR_SPREAD**2
     unlikely = ((angles - way.expected.mean) ** 2 / spread).sum(axis=2)
-    costs = distances + rules.unlikely * unlikely
-    costs[way.names.index(KEPT)] -= rules.margin
+    costs = distances + UNLIKELY * unlikely
+    costs[way.names.index(KEPT)] -= MARGIN
     costs = np.where(np.isfinite(costs), costs, np.where(np.arange(len(costs))[:, None] == 0, 0.0, np.inf))
-    return cheapest_path(costs, np.nan_to_num(angles), rules.stiffness)
+    return cheapest_path(costs, np.nan_to_num(angles))
 
 
-def choose_rows(track: Track, again: Retracked, settings: StabiliseSettings) -> np.ndarray:
+def choose_rows(track: Track, again: Retracked) -> np.ndarray:
     """Bool (T,): frames of which the whole pose is taken from tracking again: nearer to the frame, and in one go."""
     taken = np.zeros(len(track), dtype=np.bool_)
     angles = np.stack([track.pose, np.array([row.pose for row in again.rows])])[:, :, ANGLES]
     for start, stop in runs(np.isfinite(again.whole).all(axis=0)):
         costs = again.whole[:, start:stop].copy()
-        costs[0] -= settings.choice.margin
-        taken[start:stop] = cheapest_path(costs, angles[:, start:stop], settings.choice.stiffness) == 1
+        costs[0] -= MARGIN
+        taken[start:stop] = cheapest_path(costs, angles[:, start:stop]) == 1
     return taken
 
 

@@ -15,7 +15,7 @@ from toolkit.people.up import find_vertical
 from toolkit.retrieval.annotation.annotator import runs
 from toolkit.retrieval.priors.expectation import Told
 from toolkit.retrieval.priors.limbs import ENTRIES, LIMBS
-from toolkit.retrieval.priors.marks import Demands, MarkSettings, rests
+from toolkit.retrieval.priors.marks import DISAGREEMENT, SIGMA, WEIGHT, Demands, rests
 from toolkit.stabilising.source import Source
 
 SOLES = 0.05
@@ -45,9 +45,7 @@ def floor_of(source: Source) -> FloorHeight:
     return FloorHeight(float(np.quantile(heights, SOLES)) if heights else 0.0, "soles")
 
 
-def marked_terms(
-    source: Source, told: Told, priors: np.ndarray, floor: FloorHeight, settings: MarkSettings
-) -> dict[int, list[ResidualTerm]]:
+def marked_terms(source: Source, told: Told, priors: np.ndarray, floor: FloorHeight) -> dict[int, list[ResidualTerm]]:
     """Frame -> terms on the limbs that are hidden in it.
 
     Parameters
@@ -56,25 +54,22 @@ def marked_terms(
     told : its track, and where its limbs are hidden
     priors : int8 (40, T), tracking priors
     floor : under the feet
-    settings : what demands weigh
     """
     found: dict[int, list[ResidualTerm]] = {}
-    if settings.weight == 0.0:
-        return found
-    demands = Demands(source.body, told.poses, told.times, settings)
+    demands = Demands(source.body, told.poses, told.times)
     for limb in LIMBS:
         for frame in np.flatnonzero(told.hidden[limb]).tolist():
             term = demands.term(limb, priors[:, frame], frame)
             if term is not None:
                 found.setdefault(frame, []).append(term)
     for leg in FEET:
-        for frame, resting in _resting(source, told, rests(priors, leg), leg, floor, settings).items():
+        for frame, resting in _resting(source, told, rests(priors, leg), leg, floor).items():
             found.setdefault(frame, []).append(resting)
     return found
 
 
 def _resting(
-    source: Source, told: Told, resting: np.ndarray, leg: str, floor: FloorHeight, settings: MarkSettings
+    source: Source, told: Told, resting: np.ndarray, leg: str, floor: FloorHeight
 ) -> Mapping[int, ResidualTerm]:
     """Frame -> the foot on the floor, where it rests and is hidden; in its place if it was seen there meanwhile."""
     found, sole = {}, Sole.of(source.body, leg)
@@ -85,19 +80,17 @@ def _resting(
         seen = np.flatnonzero(~hidden) + start
         places = np.array([sole.at(source.body, told.poses[frame]) for frame in seen])
         rest = np.median(places, axis=0) if len(seen) else None
-        term = floor_term(source.body, leg, ENTRIES[leg], floor.height, rest, settings.weight, settings.sigma)
+        term = floor_term(source.body, leg, ENTRIES[leg], floor.height, rest)
         found.update(dict.fromkeys((np.flatnonzero(hidden) + start).tolist(), term))
     return found
 
 
-def contradiction(terms: Sequence[ResidualTerm], pose: np.ndarray, settings: MarkSettings) -> float:
+def contradiction(terms: Sequence[ResidualTerm], pose: np.ndarray) -> float:
     """Metres by which a pose (P,) is farther from its frame than it looks, for what is demanded of it."""
-    return settings.disagreement * sum(term.violation(pose) for term in terms)
+    return DISAGREEMENT * sum(term.violation(pose) for term in terms)
 
 
-def floor_term(
-    body: Body, leg: str, entries: np.ndarray, height: float, rest: np.ndarray | None, weight: float, sigma: float
-) -> ResidualTerm:
+def floor_term(body: Body, leg: str, entries: np.ndarray, height: float, rest: np.ndarray | None) -> ResidualTerm:
     """The sole of a foot on the floor: both points pulled down or up to it, and to where they came to rest.
 
     Parameters
@@ -106,7 +99,6 @@ def floor_term(
     leg, entries : `left_leg` or `right_leg`, and where the angles stand in a pose that may give way
     height : metres, y of the floor under the foot, level frame
     rest : float64 (2, 3), where heel and ball rest, of which x and z count; None where that is not known
-    weight, sigma : see `ResidualTerm`
     """
     sole = Sole.of(body, leg)
 
@@ -115,4 +107,4 @@ def floor_term(
         above = points[:, 1] - height
         return above if rest is None else np.concatenate([above, (points - rest)[:, [0, 2]].ravel()])
 
-    return ResidualTerm(weight, sigma, entries, residuals)
+    return ResidualTerm(WEIGHT, SIGMA, entries, residuals)

@@ -13,9 +13,8 @@ from toolkit.people.survey import find_person
 from toolkit.progress import Count
 from toolkit.retrieval.priors.limbs import OUTER
 from toolkit.stabilising.marked import contradiction
-from toolkit.stabilising.settings import StabiliseSettings
 from toolkit.stabilising.source import Source
-from toolkit.stabilising.ways import AGAIN, GapWays
+from toolkit.stabilising.ways import AGAIN, PRIOR_SPREAD, PRIOR_WEIGHT, GapWays
 from toolkit.track import FrameResult
 from toolkit.tracking.clock import StageClock
 from toolkit.tracking.follower import Follower
@@ -33,22 +32,17 @@ class GapGuide(NoGuide):
     ways : through each gap, with what is expected there
     whole : frame -> the whole pose, in bad frames
     times : of the frames, seconds
-    settings : what a limb's prior weighs
     marked : frame -> what is demanded of hidden limbs
     """
-
-    proposes = True
 
     def __init__(
         self,
         ways: Sequence[GapWays],
         whole: Mapping[int, GaussianPrior],
         times: np.ndarray,
-        settings: StabiliseSettings,
         marked: Mapping[int, Sequence[ResidualTerm]],
     ) -> None:
         self._marked = {float(times[frame]): tuple(terms) for frame, terms in marked.items()}
-        self._marks = settings.marks
         self._whole = {float(times[frame]): prior for frame, prior in whole.items()}
         self._priors: dict[float, list[LimbPrior]] = {}
         for way in ways:
@@ -56,7 +50,7 @@ class GapGuide(NoGuide):
                 if way.gap.start + place in whole:
                     continue
                 mean, variance = way.expected.mean[place], way.expected.variance[place]
-                prior = LimbPrior(settings.prior_weight, way.entries, mean, variance + settings.prior_spread**2)
+                prior = LimbPrior(PRIOR_WEIGHT, way.entries, mean, variance + PRIOR_SPREAD**2)
                 self._priors.setdefault(float(times[way.gap.start + place]), []).append(prior)
 
     def priors(self, timestamp: float) -> Sequence[PoseTerm]:
@@ -66,7 +60,7 @@ class GapGuide(NoGuide):
 
     def contradicts(self, timestamp: float, pose: np.ndarray) -> float:
         """Metres that a pose (P,) is farther from the frame than it looks, for what is marked of hidden limbs."""
-        return contradiction(self._marked.get(timestamp, ()), pose, self._marks)
+        return contradiction(self._marked.get(timestamp, ()), pose)
 
 
 class Retracked(NamedTuple):

@@ -12,13 +12,21 @@ from toolkit.kernels import linear
 from toolkit.retrieval.priors.allocation import Allocation
 from toolkit.retrieval.priors.bridge import Bridge
 from toolkit.retrieval.priors.expectation import ROOT, Told, fill
-from toolkit.retrieval.priors.gaps import Gap
+from toolkit.retrieval.priors.gaps import JOINED, Gap
 from toolkit.retrieval.priors.limbs import ENTRIES, LIMBS
-from toolkit.stabilising.settings import StabiliseSettings
 
 KEPT, AGAIN, STRAIGHT = "track", "tracked again", "interpolation"
 MOST = 3
 """Of the four limbs: with so many hidden at once a frame is bad."""
+PRIOR_WEIGHT = 0.003
+"""Square metres per square radian and variance: what the angles of a hidden limb pull while the recording is tracked
+again; a tenth of what the samples at a seen arm do."""
+PRIOR_SPREAD = 0.15
+"""Radians, added to the spread of what is expected."""
+WIDENED = 20
+"""Frames by which a gap is looked at beyond its ends: a limb is mistaken before it is given up."""
+STIFFNESS = 0.02
+"""Metres that a step of one radian, squared, of one angle counts from one frame to the next."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,12 +54,12 @@ class GapWays:
         return ENTRIES[self.gap.limb]
 
 
-def widened(gaps: Sequence[Gap], frames: int, by: int, joined: int) -> list[Gap]:
+def widened(gaps: Sequence[Gap], frames: int, by: int = WIDENED) -> list[Gap]:
     """Gaps that begin `by` frames earlier and end as much later, within the track; a limb's that meet are one."""
     found: list[Gap] = []
     for gap in gaps:
         start, stop = max(0, gap.start - by), min(frames, gap.stop + by)
-        if found and found[-1].limb == gap.limb and start - found[-1].stop < joined:
+        if found and found[-1].limb == gap.limb and start - found[-1].stop < JOINED:
             found[-1] = found[-1]._replace(stop=stop)
         else:
             found.append(Gap(gap.limb, start, stop))
@@ -71,7 +79,7 @@ def bad_frames(hidden: Mapping[str, np.ndarray]) -> np.ndarray:
     return np.sum([hidden[limb] for limb in LIMBS], axis=0) >= MOST
 
 
-def whole_priors(told: Told, bad: np.ndarray, settings: StabiliseSettings) -> dict[int, GaussianPrior]:
+def whole_priors(told: Told, bad: np.ndarray) -> dict[int, GaussianPrior]:
     """Frame -> the class's whole pose, in bad frames (T,) that bear the label of a class with a motion."""
     precisions: dict[tuple[int, int], np.ndarray] = {}
     found = {}
@@ -84,20 +92,20 @@ def whole_priors(told: Told, bad: np.ndarray, settings: StabiliseSettings) -> di
             covariance = motion.covariance + SPREAD**2 * np.eye(len(motion.covariance))
             precisions[row, part] = linear.inverse(covariance)
         mean = np.concatenate([np.zeros(ROOT), motion.mean[told.allocation.column[frame]]])
-        found[int(frame)] = GaussianPrior(settings.prior_weight, mean, precisions[row, part])
+        found[int(frame)] = GaussianPrior(PRIOR_WEIGHT, mean, precisions[row, part])
     return found
 
 
-def ways_through(told: Told, gaps: Sequence[Gap], settings: StabiliseSettings) -> list[GapWays]:
+def ways_through(told: Told, gaps: Sequence[Gap]) -> list[GapWays]:
     """All ways through the gaps in which limbs are hidden, but for tracking again."""
     frames = len(told.times)
-    wide = widened(gaps, frames, settings.widened, settings.gaps.joined)
+    wide = widened(gaps, frames)
     around = replace(told, hidden=flags_of(wide, frames))
     unlabelled = replace(around, allocation=Allocation.nothing(frames))
     found = []
     for gap in wide:
-        expected, source = fill(around, gap, settings.expectation)
-        straight, _ = fill(unlabelled, gap, settings.expectation)
+        expected, source = fill(around, gap)
+        straight, _ = fill(unlabelled, gap)
         rows = slice(gap.start, gap.stop)
         kept = told.poses[rows][:, ENTRIES[gap.limb]]
         names, angles = [KEPT, AGAIN, STRAIGHT], [kept, np.full_like(kept, np.nan), straight.mean]
@@ -108,7 +116,7 @@ def ways_through(told: Told, gaps: Sequence[Gap], settings: StabiliseSettings) -
     return found
 
 
-def cheapest_path(costs: np.ndarray, angles: np.ndarray, stiffness: float) -> np.ndarray:
+def cheapest_path(costs: np.ndarray, angles: np.ndarray, stiffness: float = STIFFNESS) -> np.ndarray:
     """Which way to take in each frame, so that costs and steps between frames are least in sum (dynamic programming).
 
     Parameters

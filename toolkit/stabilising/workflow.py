@@ -16,11 +16,10 @@ from toolkit.retrieval.annotation.classes import load_classes
 from toolkit.retrieval.annotation.measures import Segment
 from toolkit.retrieval.annotation.report import REPORT_FILES, read_segments, write_report
 from toolkit.retrieval.priors.marks import load_marks
-from toolkit.retrieval.templates.quantised import WILDCARD
-from toolkit.stabilising.loop import Round, best_round, stabilise
+from toolkit.retrieval.templates import WILDCARD
+from toolkit.stabilising.loop import Round, StabiliseSettings, best_round, stabilise
 from toolkit.stabilising.marked import floor_of
 from toolkit.stabilising.page import write_page
-from toolkit.stabilising.settings import StabiliseSettings
 from toolkit.stabilising.source import Source, open_source
 from toolkit.track import RUN_FILE, TRACK_FILE
 from toolkit.track.track import AGAIN
@@ -45,7 +44,7 @@ def stabilise_run(
     Parameters
     ----------
     run : a finished run of one person, by the hybrid tracker
-    classes : class file that `depthmocap annotate --templates` wrote
+    classes : class file that `depthmocap learn --templates` wrote
     output : a run folder, with segments.csv and .json, annotation.png, stabilise.json and report.html
     settings : see `StabiliseSettings`
     segments : CSV of labelled stretches (start, end, label), in place of those that annotation finds
@@ -64,32 +63,21 @@ def stabilise_run(
     RecordingError, DatabaseError
         The recording or the database is gone or has changed.
     RetrievalError
-        The class file holds no motions, or the segments or marks cannot be.
+        The class file, the segments or the marks cannot be.
     UsageError
         The output is the run itself, or the run is of several people or of another tracker.
     """
     settings, folder = settings or StabiliseSettings(), Path(output)
     for name in (TRACK_FILE, RUN_FILE, CONFIG_FILE, RESULT_FILE, *REPORT_FILES):
         check_output(folder / name, [Path(run) / TRACK_FILE, Path(run) / RUN_FILE, Path(run) / CONFIG_FILE, classes])
-    wanted = _classes(classes, settings)
+    wanted = load_classes(classes)
     source = open_source(run, recording=recording, database=database)
     labelled = None if segments is None else _segments(segments, source, wanted)
-    marked = None if marks is None else load_marks(marks, wanted, settings.marks)
+    marked = None if marks is None else load_marks(marks, wanted)
     with locked(folder):
         rounds = stabilise(source, wanted, settings, segments=labelled, marks=marked, progress=progress)
         _write(source, rounds, settings, folder)
     return rounds
-
-
-def _classes(path: str | Path, settings: StabiliseSettings) -> list[MotionClass]:
-    """The classes; without motions only where repetitions alone are asked for."""
-    classes = load_classes(path)
-    if settings.expectation.class_motions and not any(c.motions for c in classes):
-        raise RetrievalError(
-            f"{path} holds no class motions; learn the classes again with `depthmocap annotate --templates`, or "
-            "stabilise with --repetitions-only"
-        )
-    return classes
 
 
 def _segments(path: str | Path, source: Source, classes: Sequence[MotionClass]) -> list[Segment]:
@@ -119,7 +107,7 @@ def _segments(path: str | Path, source: Source, classes: Sequence[MotionClass]) 
 def _write(source: Source, rounds: Sequence[Round], settings: StabiliseSettings, folder: Path) -> None:
     """The run folder and what belongs to it; the track comes last, so that a folder with one is whole."""
     folder.mkdir(parents=True, exist_ok=True)
-    best = best_round(rounds, settings)
+    best = best_round(rounds)
     if best.annotation is not None:
         write_report(replace(best.annotation, segments=best.segments), folder)
     save_json(folder / RESULT_FILE, result_of(source, rounds, settings))
@@ -157,7 +145,7 @@ def result_of(source: Source, rounds: Sequence[Round], settings: StabiliseSettin
             }
             for found in rounds
         ],
-        "result": rounds.index(best_round(rounds, settings)) + 1,
+        "result": rounds.index(best_round(rounds)) + 1,
         "floor": floor_of(source)._asdict(),
     }
 

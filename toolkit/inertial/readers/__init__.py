@@ -8,14 +8,14 @@ from pathlib import Path
 import numpy as np
 
 from toolkit.errors import InertialError, UsageError
-from toolkit.inertial.readers import canonical, dot, matlab, mvnx, sto, table, total_capture, xsens_mt
+from toolkit.inertial.readers import dot, matlab, mvnx, sto, table, total_capture, xsens_mt
 from toolkit.inertial.readers.common import SensorOptions
 from toolkit.inertial.stream import Sensors
 
 Reader = Callable[[Path, SensorOptions], Sensors]
 
 READERS: dict[str, tuple[Callable[[Path], bool], Reader]] = {
-    "npz": (canonical.matches, canonical.read),
+    "npz": (lambda path: path.suffix.lower() == ".npz", lambda path, options: Sensors.load(path)),
     "matlab": (matlab.matches, matlab.read),
     "mvnx": (mvnx.matches, mvnx.read),
     "sto": (sto.matches, sto.read),

@@ -347,23 +347,18 @@ def search_pieces(
 
 
 @njit(cache=True)
-def cheapest(distances: np.ndarray) -> np.ndarray:
-    """Row of the smallest value in each column of (P, L), the first on ties, -1 where all are infinite: int64 (L,)."""
-    best = np.full(distances.shape[1], np.inf)
-    rows = np.full(distances.shape[1], -1, dtype=np.int64)
-    for p in range(distances.shape[0]):
-        for j in range(distances.shape[1]):
-            if distances[p, j] < best[j]:
-                best[j] = distances[p, j]
-                rows[j] = p
-    return rows
-
-
-@njit(cache=True)
 def widen_runs(decided: np.ndarray, distances: np.ndarray, visible: float) -> np.ndarray:
-    """Bool (P, L): the runs of each class in `decided` (L,), widened while its `distances` (P, L) do not rise.
+    """Widen each run of a class as long as its modified distance does not rise away from the run (thesis 5.2).
 
-    A widened run in which less than the share `visible` of the frames is decided for its class is left out.
+    Parameters
+    ----------
+    decided : int64 (L,), class per frame, -1 for none
+    distances : float64 (P, L), modified distance functions
+    visible : smallest share of a widened run that has to be decided for its class; others are left out
+
+    Returns
+    -------
+    bool (P, L): the labels of each frame, several where widened runs overlap
     """
     classes, length = distances.shape
     frames = np.zeros((classes, length), dtype=np.bool_)

@@ -19,7 +19,7 @@ from toolkit.kernels.motion import dtw
 from toolkit.retrieval.annotation.class_motion import ClassMotion
 from toolkit.retrieval.annotation.measures import Segment
 from toolkit.retrieval.features.relational import FeatureMatrix, pack
-from toolkit.retrieval.templates.quantised import QuantisedTemplate, expand
+from toolkit.retrieval.templates import QuantisedTemplate, expand
 
 THRESHOLD = 0.13
 """Largest cost of a hit, `tau` (thesis 5.2): mean share of mismatching features along the alignment."""
@@ -144,17 +144,6 @@ class PreparedTemplate:
         dtw.search_pieces(self.bits, self.mask, self.scale, document, pieces, threshold, overlap, modified)
 
 
-def distance_function(template: QuantisedTemplate, features: FeatureMatrix) -> tuple[np.ndarray, np.ndarray]:
-    """Cost of the cheapest alignment that ends in each frame, and the frame where it starts (thesis 5.2, Equation 5.3).
-
-    Returns
-    -------
-    cost : float64 (L,), per template column, infinite where no alignment ends
-    start : int64 (L,), -1 where no alignment ends
-    """
-    return PreparedTemplate(template).distance(features.words)
-
-
 class Annotator:
     """Annotates documents with fixed classes; the templates are prepared once."""
 
@@ -204,7 +193,7 @@ class Annotator:
         shortest = [min(template.shortest for template in templates) for templates in self._templates]
         distances = self._distances(features, intervals)
         decided = decide(distances)
-        frames = extend(decided, distances, self.settings.visible)
+        frames = dtw.widen_runs(decided, distances, self.settings.visible)  # as long as distances do not rise (5.2)
         return Annotation(
             features.name, self.labels, features.frame_rate, distances, decided, frames,
             tuple(segments_of(frames, distances, self.labels, features.frame_rate)),
@@ -227,23 +216,7 @@ class Annotator:
 
 def decide(distances: np.ndarray) -> np.ndarray:
     """Class of smallest modified distance per frame: int64 (L,), -1 where all are infinite (Equation 5.6)."""
-    return dtw.cheapest(distances)
-
-
-def extend(decided: np.ndarray, distances: np.ndarray, visible: float) -> np.ndarray:
-    """Widen each run of a class as long as its modified distance does not rise away from the run (thesis 5.2).
-
-    Parameters
-    ----------
-    decided : int64 (L,), class per frame, -1 for none
-    distances : float64 (P, L), modified distance functions
-    visible : smallest share of a widened run that has to be decided for its class; others are left out
-
-    Returns
-    -------
-    bool (P, L): the labels of each frame, several where extended runs overlap
-    """
-    return dtw.widen_runs(decided, distances, visible)
+    return np.where(np.isfinite(distances).any(axis=0), distances.argmin(axis=0), -1)
 
 
 def runs(flags: np.ndarray) -> list[tuple[int, int]]:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -16,10 +16,7 @@ from toolkit import skeleton
 from toolkit.errors import RetrievalError
 from toolkit.kernels.motion import dtw
 from toolkit.retrieval.features.relational import FEATURE_RATE, FeatureMatrix
-from toolkit.retrieval.templates.quantised import expand
-
-if TYPE_CHECKING:
-    from toolkit.retrieval.templates.template import MotionTemplate
+from toolkit.retrieval.templates import MotionTemplate, expand
 
 ANGLES = slice(6, skeleton.POSE_SIZE)
 """Where the A = 37 joint angles stand in a pose."""
@@ -89,7 +86,7 @@ def learn_motion(template: MotionTemplate, examples: Sequence[Example]) -> Class
             raise RetrievalError(
                 f"clip {example.features.name!r} has {len(example.features)} columns but {len(example.poses)} poses"
             )
-    values, weights = expand(template.values_, template.weights_)
+    values, weights = expand(template.values, template.weights)
     warped = [_warped(values, weights, example) for example in examples]
     for _ in range(ROUNDS - 1):
         mean = np.mean(warped, axis=0)

@@ -6,7 +6,6 @@ import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 
@@ -14,13 +13,10 @@ from toolkit import skeleton
 from toolkit.archives import Column, check_columns, load_archive, save_archive
 from toolkit.errors import RetrievalError
 from toolkit.plain import parse_json
-from toolkit.retrieval.annotation.annotator import THRESHOLD, Annotator, Intervals, MotionClass
+from toolkit.retrieval.annotation.annotator import THRESHOLD, MotionClass
 from toolkit.retrieval.annotation.class_motion import ANGLE_COUNT, ClassMotion, Example, learn_motion
-from toolkit.retrieval.annotation.measures import Segment, label_frames
-from toolkit.retrieval.annotation.preselection import preselect_in
 from toolkit.retrieval.features.relational import FEATURES, FeatureMatrix, feature_fingerprint
-from toolkit.retrieval.keyframes.query import KeyframeQuery
-from toolkit.retrieval.templates.quantised import WILDCARD, QuantisedTemplate
+from toolkit.retrieval.templates import WILDCARD, MotionTemplate, QuantisedTemplate
 from toolkit.typed import TypedReader
 
 CLASSES_VERSION = 2
@@ -37,15 +33,12 @@ _MOTION = {
     "covariance": Column("f", (ANGLE_COUNT, ANGLE_COUNT), -100, 100),
     "memory": Column("f", (), 1e-3, 1e3),
 }
-THRESHOLDS: np.ndarray = np.round(np.arange(0.02, 0.15, 0.01), 3)
-"""Thresholds that `learn_threshold` chooses from."""
 
 
 def learn_classes(
     clips: Mapping[str, Sequence[FeatureMatrix]],
     *,
     poses: Mapping[str, Sequence[np.ndarray]] | None = None,
-    delta: float = 0.05,
     threshold: float = THRESHOLD,
 ) -> list[MotionClass]:
     """One motion class per label from cut clips, a single template each (thesis 2.3), sorted by label.
@@ -54,7 +47,6 @@ def learn_classes(
     ----------
     clips : label -> feature matrices of its clips
     poses : label -> poses (T, P) of the same clips, one for each column; a label that has them knows how it moves
-    delta : quantisation threshold, in [0, 0.5)
     threshold : `tau`, costs at or above it are no hits
 
     Raises
@@ -62,8 +54,6 @@ def learn_classes(
     RetrievalError
         No labels, or a label without clips.
     """
-    from toolkit.retrieval.templates.template import MotionTemplate
-
     if not clips:
         raise RetrievalError("there are no labelled clips to learn classes from; give at least one")
     empty = sorted(label for label, matrices in clips.items() if not matrices)
@@ -71,54 +61,12 @@ def learn_classes(
         raise RetrievalError(f"class {empty[0]!r} has no clips; give it at least one or leave it out")
     classes = []
     for label in sorted(clips):
-        template = MotionTemplate().fit(clips[label])
+        template = MotionTemplate.of(clips[label])
         motions: tuple[ClassMotion, ...] = ()
         if poses is not None and label in poses:
             motions = (learn_motion(template, [*map(Example, clips[label], poses[label])]),)
-        classes.append(MotionClass(label, (template.quantised(label, delta),), threshold, motions))
+        classes.append(MotionClass(label, (template.quantised(label),), threshold, motions))
     return classes
-
-
-class Fold(NamedTuple):
-    """What was learned from some people, and what it is tried on.
-
-    Attributes
-    ----------
-    classes : learned from some people
-    documents : with true segments, of a person who is in no example
-    queries : keyframes learned from the same people, if keyframes will narrow the search down
-    """
-
-    classes: Sequence[MotionClass]
-    documents: Sequence[tuple[FeatureMatrix, Sequence[Segment]]]
-    queries: Sequence[KeyframeQuery] = ()
-
-
-def learn_threshold(folds: Sequence[Fold]) -> float:
-    """The threshold, common to all classes, with the best F over frames on documents of people that were left out.
-
-    It is learned as it will be used: behind keyframes, which keep most of what is no motion away, a looser one is best.
-
-    Returns
-    -------
-    One of `THRESHOLDS`, the smallest among equals.
-    """
-    found, right, true = (np.zeros(len(THRESHOLDS)) for _ in range(3))
-    for classes, documents, queries in folds:
-        labels = [motion_class.label for motion_class in classes]
-        matrices = [features for features, _ in documents]
-        narrowed: Sequence[Intervals | None] = [None] * len(documents)
-        if queries:
-            narrowed = preselect_in(matrices, queries, labels)
-        for number, threshold in enumerate(THRESHOLDS):
-            annotator = Annotator([MotionClass(c.label, c.templates, float(threshold)) for c in classes])
-            for (features, segments), intervals in zip(documents, narrowed, strict=True):
-                frames = annotator.annotate(features, intervals).frames
-                truth = label_frames(segments, annotator.labels, len(features), features.frame_rate)
-                found[number] += frames.sum()
-                right[number] += (frames & truth).sum()
-                true[number] += truth.sum()
-    return float(THRESHOLDS[int((2.0 * right / (found + true)).argmax())])
 
 
 def save_classes(path: str | Path, classes: Sequence[MotionClass]) -> None:
@@ -156,7 +104,7 @@ def load_classes(path: str | Path) -> list[MotionClass]:
     if known.version not in (CLASSES_VERSION, *OLDER_VERSIONS):
         raise RetrievalError(f"{path} has classes of version {known.version}, not {CLASSES_VERSION}; learn them again")
     if known.classes is None:
-        raise RetrievalError(f"{path} holds no motion templates; make them with `depthmocap annotate --templates`")
+        raise RetrievalError(f"{path} holds no motion templates; make them with `depthmocap learn --templates`")
     if known.features != feature_fingerprint():
         raise RetrievalError(
             f"{path} was learned with other features ({known.features}, here {feature_fingerprint()}); learn it again"

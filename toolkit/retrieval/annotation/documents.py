@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -12,6 +13,7 @@ from toolkit.errors import RetrievalError
 from toolkit.retrieval.annotation.measures import Segment
 from toolkit.retrieval.features.lengths import BodyLengths
 from toolkit.retrieval.features.motion import NAMED_JOINTS, Motion
+from toolkit.retrieval.features.relational import FeatureMatrix, relational_features
 
 
 class Joins(NamedTuple):
@@ -29,6 +31,8 @@ class Joins(NamedTuple):
 
 
 JOINS = Joins(1.5, 0.25, 1.5)
+FILLER_SECONDS = (2.0, 5.0)
+"""Least and greatest length of an excerpt of a filler."""
 HARD_JOINS = Joins(6.0, 0.02, 0.1)
 """Joins that no person could perform: what is left of the parts' ends is all there is to see of them."""
 
@@ -37,7 +41,7 @@ _LEFT_HIP, _RIGHT_HIP, _ROOT = (NAMED_JOINTS.index(name) for name in ("left_hip"
 
 @dataclass(frozen=True, eq=False)
 class Document:
-    """A long motion that was put together.
+    """A motion of known truth, such as one that was put together.
 
     Attributes
     ----------
@@ -47,8 +51,13 @@ class Document:
     """
 
     motion: Motion
-    segments: tuple[Segment, ...]
-    joins: tuple[tuple[float, float], ...]
+    segments: tuple[Segment, ...] = ()
+    joins: tuple[tuple[float, float], ...] = ()
+
+    @cached_property
+    def features(self) -> FeatureMatrix:
+        """Its features."""
+        return relational_features(self.motion)
 
 
 def assemble(name: str, parts: Sequence[tuple[Motion, str | None]], joining: Joins = JOINS) -> Document:
@@ -96,14 +105,13 @@ def shuffled_parts(
     clips: Sequence[tuple[Motion, str | None]],
     fillers: Sequence[Motion],
     rng: np.random.Generator,
-    filler_seconds: tuple[float, float] = (2.0, 5.0),
 ) -> list[tuple[Motion, str | None]]:
     """Clips in random order; before every second one, on average, a random excerpt of a filler."""
     parts: list[tuple[Motion, str | None]] = []
     for index in rng.permutation(len(clips)):
         if fillers and rng.random() < 0.5 and parts:
             filler = fillers[int(rng.integers(len(fillers)))]
-            length = min(len(filler), int(rng.uniform(*filler_seconds) * filler.frame_rate))
+            length = min(len(filler), int(rng.uniform(*FILLER_SECONDS) * filler.frame_rate))
             start = int(rng.integers(len(filler) - length + 1))
             parts.append((filler.sliced(start, start + length), None))
         parts.append(clips[index])

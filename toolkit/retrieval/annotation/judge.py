@@ -75,10 +75,10 @@ class Judge:
         return cls(mean, scale, own + shared * factor * weights, float(fitted.intercept_[0]))
 
     @classmethod
-    def of_cost(cls, usual: float = USUAL_COST) -> Judge:
+    def of_cost(cls) -> Judge:
         """A judge that looks at the cost alone."""
         mean, weights = np.zeros(MEASURES), np.zeros(MEASURES)
-        mean[COST], weights[COST] = 10.0 * usual, -0.1 * STEEPNESS
+        mean[COST], weights[COST] = 10.0 * USUAL_COST, -0.1 * STEEPNESS
         return cls(mean, np.ones(MEASURES), weights, 0.0)
 
     def probability(self, measures: np.ndarray) -> np.ndarray:

@@ -105,22 +105,6 @@ def segment_scores(true: Sequence[Segment], found: Sequence[Segment]) -> Scores:
     return Scores(right_found, len(found), right_true, len(true))
 
 
-def confusion(true: np.ndarray, decided: np.ndarray) -> np.ndarray:
-    """Frames by true and found class: int64 (P + 1, P + 1), the last row and column standing for "no class".
-
-    Parameters
-    ----------
-    true : bool (P, L); a frame with several true labels counts once for each
-    decided : int64 (L,), class of each frame before segments are extended, -1 for none
-    """
-    classes = len(true)
-    table = np.zeros((classes + 1, classes + 1), dtype=np.int64)
-    columns = np.where(decided < 0, classes, decided)
-    for row, frames in enumerate([*true, ~true.any(axis=0)]):
-        table[row] = np.bincount(columns[frames], minlength=classes + 1)
-    return table
-
-
 def check_truth(segments: Sequence[Segment], name: str) -> None:
     """Refuse true segments that cannot be scored.
 

@@ -11,19 +11,21 @@ import json
 from collections import deque
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
+from functools import lru_cache
 
 import numpy as np
 
 from toolkit.body.body import Body
-from toolkit.retrieval.annotation.annotator import DecisionSettings, MotionClass
-from toolkit.retrieval.annotation.causal import CausalAlignments
+from toolkit.kernels.motion import dtw
+from toolkit.retrieval.annotation.annotator import DecisionSettings, MotionClass, PreparedTemplate
 from toolkit.retrieval.features.frames import FrameFeatures
 from toolkit.retrieval.features.relational import FEATURE_RATE, FEATURES, pack
-from toolkit.retrieval.keyframes.query import KeyframeQuery
-from toolkit.retrieval.keyframes.within import met_within
+from toolkit.retrieval.keyframes.query import Keyframe, KeyframeQuery
 
 SMOOTHING = 0.25
 """Seconds of the longest window of a feature; half of it, and the next frame, lie in the future."""
+RULES = DecisionSettings()
+"""What counts as a motion among hits that overlap."""
 HOLD = 3
 """Columns of 1/30 s without a lower cost that confirm a minimum."""
 
@@ -72,8 +74,6 @@ class OnlineAnnotator:
     body : whose poses will come; its bones are the units of length
     frame_rate : poses a second, about
     queries : learned keyframe queries; a hit of a class that has some counts only if one is met within it
-    decision : what counts as a motion among hits that overlap
-    hold : columns of 1/30 s without a lower cost that confirm a minimum
     """
 
     def __init__(
@@ -82,10 +82,7 @@ class OnlineAnnotator:
         body: Body,
         frame_rate: float,
         queries: Sequence[KeyframeQuery] = (),
-        decision: DecisionSettings | None = None,
-        hold: int = HOLD,
     ) -> None:
-        self.decision, self._hold = decision or DecisionSettings(), hold
         self.labels = tuple(motion_class.label for motion_class in classes)
         self._thresholds = np.array([motion_class.threshold for motion_class in classes])
         self._alignments = aligned = CausalAlignments(classes)
@@ -136,7 +133,7 @@ class OnlineAnnotator:
             hit = self._pending[row]
             assert hit is not None  # only those that wait were sorted
             rival = any(other.start <= hit.end and hit.start <= other.end for other in open_hits)
-            if not everything and (column - hit.end < self._hold or rival):
+            if not everything and (column - hit.end < HOLD or rival):
                 open_hits.append(hit)
                 continue
             self._pending[row] = None
@@ -156,7 +153,7 @@ class OnlineAnnotator:
                 frames[first:stop] = True
                 if told_row == row:
                     own[first:stop] = True
-        return bool(own.mean() > self.decision.overlap or 1.0 - frames.mean() < self.decision.visible)
+        return bool(own.mean() > RULES.overlap or 1.0 - frames.mean() < RULES.visible)
 
     def _keyframes_met(self, row: int, hit: _Hit) -> bool:
         if not self._queries[row]:
@@ -213,3 +210,90 @@ class FeatureStream:
                 found.append((self._on.copy(), float(times[i - first])))
                 self._next += 1
         return found
+
+
+class CausalAlignments:
+    """What `PreparedTemplate.distance` says of the columns so far, of every template and every beginning of one.
+
+    Parameters
+    ----------
+    classes : whose templates are aligned
+
+    Attributes
+    ----------
+    owner, part, lengths : int64 (M,), row of the class of each of M templates, number within it, and columns
+    column : number of the last column of the document, -1 before the first one
+    costs, starts : float64 and int64 (K,), cheapest alignment of each beginning that ends in the last column, infinite
+        where there is none, and its first column
+    """
+
+    def __init__(self, classes: Sequence[MotionClass]) -> None:
+        found = [
+            (row, part, PreparedTemplate(template))
+            for row, motion_class in enumerate(classes)
+            for part, template in enumerate(motion_class.templates)
+        ]
+        self.owner = np.array([row for row, _, _ in found], dtype=np.int64)
+        self.part = np.array([part for _, part, _ in found], dtype=np.int64)
+        self.lengths = np.array([template.length for _, _, template in found], dtype=np.int64)
+        self._bounds = np.concatenate([[0], np.cumsum(self.lengths)])
+        self._bits = np.concatenate([template.bits for _, _, template in found])
+        self._mask = np.concatenate([template.mask for _, _, template in found])
+        self._scale = np.concatenate([template.scale for _, _, template in found])
+        self._costs = np.full((3, self._bounds[-1]), np.inf)
+        self._starts = np.full(self._costs.shape, -1, dtype=np.int64)
+        self.column = -1
+
+    def push(self, word: np.uint64) -> None:
+        """One more column of the document, as a bit word."""
+        self.column += 1
+        dtw.push_columns(
+            self._bits, self._mask, self._scale, self._bounds, word, self.column, self._costs, self._starts
+        )
+
+    @property
+    def costs(self) -> np.ndarray:
+        """See the class."""
+        return self._costs[self.column % 3]
+
+    @property
+    def starts(self) -> np.ndarray:
+        """See the class."""
+        return self._starts[self.column % 3]
+
+    def cheapest(self) -> tuple[np.ndarray, np.ndarray]:
+        """Per class the least cost of its whole templates, the first on ties, and its start: float64 and int64 (P,)."""
+        ends = self._bounds[1:] - 1
+        costs = self.costs[ends]
+        cheapest = np.lexsort((costs, self.owner))[np.searchsorted(self.owner, np.unique(self.owner))]
+        return costs[cheapest], self.starts[ends][cheapest]
+
+
+def met_within(query: KeyframeQuery, values: np.ndarray) -> bool:
+    """Whether the keyframes of a query occur in order, at admissible distances, in features bool (40, T)."""
+    reached = np.ones(values.shape[1], dtype=bool)
+    for k, keyframe in enumerate(query.keyframes):
+        rows, wanted = _conditions(keyframe)
+        here = (values[rows] == wanted).all(axis=0)
+        if k > 0:
+            reached = _moved_on(reached, *query.bounds[k - 1])
+        reached = here & reached
+        if not reached.any():
+            return False
+    return True
+
+
+@lru_cache(maxsize=4096)
+def _conditions(keyframe: Keyframe) -> tuple[np.ndarray, np.ndarray]:
+    """Rows of a matrix (K,) and what they have to be, bool (K, 1)."""
+    rows = np.array([int(name.removeprefix("F")) - 1 for name, _ in keyframe.values])
+    return rows, np.array([[bool(value)] for _, value in keyframe.values])
+
+
+def _moved_on(reached: np.ndarray, least: int, greatest: int | None) -> np.ndarray:
+    """Columns (T,) that lie between `least` and `greatest` columns behind a reached one."""
+    count = len(reached)
+    sums = np.concatenate([[0], np.cumsum(reached)])
+    stop = np.clip(np.arange(count) - least + 1, 0, count)
+    start = np.zeros(count, dtype=np.int64) if greatest is None else np.clip(np.arange(count) - greatest, 0, count)
+    return sums[stop] > sums[np.minimum(start, stop)]

@@ -16,10 +16,10 @@ import numpy as np
 
 from toolkit.errors import RetrievalError
 from toolkit.progress import Progress
-from toolkit.retrieval.annotation.documents import HARD_JOINS, JOINS, assemble, shuffled_parts
+from toolkit.retrieval.annotation.documents import HARD_JOINS, JOINS, Document, assemble, shuffled_parts
 from toolkit.retrieval.annotation.examples import ExampleSet, Proposals
 from toolkit.retrieval.annotation.judge import Turn, joined, learn_judges
-from toolkit.retrieval.annotation.measures import Scores, Segment, frame_scores, label_frames, segment_scores
+from toolkit.retrieval.annotation.measures import Scores, frame_scores, label_frames, segment_scores
 from toolkit.retrieval.annotation.model import MotionModel
 from toolkit.retrieval.features.grades import BLOCK
 from toolkit.retrieval.features.motion import Motion
@@ -60,14 +60,6 @@ class Clip:
     def mirror_features(self) -> FeatureMatrix:
         """Features of its mirror image."""
         return relational_features(self.motion.mirrored())
-
-
-@dataclass(frozen=True, eq=False)
-class TrainedDocument:
-    """A document of known truth."""
-
-    features: FeatureMatrix
-    segments: tuple[Segment, ...]
 
 
 @dataclass(frozen=True, eq=False)
@@ -131,10 +123,7 @@ def _what_clips_find(
     """Per label and turn: what places in documents of known truth measure, and whether they are right."""
     symmetric, labels = two_sided(clips), {clip.label for clip in clips}
     empty = [
-        TrainedDocument(relational_features(side.at_speed(speed)), ())
-        for motion in others
-        for side in (motion, motion.mirrored())
-        for speed in SPEEDS
+        Document(side.at_speed(speed)) for motion in others for side in (motion, motion.mirrored()) for speed in SPEEDS
     ]
     rows: dict[str, dict[int, list[Turn]]] = {label: {} for label in labels}
     steps = [
@@ -181,7 +170,7 @@ def documents_of(
     *,
     hard: bool,
     symmetric: frozenset[str] = frozenset(),
-) -> list[TrainedDocument]:
+) -> list[Document]:
     """Documents that hold every clip once, with excerpts of `others` between.
 
     Parameters
@@ -199,11 +188,10 @@ def documents_of(
         parts += [(clip.motion.mirrored().at_rate(rate), None) for clip in one_sided]
     mixed = shuffled_parts(parts, [motion.at_rate(rate) for motion in others], rng)
     groups = [mixed[k : k + CLIPS_PER_DOCUMENT] for k in range(0, len(mixed), CLIPS_PER_DOCUMENT)]
-    made = [assemble(f"document {i}", group, HARD_JOINS if hard else JOINS) for i, group in enumerate(groups)]
-    return [TrainedDocument(relational_features(document.motion), document.segments) for document in made]
+    return [assemble(f"document {i}", group, HARD_JOINS if hard else JOINS) for i, group in enumerate(groups)]
 
 
-def rightness(places: Proposals, label: str, documents: Sequence[TrainedDocument]) -> np.ndarray:
+def rightness(places: Proposals, label: str, documents: Sequence[Document]) -> np.ndarray:
     """Bool (H,): a place is right if it and a true segment share half of the longer of the two."""
     right = np.zeros(len(places.documents), dtype=bool)
     for k, (owner, first, last) in enumerate(zip(places.documents, places.firsts, places.lasts, strict=True)):
@@ -277,7 +265,7 @@ def leave_one_out(
     return results
 
 
-def judged(model: MotionModel, documents: Sequence[TrainedDocument]) -> LeftOut:
+def judged(model: MotionModel, documents: Sequence[Document]) -> LeftOut:
     """Scores per label of a model on documents; labels that it does not know count as missed."""
     nothing = Scores(0, 0, 0, 0)
     known = {segment.label for document in documents for segment in document.segments}

@@ -230,20 +230,15 @@ FEATURE_SETS: dict[str, np.ndarray] = {
 }
 """Rows of each feature set; stacked they are the numbering of Table 2.1."""
 
-_MIRROR_PAIRS = (
-    (1, 2), (3, 4), (5, 6), (7, 8), (11, 12), (13, 14), (15, 16), (17, 18), (20, 21), (25, 26), (27, 28), (29, 30),
-    (33, 34), (35, 36),
-)  # fmt: skip
+_PARTNER = {"left": "right", "right": "left"}
 
 
-def _mirror() -> np.ndarray:
-    rows = np.arange(len(FEATURES))
-    for right, left in _MIRROR_PAIRS:
-        rows[[right - 1, left - 1]] = left - 1, right - 1
-    return rows
+def _mirrored(meaning: str) -> str:
+    return " ".join(_PARTNER.get(word, word) for word in meaning.split())
 
 
-MIRROR: np.ndarray = _mirror()
+_MEANINGS = [feature.meaning for feature in FEATURES]
+MIRROR: np.ndarray = np.array([_MEANINGS.index(_mirrored(meaning)) for meaning in _MEANINGS])
 """int64 (40,): row of each feature's mirror image."""
 
 

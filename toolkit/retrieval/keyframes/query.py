@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 
 from toolkit.errors import RetrievalError
 from toolkit.retrieval.features.relational import FEATURE_SETS
-from toolkit.retrieval.templates.quantised import WILDCARD
+from toolkit.retrieval.templates import WILDCARD
 
 SET_FEATURES: dict[str, tuple[str, ...]] = {
     name: tuple(f"F{row + 1}" for row in rows) for name, rows in FEATURE_SETS.items()
@@ -21,9 +19,6 @@ SET_FEATURES: dict[str, tuple[str, ...]] = {
 
 SET_OF: dict[str, str] = {feature: name for name, features in SET_FEATURES.items() for feature in features}
 """Feature set of each feature, F1 to F40."""
-
-_ROUNDING = 1e-9
-"""Slack of the roundings in Eq. 4.5 and 4.6, so that 0.7 * 10 counts as 7."""
 
 
 @dataclass(frozen=True)
@@ -97,17 +92,6 @@ def keyframes_of_column(column: np.ndarray) -> tuple[Keyframe, ...]:
     )
 
 
-def admissible(distance: float, stiffness: float) -> tuple[int, int | None]:
-    """Admissible distances in frames, Eq. 4.5 and 4.6: `ceil(sigma d)` to `floor(d / sigma)`, None for no upper
-    bound."""
-    if not 0.0 <= stiffness <= 1.0:
-        raise RetrievalError(f"stiffness {stiffness} is outside 0 to 1; 1 allows no deformation, 0 any")
-    if not (math.isfinite(distance) and distance >= 0):
-        raise RetrievalError(f"keyframe distance {distance} is no number of frames; give 0 or more")
-    minimum = math.ceil(stiffness * distance - _ROUNDING)
-    return minimum, None if stiffness == 0.0 else math.floor(distance / stiffness + _ROUNDING)
-
-
 @dataclass(frozen=True)
 class KeyframeQuery:
     """Keyframes in their order, with the admissible distances between neighbours.
@@ -149,50 +133,3 @@ class KeyframeQuery:
                 )
         if self.lead < 0 or self.tail < 0:
             raise RetrievalError(f"lead {self.lead} and tail {self.tail} of a query are frames; give 0 or more")
-
-    @classmethod
-    def from_stiffness(
-        cls,
-        keyframes: Sequence[Keyframe],
-        distances: Sequence[float],
-        stiffness: float | Sequence[float],
-        **rest: Any,
-    ) -> KeyframeQuery:
-        """A query (V, d) with one stiffness for all gaps or one per gap, Eq. 3.3."""
-        values = [float(stiffness)] * len(distances) if isinstance(stiffness, int | float) else list(stiffness)
-        if len(values) != len(distances):
-            raise RetrievalError(f"{len(distances)} distances need as many stiffness values, not {len(values)}")
-        bounds = tuple(admissible(d, s) for d, s in zip(distances, values, strict=True))
-        return cls(tuple(keyframes), bounds, **rest)
-
-    @classmethod
-    def from_positions(
-        cls, placed: Iterable[tuple[int, Sequence[Keyframe]]], length: int, stiffness: float, label: str = ""
-    ) -> KeyframeQuery:
-        """A query from keyframes placed at frames (from 0) of a motion of `length` frames.
-
-        Keyframes at the same frame get the bounds (0, 0), others those of `admissible`.
-        """
-        ordered = sorted(((position, k) for position, group in placed for k in group), key=lambda item: item[0])
-        gaps = [b - a for (a, _), (b, _) in zip(ordered, ordered[1:], strict=False)]
-        bounds = tuple(admissible(gap, stiffness if gap else 1.0) for gap in gaps)
-        lead, tail = (ordered[0][0], length - 1 - ordered[-1][0]) if ordered else (0, 0)
-        return cls(tuple(k for _, k in ordered), bounds, lead, tail, label)
-
-    @property
-    def stiffness(self) -> tuple[float, ...]:
-        """Stiffness per gap, Eq. 4.7; 0/0 counts as 1 for the bounds (0, 0)."""
-        return tuple(
-            0.0 if greatest is None else 1.0 if greatest == 0 else math.sqrt(least / greatest)
-            for least, greatest in self.bounds
-        )
-
-    @property
-    def distances(self) -> tuple[float, ...]:
-        """Distance per gap in frames, Eq. 4.8; the least distance where there is no upper bound.
-
-        With `stiffness` they give back the bounds, except (0, n): there the product under the root of Eq. 4.8 loses n.
-        """
-        return tuple(
-            float(least) if greatest is None else math.sqrt(least * greatest) for least, greatest in self.bounds
-        )

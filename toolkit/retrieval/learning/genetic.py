@@ -14,11 +14,15 @@ from toolkit.errors import RetrievalError, SettingsError
 from toolkit.kernels.motion.keyframe_search import keyframe_search
 from toolkit.retrieval.features.relational import FEATURES, FeatureMatrix, pack
 from toolkit.retrieval.index.runs import RunLists
-from toolkit.retrieval.templates.quantised import QuantisedTemplate
+from toolkit.retrieval.templates import QuantisedTemplate
 
 FEWEST_KEYFRAMES: int = 2
 LONGEST_DISTANCE: int = 2
 """Greatest admissible distance of two keyframes that mutation reaches, in units of the template's."""
+BETA = 2.0
+"""Weight of recall against precision in the fitness."""
+MEAN_KEYFRAMES, KEYFRAMES_DEVIATION = 3.0, 2.0
+"""Of the normal distribution that the first individuals' numbers of keyframes come from."""
 CACHED_LISTS: int = 1024
 """Inverted keyframe lists that a training set keeps before it starts anew."""
 
@@ -32,17 +36,11 @@ class GeneticSettings:
     population : M, individuals that survive a generation
     generations : G
     parents : r, individuals recombined pairwise, giving r (r - 1) / 2 offspring per generation
-    beta : weight of recall against precision in the fitness
-    mean_keyframes, keyframes_deviation : of the normal distribution that the first individuals' numbers of keyframes
-    come from
     """
 
     population: int = 50
     generations: int = 100
     parents: int = 5
-    beta: float = 2.0
-    mean_keyframes: float = 3.0
-    keyframes_deviation: float = 2.0
 
     def __post_init__(self) -> None:
         for name, least in (("population", 2), ("generations", 1), ("parents", 2)):
@@ -50,8 +48,6 @@ class GeneticSettings:
                 raise SettingsError(f"{name} {getattr(self, name)} is too small; give {least} or more")
         if self.parents > self.population:
             raise SettingsError(f"{self.parents} parents are more than the population of {self.population}; give fewer")
-        if not (self.beta > 0 and self.keyframes_deviation >= 0):
-            raise SettingsError(f"beta {self.beta} and deviation {self.keyframes_deviation} have to be above 0")
 
 
 PlacedKeyframe = tuple[int, int, int]
@@ -105,7 +101,7 @@ class Quality:
     fitness: float
 
     @classmethod
-    def of(cls, retrieved: np.ndarray, relevant: np.ndarray, beta: float = 2.0) -> Quality:
+    def of(cls, retrieved: np.ndarray, relevant: np.ndarray, beta: float = BETA) -> Quality:
         """Compare two boolean arrays (D,)."""
         true = int(np.count_nonzero(retrieved & relevant))
         if true == 0:
@@ -164,7 +160,7 @@ class TrainingSet:
         found[np.searchsorted(self.document_starts, ranges[:, 0], side="right") - 1] = True
         return found
 
-    def quality(self, individual: Individual, beta: float) -> Quality:
+    def quality(self, individual: Individual, beta: float = BETA) -> Quality:
         """Precision, recall and fitness of an individual on these documents."""
         return Quality.of(self.retrieved(individual), self.relevant, beta)
 
@@ -180,7 +176,7 @@ class TrainingSet:
 class Breeder:
     """The operations that make individuals from a strict template, each with randomness from one generator."""
 
-    def __init__(self, template: QuantisedTemplate, settings: GeneticSettings, rng: np.random.Generator) -> None:
+    def __init__(self, template: QuantisedTemplate, rng: np.random.Generator) -> None:
         """Prepare the template's columns.
 
         Raises
@@ -188,7 +184,7 @@ class Breeder:
         RetrievalError
             Fewer than two columns have an entry other than the wildcard.
         """
-        self.settings, self.rng = settings, rng
+        self.rng = rng
         masks, ones = pack(~template.wildcards), pack(template.values == 1)
         self.columns = {n: (int(masks[n]), int(ones[n])) for n in range(len(template)) if masks[n]}
         if len(self.columns) < FEWEST_KEYFRAMES:
@@ -200,7 +196,7 @@ class Breeder:
 
     def individual(self) -> Individual:
         """Algorithm 2: K random columns of the template with random tolerances of their distances."""
-        wanted = round(self.rng.normal(self.settings.mean_keyframes, self.settings.keyframes_deviation))
+        wanted = round(self.rng.normal(MEAN_KEYFRAMES, KEYFRAMES_DEVIATION))
         count = min(max(FEWEST_KEYFRAMES, wanted), len(self.positions))
         chosen = sorted(self.rng.choice(self.positions, count, replace=False).tolist())
         return self.assembled([(n, *self.columns[n]) for n in chosen])
@@ -331,10 +327,10 @@ def evolve(
     observe: Observer | None = None,
 ) -> Individual:
     """Algorithm 3: the best individual after all generations."""
-    breeder = Breeder(template, settings, rng)
+    breeder = Breeder(template, rng)
 
     def scored(individual: Individual) -> Scored:
-        return Scored(individual, training.quality(individual, settings.beta).fitness)
+        return Scored(individual, training.quality(individual).fitness)
 
     population = sorted(scored(breeder.individual()) for _ in range(settings.population))
     for generation in range(settings.generations):
@@ -377,7 +373,7 @@ def with_best_distances(
     """Fixed keyframes with distances found in the same manner: Algorithm 2 for a start, then only their mutation."""
 
     def scored(individual: Individual) -> Scored:
-        return Scored(individual, training.quality(individual, settings.beta).fitness)
+        return Scored(individual, training.quality(individual).fitness)
 
     survivors = sorted(scored(breeder.assembled(keyframes)) for _ in range(settings.population))[: settings.parents]
     for _ in range(settings.generations):

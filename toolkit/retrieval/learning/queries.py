@@ -28,9 +28,16 @@ from toolkit.retrieval.learning.genetic import (
     tightened,
     with_best_distances,
 )
-from toolkit.retrieval.templates.quantised import WILDCARD, QuantisedTemplate
-from toolkit.retrieval.templates.template import MotionTemplate
+from toolkit.retrieval.templates import WILDCARD, MotionTemplate, QuantisedTemplate
 from toolkit.workers import end_with
+
+REACH = 2
+"""Keyframes at most this many template columns apart count as the same one."""
+MOST_KEYFRAMES = 3
+"""Largest number of keyframes extracted."""
+SHARES = (0.6, 0.5, 0.4, 0.3, 0.2, 0.1)
+"""An entry is extracted if at least this share of the runs' keyframes around its column have it; the best share is
+kept."""
 
 
 @dataclass(frozen=True)
@@ -44,26 +51,16 @@ class LearningSettings:
     proportions : every clip is learned from once more per factor, as if its actor's own lengths were longer by that
     factor
     speeds : every clip is learned from once more per factor, that many times as fast
-    reach : keyframes at most this many template columns apart count as the same one
-    most_keyframes : largest number of keyframes extracted
-    shares : an entry is extracted if at least this share of the runs' keyframes around its column have it; the best
-    share is kept
     """
 
     genetic: GeneticSettings = field(default_factory=GeneticSettings)
     runs: int = 100
     proportions: tuple[float, ...] = (0.8, 1.25)
     speeds: tuple[float, ...] = (0.8, 1.25)
-    reach: int = 2
-    most_keyframes: int = 3
-    shares: tuple[float, ...] = (0.6, 0.5, 0.4, 0.3, 0.2, 0.1)
 
     def __post_init__(self) -> None:
-        if self.runs < 1 or self.reach < 0 or self.most_keyframes < FEWEST_KEYFRAMES or not self.shares:
-            raise SettingsError(
-                f"{self.runs} runs, reach {self.reach}, {self.most_keyframes} keyframes and {len(self.shares)} shares "
-                f"learn nothing; give at least 1, 0, {FEWEST_KEYFRAMES} and 1"
-            )
+        if self.runs < 1:
+            raise SettingsError(f"{self.runs} runs learn nothing; give at least 1")
 
 
 @dataclass(frozen=True, eq=False)
@@ -192,7 +189,7 @@ def learn(
         owners = np.append(owners, np.array([label for label, clips in checks.items() for _ in clips], dtype=object))
         judges = {label: TrainingSet(documents, owners == label) for label in labels}
     templates = {
-        label: MotionTemplate(strict=True).fit(list(classes[label])).quantised(label, delta=0.0) for label in labels
+        label: MotionTemplate.of(list(classes[label]), strict=True).quantised(label, delta=0.0) for label in labels
     }
     tasks = [(label, int(seed)) for label in labels for seed in rng.integers(2**63, size=settings.runs)]
     solutions: dict[str, list[Individual]] = {label: [] for label in labels}
@@ -270,20 +267,20 @@ def _learned(
     rng: np.random.Generator,
 ) -> LearnedQuery:
     """Extract the most frequent keyframes of the runs in several ways; rank these and the runs' own by the judge."""
-    breeder, beta = Breeder(template, settings.genetic, rng), settings.genetic.beta
+    breeder = Breeder(template, rng)
     extracted = [
         with_best_distances(training, breeder, keyframes, settings.genetic).individual
-        for keyframes in frequent_keyframes(solutions, len(template), settings)
+        for keyframes in frequent_keyframes(solutions, len(template))
     ]
-    ranked = _ranked([*extracted, *solutions], judge, beta)
-    tight = _ranked([tightened(judge, candidate) for candidate in ranked], judge, beta)
-    return LearnedQuery(label, ranked, tight, training.quality(ranked[0], beta), template, tuple(solutions))
+    ranked = _ranked([*extracted, *solutions], judge)
+    tight = _ranked([tightened(judge, candidate) for candidate in ranked], judge)
+    return LearnedQuery(label, ranked, tight, training.quality(ranked[0]), template, tuple(solutions))
 
 
-def _ranked(candidates: Sequence[Individual], judge: TrainingSet, beta: float) -> tuple[Individual, ...]:
+def _ranked(candidates: Sequence[Individual], judge: TrainingSet) -> tuple[Individual, ...]:
     """Different candidates, the best first."""
     different = dict.fromkeys(candidates)
-    scored = sorted(Scored(candidate, judge.quality(candidate, beta).fitness) for candidate in different)
+    scored = sorted(Scored(candidate, judge.quality(candidate).fitness) for candidate in different)
     return tuple(member.individual for member in scored)
 
 
@@ -305,24 +302,22 @@ def votes_of(solutions: Sequence[Individual], length: int) -> tuple[np.ndarray, 
     return votes, counts
 
 
-def frequent_keyframes(
-    solutions: Sequence[Individual], length: int, settings: LearningSettings
-) -> Iterator[list[PlacedKeyframe]]:
+def frequent_keyframes(solutions: Sequence[Individual], length: int) -> Iterator[list[PlacedKeyframe]]:
     """The most frequent keyframes of the runs (Fig. 4.2b): candidates of two and more, each with several shares of
     votes.
 
     Keyframes are taken at the columns around which most runs have one, apart from each other; such a keyframe has the
     entries that the given share of the runs' keyframes around it agree on.
     """
-    box = np.ones(2 * settings.reach + 1)
+    box = np.ones(2 * REACH + 1)
     votes, counts = votes_of(solutions, length)
     votes = np.apply_along_axis(np.convolve, -1, votes, box, "same")[..., :length]
     counts = np.convolve(counts, box, "same")[:length]
     tried = set()
-    for wanted in range(FEWEST_KEYFRAMES, settings.most_keyframes + 1):
-        apart = max(settings.reach + 1, length // (3 * wanted))
+    for wanted in range(FEWEST_KEYFRAMES, MOST_KEYFRAMES + 1):
+        apart = max(REACH + 1, length // (3 * wanted))
         positions = _peaks(counts, wanted, apart)
-        for share in settings.shares:
+        for share in SHARES:
             keyframes = []
             for n in positions:
                 column = np.where(votes[1, :, n] > votes[0, :, n], 1, 0)

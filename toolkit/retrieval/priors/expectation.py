@@ -9,7 +9,6 @@ from typing import NamedTuple
 import numpy as np
 
 from toolkit import skeleton
-from toolkit.errors import SettingsError
 from toolkit.kernels import linear
 from toolkit.retrieval.annotation.annotator import MotionClass
 from toolkit.retrieval.annotation.class_motion import ANGLES
@@ -22,32 +21,14 @@ ROOT = skeleton.POSE_SIZE - (ANGLES.stop - ANGLES.start)
 """Entries of a pose before its joint angles."""
 
 
-@dataclass(frozen=True)
-class ExpectationSettings:
-    """How sources of a hidden limb's motion are weighed; radians and seconds.
-
-    Attributes
-    ----------
-    seen_noise : standard deviation of the angles of limbs that are seen
-    end_noise : and of a hidden limb's at the ends of its gap, where it is seen badly
-    repetition_spread : by how much a person's repetitions differ, where a class says nothing
-    repetition_memory : how long such differences last, seconds
-    wander : spread of a limb of which no motion is known, after `wander_memory`
-    wander_memory : seconds
-    class_motions : whether the classes' motions count, or the person's repetitions alone
-    """
-
-    seen_noise: float = 0.12
-    end_noise: float = 0.1
-    repetition_spread: float = 0.15
-    repetition_memory: float = 0.5
-    wander: float = 0.7
-    wander_memory: float = 4.0
-    class_motions: bool = True
-
-    def __post_init__(self) -> None:
-        if min(self.seen_noise, self.end_noise, self.repetition_spread, self.wander) <= 0.0:
-            raise SettingsError("the spreads of expectation are radians above 0; leave them as they are")
+SEEN_NOISE = 0.12
+"""Radians, standard deviation of the angles of limbs that are seen."""
+END_NOISE = 0.1
+"""And of a hidden limb's at the ends of its gap, where it is seen badly."""
+REPETITION_SPREAD, REPETITION_MEMORY = 0.15, 0.5
+"""Radians by which a person's repetitions differ where a class says nothing, and seconds that such differences last."""
+WANDER, WANDER_MEMORY = 0.7, 4.0
+"""Radians, spread of a limb of which no motion is known, after so many seconds."""
 
 
 class Expected(NamedTuple):
@@ -79,15 +60,14 @@ class Told:
     classes: Sequence[MotionClass]
 
 
-def fill(told: Told, gap: Gap, settings: ExpectationSettings | None = None) -> tuple[Bridge, str]:
+def fill(told: Told, gap: Gap) -> tuple[Bridge, str]:
     """The angles of a limb over a gap, bridged from end to end, and what they come from."""
-    settings = settings or ExpectationSettings()
     rows = np.arange(gap.start, gap.stop)
     entries = ENTRIES[gap.limb]
     before, after = gap.start - 1, gap.stop
     around = np.concatenate([[max(before, 0)], rows, [min(after, len(told.times) - 1)]])
-    expected = expect(told, gap.limb, around, settings)
-    noise = np.full(len(entries), settings.end_noise**2)
+    expected = expect(told, gap.limb, around)
+    noise = np.full(len(entries), END_NOISE**2)
     ends: list[End | None] = []
     for frame, place in ((before, 0), (after, -1)):
         inside = 0 <= frame < len(told.times) and not told.hidden[gap.limb][frame]
@@ -100,7 +80,7 @@ def fill(told: Told, gap: Gap, settings: ExpectationSettings | None = None) -> t
     return Bridge(np.clip(found.mean, limits[:, 0], limits[:, 1]), found.variance), expected.source
 
 
-def expect(told: Told, limb: str, frames: np.ndarray, settings: ExpectationSettings) -> Expected:
+def expect(told: Told, limb: str, frames: np.ndarray) -> Expected:
     """What is expected of a limb in some frames (D,), before its own angles around them are looked at.
 
     Sources are joined by inverse variance frame by frame; frames without any hold the mean of the others, and wander.
@@ -109,9 +89,7 @@ def expect(told: Told, limb: str, frames: np.ndarray, settings: ExpectationSetti
     shape = (len(frames), len(entries))
     weights, total, memory, sources = np.zeros(shape), np.zeros(shape), 0.0, []
     for source in (class_motion, repetitions):
-        if source is class_motion and not settings.class_motions:
-            continue
-        found = source(told, limb, frames, settings)
+        found = source(told, limb, frames)
         if found is None:
             continue
         known = np.isfinite(found.mean)
@@ -123,18 +101,18 @@ def expect(told: Told, limb: str, frames: np.ndarray, settings: ExpectationSetti
     known = weights[:, 0] > 0.0
     if not known.any():
         held = np.zeros(shape)
-        return Expected(held, np.full(shape, settings.wander), settings.wander_memory, "interpolation")
+        return Expected(held, np.full(shape, WANDER), WANDER_MEMORY, "interpolation")
     mean = np.where(weights > 0.0, total / np.maximum(weights, 1e-12), 0.0)
-    spread = np.where(weights > 0.0, np.maximum(weights, 1e-12) ** -0.5, settings.wander)
+    spread = np.where(weights > 0.0, np.maximum(weights, 1e-12) ** -0.5, WANDER)
     nearest = np.abs(np.arange(len(frames))[:, None] - np.flatnonzero(known)[None]).argmin(axis=1)
     return Expected(mean[np.flatnonzero(known)[nearest]], spread, memory, " and ".join(sources))
 
 
-def class_motion(told: Told, limb: str, frames: np.ndarray, settings: ExpectationSettings) -> Expected | None:
+def class_motion(told: Told, limb: str, frames: np.ndarray) -> Expected | None:
     """The class's mean motion, moved by what the limbs that are seen say about this one; NaN without a label."""
     entries = ENTRIES[limb]
     mean = np.full((len(frames), len(entries)), np.nan)
-    spread, memory = np.full(mean.shape, settings.wander), 0.0
+    spread, memory = np.full(mean.shape, WANDER), 0.0
     gains: dict[tuple[int, int, bytes], tuple[np.ndarray, np.ndarray, np.ndarray]] = {}
     for place, frame in enumerate(frames):
         row = int(told.allocation.label[frame])
@@ -146,7 +124,7 @@ def class_motion(told: Told, limb: str, frames: np.ndarray, settings: Expectatio
         hidden = np.array([told.hidden[other][frame] or other == limb for other in LIMBS])
         key = (row, part, hidden.tobytes())
         if key not in gains:
-            gains[key] = _gain(motion.covariance, entries - ROOT, hidden, settings.seen_noise)
+            gains[key] = _gain(motion.covariance, entries - ROOT, hidden, SEEN_NOISE)
         seen, gain, kept = gains[key]
         away = told.poses[frame, ROOT + seen] - motion.mean[column, seen]
         mean[place] = motion.mean[column, entries - ROOT] + linear.times(gain, away)
@@ -169,11 +147,11 @@ def _gain(
     return seen, gain, np.sqrt(left)
 
 
-def repetitions(told: Told, limb: str, frames: np.ndarray, settings: ExpectationSettings) -> Expected | None:
+def repetitions(told: Told, limb: str, frames: np.ndarray) -> Expected | None:
     """The person's own other stretches of the same label in which this limb was seen (thesis 6.4.1, 6.4.3)."""
     allocation, entries = told.allocation, ENTRIES[limb]
     mean = np.full((len(frames), len(entries)), np.nan)
-    spread = np.full(mean.shape, settings.repetition_spread)
+    spread = np.full(mean.shape, REPETITION_SPREAD)
     seen = ~told.hidden[limb] & (allocation.label >= 0)
     for place, frame in enumerate(frames):
         same = (
@@ -188,7 +166,7 @@ def repetitions(told: Told, limb: str, frames: np.ndarray, settings: Expectation
         own = told.poses[same][:, entries]
         stretches = len(np.unique(allocation.stretch[same]))
         mean[place] = own.mean(axis=0)
-        spread[place] = np.sqrt(settings.repetition_spread**2 / stretches + own.var(axis=0) / len(own))
+        spread[place] = np.sqrt(REPETITION_SPREAD**2 / stretches + own.var(axis=0) / len(own))
     if not np.isfinite(mean).any():
         return None
-    return Expected(mean, spread, settings.repetition_memory, "repetitions")
+    return Expected(mean, spread, REPETITION_MEMORY, "repetitions")

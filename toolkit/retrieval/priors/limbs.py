@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from toolkit import skeleton
-from toolkit.retrieval.features.relational import FEATURES
+from toolkit.retrieval.features.relational import FEATURES, Feature
 
 LIMBS: tuple[str, ...] = ("left_arm", "right_arm", "left_leg", "right_leg")
 _CHAINS = {"arm": ("clavicle", "shoulder", "elbow", "wrist"), "leg": ("hip", "knee", "ankle")}
@@ -28,30 +28,21 @@ ENTRIES: dict[str, np.ndarray] = {limb: _entries(limb) for limb in LIMBS}
 OUTER: dict[str, np.ndarray] = {limb: _outer(limb) for limb in LIMBS}
 """The three outer joints of each limb, rows of `skeleton.REPORTED`."""
 
-_BOTH = {
-    "hands far apart, sideways": "arm",
-    "hands approaching each other": "arm",
-    "feet far apart, sideways": "leg",
-    "feet crossed over": "leg",
-    "feet moving towards each other, sideways": "leg",
-    "feet moving apart, sideways": "leg",
-    "root behind frontal plane": "leg",
+_LIMB_OF = {
+    f"{limb.split('_')[0]}_{joint}": limb
+    for limb in LIMBS
+    for joint in (("elbow", "wrist", "fingers") if limb.endswith("arm") else ("knee", "ankle", "toes"))
 }
-_WORDS = {"arm": ("hand", "elbow", "humerus"), "leg": ("foot", "knee", "femur")}
+"""Limb of each of the named joints of features that lie on one."""
 
 
-def _limbs_of(meaning: str) -> tuple[str, ...]:
-    if "foot behind" in meaning or meaning in _BOTH:
-        part = _BOTH.get(meaning, "leg")
-        return (f"left_{part}", f"right_{part}")
-    side, _, rest = meaning.partition(" ")
-    for part, words in _WORDS.items():
-        if side in ("left", "right") and rest.startswith(words):
-            return (f"{side}_{part}",)
-    return ()
+def _limbs_of(feature: Feature) -> tuple[str, ...]:
+    """The limbs that a feature measures; none of the trunk's, nor of one that measures all four."""
+    found = {_LIMB_OF[point] for point in feature.points if point in _LIMB_OF}
+    return () if len(found) == len(LIMBS) else tuple(limb for limb in LIMBS if limb in found)
 
 
-LIMBS_OF_FEATURE: tuple[tuple[str, ...], ...] = tuple(_limbs_of(feature.meaning) for feature in FEATURES)
+LIMBS_OF_FEATURE: tuple[tuple[str, ...], ...] = tuple(map(_limbs_of, FEATURES))
 """For each feature the limbs that it looks at; none for those of the trunk and of the whole body."""
 
 ROWS_OF_LIMB: dict[str, int] = {

@@ -10,12 +10,12 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from toolkit.body.body import Body
-from toolkit.errors import RetrievalError, SettingsError
+from toolkit.errors import RetrievalError
 from toolkit.fitting.priors import ResidualTerm
 from toolkit.plain import read_yaml
 from toolkit.retrieval.annotation.annotator import MotionClass, runs
@@ -23,7 +23,7 @@ from toolkit.retrieval.features.frames import FrameFeatures
 from toolkit.retrieval.features.relational import FEATURE_RATE, FEATURES
 from toolkit.retrieval.priors.allocation import Allocation
 from toolkit.retrieval.priors.limbs import ENTRIES, LIMBS_OF_FEATURE
-from toolkit.retrieval.templates.quantised import WILDCARD, QuantisedTemplate, expand
+from toolkit.retrieval.templates import WILDCARD, QuantisedTemplate, expand
 from toolkit.typed import TypedReader
 
 DEMANDED = (3, 4, 7, 8, 15, 16, 20, 21, 27, 28, 29, 30, 33, 34)
@@ -42,28 +42,14 @@ USED: tuple[int, ...] = tuple(sorted({*DEMANDED, *FORWARDS, *(number for pair in
 HINT = "write lines such as `kick: [{feature: 26, value: 0, columns: [22, 58]}]`"
 
 
-@dataclass(frozen=True)
-class MarkSettings:
-    """How MT priors are found and what they weigh.
-
-    Attributes
-    ----------
-    shortest : columns of equal entries that are marked by themselves
-    weight : of one demand against one correspondence; 0 leaves them out
-    sigma : metres, scale of the Geman-McClure weight of a demand
-    lever : metres that a radian beyond the bound of an angle counts as: half a forearm
-    disagreement : metres by which a pose that contradicts one demand altogether is farther from its frame
-    """
-
-    shortest: int = 5
-    weight: float = 1.0
-    sigma: float = 0.1
-    lever: float = 0.15
-    disagreement: float = 0.001
-
-    def __post_init__(self) -> None:
-        if self.shortest < 1 or min(self.weight, self.disagreement) < 0.0 or min(self.sigma, self.lever) <= 0.0:
-            raise SettingsError("marks need at least 1 column and weights from 0 on; leave them as they are")
+SHORTEST = 5
+"""Columns of equal entries that are marked by themselves."""
+WEIGHT, SIGMA = 1.0, 0.1
+"""Of one demand against one correspondence, and metres, the scale of its Geman-McClure weight."""
+LEVER = 0.15
+"""Metres that a radian beyond the bound of an angle counts as: half a forearm."""
+DISAGREEMENT = 0.001
+"""Metres by which a pose that contradicts one demand altogether is farther from its frame."""
 
 
 class Mark(NamedTuple):
@@ -79,7 +65,7 @@ Marks = Mapping[str, Sequence[Sequence[Mark]]]
 """Class -> the marks of each of its templates."""
 
 
-def marks_of(template: QuantisedTemplate, shortest: int) -> list[Mark]:
+def marks_of(template: QuantisedTemplate, shortest: int = SHORTEST) -> list[Mark]:
     """Runs of at least `shortest` equal entries, of the features in `USED` that need not be asked for."""
     values = expand(template.values, template.weights)[0]
     return [
@@ -92,10 +78,9 @@ def marks_of(template: QuantisedTemplate, shortest: int) -> list[Mark]:
     ]
 
 
-def marks_of_classes(classes: Sequence[MotionClass], settings: MarkSettings | None = None) -> dict[str, list[Any]]:
+def marks_of_classes(classes: Sequence[MotionClass]) -> dict[str, list[list[Mark]]]:
     """What is marked by itself: class -> marks of each of its templates."""
-    shortest = (settings or MarkSettings()).shortest
-    return {c.label: [marks_of(template, shortest) for template in c.templates] for c in classes}
+    return {c.label: [marks_of(template) for template in c.templates] for c in classes}
 
 
 @dataclass(frozen=True)
@@ -108,7 +93,7 @@ class _Entry:
     template: int = 1
 
 
-def load_marks(path: str | Path, classes: Sequence[MotionClass], settings: MarkSettings | None = None) -> Marks:
+def load_marks(path: str | Path, classes: Sequence[MotionClass]) -> Marks:
     """Marks of a file in place of those that the classes it names have by themselves.
 
     YAML: class -> list of `{feature: 26, value: 0, columns: [22, 58], template: 1}`; columns and templates count from
@@ -121,7 +106,7 @@ def load_marks(path: str | Path, classes: Sequence[MotionClass], settings: MarkS
     """
     reader = TypedReader(RetrievalError, HINT, source=str(path))
     raw = reader.read(read_yaml(path, str(path), RetrievalError, HINT) or {}, dict[str, list[_Entry] | None], "")
-    found = marks_of_classes(classes, settings)
+    found = marks_of_classes(classes)
     known = {c.label: c for c in classes}
     for label, entries in raw.items():
         if label not in known:
@@ -175,11 +160,9 @@ class Demands:
     body : whose poses are fitted
     poses, times : float64 (T, P) and (T,), seconds, the track so far; lengths are measured in its first frame, as
         features do it
-    settings : see `MarkSettings`
     """
 
-    def __init__(self, body: Body, poses: np.ndarray, times: np.ndarray, settings: MarkSettings | None = None) -> None:
-        self.settings = settings or MarkSettings()
+    def __init__(self, body: Body, poses: np.ndarray, times: np.ndarray) -> None:
         self._poses, self._times = poses, times
         self._features = FrameFeatures(body, FEATURE_RATE)
         self._features.measure(self._features.joints(poses[0])[0])
@@ -203,7 +186,7 @@ class Demands:
         rising = np.array([FEATURES[row].test.startswith(">") for row in rows])
         sides = np.where(on == rising, -1.0, 1.0)  # -1: at least the bound, 1: at most
         degrees = np.array([FEATURES[row].unit == "deg" for row in rows])
-        scales = sides * np.where(degrees, np.radians(1.0) * self.settings.lever, 1.0)
+        scales = sides * np.where(degrees, np.radians(1.0) * LEVER, 1.0)
         moving = np.isin(rows + 1, FORWARDS)
         scales[moving] *= seconds
         # In a motion of two frames every velocity is their difference, as far apart as two columns of features are.
@@ -215,4 +198,4 @@ class Demands:
             values = self._features.quantities(joints, axes, 1, rows)
             return np.maximum(scales * (rates * values - bounds), 0.0)
 
-        return ResidualTerm(self.settings.weight, self.settings.sigma, ENTRIES[limb], residuals)
+        return ResidualTerm(WEIGHT, SIGMA, ENTRIES[limb], residuals)

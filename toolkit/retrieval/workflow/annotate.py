@@ -3,32 +3,29 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-import numpy as np
-
 from toolkit.archives import archive_names
-from toolkit.errors import RetrievalError, RigError, UsageError
+from toolkit.errors import RetrievalError, UsageError
 from toolkit.files import check_output
 from toolkit.progress import Progress
 from toolkit.retrieval.annotation.annotator import (
     AS_PUBLISHED,
     PUBLISHED_THRESHOLD,
-    THRESHOLD,
     Annotation,
     Annotator,
     MotionClass,
 )
-from toolkit.retrieval.annotation.classes import learn_classes, load_classes
+from toolkit.retrieval.annotation.classes import load_classes
 from toolkit.retrieval.annotation.measures import Scores
 from toolkit.retrieval.annotation.model import RELEARN, MotionModel
 from toolkit.retrieval.annotation.preselection import preselect_in
 from toolkit.retrieval.annotation.report import REPORT_FILES, read_segments, write_report
 from toolkit.retrieval.features.relational import FeatureMatrix, relational_features
 from toolkit.retrieval.keyframes.query import KeyframeQuery
-from toolkit.retrieval.workflow.motions import find_motions, load_motion, load_poses
+from toolkit.retrieval.workflow.motions import find_motions, load_motion
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,37 +35,6 @@ class AnnotatedFile:
     annotation: Annotation
     folder: Path
     scores: dict[str, Scores]
-
-
-def classes_from_clips(
-    clips: Mapping[Path, str],
-    *,
-    delta: float = 0.05,
-    threshold: float = THRESHOLD,
-    progress: Progress | None = None,
-) -> list[MotionClass]:
-    """Learn motion classes from cut clips, with how they move.
-
-    Parameters
-    ----------
-    clips : motion file -> label
-    delta : quantisation threshold, in [0, 0.5)
-    threshold : largest cost of a hit
-    progress : told after each file
-    """
-    matrices: dict[str, list[FeatureMatrix]] = {}
-    poses: dict[str, list[np.ndarray]] = {}
-    unposed: set[str] = set()
-    for number, (path, label) in enumerate(clips.items(), start=1):
-        matrices.setdefault(label, []).append(relational_features(load_motion(path)))
-        try:
-            poses.setdefault(label, []).append(load_poses(path))
-        except RigError:  # a skeleton that has the joints of the features and no joint map: its class has no motion
-            unposed.add(label)
-        if progress is not None:
-            progress("learning classes", number, len(clips))
-    poses = {label: found for label, found in poses.items() if label not in unposed}
-    return learn_classes(matrices, poses=poses, delta=delta, threshold=threshold)
 
 
 def annotate_motions(
@@ -133,7 +99,7 @@ def _annotating(
         if queries or threshold is not None or as_published:
             raise UsageError(
                 "--queries, --threshold and --as-published belong to motion templates, not to a motion model; learn "
-                "classes with --templates"
+                "classes with `depthmocap learn --templates`"
             )
         return classes.annotate
     if as_published and threshold is None:

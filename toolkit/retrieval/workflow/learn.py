@@ -1,4 +1,4 @@
-"""From clips to a motion model, or to learned keyframe queries."""
+"""From clips to a motion model, to template classes, or to learned keyframe queries."""
 
 from __future__ import annotations
 
@@ -8,15 +8,18 @@ from pathlib import Path
 
 import numpy as np
 
+from toolkit.errors import RigError
 from toolkit.files import check_output
 from toolkit.progress import Progress
+from toolkit.retrieval.annotation.annotator import MotionClass
+from toolkit.retrieval.annotation.classes import learn_classes, save_classes
 from toolkit.retrieval.annotation.model import MotionModel
 from toolkit.retrieval.annotation.training import Clip, LeftOut, alike, leave_one_out, train
 from toolkit.retrieval.features.motion import Motion
-from toolkit.retrieval.features.relational import relational_features
+from toolkit.retrieval.features.relational import FeatureMatrix, relational_features
 from toolkit.retrieval.keyframes.query_file import save_queries
 from toolkit.retrieval.learning.queries import LearnedQuery, LearningSettings, learn, training_clips
-from toolkit.retrieval.workflow.motions import Tag, find_motions, load_motion
+from toolkit.retrieval.workflow.motions import Tag, find_motions, load_motion, load_poses
 
 
 def learn_queries(
@@ -115,3 +118,34 @@ def learn_model(
         model.save(output)
     counts = {label: sum(clip.label == label for clip in read) for label in model.labels}
     return LearnedModel(model, left_out, alike(read), counts, tuple(sorted({clip.person for clip in read})))
+
+
+def learn_templates(
+    clips: Mapping[Path, str], output: str | Path | None = None, progress: Progress | None = None
+) -> list[MotionClass]:
+    """Learn template classes from cut clips, with how they move, and write them.
+
+    Parameters
+    ----------
+    clips : cut clip -> its class
+    output : the class file (NPZ); None writes nothing
+    progress : told after each clip
+    """
+    if output is not None:
+        check_output(output, list(clips))
+    matrices: dict[str, list[FeatureMatrix]] = {}
+    poses: dict[str, list[np.ndarray]] = {}
+    unposed: set[str] = set()
+    for number, (path, label) in enumerate(clips.items(), start=1):
+        matrices.setdefault(label, []).append(relational_features(load_motion(path)))
+        try:
+            poses.setdefault(label, []).append(load_poses(path))
+        except RigError:  # a skeleton that has the joints of the features and no joint map: its class has no motion
+            unposed.add(label)
+        if progress is not None:
+            progress("learning classes", number, len(clips))
+    poses = {label: found for label, found in poses.items() if label not in unposed}
+    classes = learn_classes(matrices, poses=poses)
+    if output is not None:
+        save_classes(output, classes)
+    return classes

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
@@ -56,16 +56,24 @@ def load_poses(path: str | Path) -> np.ndarray:
     return poses[np.maximum(rows, 0)]
 
 
-def labels_of(files: Sequence[Path], pattern: str | None = None, table: str | Path | None = None) -> dict[Path, str]:
-    """Motion class of each clip: from a table (CSV: clip, label), by a pattern, else from its folder's name.
+class Tag(NamedTuple):
+    """Class of a clip and who performs it, "" if unknown."""
 
-    Where all clips lie in one folder, their names are taken apart (`tags_in_names`).
+    label: str
+    person: str
+
+
+def tags_of(files: Sequence[Path], pattern: str | None = None, table: str | Path | None = None) -> dict[Path, Tag]:
+    """Motion class of each clip and who performs it: from a table, by a pattern, else from its folder's name.
+
+    Where all clips lie in one folder, and where their names say the same class as their folders, names are taken apart
+    (`tags_in_names`).
 
     Parameters
     ----------
     files : clips
-    pattern : regular expression with a group `label` that matches a clip's whole stem
-    table : CSV file with the columns clip (the stem) and label
+    pattern : regular expression with a group `label`, and perhaps `person`, that matches a clip's whole stem
+    table : CSV file with the columns clip (the stem), label, and perhaps person
 
     Raises
     ------
@@ -77,49 +85,19 @@ def labels_of(files: Sequence[Path], pattern: str | None = None, table: str | Pa
     if pattern is not None and table is not None:
         raise UsageError("labels come from a pattern or from a table, not from both; leave one out")
     if table is not None:
-        known = _label_table(Path(table))
-        return {file: _label(known.get(file.stem), file, f"in {table}") for file in files}
-    if pattern is None:
-        folders = {file: file.resolve().parent.name for file in files}
-        flat = len(set(folders.values())) < 2 < len(files)
-        return {file: tag.label for file, tag in tags_in_names(files).items()} if flat else folders
-    try:
-        expression = re.compile(pattern)
-    except re.error as error:
-        raise UsageError(f"pattern {pattern!r} is no regular expression ({error}); correct it") from error
-    if "label" not in expression.groupindex:
-        raise UsageError(f"pattern {pattern!r} has no group named label; write (?P<label>...) around it")
-    found = {file: expression.fullmatch(file.stem) for file in files}
-    return {file: _label(match and match["label"], file, f"by pattern {pattern!r}") for file, match in found.items()}
-
-
-class Tag(NamedTuple):
-    """Class of a clip and who performs it, "" if unknown."""
-
-    label: str
-    person: str
-
-
-def tags_of(files: Sequence[Path], pattern: str | None = None, table: str | Path | None = None) -> dict[Path, Tag]:
-    """Motion class of each clip, as `labels_of`, and who performs it.
-
-    People are the pattern's group `person` or the table's column person; with neither, and all clips in one folder,
-    they come from the names as well.
-    """
-    labels = labels_of(files, pattern, table)
-    if table is not None:
-        rows = read_table(Path(table), RetrievalError, "give a CSV file with the columns clip and label")
-        people = {row["clip"]: row.get("person", "") for row in rows}
-        return {file: Tag(label, people[file.stem]) for file, label in labels.items()}
+        known = _table(Path(table))
+        return {file: _tag(known.get(file.stem), file, f"in {table}") for file in files}
     if pattern is not None:
-        matches = {file: re.fullmatch(pattern, file.stem) for file in files}
-        return {
-            file: Tag(labels[file], match.groupdict().get("person") or "") for file, match in matches.items() if match
-        }
+        expression = _expression(pattern)
+        found = {file: expression.fullmatch(file.stem) for file in files}
+        where = f"by pattern {pattern!r}"
+        return {file: _tag(match.groupdict() if match else None, file, where) for file, match in found.items()}
     named = tags_in_names(files)
-    if all(named[file].label == label for file, label in labels.items()):
+    folders = {file: file.resolve().parent.name for file in files}
+    flat = len(set(folders.values())) < 2 < len(files)
+    if flat or all(named[file].label == folder for file, folder in folders.items()):
         return named
-    return {file: Tag(label, "") for file, label in labels.items()}
+    return {file: Tag(folder, "") for file, folder in folders.items()}
 
 
 def tags_in_names(files: Sequence[Path]) -> dict[Path, Tag]:
@@ -148,14 +126,25 @@ def tags_in_names(files: Sequence[Path]) -> dict[Path, Tag]:
     return {file: Tag(label, "") for file, label in zip(files, whole, strict=True)}
 
 
-def _label(label: str | None, file: Path, where: str) -> str:
-    if not label:
+def _tag(said: Mapping[str, str | None] | None, file: Path, where: str) -> Tag:
+    label = said and said["label"]
+    if not said or not label:
         raise RetrievalError(f"clip {file.name} has no label {where}; give it one or leave it out")
-    return label
+    return Tag(label, said.get("person") or "")
 
 
-def _label_table(path: Path) -> dict[str, str]:
+def _expression(pattern: str) -> re.Pattern[str]:
+    try:
+        expression = re.compile(pattern)
+    except re.error as error:
+        raise UsageError(f"pattern {pattern!r} is no regular expression ({error}); correct it") from error
+    if "label" not in expression.groupindex:
+        raise UsageError(f"pattern {pattern!r} has no group named label; write (?P<label>...) around it")
+    return expression
+
+
+def _table(path: Path) -> dict[str, dict[str, str]]:
     rows = read_table(path, RetrievalError, "give a CSV file with the columns clip and label")
     if not rows or not all({"clip", "label"} <= row.keys() for row in rows):
         raise RetrievalError(f"{path} has no columns clip and label, or a line without a label; correct it")
-    return {row["clip"]: row["label"] for row in rows}
+    return {row["clip"]: row for row in rows}

@@ -4,10 +4,8 @@ from __future__ import annotations
 
 import csv
 import io
-import time
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
-from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
@@ -18,12 +16,11 @@ from toolkit.names import shown
 from toolkit.retrieval.annotation.model import MotionModel
 from toolkit.retrieval.features.grades import BLOCK
 from toolkit.retrieval.features.motion import Motion
-from toolkit.retrieval.features.relational import FEATURE_RATE, FEATURES, FeatureMatrix, relational_features
+from toolkit.retrieval.features.relational import FEATURE_RATE, FeatureMatrix, relational_features
 from toolkit.retrieval.index.keyframe_index import KeyframeIndex
-from toolkit.retrieval.keyframes.query import KeyframeQuery, keyframes_of_column
+from toolkit.retrieval.keyframes.query import KeyframeQuery
 from toolkit.retrieval.search.example import Example, search_example
 from toolkit.retrieval.search.find import Match, find
-from toolkit.retrieval.templates.quantised import WILDCARD
 from toolkit.retrieval.workflow.motions import find_motions, load_motion
 
 DOUBT = 0.8
@@ -76,26 +73,21 @@ class SearchReport:
     label : of the query
     matches : the results, cheapest first; hits of keyframes cost 0
     ranked : whether the results have costs
-    share : part of all frames that they leave
-    milliseconds : time of the search
+    share : part of all frames that they hold
     """
 
     label: str
     matches: tuple[Match, ...]
     ranked: bool
     share: float
-    milliseconds: float
 
 
 def search(index: KeyframeIndex, query: KeyframeQuery) -> SearchReport:
     """Where the keyframes of a query match."""
-    _load_search()
-    begin = time.perf_counter()
     ranges = find(index, query)
-    spent = 1000 * (time.perf_counter() - begin)
     spans = zip(ranges.documents, ranges.starts, ranges.stops, strict=True)
     matches = tuple(Match(index.names[d], a / FEATURE_RATE, b / FEATURE_RATE, 0.0) for d, a, b in spans)
-    return SearchReport(query.label, matches, False, ranges.frames / index.frames, spent)
+    return SearchReport(query.label, matches, False, ranges.frames / index.frames)
 
 
 def one_per_label(reports: Sequence[SearchReport]) -> list[SearchReport]:
@@ -119,7 +111,6 @@ def _together(group: Sequence[SearchReport]) -> SearchReport:
         tuple(matches),
         False,
         min(1.0, sum(report.share for report in group)),
-        sum(report.milliseconds for report in group),
     )
 
 
@@ -133,10 +124,8 @@ def by_example(
     RetrievalError
         The example is too short or too long, or longer than any document allows.
     """
-    wanted = Example.of(example)
-    begin = time.perf_counter()
-    matches = search_example(index, wanted, limit, threshold)
-    return SearchReport(example.name, tuple(matches), True, 1.0, 1000 * (time.perf_counter() - begin))
+    matches = search_example(index, Example.of(example), limit, threshold)
+    return SearchReport(example.name, tuple(matches), True, 1.0)
 
 
 def by_class(
@@ -164,7 +153,6 @@ def by_class(
     for label, judge in zip(model.labels, model.judges, strict=True):
         if labels and label not in labels:
             continue
-        begin = time.perf_counter()
         places = model.examples.propose_in(label, index.coarse_starts, index.coarse)
         doubts = 1.0 - judge.probability(places.described)
         lengths = np.diff(index.document_starts)
@@ -178,20 +166,8 @@ def by_class(
             if doubts[k] <= doubt
         ]  # fmt: skip
         share = sum(match.end - match.start for match in matches) / index.duration
-        reports.append(SearchReport(label, tuple(matches), True, share, 1000 * (time.perf_counter() - begin)))
+        reports.append(SearchReport(label, tuple(matches), True, share))
     return reports
-
-
-@lru_cache(maxsize=1)
-def _load_search() -> None:
-    """Search a few frames, so that loading or compiling the code is not timed with the first search."""
-    values = np.zeros((len(FEATURES), 6), dtype=bool)
-    values[0], values[14] = True, [False, True, True, False, True, False]
-    column = np.full(len(FEATURES), WILDCARD, dtype=np.int8)
-    column[[0, 14]] = 1
-    moment = keyframes_of_column(column)
-    query = KeyframeQuery.from_positions([(0, moment), (1, moment)], 2, 0.5)
-    find(KeyframeIndex.build([FeatureMatrix("warm-up", values)]), query)
 
 
 def save_matches(path: str | Path, reports: Sequence[SearchReport]) -> None:
