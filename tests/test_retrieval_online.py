@@ -54,8 +54,8 @@ def document() -> np.ndarray:
     return np.concatenate(out)
 
 
-def told(poses: np.ndarray, **options) -> list[Event]:
-    annotator = OnlineAnnotator(classes(), body(), RATE, **options)
+def told(poses: np.ndarray) -> list[Event]:
+    annotator = OnlineAnnotator(classes(), body(), RATE)
     events = [event for i, pose in enumerate(poses) for event in annotator.push(pose, i / RATE)]
     return events + annotator.finish()
 
@@ -96,6 +96,7 @@ def test_every_motion_is_told_once_soon_after_its_end():
 
 
 def test_a_longer_hold_tells_the_same_later(monkeypatch):
+    monkeypatch.setattr("toolkit.retrieval.annotation.online.HOLD", 1)
     soon = told(document())
     monkeypatch.setattr("toolkit.retrieval.annotation.online.HOLD", 8)
     late = told(document())

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -38,11 +38,6 @@ class BodyLengths:
             body=length("right_ankle", "right_knee", "right_hip")
             + length("root", "belly", "chest", "neck", "head", "headtop"),
         )
-
-    def symmetric(self) -> BodyLengths:
-        """Both arms with their mean length: left and right features become mirror images (F1 and F2 excepted)."""
-        mean = 0.5 * (self.humerus_right + self.humerus_left)
-        return replace(self, humerus_right=mean, humerus_left=mean)
 
     def unit(self, name: str) -> float:
         """Length of HR, HL, SW, HW, CN or BL; 1 for degrees."""

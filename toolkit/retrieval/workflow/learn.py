@@ -74,7 +74,7 @@ class LearnedModel:
     left_out : how each person was annotated by a model of the others
     alike : pairs of classes that are hard to tell apart (`training.alike`)
     clips : number of clips per class
-    people : everybody who performs a clip; one name if no person was named
+    people : all who perform a clip; one name if no person was named
     """
 
     model: MotionModel
