@@ -162,7 +162,7 @@ def built(files: list[Path], rng: np.random.Generator) -> dict[str, Any]:
                 chosen, output, Sampling(threshold, None, mirror, seated), body=load_body(body), parts=SMALL, workers=1
             )  # fmt: skip
             database = PoseDatabase.load(output)
-            whole = database.regressor is not None and database.regressor.calibration is not None
+            whole = database.regressor is not None and database.regressor.calibration.shape[1] > 2
             failure = "" if whole else "the joint regressor is not there or not calibrated"
             row |= {"poses": len(database), "megabytes": round(output.stat().st_size / 1e6, 2)}
         except Exception as error:  # whatever ends a build is what is looked for

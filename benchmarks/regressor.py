@@ -284,8 +284,8 @@ def people(parser: argparse.ArgumentParser) -> None:
     add_database_options(parser)
     options = parser.parse_args()
     regressor = PoseDatabase.load(poses_of(options)).regressor
-    if regressor is None or not regressor.knows_rooms:
-        parser.error("the database's regressor knows no rooms; build it again with `depthmocap database build`")
+    if regressor is None:
+        parser.error("the database has no regressor; build it again with `depthmocap database build`")
     poses = {"standing": standing_poses(options.split), "seated": seated_poses(options.split), "nobody": np.empty(0)}
     rng = np.random.default_rng([17, options.split == "report"])
     asked(regressor, "nobody", poses["nobody"], np.random.default_rng(0))  # compiled before times are taken

@@ -44,8 +44,8 @@ def calibrated(
         return trained
     confidence, close, evidence, in_view = (np.array(column) for column in zip(*found, strict=True))
     rows = range(len(skeleton.REPORTED))
-    person_odds = None
-    if trained.knows_rooms:
+    person_odds = trained.person_odds
+    if settings.rooms:
         person_odds = _person_odds(trained, RoomPainter(poses, sits, settings), views, rng)
     return replace(
         trained,

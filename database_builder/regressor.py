@@ -171,14 +171,7 @@ def _grown(
     offsets, sure, share, person = (np.concatenate(column) for column in zip(*leaves, strict=True))
     forest, roots = together([tree for tree, _ in grown])
     return JointRegressor(
-        forest.offsets,
-        forest.thresholds,
-        forest.children,
-        roots,
-        offsets,
-        sure,
-        share,
-        leaf_person=person if settings.views.rooms else None,
+        forest.offsets, forest.thresholds, forest.children, roots, offsets, sure, share, leaf_person=person
     )
 
 

@@ -43,6 +43,8 @@ STEEPEST_ROW = 1.8
 TOUCHING = ("chair", "office_chair", "table", "desk", "shelf", "sofa", "curtain", "coat_stand", "column", "partition",
             "plant", "boxes", "bag", "floor_lamp", "stool", "door")  # fmt: skip
 """What is moved up to a person."""
+TOUCHED, COMPANY, HOLDING = 0.6, 0.35, 0.2
+"""Shares of people to whom furniture is moved up, whom others stand about, and who hold something."""
 SUBJECT, OTHER, SHELL = -2, -3, -1
 """Owners of pixels that are no piece of furniture: the person the image is about, anybody else, the walls."""
 
@@ -126,7 +128,6 @@ class RoomPainter:
 
     def __init__(self, poses: np.ndarray, sits: np.ndarray, settings: ViewSettings) -> None:
         self._poses, self._sits, self._settings = poses, sits, settings
-        self._shares, self._without = settings.room, settings.room.without
         self._space = ShapeSpace.load()
         self._faces = self._space.faces.astype(np.int64)
         self.labels = body_labels(self._space.body())
@@ -141,20 +142,20 @@ class RoomPainter:
     def draw(self, rng: np.random.Generator) -> RoomView:
         """The next view."""
         if self._room is None or self._left == 0:
-            self._room, self._left = furnished(str(rng.choice(list(KINDS))), rng, without=self._without), VIEWS_OF_ROOM
+            self._room, self._left = furnished(str(rng.choice(list(KINDS))), rng), VIEWS_OF_ROOM
         self._left -= 1
-        room, shares = self._room, self._shares
+        room = self._room
         people: list[Someone] = []
         extra: list[Piece] = []
         middle = _seen_middle(room, rng)
         camera_at = self._place(rng, room.low + [0.3, 0, 0.3], room.high - [0.3, 0, 0.3])
-        if rng.random() >= shares.empty:
+        if rng.random() >= self._settings.room.empty:
             distance = rng.uniform(NEAREST, FARTHEST)
             at = _within(room, camera_at, distance, rng)
             people.append(self._someone(at, rng))
             middle = 0.5 * (people[0].vertices.min(axis=0) + people[0].vertices.max(axis=0))
             extra = self._around(people[0], rng)
-            if rng.random() < shares.company:
+            if rng.random() < COMPANY:
                 for _ in range(rng.integers(1, 4)):
                     beside = _within(room, at, rng.uniform(0.35, 2.5), rng)
                     people.append(self._someone(beside, rng))
@@ -179,19 +180,18 @@ class RoomPainter:
         pieces: list[Piece] = []
         pelvis = person.joints[skeleton.REPORTED.index("pelvis")]
         seat = float(person.vertices[person.body.part == 0, 1].min())
-        seats = [kind for kind in SEATS if kind not in self._without]
-        if person.sits and 0.2 < seat < 0.7 and seats:
-            maker = PIECES[str(rng.choice(seats))]
+        if person.sits and 0.2 < seat < 0.7:
+            maker = PIECES[str(rng.choice(SEATS))]
             chosen = maker(rng, seat)  # type: ignore[call-arg]
             pieces.append(shifted(chosen, pelvis[0], 0.0, pelvis[2], person.yaw + rng.normal(0.0, 0.1)))
-            if rng.random() < 0.5 and "desk" not in self._without:
+            if rng.random() < 0.5:
                 kind = str(rng.choice(["desk", "table"]))
                 pieces.append(_moved_up(PIECES[kind](rng), pelvis, rng.uniform(0.2, 0.45), person.yaw, np.pi, rng))
-        if rng.random() < self._shares.touched:
-            for kind in rng.choice([k for k in TOUCHING if k not in self._without], rng.integers(1, 3)):
+        if rng.random() < TOUCHED:
+            for kind in rng.choice(TOUCHING, rng.integers(1, 3)):
                 gap = rng.uniform(0.1, 0.4)
                 pieces.append(_moved_up(PIECES[str(kind)](rng), pelvis, gap, rng.uniform(-np.pi, np.pi), None, rng))
-        if rng.random() < self._shares.holding:
+        if rng.random() < HOLDING:
             pieces.append(_held(person.joints, rng))
         return pieces
 
@@ -223,7 +223,7 @@ class RoomPainter:
         if people:
             joints = camera.to_level(people[0].joints)
             in_view = _seen_joints(joints, corner, inverse, owners)
-        if rng.random() < self._shares.cut:
+        if rng.random() < self._settings.room.cut:
             depth = _cut_out(depth, owners, rng)
         first = int((owner == SUBJECT).argmax()) if people else 0
         body_face = np.where(owners == SUBJECT, triangle - first, 0).astype(np.int32)

@@ -44,21 +44,13 @@ class RoomSettings:
     ----------
     empty : no person at all
     cut : cut out: the person with what touches them, or furniture alone
-    touched : furniture is moved up to the person
-    company : other people stand about, near and far
-    holding : something is in the person's hands
-    without : kinds of furniture, out of `toolkit.interiors.pieces.PIECES`, that no room holds
     """
 
     empty: float = 0.2
     cut: float = 0.25
-    touched: float = 0.6
-    company: float = 0.35
-    holding: float = 0.2
-    without: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
-        _check_shares({name: share for name, share in vars(self).items() if name != "without"})
+        _check_shares(vars(self))
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from database_builder.prior import PriorSettings, learn_prior
+from database_builder.prior import learn_prior
 from tests.database_helpers import known_without, neutral, random_poses, small_database
 from toolkit import skeleton
 from toolkit.body.body import Body
@@ -25,7 +25,7 @@ from toolkit.database.prior import (
     situations,
     variables,
 )
-from toolkit.errors import DatabaseError, SettingsError
+from toolkit.errors import DatabaseError
 from toolkit.mocap.procedural import SEATED_MOTIONS, SEATED_SUBJECT_MOTIONS, procedural_clips
 
 LEGS = tuple(f"{side}_{joint}" for side in ("left", "right") for joint in ("hip", "knee", "ankle"))
@@ -138,7 +138,7 @@ def test_people_who_stand_sit_crouch_and_lie_are_told_apart() -> None:
 def test_a_learnt_prior_knows_by_the_thighs_and_by_the_floor_who_sits() -> None:
     body = neutral()
     learnt = np.concatenate([poses_of(("walk", "wave", "boxing", "idle"), body), poses_of(SEATED_MOTIONS, body)])
-    prior = learn_prior(learnt, body, PriorSettings(components=2))
+    prior = learn_prior(learnt, body)
     assert prior is not None
     assert {SITUATIONS[s] for s in prior.situation} >= {"standing", "seated"}
     seated, standing = poses_of(SEATED_SUBJECT_MOTIONS, body), poses_of(("clap", "reach_up"), body)
@@ -209,8 +209,6 @@ def test_a_prior_that_does_not_fit_is_refused() -> None:
         PosePrior.of_arrays(arrays | {"covariances": np.full_like(arrays["covariances"], np.nan)})
     with pytest.raises(DatabaseError, match="situation of the pose prior is <U4"):
         PosePrior.of_arrays(arrays | {"situation": arrays["situation"].astype("U4")})
-    with pytest.raises(SettingsError, match="prior"):
-        PriorSettings(components=0)
 
 
 def test_the_floor_tells_a_seated_child_from_a_standing_one() -> None:

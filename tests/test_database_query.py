@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tests.database_helpers import small_database
-from toolkit.database.search import LeafSearch, NearestNeighbours
+from toolkit.database.search import LeafSearch
 from toolkit.errors import DatabaseError
 from toolkit.kernels.cloud import nearest
 from toolkit.testing.searches import Open3DSearch, ScipySearch
@@ -30,7 +30,7 @@ def brute_force(features: np.ndarray, queries: np.ndarray, used: np.ndarray) -> 
 )
 @settings(max_examples=60, deadline=None)
 def test_neighbours_equal_brute_force_for_every_provider(
-    seed: int, count: int, k: int, partial: bool, grid: bool, provider: type[NearestNeighbours]
+    seed: int, count: int, k: int, partial: bool, grid: bool, provider: type[LeafSearch]
 ) -> None:
     rng = np.random.default_rng(seed)
     features = rng.normal(size=(count, 15)).astype(np.float32)

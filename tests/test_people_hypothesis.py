@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from tests.sensing_scenes import KINECT, scene
-from toolkit.errors import DatabaseError
 from toolkit.landmarks.judge import RegressorJudge
 from toolkit.people.hypothesis import Glimpse, NoJudge, judged_head, log_odds
 from toolkit.people.learning import FEWEST, Seen, hanging, learnt
@@ -177,21 +176,15 @@ def test_a_head_without_measured_pixels_is_not_judged():
 class Regressor:
     """What the judge asks of a regressor."""
 
-    def __init__(self, knows_rooms):
-        self.knows_rooms = knows_rooms
-
     def person_probability(self, depth, intrinsics, rotation, pixels):
-        if not self.knows_rooms:
-            raise DatabaseError("trained without rooms")
         return np.array([0.0, 0.5, 1.0, 0.8])
 
 
-def test_a_regressor_judges_by_log_odds_that_stay_finite_and_not_at_all_without_rooms():
+def test_a_regressor_judges_by_log_odds_that_stay_finite():
     ask = (np.ones((2, 2), np.float32), KINECT, np.eye(3), np.arange(4))
-    odds = RegressorJudge(Regressor(True)).log_odds(*ask)
+    odds = RegressorJudge(Regressor()).log_odds(*ask)
     assert np.isfinite(odds).all() and odds[0] == pytest.approx(-odds[2])
     assert odds[1] == 0.0 and odds[3] == pytest.approx(np.log(4.0))
-    assert RegressorJudge(Regressor(False)).log_odds(*ask).tolist() == [0.0] * 4
 
 
 HEAD = np.array([0.2, 0.1, -2.5])

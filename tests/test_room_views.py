@@ -11,7 +11,7 @@ from database_builder.calibration import room_probability
 from database_builder.images import draw_images
 from database_builder.regressor import RegressorSettings, leaf_votes, train_regressor
 from database_builder.room_views import NOBODY, OTHER, SHELL, SUBJECT, RoomPainter, lossy
-from database_builder.views import FOCAL, RoomSettings, ViewSettings, is_seated, project_level
+from database_builder.views import RoomSettings, ViewSettings, is_seated, project_level
 from toolkit import skeleton
 from toolkit.body.shape import ShapeSpace, load_body
 from toolkit.database import canonical
@@ -19,8 +19,6 @@ from toolkit.errors import DatabaseError, SettingsError
 from toolkit.kernels.learning import forest
 from toolkit.landmarks.regressor import JointRegressor
 from toolkit.mocap.procedural import procedural_clips
-from toolkit.sensing.camera import Camera
-from toolkit.sensing.cloud import Cloud
 
 ROOMS = ViewSettings(rooms=1.0, room=RoomSettings(empty=0.0, cut=0.0))
 
@@ -131,21 +129,7 @@ def test_people_are_told_from_furniture_and_walls_in_rooms_that_were_not_seen(
     assert yes.mean() > 0.55 and no.mean() < 0.4
 
 
-def test_the_votes_of_a_cloud_come_with_its_probability(trained: JointRegressor, poses: np.ndarray) -> None:
-    view = painter(poses, replace(ROOMS, room=RoomSettings(cut=1.0, empty=0.0))).draw(np.random.default_rng(5))
-    depth = np.where(view.depth == forest.UNOBSERVED, 0, view.depth).astype(np.float32) * np.float32(0.001)
-    camera = Camera(FOCAL, FOCAL, *-view.corner, depth.shape[1], depth.shape[0])
-    cloud = Cloud.from_depth(depth, camera, np.diag([1.0, -1.0, -1.0]))
-    estimate = trained.estimate(cloud, 10_000)
-    each = trained.person_probability(depth, camera.intrinsics, cloud.rotation, cloud.pixels)
-    assert estimate.person == pytest.approx(each.mean(), abs=0.02)
-
-
-def test_a_forest_of_people_alone_is_read_and_says_how_to_get_one_that_knows_rooms(trained: JointRegressor) -> None:
-    old = replace(trained, leaf_person=None, person_odds=None)
-    assert trained.knows_rooms and not old.knows_rooms and "leaf_person" not in old.arrays()
-    with pytest.raises(DatabaseError, match="build the database again with `depthmocap database build`"):
-        old.person_probability(np.ones((4, 4), np.float32), np.ones(4), np.eye(3), np.arange(3))
+def test_a_forest_whose_shares_of_people_do_not_fit_its_leaves_is_refused(trained: JointRegressor) -> None:
     with pytest.raises(DatabaseError, match="leaf_person"):
         replace(trained, leaf_person=np.zeros(3, dtype=np.uint8))
 

@@ -19,7 +19,7 @@ from toolkit.body.shape import ShapeSpace
 from toolkit.database.canonical import feature_vectors, place, torso_length
 from toolkit.database.origin import observed_offsets
 from toolkit.database.prior import PosePrior
-from toolkit.database.search import FEATURE_SIZE, LeafSearch, NearestNeighbours
+from toolkit.database.search import FEATURE_SIZE, LeafSearch
 from toolkit.errors import DatabaseError
 from toolkit.files import is_file
 from toolkit.landmarks.regressor import JointRegressor
@@ -27,8 +27,7 @@ from toolkit.plain import parse_json
 from toolkit.typed import TypedReader
 
 FORMAT_VERSION = 2
-"""Raised whenever the meaning of a stored array changes; version 1 also held joints and features, which follow."""
-READABLE = ("1", "2")
+"""Raised whenever the meaning of a stored array changes."""
 STORED_TYPE = np.float16
 """Of poses and offsets in a file: half a millimetre and 0.06 degrees."""
 
@@ -83,7 +82,7 @@ class PoseDatabase:
     notes: dict[str, Any] = field(default_factory=dict)
     regressor: JointRegressor | None = None
     prior: PosePrior | None = None
-    search: Callable[[np.ndarray], NearestNeighbours] = LeafSearch
+    search: Callable[[np.ndarray], LeafSearch] = LeafSearch
 
     def __post_init__(self) -> None:
         check_columns(vars(self), _columns(len(self.sources)), DatabaseError, "the pose database", BUILT_AGAIN)
@@ -141,7 +140,7 @@ class PoseDatabase:
         ).for_body(body)
 
     @cached_property
-    def _search(self) -> NearestNeighbours:
+    def _search(self) -> LeafSearch:
         return self.search(self.features)
 
     def query(self, features: np.ndarray, k: int, present: np.ndarray | None = None) -> tuple[np.ndarray, np.ndarray]:
@@ -368,9 +367,9 @@ def _check_identity(file: Path, stored: dict[str, np.ndarray]) -> None:
     if "format" not in stored or str(stored["format"]) != expected["format"]:
         raise DatabaseError(f"{file} is not a pose database; build one with `{BUILD}`")
     version = stored.get("format_version")
-    if version is None or str(version) not in READABLE:
+    if str(version) != str(FORMAT_VERSION):
         raise DatabaseError(
-            f"{file} has format version {version}, this program reads {' and '.join(READABLE)}; {_rebuild(file)}"
+            f"{file} has format version {version}, this program reads {FORMAT_VERSION}; {_rebuild(file)}"
         )
     if str(stored.get("fingerprint")) != expected["fingerprint"]:
         raise DatabaseError(

@@ -1,8 +1,6 @@
-"""Nearest neighbours among the feature vectors of a database, by one of three providers behind one small interface."""
+"""Nearest neighbours among the feature vectors of a database."""
 
 from __future__ import annotations
-
-from abc import ABC, abstractmethod
 
 import numpy as np
 
@@ -13,13 +11,22 @@ FEATURE_SIZE = 3 * len(END_EFFECTORS)
 """Length of a feature vector: five end effectors, three coordinates each."""
 
 
-class NearestNeighbours(ABC):
-    """Exact search by Euclidean distance among features (N, 15), float32, metres, N at least 1."""
+class LeafSearch:
+    """Exact search by Euclidean distance: a compiled scan of k-d leaves (`toolkit.kernels.cloud.nearest`).
+
+    It takes any subset of coordinates; its worst case is a plain scan. Of equal distances the lowest index comes first.
+
+    Parameters
+    ----------
+    features : (N, 15), float32, metres, N at least 1
+    """
 
     def __init__(self, features: np.ndarray) -> None:
-        self._features = np.ascontiguousarray(features, dtype=np.float32)
+        rows = np.ascontiguousarray(features, dtype=np.float32)
+        self._order, self._starts = nearest.leaf_order(rows)
+        self._columns = np.ascontiguousarray(rows[self._order].T)
+        self._low, self._high = nearest.boxes(self._columns, self._starts)
 
-    @abstractmethod
     def query(self, queries: np.ndarray, k: int, used: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """The `k` (at most N) nearest features of each query, nearest first.
 
@@ -33,22 +40,6 @@ class NearestNeighbours(ABC):
         distances : float64 (M, k), metres, over the coordinates that count
         indices : int64 (M, k)
         """
-
-
-class LeafSearch(NearestNeighbours):
-    """Compiled scan of k-d leaves (`toolkit.kernels.cloud.nearest`).
-
-    It takes any subset of coordinates; its worst case is a plain scan. Of equal distances the lowest index comes first.
-    """
-
-    def __init__(self, features: np.ndarray) -> None:
-        super().__init__(features)
-        self._order, self._starts = nearest.leaf_order(self._features)
-        self._columns = np.ascontiguousarray(self._features[self._order].T)
-        self._low, self._high = nearest.boxes(self._columns, self._starts)
-
-    def query(self, queries: np.ndarray, k: int, used: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """See `NearestNeighbours.query`."""
         distances = np.empty((len(queries), k), dtype=np.float32)
         indices = np.empty((len(queries), k), dtype=np.int64)
         nearest.nearest(

@@ -12,7 +12,7 @@ SURE = 0.999
 
 
 class RegressorJudge:
-    """A `toolkit.people.hypothesis.PersonJudge`; it cannot tell where the regressor was trained without rooms.
+    """A `toolkit.people.hypothesis.PersonJudge`.
 
     Parameters
     ----------
@@ -24,8 +24,6 @@ class RegressorJudge:
 
     def log_odds(self, depth: np.ndarray, camera: Camera, rotation: np.ndarray, pixels: np.ndarray) -> np.ndarray:
         """See `PersonJudge.log_odds`."""
-        if not self._regressor.knows_rooms:
-            return np.zeros(len(pixels))
         chances = self._regressor.person_probability(depth, camera.intrinsics, rotation, pixels)
         chances = np.clip(chances, 1.0 - SURE, SURE)
         return np.asarray(np.log(chances / (1.0 - chances)))

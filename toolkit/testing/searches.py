@@ -7,19 +7,19 @@ from typing import Any
 
 import numpy as np
 
-from toolkit.database.search import FEATURE_SIZE, NearestNeighbours
+from toolkit.database.search import FEATURE_SIZE, LeafSearch
 
 
-class _TreeSearch(NearestNeighbours):
-    """A library's tree; one more is built for every subset of coordinates that is asked for."""
+class _TreeSearch(LeafSearch):
+    """A library's tree in the place of the leaves, one for every subset of coordinates that is asked for."""
 
     def __init__(self, features: np.ndarray) -> None:
-        super().__init__(features)
+        self._features = np.ascontiguousarray(features, dtype=np.float32)
         self._trees: dict[bytes, Any] = {}
         self._tree(np.ones(FEATURE_SIZE, dtype=np.bool_))
 
     def query(self, queries: np.ndarray, k: int, used: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """See `NearestNeighbours.query`."""
+        """See `LeafSearch.query`."""
         distances = np.empty((len(queries), k))
         indices = np.empty((len(queries), k), dtype=np.int64)
         subsets, members = np.unique(used, axis=0, return_inverse=True)

@@ -37,13 +37,11 @@ class View(NamedTuple):
     depth : float32 (H, W), metres: 0 = nothing, negative = unobserved
     camera : float64 (4,), fx, fy, cx, cy
     rotation : float64 (3, 3), R_level_camera
-    blind : the answer of a probe that can see nothing
     """
 
     depth: np.ndarray
     camera: np.ndarray
     rotation: np.ndarray
-    blind: float
 
 
 class Asked(NamedTuple):
@@ -94,7 +92,7 @@ def answer(view: View, asked: Asked) -> None:
     down_x, down_y, down_z = -view.rotation[1, 0], -view.rotation[1, 1], -view.rotation[1, 2]
     along_x, along_y, along_z = -view.rotation[2, 0], -view.rotation[2, 1], -view.rotation[2, 2]
     height, width = view.depth.shape
-    depth, blind = view.depth, view.blind
+    depth = view.depth
     start_x, start_y, start_z, start = asked.points[0], asked.points[1], asked.points[2], asked.points[3]
     columns, rows = asked.places[0], asked.places[1]
     for s in range(2):
@@ -114,8 +112,8 @@ def answer(view: View, asked: Asked) -> None:
             d = float(depth[v, max(u, 0)])
             along = d * (along_x * (u - cx) / fx + (along_y * (v - cy) / fy + along_z))
             measured = min(max(along - start[k], -REACH), REACH)
-            nothing = REACH if d == 0.0 else blind
-            answers[k] = blind if u < 0 else (measured if d > 0.0 else nothing)
+            nothing = REACH if d == 0.0 else -REACH
+            answers[k] = -REACH if u < 0 else (measured if d > 0.0 else nothing)
 
 
 @njit(cache=True)
