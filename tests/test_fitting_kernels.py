@@ -13,7 +13,7 @@ from scipy.spatial import cKDTree
 from tests.fitting_helpers import vertex_jacobian
 from toolkit import skeleton
 from toolkit.body.body import BELOW, Body
-from toolkit.body.raycast import cast_body
+from toolkit.body.raycast import cast
 from toolkit.body.shape import load_body
 from toolkit.fitting.placed import NormalSystem, PlacedBody, Placer
 from toolkit.kernels.fit import pairs, twists
@@ -85,7 +85,7 @@ def test_the_axes_of_a_placed_body_are_those_about_which_its_joints_turn(body: B
 @pytest.mark.parametrize("seed", range(3))
 def test_the_z_buffer_shows_what_open3d_hits(body: Body, seed: int, place: tuple[float, float, float]) -> None:
     pose = some_pose(seed, place)
-    posed, hits = placed(body, pose), cast_body(body, pose, CAMERA, TILTED)
+    posed, hits = placed(body, pose), cast(body.vertex_positions(pose) @ TILTED, body.faces, CAMERA)
     assert (hits.depth > 0).sum() > 300
     # A ray that meets an edge of the mesh may be decided either way.
     assert (np.abs(posed.drawn.depth - hits.depth) > 1e-3).sum() <= 2

@@ -311,12 +311,10 @@ def test_an_empty_cloud_and_wrong_arguments_are_refused_in_one_sentence() -> Non
     with pytest.raises(UsageError, match="ask for at least 1"):
         geodesic_extrema(cloud, 0)
     with pytest.raises(UsageError, match="source node"):
-        geodesic_extrema(cloud, 5, source=len(cloud))
-    for wrong in ({"neighbour_distance": 0.0}, {"bridge_distance": 20.0}, {"flat_curvature": 0.5}):
+        extrema_of_graph(grid_graph(cloud, SETTINGS), cloud.points, 5, len(cloud))
+    for wrong in ({"neighbour_distance": 0.0}, {"bridge_distance": 20.0}):
         with pytest.raises(SettingsError, match=next(iter(wrong))):
             LandmarkSettings(**wrong)
-    with pytest.raises(SettingsError, match="long_circularity"):
-        LandmarkSettings(long_circularity=0.9)
 
 
 def test_a_workspace_that_saw_other_clouds_changes_nothing() -> None:
@@ -325,7 +323,11 @@ def test_a_workspace_that_saw_other_clouds_changes_nothing() -> None:
         depth = person(np.random.default_rng(seed))
         depth[: 40 * seed] = 0.0
         cloud = cloud_of(depth)
-        kept, fresh = (geodesic_extrema(cloud, 20, SETTINGS, workspace=w) for w in (workspace, None))
+        graphs = (grid_graph(cloud, SETTINGS, workspace), grid_graph(cloud, SETTINGS))
+        kept, fresh = (
+            extrema_of_graph(graph, cloud.points, 20, 7, own)
+            for graph, own in zip(graphs, (workspace, None), strict=True)
+        )
         for name in ("nodes", "points", "distances", "source_distances", "visited"):
             assert np.array_equal(getattr(kept, name), getattr(fresh, name))
 

@@ -44,8 +44,8 @@ def test_plain_and_compiled_landmarks_are_the_same(seed: int) -> None:
     settings = LandmarkSettings()
     _, cloud = frame(seed)
     scale = (0.8, 1.0, 1.1, 1.2)[seed]
-    centre = cloud_centre(cloud.points, None, settings, scale)
-    assert plain_centre(cloud.points, None, settings, scale) == pytest.approx(centre, abs=1e-6)
+    centre = cloud_centre(cloud.points, None, scale)
+    assert plain_centre(cloud.points, None, scale) == pytest.approx(centre, abs=1e-6)
     graph = grid_graph(cloud, settings)
     matrix, largest = plain_graph(cloud, settings)
     assert (matrix != graph.matrix()).nnz == 0

@@ -11,7 +11,7 @@ import pytest
 from tests.chromium import browser
 from tests.sensing_scenes import KINECT, neutral, person_alone, standing
 from toolkit import skeleton
-from toolkit.body.raycast import cast_body
+from toolkit.body.raycast import render_depth
 from toolkit.errors import OutputError, SettingsError, TrackError, UsageError
 from toolkit.files import sha256_of
 from toolkit.recordings.opening import open_recording
@@ -185,7 +185,7 @@ def test_a_drawn_mesh_has_the_depth_that_ray_casting_gives():
     pose[POSE_NAMES.index("left_elbow_ry")] = -1.2
     image = np.zeros((*KINECT.shape, 3), np.uint8)
     depth = draw_mesh(image, body.vertex_positions(pose) @ LEVEL, body.faces, part_colors(body), KINECT)
-    expected = cast_body(body, pose, KINECT, LEVEL).depth
+    expected = render_depth(body, pose, KINECT, LEVEL)
     drawn, hit = np.isfinite(depth), expected > 0
     assert (drawn & hit).sum() / (drawn | hit).sum() > 0.99
     assert np.quantile(np.abs(depth - expected)[drawn & hit], 0.999) < 0.002

@@ -21,7 +21,7 @@ from toolkit.errors import SettingsError
 from toolkit.fitting.scene import Scene
 from toolkit.landmarks.centre import cloud_centre
 from toolkit.landmarks.extrema import Extrema
-from toolkit.landmarks.facing import FacingFilter, camera_yaw, estimate_facing
+from toolkit.landmarks.facing import camera_yaw, estimate_facing, smoothed_facing
 from toolkit.landmarks.regressor import JointEstimate
 from toolkit.sensing.cloud import Cloud
 from toolkit.tracking.search.extrema import ExtremaQuery
@@ -165,7 +165,7 @@ def view_of(body: Body, pose: np.ndarray, order: np.ndarray) -> Seen:
     cloud = body_cloud(body, pose)
     scale = body.height / 1.7
     centre = cloud_centre(cloud.points, scale=scale)
-    yaw = FacingFilter().update(estimate_facing(cloud.points, centre, scale=scale), 1 / 30, centre)
+    yaw = float(np.arctan2(*smoothed_facing(None, estimate_facing(cloud.points, centre, scale=scale), 1 / 30, centre)))
     tips = body.end_effector_positions(pose)[order].astype(np.float32)
     none = np.zeros(5)
     extrema = Extrema(none.astype(np.int32), tips, none, none, none.astype(np.int32), 0, none.astype(np.int32))

@@ -14,7 +14,7 @@ from toolkit.body.shape import load_body
 from toolkit.database.origin import ADULT_HEIGHT
 from toolkit.errors import SettingsError
 from toolkit.hybrid.settings import HybridSettings
-from toolkit.landmarks.facing import FacingEstimate, FacingFilter
+from toolkit.landmarks.facing import FacingEstimate, smoothed_facing
 from toolkit.landmarks.regressor import JointEstimate
 from toolkit.landmarks.settings import LandmarkSettings
 from toolkit.sensing.camera import Camera
@@ -84,9 +84,7 @@ def test_the_facing_follows_by_the_time_that_has_passed(
     recorded(monkeypatch, "estimate_facing", estimate)
     before = np.array([0.0, 1.0])
     seen = Observation(OBSERVER, cloud, 10.25, state(facing=before, timestamp=timestamp))
-    expected = FacingFilter(OBSERVER.landmarks, before.copy())
-    expected.update(estimate, dt, CENTRE)
-    assert seen.facing == pytest.approx(expected.direction)
+    assert seen.facing == pytest.approx(smoothed_facing(before.copy(), estimate, dt, CENTRE))
     assert before.tolist() == [0.0, 1.0]
 
 

@@ -69,8 +69,8 @@ def cast(vertices_camera: np.ndarray, faces: np.ndarray, camera: Camera) -> Hits
     return hits
 
 
-def cast_body(body: Body, pose_level: np.ndarray, camera: Camera, R_level_camera: np.ndarray) -> Hits:  # noqa: N803
-    """What a camera sees of a body.
+def render_depth(body: Body, pose_level: np.ndarray, camera: Camera, R_level_camera: np.ndarray) -> np.ndarray:  # noqa: N803
+    """Depth image of a body: float32 (H, W), metres along z, 0 where there is nothing.
 
     Parameters
     ----------
@@ -82,12 +82,7 @@ def cast_body(body: Body, pose_level: np.ndarray, camera: Camera, R_level_camera
     BodyError
         The pose has a wrong length or is not finite.
     """
-    return cast(body.vertex_positions(pose_level) @ R_level_camera, body.faces, camera)
-
-
-def render_depth(body: Body, pose_level: np.ndarray, camera: Camera, R_level_camera: np.ndarray) -> np.ndarray:  # noqa: N803
-    """Depth image of a body: float32 (H, W), metres along z, 0 where there is nothing. Arguments as in `cast_body`."""
-    return cast_body(body, pose_level, camera, R_level_camera).depth
+    return cast(body.vertex_positions(pose_level) @ R_level_camera, body.faces, camera).depth
 
 
 def _window(vertices_camera: np.ndarray, camera: Camera) -> tuple[slice, slice]:

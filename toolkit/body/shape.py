@@ -186,13 +186,7 @@ def load_body(name: str = "neutral") -> Body:
     return space.body(_named(space.named, name), name=name)
 
 
-def subject_body(
-    shape: str | Sequence[float] | np.ndarray = "neutral",
-    *,
-    seed: int | None = None,
-    scale: float = 1.0,
-    name: str | None = None,
-) -> Body:
+def subject_body(shape: str | Sequence[float] | np.ndarray, *, seed: int | None = None) -> Body:
     """A person to be recorded: MakeHuman's whole skin (13,380 vertices) with the weights of its own finest rig.
 
     A subject follows 20 components, of which the tracker's space holds the first 10. With a `seed` it also gets
@@ -203,8 +197,6 @@ def subject_body(
     ----------
     shape : name of a body, or up to 20 coefficients in standard deviations
     seed : seed of the local deformations; None for a subject without them
-    scale : uniform factor (> 0)
-    name : name of the result
 
     Raises
     ------
@@ -222,8 +214,8 @@ def subject_body(
         points += quantum * linear.combined(rng.uniform(-0.5, 0.6, len(data["local"])), data["local"])
         points[:count] += _bumps(points[:count], faces, rng)
     vertices, joints, sites = _split(points)
-    body = Body(
-        name or (shape if isinstance(shape, str) else "subject"),
+    return Body(
+        shape if isinstance(shape, str) else "subject",
         vertices,
         faces,
         data["skin_joints"].astype(np.int64),
@@ -233,7 +225,6 @@ def subject_body(
         tip_vertices(vertices, sites),
         coefficients,
     )
-    return body if scale == 1.0 else body.scaled(scale)
 
 
 def tip_vertices(vertices: np.ndarray, sites: np.ndarray) -> np.ndarray:
@@ -255,14 +246,18 @@ def tip_vertices(vertices: np.ndarray, sites: np.ndarray) -> np.ndarray:
     )
 
 
-def _bumps(skin: np.ndarray, faces: np.ndarray, rng: np.random.Generator, count: int = 40) -> np.ndarray:
+BUMPS = 40
+"""Bumps and dents of a subject's clothes."""
+
+
+def _bumps(skin: np.ndarray, faces: np.ndarray, rng: np.random.Generator) -> np.ndarray:
     """Offsets (V, 3) along the normals: Gaussian bumps and dents, 4 to 12 cm wide, at random places below the neck."""
     corners = skin[faces]
     face_normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     normals = vertex_normals(skin, faces)
     area = np.linalg.norm(face_normals, axis=1) * (corners[..., 1].mean(axis=1) < np.quantile(skin[:, 1], 0.95) - 0.3)
-    centres = corners[rng.choice(len(faces), count, p=area / area.sum())].mean(axis=1)
-    width, height = rng.uniform(0.02, 0.06, count), rng.uniform(-0.006, 0.012, count)
+    centres = corners[rng.choice(len(faces), BUMPS, p=area / area.sum())].mean(axis=1)
+    width, height = rng.uniform(0.02, 0.06, BUMPS), rng.uniform(-0.006, 0.012, BUMPS)
     distance = np.linalg.norm(skin[:, None] - centres, axis=2)
     return (np.exp(-0.5 * (distance / width) ** 2) @ height).clip(-0.008, 0.012)[:, None] * normals
 

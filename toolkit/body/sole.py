@@ -8,7 +8,7 @@ import numpy as np
 
 from toolkit import skeleton
 from toolkit.body.body import Body
-from toolkit.kernels import kinematics, linear
+from toolkit.kernels import linear
 
 FEET: dict[str, str] = {"left_leg": "left_ankle", "right_leg": "right_ankle"}
 """Leg -> the joint that carries its foot."""
@@ -33,12 +33,8 @@ class Sole(NamedTuple):
 
     def at(self, body: Body, pose: np.ndarray) -> np.ndarray:
         """The points in a pose (P,), float64 (2, 3), metres, in the pose's frame."""
-        count = len(skeleton.JOINTS)
-        vectors, rotations, origins = np.empty((count, 3)), np.empty((count, 3, 3)), np.empty((count, 3))
-        kinematics.forward_kinematics(
-            pose, skeleton.PARENTS, body.joints, skeleton.DOF_JOINT, skeleton.DOF_AXIS, vectors, rotations, origins
-        )
-        return origins[self.joint] + linear.rotated(self.points, rotations[self.joint].T)
+        placed = body.place(pose)
+        return placed.origins[self.joint] + linear.rotated(self.points, placed.rotations[self.joint].T)
 
 
 def soles(body: Body, poses: np.ndarray) -> np.ndarray:

@@ -17,7 +17,6 @@ from toolkit.kernels import linear
 from toolkit.kernels.image import raster
 from toolkit.landmarks.centre import cloud_centre
 from toolkit.landmarks.facing import estimate_facing
-from toolkit.landmarks.settings import LandmarkSettings
 from toolkit.sensing.camera import Camera
 from toolkit.sensing.cloud import Cloud
 
@@ -45,9 +44,7 @@ CAMERA = Camera(fx=142.8, fy=142.8, cx=79.5, cy=59.5, width=160, height=120)
 R_LEVEL_CAMERA = np.diag([1.0, -1.0, -1.0])
 
 
-def observed_offsets(
-    body: Body, poses: np.ndarray, view: View | None = None, settings: LandmarkSettings | None = None
-) -> np.ndarray:
+def observed_offsets(body: Body, poses: np.ndarray, view: View | None = None) -> np.ndarray:
     """Offsets of canonical poses (N, P): float64 (N, 4), centre (metres) and facing yaw (radians), canonical frame.
 
     Where an arm hides the torso, the facing estimate has a low weight and a tracker keeps the facing that it had; so
@@ -59,8 +56,8 @@ def observed_offsets(
     offsets = np.empty((len(poses), 4))
     for row, pose in enumerate(place(poses, np.zeros(4), stand, view.yaw)):
         points = seen_points(body, pose)
-        centre = cloud_centre(points, settings=settings, scale=scale)
-        estimate = estimate_facing(points, centre, settings, scale)
+        centre = cloud_centre(points, scale=scale)
+        estimate = estimate_facing(points, centre, scale=scale)
         weight, turn = estimate.weight, estimate.yaw - view.yaw
         turned = np.arctan2(weight * np.sin(turn), 1.0 - weight + weight * np.cos(turn))
         offsets[row, :3] = frontal_centre(centre, view.yaw + turned, scale) - stand

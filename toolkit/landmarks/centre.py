@@ -6,16 +6,16 @@ import numpy as np
 
 from toolkit.errors import SegmentationError
 from toolkit.kernels.cloud import torso
-from toolkit.landmarks.settings import LandmarkSettings
 
+WIDTH, HEIGHT = 0.35, 0.5
+"""Metres: half axes of the ellipsoid, horizontal and vertical, for an adult. It reaches from the chest to the thighs: a
+smaller one slides along the torso, where nothing holds it."""
 TOLERANCE = 1e-3
 """Metres: a step of the mean shift below this ends it."""
 MAX_STEPS = 30
 
 
-def cloud_centre(
-    points: np.ndarray, start: np.ndarray | None = None, settings: LandmarkSettings | None = None, scale: float = 1.0
-) -> np.ndarray:
+def cloud_centre(points: np.ndarray, start: np.ndarray | None = None, scale: float = 1.0) -> np.ndarray:
     """Centre of a person's cloud by mean shift with an upright ellipsoid: float64 (3,), metres, level frame.
 
     The mean of the points within the ellipsoid becomes its new centre until it rests, so an outstretched arm, which
@@ -26,7 +26,6 @@ def cloud_centre(
     ----------
     points : float32 (N, 3), metres, level frame (y up)
     start : (3,), metres, or None
-    settings : half axes of the ellipsoid
     scale : size of the person against an adult, multiplies the half axes
 
     Raises
@@ -34,10 +33,9 @@ def cloud_centre(
     SegmentationError
         The cloud is empty.
     """
-    settings = settings or LandmarkSettings()
     if len(points) == 0:
         raise SegmentationError("the cloud has no points, so it has no centre; skip frames without a person")
-    width, height = scale * settings.centre_width, scale * settings.centre_height
+    width, height = scale * WIDTH, scale * HEIGHT
     inverse_axes = 1.0 / np.array([width, height, width])
     if start is not None:
         centre = np.array(start, dtype=np.float64)

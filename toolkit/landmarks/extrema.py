@@ -44,31 +44,14 @@ class Extrema:
         return len(self.nodes)
 
 
-def geodesic_extrema(
-    cloud: Cloud,
-    count: int,
-    settings: LandmarkSettings | None = None,
-    source: int | None = None,
-    workspace: Workspace | None = None,
-) -> Extrema:
-    """First `count` geodesic extrema of an organised cloud; fewer where fewer nodes can be reached.
+def geodesic_extrema(cloud: Cloud, count: int, settings: LandmarkSettings | None = None) -> Extrema:
+    """First `count` geodesic extrema of an organised cloud, measured from the node at its hips.
 
-    `source` is the node to measure from; by default `source_node` of the cloud's centre. A `workspace` that is kept
-    from frame to frame saves the allocations.
-
-    Raises
-    ------
-    SegmentationError
-        The cloud is empty.
-    UsageError
-        `count` is below 1 or `source` is not a node.
+    There are fewer where fewer nodes can be reached. Raises as `grid_graph` and `extrema_of_graph`.
     """
-    settings = settings or LandmarkSettings()
-    workspace = workspace or Workspace()
-    graph = grid_graph(cloud, settings, workspace)
-    if source is None:
-        source = source_node(graph, cloud.points, cloud_centre(cloud.points, None, settings), settings)
-    return extrema_of_graph(graph, cloud.points, count, source, workspace)
+    graph = grid_graph(cloud, settings or LandmarkSettings())
+    source = source_node(graph, cloud.points, cloud_centre(cloud.points), settings)
+    return extrema_of_graph(graph, cloud.points, count, source)
 
 
 def source_node(

@@ -11,6 +11,18 @@ from toolkit.kernels import linear
 from toolkit.kernels.cloud import torso
 from toolkit.landmarks.settings import LandmarkSettings
 
+TORSO_RADIUS = 0.15
+"""Metres: points nearer than this to the middle of an adult's chest are taken for the torso; the paper's."""
+SMALLEST_TORSO = 30
+"""A patch of fewer points says nothing about the facing."""
+CURVED, FLAT = 0.08, 0.03
+"""Shares of the smallest eigenvalue in the sum of the three from which a torso's normal is ignored, and at and below
+which the torso counts as flat."""
+LONG, ROUND = 0.35, 0.65
+"""Ratios of the two larger eigenvalues down to which a normal is ignored, and at and above which a patch is round."""
+FACING_TIME = 0.15
+"""Seconds: time constant of the smoothing at full weight."""
+
 
 @dataclass(frozen=True)
 class FacingEstimate:
@@ -42,7 +54,7 @@ def estimate_facing(
     than the body: the angle between the normal and the direction to the camera is multiplied by `turn_gain`.
 
     Where an arm occludes the torso, the patch is curved (the smallest eigenvalue is relatively large) or not round (the
-    other two differ), and the weight falls linearly between the settings' bounds; a normal that stands upright has no
+    other two differ), and the weight falls linearly between the bounds of both; a normal that stands upright has no
     horizontal direction, and the weight falls with its horizontal part. Holds for turns of up to about 60 degrees from
     the camera: a torso seen from the side has no front.
 
@@ -50,16 +62,16 @@ def estimate_facing(
     ----------
     points : float32 (N, 3), metres, level frame
     centre : (3,), metres, level frame, from `cloud_centre`
-    settings : place and radius of the patch, gain and bounds of the eigenvalue tests
+    settings : place of the patch, and gain
     scale : size of the person against an adult, multiplies height and radius
     """
     settings = settings or LandmarkSettings()
     centre = np.asarray(centre, dtype=np.float64)
     mean, covariance = np.empty(3), np.empty((3, 3))
     chest = centre + [0.0, scale * settings.chest_height, 0.0]
-    count = torso.ball_moments(points, chest, scale * settings.torso_radius, mean, covariance)
+    count = torso.ball_moments(points, chest, scale * TORSO_RADIUS, mean, covariance)
     towards_camera = camera_yaw(centre)
-    if count < settings.smallest_torso:
+    if count < SMALLEST_TORSO:
         return FacingEstimate(towards_camera, 0.0)
     values, vectors = linear.principal_axes(covariance)
     if values[2] <= 0.0:
@@ -69,8 +81,8 @@ def estimate_facing(
         normal = -normal
     curvature = max(values[0], 0.0) / values.sum()
     circularity = values[1] / values[2]
-    flat = _ramp(curvature, settings.curved_curvature, settings.flat_curvature)
-    round_ = _ramp(circularity, settings.long_circularity, settings.round_circularity)
+    flat = _ramp(curvature, CURVED, FLAT)
+    round_ = _ramp(circularity, LONG, ROUND)
     horizontal = math.hypot(normal[0], normal[2])
     turn = settings.turn_gain * _wrapped(math.atan2(normal[0], normal[2]) - towards_camera)
     return FacingEstimate(_wrapped(towards_camera + turn), flat * round_ * horizontal)
@@ -86,43 +98,26 @@ def _ramp(value: float, zero: float, one: float) -> float:
     return min(max((value - zero) / (one - zero), 0.0), 1.0)
 
 
-class FacingFilter:
-    """Adaptive smoothing of the facing direction: a low-pass whose rate is the weight of each estimate.
+def smoothed_facing(
+    direction: np.ndarray | None, estimate: FacingEstimate, dt: float, centre: np.ndarray
+) -> np.ndarray:
+    """The direction (2,) that a person faces in the ground plane, x and z, after the estimate of one more frame.
 
-    The state is a vector in the ground plane, so yaw wraps without a seam. An estimate of weight w moves it by the
-    share 1 - exp(-w dt / facing_time): the same for one long step as for two short ones, so the frame rate does not
-    matter, and an occluded torso leaves the direction as it was.
+    A low-pass whose rate is the weight of each estimate. An estimate of weight w moves the direction by the share
+    1 - exp(-w dt / `FACING_TIME`): the same for one long step as for two short ones, so the frame rate does not matter,
+    and an occluded torso leaves the direction as it was. As a vector it wraps without a seam.
 
-    Attributes
+    Parameters
     ----------
-    direction : float64 (2,), where the person faces in the ground plane, x and z; None before the first estimate
+    direction : (2,), as it was `dt` seconds ago; None on a first frame, which is a mean of the estimate, by its weight,
+        and of facing the camera
+    centre : (3,), of the cloud, level frame
     """
-
-    def __init__(self, settings: LandmarkSettings | None = None, direction: np.ndarray | None = None) -> None:
-        self._time = (settings or LandmarkSettings()).facing_time
-        self.direction = direction
-
-    @property
-    def yaw(self) -> float | None:
-        """Smoothed facing, radians in (-pi, pi]; None before the first estimate."""
-        return None if self.direction is None else float(np.arctan2(self.direction[0], self.direction[1]))
-
-    def reset(self, yaw: float | None = None) -> None:
-        """Forget the past, or set the facing to `yaw` (radians)."""
-        self.direction = None if yaw is None else np.array([np.sin(yaw), np.cos(yaw)])
-
-    def update(self, estimate: FacingEstimate, dt: float, centre: np.ndarray) -> float:
-        """Take in the estimate of a frame `dt` seconds after the last one and return the smoothed yaw, radians.
-
-        The first frame is a mean of the estimate, by its weight, and of facing the camera from `centre` (3,), level
-        frame.
-        """
-        measured = np.array([np.sin(estimate.yaw), np.cos(estimate.yaw)])
-        if self.direction is None:
-            prior = camera_yaw(centre)
-            self.direction = np.array([np.sin(prior), np.cos(prior)])
-            share = estimate.weight
-        else:
-            share = 1.0 - np.exp(-estimate.weight * max(dt, 0.0) / self._time)
-        self.direction = self.direction + share * (measured - self.direction)
-        return float(np.arctan2(self.direction[0], self.direction[1]))
+    measured = np.array([np.sin(estimate.yaw), np.cos(estimate.yaw)])
+    if direction is None:
+        prior = camera_yaw(centre)
+        direction = np.array([np.sin(prior), np.cos(prior)])
+        share = estimate.weight
+    else:
+        share = 1.0 - np.exp(-estimate.weight * max(dt, 0.0) / FACING_TIME)
+    return direction + share * (measured - direction)

@@ -21,9 +21,6 @@ SURE = 0.3
 _JOINTS = skeleton.REPORTED
 BEHIND_SKIN: np.ndarray = np.array([HALF_LIMBS.get(name.split("_")[-1], np.nan) for name in _JOINTS])
 """Metres from the skin to each reported joint (20,), NaN for the derived ones."""
-_MIRRORED = [
-    _JOINTS.index(name.replace("left", "RIGHT").replace("right", "left").replace("RIGHT", "right")) for name in _JOINTS
-]
 
 
 class Joints2D(NamedTuple):
@@ -131,7 +128,7 @@ def mirrored_rows(rows: np.ndarray, width: int) -> np.ndarray:
 
     A detector calls what it sees in the mirror by the other side's name.
     """
-    flipped = rows[..., _MIRRORED, :].copy()
+    flipped = rows[..., skeleton.OTHER_SIDE, :].copy()
     flipped[..., 0] = width - 1 - flipped[..., 0]
     return flipped
 

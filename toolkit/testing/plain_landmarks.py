@@ -9,7 +9,7 @@ from scipy.spatial import cKDTree
 
 from toolkit.kernels.cloud.cloud_graph import UNIT
 from toolkit.kernels.cloud.geodesic import UNREACHED
-from toolkit.landmarks.centre import MAX_STEPS, TOLERANCE
+from toolkit.landmarks.centre import HEIGHT, MAX_STEPS, TOLERANCE, WIDTH
 from toolkit.landmarks.extrema import Extrema
 from toolkit.landmarks.settings import LandmarkSettings
 from toolkit.sensing.cloud import Cloud
@@ -89,9 +89,9 @@ def plain_source(
     return int(np.where(largest, squared, np.inf).argmin())
 
 
-def plain_centre(points: np.ndarray, start: np.ndarray | None, settings: LandmarkSettings, scale: float) -> np.ndarray:
+def plain_centre(points: np.ndarray, start: np.ndarray | None, scale: float) -> np.ndarray:
     """Mean shift with the upright ellipsoid; see `cloud_centre`."""
-    axes = scale * np.array([settings.centre_width, settings.centre_height, settings.centre_width])
+    axes = scale * np.array([WIDTH, HEIGHT, WIDTH])
     starts = [np.median(points, axis=0).astype(np.float64)]
     if start is not None:
         starts.insert(0, np.array(start, dtype=np.float64))

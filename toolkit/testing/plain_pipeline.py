@@ -31,7 +31,7 @@ class PlainObservation(Observation):
     @cached_property
     def centre(self) -> np.ndarray:
         """See `Observation.centre`."""
-        return plain_centre(self.cloud.points, self._state.centre, self.observer.landmarks, self.scale)
+        return plain_centre(self.cloud.points, self._state.centre, self.scale)
 
     @cached_property
     def extrema(self) -> Extrema:

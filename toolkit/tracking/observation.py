@@ -17,7 +17,7 @@ from toolkit.kernels import linear
 from toolkit.landmarks.centre import cloud_centre
 from toolkit.landmarks.cuts import on_cuts
 from toolkit.landmarks.extrema import Extrema, extrema_of_graph, source_node
-from toolkit.landmarks.facing import FacingFilter, estimate_facing
+from toolkit.landmarks.facing import estimate_facing, smoothed_facing
 from toolkit.landmarks.graph import Workspace, grid_graph
 from toolkit.landmarks.regressor import JointEstimate, JointRegressor
 from toolkit.landmarks.settings import LandmarkSettings
@@ -38,7 +38,7 @@ class Observer:
 
     Attributes
     ----------
-    landmarks : of the graph, the centre and the facing
+    landmarks : of the graph and the facing
     extrema : how many geodesic extrema
     samples : measured points of the scene, see `Scene`
     forest, vote_samples : the joint regressor, None for no votes, and how many pixels vote
@@ -120,16 +120,13 @@ class Observation:
     @cached_property
     def centre(self) -> np.ndarray:
         """Float64 (3,), metres, level frame (Baak 2013, 5.3.4)."""
-        return cloud_centre(self.cloud.points, self._state.centre, self.observer.landmarks, self.scale)
+        return cloud_centre(self.cloud.points, self._state.centre, self.scale)
 
     @cached_property
     def facing(self) -> np.ndarray:
         """Float64 (2,): the smoothed direction that the person faces, in the ground plane."""
-        landmarks = self.observer.landmarks
-        smooth = FacingFilter(landmarks, self._state.facing)
-        smooth.update(estimate_facing(self.cloud.points, self.centre, landmarks, self.scale), self.elapsed, self.centre)
-        assert smooth.direction is not None
-        return smooth.direction
+        estimate = estimate_facing(self.cloud.points, self.centre, self.observer.landmarks, self.scale)
+        return smoothed_facing(self._state.facing, estimate, self.elapsed, self.centre)
 
     @property
     def yaw(self) -> float:
