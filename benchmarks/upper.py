@@ -8,8 +8,8 @@
   frames. `--real` tracks the 8 stills of Skeltrack, each on its own, and the seated man of `realsense`, against the
   annotations in `benchmarks/annotations/`.
 - `candidates [--split report]`: of the frames of these takes in which the camera sees head and both hands, the share in
-  which each has a candidate within 0.15 m, for the first extrema and for the summits of the component tree, with
-  bridges to pieces that float and without, and how often the fork names all three rightly.
+  which each has a candidate within 0.15 m, for the first extrema and for the summits of the component tree, and how
+  often the fork names all three rightly.
 """
 
 from __future__ import annotations
@@ -287,10 +287,7 @@ WITHIN = 0.15
 """Metres."""
 WIDTH = 160
 """Pixels of width, at most, as the particle filter's tracker looks at hands."""
-UNBRIDGED = 0.01
-"""Metres: bridges as short as this join nothing."""
 KINDS: dict[str, EffectorSettings] = {
-    "3 extrema, no bridges": EffectorSettings(cuts=0, count=3, bridge_distance=UNBRIDGED),
     "3 extrema": EffectorSettings(cuts=0, count=3),
     "6 extrema": EffectorSettings(cuts=0, count=6),
     "8 extrema": EffectorSettings(cuts=0, count=8),

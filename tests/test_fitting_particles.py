@@ -12,12 +12,13 @@ from toolkit import skeleton
 from toolkit.body.shape import ShapeSpace, load_body
 from toolkit.errors import SettingsError
 from toolkit.kernels.fit import particles as kernel
-from toolkit.lopez2011 import initial
-from toolkit.lopez2011.costs import ParticleFrame, ParticleImage, likelihood
+from toolkit.lopez2011 import filter as room
+from toolkit.lopez2011 import initial, sizing
+from toolkit.lopez2011.costs import ParticleFrame, ParticleImage, likelihood, mean_cost
 from toolkit.lopez2011.effectors import Effectors, Fork
 from toolkit.lopez2011.filter import UpperFilter
-from toolkit.lopez2011.initial import InitialSettings, initial_pose, place_hands, sides_of, standing_pose
-from toolkit.lopez2011.proposals import by_inverse_kinematics
+from toolkit.lopez2011.initial import ACCEPTED, InitialSettings, initial_pose, place_hands, sides_of, standing_pose
+from toolkit.lopez2011.proposals import NEAR, ROOT_DIFFUSION, by_inverse_kinematics, diffusion
 from toolkit.lopez2011.settings import ParticleSettings
 from toolkit.lopez2011.silhouette import arm_length, shoulder_breadth
 from toolkit.lopez2011.sizing import FirstFrame, fitting_body, lowest, sized_body
@@ -77,12 +78,11 @@ def test_alpha_says_how_many_are_aimed_and_they_are_spread(alpha: float, aimed: 
 def test_the_true_pose_costs_least_among_a_thousand(upper: UpperBody) -> None:
     rng = np.random.default_rng(0)
     truth = pose_of(left_elbow_ry=-0.8, right_elbow_ry=1.4)
-    frame, filtering = frame_of(depth_of(upper, truth)), UpperFilter(ParticleSettings())
-    best = filtering.costs.mean(upper, truth, frame)
-    spread = filtering.settings.diffusion()
+    frame = frame_of(depth_of(upper, truth))
+    best, spread = mean_cost(upper, truth, frame), diffusion()
     for _ in range(1000):
         other = np.clip(truth + spread * rng.standard_normal(len(truth)), *skeleton.POSE_LIMITS.T)
-        assert filtering.costs.mean(upper, other, frame) > best
+        assert mean_cost(upper, other, frame) > best
 
 
 def filtered(
@@ -142,7 +142,7 @@ def test_a_hand_that_the_other_arm_holds_hardly_counts_and_a_far_one_has_its_flo
     assert weights.sum() == pytest.approx(1.0)
     assert weights[2] / weights[0] == pytest.approx(settings_.floor)
     distance = np.linalg.norm(left - right)
-    expected = max(np.exp(-distance / settings_.near), settings_.floor) * settings_.held
+    expected = max(np.exp(-distance / NEAR), settings_.floor) * settings_.held
     assert weights[1] / weights[0] == pytest.approx(expected)
 
 
@@ -214,9 +214,7 @@ def test_what_was_not_observed_costs_nothing(upper: UpperBody) -> None:
     unobserved = np.ones(CAMERA.shape, dtype=np.bool_)
     images = [ParticleImage.of(depth_of(upper, pose_of()), unobserved, CAMERA, columns, "x") for columns in (80, 160)]
     pose = pose_of(left_shoulder_rz=0.5)
-    assert UpperFilter(ParticleSettings()).costs.mean(upper, pose, ParticleFrame(*images, NOTHING)) == pytest.approx(
-        0, abs=0.1
-    )
+    assert mean_cost(upper, pose, ParticleFrame(*images, NOTHING)) == pytest.approx(0, abs=0.1)
 
 
 def effectors_of(points: np.ndarray) -> Effectors:
@@ -238,7 +236,7 @@ def test_a_first_pose_has_head_and_hands_where_they_were_found(upper: UpperBody,
     found = upper.body.end_effector_positions(first.pose)[skeleton.END_EFFECTORS.index("head")]
     assert np.linalg.norm(found - crown) < (0.08 if labelled else 0.15)
     assert hands_off(upper, first.pose, truth).max() < 0.12
-    assert first.score > InitialSettings().accepted
+    assert first.score > ACCEPTED
 
 
 @pytest.mark.parametrize(("turned", "leaning"), [(0.0, 0.0), (0.6, 0.35), (-0.6, 0.7)])
@@ -266,9 +264,10 @@ def test_somebody_who_leans_towards_the_camera_is_found(upper: UpperBody) -> Non
 
 
 def test_the_estimate_is_what_both_arms_layers_explain_best(upper: UpperBody, monkeypatch: pytest.MonkeyPatch) -> None:
-    filtering = UpperFilter(ParticleSettings(count=4, sharpness=0.0))
+    filtering = UpperFilter(ParticleSettings(count=4))
+    monkeypatch.setattr(room, "SHARPNESS", 0.0)
     layers = iter([np.array([3.0, 0.0, 1.0, 3.0]), np.array([0.0, 3.0, 1.0, 3.0])])
-    monkeypatch.setattr(filtering.costs, "arms", lambda *_: next(layers))
+    monkeypatch.setattr(room, "costs_of_arm", lambda *_: next(layers))
     monkeypatch.setattr(filtering.proposals, "move_arm", lambda _, poses, *__, **___: np.zeros(len(poses), dtype=bool))
     particles = np.stack([pose_of(root_tx=0.01 * k) for k in range(4)])
     frame, rng = frame_of(depth_of(upper, pose_of())), np.random.default_rng(0)
@@ -282,8 +281,8 @@ def test_one_particle_stays_and_every_second_pair_moves_less() -> None:
     UpperFilter(settings_).proposals.move_trunk(poses, 1 / 30, np.random.default_rng(0))
     assert not poses[0].any()
     near = np.arange(4000) // 2 % 2 == 1
-    assert poses[near, 0].std() == pytest.approx(settings_.fine * settings_.root_position, rel=0.1)
-    assert poses[~near, 0].std() == pytest.approx(settings_.root_position, rel=0.1)
+    assert poses[near, 0].std() == pytest.approx(settings_.fine * ROOT_DIFFUSION[0], rel=0.1)
+    assert poses[~near, 0].std() == pytest.approx(ROOT_DIFFUSION[0], rel=0.1)
 
 
 def test_a_first_pose_of_hands_that_are_nowhere_is_not_accepted(upper: UpperBody) -> None:
@@ -295,7 +294,7 @@ def test_a_first_pose_of_hands_that_are_nowhere_is_not_accepted(upper: UpperBody
         np.random.default_rng(0),
     )  # fmt: skip
     assert first is not None
-    assert first.score < InitialSettings().accepted
+    assert first.score < ACCEPTED
 
 
 def test_shoulders_and_arms_are_measured_and_give_a_body_of_that_size(upper: UpperBody) -> None:
@@ -372,7 +371,8 @@ def test_a_size_that_explains_hardly_more_gives_way_to_the_usual_one(
     """`worse` is what a pose costs for each metre that its body is short of two."""
     filtering, sizes = UpperFilter(ParticleSettings()), InitialSettings(rounds=0)
     usual = ShapeSpace.load().body([0.0])
-    monkeypatch.setattr(filtering.costs, "whole", lambda own, poses, _: np.full(len(poses), -worse * own.body.height))
+    for part in (initial, sizing):
+        monkeypatch.setattr(part, "costs_of_whole", lambda own, poses, _: np.full(len(poses), -worse * own.body.height))
     depth, truth = depth_of(upper, pose_of()), pose_of()
     crown = upper.body.end_effector_positions(truth)[skeleton.END_EFFECTORS.index("head")]
     first = FirstFrame(effectors_of(crown[None]), None, frame_of(depth))
@@ -401,11 +401,11 @@ def test_an_arm_reaches_for_the_candidates_of_its_own_side_only(
     head, left, right = np.array([[0.0, 0.3, -1.5], [0.6, -0.4, -1.5], [-0.5, -0.3, -1.4]])
     asked: dict[int, list[list[float]]] = {}
 
-    def best_arm(upper, filtering, pose, side, targets, frame, swivels, *, resting):
+    def best_arm(upper, pose, side, targets, frame, *, resting):
         asked[side] = targets.tolist()
         return pose
 
     monkeypatch.setattr(initial, "_best_arm", best_arm)
-    start = initial.unlabelled_start(upper, None, np.stack([right, head, left]), head, pose, None, InitialSettings())
+    start = initial.unlabelled_start(upper, np.stack([right, head, left]), head, pose, None)
     assert asked == {0: [left.tolist()], 1: [right.tolist()]}
     assert start.wanted.tolist() == [head.tolist()]

@@ -15,6 +15,7 @@ from toolkit.kernels.cloud import cloud_graph, geodesic
 from toolkit.landmarks.extrema import extrema_of_graph
 from toolkit.landmarks.graph import grid_graph
 from toolkit.lopez2011.effectors import (
+    GRAPH,
     Effectors,
     EffectorSettings,
     Fork,
@@ -94,8 +95,7 @@ def test_candidates_move_with_the_image() -> None:
 
 def test_a_path_is_a_shortest_one() -> None:
     cloud = cloud_of(figure())
-    settings = EffectorSettings()
-    graph = grid_graph(cloud, settings.graph)
+    graph = grid_graph(cloud, GRAPH)
     extrema = extrema_of_graph(graph, cloud.points, 5, 100)
     exact = dijkstra(graph.matrix(), indices=100)
     np.testing.assert_allclose(extrema.from_source * cloud_graph.UNIT, exact, atol=1e-9)
@@ -112,8 +112,8 @@ def test_a_path_is_a_shortest_one() -> None:
 
 def test_a_direction_is_measured_from_upwards_to_the_right() -> None:
     path = np.array([[0.0, 0.0, 0.0], [0.1, 0.1, 0.0], [0.2, 0.2, 0.0], [9.0, 0.2, 0.0]])
-    assert direction(path, 0.25) == pytest.approx(np.pi / 4)
-    assert direction(path[:1], 0.25) == 0.0
+    assert direction(path) == pytest.approx(np.pi / 4)
+    assert direction(path[:1]) == 0.0
 
 
 def test_there_is_no_fork_of_two_or_of_prongs_that_lie_together() -> None:
@@ -126,7 +126,7 @@ def test_one_measured_pixel_is_its_own_source_and_has_no_candidates() -> None:
     depth = np.zeros((240, 320), dtype=np.float32)
     depth[100, 100] = 1.5
     for tree in (False, True):
-        effectors = find_effectors(cloud_of(depth), EffectorSettings(tree=tree, smallest_area=1e-3))
+        effectors = find_effectors(cloud_of(depth), EffectorSettings(tree=tree))
         assert len(effectors) == 0 and find_fork(effectors) is None
 
 
@@ -139,8 +139,7 @@ def test_an_empty_cloud_is_an_error() -> None:
     ("values", "message"),
     [
         ({"count": 0}, "effectors.count is 0"),
-        ({"smallest_area": -1.0}, "effectors.smallest_area is -1.0"),
-        ({"prong": 0.0}, "effectors.prong is 0.0"),
+        ({"cuts": -1}, "effectors.cuts is -1"),
         ({"narrowest": 80.0}, "effectors.narrowest and widest are 80.0 and 75.0"),
     ],
 )

@@ -429,7 +429,7 @@ def test_what_lies_far_below_the_crown_is_not_looked_at_and_says_nothing() -> No
         assert seen.unobserved is not None and not (seen.unobserved & (seen.cloud.depth > 0)).any()
         assert seen.cloud.points[:, 1].min() == pytest.approx(crown - SETTINGS.reach, abs=tolerance)
         assert seen.points == np.count_nonzero(sighting.depth)
-    everything = UpperViewer(TALL, LEVEL, SETTINGS.particles, Limits(0.0, 0.0, 0.0)).look(sighting)
+    everything = UpperViewer(TALL, LEVEL, SETTINGS.particles, Limits(0.0, 0.0)).look(sighting)
     assert everything.unobserved is None and len(everything.cloud) == np.count_nonzero(sighting.depth)
 
 

@@ -20,6 +20,15 @@ from toolkit.sensing.cloud import Cloud
 COLUMN = 0.15
 """Metres to either side of the source within which a head stands above it."""
 
+SMALLEST_AREA = 0.004
+"""Square metres: summits of less surface are noise: half a fist."""
+GRAPH = LandmarkSettings(neighbour_distance=0.10, bridge_distance=0.5, smallest_component=8, source_drop=0.10)
+"""Neighbours of the graph lie within 0.1 m: with bridges hardly anything changes from 0.05 to 0.12. Pieces within 0.5 m
+are joined: forearms that point at the camera are not measured, and hands float; of 160x120 pixels a hand at 2 m has 30.
+The source lies 0.1 m below the centre of mass ("lowered")."""
+PRONG = 0.25
+"""Metres along a path at which its direction is taken: beyond the source's own neighbourhood, before the shoulder."""
+
 
 @dataclass(frozen=True)
 class EffectorSettings:
@@ -32,14 +41,6 @@ class EffectorSettings:
         and what a hand is near to is better than nothing
     tree : whether the candidates are the summits of the geodesic map's component tree with the largest dynamics,
         instead of its first extrema, of which they are no better
-    smallest_area : square metres, summits of less surface are noise: half a fist
-    neighbour_distance : metres between neighbours of the graph: with bridges hardly anything changes from 0.05 to 0.12
-    bridge_distance : metres over which pieces are joined: forearms that point at the camera are not measured, and hands
-        float
-    smallest_component : nodes of a piece: a hand at 2 m has 30 of 160x120
-    source_drop : metres by which the source lies below the centre of mass ("lowered")
-    prong : metres along a path at which its direction is taken: beyond the source's own neighbourhood, before the
-        shoulder
     narrowest, widest : degrees between neighbouring prongs of the fork; the paper's cosines of all three pairs hardly
         ever hold
     """
@@ -47,12 +48,6 @@ class EffectorSettings:
     count: int = constant(6)
     cuts: int = constant(2)
     tree: bool = False
-    smallest_area: float = constant(0.004)
-    neighbour_distance: float = constant(0.10)
-    bridge_distance: float = constant(0.5)
-    smallest_component: int = constant(8)
-    source_drop: float = constant(0.10)
-    prong: float = constant(0.25)
     narrowest: float = constant(20.0)
     widest: float = constant(75.0)
 
@@ -61,26 +56,10 @@ class EffectorSettings:
             raise SettingsError(f"effectors.cuts is {self.cuts}; give 0 for none, or a number of candidates")
         if self.count < 1:
             raise SettingsError(f"effectors.count is {self.count}; ask for at least 1 candidate")
-        for name in ("smallest_area", "source_drop"):
-            if not getattr(self, name) >= 0:
-                raise SettingsError(f"effectors.{name} is {getattr(self, name)}; it is a size and not negative")
-        for name in ("neighbour_distance", "bridge_distance", "prong"):
-            if not getattr(self, name) > 0:
-                raise SettingsError(f"effectors.{name} is {getattr(self, name)}; it must be above 0")
         if not 0 <= self.narrowest < self.widest <= 180:
             raise SettingsError(
                 f"effectors.narrowest and widest are {self.narrowest} and {self.widest}; give rising degrees up to 180"
             )
-
-    @property
-    def graph(self) -> LandmarkSettings:
-        """As the graph and its source need them."""
-        return LandmarkSettings(
-            neighbour_distance=self.neighbour_distance,
-            bridge_distance=self.bridge_distance,
-            smallest_component=self.smallest_component,
-            source_drop=self.source_drop,
-        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -124,7 +103,7 @@ def find_effectors(
     Parameters
     ----------
     cloud : level frame
-    settings : how many, and what graph
+    settings : how many, and of what kind
     unobserved : bool (H, W), pixels that say nothing about the person, or None
     workspace : kept from frame to frame, it saves the allocations
 
@@ -135,12 +114,12 @@ def find_effectors(
     """
     settings = settings or EffectorSettings()
     workspace = workspace or Workspace()
-    graph = grid_graph(cloud, settings.graph, workspace)
+    graph = grid_graph(cloud, GRAPH, workspace)
     middle = cloud.points.mean(axis=0, dtype=np.float64)
-    source = source_node(graph, cloud.points, middle, settings.graph)
+    source = source_node(graph, cloud.points, middle, GRAPH)
     # As many more are found as there may be cuts.
     extrema = extrema_of_graph(graph, cloud.points, 1 if settings.tree else 2 * settings.count, source, workspace)
-    nodes = _summits(cloud, graph, extrema, settings.smallest_area) if settings.tree else extrema.nodes
+    nodes = _summits(cloud, graph, extrema) if settings.tree else extrema.nodes
     cut = on_cuts(cloud, nodes, unobserved)
     nodes = np.concatenate([nodes[~cut][: settings.count], nodes[cut][: settings.cuts]])
     paths = tuple(_path(graph, extrema, int(node), cloud.points) for node in nodes)
@@ -154,8 +133,8 @@ def _summit(points: np.ndarray, source: np.ndarray) -> np.ndarray:
     return points[column[np.argmax(points[column, 1])]].astype(np.float64)
 
 
-def _summits(cloud: Cloud, graph: Graph, extrema: Extrema, smallest_area: float) -> np.ndarray:
-    """Nodes of the geodesic map's summits by falling dynamics, of at least an area in square metres."""
+def _summits(cloud: Cloud, graph: Graph, extrema: Extrema) -> np.ndarray:
+    """Nodes of the geodesic map's summits by falling dynamics, of at least `SMALLEST_AREA`."""
     count = len(graph)
     distances = extrema.from_source
     reached = np.flatnonzero(distances != geodesic.UNREACHED)
@@ -166,7 +145,7 @@ def _summits(cloud: Cloud, graph: Graph, extrema: Extrema, smallest_area: float)
     depth = cloud.depth.reshape(-1)[cloud.pixels].astype(np.float64)
     sizes = depth**2 / (cloud.camera.fx * cloud.camera.fy)
     found = component_tree.summits(distances, order, parents, sizes, nodes, dynamics, areas)
-    large = np.flatnonzero(areas[:found] >= smallest_area)
+    large = np.flatnonzero(areas[:found] >= SMALLEST_AREA)
     return nodes[large[np.argsort(-dynamics[large], kind="stable")]]
 
 
@@ -176,13 +155,13 @@ def _path(graph: Graph, extrema: Extrema, node: int, points: np.ndarray) -> np.n
     return points[out[:count][::-1]].astype(np.float64)
 
 
-def direction(path: np.ndarray, distance: float) -> float:
+def direction(path: np.ndarray) -> float:
     """Radians from upwards towards the image's right in which a path (k, 3) leaves the source, level frame.
 
-    Taken where it is `distance` metres long, or at its end.
+    Taken where it is `PRONG` metres long, or at its end.
     """
     lengths = np.concatenate([[0.0], np.cumsum(np.sqrt((np.diff(path, axis=0) ** 2).sum(axis=1)))])
-    at = min(int(np.searchsorted(lengths, distance)), len(path) - 1)
+    at = min(int(np.searchsorted(lengths, PRONG)), len(path) - 1)
     return math.atan2(path[at, 0] - path[0, 0], path[at, 1] - path[0, 1])
 
 
@@ -194,7 +173,7 @@ def find_fork(effectors: Effectors, settings: EffectorSettings | None = None) ->
     here it is neighbouring prongs whose angle is limited.
     """
     settings = settings or EffectorSettings()
-    angles = [direction(path, settings.prong) for path in effectors.paths]
+    angles = [direction(path) for path in effectors.paths]
     low, high = math.radians(settings.narrowest), math.radians(settings.widest)
     triples = combinations(range(len(angles)), 3)
     for triple in sorted(triples, key=lambda rows: (sum(rows), rows)):

@@ -12,10 +12,15 @@ from dataclasses import dataclass
 import numpy as np
 
 from toolkit.kernels.fit.particles import systematic
-from toolkit.lopez2011.costs import ParticleFrame, UpperCosts, likelihood
+from toolkit.lopez2011.costs import ParticleFrame, costs_of_arm, costs_of_trunks, likelihood, mean_cost, trunk_pictures
 from toolkit.lopez2011.proposals import UpperProposals
 from toolkit.lopez2011.settings import ParticleSettings
 from toolkit.lopez2011.upper import UpperBody
+
+BASES = 16
+"""Different trunks that are kept after the first layer: more are seldom left."""
+SHARPNESS = 3.0
+"""How many times a cost counts in the weights: a mean over pixels is small against what a wrong arm costs."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,9 +43,9 @@ class Filtered:
 
 
 def resampled(costs: np.ndarray, rng: np.random.Generator) -> np.ndarray:
-    """Resampled particles, int64 (N,), by their costs (N,), the negative log weights."""
+    """Resampled particles, int64 (N,), by their costs (N,): `SHARPNESS` times these are the negative log weights."""
     chosen = np.empty(len(costs), dtype=np.int64)
-    systematic(likelihood(costs), rng.random(), chosen)
+    systematic(likelihood(SHARPNESS * costs), rng.random(), chosen)
     return chosen
 
 
@@ -53,14 +58,12 @@ class UpperFilter:
 
     Attributes
     ----------
-    costs : what poses cost
     proposals : where they are moved
     """
 
     def __init__(self, settings: ParticleSettings) -> None:
         self.settings = settings
-        self.costs = UpperCosts(settings)
-        self.proposals = UpperProposals(settings, self.costs)
+        self.proposals = UpperProposals(settings)
 
     def first_arm(self, turn: int) -> int:
         """The arm that comes before the other in the frame of number `turn`: 0 left, 1 right."""
@@ -76,8 +79,8 @@ class UpperFilter:
         """
         poses = particles.copy()
         self.proposals.move_trunk(poses, dt, rng)
-        costs = self.costs.trunks(upper, poses, before, frame)
-        return poses[resampled(self.settings.sharpness * costs, rng)]
+        costs = costs_of_trunks(upper, poses, before, frame)
+        return poses[resampled(costs, rng)]
 
     def arms(
         self, upper: UpperBody, particles: np.ndarray, before: np.ndarray, frame: ParticleFrame, dt: float,
@@ -87,23 +90,23 @@ class UpperFilter:
         poses = particles.copy()
         bases, base_of = self._bases(poses)
         poses = bases[base_of]
-        pictures = self.costs.pictures(upper, bases, frame)
+        pictures = trunk_pictures(upper, bases, frame)
         estimate, aimed, both = poses[0], 0.0, np.zeros(len(poses))
         for side in (first, 1 - first):
             wanted = self.proposals.move_arm(upper, poses, side, frame, dt, rng, look=side == first)
             aimed += 0.5 * float(wanted.mean())
-            costs = self.costs.arms(upper, poses, side, before, frame, base_of, pictures)
+            costs = costs_of_arm(upper, poses, side, before, frame, base_of, pictures)
             both = both + costs
             estimate = poses[int(both.argmin())]
-            chosen = resampled(self.settings.sharpness * costs, rng)
+            chosen = resampled(costs, rng)
             poses, base_of, both = poses[chosen], base_of[chosen], both[chosen]
-        return Filtered(poses, estimate, self.costs.mean(upper, estimate, frame), aimed)
+        return Filtered(poses, estimate, mean_cost(upper, estimate, frame), aimed)
 
     def _bases(self, poses: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """The most frequent of the resampled `poses` (N, P), and for each pose the base that stands for it."""
         distinct, member = np.unique(poses, axis=0, return_inverse=True)
         member = member.reshape(-1)
-        often = np.argsort(-np.bincount(member), kind="stable")[: self.settings.bases]
+        often = np.argsort(-np.bincount(member), kind="stable")[:BASES]
         place = np.zeros(len(distinct), dtype=np.int64)
         place[often] = np.arange(len(often))
         return distinct[often], place[member]

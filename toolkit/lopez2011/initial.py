@@ -15,9 +15,10 @@ from toolkit.errors import SettingsError
 from toolkit.fitting.arms import SIDES
 from toolkit.kernels import linear
 from toolkit.kernels.fit import aiming
-from toolkit.lopez2011.costs import ParticleFrame
+from toolkit.lopez2011.costs import ParticleFrame, costs_of_both_arms, costs_of_whole, mean_cost
 from toolkit.lopez2011.effectors import Effectors, Fork
 from toolkit.lopez2011.filter import UpperFilter
+from toolkit.lopez2011.proposals import SPREAD
 from toolkit.lopez2011.upper import UpperBody, aimed_all_round
 
 HANGING = 1.1
@@ -37,6 +38,12 @@ FILTERED = 2
 LIFTS, BENDS = (-HANGING, -0.5, 0.2, 1.0), (0.0, 0.6)
 """Radians from the T-pose, and shares of the elbow's range, of arms that need no candidate: hidden or cut-off hands."""
 
+SWIVELS = 24
+"""Swivels of each arm that are tried: 15 degrees apart."""
+ACCEPTED = -60.0
+"""Log-probability of Eq. 7 above which a first pose is taken (`th`): nothing is found otherwise, and a wrong pose is
+lost again by its cost."""
+
 
 @dataclass(frozen=True)
 class InitialSettings:
@@ -44,33 +51,20 @@ class InitialSettings:
 
     Attributes
     ----------
-    swivels : of each arm that are tried: 15 degrees apart
     rounds : times that the first frame is filtered: trunk and size are rough at first
-    accepted : log-probability of Eq. 7 above which the first pose is taken (`th`): nothing is found otherwise, and a
-        wrong pose is lost again by its cost
-    fork : whether the fork names head and hands (Lopez-Mendez 2011, 3)
-    unlabelled : whether a person is looked for without it too, with one of the highest places as head: hands that are
-        cut off or hidden make no fork, and shoulders may make one
+    unlabelled : whether a person is looked for without the fork too, with one of the highest places as head: hands that
+        are cut off or hidden make no fork, and shoulders may make one
     sizes : of the shape space's first component, tall to small, evenly apart: bodies of 2.03 to 1.37 m of which the one
         whose first poses explain the first frames best is taken; none: a body is measured as in the paper
-    sized_on : frames on which they are tried
     """
 
-    swivels: int = 24
     rounds: int = 10
-    accepted: float = -60.0
-    fork: bool = True
     unlabelled: bool = True
     sizes: tuple[float, ...] = (-3.0, -2.0, -1.0, 0.0, 1.0, 2.0)
-    sized_on: int = 3
 
     def __post_init__(self) -> None:
-        if self.sized_on < 1:
-            raise SettingsError(f"initial.sized_on is {self.sized_on}; a size needs at least 1 frame")
-        if self.swivels < 1 or self.rounds < 0:
-            raise SettingsError(
-                f"initial.swivels and rounds are {self.swivels} and {self.rounds}; give at least 1 and 0"
-            )
+        if self.rounds < 0:
+            raise SettingsError(f"initial.rounds is {self.rounds}; it is a number of times and not negative")
 
 
 @dataclass(frozen=True, eq=False)
@@ -121,21 +115,21 @@ def initial_pose(
     are far apart are compared over the whole image; the cheapest are filtered, and the cheapest of these is the answer.
     None if nothing may be tried.
     """
-    starts = [] if fork is None else [_labelled(upper, filtering, effectors.points, fork, frame, settings)]
+    starts = [] if fork is None else [_labelled(upper, effectors.points, fork, frame)]
     if settings.unlabelled:
         trunks = [(head, turn, lean) for head in _heads(effectors) for turn in TURNS for lean in LEANS]
         poses = np.stack([standing_pose(upper, *trunk) for trunk in trunks])
-        costs = filtering.costs.whole(upper, poses, frame)
+        costs = costs_of_whole(upper, poses, frame)
         starts += [
-            unlabelled_start(upper, filtering, effectors.points, trunks[row][0], poses[row], frame, settings)
+            unlabelled_start(upper, effectors.points, trunks[row][0], poses[row], frame)
             for row in np.argsort(costs, kind="stable")[:ARMED]
         ]
     if not starts:
         return None
-    costs = filtering.costs.whole(upper, np.stack([start.pose for start in starts]), frame)
+    costs = costs_of_whole(upper, np.stack([start.pose for start in starts]), frame)
     cheapest = np.argsort(costs, kind="stable")[:FILTERED]
     found = [_filtered(upper, filtering, starts[row], frame, settings, rng) for row in cheapest]
-    return found[int(np.argmin(filtering.costs.whole(upper, np.stack([first.pose for first in found]), frame)))]
+    return found[int(np.argmin(costs_of_whole(upper, np.stack([first.pose for first in found]), frame)))]
 
 
 def _heads(effectors: Effectors) -> np.ndarray:
@@ -159,30 +153,26 @@ def _filtered(
         particles, pose = filtered.particles, filtered.estimate
     crown = upper.body.end_effector_positions(pose)[[skeleton.END_EFFECTORS.index("head")]]
     found = np.concatenate([crown, place_hands(upper, pose)])[: len(wanted)]
-    missed = linear.lengths(found - wanted) / filtering.settings.spread
-    return Initial(pose, particles, -0.5 * float((missed**2).mean()) - filtering.costs.mean(upper, pose, frame))
+    missed = linear.lengths(found - wanted) / SPREAD
+    return Initial(pose, particles, -0.5 * float((missed**2).mean()) - mean_cost(upper, pose, frame))
 
 
-def _labelled(
-    upper: UpperBody, filtering: UpperFilter, points: np.ndarray, fork: Fork, frame: ParticleFrame,
-    settings: InitialSettings,
-) -> Start:  # fmt: skip
+def _labelled(upper: UpperBody, points: np.ndarray, fork: Fork, frame: ParticleFrame) -> Start:
     """A pose with crown and hands where the fork names them."""
     wanted = points[[fork.head, fork.left_hand, fork.right_hand]]
     pose = standing_pose(upper, wanted[0])
     for side in range(2):
-        pose = _best_arm(upper, filtering, pose, side, wanted[[1 + side]], frame, settings.swivels, resting=False)
+        pose = _best_arm(upper, pose, side, wanted[[1 + side]], frame, resting=False)
     return Start(pose, wanted)
 
 
 def unlabelled_start(
-    upper: UpperBody, filtering: UpperFilter, points: np.ndarray, head: np.ndarray, pose: np.ndarray,
-    frame: ParticleFrame, settings: InitialSettings,
-) -> Start:  # fmt: skip
+    upper: UpperBody, points: np.ndarray, head: np.ndarray, pose: np.ndarray, frame: ParticleFrame
+) -> Start:
     """A `pose` (P,) with the crown at `head` (3,) and arms that rest or reach for the candidates on their sides."""
     others = sides_of(points[(points != head).any(axis=1)], pose)
     for side in range(2):
-        pose = _best_arm(upper, filtering, pose, side, others[side], frame, settings.swivels, resting=True)
+        pose = _best_arm(upper, pose, side, others[side], frame, resting=True)
     return Start(pose, head[None])
 
 
@@ -203,18 +193,17 @@ def place_hands(upper: UpperBody, pose: np.ndarray) -> np.ndarray:
 
 
 def _best_arm(
-    upper: UpperBody, filtering: UpperFilter, pose: np.ndarray, side: int, targets: np.ndarray, frame: ParticleFrame,
-    swivels: int, *, resting: bool,
-) -> np.ndarray:  # fmt: skip
+    upper: UpperBody, pose: np.ndarray, side: int, targets: np.ndarray, frame: ParticleFrame, *, resting: bool
+) -> np.ndarray:
     """The pose (P,) with the hand of one arm at one of `targets` (n, 3) at some swivel, whatever costs least.
 
     Arms that rest take part if they may; the arm as it is stays if no target can be reached.
     """
-    anything = aiming.Aim(filtering.settings.spread, 0.0, -np.inf)
-    poses, _ = aimed_all_round(pose, upper.arms[side], targets, swivels, anything)
+    anything = aiming.Aim(SPREAD, 0.0, -np.inf)
+    poses, _ = aimed_all_round(pose, upper.arms[side], targets, SWIVELS, anything)
     if resting or len(poses) == 0:
         poses = np.concatenate([_rested(pose, side) if resting else pose[None], poses])
-    return poses[int(filtering.costs.both_arms(upper, poses, frame).argmin())]
+    return poses[int(costs_of_both_arms(upper, poses, frame).argmin())]
 
 
 def _rested(pose: np.ndarray, side: int) -> np.ndarray:

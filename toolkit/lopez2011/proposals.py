@@ -7,7 +7,7 @@ import numpy as np
 from toolkit import skeleton
 from toolkit.fitting.arms import SIDES, entries_of
 from toolkit.kernels.fit import aiming
-from toolkit.lopez2011.costs import ParticleFrame, UpperCosts, likelihood
+from toolkit.lopez2011.costs import ParticleFrame, costs_near_arm, likelihood
 from toolkit.lopez2011.settings import ParticleSettings
 from toolkit.lopez2011.upper import TRUNK, UpperBody, aimed_all_round
 
@@ -15,6 +15,26 @@ RATE = 30.0
 """Frames a second for which the diffusion is given."""
 LONGEST = 0.5
 """Seconds: a longer gap between frames diffuses no farther."""
+SPREAD = 0.03
+"""Metres of a hand about a candidate (`Sigma_e`), which lies on the surface, at tip or knuckles."""
+AIM = aiming.Aim(SPREAD, 0.1, -8.0)
+"""Spread, `lambda` of Eq. 4 (an arm may turn by two radians for a candidate), and the log-probability of Eq. 4 below
+which an arm is diffused instead: four spreads from the candidate."""
+SWIVEL = 0.5
+"""Radians of spread about the swivel nearest to the arm before."""
+NEAR = 0.25
+"""Metres: a candidate counts exp(-distance / NEAR) as much as one at the hand before (`f` of Eq. 5)."""
+HOLDING = 0.15
+"""Metres: the other hand holds a candidate that is as near as this."""
+DIFFUSION = {"lumbar": 0.03, "thorax": 0.03, "cervical": 0.1} | {
+    f"{side}_{name}": spread
+    for side in SIDES
+    for name, spread in (("clavicle", 0.04), ("shoulder", 0.2), ("elbow", 0.25), ("wrist", 0.1))
+}
+"""Radians by which the angles of a joint diffuse in a frame at 30 Hz: fast arms turn by 6 radians a second, trunks move
+little."""
+ROOT_DIFFUSION = (0.02, 0.052)
+"""Metres and radians (3 degrees) of the root, likewise."""
 TRUNK_ENTRIES: np.ndarray = np.array(
     [*range(6)]
     + [
@@ -24,6 +44,13 @@ TRUNK_ENTRIES: np.ndarray = np.array(
     ]
 )
 """Where the root, the spine and the neck stand in a pose."""
+
+
+def diffusion() -> np.ndarray:
+    """Spread of every pose entry, float64 (P,), per frame at 30 Hz; 0 for the legs."""
+    spread = np.array([DIFFUSION.get(name.rpartition("_")[0], 0.0) for name in skeleton.POSE_NAMES])
+    spread[skeleton.ROOT_POSITION], spread[skeleton.ROOT_ROTATION] = ROOT_DIFFUSION
+    return spread
 
 
 def by_inverse_kinematics(count: int, alpha: float) -> np.ndarray:
@@ -38,13 +65,10 @@ class UpperProposals:
     Parameters
     ----------
     settings : see `ParticleSettings`
-    costs : by which arms that were looked at are chosen
     """
 
-    def __init__(self, settings: ParticleSettings, costs: UpperCosts) -> None:
-        self.settings, self._costs = settings, costs
-        self._spread = settings.diffusion()
-        self._aim = aiming.Aim(settings.spread, settings.smoothness, settings.least)
+    def __init__(self, settings: ParticleSettings) -> None:
+        self.settings, self._spread = settings, diffusion()
 
     def move_trunk(self, poses: np.ndarray, dt: float, rng: np.random.Generator) -> None:
         """Diffuse root, spine and neck of `poses` (N, P), in place, `dt` seconds after the frame before."""
@@ -77,10 +101,10 @@ class UpperProposals:
                 cells = _drawn(np.tile(likelihood(costs) * weights[0, reached], (len(informed), 1)), rng)
                 aimed[np.ix_(informed, swing)] = arms[np.ix_(cells, swing)]
                 target[informed] = candidates[reached[cells]]
-        target = target + s.spread * rng.standard_normal((len(poses), 3))
-        swivels = s.swivel * rng.standard_normal(len(poses))
+        target = target + SPREAD * rng.standard_normal((len(poses), 3))
+        swivels = SWIVEL * rng.standard_normal(len(poses))
         scores = np.empty(len(poses))
-        aiming.aim_arms(aimed, arm, wanted, target, swivels, self._aim, scores)
+        aiming.aim_arms(aimed, arm, wanted, target, swivels, AIM, scores)
         taken = np.isfinite(scores)
         poses[taken] = aimed[taken]
         return taken
@@ -92,17 +116,17 @@ class UpperProposals:
 
         Poses (n, P), which candidate each has in its hand (n,), and what each costs (n,).
         """
-        anything = self._aim._replace(smoothness=0.0)
+        anything = AIM._replace(smoothness=0.0)
         poses, reached = aimed_all_round(pose, upper.arms[side], frame.candidates, self.settings.looks, anything)
         if len(poses) == 0:
             return poses, reached, np.empty(0)
-        return poses, reached, self._costs.near_arm(upper, poses, side, pose, frame)
+        return poses, reached, costs_near_arm(upper, poses, side, pose, frame)
 
     def candidate_weights(self, upper: UpperBody, poses: np.ndarray, side: int, candidates: np.ndarray) -> np.ndarray:
         """Weights (N, M), which sum to 1, of the `candidates` (M, 3) for one arm of each of `poses` (N, P) (Eq. 5)."""
         s = self.settings
         own, other = self._far(upper, poses, side, candidates), self._far(upper, poses, 1 - side, candidates)
-        weights = np.maximum(np.exp(-own / s.near), s.floor) * np.where(other < s.holding, s.held, 1.0)
+        weights = np.maximum(np.exp(-own / NEAR), s.floor) * np.where(other < HOLDING, s.held, 1.0)
         return weights / weights.sum(axis=1, keepdims=True)
 
     def _far(self, upper: UpperBody, poses: np.ndarray, side: int, candidates: np.ndarray) -> np.ndarray:

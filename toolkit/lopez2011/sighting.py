@@ -25,12 +25,15 @@ TRUNK_SHARE = 75
 """Percentile of the distances of the upper points that is the trunk's distance; hands are before it."""
 
 
+BEFORE = 0.2
+"""Metres before the trunk from which on low points are a lap's: the trunk's own thickness."""
+
+
 class Limits(NamedTuple):
     """What of a sighting is not the upper body's, metres; see `ParticleTrackerSettings`."""
 
     reach: float
     lap: float
-    before: float
 
 
 class UpperSighting:
@@ -112,7 +115,7 @@ class UpperViewer:
         low = depths > self._limits.lap
         if self._limits.lap > 0 and not low.all():
             away = np.hypot(points[:, 0], points[:, 2])
-            beyond |= low & (away < np.percentile(away[~low], TRUNK_SHARE) - self._limits.before)
+            beyond |= low & (away < np.percentile(away[~low], TRUNK_SHARE) - BEFORE)
         return beyond
 
     def _crown(self, depth: np.ndarray) -> float | None:

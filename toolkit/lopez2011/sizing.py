@@ -13,7 +13,7 @@ from toolkit.body.body import Body
 from toolkit.body.shape import ShapeSpace
 from toolkit.fitting.arms import SIDES
 from toolkit.kernels import linear
-from toolkit.lopez2011.costs import ParticleFrame
+from toolkit.lopez2011.costs import ParticleFrame, costs_of_whole
 from toolkit.lopez2011.effectors import Effectors, Fork
 from toolkit.lopez2011.filter import UpperFilter
 from toolkit.lopez2011.initial import InitialSettings, initial_pose
@@ -30,6 +30,10 @@ UNLIKELY = 1.0
 observable, and a first pose that is better by chance costs as much less."""
 ROUNDS = 4
 """Rounds of filtering while sizes are compared: fewer than for a pose, for the trunk decides."""
+
+
+SIZED_ON = 3
+"""Frames on which sizes are tried."""
 
 
 class FirstFrame(NamedTuple):
@@ -57,7 +61,7 @@ def fitting_body(
             rng = np.random.Generator(np.random.PCG64(seed))
             first = initial_pose(upper, filtering, seen.effectors, seen.fork, seen.frame, quick, rng)
             if first is not None:
-                costs.append(float(filtering.costs.whole(upper, first.pose[None], seen.frame)[0]))
+                costs.append(float(costs_of_whole(upper, first.pose[None], seen.frame)[0]))
         tried += [costs] if len(costs) == len(settings.sizes) else []
     if not tried:
         return None

@@ -18,14 +18,14 @@ from toolkit.fitting.refiner import Refiner
 from toolkit.fitting.scene import Scene
 from toolkit.fitting.settings import FittingSettings
 from toolkit.landmarks.graph import Workspace
-from toolkit.lopez2011.costs import ParticleFrame
+from toolkit.lopez2011.costs import ParticleFrame, mean_cost
 from toolkit.lopez2011.effectors import Effectors, EffectorSettings, find_fork
 from toolkit.lopez2011.filter import UpperFilter
-from toolkit.lopez2011.initial import InitialSettings, initial_pose
+from toolkit.lopez2011.initial import ACCEPTED, InitialSettings, initial_pose
 from toolkit.lopez2011.settings import ParticleSettings
 from toolkit.lopez2011.sighting import Limits, UpperSighting, UpperViewer
 from toolkit.lopez2011.silhouette import arm_length, shoulder_breadth
-from toolkit.lopez2011.sizing import FirstFrame, fitting_body, sized_body
+from toolkit.lopez2011.sizing import SIZED_ON, FirstFrame, fitting_body, sized_body
 from toolkit.lopez2011.upper import UNSEEN, UpperBodies
 from toolkit.people.sighting import PredictedBody, Sighting
 from toolkit.sensing.camera import Camera
@@ -59,7 +59,6 @@ class ParticleTrackerSettings:
         pull trunk and arms down. People cut off at the waist or behind a desk reach 0.7 to 0.9 m down; 0 = no limit
     lap : metres below the crown beyond which nothing is looked at that lies before the trunk: thighs and knees of
         a person who sits, higher than their hips, and desks. Elbows hang 0.6 m down; 0 = no such limit
-    before : metres before the trunk from which on that holds: its own thickness
     measured_seconds : how long at the beginning the person's size is measured, "a short period of time"; 0 = an
         average body
     smallest_person : measured points below which a frame counts as empty: a person at 8 m in a 176x144 image
@@ -74,7 +73,6 @@ class ParticleTrackerSettings:
     refined: bool = True
     reach: float = 0.9
     lap: float = 0.6
-    before: float = constant(0.2)
     measured_seconds: float = 1.5
     smallest_person: int = 300
     lost_cost: float = 38.0
@@ -88,11 +86,11 @@ class ParticleTrackerSettings:
     @property
     def limits(self) -> Limits:
         """Beyond which nothing is looked at."""
-        return Limits(self.reach, self.lap, self.before)
+        return Limits(self.reach, self.lap)
 
     def __post_init__(self) -> None:
         check_seed(self.seed)
-        for name in ("reach", "lap", "before", "measured_seconds", "smallest_person"):
+        for name in ("reach", "lap", "measured_seconds", "smallest_person"):
             if getattr(self, name) < 0:
                 raise SettingsError(f"{name} is {getattr(self, name)}; it is not negative")
         if not self.patience > 0 or not self.lost_cost > 0:
@@ -148,7 +146,7 @@ class ParticleFollower(FollowedPerson):
         if self.settings.refined:
             pose = self._refined(pose, scene)
             particles[0] = pose
-            cost = self.filtering.costs.mean(self._bodies.of(state.body), pose, seen.frame(effectors))
+            cost = mean_cost(self._bodies.of(state.body), pose, seen.frame(effectors))
         row = self._commit(pose, particles, cost, self._compared(pose, scene), source, timestamp)
         clock.record("refine")
         return replace(row, stage_ms=clock.milliseconds)
@@ -163,14 +161,13 @@ class ParticleFollower(FollowedPerson):
     def _first(
         self, effectors: Effectors, frame: ParticleFrame, rng: np.random.Generator
     ) -> tuple[np.ndarray, np.ndarray, float] | None:
-        """Pose, particles and cost by the fork, if there is one (or need not be) and Eq. 7 accepts them."""
-        initial = self.settings.initial
-        fork = find_fork(effectors, self.settings.effectors) if initial.fork else None
+        """Pose, particles and cost by the fork, if there is one or need not be, and Eq. 7 accepts them."""
+        fork = find_fork(effectors, self.settings.effectors)
         upper = self._bodies.of(self.state.body)
-        first = initial_pose(upper, self.filtering, effectors, fork, frame, initial, rng)
-        if first is None or not first.score > initial.accepted:
+        first = initial_pose(upper, self.filtering, effectors, fork, frame, self.settings.initial, rng)
+        if first is None or not first.score > ACCEPTED:
             return None
-        cost = self.filtering.costs.mean(upper, first.pose, frame)
+        cost = mean_cost(upper, first.pose, frame)
         return (first.pose, first.particles, cost) if cost < self.settings.lost_cost else None
 
     def _next(
@@ -262,9 +259,9 @@ class MeasuredBody:
         if not seen:
             return None
         firsts = []
-        for row in np.linspace(0, len(seen) - 1, min(settings.initial.sized_on, len(seen))).round().astype(int):
+        for row in np.linspace(0, len(seen) - 1, min(SIZED_ON, len(seen))).round().astype(int):
             effectors = seen[row].effectors(settings.effectors, workspace)
-            fork = find_fork(effectors, settings.effectors) if settings.initial.fork else None
+            fork = find_fork(effectors, settings.effectors)
             firsts.append(FirstFrame(effectors, fork, seen[row].frame(effectors)))
         bodies, filtering = UpperBodies(self._level_rotation), UpperFilter(settings.particles)
         return fitting_body(bodies, filtering, firsts, settings.initial, settings.seed)
