@@ -1,6 +1,6 @@
 """Time per frame of the swarm tracker and of the particle filter: two parts of `depthmocap bench speed`.
 
-- `swarm [--frames 60] [--threads 1,2]`: a simulated Kinect take with joints that are given: milliseconds per frame and
+- `swarm [--frames 60]`: a simulated Kinect take with joints that are given: milliseconds per frame and
   stage of `configs/swarm.yaml` and `configs/qammaz.yaml` (the paper: 111 ms on a GPU, 5.3 s with serial drawing on it).
   Then what one hypothesis costs, microseconds: a body made of balls and the mesh, in images of several
   sizes. With `--network` the stages of finding joints in the shaded depth image as well, for which
@@ -56,9 +56,9 @@ UNLEARNT = {"shape.seconds": 0.0, "sizes": [0.0]}
 """The body is neither learnt nor looked for among several, which takes the first seconds twice."""
 
 
-def stages(row: str, threads: int, recording: Recording, frames: int) -> dict[str, Any]:
+def stages(row: str, recording: Recording, frames: int) -> dict[str, Any]:
     """Milliseconds per frame and per stage, without the first frame, which compiles and looks everywhere."""
-    tracker = SwarmTracker(swarm_settings(row, {"discrepancy.threads": threads, **UNLEARNT}))
+    tracker = SwarmTracker(swarm_settings(row, UNLEARNT))
     solo, spent = Solo(tracker, recording), []
     for i in range(min(frames, len(recording))):
         result = solo.step(recording.depth(i), float(recording.timestamps[i]), joints_of(recording, i))
@@ -69,12 +69,12 @@ def stages(row: str, threads: int, recording: Recording, frames: int) -> dict[st
 
 
 def hypothesis_us(body: Body, figure: str, size: tuple[int, int], recording: Recording) -> float:
-    """Microseconds of one thread for one pose: placed, skinned, drawn and compared."""
+    """Microseconds for one pose: placed, skinned, drawn and compared."""
     finder = LonePerson.of(recording)
     (sighting,) = finder.find(recording.depth(0), 0.0, {})
     cloud = Cloud.from_depth(sighting.depth, sighting.camera, np.diag((1.0, -1.0, -1.0)))
     settings = DiscrepancySettings(figure=figure, width=size[0], height=size[1])
-    image = small_image(cloud.depth, sighting.unobserved, cloud.camera.intrinsics, size[::-1], settings.margin)
+    image = small_image(cloud.depth, sighting.unobserved, cloud.camera.intrinsics, size[::-1])
     pose = np.zeros(43)
     pose[:3] = np.median(cloud.points, axis=0)
     costs = Discrepancy(body, image, None, cloud.rotation, pose, settings)
@@ -111,7 +111,6 @@ def _shortest(call: Callable[[], Any], times: int = 5) -> float:
 def swarm(parser: argparse.ArgumentParser) -> None:
     """Measure, print, write JSON."""
     parser.add_argument("--frames", type=int, default=60)
-    parser.add_argument("--threads", default="1,2", help="with commas between them")
     parser.add_argument("--rows", default="swarm,qammaz", help="see `bench swarm`")
     parser.add_argument("--network", action="store_true", help="also the joints in the shaded depth")
     parser.add_argument("--work", type=Path, default=WORK)
@@ -120,12 +119,10 @@ def swarm(parser: argparse.ArgumentParser) -> None:
     recording = prepared(take, "truth", options.work, options.frames)
     figures: dict[str, Any] = {"times": {}, "hypothesis_us": {}}
     for row in options.rows.split(","):
-        for threads in map(int, options.threads.split(",")):
-            found = stages(row, threads, recording, options.frames)
-            figures["times"][f"{row}, {threads}"] = found
-            parts = ", ".join(f"{name} {part['median_ms']:.1f}" for name, part in found["stages"].items())
-            frame = found["frame"]
-            print(f"{row}, {threads} threads: {frame['median_ms']:.1f} ms, p99 {frame['p99_ms']:.1f} ({parts})")
+        found = figures["times"][row] = stages(row, recording, options.frames)
+        parts = ", ".join(f"{name} {part['median_ms']:.1f}" for name, part in found["stages"].items())
+        frame = found["frame"]
+        print(f"{row}: {frame['median_ms']:.1f} ms, p99 {frame['p99_ms']:.1f} ({parts})")
     for figure in FIGURES:
         row = {f"{w}x{h}": hypothesis_us(load_body("neutral"), figure, (w, h), recording) for w, h in IMAGES}
         figures["hypothesis_us"][figure] = row
@@ -133,7 +130,7 @@ def swarm(parser: argparse.ArgumentParser) -> None:
     if options.network:
         figures["network"] = network_ms(recording, options.frames)
         print(", ".join(f"{name} {part['median_ms']:.1f} ms" for name, part in figures["network"].items()))
-    settings = {"rows": options.rows, "threads": options.threads, "frames": options.frames}
+    settings = {"rows": options.rows, "frames": options.frames}
     print("written:", save_figures("speed_swarm", figures, settings))
 
 

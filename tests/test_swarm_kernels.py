@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
@@ -173,7 +171,7 @@ def test_a_batch_costs_what_plain_loops_say(kind: str) -> None:
 
 def test_qammaz_costs_what_equations_3_to_6_say() -> None:
     """With the settings of configs/qammaz.yaml: N_P has no floor, joints count by w_i, not by confidence."""
-    settings = replace(load_settings(SwarmTrackerSettings, "qammaz").discrepancy, threads=1)
+    settings = load_settings(SwarmTrackerSettings, "qammaz").discrepancy
     rng = np.random.default_rng(5)
     seen_depth = mixed(drawn(POSES[0], "mesh")[0], rng)
     image = SmallImage(seen_depth, np.array(CAMERA.intrinsics), 2.8)
@@ -201,18 +199,6 @@ def test_qammaz_costs_what_equations_3_to_6_say() -> None:
         expected = settings.depth * twin_cost(drawn(pose, "mesh")[0], seen_depth, settings.clamp) / near
         expected += settings.joints_2d * in_image / image_weights + settings.joints_3d * in_space / space_weights
         assert cost == pytest.approx(expected, abs=1e-4)
-
-
-def test_any_number_of_threads_finds_the_same_bits() -> None:
-    rng = np.random.default_rng(2)
-    image = SmallImage(mixed(drawn(POSES[0], "balls")[0], rng), np.array(CAMERA.intrinsics), 2.8)
-    poses = np.repeat(POSES, 5, axis=0)
-    poses[:, 6:] += rng.normal(0, 0.1, poses[:, 6:].shape)
-    costs = []
-    for threads in (1, 2, 3):
-        found = Discrepancy(BODY, image, None, LEVEL, POSES[0], DiscrepancySettings(threads=threads))
-        costs.append(found(found.position_of(poses)))
-    assert np.array_equal(costs[0], costs[1]) and np.array_equal(costs[0], costs[2])
 
 
 def test_the_depth_term_is_zero_at_the_pose_that_drew_the_image() -> None:
@@ -274,7 +260,7 @@ def test_the_small_image_holds_the_persons_box_and_what_is_known() -> None:
     depth[40:60, 70:80] = 2.5
     unobserved = np.zeros(depth.shape, dtype=bool)
     unobserved[:45] = True
-    small = small_image(depth, unobserved, np.array([90.0, 90.0, 40.0, 50.0]), (40, 25), 1.25)
+    small = small_image(depth, unobserved, np.array([90.0, 90.0, 40.0, 50.0]), (40, 25))
     assert small.distance == 2.5
     assert np.isnan(small.depth[:, -2:]).all()  # beyond the image
     assert np.isnan(small.depth[0]).all() and (small.depth[-2:, :20] == 0.0).all()
@@ -319,7 +305,7 @@ def test_the_divisor_counts_pixels_near_the_previous_solution() -> None:
         ({"depth": 0.0, "joints_2d": 0.0, "joints_3d": 0.0}, "not all"),
         ({"depth": -1.0}, "at least 0"),
         ({"width": 1}, "at least 2x2"),
-        ({"threads": 0}, "threads"),
+        ({"fewest": 0}, "fewest"),
     ],
 )
 def test_settings_that_compare_nothing_are_refused(wrong: dict, said: str) -> None:

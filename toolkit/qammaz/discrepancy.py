@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from concurrent.futures import ThreadPoolExecutor
 from copy import copy
 from dataclasses import dataclass
 from functools import lru_cache
@@ -22,6 +21,9 @@ WEIGHTS: dict[str, float] = {"hip": 0.2, "wrist": 1.8, "ankle": 1.8}
 """Of joints that detectors find badly or well (Qammaz, 2.3.2); 1 for the others."""
 JOINT_WEIGHTS: np.ndarray = np.array([WEIGHTS.get(name.split("_")[-1], 1.0) for name in skeleton.REPORTED])
 FIGURES = ("balls", "mesh")
+MARGIN = 1.25
+"""Size of the small image's box against that of the silhouette: an arm that is not where it is thought to be has to
+cost something."""
 
 
 @dataclass(frozen=True)
@@ -33,8 +35,6 @@ class DiscrepancySettings:
     figure : what is drawn: 40 "balls", or the body's "mesh". Balls cost a fifth of the mesh, and the local optimisation
         has the mesh
     width, height : pixels of the small image that is compared: a limb has two across
-    margin : size of its box against that of the silhouette, at least 1: an arm that is not where it is thought to be
-        has to cost something
     clamp : metres, the most that a pixel costs, T of Eq. 3: the paper's
     depth : weight of the mean distance of pixels. All is in metres, so that a mean pixel counts as a mean joint
     joints_2d : weight of the mean distance of joints in the image, at the person's distance; detectors are 2 to 3 cm
@@ -43,29 +43,25 @@ class DiscrepancySettings:
     published : Eq. 3 to 6 as they are printed: joints count by w_i alone, not by the detector's confidence; in space
         they lie on the skin, not half a limb behind it; and N_P is what is near the previous solution, however little
     fewest : joints that have to be seen, otherwise none counts: fewer say less than they can spoil
-    threads : among which the poses are divided; the result does not depend on it, and more than one pay from 64
-        particles of the mesh on
     """
 
     figure: str = "balls"
     width: int = 30
     height: int = 40
-    margin: float = 1.25
     clamp: float = 0.3
     depth: float = 1.0
     joints_2d: float = 0.5
     joints_3d: float = 0.2
     published: bool = False
     fewest: int = 6
-    threads: int = 1
 
     def __post_init__(self) -> None:
         if self.figure not in FIGURES:
             raise SettingsError(f"discrepancy.figure is {self.figure!r}; it can be: {', '.join(FIGURES)}")
-        if min(self.width, self.height) < 2 or self.margin < 1.0 or self.threads < 1 or self.fewest < 1:
+        if min(self.width, self.height) < 2 or self.fewest < 1:
             raise SettingsError(
-                f"the small image of {self.width}x{self.height} pixels has at least 2x2, its margin of {self.margin} "
-                f"is at least 1, and so are threads ({self.threads}) and fewest ({self.fewest})"
+                f"the small image of {self.width}x{self.height} pixels has at least 2x2, and fewest ({self.fewest}) is "
+                "at least 1"
             )
         if not self.clamp > 0.0:
             raise SettingsError(f"discrepancy.clamp is {self.clamp}; give the most that a pixel costs, in metres")
@@ -112,9 +108,9 @@ class SmallImage(NamedTuple):
 
 
 def small_image(
-    depth: np.ndarray, unobserved: np.ndarray | None, intrinsics: np.ndarray, shape: tuple[int, int], margin: float
+    depth: np.ndarray, unobserved: np.ndarray | None, intrinsics: np.ndarray, shape: tuple[int, int]
 ) -> SmallImage:
-    """The box around a person's `depth` (H, W), metres, 0 elsewhere, widened by `margin`, in `shape` pixels (h, w).
+    """The box around a person's `depth` (H, W), metres, 0 elsewhere, widened by `MARGIN`, in `shape` pixels (h, w).
 
     Each pixel takes the value of the nearest one of the image, so that no depth is mixed with another's; what is
     `unobserved` (H, W) or outside the image is not known.
@@ -124,8 +120,8 @@ def small_image(
     for axis, count in ((0, shape[0]), (1, shape[1])):
         there = np.flatnonzero(person.any(axis=1 - axis))
         low, high = float(there[0]) - 0.5, float(there[-1]) + 0.5
-        step = margin * (high - low) / count
-        start = 0.5 * (low + high) - 0.5 * margin * (high - low) + 0.5 * step
+        step = MARGIN * (high - low) / count
+        start = 0.5 * (low + high) - 0.5 * MARGIN * (high - low) + 0.5 * step
         axes.append(np.rint(start + step * np.arange(count)).astype(np.int64))
         row = 1 - axis  # of the focal length; u is the second axis of the image
         intrinsics[row] /= step
@@ -149,12 +145,6 @@ def figure_of(body: Body, kind: str) -> kernel.Figure:
         balls.joint[drawn], balls.offset[drawn], balls.radius[drawn],
         body.vertices, body.skin_joints, body.skin_weights, faces,
     )  # fmt: skip
-
-
-@lru_cache(maxsize=4)
-def _pool(threads: int) -> ThreadPoolExecutor:
-    """Threads that stay: to begin them costs as much as a hundred poses."""
-    return ThreadPoolExecutor(threads)
 
 
 def targets_of(body: Body, seen: SeenJoints | None, distance: float, settings: DiscrepancySettings) -> kernel.Targets:
@@ -217,7 +207,7 @@ class Discrepancy:
         self._view = kernel.View(
             from_level, reference, image.intrinsics, image.depth, settings.clamp, settings.depth / max(image.person, 1)
         )
-        self._buffers = [kernel.buffers_for(self._figure, image.depth.shape) for _ in range(settings.threads)]
+        self._buffers = kernel.buffers_for(self._figure, image.depth.shape)
         if previous:
             # At least half of the person, so that a lost solution does not drown the joints; the paper has no floor.
             floor = 1.0 if settings.published else max(0.5 * image.person, 1.0)
@@ -252,19 +242,12 @@ class Discrepancy:
     def __call__(self, positions: np.ndarray) -> np.ndarray:
         """What `positions` (N, P) cost, metres: float64 (N,)."""
         out = np.empty(len(positions))
-        parts = [
-            (positions, self._figure, self._view, self._targets, buffers, first, len(self._buffers), out)
-            for first, buffers in enumerate(self._buffers)
-        ]
-        if len(parts) == 1:
-            kernel.discrepancies(*parts[0])
-        else:
-            list(_pool(len(parts)).map(lambda part: kernel.discrepancies(*part), parts))
+        kernel.discrepancies(positions, self._figure, self._view, self._targets, self._buffers, out)
         return out
 
     def _explained(self, position: np.ndarray) -> int:
         """N_P: the person's pixels within the clamp of the figure in `position` (Qammaz, 2.3.1)."""
-        buffers = self._buffers[0]
+        buffers = self._buffers
         kernel.place(position, self._figure, self._view, buffers)
         kernel.draw(self._figure, self._view, buffers)
         drawn = np.divide(1.0, buffers.inverse, out=np.zeros_like(buffers.inverse), where=buffers.inverse > 0.0)

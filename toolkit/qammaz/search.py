@@ -33,6 +33,17 @@ BELIEVED = 0.35
 REST = 0.3
 """Seconds after a fresh start that found nothing better in which none is tried: what misleads it lasts longer."""
 
+TILT = 0.8
+"""Radians, how far the root may be turned about each axis where there is no previous pose: shoulders and hips say how
+the trunk stands, as well as they are lifted."""
+COPIES, SPREAD = 7, 0.05
+"""Of the best of a swarm on the joints alone so many begin the next one, so many radians and metres apart."""
+PULL, PULL_SIGMA = 20.0, 0.1
+"""Weight of a sure joint against one correspondence: as much as the vertices around it; and metres at which a joint
+loses its pull, so that one that is hidden, and lifted to what hides it, pulls nothing."""
+TRUST = 0.5
+"""Metres that a metre from the joints counts where a pose is judged: the frame counts twice as much."""
+
 
 @dataclass(frozen=True)
 class SwarmSearchSettings:
@@ -43,24 +54,16 @@ class SwarmSearchSettings:
     window : radians, how far each angle, and the root's orientation about each axis, may be from the previous pose:
         more than any joint turns in a 30th of a second
     reach : metres, how far the root may be from its previous place in each direction
-    tilt : radians, the same for the root's orientation where there is no previous pose: shoulders and hips say how the
-        trunk stands, as well as they are lifted
     tries : times that the person is looked for afresh each way round, before a last swarm around the best: a third
         more first frames are right than after one
     history : previous poses that are particles too; the paper's
     joints_first : a swarm on the joints alone, which costs a fifth, shows the swarm on everything where to begin
-    copies : of its best that begin there
-    spread : radians and metres by which they are apart
     frozen : joints of `skeleton.JOINT_NAMES` that stay as in the T-pose; none, for people move them all
     limits : other limits of single angles, by `skeleton.POSE_NAMES`, radians; None keeps those of the skeleton
     pulled, refined : iterations of the local optimisation with and without the pull of the joints, 0 and 0 for none:
         joints are coarse, and the depth has the last word
-    pull : weight of a sure joint against one correspondence: as much as the vertices around it
-    pull_sigma : metres at which a joint loses its pull, so that one that is hidden, and lifted to what hides it, pulls
-        nothing
     disagreement : metres, mean distance from the joints above which everything is looked for afresh, 0 for never:
         twice what lifted joints are off where the pose is right
-    trust : metres that a metre from the joints counts then: the frame counts twice as much
     sides : metres by which a body has to be nearer that is looked for with left and right of the joints exchanged:
         detectors that see no faces take a twentieth of the backs for fronts. None takes the joints as they are given,
         and E of Eq. 2 alone chooses, as in the paper
@@ -68,30 +71,21 @@ class SwarmSearchSettings:
 
     window: float = 0.7
     reach: float = 0.3
-    tilt: float = 0.8
     tries: int = 3
     history: int = 5
     joints_first: bool = True
-    copies: int = 7
-    spread: float = 0.05
     frozen: tuple[str, ...] = ()
     limits: dict[str, tuple[float, float]] | None = None
     pulled: int = 2
     refined: int = 4
-    pull: float = 20.0
-    pull_sigma: float = 0.1
     disagreement: float = 0.08
-    trust: float = 0.5
     sides: float | None = 0.015
 
     def __post_init__(self) -> None:
-        if min(self.window, self.reach, self.tilt, self.pull_sigma) <= 0.0:
-            raise SettingsError(
-                f"window {self.window}, reach {self.reach}, tilt {self.tilt} and pull_sigma {self.pull_sigma} are the "
-                "sizes of what is searched; give more than 0"
-            )
-        if min(self.history, self.copies, self.spread, self.pulled, self.refined, self.pull, self.disagreement) < 0:
-            raise SettingsError("history, copies, spread, pulled, refined, pull and disagreement are at least 0")
+        if min(self.window, self.reach) <= 0.0:
+            raise SettingsError(f"window {self.window} and reach {self.reach} are what is searched; give more than 0")
+        if min(self.history, self.pulled, self.refined, self.disagreement) < 0:
+            raise SettingsError("history, pulled, refined and disagreement are at least 0")
         if self.tries < 1:
             raise SettingsError(f"tries is {self.tries}; without a previous pose, look for the person at least once")
         if unknown := [name for name in self.frozen if name not in skeleton.JOINT_NAMES[1:]]:
@@ -174,7 +168,7 @@ class SwarmSearch:
             doubts = doubts + observation.elapsed if wrong else 0.0
             if wrong:
                 seen = exchanged(seen)
-        image = small_image(cloud.depth, observation.unobserved, cloud.camera.intrinsics, (s.height, s.width), s.margin)
+        image = small_image(cloud.depth, observation.unobserved, cloud.camera.intrinsics, (s.height, s.width))
         return _Frame(observation, seen, image), doubts
 
     def _history(self, state: PersonState) -> np.ndarray:
@@ -215,7 +209,7 @@ class SwarmSearch:
         found = []
         s = self._settings
         half = np.full(skeleton.POSE_SIZE, np.inf)
-        half[skeleton.ROOT_POSITION], half[skeleton.ROOT_ROTATION] = s.reach, s.tilt
+        half[skeleton.ROOT_POSITION], half[skeleton.ROOT_ROTATION] = s.reach, TILT
         for start in first_poses(frame.observation, frame.seen):
             costs = frame.discrepancy(body, start, self._discrepancy)
             starts = costs.position_of(np.clip(start, *self._limits.T)[None])
@@ -239,7 +233,7 @@ class SwarmSearch:
         s = self._settings
         if s.joints_first and costs.guided:
             alone = minimise(costs.joints_alone(), starts, limits, self._swarm, rng, perturbed=ANGLES).position
-            copies = alone + s.spread * rng.standard_normal((s.copies, len(alone)))
+            copies = alone + SPREAD * rng.standard_normal((COPIES, len(alone)))
             starts = np.concatenate([starts, alone[None], copies])
         return minimise(costs, starts, limits, self._swarm, rng, perturbed=ANGLES).position
 
@@ -247,8 +241,8 @@ class SwarmSearch:
         """A position as a pose, refined and compared with the frame."""
         s, scene, pose = self._settings, frame.observation.scene, costs.pose_of(position)
         if s.pulled and frame.seen is not None and costs.guided:
-            weights = np.where(np.isfinite(frame.seen.points[:, 0]), s.pull * frame.seen.confidence, 0.0)
-            term = JointTerm(np.nan_to_num(frame.seen.points), weights, s.pull_sigma)
+            weights = np.where(np.isfinite(frame.seen.points[:, 0]), PULL * frame.seen.confidence, 0.0)
+            term = JointTerm(np.nan_to_num(frame.seen.points), weights, PULL_SIGMA)
             pose = self._refiner.refine(body, pose, scene, terms=[term], iterations=s.pulled)
         if s.refined:
             pose = self._refiner.refine(body, pose, scene, iterations=s.refined)
@@ -263,7 +257,7 @@ class SwarmSearch:
         if self._settings.sides is None:
             costs = frame.discrepancy(body, found.pose, self._discrepancy)
             return float(costs(costs.position_of(found.pose[None]))[0])
-        return found.comparison.distance + self._settings.trust * frame.gap(body, found.pose)
+        return found.comparison.distance + TRUST * frame.gap(body, found.pose)
 
 
 @dataclass(frozen=True, eq=False)

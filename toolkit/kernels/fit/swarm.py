@@ -76,7 +76,7 @@ class Targets(NamedTuple):
 
 
 class Buffers(NamedTuple):
-    """Working memory of one thread; see `buffers_for`."""
+    """Working memory; see `buffers_for`."""
 
     vectors: np.ndarray
     turned: np.ndarray
@@ -100,7 +100,7 @@ def buffers_for(figure: Figure, shape: tuple[int, int]) -> Buffers:
     )  # fmt: skip
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True)
 def place(position: np.ndarray, figure: Figure, view: View, buffers: Buffers) -> None:
     """Joints of a position (P,), camera frame: fills `rotations` and `origins` of the buffers."""
     turned, moved = buffers.turned, buffers.moved
@@ -121,7 +121,7 @@ def place(position: np.ndarray, figure: Figure, view: View, buffers: Buffers) ->
                 )
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True)
 def _draw_balls(figure: Figure, view: View, buffers: Buffers) -> None:
     """Balls where pixels' rays meet them first: raises `inverse` of the buffers to 1/z."""
     rotations, origins, inverse = buffers.rotations, buffers.origins, buffers.inverse
@@ -156,7 +156,7 @@ def _draw_balls(figure: Figure, view: View, buffers: Buffers) -> None:
                 inverse[v, u] = max(inverse[v, u], w)
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True)
 def _draw_triangles(figure: Figure, view: View, buffers: Buffers) -> None:
     """Triangles that face the camera, at pixel centres: raises `inverse` of the buffers to 1/z."""
     inverse, projected, faces = buffers.inverse, buffers.projected, figure.faces
@@ -187,7 +187,7 @@ def _draw_triangles(figure: Figure, view: View, buffers: Buffers) -> None:
                 gamma += gamma_u
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True)
 def draw(figure: Figure, view: View, buffers: Buffers) -> None:
     """The placed figure as the camera sees it alone: `inverse` of the buffers becomes 1/z, 0 where nothing is."""
     buffers.inverse[:] = 0.0
@@ -196,7 +196,7 @@ def draw(figure: Figure, view: View, buffers: Buffers) -> None:
         _draw_triangles(figure, view, buffers)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(cache=True, error_model="numpy")
 def depth_cost(depth: np.ndarray, inverse: np.ndarray, clamp: float, columns: np.ndarray) -> float:
     """The sum of Qammaz, Eq. 3, metres: where only one of person and figure is, a pixel costs the clamp.
 
@@ -215,7 +215,7 @@ def depth_cost(depth: np.ndarray, inverse: np.ndarray, clamp: float, columns: np
     return total
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True)
 def joint_cost(targets: Targets, buffers: Buffers) -> float:
     """The weighted distances of the placed joints from where they were seen (Qammaz, Eq. 4 to 6), metres."""
     rotations, origins = buffers.rotations, buffers.origins
@@ -236,22 +236,17 @@ def joint_cost(targets: Targets, buffers: Buffers) -> float:
     return total
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True)
 def discrepancies(
     positions: np.ndarray,
     figure: Figure,
     view: View,
     targets: Targets,
     buffers: Buffers,
-    first: int,
-    stride: int,
     out: np.ndarray,
 ) -> None:
-    """What positions `first`, `first + stride`, ... of (N, P) cost (Qammaz, Eq. 2): fills those of `out` (N,), metres.
-
-    Each is on its own, so that any number of threads, with their own buffers, find the same.
-    """
-    for n in range(first, positions.shape[0], stride):
+    """What each of `positions` (N, P) costs (Qammaz, Eq. 2): fills `out` (N,), metres."""
+    for n in range(positions.shape[0]):
         place(positions[n], figure, view, buffers)
         out[n] = joint_cost(targets, buffers)
         if view.weight > 0.0:
