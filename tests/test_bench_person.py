@@ -32,19 +32,19 @@ def test_a_probability_that_means_what_it_says_has_no_error_whatever_the_share_o
     assert figures["rest_over_half"] == pytest.approx(0.16, abs=0.02)
 
 
-def test_a_small_regressor_is_measured_and_one_of_people_alone_is_refused(
+def test_a_small_regressor_is_measured_and_a_database_without_one_is_refused(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setattr(suite, "MOCAP", tmp_path / "absent")
     monkeypatch.setattr(_record, "RESULTS", tmp_path)
     database = small_database()
-    for name, rooms in (("rooms", 1.0), ("alone", 0.0)):
-        settings = RegressorSettings(
-            images=30, pixels=60, trees=1, depth=6, smallest_leaf=15, questions=15, calibration=4,
-            views=ViewSettings(rooms=rooms),
-        )  # fmt: skip
-        regressor = train_regressor(database.poses.astype(np.float64), settings)
-        replace(database, regressor=regressor).save(tmp_path / f"{name}.npz")
+    settings = RegressorSettings(
+        images=30, pixels=60, trees=1, depth=6, smallest_leaf=15, questions=15, calibration=4,
+        views=ViewSettings(rooms=1.0),
+    )  # fmt: skip
+    regressor = train_regressor(database.poses.astype(np.float64), settings)
+    replace(database, regressor=regressor).save(tmp_path / "rooms.npz")
+    replace(database, regressor=None).save(tmp_path / "alone.npz")
     monkeypatch.setattr(sys, "argv", ["bench", "people", "--views", "1", "--database", str(tmp_path / "rooms.npz")])
     bench.main()
     figures = json.loads((tmp_path / "person_tune.json").read_text())["figures"]
@@ -53,4 +53,4 @@ def test_a_small_regressor_is_measured_and_one_of_people_alone_is_refused(
     monkeypatch.setattr(sys, "argv", ["bench", "people", "--database", str(tmp_path / "alone.npz")])
     with pytest.raises(SystemExit):
         bench.main()
-    assert "knows no rooms; build it again" in capsys.readouterr().err
+    assert "has no regressor; build it again" in capsys.readouterr().err

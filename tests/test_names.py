@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 from typing import get_args
 
 import pytest
@@ -30,15 +29,6 @@ def test_a_plain_name_stays_and_a_long_one_loses_its_middle(name: str) -> None:
     if name.isprintable() and len(name) <= LONGEST_NAME:
         assert text == name
     assert printable(name).isprintable()
-
-
-@given(st.text(max_size=60))
-def test_rich_shows_a_name_and_no_markup(name: str) -> None:
-    from rich.console import Console
-
-    console = Console(file=io.StringIO(), width=1000)
-    console.print(shown(name, "rich") + "[b].[/b]", end="", soft_wrap=True, highlight=False, emoji=False)
-    assert console.file.getvalue() == shown(name) + "."  # type: ignore[attr-defined]
 
 
 @pytest.mark.parametrize("name", [*BAD, "$", "$$", r"\$", "a$b$c", r"$\frac{1}$"])

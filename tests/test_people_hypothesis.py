@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from tests.sensing_scenes import KINECT, scene
-from toolkit.landmarks.judge import RegressorJudge
+from toolkit.landmarks.regressor import JointRegressor
 from toolkit.people.hypothesis import Glimpse, NoJudge, judged_head, log_odds
 from toolkit.people.learning import FEWEST, Seen, hanging, learnt
 from toolkit.people.newcomers import Newcomers
@@ -173,16 +173,10 @@ def test_a_head_without_measured_pixels_is_not_judged():
     assert judged_head(view, lens, np.array([0.0, 0.0, -2.0]), Sure(3.0)) == 0.0
 
 
-class Regressor:
-    """What the judge asks of a regressor."""
-
-    def person_probability(self, depth, intrinsics, rotation, pixels):
-        return np.array([0.0, 0.5, 1.0, 0.8])
-
-
-def test_a_regressor_judges_by_log_odds_that_stay_finite():
+def test_a_regressor_judges_by_log_odds_that_stay_finite(monkeypatch):
+    monkeypatch.setattr(JointRegressor, "person_probability", lambda *_: np.array([0.0, 0.5, 1.0, 0.8]))
     ask = (np.ones((2, 2), np.float32), KINECT, np.eye(3), np.arange(4))
-    odds = RegressorJudge(Regressor()).log_odds(*ask)
+    odds = JointRegressor.log_odds(object.__new__(JointRegressor), *ask)
     assert np.isfinite(odds).all() and odds[0] == pytest.approx(-odds[2])
     assert odds[1] == 0.0 and odds[3] == pytest.approx(np.log(4.0))
 

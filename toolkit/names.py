@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Literal
 
-Place = Literal["text", "rich", "plot", "table"]
+Place = Literal["text", "plot", "table"]
 LONGEST_NAME = 120
 """Characters of a name that are shown."""
 _FORMULA = "=+-@'"
@@ -19,17 +19,13 @@ def shown(name: object, on: Place = "text") -> str:
 
     Parameters
     ----------
-    on : "text" is a terminal, a film or a page that escapes its own; "rich" reads markup in brackets, "plot"
-        mathematics between dollars, "table" is a cell of CSV, which must not become a formula
+    on : "text" is a terminal, a film or a page that escapes its own; "plot" reads mathematics between dollars,
+        "table" is a cell of CSV, which must not become a formula
     """
     text = printable(str(name))
     if len(text) > LONGEST_NAME and on != "table":
         half = (LONGEST_NAME - 3) // 2
         text = f"{text[:half]}...{text[-half:]}"
-    if on == "rich":
-        from rich.markup import escape
-
-        return escape(text)
     if on == "plot":
         return text.replace("$", "\\$")
     return f"'{text}" if on == "table" and text[:1] in _FORMULA and text else text

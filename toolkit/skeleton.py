@@ -123,17 +123,23 @@ END_EFFECTORS: tuple[str, ...] = ("left_hand", "right_hand", "left_foot", "right
 """Order of the five end effectors in every 15-dimensional feature (`E^5` in Baak 2013, 5.3.3)."""
 
 
+def trunk_of(hips: np.ndarray, shoulders: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Pelvis, spine and neck, each (..., 3), of both hips and both shoulders, (..., 2, 3)."""
+    pelvis, neck = hips.mean(axis=-2), shoulders.mean(axis=-2)
+    return pelvis, pelvis + 0.4 * (neck - pelvis), neck
+
+
 def _reported_matrix() -> np.ndarray:
     sources = (*JOINT_NAMES, *(name for name, _ in SITES))
     matrix = np.zeros((len(REPORTED), len(sources)))
 
-    def row(*names: str) -> np.ndarray:
-        return np.mean([np.eye(len(sources))[sources.index(name)] for name in names], axis=0)
+    def rows(*names: str) -> np.ndarray:
+        return np.eye(len(sources))[[sources.index(name) for name in names]]
 
-    pelvis, neck = row("left_hip", "right_hip"), row("left_shoulder", "right_shoulder")
-    derived = {"pelvis": pelvis, "neck": neck, "spine": pelvis + 0.4 * (neck - pelvis)}
+    trunk = trunk_of(rows("left_hip", "right_hip"), rows("left_shoulder", "right_shoulder"))
+    derived = dict(zip(("pelvis", "spine", "neck"), trunk, strict=True))
     for i, name in enumerate(REPORTED):
-        matrix[i] = derived[name] if name in derived else row(name)
+        matrix[i] = derived[name] if name in derived else rows(name)[0]
     return matrix
 
 

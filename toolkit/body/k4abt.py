@@ -154,9 +154,10 @@ def reported(positions: np.ndarray) -> np.ndarray:
         for side in ("LEFT", "RIGHT")
         for part in ("SHOULDER", "ELBOW", "WRIST", "HAND", "HIP", "KNEE", "ANKLE", "FOOT")
     }
-    found["pelvis"] = 0.5 * (found["left_hip"] + found["right_hip"])
-    found["neck"] = 0.5 * (found["left_shoulder"] + found["right_shoulder"])
-    found["spine"] = found["pelvis"] + 0.4 * (found["neck"] - found["pelvis"])
+    hips, shoulders = (
+        np.stack([found[f"left_{part}"], found[f"right_{part}"]], axis=-2) for part in ("hip", "shoulder")
+    )
+    found["pelvis"], found["spine"], found["neck"] = skeleton.trunk_of(hips, shoulders)
     found["head"] = 0.5 * (at["EAR_LEFT"] + at["EAR_RIGHT"])
     return np.stack([found[name] for name in skeleton.REPORTED], axis=-2)
 

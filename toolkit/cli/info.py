@@ -27,7 +27,6 @@ def info(
     from toolkit.database.database import PoseDatabase
     from toolkit.database.default import DEFAULT_DATABASE
     from toolkit.files import check_output
-    from toolkit.landmarks.judge import RegressorJudge
     from toolkit.people.describe import describe
     from toolkit.recordings.opening import open_upright
     from toolkit.rendering.look import save_picture
@@ -35,8 +34,7 @@ def info(
 
     target = check_output(output or Path(f"{recording.stem}_info.png"), [recording], sealed=[recording])
     opened = open_upright(recording, **reading.options())
-    regressor = PoseDatabase.load(DEFAULT_DATABASE).regressor
-    judge = None if regressor is None else RegressorJudge(regressor)
+    judge = PoseDatabase.load(DEFAULT_DATABASE).regressor
     look = describe(opened, SensingSettings(**given(segment=segment)), judge)
     save_picture(look, target)
     say("\n".join(look.lines))

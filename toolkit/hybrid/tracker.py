@@ -13,7 +13,6 @@ from toolkit.fitting.refiner import Refiner
 from toolkit.hybrid.aimed import AimedArms
 from toolkit.hybrid.initial_pose import InitialPoseVerifier
 from toolkit.hybrid.settings import HybridSettings
-from toolkit.landmarks.judge import RegressorJudge
 from toolkit.lopez2011.head_hands import HeadHandSearch
 from toolkit.lopez2011.upper import upper_bodies
 from toolkit.people.hypothesis import NoJudge, PersonJudge
@@ -90,7 +89,7 @@ class HybridTracker(SearchingTracker):
     @property
     def judge(self) -> PersonJudge:
         """See `JudgesPeople.judge`: the regressor."""
-        return NoJudge() if self._regressor is None else RegressorJudge(self._regressor)
+        return NoJudge() if self._regressor is None else self._regressor
 
     def searches(self, objective: Objective, refiner: Refiner) -> tuple[Search, ...]:
         """The searches of the settings, in the order in which they are asked."""

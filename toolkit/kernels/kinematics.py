@@ -11,6 +11,20 @@ from numba import njit
 
 
 @njit(cache=True)
+def _series(x: float, y: float, z: float, first: float, second: float, out: np.ndarray) -> None:
+    """Write `I + first [w]x + second [w]x^2` of w = (x, y, z) into `out` (3, 3)."""
+    out[0, 0] = 1.0 - second * (y * y + z * z)
+    out[1, 1] = 1.0 - second * (x * x + z * z)
+    out[2, 2] = 1.0 - second * (x * x + y * y)
+    out[0, 1] = second * x * y - first * z
+    out[1, 0] = second * x * y + first * z
+    out[0, 2] = second * x * z + first * y
+    out[2, 0] = second * x * z - first * y
+    out[1, 2] = second * y * z - first * x
+    out[2, 1] = second * y * z + first * x
+
+
+@njit(cache=True)
 def rotation_from_vector(x: float, y: float, z: float, out: np.ndarray) -> None:
     """Rodrigues' formula: write `exp([x, y, z])` into `out` (3, 3)."""
     t2 = x * x + y * y + z * z
@@ -19,15 +33,7 @@ def rotation_from_vector(x: float, y: float, z: float, out: np.ndarray) -> None:
     else:
         t = np.sqrt(t2)
         a, b = np.sin(t) / t, (1.0 - np.cos(t)) / t2
-    out[0, 0] = 1.0 - b * (y * y + z * z)
-    out[1, 1] = 1.0 - b * (x * x + z * z)
-    out[2, 2] = 1.0 - b * (x * x + y * y)
-    out[0, 1] = b * x * y - a * z
-    out[1, 0] = b * x * y + a * z
-    out[0, 2] = b * x * z + a * y
-    out[2, 0] = b * x * z - a * y
-    out[1, 2] = b * y * z - a * x
-    out[2, 1] = b * y * z + a * x
+    _series(x, y, z, a, b, out)
 
 
 @njit(cache=True)
@@ -39,15 +45,7 @@ def left_jacobian(x: float, y: float, z: float, out: np.ndarray) -> None:
     else:
         t = np.sqrt(t2)
         b, c = (1.0 - np.cos(t)) / t2, (t - np.sin(t)) / (t2 * t)
-    out[0, 0] = 1.0 - c * (y * y + z * z)
-    out[1, 1] = 1.0 - c * (x * x + z * z)
-    out[2, 2] = 1.0 - c * (x * x + y * y)
-    out[0, 1] = c * x * y - b * z
-    out[1, 0] = c * x * y + b * z
-    out[0, 2] = c * x * z + b * y
-    out[2, 0] = c * x * z - b * y
-    out[1, 2] = c * y * z - b * x
-    out[2, 1] = c * y * z + b * x
+    _series(x, y, z, b, c, out)
 
 
 @njit(cache=True)

@@ -17,6 +17,7 @@ from toolkit import skeleton
 from toolkit.archives import Column, check_columns, check_trees
 from toolkit.errors import DatabaseError
 from toolkit.kernels.learning import forest
+from toolkit.sensing.camera import Camera
 from toolkit.sensing.cloud import Cloud, marked
 
 BANDWIDTH = 0.06
@@ -33,6 +34,8 @@ FARTHEST_PROBE = 10.0
 """Metres at the pixel's depth: largest offset of a split."""
 CERTAIN = 0.99
 """Share of a leaf's training views above which, and one minus it below which, it counts as no surer."""
+SUREST = 0.999
+"""Probability of a person beyond which a pixel is no surer."""
 CHILDREN_AHEAD = "children_ahead"
 REBUILD = "build the database again"
 _SHARES: np.ndarray = np.clip(np.arange(256) / 255.0, 1.0 - CERTAIN, CERTAIN)
@@ -230,6 +233,12 @@ class JointRegressor:
         odds = self._person_log_odds[self._leaves(depth, intrinsics, rotation, pixels)].mean(axis=1)
         odds = self.person_odds[0] + self.person_odds[1] * odds
         return np.asarray(1.0 / (1.0 + np.exp(-odds)))
+
+    def log_odds(self, depth: np.ndarray, camera: Camera, rotation: np.ndarray, pixels: np.ndarray) -> np.ndarray:
+        """See `toolkit.people.hypothesis.PersonJudge.log_odds`."""
+        chances = self.person_probability(depth, camera.intrinsics, rotation, pixels)
+        chances = np.clip(chances, 1.0 - SUREST, SUREST)
+        return np.asarray(np.log(chances / (1.0 - chances)))
 
     def _leaves(
         self, depth: np.ndarray, intrinsics: np.ndarray, rotation: np.ndarray, pixels: np.ndarray

@@ -18,9 +18,8 @@ from toolkit.people.structure import find_planes
 from toolkit.people.surroundings import first_look, tolerances
 from toolkit.people.view import Lens
 from toolkit.sensing.camera import DEFAULT_UP, Camera
-from toolkit.sensing.recording import Recording
+from toolkit.sensing.recording import Recording, Vertical
 from toolkit.sensing.settings import SensingSettings
-from toolkit.sensing.vertical import Vertical
 
 FLOOR_FRAMES = 4  # in which a floor is looked for; a person may hide it in one
 PEOPLE_FRAMES = 8  # a stride leans, several do not

@@ -18,8 +18,8 @@ from toolkit.recordings.checks import check_joints, check_timestamps
 from toolkit.sensing.camera import Camera, rotated_points
 from toolkit.sensing.conversion import DepthConverter
 from toolkit.sensing.joints2d import Joints2D, check_rows, mirrored_rows, rotated_rows
+from toolkit.sensing.recording import Vertical
 from toolkit.sensing.stream import Frame
-from toolkit.sensing.vertical import Vertical
 
 
 class FrameSource(ABC):

@@ -18,12 +18,28 @@ from toolkit.sensing.camera import Camera
 from toolkit.sensing.conversion import unit_in_metres
 from toolkit.sensing.joints2d import Joints2D
 from toolkit.sensing.stream import Frame
-from toolkit.sensing.vertical import Vertical
 
 LENGTHS = {"intrinsics": 4, "size": 2, "up_camera": 3}
 FLAGS = {"intrinsics": "--intrinsics", "size": "--size", "up_camera": "--up"}
 LARGEST_RATE = 1000.0  # frames a second: faster than any depth camera
 LARGEST_SIDE = 20_000  # pixels: larger than any image
+
+
+@dataclass(frozen=True, eq=False)
+class Vertical:
+    """Where up is.
+
+    Attributes
+    ----------
+    up_camera : float64 (3,), camera frame, length 1
+    source : "option" (a person who opened the recording said so), "file" (the recording says so), "floor" (a floor is
+        seen) or "assumed" (from walls and people, else the image's own vertical)
+    height : metres of the camera above the floor, None where no floor is seen
+    """
+
+    up_camera: np.ndarray
+    source: str
+    height: float | None = None
 
 
 class Recording(Protocol):

@@ -33,29 +33,28 @@ def matches(path: Path) -> bool:
     return path.suffix == ".mat"
 
 
-def joints_from_kinect(skeleton: np.ndarray) -> np.ndarray:
+def joints_from_kinect(found: np.ndarray) -> np.ndarray:
     """Our 20 joints, camera frame of the raw image, from a Kinect skeleton (20, 3, T): float32 (T, 20, 3), metres.
 
     Head, shoulders to hands and hips to feet are taken over; pelvis, neck and spine are derived as for every skeleton.
     """
-    kinect = np.transpose(skeleton, (2, 0, 1)) * (1.0, -1.0, 1.0)
+    kinect = np.transpose(found, (2, 0, 1)) * (1.0, -1.0, 1.0)
     joints = np.empty(kinect.shape, dtype=np.float32)
     for ours, theirs in _OURS_FROM_KINECT.items():
         joints[:, ours] = kinect[:, theirs]
-    pelvis, neck = kinect[:, _HIPS].mean(axis=1), kinect[:, _SHOULDERS].mean(axis=1)
-    joints[:, 0], joints[:, 1], joints[:, 2] = pelvis, pelvis + 0.4 * (neck - pelvis), neck
+    joints[:, 0], joints[:, 1], joints[:, 2] = skeleton.trunk_of(kinect[:, _HIPS], kinect[:, _SHOULDERS])
     return joints
 
 
 def read(path: Path, options: ReaderOptions) -> Recording:
     """Open a UTD-MHAD recording; the skeleton is looked for beside it unless the option `skeleton` says where."""
     depth = np.moveaxis(_load(path, "d_depth"), 2, 0)
-    skeleton = _skeleton_path(path, options)
+    beside = _skeleton_path(path, options)
     reference = None
-    if skeleton is not None:
-        kinect = _load(skeleton, "d_skel")
+    if beside is not None:
+        kinect = _load(beside, "d_skel")
         if kinect.shape != (20, 3, len(depth)):
-            raise RecordingError(f"d_skel in {skeleton} has shape {kinect.shape}; expected (20, 3, {len(depth)})")
+            raise RecordingError(f"d_skel in {beside} has shape {kinect.shape}; expected (20, 3, {len(depth)})")
         reference = joints_from_kinect(kinect)
     return recording_of_source(
         path,
