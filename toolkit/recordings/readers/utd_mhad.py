@@ -13,6 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
+from toolkit import skeleton
 from toolkit.errors import RecordingError
 from toolkit.matlab import read_matlab
 from toolkit.recordings.arrays import ArrayFrames
