@@ -15,8 +15,8 @@ from toolkit.people.up import floor_height
 from toolkit.pipeline.in_memory import track_of
 from toolkit.pipeline.run import Job, finder_of
 from toolkit.recordings.arrays import recording_of
-from toolkit.recordings.stored import StoredRecording
 from toolkit.runs import Person
+from toolkit.sensing.recording import Recording
 from toolkit.sensing.stream import Frame
 from toolkit.track import STATE_NAMES
 from toolkit.tracking.crowd import Crowd, Row
@@ -81,7 +81,7 @@ class Tracker:
         self._tracker = tracker_of(database, config, settings)
         self._options = {"intrinsics": intrinsics, **options}
         self._background = background
-        self._recording: StoredRecording | None = None
+        self._recording: Recording | None = None
         self._crowd: Crowd | None = None
         self._height: float | None = None
         self._rows: list[Row] = []

@@ -15,20 +15,21 @@ from toolkit.body.shape import load_body
 from toolkit.errors import RecordingError
 from toolkit.export.notes import notes_of, write_notes
 from toolkit.mocap.motion import both, left, right
+from toolkit.people.up import find_vertical
 from toolkit.recordings.arrays import ArrayFrames
-from toolkit.recordings.stored import StoredRecording
 from toolkit.rendering.depth_alone import DepthPainter
 from toolkit.rendering.painter import RenderSettings
 from toolkit.rendering.track_plot import SKELETONS, plot_person
 from toolkit.sensing.camera import Camera
 from toolkit.sensing.conversion import DepthConverter
+from toolkit.sensing.recording import Recording
 from toolkit.track import EMPTY, LOST, TRACKED
 
 CAMERA = Camera(50.0, 55.0, 11.0, 7.0, 20, 16)
 POINT = np.array([0.1, -0.2, 2.0])
 
 
-def recording(*, mirrored: bool = False, rotate: int = 0, **others: Any) -> StoredRecording:
+def recording(*, mirrored: bool = False, rotate: int = 0, **others: Any) -> Recording:
     """Two frames whose only measurement is that of `POINT`, which is a joint as well."""
     u, v = np.rint(CAMERA.project(POINT)).astype(int)
     depth = np.zeros((2, *CAMERA.shape), dtype=np.uint16)
@@ -37,9 +38,9 @@ def recording(*, mirrored: bool = False, rotate: int = 0, **others: Any) -> Stor
     joints[:, 0] = POINT
     given: dict[str, Any] = {"timestamps": np.array([0.0, 0.1]), "source": ArrayFrames(depth)}
     given |= {"joints": joints, "stored_up": np.array([0.0, -2.0, 0.0]), "background": depth[0]}
-    return StoredRecording(
+    return Recording(
         "take", Path("take.npz"), CAMERA, converter=DepthConverter("mm", mirrored=mirrored),
-        options={"rotate": rotate}, **(given | others),
+        find_vertical=find_vertical, options={"rotate": rotate}, **(given | others),
     )  # fmt: skip
 
 

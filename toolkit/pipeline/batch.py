@@ -15,7 +15,7 @@ from toolkit.pipeline.summary import BatchReport
 from toolkit.pipeline.watch import RowWatcher
 from toolkit.progress import RecordingProgress
 from toolkit.recordings.opening import open_recording, open_upright
-from toolkit.sensing.recording import ReaderOptions
+from toolkit.recordings.options import ReaderOptions
 from toolkit.tracking.protocol import Tracker
 
 

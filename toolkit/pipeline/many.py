@@ -23,7 +23,7 @@ from toolkit.pipeline.run import track_recording
 from toolkit.pipeline.trackers import load_tracker
 from toolkit.progress import Progress
 from toolkit.recordings.opening import open_upright
-from toolkit.sensing.recording import ReaderOptions
+from toolkit.recordings.options import ReaderOptions
 from toolkit.tracking.protocol import Tracker
 from toolkit.workers import Task
 

@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 
 from toolkit.errors import RecordingError
+from toolkit.recordings.options import ReaderOptions
 from toolkit.recordings.readers.common import chosen_camera, recording_of_source
-from toolkit.recordings.stored import FrameSource, StoredRecording
-from toolkit.sensing.recording import ReaderOptions
+from toolkit.sensing.recording import FrameSource, Recording
 
 
 class ArrayFrames(FrameSource):
@@ -34,7 +34,7 @@ def recording_of(
     background: np.ndarray | None = None,
     name: str = "depth",
     **options: Any,
-) -> StoredRecording:
+) -> Recording:
     """A recording of depth in memory, which is not copied.
 
     Parameters

@@ -9,8 +9,9 @@ from typing import Any
 from toolkit.errors import RecordingError
 from toolkit.files import is_file, is_folder, link_out_of
 from toolkit.people.turned import quarter_turns
+from toolkit.recordings.options import ReaderOptions
 from toolkit.recordings.readers import reader_for
-from toolkit.sensing.recording import ReaderOptions, Recording
+from toolkit.sensing.recording import Recording
 
 logger = logging.getLogger(__name__)
 

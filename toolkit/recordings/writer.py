@@ -14,8 +14,8 @@ from numpy.lib import format as npy
 
 from toolkit.errors import OutputError, RecordingError
 from toolkit.files import atomic_path
-from toolkit.recordings.checks import check_joints, check_timestamps
 from toolkit.sensing.camera import Camera
+from toolkit.sensing.checks import check_joints, check_timestamps
 from toolkit.sensing.joints2d import check_rows
 
 COMPRESSION = 3  # of 9: a segmented depth image shrinks tenfold already, at a third of the default's time

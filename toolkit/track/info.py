@@ -17,7 +17,8 @@ from toolkit.body.shape import ShapeSpace
 from toolkit.errors import RecordingError, TrackError, UsageError
 from toolkit.files import is_file, save_json, sha256_of
 from toolkit.plain import read_json
-from toolkit.sensing.recording import ReaderOptions, Recording
+from toolkit.recordings.options import ReaderOptions
+from toolkit.sensing.recording import Recording
 from toolkit.sensing.settings import SensingSettings
 from toolkit.track.track import AGAIN
 from toolkit.typed import Range, TypedReader

@@ -6,8 +6,9 @@ from collections.abc import Callable
 from pathlib import Path
 
 from toolkit.errors import RecordingError, UsageError
+from toolkit.recordings.options import ReaderOptions
 from toolkit.recordings.readers import cloud, mkv, npz, png, raw, record3d, ros, stray, tum, utd_mhad
-from toolkit.sensing.recording import ReaderOptions, Recording
+from toolkit.sensing.recording import Recording
 
 Reader = Callable[[Path, ReaderOptions], Recording]
 

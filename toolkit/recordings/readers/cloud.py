@@ -16,10 +16,10 @@ import numpy as np
 from toolkit.door import open_file
 from toolkit.errors import RecordingError
 from toolkit.kernels.image import depth as kernels
+from toolkit.recordings.options import ReaderOptions
 from toolkit.recordings.readers.common import chosen_camera, damaged, natural_key, recording_of_source
-from toolkit.recordings.stored import FrameSource
 from toolkit.sensing.camera import Camera
-from toolkit.sensing.recording import ReaderOptions, Recording
+from toolkit.sensing.recording import FrameSource, Recording
 
 SUFFIXES = (".pcd", ".ply")
 GRID_RESIDUAL = 0.5  # pixels by which points may miss the pixel they claim to be from

@@ -14,11 +14,12 @@ import numpy as np
 
 from toolkit.door import read_file
 from toolkit.errors import RecordingError, UsageError
+from toolkit.people.up import find_vertical
 from toolkit.plain import read_json
-from toolkit.recordings.stored import FrameSource, StoredRecording
+from toolkit.recordings.options import ReaderOptions
 from toolkit.sensing.camera import Camera
 from toolkit.sensing.conversion import DepthConverter
-from toolkit.sensing.recording import ReaderOptions
+from toolkit.sensing.recording import FrameSource, Recording
 
 LARGEST_PICTURE, LARGEST_FILE = 1 << 26, 1 << 28
 """Pixels of a camera's picture, and bytes of its file, at most."""
@@ -80,7 +81,7 @@ def recording_of_source(
     joints: np.ndarray | None = None,
     reference_joints: np.ndarray | None = None,
     image_joints: np.ndarray | None = None,
-) -> StoredRecording:
+) -> Recording:
     """A recording of what a file says, where the options do not say otherwise.
 
     Parameters
@@ -97,7 +98,7 @@ def recording_of_source(
     """
     if options.background is not None:
         background = read_depth_png(Path(options.background))
-    return StoredRecording(
+    return Recording(
         name=path.stem if name is None else name,
         path=path,
         camera=camera,
@@ -113,6 +114,7 @@ def recording_of_source(
         reference_joints=reference_joints,
         image_joints=image_joints,
         stored_up=up if options.up_camera is None else np.asarray(options.up_camera, dtype=np.float64),
+        find_vertical=find_vertical,
         options=options.given(),
     )
 

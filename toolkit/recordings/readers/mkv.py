@@ -18,11 +18,11 @@ import numpy as np
 from toolkit.errors import RecordingError
 from toolkit.files import is_file
 from toolkit.plain import parse_json
+from toolkit.recordings.options import ReaderOptions
 from toolkit.recordings.readers.common import chosen_camera, damaged, decoded, recording_of_source, upright
 from toolkit.recordings.readers.matroska import Matroska, Track
-from toolkit.recordings.stored import FrameSource
 from toolkit.sensing.camera import Camera
-from toolkit.sensing.recording import ReaderOptions, Recording
+from toolkit.sensing.recording import FrameSource, Recording
 
 DEPTH_CODE, COLOR_CODE = b"b16g", b"MJPG"
 """Four letters at byte 16 of a video track's description (a BITMAPINFOHEADER)."""

@@ -12,9 +12,9 @@ import numpy as np
 
 from toolkit.archives import Column, archive_names, check_columns, load_archive, read_header, translated
 from toolkit.errors import RecordingError
+from toolkit.recordings.options import ReaderOptions
 from toolkit.recordings.readers.common import LARGEST_PICTURE, chosen_camera, recording_of_source
-from toolkit.recordings.stored import FrameSource
-from toolkit.sensing.recording import ReaderOptions, Recording
+from toolkit.sensing.recording import FrameSource, Recording
 
 RECORD_AGAIN = "copy or record it again"
 """What to do about a damaged recording."""

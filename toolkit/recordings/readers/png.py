@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from toolkit.errors import RecordingError
+from toolkit.recordings.options import ReaderOptions
 from toolkit.recordings.readers.common import (
     FileFrames,
     camera_beside,
@@ -13,7 +14,7 @@ from toolkit.recordings.readers.common import (
     read_depth_png,
     recording_of_source,
 )
-from toolkit.sensing.recording import ReaderOptions, Recording
+from toolkit.sensing.recording import Recording
 
 COLOR_SUFFIXES = (".png", ".jpg", ".jpeg")
 COLOR_NAMES = ("color", "rgb")

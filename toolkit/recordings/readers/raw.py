@@ -9,8 +9,9 @@ import numpy as np
 
 from toolkit.door import read_file
 from toolkit.errors import RecordingError
+from toolkit.recordings.options import ReaderOptions
 from toolkit.recordings.readers.common import LARGEST_FILE, FileFrames, chosen_camera, natural_key, recording_of_source
-from toolkit.sensing.recording import ReaderOptions, Recording
+from toolkit.sensing.recording import Recording
 
 KNOWN_SIZES = {2 * w * h: (w, h) for w, h in ((640, 480), (512, 424), (320, 240), (176, 144))}
 """Bytes of a file -> width and height of the depth cameras that such dumps come from."""

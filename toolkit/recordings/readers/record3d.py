@@ -15,10 +15,10 @@ import numpy as np
 from toolkit.errors import RecordingError, UsageError
 from toolkit.files import is_file
 from toolkit.plain import LARGEST_JSON, parse_json
+from toolkit.recordings.options import ReaderOptions
 from toolkit.recordings.readers.common import LARGEST_FILE, chosen_camera, damaged, decoded, recording_of_source
-from toolkit.recordings.stored import FrameSource
 from toolkit.sensing.camera import Camera
-from toolkit.sensing.recording import ReaderOptions, Recording
+from toolkit.sensing.recording import FrameSource, Recording
 
 LARGEST_SIDE = 4096
 """Pixels: no phone measures more depth."""

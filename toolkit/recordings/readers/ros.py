@@ -17,12 +17,12 @@ import numpy as np
 
 from toolkit.errors import RecordingError
 from toolkit.files import is_file, is_folder
+from toolkit.recordings.options import ReaderOptions
 from toolkit.recordings.readers import ros_messages as decode
 from toolkit.recordings.readers.common import chosen_camera, damaged, recording_of_source, upright
 from toolkit.recordings.readers.ros_files import BAG_SUFFIXES, METADATA, SQLITE_SUFFIX, MessageFile, open_messages
-from toolkit.recordings.stored import FrameSource
 from toolkit.sensing.camera import Camera
-from toolkit.sensing.recording import ReaderOptions, Recording
+from toolkit.sensing.recording import FrameSource, Recording
 
 IMAGE, COMPRESSED, CAMERA, IMU = (
     f"sensor_msgs/{name}" for name in ("Image", "CompressedImage", "CameraInfo", "Imu")

@@ -13,6 +13,7 @@ import numpy as np
 from toolkit.errors import RecordingError
 from toolkit.files import is_file, is_folder
 from toolkit.plain import read_table, read_text
+from toolkit.recordings.options import ReaderOptions
 from toolkit.recordings.readers.common import (
     FileFrames,
     chosen_camera,
@@ -21,7 +22,7 @@ from toolkit.recordings.readers.common import (
     recording_of_source,
 )
 from toolkit.sensing.camera import Camera
-from toolkit.sensing.recording import ReaderOptions, Recording
+from toolkit.sensing.recording import Recording
 
 MATRIX, ODOMETRY = "camera_matrix.csv", "odometry.csv"
 WIDTH = 1920

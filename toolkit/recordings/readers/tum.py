@@ -13,6 +13,7 @@ import numpy as np
 from toolkit.errors import RecordingError
 from toolkit.files import is_file, is_folder
 from toolkit.plain import read_text
+from toolkit.recordings.options import ReaderOptions
 from toolkit.recordings.readers.common import (
     FileFrames,
     camera_beside,
@@ -20,7 +21,7 @@ from toolkit.recordings.readers.common import (
     read_depth_png,
     recording_of_source,
 )
-from toolkit.sensing.recording import ReaderOptions, Recording
+from toolkit.sensing.recording import Recording
 
 DEPTH_LIST, COLOR_LIST = "depth.txt", "rgb.txt"
 UNIT = 0.0002
