@@ -288,12 +288,11 @@ WITHIN = 0.15
 WIDTH = 160
 """Pixels of width, at most, as the particle filter's tracker looks at hands."""
 KINDS: dict[str, EffectorSettings] = {
-    "3 extrema": EffectorSettings(cuts=0, count=3),
-    "6 extrema": EffectorSettings(cuts=0, count=6),
-    "8 extrema": EffectorSettings(cuts=0, count=8),
-    "6 extrema, 2 cuts": EffectorSettings(),
-    "3 of the tree": EffectorSettings(cuts=0, count=3, tree=True),
-    "6 of the tree": EffectorSettings(cuts=0, count=6, tree=True),
+    "3 extrema": EffectorSettings(count=3),
+    "6 extrema": EffectorSettings(count=6),
+    "8 extrema": EffectorSettings(count=8),
+    "3 of the tree": EffectorSettings(count=3, tree=True),
+    "6 of the tree": EffectorSettings(count=6, tree=True),
 }
 
 

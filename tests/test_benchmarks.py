@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import json
 import sys
-from collections.abc import Sequence
-from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 from typing import cast
@@ -30,14 +28,8 @@ from benchmarks import (
 from benchmarks._rows import SWARM_KINDS, WatchedTracker, swarm_settings
 from database_builder.build import Sampling, build_database
 from database_builder.regressor import RegressorSettings
-from toolkit.body.body import Body
 from toolkit.body.shape import load_body, subject_body
 from toolkit.database.database import PoseDatabase
-from toolkit.lopez2011 import tracker as particles
-from toolkit.lopez2011.filter import UpperFilter
-from toolkit.lopez2011.initial import InitialSettings
-from toolkit.lopez2011.sizing import FirstFrame, fitting_body
-from toolkit.lopez2011.upper import UpperBodies
 from toolkit.mocap.procedural import procedural_clips
 from toolkit.qammaz.tracker import SwarmTracker
 from toolkit.recordings.opening import open_recording
@@ -69,18 +61,6 @@ def small_database(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def work(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Recordings that several tests take: each is made once."""
     return tmp_path_factory.mktemp("work")
-
-
-@pytest.fixture
-def sized_roughly(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Three sizes of upper bodies are compared on one frame: all of them are most of what a take of 3 frames costs."""
-
-    def few(
-        bodies: UpperBodies, filtering: UpperFilter, frames: Sequence[FirstFrame], settings: InitialSettings, seed: int
-    ) -> Body | None:
-        return fitting_body(bodies, filtering, frames[:1], replace(settings, sizes=(-1.0, 0.0, 1.0)), seed)
-
-    monkeypatch.setattr(particles, "fitting_body", few)
 
 
 @pytest.fixture
@@ -336,7 +316,6 @@ def test_calibration_and_ranking_are_those_of_the_textbook() -> None:
     assert np.isnan(regressor.area_under_roc(scores, np.ones(4, dtype=bool)))
 
 
-@pytest.mark.usefixtures("sized_roughly")
 def test_upper_bodies_are_tracked_and_their_candidates_counted(
     small_database: Path, bundled: Path, work: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

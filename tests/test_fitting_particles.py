@@ -9,11 +9,11 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from toolkit import skeleton
-from toolkit.body.shape import ShapeSpace, load_body
+from toolkit.body.shape import load_body
 from toolkit.errors import SettingsError
 from toolkit.kernels.fit import particles as kernel
 from toolkit.lopez2011 import filter as room
-from toolkit.lopez2011 import initial, sizing
+from toolkit.lopez2011 import initial
 from toolkit.lopez2011.costs import ParticleFrame, ParticleImage, likelihood, mean_cost
 from toolkit.lopez2011.effectors import Effectors, Fork
 from toolkit.lopez2011.filter import UpperFilter
@@ -21,7 +21,7 @@ from toolkit.lopez2011.initial import ACCEPTED, InitialSettings, initial_pose, p
 from toolkit.lopez2011.proposals import NEAR, ROOT_DIFFUSION, by_inverse_kinematics, diffusion
 from toolkit.lopez2011.settings import ParticleSettings
 from toolkit.lopez2011.silhouette import arm_length, shoulder_breadth
-from toolkit.lopez2011.sizing import FirstFrame, fitting_body, lowest, sized_body
+from toolkit.lopez2011.sizing import sized_body
 from toolkit.lopez2011.upper import UpperBodies, UpperBody
 from toolkit.sensing.camera import Camera
 from toolkit.sensing.cloud import Cloud
@@ -194,7 +194,7 @@ def test_when_all_candidates_are_out_of_reach_everything_is_diffused(upper: Uppe
     frame = frame_of(depth_of(upper, truth), np.array([[9.0, 9.0, -9.0]]))
     filtering, rng = UpperFilter(ParticleSettings()), np.random.default_rng(0)
     particles = np.repeat(truth[None], 64, axis=0)
-    assert filtering.arms(upper, particles, truth, frame, 1 / 30, 0, rng).aimed == 0.0
+    assert not filtering.proposals.move_arm(upper, particles, 0, frame, 1 / 30, rng).any()
 
 
 def test_a_candidate_at_a_shoulder_leaves_a_finite_pose(upper: UpperBody) -> None:
@@ -326,12 +326,11 @@ def test_an_image_coarser_than_asked_for_is_an_error() -> None:
     ("values", "message"),
     [
         ({"count": 0}, "particles.count is 0"),
-        ({"bases": -1}, "particles.bases is -1"),
+        ({"looks": -1}, "particles.looks is -1"),
         ({"alpha": 1.5}, "particles.alpha is 1.5"),
         ({"alpha": -0.1}, "particles.alpha is -0.1"),
-        ({"shoulder": -0.2}, "particles.shoulder is -0.2"),
-        ({"spread": 0.0}, "particles.spread is 0.0"),
-        ({"cap": float("nan")}, "particles.cap is nan"),
+        ({"floor": -0.2}, "particles.floor is -0.2"),
+        ({"fine": float("nan")}, "particles.fine is nan"),
     ],
 )
 def test_impossible_settings_are_named(values: dict[str, float], message: str) -> None:
@@ -355,31 +354,6 @@ def test_a_filter_of_a_linear_gaussian_toy_agrees_with_a_kalman_filter() -> None
         chosen = np.empty(count, dtype=np.int64)
         kernel.systematic(weights, rng.random(), chosen)
         states = states[chosen]
-
-
-def test_a_parabola_has_its_lowest_place_between_the_sizes_and_never_beyond_them() -> None:
-    places = (-2.0, -1.0, 0.0, 1.0)
-    assert lowest(places, (np.array(places) - 0.3) ** 2) == pytest.approx(0.3)
-    assert lowest(places, np.array(places) ** 1) == -2.0
-    assert lowest(places, np.zeros(4)) == -2.0
-
-
-@pytest.mark.parametrize(("worse", "height"), [(0.0, 0.0), (30.0, 0.25)])
-def test_a_size_that_explains_hardly_more_gives_way_to_the_usual_one(
-    upper: UpperBody, monkeypatch: pytest.MonkeyPatch, worse: float, height: float
-) -> None:
-    """`worse` is what a pose costs for each metre that its body is short of two."""
-    filtering, sizes = UpperFilter(ParticleSettings()), InitialSettings(rounds=0)
-    usual = ShapeSpace.load().body([0.0])
-    for part in (initial, sizing):
-        monkeypatch.setattr(part, "costs_of_whole", lambda own, poses, _: np.full(len(poses), -worse * own.body.height))
-    depth, truth = depth_of(upper, pose_of()), pose_of()
-    crown = upper.body.end_effector_positions(truth)[skeleton.END_EFFECTORS.index("head")]
-    first = FirstFrame(effectors_of(crown[None]), None, frame_of(depth))
-    found = fitting_body(UpperBodies(LEVEL), filtering, [first], sizes, 0)
-    assert found is not None
-    assert found.height - usual.height == pytest.approx(height, abs=0.15)
-    assert (found.height > usual.height + 0.1) == (worse > 0.0)
 
 
 @pytest.mark.parametrize("lean", [0.0, 60.0])

@@ -62,7 +62,7 @@ def test_where_the_image_cuts_the_trunk_there_is_no_candidate() -> None:
     cloud = body_cloud(load_body(), raised_arms())
     v = cloud.index.shape[0] - 1
     lowest = cloud.points[cloud.index[v][cloud.index[v] >= 0]]
-    effectors = find_effectors(cloud, EffectorSettings(cuts=0))
+    effectors = find_effectors(cloud)
     assert len(lowest) > 0
     gaps = np.linalg.norm(effectors.points[:, None] - lowest[None], axis=2)
     assert gaps.min() > 0.01
@@ -139,7 +139,6 @@ def test_an_empty_cloud_is_an_error() -> None:
     ("values", "message"),
     [
         ({"count": 0}, "effectors.count is 0"),
-        ({"cuts": -1}, "effectors.cuts is -1"),
         ({"narrowest": 80.0}, "effectors.narrowest and widest are 80.0 and 75.0"),
     ],
 )
@@ -160,7 +159,7 @@ def test_the_summit_is_the_highest_point_above_the_source() -> None:
 def test_lopez2011_takes_the_fork_by_the_cosines_of_neighbouring_prongs() -> None:
     """Lopez-Mendez 2011, 3: relative slopes within [0.5, 0.9]."""
     settings = load_settings(ParticleTrackerSettings, "lopez2011").effectors
-    assert settings.count == 3 and settings.cuts == 0 and settings.tree
+    assert settings.count == 3 and settings.tree
 
     def prongs(*degrees: float) -> Effectors:
         turns = np.radians(degrees)

@@ -37,8 +37,6 @@ class EffectorSettings:
     Attributes
     ----------
     count : candidates per frame: the paper takes 3; head and both hands are oftener among the first 6
-    cuts : further candidates where the image's border or an occluder cuts the person: an arm that leaves goes there,
-        and what a hand is near to is better than nothing
     tree : whether the candidates are the summits of the geodesic map's component tree with the largest dynamics,
         instead of its first extrema, of which they are no better
     narrowest, widest : degrees between neighbouring prongs of the fork; the paper's cosines of all three pairs hardly
@@ -46,14 +44,11 @@ class EffectorSettings:
     """
 
     count: int = constant(6)
-    cuts: int = constant(2)
     tree: bool = False
     narrowest: float = constant(20.0)
     widest: float = constant(75.0)
 
     def __post_init__(self) -> None:
-        if self.cuts < 0:
-            raise SettingsError(f"effectors.cuts is {self.cuts}; give 0 for none, or a number of candidates")
         if self.count < 1:
             raise SettingsError(f"effectors.count is {self.count}; ask for at least 1 candidate")
         if not 0 <= self.narrowest < self.widest <= 180:
@@ -98,7 +93,7 @@ def find_effectors(
     unobserved: np.ndarray | None = None,
     workspace: Workspace | None = None,
 ) -> Effectors:
-    """Candidates in an organised cloud of one person; those where the border or an occluder cuts the person come last.
+    """Candidates in an organised cloud of one person; there are none where the border or an occluder cuts the person.
 
     Parameters
     ----------
@@ -120,8 +115,7 @@ def find_effectors(
     # As many more are found as there may be cuts.
     extrema = extrema_of_graph(graph, cloud.points, 1 if settings.tree else 2 * settings.count, source, workspace)
     nodes = _summits(cloud, graph, extrema) if settings.tree else extrema.nodes
-    cut = on_cuts(cloud, nodes, unobserved)
-    nodes = np.concatenate([nodes[~cut][: settings.count], nodes[cut][: settings.cuts]])
+    nodes = nodes[~on_cuts(cloud, nodes, unobserved)][: settings.count]
     paths = tuple(_path(graph, extrema, int(node), cloud.points) for node in nodes)
     start = cloud.points[source].astype(np.float64)
     return Effectors(cloud.points[nodes].astype(np.float64), start, _summit(cloud.points, start), paths)

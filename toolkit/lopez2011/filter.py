@@ -33,13 +33,11 @@ class Filtered:
     estimate : float64 (P,), the particle that both arms' layers together explain best (MAP): the last layer alone would
         leave the first arm to chance
     cost : mean over the three layers of what the estimate costs there
-    aimed : share of the arm particles that inverse kinematics moved
     """
 
     particles: np.ndarray
     estimate: np.ndarray
     cost: float
-    aimed: float
 
 
 def resampled(costs: np.ndarray, rng: np.random.Generator) -> np.ndarray:
@@ -91,16 +89,15 @@ class UpperFilter:
         bases, base_of = self._bases(poses)
         poses = bases[base_of]
         pictures = trunk_pictures(upper, bases, frame)
-        estimate, aimed, both = poses[0], 0.0, np.zeros(len(poses))
+        estimate, both = poses[0], np.zeros(len(poses))
         for side in (first, 1 - first):
-            wanted = self.proposals.move_arm(upper, poses, side, frame, dt, rng, look=side == first)
-            aimed += 0.5 * float(wanted.mean())
+            self.proposals.move_arm(upper, poses, side, frame, dt, rng, look=side == first)
             costs = costs_of_arm(upper, poses, side, before, frame, base_of, pictures)
             both = both + costs
             estimate = poses[int(both.argmin())]
             chosen = resampled(costs, rng)
             poses, base_of, both = poses[chosen], base_of[chosen], both[chosen]
-        return Filtered(poses, estimate, mean_cost(upper, estimate, frame), aimed)
+        return Filtered(poses, estimate, mean_cost(upper, estimate, frame))
 
     def _bases(self, poses: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """The most frequent of the resampled `poses` (N, P), and for each pose the base that stands for it."""

@@ -34,7 +34,7 @@ class HeadHandSettings:
     particles : how it is filtered
     """
 
-    effectors: EffectorSettings = constant(EffectorSettings(cuts=0))
+    effectors: EffectorSettings = constant(EffectorSettings())
     initial: InitialSettings = constant(InitialSettings(rounds=4, unlabelled=False))
     particles: ParticleSettings = constant(ParticleSettings())
 

@@ -1,4 +1,4 @@
-"""The first pose of an upper body, and its size, from the candidates for head and hands (Lopez-Mendez 2011, 3)."""
+"""The first pose of an upper body from the candidates for head and hands (Lopez-Mendez 2011, 3)."""
 
 from __future__ import annotations
 
@@ -54,13 +54,10 @@ class InitialSettings:
     rounds : times that the first frame is filtered: trunk and size are rough at first
     unlabelled : whether a person is looked for without the fork too, with one of the highest places as head: hands that
         are cut off or hidden make no fork, and shoulders may make one
-    sizes : of the shape space's first component, tall to small, evenly apart: bodies of 2.03 to 1.37 m of which the one
-        whose first poses explain the first frames best is taken; none: a body is measured as in the paper
     """
 
     rounds: int = 10
     unlabelled: bool = True
-    sizes: tuple[float, ...] = (-3.0, -2.0, -1.0, 0.0, 1.0, 2.0)
 
     def __post_init__(self) -> None:
         if self.rounds < 0:

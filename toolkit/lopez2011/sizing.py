@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
-from typing import NamedTuple
 
 import numpy as np
 
@@ -13,11 +11,7 @@ from toolkit.body.body import Body
 from toolkit.body.shape import ShapeSpace
 from toolkit.fitting.arms import SIDES
 from toolkit.kernels import linear
-from toolkit.lopez2011.costs import ParticleFrame, costs_of_whole
-from toolkit.lopez2011.effectors import Effectors, Fork
-from toolkit.lopez2011.filter import UpperFilter
-from toolkit.lopez2011.initial import InitialSettings, initial_pose
-from toolkit.lopez2011.upper import UpperBodies, arm_of
+from toolkit.lopez2011.upper import arm_of
 
 BREADTH_NOISE, ARM_NOISE = 0.04, 0.09
 """Metres: standard deviations of the two measurements of a person's size, as their medians over a take."""
@@ -25,59 +19,6 @@ FLESH = 0.02
 """Metres by which a silhouette is broader at the shoulders than the distance of their joints."""
 HIDDEN = 0.10
 """Metres of an arm before the point at which its path bends, below the shoulder."""
-UNLIKELY = 1.0
-"""Cost of a size one standard deviation from the mean, and a quarter of that of two: unseen legs leave size hardly
-observable, and a first pose that is better by chance costs as much less."""
-ROUNDS = 4
-"""Rounds of filtering while sizes are compared: fewer than for a pose, for the trunk decides."""
-
-
-SIZED_ON = 3
-"""Frames on which sizes are tried."""
-
-
-class FirstFrame(NamedTuple):
-    """What is known of a frame in which no person is followed yet."""
-
-    effectors: Effectors
-    fork: Fork | None
-    frame: ParticleFrame
-
-
-def fitting_body(
-    bodies: UpperBodies, filtering: UpperFilter, frames: Sequence[FirstFrame], settings: InitialSettings, seed: int
-) -> Body | None:
-    """Of bodies of the `settings.sizes` the likeliest, by how well first poses explain the frames; None without any.
-
-    Between the sizes it is where the parabola through the best and its neighbours is lowest. All sizes get the same
-    random numbers.
-    """
-    space, quick = ShapeSpace.load(), replace(settings, rounds=ROUNDS)
-    tried: list[list[float]] = []
-    for seen in frames:
-        costs = []
-        for size in settings.sizes:
-            upper = bodies.of(space.body([size]))
-            rng = np.random.Generator(np.random.PCG64(seed))
-            first = initial_pose(upper, filtering, seen.effectors, seen.fork, seen.frame, quick, rng)
-            if first is not None:
-                costs.append(float(costs_of_whole(upper, first.pose[None], seen.frame)[0]))
-        tried += [costs] if len(costs) == len(settings.sizes) else []
-    if not tried:
-        return None
-    costs = np.array(tried).mean(axis=0) + UNLIKELY * np.array(settings.sizes) ** 2
-    return space.body([lowest(settings.sizes, costs)])
-
-
-def lowest(places: Sequence[float], values: np.ndarray) -> float:
-    """Where the parabola through the least of `values` (N,) and its neighbours is least; `places` (N,) are even."""
-    best = int(np.argmin(values))
-    if not 0 < best < len(values) - 1:
-        return float(places[best])
-    before, least, after = values[best - 1 : best + 2]
-    bend = before - 2.0 * least + after
-    shift = 0.5 * (before - after) / bend if bend > 0.0 else 0.0
-    return float(places[best] + shift * (places[best + 1] - places[best]))
 
 
 def sized_body(breadths: Sequence[float], arms: Sequence[float]) -> Body | None:

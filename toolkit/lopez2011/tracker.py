@@ -25,7 +25,7 @@ from toolkit.lopez2011.initial import ACCEPTED, InitialSettings, initial_pose
 from toolkit.lopez2011.settings import ParticleSettings
 from toolkit.lopez2011.sighting import Limits, UpperSighting, UpperViewer
 from toolkit.lopez2011.silhouette import arm_length, shoulder_breadth
-from toolkit.lopez2011.sizing import SIZED_ON, FirstFrame, fitting_body, sized_body
+from toolkit.lopez2011.sizing import sized_body
 from toolkit.lopez2011.upper import UNSEEN, UpperBodies
 from toolkit.people.sighting import PredictedBody, Sighting
 from toolkit.sensing.camera import Camera
@@ -225,7 +225,7 @@ class ParticleFollower(FollowedPerson):
 
 
 class MeasuredBody:
-    """A `BodyLearner` that measures: by first poses of several sizes, or as the paper does; see `sizing`.
+    """A `BodyLearner` that measures shoulders and arms; see `sizing`.
 
     Parameters
     ----------
@@ -236,7 +236,7 @@ class MeasuredBody:
     found = False
 
     def __init__(self, settings: ParticleTrackerSettings, camera: Camera, level_rotation: np.ndarray) -> None:
-        self._settings, self._level_rotation = settings, level_rotation
+        self._settings = settings
         self._viewer = UpperViewer(camera, level_rotation, settings.particles, settings.limits)
         self._seen: list[UpperSighting] = []
 
@@ -252,23 +252,8 @@ class MeasuredBody:
 
     @property
     def body(self) -> Body | None:
-        """See `BodyLearner.body`."""
-        settings, seen, workspace = self._settings, self._seen, Workspace()
-        if not settings.initial.sizes:
-            return self._measured(workspace)
-        if not seen:
-            return None
-        firsts = []
-        for row in np.linspace(0, len(seen) - 1, min(SIZED_ON, len(seen))).round().astype(int):
-            effectors = seen[row].effectors(settings.effectors, workspace)
-            fork = find_fork(effectors, settings.effectors)
-            firsts.append(FirstFrame(effectors, fork, seen[row].frame(effectors)))
-        bodies, filtering = UpperBodies(self._level_rotation), UpperFilter(settings.particles)
-        return fitting_body(bodies, filtering, firsts, settings.initial, settings.seed)
-
-    def _measured(self, workspace: Workspace) -> Body | None:
-        """By shoulder breadth and arm length, wherever the fork is seen."""
-        settings = self._settings.effectors
+        """See `BodyLearner.body`: by shoulder breadth and arm length, wherever the fork is seen."""
+        settings, workspace = self._settings.effectors, Workspace()
         breadths: list[float] = []
         arms: list[float] = []
         for seen in self._seen:

@@ -64,19 +64,12 @@ class Cursor:
         return self._data[self._place :]
 
 
-class Header(NamedTuple):
-    """Capture time in seconds and the name of the frame that a message is in."""
-
-    time: float
-    frame: str
-
-
-def read_header(cursor: Cursor) -> Header:
-    """The header that begins most messages."""
+def read_header(cursor: Cursor) -> str:
+    """The frame of the header that begins most messages; its time is not used."""
     if not cursor.cdr:
         cursor.whole()  # a running number
-    seconds, nanoseconds = cursor.whole("i" if cursor.cdr else "I"), cursor.whole()
-    return Header(seconds + 1e-9 * nanoseconds, cursor.text())
+    cursor.whole("i" if cursor.cdr else "I"), cursor.whole()
+    return cursor.text()
 
 
 @dataclass(frozen=True)
@@ -104,7 +97,7 @@ def camera_info(data: bytes, cdr: bool) -> CameraInfo:
 def acceleration(data: bytes, cdr: bool) -> tuple[str, np.ndarray]:
     """Frame and linear acceleration (3,), m/s^2, of `sensor_msgs/Imu`."""
     cursor = Cursor(data, cdr)
-    frame = read_header(cursor).frame
+    frame = read_header(cursor)
     cursor.numbers("d", 4 + 9 + 3 + 9)
     return frame, np.array(cursor.numbers("d", 3))
 
