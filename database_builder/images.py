@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from database_builder.room_views import NOBODY, SHELL, RoomPainter
-from database_builder.views import FOCAL, ViewSettings, body_labels, draw_view, is_seated
+from database_builder.views import FOCAL, View, ViewSettings, body_labels, draw_view, is_seated
 from toolkit.body.shape import ShapeSpace
 from toolkit.kernels.learning import forest
 from toolkit.progress import Count
@@ -55,17 +55,9 @@ class TrainingImages:
 
 @dataclass(frozen=True, eq=False)
 class Chosen:
-    """An image and pixels of it.
+    """A view and pixels of it: int64 (S,), column, row and label of each."""
 
-    depth, window, in_view, corner, joints : as of `views.View`
-    u, v, label : int64 (S,), column, row and label of the pixels
-    """
-
-    depth: np.ndarray
-    window: np.ndarray
-    in_view: np.ndarray
-    corner: np.ndarray
-    joints: np.ndarray
+    view: View
     u: np.ndarray
     v: np.ndarray
     label: np.ndarray
@@ -92,7 +84,7 @@ class ImageSource:
             return None
         label = self._labels[self._faces[view.triangle[v, u], 0]]
         pick = _balanced(label, pixels, rng)
-        return Chosen(view.depth, view.window, view.in_view, view.corner, view.joints, u[pick], v[pick], label[pick])
+        return Chosen(view, u[pick], v[pick], label[pick])
 
     def _of_room(self, pixels: int, rng: np.random.Generator) -> Chosen | None:
         view = self._rooms.draw(rng)
@@ -111,7 +103,7 @@ class ImageSource:
         if len(picked) < 0.2 * pixels:
             return None
         v, u = np.divmod(picked, view.depth.shape[1])
-        return Chosen(view.depth, view.window, view.in_view, view.corner, view.joints, u, v, labels[v, u])
+        return Chosen(view, u, v, labels[v, u])
 
 
 def _balanced(label: np.ndarray, count: int, rng: np.random.Generator) -> np.ndarray:
@@ -132,12 +124,13 @@ def draw_images(
             progress(image, images)
         if (one := source.draw(pixels, rng)) is None:
             continue
-        z = one.depth[one.v, one.u] * 0.001
-        x, y = (one.u + one.corner[0]) * z / FOCAL, (one.v + one.corner[1]) * z / FOCAL
+        view = one.view
+        z = view.depth[one.v, one.u] * 0.001
+        x, y = (one.u + view.corner[0]) * z / FOCAL, (one.v + view.corner[1]) * z / FOCAL
         points = np.stack([x, -y, -z], axis=1).astype(np.float32)
         number = np.full(len(z), len(views), dtype=np.int32)
         columns.append((number, one.u.astype(np.int32), one.v.astype(np.int32), one.label.astype(np.uint8), points))
-        views.append((one.depth.ravel(), np.array(one.depth.shape), one.window, one.in_view, one.joints))
+        views.append((view.depth.ravel(), np.array(view.depth.shape), view.window, view.in_view, view.joints))
     progress(images, images)
     depths, shapes, windows, in_view, joints = zip(*views, strict=True)
     starts = np.cumsum([0, *(len(depth) for depth in depths[:-1])]).astype(np.int64)

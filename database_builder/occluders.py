@@ -8,16 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from toolkit.body.shape import ShapeSpace
+from toolkit.interiors.mesh import BOX_FACES, Mesh
 
-Draw = Callable[["Situation", np.random.Generator], list["Mesh"]]
-
-
-@dataclass(frozen=True, eq=False)
-class Mesh:
-    """A closed surface: vertices float64 (V, 3), metres, level frame, and int64 (F, 3), counter-clockwise outside."""
-
-    vertices: np.ndarray
-    faces: np.ndarray
+Draw = Callable[["Situation", np.random.Generator], list[Mesh]]
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,15 +35,6 @@ def box(centre: np.ndarray, size: tuple[float, float, float], yaw: float) -> Mes
     cos, sin = np.cos(yaw), np.sin(yaw)
     turned = corners @ np.array([[cos, 0.0, -sin], [0.0, 1.0, 0.0], [sin, 0.0, cos]])
     return Mesh(turned + centre, BOX_FACES)
-
-
-BOX_FACES: np.ndarray = np.array(
-    [
-        (0, 1, 3), (0, 3, 2), (4, 6, 7), (4, 7, 5), (0, 4, 5), (0, 5, 1),
-        (2, 3, 7), (2, 7, 6), (0, 2, 6), (0, 6, 4), (1, 5, 7), (1, 7, 3),
-    ],
-    dtype=np.int64,
-)  # fmt: skip
 
 
 def occluder_meshes(
@@ -145,4 +129,4 @@ def _person(where: Situation, rng: np.random.Generator) -> list[Mesh]:
     pose = place(where.poses[rng.integers(len(where.poses))], np.zeros(4), stands, rng.uniform(-np.pi, np.pi))
     vertices = other.vertex_positions(pose)
     vertices[:, 1] += where.floor - vertices[:, 1].min()
-    return [Mesh(vertices, where.space.faces.astype(np.int64))]
+    return [Mesh(vertices, where.space.faces)]

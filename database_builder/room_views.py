@@ -15,6 +15,7 @@ import numpy as np
 from database_builder.views import (
     FOCAL,
     HEIGHTS,
+    View,
     ViewSettings,
     body_labels,
     draw_body,
@@ -50,27 +51,13 @@ SUBJECT, OTHER, SHELL = -2, -3, -1
 
 
 @dataclass(frozen=True, eq=False)
-class RoomView:
-    """A level camera's image of a room, of focal length `FOCAL`.
+class RoomView(View):
+    """The same of a whole room, or of what was cut out of it; attributes as of `View`, and
 
-    Attributes
-    ----------
-    depth : uint16 (H, W), millimetres, 0 = nothing measured (or cut away)
     owner : int32 (H, W), `SUBJECT`, `OTHER`, `SHELL` or the number of a piece of furniture
-    triangle : int32 (H, W), face of the subject's body that a pixel of theirs shows
-    window : int32 (4,), borders of the image as in `images.TrainingImages`
-    corner : (2,), image coordinates of the first pixel
-    joints : float64 (20, 3), the subject's, metres, level frame; zeros without one
-    in_view : bool (20,), which of them are inside the image with nothing foreign before them
     """
 
-    depth: np.ndarray
     owner: np.ndarray
-    triangle: np.ndarray
-    window: np.ndarray
-    corner: np.ndarray
-    joints: np.ndarray
-    in_view: np.ndarray
 
     @property
     def nobody(self) -> np.ndarray:
@@ -228,7 +215,7 @@ class RoomPainter:
         first = int((owner == SUBJECT).argmax()) if people else 0
         body_face = np.where(owners == SUBJECT, triangle - first, 0).astype(np.int32)
         window = np.array([0, shape[1] - 1, 0, shape[0] - 1], dtype=np.int32)
-        return RoomView(depth, owners, body_face, window, corner, joints, in_view)
+        return RoomView(depth, window, in_view, body_face, corner, joints, owners)
 
 
 def _seen_middle(room: Room, rng: np.random.Generator) -> np.ndarray:

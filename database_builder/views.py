@@ -90,10 +90,16 @@ def _check_shares(shares: dict[str, float]) -> None:
 
 @dataclass(frozen=True, eq=False)
 class View:
-    """One person before a level camera of focal length `FOCAL`, cropped.
+    """What a level camera of focal length `FOCAL` sees of one person, cropped.
 
-    depth, window, in_view : as in `images.TrainingImages`, for one image; triangle : int32 (H, W), which face a pixel
-    shows; corner : image coordinates of the crop's first pixel; joints : float64 (20, 3), metres, level frame
+    Attributes
+    ----------
+    depth : uint16 (H, W), millimetres, 0 = nothing, `forest.UNOBSERVED` = hidden or outside the image
+    window : int32 (4,), first and last column, first and last row of the image, in pixels of the crop
+    in_view : bool (20,), joints inside the image with nothing foreign before them
+    triangle : int32 (H, W), face of the person's body that a pixel of theirs shows
+    corner : (2,), image coordinates of the crop's first pixel
+    joints : float64 (20, 3), metres, level frame; zeros without a person
     """
 
     depth: np.ndarray
@@ -145,7 +151,7 @@ def draw_view(
     blocked = np.zeros(inverse.shape)
     if hidden:
         for mesh in occluder_meshes(poses, space, root, yaw, vertices, rng):
-            before, _ = draw_mesh(project_level(mesh.vertices), mesh.faces, corner, (height, width))
+            before, _ = draw_mesh(project_level(mesh.vertices), mesh.faces.astype(np.int64), corner, (height, width))
             blocked = np.maximum(blocked, before)
     depth = sensed(np.where(blocked > inverse, 0.0, inverse), rng)
     window = image_window(joints + root, corner, (height, width), cut, rng)

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from database_builder.kept import Kept
-from database_builder.occluders import BOX_FACES, box, occluder_meshes
+from database_builder.occluders import box, occluder_meshes
 from toolkit import skeleton
 from toolkit.biomechanics.contact import ground_of
 from toolkit.body.raycast import Hits, cast
@@ -25,6 +25,7 @@ from toolkit.evaluation.reference import Reference, find_reference
 from toolkit.fitting.priors import LimbPrior
 from toolkit.inertial.calibration import Calibration, Mounting
 from toolkit.inertial.distance import Distances, TrackError
+from toolkit.interiors.mesh import BOX_FACES
 from toolkit.mocap.procedural import perform
 from toolkit.mocap.seated import SEATED, SEATED_SUBJECT
 from toolkit.pipeline.in_memory import track_of

@@ -16,7 +16,7 @@ from toolkit.errors import RecordingError
 from toolkit.export.notes import notes_of, write_notes
 from toolkit.mocap.motion import both, left, right
 from toolkit.people.up import find_vertical
-from toolkit.recordings.arrays import ArrayFrames
+from toolkit.recordings.readers.common import ArrayFrames
 from toolkit.rendering.depth_alone import DepthPainter
 from toolkit.rendering.painter import RenderSettings
 from toolkit.rendering.track_plot import SKELETONS, plot_person

@@ -9,22 +9,8 @@ import numpy as np
 
 from toolkit.errors import RecordingError
 from toolkit.recordings.options import ReaderOptions
-from toolkit.recordings.readers.common import chosen_camera, recording_of_source
-from toolkit.sensing.recording import FrameSource, Recording
-
-
-class ArrayFrames(FrameSource):
-    """Raw frames of an array (T, H, W)."""
-
-    def __init__(self, depth: np.ndarray) -> None:
-        self._depth = depth
-
-    def __len__(self) -> int:
-        return len(self._depth)
-
-    def depth(self, i: int) -> np.ndarray:
-        """Raw frame `i`."""
-        return np.asarray(self._depth[i])
+from toolkit.recordings.readers.common import ArrayFrames, chosen_camera, recording_of_source
+from toolkit.sensing.recording import Recording
 
 
 def recording_of(

@@ -37,6 +37,20 @@ def frame_times(count: int, options: ReaderOptions, rate: float = 30.0) -> np.nd
     return np.arange(count, dtype=np.float64) / (options.frame_rate or rate)
 
 
+class ArrayFrames(FrameSource):
+    """Raw frames of an array (T, H, W)."""
+
+    def __init__(self, depth: np.ndarray) -> None:
+        self._depth = depth
+
+    def __len__(self) -> int:
+        return len(self._depth)
+
+    def depth(self, i: int) -> np.ndarray:
+        """Raw frame `i`."""
+        return np.asarray(self._depth[i])
+
+
 class FileFrames(FrameSource):
     """Frames that lie in a file each.
 

@@ -16,9 +16,8 @@ import numpy as np
 from toolkit import skeleton
 from toolkit.errors import RecordingError
 from toolkit.matlab import read_matlab
-from toolkit.recordings.arrays import ArrayFrames
 from toolkit.recordings.options import ReaderOptions
-from toolkit.recordings.readers.common import chosen_camera, frame_times, recording_of_source
+from toolkit.recordings.readers.common import ArrayFrames, chosen_camera, frame_times, recording_of_source
 from toolkit.sensing.recording import Recording
 
 INTRINSICS = (285.63, 285.63, 160.0, 120.0)  # of the raw, mirrored image
