@@ -13,10 +13,11 @@ from toolkit import skeleton
 from toolkit.body.shape import load_body
 from toolkit.config import load_settings
 from toolkit.kernels.fit import particles as kernel
-from toolkit.lopez2011.costs import ParticleFrame, ParticleImage
+from toolkit.lopez2011.costs import ParticleFrame, ParticleImage, mean_cost
 from toolkit.lopez2011.effectors import Effectors, Fork
-from toolkit.lopez2011.filter import UpperFilter, resampled
+from toolkit.lopez2011.filter import SHARPNESS, UpperFilter, resampled
 from toolkit.lopez2011.initial import initial_pose, place_hands
+from toolkit.lopez2011.proposals import NEAR, ROOT_DIFFUSION, SPREAD
 from toolkit.lopez2011.tracker import ParticleTrackerSettings
 from toolkit.lopez2011.upper import UpperBodies, UpperBody
 
@@ -37,11 +38,11 @@ def frame_of(upper: UpperBody, pose: np.ndarray, candidates: np.ndarray) -> Part
 
 
 def test_what_the_paper_says_in_numbers() -> None:
-    assert (SETTINGS.effectors.count, SETTINGS.effectors.cuts, SETTINGS.effectors.tree) == (3, 0, True)
+    assert (SETTINGS.effectors.count, SETTINGS.effectors.tree) == (3, True)
     assert PARTICLES.count == 256 and PARTICLES.trunk_columns == PARTICLES.arm_columns == 160
     prongs = np.radians([SETTINGS.effectors.narrowest, SETTINGS.effectors.widest])
     np.testing.assert_allclose(np.cos(prongs), [0.9, 0.5], atol=1e-4)
-    assert not SETTINGS.refined and not SETTINGS.initial.unlabelled and SETTINGS.initial.sizes == ()
+    assert not SETTINGS.refined and not SETTINGS.initial.unlabelled
     assert [UpperFilter(PARTICLES).first_arm(turn) for turn in range(3)] == [1, 1, 1]
 
 
@@ -49,15 +50,17 @@ def test_all_particles_but_one_diffuse_by_one_gaussian() -> None:
     poses = np.zeros((4000, skeleton.POSE_SIZE))
     UpperFilter(PARTICLES).proposals.move_trunk(poses, 1 / 30, np.random.default_rng(0))
     halves = poses[1:2001, 0].std(), poses[2001:, 0].std()
-    assert not poses[0].any() and halves == pytest.approx([PARTICLES.root_position] * 2, rel=0.1)
+    assert not poses[0].any() and halves == pytest.approx([ROOT_DIFFUSION[0]] * 2, rel=0.1)
 
 
 def test_equation_1_particles_go_on_by_the_exponential_of_their_costs() -> None:
-    costs = np.array([0.0, 0.5, 1.0, 3.0])
+    costs = np.array([0.0, 0.5, 1.0, 3.0]) / SHARPNESS
     kept = np.bincount(
         np.concatenate([resampled(costs, np.random.default_rng(seed)) for seed in range(4000)]), minlength=4
     )
-    np.testing.assert_allclose(kept / kept.sum(), np.exp(-costs) / np.exp(-costs).sum(), atol=0.01)
+    np.testing.assert_allclose(
+        kept / kept.sum(), np.exp(-SHARPNESS * costs) / np.exp(-SHARPNESS * costs).sum(), atol=0.01
+    )
 
 
 def test_equation_5_a_candidate_counts_by_its_distance_alone(upper: UpperBody) -> None:
@@ -66,7 +69,7 @@ def test_equation_5_a_candidate_counts_by_its_distance_alone(upper: UpperBody) -
     found = UpperFilter(PARTICLES).proposals.candidate_weights(upper, poses, 0, candidates)
     for pose, weights in zip(poses, found, strict=True):
         gaps = np.linalg.norm(candidates - place_hands(upper, pose)[0], axis=1)
-        expected = np.exp(-gaps / PARTICLES.near)
+        expected = np.exp(-gaps / NEAR)
         np.testing.assert_allclose(weights, expected / expected.sum(), atol=1e-12)
 
 
@@ -78,7 +81,7 @@ def test_equation_6_half_of_the_arms_reach_for_candidates_and_the_others_diffuse
     aimed = proposals.move_arm(upper, poses, 0, frame_of(upper, pose, target), 1 / 30, np.random.default_rng(0))
     off = np.linalg.norm(np.array([place_hands(upper, one)[0] for one in poses]) - target, axis=1)
     assert 0.4 < aimed.mean() <= 1.0 - PARTICLES.alpha
-    assert np.sqrt((off[aimed] ** 2).mean()) == pytest.approx(np.sqrt(3) * PARTICLES.spread, rel=0.15)
+    assert np.sqrt((off[aimed] ** 2).mean()) == pytest.approx(np.sqrt(3) * SPREAD, rel=0.15)
     assert np.median(off[~aimed]) > 2 * np.median(off[aimed])
 
 
@@ -92,8 +95,8 @@ def test_equation_7_scores_a_first_pose_of_inverse_kinematics(upper: UpperBody) 
     assert first is not None
     assert (first.particles == first.pose).all()  # nothing was filtered
     reached = np.stack([upper.body.end_effector_positions(first.pose)[head], *place_hands(upper, first.pose)])
-    gaps = np.linalg.norm(reached - wanted, axis=1) / PARTICLES.spread
-    costs = filtering.costs.mean(upper, first.pose, frame)
+    gaps = np.linalg.norm(reached - wanted, axis=1) / SPREAD
+    costs = mean_cost(upper, first.pose, frame)
     assert first.score == pytest.approx(-0.5 * (gaps**2).mean() - costs, abs=1e-9)
     assert np.linalg.norm(reached - wanted, axis=1).max() < 0.05
     assert initial_pose(upper, filtering, effectors, None, frame, SETTINGS.initial, np.random.default_rng(0)) is None
