@@ -117,9 +117,9 @@ def build_database(
 ) -> BuildReport:
     """Build a pose database and write it as one file.
 
-    Files that were read and what was trained are kept in a folder of its own beside `output` (`<stem>.work`, with a
-    number behind it where that is another person's) until the database is written, so that a killed or failed build
-    goes on where it was. The result does not depend on the number of processes. They are spawned, so a script that
+    Files that were read and what was trained are kept in a folder of its own beside `output` until the database is
+    written, so that a killed or failed build goes on where it was. It is `<stem>.work`, with a number behind it where
+    such a folder is there already and is not the toolkit's. The result does not depend on the number of processes. They are spawned, so a script that
     calls this needs the usual `if __name__ == "__main__":`.
 
     Parameters
@@ -238,7 +238,7 @@ class _Build:
 
 
 def _checked_target(output: str | Path, sources: Sequence[str | Path | PoseClip] | None, workers: int | None) -> Path:
-    """The file to write; an error where it cannot be one, would replace a source, or no person would work on it."""
+    """The file to write; raises where it cannot be one, would replace a source, or there are no processes."""
     target = Path(output)
     if target.suffix != ".npz" or is_folder(target):
         raise UsageError(f"a pose database is one .npz file, not {target}; choose a name such as poses.npz")

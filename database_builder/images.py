@@ -107,7 +107,7 @@ class ImageSource:
 
 
 def _balanced(label: np.ndarray, count: int, rng: np.random.Generator) -> np.ndarray:
-    """Rows of `count` pixels of these labels (N,): hands are one in two hundred, and no person would ask for them."""
+    """Rows of `count` pixels of these labels (N,), rare labels oftener than they are: hands are one pixel in 200."""
     balance = np.bincount(label)[label] ** -BALANCE
     return rng.choice(len(label), count, replace=False, p=balance / balance.sum())
 

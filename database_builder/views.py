@@ -1,7 +1,7 @@
 """Training views of the joint regressor: people as they are recorded, drawn from the poses of a database.
 
-A person who records people records them whole, from the waist up, seated, behind a desk or behind each other, adults
-and children, with cameras on tables and under ceilings. A tilted camera sees what a level one at the same place sees,
+Recordings show people whole, from the waist up, seated, behind a desk or behind each other, adults and children, with
+cameras on tables and under ceilings. A tilted camera sees what a level one at the same place sees,
 only in other pixels; the regressor asks its questions in the level frame, so that all views are drawn by level cameras.
 """
 

@@ -20,7 +20,7 @@ from toolkit.door import is_inside, open_file, read_file
 from toolkit.errors import OutputError, UsageError
 
 LARGEST_FOLDER = 1_000_000
-"""Files and folders below a recording's: more are a person's disk."""
+"""Files and folders that a recording has at most: a folder with more is a whole disk."""
 LOCK_FILE, OWNER_FILE, OWN_MARK = ".lock", ".lock-owner", ".made-by-depthmocap"
 
 
@@ -249,7 +249,7 @@ def locked(folder: str | Path) -> Iterator[None]:
 
 
 def _owner(path: Path) -> str:
-    """Who holds a lock. Its own file says so, because Windows lets no person read the one that is locked."""
+    """Who holds a lock: the text of a second file, because Windows lets no process read the locked one."""
     try:
         return read_file(path, 1000, inside=True).decode("utf-8", "replace").strip() or "another process"
     except OSError:

@@ -29,7 +29,7 @@ CELL, FIRST_NUMERIC, LAST_NUMERIC = 1, 6, 15
 """Classes of variables; numbers are stored in the smallest type that holds them, whatever the class."""
 COMPLEX = 0x0800
 DEEPEST = 4
-"""Cells in cells, at most: sensors keep tables in cells, and no person cells in them."""
+"""Levels of cells in cells, at most: sensor files have tables in cells, and no deeper."""
 
 Variable = np.ndarray | list[np.ndarray]
 

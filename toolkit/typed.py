@@ -1,6 +1,6 @@
 """The one reader of plain values out of JSON and YAML: what a dataclass or a type says is what they must be.
 
-A person who wrote the file may be anybody. A value of another type, a number out of range, a list without end is one
+A file may come from anywhere. A value of another type, a number out of range, a list without end is one
 sentence that names it.
 """
 

@@ -87,7 +87,7 @@ class UpperViewer:
     def look(self, sighting: Sighting, crown: float | None = None) -> UpperSighting:
         """What is seen of an upper body; `crown` is how high its head reaches, metres, level frame.
 
-        Where no person knows, a head is looked for, and where there is none, everything counts.
+        Without it, the highest head in the image counts; where there is none, everything is looked at.
         """
         step = self._step
         depth = sighting.depth[::step, ::step]
