@@ -119,8 +119,8 @@ def build_database(
 
     Files that were read and what was trained are kept in a folder of its own beside `output` until the database is
     written, so that a killed or failed build goes on where it was. It is `<stem>.work`, with a number behind it where
-    such a folder is there already and is not the toolkit's. The result does not depend on the number of processes. They are spawned, so a script that
-    calls this needs the usual `if __name__ == "__main__":`.
+    such a folder is there already and is not the toolkit's. The result does not depend on the number of processes.
+    They are spawned, so a script that calls this needs the usual `if __name__ == "__main__":`.
 
     Parameters
     ----------

@@ -35,7 +35,7 @@ class RegressorSettings:
     pixels : training pixels per image
     trees, depth : size of the forest
     smallest_leaf : training pixels below which a node is not split
-    questions, fewest_questions : questions tried per node of many samples, and of few
+    questions : questions tried per node of many samples
     bins : thresholds per question
     node_samples : pixels of a node that judge the questions, at most
     views : what the images show
@@ -48,7 +48,6 @@ class RegressorSettings:
     depth: int = 22
     smallest_leaf: int = 30
     questions: int = 120
-    fewest_questions: int = 20
     bins: int = 24
     node_samples: int = 1000
     views: ViewSettings = field(default_factory=ViewSettings)
@@ -183,7 +182,7 @@ def _trees(
         data.depth, data.starts, data.shapes, data.windows, FOCAL, data.sample_image, data.sample_u, data.sample_v
     )
     growth = Growth(
-        settings.depth, settings.smallest_leaf, settings.questions, settings.fewest_questions, settings.bins,
+        settings.depth, settings.smallest_leaf, settings.questions, settings.bins,
         settings.node_samples, int(data.labels.max()) + 1,
     )  # fmt: skip
     seeds = [int(seed) for seed in rng.integers(1 << 62, size=settings.trees)]

@@ -573,7 +573,7 @@ def samples_of(data: TrainingImages) -> forest_training.Samples:
     )
 
 
-GROWTH = forest_training.Growth(8, 20, 24, 8, 12, 100, 64)
+GROWTH = forest_training.Growth(8, 20, 24, 12, 100, 64)
 
 
 def plain_tree(samples: forest_training.Samples, labels: np.ndarray, seed: int) -> list[tuple[int, list[int]]]:
@@ -585,7 +585,7 @@ def plain_tree(samples: forest_training.Samples, labels: np.ndarray, seed: int) 
         sides = []
         if path.bit_length() <= GROWTH.deepest and len(rows) >= 2 * GROWTH.smallest_leaf:
             judges = forest_training.judges_of(rows, GROWTH.node_samples, state)
-            count = min(max(len(judges) // 5, GROWTH.fewest_questions), GROWTH.questions)
+            count = min(max(len(judges) // 5, forest_training.FEWEST_QUESTIONS), GROWTH.questions)
             questions = forest_training.random_questions(count, state)
             best, threshold, _ = forest_training.best_split(samples, labels, judges, questions, 12, 64)
             answer = np.empty(len(rows), dtype=np.float32)

@@ -17,6 +17,8 @@ FARTHEST_PROBE = 0.8
 """Metres: probes reach so far across the image, most of them less."""
 STEPS = 256
 """Of a metre in which probes are told: half a pixel of a person at 2 m, and few bytes."""
+FEWEST_QUESTIONS = 20
+"""Questions that are tried for a node of few samples."""
 JUDGES_A_QUESTION = 5
 """A node of few samples is asked one question for so many of them: more would be answered alike."""
 
@@ -49,7 +51,6 @@ class Growth(NamedTuple):
     deepest: int
     smallest_leaf: int
     questions: int
-    fewest_questions: int
     bins: int
     node_samples: int
     classes: int
@@ -284,7 +285,7 @@ def grow(samples: Samples, labels: np.ndarray, rows: np.ndarray, path: int, seed
             level, up = level + 1, up >> 1
         if level < growth.deepest and part.shape[0] >= 2 * growth.smallest_leaf:
             judges = judges_of(part, growth.node_samples, state)
-            count = min(max(judges.shape[0] // JUDGES_A_QUESTION, growth.fewest_questions), growth.questions)
+            count = min(max(judges.shape[0] // JUDGES_A_QUESTION, FEWEST_QUESTIONS), growth.questions)
             questions = random_questions(count, state)
             best, threshold, _ = best_split(samples, labels, judges, questions, growth.bins, growth.classes)
             if best >= 0:
