@@ -14,7 +14,7 @@ from toolkit.people.joints import NoJoints
 from toolkit.people.up import floor_height
 from toolkit.pipeline.in_memory import track_of
 from toolkit.pipeline.run import Job, finder_of
-from toolkit.recordings.arrays import recording_of
+from toolkit.recordings.opening import recording_of
 from toolkit.runs import Person
 from toolkit.sensing.recording import Recording
 from toolkit.sensing.stream import Frame

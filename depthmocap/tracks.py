@@ -189,8 +189,7 @@ def _recording(
     options: dict[str, Any],
 ) -> Recording:
     """The recording that is meant."""
-    from toolkit.recordings.arrays import recording_of
-    from toolkit.recordings.opening import open_recording
+    from toolkit.recordings.opening import open_recording, recording_of
 
     if isinstance(depth, np.ndarray):
         return recording_of(depth, timestamps=timestamps, background=background, **options)

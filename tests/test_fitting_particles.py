@@ -20,8 +20,7 @@ from toolkit.lopez2011.filter import UpperFilter
 from toolkit.lopez2011.initial import ACCEPTED, InitialSettings, initial_pose, place_hands, sides_of, standing_pose
 from toolkit.lopez2011.proposals import NEAR, ROOT_DIFFUSION, by_inverse_kinematics, diffusion
 from toolkit.lopez2011.settings import ParticleSettings
-from toolkit.lopez2011.silhouette import arm_length, shoulder_breadth
-from toolkit.lopez2011.sizing import sized_body
+from toolkit.lopez2011.sizing import arm_length, shoulder_breadth, sized_body
 from toolkit.lopez2011.upper import UpperBodies, UpperBody
 from toolkit.sensing.camera import Camera
 from toolkit.sensing.cloud import Cloud

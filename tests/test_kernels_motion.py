@@ -15,7 +15,7 @@ from toolkit.kernels.fit import placing
 from toolkit.kernels.image.shading import NEAREST, shade_triangles
 from toolkit.kernels.learning import gaussians
 from toolkit.kernels.motion import relations
-from toolkit.rotations.euler import euler_matrices
+from toolkit.rotations.matrices import euler_matrices
 from toolkit.sensing.camera import Camera, level_rotation
 from toolkit.simulation.skinning import SKINNINGS
 

@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 
 from toolkit.errors import RecordingError, UsageError
-from toolkit.recordings.arrays import recording_of
+from toolkit.recordings.opening import recording_of
 from toolkit.recordings.readers.npz import MemberReader
 from toolkit.sensing.camera import Camera
-from toolkit.sensing.checks import check_joints, check_timestamps
 from toolkit.sensing.conversion import FARTHEST_MEDIAN_MM, NOTHING, DepthConverter, unit_in_metres
+from toolkit.sensing.recording import check_joints, check_timestamps
 
 CAMERA = Camera(40.0, 44.0, 9.5, 7.5, 20, 16)
 FILE = Path("recording.npz")

@@ -24,8 +24,7 @@ from toolkit.lopez2011.filter import UpperFilter
 from toolkit.lopez2011.initial import ACCEPTED, InitialSettings, initial_pose
 from toolkit.lopez2011.settings import ParticleSettings
 from toolkit.lopez2011.sighting import Limits, UpperSighting, UpperViewer
-from toolkit.lopez2011.silhouette import arm_length, shoulder_breadth
-from toolkit.lopez2011.sizing import sized_body
+from toolkit.lopez2011.sizing import arm_length, shoulder_breadth, sized_body
 from toolkit.lopez2011.upper import UNSEEN, UpperBodies
 from toolkit.people.sighting import PredictedBody, Sighting
 from toolkit.sensing.camera import Camera

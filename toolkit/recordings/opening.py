@@ -1,4 +1,4 @@
-"""Opening a recording of any known format."""
+"""Opening a recording: of any known format, or of an array."""
 
 from __future__ import annotations
 
@@ -6,11 +6,14 @@ import logging
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from toolkit.errors import RecordingError
 from toolkit.files import is_file, is_folder, link_out_of
 from toolkit.people.turned import quarter_turns
 from toolkit.recordings.options import ReaderOptions
 from toolkit.recordings.readers import reader_for
+from toolkit.recordings.readers.common import ArrayFrames, chosen_camera, recording_of_source
 from toolkit.sensing.recording import Recording
 
 logger = logging.getLogger(__name__)
@@ -50,3 +53,44 @@ def open_upright(path: str | Path, **options: Any) -> Recording:
         return recording
     logger.info("%s: the camera stands on its side, images are turned by %d degrees", recording.name, 90 * turns)
     return open_recording(path, **options, rotate=90 * turns)
+
+
+def recording_of(
+    depth: np.ndarray,
+    *,
+    timestamps: np.ndarray | None = None,
+    background: np.ndarray | None = None,
+    name: str = "depth",
+    **options: Any,
+) -> Recording:
+    """A recording of depth in memory, which is not copied.
+
+    Parameters
+    ----------
+    depth : (T, H, W), 0 = no measurement: whole numbers are millimetres, others metres, unless `depth_unit` says so
+    timestamps : (T,), seconds; without them `frame_rate` tells, or 30 frames a second
+    background : (H, W), the empty scene in the same unit
+    name : for people
+    options : of `ReaderOptions`; `intrinsics` (fx, fy, cx, cy in pixels) has to be one of them
+
+    Raises
+    ------
+    RecordingError
+        The array is none of depth frames, or the intrinsics are missing or absurd.
+    UsageError
+        An option is unknown or wrong.
+    """
+    frames = np.asarray(depth)
+    if frames.ndim != 3 or frames.dtype.kind not in "uif":
+        raise RecordingError(f"depth has shape {frames.shape} of {frames.dtype}; give numbers (frames, height, width)")
+    chosen, path = ReaderOptions.from_mapping(options), Path(name)
+    return recording_of_source(
+        path,
+        ArrayFrames(frames),
+        chosen_camera(chosen, frames.shape[1:], path),
+        chosen,
+        name=name,
+        unit="m" if frames.dtype.kind == "f" else "mm",
+        timestamps=None if timestamps is None else np.asarray(timestamps, np.float64),
+        background=background,
+    )

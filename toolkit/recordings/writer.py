@@ -15,8 +15,8 @@ from numpy.lib import format as npy
 from toolkit.errors import OutputError, RecordingError
 from toolkit.files import atomic_path
 from toolkit.sensing.camera import Camera
-from toolkit.sensing.checks import check_joints, check_timestamps
 from toolkit.sensing.joints2d import check_rows
+from toolkit.sensing.recording import check_joints, check_timestamps
 
 COMPRESSION = 3  # of 9: a segmented depth image shrinks tenfold already, at a third of the default's time
 BLOCK = 1 << 20
