@@ -142,8 +142,8 @@ def euler_matrices(axes: np.ndarray, intrinsic: bool, angles: np.ndarray) -> np.
     """Rotations float64 (N, 3, 3) from angles (N, K), radians, about the coordinate axes (K,), numbers 0 to 2.
 
     With `intrinsic` each axis is turned by the rotations before it, else all stay fixed. The angles are joined as unit
-    quaternions, in the order of operations of SciPy's `Rotation.from_euler`, whose bits these are: motion files hold many
-    short series, for which SciPy takes 15 times as long.
+    quaternions, in the order of operations of SciPy's `Rotation.from_euler`, whose bits these are: motion files hold
+    many short series, for which SciPy takes 15 times as long.
     """
     out = np.empty((angles.shape[0], 3, 3))
     total, one = np.empty(4), np.empty(4)
