@@ -13,11 +13,10 @@ from typing import Any, TypeVar
 
 import yaml
 
-from toolkit.constants import is_constant
 from toolkit.errors import SettingsError
 from toolkit.files import is_file, shipped
 from toolkit.plain import parse_yaml, read_yaml
-from toolkit.typed import TypedReader
+from toolkit.typed import TypedReader, is_constant
 
 Settings = TypeVar("Settings")
 READER = TypedReader(SettingsError, written_by_hand=True, what="setting")

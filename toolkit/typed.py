@@ -10,16 +10,30 @@ import math
 import types
 import typing
 from collections.abc import Mapping
-from dataclasses import MISSING, dataclass, fields, is_dataclass, replace
+from dataclasses import MISSING, Field, dataclass, field, fields, is_dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any, Literal, TypeVar
 
-from toolkit.constants import is_constant
 from toolkit.errors import DepthMocapError
 
 Made = TypeVar("Made")
+_MARK = "constant"
 MOST_ITEMS = 1_000_000
 """Entries of one list or table: more are no settings, notes or people."""
+
+
+def constant(value: Any) -> Any:
+    """A field of a settings dataclass that is none of its users' settings.
+
+    It can be changed by its dotted name for an experiment, as the papers' variants do in `configs/`; what was changed
+    is written beside the results like any setting.
+    """
+    return field(default=value, metadata={_MARK: True})
+
+
+def is_constant(item: Field[Any]) -> bool:
+    """Whether a field was made by `constant`."""
+    return _MARK in item.metadata
 
 
 @dataclass(frozen=True)

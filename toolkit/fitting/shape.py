@@ -13,11 +13,11 @@ import numpy as np
 
 from toolkit.body.body import Body
 from toolkit.body.shape import ShapeSpace
-from toolkit.constants import constant
 from toolkit.fitting.placed import Placer
 from toolkit.fitting.scene import Scene
 from toolkit.fitting.terms import MeshTerm
 from toolkit.kernels import linear
+from toolkit.typed import constant
 
 
 @dataclass(frozen=True)

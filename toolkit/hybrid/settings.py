@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Literal
 
-from toolkit.constants import constant
 from toolkit.errors import SettingsError
 from toolkit.fitting.arms import ArmSettings
 from toolkit.fitting.settings import FittingSettings
@@ -18,6 +17,7 @@ from toolkit.qammaz.swarm import SwarmSettings
 from toolkit.sensing.settings import SensingSettings
 from toolkit.tracking.search.labelings import LookupSettings
 from toolkit.tracking.settings import check_seed
+from toolkit.typed import constant
 
 
 @dataclass(frozen=True)

@@ -8,7 +8,6 @@ from itertools import combinations
 
 import numpy as np
 
-from toolkit.constants import constant
 from toolkit.errors import SettingsError
 from toolkit.kernels.cloud import component_tree, geodesic
 from toolkit.landmarks.cuts import on_cuts
@@ -16,6 +15,7 @@ from toolkit.landmarks.extrema import Extrema, extrema_of_graph, source_node
 from toolkit.landmarks.graph import Graph, Workspace, grid_graph
 from toolkit.landmarks.settings import LandmarkSettings
 from toolkit.sensing.cloud import Cloud
+from toolkit.typed import constant
 
 COLUMN = 0.15
 """Metres to either side of the source within which a head stands above it."""

@@ -7,7 +7,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from toolkit.body.body import Body
-from toolkit.constants import constant
 from toolkit.fitting.objective import Objective
 from toolkit.fitting.refiner import Refiner
 from toolkit.landmarks.graph import Workspace
@@ -21,6 +20,7 @@ from toolkit.tracking.observation import Observation
 from toolkit.tracking.search.lookup import FIRST_ROUNDS
 from toolkit.tracking.search.protocol import NOTHING, Hypothesis, Proposal, ScoredHypothesis
 from toolkit.tracking.state import PersonState
+from toolkit.typed import constant
 
 
 @dataclass(frozen=True)

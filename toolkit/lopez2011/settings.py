@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from toolkit.constants import constant
 from toolkit.errors import SettingsError
+from toolkit.typed import constant
 
 
 @dataclass(frozen=True)

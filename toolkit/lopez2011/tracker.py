@@ -10,7 +10,6 @@ import numpy as np
 from toolkit import skeleton
 from toolkit.body.body import Body
 from toolkit.body.shape import load_body
-from toolkit.constants import constant
 from toolkit.errors import SettingsError
 from toolkit.fitting.objective import Comparison, Objective
 from toolkit.fitting.placed import Placer
@@ -36,6 +35,7 @@ from toolkit.tracking.protocol import Wanted
 from toolkit.tracking.registry import Registration, register
 from toolkit.tracking.settings import check_seed
 from toolkit.tracking.state import PersonState, Previous
+from toolkit.typed import constant
 
 PARTICLES, DETECTED = "particles", "detected"
 LEG_ENTRIES: np.ndarray = np.array(

@@ -11,9 +11,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from toolkit.constants import constant
 from toolkit.errors import SettingsError
 from toolkit.kernels.fit import swarm as kernel
+from toolkit.typed import constant
 
 Costs = Callable[[np.ndarray], np.ndarray]
 """`costs(positions)` of (N, D): float64 (N,), to be minimised."""

@@ -6,7 +6,6 @@ from dataclasses import dataclass, field
 from typing import Literal
 
 from toolkit.body.body import Body
-from toolkit.constants import constant
 from toolkit.errors import SettingsError
 from toolkit.fitting.objective import Objective
 from toolkit.fitting.refiner import Refiner
@@ -25,6 +24,7 @@ from toolkit.tracking.search.local import LocalSearch
 from toolkit.tracking.search.protocol import Search
 from toolkit.tracking.searching import SearchingTracker
 from toolkit.tracking.settings import check_seed
+from toolkit.typed import constant
 
 HYPOTHESES = ("local", "swarm")
 

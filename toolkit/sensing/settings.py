@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from toolkit.constants import constant
 from toolkit.errors import SettingsError
+from toolkit.typed import constant
 
 MODES = "auto, segmented, background, empty-frames:N, range:NEAR,FAR, person, seed:U,V"
 MOST_EMPTY_FRAMES = 1000
