@@ -17,13 +17,14 @@ from typing import Any
 
 import numpy as np
 
+from toolkit import skeleton
 from toolkit.errors import RecordingError
 from toolkit.sensing.camera import Camera, rotated_points
 from toolkit.sensing.conversion import DepthConverter
 from toolkit.sensing.joints2d import Joints2D, check_rows, mirrored_rows, rotated_rows
 from toolkit.sensing.stream import Frame
 
-JOINT_COUNT = 20
+JOINT_COUNT = len(skeleton.REPORTED)
 LONGEST_STEP = 10.0
 """Seconds: frames farther apart, in the median, are no motion, but milliseconds taken for seconds."""
 
@@ -35,8 +36,8 @@ class Vertical:
     Attributes
     ----------
     up_camera : float64 (3,), camera frame, length 1
-    source : "option" (a person who opened the recording said so), "file" (the recording says so), "floor" (a floor is
-        seen) or "assumed" (from walls and people, else the image's own vertical)
+    source : "option" (given when the recording was opened), "file" (stored in it), "floor" (a floor is seen) or
+        "assumed" (from walls and people, else the image's own vertical)
     height : metres of the camera above the floor, None where no floor is seen
     """
 
@@ -165,7 +166,7 @@ class Recording:
             yield Frame(depth, float(self.timestamps[i]), self.joints_2d(i), self.color(i) if color else None)
 
     def joints_2d(self, i: int) -> tuple[Joints2D, ...]:
-        """Joints of everybody whom a detector found in the image of frame `i`."""
+        """Joints of all people whom a detector found in the image of frame `i`."""
         if self.image_joints is None:
             return ()
         people = (Joints2D.of_rows(rows) for rows in self.image_joints[:, self._checked(i)])

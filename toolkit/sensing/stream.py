@@ -16,7 +16,7 @@ class Frame(NamedTuple):
     ----------
     depth_mm : uint16 (H, W), millimetres along z, 0 = no measurement
     timestamp : seconds
-    joints : of everybody whom a detector found in the image, in pixels of `depth_mm`, lens distortion included
+    joints : of all people whom a detector found in the image, in pixels of `depth_mm`, lens distortion included
     color : uint8 (H', W', 3), RGB of the same view, or None where there is none or it was not asked for
     """
 
