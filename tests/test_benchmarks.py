@@ -180,8 +180,8 @@ def test_the_swarms_time_is_told_by_stage_and_by_hypothesis(
     monkeypatch.setattr(_speed_wings, "IMAGES", ((30, 40),))
     run(speed, "swarm", "--frames", 3, "--rows", "swarm", "--work", work, monkeypatch=monkeypatch)
     figures = json.loads((bundled / "speed_swarm.json").read_text())["figures"]
-    assert list(figures["times"]) == ["swarm, 1", "swarm, 2"] and set(figures["hypothesis_us"]) == {"balls", "mesh"}
-    assert set(figures["times"]["swarm, 1"]["stages"]) == {"prepare", "landmarks", "local", "swarm", "select"}
+    assert list(figures["times"]) == ["swarm"] and set(figures["hypothesis_us"]) == {"balls", "mesh"}
+    assert set(figures["times"]["swarm"]["stages"]) == {"prepare", "landmarks", "local", "swarm", "select"}
 
 
 def test_recovery_counts_frames_until_the_pose_is_right(
