@@ -103,14 +103,6 @@ def test_floor_walls_and_ceiling_have_the_finish_of_the_room() -> None:
     assert np.array_equal(found.reflectance, expected)
 
 
-def test_what_is_not_wanted_is_in_no_room() -> None:
-    for seed in range(4):
-        room = furnished(
-            "office", np.random.default_rng(seed), without=("coat_stand", "shelf", "chair", "office_chair")
-        )
-        assert not {"coat_stand", "shelf", "chair", "office_chair"} & {piece.kind for piece in room.standing}
-
-
 def test_rooms_have_names_and_seeds() -> None:
     assert named_room("office:7") == ("office", 7) and named_room("corridor") == ("corridor", 0)
     with pytest.raises(UsageError, match="no room is called 'kitchen'; use one of office, living"):

@@ -95,7 +95,6 @@ def furnished(
     reach: np.ndarray | None = None,
     free: np.ndarray | None = None,
     clearance: float = 0.3,
-    without: Sequence[str] = (),
 ) -> Room:
     """A room of a kind, furnished at random.
 
@@ -105,7 +104,6 @@ def furnished(
     camera : x and z of a camera that has to fit into the room
     reach : (2, 3), lowest and highest corner of a space that has to fit into the room
     free : (N, 2), x and z of places from which furniture stays `clearance` metres away
-    without : kinds of furniture, out of `PIECES`, that it does not hold
 
     Raises
     ------
@@ -129,7 +127,7 @@ def furnished(
         high = np.array([0.0, max(height, most[1]), 0.0]) + (most + (1.0 - share) * spare) * (1, 0, 1)
     occupied = [] if camera is None else [np.array(camera) + CAMERA_CLEARANCE * np.array([[-1, -1], [1, 1]])]
     standing: list[Standing] = []
-    for name, piece in plan.furnish(low, high, rng, frozenset(without)):
+    for name, piece in plan.furnish(low, high, rng):
         points = np.concatenate([part.mesh.vertices for part in piece])
         footprint = np.array([points[:, [0, 2]].min(axis=0), points[:, [0, 2]].max(axis=0)])
         inside = (footprint[0] >= low[[0, 2]] - 0.02).all() and (footprint[1] <= high[[0, 2]] + 0.02).all()
@@ -173,7 +171,7 @@ def _tiles(corner: np.ndarray, first: np.ndarray, second: np.ndarray) -> Mesh:
     return Mesh(vertices, np.concatenate([quads[:, [0, 1, 2]], quads[:, [0, 2, 3]]]).astype(np.int32))
 
 
-Furnisher = Callable[[np.ndarray, np.ndarray, np.random.Generator, frozenset[str]], Iterator[tuple[str, Piece]]]
+Furnisher = Callable[[np.ndarray, np.ndarray, np.random.Generator], Iterator[tuple[str, Piece]]]
 
 
 class Plan(NamedTuple):
@@ -183,24 +181,19 @@ class Plan(NamedTuple):
     furnish: Furnisher
 
 
-def _made(kinds: Sequence[str], rng: np.random.Generator, without: frozenset[str]) -> tuple[str, Piece] | None:
-    """A piece of one of the kinds that are allowed, out of `PIECES`."""
-    allowed = [kind for kind in kinds if kind not in without]
-    if not allowed:
-        return None
-    kind = str(rng.choice(allowed))
+def _made(kinds: Sequence[str], rng: np.random.Generator) -> tuple[str, Piece]:
+    """A piece of one of the kinds, out of `PIECES`."""
+    kind = str(rng.choice(kinds))
     return kind, PIECES[kind](rng)
 
 
 def _along_walls(
     low: np.ndarray, high: np.ndarray, kinds: Sequence[str], count: int, rng: np.random.Generator,
-    without: frozenset[str],
 ) -> Iterator[tuple[str, Piece]]:  # fmt: skip
     """Pieces with their backs to the walls; longer walls hold more of them."""
     x, _, z = high - low
     for _ in range(count):
-        if (made := _made(kinds, rng, without)) is None:
-            return
+        made = _made(kinds, rng)
         depth = -min(part.mesh.vertices[:, 2].min() for part in made[1]) + 0.01
         wall = int(rng.choice(4, p=np.array([x, z, x, z]) / (2.0 * (x + z))))
         t = rng.random()
@@ -213,35 +206,31 @@ def _along_walls(
 
 def _about(
     low: np.ndarray, high: np.ndarray, kinds: Sequence[str], count: int, rng: np.random.Generator,
-    without: frozenset[str],
 ) -> Iterator[tuple[str, Piece]]:  # fmt: skip
     """Pieces anywhere in the room, turned anyhow."""
     for _ in range(count):
-        if (made := _made(kinds, rng, without)) is None:
-            return
+        made = _made(kinds, rng)
         x, _, z = rng.uniform(low, high)
         yield made[0], shifted(made[1], x, 0.0, z, rng.uniform(-np.pi, np.pi))
 
 
-def _workplace(rng: np.random.Generator, without: frozenset[str], *, school: bool = False) -> Piece:
+def _workplace(rng: np.random.Generator, *, school: bool = False) -> Piece:
     """A desk or table with its chair before it, which faces +z, drawn up or pushed back."""
-    seats = [s for s in ((chair,) if school else (office_chair, office_chair, chair)) if s.__name__ not in without]
+    seats = (chair,) if school else (office_chair, office_chair, chair)
     piece = table(rng) if school else desk(rng)
     near = min(part.mesh.vertices[:, 2].min() for part in piece)
-    if seats and rng.random() < 0.9:
+    if rng.random() < 0.9:
         seat = seats[rng.integers(len(seats))]
         aside, back = rng.normal(0.0, 0.12), near - rng.uniform(-0.05, 0.45)
         piece = [*piece, *shifted(seat(rng), aside, 0.0, back, rng.normal(0.0, 0.5))]
     return piece
 
 
-def _dining(rng: np.random.Generator, without: frozenset[str]) -> Piece:
+def _dining(rng: np.random.Generator) -> Piece:
     """A table with chairs around it."""
     piece = table(rng)
     points = piece[0].mesh.vertices
     x, z = np.abs(points[:, 0]).max(), np.abs(points[:, 2]).max()
-    if "chair" in without:
-        return piece
     for angle, out in ((0.0, z), (0.5 * np.pi, x), (np.pi, z), (-0.5 * np.pi, x)):
         if rng.random() < 0.7:
             reach = out + rng.uniform(0.15, 0.4)
@@ -250,15 +239,13 @@ def _dining(rng: np.random.Generator, without: frozenset[str]) -> Piece:
     return piece
 
 
-def _office(
-    low: np.ndarray, high: np.ndarray, rng: np.random.Generator, without: frozenset[str]
-) -> Iterator[tuple[str, Piece]]:
-    yield from _along_walls(low, high, ("window", "door", "board", "curtain", "hooks"), 5, rng, without)
+def _office(low: np.ndarray, high: np.ndarray, rng: np.random.Generator) -> Iterator[tuple[str, Piece]]:
+    yield from _along_walls(low, high, ("window", "door", "board", "curtain", "hooks"), 5, rng)
     for _ in range(rng.integers(5, 12)):
         x, _, z = rng.uniform(low, high)
         yaw = 0.5 * np.pi * rng.integers(4) + rng.normal(0.0, 0.06)
-        yield "workplace", shifted(_workplace(rng, without), x, 0.0, z, yaw)
-    yield from _along_walls(low, high, ("shelf", "shelf", "plant", "bin", "coat_stand", "boxes"), 9, rng, without)
+        yield "workplace", shifted(_workplace(rng), x, 0.0, z, yaw)
+    yield from _along_walls(low, high, ("shelf", "shelf", "plant", "bin", "coat_stand", "boxes"), 9, rng)
     spread = (
         "chair",
         "office_chair",
@@ -271,43 +258,37 @@ def _office(
         "floor_lamp",
         "column",
     )
-    yield from _about(low, high, spread, int(rng.integers(8, 22)), rng, without)
+    yield from _about(low, high, spread, int(rng.integers(8, 22)), rng)
 
 
-def _living(
-    low: np.ndarray, high: np.ndarray, rng: np.random.Generator, without: frozenset[str]
-) -> Iterator[tuple[str, Piece]]:
-    yield from _along_walls(low, high, ("window", "curtain", "curtain", "board", "door"), 7, rng, without)
-    yield from _along_walls(low, high, ("sofa", "sofa", "shelf", "floor_lamp", "plant", "desk"), 12, rng, without)
+def _living(low: np.ndarray, high: np.ndarray, rng: np.random.Generator) -> Iterator[tuple[str, Piece]]:
+    yield from _along_walls(low, high, ("window", "curtain", "curtain", "board", "door"), 7, rng)
+    yield from _along_walls(low, high, ("sofa", "sofa", "shelf", "floor_lamp", "plant", "desk"), 12, rng)
     for _ in range(rng.integers(1, 4)):
         x, _, z = rng.uniform(low, high)
-        yield "dining", shifted(_dining(rng, without), x, 0.0, z, rng.uniform(-np.pi, np.pi))
+        yield "dining", shifted(_dining(rng), x, 0.0, z, rng.uniform(-np.pi, np.pi))
     spread = ("sofa", "table", "chair", "stool", "plant", "floor_lamp", "bag", "boxes", "coat_stand", "bin")
-    yield from _about(low, high, spread, int(rng.integers(8, 18)), rng, without)
+    yield from _about(low, high, spread, int(rng.integers(8, 18)), rng)
 
 
-def _classroom(
-    low: np.ndarray, high: np.ndarray, rng: np.random.Generator, without: frozenset[str]
-) -> Iterator[tuple[str, Piece]]:
-    yield from _along_walls(low, high, ("board", "board", "window", "hooks", "door", "curtain"), 6, rng, without)
-    yield from _along_walls(low, high, ("shelf", "bin", "coat_stand"), 3, rng, without)
+def _classroom(low: np.ndarray, high: np.ndarray, rng: np.random.Generator) -> Iterator[tuple[str, Piece]]:
+    yield from _along_walls(low, high, ("board", "board", "window", "hooks", "door", "curtain"), 6, rng)
+    yield from _along_walls(low, high, ("shelf", "bin", "coat_stand"), 3, rng)
     yaw = 0.5 * np.pi * rng.integers(4)
     step = rng.uniform((1.5, 1.4), (2.2, 1.8))
     for x in np.arange(low[0] + 1.0, high[0] - 0.7, step[0]):
         for z in np.arange(low[2] + 1.0, high[2] - 0.7, step[1]):
             if rng.random() < 0.75:
                 place = np.array([x, z]) + rng.normal(0.0, 0.08, 2)
-                piece = _workplace(rng, without, school=True)
+                piece = _workplace(rng, school=True)
                 yield "school_desk", shifted(piece, place[0], 0.0, place[1], yaw + rng.normal(0.0, 0.06))
-    yield from _about(low, high, ("chair", "chair", "bag", "bag", "partition", "boxes"), 10, rng, without)
+    yield from _about(low, high, ("chair", "chair", "bag", "bag", "partition", "boxes"), 10, rng)
 
 
-def _corridor(
-    low: np.ndarray, high: np.ndarray, rng: np.random.Generator, without: frozenset[str]
-) -> Iterator[tuple[str, Piece]]:
-    yield from _along_walls(low, high, ("door", "door", "board", "window", "hooks"), 9, rng, without)
+def _corridor(low: np.ndarray, high: np.ndarray, rng: np.random.Generator) -> Iterator[tuple[str, Piece]]:
+    yield from _along_walls(low, high, ("door", "door", "board", "window", "hooks"), 9, rng)
     spread = ("chair", "bin", "boxes", "plant", "shelf", "column", "coat_stand", "bag", "stool")
-    yield from _along_walls(low, high, spread, 11, rng, without)
+    yield from _along_walls(low, high, spread, 11, rng)
 
 
 KINDS: dict[str, Plan] = {
