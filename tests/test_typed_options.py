@@ -10,7 +10,7 @@ from toolkit.cli.reading import Joints, Reading, intrinsics_of, people_of, size_
 from toolkit.errors import UsageError
 from toolkit.inertial.readers.table import UNITS, factors_of, pairs_of
 from toolkit.inertial.stream import GRAVITY
-from toolkit.sensing.recording import ReaderOptions
+from toolkit.recordings.options import ReaderOptions
 
 
 def test_nothing_typed_is_nothing_told() -> None:
