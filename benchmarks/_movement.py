@@ -85,7 +85,7 @@ def tracked_run(recording: Path, run: Path, database: Path) -> Person:
 
 
 def tracked_shot(performer: Performer, shot: Shot, run: Path, database: Path) -> Tracked:
-    """Somebody who is simulated, to the file `<run>.npz`, and tracked, both if they are not there yet."""
+    """A person who is simulated, to the file `<run>.npz`, and tracked, both if they are not there yet."""
     recording = run.with_name(f"{run.name}.npz")
     if not recording.exists():
         run.parent.mkdir(parents=True, exist_ok=True)

@@ -78,7 +78,7 @@ def _processor() -> str:
 def commit() -> str:
     """The newest commit of the checkout that `main` has too, with a plus if the checkout has changes since.
 
-    What a branch adds may be rebased, and a figure that names a commit of nobody is no evidence.
+    What a branch adds may be rebased, and a figure that names a commit that is gone is no evidence.
     """
     base = _git("merge-base", "HEAD", "main") or _git("rev-parse", "HEAD")
     changed = _git("diff", "--stat", base, "--", *CODE)

@@ -43,29 +43,20 @@ ROWS: dict[str, tuple[str, dict[str, Any]]] = {
     "hybrid": ("hybrid", {}),
     "one pass": ("hybrid", {"passes": 1}),
     "local": ("hybrid", {"passes": 1, "patience": 1_000_000, "hypotheses": ["local", "extrema", "joints"]}),
-    "lookup": ("hybrid", {"hypotheses": ["extrema", "joints"]}),
     "baak2013": ("baak2013", {}),
     "baak2013 delete": ("baak2013", {"sensing.contour": "delete"}),
     "baak2013 local": ("baak2013", {}),
     "baak2013 lookup": ("baak2013", {"hypotheses": ["extrema"]}),
-    "no shape": ("hybrid", {"shape.seconds": 0.0}),
-    "no prior": ("hybrid", {"fitting.prior_weight": 0.0}),
-    "no regressor": ("hybrid", {"hypotheses": ["local", "extrema", "arms"]}),
-    "no cloud": ("hybrid", {"fitting.cloud_samples": 0}),
-    "no arms": ("hybrid", {"hypotheses": ["local", "extrema", "joints"]}),
-    "no contact": ("hybrid", {"fitting.contact_weight": 0.0}),
     "no unobserved": ("hybrid", {}),
     "no sharing": ("hybrid", {}),
     "no seated": ("hybrid", {}),
 }
-"""Name of the row, shipped settings that it starts from, and overrides.
+"""Name of the row, shipped settings that it starts from, and overrides; what one setting says, `--set` says.
 
-`no unobserved` takes all that was not measured as the person's for free space, but for what is outside the image; in
-`no sharing` no body says whose pixels are whose; `no seated` leaves the bundled seated poses out of the database.
-Without a retrained regressor is another `--database`.
 `local` takes its first pose from the lookup and never asks it again. `baak2013` and its two halves are the paper's own
-tracker (Fig. 5.12); `baak2013 delete` loses every pixel at a depth edge (5.3.1). Without personal shape only the size
-is chosen, out of seven."""
+tracker (Fig. 5.12); `baak2013 delete` loses every pixel at a depth edge (5.3.1). `no unobserved` takes all that was not
+measured as the person's for free space, but for what is outside the image; in `no sharing` no body says whose pixels
+are whose; `no seated` leaves the bundled seated poses out of the database."""
 
 
 NO_IMAGE = {"discrepancy.depth": 0.0}
@@ -75,16 +66,6 @@ WEIGHTS = (0.5, 1.5, 3.0, 6.0, 18.0)
 """w_D of the paper's Table 3; 3 is its own, ours is 1."""
 SWARM_ROWS: dict[str, tuple[str, dict[str, Any]]] = {
     "swarm": ("swarm", {}),
-    "mesh": ("swarm", {"discrepancy.figure": "mesh", "discrepancy.width": 45, "discrepancy.height": 60}),
-    "64x64": ("swarm", {"swarm.particles": 64, "swarm.generations": 64}),
-    "depth": ("swarm", NO_JOINTS),
-    "joints": ("swarm", NO_IMAGE),
-    "no 2D": ("swarm", {"discrepancy.joints_2d": 0.0}),
-    "no 3D": ("swarm", {"discrepancy.joints_3d": 0.0}),
-    "no joints first": ("swarm", {"search.joints_first": False}),
-    "no fresh start": ("swarm", {"search.disagreement": 0.0}),
-    "no perturbation": ("swarm", PLAIN),
-    "swarm alone": ("swarm", {"hypotheses": ["swarm"]}),
     "qammaz": ("qammaz", {}),
     "qammaz two phases": ("qammaz", {}),
     "qammaz depth": ("qammaz", NO_JOINTS),

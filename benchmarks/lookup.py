@@ -45,7 +45,7 @@ from toolkit.landmarks.settings import LandmarkSettings
 from toolkit.recordings.opening import open_recording
 from toolkit.sensing.cloud import Cloud
 from toolkit.sensing.recording import Recording
-from toolkit.testing.searches import Open3DSearch, ScipySearch
+from toolkit.testing.searches import ScipySearch
 from toolkit.testing.solo import Solo
 from toolkit.testing.subjects import moving_clouds
 from toolkit.testing.suite import GROUPS, LONGEST, chosen_takes, record
@@ -309,7 +309,7 @@ def queries_of_providers(parser: argparse.ArgumentParser) -> None:
     figures = []
     for kind, queries in query_frames(database, np.random.default_rng(0)).items():
         reference, _ = database.query(queries.reshape(-1, 15), options.neighbours)
-        for kind_of_search, count in product((LeafSearch, Open3DSearch, ScipySearch), (1, LABELINGS)):
+        for kind_of_search, count in product((LeafSearch, ScipySearch), (1, LABELINGS)):
             seconds, distances = asked(replace(database, search=kind_of_search), queries[:, :count], options.neighbours)
             expected = reference.reshape(FRAMES, LABELINGS, -1)[:, :count]
             entry = {

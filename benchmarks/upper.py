@@ -24,12 +24,12 @@ from typing import Any
 
 import numpy as np
 
+from benchmarks import _upper as upper
 from benchmarks._record import RESULTS, run_part, save_figures
 from benchmarks._rows import add_database_options, poses_of
 from toolkit import skeleton
 from toolkit.config import parse_overrides
 from toolkit.errors import DepthMocapError
-from toolkit.evaluation import upper
 from toolkit.files import atomic_path
 from toolkit.fitting.arms import SIDES, entries_of
 from toolkit.landmarks.graph import Workspace

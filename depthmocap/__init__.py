@@ -15,10 +15,10 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from database_builder.build import build_database as build_database
-    from depthmocap.scores import evaluate as evaluate
     from depthmocap.step import Pose as Pose
     from depthmocap.step import Tracker as Tracker
     from depthmocap.tracks import Track as Track
+    from depthmocap.tracks import evaluate as evaluate
     from depthmocap.tracks import track as track
     from toolkit.errors import DepthMocapError as DepthMocapError
     from toolkit.recordings.opening import open_recording as open_recording
@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
 _WHERE = {
     "build_database": ("database_builder.build", "build_database"),
-    "evaluate": ("depthmocap.scores", "evaluate"),
+    "evaluate": ("depthmocap.tracks", "evaluate"),
     "Pose": ("depthmocap.step", "Pose"),
     "Tracker": ("depthmocap.step", "Tracker"),
     "Track": ("depthmocap.tracks", "Track"),

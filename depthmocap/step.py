@@ -2,23 +2,27 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from depthmocap.tracks import Track, tracker_of
+from toolkit.biomechanics.contact import foot_contacts
+from toolkit.body.body import Body
 from toolkit.errors import UsageError
 from toolkit.people.joints import NoJoints
 from toolkit.people.up import floor_height
-from toolkit.pipeline.in_memory import track_of
-from toolkit.pipeline.run import Job, finder_of
+from toolkit.pipeline.run import Job
 from toolkit.recordings.opening import recording_of
 from toolkit.runs import Person
 from toolkit.sensing.recording import Recording
 from toolkit.sensing.stream import Frame
 from toolkit.track import STATE_NAMES
+from toolkit.track import Track as Rows
+from toolkit.tracking import protocol
 from toolkit.tracking.crowd import Crowd, Row
 
 
@@ -57,8 +61,9 @@ class Pose(NamedTuple):
 class Tracker:
     """Follows one person through frames that are handed over one by one.
 
-    The poses are, bit for bit, those of `depthmocap.track` over the same frames. A person's body is learnt from the
-    first seconds: until then `step` returns nothing, and then the poses of all frames so far at once.
+    The poses are, bit for bit, those of `depthmocap.track` over the same frames in one pass (`{"passes": 1}`). A
+    person's body is learnt from the first seconds: until then `step` returns nothing, and then the poses of all frames
+    so far at once.
 
     Parameters
     ----------
@@ -106,11 +111,8 @@ class Tracker:
             self._recording = recording_of(
                 image[None], timestamps=np.array([timestamp]), background=self._background, **self._options
             )
-            joints = NoJoints()
-            finder = finder_of(Job(self._recording, self._tracker, 1, joints))
             self._height = floor_height(self._recording)
-            floor = None if self._height is None else -self._height
-            self._crowd = Crowd(self._tracker, finder, self._recording.up_camera, joints, floor)
+            self._crowd = Job(self._recording, self._tracker, 1, NoJoints()).crowd()
         frame = Frame(self._recording.convert(image, self._crowd.frames), float(timestamp))
         return self._known(self._crowd.step(frame))
 
@@ -136,3 +138,21 @@ class Tracker:
     def _known(self, rows: list[Row]) -> list[Pose]:
         self._rows += rows
         return [Pose.of(row) for row in rows]
+
+
+def track_of(rows: Sequence[Row], tracker: protocol.Tracker, body: Body, camera_height: float | None = None) -> Rows:
+    """The track of one person's rows, one for each frame in order."""
+    results = [row.result for row in rows]
+    track = Rows(
+        joints=np.array([r.joints for r in results], dtype=np.float32),
+        pose=np.array([r.pose for r in results], dtype=np.float64),
+        confidence=np.array([r.confidence for r in results], dtype=np.float32),
+        state=np.array([r.state for r in results], dtype=np.uint8),
+        source=np.array([r.source for r in results], dtype=np.uint8),
+        timestamps=np.array([row.timestamp for row in rows], dtype=np.float64),
+        stage_ms=np.array([r.stage_ms for r in results], dtype=np.float32),
+        observed=np.array([r.observed for r in results], dtype=np.bool_),
+        source_names=tracker.source_names,
+        stage_names=tracker.stage_names,
+    )
+    return replace(track, contact=foot_contacts(body, track, camera_height))

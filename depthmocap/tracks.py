@@ -1,16 +1,18 @@
-"""Tracks: of a file or of arrays in, as arrays, tables, plots and files out."""
+"""Tracks: of a file or of arrays in, as arrays, tables, plots, files and scores out."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any, Literal, overload
 
 import numpy as np
 
 from toolkit.errors import UsageError
-from toolkit.progress import Count
-from toolkit.runs import Person, load_persons
+from toolkit.progress import Count, silent
+from toolkit.runs import Person, load_persons, person_runs
 from toolkit.sensing.recording import Recording
 from toolkit.skeleton import REPORTED
 from toolkit.track import STATE_NAMES
@@ -19,6 +21,8 @@ from toolkit.tracking.protocol import Tracker
 if TYPE_CHECKING:
     import pandas
     from matplotlib.figure import Figure
+
+    from toolkit.evaluation.scores import EvaluationTable
 
 
 class Track:
@@ -36,7 +40,7 @@ class Track:
 
     @classmethod
     def load(cls, run: str | Path) -> list[Track]:
-        """Everybody in a run folder of `depthmocap track`; raises as `load_persons`."""
+        """All people of a run folder of `depthmocap track`; raises as `load_persons`."""
         return [cls(person) for person in load_persons(run)]
 
     def __len__(self) -> int:
@@ -92,14 +96,9 @@ class Track:
             import pandas
         except ImportError as error:
             raise UsageError("a data frame needs the package pandas; type `pip install pandas`") from error
-        columns: dict[str, Any] = {"state": self.state}
-        there = self.person.there[:, None]
-        joints = self.joints
-        columns |= {f"{n}_{a}_m": joints[:, j, k] for j, n in enumerate(REPORTED) for k, a in enumerate("xyz")}
-        sure = np.where(there, self.confidence, np.float32(np.nan))
-        columns |= {f"{name}_confidence": sure[:, j] for j, name in enumerate(REPORTED)}
-        columns |= {f"{name}_observed": self.observed[:, j] & there[:, 0] for j, name in enumerate(REPORTED)}
-        columns |= {f"{side}_foot_contact": self.person.track.contact[:, k] for k, side in enumerate(("left", "right"))}
+        from toolkit.export.tables import joint_columns
+
+        columns = joint_columns(self.person, level=False)
         return pandas.DataFrame(columns, index=pandas.Index(self.timestamps, name="time_s"))
 
     def plot(self) -> Figure:
@@ -146,10 +145,12 @@ def track(
     database: str | Path | None = None,
     config: str | Path | None = None,
     settings: Mapping[str, Any] | None = None,
-    progress: Count | None = None,
+    progress: Count = silent,
     **options: Any,
 ) -> Track | list[Track]:
-    """Track the person, or the people, in depth.
+    """Track the person, or the people, in depth, as `depthmocap track` does.
+
+    What is written on the way lies in a temporary folder. Ctrl-C raises KeyboardInterrupt after the current frame.
 
     Parameters
     ----------
@@ -162,7 +163,7 @@ def track(
     database : file of a pose database; the default one otherwise
     config : name or file of settings: hybrid, baak2013, swarm, particles
     settings : single settings by dotted names, such as {"sensing.segment": "person"}
-    progress : called with the frames done and all frames
+    progress : called with the frames done and all frames, in each pass over the recording
     options : how to read the recording, as the options of `depthmocap track`: depth_unit, up_camera, mirrored, ...
 
     Raises
@@ -170,16 +171,25 @@ def track(
     DepthMocapError
         The recording cannot be read, a setting is wrong, or the person cannot be told from the scene.
     """
-    from toolkit.pipeline.in_memory import follow_recording
+    from toolkit.pipeline import track_recording
 
     if people != "all" and (isinstance(people, bool) or not isinstance(people, int) or people < 1):
         raise UsageError(f"people is {people!r}; give a number of people, or 'all'")
     given = {"intrinsics": intrinsics, "frame_rate": frame_rate, **options}
     recording = _recording(depth, timestamps, background, {k: v for k, v in given.items() if v is not None})
     tracker = tracker_of(database, config, settings)
-    found = follow_recording(recording, tracker, people=None if people == "all" else people, progress=progress)
-    tracks = [Track(person) for person in found]
-    return tracks[0] if people == 1 else tracks
+    count = None if people == "all" else people
+    with TemporaryDirectory(prefix="depthmocap-") as run:
+        summary = track_recording(
+            recording, tracker, run, people=count, warm_up=False,
+            progress=lambda name, doing, done, total: progress(done, total),
+        )  # fmt: skip
+        if summary.interrupted:
+            raise KeyboardInterrupt
+        found = load_persons(run) if person_runs(run) else ()
+    if people == 1:
+        return Track(replace(found[0], name=recording.name))
+    return [Track(person) for person in found]
 
 
 def _recording(
@@ -189,14 +199,14 @@ def _recording(
     options: dict[str, Any],
 ) -> Recording:
     """The recording that is meant."""
-    from toolkit.recordings.opening import open_recording, recording_of
+    from toolkit.recordings.opening import open_upright, recording_of
 
     if isinstance(depth, np.ndarray):
         return recording_of(depth, timestamps=timestamps, background=background, **options)
     if timestamps is not None or background is not None:
         raise UsageError("timestamps and background belong to an array; a recording brings its own")
     if isinstance(depth, (str, Path)):
-        return open_recording(depth, **options)
+        return open_upright(depth, **options)
     if options:
         raise UsageError(f"{', '.join(options)} belong to a path or an array; this recording is open already")
     return depth
@@ -211,3 +221,29 @@ def tracker_of(database: str | Path | None, config: str | Path | None, settings:
     if needs_database(config, overrides) and database is None:
         database = default_database_path()
     return load_tracker(config, overrides, database=database)
+
+
+def evaluate(
+    tracks: Track | Sequence[Track] | str | Path, truth: np.ndarray | str | Path | None = None
+) -> EvaluationTable:
+    """Scores of tracks, or of run folders: a table with `mean()`, `to_csv()` and `to_json()`.
+
+    Parameters
+    ----------
+    tracks : of `depthmocap.track`, or the path of a run folder or of a folder of runs
+    truth : joints (T, 20, 3), or (N, T, 20, 3) of several people in any order: metres, camera frame, NaN = unknown. Of
+        run folders a file, or a folder matched by the recording's name; the recording's own truth by default
+
+    Raises
+    ------
+    UsageError
+        Tracks in memory come without a truth, or frames and joints do not fit.
+    DepthMocapError
+        See `toolkit.evaluation.evaluate.evaluate_runs`.
+    """
+    from toolkit.evaluation.evaluate import evaluate_runs, evaluate_tracks
+
+    if isinstance(tracks, (str, Path)):
+        return evaluate_runs([tracks], None if truth is None else [Path(str(truth))])
+    several = [tracks] if isinstance(tracks, Track) else list(tracks)
+    return evaluate_tracks([(each.name, each.person.track) for each in several], np.asarray(truth, dtype=np.float64))

@@ -80,16 +80,14 @@ def depthmocap(*arguments: object, environment: Mapping[str, str] | None = None,
 def simulated(path: Path) -> Path:
     """The simulated recording, made unless it is there: bundled kicks by somebody unlike the tracker's body."""
     if not path.exists():
-        from toolkit.body.shape import load_body
+        from toolkit.body.shape import load_body, subject_body
         from toolkit.export.bvh import export_bvh
         from toolkit.mocap.procedural import SUBJECT_MOTIONS, procedural_clips
+        from toolkit.simulation.simulate import simulate_recording
 
         clip = procedural_clips(SUBJECT_MOTIONS[:1], variations=1, seed=0)[0]
         export_bvh(path.with_suffix(".bvh"), load_body(), clip.poses, clip.frame_rate)
-        depthmocap(
-            "simulate", path.with_suffix(".bvh").resolve(), "--output", path.resolve(),
-            "--body", "slim_male", "--subject-seed", 7, "--yaw", 10,
-        )  # fmt: skip
+        simulate_recording(path.with_suffix(".bvh"), path, body=subject_body("slim_male", seed=7), yaw=10.0)
     return path
 
 

@@ -20,7 +20,6 @@ from toolkit.body.shape import ShapeSpace
 from toolkit.checkpoint import save_checkpoint
 from toolkit.inertial.calibration import Calibration, Mounting, TakeClock
 from toolkit.inertial.stream import Sensors, checked_stream
-from toolkit.pipeline.manifest import DONE, Manifest, ManifestRow
 from toolkit.recordings.writer import save_recording
 from toolkit.retrieval.annotation.classes import learn_classes, save_classes
 from toolkit.retrieval.annotation.examples import ExampleSet
@@ -266,13 +265,6 @@ def body_file(folder: Path) -> Path:
     offsets = 0.01 * np.sin(np.arange(len(ShapeSpace.load().skin_joints)))
     save_body(ShapeSpace.load().body([0.5, -1.0], offsets=offsets), folder / "me.npz")
     return folder / "me.npz"
-
-
-def manifest_file(folder: Path) -> Path:
-    manifest = Manifest(folder)
-    for name in ("a", "b"):
-        manifest.append(ManifestRow(f"{name}.npz", f"runs/{name}", DONE, text="12 frames", seconds=1.5, frames=12))
-    return manifest.path
 
 
 def sensors_file(suffix: str) -> Make:

@@ -25,7 +25,6 @@ from tests.fuzz_files import (
     inertial_matlab_file,
     intrinsics_file,
     joints_file,
-    manifest_file,
     mat_file,
     metadata_file,
     model_file,
@@ -69,7 +68,6 @@ from toolkit.inertial.readers import read_file
 from toolkit.mocap.read import read_clip
 from toolkit.mocap.rig import read_map
 from toolkit.pipeline.events import EventStream
-from toolkit.pipeline.manifest import Manifest
 from toolkit.recordings.opening import open_recording
 from toolkit.retrieval.annotation.annotator import Annotator
 from toolkit.retrieval.annotation.classes import learn_classes, load_classes
@@ -228,7 +226,6 @@ FORMATS: dict[str, Format] = {
     "recording raw": Format(raw_file, _raw_recording),
     "joints json": Format(joints_file, lambda path: read_joints(path.parent, 2, TOF)),
     "body npz": Format(body_file, load_body_file, checked=True),
-    "batch manifest": Format(manifest_file, lambda path: Manifest(path.parent).rows),
     "furniture yaml": Format(text_file("boxes.yaml", BOXES), read_boxes),
     "export rig yaml": Format(text_file("rig.yaml", BONES), read_bones),
     "sensors npz": Format(sensors_file(".npz"), read_file, checked=True),
@@ -257,7 +254,7 @@ FORMATS: dict[str, Format] = {
 
 VALUED = (
     "recording intrinsics json", "people json", "run json", "queries json", "settings yaml", "rig yaml", "joints json",
-    "batch manifest", "furniture yaml", "export rig yaml", "sensor placement yaml", "sensor calibration json",
+    "furniture yaml", "export rig yaml", "sensor placement yaml", "sensor calibration json",
     "skeletons json", "marks yaml", "recording db3 metadata", "events jsonl",
 )  # fmt: skip
 """Formats of values by name: single values of theirs are exchanged, too."""

@@ -15,7 +15,6 @@ import typer
 
 from database_builder import build as builder
 from tests.fake_tracker import FakeFollower, FakeTracker, write_recording
-from toolkit import pipeline
 from toolkit.cli import bench
 from toolkit.cli.examples import EXAMPLES
 from toolkit.cli.main import app, main
@@ -23,7 +22,7 @@ from toolkit.cli.options import numbers
 from toolkit.database.default import default_database_path
 from toolkit.errors import UsageError
 from toolkit.people.sighting import Sighting
-from toolkit.pipeline import many
+from toolkit.pipeline import many, trackers
 from toolkit.track import EMPTY, TRACKED, FrameResult, Track
 from toolkit.tracking.clock import StageClock
 
@@ -62,7 +61,7 @@ def fake(monkeypatch: pytest.MonkeyPatch) -> FakeTracker:
         tracker.asked = (arguments, named)  # type: ignore[attr-defined]
         return tracker
 
-    monkeypatch.setattr(pipeline, "load_tracker", made)
+    monkeypatch.setattr(trackers, "load_tracker", made)
     return tracker
 
 
@@ -96,14 +95,12 @@ def test_every_verb_explains_itself(verb: str, capsys: pytest.CaptureFixture[str
         ["track"],
         ["track", "a.npz", "--database", "d.npz"],
         ["track", "a.npz", "--database", "d.npz", "--output", "o", "--no-such-option"],
-        ["track", "a.npz", "--database", "d.npz", "--output", "o", "--max-poses", "many"],
         ["track", "a.npz", "--database", "d.npz", "--output", "o", "--set", "nothing"],
         ["track", "a.npz", "--database", "d.npz", "--output", "o", "--set", "sensing.nothing=1"],
         ["track", "a.npz", "--database", "d.npz", "--output", "o", "--config", "no_such_settings"],
         ["track", "a.npz", "--database", "d.npz", "--output", "o", "--up", "1,2"],
         ["track", "a.npz", "--database", "d.npz", "--output", "o", "--size", "wide"],
         ["track", "a.npz", "--database", "d.npz", "--output", "o", "--size", "nan,3"],
-        ["track", "a.npz", "--database", "d.npz", "--output", "o", "--max-poses", "1"],
         ["simulate", "a.bvh", "--output", "o.npz", "--seed", "-1"],
         ["simulate", "a.bvh", "--output", "o.npz", "--frame-rate", "1e9"],
         ["simulate", "a.bvh", "--output", "o.npz", "--height", "high"],
@@ -140,13 +137,13 @@ def test_a_failure_is_exit_code_1_and_one_sentence(
 
 def test_track_writes_a_run_and_says_so(tmp_path: Path, fake: FakeTracker, capsys: pytest.CaptureFixture[str]) -> None:
     recording = write_recording(tmp_path / "take.npz")
-    main_arguments = ["track", recording, "--database", "d.npz", "--output", tmp_path / "run", "--half-resolution"]
-    assert run(*main_arguments, "--set", "extrema=10", "--segment", "person", "--max-poses", "7") == 0
+    main_arguments = ["track", recording, "--database", "d.npz", "--output", tmp_path / "run"]
+    assert run(*main_arguments, "--set", "extrema=10", "--segment", "person") == 0
     assert "12 frames" in capsys.readouterr().out
     assert len(Track.load(tmp_path / "run")) == 12
     assert fake.asked == (  # type: ignore[attr-defined]
-        ("hybrid", {"sensing.segment": "person", "sensing.half_resolution": True, "extrema": 10}),
-        {"database": Path("d.npz"), "max_poses": 7, "guide": None, "body": None},
+        ("hybrid", {"sensing.segment": "person", "extrema": 10}),
+        {"database": Path("d.npz"), "guide": None, "body": None},
     )
 
 
@@ -304,7 +301,7 @@ def test_without_a_database_that_of_the_package_is_taken_and_nothing_is_built(
 def test_a_batch_prints_a_line_for_each_recording_and_names_what_failed(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setattr(many, "load_tracker", lambda *_, **__: FakeTracker())
+    monkeypatch.setattr(trackers, "load_tracker", lambda *_, **__: FakeTracker())
     monkeypatch.setattr(many, "_TRACKERS", {})
     good = write_recording(tmp_path / "good.npz")
     (tmp_path / "bad.npz").write_bytes(b"nothing")
@@ -313,5 +310,5 @@ def test_a_batch_prints_a_line_for_each_recording_and_names_what_failed(
     said = capsys.readouterr()
     assert "12 frames" in said.out and "bad.npz: failed: " in said.err
     write_recording(tmp_path / "bad.npz")
-    assert run(*command, "--retry-failed") == 0
+    assert run(*command) == 0
     assert "runs/bad: 12 frames" in capsys.readouterr().out.replace("\n", "")

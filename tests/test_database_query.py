@@ -11,7 +11,7 @@ from tests.database_helpers import small_database
 from toolkit.database.search import LeafSearch
 from toolkit.errors import DatabaseError
 from toolkit.kernels.cloud import nearest
-from toolkit.testing.searches import Open3DSearch, ScipySearch
+from toolkit.testing.searches import ScipySearch
 
 
 def brute_force(features: np.ndarray, queries: np.ndarray, used: np.ndarray) -> np.ndarray:
@@ -26,7 +26,7 @@ def brute_force(features: np.ndarray, queries: np.ndarray, used: np.ndarray) -> 
     k=st.integers(1, 12),
     partial=st.booleans(),
     grid=st.booleans(),
-    provider=st.sampled_from((LeafSearch, Open3DSearch, ScipySearch)),
+    provider=st.sampled_from((LeafSearch, ScipySearch)),
 )
 @settings(max_examples=60, deadline=None)
 def test_neighbours_equal_brute_force_for_every_provider(

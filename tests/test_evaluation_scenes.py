@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from toolkit import skeleton
 from toolkit.errors import RecordingError
-from toolkit.evaluation.evaluate import assigned
+from toolkit.people.tracks import assigned
 from toolkit.sensing.camera import Camera
 from toolkit.testing.calibration import calibration_error
 from toolkit.testing.identities import identities_of
@@ -99,14 +99,13 @@ def test_the_assignment_is_the_cheapest_of_all_that_use_as_many_allowed_pairs_as
 ) -> None:
     rng = np.random.default_rng(seed)
     costs = np.where(rng.random((n, m)) < 0.3, np.inf, rng.random((n, m)))
-    found = assigned(costs)
+    chosen = assigned(costs, np.ones(n))
     best = (0, 0.0)
     for order in permutations([*range(m), *[-1] * n], n):
         pairs = [(i, j) for i, j in enumerate(order) if j >= 0]
         values = [costs[i, j] for i, j in pairs]
         if np.isfinite(values).all():
             best = min(best, (-len(pairs), float(sum(values))))
-    chosen = [(i, j) for i, j in enumerate(found) if j >= 0]
     assert (-len(chosen), pytest.approx(best[1])) == (best[0], sum(costs[i, j] for i, j in chosen))
 
 

@@ -13,7 +13,7 @@ from toolkit import skeleton
 from toolkit.body.body import Body
 from toolkit.body.shape import ShapeSpace
 from toolkit.errors import RecordingError, UsageError
-from toolkit.export.pixels import NOBODY, regain_contour
+from toolkit.export.pixels import BACKGROUND, regain_contour
 from toolkit.export.run import export_run
 from toolkit.files import sha256_of
 from toolkit.mocap.clip import PoseClip
@@ -74,18 +74,18 @@ def test_a_body_index_map_has_the_ids_of_people_json(two: tuple[Path, Simulation
         image = Image.open(file)
         assert image.mode == "L"
         labels = np.asarray(image)
-        truth = np.where(frame.person < 0, NOBODY, frame.person + 1)
-        truth[(truth == 1) & (i == 0)] = NOBODY  # not there in the run's first frame
+        truth = np.where(frame.person < 0, BACKGROUND, frame.person + 1)
+        truth[(truth == 1) & (i == 0)] = BACKGROUND  # not there in the run's first frame
         assert (labels == truth).mean() > 0.95
-        assert set(np.unique(labels)) == ({2, NOBODY} if i == 0 else {1, 2, NOBODY})
-        assert (labels[frame.depth == 0] == NOBODY).all()
+        assert set(np.unique(labels)) == ({2, BACKGROUND} if i == 0 else {1, 2, BACKGROUND})
+        assert (labels[frame.depth == 0] == BACKGROUND).all()
 
 
 def test_a_contour_is_regained_at_the_person_s_depth_only() -> None:
     depth = np.full((5, 5), 3000, dtype=np.uint16)
     depth[1:4, 1:4] = 2000
     depth[1, 1], depth[3, 2] = 0, 3000
-    labels = np.full(depth.shape, NOBODY, dtype=np.uint8)
+    labels = np.full(depth.shape, BACKGROUND, dtype=np.uint8)
     labels[2, 2] = 7
     regain_contour(labels, depth)
     assert np.array_equal(labels == 7, depth == 2000)

@@ -19,6 +19,7 @@ from toolkit.cli.main import main
 from toolkit.cli.track import Tracking
 from toolkit.people.describe import largest_surface
 from toolkit.people.sighting import Sighting
+from toolkit.pipeline import trackers
 
 
 def run(*arguments: str | Path) -> int:
@@ -40,8 +41,8 @@ def costly(monkeypatch: pytest.MonkeyPatch) -> list[str]:
         asked.append("tracker")
         raise SystemExit(7)
 
-    monkeypatch.setattr(Tracking, "poses", poses)
-    monkeypatch.setattr(pipeline, "load_tracker", build)
+    monkeypatch.setattr(Tracking, "_poses", poses)
+    monkeypatch.setattr(trackers, "load_tracker", build)
     monkeypatch.setattr(pipeline, "track_many", build)
     return asked
 

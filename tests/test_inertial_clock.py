@@ -19,7 +19,7 @@ from toolkit.inertial.suspicions import clock_suspicion, suspicions
 from toolkit.inertial.synchronise import RATES, SyncSettings, synchronise
 from toolkit.kernels.motion.inertial import correlation_over_lags, integrate
 from toolkit.rotations import quaternions as quat
-from toolkit.simulation.inertial import DECLINATION, SensorNoise, Worn, earth_field, simulate_sensors
+from toolkit.simulation.inertial import DECLINATION, SensorNoise, earth_field, simulate_sensors
 from toolkit.simulation.simulate import simulate_recording
 
 UP = np.array([0.0, 0.0, 1.0])
@@ -276,7 +276,8 @@ def test_a_recording_is_simulated_with_sensors_and_their_truth_beside_it(tmp_pat
     clip = PoseClip("short", poses_of()[:8], RATE, "test")
     simulate_recording(
         clip, tmp_path / "take.npz", body=subject_body("neutral"), sensor="tof", furnished=False,
-        sensors=Worn(("left_shin", "head"), "none"),
+        inertial=("left_shin", "head"),
+        inertial_noise="none",
     )  # fmt: skip
     sensors = Sensors.load(tmp_path / "take_sensors.npz")
     truth = json.loads((tmp_path / "take_sensors_truth.json").read_text())

@@ -21,7 +21,6 @@ from toolkit.inertial.workflow import checked_take, take_of
 from toolkit.mocap.clip import PoseClip
 from toolkit.recordings.opening import open_recording
 from toolkit.rendering.axes import limb_axes
-from toolkit.simulation.inertial import Worn
 from toolkit.simulation.simulate import simulate_recording
 from toolkit.track import RunInfo, Track
 
@@ -33,7 +32,7 @@ def road(bundled_database: Path, tmp_path_factory: pytest.TempPathFactory) -> Pa
     """A folder with a recording, its sensors and the run."""
     folder = tmp_path_factory.mktemp("inertial")
     clip = PoseClip("semaphore", poses_of("semaphore")[:110], RATE, "bundled")
-    simulate_recording(clip, folder / "take.npz", furnished=False, distance=2.6, sensors=Worn(LIMBS, "mtx"))
+    simulate_recording(clip, folder / "take.npz", furnished=False, distance=2.6, inertial=LIMBS)
     words = ("--database", bundled_database, "--set", "shape.seconds=0")
     typed("track", folder / "take.npz", *words, "--output", folder / "run")
     return folder

@@ -14,6 +14,7 @@ import pytest
 
 from database_builder.kept import Kept
 from database_builder.occluders import box, occluder_meshes
+from depthmocap.step import track_of
 from toolkit import skeleton
 from toolkit.biomechanics.contact import ground_of
 from toolkit.body.raycast import Hits, cast
@@ -28,7 +29,6 @@ from toolkit.inertial.distance import Distances, TrackError
 from toolkit.interiors.mesh import BOX_FACES
 from toolkit.mocap.procedural import perform
 from toolkit.mocap.seated import SEATED, SEATED_SUBJECT
-from toolkit.pipeline.in_memory import track_of
 from toolkit.retrieval.priors.bridge import Bridge
 from toolkit.retrieval.priors.gaps import Gap
 from toolkit.retrieval.priors.limbs import ENTRIES

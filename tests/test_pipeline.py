@@ -16,8 +16,8 @@ from toolkit.errors import OutputError, RecordingError, TrackError, UsageError
 from toolkit.files import sha256_of
 from toolkit.people.sighting import Sighting
 from toolkit.pipeline import track_recording, track_recordings
-from toolkit.pipeline.inputs import Inputs
 from toolkit.pipeline.run import WARM_UP_FRAMES
+from toolkit.pipeline.trackers import TrackerRecipe
 from toolkit.recordings.opening import open_recording
 from toolkit.track import FrameResult, RunInfo, Track, TrackWriter
 from toolkit.tracking.clock import StageClock
@@ -137,11 +137,13 @@ def test_a_run_is_not_continued_with_a_body_that_was_changed_since(tmp_path: Pat
     one.write_text("one", encoding="utf-8")
     two.write_text("two", encoding="utf-8")
     with pytest.raises(RecordingError):
-        track_recording(open_recording(recording), FakeTracker(broken=5), run, inputs=Inputs(body=one))
+        track_recording(open_recording(recording), FakeTracker(broken=5), run, made_of=TrackerRecipe(body=one))
     with pytest.raises(TrackError, match="another recording"):
-        track_recording(open_recording(recording), FakeTracker(), run, resume=True, inputs=Inputs(body=two))
+        track_recording(open_recording(recording), FakeTracker(), run, resume=True, made_of=TrackerRecipe(body=two))
     assert (
-        track_recording(open_recording(recording), FakeTracker(), run, resume=True, inputs=Inputs(body=one)).frames
+        track_recording(
+            open_recording(recording), FakeTracker(), run, resume=True, made_of=TrackerRecipe(body=one)
+        ).frames
         == 12
     )
 
@@ -262,5 +264,7 @@ def test_the_settings_that_a_run_was_made_from_are_not_replaced(tmp_path: Path) 
     (tmp_path / "own").mkdir()
     (tmp_path / "own" / "config.yaml").write_text("# mine")
     with pytest.raises(UsageError, match="would be overwritten"):
-        track_recordings([recording], FakeTracker(), tmp_path / "own", inputs=Inputs(tmp_path / "own" / "config.yaml"))
+        track_recordings(
+            [recording], FakeTracker(), tmp_path / "own", made_of=TrackerRecipe(tmp_path / "own" / "config.yaml")
+        )
     assert (tmp_path / "own" / "config.yaml").read_text() == "# mine"

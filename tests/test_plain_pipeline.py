@@ -24,7 +24,7 @@ from toolkit.landmarks.regressor import JointEstimate
 from toolkit.landmarks.settings import LandmarkSettings
 from toolkit.recordings.opening import open_recording
 from toolkit.sensing.cloud import Cloud
-from toolkit.testing.plain_fitting import PlainObjective, PlainPlacer, PlainScene, bounded_step, plain_refiner
+from toolkit.testing.plain_fitting import PlainObjective, PlainPlacer, PlainScene, plain_refiner, plain_solve
 from toolkit.testing.plain_landmarks import plain_centre, plain_extrema, plain_graph, plain_source
 from toolkit.testing.subjects import LEVEL, camera_for, draw, moving_poses, write_recording
 
@@ -79,7 +79,9 @@ def test_the_plain_bounded_step_is_the_compiled_one(seed: int) -> None:
     damping = np.full(skeleton.POSE_SIZE, 0.5)
     pose, step = np.zeros(skeleton.POSE_SIZE), np.empty(skeleton.POSE_SIZE)
     twists.bounded_step(matrix, vector, pose, skeleton.POSE_LIMITS, damping, step)
-    assert bounded_step(matrix, vector, pose, skeleton.POSE_LIMITS, damping) == pytest.approx(step, abs=1e-9)
+    plain = np.empty_like(step)
+    plain_solve(matrix, vector, pose, skeleton.POSE_LIMITS, damping, plain)
+    assert plain == pytest.approx(step, abs=1e-9)
     assert (step[6:] == skeleton.POSE_LIMITS[6:, 0]).any()
 
 

@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 
 from toolkit import skeleton
+from toolkit.body.body import Body
 from toolkit.body.raycast import cast, render_depth
-from toolkit.body.shape import load_body
+from toolkit.body.shape import load_body, subject_body
 from toolkit.errors import BodyError, UsageError
 from toolkit.mocap.clip import PoseClip
 from toolkit.recordings.opening import open_recording
@@ -35,11 +36,9 @@ def waving(frames: int = 6, facing: float = 0.0) -> PoseClip:
     return PoseClip("waving", poses, 30.0, "test")
 
 
-def alone(
-    clip: PoseClip | Path, *, body: str = "neutral", yaw: float = 0.0, subject_seed: int | None = None, **shot: Any
-) -> Simulation:
+def alone(clip: PoseClip | Path, *, body: str | Body = "neutral", yaw: float = 0.0, **shot: Any) -> Simulation:
     """One person before the camera."""
-    return prepare([Person(clip, body, yaw=yaw, subject_seed=subject_seed)], Shot(**shot))
+    return prepare([Person(clip, body, yaw=yaw)], Shot(**shot))
 
 
 def wall(sensor: Sensor, depth: float, cosine: float = 1.0) -> Surface:
@@ -94,7 +93,13 @@ def test_true_joints_lie_inside_the_silhouette_just_behind_the_surface(
     sensor: str, yaw: float, tilt: float | None, height: float
 ) -> None:
     simulation = alone(
-        waving(), body="slim_female", sensor=sensor, yaw=yaw, tilt=tilt, height=height, furnished=False, subject_seed=3
+        waving(),
+        body=subject_body("slim_female", seed=3),
+        sensor=sensor,
+        yaw=yaw,
+        tilt=tilt,
+        height=height,
+        furnished=False,
     )
     for frame in simulation.frames():
         pixels = np.rint(simulation.sensor.camera.project(frame.joints[0])).astype(int)
@@ -255,7 +260,6 @@ def test_a_clip_file_is_resampled_to_the_recording_s_frame_rate(shared_data: Pat
         (lambda: alone(waving(1), frame_rate=1e9), UsageError, "give 0.1 to 1000 frames a second"),
         (lambda: alone(waving(1), height=-1.0), UsageError, "above the floor"),
         (lambda: alone(waving(1), seed=-1), UsageError, "from 0 on"),
-        (lambda: alone(waving(1), subject_seed=-1), UsageError, "from 0 on"),
     ],
 )
 def test_a_bad_argument_is_named_with_the_way_out(call: object, error: type[Exception], words: str) -> None:

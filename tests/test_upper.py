@@ -8,10 +8,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from toolkit import skeleton
-from toolkit.body.shape import ShapeSpace, subject_body
+from benchmarks._upper import BAD, JOINTS, ROWS, UpperScore, pixel_errors, score_upper, upper_figures
+from toolkit.body.shape import subject_body
 from toolkit.errors import UsageError
-from toolkit.evaluation.upper import BAD, JOINTS, ROWS, UpperScore, pixel_errors, score_upper, upper_figures
 from toolkit.mocap.procedural import procedural_clips
 from toolkit.sensing.camera import Camera
 from toolkit.simulation.person import Person
@@ -19,7 +18,6 @@ from toolkit.simulation.scene import cut_tilt, place_camera
 from toolkit.simulation.seating import neck_height
 from toolkit.simulation.sensors import make_sensor
 from toolkit.simulation.simulate import Shot, prepare
-from toolkit.testing.given import fitted_to_joints
 from toolkit.testing.upper import GROUPS, MORE, upper_scenes
 from toolkit.track import LOST, TRACKED
 
@@ -86,18 +84,6 @@ def test_annotations_are_in_the_image_and_both_readings_nearly_agree(file: str) 
         for joint, place in others.items():
             first = content["first"][name][content["joints"].index(joint)]
             assert np.linalg.norm(np.subtract(first, place)) < 15
-
-
-def test_body_and_pose_are_found_by_their_joints() -> None:
-    rng = np.random.default_rng(3)
-    body = ShapeSpace.load().body(np.array([-1.2, 0.5, 0.3]))
-    pose = np.zeros(skeleton.POSE_SIZE)
-    pose[6:] = np.clip(rng.normal(0.0, 0.3, skeleton.POSE_SIZE - 6), *skeleton.POSE_LIMITS[6:].T)
-    pose[:6] = [0.3, -0.2, -1.8, 0.1, 0.7, 0.0]
-    joints = body.joint_positions(pose)
-    found, stands = fitted_to_joints(joints)
-    assert np.linalg.norm(found.joint_positions(stands) - joints, axis=1).max() < 0.02
-    assert abs(found.height - body.height) < 0.05
 
 
 def test_a_camera_at_neck_height_sees_the_neck_level_with_it() -> None:

@@ -10,3 +10,7 @@ Count = Callable[[int, int], None]
 """Called with how much is done, and how much there is."""
 RecordingProgress = Callable[[str, str, int, int], None]
 """Called with a recording's name, what is done to it ("compiling", "learning", "tracking"), frames done, all frames."""
+
+
+def silent(*told: object) -> None:
+    """Progress of any kind that is not shown."""

@@ -1,4 +1,4 @@
-"""Everybody in a run: folders `RUN/person_01/`, `RUN/person_02/`, ... and the `people.json` that lists them."""
+"""The people of a run: folders `RUN/person_01/`, `RUN/person_02/`, ... and the `people.json` that lists them."""
 
 from __future__ import annotations
 
@@ -63,7 +63,7 @@ class People:
 
     Attributes
     ----------
-    people : everybody, in order of appearance
+    people : all of them, in order of appearance
     furniture : what was followed for a while and is no person, and why
     """
 
@@ -71,7 +71,7 @@ class People:
     furniture: tuple[Evidence, ...] = ()
 
     def text(self) -> str:
-        """A line for everybody and for each piece of furniture, for people."""
+        """A line for each person and for each piece of furniture, for people."""
         lines = [person.text() for person in self.people]
         return "\n".join([*lines, *(f"furniture, left out: {own.text()}" for own in self.furniture)])
 
@@ -210,7 +210,7 @@ class Person:
 
 
 def load_persons(run: str | Path) -> tuple[Person, ...]:
-    """Everybody in a run folder, in order of appearance.
+    """All people of a run folder, in order of appearance.
 
     Raises
     ------

@@ -3,52 +3,40 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, NamedTuple
 
 import typer
 
 from toolkit.cli.terminal import say
+from toolkit.progress import Progress, silent
 
 if TYPE_CHECKING:
     from toolkit.evaluation.scores import EvaluationTable
     from toolkit.mocap.clip import PoseClip
     from toolkit.pipeline import RunSummary
-    from toolkit.sensing.recording import Recording
-
-Show = Callable[[str, int, int], None]
-"""Called with what is being done, the steps done and all steps."""
 
 SUBJECT, SUBJECT_SEED = "slim_male", 7
 """Whose body is simulated, and the seed of what makes it unlike every body that a tracker can fit."""
 MOTIONS = 3
 """Motions of the recording; none of them is in the database."""
 SECONDS = 5.0
-"""Of each motion, unless others are asked for."""
+"""Of each motion."""
 BLEND = 6
 """Frames between the end of one motion and the beginning of the next."""
 
 
-@dataclass(frozen=True)
-class DemoResult:
-    """What the demo made: scores, times, the files in their order and the seconds it took."""
+class DemoResult(NamedTuple):
+    """What the demo made: scores, times, and the files in their order."""
 
     table: EvaluationTable
     summary: RunSummary
-    files: tuple[Path, ...]
-    seconds: float
+    files: list[Path]
 
 
-def run_demo(
-    output: str | Path,
-    *,
-    seed: int = 0,
-    seconds: float = SECONDS,
-    show: Show | None = None,
-) -> DemoResult:
+def run_demo(output: str | Path, *, seed: int = 0, seconds: float = SECONDS, show: Progress = silent) -> DemoResult:
     """Record a person unlike any body that is fitted in motions of no database, track, score and draw them.
 
     Parameters
@@ -63,20 +51,26 @@ def run_demo(
     OutputError
         The folder cannot be written.
     """
+    from toolkit.body.shape import subject_body
     from toolkit.cli.terminal import doing_words
     from toolkit.database.default import default_database_path
     from toolkit.evaluation.evaluate import evaluate_runs
     from toolkit.evaluation.report import write_evaluation
+    from toolkit.mocap.procedural import SUBJECT_MOTIONS, procedural_clips
     from toolkit.pipeline import load_tracker, track_recording
     from toolkit.rendering.film import render_run
     from toolkit.report.page import write_report
+    from toolkit.simulation.simulate import simulate_recording
 
-    show = show or _silent
-    start, folder = time.monotonic(), Path(output)
+    folder = Path(output)
     run = folder / "run"
     (run / "track.partial").unlink(missing_ok=True)
-
-    recording = _record(folder / "take.npz", seed, seconds, show)
+    subject = subject_body(SUBJECT, seed=SUBJECT_SEED)
+    clips = procedural_clips(SUBJECT_MOTIONS[:MOTIONS], body=subject, variations=1, seed=seed)
+    recording = simulate_recording(
+        joined_clips(clips, seconds), folder / "take.npz", body=subject, sensor="tof", yaw=10.0, seed=seed,
+        progress=partial(show, "simulating a recording"),
+    )  # fmt: skip
     tracker = load_tracker(database=default_database_path())
     summary = track_recording(
         recording, tracker, run, progress=lambda name, doing, done, total: show(doing_words(doing), done, total)
@@ -86,30 +80,11 @@ def run_demo(
     for name in ("film.webm", "contact_sheet.png"):
         doing = f"drawing the {Path(name).stem.replace('_', ' ')}"
         files.append(render_run(run, folder / name, progress=partial(show, doing)))
-    files.append(write_report([run], folder / "report.html", progress=partial(_page, show)))
-    return DemoResult(table, summary, tuple(files), time.monotonic() - start)
-
-
-def _page(show: Show, doing: str, done: int, total: int) -> None:
-    show(f"writing the page: {doing}", done, total)
-
-
-def _silent(doing: str, done: int, total: int) -> None:
-    """Progress that no person watches."""
-
-
-def _record(path: Path, seed: int, seconds: float, show: Show) -> Recording:
-    """A depth recording of a person unlike the tracker's body, doing what is in no database."""
-    from toolkit.body.shape import subject_body
-    from toolkit.mocap.procedural import SUBJECT_MOTIONS, procedural_clips
-    from toolkit.simulation.simulate import simulate_recording
-
-    subject = subject_body(SUBJECT, seed=SUBJECT_SEED)
-    clips = procedural_clips(SUBJECT_MOTIONS[:MOTIONS], body=subject, variations=1, seed=seed)
-    return simulate_recording(
-        joined_clips(clips, seconds), path, body=subject, sensor="tof", yaw=10.0, seed=seed,
-        progress=lambda done, total: show("simulating a recording", done, total),
-    )  # fmt: skip
+    page = folder / "report.html"
+    files.append(
+        write_report([run], page, progress=lambda doing, done, total: show(f"writing the page: {doing}", done, total))
+    )
+    return DemoResult(table, summary, files)
 
 
 def joined_clips(clips: list[PoseClip], seconds: float) -> PoseClip:
@@ -133,18 +108,19 @@ def demo(
         "demo"
     ),
     seed: Annotated[int, typer.Option(help="Seed of everything random.", min=0)] = 0,
-    seconds: Annotated[float, typer.Option(help="Of each of the three motions.", min=0.2, max=60.0)] = SECONDS,
 ) -> None:
     """Do the main job on bundled motions: simulated recording, track, table, film and a page of it all."""
     from toolkit.cli.terminal import next_commands, print_table, progress_bars
 
+    start = time.monotonic()
     with progress_bars() as bars:
-        result = run_demo(output, seed=seed, seconds=seconds, show=bars)
+        result = run_demo(output, seed=seed, show=bars)
     print_table(result.table.to_rich("simulated recording, compared with its exact truth"))
     say("milliseconds a frame (median): ", result.summary.text())
     for path in result.files:
         say(path)
-    say(f"{result.seconds:.0f} seconds; open {result.files[-1]} in a browser: film, body in three dimensions, errors")
+    seconds = time.monotonic() - start
+    say(f"{seconds:.0f} seconds; open {result.files[-1]} in a browser: film, body in three dimensions, errors")
     next_commands(
         {
             ("track", str(output / "take.npz"), "--output", "run"): "with the default poses; then a recording of yours",

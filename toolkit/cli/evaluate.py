@@ -8,6 +8,7 @@ from typing import Annotated
 
 import typer
 
+from toolkit.cli.options import MovedRecording
 from toolkit.cli.terminal import say
 
 
@@ -29,20 +30,10 @@ def evaluate(
         bool,
         typer.Option("--surface/--no-surface", help="Also look at every depth frame: overlap, hidden joints, extrema."),
     ] = True,
-    wide: Annotated[bool, typer.Option("--wide", help="Print every figure, in one wide table.")] = False,
-    recording: Annotated[
-        Path | None, typer.Option(help="Where the recording of the one run has been moved to.")
-    ] = None,
-    subject_pattern: Annotated[
-        str | None,
-        typer.Option(
-            help="Regular expression whose group is the subject in a recording's name.", show_default="UTD-MHAD"
-        ),
-    ] = None,
+    recording: MovedRecording = None,
 ) -> None:
     """Compare tracks with the truth or another skeleton, and fitted bodies with the depth: one table for all runs."""
     from toolkit.cli.terminal import print_table, progress_bars
-    from toolkit.evaluation.agreement import UTD_SUBJECT
     from toolkit.evaluation.evaluate import evaluate_runs
     from toolkit.evaluation.report import FILES, write_evaluation
     from toolkit.files import check_output
@@ -55,13 +46,12 @@ def evaluate(
             runs,
             references,
             surface=surface,
-            subject_pattern=subject_pattern or UTD_SUBJECT,
             recording=recording,
             progress=lambda name, done, total: bars("evaluating", done, total),
         )
-    print_table(table.to_rich(wide=wide))
-    if not wide:
-        say("every figure: --wide; as files, with plots: --output FOLDER", file=sys.stderr)
-    if output is not None:
-        for path in write_evaluation(table, output):
-            say(path)
+    print_table(table.to_rich())
+    if output is None:
+        say("every figure, as files and plots: --output FOLDER", file=sys.stderr)
+        return
+    for path in write_evaluation(table, output):
+        say(path)

@@ -29,7 +29,7 @@ EXAMPLES: dict[str, tuple[str, ...]] = {
     ),
     "evaluate": (
         "depthmocap evaluate run",
-        "depthmocap evaluate runs --reference truth/ --output scores --wide",
+        "depthmocap evaluate runs --reference truth/ --output scores",
     ),
     "render": (
         "depthmocap render run --output run/film.webm",

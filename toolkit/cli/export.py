@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from toolkit.cli.options import Output, Run
+from toolkit.cli.options import MovedRecording, Output, Run
 from toolkit.cli.terminal import say
 
 
@@ -42,7 +41,7 @@ def export(
             help="Of a file on the floor: do not hold a body that stands still and feet that carry where they rest.",
         ),
     ] = False,
-    recording: Annotated[Path | None, typer.Option(help="Where the recording has been moved to.")] = None,
+    recording: MovedRecording = None,
 ) -> None:
     """Write a track for other programs, by OUTPUT's suffix.
 

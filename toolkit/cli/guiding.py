@@ -11,7 +11,7 @@ import typer
 from toolkit.errors import UsageError
 
 if TYPE_CHECKING:
-    from toolkit.pipeline.watch import RowWatcher
+    from toolkit.pipeline.events import EventStream
     from toolkit.tracking.guide import Guide
 
 SENSORS = "Inertial sensors"
@@ -40,7 +40,7 @@ class Guiding:
         Path | None, typer.Option(help="Their calibration.json, of a run of this recording.", rich_help_panel=SENSORS)
     ] = None
 
-    def watcher(self, recordings: list[Path]) -> RowWatcher | None:
+    def watcher(self, recordings: list[Path]) -> EventStream | None:
         """What tells events, if any are wanted.
 
         Raises

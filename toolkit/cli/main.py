@@ -29,7 +29,6 @@ from toolkit.cli import (
     simulate,
     stabilise,
     track,
-    view,
 )
 from toolkit.cli.examples import add_examples
 from toolkit.errors import DepthMocapError, UsageError
@@ -71,7 +70,7 @@ app.command()(track.track)
 app.command()(evaluate.evaluate)
 app.command()(render.render)
 app.command()(report.report)
-app.command()(view.view)
+app.command()(report.view)
 app.command()(retrieval.index)
 app.command()(retrieval.search)
 app.command()(retrieval.learn)

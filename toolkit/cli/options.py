@@ -17,6 +17,8 @@ Run = Annotated[
     Path, typer.Argument(metavar="RUN", help="Run folder that `depthmocap track` wrote.", show_default=False)
 ]
 Output = Annotated[Path, typer.Option("--output", "-o", help="What is written.", show_default=False)]
+MovedRecording = Annotated[Path | None, typer.Option(help="Where the recording has been moved to.")]
+FirstFrame = Annotated[int, typer.Option("--from", help="First frame.", max=MOST_FRAMES)]
 Seed = Annotated[int, typer.Option(help="Seed of everything random.", min=0)]
 SettingOption = Annotated[
     list[str] | None,

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from toolkit.cli.options import MOST_FRAMES, Run
+from toolkit.cli.options import MOST_FRAMES, FirstFrame, MovedRecording, Run
 from toolkit.cli.terminal import say
 from toolkit.errors import UsageError
 
@@ -26,9 +27,9 @@ def render(
             show_default=False,
         ),
     ],
-    recording: Annotated[Path | None, typer.Option(help="Where the recording has been moved to.")] = None,
+    recording: MovedRecording = None,
     rate: Annotated[float | None, typer.Option(help="Frames per second.", show_default="the recording's")] = None,
-    start: Annotated[int, typer.Option("--from", help="First frame.", max=MOST_FRAMES)] = 0,
+    start: FirstFrame = 0,
     end: Annotated[
         int | None, typer.Option("--to", help="Frame after the last.", max=MOST_FRAMES, show_default="all")
     ] = None,
@@ -45,7 +46,7 @@ def render(
 ) -> None:
     """Draw a track beside its depth: mesh, skeleton and extrema, from the camera, from the side and from above."""
     from toolkit.cli.terminal import progress_bars
-    from toolkit.rendering.film import render_run, settings_of
+    from toolkit.rendering.film import render_run, settings_for
 
     if calibration is not None and inertial is None:
         raise UsageError("--calibration belongs to sensors; name them with --inertial")
@@ -56,7 +57,7 @@ def render(
             output,
             recording=recording,
             axes=None if inertial is None else _axes(run, inertial, calibration),
-            settings=None if panels is None else settings_of(output, tuple(panels.split(","))),
+            settings=None if panels is None else replace(settings_for(output), panels=tuple(panels.split(","))),
             frames=frames,
             rate=rate,
             progress=lambda done, total: bars("drawing", done, total),

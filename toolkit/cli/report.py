@@ -1,4 +1,4 @@
-"""`depthmocap report`."""
+"""`depthmocap report` and `view`."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from toolkit.cli.options import MOST_FRAMES
+from toolkit.cli.options import MOST_FRAMES, FirstFrame, MovedRecording, Run
 from toolkit.cli.terminal import say
 
 
@@ -20,8 +20,8 @@ def report(
         list[Path] | None,
         typer.Option("--reference", "-r", help="What the tracks are compared with; each run's own recording without."),
     ] = None,
-    recording: Annotated[Path | None, typer.Option(help="Where the recording has been moved to.")] = None,
-    start: Annotated[int, typer.Option("--from", help="First frame.", max=MOST_FRAMES)] = 0,
+    recording: MovedRecording = None,
+    start: FirstFrame = 0,
     end: Annotated[
         int | None, typer.Option("--to", help="Frame after the last.", max=MOST_FRAMES, show_default="3000 at most")
     ] = None,
@@ -37,3 +37,23 @@ def report(
             runs, output, recording=recording, references=references or (), frames=chosen, progress=bars
         )
     say(page)
+
+
+def view(run: Run) -> None:
+    """Open the report of a run in the browser; the page is written into the run folder first, unless it is newer."""
+    import webbrowser
+
+    from toolkit.cli.terminal import progress_bars
+    from toolkit.report.page import write_report
+    from toolkit.runs import person_runs
+    from toolkit.track import TRACK_FILE
+
+    page = run / "report.html"
+    tracks = [folder / TRACK_FILE for folder in person_runs(run)]
+    older = page.exists() and any(t.exists() and t.stat().st_mtime > page.stat().st_mtime for t in tracks)
+    if older or not page.exists():
+        with progress_bars() as bars:
+            write_report([run], page, progress=bars)
+    say(page)
+    if not webbrowser.open(page.resolve().as_uri()):
+        say("no browser could be opened; open the page yourself")

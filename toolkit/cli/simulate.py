@@ -17,8 +17,9 @@ from toolkit.errors import UsageError
 if TYPE_CHECKING:
     from toolkit.simulation.furniture import Box
     from toolkit.simulation.person import Person
+    from toolkit.simulation.simulate import Shot
 
-PEOPLE = "People (given once it holds for everybody, otherwise once for each CLIP)"
+PEOPLE = "People (given once it holds for all of them, otherwise once for each CLIP)"
 ROOM = "Room"
 SENSORS = "Inertial sensors"
 BOXES = (".yaml", ".yml")
@@ -65,12 +66,8 @@ class Cast:
             rich_help_panel=PEOPLE,
         ),
     ] = None
-    subject_seed: Annotated[
-        list[int] | None,
-        typer.Option(help="Seed of what makes a subject unlike every body of the shape space.", rich_help_panel=PEOPLE),
-    ] = None
     seated: Annotated[
-        bool, typer.Option("--seated", help="Everybody does what their clip shows sitting.", rich_help_panel=PEOPLE)
+        bool, typer.Option("--seated", help="All people do what their clips show sitting.", rich_help_panel=PEOPLE)
     ] = False
 
     def people(self, clips: list[Path]) -> list[Person]:
@@ -95,7 +92,6 @@ class Cast:
             "furniture": [_words(text) for text in each(kinds, count, "--furniture", "")],
             "clothes": [_words(text) for text in each(self.clothes, count, "--clothes", "")],
             "enters": each(self.enters, count, "--enters", 0.0),
-            "subject_seed": each(self.subject_seed, count, "--subject-seed", None),
         }
         return [Person(clip, **{name: values[i] for name, values in columns.items()}) for i, clip in enumerate(clips)]
 
@@ -123,7 +119,7 @@ class View:
         float | None,
         typer.Option(
             help="Metres below the first person's neck at which the image ends, instead of a tilt: 0.45 is the waist.",
-            show_default="nobody is cut",
+            show_default="the image is not cut",
         ),
     ] = None
     seed: Annotated[int, typer.Option(help="Seed of the sensor's noise.", min=0)] = 0
@@ -151,6 +147,24 @@ class View:
         str, typer.Option(help="How skin follows the joints: linear, or dual quaternions.", rich_help_panel=PEOPLE)
     ] = "linear"
     seconds: Annotated[float, typer.Option(help="Length of an empty room.", rich_help_panel=ROOM)] = 3.0
+    inertial: Annotated[
+        str | None,
+        typer.Option(
+            metavar="LIMB,...",
+            help="Inertial sensors on the first person, such as left_shin,right_forearm; their file lies beside.",
+            rich_help_panel=SENSORS,
+        ),
+    ] = None
+    inertial_noise: Annotated[str, typer.Option(help="Their flaws: mtx, phone or none.", rich_help_panel=SENSORS)] = (
+        "mtx"
+    )
+
+    def shot(self, boxes: tuple[Box, ...]) -> Shot:
+        """How it is recorded, with this furniture; raises UsageError where an option cannot be understood."""
+        from toolkit.simulation.simulate import Shot
+
+        typed = {"height": _height(self.height), "inertial": _words(self.inertial or ""), "boxes": boxes}
+        return Shot(**{**vars(self), **typed})
 
 
 @spread
@@ -162,36 +176,20 @@ def simulate(
     ] = None,
     view: View = View(),
     cast: Cast = Cast(),
-    inertial: Annotated[
-        str | None,
-        typer.Option(
-            metavar="LIMB,...",
-            help="Inertial sensors on the first person, such as left_shin,right_forearm; their file lies beside.",
-            rich_help_panel=SENSORS,
-        ),
-    ] = None,
-    inertial_noise: Annotated[
-        str, typer.Option(help="Their flaws: mtx, phone or none.", rich_help_panel=SENSORS)
-    ] = "mtx",
 ) -> None:
     """Simulate a depth recording with exact truth from motions, bodies, furniture and a camera."""
     from toolkit.cli.terminal import progress_bars
-    from toolkit.simulation.inertial import Worn
-    from toolkit.simulation.simulate import Shot, simulate_scene
+    from toolkit.simulation.simulate import simulate_scene
 
-    people = cast.people(clips or [])
-    shot = Shot(**{**vars(view), "height": _height(view.height)}, boxes=cast.boxes())
-    sensors = Worn(_words(inertial or ""), inertial_noise)
+    people, shot = cast.people(clips or []), view.shot(cast.boxes())
     with progress_bars() as bars:
-        recording = simulate_scene(
-            people, output, shot, sensors=sensors, progress=lambda done, total: bars("simulating", done, total)
-        )
+        recording = simulate_scene(people, output, shot, progress=lambda done, total: bars("simulating", done, total))
     size = f"{recording.camera.width}x{recording.camera.height}"
     say(f"{output}: {len(recording)} frames of {size} pixels")
 
 
 def each(values: Sequence[T] | None, count: int, option: str, default: T) -> list[T]:
-    """One value per person: the default, one value for everybody, or all as they were given.
+    """One value per person: the default, one value for all, or all as they were given.
 
     Raises
     ------

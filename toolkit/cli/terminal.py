@@ -12,12 +12,12 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Protocol, TextIO
+from typing import TYPE_CHECKING, TextIO
 
 from toolkit.names import printable
+from toolkit.progress import Progress
 
 if TYPE_CHECKING:
-    from rich.progress import Progress
     from rich.table import Table
 
 WIDEST = 400
@@ -32,42 +32,7 @@ def say(*texts: object, sep: str = " ", file: TextIO | None = None) -> None:
     print("\n".join(map(printable, lines)), file=file or sys.stdout, flush=True)
 
 
-class Bars(Protocol):
-    """Shows how far each thing is that is being done."""
-
-    def __call__(self, doing: str, done: int, total: int) -> None:
-        """Show that `done` of `total` steps of `doing` are over."""
-
-    def of_recording(self, name: str, doing: str, done: int, total: int) -> None:
-        """The same for a recording, whose name is shown."""
-
-
-class _OfRecordings:
-    """What is shown of a recording is its name and what is being done with it."""
-
-    def __call__(self, doing: str, done: int, total: int) -> None:
-        raise NotImplementedError
-
-    def of_recording(self, name: str, doing: str, done: int, total: int) -> None:
-        """See `Bars`; compilation is named as such."""
-        self(f"{name}: {doing_words(doing)}", done, total)
-
-
-class TerminalBars(_OfRecordings):
-    """One progress bar per thing that is being done, for a terminal."""
-
-    def __init__(self, progress: Progress) -> None:
-        self._progress = progress
-        self._tasks: dict[str, object] = {}
-
-    def __call__(self, doing: str, done: int, total: int) -> None:
-        """See `Bars`."""
-        if doing not in self._tasks:
-            self._tasks[doing] = self._progress.add_task(doing, total=total)
-        self._progress.update(self._tasks[doing], completed=done, total=total)  # type: ignore[arg-type]
-
-
-class LogLines(_OfRecordings):
+class LogLines:
     """A line a minute, for a pipe or a log; nothing of what takes less."""
 
     def __init__(self, every: float = MINUTE) -> None:
@@ -77,7 +42,7 @@ class LogLines(_OfRecordings):
         self._thread.start()
 
     def __call__(self, doing: str, done: int, total: int) -> None:
-        """See `Bars`."""
+        """See `Progress`."""
         self._latest = (doing, done, total)
 
     def close(self) -> None:
@@ -94,14 +59,14 @@ class LogLines(_OfRecordings):
 
 
 def doing_words(doing: str) -> str:
-    """What the pipeline is doing, in words for people."""
+    """What the pipeline is doing, in words for people; compilation is named as such."""
     words = {"compiling": "preparing", "learning": "learning the body"}
     return f"{words[doing]} (compiles for a while the first time)" if doing in words else doing
 
 
 @contextmanager
-def progress_bars() -> Iterator[Bars]:
-    """Progress on the standard error while the block runs: bars in a terminal, else a line a minute."""
+def progress_bars() -> Iterator[Progress]:
+    """Progress on the standard error while the block runs: a bar for each thing in a terminal, else a line a minute."""
     if not sys.stderr.isatty():
         lines = LogLines()
         try:
@@ -109,12 +74,22 @@ def progress_bars() -> Iterator[Bars]:
         finally:
             lines.close()
         return
+    from rich import progress
     from rich.console import Console
-    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
-    columns = (TextColumn("{task.description}", markup=False), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
-    with Progress(*columns, console=Console(stderr=True), refresh_per_second=4) as progress:
-        yield TerminalBars(progress)
+    columns = (
+        progress.TextColumn("{task.description}", markup=False), progress.BarColumn(), progress.MofNCompleteColumn(),
+        progress.TimeElapsedColumn(),
+    )  # fmt: skip
+    tasks: dict[str, progress.TaskID] = {}
+    with progress.Progress(*columns, console=Console(stderr=True), refresh_per_second=4) as bars:
+
+        def show(doing: str, done: int, total: int) -> None:
+            if doing not in tasks:
+                tasks[doing] = bars.add_task(doing, total=total)
+            bars.update(tasks[doing], completed=done, total=total)
+
+        yield show
 
 
 def next_commands(commands: dict[tuple[str, ...], str]) -> None:

@@ -17,7 +17,7 @@ from toolkit.cli.terminal import say
 from toolkit.errors import UsageError
 
 if TYPE_CHECKING:
-    from toolkit.pipeline.manifest import ManifestRow
+    from toolkit.pipeline import ManifestRow, TrackerRecipe
 
 
 @dataclass(frozen=True)
@@ -31,8 +31,6 @@ class Tracking:
     body: Annotated[Path | None, typer.Option(help="The person's own, of `depthmocap body scan`.")] = None
     config: Annotated[str, typer.Option(help="Settings: a YAML file or the name of a shipped one.")] = "hybrid"
     settings: SettingOption = None
-    max_poses: Annotated[int | None, typer.Option(help="Use only the first poses of the database.", min=2)] = None
-    half_resolution: Annotated[bool, typer.Option("--half-resolution", help="Keep every second pixel.")] = False
     online: Annotated[
         bool, typer.Option("--online", help="One pass, each frame done with as it comes, as for a live camera.")
     ] = False
@@ -47,14 +45,20 @@ class Tracking:
         from toolkit.config import parse_overrides, setting_of
         from toolkit.tracking.registry import DEFAULT
 
-        sensing = given(segment=self.segment, subject=self.subject, half_resolution=self.half_resolution or None)
+        sensing = given(segment=self.segment, subject=self.subject)
         found = {f"sensing.{name}": value for name, value in sensing.items()} | parse_overrides(self.settings or [])
         # Other trackers know one pass only.
         if self.online and (setting_of("tracker", self.config, found) or DEFAULT) == DEFAULT:
             found["passes"] = 1
         return found
 
-    def poses(self) -> Path | None:
+    def recipe(self, sensors: Path | None = None) -> TrackerRecipe:
+        """What the tracker is made of."""
+        from toolkit.pipeline import TrackerRecipe
+
+        return TrackerRecipe(self.config, self.overrides(), self._poses(), self.body, sensors)
+
+    def _poses(self) -> Path | None:
         """The database named, or that of the package; None for a tracker that looks no poses up, which is said."""
         from toolkit.database.default import default_database_path
         from toolkit.pipeline.trackers import needs_database
@@ -79,21 +83,13 @@ class Folders:
             help="So many processes share the recordings; finished runs are left alone, manifest.jsonl lists all.",
         ),
     ] = None
-    retry_failed: Annotated[
-        bool, typer.Option("--retry-failed", help="With --workers: only what manifest.jsonl says failed.")
-    ] = False
-
-    @property
-    def batch(self) -> bool:
-        """Whether recordings are tracked as a batch with a manifest."""
-        return self.workers is not None or self.retry_failed
 
     def keep_finished(self, runs: list[Path]) -> None:
         """Refuse to replace a finished run that no person said may go; a batch looks at each of them itself."""
         from toolkit.runs import PEOPLE_FILE
         from toolkit.track import PARTIAL_FILE, TRACK_FILE
 
-        if self.overwrite or self.resume or self.batch:
+        if self.overwrite or self.resume or self.workers:
             return
         for run in runs:
             finished = (run / TRACK_FILE).exists() and not (run / PARTIAL_FILE).exists()
@@ -129,13 +125,13 @@ def track(
     tracker_settings(tracking.config, tracking.overrides())
     for path, reason in unreadable(recordings, options).items():  # before anything costs time
         say(f"depthmocap: {path}: {reason}; the others are tracked", file=sys.stderr)
-    if folders.batch:
+    if folders.workers:
         _track_batch(recordings, output, tracking, guiding, folders, how)
         return
-    anybody = _track_each(recordings, output, tracking, guiding, folders.resume, how)
+    found = _track_each(recordings, output, tracking, guiding, folders.resume, how)
     from toolkit.cli.terminal import next_commands
 
-    if not anybody:
+    if not found:
         next_commands({("info", str(recordings[0])): "what the recording holds, and which option would help"})
         return
     next_commands(
@@ -150,32 +146,28 @@ def track(
 def _track_each(
     recordings: list[Path], output: Path, tracking: Tracking, guiding: Guiding, resume: bool, how: dict[str, Any]
 ) -> bool:
-    """One recording after the other; whether anybody was tracked. Exit code 1 where one is not done."""
+    """One recording after the other; whether a person was tracked. Exit code 1 where one is not done."""
     from toolkit.ahead import compile_beside
     from toolkit.cli.terminal import doing_words, progress_bars
-    from toolkit.files import is_file
 
     compile_beside()
-    from toolkit.pipeline import Inputs, load_tracker, track_recordings
+    from toolkit.pipeline import track_recordings
     from toolkit.runs import PEOPLE_FILE, load_people
 
     guide, watcher = guiding.guide(recordings), guiding.watcher(recordings)
     with progress_bars() as bars:
-        database, preparing = tracking.poses(), doing_words("compiling")
+        recipe, preparing = tracking.recipe(guiding.inertial), doing_words("compiling")
         bars(preparing, 0, 1)
-        tracker = load_tracker(
-            tracking.config, tracking.overrides(), database=database, max_poses=tracking.max_poses,
-            guide=guide, body=tracking.body,
-        )  # fmt: skip
+        tracker = recipe.build(guide)
         bars(preparing, 1, 1)
         report = track_recordings(
             recordings,
             tracker,
             output,
             resume=resume,
-            progress=bars.of_recording,
+            progress=lambda name, doing, done, total: bars(f"{name}: {doing_words(doing)}", done, total),
             watcher=watcher,
-            inputs=Inputs(tracking.config if is_file(tracking.config) else None, guiding.inertial, tracking.body),
+            made_of=recipe,
             **how,
         )
     for summary in report.done:
@@ -194,16 +186,13 @@ def _track_batch(
 ) -> None:
     """Many recordings in processes of their own."""
     from toolkit.cli.terminal import progress_bars
-    from toolkit.pipeline import TrackerRecipe, track_many
+    from toolkit.pipeline import track_many
 
     if guiding.guide(recordings) or guiding.watcher(recordings):
-        raise UsageError("sensors and events belong to one recording; leave --workers and --retry-failed out")
+        raise UsageError("sensors and events belong to one recording; leave --workers out")
     with progress_bars() as bars:
-        recipe = TrackerRecipe(
-            tracking.config, tracking.overrides(), tracking.poses(), tracking.max_poses, tracking.body
-        )
         rows = track_many(
-            recordings, recipe, output, workers=folders.workers or 1, retry_failed=folders.retry_failed,
+            recordings, tracking.recipe(), output, workers=folders.workers,
             overwrite=folders.overwrite, progress=bars, **how,
         )  # fmt: skip
     _print_rows(rows)

@@ -13,10 +13,9 @@ from collections.abc import Sequence
 import numpy as np
 
 from toolkit import skeleton
-from toolkit.errors import UsageError
 from toolkit.evaluation.joints import HANDS_AND_FEET, NEAR
 
-UTD_SUBJECT = r"_s(\d+)_"
+UTD_SUBJECT = re.compile(r"_s(\d+)_")
 """Where a UTD-MHAD file name holds its subject: `a27_s1_t1_depth`."""
 
 COMPARED = np.setdiff1d(np.arange(len(skeleton.REPORTED)), HANDS_AND_FEET)
@@ -29,21 +28,9 @@ _NECK, _PELVIS = skeleton.REPORTED.index("neck"), skeleton.REPORTED.index("pelvi
 _LEFT_HIP, _RIGHT_HIP = skeleton.REPORTED.index("left_hip"), skeleton.REPORTED.index("right_hip")
 
 
-def subject_of(name: str, pattern: str = UTD_SUBJECT) -> str | None:
-    """The subject named in a recording's stem by the first group of a regular expression, None if it does not match.
-
-    Raises
-    ------
-    UsageError
-        `pattern` is no regular expression with a group.
-    """
-    try:
-        compiled = re.compile(pattern)
-    except re.error as error:
-        raise UsageError(f"subject pattern {pattern!r} is no regular expression: {error}") from error
-    if compiled.groups < 1:
-        raise UsageError(f"subject pattern {pattern!r} has no group; put parentheses around the subject")
-    match = compiled.search(name)
+def subject_of(name: str) -> str | None:
+    """The subject named in a recording's stem as UTD-MHAD does, None where none is."""
+    match = UTD_SUBJECT.search(name)
     return match.group(1) if match else None
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -11,21 +11,14 @@ import numpy as np
 
 from toolkit.errors import TrackError, UsageError
 from toolkit.evaluation import joints as metrics
-from toolkit.evaluation import upper
-from toolkit.evaluation.agreement import (
-    UTD_SUBJECT,
-    agreement,
-    agreement_with_offsets,
-    local_differences,
-    subject_of,
-)
+from toolkit.evaluation.agreement import agreement, agreement_with_offsets, local_differences, subject_of
 from toolkit.evaluation.extrema import TIPS, all_free, extrema_found
 from toolkit.evaluation.reference import Reference, find_reference
 from toolkit.evaluation.scores import EvaluationTable, RunScores
-from toolkit.evaluation.surface import depth_residual, silhouette_overlap
 from toolkit.landmarks.settings import LandmarkSettings
 from toolkit.people.survey import find_person
-from toolkit.progress import Progress
+from toolkit.people.tracks import assigned
+from toolkit.progress import Progress, silent
 from toolkit.runs import PEOPLE_FILE, person_runs
 from toolkit.sensing.cloud import Cloud
 from toolkit.sensing.recording import Recording
@@ -34,22 +27,13 @@ from toolkit.skeleton import REPORTED
 from toolkit.track import EMPTY, PARTIAL_FILE, STATE_NAMES, TRACK_FILE, TRACKED, RunInfo, Track
 
 
-@dataclass(frozen=True, eq=False)
-class _Evaluated:
-    """One run's scores and what the agreement over subjects still needs: `local_differences`, None of a truth."""
-
-    scores: RunScores
-    differences: np.ndarray | None = None
-
-
 def evaluate_runs(
     runs: Sequence[str | Path],
     references: Sequence[str | Path] | None = None,
     *,
     surface: bool = True,
-    subject_pattern: str = UTD_SUBJECT,
     recording: str | Path | None = None,
-    progress: Progress | None = None,
+    progress: Progress = silent,
 ) -> EvaluationTable:
     """Compare tracks with the truth or with another system's skeleton, and fitted bodies with the depth they explain.
 
@@ -61,7 +45,6 @@ def evaluate_runs(
     runs : run folders of one person or of several, or folders that hold some
     references : files, or folders matched by the recording's stem; by default each run's own recording
     surface : also compute what needs every depth frame: hidden joints, extrema, silhouette overlap, depth residual
-    subject_pattern : regular expression whose first group is the subject in a recording's name
     recording : where the recording of the one run has been moved to
 
     Raises
@@ -77,16 +60,14 @@ def evaluate_runs(
     if recording is not None and len(folders) > 1:
         raise UsageError(f"one recording, {recording}, is no place of {len(folders)} runs; evaluate them one by one")
     paths = [Path(reference) for reference in references or []]
-    evaluated: list[_Evaluated] = []
+    rows: list[RunScores] = []
     for i, folder in enumerate(folders):
-        if progress is not None:
-            progress(folder.name, i, len(folders))
-        evaluated.extend(_evaluate(folder, paths, surface, recording))
-    if progress is not None:
-        progress("", len(folders), len(folders))
-    if folders and not evaluated:
+        progress(folder.name, i, len(folders))
+        rows.extend(_evaluate(folder, paths, surface, recording))
+    progress("", len(folders), len(folders))
+    if folders and not rows:
         raise UsageError(f"nobody was found in {', '.join(map(str, folders))}; there is nothing to compare")
-    return _with_offsets(evaluated, subject_pattern)
+    return EvaluationTable(_with_offsets(rows))
 
 
 def find_runs(paths: Sequence[str | Path]) -> list[Path]:
@@ -105,48 +86,27 @@ def find_runs(paths: Sequence[str | Path]) -> list[Path]:
     return found
 
 
-def _evaluate(run: Path, references: list[Path], surface: bool, moved_to: str | Path | None = None) -> list[_Evaluated]:
+def _evaluate(run: Path, references: list[Path], surface: bool, moved_to: str | Path | None = None) -> list[RunScores]:
     """Every person of a run, and of a run of several a person who is in the truth and was not found."""
     folders = person_runs(run)
     tracks = [Track.load(folder) for folder in folders]
     if not tracks:
         return []
     recording = RunInfo.load(folders[0]).open_recording(moved_to)
-    rows = max(map(len, tracks))
-    if rows > len(recording):
-        raise TrackError(f"{run} has {rows} rows, its recording {len(recording)} frames; track it again")
+    frames = max(map(len, tracks))
+    if frames > len(recording):
+        raise TrackError(f"{run} has {frames} rows, its recording {len(recording)} frames; track it again")
     alone = folders == (run,)
-    reference = find_reference(recording, references, rows)
-    own, missing = match_people(reference, tracks)
-    evaluated = [
-        _evaluate_person(folder, track, recording, person, surface and alone)
-        for folder, track, person in zip(folders, tracks, own, strict=True)
-    ]
-    named = [
-        replace(item, scores=replace(item.scores, recording=f"{recording.name}/{folder.name}"))
-        for item, folder in zip(evaluated, folders, strict=True)
-    ]
-    return evaluated if alone else [*named, *(_not_found(recording, run, person) for person in missing)]
-
-
-def assigned(costs: np.ndarray) -> np.ndarray:
-    """The column of each row at the least total cost, int64 (N,), -1 for none; infinite costs are never chosen.
-
-    Parameters
-    ----------
-    costs : float64 (N, M), not negative
-    """
-    from scipy.optimize import linear_sum_assignment
-
-    allowed = np.isfinite(costs)
-    chosen = np.full(len(costs), -1, dtype=np.int64)
-    if not allowed.any():
-        return chosen
-    forbidden = 1.0 + 2.0 * costs[allowed].sum()
-    rows, columns = linear_sum_assignment(np.where(allowed, costs, forbidden))
-    kept = allowed[rows, columns]
-    chosen[rows[kept]] = columns[kept]
-    return chosen
+    own, missing = match_people(find_reference(recording, references, frames), tracks)
+    rows = []
+    for folder, track, person in zip(folders, tracks, own, strict=True):
+        name = recording.name if alone else f"{recording.name}/{folder.name}"
+        row = _scores(track, name, str(folder), len(recording), person)
+        if surface and alone:
+            row = replace(row, **_frame_figures(track, RunInfo.load(folder), recording, person))
+        rows.append(row)
+    lost = [] if alone else [_not_found(f"{recording.name}/not found", str(run), person) for person in missing]
+    return rows + lost
 
 
 def match_people(
@@ -156,13 +116,11 @@ def match_people(
     if reference is None:
         return [None] * len(tracks), []
     costs = np.array([[_mean_error(track, person) for track in tracks] for person in reference.people])
-    track_of = assigned(costs.reshape(len(reference.people), len(tracks)))
+    track_of = dict(assigned(costs, np.full(len(costs), np.inf)))
     own: list[Reference | None] = [None] * len(tracks)
-    for person, track in enumerate(track_of):
-        if track >= 0:
-            own[track] = Reference(reference.people[person, : len(tracks[track])], reference.is_truth)
-    missing = [reference.of(int(person)) for person in np.flatnonzero(track_of < 0)]
-    return own, missing
+    for person, track in track_of.items():
+        own[track] = Reference(reference.people[person, : len(tracks[track])], reference.is_truth)
+    return own, [reference.of(person) for person in range(len(reference.people)) if person not in track_of]
 
 
 def _mean_error(track: Track, person: np.ndarray) -> float:
@@ -174,42 +132,28 @@ def _mean_error(track: Track, person: np.ndarray) -> float:
     return float(total / max(known.sum(), 1))
 
 
-def _not_found(recording: Recording, run: Path, person: Reference) -> _Evaluated:
+def _not_found(name: str, run: str, person: Reference) -> RunScores:
     """The row of a person who is in the truth and in no track: 1 m in every frame."""
-    nowhere = np.full(person.joints.shape, np.inf)
-    errors = metrics.joint_errors(nowhere, person.joints)
-    scores = RunScores(f"{recording.name}/not found", str(run), 0, len(recording))
-    if person.is_truth and np.isfinite(errors).any():
-        scores = replace(scores, **_error_figures(errors))
-    return _Evaluated(scores)
+    errors = metrics.joint_errors(np.full(person.joints.shape, np.inf), person.joints)
+    row = RunScores(name, run, 0, len(errors))
+    return replace(row, **_error_figures(errors)) if person.is_truth and np.isfinite(errors).any() else row
 
 
-def _evaluate_person(
-    run: Path, track: Track, recording: Recording, reference: Reference | None, surface: bool
-) -> _Evaluated:
-    info = RunInfo.load(run)
-    scores = _scores_of(track, recording.name, str(run), len(recording))
-    if reference is not None:
-        scores = replace(scores, **_distances(track, reference))
-    if reference is not None and reference.is_truth:
-        scores = replace(scores, **_upper_figures(track, recording, reference))
-    if surface:
-        scores = replace(scores, **_frame_figures(track, info, recording, reference))
-    if reference is None or reference.is_truth:
-        return _Evaluated(scores)
-    return _Evaluated(scores, local_differences(track.joints, reference.joints))
-
-
-def _scores_of(track: Track, recording: str, run: str, recorded_frames: int) -> RunScores:
-    """Figures of a track without a reference."""
+def _scores(
+    track: Track, recording: str, run: str, recorded_frames: int, reference: Reference | None = None
+) -> RunScores:
+    """Figures of a track that need no depth."""
+    won = track.source[track.state == TRACKED]
+    names = enumerate(track.source_names)
     return RunScores(
         recording=recording,
         run=run,
         frames=len(track),
         recorded_frames=recorded_frames,
         states={name: float((track.state == i).mean()) for i, name in enumerate(STATE_NAMES)},
-        **_selection(track),
+        sources={name: float((won == i).mean()) for i, name in names} if len(won) else {},
         **_times(track),
+        **({} if reference is None else _distances(track, reference)),
     )
 
 
@@ -231,20 +175,8 @@ def evaluate_tracks(tracks: Sequence[tuple[str, Track]], truth: np.ndarray) -> E
     if any(len(track) != truth.shape[-3] for _, track in tracks):
         raise UsageError(f"the truth has {truth.shape[-3]} frames and the track {len(tracks[0][1])}; give as many")
     own, missing = match_people(Reference(truth, True), [track for _, track in tracks])
-    rows = [_scores_of(track, name, "", len(track)) for name, track in tracks]
-    for i, reference in enumerate(own):
-        if reference is not None:
-            rows[i] = replace(rows[i], **_distances(tracks[i][1], reference))
-    for person in missing:
-        errors = metrics.joint_errors(np.full(person.joints.shape, np.inf), person.joints)
-        rows.append(replace(RunScores("not found", "", 0, len(person.joints)), **_error_figures(errors)))
-    return EvaluationTable(rows)
-
-
-def _selection(track: Track) -> dict[str, Any]:
-    won = track.source[track.state == TRACKED]
-    names = enumerate(track.source_names)
-    return {"sources": {name: float((won == i).mean()) for i, name in names} if len(won) else {}}
+    rows = [_scores(track, name, "", len(track), person) for (name, track), person in zip(tracks, own, strict=True)]
+    return EvaluationTable([*rows, *(_not_found("not found", "", person) for person in missing)])
 
 
 def _times(track: Track) -> dict[str, Any]:
@@ -267,9 +199,10 @@ def _distances(track: Track, reference: Reference) -> dict[str, Any]:
         "frame_error_mm": 1000 * per_frame,
         "timestamps": track.timestamps,
     }
-    if not reference.is_truth:
-        return figures | {"agreement": agreement(track.joints, reference.joints)}
-    return figures | _error_figures(errors)
+    if reference.is_truth:
+        return figures | _error_figures(errors)
+    apart = local_differences(track.joints, reference.joints)
+    return figures | {"agreement": agreement(track.joints, reference.joints), "differences": apart}
 
 
 def _error_figures(errors: np.ndarray) -> dict[str, Any]:
@@ -285,17 +218,6 @@ def _error_figures(errors: np.ndarray) -> dict[str, Any]:
         "a100_joints": {name: float(share) for name, share in zip(REPORTED, per_joint, strict=True)},
         "lost": float((known > metrics.LOST_ERROR).mean()),
     }
-
-
-def _upper_figures(track: Track, recording: Recording, reference: Reference) -> dict[str, Any]:
-    """Figures of the upper body, of the frames in which all of it is known."""
-    known = np.isfinite(reference.joints[:, upper.ROWS]).all(axis=(1, 2))
-    if not known.any():
-        return {}
-    joints, states, truth = track.joints[known], track.state[known], reference.joints[known]
-    figures = upper.upper_figures([upper.score_upper(recording.name, joints, states, truth, recording.camera)])
-    own = ("upper_mm", "upper_px", "hands_px", "first_px")
-    return {name: figures[name] for name in own} | {"upper_curve": figures["curve"]}
 
 
 def _frame_figures(track: Track, info: RunInfo, recording: Recording, reference: Reference | None) -> dict[str, Any]:
@@ -343,13 +265,7 @@ def _extrema(cloud: Cloud, truth_level: np.ndarray) -> tuple[bool, bool]:
 def _by_visibility(joints: np.ndarray, truth: np.ndarray, visible: np.ndarray) -> dict[str, Any]:
     errors = metrics.joint_errors(joints, truth)
     known = np.isfinite(errors)
-    mean, deviation = metrics.average_pose_error(joints, truth, visible)
-    return {
-        "visible_mm": _mean_mm(errors[visible & known]),
-        "hidden_mm": _mean_mm(errors[~visible & known]),
-        "pose_error_mm": 1000 * mean,
-        "pose_error_std_mm": 1000 * deviation,
-    }
+    return {"visible_mm": _mean_mm(errors[visible & known]), "hidden_mm": _mean_mm(errors[~visible & known])}
 
 
 def _mean_mm(values: np.ndarray) -> float | None:
@@ -361,12 +277,30 @@ def _median(values: np.ndarray) -> float | None:
     return float(np.median(known)) if known.size else None
 
 
-def _with_offsets(evaluated: list[_Evaluated], pattern: str) -> EvaluationTable:
-    """Fill in the agreement with offsets, which needs the runs of other subjects."""
-    rows = [item.scores for item in evaluated]
-    agreed = {i: item.differences for i, item in enumerate(evaluated) if item.differences is not None}
-    subjects = [subject_of(rows[i].recording, pattern) for i in agreed]
-    shares = agreement_with_offsets(list(agreed.values()), subjects)
-    for i, share in zip(agreed, shares, strict=True):
+def _with_offsets(rows: list[RunScores]) -> list[RunScores]:
+    """The rows with their agreement with offsets, which needs the runs of other subjects."""
+    agreed = [i for i, row in enumerate(rows) if row.differences.size]
+    subjects = [subject_of(rows[i].recording) for i in agreed]
+    for i, share in zip(agreed, agreement_with_offsets([rows[i].differences for i in agreed], subjects), strict=True):
         rows[i] = replace(rows[i], agreement_offsets=share if np.isfinite(share) else None)
-    return EvaluationTable(rows)
+    return rows
+
+
+def silhouette_overlap(measured: np.ndarray, rendered: np.ndarray) -> float:
+    """Intersection over union of the two silhouettes, in [0, 1]; NaN where neither shows anything.
+
+    Parameters
+    ----------
+    measured, rendered : float32 (H, W), metres along z, 0 = nothing
+    """
+    first, second = measured > 0, rendered > 0
+    union = int((first | second).sum())
+    return float((first & second).sum() / union) if union else float("nan")
+
+
+def depth_residual(measured: np.ndarray, rendered: np.ndarray) -> float:
+    """Median absolute difference of depth where both have a surface, metres; NaN where they do not meet."""
+    both = (measured > 0) & (rendered > 0)
+    if not both.any():
+        return float("nan")
+    return float(np.median(np.abs(measured[both].astype(np.float64) - rendered[both])))

@@ -56,9 +56,9 @@ def accuracy(errors: np.ndarray, threshold: float | np.ndarray = NEAR) -> np.nda
     return np.searchsorted(np.sort(known), thresholds, side="right") / known.size
 
 
-def accuracy_per_joint(errors: np.ndarray, threshold: float = NEAR) -> np.ndarray:
-    """A(t) of each joint on its own: float64 (20,)."""
-    return np.array([accuracy(errors[:, j], threshold) for j in range(errors.shape[1])])
+def accuracy_per_joint(errors: np.ndarray) -> np.ndarray:
+    """A(100) of each joint on its own: float64 (20,)."""
+    return np.array([accuracy(errors[:, j]) for j in range(errors.shape[1])])
 
 
 def frame_errors(errors: np.ndarray) -> np.ndarray:
@@ -66,18 +66,6 @@ def frame_errors(errors: np.ndarray) -> np.ndarray:
     known = np.isfinite(errors)
     count = known.sum(axis=1)
     return np.where(count > 0, np.where(known, errors, 0.0).sum(axis=1) / np.maximum(count, 1), np.nan)
-
-
-def average_pose_error(joints: np.ndarray, truth: np.ndarray, visible: np.ndarray) -> tuple[float, float]:
-    """Mean and standard deviation of the distance over all visible joints, not capped (Baak 2013, Eq. 5.10), metres.
-
-    The paper's markers are the reported joints here. NaN where no joint is visible.
-    """
-    distances = np.linalg.norm(np.asarray(joints, np.float64) - truth, axis=-1)[visible]
-    distances = distances[np.isfinite(distances)]
-    if distances.size == 0:
-        return float("nan"), float("nan")
-    return float(distances.mean()), float(distances.std())
 
 
 def visible_joints(joints_camera: np.ndarray, depth_m: np.ndarray, camera: Camera) -> np.ndarray:

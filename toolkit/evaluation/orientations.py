@@ -9,7 +9,6 @@ from pathlib import Path
 import numpy as np
 
 from toolkit.errors import InertialError, UsageError
-from toolkit.inertial.calibrate import CalibrationSettings
 from toolkit.inertial.calibration import Calibration
 from toolkit.inertial.distance import THRESHOLD, Distances, TrackError, distances, errors_of, runs_above
 from toolkit.inertial.limbs import LIMBS
@@ -63,16 +62,15 @@ class RunCheck:
         true = [s for s in self.truth if s.label in names]
         return {"frames": total, "segments": segment_scores(true, found)}
 
-    def over_thresholds(self, limb: str | None = None) -> list[Scores]:
-        """Over frames, at each of `THRESHOLDS`, of one sensor or all; empty where no truth is known."""
+    def over_thresholds(self) -> list[Scores]:
+        """Over frames, at each of `THRESHOLDS`; empty where no truth is known."""
         if self.truth is None:
             return []
         out = []
         for threshold in THRESHOLDS:
             total = Scores(0, 0, 0, 0)
             for curve in self.distances:
-                if limb in (None, curve.limb):
-                    total += frame_scores(curve, self.truth, np.nan_to_num(curve.full) > threshold)
+                total += frame_scores(curve, self.truth, np.nan_to_num(curve.full) > threshold)
             out.append(total)
         return out
 
@@ -84,7 +82,6 @@ def check_runs(
     calibration: str | Path | Calibration | None = None,
     truth: str | Path | None = None,
     threshold: float = THRESHOLD,
-    calibrating: CalibrationSettings | None = None,
     sync: SyncSettings | None = None,
 ) -> list[RunCheck]:
     """Check runs with their sensors (`depthmocap inertial check`).
@@ -95,7 +92,7 @@ def check_runs(
     calibration : a file or what it holds; None calibrates on each run itself
     truth : CSV with the columns limb, start, end in seconds, and run where there are several
     threshold : degrees between 0 and 180, above which a track errs
-    calibrating, sync : how to calibrate, how to compare clocks
+    sync : how to compare clocks
 
     Raises
     ------
@@ -109,7 +106,7 @@ def check_runs(
     true = None if truth is None else read_truth(truth)
     checks = []
     for run, file in pairs:
-        used, take = checked_take(run, file, known, settings=calibrating, sync=sync)
+        used, take = checked_take(run, file, known, sync=sync)
         curves = distances(used, take)
         errors = sorted((e for curve in curves for e in errors_of(curve, threshold)), key=lambda e: (e.start, e.limb))
         name = take.motion.name

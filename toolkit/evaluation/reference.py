@@ -24,7 +24,7 @@ class Reference:
 
     @property
     def people(self) -> np.ndarray:
-        """Joints of everybody, (N, T, 20, 3)."""
+        """Joints of all people, (N, T, 20, 3)."""
         return self.joints if self.joints.ndim == 4 else self.joints[None]
 
     def of(self, person: int) -> Reference:

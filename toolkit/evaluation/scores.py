@@ -34,22 +34,18 @@ class RunScores:
     error_mm, median_mm : mean and median error of the joints, capped at 1 m
     visible_mm, hidden_mm : mean error of the joints that the camera sees and of those it does not
     a100, a100_hands_feet, a100_joints : share of joints within 100 mm, of all, of hands and feet, of each joint
-    pose_error_mm, pose_error_std_mm : Baak 2013, Eq. 5.10, over visible joints, not capped
     lost : share of frames with a mean error over 200 mm
-    upper_mm, upper_px, hands_px, first_px, upper_curve : errors of head, shoulders, elbows and hands in millimetres and
-        in pixels of a 640x480 image, of the hands, in the first tracked frame, and the success rate; see `upper`
     extrema, extrema_free : share of frames whose five extrema are the five end effectors, among frames in which all
-    five
-        are visible, and among those in which they also are free of the body
+        five are visible, and among those in which they also are free of the body
     agreement, agreement_offsets : share of joints, hands and feet left out, within 100 mm of another system's
-    skeleton;
-        plain, and with offsets fitted on other subjects
+        skeleton; plain, and with offsets fitted on other subjects
     overlap, residual_mm : silhouette overlap and median absolute depth residual of the fitted body, medians over
-    frames
+        frames
     states, sources : share of frames in each state, and of the tracked frames in which each hypothesis won
     frame_ms, frame_ms_p99, stages_ms : median and 99th percentile of the time per frame, median of each stage
     curve : A(t) at `joints.CURVE`; empty where nothing was compared, like the next two
     frame_error_mm, timestamps : mean error of each frame and its time in seconds, for plots
+    differences : from the joints to another system's, see `agreement.local_differences`; empty for a truth
     """
 
     recording: str
@@ -63,14 +59,7 @@ class RunScores:
     a100: float | None = None
     a100_hands_feet: float | None = None
     a100_joints: Figures = field(default_factory=dict)
-    pose_error_mm: float | None = None
-    pose_error_std_mm: float | None = None
     lost: float | None = None
-    upper_mm: float | None = None
-    upper_px: float | None = None
-    hands_px: float | None = None
-    first_px: float | None = None
-    upper_curve: Figures = field(default_factory=dict)
     extrema: float | None = None
     extrema_free: float | None = None
     agreement: float | None = None
@@ -85,6 +74,7 @@ class RunScores:
     curve: np.ndarray = field(default_factory=lambda: np.empty(0), repr=False)
     frame_error_mm: np.ndarray = field(default_factory=lambda: np.empty(0), repr=False)
     timestamps: np.ndarray = field(default_factory=lambda: np.empty(0), repr=False)
+    differences: np.ndarray = field(default_factory=lambda: np.empty(0), repr=False)
 
     @property
     def tracked(self) -> float | None:
@@ -103,31 +93,21 @@ class RunScores:
         return row
 
 
-_ARRAYS = ("curve", "frame_error_mm", "timestamps")
+_SERIES = ("frame_error_mm", "timestamps", "differences")
+_ARRAYS = ("curve", *_SERIES)
 _TEXT = ("recording", "run")
 
 COLUMNS: tuple[tuple[str, str, str], ...] = (
-    ("frames", "frames", "d"),
     ("error_mm", "error mm", ".0f"),
-    ("median_mm", "median mm", ".0f"),
-    ("hidden_mm", "hidden joints mm", ".0f"),
     ("a100", "within 100 mm %", "%"),
-    ("a100_hands_feet", "hands, feet %", "%"),
-    ("pose_error_mm", "seen joints mm", ".0f"),
-    ("pose_error_std_mm", "+- mm", ".0f"),
-    ("lost", "over 200 mm %", "%"),
-    ("tracked", "tracked %", "%"),
-    ("extrema", "limb ends found %", "%"),
-    ("extrema_free", "free ones found %", "%"),
     ("agreement", "agrees within 100 mm %", "%"),
-    ("agreement_offsets", "with offsets %", "%"),
-    ("overlap", "body on depth %", "%"),
-    ("residual_mm", "depth residual mm", ".0f"),
+    ("tracked", "tracked %", "%"),
     ("frame_ms", "ms a frame", ".1f"),
+    ("overlap", "body on depth %", "%"),
+    ("frames", "frames", "d"),
 )
-"""Figures of the wide table: name, heading, format. Those that no run has are left out; files hold everything."""
-FIRST = ("error_mm", "a100", "agreement", "tracked", "frame_ms", "overlap", "frames")
-"""Figures of the table for a terminal, the most telling first; those that some run has, up to `SHOWN` of them."""
+"""Figures of the table for a terminal, the most telling first: name, heading, format. Those that some run has, up to
+`SHOWN` of them; files hold everything."""
 SHOWN = 5
 LONGEST_NAME = 26
 """Characters of a name before it is broken: with `SHOWN` figures the table fits 80."""
@@ -168,23 +148,18 @@ class EvaluationTable:
                 values[item.name] = _mean(held)
         return RunScores(**values)
 
-    def to_rich(self, title: str | None = None, *, wide: bool = False) -> Table:
-        """The table for a terminal, one line per run and their mean: six columns in 80 characters, or all if `wide`."""
+    def to_rich(self, title: str | None = None) -> Table:
+        """The table for a terminal, one line per run and their mean: six columns in 80 characters."""
         from rich.table import Table
 
-        held = [column for column in COLUMNS if any(_known(getattr(row, column[0])) for row in self.rows)]
-        by_name = {column[0]: column for column in held}
-        shown = held if wide else [by_name[name] for name in FIRST if name in by_name][:SHOWN]
-        sources = list(dict.fromkeys(name for row in self.rows for name, share in row.sources.items() if share > 0))
-        sources = sources if wide else []
+        held = [column for column in COLUMNS if any(_known(getattr(row, column[0])) for row in self.rows)][:SHOWN]
         table = Table(title=title)
-        table.add_column("run", no_wrap=wide, overflow="fold", max_width=None if wide else LONGEST_NAME)
-        for heading in [*(column[1] for column in shown), *(f"by {name} %" for name in sources)]:
-            table.add_column(heading, justify="right", max_width=None if wide else 1 + max(map(len, heading.split())))
+        table.add_column("run", overflow="fold", max_width=LONGEST_NAME)
+        for _, heading, _ in held:
+            table.add_column(heading, justify="right", max_width=1 + max(map(len, heading.split())))
         mean = [self.mean()] if len(self) > 1 else []
         for row in [*self.rows, *mean]:
-            cells = [_cell(getattr(row, name), style) for name, _, style in shown]
-            cells += [_cell(row.sources.get(name), "%") for name in sources]
+            cells = [_cell(getattr(row, name), style) for name, _, style in held]
             table.add_row(_label(row), *cells, end_section=bool(mean) and row is self.rows[-1])
         return table
 
@@ -235,7 +210,7 @@ def _cell(value: float | None, style: str) -> str:
 
 def _plain(row: RunScores) -> dict[str, Any]:
     """As JSON: NaN, which JSON does not know, becomes null; the series for plots are left out."""
-    value = {f.name: getattr(row, f.name) for f in fields(row) if f.name not in ("frame_error_mm", "timestamps")}
+    value = {f.name: getattr(row, f.name) for f in fields(row) if f.name not in _SERIES}
     return {name: _nullable(item) for name, item in value.items()}
 
 

@@ -7,7 +7,6 @@ from pathlib import Path
 import numpy as np
 
 from toolkit import skeleton
-from toolkit.errors import UsageError
 from toolkit.files import save_npz
 from toolkit.mocap.amass import JOINTS, PELVIS_HEIGHT, Y_UP
 from toolkit.runs import Person
@@ -29,12 +28,10 @@ def export_amass(path: str | Path, person: Person) -> None:
     Raises
     ------
     UsageError
-        The person is in none of the frames, or there are too few for a frame rate.
+        There are too few frames for a frame rate.
     OutputError
         The file cannot be written.
     """
-    if not person.there.any():
-        raise UsageError(f"{person.name} is in none of the frames and AMASS cannot say so; export .csv or .json")
     arrays = amass_arrays(person.held_poses, person.frame_rate())
     arrays |= {"state": person.track.state, "timestamps": person.track.timestamps}
     save_npz(path, arrays)

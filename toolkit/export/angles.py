@@ -16,7 +16,6 @@ from toolkit.biomechanics.angles import (
     segment_rotations,
     sequence_angles,
 )
-from toolkit.errors import UsageError
 from toolkit.files import save_text
 from toolkit.runs import Person
 from toolkit.track import STATE_NAMES
@@ -71,14 +70,10 @@ def export_mot(path: str | Path, person: Person) -> None:
 
     Raises
     ------
-    UsageError
-        The person is in none of the frames.
     OutputError
         A file cannot be written.
     """
     rows = np.flatnonzero(person.there)
-    if not len(rows):
-        raise UsageError(f"{person.name} is in none of the frames and a .mot cannot say so; export .csv or .json")
     columns = {"time": person.times[rows]} | coordinates(person, rows)
     head = [
         "Coordinates", "version=1", f"nRows={len(rows)}", f"nColumns={len(columns)}", "inDegrees=yes", "",

@@ -1,4 +1,4 @@
-"""GLB (binary glTF 2.0): everybody as a skinned, animated mesh of their own shape, for Blender, Unity, browsers."""
+"""GLB (binary glTF 2.0): every person as a skinned, animated mesh of their own shape, for Blender, Unity, browsers."""
 
 from __future__ import annotations
 

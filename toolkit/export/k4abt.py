@@ -26,7 +26,7 @@ SURE, GUESSED = 0.5, 0.1
 
 
 def export_k4abt(path: str | Path, people: Sequence[Person]) -> None:
-    """Write everybody as the SDK's offline processor does: depth camera frame, millimetres, quaternions w, x, y, z.
+    """Write all people as the SDK's offline processor does: depth camera frame, millimetres, quaternions w, x, y, z.
 
     `frames` holds every frame of the recording; `bodies` those who are there in it, `body_id` their number in
     `people.json`. `confidence_level` (none 0, low 1, medium 2), which the SDK knows and its processor leaves out, is

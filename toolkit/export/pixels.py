@@ -19,7 +19,7 @@ from toolkit.sensing.camera import Camera
 from toolkit.sensing.recording import Recording
 from toolkit.sensing.settings import SensingSettings
 
-NOBODY = 255
+BACKGROUND = 255
 """Value of background pixels, that of the Azure Kinect SDK's K4ABT_BODY_INDEX_MAP_BACKGROUND."""
 MILLIMETRES = 1000.0
 REACH = 0.35
@@ -32,7 +32,7 @@ HEAD = skeleton.REPORTED.index("head")
 
 
 class LabelledFrame(NamedTuple):
-    """One frame: its number, depth uint16 (H, W) in millimetres, and labels uint8 (H, W), a person's id or `NOBODY`."""
+    """One frame: number, depth uint16 (H, W) in millimetres, and labels uint8 (H, W), ids of people or `BACKGROUND`."""
 
     number: int
     depth: np.ndarray
@@ -53,8 +53,8 @@ def labelled_frames(
     UsageError
         An id does not fit into 8 bits.
     """
-    if max(person.id for person in people) >= NOBODY:
-        raise UsageError(f"a body index map has room for {NOBODY - 1} people; this run has more")
+    if max(person.id for person in people) >= BACKGROUND:
+        raise UsageError(f"a body index map has room for {BACKGROUND - 1} people; this run has more")
     whole = replace(sensing, half_resolution=False)
     finder: PeopleFinder
     if several:
@@ -65,7 +65,7 @@ def labelled_frames(
     frames = min(len(recording), min(len(person.track) for person in people))
     for i, frame in zip(range(frames), recording.stream(), strict=False):
         predicted = {person.id: _predicted(person, i - 1) for person in people if i > 0 and person.there[i - 1]}
-        labels = np.full(frame.depth_mm.shape, NOBODY, dtype=np.uint8)
+        labels = np.full(frame.depth_mm.shape, BACKGROUND, dtype=np.uint8)
         for person, sighting in _matched(finder.find(frame.depth_mm, frame.timestamp, predicted), people, i):
             labels[(sighting.depth > 0)[lookup] & (frame.depth_mm > 0)] = person.id
         for _ in range(ROUNDS):
@@ -82,7 +82,7 @@ def regain_contour(labels: np.ndarray, depth_mm: np.ndarray) -> None:
             here = np.s_[max(0, down) : height + min(0, down), max(0, right) : width + min(0, right)]
             there = np.s_[max(0, -down) : height + min(0, -down), max(0, -right) : width + min(0, -right)]
             near = np.abs(depth_mm[here].astype(np.int32) - depth_mm[there]) < CONTOUR
-            taken = (labels[here] == NOBODY) & (depth_mm[here] > 0) & (before[there] != NOBODY) & near
+            taken = (labels[here] == BACKGROUND) & (depth_mm[here] > 0) & (before[there] != BACKGROUND) & near
             labels[here][taken] = before[there][taken]
 
 
@@ -130,7 +130,7 @@ def camera_points(depth: np.ndarray, camera: Camera) -> np.ndarray:
 
 
 def write_body_index(folder: Path, frames: Iterable[LabelledFrame]) -> None:
-    """Write 8-bit PNG `frame_000000.png`, ... into a folder: a pixel is a person's id in `people.json`, or `NOBODY`.
+    """Write 8-bit PNG `frame_000000.png`, ... into a folder: ids of `people.json`, or `BACKGROUND`.
 
     Raises
     ------
@@ -160,7 +160,7 @@ def write_clouds(
     """
     kind = np.dtype([("x", "<f4"), ("y", "<f4"), ("z", "<f4"), ("person", "u1")])
     for frame in frames:
-        depth = np.where(frame.labels != NOBODY, frame.depth, 0) / MILLIMETRES
+        depth = np.where(frame.labels != BACKGROUND, frame.depth, 0) / MILLIMETRES
         points = camera_points(depth, camera) @ R_file_camera.T - offset
         rows = np.empty(len(points), dtype=kind)
         for k, axis in enumerate("xyz"):

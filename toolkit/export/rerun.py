@@ -25,7 +25,7 @@ GREY = (150, 156, 166)
 
 
 def export_rerun(path: str | Path, people: Sequence[Person], origin: Origin, recording: Recording | None) -> None:
-    """Write everybody, and the measured points if the recording is there, for `rerun FILE`.
+    """Write all people, and the measured points if the recording is there, for `rerun FILE`.
 
     Entities: `world/points`, `world/<person>/body` (mesh), `world/<person>/joints` (those that were guessed are grey)
     and `world/<person>/bones`; `plots/<person>/...` confidence, state and foot contacts. The time line is `time`, the

@@ -93,6 +93,7 @@ class Format(NamedTuple):
     rigged : whether a rig names its joints
     origin : where its origin lies by default; a format that has only one refuses another
     origins : which ones it can have
+    blank : whether it can say that no person is there, so that a track without any is a file
     """
 
     suffix: str
@@ -101,18 +102,13 @@ class Format(NamedTuple):
     rigged: bool = False
     origin: str = FLOOR
     origins: tuple[str, ...] = (FLOOR, CAMERA)
+    blank: bool = True
 
 
 def _bvh(path: Path, job: Job) -> None:
     person = job.person
-    if not person.there.any():
-        raise UsageError(f"{person.name} is in none of the frames and a .bvh cannot say so; export .csv or .json")
     export_bvh(path, person.body, person.held_poses, person.frame_rate(), rig=job.rig)
     write_notes(path, job.origin, job.people)
-
-
-def _trc(path: Path, job: Job) -> None:
-    export_trc(path, job.person.joints_level, job.person.times, job.person.frame_rate())
 
 
 def _rerun(path: Path, job: Job) -> None:
@@ -148,21 +144,21 @@ FORMATS: dict[str, Format] = {
         together=True,
         rigged=True,
     ),
-    "bvh": Format(".bvh", _bvh, rigged=True),
+    "bvh": Format(".bvh", _bvh, rigged=True, blank=False),
     "c3d": Format(".c3d", lambda path, job: export_c3d(path, job.people), together=True),
-    "trc": Format(".trc", _trc),
+    "trc": Format(".trc", lambda path, job: export_trc(path, job.person)),
     "csv": Format(".csv", lambda path, job: export_csv(path, job.person, level=job.origin.name == FLOOR)),
     "json": Format(".json", lambda path, job: export_json(path, job.people, job.origin), together=True, origin=CAMERA),
     "k4abt": Format(
         ".json", lambda path, job: export_k4abt(path, job.people), together=True, origin=CAMERA, origins=(CAMERA,)
     ),
     "angles": Format(".csv", lambda path, job: export_angles(path, job.person)),
-    "mot": Format(".mot", lambda path, job: export_mot(path, job.person)),
+    "mot": Format(".mot", lambda path, job: export_mot(path, job.person), blank=False),
     "gait": Format(".json", _gait, together=True, origins=(FLOOR,)),
     "rerun": Format(".rrd", _rerun, together=True),
     "body-index": Format("", _body_index, together=True, origin=CAMERA, origins=(CAMERA,)),
     "ply": Format("", _clouds, together=True, origin=CAMERA),
-    "amass": Format(".npz", lambda path, job: export_amass(path, job.person)),
+    "amass": Format(".npz", lambda path, job: export_amass(path, job.person), blank=False),
 }
 """What can be exported, by name; of formats with one suffix the first is the suffix's own."""
 
@@ -177,7 +173,7 @@ def export_run(
     recording: str | Path | None = None,
     as_tracked: bool = False,
 ) -> tuple[Path, ...]:
-    """Write everybody in a run folder to `path`; its suffix says how, or `format`, one of `FORMATS`.
+    """Write all people of a run folder to `path`; its suffix says how, or `format`, one of `FORMATS`.
 
     GLB, C3D and the JSON formats hold several people. The other formats hold one: of several people each has a file of
     their own, `<stem>_<person><suffix>`.
@@ -279,6 +275,10 @@ def _write(
     run: str | Path | None,
     recording: str | Path | None,
 ) -> None:
+    if not format_.blank and not people[0].there.any():
+        raise UsageError(
+            f"{people[0].name} is in none of the frames, which {path.name} cannot say; export .csv or .json"
+        )
     place = origin_of(people, origin)
     moved = [person.moved(place.offset) for person in people]
     format_.write(path, Job(moved, place, rig or OWN, None if run is None else Path(run), recording))

@@ -2,80 +2,75 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from pathlib import Path
 
 import numpy as np
 
 from toolkit import skeleton
-from toolkit.errors import BodyError, UsageError
 from toolkit.files import save_text
 from toolkit.runs import Person
 from toolkit.track import STATE_NAMES
 
 
-def export_csv(path: str | Path, person: Person, *, level: bool = False) -> None:
-    """Write the reported joints as CSV, one row per frame.
+def joint_columns(person: Person, *, level: bool) -> dict[str, np.ndarray]:
+    """A track as columns (T,) by name, in order.
 
-    `time_s`, `state` (tracked, lost, empty), then `<joint>_x_m, <joint>_y_m, <joint>_z_m` for each of the 20, then
-    `<joint>_confidence` and `<joint>_observed` (1, or 0 for one that was guessed), then `left_foot_contact` and
-    `right_foot_contact` (1 where the foot carries). Where no person is there all but time and state is blank.
+    `state` (tracked, lost, empty), then `<joint>_x_m, <joint>_y_m, <joint>_z_m` for each of the 20, then
+    `<joint>_confidence` and `<joint>_observed` (False for one that was guessed), then `left_foot_contact` and
+    `right_foot_contact`. Where no person is there numbers are NaN and flags False.
 
     Parameters
     ----------
-    path : the file
     person : whose track it is
     level : y up, as the person's poses; else the camera frame
+    """
+    track, there, names = person.track, person.there[:, None], skeleton.REPORTED
+    joints = person.joints_level if level else np.where(there[..., None], track.joints, np.float32(np.nan))
+    sure, seen, carries = np.where(there, track.confidence, np.float32(np.nan)), track.observed & there, track.contact
+    columns: dict[str, np.ndarray] = {"state": np.array(STATE_NAMES)[track.state]}
+    columns |= {f"{name}_{axis}_m": joints[:, j, k] for j, name in enumerate(names) for k, axis in enumerate("xyz")}
+    columns |= {f"{name}_confidence": sure[:, j] for j, name in enumerate(names)}
+    columns |= {f"{name}_observed": seen[:, j] for j, name in enumerate(names)}
+    return columns | {f"{side}_foot_contact": (carries & there)[:, k] for k, side in enumerate(("left", "right"))}
+
+
+def export_csv(path: str | Path, person: Person, *, level: bool = False) -> None:
+    """Write the reported joints as CSV, one row per frame: `time_s`, and the columns of `joint_columns`.
+
+    Flags are 1 and 0; where no person is there all but time and state is blank.
 
     Raises
     ------
     OutputError
         The file cannot be written.
     """
-    track = person.track
-    joints = person.joints_level if level else np.where(person.there[:, None, None], track.joints, np.nan)
-    feet = [f"{side}_foot_contact" for side in ("left", "right")]
-    header = [
-        "time_s", "state", *(f"{name}_{axis}_m" for name in skeleton.REPORTED for axis in "xyz"),
-        *(f"{name}_confidence" for name in skeleton.REPORTED), *(f"{name}_observed" for name in skeleton.REPORTED),
-        *feet,
-    ]  # fmt: skip
-    lines = [",".join(header)]
-    for i, (time, here) in enumerate(zip(track.timestamps.tolist(), person.there.tolist(), strict=True)):
-        values = [*_fields(joints[i].ravel().tolist())]
-        values += [f"{value:.4f}" for value in track.confidence[i].tolist()] if here else [""] * len(skeleton.REPORTED)
-        flags = [*track.observed[i].tolist(), *track.contact[i].tolist()]
-        values += [str(int(flag)) for flag in flags] if here else [""] * len(flags)
-        lines.append(",".join([f"{time:.6f}", STATE_NAMES[track.state[i]], *values]))
+    columns, here = joint_columns(person, level=level), person.there.tolist()
+    cells = [[f"{time:.6f}" for time in person.track.timestamps.tolist()], columns.pop("state").tolist()]
+    for name, values in columns.items():
+        if values.dtype == np.bool_:
+            cells.append([str(int(flag)) if there else "" for flag, there in zip(values, here, strict=True)])
+        else:
+            cells.append(_fields(values.tolist(), 4 if name.endswith("_confidence") else 6))
+    lines = [",".join(["time_s", "state", *columns]), *map(",".join, zip(*cells, strict=True))]
     save_text(path, "\n".join(lines) + "\n")
 
 
-def export_trc(path: str | Path, joints: np.ndarray, timestamps: np.ndarray, frame_rate: float) -> None:
+def export_trc(path: str | Path, person: Person) -> None:
     """Write the reported joints as markers in a TRC file (OpenSim, Pose2Sim): y up, metres, tabs.
 
-    Parameters
-    ----------
-    path : the file
-    joints : (T, 20, 3), metres, in a y-up frame; NaN is written as an empty field
-    timestamps : (T,), seconds
-    frame_rate : frames a second, as the header says
+    Where no person is there the fields are blank.
 
     Raises
     ------
-    BodyError
-        The shapes do not fit.
     UsageError
-        There are no frames or the frame rate is not positive.
+        There are too few frames for a frame rate.
     OutputError
         The file cannot be written.
     """
-    joints, times = _checked(joints, timestamps)
-    if len(times) == 0 or not frame_rate > 0:
-        raise UsageError(f"cannot export {len(times)} frames at {frame_rate} frames a second; both must be positive")
-    names, rate = skeleton.REPORTED, f"{frame_rate:.6g}"
+    names, rate, count = skeleton.REPORTED, f"{person.frame_rate():.6g}", len(person.track)
     settings = {
-        "DataRate": rate, "CameraRate": rate, "NumFrames": len(times), "NumMarkers": len(names), "Units": "m",
-        "OrigDataRate": rate, "OrigDataStartFrame": 1, "OrigNumFrames": len(times),
+        "DataRate": rate, "CameraRate": rate, "NumFrames": count, "NumMarkers": len(names), "Units": "m",
+        "OrigDataRate": rate, "OrigDataStartFrame": 1, "OrigNumFrames": count,
     }  # fmt: skip
     lines = [
         f"PathFileType\t4\t(X/Y/Z)\t{Path(path).name}",
@@ -85,20 +80,10 @@ def export_trc(path: str | Path, joints: np.ndarray, timestamps: np.ndarray, fra
         "\t\t" + "\t".join(f"{axis}{i + 1}" for i in range(len(names)) for axis in "XYZ"),
         "",
     ]
-    for i, (time, row) in enumerate(zip(times.tolist(), joints.reshape(len(times), -1).tolist(), strict=True)):
-        lines.append("\t".join([str(i + 1), f"{time:.6f}", *_fields(row)]))
+    for i, (time, row) in enumerate(zip(person.times, person.joints_level.reshape(count, -1), strict=True)):
+        lines.append("\t".join([str(i + 1), f"{time:.6f}", *_fields(row.tolist(), 6)]))
     save_text(path, "\n".join(lines) + "\n")
 
 
-def _checked(joints: np.ndarray, timestamps: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    joints, times = np.asarray(joints, dtype=np.float64), np.asarray(timestamps, dtype=np.float64)
-    expected = (len(times), len(skeleton.REPORTED), 3)
-    if times.ndim != 1 or joints.shape != expected:
-        raise BodyError(
-            f"cannot export joints of shape {joints.shape} at {times.shape} timestamps; expected {expected}"
-        )
-    return joints, times
-
-
-def _fields(row: Iterable[float]) -> list[str]:
-    return ["" if np.isnan(value) else f"{value:.6f}" for value in row]
+def _fields(values: list[float], digits: int) -> list[str]:
+    return ["" if np.isnan(value) else f"{value:.{digits}f}" for value in values]

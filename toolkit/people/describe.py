@@ -179,5 +179,5 @@ def _advice(
     if recording.vertical.source == "assumed" and not surroundings.cut_out:
         found.append("--up X,Y,Z if the camera is tilted: no floor is seen")
     if recording.camera.width * recording.camera.height >= FULL_SIZE:
-        found.append("--half-resolution is faster")
+        found.append("--set sensing.half_resolution=true is faster")
     return found

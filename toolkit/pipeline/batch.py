@@ -4,19 +4,21 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from toolkit.errors import DepthMocapError, RecordingError, UsageError
 from toolkit.files import check_output
-from toolkit.pipeline.inputs import NO_INPUTS, Inputs
 from toolkit.pipeline.joints import JointChoice
 from toolkit.pipeline.run import RUN_FILES, track_recording
 from toolkit.pipeline.summary import BatchReport
-from toolkit.pipeline.watch import RowWatcher
-from toolkit.progress import RecordingProgress
+from toolkit.pipeline.trackers import TrackerRecipe
+from toolkit.progress import RecordingProgress, silent
 from toolkit.recordings.opening import open_recording, open_upright
 from toolkit.recordings.options import ReaderOptions
 from toolkit.tracking.protocol import Tracker
+
+if TYPE_CHECKING:
+    from toolkit.pipeline.events import EventStream
 
 
 def track_recordings(
@@ -27,15 +29,15 @@ def track_recordings(
     people: int | None = 1,
     reader_options: dict[str, Any] | None = None,
     resume: bool = False,
-    progress: RecordingProgress | None = None,
-    watcher: RowWatcher | None = None,
+    progress: RecordingProgress = silent,
+    watcher: EventStream | None = None,
     joints: JointChoice | None = None,
-    inputs: Inputs = NO_INPUTS,
+    made_of: TrackerRecipe | None = None,
 ) -> BatchReport:
     """Track one recording into `output`, or several into `output/<stem>`.
 
     One of several that fails is reported and the others go on. Ctrl-C finishes the track of the current one and stops.
-    No run folder may replace what the tracker was made from.
+    No run folder may replace what the tracker is `made_of`, by default its database.
 
     Raises
     ------
@@ -47,10 +49,11 @@ def track_recordings(
     """
     runs = run_folders(paths, output)
     ReaderOptions.from_mapping(reader_options or {})
+    needed = (made_of or TrackerRecipe(database=tracker.database)).files()
     for path, run in runs.items():
         check_output(run, [path], sealed=[path])
         for name in RUN_FILES:
-            check_output(run / name, inputs.files(tracker))
+            check_output(run / name, needed)
     report = BatchReport()
     for path, run in runs.items():
         try:
@@ -58,7 +61,7 @@ def track_recordings(
             first = not report.done
             summary = track_recording(
                 recording, tracker, run, people=people, resume=resume, warm_up=first, progress=progress,
-                watcher=watcher, joints=joints, inputs=inputs,
+                watcher=watcher, joints=joints, made_of=made_of,
             )  # fmt: skip
         except DepthMocapError as error:
             if len(runs) == 1:

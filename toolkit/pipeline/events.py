@@ -53,7 +53,7 @@ class EventStream:
         self._annotator: OnlineAnnotator | None = None
 
     def begin(self, frame_rate: float, body: Body | None, past: np.ndarray) -> None:
-        """See `RowWatcher.begin`."""
+        """A run starts, or goes on after rows that are written: records with pose, state and timestamps."""
         self._frame_rate, self._annotator = frame_rate, None
         for row in past if body is not None else ():
             self._push(row["pose"], int(row["state"]), float(row["timestamps"]), body)
@@ -61,11 +61,11 @@ class EventStream:
             self._keep_until(float(past["timestamps"][-1]) if len(past) else -np.inf)
 
     def row(self, result: FrameResult, timestamp: float, body: Body) -> None:
-        """See `RowWatcher.row`."""
+        """Take in one more row, and tell the motions that have ended."""
         self._append(self._push(result.pose, result.state, timestamp, body))
 
     def end(self) -> None:
-        """See `RowWatcher.end`."""
+        """No more rows come: tell what is left."""
         if self._annotator is not None:
             self._append(self._annotator.finish())
 

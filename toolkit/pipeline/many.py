@@ -9,19 +9,17 @@ from __future__ import annotations
 
 import time
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from toolkit.errors import DepthMocapError, UsageError
-from toolkit.files import check_output, is_file
+from toolkit.errors import DepthMocapError
+from toolkit.files import check_output
 from toolkit.pipeline.batch import run_folders
-from toolkit.pipeline.inputs import Inputs
 from toolkit.pipeline.joints import JointChoice
 from toolkit.pipeline.manifest import DONE, FAILED, INTERRUPTED, Manifest, ManifestRow
 from toolkit.pipeline.run import track_recording
-from toolkit.pipeline.trackers import load_tracker
-from toolkit.progress import Progress
+from toolkit.pipeline.trackers import TrackerRecipe
+from toolkit.progress import Progress, silent
 from toolkit.recordings.opening import open_upright
 from toolkit.recordings.options import ReaderOptions
 from toolkit.tracking.protocol import Tracker
@@ -29,23 +27,6 @@ from toolkit.workers import Task
 
 ROUNDS = 3
 """How often what dead processes left is started again."""
-
-
-@dataclass(frozen=True)
-class TrackerRecipe:
-    """What a process needs to build its tracker, see `load_tracker`."""
-
-    config: str | Path | None = None
-    overrides: Mapping[str, Any] = field(default_factory=dict)
-    database: str | Path | None = None
-    max_poses: int | None = None
-    body: str | Path | None = None
-
-    def build(self) -> Tracker:
-        """The tracker."""
-        return load_tracker(
-            self.config, self.overrides, database=self.database, max_poses=self.max_poses, body=self.body
-        )
 
 
 def track_many(
@@ -57,11 +38,12 @@ def track_many(
     reader_options: Mapping[str, Any] | None = None,
     joints: JointChoice | None = None,
     workers: int | None = None,
-    retry_failed: bool = False,
     overwrite: bool = False,
-    progress: Progress | None = None,
+    progress: Progress = silent,
 ) -> list[ManifestRow]:
     """Track recordings into `output/<stem>` and write `output/manifest.jsonl` as results arrive.
+
+    Runs that are finished are left alone: what failed before is tried again by the same call.
 
     Parameters
     ----------
@@ -69,19 +51,17 @@ def track_many(
     recipe : how each process builds its tracker
     people, reader_options, joints : as in `track_recordings`
     workers : processes of one thread each; None = as the surrounding `joblib.parallel_config` says, else one
-    retry_failed : only the recordings that the manifest says failed or were interrupted
     overwrite : track again what is finished, and replace runs of other recordings or settings
     progress : told after each recording
 
     Returns
     -------
-    The row of every recording that was asked for, in the order of `paths`.
+    The row of every recording, in the order of `paths`.
 
     Raises
     ------
     UsageError
-        There is no recording, two have one stem, an option is unknown, there is no manifest to retry from, or the
-        output would damage an input.
+        There is no recording, two have one stem, an option is unknown, or the output would damage an input.
     DepthMocapError
         The tracker cannot be built.
     OutputError
@@ -94,10 +74,6 @@ def track_many(
     ReaderOptions.from_mapping(options)
     recipe.build()  # what is wrong with the settings is said once, and before work starts
     manifest = Manifest(output)
-    if retry_failed:
-        if not is_file(manifest.path):
-            raise UsageError(f"there is no {manifest.path} to retry from; leave --retry-failed out")
-        jobs = {path: run for path, run in jobs.items() if _is_open(manifest.rows.get(path))}
     tasks = {
         path: joblib.delayed(Task.of(_task))(recipe, path, str(run), people, options, joints, not overwrite)
         for path, run in jobs.items()
@@ -105,11 +81,11 @@ def track_many(
     left, status, reason = _done(tasks, manifest, workers, progress)
     for path in left:
         manifest.append(ManifestRow(path, str(jobs[path]), status, reason))
-    return [manifest.rows[str(path)] for path in paths if str(path) in jobs]
+    return [manifest.rows[str(path)] for path in paths]
 
 
 def _done(
-    tasks: dict[str, Any], manifest: Manifest, workers: int | None, progress: Progress | None
+    tasks: dict[str, Any], manifest: Manifest, workers: int | None, progress: Progress
 ) -> tuple[list[str], str, str]:
     """Do the tasks, of recordings; those that were not done, and the status and the reason of all of them."""
     import joblib
@@ -122,8 +98,7 @@ def _done(
                 for row in joblib.Parallel(n_jobs=workers, return_as="generator_unordered")(list(pending.values())):
                     del pending[row.recording]
                     manifest.append(row)
-                    if progress is not None:
-                        progress("recordings", len(tasks) - len(pending), len(tasks))
+                    progress("recordings", len(tasks) - len(pending), len(tasks))
             break
         except TerminatedWorkerError:
             continue
@@ -140,10 +115,6 @@ def _folders(paths: Sequence[str | Path], output: str | Path) -> dict[Path, Path
     for path, run in folders.items():
         check_output(run, [path], sealed=[path])
     return folders
-
-
-def _is_open(row: ManifestRow | None) -> bool:
-    return row is None or row.status != DONE
 
 
 def _threads(workers: int | None) -> Any:
@@ -183,7 +154,7 @@ def _task(
             resume=resume,
             warm_up=first,
             joints=joints,
-            inputs=Inputs(body=recipe.body),
+            made_of=recipe,
         )
     except Exception as error:  # a task that raised would end the whole batch
         reason = f"{error}" if isinstance(error, DepthMocapError) else f"{type(error).__name__}: {error}"

@@ -12,7 +12,7 @@ from functools import partial
 from importlib.metadata import version
 from itertools import islice
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -23,25 +23,31 @@ from toolkit.config import settings_text
 from toolkit.errors import DepthMocapError, RecordingError, TrackError, UsageError
 from toolkit.files import locked, sha256_of
 from toolkit.people.evidence import furniture
+from toolkit.people.hypothesis import PersonJudge
 from toolkit.people.joints import JointSource
 from toolkit.people.sighting import PeopleFinder
+from toolkit.people.survey import find_people, find_person
 from toolkit.people.up import floor_height
-from toolkit.pipeline.inputs import NO_INPUTS, Inputs
 from toolkit.pipeline.joints import JointChoice, give_joints, joint_source, name_of
 from toolkit.pipeline.second import SecondPass
 from toolkit.pipeline.sink import CONFIG_FILE, RunSink, finished_tracks
 from toolkit.pipeline.summary import RunSummary, summarised
-from toolkit.pipeline.watch import LOG_FILE, RowWatcher, log_file, stop_request
+from toolkit.pipeline.trackers import TrackerRecipe
+from toolkit.pipeline.watch import LOG_FILE, log_file, stop_request
 from toolkit.plain import read_text
-from toolkit.progress import RecordingProgress
+from toolkit.progress import RecordingProgress, silent
 from toolkit.runs import PEOPLE_FILE
 from toolkit.sensing.camera import level_rotation
 from toolkit.sensing.depth_filter import DepthFilter
 from toolkit.sensing.recording import Recording
+from toolkit.sensing.settings import SensingSettings
 from toolkit.track import PARTIAL_FILE, RUN_FILE, TRACK_FILE, RunInfo
 from toolkit.tracking.clock import StageClock
 from toolkit.tracking.crowd import Crowd, Row
 from toolkit.tracking.protocol import LooksBack, Tracker, judge_of
+
+if TYPE_CHECKING:
+    from toolkit.pipeline.events import EventStream
 
 STATE_FILE = "state.npz"
 RUN_FILES = (TRACK_FILE, PARTIAL_FILE, RUN_FILE, CONFIG_FILE, LOG_FILE, STATE_FILE, PEOPLE_FILE)
@@ -70,6 +76,24 @@ class Job(NamedTuple):
     people: int | None
     joints: JointSource
 
+    def finder(self) -> PeopleFinder:
+        """What finds the people."""
+        return finder_of(self.recording, self.people, self.tracker.settings.sensing, judge_of(self.tracker))
+
+    def crowd(self) -> Crowd:
+        """Follows the people from the first frame on."""
+        recording = self.recording
+        return Crowd(self.tracker, self.finder(), recording.up_camera, self.joints, floor_of(recording))
+
+
+def finder_of(
+    recording: Recording, people: int | None, sensing: SensingSettings, judge: PersonJudge | None = None
+) -> PeopleFinder:
+    """What finds the one person whom the settings mean, or so many people, or with None all of them."""
+    if people == 1:
+        return find_person(recording, sensing, judge)
+    return find_people(recording, sensing, most=people, judge=judge)
+
 
 def track_recording(
     recording: Recording,
@@ -79,10 +103,10 @@ def track_recording(
     people: int | None = 1,
     resume: bool = False,
     warm_up: bool = True,
-    progress: RecordingProgress | None = None,
-    watcher: RowWatcher | None = None,
+    progress: RecordingProgress = silent,
+    watcher: EventStream | None = None,
     joints: JointChoice | None = None,
-    inputs: Inputs = NO_INPUTS,
+    made_of: TrackerRecipe | None = None,
 ) -> RunSummary:
     """Follow the person, or the people, through a recording and write the run folder.
 
@@ -98,9 +122,9 @@ def track_recording(
     resume : continue an unfinished run; one that is finished already is left alone
     warm_up : track the first frames once beforehand, so that no compilation is timed
     progress : told what is going on
-    watcher : told every row of the one person who is followed
+    watcher : told every row of the one person who is followed, as it is written
     joints : where joints in the image are to come from
-    inputs : files that the tracker was made from
+    made_of : what the tracker is made of
 
     Raises
     ------
@@ -122,8 +146,12 @@ def track_recording(
     give_joints(recording, choice)
     job = Job(recording, tracker, people, joint_source(recording, choice, tracker.joints_wanted))
     with locked(run):
-        info = replace(_run_info(recording, tracker), joints_2d=name_of(job.joints, recording), **inputs.digests())
-        return _track(job, info, Path(run), resume, warm_up, progress or _silent, watcher)
+        info = replace(
+            _run_info(recording, tracker),
+            joints_2d=name_of(job.joints, recording),
+            **(made_of or TrackerRecipe()).digests(),
+        )
+        return _track(job, info, Path(run), resume, warm_up, progress, watcher)
 
 
 def _track(
@@ -133,7 +161,7 @@ def _track(
     resume: bool,
     warm_up: bool,
     report: RecordingProgress,
-    watcher: RowWatcher | None,
+    watcher: EventStream | None,
 ) -> RunSummary:
     """As `track_recording`, in a folder that is this process's own."""
     recording, tracker, several = job.recording, job.tracker, job.people != 1
@@ -179,10 +207,10 @@ def _first_pass(
     warm_up: bool,
     report: RecordingProgress,
     stop: threading.Event,
-    watcher: RowWatcher | None,
+    watcher: EventStream | None,
     second: SecondPass | None,
 ) -> tuple[dict[int, Body], int]:
-    """Follow everybody frame by frame as they come, for the second pass if there is one; their bodies, and how far."""
+    """Follow all people frame by frame as they come, for the second pass if there is one; their bodies, and how far."""
     recording, tracker = job.recording, job.tracker
     crowd = _restored(folder, sink, job)
     if second is not None:
@@ -219,27 +247,12 @@ def floor_of(recording: Recording) -> float | None:
     return None if height is None else -height
 
 
-def _silent(name: str, doing: str, done: int, total: int) -> None:
-    """RecordingProgress without a display."""
-
-
-def finder_of(job: Job) -> PeopleFinder:
-    """What finds the people of a job."""
-    recording, sensing = job.recording, job.tracker.settings.sensing
-    from toolkit.people.survey import find_people, find_person
-
-    judge = judge_of(job.tracker)
-    if job.people == 1:
-        return find_person(recording, sensing, judge)
-    return find_people(recording, sensing, most=job.people, judge=judge)
-
-
 def _warm_up(job: Job, report: RecordingProgress) -> None:
     """Compile on purpose: the first frames are tracked by a follower that is then forgotten."""
     recording, tracker, joints = job.recording, job.tracker, job.joints
     total = min(WARM_UP_FRAMES, len(recording))
     report(recording.name, "compiling", 0, total)
-    finder, before = finder_of(job), joints.export_state()
+    finder, before = job.finder(), joints.export_state()
     follower = tracker.follower(finder.camera, level_rotation(recording.up_camera))
     for i, frame in enumerate(islice(recording.stream(color=joints.needs_color), total)):
         for sighting in joints.add(frame, finder.find(frame.depth_mm, frame.timestamp, {})[:1]):
@@ -254,7 +267,7 @@ def _follow(
     sink: RunSink,
     report: RecordingProgress,
     stop: threading.Event,
-    watcher: RowWatcher | None,
+    watcher: EventStream | None,
 ) -> None:
     """Track from the crowd's next frame to the last one, or until a stop is asked for."""
     total, remembered = len(recording), time.monotonic()
@@ -285,7 +298,7 @@ def _follow(
         )
 
 
-def _write(sink: RunSink, crowd: Crowd, rows: list[Row], watcher: RowWatcher | None) -> None:
+def _write(sink: RunSink, crowd: Crowd, rows: list[Row], watcher: EventStream | None) -> None:
     sink.write(rows)
     if watcher is not None:
         for row in rows:
@@ -311,7 +324,7 @@ def _restored(folder: Path, sink: RunSink, job: Job) -> Crowd:
     Where rows before it are gone, as after a loss of power, all are found again.
     """
     recording, tracker, path = job.recording, job.tracker, folder / STATE_FILE
-    crowd = Crowd(tracker, finder_of(job), recording.up_camera, job.joints, floor_of(recording))
+    crowd = job.crowd()
     if sink.begun and os.path.lexists(path):
         nothing, state = job.joints.export_state(), load_checkpoint(path, tracker.settings.tracker)
         try:
@@ -322,13 +335,13 @@ def _restored(folder: Path, sink: RunSink, job: Job) -> Crowd:
             raise TrackError(f"{path} is of another recording; {HINT}")
         if crowd.bodies and crowd.frames > sink.rows(crowd.bodies):
             job.joints.restore_state(nothing)
-            crowd = Crowd(tracker, finder_of(job), recording.up_camera, job.joints, floor_of(recording))
+            crowd = job.crowd()
     sink.cut(crowd.frames, crowd.bodies)
     return crowd
 
 
 def _check_whose(folder: Path) -> None:
-    """Raise TrackError where files of a run lie in the folder and nothing says of which: they may be anybody's."""
+    """Raise TrackError where files of a run lie in the folder and nothing says of which run."""
     if os.path.lexists(folder / RUN_FILE):
         return
     found = [name for name in RUN_FILES if os.path.lexists(folder / name)]
@@ -343,7 +356,7 @@ def _run_info(recording: Recording, tracker: Tracker) -> RunInfo:
     path, height = Path(recording.path).resolve(), floor_height(recording)
     return RunInfo(
         recording=str(path),
-        recording_sha256=sha256_of(path),
+        recording_sha256=sha256_of(path) if path.exists() else "",  # depth in memory has no file
         reader_options=recording.options,
         body_fingerprint=skeleton.fingerprint(),
         shape=[],

@@ -1,4 +1,4 @@
-"""The second pass over a recording: everybody who was found is followed again from their surest frame outwards."""
+"""The second pass over a recording: all people who were found are followed again from their surest frames outwards."""
 
 from __future__ import annotations
 
@@ -49,8 +49,8 @@ class SecondPass:
 
     Attributes
     ----------
-    bodies : of everybody, by id: after `begin` or `restore` those of the first pass, then their own
-    evidence : of everybody and of what is furniture, by id, from the first pass
+    bodies : of all people, by id: after `begin` or `restore` those of the first pass, then their own
+    evidence : of all people and of what is furniture, by id, from the first pass
     """
 
     def __init__(
@@ -101,7 +101,7 @@ class SecondPass:
         return True
 
     def follow(self, stop: threading.Event, report: Callable[[int, int], None]) -> bool:
-        """Follow everybody, until a stop is asked for; whether all are done."""
+        """Follow all people, until a stop is asked for; whether all are done."""
         people = sorted(self.bodies)
         total = len(people) * len(self._timestamps)
         with_sightings = SightingFile(self._folder, self._camera, len(self._timestamps))
@@ -147,16 +147,16 @@ class SecondPass:
     def _rows(self, person: int, way: WayFile) -> Iterator[tuple[FrameResult, float]]:
         """All rows of a person; where they were out of sight the last pose, before that the first one."""
         spent = self._sink.past(person)["stage_ms"]
-        nobody = self._tracker.source_names.index(PREDICTED)
+        predicted = self._tracker.source_names.index(PREDICTED)
         known = next(step for step in map(way.get, range(len(self._timestamps))) if step is not None)
-        last = replace(known.result, source=nobody, **_nothing(known.result))
+        last = replace(known.result, source=predicted, **_nothing(known.result))
         for frame, moment in enumerate(self._timestamps.tolist()):
             step = way.get(frame)
             if step is None:
                 yield replace(last, stage_ms=spent[frame]), moment
             else:
                 yield replace(step.result, stage_ms=step.result.stage_ms + spent[frame]), moment
-                last = replace(step.result, source=nobody, **_nothing(step.result))
+                last = replace(step.result, source=predicted, **_nothing(step.result))
 
     def _keep(self, way: Mapping[str, Any]) -> None:
         state = {

@@ -86,7 +86,7 @@ class RunSink:
 
     @property
     def begun(self) -> bool:
-        """Whether there are rows of anybody."""
+        """Whether there are rows of a person."""
         return any(writer.rows for writer in self._writers.values())
 
     def rows(self, people: Iterable[int]) -> int:

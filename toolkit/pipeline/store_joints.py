@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -11,8 +10,9 @@ from toolkit.errors import UsageError
 from toolkit.files import check_output
 from toolkit.people.joints import GivenJoints, JointSource, NoJoints
 from toolkit.people.sighting import PeopleFinder
-from toolkit.people.survey import find_people, find_person
 from toolkit.pipeline.joints import JointChoice, give_joints, joint_source
+from toolkit.pipeline.run import finder_of
+from toolkit.progress import Count, silent
 from toolkit.recordings.opening import open_recording
 from toolkit.recordings.writer import save_recording
 from toolkit.sensing.joints2d import Joints2D, same_rays
@@ -27,7 +27,7 @@ def store_joints(
     *,
     people: int | None = 1,
     sensing: SensingSettings | None = None,
-    progress: Callable[[int, int], None] | None = None,
+    progress: Count = silent,
 ) -> Recording:
     """Write a recording as NPZ with its joints in the image (`depthmocap joints`).
 
@@ -64,7 +64,7 @@ def store_joints(
     elif isinstance(source, NoJoints):
         raise UsageError("there is nothing to store with --joints none; choose colour, depth or a folder")
     else:
-        rows = _found(recording, source, _finder(recording, people, sensing or SensingSettings()), progress)
+        rows = _found(recording, source, finder_of(recording, people, sensing or SensingSettings()), progress)
     frames, known = range(len(recording)), recording.vertical.source in ("file", "option")
     has_color = recording.color(0) is not None
     save_recording(
@@ -82,16 +82,8 @@ def store_joints(
     return open_recording(output)
 
 
-def _finder(recording: Recording, people: int | None, sensing: SensingSettings) -> PeopleFinder:
-    if people == 1:
-        return find_person(recording, sensing)
-    return find_people(recording, sensing, most=people)
-
-
-def _found(
-    recording: Recording, source: JointSource, finder: PeopleFinder, progress: Callable[[int, int], None] | None
-) -> np.ndarray:
-    """Joints of everybody in all frames, float32 (N, T, 20, 3), in pixels of the recording's depth."""
+def _found(recording: Recording, source: JointSource, finder: PeopleFinder, progress: Count) -> np.ndarray:
+    """Joints of all people in all frames, float32 (N, T, 20, 3), in pixels of the recording's depth."""
     total = len(recording)
     people: dict[int, np.ndarray] = {1: np.full((total, 20, 3), np.nan, dtype=np.float32)}
     for i, frame in enumerate(recording.stream(color=source.needs_color)):
@@ -100,6 +92,5 @@ def _found(
             if sighting.joints is not None:
                 pixels = same_rays(sighting.joints.pixels, sighting.camera, recording.camera)
                 rows[i] = Joints2D(pixels, sighting.joints.confidence).rows
-        if progress is not None:
-            progress(i + 1, total)
+        progress(i + 1, total)
     return np.stack([people[number] for number in sorted(people)])

@@ -1,17 +1,52 @@
-"""A tracker from its settings."""
+"""What a tracker is made of, and the tracker made of it."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 from toolkit.config import load_settings, setting_of
 from toolkit.database.database import PoseDatabase
 from toolkit.errors import UsageError
+from toolkit.files import is_file, sha256_of
 from toolkit.tracking.guide import Guide
 from toolkit.tracking.protocol import Tracker, TrackerSettings
 from toolkit.tracking.registry import DEFAULT, registered
+
+
+@dataclass(frozen=True)
+class TrackerRecipe:
+    """What a tracker is made of, see `load_tracker`; None where there is none.
+
+    Attributes
+    ----------
+    config, overrides : its settings
+    database : file of the pose database
+    body : file of the person's own body
+    sensors : file of the inertial sensors that guide it
+    """
+
+    config: str | Path | None = None
+    overrides: Mapping[str, Any] = field(default_factory=dict)
+    database: str | Path | None = None
+    body: str | Path | None = None
+    sensors: str | Path | None = None
+
+    def build(self, guide: Guide | None = None) -> Tracker:
+        """The tracker, guided by what its sensors say; raises as `load_tracker`."""
+        return load_tracker(self.config, self.overrides, database=self.database, guide=guide, body=self.body)
+
+    def files(self) -> list[Path]:
+        """Those that it is made of: no run may replace one."""
+        config = self.config if self.config and is_file(self.config) else None
+        return [Path(file) for file in (self.database, config, self.sensors, self.body) if file]
+
+    def digests(self) -> dict[str, Any]:
+        """What `RunInfo` says of sensors and body: their SHA-256, empty without."""
+        files = {"sensors_sha256": self.sensors, "body_sha256": self.body}
+        return {name: sha256_of(file) if file else "" for name, file in files.items()}
 
 
 def load_tracker(
@@ -19,7 +54,6 @@ def load_tracker(
     overrides: Mapping[str, Any] | None = None,
     *,
     database: str | Path | None = None,
-    max_poses: int | None = None,
     guide: Guide | None = None,
     body: str | Path | None = None,
 ) -> Tracker:
@@ -29,7 +63,6 @@ def load_tracker(
     ----------
     config, overrides : settings, see `config.load_settings`; `baak2013` is the hybrid tracker as in the paper
     database : file of the pose database, for trackers that look poses up
-    max_poses : use only the first poses of the database
     guide : what is known of the frames besides their depth
     body : file of the person's own body; otherwise it is learnt from the recording
 
@@ -48,12 +81,12 @@ def load_tracker(
     name = setting_of("tracker", config, overrides) or DEFAULT
     registration = registered(name)
     if not registration.needs_database:
-        return _guided(_embodied(registration.build(settings, None, ""), body), guide)
-    if database is None:
+        tracker = registration.build(settings, None, "")
+    elif database is None:
         raise UsageError(f"the tracker {name!r} looks poses up; name a pose database")
-    poses = PoseDatabase.load(database)
-    poses = poses if max_poses is None else poses.limited(max_poses)
-    return _guided(_embodied(registration.build(settings, poses, str(database)), body), guide)
+    else:
+        tracker = registration.build(settings, PoseDatabase.load(database), str(database))
+    return _guided(_embodied(tracker, body), guide)
 
 
 def tracker_settings(config: str | Path | None = None, overrides: Mapping[str, Any] | None = None) -> TrackerSettings:

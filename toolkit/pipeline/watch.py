@@ -1,4 +1,4 @@
-"""What watches over a run: who is told its rows, signals that ask it to stop, and its log file."""
+"""What goes on beside a run: signals that ask it to stop, and its log file."""
 
 from __future__ import annotations
 
@@ -9,32 +9,11 @@ import threading
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import Protocol
 
-import numpy as np
-
-from toolkit.body.body import Body
 from toolkit.door import open_file
 from toolkit.errors import OutputError
-from toolkit.track import FrameResult
 
 LOG_FILE = "log.txt"
-
-
-class RowWatcher(Protocol):
-    """Told every row of a person's track while it is written."""
-
-    def begin(self, frame_rate: float, body: Body | None, past: np.ndarray) -> None:
-        """A run starts, or goes on after rows that are written: records with pose, state and timestamps."""
-        ...
-
-    def row(self, result: FrameResult, timestamp: float, body: Body) -> None:
-        """One more row."""
-        ...
-
-    def end(self) -> None:
-        """No more rows come."""
-        ...
 
 
 @contextmanager

@@ -83,7 +83,7 @@ def recording_of(
     frames = np.asarray(depth)
     if frames.ndim != 3 or frames.dtype.kind not in "uif":
         raise RecordingError(f"depth has shape {frames.shape} of {frames.dtype}; give numbers (frames, height, width)")
-    chosen, path = ReaderOptions.from_mapping(options), Path(name)
+    chosen, path = ReaderOptions.from_mapping(options), Path(f"<{name}>")  # no file has this name
     return recording_of_source(
         path,
         ArrayFrames(frames),

@@ -14,7 +14,7 @@ NEAREST_SHARE, FARTHEST_SHARE = 2.0, 98.0
 
 
 class DepthPainter:
-    """Paints the frames of a recording without anybody.
+    """Paints the frames of a recording without people.
 
     Parameters
     ----------

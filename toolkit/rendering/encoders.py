@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from fractions import Fraction
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 
@@ -32,17 +32,7 @@ RATE_DENOMINATOR = 1001
 """Frame rates become fractions with at most this denominator: 30000/1001 is television's."""
 
 
-class Encoder(Protocol):
-    """Takes pictures one by one; `close` completes the file."""
-
-    def write(self, picture: np.ndarray) -> None:
-        """Append an RGB picture, uint8 (H, W, 3), H and W even."""
-
-    def close(self) -> None:
-        """Complete the file."""
-
-
-def open_encoder(path: Path, suffix: str, rate: float, width: int, height: int) -> Encoder:
+def open_encoder(path: Path, suffix: str, rate: float, width: int, height: int) -> AvEncoder | OpenCvEncoder:
     """The encoder for a film of this suffix, one of `FILM_SUFFIXES`.
 
     Raises
@@ -53,11 +43,11 @@ def open_encoder(path: Path, suffix: str, rate: float, width: int, height: int) 
         OpenCV has no codec for it.
     """
     if suffix == ".avi":
-        return _OpenCvEncoder(path, "MJPG", rate, width, height)
+        return OpenCvEncoder(path, "MJPG", rate, width, height)
     if has_av():
-        return _AvEncoder(path, suffix, rate, width, height)
+        return AvEncoder(path, suffix, rate, width, height)
     if suffix == ".webm":
-        return _OpenCvEncoder(path, "VP80", rate, width, height)
+        return OpenCvEncoder(path, "VP80", rate, width, height)
     raise UsageError(
         f"a {suffix} film (H.264) needs the package av; type `pip install av`, "
         "or name the output *.webm, *.png for a contact sheet, or a folder for one picture per frame"
@@ -69,7 +59,9 @@ def has_av() -> bool:
     return importlib.util.find_spec("av") is not None
 
 
-class _AvEncoder:
+class AvEncoder:
+    """H.264 and VP9 by the package av."""
+
     def __init__(self, path: Path, suffix: str, rate: float, width: int, height: int) -> None:
         import av
 
@@ -84,10 +76,12 @@ class _AvEncoder:
         self._stream: Any = stream
 
     def write(self, picture: np.ndarray) -> None:
+        """Append an RGB picture, uint8 (H, W, 3), H and W even."""
         frame = self._to_frame(np.ascontiguousarray(picture), format="rgb24")
         self._file.mux(self._stream.encode(frame))
 
     def close(self) -> None:
+        """Complete the file."""
         self._file.mux(self._stream.encode())
         self._file.close()
 
@@ -105,7 +99,9 @@ def _silence() -> Iterator[None]:
         os.close(kept)
 
 
-class _OpenCvEncoder:
+class OpenCvEncoder:
+    """VP8 and MJPG by OpenCV."""
+
     def __init__(self, path: Path, codec: str, rate: float, width: int, height: int) -> None:
         import cv2
 
@@ -119,6 +115,7 @@ class _OpenCvEncoder:
             )
 
     def write(self, picture: np.ndarray) -> None:
+        """Append an RGB picture, uint8 (H, W, 3), H and W even."""
         self._writer.write(np.ascontiguousarray(picture[:, :, ::-1]))
         self._written += 1
 

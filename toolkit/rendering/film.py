@@ -6,14 +6,13 @@ import shutil
 import tempfile
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
 from toolkit.errors import OutputError, UsageError
 from toolkit.files import atomic_path, check_output, save_bytes
-from toolkit.progress import Count
+from toolkit.progress import Count, silent
 from toolkit.rendering import style
 from toolkit.rendering.axes import LimbAxes
 from toolkit.rendering.depth_alone import DepthPainter
@@ -28,14 +27,13 @@ DEFAULT_RATE = 25.0  # frames per second of a recording whose timestamps say not
 LARGEST_RATE = 240.0  # frames per second that players and codecs take
 SHEET_COLUMNS, SHEET_FRAMES = 2, 12
 """Of a contact sheet: pictures side by side, and all pictures."""
-SHEET_SETTINGS = RenderSettings(height=300, aspect=0.9)
-"""Of a contact sheet, unless others are given."""
+GAP = 6
+"""Pixels between them."""
 
 
-def settings_of(output: str | Path, panels: tuple[str, ...]) -> RenderSettings:
-    """How these panels are drawn to an output: those of a contact sheet are smaller."""
-    usual = SHEET_SETTINGS if Path(output).suffix == ".png" else RenderSettings()
-    return replace(usual, panels=panels)
+def settings_for(output: str | Path) -> RenderSettings:
+    """How tracks are drawn to an output unless it is said: the pictures of a contact sheet are small."""
+    return RenderSettings(height=300, aspect=0.9) if Path(output).suffix == ".png" else RenderSettings()
 
 
 class FilmWriter:
@@ -99,7 +97,7 @@ def render_people(
     axes: LimbAxes | None = None,
     frames: range | None = None,
     rate: float | None = None,
-    progress: Count | None = None,
+    progress: Count = silent,
 ) -> Path:
     """Draw tracks: a film for .mp4, .webm and .avi, a contact sheet for .png, or one PNG per frame into a folder.
 
@@ -122,7 +120,7 @@ def render_people(
         The output cannot be written.
     """
     target = _target(output, recording, rate)
-    painter = FramePainter(people, recording, sensing=sensing, settings=_usual(target, settings), axes=axes)
+    painter = FramePainter(people, recording, sensing=sensing, settings=settings or settings_for(target), axes=axes)
     return _draw(painter, recording, target, frames, rate, progress)
 
 
@@ -137,17 +135,13 @@ def _target(output: str | Path, recording: Recording, rate: float | None) -> Pat
     return target
 
 
-def _usual(target: Path, settings: RenderSettings | None) -> RenderSettings | None:
-    return SHEET_SETTINGS if settings is None and target.suffix == ".png" else settings
-
-
 def _draw(
     painter: FramePainter | DepthPainter,
     recording: Recording,
     target: Path,
     frames: range | None,
     rate: float | None,
-    progress: Count | None,
+    progress: Count,
 ) -> Path:
     """As `render_people`, by a painter."""
     chosen = range(len(recording)) if frames is None else frames
@@ -174,9 +168,9 @@ def render_run(
     axes: LimbAxes | None = None,
     frames: range | slice | None = None,
     rate: float | None = None,
-    progress: Count | None = None,
+    progress: Count = silent,
 ) -> Path:
-    """Draw everybody in a run folder; recording, bodies and sensing settings come from `run.json`.
+    """Draw all people of a run folder; recording, bodies and sensing settings come from `run.json`.
 
     `recording` is where the recording has been moved to, `frames` may be a slice too. The rest is as in
     `render_people`; where no person was found, the depth is drawn alone.
@@ -189,7 +183,7 @@ def render_run(
         frames = range(frames.start or 0, len(opened) if frames.stop is None else frames.stop)
     if not folders:
         target = _target(output, opened, rate)
-        return _draw(DepthPainter(opened, _usual(target, settings)), opened, target, frames, rate, progress)
+        return _draw(DepthPainter(opened, settings or settings_for(target)), opened, target, frames, rate, progress)
     return render_people(
         load_persons(run),
         opened,
@@ -203,16 +197,16 @@ def render_run(
     )
 
 
-def contact_sheet(pictures: list[np.ndarray], columns: int = SHEET_COLUMNS, gap: int = 6) -> np.ndarray:
+def contact_sheet(pictures: list[np.ndarray], columns: int = SHEET_COLUMNS) -> np.ndarray:
     """Pictures, RGB uint8 (H, W, 3) of one size, side by side and row by row as one RGB picture."""
     if not pictures:
         raise UsageError("a contact sheet needs at least one picture")
     columns = min(columns, len(pictures))
     height, width = pictures[0].shape[:2]
     rows = -(-len(pictures) // columns)
-    sheet = np.full((rows * (height + gap) - gap, columns * (width + gap) - gap, 3), style.PAPER, dtype=np.uint8)
+    sheet = np.full((rows * (height + GAP) - GAP, columns * (width + GAP) - GAP, 3), style.PAPER, dtype=np.uint8)
     for k, picture in enumerate(pictures):
-        v, u = (k // columns) * (height + gap), (k % columns) * (width + gap)
+        v, u = (k // columns) * (height + GAP), (k % columns) * (width + GAP)
         sheet[v : v + height, u : u + width] = picture
     return sheet
 
@@ -226,7 +220,7 @@ def save_png(path: str | Path, picture: np.ndarray) -> None:
 
 
 def _pictures(
-    painter: FramePainter | DepthPainter, recording: Recording, wanted: range | list[int], progress: Count | None
+    painter: FramePainter | DepthPainter, recording: Recording, wanted: range | list[int], progress: Count
 ) -> Iterator[np.ndarray]:
     """Pictures of the wanted frames in order."""
     chosen, last, done = set(wanted), max(wanted), 0
@@ -234,8 +228,7 @@ def _pictures(
         if i in chosen:
             yield painter.paint(i, depth)
             done += 1
-            if progress is not None:
-                progress(done, len(chosen))
+            progress(done, len(chosen))
         if i == last:
             return
 

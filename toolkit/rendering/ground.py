@@ -25,11 +25,11 @@ PIECE = 0.25
 
 
 class Ground:
-    """The ground under everybody in a run, and who stands on it.
+    """The ground under all people of a run, and which feet stand on it.
 
     Parameters
     ----------
-    people : everybody in the run
+    people : all of the run
     """
 
     def __init__(self, people: Sequence[Person]) -> None:

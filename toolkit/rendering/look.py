@@ -1,4 +1,4 @@
-"""The picture of a first look: a frame's depth with everybody in their own colour."""
+"""The picture of a first look: a frame's depth, each person in a colour."""
 
 from __future__ import annotations
 

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from toolkit.body.body import Body, vertex_normals
 from toolkit.kernels.image import shading
-from toolkit.rendering.style import PART_COLORS
+from toolkit.rendering.style import PART_COLORS, person_color
 from toolkit.sensing.camera import Camera
 
 KEY_LIGHT = np.array([-0.45, -0.65, -0.6]) / np.linalg.norm([-0.45, -0.65, -0.6])
@@ -43,6 +45,14 @@ def draw_mesh(
         camera.intrinsics, LIGHTS, KEY_LIGHT, depth, image,
     )  # fmt: skip
     return depth
+
+
+def mesh_colors(bodies: Sequence[Body]) -> list[np.ndarray]:
+    """Colours of the vertices of each body, float64 (V, 3): one alone by its parts, several each in their own."""
+    if len(bodies) == 1:
+        return [part_colors(bodies[0])]
+    own = (np.array(person_color(number), dtype=np.float64) for number in range(len(bodies)))
+    return [np.tile(color, (len(body.vertices), 1)) for color, body in zip(own, bodies, strict=True)]
 
 
 def part_colors(body: Body) -> np.ndarray:

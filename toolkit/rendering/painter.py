@@ -8,13 +8,12 @@ from functools import partial
 
 import numpy as np
 
-from toolkit.body.body import Body
 from toolkit.errors import SettingsError, TrackError
 from toolkit.landmarks.extrema import geodesic_extrema
 from toolkit.rendering import style
 from toolkit.rendering.axes import LimbAxes
 from toolkit.rendering.ground import Ground
-from toolkit.rendering.mesh import draw_mesh, part_colors
+from toolkit.rendering.mesh import draw_mesh, mesh_colors
 from toolkit.rendering.overlay import color_depth, draw_extrema, draw_points, draw_skeleton
 from toolkit.rendering.views import R_LEVEL_VIEW, outside_view_of, window_on
 from toolkit.runs import Person
@@ -75,7 +74,7 @@ class FramePainter:
 
     Parameters
     ----------
-    people : everybody in the run, at least one
+    people : all of the run, at least one
     recording : with as many frames as their tracks
     sensing : with which the depth was cleaned
     settings : what to draw
@@ -106,7 +105,7 @@ class FramePainter:
         self._people, self._name = tuple(people), recording.name
         self._rotation = people[0].R_level_camera
         self._filter = DepthFilter(recording.camera, sensing or SensingSettings())
-        self._colors = [_mesh_colors(person.body, k, len(people)) for k, person in enumerate(people)]
+        self._colors = mesh_colors([person.body for person in people])
         there = [person.track.joints[person.track.state != EMPTY] for person in people]
         seen = np.concatenate(there)
         joints = np.asarray(seen if len(seen) else people[0].track.joints, dtype=np.float64)
@@ -249,10 +248,3 @@ class FramePainter:
             bar[y + size // 2 : y + 3 * size // 2, x : x + size] = color
             style.write(bar, text, x + size + size // 2, y + size // 3, size)
         return bar
-
-
-def _mesh_colors(body: Body, number: int, of: int) -> np.ndarray:
-    """Colour of every vertex: float64 (V, 3)."""
-    if of == 1:
-        return part_colors(body)
-    return np.tile(np.array(style.person_color(number), dtype=np.float64), (len(body.vertices), 1))

@@ -47,7 +47,7 @@ def gather_clouds(recording: Recording, joints: np.ndarray, frames: range) -> Sc
     Parameters
     ----------
     recording : that was tracked
-    joints : float (T, J, 3), joints of everybody in every frame, camera frame, metres; NaN where no person is there
+    joints : float (T, J, 3), joints of all people in every frame, camera frame, metres; NaN where no person is there
     frames : which ones are shown, in order
     """
     limit = min(POINTS, max(50, TOTAL // len(frames)))

@@ -18,10 +18,10 @@ from toolkit.evaluation.joints import frame_errors, joint_errors
 from toolkit.evaluation.reference import find_reference
 from toolkit.export.glb import export_glb
 from toolkit.plain import LARGEST_YAML
-from toolkit.progress import Progress
+from toolkit.progress import Progress, silent
 from toolkit.rendering import style
 from toolkit.rendering.film import render_run
-from toolkit.rendering.mesh import part_colors
+from toolkit.rendering.mesh import mesh_colors
 from toolkit.rendering.painter import RenderSettings
 from toolkit.report.clouds import UNIT, gather_clouds, pack
 from toolkit.report.gait import gait_section
@@ -53,7 +53,7 @@ def describe_run(
     recording: str | Path | None = None,
     references: Sequence[str | Path] = (),
     frames: range | None = None,
-    progress: Progress | None = None,
+    progress: Progress = silent,
 ) -> RunContent:
     """Everything that a page shows of one run, of one person or several.
 
@@ -227,7 +227,7 @@ def _seen(
     moved_to: str | Path | None,
     people: Sequence[Person],
     frames: range,
-    progress: Progress | None,
+    progress: Progress,
 ) -> tuple[dict[str, Any], dict[str, bytes]]:
     """What needs the recording's frames: numbers about film, points and room, and these three as bytes."""
     camera, times = recording.camera, people[0].times[frames.start : frames.stop]
@@ -236,7 +236,7 @@ def _seen(
     with tempfile.TemporaryDirectory() as folder:
         film = render_run(
             run, Path(folder) / "film.webm", recording=moved_to, settings=FILM, frames=frames, rate=rate,
-            progress=None if progress is None else lambda done, of: progress("drawing the film", done, of),
+            progress=lambda done, of: progress("drawing the film", done, of),
         )  # fmt: skip
         blocks = {"film": film.read_bytes()}
     joints = np.concatenate(
@@ -253,17 +253,7 @@ def _seen(
 def _glb(people: list[Person]) -> bytes:
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "motion.glb"
-        several = len(people) > 1
-        export_glb(
-            path,
-            people,
-            colors=[
-                np.tile(np.array(style.person_color(k), dtype=np.float64), (len(person.body.vertices), 1))
-                if several
-                else part_colors(person.body)
-                for k, person in enumerate(people)
-            ],
-        )
+        export_glb(path, people, colors=mesh_colors([person.body for person in people]))
         return path.read_bytes()
 
 

@@ -54,7 +54,7 @@ NARROW = 5.0
 
 
 def gait_section(name: str, people: Sequence[Person]) -> str:
-    """HTML about everybody in a run; `name` is the run's."""
+    """HTML about all people of a run; `name` is the run's."""
     parts = [f"<h2>Movement: {html.escape(name)}</h2>"]
     for person in people:
         if len(people) > 1:

@@ -13,7 +13,7 @@ from pathlib import Path
 from toolkit.errors import UsageError
 from toolkit.evaluation.evaluate import find_runs
 from toolkit.files import check_output, save_text
-from toolkit.progress import Progress
+from toolkit.progress import Progress, silent
 from toolkit.report.content import RunContent, describe_run
 
 ASSETS = Path(__file__).parent / "assets"
@@ -26,7 +26,7 @@ def write_report(
     recording: str | Path | None = None,
     references: Sequence[str | Path] = (),
     frames: range | None = None,
-    progress: Progress | None = None,
+    progress: Progress = silent,
 ) -> Path:
     """Write one self-contained page about runs: film, scene, errors, confidence, times, settings.
 
@@ -58,15 +58,13 @@ def write_report(
     check_output(output, [*folders, *references, *([] if recording is None else [recording])])
     contents = []
     for i, folder in enumerate(folders):
-        if progress is not None:
-            progress("describing the runs", i, len(folders))
+        progress("describing the runs", i, len(folders))
         contents.append(
             describe_run(
                 folder, f"run{i}", recording=recording, references=references, frames=frames, progress=progress
             )
         )
-    if progress is not None:
-        progress("describing the runs", len(folders), len(folders))
+    progress("describing the runs", len(folders), len(folders))
     save_text(output, page(contents))
     return Path(output)
 

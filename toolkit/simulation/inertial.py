@@ -86,20 +86,6 @@ NOISE: dict[str, SensorNoise] = {
 """`mtx`: sensors as in the thesis, tightly strapped; `phone`: a phone's in a pocket or a sleeve."""
 
 
-@dataclass(frozen=True)
-class Worn:
-    """Which inertial sensors a person wears in a recording.
-
-    Attributes
-    ----------
-    limbs : parts of the body, out of `limbs.LIMBS`; none without
-    noise : name out of `NOISE`, or the flaws themselves
-    """
-
-    limbs: tuple[str, ...] = ()
-    noise: str | SensorNoise = "mtx"
-
-
 @dataclass(frozen=True, eq=False)
 class SimulatedSensors:
     """Streams and the truth about them.

@@ -49,7 +49,6 @@ class Person:
     enters : seconds after the beginning of the recording at which they appear; they are gone when their clip ends
     holds : a thing in their hands, out of `holding.HOLDINGS`, that moves with them and is not theirs
     held : seconds of the recording between which they hold it
-    subject_seed : seed of local deformations of the body outside the shape space; None for none
     """
 
     clip: str | Path | PoseClip
@@ -61,7 +60,6 @@ class Person:
     furniture: tuple[str, ...] = ()
     clothes: tuple[str, ...] = ()
     enters: float = 0.0
-    subject_seed: int | None = None
     holds: str | None = None
     held: tuple[float, float] = (0.0, np.inf)
 
@@ -120,7 +118,7 @@ class Performer(NamedTuple):
         return self.first + len(self.poses)
 
 
-def subject_of(body: str | Sequence[float] | Body, subject_seed: int | None = None) -> Body:
+def subject_of(body: str | Sequence[float] | Body) -> Body:
     """The subject that `--body NAME|SHAPE` means: a name, coefficients (also as text with commas), or a body as it is.
 
     Raises
@@ -135,9 +133,7 @@ def subject_of(body: str | Sequence[float] | Body, subject_seed: int | None = No
             body = [float(word) for word in body.split(",")]
         except ValueError:
             raise UsageError(f"the shape {body!r} is no list of numbers; write for example 1.0,-0.5") from None
-    if subject_seed is not None and subject_seed < 0:
-        raise UsageError(f"the subject's seed {subject_seed} is negative; give a whole number from 0 on")
-    return subject_body(body, seed=subject_seed)
+    return subject_body(body)
 
 
 def grown_to(body: Body, stature: float) -> Body:
@@ -159,14 +155,8 @@ def grown_to(body: Body, stature: float) -> Body:
 
 def prepare_person(person: Person, frame_rate: float, rng: np.random.Generator) -> Performer:
     """Body and poses of a person on the floor plan; `rng` draws how a person sits."""
-    numbers = (*person.at, person.yaw, person.enters)
-    if not np.isfinite(numbers).all() or person.enters < 0:
-        raise UsageError(
-            f"somebody at {person.at} with a yaw of {person.yaw} who enters after {person.enters} s cannot be placed; "
-            "give finite numbers, and seconds from 0 on"
-        )
     check_holding(person.holds)
-    naked = subject_of(person.body, person.subject_seed)
+    naked = subject_of(person.body)
     if person.stature is not None:
         naked = grown_to(naked, person.stature)
     if isinstance(person.clip, PoseClip):
@@ -186,12 +176,27 @@ def prepare_person(person: Person, frame_rate: float, rng: np.random.Generator) 
 
 def _placed(poses: np.ndarray, at: tuple[float, float], yaw: float) -> np.ndarray:
     """Poses turned about the vertical so that the first one faces `yaw`, with their mean place at `at`."""
+    return turned(poses, yaw - facing_of(poses[0]), mean_place(poses), np.array([at[0], 0.0, at[1]]))
+
+
+def mean_place(poses: np.ndarray) -> np.ndarray:
+    """Where on the floor (3,) the root is on average in poses (T, P)."""
+    return poses[:, skeleton.ROOT_POSITION].mean(axis=0) * [1.0, 0.0, 1.0]
+
+
+def turned(poses: np.ndarray, angle: float | np.ndarray, about: np.ndarray, to: np.ndarray) -> np.ndarray:
+    """Poses (T, P) turned about the vertical through a place, which is then moved.
+
+    Parameters
+    ----------
+    angle : radians about +y, one or (T, 1)
+    about : (3,), metres
+    to : (3,) or (T, 3), where that place is moved, metres
+    """
     from scipy.spatial.transform import Rotation
 
-    turn = Rotation.from_euler("y", yaw - facing_of(poses[0]))
-    middle = poses[:, skeleton.ROOT_POSITION].mean(axis=0) * [1.0, 0.0, 1.0]
-    result = poses.copy()
-    result[:, skeleton.ROOT_POSITION] = turn.apply(poses[:, skeleton.ROOT_POSITION] - middle) + [at[0], 0.0, at[1]]
+    turn, result = Rotation.from_euler("y", angle), poses.copy()
+    result[:, skeleton.ROOT_POSITION] = turn.apply(poses[:, skeleton.ROOT_POSITION] - about) + to
     result[:, skeleton.ROOT_ROTATION] = (turn * Rotation.from_rotvec(poses[:, skeleton.ROOT_ROTATION])).as_rotvec()
     return result
 

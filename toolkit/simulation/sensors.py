@@ -5,9 +5,9 @@ A frame is an instant: motion blur is not modelled.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cached_property
-from typing import Protocol
+from typing import ClassVar
 
 import numpy as np
 
@@ -34,27 +34,8 @@ class Surface:
     reflectance: np.ndarray | None = None
 
 
-class Sensor(Protocol):
-    """A depth camera: where its rays go, and what it measures on a surface."""
-
-    @property
-    def name(self) -> str:
-        """What it is called on the command line."""
-        ...
-
-    @property
-    def camera(self) -> Camera:
-        """Of the depth image."""
-        ...
-
-    @property
-    def rays_per_side(self) -> int:
-        """Rays along each side of a pixel: `measure` expects the surface seen by `camera.scaled(rays_per_side)`."""
-        ...
-
-    def measure(self, surface: Surface, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
-        """Measured depth, uint16 (H, W) millimetres along z with 0 = none, and int16 (H, W): person, -1 = none."""
-        ...
+FARTHEST = 8.0
+"""Metres that either sensor measures at most."""
 
 
 def _ray_lengths(camera: Camera) -> np.ndarray:
@@ -76,17 +57,17 @@ class TimeOfFlight:
     amplitude-weighted mean of the ranges in it, so that at edges it lies between front and back (mixed pixels).
     """
 
-    camera: Camera = field(default_factory=lambda: Camera(217.0, 217.0, 87.5, 71.5, 176, 144))
+    name: ClassVar = "tof"
+    camera: ClassVar = Camera(217.0, 217.0, 87.5, 71.5, 176, 144)
+    rays_per_side: ClassVar = 3
+    """Rays along each side of a pixel: `measure` expects the surface seen by `camera.scaled(rays_per_side)`."""
     noise_at_3m: float = 0.010
     """Standard deviation in metres at 3 m, seen frontally."""
-    dimmest: float = 0.08
+    dimmest: ClassVar = 0.08
     """Amplitude, relative to a frontal surface at 3 m, below which there is no measurement."""
-    farthest: float = 8.0
-    name: str = "tof"
-    rays_per_side: int = 3
 
     def measure(self, surface: Surface, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
-        """See `Sensor.measure`."""
+        """Measured depth, uint16 (H, W) millimetres along z with 0 = none, and int16 (H, W): person, -1 = none."""
         distance = surface.depth * self._fine_lengths
         hit = surface.depth > 0
         amplitude = np.where(hit, surface.cosine / np.where(hit, distance, 1.0) ** 2, 0.0)
@@ -97,7 +78,7 @@ class TimeOfFlight:
         strength = total * 9.0
         noise = self.noise_at_3m / np.sqrt(np.maximum(strength, self.dimmest)) * rng.standard_normal(total.shape)
         depth = (mean + noise) / _ray_lengths(self.camera)
-        return _millimetres(depth, strength >= self.dimmest, 0.3, self.farthest), self._owners(surface.person)
+        return _millimetres(depth, strength >= self.dimmest, 0.3, FARTHEST), self._owners(surface.person)
 
     def _owners(self, person: np.ndarray) -> np.ndarray:
         """The person who fills most of a pixel, int16 (H, W); -1 where people fill less than half of it."""
@@ -124,30 +105,29 @@ class KinectV1:
     shadow to the left of a person), and so are surfaces seen at a grazing angle and pixels torn out of the edges.
     """
 
-    camera: Camera = field(default_factory=lambda: Camera(285.63, 285.63, 159.5, 119.5, 320, 240))
-    step: float = 0.025 / 3.0**2
+    name: ClassVar = "kinect"
+    camera: ClassVar = Camera(285.63, 285.63, 159.5, 119.5, 320, 240)
+    rays_per_side: ClassVar = 1
+    step: ClassVar = 0.025 / 3.0**2
     """1/m: quantum of the inverse depth; a depth step is `step * z^2`."""
     noise: float = 0.5
     """Standard deviation of the inverse depth in quanta."""
-    window: float = 0.8
+    window: ClassVar = 0.8
     """Pixels: width over which the noise is shared."""
     ragged: float = 0.6
     """Pixels: standard deviation of the sideways displacement of a measurement."""
-    baseline: float = 0.075
+    baseline: ClassVar = 0.075
     """Metres from the camera to the projector, to the right."""
-    grazing: float = 0.12
+    grazing: ClassVar = 0.12
     """Cosine of incidence below which all surfaces are holes; up to twice of it, some are."""
-    dimmest: float = 0.012
+    dimmest: ClassVar = 0.012
     """Light given back, relative to a frontal plain surface at 1 m, below which there is no measurement; where
     surfaces are of several materials."""
     torn: float = 0.25
     """Share of the pixels at depth edges that give no measurement."""
-    farthest: float = 8.0
-    name: str = "kinect"
-    rays_per_side: int = 1
 
     def measure(self, surface: Surface, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
-        """See `Sensor.measure`."""
+        """Measured depth, uint16 (H, W) millimetres along z with 0 = none, and int16 (H, W): person, -1 = none."""
         rows, columns = self._displaced(rng)
         depth, cosine = surface.depth[rows, columns], surface.cosine[rows, columns]
         lit = self._lit(surface.depth)[rows, columns]
@@ -161,7 +141,7 @@ class KinectV1:
             light = surface.reflectance[rows, columns] * cosine * inverse**2
             valid &= light >= self.dimmest * rng.lognormal(0.0, 0.25, light.shape)
         measured = 1.0 / (self.step * np.maximum(quanta, 1.0))
-        return _millimetres(measured, valid, 0.45, self.farthest), surface.person[rows, columns]
+        return _millimetres(measured, valid, 0.45, FARTHEST), surface.person[rows, columns]
 
     def _displaced(self, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
         """Pixels from which each pixel takes its measurement."""
@@ -194,15 +174,20 @@ class KinectV1:
         return maximum_filter(depth, 3) - minimum_filter(depth, 3) > 0.1
 
 
+Sensor = TimeOfFlight | KinectV1
+"""A depth camera: where its rays go, and what it measures on a surface."""
+SENSORS: dict[str, type[Sensor]] = {kind.name: kind for kind in (TimeOfFlight, KinectV1)}
+"""By the names of `simulate --sensor`."""
+
+
 def make_sensor(name: str) -> Sensor:
-    """The sensor called `tof` or `kinect`.
+    """The sensor of this name, out of `SENSORS`.
 
     Raises
     ------
     UsageError
         There is no sensor of this name.
     """
-    sensors: dict[str, type[TimeOfFlight] | type[KinectV1]] = {"tof": TimeOfFlight, "kinect": KinectV1}
-    if name not in sensors:
-        raise UsageError(f"no sensor is called {name!r}; use one of {', '.join(sensors)}")
-    return sensors[name]()
+    if name not in SENSORS:
+        raise UsageError(f"no sensor is called {name!r}; use one of {', '.join(SENSORS)}")
+    return SENSORS[name]()

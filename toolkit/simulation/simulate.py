@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -17,13 +17,14 @@ from toolkit.errors import UsageError
 from toolkit.files import check_output
 from toolkit.interiors.room import named_room
 from toolkit.mocap.clip import PoseClip
+from toolkit.progress import Count, silent
 from toolkit.recordings.opening import open_recording
 from toolkit.recordings.writer import RecordingWriter
 from toolkit.sensing.camera import Camera
 from toolkit.sensing.recording import Recording
 from toolkit.simulation.appearance import Appearance, vertex_colors
 from toolkit.simulation.furniture import Box, Mesh, boxes_mesh, joined
-from toolkit.simulation.inertial import SimulatedSensors, Worn, simulate_sensors
+from toolkit.simulation.inertial import SimulatedSensors, simulate_sensors
 from toolkit.simulation.person import (
     Performer,
     Person,
@@ -54,8 +55,8 @@ RANGES: dict[str, tuple[float, float, str]] = {
     "seconds": (1e-3, 86_400.0, "seconds, a day at most"),
 }
 """What the numbers of a shot may be, both ends included, and in which unit."""
-NOBODY_HEIGHT, NOBODY_NECK, NOBODY_REACH = 1.7, 1.4, np.array([[-0.8, 0.0, -0.5], [0.8, 1.8, 0.5]])
-"""Whom an empty room is recorded for: stature and neck in metres, and the corners of the space they would use."""
+EMPTY_STATURE, EMPTY_NECK, EMPTY_REACH = 1.7, 1.4, np.array([[-0.8, 0.0, -0.5], [0.8, 1.8, 0.5]])
+"""The person for whom an empty room is recorded: stature and neck in metres, and the corners of the space they need."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -64,7 +65,7 @@ class Shot:
 
     Attributes
     ----------
-    sensor : `tof` (176 x 144), `kinect` (320 x 240), or a sensor of your own
+    sensor : `tof` (176 x 144) or `kinect` (320 x 240), or one with other flaws
     distance : metres, horizontally, from the camera to the origin of the floor plan
     height : metres of the camera above the floor; None is as high as the first person's neck
     tilt : degrees downwards; None aims at the middle of the first person's body
@@ -79,6 +80,8 @@ class Shot:
     seed : of the sensor's noise, of how a person sits, and of what is seen in colour
     color : whether it holds colour, registered to the depth, of people in a room
     skinning : how skin follows the joints: "linear" blending, or "dual" quaternions, which keep the volume of a twist
+    inertial : parts of the first person's body that carry inertial sensors, out of `limbs.LIMBS`
+    inertial_noise : their flaws, a name out of `inertial.NOISE`
 
     Raises
     ------
@@ -100,6 +103,8 @@ class Shot:
     seed: int = 0
     color: bool = False
     skinning: str = "linear"
+    inertial: tuple[str, ...] = ()
+    inertial_noise: str = "mtx"
 
     def __post_init__(self) -> None:
         check_ranges(self, RANGES)
@@ -143,28 +148,22 @@ class Simulation:
 
     Attributes
     ----------
+    shot : how they are recorded
     performers : the people on the floor plan
     furniture : around them
     view : the camera's place
     sensor : the camera and its noise
     frames_in_all : length of the recording
     frame_rate : frames a second
-    furnished : True: the depth shows a room. False: all that is not a person is 0
-    seed : of all noise
-    color, skinning, room : see `Shot`
     """
 
+    shot: Shot
     performers: tuple[Performer, ...]
     furniture: Mesh
     view: View
     sensor: Sensor
     frames_in_all: int
     frame_rate: float
-    furnished: bool = True
-    seed: int = 0
-    color: bool = False
-    skinning: str = "linear"
-    room: str | None = None
 
     @cached_property
     def _rays(self) -> Camera:
@@ -175,7 +174,7 @@ class Simulation:
     def _surroundings(self) -> Surroundings:
         """The room without people, camera frame."""
         used = [p.body.joint_positions(p.poses).reshape(-1, 3) for p in self.performers]
-        return surroundings(self.room, used or [NOBODY_REACH], self.furniture, self.view)
+        return surroundings(self.shot.room, used or [EMPTY_REACH], self.furniture, self.view)
 
     @cached_property
     def _room(self) -> Surface:
@@ -183,45 +182,45 @@ class Simulation:
         hits = cast(self._surroundings.mesh.vertices, self._surroundings.mesh.faces, self._rays)
         everywhere = np.ones(hits.depth.shape, dtype=bool)
         cosines = self._cosines(hits, everywhere).reshape(everywhere.shape)
-        nobody = np.full(everywhere.shape, -1, dtype=np.int16)
-        return Surface(hits.depth, cosines, nobody, self._surroundings.reflectance_of(hits.triangles))
+        no_person = np.full(everywhere.shape, -1, dtype=np.int16)
+        return Surface(hits.depth, cosines, no_person, self._surroundings.reflectance_of(hits.triangles))
 
     @cached_property
     def _backdrop(self) -> Backdrop:
         """What is seen in colour of the room without people."""
         camera = self.sensor.camera.scaled(FINER)
         hits = cast(self._surroundings.mesh.vertices, self._surroundings.mesh.faces, camera)
-        return Backdrop.of_room(hits, camera, self.view, np.random.default_rng([self.seed, 4]))
+        return Backdrop.of_room(hits, camera, self.view, np.random.default_rng([self.shot.seed, 4]))
 
     @cached_property
     def _skins(self) -> tuple[np.ndarray, ...]:
         """Colours of the vertices of each performer."""
-        looks = (Appearance.drawn(np.random.default_rng([self.seed, 5, i])) for i in range(len(self.performers)))
+        looks = (Appearance.drawn(np.random.default_rng([self.shot.seed, 5, i])) for i in range(len(self.performers)))
         return tuple(vertex_colors(p.body, look, p.hanging) for p, look in zip(self.performers, looks, strict=True))
 
     def background(self) -> np.ndarray | None:
         """Depth of the empty room, uint16 (H, W) millimetres, median of a few noisy frames; None if not furnished."""
-        if not self.furnished:
+        if not self.shot.furnished:
             return None
-        rng = np.random.default_rng([self.seed, 1])
+        rng = np.random.default_rng([self.shot.seed, 1])
         frames = [self.sensor.measure(self._room, rng)[0] for _ in range(EMPTY_FRAMES)]
         return np.median(frames, axis=0).astype(np.uint16)
 
     def frames(self) -> Iterator[SimulatedFrame]:
         """Frame after frame, always the same for the same seed."""
-        rng, painter = (np.random.default_rng([self.seed, k]) for k in (0, 3))
+        rng, painter = (np.random.default_rng([self.shot.seed, k]) for k in (0, 3))
         joints = self.joints()
         for i in range(self.frames_in_all):
             present = self._present(i)
             depth, person = self.sensor.measure(self._surface(present, self._things(i)), rng)
-            if not self.furnished:
+            if not self.shot.furnished:
                 depth = np.where(person >= 0, depth, 0).astype(np.uint16)
             measured = np.where(depth > 0, person, -1).astype(np.int16)
-            color = self._picture(present, painter) if self.color else None
+            color = self._picture(present, painter) if self.shot.color else None
             yield SimulatedFrame(depth, joints[:, i], measured, i / self.frame_rate, color)
 
     def joints(self) -> np.ndarray:
-        """True joints of everybody, float32 (N, T, 20, 3), metres, camera frame, NaN while absent."""
+        """True joints of all people, float32 (N, T, 20, 3), metres, camera frame, NaN while absent."""
         joints = np.full((len(self.performers), self.frames_in_all, len(skeleton.REPORTED), 3), np.nan, np.float32)
         for own, p in zip(joints, self.performers, strict=True):
             own[p.first : p.end] = self.view.to_camera(p.body.joint_positions(p.poses))
@@ -230,7 +229,7 @@ class Simulation:
     def _present(self, frame: int) -> dict[int, np.ndarray]:
         """The vertices (V, 3) of those who are there in a frame, camera frame, by number."""
         return {
-            i: self.view.to_camera(SKINNINGS[self.skinning](p.body, p.poses[frame - p.first]))
+            i: self.view.to_camera(SKINNINGS[self.shot.skinning](p.body, p.poses[frame - p.first]))
             for i, p in enumerate(self.performers)
             if p.first <= frame < p.end
         }
@@ -279,23 +278,19 @@ def prepare(people: Sequence[Person], shot: Shot | None = None) -> Simulation:
     pieces = [furniture_of(person, performer) for person, performer in zip(people, performers, strict=True)]
     sensor = make_sensor(shot.sensor) if isinstance(shot.sensor, str) else shot.sensor
     return Simulation(
+        shot,
         performers,
         joined([*pieces, boxes_mesh(shot.boxes)]),
         _view(people, performers, shot, sensor.camera),
         sensor,
         max((p.end for p in performers), default=max(1, round(shot.seconds * rate))),
         rate,
-        shot.furnished,
-        shot.seed,
-        shot.color,
-        shot.skinning,
-        shot.room,
     )
 
 
 def _view(people: Sequence[Person], performers: Sequence[Performer], shot: Shot, camera: Camera) -> View:
     """The camera's place: how high it stands, and how far it looks down."""
-    stature, neck = NOBODY_HEIGHT, NOBODY_NECK
+    stature, neck = EMPTY_STATURE, EMPTY_NECK
     if performers:
         body = performers[0].body
         stature, neck = body.height, neck_height(body, seated=people[0].seated)
@@ -313,18 +308,18 @@ def simulate_scene(
     output: str | Path,
     shot: Shot | None = None,
     *,
-    sensors: Worn | None = None,
-    progress: Callable[[int, int], None] | None = None,
+    progress: Count = silent,
 ) -> Recording:
     """Simulate a depth recording with exact joints and write it as NPZ (`depthmocap simulate`).
+
+    Inertial sensors lie beside it, as `<stem>_sensors.npz` and `<stem>_sensors_truth.json`.
 
     Parameters
     ----------
     people : no person, one person or several; the true joints are (20, 3) a frame for one and (N, 20, 3) otherwise
     output : the NPZ file to write
     shot : how they are recorded
-    sensors : inertial sensors on the first person; `<stem>_sensors.npz` and `<stem>_sensors_truth.json` lie beside
-    progress : called with the number of frames done and the number of all frames
+    progress : told after every frame
 
     Returns
     -------
@@ -345,7 +340,7 @@ def simulate_scene(
     check_output(output, [person.clip for person in people if not isinstance(person.clip, PoseClip)])
     shot = shot or Shot()
     simulation = prepare(people, shot)
-    measured = _worn_sensors(simulation, sensors) if sensors is not None and sensors.limbs else None
+    measured = _worn_sensors(simulation) if shot.inertial else None
     background = simulation.background() if shot.background else None
     with RecordingWriter(
         output, simulation.sensor.camera, background=background, up_camera=simulation.view.up_camera
@@ -353,21 +348,20 @@ def simulate_scene(
         for i, frame in enumerate(simulation.frames()):
             joints = frame.joints[0] if len(people) == 1 else frame.joints
             writer.append(frame.depth, frame.timestamp, color=frame.color, joints=joints)
-            if progress is not None:
-                progress(i + 1, simulation.frames_in_all)
+            progress(i + 1, simulation.frames_in_all)
     if measured is not None:
         measured.save(Path(output).with_name(f"{Path(output).stem}_sensors.npz"))
     return open_recording(output)
 
 
-def _worn_sensors(simulation: Simulation, worn: Worn) -> SimulatedSensors:
+def _worn_sensors(simulation: Simulation) -> SimulatedSensors:
     """Sensors of the first person; the floor plan's axes are those of the level frame."""
+    shot, rate = simulation.shot, simulation.frame_rate
     if not simulation.performers:
-        raise UsageError(f"nobody is there to wear sensors on {', '.join(worn.limbs)}; name a clip")
+        raise UsageError(f"there is no person to wear sensors on {', '.join(shot.inertial)}; name a clip")
     wearer = simulation.performers[0]
-    rate = simulation.frame_rate
-    seed, start = simulation.seed, wearer.first / rate
-    return simulate_sensors(wearer.body, wearer.poses, rate, worn.limbs, worn.noise, seed, start)
+    start = wearer.first / rate
+    return simulate_sensors(wearer.body, wearer.poses, rate, shot.inertial, shot.inertial_noise, shot.seed, start)
 
 
 def simulate_recording(
@@ -376,11 +370,8 @@ def simulate_recording(
     *,
     body: str | Sequence[float] | Body = "neutral",
     yaw: float = 0.0,
-    subject_seed: int | None = None,
-    sensors: Worn | None = None,
-    progress: Callable[[int, int], None] | None = None,
+    progress: Count = silent,
     **shot: Any,
 ) -> Recording:
     """Simulate one person alone: arguments of `Person` and, as keywords, of `Shot`; otherwise as `simulate_scene`."""
-    person = Person(clip, body=body, yaw=yaw, subject_seed=subject_seed)
-    return simulate_scene([person], output, Shot(**shot), sensors=sensors, progress=progress)
+    return simulate_scene([Person(clip, body=body, yaw=yaw)], output, Shot(**shot), progress=progress)

@@ -5,10 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from toolkit import skeleton
-from toolkit.simulation.person import facing_of
+from toolkit.simulation.person import facing_of, mean_place, turned
 
 ASIDE = 0.62
 """Metres beside the border of the image at which a person is out of sight."""
@@ -40,13 +39,8 @@ def with_arms(poses: np.ndarray, arms: str, share: np.ndarray | float = 1.0) -> 
 
 def travelled(poses: np.ndarray, places: np.ndarray, yaws: np.ndarray) -> np.ndarray:
     """Poses (T, P) of a person on the spot, brought to places (T, 2), x and z in metres, facing yaws (T,), radians."""
-    out = poses.copy()
-    turns = Rotation.from_euler("y", (yaws - facing_of(poses[0]))[:, None])
-    middle = poses[:, skeleton.ROOT_POSITION].mean(axis=0) * [1.0, 0.0, 1.0]
     ground = np.stack([places[:, 0], np.zeros(len(places)), places[:, 1]], axis=1)
-    out[:, skeleton.ROOT_POSITION] = turns.apply(poses[:, skeleton.ROOT_POSITION] - middle) + ground
-    out[:, skeleton.ROOT_ROTATION] = (turns * Rotation.from_rotvec(poses[:, skeleton.ROOT_ROTATION])).as_rotvec()
-    return out
+    return turned(poses, (yaws - facing_of(poses[0]))[:, None], mean_place(poses), ground)
 
 
 def out_of_sight(side: float, z: float, distance: float, slope: float) -> np.ndarray:

@@ -8,7 +8,7 @@ BINS = 10
 """Equal bins of the confidence over which the calibration error is taken."""
 
 
-def calibration_error(confidence: np.ndarray, correct: np.ndarray, bins: int = BINS) -> float:
+def calibration_error(confidence: np.ndarray, correct: np.ndarray) -> float:
     """Expected calibration error (Guo 2017, Eq. 3), in [0, 1]; NaN of nothing.
 
     Mean over the bins, weighted by their number of samples, of the difference between the mean confidence and the share
@@ -21,6 +21,6 @@ def calibration_error(confidence: np.ndarray, correct: np.ndarray, bins: int = B
     """
     if len(confidence) == 0:
         return float("nan")
-    number = np.minimum((np.asarray(confidence, dtype=np.float64) * bins).astype(np.int64), bins - 1)
-    gaps = np.bincount(number, weights=np.asarray(confidence, np.float64) - correct, minlength=bins)
+    number = np.minimum((np.asarray(confidence, dtype=np.float64) * BINS).astype(np.int64), BINS - 1)
+    gaps = np.bincount(number, weights=np.asarray(confidence, np.float64) - correct, minlength=BINS)
     return float(np.abs(gaps).sum() / len(confidence))

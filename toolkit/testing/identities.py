@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from toolkit.evaluation.evaluate import assigned
+from toolkit.people.tracks import assigned
 
 GATE = 0.5
 """Mean distance of the joints, metres, beyond which a track is not that person."""
@@ -29,7 +29,7 @@ class Identities(NamedTuple):
     false: int
 
 
-def identities_of(distances: np.ndarray, due: np.ndarray, active: np.ndarray, *, gate: float = GATE) -> Identities:
+def identities_of(distances: np.ndarray, due: np.ndarray, active: np.ndarray) -> Identities:
     """CLEAR MOT: a match lasts while it is within the gate; the rest is matched at the least total distance.
 
     Parameters
@@ -37,10 +37,9 @@ def identities_of(distances: np.ndarray, due: np.ndarray, active: np.ndarray, *,
     distances : float64 (T, N, M), metres, between N people and M tracks in each frame; NaN where either is absent
     due : bool (T, N), whether a person ought to be followed; a person who ought not may be, and is not missed otherwise
     active : bool (T, M), whether a track says that a person is there
-    gate : metres
     """
     frames, people, _ = distances.shape
-    costs = np.where((distances <= gate) & active[:, None], distances, np.inf)
+    costs = np.where((distances <= GATE) & active[:, None], distances, np.inf)
     track_of = np.full((frames, people), -1, dtype=np.int64)
     last = np.full(people, -1, dtype=np.int64)
     current = last.copy()
@@ -53,7 +52,8 @@ def identities_of(distances: np.ndarray, due: np.ndarray, active: np.ndarray, *,
         free = costs[t].copy()
         free[held] = np.inf
         free[:, now[held]] = np.inf
-        now = np.where(now >= 0, now, assigned(free))
+        for person, track in assigned(free, np.full(people, GATE)):
+            now[person] = track
         found = now >= 0
         switches += int((found & (last >= 0) & (now != last)).sum())
         last = np.where(found, now, last)

@@ -21,6 +21,7 @@ from toolkit.mocap.clip import PoseClip
 from toolkit.mocap.read import read_clip
 from toolkit.mocap.retarget import retarget
 from toolkit.retrieval.annotation.measures import Segment
+from toolkit.simulation.person import facing_of, turned
 from toolkit.simulation.sensors import make_sensor
 from toolkit.simulation.simulate import simulate_recording
 from toolkit.testing.suite import MOCAP, RATE, Take, digest_of, distance_needed, in_place
@@ -111,7 +112,7 @@ def joined(parts: Sequence[tuple[np.ndarray, str | None]]) -> tuple[np.ndarray, 
     pieces, segments, frames = [parts[0][0]], [], 0
     for number, (part, label) in enumerate(parts):
         if number:
-            part = _continuing(pieces[-1][-1], part)
+            part = continuing(pieces[-1][-1], part)
             pieces += [_eased(pieces[-1][-1], part[0]), part]
             frames += JOIN
         if label is not None:
@@ -124,7 +125,7 @@ def record_sequence(
     sequence: MotionSequence, split: str, work: Path, *, filler: bool = False
 ) -> tuple[Path, Performed]:
     """The sequence as a recording in `work`, made if it is not there yet, and what was performed."""
-    made_by = (perform, joined, _continuing, _eased)
+    made_by = (perform, joined, continuing, _eased)
     folders = ["toolkit/simulation", "toolkit/mocap", "toolkit/body"]
     digest = digest_of(made_by, folders, sequence, split, filler)
     path = work / "sequences" / f"{sequence.name}_{split}{'_filler' if filler else ''}_{digest}.npz"
@@ -139,18 +140,10 @@ def record_sequence(
     return path, done
 
 
-def _continuing(last: np.ndarray, part: np.ndarray) -> np.ndarray:
+def continuing(last: np.ndarray, part: np.ndarray) -> np.ndarray:
     """A part (T, P) turned about the vertical and moved over the floor so that it begins where `last` (P,) stands."""
-    turn = Rotation.from_euler("y", _yaw(last) - _yaw(part[0]))
-    moved = part.copy()
-    moved[:, :3] = turn.apply(part[:, :3] - part[0, :3] * [1.0, 0.0, 1.0]) + last[:3] * [1.0, 0.0, 1.0]
-    moved[:, skeleton.ROOT_ROTATION] = (turn * Rotation.from_rotvec(part[:, skeleton.ROOT_ROTATION])).as_rotvec()
-    return moved
-
-
-def _yaw(pose: np.ndarray) -> float:
-    facing = Rotation.from_rotvec(pose[skeleton.ROOT_ROTATION]).apply([0.0, 0.0, 1.0])
-    return float(np.arctan2(facing[0], facing[2]))
+    floor = np.array([1.0, 0.0, 1.0])
+    return turned(part, facing_of(last) - facing_of(part[0]), part[0, :3] * floor, last[:3] * floor)
 
 
 def _eased(before: np.ndarray, after: np.ndarray) -> np.ndarray:

@@ -50,7 +50,7 @@ def misled(state: PersonState, wrong: np.ndarray) -> PersonState:
         The tracker has found no person yet.
     """
     if state.pose is None or state.previous is None or state.centre is None:
-        raise UsageError("a tracker that has found nobody cannot be misled; let it track a frame first")
+        raise UsageError("a tracker that has found no person cannot be misled; let it track a frame first")
     shift = wrong[skeleton.ROOT_POSITION] - state.pose[skeleton.ROOT_POSITION]
     yaw = float(body_facing(wrong))
     return replace(

@@ -14,22 +14,21 @@ from scipy.spatial.transform import Rotation
 from toolkit import skeleton
 from toolkit.body.body import BELOW, Body
 from toolkit.fitting.objective import WORSE, Comparison, Objective
-from toolkit.fitting.orientation import Evidence
 from toolkit.fitting.placed import Drawn, NormalSystem, PlacedBody, Placer
 from toolkit.fitting.priors import PoseTerm
 from toolkit.fitting.refiner import Refiner, pair_terms
 from toolkit.fitting.scene import Scene
 from toolkit.fitting.settings import FittingSettings
 from toolkit.fitting.terms import CloudTerm, SurfaceTerm, visible_chosen
-from toolkit.sensing.cloud import Cloud
 
 
-class ScipyNeighbours:
-    """SciPy's kd-tree over the measured points, camera frame."""
+class PlainScene(Scene):
+    """A scene searched by SciPy's kd-tree over the measured points, camera frame."""
 
-    def __init__(self, points_camera: np.ndarray) -> None:
-        self._points = points_camera
-        self._tree = cKDTree(points_camera)
+    def __init__(self, *parts: Any, **marks: Any) -> None:
+        super().__init__(*parts, **marks)
+        self._points = back_projected(self.depth, self.intrinsics)[0]
+        self._tree = cKDTree(self._points)
 
     def medians(self, points: np.ndarray, wanted: np.ndarray, reach: float, count: int, out: np.ndarray) -> None:
         """See `Scene.medians`."""
@@ -41,22 +40,6 @@ class ScipyNeighbours:
         padded = np.concatenate([self._points, np.full((1, 3), np.nan)])
         any_found = nearest[:, 0] < len(self._points)
         out[rows[any_found]] = np.nanmedian(padded[nearest[any_found]], axis=1)
-
-
-class PlainScene(Scene):
-    """A scene searched by SciPy's kd-tree."""
-
-    def __init__(
-        self,
-        cloud: Cloud,
-        extrema_level: np.ndarray,
-        samples: int,
-        evidence: Sequence[Evidence] = (),
-        **marks: Any,
-    ) -> None:
-        super().__init__(cloud, extrema_level, samples, evidence=evidence, **marks)
-        neighbours = ScipyNeighbours(back_projected(self.depth, self.intrinsics)[0])
-        self.medians = neighbours.medians  # type: ignore[method-assign]
 
 
 def back_projected(depth: np.ndarray, intrinsics: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -273,11 +256,11 @@ class PlainCloudTerm(CloudTerm):
         system.gather(placed, vertex_of[found], points[found], residual, robust, self.plane, self.point)
 
 
-def bounded_step(
-    matrix: np.ndarray, vector: np.ndarray, pose: np.ndarray, limits: np.ndarray, damping: np.ndarray
-) -> np.ndarray:
-    """Damped least squares within limits by an active set that only grows; see `twists.bounded_step`."""
-    step = np.zeros_like(vector)
+def plain_solve(
+    matrix: np.ndarray, vector: np.ndarray, pose: np.ndarray, limits: np.ndarray, damping: np.ndarray, step: np.ndarray
+) -> None:
+    """Fill `step` with the damped least squares within limits by an active set that only grows, as `refiner.Solve`."""
+    step[:] = 0.0
     fixed = np.zeros(len(vector), dtype=bool)
     low, high = limits[:, 0] - pose, limits[:, 1] - pose
     damped = matrix + np.diag(damping)
@@ -287,20 +270,13 @@ def bounded_step(
         try:
             step[free] = cho_solve(cho_factor(damped[np.ix_(free, free)]), right)
         except LinAlgError:
-            return np.zeros_like(vector)
+            step[:] = 0.0
+            return
         outside = (step < low) | (step > high)
-        step = np.clip(step, low, high)
+        step[:] = np.clip(step, low, high)
         if not (outside & free).any():
             break
         fixed |= outside
-    return step
-
-
-def plain_solve(
-    matrix: np.ndarray, vector: np.ndarray, pose: np.ndarray, limits: np.ndarray, damping: np.ndarray, step: np.ndarray
-) -> None:
-    """Fill `step` as `refiner.Solve` has it."""
-    step[:] = bounded_step(matrix, vector, pose, limits, damping)
 
 
 def plain_refiner(placer: PlainPlacer, settings: FittingSettings, pose_terms: Sequence[PoseTerm] = ()) -> Refiner:

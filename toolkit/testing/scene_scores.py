@@ -1,4 +1,4 @@
-"""Figures of a scene: anybody from no person to several people, of whom the camera sees only a part."""
+"""Figures of a scene: no person, one or several, of whom the camera sees only a part."""
 
 from __future__ import annotations
 
@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 
 from toolkit.errors import RecordingError
-from toolkit.evaluation.evaluate import assigned
 from toolkit.evaluation.joints import CAP, NEAR
+from toolkit.people.tracks import assigned
 from toolkit.sensing.camera import Camera
 from toolkit.sensing.recording import Recording
 from toolkit.testing.calibration import calibration_error
@@ -43,7 +43,7 @@ class SceneScore:
     identities : matches and counts within the gate
     delays : float64 (N,), seconds from a person's coming to their being found, inf = never, NaN = never there
     numbers_right : bool (T,), whether as many are reported as there are
-    tracked : bool (T,), whether anybody is said to be tracked
+    tracked : bool (T,), whether a person is said to be tracked
     """
 
     name: str
@@ -155,11 +155,11 @@ def _errors(
     errors = np.where(known, CAP, np.nan)
     held = np.full(errors.shape, np.nan)
     for t, costs in enumerate(distances):
-        track = assigned(np.where(np.isfinite(costs), np.minimum(costs, CAP), np.inf))
-        people = np.flatnonzero(track >= 0)
-        apart = np.linalg.norm(truth[t, people] - joints[t, track[people]], axis=-1)
-        errors[t, people] = np.where(known[t, people], np.minimum(apart, CAP), np.nan)
-        held[t, people] = confidence[t, track[people]]
+        near = np.where(np.isfinite(costs), np.minimum(costs, CAP), np.inf)
+        for person, track in assigned(near, np.full(len(near), CAP)):
+            apart = np.linalg.norm(truth[t, person] - joints[t, track], axis=-1)
+            errors[t, person] = np.where(known[t, person], np.minimum(apart, CAP), np.nan)
+            held[t, person] = confidence[t, track]
     return errors, held
 
 

@@ -18,6 +18,7 @@ from toolkit.body.body import Body
 from toolkit.body.shape import subject_body
 from toolkit.mocap.clip import PoseClip
 from toolkit.simulation.simulate import simulate_recording
+from toolkit.testing.labelled import continuing
 from toolkit.testing.suite import RATE, cut, digest_of, has_mocap, in_place, motion_of
 
 SEQUENCES = {"MS_1": "athletic_male", "MS_2": "heavy_male", "FS_1": "slim_female", "FS_2": "average_female"}
@@ -70,12 +71,7 @@ def joined_up(parts: Sequence[np.ndarray]) -> np.ndarray:
     """
     whole = parts[0]
     for part in parts[1:]:
-        before, moved = whole[-1], part.copy()
-        rotations = Rotation.from_rotvec(part[:, skeleton.ROOT_ROTATION])
-        turn = Rotation.from_euler("y", _yaw(before) - _yaw(part[0]))
-        at, places = part[0, skeleton.ROOT_POSITION] * (1, 0, 1), part[:, skeleton.ROOT_POSITION]
-        moved[:, skeleton.ROOT_POSITION] = turn.apply(places - at) + before[skeleton.ROOT_POSITION] * (1, 0, 1)
-        moved[:, skeleton.ROOT_ROTATION] = (turn * rotations).as_rotvec()
+        before, moved = whole[-1], continuing(whole[-1], part)
         for i in range(min(BLEND, len(moved))):
             moved[i] = _between(before, moved[i], (i + 1) / (BLEND + 1))
         whole = np.concatenate([whole, moved])
@@ -88,8 +84,3 @@ def _between(first: np.ndarray, second: np.ndarray, share: float) -> np.ndarray:
     both = Rotation.from_rotvec(np.stack([first, second])[:, skeleton.ROOT_ROTATION])
     pose[skeleton.ROOT_ROTATION] = Slerp([0.0, 1.0], both)(share).as_rotvec()
     return pose
-
-
-def _yaw(pose: np.ndarray) -> float:
-    facing = Rotation.from_rotvec(pose[skeleton.ROOT_ROTATION]).as_matrix()[:, 2]
-    return float(np.arctan2(facing[0], facing[2]))

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from toolkit.body.body import Body
-from toolkit.people.joints import GivenJoints, JointSource
+from toolkit.people.joints import GivenJoints
 from toolkit.people.sighting import PeopleFinder, Sighting
 from toolkit.people.survey import find_person
 from toolkit.sensing.camera import level_rotation
@@ -25,8 +25,8 @@ class Solo:
     Parameters
     ----------
     tracker : how
-    recording : its camera, vertical and background are used, and its first frames to learn the person's body
-    joints : tells where the person's joints are in the image; None takes those that the frames bring
+    recording : its camera, vertical and background are used, and its first frames to learn the person's body; joints in
+        the image are those that the frames bring
 
     Attributes
     ----------
@@ -34,18 +34,16 @@ class Solo:
     level_rotation : R_level_camera, float64 (3, 3)
     """
 
-    def __init__(self, tracker: Tracker, recording: Recording, joints: JointSource | None = None) -> None:
-        self._tracker, self._joints = tracker, joints or GivenJoints(recording.camera)
+    def __init__(self, tracker: Tracker, recording: Recording) -> None:
+        self._tracker, self._joints = tracker, GivenJoints(recording.camera)
         self.level_rotation = level_rotation(recording.up_camera)
         self._finder = self._new_finder(recording)
         camera, body = self._finder.camera, None
         if tracker.learning_seconds:
-            before = self._joints.export_state()
             learner = tracker.learner(camera, self.level_rotation)
             for sighting, timestamp in self._first_sightings(recording):
                 learner.observe(sighting, timestamp)
             body = learner.body
-            self._joints.restore_state(before)
         self.follower: PersonFollower = tracker.follower(camera, self.level_rotation, body)
 
     @property
@@ -53,16 +51,10 @@ class Solo:
         """The person's body."""
         return self.follower.body
 
-    def step(
-        self,
-        depth_mm: np.ndarray,
-        timestamp: float,
-        joints: tuple[Joints2D, ...] = (),
-        color: np.ndarray | None = None,
-    ) -> FrameResult:
+    def step(self, depth_mm: np.ndarray, timestamp: float, joints: tuple[Joints2D, ...] = ()) -> FrameResult:
         """Find the person in the next frame: depth uint16 (H, W) in millimetres, timestamp in seconds, see `Frame`."""
         clock = StageClock(self._tracker.stage_names)
-        sighting = self._sighting(self._finder, Frame(depth_mm, timestamp, joints, color))
+        sighting = self._sighting(self._finder, Frame(depth_mm, timestamp, joints))
         return self.follower.step(sighting, timestamp, clock)
 
     def _new_finder(self, recording: Recording) -> PeopleFinder:
@@ -71,7 +63,7 @@ class Solo:
     def _first_sightings(self, recording: Recording) -> Iterator[tuple[Sighting, float]]:
         finder = self._new_finder(recording)
         since: float | None = None
-        for frame in recording.stream(color=self._joints.needs_color):
+        for frame in recording.stream():
             since = frame.timestamp if since is None else since
             yield self._sighting(finder, frame), frame.timestamp
             if frame.timestamp - since >= self._tracker.learning_seconds:

@@ -58,18 +58,18 @@ def camera_for(pixels: float) -> Camera:
     return Camera(285.6 * scale, 285.6 * scale, (width - 1) / 2, (height - 1) / 2, width, height)
 
 
-def moving_clouds(pixels: float, count: int, seed: int = 0) -> list[Cloud]:
+def moving_clouds(pixels: float, count: int) -> list[Cloud]:
     """Clouds of `count` frames of a moving subject with about `pixels` points each."""
-    rng = np.random.default_rng(seed)
-    body = subject_body("neutral", seed=seed)
+    rng = np.random.default_rng(0)
+    body = subject_body("neutral", seed=0)
     camera = camera_for(pixels)
     return [Cloud.from_depth(draw(body, pose, camera, rng), camera, LEVEL) for pose in moving_poses(count, rng)]
 
 
-def write_recording(path: Path, pixels: float, count: int, seed: int = 0) -> None:
+def write_recording(path: Path, pixels: float, count: int) -> None:
     """Write the frames of `moving_clouds` as a recording with the true joints."""
-    rng = np.random.default_rng(seed)
-    body = subject_body("neutral", seed=seed)
+    rng = np.random.default_rng(0)
+    body = subject_body("neutral", seed=0)
     camera = camera_for(pixels)
     poses = moving_poses(count, rng)
     frames = (np.rint(1000 * draw(body, pose, camera, rng)).astype(np.uint16) for pose in poses)

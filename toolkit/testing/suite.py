@@ -24,11 +24,9 @@ from typing import Any
 
 import numpy as np
 from scipy.ndimage import gaussian_filter1d
-from scipy.spatial.transform import Rotation
 
 from database_builder.build import THRESHOLD, Sampling, build_database
 from database_builder.regressor import RegressorSettings
-from toolkit import skeleton
 from toolkit.body.body import Body
 from toolkit.body.shape import subject_body
 from toolkit.mocap.clip import PoseClip
@@ -37,7 +35,7 @@ from toolkit.mocap.read import read_clip
 from toolkit.mocap.retarget import retarget
 from toolkit.progress import Progress
 from toolkit.sensing.camera import Camera
-from toolkit.simulation.person import Person, prepare_person
+from toolkit.simulation.person import Person, mean_place, prepare_person, turned
 from toolkit.simulation.scene import place_camera
 from toolkit.simulation.sensors import make_sensor
 from toolkit.simulation.simulate import MIDDLE, simulate_recording
@@ -232,7 +230,7 @@ def cut(poses: np.ndarray, start: float, frames: int, shortest: int = SHORTEST) 
 
 
 def in_place(poses: np.ndarray) -> np.ndarray:
-    """Poses (T, P) of a person who travels as if on a treadmill; of anybody else as they are."""
+    """Poses (T, P) of a person who travels as if on a treadmill; of any other as they are."""
     poses = poses.copy()
     floor_path = poses[:, [0, 2]]
     if np.ptp(floor_path, axis=0).max() > TREADMILL:
@@ -242,12 +240,8 @@ def in_place(poses: np.ndarray) -> np.ndarray:
 
 def spun(poses: np.ndarray, degrees: float) -> np.ndarray:
     """Poses (T, P) turned about the vertical through their mean place, evenly up to `degrees` in the last one."""
-    poses = poses.copy()
-    turns = Rotation.from_euler("y", np.linspace(0.0, degrees, len(poses))[:, None], degrees=True)
-    middle = poses[:, :3].mean(axis=0) * [1.0, 0.0, 1.0]
-    poses[:, :3] = turns.apply(poses[:, :3] - middle) + middle
-    poses[:, skeleton.ROOT_ROTATION] = (turns * Rotation.from_rotvec(poses[:, skeleton.ROOT_ROTATION])).as_rotvec()
-    return poses
+    middle = mean_place(poses)
+    return turned(poses, np.deg2rad(np.linspace(0.0, degrees, len(poses)))[:, None], middle, middle)
 
 
 def motion_of(motion: str, body: Body, *, seed: int = 0, fast: bool = False) -> PoseClip:

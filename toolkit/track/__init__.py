@@ -4,8 +4,16 @@ A run folder holds `track.npz` (exactly one row per tracked frame), `run.json`, 
 """
 
 from toolkit.track.info import RUN_FILE, RunInfo
-from toolkit.track.result import EMPTY, LOST, STATE_NAMES, TRACKED, FrameResult
-from toolkit.track.track import PARTIAL_FILE, TRACK_FILE, Track
+from toolkit.track.track import (
+    EMPTY,
+    LOST,
+    PARTIAL_FILE,
+    STATE_NAMES,
+    TRACK_FILE,
+    TRACKED,
+    FrameResult,
+    Track,
+)
 from toolkit.track.writer import TrackWriter
 
 __all__ = [

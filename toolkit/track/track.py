@@ -1,4 +1,4 @@
-"""The track: one row per frame of a recording, as a type and as `track.npz`."""
+"""What a tracker says about a frame, and the track: one row per frame of a recording, as a type and as `track.npz`."""
 
 from __future__ import annotations
 
@@ -12,12 +12,39 @@ from toolkit import skeleton
 from toolkit.archives import Column, check_columns, load_archive, save_archive
 from toolkit.errors import TrackError
 from toolkit.files import is_file
-from toolkit.track.result import STATE_NAMES
+
+TRACKED, LOST, EMPTY = 0, 1, 2
+"""States of a frame: followed; a person is there but not explained; no person is there."""
+STATE_NAMES = ("tracked", "lost", "empty")
 
 TRACK_FILE, PARTIAL_FILE = "track.npz", "track.partial"
 AGAIN = "track the recording again"
 FARTHEST, LATEST = 1e4, 1e12
 """Metres, or radians of a pose that winds up; seconds or milliseconds: beyond is no measurement."""
+
+
+@dataclass(frozen=True, eq=False)
+class FrameResult:
+    """What a tracker says about one frame.
+
+    Attributes
+    ----------
+    pose : float64 (P,), level frame (see `docs/architecture.md`), named by `skeleton.POSE_NAMES`
+    joints : float32 (20, 3), camera frame, metres at true scale, always finite
+    confidence : float32 (20,), in [0, 1]: probability that the joint is within 5 cm, 0 where nothing is known
+    state : `TRACKED`, `LOST` or `EMPTY`
+    source : index into the tracker's `source_names`, the hypothesis that won
+    stage_ms : float32 (S,), milliseconds per stage of the tracker's `stage_names`, disjoint
+    observed : bool (20,), False for a joint that was guessed, because nothing was measured where it has to be
+    """
+
+    pose: np.ndarray
+    joints: np.ndarray
+    confidence: np.ndarray
+    state: int
+    source: int
+    stage_ms: np.ndarray
+    observed: np.ndarray = field(default_factory=lambda: np.ones(len(skeleton.REPORTED), dtype=np.bool_))
 
 
 @dataclass(frozen=True, eq=False)

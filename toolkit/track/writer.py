@@ -21,8 +21,7 @@ from toolkit.archives import check_columns
 from toolkit.door import open_file
 from toolkit.errors import OutputError, TrackError, UsageError
 from toolkit.files import atomic_path
-from toolkit.track.result import FrameResult
-from toolkit.track.track import AGAIN, PARTIAL_FILE, Track, columns, row_columns
+from toolkit.track.track import AGAIN, PARTIAL_FILE, FrameResult, Track, columns, row_columns
 
 
 def row_type(stages: int) -> np.dtype:
