@@ -101,9 +101,10 @@ class Planner:
         rows, checks, looks = [], [], dict[int, Look]()
         for number, (first, last) in enumerate(stretches):
             best = survey.best(MOMENTS, first, last, self._timestamps) or [first]
-            found = yield from self._looks(best, body)
-            start = surest(found)
-            looks |= found
+            for frame in best:
+                looks[frame] = self._looker.afresh(frame, body)
+                yield
+            start = min(best, key=lambda frame: looks[frame].cost)
             rows.append((first, last, start))
             others = set(best)
             for begin in np.arange(self._timestamps[first], self._timestamps[last], CHECKED):
@@ -126,25 +127,26 @@ class Planner:
 
     def _own_body(self, moments: list[int], usable: np.ndarray) -> Generator[None, None, Body]:
         """The body that explains the frames around the surest of these moments."""
-        belief = yield from self._believed(moments)
-        looks = yield from self._looks(moments, belief.bodies[belief.likely[0]])
-        start = surest(looks)
+        belief, start, poses = yield from self._believed(moments)
         around = frames_around(start, usable, self._timestamps, self._learner.settings)
-        if not len(around):
-            return belief.bodies[belief.likely[0]]  # only the size is chosen
+        likeliest = belief.likely[0]
+        if not len(around) or not poses:
+            return belief.bodies[likeliest]  # only the size is chosen
         if len(belief.likely) > 1:
             few, learnt, costs = around[:: -(-len(around) // FEW)], [], []
             for k in belief.likely[:CANDIDATES]:
-                body = yield from self._learnt(belief.bodies[k], start, few)
+                body = yield from self._learnt(belief.bodies[k], start, poses.get(k, poses[likeliest]), few)
                 learnt.append(body)
                 costs.append(float(np.mean(self._distances[len(self._distances) // 2 :] or [NOTHING_FOUND])))
             belief = StatureBelief.of(tuple(learnt)).narrowed(dict(enumerate(costs)))
-        return (yield from self._learnt(ShapeSpace.load().body(belief.shape), start, around))
+        return (yield from self._learnt(ShapeSpace.load().body(belief.shape), start, poses[likeliest], around))
 
-    def _learnt(self, body: Body, start: int, around: np.ndarray) -> Generator[None, None, Body]:
-        """What becomes of a body that is taken for the person's in `start`, and then in the frames around it."""
+    def _learnt(self, body: Body, start: int, pose: np.ndarray, around: np.ndarray) -> Generator[None, None, Body]:
+        """What becomes of a body that is taken for the person's in `start`, where it has this pose, and then in the
+        frames around it.
+        """
         learner, self._distances = self._learner, []
-        learner.begin(body)
+        learner.begin(body, pose)
         learner.take(self._sighting(start), float(self._timestamps[start]))
         begun = learner.follower.state
         for frames in (around[around > start], around[around < start][::-1]):
@@ -155,32 +157,34 @@ class Planner:
                 yield
         return learner.follower.state.body
 
-    def _believed(self, moments: list[int]) -> Generator[None, None, StatureBelief]:
-        """How likely which size is, by looking for the person afresh with all of them."""
+    def _believed(
+        self, moments: list[int]
+    ) -> Generator[None, None, tuple[StatureBelief, int, Mapping[int, np.ndarray]]]:
+        """How likely which size is, by looking for the person afresh with all of them; in which moment the likeliest is
+        surest, and the poses of all sizes there.
+        """
         follower = self._learner.follower
         unknown = follower.state
-        belief = StatureBelief.of(follower.sizes)
+        belief, found = StatureBelief.of(follower.sizes), []
         for moment in moments:
             follower.state = unknown
             follower.sizes = tuple(belief.bodies[k] for k in belief.possible)
             follower.step(self._sighting(moment), float(self._timestamps[moment]), StageClock(self._stages))
-            costs: dict[int, float] = {}
+            best: dict[int, tuple[float, np.ndarray]] = {}
             for scored in follower.scored:
                 number = next(k for k, body in enumerate(belief.bodies) if body is scored.body)
-                costs[number] = min(costs.get(number, np.inf), follower.cost(scored) + follower.off_floor(scored))
-            if costs:
-                belief = belief.narrowed(costs)
+                cost = follower.cost(scored) + follower.off_floor(scored)
+                if number not in best or cost < best[number][0]:
+                    best[number] = cost, scored.hypothesis.pose
+            if best:
+                belief = belief.narrowed({number: cost for number, (cost, _) in best.items()})
+            found.append(best)
             yield
         follower.sizes, follower.state = belief.bodies, unknown
-        return belief
-
-    def _looks(self, moments: list[int], body: Body) -> Generator[None, None, dict[int, Look]]:
-        """What looks afresh say of these moments, for a body."""
-        looks = {}
-        for moment in moments:
-            looks[moment] = self._looker.afresh(moment, body)
-            yield
-        return looks
+        likeliest = belief.likely[0]
+        doubts = [best[likeliest][0] if likeliest in best else np.inf for best in found]
+        surest = int(np.argmin(doubts))
+        return belief, moments[surest], {number: pose for number, (_, pose) in found[surest].items()}
 
     def _sighting(self, frame: int) -> Sighting:
         """What is seen of the person in a frame, which both followers are about to look at."""
@@ -189,11 +193,6 @@ class Planner:
             self._follower.walked = self._learner.follower.walked = self._walked[frame]
         assert sighting is not None, "planned frames are frames in which the person was seen"
         return sighting
-
-
-def surest(looks: Mapping[int, Look]) -> int:
-    """The frame in which a pose was found at the least cost."""
-    return min(looks, key=lambda frame: looks[frame].cost)
 
 
 def times_in_sight(usable: np.ndarray, timestamps: np.ndarray) -> list[tuple[int, int]]:
