@@ -305,3 +305,14 @@ def test_the_vertical_of_a_file_says_how_often_the_image_has_to_be_turned(turns)
     assert quarter_turns(recording) == turns
     recording.options = {"rotate": 90}
     assert quarter_turns(recording) == 0
+
+
+@pytest.mark.parametrize(("above", "turns"), [(0.0, 1), (0.8, 0)], ids=["on the floor", "above it"])
+def test_a_floor_of_a_turned_image_has_somebody_standing_on_it(above, turns):
+    empty, _ = scene(KINECT, (), floor=True, wall=5.0, height=1.2)
+    depth, who = scene(KINECT, ((0.0, 3.2),), height=1.2 - above)
+    turned = np.ascontiguousarray(np.rot90(np.where(who == 1, depth, empty)))
+    vertical = SimpleNamespace(source="assumed")
+    camera = KINECT.rotated(-1)
+    recording = SimpleNamespace(options={}, vertical=vertical, camera=camera, background=None, depth=lambda _: turned)
+    assert quarter_turns(recording) == turns

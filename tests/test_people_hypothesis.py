@@ -110,7 +110,8 @@ def test_what_never_moved_beside_somebody_who_stays_is_the_rooms_where_the_judge
     one, two = (learnt(frames, lens_of(), judge) for judge in (Sure(2.0), Likes(own)))
     assert (one.background[block] == 0).mean() > 0.7, "the block flows together with them"
     assert (two.background[block] > 0).mean() > 0.7 and (two.background[own] == 0).mean() > 0.7
-    assert two.owned[own].mean() > 0.7 and not two.owned[two.background > 0].any()
+    assert two.owned[own].mean() > 0.7 and two.resting[own].mean() > 0.7 and not two.resting[two.background > 0].any()
+    assert not two.unclaimed[two.owned].any(), "theirs have a moving person's reach"
 
 
 def test_what_hangs_on_a_head_over_likely_pixels_is_theirs_though_another_thing_had_it():

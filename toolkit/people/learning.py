@@ -107,7 +107,6 @@ def learnt(
         for figure in stays:
             theirs = still & hanging(figure, somebody, stack, still, likely, planes, lens)
             background[theirs], owned[theirs] = 0.0, True
-    still &= background == 0
     return Surroundings(
         False, True, background, margin, still, tuple(planes), np.concatenate(figures), owned=still & owned
     )

@@ -139,7 +139,7 @@ class SeveralPeople:
         chairs = [heads[i] for i in left if resting[i] and beside(heads[i], movers)]
         furniture = [*furniture, *chairs]
         seeds = self._seeds(view, present, places, set(matched))
-        view = self._shared_by_bodies(view, present, places, predicted, seeds)
+        view = self._shared_by_bodies(view, surroundings, present, places, predicted, seeds)
         self._stayed(view, present, places, seeds)
         labels, bodies = self._shared(view, surroundings, seeds, places, furniture)
         small = [children[i] for i in left]
@@ -241,6 +241,7 @@ class SeveralPeople:
     def _shared_by_bodies(
         self,
         view: View,
+        surroundings: Surroundings,
         present: Sequence[Person],
         places: Sequence[np.ndarray],
         predicted: Mapping[int, PredictedBody],
@@ -251,8 +252,8 @@ class SeveralPeople:
         Where every person has a body, still pixels near none of them are furniture that a person touches; they are not
         in the foreground of the view that is returned.
         """
-        if len(present) < 2 and not view.still.any():
-            return view  # one person has all pixels
+        if len(present) < 2 and not surroundings.still.any():
+            return view  # one person has all pixels, but for what stands before a room that was learnt
         asked = {k: predicted[p.id] for k, p in enumerate(present, start=1) if p.id in predicted}
         bodies = {k: body for k, body in asked.items() if self._follows(body, places[k - 1])}
         if not bodies:
@@ -432,4 +433,4 @@ class SeveralPeople:
 def _rests(view: View, head: np.ndarray, surroundings: Surroundings) -> bool:
     """Whether nothing ever moved at a head's place (3,), whoever it belongs to."""
     here = near_head(view, head) & view.foreground
-    return bool(np.count_nonzero(surroundings.still & here) > NEVER_MOVED * np.count_nonzero(here))
+    return bool(np.count_nonzero(surroundings.resting & here) > NEVER_MOVED * np.count_nonzero(here))

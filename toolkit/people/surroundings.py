@@ -35,8 +35,7 @@ class Surroundings:
     floor : its y, level frame, metres; None where no floor is known
     figures : float64 (F, 3), level frame, metres: the heads of things of a person's shape that never moved while the
         room was learnt, and are taken for furniture
-    still : bool (h, w), pixels in which nothing moved while the room was learnt, and behind which it is not known;
-        False where it was not learnt
+    still : bool (h, w), pixels in which nothing moved while the room was learnt; False where it was not
     owned : bool (h, w), those of them that are surely somebody's; None = none of them
     """
 
@@ -51,9 +50,14 @@ class Surroundings:
     owned: np.ndarray | None = None
 
     @property
+    def resting(self) -> np.ndarray:
+        """Bool (h, w), still pixels that are not known to be the room: furniture's, or of somebody who stays."""
+        return self.still & (self.background == 0)
+
+    @property
     def unclaimed(self) -> np.ndarray:
-        """Bool (h, w), still pixels that may be of furniture as well as of somebody who touches it."""
-        return self.still if self.owned is None else self.still & ~self.owned
+        """Bool (h, w), those of them that may be of furniture as well as of somebody who touches it."""
+        return self.resting if self.owned is None else self.resting & ~self.owned
 
     def export_state(self) -> dict[str, Any]:
         """All of it as arrays and numbers."""
@@ -64,7 +68,7 @@ class Surroundings:
             "background": self.background,
             "margin": self.margin,
             "still": self.still,
-            "owned": self.still & ~self.unclaimed,
+            "owned": self.resting & ~self.unclaimed,
             "figures": self.figures,
             "floor": np.array(np.nan if self.floor is None else self.floor),
             "planes": np.array(rows, dtype=np.float64).reshape(-1, 5),

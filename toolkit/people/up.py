@@ -95,7 +95,7 @@ def assumed_up(frames: Sequence[np.ndarray], camera: Camera) -> np.ndarray:
     lens = Lens(camera.undistorted(), image_up, SensingSettings())
     for frame in frames:
         depth = lens.coarse(frame)
-        for axis, trust in people_axes(depth, lens):
+        for axis, trust, _ in people_axes(depth, lens):
             doubt -= _outer(axis, TRUST[trust]) / len(frames)
     if frames:
         depth = lens.coarse(frames[0])
@@ -112,8 +112,10 @@ def _outer(direction: np.ndarray, deviation: float) -> np.ndarray:
     return np.asarray(direction[:, None] * direction[None, :] / deviation**2)
 
 
-def people_axes(depth: np.ndarray, lens: Lens) -> list[tuple[np.ndarray, str]]:
-    """Directions in which the people of a coarse frame point upwards, camera frame, and how far to trust them."""
+def people_axes(depth: np.ndarray, lens: Lens) -> list[tuple[np.ndarray, str, np.ndarray]]:
+    """Directions in which the people of a coarse frame point upwards, how far to trust them, and the people's points
+    (N, 3): camera frame, metres.
+    """
     surroundings = first_look(depth, lens)
     view = lens.view(depth, surroundings.foreground(depth, lens.rays, tolerances(depth, lens)), surroundings.still)
     heads, _, labels = people_and_furniture(view, lens, cut_out=surroundings.cut_out)
@@ -124,11 +126,11 @@ def people_axes(depth: np.ndarray, lens: Lens) -> list[tuple[np.ndarray, str]]:
         widths, directions = linear.principal_axes(covariance)
         longest = directions[:, 2] * np.sign(linear.dot(directions[:, 2], np.array(DEFAULT_UP)))
         if widths[2] >= ELONGATED**2 * widths[1]:
-            axes.append((longest, "standing"))
+            axes.append((longest, "standing", points))
         else:
             upwards = lens.from_level(head[None])[0] - _chest(points, head, lens)
-            axes.append((upwards / np.sqrt(linear.dot(upwards, upwards)), "torso"))
-    return [(axis, trust) for axis, trust in axes if _angle(axis, np.array(DEFAULT_UP)) <= LARGEST_TILT]
+            axes.append((upwards / np.sqrt(linear.dot(upwards, upwards)), "torso", points))
+    return [person for person in axes if _angle(person[0], np.array(DEFAULT_UP)) <= LARGEST_TILT]
 
 
 def _chest(points: np.ndarray, head: np.ndarray, lens: Lens) -> np.ndarray:
