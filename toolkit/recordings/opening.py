@@ -13,7 +13,7 @@ from toolkit.files import is_file, is_folder, link_out_of
 from toolkit.people.turned import quarter_turns
 from toolkit.recordings.options import ReaderOptions
 from toolkit.recordings.readers import reader_for
-from toolkit.recordings.readers.common import ArrayFrames, chosen_camera, recording_of_source
+from toolkit.recordings.readers.common import ArrayFrames, FileFacts, chosen_camera, recording_of_source
 from toolkit.sensing.recording import Recording
 
 logger = logging.getLogger(__name__)
@@ -89,8 +89,10 @@ def recording_of(
         ArrayFrames(frames),
         chosen_camera(chosen, frames.shape[1:], path),
         chosen,
+        FileFacts(
+            unit="m" if frames.dtype.kind == "f" else "mm",
+            timestamps=None if timestamps is None else np.asarray(timestamps, np.float64),
+            background=background,
+        ),
         name=name,
-        unit="m" if frames.dtype.kind == "f" else "mm",
-        timestamps=None if timestamps is None else np.asarray(timestamps, np.float64),
-        background=background,
     )

@@ -17,7 +17,7 @@ from toolkit.door import open_file
 from toolkit.errors import RecordingError
 from toolkit.kernels.image import depth as kernels
 from toolkit.recordings.options import ReaderOptions
-from toolkit.recordings.readers.common import chosen_camera, damaged, natural_key, recording_of_source
+from toolkit.recordings.readers.common import FileFacts, chosen_camera, damaged, natural_key, recording_of_source
 from toolkit.sensing.camera import Camera
 from toolkit.sensing.recording import FrameSource, Recording
 
@@ -228,4 +228,4 @@ def read(path: Path, options: ReaderOptions) -> Recording:
     else:
         camera = virtual_camera(first.points)
     source = CloudFrames(files, options.axes, camera, found is not None)
-    return recording_of_source(path, source, camera, options, unit="m")
+    return recording_of_source(path, source, camera, options, FileFacts(unit="m"))

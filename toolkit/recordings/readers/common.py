@@ -7,6 +7,7 @@ import math
 import re
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -80,54 +81,60 @@ class FileFrames(FrameSource):
         return np.ascontiguousarray(read_image(self._color[i], cv2.IMREAD_COLOR)[:, :, ::-1])
 
 
-def recording_of_source(
-    path: Path,
-    source: FrameSource,
-    camera: Camera,
-    options: ReaderOptions,
-    *,
-    name: str | None = None,
-    unit: str | float = "mm",
-    mirrored: bool = False,
-    timestamps: np.ndarray | None = None,
-    background: np.ndarray | None = None,
-    up: np.ndarray | None = None,
-    joints: np.ndarray | None = None,
-    reference_joints: np.ndarray | None = None,
-    image_joints: np.ndarray | None = None,
-) -> Recording:
-    """A recording of what a file says, where the options do not say otherwise.
+@dataclass(frozen=True, eq=False)
+class FileFacts:
+    """What a file says of its recording; None where it says nothing.
 
-    Parameters
+    Attributes
     ----------
-    path : of the recording
-    source, camera : its raw frames, and what they were taken with
-    options : as they were given
-    name : that of the path if None
-    unit, mirrored : as in `ReaderOptions`
+    unit, mirrored : of the raw depth, as in `ReaderOptions`
     timestamps : (T,), seconds; None = evenly, at the option's rate or 30 a second
     background : raw depth of the empty scene
     up : the vertical in the camera frame
     joints, reference_joints, image_joints : as in `Recording`
     """
-    if options.background is not None:
-        background = read_depth_png(Path(options.background))
+
+    unit: str | float = "mm"
+    mirrored: bool = False
+    timestamps: np.ndarray | None = None
+    background: np.ndarray | None = None
+    up: np.ndarray | None = None
+    joints: np.ndarray | None = None
+    reference_joints: np.ndarray | None = None
+    image_joints: np.ndarray | None = None
+
+
+def recording_of_source(
+    path: Path,
+    source: FrameSource,
+    camera: Camera,
+    options: ReaderOptions,
+    says: FileFacts | None = None,
+    *,
+    name: str | None = None,
+) -> Recording:
+    """A recording of what its file `says`, where the `options` do not say otherwise.
+
+    `source` and `camera` are its raw frames, and what they were taken with; `name` is that of the path if None.
+    """
+    says = says or FileFacts()
+    background = says.background if options.background is None else read_depth_png(Path(options.background))
     return Recording(
         name=path.stem if name is None else name,
         path=path,
         camera=camera,
-        timestamps=frame_times(len(source), options) if timestamps is None else timestamps,
+        timestamps=frame_times(len(source), options) if says.timestamps is None else says.timestamps,
         source=source,
         converter=DepthConverter(
-            unit if options.depth_unit is None else options.depth_unit,
+            says.unit if options.depth_unit is None else options.depth_unit,
             options.radial,
-            mirrored if options.mirrored is None else options.mirrored,
+            says.mirrored if options.mirrored is None else options.mirrored,
         ),
         background=background,
-        joints=joints,
-        reference_joints=reference_joints,
-        image_joints=image_joints,
-        stored_up=up if options.up_camera is None else np.asarray(options.up_camera, dtype=np.float64),
+        joints=says.joints,
+        reference_joints=says.reference_joints,
+        image_joints=says.image_joints,
+        stored_up=says.up if options.up_camera is None else np.asarray(options.up_camera, dtype=np.float64),
         find_vertical=find_vertical,
         options=options.given(),
     )

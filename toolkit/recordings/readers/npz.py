@@ -13,7 +13,7 @@ import numpy as np
 from toolkit.archives import Column, archive_names, check_columns, load_archive, read_header, translated
 from toolkit.errors import RecordingError
 from toolkit.recordings.options import ReaderOptions
-from toolkit.recordings.readers.common import LARGEST_PICTURE, chosen_camera, recording_of_source
+from toolkit.recordings.readers.common import LARGEST_PICTURE, FileFacts, chosen_camera, recording_of_source
 from toolkit.sensing.recording import FrameSource, Recording
 
 RECORD_AGAIN = "copy or record it again"
@@ -151,10 +151,12 @@ def read(path: Path, options: ReaderOptions) -> Recording:
         source,
         camera,
         options,
-        timestamps=small.get("timestamps"),
-        background=small.get("background"),
-        up=small.get("up_camera"),
-        joints=small.get("joints"),
-        reference_joints=small.get("reference_joints"),
-        image_joints=small.get("joints_2d"),
+        FileFacts(
+            timestamps=small.get("timestamps"),
+            background=small.get("background"),
+            up=small.get("up_camera"),
+            joints=small.get("joints"),
+            reference_joints=small.get("reference_joints"),
+            image_joints=small.get("joints_2d"),
+        ),
     )

@@ -16,7 +16,14 @@ from toolkit.errors import RecordingError, UsageError
 from toolkit.files import is_file
 from toolkit.plain import LARGEST_JSON, parse_json
 from toolkit.recordings.options import ReaderOptions
-from toolkit.recordings.readers.common import LARGEST_FILE, chosen_camera, damaged, decoded, recording_of_source
+from toolkit.recordings.readers.common import (
+    LARGEST_FILE,
+    FileFacts,
+    chosen_camera,
+    damaged,
+    decoded,
+    recording_of_source,
+)
 from toolkit.sensing.camera import Camera
 from toolkit.sensing.recording import FrameSource, Recording
 
@@ -84,7 +91,7 @@ def read(path: Path, options: ReaderOptions) -> Recording:
         source = Record3dFrames(path, shape)
     camera = own if options.intrinsics is None else chosen_camera(options, shape, path)
     stored = times if len(times) == len(source) else None
-    return recording_of_source(path, source, camera, options, unit="m", timestamps=stored)
+    return recording_of_source(path, source, camera, options, FileFacts(unit="m", timestamps=stored))
 
 
 def _facts(known: Any) -> tuple[tuple[int, int], Camera, np.ndarray]:

@@ -19,7 +19,7 @@ from toolkit.errors import RecordingError
 from toolkit.files import is_file, is_folder
 from toolkit.recordings.options import ReaderOptions
 from toolkit.recordings.readers import ros_messages as decode
-from toolkit.recordings.readers.common import chosen_camera, damaged, recording_of_source, upright
+from toolkit.recordings.readers.common import FileFacts, chosen_camera, damaged, recording_of_source, upright
 from toolkit.recordings.readers.ros_files import BAG_SUFFIXES, METADATA, SQLITE_SUFFIX, MessageFile, open_messages
 from toolkit.sensing.camera import Camera
 from toolkit.sensing.recording import FrameSource, Recording
@@ -105,9 +105,11 @@ def read(path: Path, options: ReaderOptions) -> Recording:
         source,
         camera or chosen_camera(options, picture.pixels.shape, path),
         options,
-        unit=_unit(path, file, topic, picture),
-        timestamps=1e-9 * (source.times - source.times[0]),
-        up=_up(path, file),
+        FileFacts(
+            unit=_unit(path, file, topic, picture),
+            timestamps=1e-9 * (source.times - source.times[0]),
+            up=_up(path, file),
+        ),
     )
 
 

@@ -15,6 +15,7 @@ from toolkit.files import is_file, is_folder
 from toolkit.plain import read_text
 from toolkit.recordings.options import ReaderOptions
 from toolkit.recordings.readers.common import (
+    FileFacts,
     FileFrames,
     camera_beside,
     chosen_camera,
@@ -75,4 +76,4 @@ def read(path: Path, options: ReaderOptions) -> Recording:
     shape: tuple[int, int] = source.depth(0).shape
     camera = None if options.intrinsics is not None else camera_beside([path], path / "depth", shape)
     camera = camera or chosen_camera(options, shape, path, CAMERA.get(shape))
-    return recording_of_source(path, source, camera, options, unit=UNIT, timestamps=times - times[0])
+    return recording_of_source(path, source, camera, options, FileFacts(unit=UNIT, timestamps=times - times[0]))

@@ -17,7 +17,7 @@ from toolkit import skeleton
 from toolkit.errors import RecordingError
 from toolkit.matlab import read_matlab
 from toolkit.recordings.options import ReaderOptions
-from toolkit.recordings.readers.common import ArrayFrames, chosen_camera, frame_times, recording_of_source
+from toolkit.recordings.readers.common import ArrayFrames, FileFacts, chosen_camera, frame_times, recording_of_source
 from toolkit.sensing.recording import Recording
 
 INTRINSICS = (285.63, 285.63, 160.0, 120.0)  # of the raw, mirrored image
@@ -62,9 +62,7 @@ def read(path: Path, options: ReaderOptions) -> Recording:
         ArrayFrames(depth),
         chosen_camera(options, depth.shape[1:], path, np.array(INTRINSICS)),
         options,
-        mirrored=True,
-        timestamps=frame_times(len(depth), options, FRAME_RATE),
-        reference_joints=reference,
+        FileFacts(mirrored=True, timestamps=frame_times(len(depth), options, FRAME_RATE), reference_joints=reference),
     )
 
 
