@@ -68,7 +68,8 @@ def read_header(cursor: Cursor) -> str:
     """The frame of the header that begins most messages; its time is not used."""
     if not cursor.cdr:
         cursor.whole()  # a running number
-    cursor.whole("i" if cursor.cdr else "I"), cursor.whole()
+    cursor.whole("i" if cursor.cdr else "I")
+    cursor.whole()
     return cursor.text()
 
 
