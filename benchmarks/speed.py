@@ -26,11 +26,11 @@ import subprocess
 import sys
 import tempfile
 from collections.abc import Callable, Sequence
-from dataclasses import asdict
+from dataclasses import asdict, dataclass
 from itertools import cycle
 from pathlib import Path
 from time import perf_counter
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -310,7 +310,13 @@ def crowd(parser: argparse.ArgumentParser) -> None:
 
 SIX = ((-1.5, 0.0), (-0.9, -0.8), (-0.3, 0.2), (0.4, -0.6), (0.9, 0.3), (1.6, -0.4))
 """Places of six people on the floor, metres."""
-LARGE = Camera(571.26, 571.26, 319.5, 239.5, 640, 480)
+
+
+@dataclass(frozen=True)
+class LargeKinect(KinectV1):
+    """A Kinect of 640x480 pixels."""
+
+    camera: ClassVar = Camera(571.26, 571.26, 319.5, 239.5, 640, 480)
 
 
 def six_in_a_room(path: Path, frames: int) -> None:
@@ -320,7 +326,7 @@ def six_in_a_room(path: Path, frames: int) -> None:
         body = subject_body("neutral", seed=k)
         poses = suite.cut(suite.motion_of(f"bundled_{motion}", body, seed=k).poses, 0.0, frames, frames)
         people.append(Person(PoseClip(motion, suite.in_place(poses), suite.RATE, ""), body, place))
-    shot = Shot(sensor=KinectV1(camera=LARGE), distance=4.2, height=1.9, tilt=13.0, background=False, room="office:53")
+    shot = Shot(sensor=LargeKinect(), distance=4.2, height=1.9, tilt=13.0, background=False, room="office:53")
     simulate_scene(people, path, shot)
 
 

@@ -29,12 +29,12 @@ from toolkit.errors import MocapError, UsageError
 from toolkit.files import check_output, free_folder, is_folder, locked, make_own_folder, remove_own_folder
 from toolkit.mocap.clip import PoseClip
 from toolkit.mocap.procedural import SEATED_MOTIONS, procedural_clips
-from toolkit.progress import Progress
+from toolkit.progress import Progress, silent
 from toolkit.workers import usable_processors
 
 THRESHOLD = 0.009
-"""Metres in the unit of Eq. 5.1, 4 cm root mean square per joint: half of the paper's 1.8 cm. Below it the curve of
-`depthmocap bench threshold` is flat and only the lookup gets slower."""
+"""Metres in the unit of Eq. 5.1, 4 cm root mean square per joint: half of the paper's 1.8 cm. Below it the
+error stays the same and only the lookup gets slower."""
 SEATED_RATE = 10.0
 """Frames a second of the seated motions: people who sit move slowly."""
 PARTS = RegressorSettings()
@@ -113,7 +113,7 @@ def build_database(
     parts: RegressorSettings | None = PARTS,
     workers: int | None = None,
     strict: bool = False,
-    progress: Progress | None = None,
+    progress: Progress = silent,
 ) -> BuildReport:
     """Build a pose database and write it as one file.
 
@@ -145,7 +145,7 @@ def build_database(
     target, body = _checked_target(output, sources, workers), body or load_body("neutral")
     work = free_folder(target.with_name(f"{target.stem}.work"))
     files, clips = _sources(sources, work, body)
-    build = _Build(body, sampling, usable_processors() if workers is None else workers, progress or _silent)
+    build = _Build(body, sampling, usable_processors() if workers is None else workers, progress)
     make_own_folder(work)
     with locked(work):
         pool, skipped = build.read(files, clips, strict)
@@ -290,7 +290,3 @@ def residual(body: Body, poses: np.ndarray, offsets: np.ndarray) -> list[dict[st
             }
         )
     return entries
-
-
-def _silent(stage: str, done: int, total: int) -> None:
-    pass

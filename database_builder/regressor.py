@@ -22,7 +22,7 @@ from toolkit.kernels.cache import sources_digest
 from toolkit.kernels.learning import forest_training
 from toolkit.kernels.learning.forest_training import Growth, Samples, Tree
 from toolkit.landmarks.regressor import OFFSET_UNIT, JointRegressor, sureness
-from toolkit.progress import Count
+from toolkit.progress import Count, silent
 
 
 @dataclass(frozen=True)
@@ -79,7 +79,7 @@ def train_regressor(
     seed: int = 0,
     workers: int = 1,
     kept: Path | None = None,
-    progress: Count | None = None,
+    progress: Count = silent,
 ) -> JointRegressor:
     """Train the joint regressor of canonical database poses (N, P).
 
@@ -88,20 +88,19 @@ def train_regressor(
     there is one, and used again. `progress(done, total)` counts images, then parts of trees, then views.
     """
     settings = settings or RegressorSettings()
-    report = progress or (lambda done, total: None)
     drawing, growing, judging = np.random.default_rng(seed).spawn(3)
     key = _key(poses, settings, seed)
     grown = Kept(kept and kept / "forest.npz", key)
     if (arrays := grown.load()) is not None:
         trained = JointRegressor(**arrays)
     else:
-        data = _drawn(poses, settings, drawing, workers, kept, key, report)
-        trained = _grown(data, settings, growing, workers, report)
+        data = _drawn(poses, settings, drawing, workers, kept, key, progress)
+        trained = _grown(data, settings, growing, workers, progress)
         if kept and not grown.save(trained.arrays()):
             for path in kept.glob(IMAGES):  # of no more use: the forest takes their place on a full disk
                 path.unlink(missing_ok=True)
             grown.save(trained.arrays())
-    return calibrated(trained, poses, settings.views, settings.calibration, judging, report)
+    return calibrated(trained, poses, settings.views, settings.calibration, judging, progress)
 
 
 def _key(poses: np.ndarray, settings: RegressorSettings, seed: int) -> str:

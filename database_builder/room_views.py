@@ -52,7 +52,7 @@ SUBJECT, OTHER, SHELL = -2, -3, -1
 
 @dataclass(frozen=True, eq=False)
 class RoomView(View):
-    """The same of a whole room, or of what was cut out of it; attributes as of `View`, and
+    """What a level camera sees of a room, or of what was cut out of it; attributes as of `View`, and
 
     owner : int32 (H, W), `SUBJECT`, `OTHER`, `SHELL` or the number of a piece of furniture
     """

@@ -187,9 +187,8 @@ def track(
         if summary.interrupted:
             raise KeyboardInterrupt
         found = load_persons(run) if person_runs(run) else ()
-    if people == 1:
-        return Track(replace(found[0], name=recording.name))
-    return [Track(person) for person in found]
+    tracks = [Track(replace(person, recording=recording.name)) for person in found]
+    return Track(replace(tracks[0].person, name=recording.name)) if people == 1 else tracks
 
 
 def _recording(

@@ -134,16 +134,28 @@ def test_accuracy_compares_trackers_and_writes_figures_and_plots(
 def test_the_swarm_is_compared_with_its_parts_and_on_first_frames(
     bundled: Path, work: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    arguments = ["--takes", 1, "--frames", 4, "--joints", "truth", "--rows", "swarm,no 3D", "--work", work, *FEW]
+    arguments = [
+        "--takes",
+        1,
+        "--frames",
+        4,
+        "--joints",
+        "truth",
+        "--rows",
+        "swarm,qammaz joints",
+        "--work",
+        work,
+        *FEW,
+    ]
     monkeypatch.setattr(swarm, "EVERY", 2)
     monkeypatch.setattr(swarm, "chosen_takes", lambda split, count: chosen_takes(split, ["basic", "low"], count))
     for more in ([], ["--cold"]):
         run(swarm, "suite", *arguments, *more, monkeypatch=monkeypatch)
         figures = json.loads((bundled / f"swarm_tune_truth{'_cold' if more else ''}_part.json").read_text())["figures"]
-        assert list(figures) == ["truth, swarm", "truth, no 3D"]
+        assert list(figures) == ["truth, swarm", "truth, qammaz joints"]
         assert set(figures["truth, swarm"]["groups"]) == {"basic", "low", "overall"}
         assert 0.0 < figures["truth, swarm"]["groups"]["overall"]["delta_mm"] < 1000.0
-        assert {"mean", "low", "high"} <= set(figures["truth, no 3D"]["worse_mm"])
+        assert {"mean", "low", "high"} <= set(figures["truth, qammaz joints"]["worse_mm"])
         counted = sum(entry["joints"] for entry in figures["truth, swarm"]["confidence"])
         assert counted == 2 * (2 if more else 4) * 20
 
@@ -248,6 +260,12 @@ def test_a_frame_costs_what_a_longer_recording_takes_more_of_the_processor(
     figures = json.loads((bundled / "speed_passes.json").read_text())["figures"]
     assert figures["six"]["two"]["frame_ms"] == pytest.approx(15) and figures["six"]["two"]["peak_mb"] == 109
     assert figures["one"]["ratio"] == pytest.approx(1.5)
+
+
+def test_six_people_are_recorded_by_a_camera_of_its_own_size(tmp_path: Path) -> None:
+    speed.six_in_a_room(tmp_path / "six.npz", 2)
+    recording = open_recording(tmp_path / "six.npz")
+    assert recording.depth(1).shape == (480, 640)
 
 
 @pytest.mark.shared_data

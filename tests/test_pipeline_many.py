@@ -14,7 +14,7 @@ import pytest
 from tests.fake_tracker import FakeTracker, write_recording
 from toolkit.errors import OutputError, UsageError
 from toolkit.pipeline import TrackerRecipe, track_many
-from toolkit.pipeline.manifest import DONE, FAILED, MANIFEST_FILE, Manifest, ManifestRow
+from toolkit.pipeline.manifest import DONE, FAILED, HEAD, MANIFEST_FILE, Manifest, ManifestRow
 from toolkit.track import Track
 from toolkit.tracking.protocol import Tracker
 
@@ -142,6 +142,14 @@ def test_a_manifest_that_cannot_be_written_ends_the_batch_and_nothing_is_done_tw
     assert len(before) >= 2
     assert [row.status for row in track_many(takes, FakeRecipe(), runs, workers=1)] == [DONE] * 4
     assert all(path.stat().st_mtime_ns == time for path, time in before.items())
+
+
+@pytest.mark.parametrize("left", [b"", HEAD[:7], HEAD])
+def test_a_manifest_whose_first_line_broke_off_is_written_anew(tmp_path: Path, takes: list[Path], left: bytes) -> None:
+    (tmp_path / MANIFEST_FILE).write_bytes(left)
+    row = ManifestRow(str(takes[0]), "take0", DONE)
+    Manifest(tmp_path).append(row)
+    assert Manifest(tmp_path).path.read_bytes().startswith(HEAD)
 
 
 def test_a_dask_cluster_finishes_though_a_worker_is_killed(tmp_path: Path, takes: list[Path]) -> None:

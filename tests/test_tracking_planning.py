@@ -149,6 +149,26 @@ def test_a_body_is_learnt_from_the_pose_that_was_found_where_its_size_is_surest(
     assert planner.plan is not None and planner.plan.body is learner.state.body
 
 
+class OneSizeLearner(FakeLearner):
+    """Finds the body of the less likely size alone."""
+
+    def step(self, sighting: Sighting, timestamp: float, clock: object) -> None:
+        super().step(sighting, timestamp, clock)
+        self.scored = self.scored[-1:]
+
+
+def test_a_body_is_learnt_from_what_was_found_where_the_likeliest_size_never_was() -> None:
+    costs = np.full(400, 0.2)
+    costs[round(SURVEYED * 20)] = 0.1
+    learner, seen = OneSizeLearner(costs), FakeSightings(np.arange(100), np.full(100, SMALLEST))
+    follower = FakeFollower(np.ones(400), costs)
+    planner = Planner(learner, follower, seen, TIMES, ("prepare", "landmarks", "select"), SMALLEST)  # type: ignore[arg-type]
+    for _ in planner.run():
+        pass
+    assert planner.plan is not None and learner.begun
+    assert {size for _, size in learner.begun} == {1}
+
+
 def planned(
     frames: np.ndarray, shown: np.ndarray, costs: np.ndarray, pixels: np.ndarray | None = None, **others: Any
 ) -> tuple[Planner, FakeFollower, FakeSightings]:

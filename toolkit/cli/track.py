@@ -85,7 +85,7 @@ class Folders:
     ] = None
 
     def keep_finished(self, runs: list[Path]) -> None:
-        """Refuse to replace a finished run that no person said may go; a batch looks at each of them itself."""
+        """Refuse to replace a finished run without --overwrite; a batch looks at each of them itself."""
         from toolkit.runs import PEOPLE_FILE
         from toolkit.track import PARTIAL_FILE, TRACK_FILE
 

@@ -93,7 +93,7 @@ def find_effectors(
     unobserved: np.ndarray | None = None,
     workspace: Workspace | None = None,
 ) -> Effectors:
-    """Candidates in an organised cloud of one person; there are none where the border or an occluder cuts the person.
+    """Candidates in an organised cloud of one person; extrema at cuts are left out.
 
     Parameters
     ----------

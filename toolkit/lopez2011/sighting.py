@@ -23,8 +23,6 @@ TOP = 0.12
 """Metres from the middle of a head to its crown."""
 TRUNK_SHARE = 75
 """Percentile of the distances of the upper points that is the trunk's distance; hands are before it."""
-
-
 BEFORE = 0.2
 """Metres before the trunk from which on low points are a lap's: the trunk's own thickness."""
 

@@ -220,7 +220,7 @@ class SeveralPeople:
         return people, [False] * len(people), furniture
 
     def _present(self, timestamp: float, predicted: Mapping[int, PredictedBody]) -> list[Person]:
-        """The people seen within `patience`, with stature and head of their predicted bodies."""
+        """The people seen within `PATIENCE`, with stature and head of their predicted bodies."""
         present = [p for p in self.people if timestamp - p.last <= PATIENCE]
         for k, person in enumerate(present):
             if person.id in predicted:

@@ -60,7 +60,7 @@ class Manifest:
             return
         try:
             with open_file(self.path, inside=True) as stream:
-                own = stream.readline(len(HEAD)) == HEAD
+                own = HEAD.startswith(stream.readline(len(HEAD)))  # one whose writing broke off is a part of it
         except OSError as error:
             raise UsageError(f"cannot read {self.path}: {error.strerror or error}; choose another output") from error
         if not own:

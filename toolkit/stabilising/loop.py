@@ -12,7 +12,7 @@ import numpy as np
 from toolkit.biomechanics.contact import foot_contacts
 from toolkit.errors import SettingsError
 from toolkit.kernels import linear
-from toolkit.progress import Progress
+from toolkit.progress import Progress, silent
 from toolkit.retrieval.annotation.annotator import Annotation, Annotator, MotionClass, runs
 from toolkit.retrieval.annotation.class_motion import ANGLES
 from toolkit.retrieval.annotation.measures import Segment, frame_scores, label_frames
@@ -150,7 +150,7 @@ def stabilise(
     *,
     segments: Sequence[Segment] | None = None,
     marks: Marks | None = None,
-    progress: Progress | None = None,
+    progress: Progress = silent,
 ) -> list[Round]:
     """Stabilise a track in rounds; that of `best_round` is the result.
 
@@ -171,7 +171,7 @@ def stabilise(
     known = Known(tuple(classes), segments, marks or marks_of_classes(classes), floor_of(source))
     track, rounds = source.track, list[Round]()
     for number in range(settings.rounds):
-        found = _round(source, track, known, settings, partial(progress or _silent, f"round {number + 1}"))
+        found = _round(source, track, known, settings, partial(progress, f"round {number + 1}"))
         rounds.append(found)
         track = found.track
         if found.moved == 0.0 or (number and _settled(rounds[-2], found)):
@@ -183,10 +183,6 @@ def best_round(rounds: Sequence[Round]) -> Round:
     """The last round, or an earlier one whose track is clearly nearer to its frames (thesis 6.6: wrong priors harm)."""
     worst = min(found.after for found in rounds) + MARGIN
     return next(found for found in reversed(rounds) if found.after <= worst)
-
-
-def _silent(doing: str, done: int, total: int) -> None:
-    """Progress that no person watches."""
 
 
 def _settled(before: Round, after: Round) -> bool:

@@ -10,7 +10,7 @@ from toolkit.errors import RetrievalError, TrackError, UsageError
 from toolkit.files import check_output, locked, save_json, save_text
 from toolkit.pipeline.sink import CONFIG_FILE
 from toolkit.plain import read_text
-from toolkit.progress import Progress
+from toolkit.progress import Progress, silent
 from toolkit.retrieval.annotation.annotator import MotionClass
 from toolkit.retrieval.annotation.classes import load_classes
 from toolkit.retrieval.annotation.measures import Segment
@@ -37,7 +37,7 @@ def stabilise_run(
     marks: str | Path | None = None,
     recording: str | Path | None = None,
     database: str | Path | None = None,
-    progress: Progress | None = None,
+    progress: Progress = silent,
 ) -> list[Round]:
     """Stabilise a run and write a run folder with its report (`depthmocap stabilise`).
 

@@ -33,7 +33,7 @@ from toolkit.mocap.clip import PoseClip
 from toolkit.mocap.procedural import SUBJECT_MOTIONS, procedural_clips
 from toolkit.mocap.read import read_clip
 from toolkit.mocap.retarget import retarget
-from toolkit.progress import Progress
+from toolkit.progress import Progress, silent
 from toolkit.sensing.camera import Camera
 from toolkit.simulation.person import Person, mean_place, prepare_person, turned
 from toolkit.simulation.scene import place_camera
@@ -282,7 +282,7 @@ def distance_needed(take: Take, body: Body, clip: PoseClip, camera: Camera) -> f
 
 
 def database(
-    work: Path, threshold: float = THRESHOLD, parts: RegressorSettings | None = None, progress: Progress | None = None
+    work: Path, threshold: float = THRESHOLD, parts: RegressorSettings | None = None, progress: Progress = silent
 ) -> Path:
     """The pose database of the suite, with its joint regressor, made if it is not there yet."""
     parts = parts or RegressorSettings()

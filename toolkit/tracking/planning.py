@@ -132,14 +132,15 @@ class Planner:
         likeliest = belief.likely[0]
         if not len(around) or not poses:
             return belief.bodies[likeliest]  # only the size is chosen
+        usual = poses[likeliest] if likeliest in poses else next(iter(poses.values()))
         if len(belief.likely) > 1:
             few, learnt, costs = around[:: -(-len(around) // FEW)], [], []
             for k in belief.likely[:CANDIDATES]:
-                body = yield from self._learnt(belief.bodies[k], start, poses.get(k, poses[likeliest]), few)
+                body = yield from self._learnt(belief.bodies[k], start, poses.get(k, usual), few)
                 learnt.append(body)
                 costs.append(float(np.mean(self._distances[len(self._distances) // 2 :] or [NOTHING_FOUND])))
             belief = StatureBelief.of(tuple(learnt)).narrowed(dict(enumerate(costs)))
-        return (yield from self._learnt(ShapeSpace.load().body(belief.shape), start, poses[likeliest], around))
+        return (yield from self._learnt(ShapeSpace.load().body(belief.shape), start, usual, around))
 
     def _learnt(self, body: Body, start: int, pose: np.ndarray, around: np.ndarray) -> Generator[None, None, Body]:
         """What becomes of a body that is taken for the person's in `start`, where it has this pose, and then in the
@@ -161,7 +162,7 @@ class Planner:
         self, moments: list[int]
     ) -> Generator[None, None, tuple[StatureBelief, int, Mapping[int, np.ndarray]]]:
         """How likely which size is, by looking for the person afresh with all of them; in which moment the likeliest is
-        surest, and the poses of all sizes there.
+        surest, or whichever was found where it never was, and the poses of the sizes found there, the surest first.
         """
         follower = self._learner.follower
         unknown = follower.state
@@ -182,9 +183,11 @@ class Planner:
             yield
         follower.sizes, follower.state = belief.bodies, unknown
         likeliest = belief.likely[0]
-        doubts = [best[likeliest][0] if likeliest in best else np.inf for best in found]
+        asked = [likeliest] if any(likeliest in best for best in found) else range(len(belief.bodies))
+        doubts = [min((best[k][0] for k in asked if k in best), default=np.inf) for best in found]
         surest = int(np.argmin(doubts))
-        return belief, moments[surest], {number: pose for number, (_, pose) in found[surest].items()}
+        there = sorted(found[surest].items(), key=lambda item: item[1][0])
+        return belief, moments[surest], {number: pose for number, (_, pose) in there}
 
     def _sighting(self, frame: int) -> Sighting:
         """What is seen of the person in a frame, which both followers are about to look at."""

@@ -15,7 +15,7 @@ from functools import cached_property
 import numpy as np
 
 from toolkit.errors import RetrievalError
-from toolkit.progress import Progress
+from toolkit.progress import Progress, silent
 from toolkit.retrieval.annotation.documents import HARD_JOINS, JOINS, Document, assemble, shuffled_parts
 from toolkit.retrieval.annotation.examples import ExampleSet, Proposals
 from toolkit.retrieval.annotation.judge import Turn, joined, learn_judges
@@ -81,7 +81,7 @@ def train(
     clips: Sequence[Clip],
     others: Sequence[Motion],
     rng: np.random.Generator,
-    progress: Progress | None = None,
+    progress: Progress = silent,
 ) -> MotionModel:
     """Learn a model: all clips are its examples, its judges come from what some clips find in documents of others.
 
@@ -118,7 +118,7 @@ def _what_clips_find(
     clips: Sequence[Clip],
     others: Sequence[Motion],
     rng: np.random.Generator,
-    progress: Progress | None,
+    progress: Progress,
 ) -> dict[str, dict[int, list[Turn]]]:
     """Per label and turn: what places in documents of known truth measure, and whether they are right."""
     symmetric, labels = two_sided(clips), {clip.label for clip in clips}
@@ -138,8 +138,7 @@ def _what_clips_find(
         for label in examples.classes:
             places = examples.propose(label, [document.features for document in documents])
             rows[label].setdefault(turn, []).append((places.described, rightness(places, label, documents)))
-        if progress is not None:
-            progress("learning", number, len(steps))
+        progress("learning", number, len(steps))
     return rows
 
 
@@ -242,9 +241,9 @@ def alike(clips: Sequence[Clip]) -> list[tuple[str, str, float]]:
 
 
 def leave_one_out(
-    clips: Sequence[Clip], others: Sequence[Motion], rng: np.random.Generator, progress: Progress | None = None
+    clips: Sequence[Clip], others: Sequence[Motion], rng: np.random.Generator, progress: Progress = silent
 ) -> list[LeftOut]:
-    """How well each person is annotated by a model of all others: what to expect for a person new.
+    """How well each person is annotated by a model of all others: what to expect for a new person.
 
     With one person alone, halves of the clips take turns; that is what to expect for the same person again.
     """
@@ -260,8 +259,7 @@ def leave_one_out(
             for document in documents_of(unseen, others, rng, hard=hard, symmetric=symmetric)
         ]
         results.append(replace(judged(model, documents), person=name))
-        if progress is not None:
-            progress("leaving one person out", number, len(turns))
+        progress("leaving one person out", number, len(turns))
     return results
 
 

@@ -10,7 +10,7 @@ from dataclasses import astuple, dataclass, field, replace
 import numpy as np
 
 from toolkit.errors import RetrievalError, SettingsError
-from toolkit.progress import Progress
+from toolkit.progress import Progress, silent
 from toolkit.retrieval.features.lengths import BodyLengths
 from toolkit.retrieval.features.motion import Motion
 from toolkit.retrieval.features.relational import FEATURES, FeatureMatrix, relational_features
@@ -156,7 +156,7 @@ def learn(
     others: Sequence[FeatureMatrix] = (),
     checks: Mapping[str, Sequence[FeatureMatrix]] | None = None,
     workers: int = 1,
-    progress: Progress | None = None,
+    progress: Progress = silent,
 ) -> dict[str, LearnedQuery]:
     """Learn one keyframe query per class, with the documents of all other classes as counterexamples.
 
@@ -196,8 +196,7 @@ def learn(
     runs = _runs(tasks, _Evolution(training, templates, settings.genetic), workers)
     for done, ((label, _), individual) in enumerate(zip(tasks, runs, strict=True), start=1):
         solutions[label].append(individual)
-        if progress is not None:
-            progress(label, done, len(tasks))
+        progress(label, done, len(tasks))
     return {
         label: _learned(label, training[label], judges[label], templates[label], solutions[label], settings, rng)
         for label in labels

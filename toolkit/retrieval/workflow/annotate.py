@@ -10,7 +10,7 @@ from pathlib import Path
 from toolkit.archives import archive_names
 from toolkit.errors import RetrievalError, UsageError
 from toolkit.files import check_output
-from toolkit.progress import Progress
+from toolkit.progress import Progress, silent
 from toolkit.retrieval.annotation.annotator import (
     AS_PUBLISHED,
     PUBLISHED_THRESHOLD,
@@ -46,7 +46,7 @@ def annotate_motions(
     truth: str | Path | None = None,
     threshold: float | None = None,
     as_published: bool = False,
-    progress: Progress | None = None,
+    progress: Progress = silent,
 ) -> list[AnnotatedFile]:
     """Label motions and write a report for each: one motion into `output` itself, several into `output`/<stem>.
 
@@ -84,8 +84,7 @@ def annotate_motions(
         annotation = annotate(features)
         true = read_segments(truths[file]) if file in truths else None
         done.append(AnnotatedFile(annotation, folders[file], write_report(annotation, folders[file], true)))
-        if progress is not None:
-            progress("annotating", number, len(files))
+        progress("annotating", number, len(files))
     return done
 
 

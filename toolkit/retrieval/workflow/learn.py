@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -10,7 +10,7 @@ import numpy as np
 
 from toolkit.errors import RigError
 from toolkit.files import check_output
-from toolkit.progress import Progress
+from toolkit.progress import Progress, silent
 from toolkit.retrieval.annotation.annotator import MotionClass
 from toolkit.retrieval.annotation.classes import learn_classes, save_classes
 from toolkit.retrieval.annotation.model import MotionModel
@@ -33,7 +33,7 @@ def learn_queries(
     alternatives: int = 1,
     tight: bool = False,
     workers: int = 1,
-    progress: Progress | None = None,
+    progress: Progress = silent,
 ) -> dict[str, LearnedQuery]:
     """Learn keyframe queries for motion classes and write them as one file.
 
@@ -91,7 +91,7 @@ def learn_model(
     *,
     others: Sequence[str | Path] = (),
     check: bool = True,
-    progress: Callable[[str, int, int], None] | None = None,
+    progress: Progress = silent,
 ) -> LearnedModel:
     """Learn a motion model from cut clips, write it, and say how well it does on people left out.
 
@@ -109,8 +109,7 @@ def learn_model(
     read = []
     for number, (file, tag) in enumerate(clips.items(), start=1):
         read.append(Clip(load_motion(file), tag.label, tag.person))
-        if progress is not None:
-            progress("reading clips", number, len(clips))
+        progress("reading clips", number, len(clips))
     more = [load_motion(file) for file in find_motions(others)]
     left_out = leave_one_out(read, more, rng, progress) if check else []
     model = train(read, more, rng, progress)
@@ -121,7 +120,7 @@ def learn_model(
 
 
 def learn_templates(
-    clips: Mapping[Path, str], output: str | Path | None = None, progress: Progress | None = None
+    clips: Mapping[Path, str], output: str | Path | None = None, progress: Progress = silent
 ) -> list[MotionClass]:
     """Learn template classes from cut clips, with how they move, and write them.
 
@@ -142,8 +141,7 @@ def learn_templates(
             poses.setdefault(label, []).append(load_poses(path))
         except RigError:  # a skeleton that has the joints of the features and no joint map: its class has no motion
             unposed.add(label)
-        if progress is not None:
-            progress("learning classes", number, len(clips))
+        progress("learning classes", number, len(clips))
     poses = {label: found for label, found in poses.items() if label not in unposed}
     classes = learn_classes(matrices, poses=poses)
     if output is not None:
