@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 
 from toolkit import skeleton
-from toolkit.body.body import Body
 from toolkit.body.shape import load_body
 from toolkit.fitting.shape import ShapeSettings
 from toolkit.people.sighting import Sighting
@@ -74,7 +73,7 @@ class FakeFollower:
         return float(self._shown[round(timestamp * 20)])
 
     def step(self, sighting: Sighting, timestamp: float, clock: object) -> FrameResult:
-        assert self.state.sized
+        assert self.state.sized and self.state.body is BODY
         self.stepped.append(round(timestamp * 20))
         self.state = replace(self.state, timestamp=timestamp)
         hypothesis = SimpleNamespace(pose=np.zeros(skeleton.POSE_SIZE), continues=False)
@@ -101,72 +100,6 @@ class FakeSightings:
         self.asked.append(frame)
         assert frame in self.frames
         return Sighting(1, np.zeros(CAMERA.shape, np.float32), None, CAMERA)
-
-
-class FakeLearner:
-    """Finds bodies of two sizes in every frame, the first far likelier; the pose tells frame and size."""
-
-    def __init__(self, costs: np.ndarray) -> None:
-        self.follower, self.settings, self._costs = self, ShapeSettings(), costs
-        self.sizes = (BODY, load_body("child"))
-        self.state, self.walked, self.distance = PersonState.begin(BODY, sized=False, seed=0), None, 0.1
-        self.begun: list[tuple[float, float]] = []
-
-    def step(self, sighting: Sighting, timestamp: float, clock: object) -> None:
-        frame = round(timestamp * 20)
-        self.scored = [
-            SimpleNamespace(
-                body=body, cost=self._costs[frame] + number, hypothesis=SimpleNamespace(pose=np.array([frame, number]))
-            )
-            for number, body in enumerate(self.sizes)
-        ]
-
-    def cost(self, scored: Any) -> float:
-        return scored.cost
-
-    def off_floor(self, scored: Any) -> float:
-        return 0.0
-
-    def begin(self, body: Body, pose: np.ndarray) -> None:
-        self.begun.append(tuple(pose))
-        self.state = replace(self.state, body=body)
-
-    def take(self, sighting: Sighting, timestamp: float) -> None:
-        pass
-
-
-def test_a_body_is_learnt_from_the_pose_that_was_found_where_its_size_is_surest() -> None:
-    step = round(SURVEYED * 20)
-    shown, costs = np.ones(400), np.full(400, 0.2)
-    shown[10 * step], shown[16 * step] = 9.0, 8.0
-    costs[16 * step] = 0.1
-    learner, seen = FakeLearner(costs), FakeSightings(np.arange(100), np.full(100, SMALLEST))
-    follower = FakeFollower(shown, costs)
-    planner = Planner(learner, follower, seen, TIMES, ("prepare", "landmarks", "select"), SMALLEST)  # type: ignore[arg-type]
-    for _ in planner.run():
-        pass
-    assert learner.begun == [(16 * step, 0)], "one size is likely: it is learnt once"
-    assert planner.plan is not None and planner.plan.body is learner.state.body
-
-
-class OneSizeLearner(FakeLearner):
-    """Finds the body of the less likely size alone."""
-
-    def step(self, sighting: Sighting, timestamp: float, clock: object) -> None:
-        super().step(sighting, timestamp, clock)
-        self.scored = self.scored[-1:]
-
-
-def test_a_body_is_learnt_from_what_was_found_where_the_likeliest_size_never_was() -> None:
-    costs = np.full(400, 0.2)
-    costs[round(SURVEYED * 20)] = 0.1
-    learner, seen = OneSizeLearner(costs), FakeSightings(np.arange(100), np.full(100, SMALLEST))
-    follower = FakeFollower(np.ones(400), costs)
-    planner = Planner(learner, follower, seen, TIMES, ("prepare", "landmarks", "select"), SMALLEST)  # type: ignore[arg-type]
-    for _ in planner.run():
-        pass
-    assert planner.plan is not None and learner.begun
-    assert {size for _, size in learner.begun} == {1}
 
 
 def planned(

@@ -5,8 +5,6 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 
-import numpy as np
-
 from toolkit.body.body import Body
 from toolkit.fitting.refiner import mesh_terms
 from toolkit.fitting.settings import FittingSettings
@@ -15,7 +13,6 @@ from toolkit.people.sighting import PredictedBody, Sighting
 from toolkit.track import TRACKED
 from toolkit.tracking.clock import StageClock
 from toolkit.tracking.follower import Follower
-from toolkit.tracking.state import Previous
 
 
 class FollowedBody:
@@ -36,7 +33,6 @@ class FollowedBody:
     def __init__(
         self, follower: Follower, stages: tuple[str, ...], settings: ShapeSettings, fitting: FittingSettings
     ) -> None:
-        self._unknown = follower.state
         self.follower, self.settings, self._stages, self._fitting = follower, settings, stages, fitting
         self._estimator: ShapeEstimator | None = None
         self._pace = Pace(settings.rate)
@@ -60,10 +56,9 @@ class FollowedBody:
         if self._pace.takes(timestamp):
             self.take(sighting, timestamp)
 
-    def begin(self, body: Body, pose: np.ndarray) -> None:
-        """Begin once more, with a body that may be the person's, and a pose (P,) in which it was found."""
-        previous = Previous.of_pose(body, pose)
-        self.follower.state = replace(self._unknown, body=body, sized=True, previous=previous, pose=pose)
+    def begin(self, body: Body) -> None:
+        """Forget the person; they are found anew with a body that may be theirs."""
+        self.follower.state = replace(self.follower.state, body=body, sized=True, previous=None)
         self._estimator = None
 
     def take(self, sighting: Sighting, timestamp: float) -> None:

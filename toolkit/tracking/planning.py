@@ -101,10 +101,9 @@ class Planner:
         rows, checks, looks = [], [], dict[int, Look]()
         for number, (first, last) in enumerate(stretches):
             best = survey.best(MOMENTS, first, last, self._timestamps) or [first]
-            for frame in best:
-                looks[frame] = self._looker.afresh(frame, body)
-                yield
-            start = min(best, key=lambda frame: looks[frame].cost)
+            found = yield from self._looks(best, body)
+            start = surest(found)
+            looks |= found
             rows.append((first, last, start))
             others = set(best)
             for begin in np.arange(self._timestamps[first], self._timestamps[last], CHECKED):
@@ -127,27 +126,25 @@ class Planner:
 
     def _own_body(self, moments: list[int], usable: np.ndarray) -> Generator[None, None, Body]:
         """The body that explains the frames around the surest of these moments."""
-        belief, start, poses = yield from self._believed(moments)
+        belief = yield from self._believed(moments)
+        looks = yield from self._looks(moments, belief.bodies[belief.likely[0]])
+        start = surest(looks)
         around = frames_around(start, usable, self._timestamps, self._learner.settings)
-        likeliest = belief.likely[0]
-        if not len(around) or not poses:
-            return belief.bodies[likeliest]  # only the size is chosen
-        usual = poses[likeliest] if likeliest in poses else next(iter(poses.values()))
+        if not len(around):
+            return belief.bodies[belief.likely[0]]  # only the size is chosen
         if len(belief.likely) > 1:
             few, learnt, costs = around[:: -(-len(around) // FEW)], [], []
             for k in belief.likely[:CANDIDATES]:
-                body = yield from self._learnt(belief.bodies[k], start, poses.get(k, usual), few)
+                body = yield from self._learnt(belief.bodies[k], start, few)
                 learnt.append(body)
                 costs.append(float(np.mean(self._distances[len(self._distances) // 2 :] or [NOTHING_FOUND])))
             belief = StatureBelief.of(tuple(learnt)).narrowed(dict(enumerate(costs)))
-        return (yield from self._learnt(ShapeSpace.load().body(belief.shape), start, usual, around))
+        return (yield from self._learnt(ShapeSpace.load().body(belief.shape), start, around))
 
-    def _learnt(self, body: Body, start: int, pose: np.ndarray, around: np.ndarray) -> Generator[None, None, Body]:
-        """What becomes of a body that is taken for the person's in `start`, where it has this pose, and then in the
-        frames around it.
-        """
+    def _learnt(self, body: Body, start: int, around: np.ndarray) -> Generator[None, None, Body]:
+        """What becomes of a body that is taken for the person's in `start`, and then in the frames around it."""
         learner, self._distances = self._learner, []
-        learner.begin(body, pose)
+        learner.begin(body)
         learner.take(self._sighting(start), float(self._timestamps[start]))
         begun = learner.follower.state
         for frames in (around[around > start], around[around < start][::-1]):
@@ -158,36 +155,32 @@ class Planner:
                 yield
         return learner.follower.state.body
 
-    def _believed(
-        self, moments: list[int]
-    ) -> Generator[None, None, tuple[StatureBelief, int, Mapping[int, np.ndarray]]]:
-        """How likely which size is, by looking for the person afresh with all of them; in which moment the likeliest is
-        surest, or whichever was found where it never was, and the poses of the sizes found there, the surest first.
-        """
+    def _believed(self, moments: list[int]) -> Generator[None, None, StatureBelief]:
+        """How likely which size is, by looking for the person afresh with all of them."""
         follower = self._learner.follower
         unknown = follower.state
-        belief, found = StatureBelief.of(follower.sizes), []
+        belief = StatureBelief.of(follower.sizes)
         for moment in moments:
             follower.state = unknown
             follower.sizes = tuple(belief.bodies[k] for k in belief.possible)
             follower.step(self._sighting(moment), float(self._timestamps[moment]), StageClock(self._stages))
-            best: dict[int, tuple[float, np.ndarray]] = {}
+            costs: dict[int, float] = {}
             for scored in follower.scored:
                 number = next(k for k, body in enumerate(belief.bodies) if body is scored.body)
-                cost = follower.cost(scored) + follower.off_floor(scored)
-                if number not in best or cost < best[number][0]:
-                    best[number] = cost, scored.hypothesis.pose
-            if best:
-                belief = belief.narrowed({number: cost for number, (cost, _) in best.items()})
-            found.append(best)
+                costs[number] = min(costs.get(number, np.inf), follower.cost(scored) + follower.off_floor(scored))
+            if costs:
+                belief = belief.narrowed(costs)
             yield
         follower.sizes, follower.state = belief.bodies, unknown
-        likeliest = belief.likely[0]
-        asked = [likeliest] if any(likeliest in best for best in found) else range(len(belief.bodies))
-        doubts = [min((best[k][0] for k in asked if k in best), default=np.inf) for best in found]
-        surest = int(np.argmin(doubts))
-        there = sorted(found[surest].items(), key=lambda item: item[1][0])
-        return belief, moments[surest], {number: pose for number, (_, pose) in there}
+        return belief
+
+    def _looks(self, moments: list[int], body: Body) -> Generator[None, None, dict[int, Look]]:
+        """What looks afresh say of these moments, for a body."""
+        looks = {}
+        for moment in moments:
+            looks[moment] = self._looker.afresh(moment, body)
+            yield
+        return looks
 
     def _sighting(self, frame: int) -> Sighting:
         """What is seen of the person in a frame, which both followers are about to look at."""
@@ -196,6 +189,11 @@ class Planner:
             self._follower.walked = self._learner.follower.walked = self._walked[frame]
         assert sighting is not None, "planned frames are frames in which the person was seen"
         return sighting
+
+
+def surest(looks: Mapping[int, Look]) -> int:
+    """The frame in which a pose was found at the least cost."""
+    return min(looks, key=lambda frame: looks[frame].cost)
 
 
 def times_in_sight(usable: np.ndarray, timestamps: np.ndarray) -> list[tuple[int, int]]:
