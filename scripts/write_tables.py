@@ -55,7 +55,7 @@ def column(rows: Mapping[str, Any], names: Sequence[str], figure: str = "") -> l
 
 def compared(group: str, other: str) -> dict[str, Any]:
     """Mean errors of the hybrid tracker and of another row in a group of the suite, by a paired bootstrap."""
-    found = figures("accuracy_report")["rows"]
+    found = figures("accuracy_report")["rows"] | figures("baak2013_report")["rows"]
     names = [name for name in found["hybrid"]["recordings"] if name.startswith(group)]
     own, theirs = (np.array([found[row]["recordings"][n]["error_mm"] for n in names]) for row in ("hybrid", other))
     gain = vars(paired_bootstrap(theirs, own, np.random.default_rng(0)))
