@@ -31,7 +31,7 @@ case $found in
 esac
 "$work/empty/bin/depthmocap" --version
 "$work/empty/bin/python" -c 'import depthmocap; print(depthmocap.track, depthmocap.Tracker)'
-"$work/empty/bin/depthmocap" demo --seconds 0.4 --output demo
+"$work/empty/bin/depthmocap" demo --output demo
 for file in take.npz run/track.npz film.webm contact_sheet.png table.csv report.html; do
     [ -s "demo/$file" ] || { echo "the demo did not write $file" >&2; exit 1; }
 done
