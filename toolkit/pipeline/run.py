@@ -356,7 +356,7 @@ def _run_info(recording: Recording, tracker: Tracker) -> RunInfo:
     path, height = Path(recording.path).resolve(), floor_height(recording)
     return RunInfo(
         recording=str(path),
-        recording_sha256="" if path.name == f"<{recording.name}>" else sha256_of(path),  # depth in memory has no file
+        recording_sha256="" if recording.in_memory else sha256_of(path),
         reader_options=recording.options,
         body_fingerprint=skeleton.fingerprint(),
         shape=[],

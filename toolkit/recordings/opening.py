@@ -14,7 +14,7 @@ from toolkit.people.turned import quarter_turns
 from toolkit.recordings.options import ReaderOptions
 from toolkit.recordings.readers import reader_for
 from toolkit.recordings.readers.common import ArrayFrames, FileFacts, chosen_camera, recording_of_source
-from toolkit.sensing.recording import Recording
+from toolkit.sensing.recording import Recording, memory_path
 
 logger = logging.getLogger(__name__)
 
@@ -83,7 +83,7 @@ def recording_of(
     frames = np.asarray(depth)
     if frames.ndim != 3 or frames.dtype.kind not in "uif":
         raise RecordingError(f"depth has shape {frames.shape} of {frames.dtype}; give numbers (frames, height, width)")
-    chosen, path = ReaderOptions.from_mapping(options), Path(f"<{name}>")  # no file has this name
+    chosen, path = ReaderOptions.from_mapping(options), memory_path(name)
     return recording_of_source(
         path,
         ArrayFrames(frames),

@@ -65,6 +65,11 @@ class FrameSource(ABC):
         return None
 
 
+def memory_path(name: str) -> Path:
+    """What stands for the path of a recording of arrays in memory: no file has this name."""
+    return Path(f"<{name}>")
+
+
 @dataclass(eq=False)
 class Recording:
     """A depth recording: raw frames from a `FrameSource`, converted on the way out.
@@ -189,6 +194,11 @@ class Recording:
         if image is None:
             return None
         return self._upright(np.ascontiguousarray(image[:, ::-1]) if self.converter.mirrored else image)
+
+    @property
+    def in_memory(self) -> bool:
+        """Whether the frames are arrays that were handed over: no file holds them."""
+        return self.path == memory_path(self.name)
 
     @property
     def up_camera(self) -> np.ndarray:
