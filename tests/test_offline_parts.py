@@ -27,8 +27,8 @@ from toolkit.fitting.priors import LimbPrior
 from toolkit.inertial.calibration import Calibration, Mounting
 from toolkit.inertial.distance import Distances, TrackError
 from toolkit.interiors.mesh import BOX_FACES
-from toolkit.mocap.procedural import perform
-from toolkit.mocap.seated import SEATED, SEATED_SUBJECT
+from toolkit.mocap.choreography import MOTIONS
+from toolkit.mocap.procedural import SEATED_MOTIONS, SEATED_SUBJECT_MOTIONS, perform
 from toolkit.retrieval.priors.bridge import Bridge
 from toolkit.retrieval.priors.gaps import Gap
 from toolkit.retrieval.priors.limbs import ENTRIES
@@ -47,9 +47,9 @@ STANDING_HIPS = -float(BODY.vertices[:, 1].min())
 # Seated motions.
 
 
-@pytest.mark.parametrize("name", [*SEATED, *SEATED_SUBJECT])
+@pytest.mark.parametrize("name", [*SEATED_MOTIONS, *SEATED_SUBJECT_MOTIONS])
 def test_who_sits_has_the_hips_low_the_knees_bent_and_something_on_the_floor(name: str) -> None:
-    motion = (SEATED | SEATED_SUBJECT)[name]
+    motion = MOTIONS[name]
     clip = perform(name, BODY, 15.0)
     low, high = skeleton.POSE_LIMITS.T
     assert (clip.poses[:, 3:] >= low[3:] - 1e-9).all() and (clip.poses[:, 3:] <= high[3:] + 1e-9).all()
@@ -61,9 +61,8 @@ def test_who_sits_has_the_hips_low_the_knees_bent_and_something_on_the_floor(nam
 
 
 def test_no_motion_of_a_seated_subject_is_one_of_the_database() -> None:
-    assert not set(SEATED) & set(SEATED_SUBJECT)
-    held = [sorted(motion.hold.items()) for motion in SEATED.values()]
-    assert all(sorted(motion.hold.items()) not in held for motion in SEATED_SUBJECT.values())
+    held = [MOTIONS[name].hold for name in SEATED_MOTIONS]
+    assert all(MOTIONS[name].hold not in held for name in SEATED_SUBJECT_MOTIONS)
 
 
 # What stands before people.

@@ -14,7 +14,7 @@ from toolkit import skeleton
 from toolkit.body.shape import load_body
 from toolkit.errors import RecordingError
 from toolkit.export.notes import notes_of, write_notes
-from toolkit.mocap.motion import both, left, right
+from toolkit.mocap.choreography import controls_of
 from toolkit.people.up import find_vertical
 from toolkit.recordings.readers.common import ArrayFrames
 from toolkit.rendering.depth_alone import DepthPainter
@@ -120,5 +120,6 @@ def test_depth_alone_has_one_scale_of_colours_and_an_even_size() -> None:
 
 
 def test_controls_of_both_sides_are_those_of_each() -> None:
-    assert both(flex=3, knee=4) == left(flex=3, knee=4) | right(flex=3, knee=4)
-    assert set(left(flex=1)) == {"left_flex"}
+    assert controls_of({"bend": 1, "both": {"flex": 3, "knee": 4}, "right": {"knee": 5}}) == {
+        "bend": 1, "left_flex": 3, "right_flex": 3, "left_knee": 4, "right_knee": 5,
+    }  # fmt: skip

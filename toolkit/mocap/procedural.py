@@ -7,29 +7,28 @@ is at y = 0.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from functools import partial
+from collections.abc import Sequence
 
 import numpy as np
 
 from toolkit import skeleton
 from toolkit.body.body import Body
 from toolkit.errors import UsageError
-from toolkit.mocap.choreography import BASE, DATABASE, LIMITS, MOTIONS, SUBJECT
+from toolkit.mocap.choreography import BASE, KINDS, MOTIONS, RANGES, Motion
 from toolkit.mocap.clip import PoseClip
-from toolkit.mocap.motion import Motion
-from toolkit.mocap.seated import SEATED, SEATED_SUBJECT
 
 CONTROLS: tuple[str, ...] = tuple(BASE)
 """Names of the controls: degrees, except `hop` (metres)."""
-DATABASE_MOTIONS: tuple[str, ...] = (*DATABASE, "random")
+DATABASE_MOTIONS = (*KINDS["database"], "random")
 """Motions for a pose database."""
-SUBJECT_MOTIONS: tuple[str, ...] = SUBJECT
+SUBJECT_MOTIONS = KINDS["subject"]
 """Motions for a test subject: none of them is in `DATABASE_MOTIONS`."""
-SEATED_MOTIONS: tuple[str, ...] = tuple(SEATED)
+SEATED_MOTIONS = KINDS["seated"]
 """Motions of seated people for a pose database."""
-SEATED_SUBJECT_MOTIONS: tuple[str, ...] = tuple(SEATED_SUBJECT)
+SEATED_SUBJECT_MOTIONS = KINDS["seated_subject"]
 """Motions for a seated test subject: none of them is in `SEATED_MOTIONS`."""
+NAMES = (*DATABASE_MOTIONS, *SUBJECT_MOTIONS, *SEATED_MOTIONS, *SEATED_SUBJECT_MOTIONS)
+"""Names of all motions."""
 
 WOBBLE_DEGREES = 2.5
 """Standard deviation of the slow wobble added to every angle."""
@@ -41,14 +40,6 @@ RANDOM_STEP = 1.2
 """Seconds from one random pose to the next."""
 SOLE = 0.015
 """Metres above the lowest vertex of the rest pose within which a foot's vertices are its sole."""
-
-
-def motions() -> dict[str, Callable[..., PoseClip]]:
-    """Every motion by its name, as a function `(body, rate=30.0, rng=None) -> PoseClip` (see `perform`)."""
-    return {
-        name: partial(perform, name)
-        for name in (*DATABASE_MOTIONS, *SUBJECT_MOTIONS, *SEATED_MOTIONS, *SEATED_SUBJECT_MOTIONS)
-    }
 
 
 def procedural_clips(
@@ -63,7 +54,7 @@ def procedural_clips(
 
     Parameters
     ----------
-    names : out of `motions()`
+    names : out of `NAMES`
     rate : frames a second
     body : whose feet stand on the floor; None takes the neutral body
     variations : clips for each name, at least 1
@@ -80,13 +71,12 @@ def procedural_clips(
         from toolkit.body.shape import load_body
 
         body = load_body("neutral")
-    known = list(motions())
     clips = []
     for name in names:
-        if name not in known:
-            raise UsageError(f"there is no motion {name!r}; there are {', '.join(known)}")
+        if name not in NAMES:
+            raise UsageError(f"there is no motion {name!r}; there are {', '.join(NAMES)}")
         for i in range(variations):
-            rng = np.random.default_rng([seed, known.index(name), i])
+            rng = np.random.default_rng([seed, NAMES.index(name), i])
             clips.append(perform(name, body, rate, rng, label=f"{name}_{i + 1}"))
     return clips
 
@@ -98,7 +88,7 @@ def perform(
 
     Parameters
     ----------
-    name : out of `motions()`
+    name : out of `NAMES`
     body : whose feet stand on the floor
     rate : frames a second (> 0)
     rng : draws tempo, width, side and wobble; None plays the motion as written (`random` needs one and takes seed 0)
@@ -174,8 +164,8 @@ def _played(motion: Motion, rate: float, rng: np.random.Generator | None) -> np.
     from scipy.interpolate import PchipInterpolator
 
     base = np.array([(BASE | motion.hold if motion.settled else BASE)[name] for name in CONTROLS])
-    keys = np.array([[{**BASE, **motion.hold, **key}[name] for name in CONTROLS] for _, key in motion.keys])
-    shares = np.array([share for share, _ in motion.keys])
+    keys = np.array([[{**BASE, **motion.hold, **key}[name] for name in CONTROLS] for key in motion.keys.values()])
+    shares = np.array(list(motion.keys))
     times, values, clock = [0.0], [base], 0.6
     for _ in range(motion.cycles):
         length, width = motion.seconds, 1.0
@@ -202,7 +192,7 @@ def _random_controls(rate: float, rng: np.random.Generator) -> np.ndarray:
     from scipy.interpolate import PchipInterpolator
 
     count, base = RANDOM_POSES, np.array([BASE[name] for name in CONTROLS])
-    low, high = np.array([LIMITS.get(name, (BASE[name], BASE[name])) for name in CONTROLS]).T
+    low, high = np.array([RANGES.get(name, (BASE[name], BASE[name])) for name in CONTROLS]).T
     poses = rng.uniform(low, high, (count, len(CONTROLS)))
     legs = np.array(["flex" in name or "knee" in name or "open" in name for name in CONTROLS])
     calm = np.where(legs, rng.random((count, 1)) < 0.5, rng.random((count, len(CONTROLS))) < 0.25)
