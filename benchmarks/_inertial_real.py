@@ -38,7 +38,8 @@ from toolkit.inertial.synchronise import (
 )
 from toolkit.inertial.workflow import read_sensors
 from toolkit.kernels.motion.inertial import correlation_over_lags
-from toolkit.pipeline import track_recordings
+from toolkit.pipeline import track_recording
+from toolkit.recordings.opening import open_upright
 
 SHARED = Path(__file__).resolve().parents[2] / "shared" / "data"
 RECORDINGS, SENSORS = SHARED / "depth" / "utd_mhad", SHARED / "inertial" / "utd_mhad"
@@ -151,9 +152,9 @@ def real(parser: argparse.ArgumentParser) -> None:
         poses = poses_of(options)
         tracker = make_tracker("hybrid", PoseDatabase.load(poses), parse_overrides(options.set), str(poses))
         names = [file.name.replace("_inertial", "_depth") for file in files]
-        wanted = [options.recordings / name for name in names if not (runs / Path(name).stem / "track.npz").exists()]
-        if wanted:
-            track_recordings(wanted, tracker, runs)
+        for path in (options.recordings / name for name in names):
+            if not (runs / path.stem / "track.npz").exists():
+                track_recording(open_upright(path), tracker, runs / path.stem)
     takes = takes_of(runs, options.data, options.people.split(","))
     clips = []
     for take in takes:

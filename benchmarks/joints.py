@@ -37,10 +37,10 @@ from toolkit.people.joints import on_cut_out
 from toolkit.people.lone import LonePerson
 from toolkit.people.sighting import Sighting
 from toolkit.people.survey import find_people
-from toolkit.pipeline import load_tracker, track_recordings
+from toolkit.pipeline import load_tracker, track_recording
 from toolkit.pipeline.joints import JointChoice
 from toolkit.pipeline.store_joints import store_joints
-from toolkit.recordings.opening import open_recording
+from toolkit.recordings.opening import open_recording, open_upright
 from toolkit.runs import load_people
 from toolkit.sensing.joints2d import Joints2D, lift, mirrored_rows
 from toolkit.sensing.recording import Recording
@@ -252,7 +252,7 @@ def followed(parser: argparse.ArgumentParser) -> None:
         shutil.rmtree(run, ignore_errors=True)
         database = None if row in ("swarm", "qammaz") else poses_of(options)
         tracker = load_tracker(row, parse_overrides(options.set), database=database)
-        track_recordings([stored], tracker, run, people=None)
+        track_recording(open_upright(stored), tracker, run, people=None)
         for person in load_people(run).people:
             track = Track.load(run / person.folder)
             off = apart_mm(track, recording)

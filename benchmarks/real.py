@@ -38,13 +38,14 @@ from toolkit import skeleton
 from toolkit.config import parse_overrides
 from toolkit.database.database import PoseDatabase
 from toolkit.database.default import DEFAULT_DATABASE
+from toolkit.errors import DepthMocapError
 from toolkit.evaluation.agreement import torso_frames
 from toolkit.evaluation.evaluate import evaluate_runs
 from toolkit.evaluation.extrema import BONES, OWNERS
 from toolkit.evaluation.scores import EvaluationTable
-from toolkit.pipeline import track_recordings
+from toolkit.pipeline import track_recording
 from toolkit.qammaz.tracker import SwarmTracker
-from toolkit.recordings.opening import open_recording
+from toolkit.recordings.opening import open_recording, open_upright
 from toolkit.retrieval.features.motion import from_track
 from toolkit.retrieval.features.relational import FEATURES, relational_features
 from toolkit.skeleton import END_EFFECTORS
@@ -112,10 +113,13 @@ def run_row(row: str, paths: Sequence[Path], options: argparse.Namespace, overri
         poses_path = poses_of(options)
         tracker = make_tracker(row, PoseDatabase.load(poses_path), overrides, str(poses_path))
     reader = {"frame_rate": options.frame_rate} if options.frame_rate else None
-    report = track_recordings(paths, tracker, output, reader_options=reader)
-    for path, reason in report.failed.items():
-        print(f"{path.name} failed: {reason}")
-    return [summary.run for summary in report.done]
+    runs = []
+    for path in paths:
+        try:
+            runs.append(track_recording(open_upright(path, **reader), tracker, output / path.stem).run)
+        except DepthMocapError as error:
+            print(f"{path.name} failed: {error}")
+    return runs
 
 
 def print_row(row: str, table: EvaluationTable, bones: dict[str, dict[str, float]]) -> None:

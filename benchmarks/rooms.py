@@ -27,9 +27,9 @@ from benchmarks._rows import add_database_options, poses_of
 from benchmarks.scenes import frame_picture, frame_times, tracks_of
 from toolkit.config import parse_overrides
 from toolkit.errors import DepthMocapError
-from toolkit.pipeline import load_tracker, track_recordings
+from toolkit.pipeline import load_tracker, track_recording
 from toolkit.pipeline.joints import JointChoice
-from toolkit.recordings.opening import open_recording
+from toolkit.recordings.opening import open_recording, open_upright
 from toolkit.rendering.film import contact_sheet, save_png
 from toolkit.testing.suite import ROOT
 from toolkit.track import Track
@@ -62,10 +62,8 @@ def track_rooms(names: Sequence[str], options: argparse.Namespace) -> tuple[dict
         runs[name] = options.work / "runs" / "rooms" / name
         shutil.rmtree(runs[name], ignore_errors=True)
         try:
-            joints = JointChoice(options.joints)
-            track_recordings(
-                [options.rooms / name], tracker, runs[name], people=None, reader_options=reader, joints=joints
-            )
+            recording = open_upright(options.rooms / name, **reader)
+            track_recording(recording, tracker, runs[name], people=None, joints=JointChoice(options.joints))
         except DepthMocapError as error:
             failed[name] = str(error)
         print(f"{name} tracked", flush=True)

@@ -29,9 +29,9 @@ from benchmarks._rows import ROWS, add_database_options, make_tracker, poses_of
 from toolkit.config import parse_overrides
 from toolkit.database.database import PoseDatabase
 from toolkit.errors import DepthMocapError
-from toolkit.pipeline import load_tracker, track_recordings
+from toolkit.pipeline import load_tracker, track_recording
 from toolkit.pipeline.joints import JointChoice
-from toolkit.recordings.opening import open_recording
+from toolkit.recordings.opening import open_recording, open_upright
 from toolkit.rendering import style
 from toolkit.rendering.film import contact_sheet, save_png
 from toolkit.rendering.overlay import color_depth, draw_points, draw_skeleton
@@ -148,7 +148,8 @@ def track_scenes(paths: Sequence[Path], options: argparse.Namespace) -> tuple[li
         shutil.rmtree(run, ignore_errors=True)
         try:
             joints = JointChoice(options.joints)
-            if track_recordings([path], tracker, run, people=options.people, joints=joints).interrupted:
+            recording = open_upright(path)
+            if track_recording(recording, tracker, run, people=options.people, joints=joints).interrupted:
                 raise SystemExit(f"stopped in {path.name}")
         except DepthMocapError as error:
             failed[path.stem] = str(error)

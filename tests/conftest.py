@@ -20,7 +20,7 @@ QUICK = frozenset({
 })  # fmt: skip
 """Modules whose tests answer at once: the heart, with parts made up where they would be slow."""
 LONGEST = (
-    "test_benchmarks", "test_pipeline_many", "test_stabilising", "test_inertial_road", "test_examples",
+    "test_benchmarks", "test_pipeline_batch", "test_stabilising", "test_inertial_road", "test_examples",
     "test_same_tracks", "test_failing_calls", "test_tracking_particles", "test_kills", "test_demo", "test_fuzzing",
     "test_regressor", "test_database_builder", "test_bad_input", "test_kernels_cache", "test_main_road",
 )  # fmt: skip

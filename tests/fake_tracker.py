@@ -14,7 +14,8 @@ from toolkit import skeleton
 from toolkit.body.body import Body
 from toolkit.errors import RecordingError
 from toolkit.people.sighting import PredictedBody, Sighting
-from toolkit.pipeline import track_recordings
+from toolkit.pipeline import track_recording
+from toolkit.recordings.opening import open_recording
 from toolkit.recordings.writer import save_recording
 from toolkit.sensing.camera import Camera
 from toolkit.sensing.settings import SensingSettings
@@ -134,11 +135,11 @@ def write_recording(path: Path, frames: int = 12) -> Path:
 
 if __name__ == "__main__":
     recording, output, resume = sys.argv[1:4]
-    report = track_recordings(
-        [recording],
+    summary = track_recording(
+        open_recording(recording),
         FakeTracker(seconds=0.03),
         output,
         resume=resume == "resume",
         progress=lambda name, doing, done, total: print(doing, done, flush=True),
     )
-    print("interrupted" if report.interrupted else "complete", report.failed, flush=True)
+    print("interrupted" if summary.interrupted else "complete", flush=True)

@@ -22,7 +22,7 @@ from toolkit.cli.options import numbers
 from toolkit.database.default import default_database_path
 from toolkit.errors import UsageError
 from toolkit.people.sighting import Sighting
-from toolkit.pipeline import many, trackers
+from toolkit.pipeline import trackers
 from toolkit.track import EMPTY, TRACKED, FrameResult, Track
 from toolkit.tracking.clock import StageClock
 
@@ -302,10 +302,9 @@ def test_a_batch_prints_a_line_for_each_recording_and_names_what_failed(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setattr(trackers, "load_tracker", lambda *_, **__: FakeTracker())
-    monkeypatch.setattr(many, "_TRACKERS", {})
     good = write_recording(tmp_path / "good.npz")
     (tmp_path / "bad.npz").write_bytes(b"nothing")
-    command = ["track", good, tmp_path / "bad.npz", "--database", "d", "--output", tmp_path / "runs", "--workers", "1"]
+    command = ["track", good, tmp_path / "bad.npz", "--database", "d", "--output", tmp_path / "runs"]
     assert run(*command) == 1
     said = capsys.readouterr()
     assert "12 frames" in said.out and "bad.npz: failed: " in said.err

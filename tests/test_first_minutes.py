@@ -43,7 +43,7 @@ def costly(monkeypatch: pytest.MonkeyPatch) -> list[str]:
 
     monkeypatch.setattr(Tracking, "_poses", poses)
     monkeypatch.setattr(trackers, "load_tracker", build)
-    monkeypatch.setattr(pipeline, "track_many", build)
+    monkeypatch.setattr(pipeline, "track_recordings", build)
     return asked
 
 

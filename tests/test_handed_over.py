@@ -29,7 +29,8 @@ from toolkit.errors import (
 )
 from toolkit.files import sha256_of
 from toolkit.pipeline import run as pipeline
-from toolkit.pipeline import track_recordings
+from toolkit.pipeline import track_recording
+from toolkit.recordings.opening import open_recording
 from toolkit.runs import load_people
 from toolkit.track import RunInfo
 
@@ -46,7 +47,7 @@ def stopped(tmp_path_factory: pytest.TempPathFactory) -> Path:
     memory, pipeline.MEMORY_SECONDS = pipeline.MEMORY_SECONDS, -1.0
     try:
         with pytest.raises(RecordingError, match="frame 6"):
-            track_recordings([recording], FakeTracker(broken=6), folder / "run")
+            track_recording(open_recording(recording), FakeTracker(broken=6), folder / "run")
     finally:
         pipeline.MEMORY_SECONDS = memory
     return folder
@@ -60,7 +61,7 @@ def begun(stopped: Path, tmp_path: Path) -> Path:
 
 
 def go_on(stopped: Path, run: Path) -> np.ndarray:
-    track_recordings([stopped / "take.npz"], FakeTracker(), run, resume=True)
+    track_recording(open_recording(stopped / "take.npz"), FakeTracker(), run, resume=True)
     with np.load(run / "track.npz") as arrays:
         return np.array(arrays["joints"])
 
@@ -96,7 +97,7 @@ def test_what_is_there_and_is_not_this_runs_is_refused(stopped: Path, tmp_path: 
     mine.write_bytes(b"mine")
     for resume in (False, True):
         with pytest.raises(TrackError, match="no run.json that says whose it is"):
-            track_recordings([stopped / "take.npz"], FakeTracker(), tmp_path / "run", resume=resume)
+            track_recording(open_recording(stopped / "take.npz"), FakeTracker(), tmp_path / "run", resume=resume)
     assert mine.read_bytes() == b"mine"
 
 
@@ -195,7 +196,7 @@ def test_a_recording_without_any_measurement_is_said(tmp_path: Path) -> None:
         values = {name: arrays[name] for name in arrays.files if name != CHECKSUM}
     np.savez(path, **{**values, "depth": np.full_like(values["depth"], 65535)})
     with pytest.raises(RecordingError, match="no frame of take holds a measurement"):
-        track_recordings([path], FakeTracker(), tmp_path / "run")
+        track_recording(open_recording(path), FakeTracker(), tmp_path / "run")
 
 
 @pytest.mark.parametrize(

@@ -15,7 +15,7 @@ from tests.fake_tracker import FakeFollower, FakeTracker, write_recording
 from toolkit.errors import OutputError, RecordingError, TrackError, UsageError
 from toolkit.files import sha256_of
 from toolkit.people.sighting import Sighting
-from toolkit.pipeline import track_recording, track_recordings
+from toolkit.pipeline import track_recording
 from toolkit.pipeline.run import WARM_UP_FRAMES
 from toolkit.pipeline.trackers import TrackerRecipe
 from toolkit.recordings.opening import open_recording
@@ -93,12 +93,11 @@ def test_ctrl_c_puts_the_track_so_far_in_place_and_resume_completes_it(tmp_path:
     read_until(process, "tracking 10")
     os.kill(process.pid, number)
     output, error = process.communicate(timeout=60)
-    assert output.splitlines()[-1] == "interrupted {}", error
+    assert output.splitlines()[-1] == "interrupted", error
     rows = len(Track.load(run))
     assert 10 <= rows < 40
     tracker = FakeTracker()
-    report = track_recordings([recording], tracker, run, resume=True)
-    assert report.done[0].frames == 40
+    assert track_recording(open_recording(recording), tracker, run, resume=True).frames == 40
     assert tracker.steps == WARM_UP_FRAMES + 40 - rows  # what was found already is not found again
     np.testing.assert_array_equal(Track.load(run).pose, whole(recording, tmp_path / "whole").pose)
 
@@ -106,7 +105,7 @@ def test_ctrl_c_puts_the_track_so_far_in_place_and_resume_completes_it(tmp_path:
 def test_an_unfinished_run_is_neither_overwritten_nor_continued_with_something_else(tmp_path: Path) -> None:
     recording, run = write_recording(tmp_path / "take.npz"), tmp_path / "run"
     with pytest.raises(RecordingError, match="frame 5"):
-        track_recordings([recording], FakeTracker(broken=5), run)
+        track_recording(open_recording(recording), FakeTracker(broken=5), run)
     partial = (run / "track.partial").read_bytes()
     with pytest.raises(UsageError, match="unfinished track of 5 frames"):
         track_recording(open_recording(recording), FakeTracker(), run)
@@ -161,30 +160,9 @@ def test_a_finished_run_is_left_alone_by_resume_and_replaced_without(tmp_path: P
 def test_a_recording_that_fails_at_once_leaves_no_unfinished_track(tmp_path: Path) -> None:
     recording, run = write_recording(tmp_path / "take.npz"), tmp_path / "run"
     with pytest.raises(RecordingError):
-        track_recordings([recording], FakeTracker(broken=0), run)
+        track_recording(open_recording(recording), FakeTracker(broken=0), run)
     assert not (run / "track.partial").exists()
-    assert track_recordings([recording], FakeTracker(), run).done
-
-
-def test_one_failing_recording_does_not_stop_the_others(tmp_path: Path) -> None:
-    good, also = write_recording(tmp_path / "a.npz"), write_recording(tmp_path / "c.npz")
-    bad = tmp_path / "b.npz"
-    bad.write_bytes(b"no recording")
-    report = track_recordings([good, bad, also], FakeTracker(), tmp_path / "runs")
-    assert [summary.name for summary in report.done] == ["a", "c"] and list(report.failed) == [bad]
-    assert len(Track.load(tmp_path / "runs" / "a")) == len(Track.load(tmp_path / "runs" / "c")) == 12
-
-
-def test_equal_stems_are_an_error_before_work_starts(tmp_path: Path) -> None:
-    (tmp_path / "x").mkdir()
-    paths = [write_recording(tmp_path / "take.npz"), write_recording(tmp_path / "x" / "take.npz")]
-    with pytest.raises(UsageError, match="same stem 'take'"):
-        track_recordings(paths, FakeTracker(), tmp_path / "runs")
-    assert not (tmp_path / "runs").exists()
-    with pytest.raises(UsageError, match="no recording"):
-        track_recordings([], FakeTracker(), tmp_path / "runs")
-    with pytest.raises(UsageError, match="unknown reader option 'colour'"):
-        track_recordings(paths[:1], FakeTracker(), tmp_path / "runs", reader_options={"colour": 1})
+    assert track_recording(open_recording(recording), FakeTracker(), run).frames == 12
 
 
 def test_an_unwritable_output_is_one_sentence(tmp_path: Path) -> None:
@@ -207,10 +185,10 @@ def test_a_disk_that_fills_up_keeps_the_rows_and_the_run_can_go_on(
 
     monkeypatch.setattr(TrackWriter, "append", full)
     with pytest.raises(OutputError, match="No space left"):
-        track_recordings([recording], FakeTracker(), run)
+        track_recording(open_recording(recording), FakeTracker(), run)
     assert not (run / "track.npz").exists()
     monkeypatch.setattr(TrackWriter, "append", append)
-    assert track_recordings([recording], FakeTracker(), run, resume=True).done[0].frames == 12
+    assert track_recording(open_recording(recording), FakeTracker(), run, resume=True).frames == 12
     np.testing.assert_array_equal(Track.load(run).pose, whole(recording, tmp_path / "whole").pose)
 
 
@@ -241,11 +219,11 @@ def test_a_run_folder_that_is_being_written_is_left_alone(tmp_path: Path) -> Non
     try:
         read_until(process, "tracking 3")
         with pytest.raises(OutputError, match=f"is being written by process {process.pid} "):
-            track_recordings([recording], FakeTracker(), run, resume=True)
+            track_recording(open_recording(recording), FakeTracker(), run, resume=True)
     finally:
         process.kill()
         process.wait()
-    assert track_recordings([recording], FakeTracker(), run, resume=True).done[0].frames == 12
+    assert track_recording(open_recording(recording), FakeTracker(), run, resume=True).frames == 12
     assert not (run / ".lock").exists()
 
 
@@ -255,7 +233,7 @@ def test_a_run_folder_is_kept_apart_from_its_recording(tmp_path: Path, place: st
     run = {"same": recording, "inside": recording / "run", "around": tmp_path / "takes"}[place]
     before = recording.read_bytes()
     with pytest.raises(UsageError, match="choose"):
-        track_recordings([recording], FakeTracker(), run)
+        track_recording(open_recording(recording), FakeTracker(), run)
     assert recording.read_bytes() == before and [p.name for p in (tmp_path / "takes").iterdir()] == ["take.npz"]
 
 
@@ -264,7 +242,10 @@ def test_the_settings_that_a_run_was_made_from_are_not_replaced(tmp_path: Path) 
     (tmp_path / "own").mkdir()
     (tmp_path / "own" / "config.yaml").write_text("# mine")
     with pytest.raises(UsageError, match="would be overwritten"):
-        track_recordings(
-            [recording], FakeTracker(), tmp_path / "own", made_of=TrackerRecipe(tmp_path / "own" / "config.yaml")
+        track_recording(
+            open_recording(recording),
+            FakeTracker(),
+            tmp_path / "own",
+            made_of=TrackerRecipe(tmp_path / "own" / "config.yaml"),
         )
     assert (tmp_path / "own" / "config.yaml").read_text() == "# mine"

@@ -17,7 +17,7 @@ from toolkit.cli.terminal import say
 from toolkit.errors import UsageError
 
 if TYPE_CHECKING:
-    from toolkit.pipeline import ManifestRow, TrackerRecipe
+    from toolkit.pipeline import TrackerRecipe
 
 
 @dataclass(frozen=True)
@@ -74,29 +74,23 @@ class Tracking:
 class Folders:
     """What becomes of run folders that are there already, and of many recordings, as it is typed."""
 
-    overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace a finished run.")] = False
-    resume: Annotated[bool, typer.Option("--resume", help="Continue a killed or interrupted run.")] = False
+    overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace finished runs.")] = False
+    resume: Annotated[
+        bool, typer.Option("--resume", help="Continue a killed or interrupted run; several recordings always do.")
+    ] = False
     workers: Annotated[
         int | None,
-        typer.Option(
-            min=1,
-            help="So many processes share the recordings; finished runs are left alone, manifest.jsonl lists all.",
-        ),
+        typer.Option(min=1, help="So many processes share the recordings.", show_default="one"),
     ] = None
 
-    def keep_finished(self, runs: list[Path]) -> None:
-        """Refuse to replace a finished run without --overwrite; a batch looks at each of them itself."""
+    def keep_finished(self, run: Path) -> None:
+        """Refuse to replace a finished run without --overwrite."""
         from toolkit.runs import PEOPLE_FILE
         from toolkit.track import PARTIAL_FILE, TRACK_FILE
 
-        if self.overwrite or self.resume or self.workers:
-            return
-        for run in runs:
-            finished = (run / TRACK_FILE).exists() and not (run / PARTIAL_FILE).exists()
-            if finished or (run / PEOPLE_FILE).exists():
-                raise UsageError(
-                    f"{run} holds a finished run; add --overwrite to replace it, or choose another --output"
-                )
+        finished = (run / TRACK_FILE).exists() and not (run / PARTIAL_FILE).exists()
+        if (finished or (run / PEOPLE_FILE).exists()) and not (self.overwrite or self.resume):
+            raise UsageError(f"{run} holds a finished run; add --overwrite to replace it, or choose another --output")
 
 
 @spread
@@ -115,97 +109,104 @@ def track(
     folders: Folders = Folders(),
     reading: Reading = Reading(),
 ) -> None:
-    """Track the person in depth recordings and write what was found into run folders."""
-    from toolkit.pipeline import run_folders, tracker_settings, unreadable
+    """Track the person in depth recordings and write what was found into run folders.
+
+    Of several recordings, or with --workers, each has OUTPUT/<stem>, finished runs are left alone, and
+    OUTPUT/manifest.jsonl lists all.
+    """
+    from toolkit.pipeline import tracker_settings, unreadable
 
     options, choice = reading.options(), joints.choice(len(recordings))
-    how = {"people": people_of(people), "reader_options": options, "joints": choice}
-    runs = list(run_folders(recordings, output).values())
-    folders.keep_finished(runs)
+    how = {"people": people_of(people), "joints": choice}
+    batch = len(recordings) > 1 or folders.workers is not None
+    if not batch:
+        folders.keep_finished(output)
     tracker_settings(tracking.config, tracking.overrides())
     for path, reason in unreadable(recordings, options).items():  # before anything costs time
         say(f"depthmocap: {path}: {reason}; the others are tracked", file=sys.stderr)
-    if folders.workers:
-        _track_batch(recordings, output, tracking, guiding, folders, how)
-        return
-    found = _track_each(recordings, output, tracking, guiding, folders.resume, how)
-    from toolkit.cli.terminal import next_commands
-
-    if not found:
-        next_commands({("info", str(recordings[0])): "what the recording holds, and which option would help"})
-        return
-    next_commands(
-        {
-            ("report", str(output), "--output", "report.html"): "one page: film, body in three dimensions, plots",
-            ("evaluate", str(output)): "error, where the recording knows the truth; time; states",
-            ("export", str(runs[0]), "--output", "motion.glb"): "for Blender, Unity, browsers; also .bvh, .trc, .csv",
-        }
-    )
+    if batch:
+        _track_batch(recordings, output, tracking, guiding, folders, {**how, "reader_options": options})
+    else:
+        _track_one(recordings[0], options, output, tracking, guiding, folders.resume, how)
 
 
-def _track_each(
-    recordings: list[Path], output: Path, tracking: Tracking, guiding: Guiding, resume: bool, how: dict[str, Any]
-) -> bool:
-    """One recording after the other; whether a person was tracked. Exit code 1 where one is not done."""
+def _track_one(
+    path: Path, options: dict[str, Any], run: Path, tracking: Tracking, guiding: Guiding, resume: bool,
+    how: dict[str, Any],
+) -> None:  # fmt: skip
+    """One recording into `run`. Exit code 1 where it is not done."""
     from toolkit.ahead import compile_beside
-    from toolkit.cli.terminal import doing_words, progress_bars
+    from toolkit.cli.terminal import doing_words, next_commands, progress_bars
 
     compile_beside()
-    from toolkit.pipeline import track_recordings
-    from toolkit.runs import PEOPLE_FILE, load_people
+    from toolkit.pipeline import track_recording
+    from toolkit.recordings.opening import open_upright
 
-    guide, watcher = guiding.guide(recordings), guiding.watcher(recordings)
+    guide, watcher = guiding.guide([path]), guiding.watcher([path])
     with progress_bars() as bars:
         recipe, preparing = tracking.recipe(guiding.inertial), doing_words("compiling")
         bars(preparing, 0, 1)
         tracker = recipe.build(guide)
         bars(preparing, 1, 1)
-        report = track_recordings(
-            recordings,
+        summary = track_recording(
+            open_upright(path, **options),
             tracker,
-            output,
+            run,
             resume=resume,
             progress=lambda name, doing, done, total: bars(f"{name}: {doing_words(doing)}", done, total),
             watcher=watcher,
             made_of=recipe,
             **how,
         )
-    for summary in report.done:
-        say(summary.text())
-        if (summary.run / PEOPLE_FILE).exists():
-            say(load_people(summary.run).text())
-    for path, reason in report.failed.items():
-        say(f"depthmocap: {path}: {reason}", file=sys.stderr)
-    if report.failed or report.interrupted:
+    _say_done(summary.text(), run)
+    if summary.interrupted:
         raise typer.Exit(1)
-    return any(summary.states["tracked"] for summary in report.done)
+    if not summary.states["tracked"]:
+        next_commands({("info", str(path)): "what the recording holds, and which option would help"})
+        return
+    next_commands(
+        {
+            ("report", str(run), "--output", "report.html"): "one page: film, body in three dimensions, plots",
+            ("evaluate", str(run)): "error, where the recording knows the truth; time; states",
+            ("export", str(run), "--output", "motion.glb"): "for Blender, Unity, browsers; also .bvh, .trc, .csv",
+        }
+    )
 
 
 def _track_batch(
     recordings: list[Path], output: Path, tracking: Tracking, guiding: Guiding, folders: Folders, how: dict[str, Any]
 ) -> None:
-    """Many recordings in processes of their own."""
-    from toolkit.cli.terminal import progress_bars
-    from toolkit.pipeline import track_many
+    """Several recordings; a line for each. Exit code 1 where one is not done."""
+    from toolkit.cli.terminal import doing_words, next_commands, progress_bars
+    from toolkit.pipeline import track_recordings
+    from toolkit.pipeline.manifest import DONE
 
     if guiding.guide(recordings) or guiding.watcher(recordings):
         raise UsageError("sensors and events belong to one recording; leave --workers out")
     with progress_bars() as bars:
-        rows = track_many(
-            recordings, tracking.recipe(), output, workers=folders.workers,
-            overwrite=folders.overwrite, progress=bars, **how,
+        rows = track_recordings(
+            recordings, tracking.recipe(), output, workers=folders.workers or 1, overwrite=folders.overwrite,
+            progress=lambda name, doing, done, total: bars(f"{name}: {doing_words(doing)}", done, total), **how,
         )  # fmt: skip
-    _print_rows(rows)
-
-
-def _print_rows(rows: list[ManifestRow]) -> None:
-    """A line for each recording of a batch; exit code 1 where one is not done."""
-    from toolkit.pipeline.manifest import DONE
-
     for row in rows:
         if row.status == DONE:
-            say(row.text)
+            _say_done(row.text, Path(row.run))
         else:
             say(f"depthmocap: {row.recording}: {row.status}: {row.reason or row.text}", file=sys.stderr)
     if any(row.status != DONE for row in rows):
         raise typer.Exit(1)
+    next_commands(
+        {
+            ("report", str(output), "--output", "report.html"): "one page: films, bodies in three dimensions, plots",
+            ("evaluate", str(output)): "error, where the recordings know the truth; time; states",
+        }
+    )
+
+
+def _say_done(text: str, run: Path) -> None:
+    """What became of a recording, and who is in it where several were followed."""
+    from toolkit.runs import PEOPLE_FILE, load_people
+
+    say(text)
+    if (run / PEOPLE_FILE).exists():
+        say(load_people(run).text())

@@ -21,7 +21,7 @@ from toolkit.body.body import Body
 from toolkit.checkpoint import HINT, load_checkpoint, save_checkpoint
 from toolkit.config import settings_text
 from toolkit.errors import DepthMocapError, RecordingError, TrackError, UsageError
-from toolkit.files import locked, sha256_of
+from toolkit.files import check_output, locked, sha256_of
 from toolkit.people.evidence import furniture
 from toolkit.people.hypothesis import PersonJudge
 from toolkit.people.joints import JointSource
@@ -124,13 +124,13 @@ def track_recording(
     progress : told what is going on
     watcher : told every row of the one person who is followed, as it is written
     joints : where joints in the image are to come from
-    made_of : what the tracker is made of
+    made_of : what the tracker is made of, by default its database: no run may replace that
 
     Raises
     ------
     UsageError
-        The folder holds an unfinished track and `resume` is not set, several people are to be watched, or joints are
-        chosen for a tracker that uses none.
+        The folder holds an unfinished track and `resume` is not set, the run would damage the recording or what the
+        tracker is made of, several people are to be watched, or joints are chosen for a tracker that uses none.
     ModelError
         Joints have to be detected, and the detector cannot be used.
     TrackError
@@ -142,6 +142,8 @@ def track_recording(
     """
     if watcher is not None and people != 1:
         raise UsageError("events are told of one person; leave --people away")
+    recipe = made_of or TrackerRecipe(database=tracker.database)
+    _check_inputs(Path(run), recording, recipe)
     choice = joints or JointChoice()
     give_joints(recording, choice)
     job = Job(recording, tracker, people, joint_source(recording, choice, tracker.joints_wanted))
@@ -149,7 +151,7 @@ def track_recording(
         info = replace(
             _run_info(recording, tracker),
             joints_2d=name_of(job.joints, recording),
-            **(made_of or TrackerRecipe()).digests(),
+            **recipe.digests(),
         )
         return _track(job, info, Path(run), resume, warm_up, progress, watcher)
 
@@ -338,6 +340,14 @@ def _restored(folder: Path, sink: RunSink, job: Job) -> Crowd:
             crowd = job.crowd()
     sink.cut(crowd.frames, crowd.bodies)
     return crowd
+
+
+def _check_inputs(folder: Path, recording: Recording, recipe: TrackerRecipe) -> None:
+    """Raise UsageError where the run would damage the recording, or replace what the tracker is made of."""
+    if not recording.in_memory:
+        check_output(folder, [recording.path], sealed=[recording.path])
+    for name in RUN_FILES:
+        check_output(folder / name, recipe.files())
 
 
 def _check_whose(folder: Path) -> None:

@@ -1,9 +1,9 @@
-"""What became of recordings."""
+"""What became of a recording."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -63,19 +63,6 @@ class RunSummary:
         sure = f", confidence {self.confidence:.2f}" if self.states["tracked"] else ""
         spent = f", {sum(self.stage_ms.values()):.1f} ms a frame ({stages})" if self.stage_ms else ""
         return f"{self.run}: {count} frames{people}: {states or 'nobody seen'}{sure}{spent}{hint}"
-
-
-@dataclass
-class BatchReport:
-    """What became of many recordings: summaries, and one sentence per recording that failed."""
-
-    done: list[RunSummary] = field(default_factory=list)
-    failed: dict[Path, str] = field(default_factory=dict)
-
-    @property
-    def interrupted(self) -> bool:
-        """Whether the batch was stopped before its end."""
-        return any(summary.interrupted for summary in self.done)
 
 
 def summarised(

@@ -1,4 +1,4 @@
-"""Many recordings in many processes: nothing lost, nothing done twice, every failure named."""
+"""Many recordings, in one process and in many: nothing lost, nothing done twice, every failure named."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ import pytest
 
 from tests.fake_tracker import FakeTracker, write_recording
 from toolkit.errors import OutputError, UsageError
-from toolkit.pipeline import TrackerRecipe, track_many
-from toolkit.pipeline.manifest import DONE, FAILED, HEAD, MANIFEST_FILE, Manifest, ManifestRow
+from toolkit.pipeline import TrackerRecipe, track_recordings
+from toolkit.pipeline.manifest import DONE, FAILED, HEAD, INTERRUPTED, MANIFEST_FILE, Manifest, ManifestRow
 from toolkit.track import Track
 from toolkit.tracking.protocol import Tracker
 
@@ -53,9 +53,9 @@ def takes(tmp_path: Path) -> list[Path]:
 
 def test_processes_share_the_recordings_and_build_their_tracker_once(tmp_path: Path, takes: list[Path]) -> None:
     told: list[int] = []
-    rows = track_many(
+    rows = track_recordings(
         takes, FakeRecipe(marks=str(tmp_path / "marks")), tmp_path / "runs", workers=2,
-        progress=lambda doing, done, total: told.append(done),
+        progress=lambda name, doing, done, total: told.append(done),
     )  # fmt: skip
     assert [row.status for row in rows] == [DONE] * 4 and told == [1, 2, 3, 4]
     assert [Path(row.recording) for row in rows] == takes, "in the order that was asked for"
@@ -68,30 +68,68 @@ def test_a_failure_is_in_the_manifest_and_only_that_is_tracked_again(tmp_path: P
     whole = takes[1].read_bytes()
     takes[1].write_bytes(b"nothing")
     runs = tmp_path / "runs"
-    rows = track_many(takes, FakeRecipe(), runs, workers=2)
+    rows = track_recordings(takes, FakeRecipe(), runs, workers=2)
     assert [row.status for row in rows] == [DONE, FAILED, DONE, DONE] and "take1.npz" in rows[1].reason
     written = [(runs / f"take{i}" / "track.npz").stat().st_mtime_ns for i in (0, 2, 3)]
     takes[1].write_bytes(whole)
-    assert [row.status for row in track_many(takes, FakeRecipe(), runs, workers=2)] == [DONE] * 4
+    assert [row.status for row in track_recordings(takes, FakeRecipe(), runs, workers=2)] == [DONE] * 4
     assert written == [(runs / f"take{i}" / "track.npz").stat().st_mtime_ns for i in (0, 2, 3)]
     lines = [json.loads(line) for line in (runs / MANIFEST_FILE).read_text().splitlines()]
     assert [line["status"] for line in lines[1:]] == [DONE] * 4, "of the second batch"
 
 
+def test_one_failing_recording_does_not_stop_the_others_and_this_process_says_how_far_it_is(
+    tmp_path: Path, takes: list[Path]
+) -> None:
+    takes[1].write_bytes(b"nothing")
+    told: list[tuple[str, str]] = []
+    rows = track_recordings(
+        takes[:3], FakeRecipe(marks=str(tmp_path / "marks")), tmp_path / "runs",
+        progress=lambda name, doing, done, total: told.append((name, doing)),
+    )  # fmt: skip
+    assert [row.status for row in rows] == [DONE, FAILED, DONE]
+    assert {("take0", "tracking"), ("take2", "tracking"), ("recordings", "tracked")} <= {*told}
+    assert [name for name, doing in told if doing == "compiling" and name != "take0"] == [], "compiled once"
+    assert [mark.read_text() for mark in (tmp_path / "marks").iterdir()] == ["x"], "the tracker that is checked is used"
+
+
+def test_ctrl_c_ends_the_batch_and_the_same_call_goes_on(tmp_path: Path, takes: list[Path]) -> None:
+    def stop(name: str, doing: str, done: int, total: int) -> None:
+        if (name, doing, done) == ("take1", "tracking", 5):
+            os.kill(os.getpid(), signal.SIGINT)
+
+    rows = track_recordings(takes, FakeRecipe(), tmp_path / "runs", progress=stop)
+    assert [row.status for row in rows] == [DONE, INTERRUPTED, INTERRUPTED, INTERRUPTED]
+    assert rows[1].frames < 12 and "start it again" in rows[2].reason
+    assert [row.status for row in track_recordings(takes, FakeRecipe(), tmp_path / "runs")] == [DONE] * 4
+
+
+def test_equal_stems_and_unknown_options_are_an_error_before_work_starts(tmp_path: Path) -> None:
+    (tmp_path / "x").mkdir()
+    paths = [write_recording(tmp_path / "take.npz"), write_recording(tmp_path / "x" / "take.npz")]
+    with pytest.raises(UsageError, match="same stem 'take'"):
+        track_recordings(paths, FakeRecipe(), tmp_path / "runs")
+    with pytest.raises(UsageError, match="no recording"):
+        track_recordings([], FakeRecipe(), tmp_path / "runs")
+    with pytest.raises(UsageError, match="unknown reader option 'colour'"):
+        track_recordings(paths[:1], FakeRecipe(), tmp_path / "runs", reader_options={"colour": 1})
+    assert not (tmp_path / "runs").exists()
+
+
 def test_a_finished_run_is_not_done_twice(tmp_path: Path, takes: list[Path]) -> None:
-    track_many(takes[:2], FakeRecipe(), tmp_path / "runs", workers=1)
+    track_recordings(takes[:2], FakeRecipe(), tmp_path / "runs")
     before = (tmp_path / "runs" / "take0" / "track.npz").stat().st_mtime_ns
-    assert [row.status for row in track_many(takes, FakeRecipe(), tmp_path / "runs", workers=1)] == [DONE] * 4
+    assert [row.status for row in track_recordings(takes, FakeRecipe(), tmp_path / "runs")] == [DONE] * 4
     assert (tmp_path / "runs" / "take0" / "track.npz").stat().st_mtime_ns == before
 
 
 def test_a_run_with_other_settings_is_replaced_only_when_asked(tmp_path: Path, takes: list[Path]) -> None:
     runs = tmp_path / "runs"
-    track_many(takes[:1], FakeRecipe(), runs, workers=1)
+    track_recordings(takes[:1], FakeRecipe(), runs)
     (runs / "take0" / "config.yaml").write_text("weight: 7\n")
-    (refused,) = track_many(takes[:1], FakeRecipe(), runs, workers=1)
+    (refused,) = track_recordings(takes[:1], FakeRecipe(), runs)
     assert refused.status == FAILED and "other settings" in refused.reason
-    assert track_many(takes[:1], FakeRecipe(), runs, workers=1, overwrite=True)[0].status == DONE
+    assert track_recordings(takes[:1], FakeRecipe(), runs, overwrite=True)[0].status == DONE
 
 
 def test_the_death_of_a_process_loses_nothing(
@@ -99,7 +137,7 @@ def test_the_death_of_a_process_loses_nothing(
 ) -> None:
     monkeypatch.setenv("BATCH_PARENT", str(os.getpid()))
     recipe = FakeRecipe(marks=str(tmp_path / "marks"), deadly=True)
-    rows = track_many(takes, recipe, tmp_path / "runs", workers=2)
+    rows = track_recordings(takes, recipe, tmp_path / "runs", workers=2)
     assert (tmp_path / "marks" / "killed").exists()
     assert [row.status for row in rows] == [DONE] * 4
 
@@ -111,16 +149,16 @@ def test_a_disk_that_fills_up_is_named_and_what_failed_is_done_when_there_is_spa
 
     monkeypatch.setenv("BATCH_PARENT", str(os.getpid()))
     runs = tmp_path / "runs"
-    assert [row.status for row in track_many(takes[:1], FakeRecipe(), runs, workers=2)] == [DONE]
+    assert [row.status for row in track_recordings(takes[:1], FakeRecipe(), runs, workers=2)] == [DONE]
     written = (runs / "take0" / "track.npz").stat().st_mtime_ns
     try:
-        rows = track_many(takes, FakeRecipe(space=3000), runs, workers=2)
+        rows = track_recordings(takes, FakeRecipe(space=3000), runs, workers=2)
     finally:
         get_reusable_executor().shutdown(wait=True)  # its processes have no space for other tests either
     assert [row.status for row in rows] == [DONE, FAILED, FAILED, FAILED]
     assert all("free some space" in row.reason for row in rows[1:])
     assert not [path for path in runs.rglob("track.npz") if path.parent.name != "take0"]
-    assert [row.status for row in track_many(takes, FakeRecipe(), runs, workers=2)] == [DONE] * 4
+    assert [row.status for row in track_recordings(takes, FakeRecipe(), runs, workers=2)] == [DONE] * 4
     assert (runs / "take0" / "track.npz").stat().st_mtime_ns == written
 
 
@@ -136,11 +174,11 @@ def test_a_manifest_that_cannot_be_written_ends_the_batch_and_nothing_is_done_tw
 
     monkeypatch.setattr(Manifest, "append", full)
     with pytest.raises(OutputError, match="free some space"):
-        track_many(takes, FakeRecipe(), runs, workers=1)
+        track_recordings(takes, FakeRecipe(), runs)
     monkeypatch.setattr(Manifest, "append", append)
     before = {path: path.stat().st_mtime_ns for path in runs.rglob("track.npz")}
     assert len(before) >= 2
-    assert [row.status for row in track_many(takes, FakeRecipe(), runs, workers=1)] == [DONE] * 4
+    assert [row.status for row in track_recordings(takes, FakeRecipe(), runs)] == [DONE] * 4
     assert all(path.stat().st_mtime_ns == time for path, time in before.items())
 
 
@@ -161,12 +199,12 @@ def test_a_dask_cluster_finishes_though_a_worker_is_killed(tmp_path: Path, takes
     with distributed.LocalCluster(n_workers=2, threads_per_worker=1, processes=True, dashboard_address=None) as cluster:
         with distributed.Client(cluster) as client, joblib.parallel_config(backend="dask"):
 
-            def kill(doing: str, done: int, total: int) -> None:
+            def kill(name: str, doing: str, done: int, total: int) -> None:
                 if not killed:
                     killed.append(next(iter(client.run(os.getpid).values())))
                     os.kill(killed[0], signal.SIGKILL)
 
-            rows = track_many(takes, FakeRecipe(seconds=0.02), tmp_path / "runs", progress=kill)
+            rows = track_recordings(takes, FakeRecipe(seconds=0.02), tmp_path / "runs", workers=None, progress=kill)
     assert killed and [row.status for row in rows] == [DONE] * 8
     lines = [json.loads(line) for line in (tmp_path / "runs" / MANIFEST_FILE).read_text().splitlines()]
     assert len(lines) == 9 and len({line["recording"] for line in lines[1:]}) == 8, "nothing lost, nothing done twice"
@@ -177,5 +215,5 @@ def test_a_manifest_of_something_else_is_refused(tmp_path: Path, takes: list[Pat
     (tmp_path / "runs").mkdir()
     (tmp_path / "runs" / MANIFEST_FILE).write_text(text)
     with pytest.raises(UsageError, match="choose another output"):
-        track_many(takes, FakeRecipe(), tmp_path / "runs", workers=1)
+        track_recordings(takes, FakeRecipe(), tmp_path / "runs")
     assert (tmp_path / "runs" / MANIFEST_FILE).read_text() == text
