@@ -25,7 +25,6 @@ import yaml
 
 from toolkit.archives import CHECKSUM, checksum_of
 from toolkit.errors import DepthMocapError
-from toolkit.retrieval.index.storage import ALIGNMENT, DIGEST, MAGIC
 
 INTERESTING = (
     b"",
@@ -191,17 +190,6 @@ def _changed_array(array: np.ndarray, rng: np.random.Generator) -> np.ndarray:
             value = np.asarray(NUMBERS[int(rng.integers(len(NUMBERS)))], np.float64).astype(out.dtype)
         out.flat[rng.integers(out.size, size=int(rng.integers(1, 4)))] = value
     return out
-
-
-def resealed_index(data: bytes, rng: np.random.Generator) -> bytes:
-    """An index whose header means something else, under a right checksum and at the same place in the file."""
-    begin = len(MAGIC) + 8
-    end = begin + int.from_bytes(data[len(MAGIC) : begin], "little")
-    text = revalued(data[begin:end], rng)
-    text += b" " * ((end - begin - len(text)) % ALIGNMENT)
-    start = end + DIGEST + (-end - DIGEST) % ALIGNMENT
-    head = MAGIC + len(text).to_bytes(8, "little") + text + hashlib.sha256(text).digest()
-    return head + bytes(-len(head) % ALIGNMENT) + data[start:]
 
 
 def meaning(value: Any) -> str:

@@ -23,7 +23,6 @@ from toolkit.errors import (
     MocapError,
     OutputError,
     RecordingError,
-    RetrievalError,
     TrackError,
     UsageError,
 )
@@ -245,27 +244,6 @@ def test_six_samples_of_a_sensor_are_read(tmp_path: Path, capsys: pytest.Capture
     (tmp_path / "s.csv").write_text(f"time,qw,qx,qy,qz,gx,gy,gz,ax,ay,az\n{rows}\n")
     code = main_of("inertial", "read", str(tmp_path / "s.csv"), "--output", str(tmp_path / "s.npz"))
     assert code in (0, 1, 2) and "Traceback" not in capsys.readouterr().err
-
-
-@pytest.mark.parametrize(
-    "change", [{"arrays": None}, {"names": 3}, {"bytes": None}, {"version": "1"}, {"arrays": [{"name": None}]}]
-)
-def test_an_index_whose_header_holds_something_else_is_one_sentence(tmp_path: Path, change: dict[str, object]) -> None:
-    import hashlib
-
-    from tests.fuzz_files import index_file
-    from toolkit.retrieval.index.keyframe_index import KeyframeIndex
-    from toolkit.retrieval.index.storage import MAGIC
-
-    path = index_file(tmp_path)
-    data = path.read_bytes()
-    start = len(MAGIC) + 8
-    size = int.from_bytes(data[len(MAGIC) : start], "little")
-    text = json.dumps({**json.loads(data[start : start + size]), **change}).encode()
-    head = MAGIC + len(text).to_bytes(8, "little") + text + hashlib.sha256(text).digest()
-    path.write_bytes(head + data[start + size + 32 :])
-    with pytest.raises(RetrievalError, match="build it again"):
-        KeyframeIndex.open(path)
 
 
 NAMES = (b"[/red].npz", b"$\\foo$.npz", b"a\nb.npz", b"\x1b[31mred.npz", b"caf\xe9.npz", b"=1+1.npz")

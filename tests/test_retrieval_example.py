@@ -21,8 +21,7 @@ from toolkit.retrieval.features.motion import NAMED_JOINTS
 from toolkit.retrieval.features.places import LIMBS, STEPS, places_of
 from toolkit.retrieval.features.relational import FeatureMatrix, relational_features
 from toolkit.retrieval.index.keyframe_index import KeyframeIndex
-from toolkit.retrieval.search import example as searching
-from toolkit.retrieval.search.example import Example, coarse_hits, search_example
+from toolkit.retrieval.search.example import Example, search_example
 
 
 def written_recursion(
@@ -105,27 +104,6 @@ def test_hits_do_not_depend_on_how_many_are_put_in_order_first(seed: int, most: 
     np.testing.assert_array_equal(
         distinct_hits(cost, start, edges, np.inf, most), distinct_hits(cost, start, edges, np.inf, 60)[:most]
     )
-
-
-def test_a_large_index_is_looked_through_by_its_sketch_and_gives_the_same_hits(monkeypatch: pytest.MonkeyPatch) -> None:
-    whole = random_motion(11, seconds=6.0)
-    others = [random_motion(seed, seconds=5.0) for seed in range(20, 44)]
-    slower = [replace(whole.at_speed(speed), name=f"at {speed}") for speed in (0.8, 1.0, 1.2)]
-    index = KeyframeIndex.build([relational_features(motion) for motion in (*others, *slower)])
-    example = Example.of(relational_features(whole).sliced(60, 130))
-    thorough = coarse_hits(index, example, 3, everywhere=True)
-    assert sorted(index.names[document] for document in thorough[:, 0]) == ["at 0.8", "at 1.0", "at 1.2"]
-    monkeypatch.setattr(searching, "CANDIDATES", 3)
-    monkeypatch.setattr(searching, "SPARSE", 0)
-    looked_at: list[int] = []
-
-    def watched(*arguments: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        looked_at.append(len(arguments[2]))
-        return graded_distances(*arguments)
-
-    monkeypatch.setattr(searching, "graded_distances", watched)
-    np.testing.assert_array_equal(coarse_hits(index, example, 3), thorough)
-    assert looked_at[0] == index.sketch.shape[1] and looked_at[1] < len(index.coarse) / 3
 
 
 def test_the_limb_that_an_example_moves_weighs_most() -> None:

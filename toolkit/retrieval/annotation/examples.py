@@ -111,7 +111,7 @@ class ExampleSet:
         """Where a class may be: hits of the nearest example in each column, each place once."""
         return self.propose_in(label, *_joined(documents))
 
-    def propose_in(self, label: str, edges: np.ndarray, columns: np.ndarray) -> Proposals:
+    def propose_in(self, label: str, columns: np.ndarray, edges: np.ndarray) -> Proposals:
         """The same in documents whose coarse columns, int8 (M, 40), begin at `edges`, int64 (D + 1,), ending with M."""
         examples, weights = self._floats
         costs, starts, nearest = nearest_example(examples, self.starts, weights, self.of_class(label), columns, edges)
@@ -134,13 +134,13 @@ class ExampleSet:
         without : name of a clip that does not take part
         """
         chosen = np.array([e for e in self.of_class(label) if self.names[e] != without], dtype=np.int64)
-        edges, columns = _joined(documents)
+        columns, edges = _joined(documents)
         examples, weights = self._floats
         costs, _, _ = nearest_example(examples, self.starts, weights, chosen, columns, edges)
         return np.minimum.reduceat(costs, edges[:-1]).astype(np.float64)
 
 
 def _joined(documents: Sequence[FeatureMatrix]) -> tuple[np.ndarray, np.ndarray]:
-    """First coarse column of each document, int64 (D + 1,), and the coarse columns of all, int8 (M, 40)."""
+    """Coarse columns of all documents, int8 (M, 40), and the first of each, int64 (D + 1,), ending with M."""
     pieces = [np.ascontiguousarray(coarse(document.grades).T) for document in documents]
-    return np.cumsum([0, *map(len, pieces)]), np.concatenate(pieces)
+    return np.concatenate(pieces), np.cumsum([0, *map(len, pieces)])

@@ -75,10 +75,6 @@ class FeatureMatrix:
         """Places of the limbs, int8 (24, T); all 0 where they are not known."""
         return np.zeros((ROWS, len(self)), dtype=np.int8) if self.placed is None else self.placed
 
-    def rows(self, feature_set: str) -> np.ndarray:
-        """Bool (n, T): the features of one set of `FEATURE_SETS`."""
-        return self.values[FEATURE_SETS[feature_set]]
-
     def sliced(self, start: int, stop: int) -> FeatureMatrix:
         """Columns start to stop - 1."""
         measured, placed = (None if a is None else a[:, start:stop] for a in (self.measured, self.placed))

@@ -6,10 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from toolkit.archives import Column, check_columns
-from toolkit.errors import RetrievalError
 from toolkit.kernels.motion.keyframe_search import keyframe_list, keyframe_list_near, listed_runs, runs_of
-from toolkit.retrieval.index.storage import REBUILD
 from toolkit.retrieval.keyframes.query import Keyframe
 
 
@@ -34,28 +31,6 @@ class RunLists:
     vectors: np.ndarray
     list_offsets: np.ndarray
     list_runs: np.ndarray
-
-    def check(self, document_starts: np.ndarray, features: int, where: str) -> None:
-        """Raise RetrievalError unless the runs cover the documents and each run stands in the list of its vector."""
-        runs, lists, largest = len(self.run_vectors), len(self.vectors), (1 << features) - 1
-        columns = {
-            "run_starts": Column("i", (runs + 1,), 0, int(document_starts[-1])),
-            "run_vectors": Column("u", ("runs",), 0, largest),
-            "document_runs": Column("i", (len(document_starts),), 0, runs),
-            "vectors": Column("u", ("vectors",), 0, largest),
-            "list_offsets": Column("i", (lists + 1,), 0, runs),
-            "list_runs": Column("i", ("runs",), 0, runs - 1),
-        }
-        check_columns(vars(self), columns, RetrievalError, where, REBUILD)
-        rises = (np.diff(a.astype(np.int64)) for a in (self.run_starts, self.vectors, self.list_offsets))
-        in_order = all((rise > 0).all() for rise in (*rises, np.diff(self.document_runs)))
-        whole = self.list_offsets[0] == self.document_runs[0] == 0 and self.list_offsets[-1] == runs
-        placed = np.array_equal(self.run_starts[self.document_runs], document_starts)
-        fits = in_order and whole and placed and self.run_vectors.dtype == self.vectors.dtype
-        if fits:
-            fits = np.array_equal(self.run_vectors[self.list_runs], np.repeat(self.vectors, np.diff(self.list_offsets)))
-        if not fits:
-            raise RetrievalError(f"the lists of {where} do not fit its runs; {REBUILD}")
 
     @classmethod
     def of(cls, vectors: np.ndarray, document_starts: np.ndarray) -> RunLists:
@@ -84,8 +59,3 @@ class RunLists:
         return keyframe_list_near(
             windows, self.run_vectors, self.run_starts, kind(keyframe.mask), kind(keyframe.value), frames
         )
-
-    @property
-    def frames(self) -> np.ndarray:
-        """Feature vector of every frame, unsigned (N,)."""
-        return np.repeat(self.run_vectors, np.diff(self.run_starts))

@@ -1,8 +1,8 @@
 """Search by example: the stretches of all documents that are most like a stretch of a clip.
 
-Subsequence DTW in steps: of graded features at 7.5 Hz, then of these and the places of the limbs around the best hits
-at 30 Hz. In a large index DTW of a sketch at 1.9 Hz says first where to look at 7.5 Hz. No keyframe decides what is
-looked at: automatic ones, the thesis's road, missed every second motion of another person.
+Subsequence DTW in two steps: of graded features at 7.5 Hz, then of these and the places of the limbs around the best
+hits at 30 Hz. No keyframe decides what is looked at: automatic ones, the thesis's road, missed every second motion of
+another person.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from toolkit.errors import RetrievalError
-from toolkit.kernels.motion.graded import cheapest, distinct_hits, graded_distances, local_minima
+from toolkit.kernels.motion.graded import distinct_hits, graded_distances
 from toolkit.retrieval.features import places
 from toolkit.retrieval.features.grades import BLOCK, FULL, coarse, importance
 from toolkit.retrieval.features.relational import FEATURE_RATE, FeatureMatrix
@@ -33,12 +33,6 @@ and hard filler and on UTD-MHAD subjects 1 and 3."""
 HASTE = 0.02
 """Cost of a match e times as long as the example or as short, chosen likewise: sneaking is a slow walk, among other
 things."""
-SKETCHED = 5
-"""Coarse columns of the shortest example that is sought in the sketch first; a shorter one would be one mean there."""
-CANDIDATES = 100
-"""Places in the sketch that are looked at more closely, for every hit asked for."""
-SPARSE = 2
-"""The sketch is used in an index of at least this many times what is then looked at."""
 LONGEST = 3000
 """Frames of the longest example, 100 seconds; a minute of work for an hour of documents."""
 
@@ -96,48 +90,14 @@ def search_example(index: KeyframeIndex, example: Example, limit: int, threshold
             f"the longest document of the index has {longest} frames at 30 Hz, but {example.name!r} needs {need}; "
             "use a shorter example"
         )
-    hits = coarse_hits(index, example, limit + SPARE)
+    columns, starts = index.coarse
+    template = _Template.of(coarse(example.grades), example.weights)
+    costs, origins = graded_distances(template.columns, template.weights, columns, starts)
+    hits = distinct_hits(costs, origins, starts, np.inf, limit + SPARE)
     weights = np.concatenate([(1.0 - PLACES) * example.weights, PLACES * places.importance(example.places)])
     fine = _Template.of(np.concatenate([example.grades, example.places]), weights)
     found = [_refined(index, fine, int(d), int(first), int(last)) for d, first, last in hits]
     return _distinct(sorted((m for m in found if m.cost < threshold), key=_rank))[:limit]
-
-
-def coarse_hits(index: KeyframeIndex, example: Example, count: int, *, everywhere: bool = False) -> np.ndarray:
-    """The `count` best hits in coarse columns, int64 (H, 3): document, first and last column; the best first.
-
-    A large index is not compared as a whole: only where its sketch is most like the example's. `everywhere` does.
-    """
-    columns = coarse(example.grades)
-    template = _Template.of(columns, example.weights)
-    candidates = CANDIDATES * count
-    if everywhere or columns.shape[1] < SKETCHED or len(index.coarse) < SPARSE * candidates * len(template.columns):
-        costs, starts = graded_distances(template.columns, template.weights, index.coarse, index.coarse_starts)
-        return distinct_hits(costs, starts, index.coarse_starts, np.inf, count)
-    documents, firsts, stops = _promising(index, _Template.of(coarse(columns), example.weights), candidates)
-    edges = np.cumsum(np.append(0, stops - firsts))
-    chosen = np.arange(edges[-1]) + np.repeat(index.coarse_starts[documents] + firsts - edges[:-1], stops - firsts)
-    costs, starts = graded_distances(template.columns, template.weights, index.coarse[chosen], edges)
-    pieces, first, last = distinct_hits(costs, starts, edges, np.inf, count).T
-    return np.stack([documents[pieces], first + firsts[pieces], last + firsts[pieces]], axis=1)
-
-
-def _promising(index: KeyframeIndex, template: _Template, candidates: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Disjoint pieces around the best hits in the sketch: document, first coarse column and the one after the last."""
-    edges = index.sketch_starts
-    costs, starts = graded_distances(template.columns, template.weights, index.sketch.T, edges)
-    ends, owners = local_minima(costs, edges, np.inf)
-    best = cheapest(costs[ends], candidates)
-    ends, owners = ends[best], owners[best]
-    begins, lengths = index.coarse_starts[owners], np.diff(index.coarse_starts)[owners]
-    firsts = begins + np.maximum(BLOCK * (starts[ends] - 1), 0)
-    stops = begins + np.minimum(BLOCK * (ends - edges[owners] + 2), lengths)
-    order = np.argsort(firsts)
-    owners, firsts, stops = owners[order], firsts[order], stops[order]
-    new = np.append(True, (owners[1:] != owners[:-1]) | (firsts[1:] > np.maximum.accumulate(stops)[:-1]))
-    heads = np.flatnonzero(new)
-    owners, begins = owners[heads], index.coarse_starts[owners[heads]]
-    return owners, firsts[heads] - begins, np.maximum.reduceat(stops, heads) - begins
 
 
 def _rank(match: Match) -> tuple[float, str, float]:

@@ -153,7 +153,7 @@ def by_class(
     for label, judge in zip(model.labels, model.judges, strict=True):
         if labels and label not in labels:
             continue
-        places = model.examples.propose_in(label, index.coarse_starts, index.coarse)
+        places = model.examples.propose_in(label, *index.coarse)
         doubts = 1.0 - judge.probability(places.described)
         lengths = np.diff(index.document_starts)
         stops = np.minimum(BLOCK * (places.lasts + 1), lengths[places.documents])
