@@ -27,6 +27,7 @@ from toolkit.database.database import PoseDatabase
 from toolkit.database.origin import View, observed_offsets
 from toolkit.errors import MocapError, UsageError
 from toolkit.files import check_output, free_folder, is_folder, locked, make_own_folder, remove_own_folder
+from toolkit.kernels.linear import lengths
 from toolkit.mocap.clip import PoseClip
 from toolkit.mocap.procedural import SEATED_MOTIONS, procedural_clips
 from toolkit.progress import Progress, silent
@@ -276,7 +277,7 @@ def residual(body: Body, poses: np.ndarray, offsets: np.ndarray) -> list[dict[st
     entries = []
     for view in RESIDUAL_VIEWS:
         difference = observed_offsets(body, poses[rows], view) - offsets[rows]
-        apart = 1000 * np.linalg.norm(difference[:, :3], axis=1)
+        apart = 1000 * lengths(difference[:, :3])
         turn = np.abs(np.angle(np.exp(1j * difference[:, 3]), deg=True))
         entries.append(
             {
@@ -284,7 +285,7 @@ def residual(body: Body, poses: np.ndarray, offsets: np.ndarray) -> list[dict[st
                 "distance": view.distance,
                 "centre_mm": float(np.median(apart)),
                 "centre_90_mm": float(np.quantile(apart, 0.9)),
-                "bias_mm": float(1000 * np.linalg.norm(difference[:, :3].mean(axis=0))),
+                "bias_mm": float(1000 * lengths(difference[:, :3].mean(axis=0)[None])[0]),
                 "facing_degrees": float(np.median(turn)),
                 "facing_90_degrees": float(np.quantile(turn, 0.9)),
             }

@@ -20,6 +20,8 @@ SAMPLES = 500
 """Points that vote, as in the tracker."""
 KNOTS = 26
 """Confidences at which the reliability is kept."""
+DECIMALS = 2
+"""Of log odds: the others differ with the processor's linear algebra."""
 FEWEST = 60
 """Pixels without which no person is looked for."""
 
@@ -114,4 +116,4 @@ def _odds(evidence: np.ndarray, in_view: np.ndarray, weight: str | None = None) 
     if in_view.all() or not in_view.any():
         return (4.0 if in_view.all() else -4.0), 0.0
     fitted = LogisticRegression(C=10.0, class_weight=weight).fit(evidence[:, None], in_view)
-    return float(fitted.intercept_[0]), float(fitted.coef_[0, 0])
+    return round(float(fitted.intercept_[0]), DECIMALS), round(float(fitted.coef_[0, 0]), DECIMALS)

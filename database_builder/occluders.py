@@ -9,6 +9,7 @@ import numpy as np
 
 from toolkit.body.shape import ShapeSpace
 from toolkit.interiors.mesh import BOX_FACES, Mesh
+from toolkit.kernels.linear import rotated
 
 Draw = Callable[["Situation", np.random.Generator], list[Mesh]]
 
@@ -33,7 +34,7 @@ def box(centre: np.ndarray, size: tuple[float, float, float], yaw: float) -> Mes
     """A box of `size` (width along x, height, depth along z), metres, about its centre, turned by `yaw` about y."""
     corners = 0.5 * np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)]) * size
     cos, sin = np.cos(yaw), np.sin(yaw)
-    turned = corners @ np.array([[cos, 0.0, -sin], [0.0, 1.0, 0.0], [sin, 0.0, cos]])
+    turned = rotated(corners, np.array([[cos, 0.0, -sin], [0.0, 1.0, 0.0], [sin, 0.0, cos]]))
     return Mesh(turned + centre, BOX_FACES)
 
 

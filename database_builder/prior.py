@@ -17,6 +17,8 @@ DEVIATION = 0.15
 """Radians added to every variable, so that no direction is ever certain."""
 EVENNESS = 0.5
 """Exponent of a situation's number of poses in its weight: 0 all alike, 1 as often as in the database."""
+DECIMALS = 6
+"""That are kept of the mixture: the others differ with the processor's linear algebra."""
 
 
 def learn_prior(poses: np.ndarray, body: Body) -> PosePrior | None:
@@ -47,6 +49,8 @@ def learn_prior(poses: np.ndarray, body: Body) -> PosePrior | None:
         return None
     together = np.concatenate(weights)
     return PosePrior(
-        together / together.sum(), np.concatenate(means).reshape(-1, SIZE),
-        np.concatenate(covariances).reshape(-1, SIZE, SIZE), np.concatenate(labels),
-    )  # fmt: skip
+        np.round(together / together.sum(), DECIMALS),
+        np.round(np.concatenate(means).reshape(-1, SIZE), DECIMALS),
+        np.round(np.concatenate(covariances).reshape(-1, SIZE, SIZE), DECIMALS),
+        np.concatenate(labels),
+    )

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -13,13 +13,14 @@ from database_builder.kept import Kept
 from toolkit import skeleton
 from toolkit.body.body import Body
 from toolkit.database.canonical import canonicalise, mirrored
+from toolkit.database.database import STORED_TYPE
 from toolkit.errors import DepthMocapError
 from toolkit.files import sha256_of
 from toolkit.mocap.clip import PoseClip
 from toolkit.mocap.read import find_clips, read_clip
 from toolkit.mocap.retarget import retarget
 
-READING_VERSION = 1
+READING_VERSION = 2
 """Raised whenever reading or retargeting changes what comes out, so that older intermediate files are not used."""
 
 
@@ -40,7 +41,8 @@ class CanonicalPoses:
     ----------
     name : of the source
     digest : SHA-256 of its file, or of the poses themselves
-    poses : float32 (N, P), canonical; with mirroring the second half are the mirror images of the first
+    poses : float32 (N, P), canonical, rounded as they are stored, so that all that is made of them is the same on every
+        processor; with mirroring the second half are the mirror images of the first
     joints : float32 (N, 20, 3), metres, the reported joints of these poses
     frames : number of frames of the source (N, or N / 2 with mirroring)
     error : why the source could not be used, then there are no poses; empty = it could
@@ -75,8 +77,8 @@ def find_sources(paths: Iterable[Path], work: Path) -> list[Source]:
 
 def of_clip(clip: PoseClip, body: Body, mirror: bool) -> CanonicalPoses:
     """Canonical poses of a clip that is already one of our body."""
-    digest = hashlib.sha256(np.ascontiguousarray(clip.poses).tobytes()).hexdigest()
-    return _canonical(clip.name, digest, clip.poses, body, mirror)
+    result = _canonical(clip.name, "", clip.poses, body, mirror)
+    return replace(result, digest=hashlib.sha256(result.poses.tobytes()).hexdigest())
 
 
 def read_source(source: Source, body: Body, mirror: bool) -> CanonicalPoses:
@@ -102,7 +104,7 @@ def _canonical(name: str, digest: str, world_poses: np.ndarray, body: Body, mirr
     poses = canonicalise(world_poses)[0]
     if mirror:
         poses = np.concatenate([poses, mirrored(poses)])
-    stored = poses.astype(np.float32)
+    stored = poses.astype(STORED_TYPE).astype(np.float32) + np.float32(0.0)  # no zero is negative
     joints = body.joint_positions(stored).astype(np.float32)
     return CanonicalPoses(name, digest, stored, joints, len(world_poses))
 

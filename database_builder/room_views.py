@@ -32,6 +32,7 @@ from toolkit.interiors.mesh import Mesh, cushion, joined, moved, slab
 from toolkit.interiors.pieces import BLACK, DARK, PIECES, PLAIN, SEATS, Part, Piece, shifted
 from toolkit.interiors.room import KINDS, Room, furnished
 from toolkit.kernels.learning import forest
+from toolkit.kernels.linear import rotated, times
 
 NOBODY = 2 * len(skeleton.JOINT_NAMES)
 """Label of a pixel that is of no person, after those of `body_labels`."""
@@ -81,7 +82,7 @@ class Camera:
     def to_level(self, points: np.ndarray) -> np.ndarray:
         """Points (N, 3) of the floor plan in the camera's level frame."""
         sine, cosine = np.sin(self.heading), np.cos(self.heading)
-        return (points - self.place) @ np.array([[-cosine, 0.0, sine], [0.0, 1.0, 0.0], [-sine, 0.0, -cosine]]).T
+        return rotated(points - self.place, np.array([[-cosine, 0.0, -sine], [0.0, 1.0, 0.0], [sine, 0.0, -cosine]]))
 
     def borders(self) -> tuple[np.ndarray, tuple[int, int]]:
         """Image coordinates of the first pixel, and height and width, of the level image that holds what it sees."""
@@ -253,7 +254,7 @@ def _moved_up(
     turn = angle + (rng.uniform(-np.pi, np.pi) if yaw is None else yaw + rng.normal(0.0, 0.15))
     standing = shifted(piece, yaw=turn)
     direction = np.array([np.sin(angle), 0.0, np.cos(angle)])
-    near = min(float((part.mesh.vertices @ direction).min()) for part in standing)
+    near = min(float(times(part.mesh.vertices, direction).min()) for part in standing)
     place = to + (gap - near) * direction
     return shifted(standing, place[0], 0.0, place[2])
 

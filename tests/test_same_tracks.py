@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import ast
+import os
 import re
+import subprocess
 import sys
 from pathlib import Path
 
@@ -11,6 +13,7 @@ import numpy as np
 import pytest
 
 from tests.database_helpers import small_database
+from toolkit.files import sha256_of
 
 DECIDING = (
     "kernels",
@@ -23,8 +26,9 @@ DECIDING = (
     "qammaz",
     "hybrid",
     "database",
+    "interiors",
 )
-"""Rooms whose sums can turn a choice between hypotheses."""
+"""Rooms whose sums can turn a choice between hypotheses, or what a regressor is trained on."""
 BLAS = re.compile(r"np\.(dot|vdot|inner|matmul|tensordot|cov|linalg\.\w+)")
 SCRIPTS = Path(__file__).parents[1] / "scripts"
 
@@ -59,17 +63,42 @@ def test_a_recording_that_begins_badly_has_one_track_in_every_environment(
     assert all(digests == found[0] for digests in found)
 
 
+BUILD = """
+import sys
+from database_builder.build import Sampling, build_database
+from database_builder.regressor import RegressorSettings
+from toolkit.body.shape import load_body
+from toolkit.mocap.procedural import procedural_clips
+clips = procedural_clips(("walk", "seated_chair"), 5.0, body=load_body("neutral"))
+small = RegressorSettings(images=60, pixels=60, trees=2, calibration=40)
+build_database(clips, sys.argv[1], Sampling(seated=False), parts=small, workers=1)
+"""
+"""Of the build of a small database, with every part that a large one has."""
+
+
+def test_a_database_has_the_same_bytes_by_the_linear_algebra_of_every_processor(tmp_path: Path, scripts: None) -> None:
+    from same_tracks import environments
+
+    digests = set()
+    for number, (environment, _) in enumerate(environments(2, [tmp_path])):
+        target = tmp_path / f"{number}.npz"
+        subprocess.run([sys.executable, "-c", BUILD, target], env={**os.environ, **environment}, check=True)
+        digests.add(sha256_of(target))
+    assert len(digests) == 1
+
+
 def test_no_sum_of_blas_or_lapack_decides() -> None:
     """Their last bits depend on the processor; norms along an axis are sums of NumPy's own."""
     found = []
-    toolkit = SCRIPTS.parent / "toolkit"
-    for path in sorted(path for room in DECIDING for path in (toolkit / room).rglob("*.py")):
+    root = SCRIPTS.parent
+    rooms = [root / "database_builder", *(root / "toolkit" / room for room in DECIDING)]
+    for path in sorted(path for room in rooms for path in room.rglob("*.py")):
         for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
             product = isinstance(node, ast.BinOp | ast.AugAssign) and isinstance(node.op, ast.MatMult)
             called = isinstance(node, ast.Call) and BLAS.fullmatch(ast.unparse(node.func))
             along_axis = isinstance(node, ast.Call) and any(keyword.arg == "axis" for keyword in node.keywords)
             if product or (called and not along_axis):
-                found.append(f"{path.relative_to(toolkit)}:{node.lineno}: {ast.unparse(node)}")
+                found.append(f"{path.relative_to(root)}:{node.lineno}: {ast.unparse(node)}")
     assert not found, "use toolkit.kernels.linear"
 
 

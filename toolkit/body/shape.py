@@ -259,7 +259,7 @@ def _bumps(skin: np.ndarray, faces: np.ndarray, rng: np.random.Generator) -> np.
     centres = corners[rng.choice(len(faces), BUMPS, p=area / area.sum())].mean(axis=1)
     width, height = rng.uniform(0.02, 0.06, BUMPS), rng.uniform(-0.006, 0.012, BUMPS)
     distance = np.linalg.norm(skin[:, None] - centres, axis=2)
-    return (np.exp(-0.5 * (distance / width) ** 2) @ height).clip(-0.008, 0.012)[:, None] * normals
+    return linear.times(np.exp(-0.5 * (distance / width) ** 2), height).clip(-0.008, 0.012)[:, None] * normals
 
 
 def _split(points: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

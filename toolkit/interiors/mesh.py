@@ -7,6 +7,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from toolkit.kernels.linear import rotated
+
 Vector = Sequence[float] | np.ndarray
 
 
@@ -33,7 +35,7 @@ def slab(centre: Vector, size: Vector, lean: float = 0.0) -> Mesh:
     half = 0.5 * np.asarray(size)
     cosine, sine = np.cos(lean), np.sin(lean)
     turn = np.array([[1.0, 0.0, 0.0], [0.0, cosine, sine], [0.0, -sine, cosine]])
-    return Mesh(box(-half, half).vertices @ turn.T + centre, BOX_FACES)
+    return Mesh(rotated(box(-half, half).vertices, turn.T) + centre, BOX_FACES)
 
 
 def turned_profile(radii: Sequence[float], heights: Sequence[float], sides: int = 8) -> Mesh:
@@ -85,7 +87,8 @@ def cushion(centre: Vector, size: Vector, rng: np.random.Generator, rough: float
     """Something soft of `size` (x, y, z): a rounded box, dented by the share `rough` of its size."""
     points = _SOFT_BOX.vertices
     # Dents depend on the place alone, so that the sides stay together.
-    dents = np.sin(points @ rng.uniform(-2.0, 2.0, (3, 3)) + rng.uniform(0.0, 6.0, 3)).sum(axis=1, keepdims=True)
+    waves = rotated(points, rng.uniform(-2.0, 2.0, (3, 3)))
+    dents = np.sin(waves + rng.uniform(0.0, 6.0, 3)).sum(axis=1, keepdims=True)
     return Mesh(points * (0.5 * (1.0 + rough * dents)) * np.asarray(size) + centre, _SOFT_BOX.faces)
 
 
@@ -117,4 +120,4 @@ def moved(mesh: Mesh, x: float = 0.0, y: float = 0.0, z: float = 0.0, yaw: float
     """The mesh turned by `yaw` (radians, about +y from +z) and then moved."""
     cosine, sine = np.cos(yaw), np.sin(yaw)
     turn = np.array([[cosine, 0.0, sine], [0.0, 1.0, 0.0], [-sine, 0.0, cosine]])
-    return Mesh(mesh.vertices @ turn.T + [x, y, z], mesh.faces)
+    return Mesh(rotated(mesh.vertices, turn.T) + [x, y, z], mesh.faces)

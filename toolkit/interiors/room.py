@@ -16,6 +16,7 @@ import numpy as np
 from toolkit.errors import UsageError
 from toolkit.interiors.mesh import Mesh, joined
 from toolkit.interiors.pieces import PIECES, Piece, chair, desk, office_chair, shifted, table
+from toolkit.kernels.linear import lengths
 
 TILE = 0.5
 """Metres: edge of the pieces of walls and floor, of which those beside the camera are left out when they are drawn."""
@@ -163,7 +164,7 @@ def _shell(low: np.ndarray, high: np.ndarray) -> list[Mesh]:
 
 def _tiles(corner: np.ndarray, first: np.ndarray, second: np.ndarray) -> Mesh:
     """A rectangle from a corner along two edges; it is seen from where `second` lies to the right of `first`."""
-    rows, columns = (max(1, int(np.ceil(np.linalg.norm(edge) / TILE))) for edge in (first, second))
+    rows, columns = (max(1, int(np.ceil(length / TILE))) for length in lengths(np.stack([first, second])))
     a, b = np.meshgrid(np.linspace(0, 1, rows + 1), np.linspace(0, 1, columns + 1), indexing="ij")
     vertices = corner + a.reshape(-1, 1) * first + b.reshape(-1, 1) * second
     cell = (np.arange(rows)[:, None] * (columns + 1) + np.arange(columns)).ravel()
