@@ -202,6 +202,19 @@ def test_shape_coefficients_come_back_from_their_body(coefficients: list[float])
     np.testing.assert_allclose(space.project(space.body(coefficients)), coefficients, atol=1e-5)
 
 
+def test_the_space_of_some_vertices_makes_of_a_body_what_the_whole_space_makes_of_them() -> None:
+    space, some, shape = ShapeSpace.load(), np.array([700, 3, 3, 1200]), np.linspace(-1.0, 2.0, 16)
+    part, whole = space.at(some).body(shape), space.body(shape)
+    for own, all_of_it in (
+        (part.vertices, whole.vertices[some]),
+        (part.skin_joints, whole.skin_joints[some]),
+        (part.skin_weights, whole.skin_weights[some]),
+        (part.joints, whole.joints),
+        (part.sites, whole.sites),
+    ):
+        np.testing.assert_array_equal(own, all_of_it)
+
+
 def test_the_first_ten_components_explain_the_population() -> None:
     space = ShapeSpace.load()
     assert space.variance.sum() > 0.99 and (np.diff(space.variance) <= 0).all()

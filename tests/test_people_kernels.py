@@ -9,7 +9,7 @@ import pytest
 
 from toolkit.kernels.cloud.planes import best_plane
 from toolkit.kernels.image.growth import FAR, UNIT, grow, mark_seeds, refine_labels, take_label
-from toolkit.kernels.image.heads import head_scores
+from toolkit.kernels.image.heads import head_scores, mark_near, run_widths
 from toolkit.kernels.image.sharing import draw_body, nearest_owner
 
 STEPS = np.array([0.05, 0.003, 0.4, 3.0, 0.5])
@@ -163,3 +163,38 @@ def test_heads_and_what_stayed_of_torsos_are_marked():
         expected = 9 if (v, u) == (4, 4) else int(np.argmax(own)) + 1 if foreground[v, u] and own.any() else 0
         assert seeds[v, u] == expected
     assert set(seeds.ravel().tolist()) == {0, 1, 2, 9}
+
+
+def plain_widths(points, depth, mask, head, band, gap, step):
+    above = points[..., 1] - head[1]
+    within = mask & (above > band[0]) & (above < band[1])
+    widths = []
+    for v in np.flatnonzero(within.any(axis=1)):
+        u = np.flatnonzero(within[v])
+        x, z = points[v, u, 0] - head[0], depth[v, u]
+        breaks = np.flatnonzero((np.diff(x) > gap) | (np.abs(np.diff(z)) > step))
+        runs = np.split(x, breaks + 1)
+        nearest = next(run for run in runs if np.abs(x).min() in np.abs(run))
+        widths.append(nearest[-1] - nearest[0])
+    return widths
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_the_run_nearest_below_a_head_is_measured_in_every_row_between_two_heights(seed):
+    rng = np.random.default_rng(seed)
+    depth = rng.uniform(2.0, 2.3, (20, 30)).astype(np.float32)
+    across, upwards = np.meshgrid(np.linspace(-0.5, 0.5, 30), np.linspace(0.4, -0.4, 20))
+    points = np.stack([across, upwards, -depth], axis=2).astype(np.float32)
+    mask, head, widths = rng.random((20, 30)) < 0.7, np.array([0.05, 0.02, -2.1]), np.empty(20)
+    rows = run_widths(points, depth, mask, head, (-0.3, 0.1), 0.06, np.float32(0.2), widths)
+    expected = plain_widths(points, depth, mask, head, (-0.3, 0.1), 0.06, np.float32(0.2))
+    assert len(set(expected)) > 3
+    np.testing.assert_array_equal(widths[:rows], expected)
+
+
+def test_pixels_near_a_place_are_those_within_the_radius():
+    points = np.random.default_rng(3).normal(size=(12, 16, 3)).astype(np.float32)
+    near, place = np.empty((12, 16), dtype=np.bool_), np.array([0.1, 0.0, -0.2], dtype=np.float32)
+    mark_near(points, place, 0.9, near)
+    assert 0 < near.sum() < near.size
+    np.testing.assert_array_equal(near, np.linalg.norm(points - place, axis=2) < 0.9)

@@ -64,7 +64,7 @@ class Body:
                 f"body {self.name!r} has joints {self.joints.shape} and sites {self.sites.shape}; "
                 f"expected ({len(skeleton.JOINTS)}, 3) and ({len(skeleton.SITES)}, 3)"
             )
-        if not np.allclose(self.skin_weights.sum(axis=1), 1.0, atol=1e-5):
+        if not (np.abs(self.skin_weights.sum(axis=1) - 1.0) <= 2e-5).all():
             raise BodyError(f"skinning weights of body {self.name!r} do not sum to 1; normalise them per vertex")
 
     @cached_property

@@ -8,7 +8,7 @@ into the T-pose; a principal component analysis of tracker vertices, joints and 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache, cached_property
 from pathlib import Path
 
@@ -92,6 +92,19 @@ class ShapeSpace:
     def size(self) -> int:
         """K, the number of components."""
         return len(self.basis)
+
+    def at(self, vertices: np.ndarray) -> ShapeSpace:
+        """The space of the bodies that have of the skin nothing but `vertices` (N,), and neither faces nor tips."""
+        rows = np.concatenate([vertices, np.arange(len(self.skin_joints), len(self.mean))])
+        return replace(
+            self,
+            mean=self.mean[rows],
+            basis=self.basis[:, rows],
+            faces=self.faces[:0],
+            skin_joints=self.skin_joints[vertices],
+            skin_weights=self.skin_weights[vertices],
+            end_effectors=self.end_effectors[:0],
+        )
 
     def body(
         self,

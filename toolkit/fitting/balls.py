@@ -29,6 +29,14 @@ def _end(joint: int) -> tuple[bool, int] | None:
     return (False, int(below[0])) if len(below) else None
 
 
+_BONES = [
+    (joint, *end, along)
+    for joint, name in enumerate(skeleton.JOINT_NAMES)
+    if (end := _end(joint)) and (along := _ALONG.get(name.split("_")[-1]))
+]
+"""Joint, whether its bone ends at a site, which site or joint that is, and where the bone's balls lie."""
+
+
 @dataclass(frozen=True, eq=False)
 class Balls:
     """Balls of one body in its rest pose.
@@ -49,15 +57,11 @@ class Balls:
     def of_body(cls, body: Body) -> Balls:
         """Balls for every joint that has a bone."""
         joint, offset, radius = [], [], []
-        for j, name in enumerate(skeleton.JOINT_NAMES):
-            end = _end(j)
-            along = _ALONG.get(name.split("_")[-1], ())
-            if end is None or not along:
-                continue
-            bone = (body.sites if end[0] else body.joints)[end[1]] - body.joints[j]
+        for j, to_site, end, along in _BONES:
+            bone = (body.sites if to_site else body.joints)[end] - body.joints[j]
             axis = bone / math.hypot(*bone)
             skin = body.vertices[body.part == j] - body.joints[j]
-            around = np.median(linear.lengths(np.cross(skin, axis)))
+            around = np.median(linear.distances_from_axis(skin, axis))
             for share in along:
                 joint.append(j)
                 offset.append(share * bone)

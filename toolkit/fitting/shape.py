@@ -72,10 +72,11 @@ class ShapeEstimator:
         weight = np.concatenate([p.weight for p in pairs])
         normals, base = placed.normals[vertex], placed.vertices[vertex]
         columns = np.empty((len(vertex), len(self.coefficients)))
+        paired = self._space.at(vertex)
         for k in range(len(self.coefficients)):
             changed = self.coefficients.copy()
             changed[k] += STEP
-            moved = placer.place(self._space.body(changed), pose, self.body.normals).vertices[vertex]
+            moved = placer.place(paired.body(changed), pose, normals).vertices
             columns[:, k] = linear.dots(normals, moved - base) / STEP
         weight = weight / NOISE**2
         wanted = linear.times(columns, self.coefficients) - linear.dots(normals, residual)

@@ -9,7 +9,7 @@ import numpy as np
 
 from toolkit.kernels.cloud.planes import best_plane
 from toolkit.kernels.image.growth import FAR, grow, mark_seeds
-from toolkit.kernels.image.heads import head_scores
+from toolkit.kernels.image.heads import head_scores, mark_near, run_widths
 from toolkit.people.view import Lens, View
 
 # Places in metres (right, up) around the centre of a head that is 0.16 m wide and 0.23 m high (adults have 0.14 to
@@ -106,7 +106,9 @@ def _on_body_below(place: np.ndarray, head: np.ndarray) -> bool:
 
 def near_head(view: View, place: np.ndarray) -> np.ndarray:
     """Pixels that belong to the head at `place` (3,), level frame, metres: bool (h, w)."""
-    return np.asarray(((view.points - place.astype(np.float32)) ** 2).sum(axis=2) < SEED_RADIUS**2)
+    near = np.empty(view.depth.shape, dtype=np.bool_)
+    mark_near(view.points, place.astype(np.float32), SEED_RADIUS, near)
+    return near
 
 
 def head_seeds(view: View, heads: Sequence[np.ndarray], seeds: np.ndarray) -> None:
@@ -151,23 +153,16 @@ def _head_on_chest(view: View, mask: np.ndarray, head: np.ndarray, scale: float)
     return fits and across_head <= NARROWING * across_chest
 
 
-def _run_widths(view: View, mask: np.ndarray, head: np.ndarray, band: tuple[float, float], scale: float) -> list[float]:
+def _run_widths(view: View, mask: np.ndarray, head: np.ndarray, band: tuple[float, float], scale: float) -> np.ndarray:
     """Metres across a surface, divided by `scale`, in every row of the image between two heights above a head's centre.
 
     In each row it is the run that is nearest below the head, and ends where nothing is or where depth jumps: a hand
     beside or before the head is another run.
     """
-    above = view.points[..., 1] - head[1]
-    within = mask & (above > scale * band[0]) & (above < scale * band[1])
-    widths = [0.0]
-    for v in np.flatnonzero(within.any(axis=1)):
-        u = np.flatnonzero(within[v])
-        x, z = view.points[v, u, 0] - head[0], view.depth[v, u]
-        breaks = np.flatnonzero((np.diff(x) > RUN_GAP) | (np.abs(np.diff(z)) > RUN_STEP))
-        starts, ends = np.concatenate([[0], breaks + 1]), np.concatenate([breaks, [len(u) - 1]])
-        run = int(np.searchsorted(ends, int(np.abs(x).argmin())))
-        widths.append(float(x[ends[run]] - x[starts[run]]) / scale)
-    return widths[1:] or widths
+    widths = np.zeros(len(view.depth))
+    scaled = (scale * band[0], scale * band[1])
+    rows = run_widths(view.points, view.depth, mask, head, scaled, RUN_GAP, np.float32(RUN_STEP), widths)
+    return widths[: max(rows, 1)] / scale
 
 
 def _open_outline(view: View, mask: np.ndarray, head: np.ndarray) -> float:

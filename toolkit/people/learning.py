@@ -246,7 +246,17 @@ def _changed(own: np.ndarray, depth: np.ndarray, stack: np.ndarray, margin: np.n
     A person who walks by in front is neither close to it nor there for long.
     """
     changed = np.zeros(own.shape, dtype=np.int32)
-    for other in stack:
-        away = np.abs(other - depth)
-        changed += _opened(own & (other > 0) & (away > margin) & (away < CLOSE_BY))
+    box = _box(own)
+    for whole in stack:
+        other = whole[box]
+        away = np.abs(other - depth[box])
+        changed[box] += _opened(own[box] & (other > 0) & (away > margin[box]) & (away < CLOSE_BY))
     return np.asarray(changed >= OFTEN * len(stack))
+
+
+def _box(mask: np.ndarray) -> tuple[slice, slice]:
+    """The pixels of a mask (h, w) and those beside them, as rows and columns; all where there are none."""
+    rows, columns = (np.flatnonzero(mask.any(axis=axis)) for axis in (1, 0))
+    if len(rows) == 0:
+        return slice(None), slice(None)
+    return slice(max(rows[0] - 1, 0), rows[-1] + 2), slice(max(columns[0] - 1, 0), columns[-1] + 2)

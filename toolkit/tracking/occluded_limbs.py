@@ -121,7 +121,8 @@ def spread_of_joints(placed: PlacedBody, entries: np.ndarray, covariance: np.nda
             continue
         moves = np.flatnonzero(BELOW[joints, carrier])
         point = carried(placed, carrier, site)
-        levers = np.cross(placed.axes[3 + entries[moves]], point - placed.origins[joints[moves]])
+        axes, (x, y, z) = placed.axes[3 + entries[moves]].T, (point - placed.origins[joints[moves]]).T
+        levers = np.stack([axes[1] * z - axes[2] * y, axes[2] * x - axes[0] * z, axes[0] * y - axes[1] * x], axis=1)
         products = (levers[:, None] * levers[None]).sum(axis=2)
         out[row] = math.sqrt(max(float((covariance[np.ix_(moves, moves)] * products).sum()) / 3.0, 0.0))
     return out

@@ -157,3 +157,48 @@ def _support(depth: np.ndarray, place: _Place, shoulders: np.ndarray, reach: flo
     if 2 * seen < shoulders.shape[0] or 3 * below < 2 * seen:
         return -1.0
     return below / seen
+
+
+@njit(cache=True)
+def mark_near(points: np.ndarray, place: np.ndarray, radius: float, near: np.ndarray) -> None:
+    """Which of the pixels' `points` (H, W, 3) are nearer than `radius` to `place` (3,), metres; fills `near` (H, W)."""
+    for v in range(near.shape[0]):
+        for u in range(near.shape[1]):
+            dx, dy, dz = points[v, u, 0] - place[0], points[v, u, 1] - place[1], points[v, u, 2] - place[2]
+            near[v, u] = dx * dx + dy * dy + dz * dz < radius * radius
+
+
+@njit(cache=True)
+def run_widths(
+    points: np.ndarray,
+    depth: np.ndarray,
+    mask: np.ndarray,
+    head: np.ndarray,
+    band: tuple[float, float],
+    gap: float,
+    step: float,
+    widths: np.ndarray,
+) -> int:
+    """Metres across a surface, `mask` (H, W), in every row of the image between two heights above `head` (3,).
+
+    In each row it is the run that is nearest below the head: a run ends where the next pixel of the surface is more
+    than `gap` aside, or more than `step` nearer or farther. `points` (H, W, 3) are in the level frame, `depth` (H, W)
+    is along the view. Fills `widths` (H,) in the order of the rows and returns in how many of them the surface is.
+    """
+    count = 0
+    for v in range(depth.shape[0]):
+        nearest, begin, last_x, last_z, holds, found = np.inf, 0.0, 0.0, depth[v, 0], False, False
+        for u in range(depth.shape[1]):
+            above = points[v, u, 1] - head[1]
+            if not mask[v, u] or above <= band[0] or above >= band[1]:
+                continue
+            x, z = points[v, u, 0] - head[0], depth[v, u]
+            if not found or x - last_x > gap or abs(z - last_z) > step:
+                begin, holds = x, False
+            found, last_x, last_z = True, x, z
+            if abs(x) < nearest:
+                nearest, holds = abs(x), True
+            if holds:
+                widths[count] = x - begin
+        count += int(found)
+    return count
