@@ -18,9 +18,11 @@ from toolkit.recordings.opening import open_recording
 from toolkit.sensing.joints2d import Joints2D
 from toolkit.sensing.recording import Recording
 from toolkit.simulation.simulate import simulate_recording
+from toolkit.testing.casting import Scene
 from toolkit.testing.joints import detected
+from toolkit.testing.scenes import record_scene
 from toolkit.testing.sequences import DISTANCE, record_sequence, sequence_body
-from toolkit.testing.suite import Take, digest_of, record
+from toolkit.testing.suite import digest_of
 
 SOURCES = ("colour", "depth", "truth", "none")
 """Where joints come from: found by the network in colour or in shaded depth, the true ones with its errors, nowhere."""
@@ -32,9 +34,9 @@ def is_right(joints: np.ndarray, truth: np.ndarray) -> bool:
     return int((joint_errors(joints[None], truth[None]) < WITHIN).sum()) >= ENOUGH
 
 
-def prepared(take: Take, source: str, work: Path, frames: int) -> Recording:
+def prepared(take: Scene, source: str, work: Path, frames: int) -> Recording:
     """The take with joints in the image from `source`."""
-    path = record(take, work, frames, color=source == "colour")
+    path = record_scene(take, work, frames, color=source == "colour")
     return with_joints(path, source, work, take.seed)
 
 

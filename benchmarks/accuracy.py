@@ -40,7 +40,9 @@ from toolkit.fitting.objective import WITHIN
 from toolkit.pipeline import track_recording
 from toolkit.recordings.opening import open_recording
 from toolkit.testing.bootstrap import paired_bootstrap
-from toolkit.testing.suite import GROUPS, LONGEST, Take, chosen_takes, has_mocap, record, takes
+from toolkit.testing.casting import Scene
+from toolkit.testing.scenes import record_scene
+from toolkit.testing.suite import GROUPS, LONGEST, chosen_takes, has_mocap, takes
 from toolkit.track import TRACKED, Track
 
 COLUMNS = (
@@ -67,7 +69,7 @@ BINS = np.linspace(0.0, 1.0, 21)
 class Row:
     """One tracker on all takes."""
 
-    def __init__(self, name: str, takes: Sequence[Take], table: EvaluationTable) -> None:
+    def __init__(self, name: str, takes: Sequence[Scene], table: EvaluationTable) -> None:
         self.name = name
         self.groups = {group: [i for i, take in enumerate(takes) if take.group == group] for group in GROUPS}
         self.groups = {group: rows for group, rows in self.groups.items() if rows}
@@ -244,7 +246,7 @@ def main() -> None:
     options = parse()
     chosen = chosen_takes(options.split, options.groups.split(","), options.takes)
     print(f"{len(chosen)} takes of the {options.split} split, from {'mocap' if has_mocap() else 'bundled motions'}")
-    paths = [record(take, options.work, options.frames) for take in chosen]
+    paths = [record_scene(take, options.work, options.frames) for take in chosen]
     poses_path = poses_of(options)
     poses = PoseDatabase.load(poses_path)
     overrides = parse_overrides(options.set)

@@ -26,10 +26,9 @@ from toolkit.biomechanics.resting import at_rest
 from toolkit.body.shape import subject_body
 from toolkit.body.sole import soles
 from toolkit.runs import Person
-from toolkit.simulation.person import Person as Performer
-from toolkit.simulation.sensors import make_sensor
-from toolkit.simulation.simulate import Shot
 from toolkit.testing import suite
+from toolkit.testing.casting import Scene
+from toolkit.testing.scenes import people_of, shot_of
 from toolkit.track import TRACKED
 
 SHORTEST = 5
@@ -124,23 +123,19 @@ def simulated(found: Tracked) -> dict[str, Any]:
     return figures
 
 
-def of_suite(take: suite.Take, work: Path, database: Path) -> Tracked:
+def of_suite(take: Scene, work: Path, database: Path) -> Tracked:
     """A take of the suite."""
-    body = subject_body(take.body, seed=take.seed)
-    clip = suite.performed(take, body, suite.LONGEST)
-    distance = take.room * suite.distance_needed(take, body, clip, make_sensor(take.sensor).camera)
-    shot = Shot(
-        sensor=take.sensor, distance=distance, height=take.height, seed=take.seed, furnished=take.furnished
-    )  # fmt: skip
-    return tracked_shot(Performer(clip, body=body, yaw=take.yaw), shot, work / "suite" / take.name, database)
+    (person,) = people_of(take, take.frames)
+    return tracked_shot(person, shot_of(take, [person]), work / "suite" / take.name, database)
 
 
-def on_floor(take: suite.Take) -> bool:
+def on_floor(take: Scene) -> bool:
     """Whether the floor of a take stays where it is."""
-    body = subject_body(take.body, seed=take.seed)
-    poses = suite.motion_of(take.motion, body, seed=take.seed, fast=take.group == "fast").poses
-    way = suite.cut(poses, take.start, suite.LONGEST)[:, [0, 2]]
-    return take.spin == 0.0 and float(np.ptp(way, axis=0).max()) <= suite.TREADMILL
+    actor = take.actor
+    body = subject_body(actor.body, seed=take.seed)
+    poses = suite.motion_of(actor.motion, body, seed=take.seed, fast=take.group == "fast").poses
+    way = suite.cut(poses, actor.start, take.frames)[:, [0, 2]]
+    return actor.spin == 0.0 and float(np.ptp(way, axis=0).max()) <= suite.TREADMILL
 
 
 def real(person: Person) -> dict[str, Any]:

@@ -58,9 +58,9 @@ from toolkit.recordings.opening import open_recording
 from toolkit.retrieval.annotation.measures import Scores, Segment
 from toolkit.rotations import quaternions as quat
 from toolkit.simulation.inertial import SensorNoise, SimulatedSensors, simulate_sensors
-from toolkit.simulation.sensors import make_sensor
-from toolkit.simulation.simulate import simulate_recording
-from toolkit.testing.suite import MOCAP, RATE, distance_needed, performed, takes
+from toolkit.simulation.simulate import simulate_scene
+from toolkit.testing.scenes import people_of, shot_of
+from toolkit.testing.suite import MOCAP, RATE, takes
 from toolkit.track import Track
 
 
@@ -268,22 +268,16 @@ def error_figures(
 
 
 def tracked(split: str, count: int, work: Path, poses: PoseDatabase) -> list[Any]:
-    """Takes of the suite, tracked: the take, its run folder and its true poses."""
+    """Takes of the suite, tracked: the name, its run folder and who was recorded."""
     actor = ACTORS[split]
-    chosen = [take for take in takes(split) if take.motion.startswith(actor)][:count]
+    chosen = [take for take in takes(split) if take.actor.motion.startswith(actor)][:count]
     found = []
     for take in chosen:
-        body = subject_body(take.body, seed=take.seed)
-        clip = performed(take, body, 130)
-        path = work / "inertial" / f"{take.name}.npz"
-        distance = take.room * distance_needed(take, body, clip, make_sensor(take.sensor).camera)
-        simulate_recording(
-            clip, path, body=body, sensor=take.sensor, distance=distance, height=take.height, yaw=take.yaw,
-            seed=take.seed, furnished=False,
-        )  # fmt: skip
-        run = work / "inertial" / take.name
+        (person,) = people_of(take, take.frames)
+        run, path = work / "inertial" / take.name, work / "inertial" / f"{take.name}.npz"
+        simulate_scene([person], path, replace(shot_of(take, [person]), furnished=False))
         track_recording(open_recording(path), HybridTracker(poses), run, warm_up=False)
-        found.append((take, run, clip))
+        found.append((take.name, run, person))
     return found
 
 
@@ -321,11 +315,11 @@ def _tracked_figures(options: argparse.Namespace) -> dict[str, Any]:
     database = PoseDatabase.load(poses_of(options))
     found = tracked(options.split, options.tracks, options.work, database)
     rows, motions = [], []
-    for seed, (take, run, clip) in enumerate(found):
-        track, body = Track.load(run), subject_body(take.body, seed=take.seed)
-        simulated = simulate_sensors(body, levelled(clip.poses, take.yaw), RATE, LIMBS, NOISE, seed)
-        rows.append((track, body, levelled(clip.poses, take.yaw), simulated))
-        motion = TrackedMotion.of_poses(body, track.pose, track.timestamps, track.state == 0, take.name)
+    for seed, (name, run, person) in enumerate(found):
+        track, body, poses = Track.load(run), person.body, levelled(person.clip.poses, person.yaw)
+        simulated = simulate_sensors(body, poses, RATE, LIMBS, NOISE, seed)
+        rows.append((track, body, poses, simulated))
+        motion = TrackedMotion.of_poses(body, track.pose, track.timestamps, track.state == 0, name)
         motions.append((motion, simulated))
     pool = np.concatenate(clips_of(options.split, subject_body("neutral"), 20))
     return {

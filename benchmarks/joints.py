@@ -19,6 +19,7 @@ from __future__ import annotations
 import argparse
 import shutil
 from collections.abc import Iterable, Iterator
+from dataclasses import replace
 from itertools import islice
 from pathlib import Path
 from typing import Any
@@ -28,7 +29,6 @@ import numpy as np
 from benchmarks._record import run_part, save_figures
 from benchmarks._rows import add_database_options, add_take_options, poses_of
 from toolkit import skeleton
-from toolkit.body.shape import subject_body
 from toolkit.config import parse_overrides
 from toolkit.detector.detection import DetectedJoints
 from toolkit.detector.joint_formats import COCO_18, POSE_MODEL, reported_rows
@@ -45,9 +45,10 @@ from toolkit.runs import load_people
 from toolkit.sensing.joints2d import Joints2D, lift, mirrored_rows
 from toolkit.sensing.recording import Recording
 from toolkit.sensing.settings import SensingSettings
-from toolkit.simulation.sensors import make_sensor
-from toolkit.simulation.simulate import simulate_recording
-from toolkit.testing.suite import GROUPS, ROOT, WORK, Take, chosen_takes, digest_of, distance_needed, performed
+from toolkit.simulation.simulate import simulate_scene
+from toolkit.testing.casting import Scene
+from toolkit.testing.scenes import people_of, shot_of
+from toolkit.testing.suite import GROUPS, RATE, ROOT, WORK, chosen_takes, digest_of
 from toolkit.track import TRACKED, Track
 
 DEPTH = ROOT.parent / "shared" / "data" / "depth"
@@ -58,19 +59,14 @@ STRIDE = 3
 """Every so many frames of a take are looked at: motion between them is as at 10 frames a second."""
 
 
-def colored(take: Take, work: Path, frames: int) -> Path:
+def colored(take: Scene, work: Path, frames: int) -> Path:
     """The take in colour, made if it is not there yet."""
-    digest = digest_of((performed, distance_needed), ["toolkit/simulation", "toolkit/mocap", "toolkit/body"], take)
+    digest = digest_of((people_of, shot_of), ["toolkit/simulation", "toolkit/mocap", "toolkit/body"], take)
     path = work / "recordings" / f"{take.name}_color_{frames}_{digest}.npz"
     if not path.exists():
-        body = subject_body(take.body, seed=take.seed)
-        clip = performed(take, body, frames * STRIDE)
-        distance = take.room * distance_needed(take, body, clip, make_sensor(take.sensor).camera)
-        simulate_recording(
-            clip.every(clip.frame_rate / STRIDE), path, body=body, sensor=take.sensor, distance=distance,
-            height=take.height, yaw=take.yaw, seed=take.seed, furnished=take.furnished, color=True,
-            frame_rate=clip.frame_rate / STRIDE,
-        )  # fmt: skip
+        (person,) = people_of(take, frames * STRIDE)
+        shot = replace(shot_of(take, [person]), color=True, frame_rate=RATE / STRIDE)
+        simulate_scene([replace(person, clip=person.clip.every(RATE / STRIDE))], path, shot)
     return path
 
 

@@ -45,10 +45,11 @@ from toolkit.landmarks.settings import LandmarkSettings
 from toolkit.recordings.opening import open_recording
 from toolkit.sensing.cloud import Cloud
 from toolkit.sensing.recording import Recording
+from toolkit.testing.scenes import record_scene
 from toolkit.testing.searches import ScipySearch
 from toolkit.testing.solo import Solo
 from toolkit.testing.subjects import moving_clouds
-from toolkit.testing.suite import GROUPS, LONGEST, chosen_takes, record
+from toolkit.testing.suite import GROUPS, LONGEST, chosen_takes
 from toolkit.tracking.observation import Observation
 from toolkit.tracking.search.extrema import ExtremaQuery
 from toolkit.tracking.search.lookup import Query
@@ -250,7 +251,8 @@ def candidates(parser: argparse.ArgumentParser) -> None:
     figures: dict[str, Any] = {}
     for group in GROUPS:
         takes = [
-            record(take, options.work, options.frames) for take in chosen_takes(options.split, [group], options.takes)
+            record_scene(take, options.work, options.frames)
+            for take in chosen_takes(options.split, [group], options.takes)
         ]
         recordings = [open_recording(path) for path in takes]
         hits = [hit for recording in recordings for hit in hits_of(tracker, recording, recording.joints, False)]

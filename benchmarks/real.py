@@ -112,7 +112,7 @@ def run_row(row: str, paths: Sequence[Path], options: argparse.Namespace, overri
     else:
         poses_path = poses_of(options)
         tracker = make_tracker(row, PoseDatabase.load(poses_path), overrides, str(poses_path))
-    reader = {"frame_rate": options.frame_rate} if options.frame_rate else None
+    reader = {"frame_rate": options.frame_rate} if options.frame_rate else {}
     runs = []
     for path in paths:
         try:

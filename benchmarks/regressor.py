@@ -40,7 +40,8 @@ from toolkit.sensing.cloud import Cloud
 from toolkit.simulation.person import Person
 from toolkit.simulation.simulate import Shot, prepare
 from toolkit.testing.calibration import calibration_error
-from toolkit.testing.suite import BODIES, RATE, performed, takes
+from toolkit.testing.scenes import people_of
+from toolkit.testing.suite import BODIES, RATE, takes
 
 KINDS = ("full", "waist_up", "seated", "hidden", "tilted", "child")
 CAMERA = Camera(285.6, 285.6, 159.5, 119.5, 320, 240)
@@ -91,7 +92,7 @@ def joints(parser: argparse.ArgumentParser) -> None:
 def standing_poses(split: str) -> np.ndarray:
     """Canonical poses (N, P) of the suite's motions, ten a second."""
     body = subject_body("neutral")
-    clips = [performed(take, body, 130).poses[:: round(RATE / 10)] for take in takes(split)]
+    clips = [people_of(take, take.frames, body)[0].clip.poses[:: round(RATE / 10)] for take in takes(split)]
     return canonicalise(np.concatenate(clips))[0]
 
 

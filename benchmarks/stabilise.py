@@ -27,14 +27,11 @@ import numpy as np
 from benchmarks._record import RESULTS, run_part, save_figures
 from benchmarks._rows import add_database_options, poses_of
 from benchmarks.inertial import levelled, wrong_calibration
-from toolkit.body.body import Body
-from toolkit.body.shape import subject_body
 from toolkit.database.database import PoseDatabase
 from toolkit.evaluation.joints import NEAR, joint_errors, visible_joints
 from toolkit.files import atomic_path
 from toolkit.fitting.orientation import OrientationSettings
 from toolkit.hybrid.tracker import HybridTracker
-from toolkit.mocap.clip import PoseClip
 from toolkit.pipeline import load_tracker, track_recording
 from toolkit.recordings.opening import open_recording
 from toolkit.recordings.writer import save_recording
@@ -46,13 +43,13 @@ from toolkit.retrieval.templates import WILDCARD
 from toolkit.retrieval.workflow.learn import learn_templates
 from toolkit.sensing.recording import Recording
 from toolkit.simulation.inertial import NOISE, simulate_sensors
-from toolkit.simulation.sensors import make_sensor
-from toolkit.simulation.simulate import simulate_recording
+from toolkit.simulation.person import Person
 from toolkit.stabilising.loop import Round, StabiliseSettings, annotate, best_round, stabilise
 from toolkit.stabilising.page import write_page
 from toolkit.stabilising.source import Source, open_source
 from toolkit.testing.labelled import SEQUENCES, MotionSequence, Performed, class_clips, record_sequence
-from toolkit.testing.suite import RATE, distance_needed, performed, takes
+from toolkit.testing.scenes import people_of, record_scene
+from toolkit.testing.suite import RATE, takes
 from toolkit.track import TRACK_FILE, Track
 from toolkit.tracking.guide import Guide, InertialGuide
 
@@ -244,46 +241,31 @@ def _summary(rows: dict[str, Any]) -> dict[str, Any]:
 CARRIED = ("left_forearm", "right_forearm", "left_shin", "right_shin", "pelvis")
 
 
-class Scene(NamedTuple):
-    """A recording and what happens in it: the clip, whose body, and how the person stands to the camera, degrees."""
-
-    path: Path
-    clip: PoseClip
-    body: Body
-    yaw: float
-
-
-def scenes(options: argparse.Namespace) -> Iterator[tuple[str, Scene]]:
-    """The recordings that were asked for, made if they are not there yet."""
+def carriers(options: argparse.Namespace) -> Iterator[tuple[str, Path, Person]]:
+    """Name, recording and person of everything that was asked for, recorded if it is not there yet."""
     for sequence in SEQUENCES:
         if options.sequences is None or sequence.name in options.sequences:
             path, done = record_sequence(sequence, options.split, options.work)
-            yield sequence.name, Scene(path, done.clip, done.body, sequence.yaw)
+            yield sequence.name, path, Person(done.clip, done.body, yaw=sequence.yaw)
     for take in takes("tune") + takes("report"):
         if take.name in (options.takes or ()):
-            body = subject_body(take.body, seed=take.seed)
-            clip, path = performed(take, body, options.frames), options.work / "fused" / f"{take.name}.npz"
-            if not path.exists():
-                distance = take.room * distance_needed(take, body, clip, make_sensor(take.sensor).camera)
-                simulate_recording(
-                    clip, path, body=body, sensor=take.sensor, distance=distance, height=take.height, yaw=take.yaw,
-                    seed=take.seed, furnished=take.furnished,
-                )  # fmt: skip
-            yield take.name, Scene(path, clip, body, take.yaw)
+            (person,) = people_of(take, options.frames)
+            yield take.name, record_scene(take, options.work, options.frames), person
 
 
-def guide_of(scene: Scene, options: argparse.Namespace, seed: int) -> InertialGuide:
+def guide_of(person: Person, options: argparse.Namespace, seed: int) -> InertialGuide:
     """Sensors as somebody would carry them, calibrated nearly right."""
-    simulated = simulate_sensors(scene.body, levelled(scene.clip.poses, scene.yaw), RATE, CARRIED, NOISE["mtx"], seed)
+    poses = levelled(person.clip.poses, person.yaw)
+    simulated = simulate_sensors(person.body, poses, RATE, CARRIED, NOISE["mtx"], seed)
     rng = np.random.default_rng(seed)
     calibration = wrong_calibration(simulated, "take", options.degrees, 0.001 * options.lag, rng)
     return InertialGuide(simulated.sensors, calibration, "take", replace(OrientationSettings(), weight=options.weight))
 
 
-def guided(scene: Scene, poses: PoseDatabase, guide: Guide | None, run: Path) -> list[float]:
+def guided(path: Path, poses: PoseDatabase, guide: Guide | None, run: Path) -> list[float]:
     """`FIGURES` of the recording, tracked anew."""
     shutil.rmtree(run, ignore_errors=True)
-    recording = open_recording(scene.path)
+    recording = open_recording(path)
     track_recording(recording, HybridTracker(poses, guide=guide), run, warm_up=False)
     return figures_of(Track.load(run), np.asarray(recording.joints), visible(recording))
 
@@ -300,10 +282,10 @@ def sensors(parser: argparse.ArgumentParser) -> None:
     add_database_options(parser)
     options = parser.parse_args()
     poses, rows = PoseDatabase.load(poses_of(options)), {}
-    for seed, (name, scene) in enumerate(scenes(options)):
-        run = options.work / "fused" / "runs" / scene.path.stem
-        alone = guided(scene, poses, None, run)
-        fused = guided(scene, poses, guide_of(scene, options, seed), run)
+    for seed, (name, path, person) in enumerate(carriers(options)):
+        run = options.work / "fused" / "runs" / path.stem
+        alone = guided(path, poses, None, run)
+        fused = guided(path, poses, guide_of(person, options, seed), run)
         rows[name] = {"alone": dict(zip(FIGURES, alone, strict=True)), "fused": dict(zip(FIGURES, fused, strict=True))}
         print(name, " | ".join(" ".join(f"{value:.2f}" if value <= 1 else f"{value:.1f}" for value in figures)
                                for figures in (alone, fused)), flush=True)  # fmt: skip

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import sys
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 from typing import cast
@@ -28,7 +29,7 @@ from benchmarks import (
 from benchmarks._rows import SWARM_KINDS, WatchedTracker, swarm_settings
 from database_builder.build import Sampling, build_database
 from database_builder.regressor import RegressorSettings
-from toolkit.body.shape import load_body, subject_body
+from toolkit.body.shape import load_body
 from toolkit.database.database import PoseDatabase
 from toolkit.mocap.procedural import procedural_clips
 from toolkit.qammaz.tracker import SwarmTracker
@@ -37,9 +38,11 @@ from toolkit.recordings.writer import save_recording
 from toolkit.sensing.camera import Camera
 from toolkit.simulation.person import facing_of
 from toolkit.testing import suite
+from toolkit.testing.casting import listed
 from toolkit.testing.misled import wrong_pose
+from toolkit.testing.scenes import people_of, record_scene
 from toolkit.testing.solo import Solo
-from toolkit.testing.suite import GROUPS, REPORT, TUNE, chosen_takes, performed, record, takes
+from toolkit.testing.suite import GROUPS, chosen_takes, takes
 from toolkit.track import Track
 
 QUICK = ("--set", "shape.seconds=0.1", "--set", "sizes=[0.4]")
@@ -78,14 +81,15 @@ def run(module: object, *arguments: object, monkeypatch: pytest.MonkeyPatch) -> 
 
 
 def test_every_split_has_at_least_24_takes_in_five_groups_with_names_of_their_own(bundled: Path) -> None:
-    for split in (TUNE, REPORT, takes("tune"), takes("report")):
+    for split in (listed("clean", "tune"), listed("clean", "report"), takes("tune"), takes("report")):
         assert len(split) >= 24
         assert {take.group for take in split} == set(GROUPS)
         assert len({take.name for take in split}) == len(split)
 
 
 def test_no_actor_of_a_take_is_in_the_database_or_in_the_other_split() -> None:
-    actors = [{take.motion.split("_")[0] for take in split} for split in (TUNE, REPORT)]
+    splits = [listed("clean", split) for split in ("tune", "report")]
+    actors = [{take.actor.motion.split("_")[0] for take in split} for split in splits]
     assert actors == [{"bk"}, {"dg", "02", "49"}]
 
 
@@ -97,22 +101,21 @@ def test_the_database_is_made_of_other_actors(shared_data: Path) -> None:
 
 @pytest.mark.shared_data
 def test_every_motion_of_the_suite_exists(shared_data: Path) -> None:
-    for take in (*TUNE, *REPORT):
-        assert len(suite.motion_files(take.motion)) == 1, take.motion
+    for take in takes("tune") + takes("report"):
+        assert len(suite.motion_files(take.actor.motion)) == 1, take.name
 
 
 def test_a_turning_subject_turns_by_the_angle_that_the_take_says(bundled: Path) -> None:
-    take = next(take for take in takes("tune") if take.group == "turn" and take.spin == 360)
-    body = subject_body(take.body, seed=take.seed)
-    still = performed(suite.replace(take, spin=0.0), body, 60)
-    turned = performed(take, body, 60)
-    yaws = [np.unwrap([facing_of(pose) for pose in clip.poses]) for clip in (still, turned)]
+    take = next(take for take in takes("tune") if take.actor.spin == 360)
+    still = replace(take, actors=(replace(take.actor, spin=0.0),))
+    clips = [people_of(scene, 60)[0].clip for scene in (still, take)]
+    yaws = [np.unwrap([facing_of(pose) for pose in clip.poses]) for clip in clips]
     np.testing.assert_allclose(np.degrees(yaws[1] - yaws[0])[[0, -1]], [0.0, 360.0], atol=1e-6)
 
 
 def test_the_whole_subject_stays_in_the_image(bundled: Path, work: Path) -> None:
     take = chosen_takes("tune", ["fast"], 1)[0]
-    recording = open_recording(record(take, work, frames=8))
+    recording = open_recording(record_scene(take, work, frames=8))
     pixels = recording.camera.project(recording.joints)
     assert (pixels > 0).all()
     assert (pixels < [recording.camera.width - 1, recording.camera.height - 1]).all()
@@ -301,7 +304,7 @@ def test_shares_are_those_of_the_frames_that_count() -> None:
 
 
 def test_the_watched_local_hypothesis_is_the_one_that_competes(bundled: Path, work: Path, small_database: Path) -> None:
-    path = record(chosen_takes("tune", ["fast"], 1)[0], work, 20)
+    path = record_scene(chosen_takes("tune", ["fast"], 1)[0], work, 20)
     recording = open_recording(path)
     tracker = WatchedTracker(PoseDatabase.load(small_database))
     solo = Solo(tracker, recording)

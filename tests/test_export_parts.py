@@ -5,19 +5,25 @@ from __future__ import annotations
 import json
 from pathlib import Path
 from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from tests.run_helpers import write_people
 from toolkit import skeleton
 from toolkit.body.shape import load_body
 from toolkit.errors import UsageError
 from toolkit.export.bvh import export_bvh
+from toolkit.export.c3d import export_c3d
 from toolkit.export.glb import Scene, quaternions, skinning
+from toolkit.export.rerun import POINTS, _log_points
 from toolkit.export.tables import export_csv, export_trc
 from toolkit.export.tree import JointTree, rest_places, tips_of, tree_of
 from toolkit.report import clouds
+from toolkit.runs import load_persons
+from toolkit.sensing.camera import Camera
 
 BODY = load_body("neutral")
 TREE = tree_of(BODY)
@@ -242,3 +248,33 @@ def test_too_many_points_are_thinned_on_a_grid() -> None:
     assert len(set(rows.tolist())) > 4 and len(set(columns.tolist())) > 4
     every, _ = clouds.thinned(np.ones((3, 4), dtype=bool), 12)
     assert len(every) == 12
+
+
+def test_points_of_a_c3d_are_millimetres_by_person_and_missing_where_nobody_is(tmp_path: Path) -> None:
+    ezc3d = pytest.importorskip("ezc3d")
+    people = load_persons(write_people(tmp_path / "run", poses()))
+    export_c3d(tmp_path / "track.c3d", people)
+    file = ezc3d.c3d(str(tmp_path / "track.c3d"))
+    labels, points = file["parameters"]["POINT"]["LABELS"]["value"], file["data"]["points"]
+    row = labels.index("person_02:left_hand")
+    expected = 1000.0 * people[1].joints_level[:, skeleton.REPORTED.index("left_hand")]
+    assert points[:3, row, 1:].T == pytest.approx(expected[1:], abs=0.01) and np.isnan(points[:3, row, 0]).all()
+    assert file["parameters"]["POINT"]["RATE"]["value"][0] == pytest.approx(25.0)
+    short = load_persons(write_people(tmp_path / "short", poses(2)))
+    with pytest.raises(UsageError, match="people of one recording"):
+        export_c3d(tmp_path / "two.c3d", [people[0], short[1]])
+
+
+def test_points_for_rerun_are_thinned_evenly_and_stand_in_the_files_frame() -> None:
+    camera = Camera(100.0, 100.0, 79.5, 59.5, 160, 120)
+    depth = np.full(camera.shape, 2000, np.uint16)
+    depth[:, :80] = 0
+    told: list[tuple[str, np.ndarray]] = []
+    viewer = SimpleNamespace(Points3D=lambda points, **_: points)
+    stream = SimpleNamespace(log=lambda name, points: told.append((name, points)))
+    recording: Any = SimpleNamespace(camera=camera)
+    _log_points(viewer, stream, depth, recording, np.diag([1.0, -1.0, -1.0]), np.array([0.0, -1.0, 0.0]))
+    ((name, points),) = told
+    assert name == "world/points" and POINTS // 2 < len(points) <= POINTS
+    assert points[:, 2] == pytest.approx(-2.0) and (points[:, 0] > 0).all()
+    assert [points[:, 1].min(), points[:, 1].max()] == pytest.approx([1.0 - 1.19, 1.0 + 1.19], abs=0.03)

@@ -24,8 +24,9 @@ from toolkit.recordings.opening import open_recording
 from toolkit.sensing.camera import Camera
 from toolkit.sensing.cloud import Cloud
 from toolkit.testing import suite
+from toolkit.testing.casting import listed
 from toolkit.testing.scene_scores import seen_joints
-from toolkit.testing.scenes import EMPTY_ROOMS, GROUPS, REPORT, TUNE, VIEWS, chosen_scenes, record_scene, scenes
+from toolkit.testing.scenes import EMPTY_ROOMS, GROUPS, VIEWS, chosen_scenes, record_scene, scenes
 from toolkit.track import EMPTY, TRACKED
 from toolkit.tracking.state import PersonState
 
@@ -51,7 +52,8 @@ def test_a_split_has_its_groups_and_a_third_of_it_each_way_of_being_cut_out(spli
 
 
 def test_the_splits_share_neither_actors_nor_adult_bodies_nor_rooms() -> None:
-    cast = [[actor for scene in split for actor in scene.actors] for split in (TUNE, REPORT)]
+    splits = [listed("recorded", split) for split in ("tune", "report")]
+    cast = [[actor for scene in split for actor in scene.actors] for split in splits]
     assert [{actor.motion.split("_")[0] for actor in actors} for actors in cast] == [{"bk"}, {"dg", "02", "49"}]
     bodies = [{actor.body for actor in actors if actor.body != "child"} for actors in cast]
     assert not bodies[0] & bodies[1]
@@ -63,7 +65,7 @@ def test_the_splits_share_neither_actors_nor_adult_bodies_nor_rooms() -> None:
 
 @pytest.mark.shared_data
 def test_every_motion_of_the_scenes_exists(shared_data: Path) -> None:
-    for scene in (*TUNE, *REPORT):
+    for scene in scenes("tune") + scenes("report"):
         for actor in scene.actors:
             assert len(suite.motion_files(actor.motion)) == 1, actor.motion
 

@@ -1,11 +1,18 @@
-"""Actors and scenes of the suite before they are made."""
+"""Actors and scenes of the simulated suites before they are made, as `scenes.yaml` lists them."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, fields
+from functools import cache
+from pathlib import Path
+from typing import Any
 
+from toolkit.errors import UsageError
+from toolkit.plain import read_yaml
 from toolkit.simulation.furniture import Box
 
+FILE = Path(__file__).with_name("scenes.yaml")
 LONGEST = 90
 """Frames of a scene unless it says otherwise."""
 
@@ -46,22 +53,24 @@ class Actor:
 
 @dataclass(frozen=True)
 class Scene:
-    """A recording of the suite before it is made.
+    """A recording of a suite before it is made.
 
     Attributes
     ----------
-    group : out of `scenes.GROUPS` or `scenes.ROOM_GROUPS`
+    group : of the suite, out of `suite.GROUPS`, `scenes.GROUPS`, `scenes.ROOM_GROUPS` or `upper.GROUPS`
     actors : who is in it
-    sensor, distance, height, tilt, boxes, room : as of `Shot`
+    sensor, distance, height, tilt, boxes, room : as of `Shot`; a `distance` of None is the smallest at which all of the
+        one actor's motion is in the image, times `spare`
     view : out of `scenes.VIEWS`
     frames : length
-    seed : of bodies, noise and how a person sits
+    seed : of bodies, procedural motions, noise and how a person sits
     """
 
     group: str
     actors: tuple[Actor, ...]
     sensor: str = "kinect"
-    distance: float = 2.6
+    distance: float | None = 2.6
+    spare: float = 1.05
     height: float = 1.2
     tilt: float | None = None
     boxes: tuple[Box, ...] = ()
@@ -71,14 +80,44 @@ class Scene:
     seed: int = 0
 
     @property
+    def actor(self) -> Actor:
+        """The only one."""
+        (actor,) = self.actors
+        return actor
+
+    @property
     def name(self) -> str:
         """What the recording is called."""
-        return f"{self.group}_{self.seed:03d}_{self.view}"
+        if len(self.actors) != 1:
+            return f"{self.group}_{self.seed:03d}_{self.view}"
+        return f"{self.group}_{self.actor.motion}_{self.actor.body}_{self.sensor}"
 
 
-def one(
-    group: str, motion: str, body: str, distance: float, height: float, tilt: float | None, **more: object
-) -> Scene:
-    """A scene of one person; `more` goes to the actor, but for what is of the scene."""
-    shot = {key: more.pop(key) for key in ("sensor", "boxes", "room", "frames") if key in more}
-    return Scene(group, (Actor(motion, body, **more),), distance=distance, height=height, tilt=tilt, **shot)  # type: ignore[arg-type]
+def listed(suite: str, split: str) -> list[Scene]:
+    """The scenes of a suite's split as the file has them, in its order, all with seed 0."""
+    own = _suites()[suite]
+    shared = own.get("defaults", {})
+    return [_scene(group, shared | entry) for group, entries in own[split].items() for entry in entries]
+
+
+@cache
+def _suites() -> dict[str, Any]:
+    content: dict[str, Any] = read_yaml(FILE, str(FILE), UsageError, "it is a part of the checkout")
+    return content
+
+
+def _scene(group: str, entry: Mapping[str, Any]) -> Scene:
+    """A scene of several `actors`, or of one, who is told beside the rest."""
+    of_actors = {field.name for field in fields(Actor)}
+    alone = {name: value for name, value in entry.items() if name in of_actors}
+    shot = {name: value for name, value in entry.items() if name not in (*of_actors, "actors", "boxes")}
+    actors = tuple(
+        Actor(**{name: _fixed(value) for name, value in own.items()}) for own in entry.get("actors", [alone])
+    )
+    boxes = tuple(Box(*_fixed(corners)) for corners in entry.get("boxes", ()))
+    return Scene(group, actors, boxes=boxes, **shot)
+
+
+def _fixed(value: Any) -> Any:
+    """Lists as tuples."""
+    return tuple(map(_fixed, value)) if isinstance(value, list) else value

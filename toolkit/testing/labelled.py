@@ -21,10 +21,10 @@ from toolkit.mocap.clip import PoseClip
 from toolkit.mocap.read import read_clip
 from toolkit.mocap.retarget import retarget
 from toolkit.retrieval.annotation.measures import Segment
-from toolkit.simulation.person import facing_of, turned
-from toolkit.simulation.sensors import make_sensor
-from toolkit.simulation.simulate import simulate_recording
-from toolkit.testing.suite import MOCAP, RATE, Take, digest_of, distance_needed, in_place
+from toolkit.simulation.person import Person, facing_of, turned
+from toolkit.simulation.simulate import Shot, simulate_scene
+from toolkit.testing.scenes import distance_needed
+from toolkit.testing.suite import MOCAP, RATE, digest_of, in_place
 
 ACTORS = {"tune": "bk", "report": "dg"}
 JOIN = 12
@@ -33,6 +33,8 @@ FILLERS = ("02_05", "49_10", "49_06")
 """CMU clips of which excerpts stand between the clips of the second set."""
 FILLER = 60
 """Frames of an excerpt."""
+HEIGHT = 1.1
+"""Metres of the camera above the floor."""
 
 
 @dataclass(frozen=True)
@@ -43,7 +45,7 @@ class MotionSequence:
     ----------
     name : in tables
     motions : kinds of motion as in the names of the files, with the most clips of each
-    body, sensor, yaw : as in `suite.Take`
+    body, sensor, yaw : as in `casting`
     """
 
     name: str
@@ -131,12 +133,12 @@ def record_sequence(
     path = work / "sequences" / f"{sequence.name}_{split}{'_filler' if filler else ''}_{digest}.npz"
     done = perform(sequence, split, filler=filler)
     if not path.exists():
-        take = Take("basic", sequence.name, sequence.body, sequence.sensor, yaw=sequence.yaw, height=1.1)
-        distance = distance_needed(take, done.body, done.clip, make_sensor(sequence.sensor).camera)
-        simulate_recording(
-            done.clip, path, body=done.body, sensor=sequence.sensor, distance=distance, height=take.height,
-            yaw=sequence.yaw, seed=len(sequence.name), furnished=False,
+        person = Person(done.clip, done.body, yaw=sequence.yaw)
+        shot = Shot(
+            sensor=sequence.sensor, distance=distance_needed(person, sequence.sensor, HEIGHT), height=HEIGHT,
+            seed=len(sequence.name), furnished=False,
         )  # fmt: skip
+        simulate_scene([person], path, shot)
     return path, done
 
 

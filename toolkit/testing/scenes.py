@@ -2,7 +2,7 @@
 
 Seven groups: from the waist up, seated, behind furniture, several people (apart, crossing, touching, coming and going),
 children and tilted cameras, clothes, and empty rooms. A third of those with people is already cut out, a third holds
-the empty scene, a third neither. Seven more are of furnished rooms without their empty scene (`room_scenes`).
+the empty scene, a third neither. Seven more are of furnished rooms without their empty scene.
 
 The splits share no actor and no body, and no actor is in the database of `toolkit.testing.suite`: `tune` is made of
 HDM05 actor bk, `report`, for reporting only, of HDM05 actor dg and the CMU subjects 02 and 49. Where the mocap is
@@ -11,137 +11,34 @@ absent, bundled `subject` motions take its place.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import astuple, replace
 from pathlib import Path
 
 import numpy as np
 
+from toolkit.body.body import Body
 from toolkit.body.shape import subject_body
+from toolkit.interiors.room import KINDS
 from toolkit.mocap.clip import PoseClip
 from toolkit.mocap.procedural import SUBJECT_MOTIONS
 from toolkit.simulation.furniture import Box
-from toolkit.simulation.person import Person, facing_of, grown_to
+from toolkit.simulation.person import Person, facing_of, grown_to, prepare_person
+from toolkit.simulation.scene import place_camera
 from toolkit.simulation.sensors import make_sensor
-from toolkit.simulation.simulate import Shot, simulate_scene
-from toolkit.testing import acts, room_scenes, suite
-from toolkit.testing.casting import Actor, Scene, one
+from toolkit.simulation.simulate import MIDDLE, Shot, simulate_scene
+from toolkit.testing import acts, suite
+from toolkit.testing.casting import Actor, Scene, listed
 from toolkit.testing.suite import RATE, SHORTEST, cut, digest_of, in_place, motion_of, spun
 
 GROUPS = ("waist", "seated", "behind", "several", "children", "clothes", "empty")
 VIEWS = ("cut", "background", "room")
 """Already cut out, in a room with its empty scene, in a room without it."""
-BARRIER = Box((-0.5, 0.0, 0.5), (0.1, 1.05, 0.7))
-"""What hides one side of a person up to the waist."""
 ROOM_GROUPS = ("enter", "carry", "together", "crowd", "rooms", "stills", "vacant")
-EMPTY_ROOMS, EMPTY_FRAMES = 10, 45
-"""Recordings without people in each split, and their length."""
-
-
-TUNE = (
-    one("waist", "bk_rotateArms_005", "slim_male", 1.3, 1.35, 0),
-    one("waist", "bk_throwBasketball_004", "heavy_female", 1.4, 1.2, 0, yaw=-25),
-    one("waist", "bk_elbowToKnee_008", "tall_male", 1.4, 1.6, 4, yaw=15),
-    one("waist", "bk_grabHigh_009", "average_female", 1.5, 1.25, 0, sensor="tof"),
-    one("waist", "bk_throwBasketball_005", "teenager", 1.4, 1.15, 0, spin=180),
-    one("waist", "bk_rotateArms_007", "neutral", 1.3, 1.45, 5, yaw=35),
-    one("seated", "bk_throwBasketball_006", "slim_male", 2.0, 1.2, 8, seated=True),
-    one("seated", "bk_rotateArms_006", "heavy_female", 1.6, 1.0, 3, seated=True, yaw=30, furniture=("stool",)),
-    one("seated", "bk_grabHigh_010", "tall_male", 1.9, 1.5, 18, seated=True, furniture=("desk",)),
-    one("seated", "bk_elbowToKnee_010", "teenager", 2.2, 1.8, 28, seated=True, yaw=-50),
-    one("seated", "bk_throwBasketball_005", "average_female", 1.9, 1.3, 10, seated=True, furniture=("desk",), yaw=-15),
-    one("seated", "bk_rotateArms_008", "neutral", 2.4, 1.0, 5, seated=True, yaw=75, sensor="tof"),
-    one("behind", "bk_throwBasketball_004", "slim_male", 2.6, 1.4, None, furniture=("table",)),
-    one("behind", "bk_elbowToKnee_009", "heavy_female", 2.4, 1.2, None, furniture=("crate",), yaw=20),
-    one("behind", "bk_grabHigh_008", "tall_male", 2.8, 1.6, None, furniture=("desk",), sensor="tof"),
-    one("behind", "bk_rotateArms_006", "average_female", 2.6, 1.3, None, boxes=(BARRIER,)),
-    Scene("several", (
-        Actor("bk_throwBasketball_005", "slim_male", (-0.6, 0.0)),
-        Actor("bk_elbowToKnee_008", "heavy_female", (0.6, 0.1)),
-    ), distance=3.2),
-    Scene("several", (
-        Actor("bk_rotateArms_005", "tall_male", (-1.0, 0.2)),
-        Actor("bk_throwBasketball_004", "teenager", (0.1, -0.4)),
-        Actor("bk_grabHigh_009", "average_female", (1.0, 0.2)),
-    ), distance=3.5, height=1.5),
-    Scene("several", (
-        Actor("bk_sneak_004", "tall_male", (0.0, 0.45), 90, path="walks"),
-        Actor("bk_sneak_005", "average_female", (0.0, -0.4), -90, path="walks"),
-    ), distance=3.0, height=1.4),
-    Scene("several", (
-        Actor("bk_jog_007", "slim_male", (0.0, 0.9), 90, path="passes", enters=0.5),
-        Actor("bk_throwBasketball_006", "teenager", (0.1, -0.6)),
-    ), distance=3.4),
-    Scene("several", (
-        Actor("bk_grabHigh_010", "neutral", (-0.26, 0.0)),
-        Actor("bk_rotateArms_007", "heavy_female", (0.28, -0.05)),
-    ), distance=2.7),
-    Scene("several", (
-        Actor("bk_squat_013", "slim_male", (-0.7, 0.0), 40),
-        Actor("bk_throwBasketball_004", "average_female", (-0.05, -0.25), -20),
-        Actor("bk_rotateArms_005", "child", (0.55, 0.15), -30, stature=1.1),
-    ), distance=3.2, height=1.6, sensor="tof"),
-    one("children", "bk_throwBasketball_006", "child", 2.0, 1.4, None, stature=1.05),
-    one("children", "bk_squat_015", "child", 1.8, 2.0, 38, stature=0.85, yaw=20),
-    one("children", "bk_elbowToKnee_011", "tall_male", 2.4, 2.4, 32, yaw=-20),
-    one("children", "bk_grabHigh_009", "heavy_female", 2.2, 0.5, -12, sensor="tof"),
-    one("clothes", "bk_rotateArms_006", "average_female", 2.5, 1.2, None, clothes=("skirt",)),
-    one("clothes", "bk_throwBasketball_004", "heavy_female", 2.6, 1.3, None, clothes=("dress",), yaw=30),
-    one("clothes", "bk_kick_009", "tall_male", 2.8, 1.1, None, clothes=("coat",)),
-    one("clothes", "bk_elbowToKnee_012", "slim_male", 2.6, 1.5, None, clothes=("wide_trousers",), sensor="tof"),
-)  # fmt: skip
-REPORT = (
-    one("waist", "dg_rotateArms_009", "athletic_male", 1.3, 1.4, 2),
-    one("waist", "02_07", "average_male", 1.4, 1.3, 0, yaw=-20, start=4.0),
-    one("waist", "dg_throwBasketball_008", "slim_female", 1.3, 1.4, 5, yaw=20),
-    one("waist", "49_10", "short_female", 1.5, 1.2, 0, start=2.0, sensor="tof"),
-    one("waist", "02_05", "heavy_male", 1.4, 1.4, 2, start=3.0, spin=-200),
-    one("waist", "dg_grabHigh_015", "elderly", 1.3, 1.25, 0, yaw=-40),
-    one("seated", "dg_throwBasketball_007", "athletic_male", 1.9, 1.3, 12, seated=True),
-    one("seated", "02_06", "heavy_male", 1.7, 1.1, 3, seated=True, furniture=("stool",), yaw=-30, start=5.0),
-    one("seated", "dg_grabHigh_014", "short_female", 1.9, 1.4, 16, seated=True, furniture=("desk",)),
-    one("seated", "02_08", "slim_female", 2.1, 1.9, 30, seated=True, yaw=45, start=2.0),
-    one("seated", "49_11", "average_male", 2.0, 1.3, 10, seated=True, furniture=("desk",), yaw=20, start=1.0),
-    one("seated", "dg_elbowToKnee_016", "elderly", 2.5, 1.1, 5, seated=True, yaw=-70, sensor="tof"),
-    one("behind", "dg_throwBasketball_009", "average_male", 2.5, 1.4, None, furniture=("table",), yaw=-15),
-    one("behind", "02_05", "short_female", 2.4, 1.2, None, furniture=("crate",), start=6.0),
-    one("behind", "49_12", "heavy_male", 2.8, 1.6, None, furniture=("desk",), start=1.0, sensor="tof"),
-    one("behind", "dg_rotateArms_010", "slim_female", 2.6, 1.3, None, boxes=(BARRIER,)),
-    Scene("several", (
-        Actor("dg_throwBasketball_008", "athletic_male", (-0.65, 0.1)),
-        Actor("49_10", "short_female", (0.6, 0.0), start=2.0),
-    ), distance=3.3),
-    Scene("several", (
-        Actor("02_07", "heavy_male", (-1.0, 0.1), start=4.0),
-        Actor("dg_elbowToKnee_016", "slim_female", (0.0, -0.4)),
-        Actor("dg_grabHigh_014", "elderly", (1.0, 0.3)),
-    ), distance=3.6, height=1.4),
-    Scene("several", (
-        Actor("02_01", "average_male", (0.0, 0.45), 90, path="passes"),
-        Actor("dg_sneak_007", "slim_female", (0.0, -0.4), -90, path="walks"),
-    ), distance=3.1, height=1.5),
-    Scene("several", (
-        Actor("02_02", "athletic_male", (0.0, 0.4), -90, path="passes", enters=0.6),
-        Actor("49_03", "short_female", (0.0, -0.7), start=3.0),
-    ), distance=3.3),
-    Scene("several", (
-        Actor("dg_grabHigh_015", "elderly", (-0.27, 0.0)),
-        Actor("49_11", "average_male", (0.27, -0.05), start=1.0),
-    ), distance=2.7),
-    Scene("several", (
-        Actor("dg_squat_027", "athletic_male", (-0.7, 0.1), 35),
-        Actor("02_05", "short_female", (0.0, -0.25), -10, start=3.0),
-        Actor("dg_rotateArms_009", "child", (0.6, 0.15), -30, stature=1.15),
-    ), distance=3.3, height=1.6, sensor="tof"),
-    one("children", "02_07", "child", 2.0, 1.5, None, stature=1.0, start=4.0),
-    one("children", "dg_squat_034", "child", 1.8, 2.1, 40, stature=0.8, yaw=-20),
-    one("children", "dg_throwBasketball_007", "average_male", 2.4, 2.5, 34, yaw=25),
-    one("children", "49_12", "short_female", 2.2, 0.5, -14, start=1.0, sensor="tof"),
-    one("clothes", "dg_rotateArms_010", "slim_female", 2.5, 1.3, None, clothes=("skirt",)),
-    one("clothes", "02_05", "short_female", 2.6, 1.2, None, clothes=("dress",), yaw=-30, start=3.0),
-    one("clothes", "dg_kick_016", "heavy_male", 2.8, 1.1, None, clothes=("coat",)),
-    one("clothes", "dg_elbowToKnee_016", "average_male", 2.6, 1.5, None, clothes=("wide_trousers",), sensor="tof"),
-)  # fmt: skip
-
+EMPTY_ROOMS, EMPTY_FRAMES, VACANT_FRAMES = 10, 45, 300
+"""Recordings without people in each split, bare and furnished, and their lengths."""
+MARGIN = 0.14
+"""Metres from a joint to the outline of a body, at most."""
 PIECES = ((0.35, 1.75, 0.35), (0.85, 0.9, 0.8), (0.8, 2.0, 0.35), (1.2, 0.74, 0.7), (0.3, 1.3, 0.3), (0.5, 0.5, 0.5))
 """Width, height and depth in metres of what stands in an empty room: a coat stand, an armchair, a shelf, ..."""
 
@@ -162,7 +59,26 @@ def _empty_rooms(split: str) -> tuple[Scene, ...]:
         height, tilt = float(rng.uniform(0.6, 2.4)), float(rng.uniform(-5.0, 12.0))
         tilt += 12.0 * (height - 1.0)
         distance = float(rng.uniform(2.2, 3.4))
-        rooms.append(Scene("empty", (), sensor, distance, height, tilt, tuple(boxes), frames=EMPTY_FRAMES))
+        rooms.append(
+            Scene("empty", (), sensor, distance, height=height, tilt=tilt, boxes=tuple(boxes), frames=EMPTY_FRAMES)
+        )
+    return tuple(rooms)
+
+
+def _vacant_rooms(split: str) -> tuple[Scene, ...]:
+    """Furnished rooms without people, cameras from 0.5 to 2.5 m above the floor."""
+    rooms, first = [], {"tune": 200, "report": 300}[split]
+    for i in range(EMPTY_ROOMS):
+        rng = np.random.default_rng([first, i])
+        height = float(rng.uniform(0.5, 2.5))
+        tilt = float(np.clip(14.0 * (height - 1.2) + rng.normal(0.0, 4.0), -8.0, 35.0))
+        distance = float(rng.uniform(2.0, 4.0))
+        room, sensor = f"{list(KINDS)[i % len(KINDS)]}:{first + i}", "tof" if i % 3 == 2 else "kinect"
+        rooms.append(
+            Scene(
+                "vacant", (), sensor, distance, height=height, tilt=tilt, room=room, view="room", frames=VACANT_FRAMES
+            )
+        )
     return tuple(rooms)
 
 
@@ -173,10 +89,10 @@ def _touch(first: Box, second: Box) -> bool:
 def scenes(split: str, groups: tuple[str, ...] = GROUPS) -> tuple[Scene, ...]:
     """The scenes of `tune` or `report`, each with its view and seed; of bundled motions where there is no mocap."""
     base = 0 if split == "tune" else 100
-    chosen = [*{"tune": TUNE, "report": REPORT}[split], *_empty_rooms(split)]
+    chosen = [*listed("recorded", split), *_empty_rooms(split)]
     found = [replace(scene, seed=base + i, view=_view(scene, i)) for i, scene in enumerate(chosen)]
-    furnished = {"tune": room_scenes.TUNE, "report": room_scenes.REPORT}[split]
-    found += [replace(scene, seed=base + 200 + i, view="room") for i, scene in enumerate(furnished)]
+    furnished = [*listed("rooms", split), *_vacant_rooms(split)]
+    found += [replace(scene, seed=base + 200 + i) for i, scene in enumerate(furnished)]
     if not suite.has_mocap():
         found = [_bundled(scene, scene.seed) for scene in found]
     return tuple(scene for scene in found if scene.group in groups)
@@ -202,38 +118,69 @@ def chosen_scenes(split: str, groups: tuple[str, ...] = (), count: int | None = 
     return [scene for group in groups or GROUPS for scene in [s for s in found if s.group == group][:count]]
 
 
-def record_scene(scene: Scene, work: Path, frames: int | None = None) -> Path:
-    """The scene as a recording in `work`, of at most `frames` frames, made if it is not there yet."""
-    made_by = (record_scene, _people, _played, cut, in_place, spun, motion_of)
+def record_scene(scene: Scene, work: Path, frames: int | None = None, *, color: bool = False) -> Path:
+    """The scene as a recording in `work`, of at most `frames` frames, made if it is not there yet; or in colour."""
+    made_by = (shot_of, people_of, distance_needed, _played, cut, in_place, spun, motion_of)
+    folders = ["toolkit/simulation", "toolkit/interiors", "toolkit/mocap", "toolkit/body"]
     frames = min(scene.frames, frames or scene.frames)
-    digest = digest_of(
-        made_by, ["toolkit/simulation", "toolkit/interiors", "toolkit/mocap", "toolkit/body"], astuple(scene), frames
-    )
-    path = work / "scenes" / f"{scene.name}_{digest}.npz"
+    path = work / "scenes" / f"{scene.name}_{digest_of(made_by, folders, astuple(scene), frames, color)}.npz"
     if not path.exists():
-        shot = Shot(
-            sensor=scene.sensor, distance=scene.distance, height=scene.height, tilt=scene.tilt, frame_rate=RATE,
-            furnished=scene.view != "cut", background=scene.view == "background", boxes=scene.boxes,
-            room=scene.room, seconds=frames / RATE, seed=scene.seed,
-        )  # fmt: skip
-        simulate_scene(_people(scene, frames), path, shot)
+        people = people_of(scene, frames)
+        shot = replace(shot_of(scene, people), seconds=frames / RATE, color=color)
+        simulate_scene(people, path, shot)
     return path
 
 
-def _people(scene: Scene, frames: int) -> list[Person]:
-    """The actors with their bodies and motions; who does not pass stays as long as the longest motion lasts."""
+def shot_of(scene: Scene, people: Sequence[Person]) -> Shot:
+    """How a scene of these people is recorded."""
+    distance = scene.distance
+    if distance is None:
+        (person,) = people
+        distance = scene.spare * distance_needed(person, scene.sensor, scene.height)
+    return Shot(
+        sensor=scene.sensor, distance=distance, height=scene.height, tilt=scene.tilt, frame_rate=RATE,
+        furnished=scene.view != "cut", background=scene.view == "background", boxes=scene.boxes,
+        room=scene.room, seed=scene.seed,
+    )  # fmt: skip
+
+
+def distance_needed(person: Person, sensor: str, height: float) -> float:
+    """Smallest distance in metres, in steps of 10 cm, at which all of the person's motion is in the image.
+
+    The camera is `height` metres above the floor and looks at the middle of the body as it stands.
+    """
+    performer, camera = prepare_person(person, RATE, np.random.default_rng(0)), make_sensor(sensor).camera
+    body = performer.body
+    joints = body.joint_positions(performer.poses).reshape(-1, 3)
+    for distance in np.arange(1.8, 7.0, 0.1):
+        tilt = float(np.arctan2(height - MIDDLE * body.height, distance))
+        view = place_camera(distance=float(distance), height=height, tilt=tilt)
+        seen = view.to_camera(joints)
+        border = camera.fx * MARGIN / np.maximum(seen[:, 2], 1e-3)
+        pixels = camera.project(seen)
+        inside = (pixels >= border[:, None]) & (pixels <= np.array([camera.width, camera.height]) - 1 - border[:, None])
+        if (seen[:, 2] > 0.8).all() and inside.all():
+            return float(distance)
+    return 7.0
+
+
+def people_of(scene: Scene, frames: int, body: Body | None = None) -> list[Person]:
+    """The actors with their motions of at most `frames` frames; who does not pass stays as long as the longest lasts.
+
+    Their bodies are their own unless one is given for all of them.
+    """
     cast = []
     for k, actor in enumerate(scene.actors):
-        body = subject_body(actor.body, seed=scene.seed + 1000 * k)
+        own = body or subject_body(actor.body, seed=scene.seed + 1000 * k)
         if actor.stature is not None:
-            body = grown_to(body, actor.stature)
+            own = grown_to(own, actor.stature)
         late = min(round(actor.enters * RATE), frames // 2)
-        poses = motion_of(actor.motion, body, seed=scene.seed).poses
+        poses = motion_of(actor.motion, own, seed=scene.seed, fast=scene.group == "fast").poses
         shortest = frames - late if actor.path in MOVED else SHORTEST
-        cast.append((actor, body, late, cut(poses, actor.start, frames - late, shortest), poses))
+        cast.append((actor, own, late, cut(poses, actor.start, frames - late, shortest), poses))
     length = max((late + len(once) for _, _, late, once, _ in cast), default=0)
     people = []
-    for actor, body, late, once, poses in cast:
+    for actor, own, late, once, poses in cast:
         played = once if actor.path == "passes" else cut(poses, actor.start, length - late, shortest=length - late)
         played = spun(_played(actor, scene, played), actor.spin)
         at, yaw = actor.at, actor.yaw
@@ -245,7 +192,7 @@ def _people(scene: Scene, frames: int) -> list[Person]:
         people.append(
             Person(
                 PoseClip(actor.motion, played, RATE, ""),
-                body,
+                own,
                 at,
                 yaw,
                 seated=actor.seated,
@@ -273,6 +220,7 @@ def _played(actor: Actor, scene: Scene, poses: np.ndarray) -> np.ndarray:
         return acts.meeting(actor.path, actor.side, actor.at, poses)
     if actor.path in acts.PATHS:
         camera = make_sensor(scene.sensor).camera
+        assert scene.distance is not None  # of who comes from beside the image
         far = acts.out_of_sight(actor.side, actor.at[1], scene.distance, camera.cx / camera.fx)
         return acts.travelled(poses, *acts.path_of(actor.path, actor.at, far, len(poses)))
     return poses
