@@ -207,7 +207,7 @@ def learn_threshold(folds: Sequence[Fold]) -> float:
         if queries:
             narrowed = preselect_in(matrices, queries, labels)
         for number, threshold in enumerate(THRESHOLDS):
-            annotator = Annotator([MotionClass(c.label, c.templates, float(threshold)) for c in classes])
+            annotator = Annotator([MotionClass(c.label, c.template, float(threshold)) for c in classes])
             for (features, segments), intervals in zip(documents, narrowed, strict=True):
                 frames = annotator.annotate(features, intervals).frames
                 truth = label_frames(segments, annotator.labels, len(features), features.frame_rate)

@@ -24,12 +24,12 @@ from benchmarks._keyframe_corpus import (
 from benchmarks._record import RESULTS, save_figures
 from benchmarks._stiffness import admissible, distance_of, stiffness_of
 from toolkit.files import atomic_path
-from toolkit.retrieval.annotation.annotator import PreparedTemplate
 from toolkit.retrieval.annotation.classes import learn_classes
 from toolkit.retrieval.index.keyframe_index import KeyframeIndex
 from toolkit.retrieval.keyframes.query import KeyframeQuery
 from toolkit.retrieval.learning.queries import LearningSettings
 from toolkit.retrieval.search.find import HitRanges, find, pieces
+from toolkit.retrieval.templates import QuantisedTemplate
 
 STIFFNESS = (0.0, 0.3, 0.6, 0.8, 1.0)
 """Of all gaps in place of the learned ones, as in Fig. 3.15."""
@@ -67,7 +67,7 @@ def stiffened(query: KeyframeQuery, stiffness: float) -> KeyframeQuery:
     return KeyframeQuery(query.keyframes, bounds, query.lead, query.tail, query.label)
 
 
-def ranked(template: PreparedTemplate, documents: Sequence[LabelledDocument], found: HitRanges) -> list[Hit]:
+def ranked(template: QuantisedTemplate, documents: Sequence[LabelledDocument], found: HitRanges) -> list[Hit]:
     """The alignments of a template within pieces of documents, the cheapest first; none overlaps a cheaper one."""
     hits = []
     for number, first, stop in zip(found.documents.tolist(), found.starts.tolist(), found.stops.tolist(), strict=True):
@@ -128,12 +128,12 @@ def ranking(parser: argparse.ArgumentParser) -> None:
         learned = learned_from(seen, others, LearningSettings(runs=options.runs), rng)
         clips = {label: [e.features for e in seen if e.label == label] for label in by_label(seen)}
         classes = learn_classes(clips)
-        ranked(PreparedTemplate(classes[0].templates[0]), documents, whole(documents[:1]))  # loads the kernel
+        ranked(classes[0].template, documents, whole(documents[:1]))  # loads the kernel
         for found in classes:
             (query,) = learned[found.label].alternatives(1)
             stiffness += [stiffness_of(bound) for bound in query.bounds if bound != (0, 0)]
             kinds = {LEARNED: query, **{f"{s:g}": stiffened(query, s) for s in STIFFNESS}}
-            rows += [_row(kind, own_query, index, documents, found.templates[0]) for kind, own_query in kinds.items()]
+            rows += [_row(kind, own_query, index, documents, found.template) for kind, own_query in kinds.items()]
         print(f"{actor} left out: {len(rows)} rankings", flush=True)
     figures = {"rows": rows, **summary(rows, np.array(stiffness))}
     for kind, means in figures["means"].items():
@@ -144,19 +144,22 @@ def ranking(parser: argparse.ArgumentParser) -> None:
 
 
 def _row(
-    kind: str, query: KeyframeQuery, index: KeyframeIndex, documents: Sequence[LabelledDocument], template: Any
+    kind: str,
+    query: KeyframeQuery,
+    index: KeyframeIndex,
+    documents: Sequence[LabelledDocument],
+    template: QuantisedTemplate,
 ) -> dict[str, Any]:
     """One query searched and ranked."""
     reduced = pieces(index, query, find(index, query))
-    prepared = PreparedTemplate(template)
     begun = time.process_time()
-    hits = ranked(prepared, documents, reduced)
+    hits = ranked(template, documents, reduced)
     spent = time.process_time() - begun
     right, relevant = right_ones(hits, documents, query.label)
     precise = precisions(right, relevant)
     return {
         "stiffness": kind, "label": query.label, "relevant": relevant, "frames": reduced.frames,
-        "cells": reduced.frames * prepared.length, "milliseconds": 1000.0 * spent,
+        "cells": reduced.frames * template.expanded[0].shape[1], "milliseconds": 1000.0 * spent,
         "left": reduced.frames / index.frames,
         "recall": float(right.sum() / max(relevant, 1)), "precisions": precise.tolist(),
     }  # fmt: skip

@@ -42,7 +42,6 @@ from benchmarks._keyframe_corpus import FILLER_SHARE, SYMMETRIC, Example, load_e
 from benchmarks._record import pin_to_one_processor, save_figures
 from toolkit.kernels.motion.graded import distinct_hits, graded_distances
 from toolkit.recordings.readers.utd_mhad import joints_from_kinect
-from toolkit.retrieval.annotation.annotator import PreparedTemplate
 from toolkit.retrieval.annotation.documents import HARD_JOINS, JOINS, Joins, assemble
 from toolkit.retrieval.features.grades import FULL, SCALES, grade, importance
 from toolkit.retrieval.features.lengths import BodyLengths
@@ -206,8 +205,8 @@ def methods_for(corpus: Corpus) -> dict[str, Method]:
         return hits_of([distance_of_positions(template, document) for document in placed])
 
     def by_booleans(example: FeatureMatrix, _: Motion) -> list[Hit]:
-        template = QuantisedTemplate(example.name, example.values.astype(np.int8), np.ones(len(example)))
-        return hits_of([PreparedTemplate(template).distance(document.words) for document in corpus.features])
+        template = QuantisedTemplate(example.values.astype(np.int8), np.ones(len(example)))
+        return hits_of([template.distance(document.words) for document in corpus.features])
 
     def by_grades(example: FeatureMatrix, weights: np.ndarray) -> list[Hit]:
         template = np.ascontiguousarray(example.grades.T, dtype=np.float32)

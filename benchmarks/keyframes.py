@@ -284,7 +284,7 @@ def curves(examples: Sequence[Example], learning: LearningSettings, runs: int) -
         for label, clips in classes.items():
             training = TrainingSet(documents, [owner == label for owner in owners])
             sets = {"training": training, "verification": set_of(unseen, label)}
-            template = MotionTemplate.of(clips, strict=True).quantised(label, 0.0)
+            template = MotionTemplate.of(clips, strict=True).quantised(delta=0.0)
 
             def observe(generation: int, population: Sequence[Individual], sets: dict[str, TrainingSet] = sets) -> None:
                 if generation % GENERATION_STEP == 0:
@@ -318,7 +318,7 @@ def timed_run(examples: Sequence[Example], repeats: int) -> dict[str, Any]:
                     negative.append(replace(features, name=f"{features.name} x {factor}"))
                     frames += len(features)
     training = TrainingSet([*positive, *negative], [True] * len(positive) + [False] * len(negative))
-    template = MotionTemplate.of(positive, strict=True).quantised(label, 0.0)
+    template = MotionTemplate.of(positive, strict=True).quantised(delta=0.0)
     evolve(training, template, replace(settings, generations=2), np.random.default_rng(0))
     seconds, last = [], Quality(0.0, 0.0, 0.0)
     for seed in range(repeats):

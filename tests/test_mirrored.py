@@ -39,13 +39,13 @@ def mirrored_angles(angles: np.ndarray) -> np.ndarray:
 
 def mirrored_class(plain: MotionClass) -> MotionClass:
     """The class of the mirrored motion: features and angles of the other side."""
-    turn = mirrored_angles(np.eye(ANGLE_COUNT))
+    turn, motion = mirrored_angles(np.eye(ANGLE_COUNT)), plain.motion
+    assert motion is not None
     return replace(
         plain,
-        templates=tuple(replace(t, values=t.values[MIRROR]) for t in plain.templates),
-        motions=tuple(
-            ClassMotion(m.mean @ turn, np.abs(m.spread @ turn), turn.T @ m.covariance @ turn, m.memory)
-            for m in plain.motions
+        template=replace(plain.template, values=plain.template.values[MIRROR]),
+        motion=ClassMotion(
+            motion.mean @ turn, np.abs(motion.spread @ turn), turn.T @ motion.covariance @ turn, motion.memory
         ),
     )
 
@@ -58,8 +58,8 @@ def test_a_class_learnt_from_a_mirrored_clip_is_the_mirrored_class():
         (plain,) = learn_classes({name: [example.features]}, poses={name: [example.poses]})
         (learnt,), wanted = learn_classes({name: [features]}, poses={name: [poses]}), mirrored_class(plain)
         # "hand moving forwards" is measured against the left hip for both sides (F1, F2): it has no exact mirror image
-        np.testing.assert_array_equal(learnt.templates[0].values[2:], wanted.templates[0].values[2:])
-        np.testing.assert_allclose(learnt.motions[0].mean, wanted.motions[0].mean, atol=1e-9)
+        np.testing.assert_array_equal(learnt.template.values[2:], wanted.template.values[2:])
+        np.testing.assert_allclose(learnt.motion.mean, wanted.motion.mean, atol=1e-9)
 
 
 @given(st.sampled_from(LIMBS), st.sampled_from(NAMES), st.integers(5, 40), st.integers(4, 25))

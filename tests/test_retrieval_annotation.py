@@ -14,7 +14,6 @@ from toolkit.retrieval.annotation.annotator import (
     Annotator,
     DecisionSettings,
     MotionClass,
-    PreparedTemplate,
     decide,
     runs,
 )
@@ -53,11 +52,11 @@ def plain_distance(template: QuantisedTemplate, document: np.ndarray) -> tuple[n
     return cost[-1], start[-1]
 
 
-def random_template(rng: np.random.Generator, length: int, name: str = "class") -> QuantisedTemplate:
+def random_template(rng: np.random.Generator, length: int) -> QuantisedTemplate:
     values = rng.choice([0, 1, WILDCARD], size=(40, length)).astype(np.int8)
     if length > 2:
         values[:, 1] = WILDCARD
-    return QuantisedTemplate(name, values, np.ones(length))
+    return QuantisedTemplate(values, np.ones(length))
 
 
 def noisy_class(label: str, seed: int) -> tuple[MotionClass, FeatureMatrix]:
@@ -65,7 +64,7 @@ def noisy_class(label: str, seed: int) -> tuple[MotionClass, FeatureMatrix]:
     clean = relational_features(random_motion(seed))
     rng = np.random.default_rng(seed)
     copies = [FeatureMatrix(f"{label} {i}", clean.values ^ (rng.random(clean.values.shape) < 0.01)) for i in range(3)]
-    return MotionClass(label, (MotionTemplate.of(copies).quantised(label),), 0.04), clean
+    return MotionClass(label, MotionTemplate.of(copies).quantised(), 0.04), clean
 
 
 @given(st.integers(0, 10_000), st.integers(1, 9), st.integers(1, 25))
@@ -74,7 +73,7 @@ def test_the_compiled_distance_function_is_the_written_recursion(seed: int, n: i
     rng = np.random.default_rng(seed)
     template = random_template(rng, n)
     document = rng.random((40, length)) < 0.5
-    cost, start = PreparedTemplate(template).distance(pack(document))
+    cost, start = template.distance(pack(document))
     expected, expected_start = plain_distance(template, document)
     np.testing.assert_allclose(cost, expected, atol=1e-12)
     assert ((start == -1) == np.isinf(expected)).all()
@@ -86,7 +85,7 @@ def test_a_column_of_wildcards_costs_nothing_and_a_known_one_its_share_of_mismat
     values = np.full((40, 2), WILDCARD, dtype=np.int8)
     values[:4, 1] = [1, 1, 0, 0]
     document = np.zeros((40, 2), dtype=bool)
-    cost, start = PreparedTemplate(QuantisedTemplate("x", values, np.ones(2))).distance(pack(document))
+    cost, start = QuantisedTemplate(values, np.ones(2)).distance(pack(document))
     np.testing.assert_allclose(cost, [INF, 0.5 / 2])
     assert start.tolist() == [-1, 0]
 
@@ -94,11 +93,11 @@ def test_a_column_of_wildcards_costs_nothing_and_a_known_one_its_share_of_mismat
 def test_a_motion_within_a_document_is_found_where_it_is_at_half_and_double_speed() -> None:
     rng = np.random.default_rng(4)
     values = np.repeat(rng.random((40, 12)) < 0.5, 4, axis=1)
-    template = QuantisedTemplate("x", values.astype(np.int8), np.ones(48))
+    template = QuantisedTemplate(values.astype(np.int8), np.ones(48))
     noise = rng.random((40, 40)) < 0.5
     for columns in (np.arange(48), np.arange(0, 48, 2), np.repeat(np.arange(48), 2)):
         document = np.concatenate([noise, values[:, columns], noise], axis=1)
-        cost, start = PreparedTemplate(template).distance(pack(document))
+        cost, start = template.distance(pack(document))
         end = int(cost.argmin())
         assert cost[end] < 0.06
         block = 4 * len(columns) / 48  # an alignment may leave out most of the first and of the last block
@@ -113,10 +112,10 @@ def test_pieces_compared_in_one_go_are_compared_as_if_each_were_alone(
     seed: int, n: int, pieces: list[tuple[int, int]]
 ) -> None:
     rng = np.random.default_rng(seed)
-    template = PreparedTemplate(random_template(rng, n))
+    template = random_template(rng, n)
     document = FeatureMatrix("document", rng.random((40, 40)) < 0.5).words
     found, expected = np.full(40, INF), np.full(40, INF)
-    template.lower(found, document, np.array(pieces, dtype=np.int64).reshape(-1, 2), 0.4, 0.5)
+    dtw.search_pieces(*template.packed, document, np.array(pieces, dtype=np.int64).reshape(-1, 2), 0.4, 0.5, found)
     for first, stop in pieces:
         if first < stop:
             hits = dtw.spread_hits(*template.distance(document[first:stop]), 0.4, 0.5)
@@ -218,16 +217,9 @@ def test_intervals_restrict_a_class_to_their_frames_and_classes_without_any_are_
     assert restricted.segments == everywhere.segments[1:]
 
 
-def test_subclasses_are_combined_by_their_cheapest_template() -> None:
-    (first, a), (second, b) = noisy_class("swing", 1), noisy_class("bow", 2)
-    either = MotionClass("either", first.templates + second.templates)
-    document = FeatureMatrix("both", np.concatenate([a.values, b.values], axis=1))
-    assert Annotator([either]).annotate(document).frames.mean() > 0.95
-
-
 def test_a_document_shorter_than_every_template_is_refused_and_than_some_is_noted() -> None:
     rng = np.random.default_rng(0)
-    classes = [MotionClass(f"c{n}", (random_template(rng, n),)) for n in (21, 61)]
+    classes = [MotionClass(f"c{n}", random_template(rng, n)) for n in (21, 61)]
     with pytest.raises(RetrievalError, match=r"'short' has 10 frames.*needs 11"):
         Annotator(classes).annotate(FeatureMatrix("short", np.zeros((40, 10), dtype=bool)))
     assert Annotator(classes).annotate(FeatureMatrix("fits", np.zeros((40, 11), dtype=bool))).too_long == ("c61",)
@@ -235,20 +227,18 @@ def test_a_document_shorter_than_every_template_is_refused_and_than_some_is_note
 
 @pytest.mark.parametrize("length", [1, 2, 3, 8, 9])
 def test_the_shortest_document_of_a_template_has_an_alignment_and_a_shorter_one_has_none(length: int) -> None:
-    template = PreparedTemplate(random_template(np.random.default_rng(0), length))
+    template = random_template(np.random.default_rng(0), length)
     assert np.isfinite(template.distance(np.zeros(template.shortest, dtype=np.uint64))[0][-1])
     if template.shortest > 1:
         assert np.isinf(template.distance(np.zeros(template.shortest - 1, dtype=np.uint64))[0]).all()
 
 
-def test_classes_without_templates_or_with_one_label_twice_are_refused() -> None:
-    with pytest.raises(RetrievalError, match="'empty' has no template"):
-        MotionClass("empty", ())
+def test_classes_of_no_threshold_or_with_one_label_twice_are_refused() -> None:
     motion_class, _ = noisy_class("swing", 1)
     with pytest.raises(RetrievalError, match="different labels"):
         Annotator([motion_class, motion_class])
     with pytest.raises(RetrievalError, match=r"threshold 0.0 of class 'x'"):
-        MotionClass("x", motion_class.templates, 0.0)
+        MotionClass("x", motion_class.template, 0.0)
 
 
 def test_intervals_of_an_unknown_class_are_refused() -> None:

@@ -90,8 +90,8 @@ def test_classes_are_read_as_they_were_written(classes: list[MotionClass], tmp_p
     save_classes(tmp_path / "classes.npz", classes)
     for read, written in zip(load_classes(tmp_path / "classes.npz"), classes, strict=True):
         assert (read.label, read.threshold) == (written.label, written.threshold)
-        np.testing.assert_array_equal(read.templates[0].values, written.templates[0].values)
-        np.testing.assert_array_equal(read.templates[0].weights, written.templates[0].weights)
+        np.testing.assert_array_equal(read.template.values, written.template.values)
+        np.testing.assert_array_equal(read.template.weights, written.template.weights)
 
 
 @pytest.mark.parametrize(("key", "value", "words"), [("version", 99, "version 99"), ("features", "abc", "features")])
@@ -191,7 +191,7 @@ def test_preselection_by_a_true_keyframe_changes_no_label_within_it(
     classes: list[MotionClass], document: tuple[FeatureMatrix, list[Segment]]
 ) -> None:
     features, truth = document
-    squat = next(c for c in classes if c.label == "squat").templates[0]
+    squat = next(c for c in classes if c.label == "squat").template
     column = int((squat.values != WILDCARD).sum(axis=0).argmax())
     rows = [row for row in range(14, 26) if squat.values[row, column] != WILDCARD]
     keyframe = Keyframe("lower", tuple((f"F{row + 1}", int(squat.values[row, column])) for row in rows))

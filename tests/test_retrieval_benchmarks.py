@@ -11,7 +11,7 @@ from benchmarks import _keyframe_corpus as corpus
 from benchmarks import _keyframe_ranking as ranking
 from benchmarks import annotation, keyframes
 from tests.retrieval_motions import random_motion
-from toolkit.retrieval.annotation.annotator import Annotator, MotionClass, PreparedTemplate
+from toolkit.retrieval.annotation.annotator import Annotator, MotionClass
 from toolkit.retrieval.annotation.measures import Segment
 from toolkit.retrieval.features.relational import FeatureMatrix, relational_features
 from toolkit.retrieval.keyframes.query import Keyframe, KeyframeQuery
@@ -50,7 +50,7 @@ def test_ranked_hits_find_each_motion_once_and_precision_falls_with_wrong_ones()
 def test_hits_of_a_template_do_not_overlap_and_the_cheapest_comes_first() -> None:
     features = relational_features(random_motion(3))
     clip = features.sliced(20, 40)
-    template = PreparedTemplate(QuantisedTemplate("x", clip.values.astype(np.int8), np.ones(20)))
+    template = QuantisedTemplate(clip.values.astype(np.int8), np.ones(20))
     documents = [corpus.LabelledDocument(features, "bd", ())]
     found = ranking.ranked(template, documents, ranking.whole(documents))
     assert found[0] == ranking.Hit(0.0, 0, 20, 40)
@@ -118,7 +118,7 @@ def test_annotated_documents_hold_every_clip_once() -> None:
 
 def test_a_threshold_of_one_finds_no_less_than_a_stricter_one(tmp_path: Path) -> None:
     features = relational_features(random_motion(3))
-    template = QuantisedTemplate("x", features.sliced(20, 40).values.astype(np.int8), np.ones(20))
+    template = QuantisedTemplate(features.sliced(20, 40).values.astype(np.int8), np.ones(20))
     trained = annotation.Trained(Annotator([MotionClass("swing", (template,))]), [], 0.1)
     documents = [(features, (Segment(20 / 30, 40 / 30, "swing"),), ())]
     rows = [annotation.swept(trained, tau, documents, [{"swing": [(0, 60)]}]) for tau in annotation.THRESHOLDS]

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from tests.retrieval_motions import random_motion
 from toolkit.errors import RetrievalError
 from toolkit.kernels.motion import graded
-from toolkit.kernels.motion.graded import cheapest, distinct_hits, graded_distances
+from toolkit.kernels.motion.graded import distinct_hits, graded_distances
 from toolkit.retrieval.annotation.documents import assemble
 from toolkit.retrieval.features import places
 from toolkit.retrieval.features.grades import BLOCK, FULL, coarse, grade, importance
@@ -83,27 +83,6 @@ def test_the_cheapest_hits_come_first_and_the_same_motion_counts_once() -> None:
     wide = np.zeros(6, np.int32)
     lone = np.array([9, 9, 9, 1, 9, 3], np.float32)
     assert distinct_hits(lone, wide, starts[:2], np.inf, 9).tolist() == [[0, 0, 3]], "four of six columns are covered"
-
-
-@settings(max_examples=40, deadline=None)
-@given(st.lists(st.integers(0, 9), min_size=1, max_size=40), st.integers(1, 45))
-def test_the_cheapest_are_the_first_of_a_stable_sort_and_their_equals(values: list[int], most: int) -> None:
-    found = cheapest(np.array(values, np.float32), most)
-    order = np.argsort(values, kind="stable")
-    np.testing.assert_array_equal(found, order[: len(found)])
-    last = values[order[min(most, len(values)) - 1]]
-    assert len(found) == sum(value <= last for value in values)
-
-
-@settings(max_examples=30, deadline=None)
-@given(st.integers(0, 2**32 - 1), st.integers(1, 6))
-def test_hits_do_not_depend_on_how_many_are_put_in_order_first(seed: int, most: int) -> None:
-    rng = np.random.default_rng(seed)
-    cost, edges = rng.integers(0, 20, 60).astype(np.float32), np.array([0, 25, 60])
-    start = np.concatenate([np.maximum(np.arange(n) - rng.integers(0, 12, n), 0) for n in (25, 35)]).astype(np.int32)
-    np.testing.assert_array_equal(
-        distinct_hits(cost, start, edges, np.inf, most), distinct_hits(cost, start, edges, np.inf, 60)[:most]
-    )
 
 
 def test_the_limb_that_an_example_moves_weighs_most() -> None:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
@@ -11,7 +9,6 @@ from tests.plain_relations import plain_quantities
 from tests.test_retrieval_online import body, classes, document
 from toolkit import skeleton
 from toolkit.kernels.motion import dtw
-from toolkit.retrieval.annotation.annotator import PreparedTemplate
 from toolkit.retrieval.annotation.online import CausalAlignments
 from toolkit.retrieval.features.frames import FrameFeatures
 from toolkit.retrieval.features.motion import NAMED_JOINTS, Motion, from_poses
@@ -58,25 +55,14 @@ def test_features_pushed_frame_by_frame_have_the_hysteresis_of_the_whole():
 def test_alignments_of_all_templates_are_those_of_each():
     words = relational_features(from_poses(document(), body(), 30.0, "whole")).words
     together = CausalAlignments(classes())
-    each = [PreparedTemplate(template) for c in classes() for template in c.templates]
-    state = [(np.full((3, t.length), np.inf), np.full((3, t.length), -1)) for t in each]
+    each = [c.template for c in classes()]
+    state = [(np.full((3, len(t)), np.inf), np.full((3, len(t)), -1)) for t in each]
     for column, word in enumerate(words):
         together.push(word)
         for template, (costs, starts) in zip(each, state, strict=True):
-            dtw.push_column(template.bits, template.mask, template.scale, word, column, costs, starts)
+            dtw.push_column(*template.packed, word, column, costs, starts)
         np.testing.assert_array_equal(together.costs, np.concatenate([c[column % 3] for c, _ in state]))
         np.testing.assert_array_equal(together.starts, np.concatenate([s[column % 3] for _, s in state]))
-
-
-def test_the_cheapest_of_a_class_is_the_first_of_its_least_costs():
-    other = classes()[0].templates
-    several = [replace(c, templates=(*c.templates, *other, *c.templates), motions=()) for c in classes()]
-    together = CausalAlignments(several)
-    for word in relational_features(from_poses(document(), body(), 30.0, "whole")).words[:60]:
-        together.push(word)
-    costs, starts = together.cheapest()
-    ends = np.cumsum(together.lengths) - 1
-    for row in range(len(several)):
-        own = ends[together.owner == row]
-        assert costs[row] == together.costs[own].min()
-        assert starts[row] == together.starts[own[np.argmin(together.costs[own])]]
+        costs, starts = together.whole()
+        assert costs.tolist() == [c[column % 3, -1] for c, _ in state]
+        assert starts.tolist() == [s[column % 3, -1] for _, s in state]

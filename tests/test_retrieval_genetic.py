@@ -68,7 +68,7 @@ def training_of(classes: dict[str, list[FeatureMatrix]], label: str) -> Training
 
 
 def strict_template(members: list[FeatureMatrix], label: str = "") -> QuantisedTemplate:
-    return MotionTemplate.of(members, strict=True).quantised(label, 0.0)
+    return MotionTemplate.of(members, strict=True).quantised(delta=0.0)
 
 
 @pytest.fixture
@@ -326,9 +326,9 @@ def test_training_data_that_cannot_teach_anything_is_refused() -> None:
         TrainingSet(classes["both"], [True, True])
     with pytest.raises(RetrievalError, match="one each"):
         TrainingSet(classes["both"], [True])
-    wild = QuantisedTemplate("wild", np.full((40, 9), WILDCARD, np.int8), np.ones(9))
+    still, other = (FeatureMatrix("still", np.full((40, 9), value)) for value in (False, True))
     with pytest.raises(RetrievalError, match="'wild' agree in fewer than 2 columns"):
-        Breeder(wild, rng)
+        learn({**classes, "wild": [still, other]}, quick, rng)
 
 
 @pytest.mark.parametrize(

@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 from toolkit.archives import save_archive
 from toolkit.errors import RetrievalError
 from toolkit.kernels.motion.keyframe_search import keyframe_list
+from toolkit.retrieval import stored
 from toolkit.retrieval.features.grades import coarse
 from toolkit.retrieval.features.relational import FEATURE_SETS, FeatureMatrix, pack
 from toolkit.retrieval.index import keyframe_index as index_module
@@ -165,12 +166,12 @@ def test_an_index_of_other_features_or_another_version_is_refused(
 ) -> None:
     path = tmp_path / "motions.index"
     index = KeyframeIndex.build(documents)
-    monkeypatch.setattr(index_module, "feature_fingerprint", lambda: "0123456789abcdef")
+    monkeypatch.setattr(stored, "feature_fingerprint", lambda: "0123456789abcdef")
     index.save(path)
     monkeypatch.undo()
-    with pytest.raises(RetrievalError, match="other feature definitions .0123456789abcdef"):
+    with pytest.raises(RetrievalError, match="other features .0123456789abcdef"):
         KeyframeIndex.open(path)
-    monkeypatch.setattr(index_module, "INDEX_VERSION", 0)
+    monkeypatch.setattr(index_module, "KIND", replace(index_module.KIND, version=0))
     index.save(path)
     monkeypatch.undo()
     with pytest.raises(RetrievalError, match="version 0, not 6"):
@@ -190,7 +191,7 @@ def test_a_file_that_is_no_whole_index_is_refused(documents: list[FeatureMatrix]
     with pytest.raises(RetrievalError, match="build it again"):
         KeyframeIndex.open(path)
     save_archive(path, {"header": np.array("{}"), "words": np.zeros(3, np.uint64)})
-    with pytest.raises(RetrievalError, match="is no keyframe index, it has no document_starts"):
+    with pytest.raises(RetrievalError, match="is not a keyframe index, it has no document_starts"):
         KeyframeIndex.open(path)
 
 

@@ -296,7 +296,7 @@ def test_what_teaches_nothing_is_refused(model: MotionModel) -> None:
 
 def test_a_model_is_not_taken_for_motion_templates(model: MotionModel, tmp_path: Path) -> None:
     model.save(tmp_path / "model.npz")
-    with pytest.raises(RetrievalError, match="holds no motion templates; make them with .*--templates"):
+    with pytest.raises(RetrievalError, match="is not a file of motion templates.*learn --templates"):
         load_classes(tmp_path / "model.npz")
 
 

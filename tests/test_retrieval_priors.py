@@ -17,7 +17,7 @@ from toolkit.body.shape import load_body
 from toolkit.errors import RetrievalError
 from toolkit.kernels.motion import dtw
 from toolkit.mocap.procedural import procedural_clips
-from toolkit.retrieval.annotation.annotator import Annotator, MotionClass, PreparedTemplate
+from toolkit.retrieval.annotation.annotator import Annotator, MotionClass
 from toolkit.retrieval.annotation.class_motion import ANGLE_COUNT, ANGLES, ClassMotion, Example, learn_motion
 from toolkit.retrieval.annotation.classes import learn_classes, load_classes, save_classes
 from toolkit.retrieval.annotation.measures import Segment
@@ -37,12 +37,12 @@ def document_of(rng: np.random.Generator, columns: int) -> np.ndarray:
     return rng.integers(0, 64, columns).astype(np.uint64)
 
 
-def template_of(rng: np.random.Generator, columns: int) -> PreparedTemplate:
+def template_of(rng: np.random.Generator, columns: int) -> QuantisedTemplate:
     values = rng.choice([-1, 0, 1], size=(40, columns), p=[0.3, 0.4, 0.3]).astype(np.int8)
-    return PreparedTemplate(QuantisedTemplate("x", values, np.ones(columns)))
+    return QuantisedTemplate(values, np.ones(columns))
 
 
-def cheapest_by_hand(template: PreparedTemplate, words: np.ndarray, unknown: np.ndarray) -> float:
+def cheapest_by_hand(template: QuantisedTemplate, words: np.ndarray, unknown: np.ndarray) -> float:
     """The cheapest alignment that ends in the last column, every path tried."""
 
     def cell(i: int, j: int) -> float:
@@ -83,7 +83,7 @@ def test_what_cannot_be_aligned_has_no_trace():
     assert dtw.trace(*vars_of(template_of(rng, 2)), np.empty(0, np.uint64), np.empty(0, np.uint64))[1].size == 0
 
 
-def vars_of(template: PreparedTemplate) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def vars_of(template: QuantisedTemplate) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     return template.bits, template.mask, template.scale
 
 
@@ -179,18 +179,14 @@ def test_classes_keep_their_motions_in_their_file(tmp_path):
     save_classes(tmp_path / "classes.npz", classes)
     for before, after in zip(classes, load_classes(tmp_path / "classes.npz"), strict=True):
         for name in ("mean", "spread", "covariance", "memory"):
-            np.testing.assert_array_equal(getattr(after.motions[0], name), getattr(before.motions[0], name))
+            np.testing.assert_array_equal(getattr(after.motion, name), getattr(before.motion, name))
 
 
-def test_a_class_file_of_version_1_annotates_and_has_no_motions(tmp_path):
-    classes = [replace(c, motions=()) for c in classes_of("knee_to_elbow")]
-    save_classes(tmp_path / "new.npz", classes)
-    arrays = load_archive(tmp_path / "new.npz", RetrievalError, "")
-    header = json.loads(str(arrays["header"])) | {"version": 1}
-    save_archive(tmp_path / "old.npz", arrays | {"header": np.array(json.dumps(header))})
-    (old,) = load_classes(tmp_path / "old.npz")
-    assert old.motions == ()
-    assert Annotator([old]).annotate(example_of("knee_to_elbow").features).segments
+def test_a_class_that_does_not_know_how_it_moves_is_kept_without_a_motion(tmp_path):
+    save_classes(tmp_path / "classes.npz", [replace(c, motion=None) for c in classes_of("knee_to_elbow")])
+    (read,) = load_classes(tmp_path / "classes.npz")
+    assert read.motion is None
+    assert Annotator([read]).annotate(example_of("knee_to_elbow").features).segments
 
 
 def test_classes_of_another_body_are_refused(tmp_path):

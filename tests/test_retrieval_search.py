@@ -183,3 +183,19 @@ def test_extended_pieces_are_joined_and_end_with_their_document() -> None:
     query = KeyframeQuery((Keyframe("upper", (("F1", 1),)),), lead=1, tail=2)
     assert pieces(index, query, hits).starts.tolist() == [0, 22, 0]
     assert len(ranges([], [], []).extended(index, 3, 4)) == 0
+
+
+@settings(max_examples=60, deadline=None)
+@given(st.lists(st.tuples(st.integers(0, 2), st.integers(0, 20), st.integers(1, 6)), max_size=12))
+def test_a_union_holds_the_frames_of_its_parts_in_as_few_ranges_as_can_be(
+    rows: list[tuple[int, int, int]],
+) -> None:
+    parts = [HitRanges(*(np.array([value]) for value in (d, start, start + size))) for d, start, size in rows]
+    none = np.empty(0, np.int64)
+    union = HitRanges.union([*parts, HitRanges(none, none, none)])
+    frames = {(d, frame) for d, start, size in rows for frame in range(start, start + size)}
+    assert union.frames == len(frames)
+    ranges = list(zip(union.documents, union.starts, union.stops, strict=True))
+    assert frames == {(d, frame) for d, start, stop in ranges for frame in range(start, stop)}
+    assert ranges == sorted(ranges)
+    assert all(a[0] != b[0] or a[2] < b[1] for a, b in zip(ranges, ranges[1:], strict=False))

@@ -25,10 +25,9 @@ from toolkit.retrieval.workflow.index import index_motions
 from toolkit.retrieval.workflow.motions import load_motion, tags_of
 from toolkit.retrieval.workflow.search import (
     by_example,
+    by_keyframes,
     cut_example,
-    one_per_label,
     save_matches,
-    search,
 )
 
 KICK = KeyframeQuery(
@@ -106,7 +105,7 @@ def test_a_label_stands_for_all_its_alternatives() -> None:
 
 def test_results_are_written_as_csv_or_json(tmp_path: Path) -> None:
     query = KeyframeQuery((Keyframe("upper", (("F1", 1),)),), label="up")
-    report = search(KeyframeIndex.build(documents()), query)
+    (report,) = by_keyframes(KeyframeIndex.build(documents()), [query])
     assert not report.ranked and len(report.matches) > 3 and report.share < 1.0
     save_matches(tmp_path / "hits.csv", [report])
     save_matches(tmp_path / "hits.json", [report])
@@ -264,8 +263,8 @@ def test_the_commands_learn_and_annotate_label_a_flat_folder(squats: list[Path],
 def test_alternative_queries_of_a_label_are_one_table() -> None:
     first, second = (KeyframeQuery((Keyframe("upper", ((name, 1),)),), label="up") for name in ("F1", "F2"))
     index = KeyframeIndex.build(documents())
-    reports = [search(index, query) for query in (first, second)]
-    (together,) = one_per_label(reports)
+    reports = [by_keyframes(index, [query])[0] for query in (first, second)]
+    (together,) = by_keyframes(index, [first, second])
     assert together.label == "up"
     for report in reports:
         for match in report.matches:

@@ -123,7 +123,7 @@ def test_the_strict_variant_keeps_only_what_all_clips_agree_on() -> None:
 
 def test_quantising_keeps_values_at_the_threshold() -> None:
     template = MotionTemplate(np.full((40, 3), [0.05, 0.95, 0.5]), np.ones(3), np.zeros(1))
-    quantised = template.quantised("class", 0.05)
+    quantised = template.quantised(0.05)
     assert quantised.values[0].tolist() == [0, 1, WILDCARD] and len(quantised) == 3
 
 
@@ -152,4 +152,4 @@ def test_packing_puts_feature_i_into_bit_i() -> None:
 
 
 def test_a_quantised_template_counts_its_columns() -> None:
-    assert len(QuantisedTemplate("x", np.zeros((40, 7), dtype=np.int8), np.ones(7))) == 7
+    assert len(QuantisedTemplate(np.zeros((40, 7), dtype=np.int8), np.ones(7))) == 7

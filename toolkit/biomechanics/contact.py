@@ -10,6 +10,7 @@ from toolkit import skeleton
 from toolkit.body.body import Body
 from toolkit.body.sole import soles
 from toolkit.runs import Person
+from toolkit.spans import spans
 from toolkit.track import TRACKED, Track
 
 NEAR_FLOOR = 0.15
@@ -155,9 +156,3 @@ def without_short(flags: np.ndarray, shortest: int) -> np.ndarray:
             if inside and span.stop - span.start < shortest:
                 kept[span] = not value
     return kept
-
-
-def spans(flags: np.ndarray) -> list[slice]:
-    """Stretches of True in bool (T,), in order."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], flags, [False]]).astype(np.int8)))
-    return [slice(int(a), int(b)) for a, b in zip(edges[::2], edges[1::2], strict=True)]

@@ -10,10 +10,11 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from toolkit.biomechanics.contact import frames_in, smoothed, spans, typical_step
+from toolkit.biomechanics.contact import frames_in, smoothed, typical_step
 from toolkit.body.body import Body
 from toolkit.body.sole import soles
 from toolkit.skeleton import REPORTED, ROOT_POSITION
+from toolkit.spans import spans
 
 SIDES = ("left", "right")
 ANKLES = [REPORTED.index(f"{side}_ankle") for side in SIDES]

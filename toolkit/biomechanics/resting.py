@@ -13,10 +13,11 @@ from dataclasses import replace
 import numpy as np
 
 from toolkit import skeleton
-from toolkit.biomechanics.contact import REACH, frames_in, smoothed, spans, typical_step
+from toolkit.biomechanics.contact import REACH, frames_in, smoothed, typical_step
 from toolkit.body.body import Body
 from toolkit.body.sole import FEET, Sole, soles
 from toolkit.runs import Person
+from toolkit.spans import spans
 from toolkit.track import TRACKED
 
 CORE = [i for i, name in enumerate(skeleton.REPORTED) if not name.endswith(("shoulder", "elbow", "wrist", "hand"))]

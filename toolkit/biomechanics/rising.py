@@ -6,9 +6,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from toolkit.biomechanics.contact import frames_in, smoothed, spans, typical_step
+from toolkit.biomechanics.contact import frames_in, smoothed, typical_step
 from toolkit.body.body import Body
 from toolkit.body.sole import soles
+from toolkit.spans import spans
 
 LOW, HIGH = 0.75, 0.92
 """Shares of the height of the standing hips below which a person is down, and above which they stand."""

@@ -134,13 +134,12 @@ def _labelled(
     from toolkit.retrieval.annotation.model import MotionModel
     from toolkit.retrieval.index.keyframe_index import KeyframeIndex
     from toolkit.retrieval.keyframes.query_file import choose_labels, load_queries
-    from toolkit.retrieval.workflow.search import DOUBT, by_class, one_per_label, search
+    from toolkit.retrieval.workflow.search import DOUBT, by_class, by_keyframes
 
     opened = KeyframeIndex.open(index)
     if classes is not None:
         return by_class(opened, MotionModel.load(classes), labels, DOUBT if threshold is None else threshold)
-    wanted = choose_labels(load_queries(queries or Path()), labels)
-    return one_per_label([search(opened, query) for query in wanted])
+    return by_keyframes(opened, choose_labels(load_queries(queries or Path()), labels))
 
 
 def _alike(index: Path, clip: Path, example: Example, limit: int, threshold: float | None) -> SearchReport:

@@ -8,10 +8,10 @@ from typing import Any
 
 import numpy as np
 
-from toolkit.biomechanics.contact import spans
 from toolkit.export.origin import Origin
 from toolkit.files import save_json
 from toolkit.runs import Person
+from toolkit.spans import spans
 from toolkit.track import LOST
 
 

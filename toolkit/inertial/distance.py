@@ -12,6 +12,7 @@ from toolkit.inertial.calibrate import Take, strands_of, upright
 from toolkit.inertial.calibration import Calibration
 from toolkit.inertial.limbs import bone_axis
 from toolkit.rotations import quaternions as quat
+from toolkit.spans import spans
 
 ERROR, TWIST = "error", "twist"
 THRESHOLD = 45.0
@@ -136,16 +137,8 @@ def errors_of(found: Distances, threshold: float = THRESHOLD) -> list[TrackError
 
 def runs_above(values: np.ndarray, times: np.ndarray, threshold: float) -> list[tuple[int, int]]:
     """First and last frame of every stretch that exceeds the threshold and has not yet fallen below the release."""
-    runs: list[tuple[int, int]] = []
-    start, peak = -1, 0.0
-    for i, value in enumerate(values):
-        inside = value > RELEASE * threshold  # NaN is outside
-        if inside:
-            start, peak = (i, value) if start < 0 else (start, max(peak, value))
-        if start >= 0 and (not inside or i == len(values) - 1):
-            if peak > threshold:
-                runs.append((start, i if inside else i - 1))
-            start, peak = -1, 0.0
+    inside = spans(values > RELEASE * threshold)  # NaN is outside
+    runs = [(span.start, span.stop - 1) for span in inside if values[span].max() > threshold]
     joined: list[tuple[int, int]] = []
     for first, last in runs:
         if joined and times[first] - times[joined[-1][1]] < SHORTEST:

@@ -7,10 +7,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from toolkit.biomechanics.contact import spans
 from toolkit.biomechanics.resting import at_rest
 from toolkit.biomechanics.summary import Summary, summary_of
 from toolkit.runs import Person
+from toolkit.spans import spans
 
 EXPECTED: dict[str, float] = {
     "stride_length_m": 0.00399,

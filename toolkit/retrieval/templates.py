@@ -8,12 +8,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
 from toolkit.errors import RetrievalError
 from toolkit.kernels.motion import dtw
-from toolkit.retrieval.features.relational import FeatureMatrix
+from toolkit.retrieval.features.relational import FeatureMatrix, pack
 
 WILDCARD = -1
 """Entry of a quantised template that leaves the feature open."""
@@ -33,12 +34,10 @@ class QuantisedTemplate:
 
     Attributes
     ----------
-    name : motion class
     values : int8 (40, N), 0, 1 or `WILDCARD`
     weights : float64 (N,), how many frames of an average training clip a column stands for, about 1
     """
 
-    name: str
     values: np.ndarray
     weights: np.ndarray
 
@@ -49,6 +48,35 @@ class QuantisedTemplate:
     def wildcards(self) -> np.ndarray:
         """Bool (40, N): the open entries."""
         return self.values == WILDCARD
+
+    @cached_property
+    def expanded(self) -> tuple[np.ndarray, np.ndarray]:
+        """Values int8 (40, M) and weights (M,), every column being about one frame (see `expand`); it is these that a
+        document is aligned with."""
+        return expand(self.values, self.weights)
+
+    @cached_property
+    def packed(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """The M columns as the kernels take them (Equation 5.2): bit words and masks of what is no wildcard, uint64
+        (M,), and what a differing entry costs, float64 (M,)."""
+        values, weights = self.expanded
+        known = values != WILDCARD
+        scale = 0.5 * (weights + 1.0) / (np.maximum(known.sum(axis=0), 1) * values.shape[1])
+        return pack(values == 1), pack(known), scale
+
+    @property
+    def shortest(self) -> int:
+        """Fewest document frames that an alignment needs: every step may skip one of the M columns."""
+        return 1 + self.expanded[0].shape[1] // 2
+
+    def distance(self, document: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Distance function and start frames (L,) of packed document columns, uint64 (L,) (Equation 5.3)."""
+        return dtw.distance_function(*self.packed, document)
+
+    def trace(self, document: np.ndarray, unknown: np.ndarray) -> tuple[float, np.ndarray]:
+        """Cost and template columns (L,) of the cheapest alignment that ends in the last of some packed document
+        columns (L,), -1 outside it; rows `unknown` (L,) in a column do not count."""
+        return dtw.trace(*self.packed, document, unknown)
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,14 +126,14 @@ class MotionTemplate:
             clips = [_average(reference, clips, paths, strict) for reference in range(len(clips))]
         return cls(*clips[0], np.array(spread))
 
-    def quantised(self, name: str = "", delta: float = 0.05) -> QuantisedTemplate:
+    def quantised(self, delta: float = 0.05) -> QuantisedTemplate:
         """Entries up to `delta` become 0, from 1 - `delta` on 1, the rest wildcards; delta in [0, 0.5)."""
         if not 0.0 <= delta < 0.5:
             raise RetrievalError(f"quantisation threshold {delta} is not in [0, 0.5); use 0.05, or 0 for keyframes")
         values = np.full(self.values.shape, WILDCARD, dtype=np.int8)
         values[self.values <= delta + 1e-9] = 0
         values[self.values >= 1.0 - delta - 1e-9] = 1
-        return QuantisedTemplate(name, values, self.weights.copy())
+        return QuantisedTemplate(values, self.weights.copy())
 
 
 def _average(

@@ -13,7 +13,7 @@ from toolkit.biomechanics.contact import foot_contacts
 from toolkit.errors import SettingsError
 from toolkit.kernels import linear
 from toolkit.progress import Progress, silent
-from toolkit.retrieval.annotation.annotator import Annotation, Annotator, MotionClass, runs
+from toolkit.retrieval.annotation.annotator import Annotation, Annotator, MotionClass
 from toolkit.retrieval.annotation.class_motion import ANGLES
 from toolkit.retrieval.annotation.measures import Segment, frame_scores, label_frames
 from toolkit.retrieval.features.motion import frame_rate_of, from_poses
@@ -23,6 +23,7 @@ from toolkit.retrieval.priors.expectation import Told
 from toolkit.retrieval.priors.gaps import Gap, find_gaps
 from toolkit.retrieval.priors.limbs import OUTER
 from toolkit.retrieval.priors.marks import Marks, marks_of_classes, tracking_priors
+from toolkit.spans import spans
 from toolkit.stabilising.marked import FloorHeight, floor_of, marked_terms
 from toolkit.stabilising.retrack import GapGuide, Retracked, retrack
 from toolkit.stabilising.source import Source
@@ -237,18 +238,18 @@ def choose_rows(track: Track, again: Retracked) -> np.ndarray:
     """Bool (T,): frames of which the whole pose is taken from tracking again: nearer to the frame, and in one go."""
     taken = np.zeros(len(track), dtype=np.bool_)
     angles = np.stack([track.pose, np.array([row.pose for row in again.rows])])[:, :, ANGLES]
-    for start, stop in runs(np.isfinite(again.whole).all(axis=0)):
-        costs = again.whole[:, start:stop].copy()
+    for span in spans(np.isfinite(again.whole).all(axis=0)):
+        costs = again.whole[:, span].copy()
         costs[0] -= MARGIN
-        taken[start:stop] = cheapest_path(costs, angles[:, start:stop]) == 1
+        taken[span] = cheapest_path(costs, angles[:, span]) == 1
     return taken
 
 
 def _around(flags: np.ndarray, by: int) -> np.ndarray:
     """Frames (T,) within `by` of one that is flagged."""
     wide = np.zeros_like(flags)
-    for start, stop in runs(flags):
-        wide[max(0, start - by) : stop + by] = True
+    for span in spans(flags):
+        wide[max(0, span.start - by) : span.stop + by] = True
     return wide
 
 

@@ -12,10 +12,10 @@ from toolkit.body.sole import FEET, Sole
 from toolkit.errors import RecordingError
 from toolkit.fitting.priors import ResidualTerm
 from toolkit.people.up import find_vertical
-from toolkit.retrieval.annotation.annotator import runs
 from toolkit.retrieval.priors.expectation import Told
 from toolkit.retrieval.priors.limbs import ENTRIES, LIMBS
 from toolkit.retrieval.priors.marks import DISAGREEMENT, SIGMA, WEIGHT, Demands, rests
+from toolkit.spans import spans
 from toolkit.stabilising.source import Source
 
 SOLES = 0.05
@@ -73,15 +73,15 @@ def _resting(
 ) -> Mapping[int, ResidualTerm]:
     """Frame -> the foot on the floor, where it rests and is hidden; in its place if it was seen there meanwhile."""
     found, sole = {}, Sole.of(source.body, leg)
-    for start, stop in runs(resting):
-        hidden = told.hidden[leg][start:stop]
+    for span in spans(resting):
+        hidden = told.hidden[leg][span]
         if not hidden.any():
             continue
-        seen = np.flatnonzero(~hidden) + start
+        seen = np.flatnonzero(~hidden) + span.start
         places = np.array([sole.at(source.body, told.poses[frame]) for frame in seen])
         rest = np.median(places, axis=0) if len(seen) else None
         term = floor_term(source.body, leg, ENTRIES[leg], floor.height, rest)
-        found.update(dict.fromkeys((np.flatnonzero(hidden) + start).tolist(), term))
+        found.update(dict.fromkeys((np.flatnonzero(hidden) + span.start).tolist(), term))
     return found
 
 

@@ -14,9 +14,9 @@ from toolkit.evaluation.joints import frame_errors, joint_errors
 from toolkit.files import save_bytes, save_text
 from toolkit.names import shown
 from toolkit.pages import page, picture, png_of, table
-from toolkit.retrieval.annotation.annotator import runs
 from toolkit.retrieval.priors.limbs import LIMBS, OUTER
 from toolkit.retrieval.priors.marks import USED
+from toolkit.spans import spans
 from toolkit.stabilising.loop import Round
 from toolkit.stabilising.source import Source
 from toolkit.stabilising.ways import KEPT
@@ -113,8 +113,8 @@ def _draw_priors(panel: Axes, priors: np.ndarray, times: np.ndarray) -> None:
     """What MT priors say over time: 1 dark, 0 light, a row for each feature."""
     for place, number in enumerate(USED):
         for value, colour in ((1, "tab:blue"), (0, "lightskyblue")):
-            for start, stop in runs(priors[number - 1] == value):
-                panel.barh(place, times[stop - 1] - times[start], left=times[start], color=colour)
+            for span in spans(priors[number - 1] == value):
+                panel.barh(place, times[span.stop - 1] - times[span.start], left=times[span.start], color=colour)
     panel.set_yticks(range(len(USED)), [f"F{number}" for number in USED], fontsize=6)
     panel.set_title("priors: features that are 1 (dark) and 0 (light) by the label", fontsize=9, loc="left")
 

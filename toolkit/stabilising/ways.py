@@ -81,18 +81,18 @@ def bad_frames(hidden: Mapping[str, np.ndarray]) -> np.ndarray:
 
 def whole_priors(told: Told, bad: np.ndarray) -> dict[int, GaussianPrior]:
     """Frame -> the class's whole pose, in bad frames (T,) that bear the label of a class with a motion."""
-    precisions: dict[tuple[int, int], np.ndarray] = {}
+    precisions: dict[int, np.ndarray] = {}
     found = {}
     for frame in np.flatnonzero(bad & (told.allocation.label >= 0)):
-        row, part = int(told.allocation.label[frame]), int(told.allocation.template[frame])
-        if not told.classes[row].motions:
+        row = int(told.allocation.label[frame])
+        motion = told.classes[row].motion
+        if motion is None:
             continue
-        motion = told.classes[row].motions[part]
-        if (row, part) not in precisions:
+        if row not in precisions:
             covariance = motion.covariance + SPREAD**2 * np.eye(len(motion.covariance))
-            precisions[row, part] = linear.inverse(covariance)
+            precisions[row] = linear.inverse(covariance)
         mean = np.concatenate([np.zeros(ROOT), motion.mean[told.allocation.column[frame]]])
-        found[int(frame)] = GaussianPrior(PRIOR_WEIGHT, mean, precisions[row, part])
+        found[int(frame)] = GaussianPrior(PRIOR_WEIGHT, mean, precisions[row])
     return found
 
 

@@ -7,8 +7,6 @@ from numba import njit
 
 TILE: int = 1024
 """Document columns that are compared at a time, so that all rows of a tile stay near the processor."""
-CROWDED: int = 20
-"""Hits of which one is distinct, at most: so many are put in order first."""
 
 
 @njit(cache=True)
@@ -141,12 +139,23 @@ def distinct_hits(
     most : largest number of hits
     """
     ends, owners = local_minima(cost, document_starts, threshold)
-    looked = min(ends.size, CROWDED * most)
-    while True:
-        hits = _distinct(cost, start, document_starts, ends, owners, looked, most)
-        if hits.shape[0] == min(most, ends.size) or looked == ends.size:
-            return hits
-        looked = ends.size
+    hits = np.empty((min(most, ends.size), 3), np.int64)
+    taken = np.zeros(cost.shape[0], np.bool_)
+    found = 0
+    for k in np.argsort(cost[ends], kind="mergesort"):
+        if found == hits.shape[0]:
+            break
+        begin = document_starts[owners[k]]
+        first, last = begin + start[ends[k]], ends[k]
+        covered = 0
+        for j in range(first, last + 1):
+            covered += taken[j]
+        if 2 * covered > last + 1 - first:
+            continue
+        taken[first : last + 1] = True
+        hits[found, 0], hits[found, 1], hits[found, 2] = owners[k], first - begin, last - begin
+        found += 1
+    return hits[:found]
 
 
 @njit(cache=True)
@@ -162,48 +171,6 @@ def local_minima(cost: np.ndarray, document_starts: np.ndarray, threshold: float
                 ends[count], owners[count] = j, d
                 count += 1
     return ends[:count], owners[:count]
-
-
-@njit(cache=True)
-def cheapest(cost: np.ndarray, most: int) -> np.ndarray:
-    """Places of the `most` smallest values, the smallest first, the earlier on ties: int64 (K,).
-
-    Equals of the last one come as well, so that K may be larger.
-    """
-    chosen = np.arange(cost.size)
-    if most < cost.size:
-        chosen = np.flatnonzero(cost <= np.partition(cost, most - 1)[most - 1])
-    return chosen[np.argsort(cost[chosen], kind="mergesort")]
-
-
-@njit(cache=True)
-def _distinct(
-    cost: np.ndarray,
-    start: np.ndarray,
-    document_starts: np.ndarray,
-    ends: np.ndarray,
-    owners: np.ndarray,
-    looked: int,
-    most: int,
-) -> np.ndarray:
-    """The first `most` distinct ones of the `looked` cheapest hits, as `distinct_hits`."""
-    hits = np.empty((min(most, looked), 3), np.int64)
-    taken = np.zeros(cost.shape[0], np.bool_)
-    found = 0
-    for k in cheapest(cost[ends], looked) if looked else ends[:0]:
-        if found == hits.shape[0]:
-            break
-        begin = document_starts[owners[k]]
-        first, last = begin + start[ends[k]], ends[k]
-        covered = 0
-        for j in range(first, last + 1):
-            covered += taken[j]
-        if 2 * covered > last + 1 - first:
-            continue
-        taken[first : last + 1] = True
-        hits[found, 0], hits[found, 1], hits[found, 2] = owners[k], first - begin, last - begin
-        found += 1
-    return hits[:found]
 
 
 @njit(cache=True)

@@ -1,7 +1,7 @@
 """Annotation: which frames of an unknown motion belong to which motion class (thesis, Chapter 5).
 
-Every class is a set of quantised motion templates. Subsequence DTW gives a distance function per class, its hits a
-modified distance function; per frame the cheapest class wins, and the resulting runs are extended to whole motions.
+Every class is a quantised motion template. Subsequence DTW gives a distance function per class, its hits a modified
+distance function; per frame the cheapest class wins, and the resulting runs are extended to whole motions.
 
 Two rules go beyond the thesis, which counts every local minimum as a hit and keeps every run: one motion is one hit,
 and a run of which other classes explain most is no motion (`DecisionSettings`).
@@ -18,8 +18,9 @@ from toolkit.errors import RetrievalError, SettingsError
 from toolkit.kernels.motion import dtw
 from toolkit.retrieval.annotation.class_motion import ClassMotion
 from toolkit.retrieval.annotation.measures import Segment
-from toolkit.retrieval.features.relational import FeatureMatrix, pack
-from toolkit.retrieval.templates import QuantisedTemplate, expand
+from toolkit.retrieval.features.relational import FeatureMatrix
+from toolkit.retrieval.templates import QuantisedTemplate
+from toolkit.spans import spans
 
 THRESHOLD = 0.13
 """Largest cost of a hit, `tau` (thesis 5.2): mean share of mismatching features along the alignment."""
@@ -62,21 +63,17 @@ class MotionClass:
     Attributes
     ----------
     label : its name in segments
-    templates : quantised templates of its subclasses, at least one
+    template : what its clips have in common
     threshold : costs at or above it are no hits
-    motions : how it moves along the columns of each template; empty where only the templates are known
+    motion : how it moves along the columns of its template; None where that is not known
     """
 
     label: str
-    templates: tuple[QuantisedTemplate, ...]
+    template: QuantisedTemplate
     threshold: float = THRESHOLD
-    motions: tuple[ClassMotion, ...] = ()
+    motion: ClassMotion | None = None
 
     def __post_init__(self) -> None:
-        if self.motions and len(self.motions) != len(self.templates):
-            raise RetrievalError(f"motion class {self.label!r} has a motion for some templates only; learn it again")
-        if not self.templates:
-            raise RetrievalError(f"motion class {self.label!r} has no template; give it at least one training clip")
         if not 0.0 < self.threshold <= 1.0:
             raise RetrievalError(
                 f"threshold {self.threshold} of class {self.label!r} is not in (0, 1]; try {THRESHOLD}"
@@ -96,7 +93,7 @@ class Annotation:
     decided : int64 (L,), cheapest class of each frame, -1 for none (Equation 5.6)
     frames : bool (P, L), labels after the segments' extension (Fig. 5.2c); a frame may bear several
     segments : the same as runs, sorted by start
-    too_long : classes whose templates are all too long for the document, so that they could not be found
+    too_long : classes whose templates are too long for the document, so that they could not be found
     thresholds : per class, distances at or above it are no hits
     measure : what the distances are: "cost" (share of features that differ) or "doubt" (1 minus probability)
     """
@@ -113,42 +110,11 @@ class Annotation:
     measure: str = "cost"
 
 
-class PreparedTemplate:
-    """A quantised template as bit words, ready for the DTW kernel (Equation 5.2)."""
-
-    def __init__(self, template: QuantisedTemplate) -> None:
-        values, weights = expand(template.values, template.weights)
-        known = values >= 0
-        self.length = values.shape[1]
-        self.bits, self.mask = pack(values == 1), pack(known)
-        self.scale = 0.5 * (weights + 1.0) / (np.maximum(known.sum(axis=0), 1) * self.length)
-
-    @property
-    def shortest(self) -> int:
-        """Fewest document frames that an alignment needs: every step may skip one template column."""
-        return 1 + self.length // 2
-
-    def distance(self, document: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Distance function and start frames (L,) of packed document columns, uint64 (L,) (Equation 5.3)."""
-        return dtw.distance_function(self.bits, self.mask, self.scale, document)
-
-    def trace(self, document: np.ndarray, unknown: np.ndarray) -> tuple[float, np.ndarray]:
-        """Cost and template columns (L,) of the cheapest alignment that ends in the last of some packed document
-        columns (L,), -1 outside it; rows `unknown` (L,) in a column do not count."""
-        return dtw.trace(self.bits, self.mask, self.scale, document, unknown)
-
-    def lower(
-        self, modified: np.ndarray, document: np.ndarray, pieces: np.ndarray, threshold: float, overlap: float
-    ) -> None:
-        """Lower a modified distance function (L,) to that of this template on pieces (P, 2) of a document."""
-        dtw.search_pieces(self.bits, self.mask, self.scale, document, pieces, threshold, overlap, modified)
-
-
 class Annotator:
-    """Annotates documents with fixed classes; the templates are prepared once."""
+    """Annotates documents with fixed classes."""
 
     def __init__(self, classes: Sequence[MotionClass], settings: DecisionSettings | None = None) -> None:
-        """Prepare the classes.
+        """Take the classes.
 
         Raises
         ------
@@ -161,12 +127,11 @@ class Annotator:
         self.classes = tuple(classes)
         self.labels = tuple(labels)
         self.settings = settings or DecisionSettings()
-        self._templates = [[PreparedTemplate(template) for template in c.templates] for c in classes]
 
     @property
     def shortest(self) -> int:
         """Fewest frames that a document needs for any class."""
-        return min(template.shortest for templates in self._templates for template in templates)
+        return min(motion_class.template.shortest for motion_class in self.classes)
 
     def annotate(self, features: FeatureMatrix, intervals: Intervals | None = None) -> Annotation:
         """Label a document's frames.
@@ -190,27 +155,27 @@ class Annotator:
                 f"motion {features.name!r} has {len(features)} frames at 30 Hz, but the shortest template needs "
                 f"{self.shortest}; give a longer motion"
             )
-        shortest = [min(template.shortest for template in templates) for templates in self._templates]
         distances = self._distances(features, intervals)
         decided = decide(distances)
         frames = dtw.widen_runs(decided, distances, self.settings.visible)  # as long as distances do not rise (5.2)
         return Annotation(
             features.name, self.labels, features.frame_rate, distances, decided, frames,
             tuple(segments_of(frames, distances, self.labels, features.frame_rate)),
-            tuple(label for label, need in zip(self.labels, shortest, strict=True) if len(features) < need),
+            tuple(c.label for c in self.classes if len(features) < c.template.shortest),
             tuple(motion_class.threshold for motion_class in self.classes),
         )  # fmt: skip
 
     def _distances(self, features: FeatureMatrix, intervals: Intervals | None) -> np.ndarray:
-        """Modified distance functions (P, L): the minimum over a class's templates, on its intervals only."""
+        """Modified distance functions (P, L), each on the intervals of its class only."""
         words = features.words
         whole = [(0, len(words))]
         distances = np.full((len(self.classes), len(words)), np.inf)
-        for row, (motion_class, templates) in enumerate(zip(self.classes, self._templates, strict=True)):
+        for row, motion_class in zip(distances, self.classes, strict=True):
             wanted = whole if intervals is None else intervals.get(motion_class.label, ())
             pieces = np.clip(np.array(wanted, dtype=np.int64).reshape(-1, 2), 0, len(words))
-            for template in templates:
-                template.lower(distances[row], words, pieces, motion_class.threshold, self.settings.overlap)
+            dtw.search_pieces(
+                *motion_class.template.packed, words, pieces, motion_class.threshold, self.settings.overlap, row
+            )
         return distances
 
 
@@ -219,22 +184,12 @@ def decide(distances: np.ndarray) -> np.ndarray:
     return np.where(np.isfinite(distances).any(axis=0), distances.argmin(axis=0), -1)
 
 
-def runs(flags: np.ndarray) -> list[tuple[int, int]]:
-    """Maximal runs of True in bool (L,), as (first, one after the last)."""
-    padded = np.concatenate([[False], flags, [False]])
-    edges = np.flatnonzero(padded[1:] != padded[:-1]).tolist()
-    return list(zip(edges[::2], edges[1::2], strict=True))
-
-
 def segments_of(frames: np.ndarray, distances: np.ndarray, labels: Sequence[str], frame_rate: float) -> list[Segment]:
     """Runs of equal label as segments, sorted by start; the score is 1 minus the smallest distance within."""
     found = []
     for row, label in enumerate(labels):
-        spans = runs(frames[row])
-        edges = [edge for span in spans for edge in span]
-        least = np.minimum.reduceat(np.append(distances[row], np.inf), edges)[::2] if spans else np.empty(0)
         found += [
-            Segment(start / frame_rate, stop / frame_rate, label, 1.0 - score)
-            for (start, stop), score in zip(spans, least.tolist(), strict=True)
+            Segment(span.start / frame_rate, span.stop / frame_rate, label, 1.0 - float(distances[row, span].min()))
+            for span in spans(frames[row])
         ]
     return sorted(found, key=lambda segment: (segment.start, segment.end, segment.label))

@@ -2,31 +2,27 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
-from toolkit.archives import Column, check_columns, load_archive, save_archive
+from toolkit.archives import Column
 from toolkit.errors import RetrievalError
-from toolkit.plain import parse_json
 from toolkit.retrieval.annotation.annotator import Annotation
 from toolkit.retrieval.annotation.examples import ExampleSet
 from toolkit.retrieval.annotation.judge import MEASURES, Judge
 from toolkit.retrieval.annotation.measures import Segment
 from toolkit.retrieval.features.grades import BLOCK
-from toolkit.retrieval.features.relational import FEATURES, FeatureMatrix, feature_fingerprint
-from toolkit.typed import TypedReader
+from toolkit.retrieval.features.relational import FEATURES, FeatureMatrix
+from toolkit.retrieval.stored import StoredKind
 
-MODEL_VERSION = 1
 LEAST_PROBABILITY = 0.5
 """What is less likely than this is not reported."""
 SHARED = 0.3
 """Largest share of a motion's frames that likelier ones may hold already; the likelier motion is the true one."""
 RELEARN = "learn it again with `depthmocap learn`"
-
-_COLUMNS = {
+KIND = StoredKind("a motion model", 1, RELEARN, {
     "columns": Column("i", ("S", len(FEATURES)), -128, 127),
     "starts": Column("i", ("E1",), 0),
     "weights": Column("f", ("E", len(FEATURES)), 0.0, 1.0),
@@ -34,15 +30,13 @@ _COLUMNS = {
     "scale": Column("f", ("P", MEASURES), 1e-9),
     "judges": Column("f", ("P", MEASURES)),
     "offsets": Column("f", ("P",)),
-}
+})  # fmt: skip
 
 
 @dataclass(frozen=True)
 class _Header:
     """What a file says of itself."""
 
-    version: int
-    features: str
     labels: tuple[str, ...]
     names: tuple[str, ...]
 
@@ -111,18 +105,14 @@ class MotionModel:
 
     def save(self, path: str | Path) -> None:
         """Write the model as one NPZ file, whole or not at all."""
-        header = {
-            "version": MODEL_VERSION, "features": feature_fingerprint(), "labels": self.examples.labels,
-            "names": self.examples.names,
-        }  # fmt: skip
         arrays = {
-            "header": np.array(json.dumps(header)), "columns": self.examples.columns, "starts": self.examples.starts,
+            "columns": self.examples.columns, "starts": self.examples.starts,
             "weights": self.examples.weights, "mean": np.array([judge.mean for judge in self.judges]),
             "scale": np.array([judge.scale for judge in self.judges]),
             "judges": np.array([judge.weights for judge in self.judges]),
             "offsets": np.array([judge.offset for judge in self.judges]),
         }  # fmt: skip
-        save_archive(path, arrays)
+        KIND.save(path, {"labels": self.examples.labels, "names": self.examples.names}, arrays)
 
     @classmethod
     def load(cls, path: str | Path) -> MotionModel:
@@ -133,21 +123,8 @@ class MotionModel:
         RetrievalError
             The file is missing, no model, damaged, of another version, or learned with other features.
         """
-        arrays = load_archive(path, RetrievalError, RELEARN)
-        if "header" not in arrays:
-            raise RetrievalError(f"{path} is no motion model; learn one with `depthmocap learn`")
-        header = parse_json(str(arrays["header"]), f"the header of {path}", RetrievalError, RELEARN)
-        if not isinstance(header, dict) or "labels" not in header:
-            raise RetrievalError(f"{path} is no motion model; learn one with `depthmocap learn`")
-        reader = TypedReader(RetrievalError, RELEARN, loose=True, source=f"the header of {path}")
-        known = reader.read(header, _Header, "")
-        if (known.version, known.features) != (MODEL_VERSION, feature_fingerprint()):
-            raise RetrievalError(f"{path} is a motion model of another version or with other features; {RELEARN}")
-        missing = sorted(_COLUMNS.keys() - arrays.keys())
-        if missing:
-            raise RetrievalError(f"{path} has no {missing[0]}; {RELEARN}")
-        check_columns(arrays, _COLUMNS, RetrievalError, str(path), RELEARN)
-        labels, names = known.labels, known.names
+        header, arrays = KIND.load(path, _Header)
+        labels, names = header.labels, header.names
         starts = arrays["starts"].astype(np.int64)
         fits = (
             len(labels) == len(names) == len(arrays["weights"]) == len(starts) - 1 > 0

@@ -11,16 +11,17 @@ import json
 from collections import deque
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
-from functools import lru_cache
 
 import numpy as np
 
 from toolkit.body.body import Body
 from toolkit.kernels.motion import dtw
-from toolkit.retrieval.annotation.annotator import DecisionSettings, MotionClass, PreparedTemplate
+from toolkit.retrieval.annotation.annotator import DecisionSettings, MotionClass
 from toolkit.retrieval.features.frames import FrameFeatures
-from toolkit.retrieval.features.relational import FEATURE_RATE, FEATURES, pack
-from toolkit.retrieval.keyframes.query import Keyframe, KeyframeQuery
+from toolkit.retrieval.features.relational import FEATURE_RATE, FEATURES, FeatureMatrix, pack
+from toolkit.retrieval.index.keyframe_index import KeyframeIndex
+from toolkit.retrieval.keyframes.query import KeyframeQuery
+from toolkit.retrieval.search.find import find
 
 SMOOTHING = 0.25
 """Seconds of the longest window of a feature; half of it, and the next frame, lie in the future."""
@@ -114,7 +115,7 @@ class OnlineAnnotator:
         self._times.append(column_time)
         self._alignments.push(pack(values[:, None])[0])
         column = self._alignments.column
-        costs, starts = self._alignments.cheapest()
+        costs, starts = self._alignments.whole()
         for row in np.flatnonzero(costs < self._thresholds):
             pending = self._pending[row]
             if pending is None or costs[row] < pending.cost:
@@ -159,7 +160,8 @@ class OnlineAnnotator:
         if not self._queries[row]:
             return True
         values = np.stack(self.columns[hit.start : hit.end + 1], axis=1)
-        return any(met_within(query, values) for query in self._queries[row])
+        columns = KeyframeIndex.build([FeatureMatrix("hit", values)])
+        return any(len(find(columns, query)) for query in self._queries[row])
 
     def _event(self, row: int, hit: _Hit, now: float) -> Event:
         start, end = self._times[hit.start], self._times[hit.end]
@@ -213,7 +215,7 @@ class FeatureStream:
 
 
 class CausalAlignments:
-    """What `PreparedTemplate.distance` says of the columns so far, of every template and every beginning of one.
+    """What `QuantisedTemplate.distance` says of the columns so far, of every template and every beginning of one.
 
     Parameters
     ----------
@@ -221,25 +223,17 @@ class CausalAlignments:
 
     Attributes
     ----------
-    owner, part, lengths : int64 (M,), row of the class of each of M templates, number within it, and columns
+    lengths : int64 (P,), columns of the template of each of P classes
     column : number of the last column of the document, -1 before the first one
     costs, starts : float64 and int64 (K,), cheapest alignment of each beginning that ends in the last column, infinite
         where there is none, and its first column
     """
 
     def __init__(self, classes: Sequence[MotionClass]) -> None:
-        found = [
-            (row, part, PreparedTemplate(template))
-            for row, motion_class in enumerate(classes)
-            for part, template in enumerate(motion_class.templates)
-        ]
-        self.owner = np.array([row for row, _, _ in found], dtype=np.int64)
-        self.part = np.array([part for _, part, _ in found], dtype=np.int64)
-        self.lengths = np.array([template.length for _, _, template in found], dtype=np.int64)
+        packed = [motion_class.template.packed for motion_class in classes]
+        self._bits, self._mask, self._scale = (np.concatenate(part) for part in zip(*packed, strict=True))
+        self.lengths = np.array([len(bits) for bits, _, _ in packed], dtype=np.int64)
         self._bounds = np.concatenate([[0], np.cumsum(self.lengths)])
-        self._bits = np.concatenate([template.bits for _, _, template in found])
-        self._mask = np.concatenate([template.mask for _, _, template in found])
-        self._scale = np.concatenate([template.scale for _, _, template in found])
         self._costs = np.full((3, self._bounds[-1]), np.inf)
         self._starts = np.full(self._costs.shape, -1, dtype=np.int64)
         self.column = -1
@@ -261,39 +255,7 @@ class CausalAlignments:
         """See the class."""
         return self._starts[self.column % 3]
 
-    def cheapest(self) -> tuple[np.ndarray, np.ndarray]:
-        """Per class the least cost of its whole templates, the first on ties, and its start: float64 and int64 (P,)."""
+    def whole(self) -> tuple[np.ndarray, np.ndarray]:
+        """Per class the cost of its whole template and its start: float64 and int64 (P,)."""
         ends = self._bounds[1:] - 1
-        costs = self.costs[ends]
-        cheapest = np.lexsort((costs, self.owner))[np.searchsorted(self.owner, np.unique(self.owner))]
-        return costs[cheapest], self.starts[ends][cheapest]
-
-
-def met_within(query: KeyframeQuery, values: np.ndarray) -> bool:
-    """Whether the keyframes of a query occur in order, at admissible distances, in features bool (40, T)."""
-    reached = np.ones(values.shape[1], dtype=bool)
-    for k, keyframe in enumerate(query.keyframes):
-        rows, wanted = _conditions(keyframe)
-        here = (values[rows] == wanted).all(axis=0)
-        if k > 0:
-            reached = _moved_on(reached, *query.bounds[k - 1])
-        reached = here & reached
-        if not reached.any():
-            return False
-    return True
-
-
-@lru_cache(maxsize=4096)
-def _conditions(keyframe: Keyframe) -> tuple[np.ndarray, np.ndarray]:
-    """Rows of a matrix (K,) and what they have to be, bool (K, 1)."""
-    rows = np.array([int(name.removeprefix("F")) - 1 for name, _ in keyframe.values])
-    return rows, np.array([[bool(value)] for _, value in keyframe.values])
-
-
-def _moved_on(reached: np.ndarray, least: int, greatest: int | None) -> np.ndarray:
-    """Columns (T,) that lie between `least` and `greatest` columns behind a reached one."""
-    count = len(reached)
-    sums = np.concatenate([[0], np.cumsum(reached)])
-    stop = np.clip(np.arange(count) - least + 1, 0, count)
-    start = np.zeros(count, dtype=np.int64) if greatest is None else np.clip(np.arange(count) - greatest, 0, count)
-    return sums[stop] > sums[np.minimum(start, stop)]
+        return self.costs[ends], self.starts[ends]

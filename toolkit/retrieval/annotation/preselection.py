@@ -4,13 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-import numpy as np
-
 from toolkit.errors import RetrievalError
 from toolkit.retrieval.features.relational import FeatureMatrix
 from toolkit.retrieval.index.keyframe_index import KeyframeIndex
 from toolkit.retrieval.keyframes.query import KeyframeQuery
-from toolkit.retrieval.search.find import find, pieces
+from toolkit.retrieval.search.find import HitRanges, find, pieces
 
 EXTENSION = 1.5
 """How far hits are widened for annotation: this many times the query's frames before its first and behind its last
@@ -45,11 +43,9 @@ def preselect(
     intervals: list[dict[str, list[tuple[int, int]]]] = [{label: [(0, n)] for label in without} for n in lengths]
     for label in {query.label: None for query in queries}:
         searched = [pieces(index, query, find(index, query), EXTENSION) for query in queries if query.label == label]
-        documents, starts, stops = (
-            np.concatenate([getattr(part, name) for part in searched]) for name in ("documents", "starts", "stops")
-        )
-        spans = (array.tolist() for array in _joined(documents, starts, stops))
-        for document, start, stop in zip(*spans, strict=True):
+        found = HitRanges.union(searched)
+        ranges = (array.tolist() for array in (found.documents, found.starts, found.stops))
+        for document, start, stop in zip(*ranges, strict=True):
             intervals[document].setdefault(label, []).append((start, stop))
     return intervals
 
@@ -59,15 +55,3 @@ def preselect_in(
 ) -> list[dict[str, list[tuple[int, int]]]]:
     """`preselect` on documents that are not indexed yet."""
     return preselect(KeyframeIndex.build(documents), queries, labels)
-
-
-def _joined(documents: np.ndarray, starts: np.ndarray, stops: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Intervals (K,) of documents as disjoint ones that do not touch, ascending."""
-    if not len(documents):
-        return documents, starts, stops
-    order = np.lexsort((starts, documents))
-    shift = documents[order].astype(np.int64) * (int(stops.max()) + 1)  # one axis, on which no two documents touch
-    starts, stops = starts[order] + shift, np.maximum.accumulate(stops[order] + shift)
-    heads = np.flatnonzero(np.append(True, starts[1:] > stops[:-1]))
-    ends = np.append(heads[1:], len(starts)) - 1
-    return documents[order][heads], starts[heads] - shift[heads], stops[ends] - shift[heads]

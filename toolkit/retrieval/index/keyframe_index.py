@@ -6,7 +6,6 @@ things up in follows from them when it is first asked for. So documents can be a
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -14,9 +13,8 @@ from pathlib import Path
 
 import numpy as np
 
-from toolkit.archives import Column, check_columns, load_archive, save_archive
+from toolkit.archives import Column
 from toolkit.errors import RetrievalError
-from toolkit.plain import parse_json
 from toolkit.retrieval.features.grades import coarse_rows
 from toolkit.retrieval.features.places import ROWS
 from toolkit.retrieval.features.relational import (
@@ -24,28 +22,24 @@ from toolkit.retrieval.features.relational import (
     FEATURE_SETS,
     FEATURES,
     FeatureMatrix,
-    feature_fingerprint,
 )
 from toolkit.retrieval.index.runs import RunLists
 from toolkit.retrieval.keyframes.query import Keyframe
-from toolkit.typed import TypedReader
+from toolkit.retrieval.stored import StoredKind
 
-INDEX_VERSION: int = 6
 REBUILD = "build it again with `depthmocap index`"
-_COLUMNS = {
+KIND = StoredKind("a keyframe index", 6, REBUILD, {
     "document_starts": Column("i", ("documents",), 0),
     "words": Column("u", ("frames",), 0, 2 ** len(FEATURES) - 1),
     "grades": Column("i", ("frames", len(FEATURES)), -128, 127),
     "places": Column("i", ("frames", ROWS), -128, 127),
-}
+})  # fmt: skip
 
 
 @dataclass(frozen=True)
 class _Header:
     """What a file says of itself."""
 
-    version: int
-    features: str
     names: tuple[str, ...]
 
 
@@ -171,9 +165,8 @@ class KeyframeIndex:
 
     def save(self, path: str | Path) -> None:
         """Write the index as one NPZ file, whole or not at all, with the fingerprint of the features."""
-        header = {"version": INDEX_VERSION, "features": feature_fingerprint(), "names": list(self.names)}
-        arrays = {name: getattr(self, name) for name in _COLUMNS}
-        save_archive(path, {"header": np.array(json.dumps(header)), **arrays}, compressed=False)
+        arrays = {name: getattr(self, name) for name in KIND.columns}
+        KIND.save(path, {"names": self.names}, arrays, compressed=False)
 
     @classmethod
     def open(cls, path: str | Path) -> KeyframeIndex:
@@ -184,21 +177,7 @@ class KeyframeIndex:
         RetrievalError
             The file is missing, no index, damaged, of another version, or made with other features.
         """
-        arrays = load_archive(path, RetrievalError, REBUILD)
-        missing = sorted(({"header"} | _COLUMNS.keys()) - arrays.keys())
-        if missing:
-            raise RetrievalError(f"{path} is no keyframe index, it has no {missing[0]}; {REBUILD}")
-        where = f"the header of {path}"
-        reader = TypedReader(RetrievalError, REBUILD, loose=True, source=where)
-        header = reader.read(parse_json(str(arrays["header"]), where, RetrievalError, REBUILD), _Header, "")
-        if header.version != INDEX_VERSION:
-            raise RetrievalError(f"{path} is an index of version {header.version}, not {INDEX_VERSION}; {REBUILD}")
-        if header.features != feature_fingerprint():
-            raise RetrievalError(
-                f"{path} was made with other feature definitions ({header.features}, here {feature_fingerprint()}); "
-                f"{REBUILD}"
-            )
-        check_columns(arrays, _COLUMNS, RetrievalError, str(path), REBUILD)
+        header, arrays = KIND.load(path, _Header)
         starts = arrays["document_starts"].astype(np.int64)
         rises = len(starts) == len(header.names) + 1 > 1 and bool((np.diff(starts) > 0).all())
         if not rises or starts[0] != 0 or starts[-1] != len(arrays["words"]):

@@ -177,21 +177,10 @@ class Breeder:
     """The operations that make individuals from a strict template, each with randomness from one generator."""
 
     def __init__(self, template: QuantisedTemplate, rng: np.random.Generator) -> None:
-        """Prepare the template's columns.
-
-        Raises
-        ------
-        RetrievalError
-            Fewer than two columns have an entry other than the wildcard.
-        """
+        """Prepare the template's columns, of which at least two have an entry other than the wildcard."""
         self.rng = rng
         masks, ones = pack(~template.wildcards), pack(template.values == 1)
         self.columns = {n: (int(masks[n]), int(ones[n])) for n in range(len(template)) if masks[n]}
-        if len(self.columns) < FEWEST_KEYFRAMES:
-            raise RetrievalError(
-                f"the clips of class {template.name!r} agree in fewer than {FEWEST_KEYFRAMES} columns of their "
-                "template; give clips of one kind of motion"
-            )
         self.positions = list(self.columns)
 
     def individual(self) -> Individual:

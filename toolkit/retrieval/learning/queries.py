@@ -176,7 +176,7 @@ def learn(
     Raises
     ------
     RetrievalError
-        An unknown label, a class without clips, or nothing to tell the class from.
+        An unknown label, a class without clips or whose clips have nothing in common, or nothing to tell it from.
     """
     labels = list(classes) if labels is None else list(labels)
     _check(classes, labels, others)
@@ -188,9 +188,13 @@ def learn(
         documents = [*documents, *(document for clips in checks.values() for document in clips)]
         owners = np.append(owners, np.array([label for label, clips in checks.items() for _ in clips], dtype=object))
         judges = {label: TrainingSet(documents, owners == label) for label in labels}
-    templates = {
-        label: MotionTemplate.of(list(classes[label]), strict=True).quantised(label, delta=0.0) for label in labels
-    }
+    templates = {label: MotionTemplate.of(list(classes[label]), strict=True).quantised(delta=0.0) for label in labels}
+    for label, template in templates.items():
+        if np.count_nonzero(~template.wildcards.all(axis=0)) < FEWEST_KEYFRAMES:
+            raise RetrievalError(
+                f"the clips of class {label!r} agree in fewer than {FEWEST_KEYFRAMES} columns of their template; give "
+                "clips of one kind of motion"
+            )
     tasks = [(label, int(seed)) for label in labels for seed in rng.integers(2**63, size=settings.runs)]
     solutions: dict[str, list[Individual]] = {label: [] for label in labels}
     runs = _runs(tasks, _Evolution(training, templates, settings.genetic), workers)

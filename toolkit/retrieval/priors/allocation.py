@@ -8,10 +8,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from toolkit.errors import RetrievalError
-from toolkit.retrieval.annotation.annotator import MotionClass, PreparedTemplate
+from toolkit.retrieval.annotation.annotator import MotionClass
 from toolkit.retrieval.annotation.measures import Segment
 from toolkit.retrieval.features.relational import FeatureMatrix
 from toolkit.retrieval.priors.limbs import ROWS_OF_LIMB
+from toolkit.retrieval.templates import QuantisedTemplate
 
 SLACK = 0.2
 """Share of a segment at its end in which an alignment may end: labels are widened beyond the hit."""
@@ -24,13 +25,12 @@ class Allocation:
     Attributes
     ----------
     label : int64 (T,), row of the class, -1 for none
-    template, column : int64 (T,), which of the class's templates, and its column
+    column : int64 (T,), of the class's template
     cost : float64 (T,), of the alignment, infinite for none
     stretch : int64 (T,), number of the alignment, -1 for none
     """
 
     label: np.ndarray
-    template: np.ndarray
     column: np.ndarray
     cost: np.ndarray
     stretch: np.ndarray
@@ -39,11 +39,11 @@ class Allocation:
     def nothing(cls, length: int) -> Allocation:
         """No column is aligned with anything."""
         none = np.full(length, -1, dtype=np.int64)
-        return cls(none, none.copy(), none.copy(), np.full(length, np.inf), none.copy())
+        return cls(none, none.copy(), np.full(length, np.inf), none.copy())
 
     def at(self, rows: np.ndarray) -> Allocation:
         """The same for some columns (N,), also repeatedly."""
-        return Allocation(*(getattr(self, name)[rows] for name in ("label", "template", "column", "cost", "stretch")))
+        return Allocation(*(getattr(self, name)[rows] for name in ("label", "column", "cost", "stretch")))
 
 
 def unknown_rows(hidden: Mapping[str, np.ndarray], length: int) -> np.ndarray:
@@ -60,7 +60,7 @@ def allocate(
     classes: Sequence[MotionClass],
     unknown: np.ndarray | None = None,
 ) -> Allocation:
-    """Align each labelled stretch of a document with its class's templates; where stretches overlap the cheaper counts.
+    """Align each labelled stretch of a document with its class's template; where stretches overlap the cheaper counts.
 
     Parameters
     ----------
@@ -78,25 +78,22 @@ def allocate(
     words = features.words
     unknown = np.zeros(len(words), dtype=np.uint64) if unknown is None else unknown
     found = Allocation.nothing(len(words))
-    prepared: dict[int, list[PreparedTemplate]] = {}
     for stretch, segment in enumerate(segments):
         if segment.label not in labels:
             known = ", ".join(labels)
             raise RetrievalError(f"label {segment.label!r} is not one of the classes {known}; correct it or learn it")
         row = labels.index(segment.label)
-        templates = prepared.setdefault(row, [PreparedTemplate(t) for t in classes[row].templates])
         first, stop = (int(np.clip(end, 0, len(words))) for end in segment.frames(features.frame_rate))
-        for number, template in enumerate(templates):
-            cost, columns = _best_end(template, words[first:stop], unknown[first:stop])
-            here = np.arange(first, first + len(columns))
-            better = (columns >= 0) & (cost < found.cost[here])
-            at = here[better]
-            found.label[at], found.template[at], found.stretch[at] = row, number, stretch
-            found.column[at], found.cost[at] = columns[better], cost
+        cost, columns = _best_end(classes[row].template, words[first:stop], unknown[first:stop])
+        here = np.arange(first, first + len(columns))
+        better = (columns >= 0) & (cost < found.cost[here])
+        at = here[better]
+        found.label[at], found.column[at] = row, columns[better]
+        found.cost[at], found.stretch[at] = cost, stretch
     return found
 
 
-def _best_end(template: PreparedTemplate, words: np.ndarray, unknown: np.ndarray) -> tuple[float, np.ndarray]:
+def _best_end(template: QuantisedTemplate, words: np.ndarray, unknown: np.ndarray) -> tuple[float, np.ndarray]:
     """The cheapest alignment that ends within the last part of a stretch: its cost and columns (L,)."""
     least = max(1, len(words) - int(SLACK * len(words)))
     best, columns = np.inf, np.full(len(words), -1, dtype=np.int64)

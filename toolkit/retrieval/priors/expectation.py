@@ -113,16 +113,15 @@ def class_motion(told: Told, limb: str, frames: np.ndarray) -> Expected | None:
     entries = ENTRIES[limb]
     mean = np.full((len(frames), len(entries)), np.nan)
     spread, memory = np.full(mean.shape, WANDER), 0.0
-    gains: dict[tuple[int, int, bytes], tuple[np.ndarray, np.ndarray, np.ndarray]] = {}
+    gains: dict[tuple[int, bytes], tuple[np.ndarray, np.ndarray, np.ndarray]] = {}
     for place, frame in enumerate(frames):
         row = int(told.allocation.label[frame])
-        if row < 0 or not told.classes[row].motions:
+        motion = told.classes[row].motion if row >= 0 else None
+        if motion is None:
             continue
-        part = int(told.allocation.template[frame])
-        motion = told.classes[row].motions[part]
         column = int(told.allocation.column[frame])
         hidden = np.array([told.hidden[other][frame] or other == limb for other in LIMBS])
-        key = (row, part, hidden.tobytes())
+        key = (row, hidden.tobytes())
         if key not in gains:
             gains[key] = _gain(motion.covariance, entries - ROOT, hidden, SEEN_NOISE)
         seen, gain, kept = gains[key]
@@ -157,7 +156,6 @@ def repetitions(told: Told, limb: str, frames: np.ndarray) -> Expected | None:
         same = (
             seen
             & (allocation.label == allocation.label[frame])
-            & (allocation.template == allocation.template[frame])
             & (allocation.stretch != allocation.stretch[frame])
             & (np.abs(allocation.column - allocation.column[frame]) <= 1)
         )

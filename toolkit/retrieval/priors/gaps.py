@@ -6,8 +6,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from toolkit.retrieval.annotation.annotator import runs
 from toolkit.retrieval.priors.limbs import LIMBS, OUTER
+from toolkit.spans import spans
 
 
 class Gap(NamedTuple):
@@ -54,12 +54,12 @@ def find_gaps(confidence: np.ndarray, present: np.ndarray) -> list[Gap]:
         return []
     for limb, support in limb_support(confidence, SMOOTHING).items():
         hidden, wide = (support < HIDDEN) & present, (support < ENDS) & present
-        chosen = [(a, b) for a, b in runs(wide) if hidden[a:b].any()]
+        chosen = [span for span in spans(wide) if hidden[span].any()]
         merged: list[tuple[int, int]] = []
-        for start, stop in chosen:
-            if merged and start - merged[-1][1] < JOINED and present[merged[-1][1] : start].all():
-                merged[-1] = merged[-1][0], stop
+        for span in chosen:
+            if merged and span.start - merged[-1][1] < JOINED and present[merged[-1][1] : span.start].all():
+                merged[-1] = merged[-1][0], span.stop
             else:
-                merged.append((start, stop))
+                merged.append((span.start, span.stop))
         found += [Gap(limb, a, b) for a, b in merged if b - a >= SHORTEST]
     return found

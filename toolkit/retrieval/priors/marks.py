@@ -18,12 +18,13 @@ from toolkit.body.body import Body
 from toolkit.errors import RetrievalError
 from toolkit.fitting.priors import ResidualTerm
 from toolkit.plain import read_yaml
-from toolkit.retrieval.annotation.annotator import MotionClass, runs
+from toolkit.retrieval.annotation.annotator import MotionClass
 from toolkit.retrieval.features.frames import FrameFeatures
 from toolkit.retrieval.features.relational import FEATURE_RATE, FEATURES
 from toolkit.retrieval.priors.allocation import Allocation
 from toolkit.retrieval.priors.limbs import ENTRIES, LIMBS_OF_FEATURE
-from toolkit.retrieval.templates import WILDCARD, QuantisedTemplate, expand
+from toolkit.retrieval.templates import WILDCARD, QuantisedTemplate
+from toolkit.spans import spans
 from toolkit.typed import TypedReader
 
 DEMANDED = (3, 4, 7, 8, 15, 16, 20, 21, 27, 28, 29, 30, 33, 34)
@@ -61,48 +62,47 @@ class Mark(NamedTuple):
     stop: int
 
 
-Marks = Mapping[str, Sequence[Sequence[Mark]]]
-"""Class -> the marks of each of its templates."""
+Marks = Mapping[str, Sequence[Mark]]
+"""Class -> the marks of its template."""
 
 
-def marks_of(template: QuantisedTemplate, shortest: int = SHORTEST) -> list[Mark]:
-    """Runs of at least `shortest` equal entries, of the features in `USED` that need not be asked for."""
-    values = expand(template.values, template.weights)[0]
+def marks_of(template: QuantisedTemplate) -> list[Mark]:
+    """Runs of at least `SHORTEST` equal entries, of the features in `USED` that need not be asked for."""
+    values, _ = template.expanded
     return [
-        Mark(number, bool(value), first, stop)
+        Mark(number, bool(value), span.start, span.stop)
         for number in USED
         if number not in ASKED
         for value in (0, 1)
-        for first, stop in runs(values[number - 1] == value)
-        if stop - first >= shortest
+        for span in spans(values[number - 1] == value)
+        if span.stop - span.start >= SHORTEST
     ]
 
 
-def marks_of_classes(classes: Sequence[MotionClass]) -> dict[str, list[list[Mark]]]:
-    """What is marked by itself: class -> marks of each of its templates."""
-    return {c.label: [marks_of(template) for template in c.templates] for c in classes}
+def marks_of_classes(classes: Sequence[MotionClass]) -> dict[str, list[Mark]]:
+    """What is marked by itself: class -> marks of its template."""
+    return {c.label: marks_of(c.template) for c in classes}
 
 
 @dataclass(frozen=True)
 class _Entry:
-    """A mark as a file says it: columns and templates count from 1."""
+    """A mark as a file says it: columns count from 1."""
 
     feature: int
     value: int
     columns: tuple[int, int]
-    template: int = 1
 
 
 def load_marks(path: str | Path, classes: Sequence[MotionClass]) -> Marks:
     """Marks of a file in place of those that the classes it names have by themselves.
 
-    YAML: class -> list of `{feature: 26, value: 0, columns: [22, 58], template: 1}`; columns and templates count from
-    1, both ends included, and `template` may be left out. An empty list marks nothing.
+    YAML: class -> list of `{feature: 26, value: 0, columns: [22, 58]}`; columns count from 1, both ends included. An
+    empty list marks nothing.
 
     Raises
     ------
     RetrievalError
-        The file is none of that kind, or names a class, a feature, a template or columns that are not there.
+        The file is none of that kind, or names a class, a feature or columns that are not there.
     """
     reader = TypedReader(RetrievalError, HINT, source=str(path))
     raw = reader.read(read_yaml(path, str(path), RetrievalError, HINT) or {}, dict[str, list[_Entry] | None], "")
@@ -111,39 +111,32 @@ def load_marks(path: str | Path, classes: Sequence[MotionClass]) -> Marks:
     for label, entries in raw.items():
         if label not in known:
             raise RetrievalError(f"{path} marks the class {label!r}; there are: {', '.join(known)}")
-        lengths = [expand(t.values, t.weights)[0].shape[1] for t in known[label].templates]
-        found[label] = [[] for _ in lengths]
-        for entry in entries or []:
-            template, mark = _mark(entry, lengths, f"{label} in {path}")
-            found[label][template].append(mark)
+        length = known[label].template.expanded[0].shape[1]
+        found[label] = [_mark(entry, length, f"{label} in {path}") for entry in entries or []]
     return found
 
 
-def _mark(entry: _Entry, lengths: Sequence[int], where: str) -> tuple[int, Mark]:
-    """The row of a template and its mark, from one entry of a file."""
-    (first, last), template = entry.columns, entry.template
+def _mark(entry: _Entry, length: int, where: str) -> Mark:
+    """The mark of a template with so many columns, from one entry of a file."""
+    first, last = entry.columns
     if entry.feature not in USED:
         raise RetrievalError(f"a mark of {where} names feature {entry.feature}; used are {', '.join(map(str, USED))}")
     if entry.value not in (0, 1):
         raise RetrievalError(f"a mark of {where} has the value {entry.value!r}; give 0 or 1")
-    if template not in range(1, len(lengths) + 1):
-        raise RetrievalError(f"a mark of {where} names template {template}; there are {len(lengths)}")
-    if not 1 <= first <= last <= lengths[template - 1]:
+    if not 1 <= first <= last <= length:
         raise RetrievalError(
-            f"a mark of {where} has columns {first} to {last}; give first and last within 1 to {lengths[template - 1]}"
+            f"a mark of {where} has columns {first} to {last}; give first and last within 1 to {length}"
         )
-    return template - 1, Mark(entry.feature, bool(entry.value), first - 1, last)
+    return Mark(entry.feature, bool(entry.value), first - 1, last)
 
 
 def tracking_priors(allocation: Allocation, classes: Sequence[MotionClass], marks: Marks) -> np.ndarray:
     """What the marks say of each frame that bears a label: int8 (40, T), 0, 1 or `WILDCARD` (thesis 6.4.1)."""
     found = np.full((len(FEATURES), len(allocation.label)), WILDCARD, dtype=np.int8)
     for row, motion_class in enumerate(classes):
-        for part, own in enumerate(marks.get(motion_class.label, ())):
-            here = (allocation.label == row) & (allocation.template == part)
-            for mark in own:
-                inside = here & (allocation.column >= mark.first) & (allocation.column < mark.stop)
-                found[mark.number - 1, inside] = mark.value
+        for mark in marks.get(motion_class.label, ()):
+            inside = (allocation.column >= mark.first) & (allocation.column < mark.stop)
+            found[mark.number - 1, inside & (allocation.label == row)] = mark.value
     return found
 
 

@@ -54,6 +54,22 @@ class HitRanges:
         """Number of frames in all ranges."""
         return int((self.stops - self.starts).sum())
 
+    @classmethod
+    def union(cls, parts: Sequence[HitRanges]) -> HitRanges:
+        """All that lies in any of some ranges; those that overlap or touch are one."""
+        documents, starts, stops = (
+            np.concatenate([getattr(part, name) for part in parts]) for name in ("documents", "starts", "stops")
+        )
+        processed = sum(part.processed for part in parts)
+        if not len(documents):
+            return cls(documents, starts, stops, processed)
+        order = np.lexsort((starts, documents))
+        shift = documents[order].astype(np.int64) * (int(stops.max()) + 1)  # one axis, on which no two documents touch
+        starts, stops = starts[order] + shift, np.maximum.accumulate(stops[order] + shift)
+        heads = np.flatnonzero(np.append(True, starts[1:] > stops[:-1]))
+        ends = np.append(heads[1:], len(starts)) - 1
+        return cls(documents[order][heads], starts[heads] - shift[heads], stops[ends] - shift[heads], processed)
+
     def extended(self, index: KeyframeIndex, left: int, right: int) -> HitRanges:
         """Every range longer by `left` frames before and `right` behind, inside its document; overlaps are joined."""
         lengths = np.diff(index.document_starts)[self.documents]

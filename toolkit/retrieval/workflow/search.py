@@ -5,7 +5,7 @@ from __future__ import annotations
 import csv
 import io
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass
 from pathlib import Path
 
 import numpy as np
@@ -20,7 +20,7 @@ from toolkit.retrieval.features.relational import FEATURE_RATE, FeatureMatrix, r
 from toolkit.retrieval.index.keyframe_index import KeyframeIndex
 from toolkit.retrieval.keyframes.query import KeyframeQuery
 from toolkit.retrieval.search.example import Example, search_example
-from toolkit.retrieval.search.find import Match, find
+from toolkit.retrieval.search.find import HitRanges, Match, find
 from toolkit.retrieval.workflow.motions import find_motions, load_motion
 
 DOUBT = 0.8
@@ -82,36 +82,15 @@ class SearchReport:
     share: float
 
 
-def search(index: KeyframeIndex, query: KeyframeQuery) -> SearchReport:
-    """Where the keyframes of a query match."""
-    ranges = find(index, query)
-    spans = zip(ranges.documents, ranges.starts, ranges.stops, strict=True)
-    matches = tuple(Match(index.names[d], a / FEATURE_RATE, b / FEATURE_RATE, 0.0) for d, a, b in spans)
-    return SearchReport(query.label, matches, False, ranges.frames / index.frames)
-
-
-def one_per_label(reports: Sequence[SearchReport]) -> list[SearchReport]:
-    """Reports of alternative queries of one label as one: hits of any of them, joined where they overlap."""
-    groups: dict[str, list[SearchReport]] = {}
-    for report in reports:
-        groups.setdefault(report.label, []).append(report)
-    return [group[0] if len(group) == 1 else _together(group) for group in groups.values()]
-
-
-def _together(group: Sequence[SearchReport]) -> SearchReport:
-    matches: list[Match] = []
-    for match in sorted((m for report in group for m in report.matches), key=lambda m: (m.document, m.start)):
-        last = matches[-1] if matches else None
-        if last is not None and last.document == match.document and match.start < last.end:
-            matches[-1] = replace(last, end=max(last.end, match.end), cost=min(last.cost, match.cost))
-        else:
-            matches.append(match)
-    return SearchReport(
-        group[0].label,
-        tuple(matches),
-        False,
-        min(1.0, sum(report.share for report in group)),
-    )
+def by_keyframes(index: KeyframeIndex, queries: Sequence[KeyframeQuery]) -> list[SearchReport]:
+    """Where keyframes match: one report for each label, hits of alternative queries joined where they meet."""
+    reports = []
+    for label in dict.fromkeys(query.label for query in queries):
+        found = HitRanges.union([find(index, query) for query in queries if query.label == label])
+        ranges = zip(found.documents, found.starts, found.stops, strict=True)
+        matches = tuple(Match(index.names[d], a / FEATURE_RATE, b / FEATURE_RATE, 0.0) for d, a, b in ranges)
+        reports.append(SearchReport(label, matches, False, found.frames / index.frames))
+    return reports
 
 
 def by_example(
