@@ -1,4 +1,4 @@
-"""Simulated sensors, orientation from raw data, clocks, suspicions, and the verbs `read` and `synchronise`."""
+"""Simulated sensors, orientation from raw data, clocks, suspicions, and the verb `read`."""
 
 from __future__ import annotations
 
@@ -14,9 +14,11 @@ from tests.inertial_scenes import RATE, motion_of, poses_of, sensors_of, write_r
 from toolkit.cli.main import main
 from toolkit.errors import InertialError, UsageError
 from toolkit.inertial.fusion import NORTH, fused, gyroscope_bias
+from toolkit.inertial.limbs import TrackedMotion
 from toolkit.inertial.stream import FREE, GRAVITY, Sensors, checked_stream
 from toolkit.inertial.suspicions import clock_suspicion, suspicions
 from toolkit.inertial.synchronise import RATES, SyncSettings, synchronise
+from toolkit.inertial.workflow import load_sensors
 from toolkit.kernels.motion.inertial import correlation_over_lags, integrate
 from toolkit.rotations import quaternions as quat
 from toolkit.simulation.inertial import DECLINATION, SensorNoise, earth_field, simulate_sensors
@@ -252,7 +254,7 @@ def typed(*words) -> None:
     assert ended.value.code == 0
 
 
-def test_the_verbs_read_and_synchronise_as_typed(tmp_path, capsys):
+def test_sensors_are_read_as_typed_and_their_clock_is_found(tmp_path, capsys):
     simulated = sensors_of(noise="mtx", seed=4)
     devices = [f"00B{i}" for i in range(len(simulated.sensors))]
     streams = zip(simulated.sensors, devices, strict=True)
@@ -264,9 +266,8 @@ def test_the_verbs_read_and_synchronise_as_typed(tmp_path, capsys):
     output = str(tmp_path / "sensors.npz")
     typed("inertial", "read", tmp_path / "raw.csv", "-o", output, "--placement", tmp_path / "placement.yaml")
     assert "left_shin" in capsys.readouterr().out
-    typed("inertial", "synchronise", run, "--sensors", output)
-    said = capsys.readouterr().out
-    assert abs(float(said.split("t_camera")[1].split()[0]) - simulated.offset) < 0.01
+    clock = synchronise(TrackedMotion.load(run), load_sensors(output))
+    assert abs(clock.offset - simulated.offset) < 0.01
 
 
 def test_a_recording_is_simulated_with_sensors_and_their_truth_beside_it(tmp_path):

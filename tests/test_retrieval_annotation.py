@@ -15,7 +15,6 @@ from toolkit.retrieval.annotation.annotator import (
     DecisionSettings,
     MotionClass,
     decide,
-    runs,
 )
 from toolkit.retrieval.annotation.documents import assemble, shuffled_parts
 from toolkit.retrieval.annotation.measures import (
@@ -28,6 +27,7 @@ from toolkit.retrieval.annotation.measures import (
 )
 from toolkit.retrieval.features.relational import FeatureMatrix, pack, relational_features
 from toolkit.retrieval.templates import WILDCARD, MotionTemplate, QuantisedTemplate
+from toolkit.spans import spans
 
 INF = np.inf
 
@@ -174,10 +174,10 @@ def test_a_run_grows_while_its_distance_does_not_rise_away_from_it() -> None:
     distances = np.stack([first, second])
     decided = np.array([-1, 0, 0, 1, 1, 1, 1, 0, -1])
     frames = dtw.widen_runs(decided, distances, 0.0)
-    assert runs(frames[0]) == [(1, 3), (7, 8)]
-    assert runs(frames[1]) == [(3, 7)]
+    assert spans(frames[0]) == [slice(1, 3), slice(7, 8)]
+    assert spans(frames[1]) == [slice(3, 7)]
     decided[3:6] = -1, 0, -1
-    assert runs(dtw.widen_runs(decided, distances, 0.0)[0]) == [(1, 6), (7, 8)]
+    assert spans(dtw.widen_runs(decided, distances, 0.0)[0]) == [slice(1, 6), slice(7, 8)]
 
 
 def test_what_is_left_of_a_hit_beside_a_cheaper_one_of_another_class_is_no_motion() -> None:
@@ -185,9 +185,9 @@ def test_what_is_left_of_a_hit_beside_a_cheaper_one_of_another_class_is_no_motio
     second = np.array([INF, INF, 0.01, 0.01, 0.01, 0.01])
     distances = np.stack([first, second])
     decided = decide(distances)
-    assert runs(dtw.widen_runs(decided, distances, 0.25)[0]) == [(1, 5)]
+    assert spans(dtw.widen_runs(decided, distances, 0.25)[0]) == [slice(1, 5)]
     frames = dtw.widen_runs(decided, distances, 0.5)
-    assert runs(frames[0]) == [] and runs(frames[1]) == [(2, 6)]
+    assert spans(frames[0]) == [] and spans(frames[1]) == [slice(2, 6)]
 
 
 def test_decision_settings_are_shares() -> None:

@@ -15,7 +15,7 @@ from toolkit.body.shape import load_body
 from toolkit.errors import RetrievalError, UsageError
 from toolkit.export.bvh import export_bvh
 from toolkit.mocap.procedural import procedural_clips
-from toolkit.retrieval.annotation.annotator import AS_PUBLISHED, Annotator, MotionClass, runs
+from toolkit.retrieval.annotation.annotator import AS_PUBLISHED, Annotator, MotionClass
 from toolkit.retrieval.annotation.classes import (
     learn_classes,
     load_classes,
@@ -31,6 +31,7 @@ from toolkit.retrieval.templates import WILDCARD
 from toolkit.retrieval.workflow.annotate import annotate_motions
 from toolkit.retrieval.workflow.learn import learn_templates
 from toolkit.retrieval.workflow.motions import load_motion
+from toolkit.spans import spans
 
 NAMES = ("squat", "kick_front", "wave")
 
@@ -184,7 +185,7 @@ def test_alternatives_leave_the_union_of_what_each_leaves_document_by_document(s
         for query in queries:
             for start, stop in preselect_in(documents, [query], ("squat",))[number]["squat"]:
                 left[start:stop] = True
-        assert together[number] == {"squat": runs(left)}
+        assert together[number] == {"squat": [(span.start, span.stop) for span in spans(left)]}
 
 
 def test_preselection_by_a_true_keyframe_changes_no_label_within_it(

@@ -44,11 +44,12 @@ def template_of(rng: np.random.Generator, columns: int) -> QuantisedTemplate:
 
 def cheapest_by_hand(template: QuantisedTemplate, words: np.ndarray, unknown: np.ndarray) -> float:
     """The cheapest alignment that ends in the last column, every path tried."""
+    bits, mask, scale = template.packed
 
     def cell(i: int, j: int) -> float:
-        known = int(template.mask[i]) & ~int(unknown[j])
-        share = max(int(template.mask[i]).bit_count(), 1) / max(known.bit_count(), 1)
-        return float(template.scale[i]) * share * ((int(words[j]) ^ int(template.bits[i])) & known).bit_count()
+        known = int(mask[i]) & ~int(unknown[j])
+        share = max(int(mask[i]).bit_count(), 1) / max(known.bit_count(), 1)
+        return float(scale[i]) * share * ((int(words[j]) ^ int(bits[i])) & known).bit_count()
 
     def to(i: int, j: int) -> float:
         if i == 0:
@@ -58,7 +59,7 @@ def cheapest_by_hand(template: QuantisedTemplate, words: np.ndarray, unknown: np
         ways += [to(i - 2, j - 1) + cell(i, j)] if i >= 2 and j >= 1 else []
         return min(ways, default=np.inf) + cell(i, j)
 
-    return to(template.length - 1, len(words) - 1)
+    return to(len(template) - 1, len(words) - 1)
 
 
 @pytest.mark.parametrize("seed", range(6))
@@ -72,7 +73,7 @@ def test_a_trace_costs_what_the_cheapest_of_all_paths_costs(seed, hidden):
     if not hidden:
         assert cost == template.distance(words)[0][-1]
     inside = columns[columns >= 0]
-    assert inside[0] == 0 and inside[-1] == template.length - 1
+    assert inside[0] == 0 and inside[-1] == len(template) - 1
     assert (np.diff(inside) >= 0).all() and (np.diff(inside) <= 2).all()
 
 
@@ -80,11 +81,7 @@ def test_what_cannot_be_aligned_has_no_trace():
     rng = np.random.default_rng(0)
     cost, columns = template_of(rng, 9).trace(document_of(rng, 3), np.zeros(3, dtype=np.uint64))
     assert np.isinf(cost) and (columns == -1).all()
-    assert dtw.trace(*vars_of(template_of(rng, 2)), np.empty(0, np.uint64), np.empty(0, np.uint64))[1].size == 0
-
-
-def vars_of(template: QuantisedTemplate) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    return template.bits, template.mask, template.scale
+    assert dtw.trace(*template_of(rng, 2).packed, np.empty(0, np.uint64), np.empty(0, np.uint64))[1].size == 0
 
 
 def gaussian_bridge(times: np.ndarray, memory: float, offsets: list[tuple[float, float, float]], spread: float):
@@ -194,7 +191,7 @@ def test_classes_of_another_body_are_refused(tmp_path):
     arrays = load_archive(tmp_path / "classes.npz", RetrievalError, "")
     header = json.loads(str(arrays["header"])) | {"body": "0123"}
     save_archive(tmp_path / "other.npz", arrays | {"header": np.array(json.dumps(header))})
-    with pytest.raises(RetrievalError, match=r"learned with another body \(0123, here .*\); learn it again"):
+    with pytest.raises(RetrievalError, match=r"learned with another body \(0123, here .*\); learn it with"):
         load_classes(tmp_path / "other.npz")
 
 
@@ -288,7 +285,7 @@ def test_repetitions_alone_tell_a_limb_where_it_was_seen_before():
     wrong[gap.start : gap.stop, ENTRIES["right_arm"]] = 0.0
     half = len(one) / 30.0
     segments = [Segment(0.0, half, "semaphore"), Segment(half, 2 * half, "semaphore")]
-    plain = [replace(c, motions=()) for c in classes_of("semaphore")]
+    plain = [replace(c, motion=None) for c in classes_of("semaphore")]
     found, source = fill(told_of(wrong, hiding(len(poses), *gap), plain, segments), gap)
     assert source == "repetitions"
     away = np.abs(found.mean - poses[gap.start : gap.stop, ENTRIES["right_arm"]])

@@ -57,7 +57,6 @@ EXAMPLES: dict[str, tuple[str, ...]] = {
     "annotate": ("depthmocap annotate long.amc --classes motions.npz --output annotated",),
     "stabilise": ("depthmocap stabilise run --classes classes.npz --output stable",),
     "inertial read": ("depthmocap inertial read sensors.csv --output sensors.npz",),
-    "inertial synchronise": ("depthmocap inertial synchronise run --sensors sensors.npz",),
     "inertial calibrate": ("depthmocap inertial calibrate run --sensors sensors.npz --output calibration.json",),
     "inertial check": ("depthmocap inertial check run --sensors sensors.npz --output check",),
     "bench": ("depthmocap bench", "depthmocap bench accuracy --split report"),

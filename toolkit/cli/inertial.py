@@ -1,4 +1,4 @@
-"""`depthmocap inertial read|synchronise|calibrate|check`."""
+"""`depthmocap inertial read|calibrate|check`."""
 
 from __future__ import annotations
 
@@ -7,18 +7,15 @@ from typing import Annotated
 
 import typer
 
-from toolkit.cli.options import Output, Run, given
+from toolkit.cli.options import Output, given
 from toolkit.cli.terminal import say
 from toolkit.errors import UsageError
 
 app = typer.Typer(
-    help="Check a track with inertial sensors: read their files, compare clocks, calibrate, find errors.",
+    help="Check a track with inertial sensors: read their files, calibrate, find errors.",
     no_args_is_help=True,
 )
 
-SensorFile = Annotated[
-    Path, typer.Option("--sensors", help="Canonical file that `depthmocap inertial read` wrote.", show_default=False)
-]
 SensorFiles = Annotated[
     list[Path],
     typer.Option("--sensors", help="Canonical file; one for all runs, or once for each.", show_default=False),
@@ -62,28 +59,6 @@ def read(
         )  # fmt: skip
     print_table(table)
     _say(report.suspicions)
-
-
-@app.command()
-def synchronise(
-    run: Run,
-    sensors: SensorFile,
-    max_offset: MaxOffset = 3.0,
-    rate: Rate = "same",
-) -> None:
-    """Find the offset of the sensors' clock against the camera's."""
-    from toolkit.inertial import synchronise as clocks
-    from toolkit.inertial.limbs import TrackedMotion
-    from toolkit.inertial.suspicions import clock_suspicion
-    from toolkit.inertial.workflow import load_sensors
-
-    wanted = clocks.SyncSettings(max_offset, _rates(rate))
-    clock = clocks.synchronise(TrackedMotion.load(run), load_sensors(sensors), wanted)
-    say(
-        f"t_sensor = {clock.rate:.5f} t_camera {clock.offset:+.4f} s "
-        f"(correlation {clock.correlation:.2f}, next best {clock.second:.2f})"
-    )
-    _say(clock_suspicion(clock.rate))
 
 
 @app.command()
