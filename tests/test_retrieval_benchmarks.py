@@ -119,7 +119,7 @@ def test_annotated_documents_hold_every_clip_once() -> None:
 def test_a_threshold_of_one_finds_no_less_than_a_stricter_one(tmp_path: Path) -> None:
     features = relational_features(random_motion(3))
     template = QuantisedTemplate(features.sliced(20, 40).values.astype(np.int8), np.ones(20))
-    trained = annotation.Trained(Annotator([MotionClass("swing", (template,))]), [], 0.1)
+    trained = annotation.Trained(Annotator([MotionClass("swing", template)]), [], 0.1)
     documents = [(features, (Segment(20 / 30, 40 / 30, "swing"),), ())]
     rows = [annotation.swept(trained, tau, documents, [{"swing": [(0, 60)]}]) for tau in annotation.THRESHOLDS]
     assert rows[0]["segments"].recall == 1.0

@@ -76,9 +76,9 @@ def test_costs_column_by_column_are_those_of_the_whole():
     template = classes()[0].template
     words = relational_features(from_poses(document(), body(), RATE, "whole")).words
     cost, start = template.distance(words)
-    costs, starts = np.full((3, len(template)), np.inf), np.full((3, template.length), -1)
+    costs, starts = np.full((3, len(template)), np.inf), np.full((3, len(template)), -1)
     for j, word in enumerate(words):
-        dtw.push_column(template.bits, template.mask, template.scale, word, j, costs, starts)
+        dtw.push_column(*template.packed, word, j, costs, starts)
         np.testing.assert_array_equal(costs[j % 3][-1], cost[j])
         if np.isfinite(cost[j]):
             assert starts[j % 3][-1] == start[j]
