@@ -148,7 +148,9 @@ def total_capture(width: int = 13, names=("Head", "L_LowArm")) -> str:
     lines = [f"{len(names)}\t4"]
     for frame, q in enumerate(TURNED):
         lines.append(str(frame + 1))
-        lines += [f"{name}\t{cells([*q, 0, 0, 9.8, 0.1, 0.2, 0.3, 1, 0, 0][:width])}" for name in names]
+        turns = (q, *[(1, 0, 0, 0)] * (len(names) - 1))
+        rows = zip(names, turns[::-1], strict=True)  # the last sensor turns, the others rest
+        lines += [f"{name}\t{cells([*turn, 0, 0, 9.8, 0.1, 0.2, 0.3, 1, 0, 0][:width])}" for name, turn in rows]
     return "\n".join(lines)
 
 
@@ -158,6 +160,7 @@ def test_a_total_capture_file_has_one_block_per_frame(tmp_path, width):
     assert sensors.names == ("Head", "L_LowArm")
     np.testing.assert_allclose(sensors.streams[1].times, np.arange(4) / 60)
     np.testing.assert_allclose(quat.angle(sensors.streams[1].rotations, TURNED), 0.0, atol=1e-5)
+    np.testing.assert_allclose(quat.angle(sensors.streams[0].rotations, quat.IDENTITY), 0.0, atol=1e-5)
     assert (sensors.streams[0].gyro is None) == (width == 7)
 
 
@@ -184,6 +187,7 @@ def test_a_sto_file_parts_cells_by_tabs_and_numbers_by_commas(tmp_path):
     sensors = read_file(write(tmp_path / "orientations.sto", text))
     assert sensors.names == ("femur_r_imu", "pelvis_imu")
     np.testing.assert_allclose(quat.angle(sensors.streams[0].rotations, TURNED), 0.0, atol=1e-5)
+    np.testing.assert_allclose(quat.angle(sensors.streams[1].rotations, quat.IDENTITY), 0.0, atol=1e-5)
 
 
 @pytest.mark.parametrize(

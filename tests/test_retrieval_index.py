@@ -206,6 +206,7 @@ def test_a_file_that_is_no_whole_index_is_refused(documents: list[FeatureMatrix]
         ("words", lambda a: a.astype(np.int64)),
         ("document_starts", lambda a: a + 1),
         ("document_starts", lambda a: a[:-1]),
+        ("document_starts", lambda a: np.append(a[:-1], a[-1] + 3)),
         ("document_starts", lambda a: a[[0, 2, 1, 3, 4]]),
         ("names", lambda a: a[:-1]),
         ("names", lambda a: (a[0], *a[:-1])),

@@ -264,7 +264,9 @@ def test_alternative_queries_of_a_label_are_one_table() -> None:
     first, second = (KeyframeQuery((Keyframe("upper", ((name, 1),)),), label="up") for name in ("F1", "F2"))
     index = KeyframeIndex.build(documents())
     reports = [by_keyframes(index, [query])[0] for query in (first, second)]
-    (together,) = by_keyframes(index, [first, second])
+    other = KeyframeQuery((Keyframe("upper", (("F3", 1),)),), label="other")
+    together, alone = by_keyframes(index, [first, other, second])
+    assert alone.matches == by_keyframes(index, [other])[0].matches
     assert together.label == "up"
     for report in reports:
         for match in report.matches:

@@ -127,6 +127,14 @@ def test_quantising_keeps_values_at_the_threshold() -> None:
     assert quantised.values[0].tolist() == [0, 1, WILDCARD] and len(quantised) == 3
 
 
+def test_a_differing_entry_costs_its_share_of_a_column_by_the_columns_weight() -> None:
+    values = np.zeros((40, 2), dtype=np.int8)
+    values[10:, 1] = WILDCARD
+    bits, mask, scale = QuantisedTemplate(values, np.array([1.4, 0.8])).packed
+    assert bits.tolist() == [0, 0] and mask.tolist() == [2**40 - 1, 2**10 - 1]
+    np.testing.assert_allclose(scale, [0.5 * 2.4 / (40 * 2), 0.5 * 1.8 / (10 * 2)])  # Eq. 5.2, over the whole length
+
+
 @pytest.mark.parametrize("delta", [-0.1, 0.5, 0.8])
 def test_a_quantisation_threshold_outside_its_range_is_refused(delta: float) -> None:
     with pytest.raises(RetrievalError, match=str(delta)):

@@ -224,7 +224,7 @@ def test_segments_that_cannot_be_are_refused(road: Path, tmp_path: Path, lines: 
 
 
 def test_classes_without_motions_serve_repetitions(road: Path, tmp_path: Path) -> None:
-    save_classes(tmp_path / "plain.npz", [replace(c, motions=()) for c in classes_of("semaphore")])
+    save_classes(tmp_path / "plain.npz", [replace(c, motion=None) for c in classes_of("semaphore")])
     typed("stabilise", road / "run", "--classes", tmp_path / "plain.npz", "-o", tmp_path / "out")
     assert len(Track.load(tmp_path / "out")) == FRAMES
 

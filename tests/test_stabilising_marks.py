@@ -83,11 +83,14 @@ def test_long_runs_of_equal_entries_are_marked():
 def test_marks_go_to_the_frames_that_were_aligned_with_their_columns():
     values = np.full((40, 6), WILDCARD)
     values[6, 1:6], values[16], values[24] = 1, 0, 0
-    classes = [MotionClass("bend", template(values))]
+    abducted = np.full((40, 6), WILDCARD)
+    abducted[7] = 1
+    classes = [MotionClass("bend", template(values)), MotionClass("spread", template(abducted))]
     allocation = replace(Allocation.nothing(8), label=np.array([-1, 0, 0, 0, 0, 0, 0, -1]),
                          column=np.array([-1, 0, 1, 2, 2, 4, 5, -1]))  # fmt: skip
     priors = tracking_priors(allocation, classes, marks_of_classes(classes))
     np.testing.assert_array_equal(priors[6], [-1, -1, 1, 1, 1, 1, 1, -1])
+    assert (priors[7] == WILDCARD).all(), "no frame bears the label of the other class"
     np.testing.assert_array_equal(rests(priors, "right_leg"), [False, *[True] * 6, False])
     assert not rests(priors, "left_leg").any()
 
