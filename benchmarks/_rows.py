@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Mapping
-from dataclasses import fields, replace
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +11,6 @@ import numpy as np
 
 from database_builder.build import THRESHOLD
 from database_builder.regressor import RegressorSettings
-from toolkit import skeleton
 from toolkit.body.body import Body
 from toolkit.config import load_settings
 from toolkit.database.database import PoseDatabase
@@ -23,17 +21,14 @@ from toolkit.hybrid.baak2013 import Baak2013Tracker
 from toolkit.hybrid.settings import HybridSettings
 from toolkit.hybrid.tracker import HybridTracker
 from toolkit.kernels import linear
-from toolkit.people.sighting import PredictedBody, Sighting
-from toolkit.qammaz.discrepancy import Discrepancy
-from toolkit.qammaz.search import ANGLES, SwarmSearch
-from toolkit.qammaz.swarm import minimise
-from toolkit.qammaz.tracker import SwarmTracker, SwarmTrackerSettings
+from toolkit.people.sighting import Sighting
+from toolkit.qammaz.tracker import SwarmTrackerSettings
 from toolkit.sensing.camera import Camera
 from toolkit.testing.suite import LONGEST, WORK, database
 from toolkit.track import FrameResult
 from toolkit.tracking.clock import StageClock
 from toolkit.tracking.follower import Follower
-from toolkit.tracking.observation import Observation, Observer
+from toolkit.tracking.observation import Observation
 from toolkit.tracking.search.local import LocalSearch
 from toolkit.tracking.search.lookup import DatabaseLookup
 from toolkit.tracking.search.protocol import NOTHING, Proposal, ScoredHypothesis, Search
@@ -47,16 +42,11 @@ ROWS: dict[str, tuple[str, dict[str, Any]]] = {
     "baak2013 delete": ("baak2013", {"sensing.contour": "delete"}),
     "baak2013 local": ("baak2013", {}),
     "baak2013 lookup": ("baak2013", {"hypotheses": ["extrema"]}),
-    "no unobserved": ("hybrid", {}),
-    "no sharing": ("hybrid", {}),
-    "no seated": ("hybrid", {}),
 }
 """Name of the row, shipped settings that it starts from, and overrides; what one setting says, `--set` says.
 
 `local` takes its first pose from the lookup and never asks it again. `baak2013` and its two halves are the paper's own
-tracker (Fig. 5.12); `baak2013 delete` loses every pixel at a depth edge (5.3.1). `no unobserved` takes all that was not
-measured as the person's for free space, but for what is outside the image; in `no sharing` no body says whose pixels
-are whose; `no seated` leaves the bundled seated poses out of the database."""
+tracker (Fig. 5.12); `baak2013 delete` loses every pixel at a depth edge (5.3.1)."""
 
 
 NO_IMAGE = {"discrepancy.depth": 0.0}
@@ -67,17 +57,12 @@ WEIGHTS = (0.5, 1.5, 3.0, 6.0, 18.0)
 SWARM_ROWS: dict[str, tuple[str, dict[str, Any]]] = {
     "swarm": ("swarm", {}),
     "qammaz": ("qammaz", {}),
-    "qammaz two phases": ("qammaz", {}),
     "qammaz depth": ("qammaz", NO_JOINTS),
     "qammaz joints": ("qammaz", NO_IMAGE),
     **{f"w_D {w:g}": ("qammaz", {"discrepancy.depth": w / 3.0}) for w in WEIGHTS},
     **{f"plain w_D {w:g}": ("qammaz", {"discrepancy.depth": w / 3.0, **PLAIN}) for w in WEIGHTS},
 }
-"""Name of the row, shipped settings that it starts from, and overrides. `qammaz two phases` goes on from each solution
-with a second swarm on the depth alone (3.3), see `TwoPhaseTracker`."""
-
-NOWHERE = 1e6
-"""Metres from the camera: beyond every gate."""
+"""Name of the row, shipped settings that it starts from, and overrides."""
 
 
 class WatchedSearch(LocalSearch):
@@ -173,71 +158,6 @@ class LocalBaak2013Tracker(LocalTracker, Baak2013Tracker):
     """The paper's local optimisation alone, after a first pose from its lookup."""
 
 
-class BlindObservation(Observation):
-    """An observation that does not know which pixels say nothing."""
-
-    def __init__(self, *parts: Any) -> None:
-        observer, cloud, timestamp, state, _, joints = parts
-        super().__init__(observer, cloud, timestamp, state, None, joints)
-
-
-class BlindObserver(Observer):
-    """Does not know which pixels say nothing."""
-
-    kind = BlindObservation
-
-
-class BlindTracker(HybridTracker):
-    """The hybrid tracker, for which what was not measured is free."""
-
-    @property
-    def observer(self) -> Observer:
-        """See `SearchingTracker.observer`."""
-        known = super().observer
-        return BlindObserver(**{entry.name: getattr(known, entry.name) for entry in fields(known)})
-
-
-class UnsharingFollower(Follower):
-    """A follower whose body is nowhere, so that it claims no pixels."""
-
-    def predicted(self) -> PredictedBody:
-        """See `PersonFollower.predicted`."""
-        body = super().predicted()
-        return PredictedBody(np.full_like(body.vertices, NOWHERE), body.faces, body.stature)
-
-
-class UnsharingTracker(HybridTracker):
-    """The hybrid tracker, whose bodies do not say whose pixels are whose."""
-
-    kind = UnsharingFollower
-
-
-class TwoPhaseSearch(SwarmSearch):
-    """A swarm, and around its solution a second one, whose objective is the depth term alone (Qammaz, 3.3)."""
-
-    def _finished(self, frame: Any, body: Body, costs: Discrepancy, position: np.ndarray) -> Any:
-        """The solution of the second phase as a pose."""
-        pose, s = costs.pose_of(position), self._settings
-        settings = replace(self._discrepancy, joints_2d=0.0, joints_3d=0.0)
-        depth = frame.discrepancy(body, pose, settings, previous=True)
-        starts, half = depth.position_of(pose[None]), np.full(len(pose), s.window)
-        half[skeleton.ROOT_POSITION] = s.reach
-        limits = self._window(starts[0], half)
-        # Of its own randomness, so that the first phase is that of the row beside it.
-        rng = np.random.default_rng(0)
-        second = minimise(depth, starts, limits, self._swarm, rng, perturbed=ANGLES).position
-        return super()._finished(frame, body, depth, second)
-
-
-class TwoPhaseTracker(SwarmTracker):
-    """The paper's tracker with a second phase."""
-
-    def searches(self, objective: Objective, refiner: Refiner) -> tuple[Search, ...]:
-        """See `SwarmTracker.searches`."""
-        s = self.settings
-        return (TwoPhaseSearch(s.search, s.swarm, s.discrepancy, objective, refiner),)
-
-
 def settings_of(row: str, overrides: Mapping[str, Any] | None = None) -> HybridSettings:
     """Settings of a row with overrides on top."""
     config, own = ROWS[row]
@@ -255,16 +175,7 @@ def make_tracker(
 ) -> HybridTracker:
     """The tracker of a row; the overrides apply to it unless the row itself says otherwise."""
     kind = KINDS.get(row, HybridTracker)
-    if row == "no seated":
-        database = without_sources(database, "seated_")
     return kind(database, settings_of(row, overrides), database_path=path)
-
-
-def without_sources(database: PoseDatabase, prefix: str) -> PoseDatabase:
-    """A database without the poses whose source's name begins so; its regressor and prior stay as they are."""
-    kept = np.array([not name.startswith(prefix) for name in database.sources])[database.pose_source]
-    names = ("poses", "joints", "features", "offsets", "pose_source", "pose_frame", "mirrored")
-    return replace(database, **{name: getattr(database, name)[kept] for name in names})
 
 
 KINDS: dict[str, type[HybridTracker]] = {
@@ -274,12 +185,8 @@ KINDS: dict[str, type[HybridTracker]] = {
     "baak2013 delete": Baak2013Tracker,
     "baak2013 local": LocalBaak2013Tracker,
     "baak2013 lookup": Baak2013Tracker,
-    "no unobserved": BlindTracker,
-    "no sharing": UnsharingTracker,
 }
 """What is built for a row, where it is no plain hybrid tracker."""
-SWARM_KINDS: dict[str, type[SwarmTracker]] = {"qammaz two phases": TwoPhaseTracker}
-"""The same of `SWARM_ROWS`."""
 
 
 def figures_of(scores: RunScores) -> dict[str, Any]:

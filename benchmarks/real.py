@@ -26,7 +26,6 @@ from benchmarks._movement import tracked_run
 from benchmarks._record import run_part, save_figures
 from benchmarks._rows import (
     ROWS,
-    SWARM_KINDS,
     add_database_options,
     figures_of,
     make_tracker,
@@ -108,7 +107,7 @@ def run_row(row: str, paths: Sequence[Path], options: argparse.Namespace, overri
     shutil.rmtree(output, ignore_errors=True)
     tracker: Tracker
     if row in SWARMS:
-        tracker = SWARM_KINDS.get(row, SwarmTracker)(swarm_settings(row, overrides))
+        tracker = SwarmTracker(swarm_settings(row, overrides))
     else:
         poses_path = poses_of(options)
         tracker = make_tracker(row, PoseDatabase.load(poses_path), overrides, str(poses_path))

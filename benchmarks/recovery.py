@@ -27,7 +27,6 @@ import numpy as np
 
 from benchmarks._record import run_part, save_figures
 from benchmarks._rows import (
-    ROWS,
     add_database_options,
     add_take_options,
     make_tracker,
@@ -124,7 +123,6 @@ def wrong_starts(parser: argparse.ArgumentParser) -> None:
     """Measure, print one line per kind, write JSON."""
     add_take_options(parser)
     parser.add_argument("--starts", type=int, default=50, help="of each kind")
-    parser.add_argument("--row", choices=ROWS, default="hybrid")
     parser.add_argument("--joints", choices=SOURCES, default="none")
     add_database_options(parser)
     options = parser.parse_args()
@@ -132,7 +130,7 @@ def wrong_starts(parser: argparse.ArgumentParser) -> None:
     recordings = [prepared(take, options.joints, options.work, options.frames) for take in takes]
     poses = PoseDatabase.load(poses_of(options))
     overrides = parse_overrides(options.set)
-    tracker = make_tracker(options.row, poses, overrides)
+    tracker = make_tracker("hybrid", poses, overrides)
     found, right = run(tracker, recordings, poses.poses, options.starts, np.random.default_rng(0))
     kinds = {kind: summary([entry for entry in found if entry["kind"] == kind]) for kind in KINDS}
     kinds["all"] = summary(found)
@@ -141,9 +139,9 @@ def wrong_starts(parser: argparse.ArgumentParser) -> None:
         if row["starts"]:
             print(f"{kind:<16}{row['starts']:7d}{row['median']:8.0f}{row['p95']:6.0f}{row['not_recovered']:15d}")
     print(f"undisturbed frames that are right: {100 * right:.1f} %")
-    whole = options.takes is None and options.frames >= LONGEST and not options.set and options.row == "hybrid"
+    whole = options.takes is None and options.frames >= LONGEST and not options.set
     figures = {"kinds": kinds, "starts": found, "undisturbed_right": right}
-    settings = asdict(settings_of(options.row, overrides)) | {"poses": len(poses), "cap": CAP}
+    settings = asdict(settings_of("hybrid", overrides)) | {"poses": len(poses), "cap": CAP}
     name = f"recovery_{options.split}{'' if options.joints == 'none' else '_joints'}{'' if whole else '_part'}"
     print("written:", save_figures(name, figures, settings | {"joints": options.joints}))
 

@@ -9,9 +9,7 @@ one in which nobody was found. Seen joints lie inside the image, with the first 
 whoever is not found is 1 m off. Identities are CLEAR MOT counts (gate 0.5 m). The calibration error is taken over all
 joints of everybody who was found; unobserved joints are the ones that are not seen. `--runs FOLDER` scores run folders
 that were made before, named after their recordings, of one person (RUN/track.npz) or of several (RUN/people.json).
-Results of a part of the suite go to files ending in `_part`. `--row` switches a part of the tracker off
-(`benchmarks/_rows.py`); another `--database` stands for one without seated poses, or whose regressor was trained on
-other views.
+Results of a part of the suite go to files ending in `_part`.
 """
 
 from __future__ import annotations
@@ -25,9 +23,8 @@ from typing import Any
 import numpy as np
 
 from benchmarks._record import RESULTS, save_figures
-from benchmarks._rows import ROWS, add_database_options, make_tracker, poses_of
+from benchmarks._rows import add_database_options, poses_of
 from toolkit.config import parse_overrides
-from toolkit.database.database import PoseDatabase
 from toolkit.errors import DepthMocapError
 from toolkit.pipeline import load_tracker, track_recording
 from toolkit.pipeline.joints import JointChoice
@@ -130,18 +127,13 @@ COLUMNS = (
     ("recordings_tracked", "tracked", "d", 1.0),
 )
 """Figure, heading, format and factor of the printed table."""
-WHOLE = "hybrid"
-"""The row in which nothing is switched off."""
 WORST = 12
 """Recordings on the contact sheet."""
 
 
 def track_scenes(paths: Sequence[Path], options: argparse.Namespace) -> tuple[list[Path], dict[str, str]]:
     """Run folders of all recordings, and why those failed that did."""
-    overrides, database = parse_overrides(options.set), poses_of(options)
-    tracker = load_tracker(overrides=overrides, database=database)
-    if options.row != WHOLE:
-        tracker = make_tracker(options.row, PoseDatabase.load(database), overrides, str(database))
+    tracker = load_tracker(overrides=parse_overrides(options.set), database=poses_of(options))
     runs, failed = [], {}
     for i, path in enumerate(paths):
         run = options.work / "runs" / "scenes" / path.stem
@@ -228,7 +220,6 @@ def parse() -> argparse.Namespace:
     parser.add_argument("--takes", type=int, help="at most so many scenes of each group")
     parser.add_argument("--frames", type=int, help="at most so many frames of each scene")
     parser.add_argument("--people", type=_people, default=None, metavar="all|N", help="as of `depthmocap track`")
-    parser.add_argument("--row", choices=ROWS, default=WHOLE, help="with a part of the tracker switched off")
     parser.add_argument("--joints", default="none", help="in the image, as of `depthmocap track`: depth shades it")
     parser.add_argument("--runs", type=Path, help="score the run folders in here instead of tracking")
     add_database_options(parser)
@@ -256,16 +247,14 @@ def main() -> None:
     for name, reason in failed.items():
         print(f"{name} was not tracked: {reason}")
     complete = len(chosen) == len(scenes(options.split, all_groups)) and options.frames is None
-    plain = options.people is None and options.row == WHOLE and options.joints == "none"
+    plain = options.people is None and options.joints == "none"
     whole = complete and plain and not options.set
     stem = f"scenes{'_rooms' if options.rooms else ''}_{options.split}{'' if whole else '_part'}"
-    if options.row != WHOLE:
-        stem += "_" + options.row.replace(" ", "_")
     recordings = {name: scene_figures([score]) for name, score in scores.items()}
     times = frame_times([tracks_of(run) for run in runs])
     print("ms per frame:", ", ".join(f"{count} people {ms:.1f}" for count, ms in times.items()))
     content = {"lines": figures, "recordings": recordings, "failed": failed, "frame_ms": times}
-    described = {name: getattr(options, name) for name in ("set", "frames", "groups", "row")}
+    described = {name: getattr(options, name) for name in ("set", "frames", "groups")}
     described |= {"mocap": has_mocap(), "people": options.people or "all"}
     print("written:", save_figures(stem, content, described))
     write_sheet(paths, runs, scores, RESULTS / f"{stem}.png")

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import sys
-from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -14,21 +13,15 @@ import pytest
 
 from benchmarks import _record
 from benchmarks import scenes as bench
-from benchmarks._rows import make_tracker, without_sources
 from database_builder.build import Sampling, build_database
 from database_builder.regressor import RegressorSettings
-from tests.database_helpers import small_database
-from toolkit.body.shape import load_body
 from toolkit.mocap.procedural import procedural_clips
 from toolkit.recordings.opening import open_recording
-from toolkit.sensing.camera import Camera
-from toolkit.sensing.cloud import Cloud
 from toolkit.testing import suite
 from toolkit.testing.casting import listed
 from toolkit.testing.scene_scores import seen_joints
 from toolkit.testing.scenes import EMPTY_ROOMS, GROUPS, VIEWS, chosen_scenes, record_scene, scenes
 from toolkit.track import EMPTY, TRACKED
-from toolkit.tracking.state import PersonState
 
 SIZES = {"waist": 6, "seated": 6, "behind": 4, "several": 6, "children": 4, "clothes": 4, "empty": EMPTY_ROOMS}
 
@@ -108,32 +101,6 @@ def test_the_benchmark_scores_everybody_and_draws_the_worst(
     bench.main()
     assert json.loads((bundled / "scenes_tune_part.json").read_text())["figures"]["lines"] == figures["lines"]
     assert "ms per frame:" in capsys.readouterr().out
-
-
-def test_a_part_of_the_tracker_can_be_switched_off() -> None:
-    poses = small_database()
-    depth = np.full((240, 320), 2.0, dtype=np.float32)
-    cloud = Cloud.from_depth(depth, Camera(300.0, 300.0, 159.5, 119.5, 320, 240), np.diag([1.0, -1.0, -1.0]))
-    unobserved = depth > 1.0
-    state = PersonState.begin(load_body("neutral"), sized=True, seed=0)
-    for row, known in (("hybrid", unobserved), ("no unobserved", None)):
-        observation = make_tracker(row, poses).observer.observe(cloud, 0.0, state, unobserved)
-        assert observation.unobserved is known
-    near, far = (
-        make_tracker(row, poses).follower(cloud.camera, np.diag([1.0, -1.0, -1.0])).predicted()
-        for row in ("hybrid", "no sharing")
-    )
-    assert np.linalg.norm(near.vertices, axis=1).max() < 10.0 < np.linalg.norm(far.vertices, axis=1).min()
-    assert far.stature == near.stature
-
-
-def test_without_a_source_its_poses_are_gone_and_all_others_stay() -> None:
-    poses = small_database()
-    half = np.arange(len(poses)) % 2
-    poses = replace(poses, sources=["walk", "seated_chair"], hashes=["0", "1"], pose_source=half)
-    rest = without_sources(poses, "seated_")
-    assert (rest.poses == poses.poses[half == 0]).all() and len(rest) == (half == 0).sum()
-    assert len(without_sources(poses, "nobody")) == len(poses)
 
 
 def test_times_are_counted_by_how_many_people_are_tracked() -> None:
