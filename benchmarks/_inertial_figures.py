@@ -9,10 +9,11 @@ from typing import Any
 import numpy as np
 
 from toolkit.evaluation.orientations import THRESHOLDS
-from toolkit.files import atomic_path
+from toolkit.files import save_bytes
 from toolkit.inertial.calibrate import Take
 from toolkit.inertial.calibration import Calibration
 from toolkit.inertial.stream import GRAVITY
+from toolkit.pages import png_of
 from toolkit.retrieval.annotation.measures import Scores
 from toolkit.rotations import quaternions as quat
 
@@ -172,5 +173,4 @@ def mean_told(told: Sequence[dict[str, float | None]]) -> dict[str, float]:
 
 
 def _save(figure: Any, path: Path) -> None:
-    with atomic_path(path) as temporary:
-        figure.savefig(temporary, dpi=110)
+    save_bytes(path, png_of(figure))

@@ -35,8 +35,9 @@ from toolkit.database.database import PoseDatabase
 from toolkit.evaluation.evaluate import evaluate_runs
 from toolkit.evaluation.joints import frame_errors, joint_errors
 from toolkit.evaluation.scores import EvaluationTable, RunScores
-from toolkit.files import atomic_path
+from toolkit.files import save_bytes
 from toolkit.fitting.objective import WITHIN
+from toolkit.pages import png_of
 from toolkit.pipeline import track_recording
 from toolkit.recordings.opening import open_recording
 from toolkit.testing.bootstrap import paired_bootstrap
@@ -202,8 +203,7 @@ def plot_rows(rows: dict[str, Row], path: Path) -> None:
     axes.set_xticks(range(len(names)), [n.rsplit("_", 1)[0] for n in names], rotation=60, ha="right", fontsize=7)
     axes.set(ylabel="mean error, mm", xlim=(-0.6, len(names) - 0.4))
     axes.legend(frameon=False)
-    with atomic_path(path) as temporary:
-        figure.savefig(temporary, dpi=120)
+    save_bytes(path, png_of(figure))
 
 
 def plot_confidence(bins: Sequence[dict[str, Any]], path: Path) -> None:
@@ -224,8 +224,7 @@ def plot_confidence(bins: Sequence[dict[str, Any]], path: Path) -> None:
     right.plot([0, 1], [0, 100], ":", color="0.5")
     right.set(xlabel="confidence", ylabel="%", xlim=(0, 1), ylim=(0, 101))
     right.legend(frameon=False)
-    with atomic_path(path) as temporary:
-        figure.savefig(temporary, dpi=120)
+    save_bytes(path, png_of(figure))
 
 
 def parse() -> argparse.Namespace:

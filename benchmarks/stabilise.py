@@ -29,9 +29,10 @@ from benchmarks._rows import add_database_options, poses_of
 from benchmarks.inertial import levelled, wrong_calibration
 from toolkit.database.database import PoseDatabase
 from toolkit.evaluation.joints import NEAR, joint_errors, visible_joints
-from toolkit.files import atomic_path
+from toolkit.files import save_bytes
 from toolkit.fitting.orientation import OrientationSettings
 from toolkit.hybrid.tracker import HybridTracker
+from toolkit.pages import png_of
 from toolkit.pipeline import load_tracker, track_recording
 from toolkit.recordings.opening import open_recording
 from toolkit.recordings.writer import save_recording
@@ -223,8 +224,7 @@ def plot_errors(errors: Mapping[str, Sequence[np.ndarray]], path: Path) -> None:
         panel.set_title(name, fontsize=9, loc="left")
     figure.axes[0].legend(fontsize=7, ncols=3, frameon=False)
     figure.axes[-1].set_xlabel("frame")
-    with atomic_path(path) as temporary:
-        figure.savefig(temporary, dpi=110)
+    save_bytes(path, png_of(figure))
 
 
 def _summary(rows: dict[str, Any]) -> dict[str, Any]:

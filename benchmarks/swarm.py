@@ -330,7 +330,7 @@ def plot_curves(errors: Mapping[str, np.ndarray], path: Path) -> None:
     axes.set(xlabel="t, mm", ylabel="joints within t, %", xlim=(0, CURVE[-1] * 1000), ylim=(0, 100), title="A(t)")
     axes.grid(alpha=0.3)
     axes.legend(fontsize=8, loc="lower right")
-    save_bytes(path, png_of(figure, 130))
+    save_bytes(path, png_of(figure))
 
 
 def paper(parser: argparse.ArgumentParser) -> None:

@@ -30,10 +30,11 @@ from benchmarks._rows import add_database_options, poses_of
 from toolkit import skeleton
 from toolkit.config import parse_overrides
 from toolkit.errors import DepthMocapError
-from toolkit.files import atomic_path
+from toolkit.files import save_bytes
 from toolkit.fitting.arms import SIDES, entries_of
 from toolkit.landmarks.graph import Workspace
 from toolkit.lopez2011.effectors import EffectorSettings, find_effectors, find_fork
+from toolkit.pages import png_of
 from toolkit.people.lone import LonePerson
 from toolkit.pipeline.trackers import load_tracker
 from toolkit.recordings.opening import open_recording
@@ -281,8 +282,7 @@ def plot_success(curves: Mapping[str, Mapping[str, float]], path: Path) -> None:
     axes.set(xlabel="error, pixels of a 640x480 image", ylabel="joints within, %", xlim=(0, 60), ylim=(0, 101))
     axes.grid(alpha=0.3)
     axes.legend(fontsize=8)
-    with atomic_path(path) as temporary:
-        figure.savefig(temporary, dpi=110)
+    save_bytes(path, png_of(figure))
 
 
 WITHIN = 0.15
