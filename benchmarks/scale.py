@@ -1,9 +1,8 @@
-"""How much is too much: `depthmocap bench scale PART`, which is one of
+"""How much is too much: `depthmocap bench scale --database POSES [--recordings 24] [--runs 1000 10000]`.
 
-- `recordings --database POSES [--recordings 24] [--runs 1000 10000]`: tracks recordings of UTD-MHAD by `depthmocap
-  track --workers`, as a batch is tracked, and says how many hours of a core a thousand of them take. Then evaluates as
-  many runs as are asked for, each in a process of its own: copies of eight runs of UTD-MHAD's length over small depth
-  images, compared with another system's skeleton, which takes the most memory.
+Tracks recordings of UTD-MHAD by `depthmocap track --workers`, as a batch is tracked, and says how many hours of a core
+a thousand of them take. Then evaluates as many runs as are asked for, each in a process of its own: copies of eight
+runs of UTD-MHAD's length over small depth images, compared with another system's skeleton, which takes the most memory.
 """
 
 from __future__ import annotations
@@ -24,7 +23,7 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks._record import run_part, save_figures
+from benchmarks._record import save_figures
 from benchmarks._rows import add_database_options, poses_of
 from benchmarks.real import RECORDINGS
 from toolkit import skeleton
@@ -108,8 +107,9 @@ def measured_evaluation(folder: Path) -> dict[str, Any]:
     }
 
 
-def recordings(parser: argparse.ArgumentParser) -> None:
+def main() -> None:
     """Parse the command line, measure, print and store the figures."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     add_database_options(parser)
     parser.add_argument("--recordings", type=int, default=24, help="of UTD-MHAD, evenly spaced")
     parser.add_argument("--workers", type=int, default=2)
@@ -130,11 +130,6 @@ def recordings(parser: argparse.ArgumentParser) -> None:
             print(figures["evaluate"][-1], flush=True)
             shutil.rmtree(folder)
     print(save_figures("scale", figures, vars(options)))
-
-
-def main() -> None:
-    """Run the part that is asked for."""
-    run_part(__doc__, {"recordings": recordings})
 
 
 if __name__ == "__main__":

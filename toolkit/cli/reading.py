@@ -48,7 +48,6 @@ class Reading:
     frame_rate: Annotated[float | None, _option("Frames per second of a source without timestamps.")] = None
     up: Annotated[str | None, _option("The vertical x,y,z in the camera frame.")] = None
     background: Annotated[str | None, _option("16-bit PNG of the empty scene.")] = None
-    skeleton: Annotated[str | None, _option("File or folder of a reference skeleton.")] = None
     axes: Annotated[
         str | None, _option("camera (x right, y down, z forward) or graphics (y up, z backward), for clouds.")
     ] = None

@@ -74,7 +74,7 @@ def _skeleton_path(path: Path, options: ReaderOptions) -> Path | None:
     chosen = Path(options.skeleton)
     chosen = chosen / file if chosen.is_dir() else chosen
     if not chosen.exists():
-        raise RecordingError(f"there is no skeleton at {chosen}; leave --skeleton away or correct it")
+        raise RecordingError(f"there is no skeleton at {chosen}; correct the path or leave it away")
     return chosen
 
 
