@@ -76,13 +76,13 @@ from toolkit.retrieval.annotation.report import read_segments
 from toolkit.retrieval.index.keyframe_index import KeyframeIndex
 from toolkit.retrieval.keyframes.query import Keyframe, KeyframeQuery
 from toolkit.retrieval.keyframes.query_file import load_queries
-from toolkit.retrieval.priors.marks import load_marks
 from toolkit.retrieval.search.example import Example, search_example
 from toolkit.retrieval.search.find import find
 from toolkit.retrieval.workflow.motions import tags_of
 from toolkit.runs import load_people
 from toolkit.sensing.recording import Recording
 from toolkit.simulation.furniture import read_boxes
+from toolkit.stabilising.marks import load_marks
 from toolkit.track import RunInfo, Track
 from toolkit.tracking.state import PersonState
 

@@ -29,13 +29,13 @@ from toolkit.inertial.distance import Distances, TrackError
 from toolkit.interiors.mesh import BOX_FACES
 from toolkit.mocap.choreography import MOTIONS
 from toolkit.mocap.procedural import SEATED_MOTIONS, SEATED_SUBJECT_MOTIONS, perform
-from toolkit.retrieval.priors.bridge import Bridge
-from toolkit.retrieval.priors.gaps import Gap
-from toolkit.retrieval.priors.limbs import ENTRIES
-from toolkit.retrieval.priors.marks import DISAGREEMENT
 from toolkit.sensing.camera import Camera
 from toolkit.simulation.picture import FINER, Backdrop, Drawn
 from toolkit.simulation.scene import View
+from toolkit.stabilising.bridge import Bridge
+from toolkit.stabilising.demands import DISAGREEMENT
+from toolkit.stabilising.gaps import Gap
+from toolkit.stabilising.limbs import ENTRIES
 from toolkit.stabilising.retrack import GapGuide
 from toolkit.stabilising.ways import KEPT, PRIOR_SPREAD, GapWays
 from toolkit.track import EMPTY, LOST, TRACKED, FrameResult

@@ -18,7 +18,7 @@ from toolkit.retrieval.features import places
 from toolkit.retrieval.features.grades import BLOCK, FULL, coarse, grade, importance
 from toolkit.retrieval.features.lengths import BodyLengths
 from toolkit.retrieval.features.motion import NAMED_JOINTS
-from toolkit.retrieval.features.places import LIMBS, STEPS, places_of
+from toolkit.retrieval.features.places import PLACED, STEPS, places_of
 from toolkit.retrieval.features.relational import FeatureMatrix, relational_features
 from toolkit.retrieval.index.keyframe_index import KeyframeIndex
 from toolkit.retrieval.search.example import Example, search_example
@@ -86,11 +86,11 @@ def test_the_cheapest_hits_come_first_and_the_same_motion_counts_once() -> None:
 
 
 def test_the_limb_that_an_example_moves_weighs_most() -> None:
-    moved = np.zeros((3 * len(LIMBS), 20), np.int8)
+    moved = np.zeros((3 * len(PLACED), 20), np.int8)
     assert places.importance(moved) == pytest.approx(1 / len(moved)), "nothing moves"
-    moved[3 * LIMBS.index("right_wrist") + 1] = np.linspace(-60, 60, 20)
+    moved[3 * PLACED.index("right_wrist") + 1] = np.linspace(-60, 60, 20)
     weights = places.importance(moved).reshape(-1, 3)
-    assert weights.sum() == pytest.approx(1.0) and weights[LIMBS.index("right_wrist")].sum() > 0.9
+    assert weights.sum() == pytest.approx(1.0) and weights[PLACED.index("right_wrist")].sum() > 0.9
 
 
 def test_a_grade_has_the_sign_of_its_feature_and_its_mean_is_the_coarse_one() -> None:
@@ -184,7 +184,7 @@ def test_places_of_limbs_forget_where_somebody_is_how_tall_and_which_way_they_fa
     left_wrist, root = (NAMED_JOINTS.index(name) for name in ("left_wrist", "root"))
     height = motion.joints[:, left_wrist, 1] - motion.joints[:, root, 1]
     expected = np.clip(STEPS * height / BodyLengths.of(motion).body, -FULL, FULL)
-    np.testing.assert_allclose(here[3 * LIMBS.index("left_wrist") + 1], expected, atol=0.51)
+    np.testing.assert_allclose(here[3 * PLACED.index("left_wrist") + 1], expected, atol=0.51)
 
 
 def test_mirrored_features_have_the_places_of_the_mirrored_motion() -> None:

@@ -12,7 +12,7 @@ import pytest
 
 from tests.run_helpers import write_people, write_run
 from tests.test_inertial_clock import typed
-from tests.test_retrieval_priors import BODY, classes_of, example_of
+from tests.test_stabilising_priors import BODY, classes_of, example_of
 from toolkit import skeleton
 from toolkit.body.sole import FEET, Sole
 from toolkit.database.canonical import canonicalise
@@ -25,13 +25,13 @@ from toolkit.mocap.clip import PoseClip
 from toolkit.recordings.opening import open_recording
 from toolkit.retrieval.annotation.classes import save_classes
 from toolkit.retrieval.annotation.measures import Segment
-from toolkit.retrieval.priors.allocation import Allocation, allocate
-from toolkit.retrieval.priors.expectation import Told
-from toolkit.retrieval.priors.gaps import Gap
-from toolkit.retrieval.priors.limbs import ENTRIES, LIMBS, OUTER
 from toolkit.simulation.simulate import simulate_recording
+from toolkit.stabilising.allocation import Allocation, allocate
+from toolkit.stabilising.demands import floor_of
+from toolkit.stabilising.expectation import Told
+from toolkit.stabilising.gaps import Gap
+from toolkit.stabilising.limbs import ENTRIES, LIMBS, OUTER
 from toolkit.stabilising.loop import StabiliseSettings, stabilise
-from toolkit.stabilising.marked import floor_of
 from toolkit.stabilising.source import open_source
 from toolkit.stabilising.ways import bad_frames, cheapest_path, whole_priors, widened
 from toolkit.stabilising.workflow import output_folders, stabilise_run
@@ -192,7 +192,7 @@ def test_a_label_gives_the_whole_pose_of_bad_frames_alone() -> None:
 
 
 def test_without_a_gap_nothing_changes(road: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("toolkit.retrieval.priors.gaps.HIDDEN", 0.0)
+    monkeypatch.setattr("toolkit.stabilising.gaps.HIDDEN", 0.0)
     source = open_source(road / "run")
     (only,) = stabilise(source, classes_of("semaphore"))
     assert only.track is source.track and only.gaps == ()

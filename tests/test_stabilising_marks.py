@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from tests.inertial_scenes import write_run
-from tests.test_retrieval_priors import BODY, classes_of
+from tests.test_stabilising_priors import BODY, classes_of
 from toolkit import skeleton
 from toolkit.body.sole import FEET, Sole
 from toolkit.errors import RetrievalError
@@ -18,11 +18,13 @@ from toolkit.fitting.priors import ResidualTerm
 from toolkit.retrieval.annotation.annotator import MotionClass
 from toolkit.retrieval.features.motion import from_poses
 from toolkit.retrieval.features.relational import FEATURES, native_features
-from toolkit.retrieval.priors.allocation import Allocation
-from toolkit.retrieval.priors.limbs import ENTRIES, LIMBS_OF_FEATURE
-from toolkit.retrieval.priors.marks import (
+from toolkit.retrieval.templates import WILDCARD, QuantisedTemplate
+from toolkit.stabilising.allocation import Allocation
+from toolkit.stabilising.demands import Demands, floor_term
+from toolkit.stabilising.limbs import ENTRIES, LIMBS_OF_FEATURE
+from toolkit.stabilising.loop import Round, best_round
+from toolkit.stabilising.marks import (
     DEMANDED,
-    Demands,
     Mark,
     load_marks,
     marks_of,
@@ -30,9 +32,6 @@ from toolkit.retrieval.priors.marks import (
     rests,
     tracking_priors,
 )
-from toolkit.retrieval.templates import WILDCARD, QuantisedTemplate
-from toolkit.stabilising.loop import Round, best_round
-from toolkit.stabilising.marked import floor_term
 from toolkit.track import RunInfo
 
 STANDING = np.zeros(skeleton.POSE_SIZE)
@@ -98,7 +97,7 @@ def test_marks_go_to_the_frames_that_were_aligned_with_their_columns():
 @pytest.mark.parametrize("number", DEMANDED)
 @pytest.mark.parametrize("value", (0, 1))
 def test_a_demand_is_the_gradient_of_its_energy_and_holds_where_the_feature_does(monkeypatch, number, value):
-    monkeypatch.setattr("toolkit.retrieval.priors.marks.SIGMA", 1.0)
+    monkeypatch.setattr("toolkit.stabilising.demands.SIGMA", 1.0)
     limb = LIMBS_OF_FEATURE[number - 1][0]
     demands, violated = Demands(BODY, STANDING[None], np.zeros(1)), 0
     for seed in range(60):

@@ -11,7 +11,7 @@ import numpy as np
 from toolkit.errors import InertialError, UsageError
 from toolkit.inertial.calibration import Calibration
 from toolkit.inertial.distance import THRESHOLD, Distances, TrackError, distances, errors_of, runs_above
-from toolkit.inertial.limbs import LIMBS
+from toolkit.inertial.limbs import PARTS
 from toolkit.inertial.stream import Sensors
 from toolkit.inertial.synchronise import SyncSettings
 from toolkit.inertial.workflow import checked_take, paired
@@ -149,10 +149,10 @@ def read_truth(path: str | Path) -> list[tuple[str, Segment]]:
             segment = Segment(float(row["start"]), float(row["end"]), row["limb"].strip())
         except (KeyError, TypeError, ValueError, AttributeError):
             raise InertialError(f"{file.name}, line {line}: expected limb, start and end, got {row}") from None
-        if segment.label not in LIMBS or not segment.start < segment.end:
+        if segment.label not in PARTS or not segment.start < segment.end:
             raise InertialError(
                 f"{file.name}, line {line}: {segment.label!r} from {segment.start:g} to {segment.end:g} s is no error "
-                f"of a part of the body; the parts are {', '.join(LIMBS)}"
+                f"of a part of the body; the parts are {', '.join(PARTS)}"
             )
         found.append(((row.get("run") or "").strip(), segment))
     return found

@@ -19,7 +19,7 @@ _PAIRED = {
     "thigh": ("hip", "knee"), "shin": ("knee", "ankle"), "foot": ("ankle", "foot"),
 }  # fmt: skip
 
-LIMBS: dict[str, tuple[str, str]] = {
+PARTS: dict[str, tuple[str, str]] = {
     **_CENTRAL,
     **{f"{s}_{limb}": (f"{s}_{a}", f"{s}_{b}") for s in ("left", "right") for limb, (a, b) in _PAIRED.items()},
 }
@@ -34,19 +34,19 @@ def joint_of(limb: str) -> int:
     InertialError
         There is no such part.
     """
-    if limb not in LIMBS:
-        raise InertialError(f"no part of the body is called {limb!r}; a sensor sits on one of: {', '.join(LIMBS)}")
-    return skeleton.JOINT_NAMES.index(LIMBS[limb][0])
+    if limb not in PARTS:
+        raise InertialError(f"no part of the body is called {limb!r}; a sensor sits on one of: {', '.join(PARTS)}")
+    return skeleton.JOINT_NAMES.index(PARTS[limb][0])
 
 
 def bone_axis(limb: str) -> np.ndarray:
     """Unit vector (3,) along the part's bone in its own frame."""
-    return np.eye(3)[BONE_AXIS[LIMBS[limb][0].removeprefix("left_").removeprefix("right_")]]
+    return np.eye(3)[BONE_AXIS[PARTS[limb][0].removeprefix("left_").removeprefix("right_")]]
 
 
 def bone_vector(body: Body, limb: str) -> np.ndarray:
     """From the joint of a part of the body to its other end at rest: float64 (3,), metres."""
-    start, stop = LIMBS[limb]
+    start, stop = PARTS[limb]
     points = dict(zip(skeleton.JOINT_NAMES, body.joints, strict=True))
     points.update(zip((name for name, _ in skeleton.SITES), body.sites, strict=True))
     return points[stop] - points[start]

@@ -7,7 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from toolkit.errors import InertialError
-from toolkit.inertial.limbs import LIMBS
+from toolkit.inertial.limbs import PARTS
 from toolkit.inertial.stream import Sensors, SensorStream
 from toolkit.plain import read_yaml
 
@@ -28,15 +28,15 @@ _PARTS = {
 def limb_named(name: str) -> str | None:
     """The part of the body that a foreign name means (`R_LowArm`, `RightForeArm`, `femur_r_imu`), or None."""
     text = name.strip().lower().removesuffix("_imu")
-    if text in LIMBS:
+    if text in PARTS:
         return text
     for mark, side in _SIDES.items():
         for rest in (text.removeprefix(f"{mark}_"), text.removesuffix(f"_{mark}"), text.removeprefix(side)):
             part = _PARTS.get(rest.strip("_"))
-            if rest != text and part is not None and f"{side}_{part}" in LIMBS:
+            if rest != text and part is not None and f"{side}_{part}" in PARTS:
                 return f"{side}_{part}"
     part = _PARTS.get(text)
-    return part if part in LIMBS else None
+    return part if part in PARTS else None
 
 
 def load_placement(path: str | Path) -> dict[str, str]:
@@ -60,8 +60,8 @@ def check_limbs(limbs: Iterable[str]) -> None:
     """Raise InertialError for a part of the body that does not exist or is named twice."""
     seen: set[str] = set()
     for limb in limbs:
-        if limb not in LIMBS:
-            raise InertialError(f"no part of the body is called {limb!r}; a sensor sits on one of: {', '.join(LIMBS)}")
+        if limb not in PARTS:
+            raise InertialError(f"no part of the body is called {limb!r}; a sensor sits on one of: {', '.join(PARTS)}")
         if limb in seen:
             raise InertialError(f"two sensors are placed on {limb}; every part of the body carries one")
         seen.add(limb)

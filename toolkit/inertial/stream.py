@@ -39,7 +39,7 @@ class SensorStream:
 
     Attributes
     ----------
-    name : the part of the body that carries it, out of `limbs.LIMBS`; before placement the device's id
+    name : the part of the body that carries it, out of `limbs.PARTS`; before placement the device's id
     times : float64 (N,), seconds, rising strictly
     rotations : float64 (N, 4) or None, sensor to inertial world
     gyro : float64 (N, 3) or None, rad/s in the sensor's frame

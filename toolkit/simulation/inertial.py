@@ -141,7 +141,7 @@ def simulate_sensors(
     body : who carries them
     poses : float64 (T, P), any frame with y up; the camera's level frame if offsets shall mean that
     frame_rate : poses a second
-    limbs : out of `limbs.LIMBS`
+    limbs : out of `limbs.PARTS`
     noise : name out of `NOISE`, or the flaws themselves
     seed : of everything random: offsets, clock and noise
     start : time of the first pose on the camera's clock, seconds

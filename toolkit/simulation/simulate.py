@@ -80,7 +80,7 @@ class Shot:
     seed : of the sensor's noise, of how a person sits, and of what is seen in colour
     color : whether it holds colour, registered to the depth, of people in a room
     skinning : how skin follows the joints: "linear" blending, or "dual" quaternions, which keep the volume of a twist
-    inertial : parts of the first person's body that carry inertial sensors, out of `limbs.LIMBS`
+    inertial : parts of the first person's body that carry inertial sensors, out of `limbs.PARTS`
     inertial_noise : their flaws, a name out of `inertial.NOISE`
 
     Raises

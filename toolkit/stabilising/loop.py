@@ -18,13 +18,13 @@ from toolkit.retrieval.annotation.class_motion import ANGLES
 from toolkit.retrieval.annotation.measures import Segment, frame_scores, label_frames
 from toolkit.retrieval.features.motion import frame_rate_of, from_poses
 from toolkit.retrieval.features.relational import FEATURE_RATE, FeatureMatrix, relational_features
-from toolkit.retrieval.priors.allocation import allocate, unknown_rows
-from toolkit.retrieval.priors.expectation import Told
-from toolkit.retrieval.priors.gaps import Gap, find_gaps
-from toolkit.retrieval.priors.limbs import OUTER
-from toolkit.retrieval.priors.marks import Marks, marks_of_classes, tracking_priors
 from toolkit.spans import spans
-from toolkit.stabilising.marked import FloorHeight, floor_of, marked_terms
+from toolkit.stabilising.allocation import allocate, unknown_rows
+from toolkit.stabilising.demands import FloorHeight, floor_of, marked_terms
+from toolkit.stabilising.expectation import Told
+from toolkit.stabilising.gaps import Gap, find_gaps
+from toolkit.stabilising.limbs import OUTER
+from toolkit.stabilising.marks import Marks, marks_of_classes, tracking_priors
 from toolkit.stabilising.retrack import GapGuide, Retracked, retrack
 from toolkit.stabilising.source import Source
 from toolkit.stabilising.ways import (

@@ -14,10 +14,10 @@ from toolkit.evaluation.joints import frame_errors, joint_errors
 from toolkit.files import save_bytes, save_text
 from toolkit.names import shown
 from toolkit.pages import page, picture, png_of, table
-from toolkit.retrieval.priors.limbs import LIMBS, OUTER
-from toolkit.retrieval.priors.marks import USED
 from toolkit.spans import spans
+from toolkit.stabilising.limbs import LIMBS, OUTER
 from toolkit.stabilising.loop import Round
+from toolkit.stabilising.marks import USED
 from toolkit.stabilising.source import Source
 from toolkit.stabilising.ways import KEPT
 from toolkit.track import Track

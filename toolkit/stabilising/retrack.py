@@ -11,8 +11,8 @@ import numpy as np
 from toolkit.fitting.priors import GaussianPrior, LimbPrior, PoseTerm, ResidualTerm
 from toolkit.people.survey import find_person
 from toolkit.progress import Count
-from toolkit.retrieval.priors.limbs import OUTER
-from toolkit.stabilising.marked import contradiction
+from toolkit.stabilising.demands import contradiction
+from toolkit.stabilising.limbs import OUTER
 from toolkit.stabilising.source import Source
 from toolkit.stabilising.ways import AGAIN, PRIOR_SPREAD, PRIOR_WEIGHT, GapWays
 from toolkit.track import FrameResult

@@ -9,11 +9,11 @@ import numpy as np
 
 from toolkit.fitting.priors import SPREAD, GaussianPrior
 from toolkit.kernels import linear
-from toolkit.retrieval.priors.allocation import Allocation
-from toolkit.retrieval.priors.bridge import Bridge
-from toolkit.retrieval.priors.expectation import ROOT, Told, fill
-from toolkit.retrieval.priors.gaps import JOINED, Gap
-from toolkit.retrieval.priors.limbs import ENTRIES, LIMBS
+from toolkit.stabilising.allocation import Allocation
+from toolkit.stabilising.bridge import Bridge
+from toolkit.stabilising.expectation import ROOT, Told, fill
+from toolkit.stabilising.gaps import JOINED, Gap
+from toolkit.stabilising.limbs import ENTRIES, LIMBS
 
 KEPT, AGAIN, STRAIGHT = "track", "tracked again", "interpolation"
 MOST = 3

@@ -15,10 +15,10 @@ from toolkit.retrieval.annotation.annotator import MotionClass
 from toolkit.retrieval.annotation.classes import load_classes
 from toolkit.retrieval.annotation.measures import Segment
 from toolkit.retrieval.annotation.report import REPORT_FILES, read_segments, write_report
-from toolkit.retrieval.priors.marks import load_marks
 from toolkit.retrieval.templates import WILDCARD
+from toolkit.stabilising.demands import floor_of
 from toolkit.stabilising.loop import Round, StabiliseSettings, best_round, stabilise
-from toolkit.stabilising.marked import floor_of
+from toolkit.stabilising.marks import load_marks
 from toolkit.stabilising.page import write_page
 from toolkit.stabilising.source import Source, open_source
 from toolkit.track import RUN_FILE, TRACK_FILE

@@ -12,7 +12,7 @@ from toolkit.errors import InertialError
 from toolkit.fitting.orientation import Evidence, OrientationSettings, OrientationTerm
 from toolkit.fitting.priors import PoseTerm
 from toolkit.inertial.calibration import Calibration, TakeClock
-from toolkit.inertial.limbs import LIMBS, joint_of
+from toolkit.inertial.limbs import PARTS, joint_of
 from toolkit.inertial.stream import Sensors, SensorStream
 from toolkit.rotations import quaternions as quat
 
@@ -94,7 +94,7 @@ class InertialGuide(NoGuide):
 
     def _term(self, limb: str, rotation: np.ndarray) -> OrientationTerm:
         s = self._settings
-        kind = LIMBS[limb][0].removeprefix("left_").removeprefix("right_")
+        kind = PARTS[limb][0].removeprefix("left_").removeprefix("right_")
         axis = BONE_AXIS[kind] if kind in TWISTLESS else -1
         return OrientationTerm(joint_of(limb), rotation, axis, s.weight, s.sigma, s.disagreement / len(self._parts))
 

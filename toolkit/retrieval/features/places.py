@@ -12,9 +12,9 @@ from toolkit.retrieval.features.grades import FULL
 from toolkit.retrieval.features.lengths import BodyLengths
 from toolkit.retrieval.features.motion import NAMED_JOINTS, SIDES, Motion
 
-LIMBS: tuple[str, ...] = tuple(f"{side}_{joint}" for side in SIDES for joint in ("elbow", "wrist", "knee", "ankle"))
+PLACED: tuple[str, ...] = tuple(f"{side}_{joint}" for side in SIDES for joint in ("elbow", "wrist", "knee", "ankle"))
 """The joints, three rows (x, y, z) each."""
-ROWS = 3 * len(LIMBS)
+ROWS = 3 * len(PLACED)
 STEPS = 200.0
 """Steps of a place per body length: an outstretched arm, 0.6 of it, still fits into `FULL`."""
 SPREADS: np.ndarray = np.array([35, 50, 41, 58, 35, 50, 41, 58], dtype=np.float64)
@@ -24,7 +24,7 @@ IDLE_WEIGHT = 0.01
 """Weight of a limb that an example holds still, against 1 for one that it moves as much as is usual: next to nothing,
 for how a person holds an idle arm is their own."""
 
-_CHOSEN = np.array([NAMED_JOINTS.index(name) for name in LIMBS])
+_CHOSEN = np.array([NAMED_JOINTS.index(name) for name in PLACED])
 _LEFT, _RIGHT, _ROOT = (NAMED_JOINTS.index(name) for name in ("left_hip", "right_hip", "root"))
 
 

@@ -1,7 +1,7 @@
 """MT priors: entries of motion templates that say what a limb does, and what becomes of them in a track (thesis 6.4.1).
 
-Runs of equal entries of a template are marked by themselves; a file may mark others. Used is what can be demanded of
-single poses: bent and abducted joints, hands above the neck and lowered, feet behind and before each other, and feet
+Stretches of equal entries of a template are marked by themselves; a file may mark others. Used is what can be demanded
+of single poses: bent and abducted joints, hands above the neck and lowered, feet behind and before each other, and feet
 that rest; and that a hand moves to the front, of a pose and the place of that hand shortly before.
 """
 
@@ -14,17 +14,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from toolkit.body.body import Body
 from toolkit.errors import RetrievalError
-from toolkit.fitting.priors import ResidualTerm
 from toolkit.plain import read_yaml
 from toolkit.retrieval.annotation.annotator import MotionClass
-from toolkit.retrieval.features.frames import FrameFeatures
-from toolkit.retrieval.features.relational import FEATURE_RATE, FEATURES
-from toolkit.retrieval.priors.allocation import Allocation
-from toolkit.retrieval.priors.limbs import ENTRIES, LIMBS_OF_FEATURE
+from toolkit.retrieval.features.relational import FEATURES
 from toolkit.retrieval.templates import WILDCARD, QuantisedTemplate
 from toolkit.spans import spans
+from toolkit.stabilising.allocation import Allocation
 from toolkit.typed import TypedReader
 
 DEMANDED = (3, 4, 7, 8, 15, 16, 20, 21, 27, 28, 29, 30, 33, 34)
@@ -34,8 +30,6 @@ FORWARDS = (1, 2)
 """Numbers of the features that are 1 where a hand moves to the front."""
 ASKED = (*FORWARDS, 15, 16)
 """Numbers of the features that are marked by a file only: what they gain unasked is not measured."""
-BEFORE = 0.125
-"""Seconds over which a hand has to move: half of what the velocity of these features is averaged over."""
 RESTING: dict[str, tuple[int, int]] = {"right_leg": (17, 25), "left_leg": (18, 26)}
 """Leg -> the features that are 0 where its foot rests: raised, and fast."""
 USED: tuple[int, ...] = tuple(sorted({*DEMANDED, *FORWARDS, *(number for pair in RESTING.values() for number in pair)}))
@@ -45,12 +39,6 @@ HINT = "write lines such as `kick: [{feature: 26, value: 0, columns: [22, 58]}]`
 
 SHORTEST = 5
 """Columns of equal entries that are marked by themselves."""
-WEIGHT, SIGMA = 1.0, 0.1
-"""Of one demand against one correspondence, and metres, the scale of its Geman-McClure weight."""
-LEVER = 0.15
-"""Metres that a radian beyond the bound of an angle counts as: half a forearm."""
-DISAGREEMENT = 0.001
-"""Metres by which a pose that contradicts one demand altogether is farther from its frame."""
 
 
 class Mark(NamedTuple):
@@ -143,52 +131,3 @@ def tracking_priors(allocation: Allocation, classes: Sequence[MotionClass], mark
 def rests(priors: np.ndarray, leg: str) -> np.ndarray:
     """Bool (T,): frames in which tracking priors (40, T) say that the foot of a leg rests."""
     return np.asarray((priors[[number - 1 for number in RESTING[leg]]] == 0).all(axis=0))
-
-
-class Demands:
-    """Terms that hold a limb of one body to what is marked of it.
-
-    Parameters
-    ----------
-    body : whose poses are fitted
-    poses, times : float64 (T, P) and (T,), seconds, the track so far; lengths are measured in its first frame, as
-        features do it
-    """
-
-    def __init__(self, body: Body, poses: np.ndarray, times: np.ndarray) -> None:
-        self._poses, self._times = poses, times
-        self._features = FrameFeatures(body, FEATURE_RATE)
-        self._features.measure(self._features.joints(poses[0])[0])
-
-    def term(self, limb: str, priors: np.ndarray, frame: int) -> ResidualTerm | None:
-        """How far a limb is beyond what tracking priors (40,) of one frame demand; None where they say nothing of it.
-
-        A feature that is 1 demands its loose threshold, one that is 0 that its strict one is not passed. A hand that
-        moves to the front is at least so far before its place in the track `BEFORE` that frame as its loose velocity
-        takes it meanwhile; one that does not is free.
-        """
-        before = int(np.searchsorted(self._times, self._times[frame] - BEFORE - 1e-6))
-        seconds = float(self._times[frame] - self._times[before])
-        wanted = [number for number in DEMANDED if priors[number - 1] >= 0]
-        wanted += [number for number in FORWARDS if priors[number - 1] == 1 and seconds > 0.0]
-        rows = np.array([n - 1 for n in wanted if limb in LIMBS_OF_FEATURE[n - 1]], dtype=np.int64)
-        if not len(rows):
-            return None
-        on = priors[rows] == 1
-        bounds = np.where(on, self._features.loose[rows], self._features.strict[rows])
-        rising = np.array([FEATURES[row].test.startswith(">") for row in rows])
-        sides = np.where(on == rising, -1.0, 1.0)  # -1: at least the bound, 1: at most
-        degrees = np.array([FEATURES[row].unit == "deg" for row in rows])
-        scales = sides * np.where(degrees, np.radians(1.0) * LEVER, 1.0)
-        moving = np.isin(rows + 1, FORWARDS)
-        scales[moving] *= seconds
-        # In a motion of two frames every velocity is their difference, as far apart as two columns of features are.
-        rates = np.where(moving, 1.0 / (FEATURE_RATE * seconds) if seconds else 0.0, 1.0)
-        earlier = self._features.joints(self._poses[before])
-
-        def residuals(pose: np.ndarray) -> np.ndarray:
-            joints, axes = (np.stack(pair) for pair in zip(earlier, self._features.joints(pose), strict=True))
-            values = self._features.quantities(joints, axes, 1, rows)
-            return np.maximum(scales * (rates * values - bounds), 0.0)
-
-        return ResidualTerm(WEIGHT, SIGMA, ENTRIES[limb], residuals)

@@ -11,8 +11,8 @@ from toolkit.errors import RetrievalError
 from toolkit.retrieval.annotation.annotator import MotionClass
 from toolkit.retrieval.annotation.measures import Segment
 from toolkit.retrieval.features.relational import FeatureMatrix
-from toolkit.retrieval.priors.limbs import ROWS_OF_LIMB
 from toolkit.retrieval.templates import QuantisedTemplate
+from toolkit.stabilising.limbs import ROWS_OF_LIMB
 
 SLACK = 0.2
 """Share of a segment at its end in which an alignment may end: labels are widened beyond the hit."""

@@ -12,10 +12,10 @@ from toolkit import skeleton
 from toolkit.kernels import linear
 from toolkit.retrieval.annotation.annotator import MotionClass
 from toolkit.retrieval.annotation.class_motion import ANGLES
-from toolkit.retrieval.priors.allocation import Allocation
-from toolkit.retrieval.priors.bridge import Bridge, End, bridge
-from toolkit.retrieval.priors.gaps import Gap
-from toolkit.retrieval.priors.limbs import ENTRIES, LIMBS
+from toolkit.stabilising.allocation import Allocation
+from toolkit.stabilising.bridge import Bridge, End, bridge
+from toolkit.stabilising.gaps import Gap
+from toolkit.stabilising.limbs import ENTRIES, LIMBS
 
 ROOT = skeleton.POSE_SIZE - (ANGLES.stop - ANGLES.start)
 """Entries of a pose before its joint angles."""

@@ -12,14 +12,73 @@ from toolkit.body.sole import FEET, Sole
 from toolkit.errors import RecordingError
 from toolkit.fitting.priors import ResidualTerm
 from toolkit.people.up import find_vertical
-from toolkit.retrieval.priors.expectation import Told
-from toolkit.retrieval.priors.limbs import ENTRIES, LIMBS
-from toolkit.retrieval.priors.marks import DISAGREEMENT, SIGMA, WEIGHT, Demands, rests
+from toolkit.retrieval.features.frames import FrameFeatures
+from toolkit.retrieval.features.relational import FEATURE_RATE, FEATURES
 from toolkit.spans import spans
+from toolkit.stabilising.expectation import Told
+from toolkit.stabilising.limbs import ENTRIES, LIMBS, LIMBS_OF_FEATURE
+from toolkit.stabilising.marks import DEMANDED, FORWARDS, rests
 from toolkit.stabilising.source import Source
 
 SOLES = 0.05
 """Share of the tracked soles that may lie below the floor where none is seen."""
+BEFORE = 0.125
+"""Seconds over which a hand has to move: half of what the velocity of these features is averaged over."""
+WEIGHT, SIGMA = 1.0, 0.1
+"""Of one demand against one correspondence, and metres, the scale of its Geman-McClure weight."""
+LEVER = 0.15
+"""Metres that a radian beyond the bound of an angle counts as: half a forearm."""
+DISAGREEMENT = 0.001
+"""Metres by which a pose that contradicts one demand altogether is farther from its frame."""
+
+
+class Demands:
+    """Terms that hold a limb of one body to what is marked of it.
+
+    Parameters
+    ----------
+    body : whose poses are fitted
+    poses, times : float64 (T, P) and (T,), seconds, the track so far; lengths are measured in its first frame, as
+        features do it
+    """
+
+    def __init__(self, body: Body, poses: np.ndarray, times: np.ndarray) -> None:
+        self._poses, self._times = poses, times
+        self._features = FrameFeatures(body, FEATURE_RATE)
+        self._features.measure(self._features.joints(poses[0])[0])
+
+    def term(self, limb: str, priors: np.ndarray, frame: int) -> ResidualTerm | None:
+        """How far a limb is beyond what tracking priors (40,) of one frame demand; None where they say nothing of it.
+
+        A feature that is 1 demands its loose threshold, one that is 0 that its strict one is not passed. A hand that
+        moves to the front is at least so far before its place in the track `BEFORE` that frame as its loose velocity
+        takes it meanwhile; one that does not is free.
+        """
+        before = int(np.searchsorted(self._times, self._times[frame] - BEFORE - 1e-6))
+        seconds = float(self._times[frame] - self._times[before])
+        wanted = [number for number in DEMANDED if priors[number - 1] >= 0]
+        wanted += [number for number in FORWARDS if priors[number - 1] == 1 and seconds > 0.0]
+        rows = np.array([n - 1 for n in wanted if limb in LIMBS_OF_FEATURE[n - 1]], dtype=np.int64)
+        if not len(rows):
+            return None
+        on = priors[rows] == 1
+        bounds = np.where(on, self._features.loose[rows], self._features.strict[rows])
+        rising = np.array([FEATURES[row].test.startswith(">") for row in rows])
+        sides = np.where(on == rising, -1.0, 1.0)  # -1: at least the bound, 1: at most
+        degrees = np.array([FEATURES[row].unit == "deg" for row in rows])
+        scales = sides * np.where(degrees, np.radians(1.0) * LEVER, 1.0)
+        moving = np.isin(rows + 1, FORWARDS)
+        scales[moving] *= seconds
+        # In a motion of two frames every velocity is their difference, as far apart as two columns of features are.
+        rates = np.where(moving, 1.0 / (FEATURE_RATE * seconds) if seconds else 0.0, 1.0)
+        earlier = self._features.joints(self._poses[before])
+
+        def residuals(pose: np.ndarray) -> np.ndarray:
+            joints, axes = (np.stack(pair) for pair in zip(earlier, self._features.joints(pose), strict=True))
+            values = self._features.quantities(joints, axes, 1, rows)
+            return np.maximum(scales * (rates * values - bounds), 0.0)
+
+        return ResidualTerm(WEIGHT, SIGMA, ENTRIES[limb], residuals)
 
 
 class FloorHeight(NamedTuple):

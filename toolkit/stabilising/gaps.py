@@ -6,8 +6,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from toolkit.retrieval.priors.limbs import LIMBS, OUTER
 from toolkit.spans import spans
+from toolkit.stabilising.limbs import LIMBS, OUTER
 
 
 class Gap(NamedTuple):
