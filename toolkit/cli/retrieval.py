@@ -175,9 +175,9 @@ def _show(report: SearchReport, limit: int) -> None:
     from toolkit.cli.terminal import print_table
 
     title = f"{report.label or 'query'}: {len(report.matches)} results"
-    if not report.ranked:
+    ranked = report.share is None
+    if report.share is not None:
         title += f", {100 * report.share:.1f} % of the data"
-    ranked = report.ranked
     table = Table("motion", "from", "to", *(["cost"] if ranked else []), title=title, title_justify="left")
     for match in report.matches[:limit]:
         cost = [f"{match.cost:.3f}"] if ranked else []

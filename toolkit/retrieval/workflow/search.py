@@ -72,14 +72,12 @@ class SearchReport:
     ----------
     label : of the query
     matches : the results, cheapest first; hits of keyframes cost 0
-    ranked : whether the results have costs
-    share : part of all frames that they hold
+    share : part of all frames that hits of keyframes hold; None of results that are ranked by their costs
     """
 
     label: str
     matches: tuple[Match, ...]
-    ranked: bool
-    share: float
+    share: float | None = None
 
 
 def by_keyframes(index: KeyframeIndex, queries: Sequence[KeyframeQuery]) -> list[SearchReport]:
@@ -89,7 +87,7 @@ def by_keyframes(index: KeyframeIndex, queries: Sequence[KeyframeQuery]) -> list
         found = HitRanges.union([find(index, query) for query in queries if query.label == label])
         ranges = zip(found.documents, found.starts, found.stops, strict=True)
         matches = tuple(Match(index.names[d], a / FEATURE_RATE, b / FEATURE_RATE, 0.0) for d, a, b in ranges)
-        reports.append(SearchReport(label, matches, False, found.frames / index.frames))
+        reports.append(SearchReport(label, matches, found.frames / index.frames))
     return reports
 
 
@@ -104,7 +102,7 @@ def by_example(
         The example is too short or too long, or longer than any document allows.
     """
     matches = search_example(index, Example.of(example), limit, threshold)
-    return SearchReport(example.name, tuple(matches), True, 1.0)
+    return SearchReport(example.name, tuple(matches))
 
 
 def by_class(
@@ -144,8 +142,7 @@ def by_class(
             for k in np.argsort(doubts, kind="stable")
             if doubts[k] <= doubt
         ]  # fmt: skip
-        share = sum(match.end - match.start for match in matches) / index.duration
-        reports.append(SearchReport(label, tuple(matches), True, share))
+        reports.append(SearchReport(label, tuple(matches)))
     return reports
 
 
