@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import shutil
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -14,6 +15,7 @@ from database_builder.regressor import RegressorSettings
 from toolkit.body.body import Body
 from toolkit.config import load_settings
 from toolkit.database.database import PoseDatabase
+from toolkit.errors import DepthMocapError
 from toolkit.evaluation.scores import RunScores
 from toolkit.fitting.objective import Objective
 from toolkit.fitting.refiner import Refiner
@@ -22,13 +24,17 @@ from toolkit.hybrid.settings import HybridSettings
 from toolkit.hybrid.tracker import HybridTracker
 from toolkit.kernels import linear
 from toolkit.people.sighting import Sighting
+from toolkit.pipeline import track_recording
+from toolkit.pipeline.joints import JointChoice
 from toolkit.qammaz.tracker import SwarmTrackerSettings
+from toolkit.recordings.opening import open_upright
 from toolkit.sensing.camera import Camera
 from toolkit.testing.suite import LONGEST, WORK, database
 from toolkit.track import FrameResult
 from toolkit.tracking.clock import StageClock
 from toolkit.tracking.follower import Follower
 from toolkit.tracking.observation import Observation
+from toolkit.tracking.protocol import Tracker
 from toolkit.tracking.search.local import LocalSearch
 from toolkit.tracking.search.lookup import DatabaseLookup
 from toolkit.tracking.search.protocol import NOTHING, Proposal, ScoredHypothesis, Search
@@ -216,3 +222,31 @@ def add_database_options(parser: argparse.ArgumentParser) -> None:
 def poses_of(options: argparse.Namespace) -> Path:
     """The database that was asked for; the suite's own is made if it is not there yet."""
     return options.database or database(options.work, options.threshold, RegressorSettings(images=options.images))
+
+
+def track_each(
+    runs: Mapping[Path, tuple[Path, Mapping[str, Any]]],
+    tracker: Tracker,
+    *,
+    people: int | None = 1,
+    joints: JointChoice | None = None,
+) -> dict[Path, str]:
+    """Track recordings into their run folders, which are made anew; why those failed that did, by run folder.
+
+    Parameters
+    ----------
+    runs : run folder -> the recording, and options of its reader
+    tracker, people, joints : as of `track_recording`
+    """
+    failed = {}
+    for i, (run, (path, options)) in enumerate(runs.items()):
+        shutil.rmtree(run, ignore_errors=True)
+        try:
+            recording = open_upright(path, **options)
+            if track_recording(recording, tracker, run, people=people, joints=joints, warm_up=i == 0).interrupted:
+                raise SystemExit(f"stopped in {path.name}")
+        except DepthMocapError as error:
+            failed[run] = str(error)
+        print(f"\r{i + 1} of {len(runs)} tracked", end="", flush=True)
+    print()
+    return failed

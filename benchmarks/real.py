@@ -14,7 +14,6 @@
 from __future__ import annotations
 
 import argparse
-import shutil
 from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
@@ -32,19 +31,18 @@ from benchmarks._rows import (
     poses_of,
     settings_of,
     swarm_settings,
+    track_each,
 )
 from toolkit import skeleton
 from toolkit.config import parse_overrides
 from toolkit.database.database import PoseDatabase
 from toolkit.database.default import DEFAULT_DATABASE
-from toolkit.errors import DepthMocapError
 from toolkit.evaluation.agreement import torso_frames
 from toolkit.evaluation.evaluate import evaluate_runs
 from toolkit.evaluation.extrema import BONES, OWNERS
 from toolkit.evaluation.scores import EvaluationTable
-from toolkit.pipeline import track_recording
 from toolkit.qammaz.tracker import SwarmTracker
-from toolkit.recordings.opening import open_recording, open_upright
+from toolkit.recordings.opening import open_recording
 from toolkit.retrieval.features.motion import from_track
 from toolkit.retrieval.features.relational import FEATURES, relational_features
 from toolkit.skeleton import END_EFFECTORS
@@ -104,7 +102,6 @@ def fast_share(runs: Sequence[Path]) -> float:
 def run_row(row: str, paths: Sequence[Path], options: argparse.Namespace, overrides: dict[str, Any]) -> list[Path]:
     """Track all recordings with a tracker; its run folders in the same order."""
     output = options.work / "runs" / "real" / row.replace(" ", "_")
-    shutil.rmtree(output, ignore_errors=True)
     tracker: Tracker
     if row in SWARMS:
         tracker = SwarmTracker(swarm_settings(row, overrides))
@@ -112,13 +109,11 @@ def run_row(row: str, paths: Sequence[Path], options: argparse.Namespace, overri
         poses_path = poses_of(options)
         tracker = make_tracker(row, PoseDatabase.load(poses_path), overrides, str(poses_path))
     reader = {"frame_rate": options.frame_rate} if options.frame_rate else {}
-    runs = []
-    for path in paths:
-        try:
-            runs.append(track_recording(open_upright(path, **reader), tracker, output / path.stem).run)
-        except DepthMocapError as error:
-            print(f"{path.name} failed: {error}")
-    return runs
+    runs = {output / path.stem: (path, reader) for path in paths}
+    failed = track_each(runs, tracker)
+    for run, reason in failed.items():
+        print(f"{run.name} failed: {reason}")
+    return [run for run in runs if run not in failed]
 
 
 def print_row(row: str, table: EvaluationTable, bones: dict[str, dict[str, float]]) -> None:

@@ -13,7 +13,6 @@ import argparse
 import importlib.util
 import io
 import json
-import shutil
 from collections.abc import Sequence
 from contextlib import redirect_stdout
 from pathlib import Path
@@ -23,13 +22,12 @@ from typing import Any
 import numpy as np
 
 from benchmarks._record import save_figures
-from benchmarks._rows import add_database_options, poses_of
+from benchmarks._rows import add_database_options, poses_of, track_each
 from benchmarks.scenes import frame_picture, frame_times, tracks_of
 from toolkit.config import parse_overrides
-from toolkit.errors import DepthMocapError
-from toolkit.pipeline import load_tracker, track_recording
+from toolkit.pipeline import load_tracker
 from toolkit.pipeline.joints import JointChoice
-from toolkit.recordings.opening import open_recording, open_upright
+from toolkit.recordings.opening import open_recording
 from toolkit.rendering.film import contact_sheet, save_png
 from toolkit.testing.suite import ROOT
 from toolkit.track import Track
@@ -53,21 +51,15 @@ def scorer(rooms: Path) -> ModuleType:
 
 def track_rooms(names: Sequence[str], options: argparse.Namespace) -> tuple[dict[str, Path], dict[str, str]]:
     """Run folders of the sequences by name, and why those failed that did."""
-    tracker = load_tracker(overrides=parse_overrides(options.set), database=poses_of(options))
-    runs, failed = {}, {}
+    runs = {}
     for name in names:
         annotations = options.rooms / "annotations" / f"{name}.json"
         camera = json.loads(annotations.read_text(encoding="utf-8"))["intrinsics"]
         reader = {"intrinsics": tuple(camera), "frame_rate": RATES.get(name, 5.0)}
-        runs[name] = options.work / "runs" / "rooms" / name
-        shutil.rmtree(runs[name], ignore_errors=True)
-        try:
-            recording = open_upright(options.rooms / name, **reader)
-            track_recording(recording, tracker, runs[name], people=None, joints=JointChoice(options.joints))
-        except DepthMocapError as error:
-            failed[name] = str(error)
-        print(f"{name} tracked", flush=True)
-    return runs, failed
+        runs[options.work / "runs" / "rooms" / name] = options.rooms / name, reader
+    tracker = load_tracker(overrides=parse_overrides(options.set), database=poses_of(options))
+    failed = track_each(runs, tracker, people=None, joints=JointChoice(options.joints))
+    return {run.name: run for run in runs}, {run.name: reason for run, reason in failed.items()}
 
 
 def scored(score: ModuleType, truth: dict[str, Any], tracks: list[dict[str, Any]]) -> dict[str, Any]:

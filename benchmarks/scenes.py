@@ -15,7 +15,6 @@ Results of a part of the suite go to files ending in `_part`.
 from __future__ import annotations
 
 import argparse
-import shutil
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -23,12 +22,11 @@ from typing import Any
 import numpy as np
 
 from benchmarks._record import RESULTS, save_figures
-from benchmarks._rows import add_database_options, poses_of
+from benchmarks._rows import add_database_options, poses_of, track_each
 from toolkit.config import parse_overrides
-from toolkit.errors import DepthMocapError
-from toolkit.pipeline import load_tracker, track_recording
+from toolkit.pipeline import load_tracker
 from toolkit.pipeline.joints import JointChoice
-from toolkit.recordings.opening import open_recording, open_upright
+from toolkit.recordings.opening import open_recording
 from toolkit.rendering import style
 from toolkit.rendering.film import contact_sheet, save_png
 from toolkit.rendering.overlay import color_depth, draw_points, draw_skeleton
@@ -134,21 +132,9 @@ WORST = 12
 def track_scenes(paths: Sequence[Path], options: argparse.Namespace) -> tuple[list[Path], dict[str, str]]:
     """Run folders of all recordings, and why those failed that did."""
     tracker = load_tracker(overrides=parse_overrides(options.set), database=poses_of(options))
-    runs, failed = [], {}
-    for i, path in enumerate(paths):
-        run = options.work / "runs" / "scenes" / path.stem
-        shutil.rmtree(run, ignore_errors=True)
-        try:
-            joints = JointChoice(options.joints)
-            recording = open_upright(path)
-            if track_recording(recording, tracker, run, people=options.people, joints=joints).interrupted:
-                raise SystemExit(f"stopped in {path.name}")
-        except DepthMocapError as error:
-            failed[path.stem] = str(error)
-        runs.append(run)
-        print(f"\r{i + 1} of {len(paths)} tracked", end="", flush=True)
-    print()
-    return runs, failed
+    runs = {options.work / "runs" / "scenes" / path.stem: (path, {}) for path in paths}
+    failed = track_each(runs, tracker, people=options.people, joints=JointChoice(options.joints))
+    return list(runs), {run.name: reason for run, reason in failed.items()}
 
 
 def table(scores: dict[str, SceneScore], made_from: dict[str, Scene]) -> dict[str, dict[str, Any]]:
