@@ -21,7 +21,7 @@ def benchmarks() -> dict[str, Path]:
     return {path.stem: path for path in sorted(FOLDER.glob("*.py")) if not path.stem.startswith("_")}
 
 
-def run_benchmark(name: str, arguments: list[str]) -> None:
+def _run_benchmark(name: str, arguments: list[str]) -> None:
     """Run one benchmark script with its own arguments.
 
     Raises
@@ -51,4 +51,4 @@ def bench(
     if name in ("", "-h", "--help"):
         say("\n".join(benchmarks()) or "there is no benchmark here; run it from a checkout")
         return
-    run_benchmark(name, context.args)
+    _run_benchmark(name, context.args)

@@ -60,7 +60,7 @@ def local_differences(joints: np.ndarray, reference: np.ndarray) -> np.ndarray:
 
 def agreement(joints: np.ndarray, reference: np.ndarray) -> float:
     """Share of joints, hands and feet left out, that lie within 100 mm of the reference; NaN if none is known."""
-    return share_near(np.linalg.norm(np.asarray(joints, np.float64)[:, COMPARED] - reference[:, COMPARED], axis=-1))
+    return _share_near(np.linalg.norm(np.asarray(joints, np.float64)[:, COMPARED] - reference[:, COMPARED], axis=-1))
 
 
 def agreement_with_offsets(differences: Sequence[np.ndarray], subjects: Sequence[str | None]) -> list[float]:
@@ -75,12 +75,12 @@ def agreement_with_offsets(differences: Sequence[np.ndarray], subjects: Sequence
             medians = [np.nanmedian(np.concatenate([d[:, j] for d in others]), axis=0) for j in range(len(COMPARED))]
             offsets[subject] = np.nan_to_num(np.stack(medians))
     return [
-        share_near(np.linalg.norm(run - offsets[subject], axis=-1)) if subject in offsets else float("nan")
+        _share_near(np.linalg.norm(run - offsets[subject], axis=-1)) if subject in offsets else float("nan")
         for run, subject in zip(differences, subjects, strict=True)
     ]
 
 
-def share_near(distances: np.ndarray) -> float:
+def _share_near(distances: np.ndarray) -> float:
     """Share of the known distances, metres, that are within 100 mm; NaN if none is known."""
     known = np.isfinite(distances)
     return float((distances[known] <= NEAR).mean()) if known.any() else float("nan")

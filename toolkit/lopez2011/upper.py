@@ -64,7 +64,7 @@ class UpperBodies:
         legs = {skeleton.JOINT_NAMES.index(name) for name in skeleton.LEGS}
         trunk = {skeleton.JOINT_NAMES.index(name) for name in TRUNK}
         upper = set(range(len(skeleton.JOINT_NAMES))) - legs
-        whole = rig_of(body, upper, self._from_level)
+        whole = _rig_of(body, upper, self._from_level)
         balls = balls_of(body)
         rows = np.flatnonzero(~np.isin(balls.joint, sorted(legs)))
         place = np.full(len(balls.joint), -1)
@@ -75,14 +75,14 @@ class UpperBodies:
         return UpperBody(
             body=body,
             whole=whole,
-            trunk=rig_of(body, trunk, self._from_level),
+            trunk=_rig_of(body, trunk, self._from_level),
             arms=(left, right),
             of_arm=(of_arm[0], of_arm[1]),
             apart=apart[(apart >= 0).all(axis=1)],
         )
 
 
-def rig_of(body: Body, joints: Collection[int], from_level: np.ndarray) -> Rig:
+def _rig_of(body: Body, joints: Collection[int], from_level: np.ndarray) -> Rig:
     """The drawn part of a body, skinned mostly to `joints`; the balls are those of the whole upper body."""
     drawn = np.isin(body.part, sorted(joints))
     faces = body.faces[drawn[body.faces].all(axis=1)]

@@ -120,7 +120,7 @@ class Clip:
         """The clip at `rate` frames a second: rotations by slerp, positions linearly between neighbouring frames."""
         if not rate > 0:
             raise MocapError(f"a clip cannot be resampled to {rate} frames a second; use a positive rate")
-        times = sample_times(len(self), self.frame_rate, rate)
+        times = _sample_times(len(self), self.frame_rate, rate)
         low, weight = _neighbours(times * self.frame_rate, len(self))
         blend = weight[:, None]
         moved = None
@@ -191,12 +191,12 @@ class PoseClip:
 
     def every(self, rate: float) -> PoseClip:
         """The nearest whole frames at about `rate` frames a second (never more than there are)."""
-        times = sample_times(len(self), self.frame_rate, min(rate, self.frame_rate))
+        times = _sample_times(len(self), self.frame_rate, min(rate, self.frame_rate))
         rows = np.round(times * self.frame_rate).astype(np.int64)
         return replace(self, poses=self.poses[rows], frame_rate=min(float(rate), self.frame_rate))
 
 
-def sample_times(frames: int, rate: float, new_rate: float) -> np.ndarray:
+def _sample_times(frames: int, rate: float, new_rate: float) -> np.ndarray:
     """Times (seconds from the first frame) at `new_rate` within `frames` frames at `rate`."""
     count = int(np.floor((frames - 1) / rate * new_rate + 1e-9)) + 1
     return np.arange(count) / new_rate

@@ -44,10 +44,10 @@ class Source:
 
     @staticmethod
     def of(clip: Clip, rig: Rig) -> Source:
-        """Read a clip through a joint map, without its leading calibration frames; raises RigError (`rest_axes`)."""
-        axes = rest_axes(clip, rig)
+        """Read a clip through a joint map, without its leading calibration frames; raises RigError (`_rest_axes`)."""
+        axes = _rest_axes(clip, rig)
         placed, turned = clip.world()
-        upright = upright_world(turned[:, clip.index(rig.joints["root"])], axes[:, 1])
+        upright = _upright_world(turned[:, clip.index(rig.joints["root"])], axes[:, 1])
         source = Source({}, {}, {})
         for key, joint in rig.joints.items():
             j = clip.index(joint)
@@ -101,7 +101,7 @@ class Source:
         )
 
 
-def rest_axes(clip: Clip, rig: Rig) -> np.ndarray:
+def _rest_axes(clip: Clip, rig: Rig) -> np.ndarray:
     """Columns left, up and forward of the rest pose, along the axes of the file: a rotation (3, 3) from the body frame.
 
     Raises
@@ -127,7 +127,7 @@ def rest_axes(clip: Clip, rig: Rig) -> np.ndarray:
     return np.stack([left, up, np.cross(left, up)], axis=1)
 
 
-def upright_world(root_rotations: np.ndarray, up_at_rest: np.ndarray) -> np.ndarray:
+def _upright_world(root_rotations: np.ndarray, up_at_rest: np.ndarray) -> np.ndarray:
     """The rotation (3, 3) that turns a file's world to y up.
 
     The world's vertical is +y or the rest pose's own upward axis, whichever the root's upward axis is nearer to on

@@ -147,7 +147,7 @@ def figure_of(body: Body, kind: str) -> kernel.Figure:
     )  # fmt: skip
 
 
-def targets_of(body: Body, seen: SeenJoints | None, distance: float, settings: DiscrepancySettings) -> kernel.Targets:
+def _targets_of(body: Body, seen: SeenJoints | None, distance: float, settings: DiscrepancySettings) -> kernel.Targets:
     """The joints of a body that were seen, with their weights; none where fewer were seen than are needed."""
     carriers = np.array([carrier for carrier, _ in CARRIERS])
     confidence = np.zeros(len(carriers)) if seen is None else np.where(carriers >= 0, seen.confidence, 0.0)
@@ -199,7 +199,7 @@ class Discrepancy:
     ) -> None:
         self.settings = settings
         self._figure = figure_of(body, settings.figure)
-        self._targets = targets_of(body, seen, image.distance, settings)
+        self._targets = _targets_of(body, seen, image.distance, settings)
         from_level = np.ascontiguousarray(level_rotation.T, dtype=np.float64)
         self._root = quat.exponential(around[skeleton.ROOT_ROTATION])
         turn = quat.matrices(self._root)

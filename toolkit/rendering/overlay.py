@@ -14,7 +14,7 @@ DIM = 0.45  # brightness of what is not the person
 
 
 @lru_cache(maxsize=1)
-def depth_palette() -> np.ndarray:
+def _depth_palette() -> np.ndarray:
     """Colours from near to far, uint8 (256, 3): light to dark, blue-grey, so that orange, blue and pink stand out."""
     stops = np.array([[238, 240, 232], [176, 190, 196], [108, 128, 146], [58, 74, 98], [30, 36, 56]], dtype=float)
     at = np.linspace(0, len(stops) - 1, 256)
@@ -38,7 +38,7 @@ def color_depth(depth_mm: np.ndarray, person: np.ndarray, near: float, far: floa
 
 @lru_cache(maxsize=1)
 def _depth_table() -> np.ndarray:
-    bright = depth_palette()
+    bright = _depth_palette()
     return np.concatenate([bright, (bright * DIM).astype(np.uint8), np.array([PAPER], dtype=np.uint8)])
 
 

@@ -46,7 +46,7 @@ assert len(PART_COLORS) == len(PARENTS)
 
 
 @lru_cache(maxsize=256)
-def text_mask(text: str, size: int) -> np.ndarray:
+def _text_mask(text: str, size: int) -> np.ndarray:
     """A line of text as float32 (h, w) in [0, 1], `size` pixels high; what cannot be printed is written out."""
     text = printable(text)
     import matplotlib
@@ -72,12 +72,12 @@ def flowed(widths: Sequence[int], total: int, gap: int) -> list[tuple[int, int]]
 
 def width_of(text: str, size: int) -> int:
     """Pixels that a line of text is wide."""
-    return text_mask(text, size).shape[1]
+    return _text_mask(text, size).shape[1]
 
 
 def write(image: np.ndarray, text: str, x: int, y: int, size: int = 16, color: tuple[int, int, int] = INK) -> int:
     """Write a line on an RGB image with its upper left corner at (x, y), cut at the border; the x where it ends."""
-    mask = text_mask(text, size)[: max(image.shape[0] - y, 0), : max(image.shape[1] - x, 0)]
+    mask = _text_mask(text, size)[: max(image.shape[0] - y, 0), : max(image.shape[1] - x, 0)]
     area = image[y : y + mask.shape[0], x : x + mask.shape[1]]
     area[:] = (area + (np.array(color, dtype=np.float32) - area) * mask[..., None]).astype(np.uint8)
     return x + mask.shape[1]

@@ -136,7 +136,7 @@ def _grid_of(header: dict[str, int], count: int) -> tuple[int, int] | None:
     return (height, width) if height > 1 and width > 1 and height * width == count else None
 
 
-def camera_of_grid(points: np.ndarray, grid: tuple[int, int]) -> Camera | None:
+def _camera_of_grid(points: np.ndarray, grid: tuple[int, int]) -> Camera | None:
     """The camera behind an organised cloud (H * W, 3), by least squares of u and v against x/z and y/z.
 
     None where the points do not lie on a camera's pixel grid.
@@ -158,7 +158,7 @@ def camera_of_grid(points: np.ndarray, grid: tuple[int, int]) -> Camera | None:
     return Camera(float(fx), float(fy), float(cx), float(cy), width, height) if fx > 0 and fy > 0 else None
 
 
-def virtual_camera(points: np.ndarray) -> Camera:
+def _virtual_camera(points: np.ndarray) -> Camera:
     """A camera at the origin, looking along z, whose pixels are just wide enough for the density of `points` (N, 3)."""
     from scipy.spatial import cKDTree
 
@@ -176,7 +176,7 @@ def virtual_camera(points: np.ndarray) -> Camera:
     return Camera(1 / pitch, 1 / pitch, cx, cy, width, height)
 
 
-class CloudFrames(FrameSource):
+class _CloudFrames(FrameSource):
     """Depth images of clouds, one file each, in the files' unit (float64)."""
 
     def __init__(self, files: list[Path], axes: str, camera: Camera, organised: bool) -> None:
@@ -218,7 +218,7 @@ def read(path: Path, options: ReaderOptions) -> Recording:
     if not files:
         raise RecordingError(f"{path} holds no PCD or PLY file; give a cloud or a folder of clouds")
     first = load_cloud(files[0], options.axes)
-    found = None if first.grid is None else camera_of_grid(first.points, first.grid)
+    found = None if first.grid is None else _camera_of_grid(first.points, first.grid)
     if found is not None and first.grid is not None:
         camera = found if options.intrinsics is None else chosen_camera(options, first.grid, path)
     elif options.intrinsics is not None:
@@ -226,6 +226,6 @@ def read(path: Path, options: ReaderOptions) -> Recording:
             raise RecordingError(f"{path} has no pixel grid; give --size WIDTH,HEIGHT together with --intrinsics")
         camera = chosen_camera(options, (options.size[1], options.size[0]), path)
     else:
-        camera = virtual_camera(first.points)
-    source = CloudFrames(files, options.axes, camera, found is not None)
+        camera = _virtual_camera(first.points)
+    source = _CloudFrames(files, options.axes, camera, found is not None)
     return recording_of_source(path, source, camera, options, FileFacts(unit="m"))

@@ -78,7 +78,7 @@ class FileFrames(FrameSource):
             return None
         import cv2
 
-        return np.ascontiguousarray(read_image(self._color[i], cv2.IMREAD_COLOR)[:, :, ::-1])
+        return np.ascontiguousarray(_read_image(self._color[i], cv2.IMREAD_COLOR)[:, :, ::-1])
 
 
 @dataclass(frozen=True, eq=False)
@@ -156,7 +156,7 @@ def chosen_camera(
     """
     size = (int(shape[0]), int(shape[1]))
     if isinstance(options.intrinsics, str):
-        return camera_from_json(Path(options.intrinsics), size)
+        return _camera_from_json(Path(options.intrinsics), size)
     intrinsics = options.intrinsics if options.intrinsics is not None else stored
     if intrinsics is None:
         raise RecordingError(f"{path} has no intrinsics; give --intrinsics fx,fy,cx,cy in pixels or a JSON file")
@@ -197,7 +197,7 @@ def decoded(content: bytes | memoryview, flag: int) -> np.ndarray | None:
         return None
 
 
-def camera_from_json(path: Path, shape: tuple[int, int]) -> Camera:
+def _camera_from_json(path: Path, shape: tuple[int, int]) -> Camera:
     """Camera from a JSON file: `intrinsic_matrix` (column-major, as Open3D writes it), `K` or `camera_matrix`
     (row-major), or `fx, fy` with `cx, cy` or `ppx, ppy`, at the top or one level below; optionally `distortion`,
     `coeffs` or `dist`.
@@ -240,7 +240,7 @@ def camera_beside(own: list[Path], around: Path, shape: tuple[int, int]) -> Came
         found: dict[Path, Camera] = {}
         for table in sorted(folder.glob("*.json")):
             try:
-                found[table] = camera_from_json(table, shape)
+                found[table] = _camera_from_json(table, shape)
             except RecordingError as error:
                 problems += [error] if folder in own else []
         if len(set(found.values())) > 1:
@@ -277,13 +277,13 @@ def read_depth_png(path: Path) -> np.ndarray:
     """
     import cv2
 
-    image = read_image(path, cv2.IMREAD_UNCHANGED)
+    image = _read_image(path, cv2.IMREAD_UNCHANGED)
     if image.dtype != np.uint16 or image.ndim != 2:
         raise RecordingError(f"{path} is {image.dtype} of shape {image.shape}; depth must be one channel of 16 bits")
     return image
 
 
-def read_image(path: Path, flags: int) -> np.ndarray:
+def _read_image(path: Path, flags: int) -> np.ndarray:
     """An image file as OpenCV reads it; raises RecordingError."""
     try:
         image = decoded(read_file(path, LARGEST_FILE), flags)

@@ -105,7 +105,7 @@ def _pose(entry: Any) -> tuple[np.ndarray, np.ndarray]:
     return rotation, np.array(entry["Rt"]["Translation"], dtype=np.float64).reshape(3)
 
 
-class MkvFrames(FrameSource):
+class _MkvFrames(FrameSource):
     """Depth blocks and, registered to them, the colour block that is nearest in time."""
 
     def __init__(
@@ -173,7 +173,7 @@ def read(path: Path, options: ReaderOptions) -> Recording:
         text = file.attachments["calibration.json"].rstrip(b"\0").decode("utf-8", "replace")
         size = None if color is None else (color.width, color.height)
         lenses = calibration_of(text, (depth.width, depth.height), size, str(path))
-    source = MkvFrames(path, file, depth, color, lenses)
+    source = _MkvFrames(path, file, depth, color, lenses)
     own = lenses is not None and options.intrinsics is None
     camera = lenses.depth if own and lenses else chosen_camera(options, (depth.height, depth.width), path)
     times = 1e-9 * np.array([block.time - depth.blocks[0].time for block in depth.blocks], dtype=np.float64)

@@ -101,7 +101,7 @@ def matches(path: Path) -> bool:
     return path.suffix == ".npz"
 
 
-class NpzFrames(FrameSource):
+class _NpzFrames(FrameSource):
     """Frames of the members `depth` and `color` of an NPZ file."""
 
     def __init__(self, path: Path, names: list[str]) -> None:
@@ -140,7 +140,7 @@ def read(path: Path, options: ReaderOptions) -> Recording:
     names = archive_names(path, RecordingError, RECORD_AGAIN)
     if "depth" not in names:
         raise RecordingError(f"{path} has no 'depth'; it has: {', '.join(names) or 'nothing'}")
-    source = NpzFrames(path, names)
+    source = _NpzFrames(path, names)
     count, (height, width) = len(source), source.shape
     most = NUMBER * (2 * height * width + count * MOST_NUMBERS + SMALL)
     small = load_archive(path, RecordingError, RECORD_AGAIN, only=METADATA, most=most)

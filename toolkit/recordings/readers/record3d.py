@@ -36,7 +36,7 @@ def matches(path: Path) -> bool:
     return is_file(path) and path.suffix.lower() == ".r3d"
 
 
-class Record3dFrames(FrameSource):
+class _Record3dFrames(FrameSource):
     """Depth and colour images of the archive, by number."""
 
     def __init__(self, path: Path, shape: tuple[int, int]) -> None:
@@ -88,7 +88,7 @@ def read(path: Path, options: ReaderOptions) -> Recording:
     known = parse_json(text, f"the metadata of {path}", RecordingError, "export it again")
     with damaged(path):
         shape, own, times = _facts(known)
-        source = Record3dFrames(path, shape)
+        source = _Record3dFrames(path, shape)
     camera = own if options.intrinsics is None else chosen_camera(options, shape, path)
     stored = times if len(times) == len(source) else None
     return recording_of_source(path, source, camera, options, FileFacts(unit="m", timestamps=stored))

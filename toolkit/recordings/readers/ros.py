@@ -40,7 +40,7 @@ def matches(path: Path) -> bool:
     return is_folder(path) and is_file(path / METADATA)
 
 
-class RosFrames(FrameSource):
+class _RosFrames(FrameSource):
     """Depth images of a topic, and the colour images of another that are nearest in time."""
 
     def __init__(self, path: Path, file: MessageFile, depth: str, color: str | None) -> None:
@@ -98,7 +98,7 @@ def read(path: Path, options: ReaderOptions) -> Recording:
     picture = picture_of(path, file, topic, first)
     if picture.encoding not in decode.ENCODINGS:
         raise RecordingError(f"topic {topic} of {path} holds {picture.encoding} images; depth has 16 bits or is 32FC1")
-    source = RosFrames(path, file, topic, _color_topic(file, topic))
+    source = _RosFrames(path, file, topic, _color_topic(file, topic))
     camera = _camera(path, file, topic) if options.intrinsics is None else None
     return recording_of_source(
         path,

@@ -52,15 +52,15 @@ def open_messages(path: Path) -> MessageFile:
         It needs the package `rosbags`, which is not installed.
     """
     if is_file(path) and path.suffix.lower() == SQLITE_SUFFIX:
-        return SqliteMessages(path)
-    return BagMessages(path)
+        return _SqliteMessages(path)
+    return _BagMessages(path)
 
 
 def _type_name(name: str) -> str:
     return name.replace("/msg/", "/")
 
 
-class SqliteMessages:
+class _SqliteMessages:
     """A `.db3` file of ROS 2 or of the RealSense SDK; read without any further package."""
 
     cdr = True
@@ -93,7 +93,7 @@ class SqliteMessages:
             yield data
 
 
-class BagMessages:
+class _BagMessages:
     """What `rosbags` reads: ROS 1 bags, mcap files and ROS 2 folders, compressed ones too."""
 
     def __init__(self, path: Path) -> None:
