@@ -32,7 +32,8 @@ def pose_at(x: float = 0.0, **angles: float) -> np.ndarray:
 
 def compared(distance: float, *, gaps: float = 0.01, energy: float = 0.0) -> Comparison:
     """A comparison of that distance whose samples all lie `gaps` metres off."""
-    return Comparison(distance, np.zeros(1), np.full(4, gaps), np.zeros(4, dtype=np.int64), energy, None, None)
+    drawn = np.zeros(4, dtype=np.int64)
+    return Comparison(distance, distance, np.zeros(1), np.full(4, gaps), drawn, energy, None, None)
 
 
 def observation(extrema: int = 20, votes: Any = None, **others: Any) -> Any:

@@ -341,6 +341,13 @@ def test_joints_that_the_image_contradicts_are_not_believed(body: Body, fit: Fit
     )
 
 
+def test_extrema_on_what_a_person_touches_do_not_make_joints_unsure(body: Body, fit: Fit) -> None:
+    cloud, tips = cloud_of(body, standing()), body.end_effector_positions(standing())
+    lone, beside = (fit.compare(standing(), Scene(cloud, tips + away, SETTINGS.cloud_samples)) for away in (0.0, 0.4))
+    assert beside.distance > lone.distance + 0.15
+    np.testing.assert_array_equal(fit.confidence(beside), fit.confidence(lone))
+
+
 @pytest.mark.parametrize("points", [0, 1, 7])
 def test_almost_empty_images_leave_everything_finite(body: Body, fit: Fit, points: int) -> None:
     depth = np.zeros(CAMERA.shape, dtype=np.float32)

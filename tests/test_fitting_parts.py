@@ -190,7 +190,7 @@ def test_a_joint_is_as_sure_as_its_support_and_the_whole_pose_allow(
     around = np.flatnonzero(placer.around_joints[elbow])
     gaps[around[: round(seen * len(around))]] = 0.0
     placed = placer.place(BODY, standing())
-    comparison = Comparison(distance, gaps, np.zeros(1), np.zeros(1, dtype=np.int64), 0.0, placed, scene)
+    comparison = Comparison(1.0, distance, gaps, np.zeros(1), np.zeros(1, dtype=np.int64), 0.0, placed, scene)
     sure = Objective(placer, SETTINGS).confidence(comparison)[elbow]
     none, supported, observed, far = ODDS
     odds = none + supported * min(2.0 * seen, 1.0) ** 0.5 + observed
@@ -203,7 +203,7 @@ def test_a_joint_of_which_nothing_was_observed_is_more_likely_wrong_than_right(p
     arm, leg = skeleton.REPORTED.index("left_elbow"), skeleton.REPORTED.index("left_knee")
     below = np.arange(scene.depth.shape[0])[:, None] > scene.depth.shape[0] // 2
     hidden = scene_of(placer, np.broadcast_to(below, scene.depth.shape))
-    compared = [replace(objective.compare(BODY, pose, frame), distance=USUAL) for frame in (scene, hidden)]
+    compared = [replace(objective.compare(BODY, pose, frame), surface=USUAL) for frame in (scene, hidden)]
     sure, guessed = (objective.confidence(comparison) for comparison in compared)
     assert sure[leg] > 0.9 and guessed[leg] < 0.5
     assert guessed[arm] == pytest.approx(sure[arm])

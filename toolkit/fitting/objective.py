@@ -23,11 +23,11 @@ WITHIN = 0.05
 """Metres: the confidence of a joint is the probability of an error below it."""
 ODDS: tuple[float, float, float, float] = (-0.43, 2.61, 0.98, -3.44)
 """Log odds of a joint to be within 5 cm: constant of an unobserved one; per root of its support; for being
-observed; per natural logarithm of the pose's distance in units of `USUAL`. A logistic regression over the tuning splits
-of `bench scenes` and `bench accuracy`."""
-USUAL = 0.04
-"""Metres: distance of a good pose from its frame."""
-NEAREST, FARTHEST = 0.03, 0.3
+observed; per natural logarithm of the surface's distance in units of `USUAL`. A logistic regression over the tuning
+splits of `bench scenes` and `bench accuracy`."""
+USUAL = 0.025
+"""Metres: distance of the surface of a good pose from its frame."""
+NEAREST, FARTHEST = 0.0185, 0.185
 """Metres: distances beyond which a pose is taken to be no better and no worse."""
 OBSERVED = 0.4
 """Share of the vertices around a joint that has to be observed for the joint to count as wholly so."""
@@ -40,6 +40,8 @@ class Comparison:
     Attributes
     ----------
     distance : metres, infinite for one that was given up
+    surface : metres, what the visible vertices and the samples have of it: how well the body and what was measured of
+        it lie on each other, whatever else hangs on the person
     gaps : float64 (C,), metres, from each chosen vertex that the camera sees to the nearest measured point; NaN for
         those that it does not see or that have none
     sample_gaps : float64 (M,), metres, from each sample of the frame to the drawn body, capped
@@ -49,6 +51,7 @@ class Comparison:
     """
 
     distance: float
+    surface: float
     gaps: np.ndarray
     sample_gaps: np.ndarray
     drawn: np.ndarray
@@ -66,7 +69,7 @@ class Comparison:
         return out
 
 
-WORSE = Comparison(np.inf, np.empty(0), np.empty(0), np.empty(0, dtype=np.int64), np.inf, None, None)
+WORSE = Comparison(np.inf, np.inf, np.empty(0), np.empty(0), np.empty(0, dtype=np.int64), np.inf, None, None)
 """A pose whose comparison stopped beyond the bound."""
 
 
@@ -113,26 +116,29 @@ class Objective:
         visible, points = visible_chosen(placed, scene, s.facing, s.hidden_tolerance, s.vertices), placed.chosen_points
         nearest, gaps = np.full(points.shape, np.nan), np.empty(len(points))
         scene.medians(points, visible, s.unexplained, 1, nearest)
-        distance += pairs.vertex_gaps(points, nearest, visible, s.unexplained, gaps)
+        surface = pairs.vertex_gaps(points, nearest, visible, s.unexplained, gaps)
+        distance += surface
         if distance > bound:
             return WORSE
         samples = scene.samples[: scene.plain_samples]
         points, drawn = nearest_drawn(placed, scene, samples, s.unexplained)
         sample_gaps = np.empty(len(samples))
-        distance += pairs.sample_gaps(points, drawn, samples, s.unexplained, sample_gaps)
+        away = pairs.sample_gaps(points, drawn, samples, s.unexplained, sample_gaps)
+        distance += away
         if distance > bound:
             return WORSE
         energy = sum(term.energy(pose) for term in (*self.pose_terms, *scene.priors))
-        return Comparison(distance, gaps, sample_gaps, drawn, energy, placed, scene)
+        return Comparison(distance, surface + away, gaps, sample_gaps, drawn, energy, placed, scene)
 
     def confidence(self, comparison: Comparison) -> np.ndarray:
         """Probability that each reported joint of a compared pose is within 5 cm: float64 (20,), in [0, 1].
 
         Its odds rise with the support of the joint (of the chosen vertices around it, the share that the camera sees
         times how near measured points are) and with the share of these vertices that lie where something was observed.
-        They fall with the distance of the pose: where the whole is off, no part can be trusted.
+        They fall with the distance of the surface: where the whole is off, no part can be trusted. Of the distance of
+        the pose the extrema are left out: in a furnished room some lie on what the person touches.
         """
-        distance = math.log(min(max(comparison.distance, NEAREST), FARTHEST) / USUAL)
+        distance = math.log(min(max(comparison.surface, NEAREST), FARTHEST) / USUAL)
         none, supported, seen, far = ODDS
         support, observed = np.empty((2, len(self.placer.around_joints)))
         pairs.support_of_joints(

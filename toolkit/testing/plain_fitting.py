@@ -296,7 +296,7 @@ class PlainObjective(Objective):
         nearest = np.empty_like(points)
         scene.medians(points, visible, s.unexplained, 1, nearest)
         gaps = np.linalg.norm(points - nearest, axis=1)
-        parts = [gaps[visible], np.linalg.norm(scene.extrema[:, None] - placed.vertices, axis=2).min(axis=1)]
+        parts = [gaps[visible]]
         cloud = PlainCloudTerm(s.unexplained, s.sigma, s.cloud_plane, s.cloud_point, s.extremum_weight)
         explained, drawn = cloud.nearest(placed, scene)
         explained, drawn = explained[: scene.plain_samples], drawn[: scene.plain_samples]
@@ -305,10 +305,14 @@ class PlainObjective(Objective):
         sample_gaps[far], drawn[far] = s.unexplained, -1
         if scene.plain_samples:
             parts.append(sample_gaps)
-        distance = sum(_mean_capped(part, s.unexplained) for part in parts)
+        surface = sum(_mean_capped(part, s.unexplained) for part in parts)
+        extrema = np.linalg.norm(scene.extrema[:, None] - placed.vertices, axis=2).min(axis=1)
+        distance = surface + _mean_capped(extrema, s.unexplained)
         distance += sum(evidence.cost(placed) for evidence in scene.evidence)
         energy = sum(term.energy(pose) for term in (*self.pose_terms, *scene.priors))
-        return Comparison(distance, gaps, sample_gaps, drawn, energy, placed, scene) if distance <= bound else WORSE
+        if distance > bound:
+            return WORSE
+        return Comparison(distance, surface, gaps, sample_gaps, drawn, energy, placed, scene)
 
 
 def _mean_capped(distances: np.ndarray, cap: float) -> float:
