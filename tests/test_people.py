@@ -95,6 +95,18 @@ def test_whoever_comes_back_is_known_again():
     assert ids[0] == (1, 2) and len(ids[30]) == 1 and ids[-1] == (1, 2)
 
 
+@pytest.mark.parametrize(("others", "most", "again"), [(1, 16, (1, 3)), (0, 16, (1,)), (1, 2, (1, 2))])
+def test_whoever_went_out_of_the_image_is_known_again_where_nobody_else_may_come(others, most, again):
+    """Somebody walks out and comes back: beside another who stays, alone, and where only two are asked for."""
+    finder, ids = SeveralPeople(KINECT, UP, most=most), []
+    for k in range(75):
+        since = min(k, 74 - k)
+        walker = ((-0.9 - 0.1 * since, 2.4),) if since < 20 else ()
+        depth, _ = scene(KINECT, (*walker, *((0.9, 2.6),) * others), wall=4.5)
+        ids.append(tuple(s.id for s in finder.find(depth, k / 15, {})))
+    assert len(ids[0]) == len(again) == 1 + len(ids[37]) and ids[-1] == again
+
+
 def test_a_second_person_who_enters_is_number_two_within_half_a_second():
     finder = SeveralPeople(KINECT, UP)
     before, after = scene(KINECT, ((-0.6, 2.6),))[0], scene(KINECT, ((-0.6, 2.6), (0.7, 2.9)))[0]

@@ -374,7 +374,7 @@ class SeveralPeople:
         """
         ids = np.zeros(len(places) + 1, dtype=np.int32)
         known = {p.id: p for p in self.people}
-        absent = [p for p in self.people if timestamp - p.last > PATIENCE]
+        absent = self._expected_back(timestamp)
         for k, place in enumerate(places):
             mask = labels == k + 1
             points, area = view.points[mask], self.lens.area(view.depth[mask])
@@ -408,8 +408,21 @@ class SeveralPeople:
                         timestamp,
                         self._most,
                     )
-        self.people = [known[i] for i in sorted(known)]
+        self.people = [self._after(known[i], timestamp) for i in sorted(known)]
         return ids
+
+    def _expected_back(self, timestamp: float) -> list[Person]:
+        """Those out of sight who may come back: in a room of several none who went out of the image, for who comes in
+        is mostly somebody else; anybody where there is only one, or where no more are asked for.
+        """
+        people = sum(person.evidence.log_odds > 0 for person in self.people)
+        others = 1 < people and len(self.people) < self._most
+        return [p for p in self.people if timestamp - p.last > PATIENCE and not (others and p.gone)]
+
+    def _after(self, person: Person, timestamp: float) -> Person:
+        """A person after a frame, who went out of the image where they are neither seen nor expected within it."""
+        unseen = person.last < timestamp and not self.lens.shows(person.expected(timestamp))
+        return replace(person, gone=person.gone or unseen)
 
     def _sightings(self, flat: np.ndarray, surroundings: Surroundings) -> tuple[Sighting, ...]:
         """Depth of each person at full resolution."""

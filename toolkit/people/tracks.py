@@ -52,6 +52,7 @@ class Person:
         body knows better where it is than what looks like a head
     body_head : float64 (3,), level frame, metres, where that body had its head in the last frame; NaN = not known
     head_seen : whether their head ever was; who comes in feet first is known by a leg
+    gone : whether they went out of the image: unseen in the last frame, and expected outside it
     looks, looked : number of looks whether the track is a person, and the time of the last one, seconds
     shaped, judged : how often it had a person's shape then, and the sum of the judge's log odds
     """
@@ -68,6 +69,7 @@ class Person:
     borne_out: bool = False
     body_head: np.ndarray = field(default_factory=UNKNOWN.copy)
     head_seen: bool = True
+    gone: bool = False
     looks: int = 0
     looked: float = NEVER
     shaped: int = 0
@@ -108,7 +110,9 @@ class Person:
         return Evidence(self.looks, self.shaped, self.judged)
 
     def gate(self, timestamp: float) -> float:
-        """Metres around there in which it is looked for."""
+        """Metres around there in which it is looked for; who went out of the image has to turn round to come back."""
+        if self.gone:
+            return GATE
         return min(GATE + GATE_GROWTH * max(timestamp - self.last, 0.0), WIDEST_GATE)
 
     def seen(self, head: np.ndarray | None, middle: np.ndarray, area: float, timestamp: float) -> Person:
@@ -138,7 +142,7 @@ class Person:
         shown = self.head_seen or head is not None
         return replace(
             self, head=place, velocity=velocity, middle=middle, area=kept, last=timestamp, tallest=tallest,
-            head_seen=shown,
+            head_seen=shown, gone=False,
         )  # fmt: skip
 
 
@@ -210,7 +214,7 @@ def restore_people(state: Mapping[str, Any]) -> list[Person]:
         "id": Column("i", ("n",), 1, 1e6), "head": place, "velocity": place, "first": number, "last": number,
         "tallest": number, "middle": place, "area": number, "stature": number, "borne_out": Column("b", ("n",)),
         "body_head": replace(place, gaps=True), "looks": Column("i", ("n",), 0, 1e9), "looked": number,
-        "head_seen": Column("b", ("n",)),
+        "head_seen": Column("b", ("n",)), "gone": Column("b", ("n",)),
         "shaped": Column("i", ("n",), 0, 1e9), "judged": number,
     }  # fmt: skip
     check_state(state, columns, what="people")

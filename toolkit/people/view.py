@@ -74,6 +74,14 @@ class Lens:
         """Directions and places (N, 3) of the level frame, in the camera frame."""
         return linear.rotated(vectors, self.rotation)
 
+    def shows(self, place: np.ndarray) -> bool:
+        """Whether a place (3,), level frame, metres, lies within the image."""
+        x, y, z = self.from_level(place[None])[0]
+        if z <= 0:
+            return False
+        u, v = self.camera.fx * x / z + self.camera.cx, self.camera.fy * y / z + self.camera.cy
+        return bool(0 <= u < self.camera.width and 0 <= v < self.camera.height)
+
     def coarse(self, depth_mm: np.ndarray) -> np.ndarray:
         """Float32 (h, w), metres, of a full frame (H, W) in millimetres."""
         z = depth_mm[:: self.step, :: self.step].astype(np.float32) * np.float32(1e-3)
