@@ -223,3 +223,11 @@ def test_who_only_stands_or_only_sits_rises_never() -> None:
     poses = rising(BODY, Rising(count=1), RATE)
     for rows in (np.repeat(poses[:1], 30, axis=0), np.repeat(poses[70:71], 30, axis=0), poses[:1]):
         assert not rises_of(BODY, rows, np.arange(len(rows)) / RATE, np.ones(len(rows), dtype=bool))
+
+
+def test_a_third_angle_goes_on_beyond_180_degrees() -> None:
+    degrees = np.linspace(170.0, 200.0, 31)
+    turns = Rotation.from_rotvec(np.outer(np.radians(degrees), [0.0, 1.0, 0.0])).as_matrix()
+    angles, locked = sequence_angles(turns, "ZXY", np.ones(len(turns), dtype=bool))
+    np.testing.assert_allclose(np.degrees(angles[:, 2]), degrees, atol=1e-6)
+    assert not locked.any()

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -25,6 +27,7 @@ from toolkit.retrieval.annotation.measures import (
     label_frames,
     segment_scores,
 )
+from toolkit.retrieval.features.motion import NAMED_JOINTS
 from toolkit.retrieval.features.relational import FeatureMatrix, pack, relational_features
 from toolkit.retrieval.templates import WILDCARD, MotionTemplate, QuantisedTemplate
 from toolkit.spans import spans
@@ -319,3 +322,13 @@ def test_a_document_of_nothing_or_of_mixed_frame_rates_is_refused() -> None:
         assemble("none", [])
     with pytest.raises(RetrievalError, match=r"\[60.0, 120.0\]"):
         assemble("mixed", [(random_motion(0), None), (random_motion(0, rate=60.0), None)])
+
+
+def test_a_part_begins_where_the_one_before_it_ended_whatever_place_it_was_recorded_at() -> None:
+    here, elsewhere = random_motion(1), random_motion(2)
+    elsewhere = replace(elsewhere, joints=elsewhere.joints + np.array([3.0, 0.5, -2.0]))
+    document = assemble("two rooms", [(here, None), (elsewhere, "it")])
+    last, first = len(here) - 1, round(document.segments[0].start * document.motion.frame_rate)
+    ends = document.motion.joints[[last, first], NAMED_JOINTS.index("root")]
+    np.testing.assert_allclose(ends[1, [0, 2]], ends[0, [0, 2]], atol=1e-9)
+    assert document.motion.joints[..., 1].min() == pytest.approx(0.0, abs=1e-9)

@@ -313,3 +313,12 @@ def test_a_label_of_no_class_cannot_be_allocated():
     with pytest.raises(RetrievalError, match="'jump' is not one of the classes"):
         allocate(features, [Segment(0, 1, "jump")], classes_of("semaphore"))
     assert (Allocation.nothing(3).label == -1).all()
+
+
+def test_where_labels_overlap_the_cheaper_alignment_counts_in_any_order():
+    classes, example = classes_of("knee_to_elbow", "semaphore"), example_of("knee_to_elbow")
+    labels = [c.label for c in classes]
+    whole = [Segment(0.0, example.features.duration, label) for label in labels]
+    for segments in (whole, whole[::-1]):
+        found = allocate(example.features, segments, classes)
+        assert np.mean(found.label == labels.index("knee_to_elbow")) > 0.8
