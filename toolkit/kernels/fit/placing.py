@@ -129,10 +129,17 @@ def draw(
     projected = np.empty(points.shape)
     project(points, intrinsics, projected)
     rasterise(projected, faces, depth, triangle)
-    for v in range(depth.shape[0]):
-        for u in range(depth.shape[1]):
-            w = depth[v, u]
-            depth[v, u] = 1.0 / w if w > 0.0 else 0.0
+    height, width = depth.shape
+    left, right, top, bottom = float(width), -1.0, float(height), -1.0
+    for n in range(points.shape[0]):
+        if projected[n, 2] > 0.0:
+            left, right = min(left, projected[n, 0]), max(right, projected[n, 0])
+            top, bottom = min(top, projected[n, 1]), max(bottom, projected[n, 1])
+    # Beside the mesh the image is zero already, which is most of it.
+    for v in range(int(max(top, 0.0)), int(min(bottom, height - 1.0)) + 1):
+        for u in range(int(max(left, 0.0)), int(min(right, width - 1.0)) + 1):
+            if depth[v, u] > 0.0:
+                depth[v, u] = 1.0 / depth[v, u]
 
 
 @njit(cache=True)
