@@ -7,11 +7,12 @@ import pytest
 
 from tests.sensing_scenes import KINECT, scene
 from toolkit.landmarks.regressor import JointRegressor
-from toolkit.people.hypothesis import Glimpse, NoJudge, judged_head, log_odds
+from toolkit.people.hypothesis import Glimpse, alone_log_odds, judged_head, log_odds
 from toolkit.people.learning import FEWEST, Seen, hanging, learnt
 from toolkit.people.newcomers import Newcomers
 from toolkit.people.several import SeveralPeople
-from toolkit.people.surroundings import is_cut_out
+from toolkit.people.stills import people_and_furniture
+from toolkit.people.surroundings import is_cut_out, room_of, tolerances
 from toolkit.people.view import Lens
 from toolkit.sensing.settings import SensingSettings
 
@@ -33,7 +34,7 @@ class Sure:
 
 
 def test_what_never_moves_is_furniture_even_in_the_shape_of_a_person():
-    assert log_odds([FIGURE] * 40, 40) < 0
+    assert log_odds([FIGURE] * 40) < 0
 
 
 @pytest.mark.parametrize(
@@ -42,26 +43,38 @@ def test_what_never_moves_is_furniture_even_in_the_shape_of_a_person():
         Glimpse(True, moved=1.0),
         Glimpse(True, moved=0.0, alive=0.02),
         Glimpse(True, moved=0.0, head_alive=0.1),
-        Glimpse(True, moved=0.0, judged=1.0),
+        Glimpse(True, moved=0.0, judged=2.0),
     ],
     ids=["moved", "alive", "the head moves", "judged"],
 )
 def test_any_evidence_makes_a_person_of_a_shape_that_is_always_seen(glimpse):
-    assert log_odds([glimpse] * 40, 40) > 0
+    assert log_odds([glimpse] * 40) > 0
 
 
 def test_a_shape_that_is_seldom_seen_counts_less_and_what_has_none_is_a_person_only_if_it_moves():
-    alive = Glimpse(True, moved=0.0, alive=0.02)
-    assert log_odds([alive] * 10, 40) < 0 < log_odds([alive] * 40, 40)
-    assert (
-        log_odds([Glimpse(False, 0.0, alive=0.1)] * 40, 40) < 0 < log_odds([Glimpse(False, 1.0, judged=3.0)] * 40, 40)
-    )
+    shaped, shapeless = (Glimpse(shape, moved=0.0, alive=0.02) for shape in (True, False))
+    assert log_odds([shaped] * 10 + [shapeless] * 30) < 0 < log_odds([shaped] * 40)
+    assert log_odds([shapeless] * 40) < 0 < log_odds([Glimpse(False, 1.0, judged=3.0)] * 40)
+
+
+def test_whoever_is_seen_in_few_frames_and_in_their_shape_in_all_of_them_is_a_person():
+    """Who changes their place is another figure in each of them."""
+    person = Glimpse(True, moved=0.0, judged=2.9)
+    assert log_odds([person] * 10) == log_odds([person] * 40) > 0
+
+
+def test_less_is_enough_in_a_still_and_a_judge_that_is_sure_does_without_a_shape():
+    """What the judge says of a chair's back, of somebody in their shape, and of an arm before a face."""
+    assert alone_log_odds(True, 0.5) < 0 < alone_log_odds(True, 1.5)
+    assert alone_log_odds(False, 1.5) < 0 < alone_log_odds(False, 2.8)
+    assert log_odds([Glimpse(True, 0.0, judged=1.5)]) < 0
+    assert alone_log_odds(False, None) < 0 < alone_log_odds(True, None)
 
 
 def test_the_judge_contradicts_what_moves_and_is_not_believed_without_limit():
     door = Glimpse(True, moved=1.0, judged=-3.0)
-    assert log_odds([door] * 40, 40) < 0
-    assert log_odds([Glimpse(True, 1.0, judged=-50.0)], 1) == log_odds([Glimpse(True, 1.0, judged=-4.0)], 1)
+    assert log_odds([door] * 40) < 0
+    assert log_odds([Glimpse(True, 1.0, judged=-50.0)]) == log_odds([Glimpse(True, 1.0, judged=-4.0)])
 
 
 def lens_of(camera=KINECT):
@@ -75,7 +88,7 @@ def coarse(frames):
 def test_somebody_who_sits_still_is_in_the_room_unless_the_judge_says_otherwise():
     frames = coarse([scene(KINECT, ((0.0, 2.5),), **ROOM)[0]] * 12)
     lens = lens_of()
-    furniture, person = (learnt(frames, lens, judge) for judge in (NoJudge(), Sure(2.0)))
+    furniture, person = (learnt(frames, lens, judge) for judge in (None, Sure(2.0)))
     v, u = lens.camera.height // 2, lens.camera.width // 2
     assert furniture.background[v, u] == pytest.approx(2.4, abs=0.15) and len(furniture.figures) == 1
     assert person.background[v, u] == 0.0 and len(person.figures) == 0
@@ -126,6 +139,28 @@ def test_what_hangs_on_a_head_over_likely_pixels_is_theirs_though_another_thing_
     assert not hanging([seen], [seen], np.stack(frames), still, ~own, [], lens).any()
 
 
+def test_whoever_is_followed_in_an_unknown_room_stays_so_where_the_judge_doubts_them():
+    frames = [scene(KINECT, ((0.1 * k, 2.5),), **ROOM)[0] for k in range(8)]
+    judge = Sure(2.0)
+    followed = SeveralPeople(KINECT, UP, judge=judge)
+    assert len(followed.find(frames[0], 0.0, {})) == 1
+    judge.odds = 0.5
+    for k, depth in enumerate(frames):
+        assert [s.id for s in followed.find(depth, 0.1 * (k + 1), {})] == [1]
+        assert followed.people[0].head[0] == pytest.approx(0.1 * k, abs=0.05)
+    assert not SeveralPeople(KINECT, UP, judge=judge).find(frames[-1], 0.0, {})
+
+
+def test_a_head_in_a_still_is_nobodys_where_the_floor_says_that_it_is_too_high():
+    depth = scene(KINECT, ((0.0, 2.5),), **ROOM)[0]
+    lens = lens_of()
+    frame = lens.coarse(depth)
+    room = room_of(frame, lens)
+    view = lens.view(frame, room.foreground(frame, lens.rays, tolerances(frame, lens)), room.still)
+    for floor, count in ((-1.2, 1), (-3.2, 0)):
+        assert len(people_and_furniture(view, lens, judge=Sure(2.0), floor=floor)[0]) == count
+
+
 def test_a_desk_that_people_pass_is_no_part_of_them():
     """Their surfaces flow together with it in some frames; in most it stands alone."""
     frames = []
@@ -134,21 +169,21 @@ def test_a_desk_that_people_pass_is_no_part_of_them():
         desk = np.s_[150:220, 150:200]
         depth[desk] = np.where(depth[desk] < 2600, depth[desk], 2600)
         frames.append(depth)
-    room = learnt(coarse(frames), lens_of(), NoJudge())
+    room = learnt(coarse(frames), lens_of(), None)
     assert np.median(room.background[80:105, 80:95]) == pytest.approx(2.6, abs=0.02)
     assert (room.background[80:105, 80:95] > 0).mean() > 0.95
 
 
 def test_fewer_frames_than_tell_what_stays_give_no_background():
     frames = coarse([scene(KINECT, ((0.0, 2.5),), **ROOM)[0]] * (FEWEST - 1))
-    room = learnt(frames, lens_of(), NoJudge())
+    room = learnt(frames, lens_of(), None)
     assert not room.known and not room.cut_out and not room.background.any() and room.planes
 
 
 def test_people_who_are_not_cut_out_stay_so_in_a_short_recording():
     depth = coarse([scene(KINECT, ((0.0, 2.5),))[0]])
     assert is_cut_out(depth[0], lens_of())
-    assert not learnt(depth, lens_of(), NoJudge()).cut_out
+    assert not learnt(depth, lens_of(), None).cut_out
 
 
 def test_a_large_surface_without_a_head_says_that_nobody_is_cut_out():
@@ -171,7 +206,7 @@ def test_a_head_without_measured_pixels_is_not_judged():
     lens = lens_of()
     empty = np.zeros(lens.camera.shape, dtype=np.float32)
     view = lens.view(empty, empty > 0, empty > 0)
-    assert judged_head(view, lens, np.array([0.0, 0.0, -2.0]), Sure(3.0)) == 0.0
+    assert judged_head(view, lens, np.array([0.0, 0.0, -2.0]), Sure(3.0)) is None
 
 
 def test_a_regressor_judges_by_log_odds_that_stay_finite(monkeypatch):

@@ -15,7 +15,7 @@ from toolkit.hybrid.initial_pose import InitialPoseVerifier
 from toolkit.hybrid.settings import HybridSettings
 from toolkit.lopez2011.head_hands import HeadHandSearch
 from toolkit.lopez2011.upper import upper_bodies
-from toolkit.people.hypothesis import NoJudge, PersonJudge
+from toolkit.people.hypothesis import PersonJudge
 from toolkit.qammaz.search import SwarmSearch
 from toolkit.tracking.guide import Guide, NoGuide
 from toolkit.tracking.observation import Observer
@@ -87,9 +87,9 @@ class HybridTracker(SearchingTracker):
         return "offered" if self._swarm else "none"
 
     @property
-    def judge(self) -> PersonJudge:
+    def judge(self) -> PersonJudge | None:
         """See `JudgesPeople.judge`: the regressor."""
-        return NoJudge() if self._regressor is None else self._regressor
+        return self._regressor
 
     def searches(self, objective: Objective, refiner: Refiner) -> tuple[Search, ...]:
         """The searches of the settings, in the order in which they are asked."""

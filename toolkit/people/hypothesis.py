@@ -13,18 +13,23 @@ from typing import Protocol
 import numpy as np
 
 from toolkit.people.detection import near_head
-from toolkit.people.evidence import JUDGED, MOST_JUDGED, SHAPED
+from toolkit.people.evidence import MOST_JUDGED
 from toolkit.people.view import Lens, View
 from toolkit.sensing.camera import Camera
 
-BEFOREHAND = -4.0
+BEFOREHAND = -2.6
 """Log odds of something with a head and without other evidence: rooms hold more such things than people."""
 MOVED, MOVED_AT_ALL, HEAD_MOVED_AT_ALL = 4.0, 2.0, 3.0
 """Log odds of what stood elsewhere in the other frames; of one whose surface, and whose head, moves in place."""
 ENOUGH, ENOUGH_HEAD = 0.02, 0.1
 """Share of the pixels of a body (a hand) and of a head that move in place, and that is all the evidence they give."""
+SHAPED = 3.0
+"""Log odds between what never has a person's shape and what has it in all frames in which it is seen."""
+JUDGED, UNDECIDED = 2.2, 1.2
+"""Log odds for each of the mean that the judge gives, and the mean at which it says nothing: what has a head looks more
+like a person than the walls and desks among which it learnt."""
 ALONE = 1.5
-"""Log odds of a person's shape where only one frame is known."""
+"""Log odds by which less is enough where only one frame is known: nothing later makes good for whoever is missed."""
 HEAD_HEIGHT = (0.5, 2.4)
 """Metres of a head's middle above the floor: a child of 0.8 m who squats, an adult of 2.2 m on a step."""
 
@@ -45,14 +50,6 @@ class PersonJudge(Protocol):
         ...
 
 
-class NoJudge:
-    """A `PersonJudge` that cannot tell."""
-
-    def log_odds(self, depth: np.ndarray, camera: Camera, rotation: np.ndarray, pixels: np.ndarray) -> np.ndarray:
-        """See `PersonJudge.log_odds`."""
-        return np.zeros(len(pixels))
-
-
 def possible_height(place: np.ndarray, floor: float | None) -> bool:
     """Whether a head at `place` (3,), level frame, metres, is as high above the floor (its y) as a head can be that is
     above shoulders; any is where the floor is not known.
@@ -60,11 +57,13 @@ def possible_height(place: np.ndarray, floor: float | None) -> bool:
     return floor is None or HEAD_HEIGHT[0] <= place[1] - floor <= HEAD_HEIGHT[1]
 
 
-def judged_head(view: View, lens: Lens, place: np.ndarray, judge: PersonJudge) -> float:
-    """Mean log odds that the pixels around a head's place (3,), level frame, metres, are of a person."""
+def judged_head(view: View, lens: Lens, place: np.ndarray, judge: PersonJudge | None) -> float | None:
+    """Mean log odds that the pixels around a head's place (3,), level frame, metres, are of a person; None without a
+    judge or a measured pixel.
+    """
     pixels = np.flatnonzero(near_head(view, place) & view.foreground)
-    if len(pixels) == 0:
-        return 0.0
+    if judge is None or len(pixels) == 0:
+        return None
     return float(np.mean(judge.log_odds(view.depth, lens.camera, lens.rotation, pixels)))
 
 
@@ -77,33 +76,33 @@ class Glimpse:
     shaped : whether it has a person's shape
     moved : share of the head's pixels that stand before the room as it lasts
     alive, head_alive : share of its pixels, and of the head's, that show other depths close by in other frames
-    judged : mean log odds of the judge over the head's pixels
+    judged : mean log odds of the judge over the head's pixels; None without a judge
     """
 
     shaped: bool
     moved: float
     alive: float = 0.0
     head_alive: float = 0.0
-    judged: float = 0.0
+    judged: float | None = None
 
 
-def log_odds(glimpses: Sequence[Glimpse], frames: int) -> float:
-    """Log odds that something is a person and not furniture, by glimpses of it in `frames` frames, at least one."""
+def log_odds(glimpses: Sequence[Glimpse]) -> float:
+    """Log odds that something is a person and not furniture, by glimpses of it, at least one."""
 
     def mean(values: list[float]) -> float:
         return float(np.mean(values))
 
-    shaped = sum(g.shaped for g in glimpses) / max(frames, len(glimpses))
+    judged = [g.judged - UNDECIDED for g in glimpses if g.judged is not None]
     return float(
         BEFOREHAND
         + MOVED * mean([g.moved for g in glimpses])
         + MOVED_AT_ALL * min(mean([g.alive for g in glimpses]) / ENOUGH, 1.0)
         + HEAD_MOVED_AT_ALL * min(mean([g.head_alive for g in glimpses]) / ENOUGH_HEAD, 1.0)
-        + SHAPED * (shaped - 0.5)
-        + JUDGED * float(np.clip(mean([g.judged for g in glimpses]), -MOST_JUDGED, MOST_JUDGED))
+        + SHAPED * (mean([g.shaped for g in glimpses]) - 0.5)
+        + JUDGED * float(np.clip(mean(judged or [0.0]), -MOST_JUDGED, MOST_JUDGED))
     )
 
 
-def alone_log_odds(judged: float) -> float:
-    """Log odds that something with a person's shape is a person, by the only frame that there is."""
-    return ALONE + JUDGED * judged
+def alone_log_odds(shaped: bool, judged: float | None) -> float:
+    """Log odds that something with a head is a person, by the only frame that there is."""
+    return ALONE + log_odds([Glimpse(shaped, 0.0, judged=judged)])

@@ -56,7 +56,7 @@ class Seen:
 def learnt(
     frames: Sequence[np.ndarray],
     lens: Lens,
-    judge: PersonJudge,
+    judge: PersonJudge | None,
     floor: float | None = None,
 ) -> Surroundings:
     """Surroundings from coarse frames float32 (h, w), metres, of one room, spread over time; at least one.
@@ -83,7 +83,7 @@ def learnt(
     stays: list[list[Seen]] = []
     for figure in _figures(seen):
         glimpses = [s.glimpse for s in figure]
-        if log_odds(glimpses, len(stack)) > 0 or np.mean([g.moved for g in glimpses]) > HEAD_MOVED:
+        if log_odds(glimpses) > 0 or np.mean([g.moved for g in glimpses]) > HEAD_MOVED:
             somebody += figure
             for s in figure:
                 people[s.frame] |= s.own
@@ -98,9 +98,8 @@ def learnt(
     background[(near & people).sum(axis=0) > MOSTLY * count] = 0.0
     for figure in stays:  # whose head is not seen in all frames, but they are there
         background[sum(near[s.frame] & s.own for s in figure) > MOSTLY * len(figure)] = 0.0
-    judged = _judged(stack, lens, judge) if stays else np.zeros(still.shape)
-    if judged.any():  # a judge that cannot tell says 0 of all
-        likely = judged > LEAST_ODDS
+    if stays and judge is not None:
+        likely = _judged(stack, lens, judge) > LEAST_ODDS
         for figure in stays:
             furniture = still & ~likely & (sum(s.own for s in figure) > MOSTLY * len(figure))
             background[furniture], margin[furniture] = rough[furniture], rough_margin[furniture]
@@ -200,7 +199,7 @@ def _seen(
     margin: np.ndarray,
     planes: list[Plane],
     lens: Lens,
-    judge: PersonJudge,
+    judge: PersonJudge | None,
 ) -> list[Seen]:
     """What has a head in one of the samples. `moved` bool (K, h, w): what stands before the rough background."""
     depth = stack[frame]

@@ -25,7 +25,7 @@ from toolkit.people.detection import (
     share_out,
 )
 from toolkit.people.evidence import Evidence
-from toolkit.people.hypothesis import NoJudge, PersonJudge, judged_head, possible_height
+from toolkit.people.hypothesis import PersonJudge, judged_head, possible_height
 from toolkit.people.newcomers import Newcomers
 from toolkit.people.sharing import body_seeds, stayed_seeds
 from toolkit.people.sighting import PredictedBody, Sighting
@@ -90,7 +90,7 @@ class SeveralPeople:
         self.camera = self._polisher.camera
         self.lens = Lens(self._polisher.flat_camera, up_camera, sensing)
         self._surroundings = surroundings
-        self._judge = judge or NoJudge()
+        self._judge = judge
         self._most = most
         self.people: list[Person] = []
         self._newcomers, self._left_out = Newcomers(), False
@@ -216,7 +216,7 @@ class SeveralPeople:
             heads = [head for head in heads if possible_height(head.place, surroundings.floor)]
             heads.sort(key=lambda head: head.small)
             return [h.place for h in heads], [h.small for h in heads], []
-        people, furniture, _ = people_and_furniture(view, self.lens, judge=self._judge)
+        people, furniture, _ = people_and_furniture(view, self.lens, judge=self._judge, floor=surroundings.floor)
         return people, [False] * len(people), furniture
 
     def _present(self, timestamp: float, predicted: Mapping[int, PredictedBody]) -> list[Person]:
@@ -350,7 +350,7 @@ class SeveralPeople:
         for k, person in enumerate(self.people):
             if person.id in heads and timestamp - person.looked >= LOOK_AGAIN:
                 head = heads[person.id]
-                judged = judged_head(view, self.lens, head, self._judge)
+                judged = judged_head(view, self.lens, head, self._judge) or 0.0
                 self.people[k] = person.looked_at(shaped_alone(view, self.lens, head), judged, timestamp)
 
     def _where_they_were(self, candidates: Sequence[np.ndarray], timestamp: float) -> list[int]:

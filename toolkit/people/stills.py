@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from toolkit.people.detection import BRIDGE_ROOM, find_heads, head_seeds, looks_like_person, share_out
-from toolkit.people.hypothesis import PersonJudge, alone_log_odds, judged_head
+from toolkit.people.hypothesis import PersonJudge, alone_log_odds, judged_head, possible_height
 from toolkit.people.view import Lens, View
 
 LEAST_AREA = 0.06  # m^2 of a person seen head on: head and chest of a child that a table cuts off
@@ -15,9 +15,12 @@ KNEES = 0.3  # m horizontally, within which what looks like a person below a hea
 
 
 def people_and_furniture(
-    view: View, lens: Lens, *, cut_out: bool = False, judge: PersonJudge | None = None
+    view: View, lens: Lens, *, cut_out: bool = False, judge: PersonJudge | None = None, floor: float | None = None
 ) -> tuple[list[np.ndarray], list[np.ndarray], np.ndarray]:
     """What looks like people in a single image of a room, and what only has something like a head.
+
+    A person's shape is evidence as the judge's word is: who holds an arm before the face has none. `floor` is its y,
+    metres, level frame, where it is known.
 
     Returns
     -------
@@ -34,18 +37,21 @@ def people_and_furniture(
     shared = hanging_on(view, lens, heads)
     shaped = [
         any(large_enough(view, lens, m) and looks_like_person(view, lens, m, head) for m in masks)
-        and (judge is None or alone_log_odds(judged_head(view, lens, head, judge)) > 0)
         for head, *masks in zip(heads, alone, shared, strict=True)
     ]
+    good = [
+        possible_height(head, floor) and alone_log_odds(shape, judged_head(view, lens, head, judge)) > 0
+        for head, shape in zip(heads, shaped, strict=True)
+    ]
     people: list[np.ndarray] = []
-    for head, good in zip(heads, shaped, strict=True):  # the highest first
-        if good and not any(_below(head, person) for person in people):
-            people.append(head)
+    for k in sorted(range(len(heads)), key=lambda k: not shaped[k]):  # those with a shape first, the highest first
+        if good[k] and not any(_below(heads[k], person) or _below(person, heads[k]) for person in people):
+            people.append(heads[k])
     furniture = [
         head
-        for head, good in zip(heads, shaped, strict=True)
+        for head, of_person in zip(heads, good, strict=True)
         # A lower head within a person's body is a part of it; a cupboard keeps its own pixels.
-        if not good and not any(_below(head, person) for person in people)
+        if not of_person and not any(_below(head, person) for person in people)
     ]
     labels = np.zeros(view.depth.shape, dtype=np.int32)
     for k, mask in enumerate(hanging_on(view, lens, [*people, *furniture]), start=1):

@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 
 from toolkit.errors import SegmentationError
-from toolkit.people.hypothesis import NoJudge, PersonJudge
+from toolkit.people.hypothesis import PersonJudge
 from toolkit.people.learning import camera_moved, learnt
 from toolkit.people.lone import LonePerson
 from toolkit.people.one import OneOfSeveral, meant_person
@@ -107,7 +107,7 @@ def survey(recording: Recording, sensing: SensingSettings, judge: PersonJudge | 
             "people, track the parts before and after as two recordings",
             recording.name,
         )
-    room = learnt(frames, lens, judge or NoJudge(), floor)
+    room = learnt(frames, lens, judge, floor)
     return replace(room, floor=floor)
 
 

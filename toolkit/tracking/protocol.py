@@ -178,11 +178,11 @@ class JudgesPeople(Protocol):
 
     Attributes
     ----------
-    judge : says how likely pixels are of a person
+    judge : says how likely pixels are of a person; None cannot tell
     """
 
     @property
-    def judge(self) -> PersonJudge:
+    def judge(self) -> PersonJudge | None:
         """See above."""
         ...
 
