@@ -63,12 +63,13 @@ WEIGHTS = (0.5, 1.5, 3.0, 6.0, 18.0)
 SWARM_ROWS: dict[str, tuple[str, dict[str, Any]]] = {
     "swarm": ("swarm", {}),
     "qammaz": ("qammaz", {}),
+    "qammaz two phases": ("qammaz", {}),
     "qammaz depth": ("qammaz", NO_JOINTS),
     "qammaz joints": ("qammaz", NO_IMAGE),
     **{f"w_D {w:g}": ("qammaz", {"discrepancy.depth": w / 3.0}) for w in WEIGHTS},
     **{f"plain w_D {w:g}": ("qammaz", {"discrepancy.depth": w / 3.0, **PLAIN}) for w in WEIGHTS},
 }
-"""Name of the row, shipped settings that it starts from, and overrides."""
+"""Name of the row, shipped settings that it starts from, and overrides; the second phase is `TwoPhaseTracker`'s."""
 
 
 class WatchedSearch(LocalSearch):

@@ -26,12 +26,13 @@ from benchmarks import (
     swarm,
     upper,
 )
-from benchmarks._rows import WatchedTracker
+from benchmarks._rows import WatchedTracker, swarm_settings
 from database_builder.build import Sampling, build_database
 from database_builder.regressor import RegressorSettings
 from toolkit.body.shape import load_body
 from toolkit.database.database import PoseDatabase
 from toolkit.mocap.procedural import procedural_clips
+from toolkit.qammaz.tracker import SwarmTracker
 from toolkit.recordings.opening import open_recording
 from toolkit.recordings.writer import save_recording
 from toolkit.sensing.camera import Camera
@@ -405,6 +406,25 @@ def test_a_tracks_figures_are_those_of_its_frames_and_are_drawn_round_by_round(t
 def test_success_within_pixels_is_drawn(tmp_path: Path) -> None:
     upper.plot_success({"hybrid": {"0": 0.0, "10": 0.5, "60": 1.0}}, tmp_path / "success.png")
     assert (tmp_path / "success.png").stat().st_size > 5_000
+
+
+def test_a_second_phase_goes_on_from_the_solution_by_the_depth_alone(work: Path) -> None:
+    few = {
+        "swarm.particles": 6,
+        "swarm.generations": 4,
+        "shape.seconds": 0.0,
+        "sizes": [0.4],
+        "discrepancy.figure": "balls",
+    }
+    take = chosen_takes("tune", count=1)[0]
+    recording = _takes.prepared(take, "truth", work, 4)
+    costs = {}
+    for row in ("qammaz", "qammaz two phases"):
+        settings = swarm_settings(row, few)
+        tracked = swarm.follow(settings, recording, frames=1, kind=swarm.SWARM_KINDS.get(row, SwarmTracker))
+        costs[row] = tracked.errors
+    assert np.isfinite(costs["qammaz two phases"]).all()
+    assert (costs["qammaz"] != costs["qammaz two phases"]).any()
 
 
 def test_a_benchmark_names_its_parts(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
