@@ -14,9 +14,11 @@ from hypothesis import strategies as st
 from tests.sensing_scenes import TOF
 from toolkit import skeleton
 from toolkit.body.shape import ShapeSpace, load_body
+from toolkit.database import canonical
 from toolkit.database.database import PoseDatabase
 from toolkit.hybrid.settings import HybridSettings
 from toolkit.hybrid.tracker import HybridTracker
+from toolkit.landmarks.regressor import JointEstimate
 from toolkit.mocap.procedural import procedural_clips
 from toolkit.people.lone import LonePerson
 from toolkit.pipeline import second, track_recording
@@ -27,11 +29,20 @@ from toolkit.simulation.simulate import simulate_recording
 from toolkit.testing.misled import misled, wrong_pose
 from toolkit.track import EMPTY, TRACKED, FrameResult, RunInfo, Track
 from toolkit.tracking import clock
+from toolkit.tracking.heading import (
+    AROUND,
+    DOUBT,
+    TURNED,
+    against,
+    directions_faced,
+    directions_walked,
+    heading,
+    voted_facing,
+)  # fmt: skip
 from toolkit.tracking.passes import BothWays, Plan
 from toolkit.tracking.sightings import SightingFile
 from toolkit.tracking.state import PersonState, Previous
 from toolkit.tracking.stature import StatureBelief, off_floor, unlikely
-from toolkit.tracking.walking import BACKWARDS, directions_walked
 from toolkit.tracking.ways import APART, Step, WayFile, better_parts
 
 RATE = 30.0
@@ -121,7 +132,7 @@ def followed(
     for frame, i in enumerate(range(frames)[::turn]):
         sightings.append(frame, finder.find(recording.depth(i), float(timestamps[frame]), {}))
     rows = np.array([(check, 0, 0) for check in checks], dtype=np.int64).reshape(-1, 3)
-    plan = Plan(load_body("slim_male"), np.array([(0, frames - 1, start)]), rows)
+    plan = Plan(load_body("slim_male"), np.array([(0, frames - 1, start)]), rows, np.zeros((frames, 2)))
     way = WayFile(folder / "way", len(tracker.stage_names), len(tracker.source_names))
     both = tracker.both_ways(finder.camera, rotation, sightings.of(1), timestamps, way, plan)
     for _ in both.run():
@@ -165,7 +176,7 @@ def test_what_followed_from_a_wrong_start_is_repaired_from_behind(
     assert error < 0.08 if repaired else error > 0.25
 
 
-def test_stretches_walked_backwards_are_looked_at_afresh_once_each(tracker: HybridTracker, tmp_path: Path) -> None:
+def test_stretches_turned_round_are_looked_at_afresh_once_each(tracker: HybridTracker, tmp_path: Path) -> None:
     way = WayFile(tmp_path / "way", len(tracker.stage_names), len(tracker.source_names))
     ahead = np.ones(12)
     ahead[3:6], ahead[8] = -0.8, -0.3  # the second is half a turn and not to be doubted
@@ -173,20 +184,48 @@ def test_stretches_walked_backwards_are_looked_at_afresh_once_each(tracker: Hybr
     rest = np.zeros(skeleton.POSE_SIZE), np.zeros((20, 3), np.float32), np.ones(20, np.float32)
     for frame in range(12):
         way[frame] = Step(FrameResult(*rest, TRACKED, 0, np.ones(len(tracker.stage_names), np.float32)), 0.0)
-    plan = Plan(load_body("neutral"), np.array([(0, 11, 0)]), np.empty((0, 3), dtype=np.int64))
-    seen = SightingFile(tmp_path, TOF).of(1)
     walked = np.stack([np.zeros(12), ahead], axis=1)  # a body at rest faces +z
-    both = tracker.both_ways(TOF, np.eye(3), seen, np.arange(12) / RATE, way, plan, walked=walked)
-    assert both._backwards().tolist() == [[4, 0, 0]]
-    assert not tracker.both_ways(TOF, np.eye(3), seen, np.arange(12) / RATE, way, plan)._backwards().size
+    seen = SightingFile(tmp_path, TOF).of(1)
+    for heads, expected in ((heading(walked, 0.0 * walked), [[4, 0, 0]]), (0.0 * walked, [])):
+        plan = Plan(load_body("neutral"), np.array([(0, 11, 0)]), np.empty((0, 3), dtype=np.int64), heads)
+        both = tracker.both_ways(TOF, np.eye(3), seen, np.arange(12) / RATE, way, plan)
+        assert both._turned().tolist() == expected
 
 
-def test_a_pose_that_walks_backwards_costs_more_by_as_much_as_it_is_sure(tracker: HybridTracker) -> None:
+def test_a_pose_that_heads_elsewhere_costs_more_by_as_much_as_it_is_sure(tracker: HybridTracker) -> None:
     follower, pose = tracker.follower(TOF, np.eye(3), load_body("neutral")), np.zeros(skeleton.POSE_SIZE)
-    assert follower.backwards(pose) == 0.0
+    assert follower.weighed(0.2, pose) == 0.2
     for share, angle in product((0.0, 0.5, 1.0), np.linspace(-np.pi, np.pi, 9)):
-        follower.walked = share * np.array([np.sin(angle), np.cos(angle)])
-        assert follower.backwards(pose) == pytest.approx(-BACKWARDS * share * np.cos(angle), abs=1e-9)
+        follower.heading = share * np.array([np.sin(angle), np.cos(angle)])
+        assert follower.weighed(0.2, pose) == pytest.approx(0.2 - 0.2 * TURNED * share * np.cos(angle), abs=1e-9)
+
+
+def test_where_a_person_walks_and_faces_is_told_together_and_never_more_than_surely() -> None:
+    walked, faced = np.array([[0.0, 0.9], [0.0, 0.3], [0.2, 0.0]]), np.array([[0.0, 0.8], [0.0, -0.3], [0.0, 0.0]])
+    np.testing.assert_allclose(heading(walked, faced), [[0.0, 1.0], [0.0, 0.0], [0.2, 0.0]])
+
+
+@pytest.mark.parametrize("yaw", np.linspace(-3.0, 3.0, 7))
+def test_votes_have_a_body_face_where_it_does_as_far_as_they_are_reliable(yaw: float) -> None:
+    pose = canonical.place(np.zeros(skeleton.POSE_SIZE), np.zeros(4), np.array([0.2, 0.9, -3.0]), yaw)
+    points, sure = load_body("neutral").joint_positions(pose), np.zeros(len(skeleton.REPORTED))
+    votes = JointEstimate(points, sure, reliability=sure)
+    assert not voted_facing(votes).any() and not voted_facing(None).any()
+    for name, reliability in (("left_shoulder", 0.8), ("right_shoulder", 0.5)):
+        sure[skeleton.REPORTED.index(name)] = reliability
+    facing = voted_facing(replace(votes, reliability=sure))
+    np.testing.assert_allclose(facing, 0.9 * np.array([np.sin(yaw), np.cos(yaw)]), atol=1e-6)
+    assert against(facing, pose) == pytest.approx(-0.9)
+
+
+def test_many_votes_about_a_frame_outweigh_one_and_far_ones_say_nothing() -> None:
+    times, voted = np.arange(0.0, 60.0, 0.1), np.tile([0.0, 0.4], (40, 1))
+    voted[3] = [0.0, -0.9]
+    faced = directions_faced(0.25 * np.arange(40), voted, times)
+    assert (faced[:100, 1] > 0.4).all() and not faced[140:].any()
+    assert (np.linalg.norm(faced, axis=1) < 1.0).all()
+    alone = directions_faced(np.array([5.0]), np.array([[DOUBT, 0.0]]), np.array([5.0, 5.0 + AROUND]))
+    np.testing.assert_allclose(alone[:, 0], [0.5, 1.0 / (1.0 + np.e)])
 
 
 @pytest.mark.parametrize("checks", [(), (15,)])

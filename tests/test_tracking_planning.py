@@ -16,6 +16,7 @@ from toolkit.people.sighting import Sighting
 from toolkit.sensing.camera import Camera
 from toolkit.track import TRACKED, FrameResult
 from toolkit.tracking.follower import HELD
+from toolkit.tracking.heading import directions_faced, heading
 from toolkit.tracking.planning import (
     CHECKED,
     MOMENT_GAP,
@@ -36,7 +37,7 @@ SMALLEST = 100
 
 def test_the_best_frames_show_most_and_are_a_second_apart() -> None:
     shown = np.array([1.0, 9.0, 8.0, 2.0, 7.0, 3.0])
-    survey = Survey(np.array([0, 20, 25, 40, 60, 80]), shown)
+    survey = Survey(np.array([0, 20, 25, 40, 60, 80]), shown, np.zeros((6, 2)))
     assert survey.best(2, 0, 100, TIMES) == [20, 60], "25 is a quarter of a second beside the best"
     assert survey.best(9, 0, 100, TIMES) == [20, 60, 80, 40, 0]
     assert survey.best(9, 25, 60, TIMES) == [25, 60]
@@ -62,15 +63,15 @@ def test_a_body_is_learnt_of_the_nearest_frames_on_both_sides_evenly_spread() ->
 
 
 class FakeFollower:
-    """Sees what `shown` says in each frame, and its pose costs `costs` there."""
+    """Sees what `shown` says in each frame, somebody who surely faces +x, and its pose costs `costs` there."""
 
     def __init__(self, shown: np.ndarray, costs: np.ndarray) -> None:
         self._shown, self._costs = shown, costs
-        self.state, self.walked, self.stepped = PersonState.begin(BODY, sized=False, seed=0), None, []
+        self.state, self.heading, self.stepped = PersonState.begin(BODY, sized=False, seed=0), np.zeros(2), []
         self.winner: Any = None
 
-    def shown(self, sighting: Sighting, timestamp: float) -> float:
-        return float(self._shown[round(timestamp * 20)])
+    def shown(self, sighting: Sighting, timestamp: float) -> tuple[float, np.ndarray]:
+        return float(self._shown[round(timestamp * 20)]), np.array([1.0, 0.0])
 
     def step(self, sighting: Sighting, timestamp: float, clock: object) -> FrameResult:
         assert self.state.sized and self.state.body is BODY
@@ -85,8 +86,8 @@ class FakeFollower:
     def distance(self) -> float:
         return self.winner.cost
 
-    def backwards(self, pose: np.ndarray) -> float:
-        return 0.0
+    def weighed(self, cost: float, pose: np.ndarray) -> float:
+        return cost
 
     def cost(self, scored: Any) -> float:
         return scored.cost
@@ -107,7 +108,7 @@ def planned(
 ) -> tuple[Planner, FakeFollower, FakeSightings]:
     follower = FakeFollower(shown, costs)
     seen = FakeSightings(frames, np.full(len(frames), SMALLEST) if pixels is None else pixels)
-    learner = SimpleNamespace(follower=SimpleNamespace(walked=None))
+    learner = SimpleNamespace(follower=SimpleNamespace(heading=np.zeros(2)))
     planner = Planner(learner, follower, seen, TIMES, ("prepare", "landmarks", "select"), SMALLEST, BODY, **others)  # type: ignore[arg-type]
     for _ in planner.run():
         pass
@@ -145,8 +146,10 @@ def test_frames_that_show_too_few_pixels_are_left_out_and_without_any_there_is_n
     assert planner.plan is None and not seen.asked
 
 
-def test_followers_are_told_where_the_person_walks_in_the_frame_that_they_look_at() -> None:
-    walked = np.arange(800.0).reshape(400, 2)
+def test_followers_are_told_where_the_person_walks_and_faces_in_the_frame_that_they_look_at() -> None:
+    walked = np.linspace(-1.0, 1.0, 800).reshape(400, 2)
     planner, follower, seen = planned(np.arange(0, 60), np.ones(400), np.ones(400), walked=walked)
     assert planner.plan is not None
-    assert follower.walked == pytest.approx(walked[seen.asked[-1]])
+    faced = directions_faced(np.arange(0, 60, 5) / 20, np.tile([1.0, 0.0], (12, 1)), TIMES)
+    np.testing.assert_allclose(planner.plan.heading, heading(walked, faced))
+    assert follower.heading == pytest.approx(planner.plan.heading[seen.asked[-1]])

@@ -20,12 +20,12 @@ from toolkit.people.evidence import Evidence, export_evidence, restore_evidence
 from toolkit.pipeline.sink import RunSink
 from toolkit.sensing.camera import Camera
 from toolkit.track import EMPTY, FrameResult
+from toolkit.tracking.heading import directions_walked
 from toolkit.tracking.passes import Plan
 from toolkit.tracking.person import PREDICTED
 from toolkit.tracking.protocol import LooksBack
 from toolkit.tracking.sightings import SightingFile
 from toolkit.tracking.state import body_of, body_state
-from toolkit.tracking.walking import directions_walked
 from toolkit.tracking.ways import WayFile
 
 FOLDER = "second"
@@ -120,10 +120,10 @@ class SecondPass:
         """Follow one person and put their rows in place; `stop` may end it between two steps."""
         seen, stages = sightings.of(person), self._tracker.stage_names
         before = self._sink.past(person)
-        walked = directions_walked(before, self._timestamps, self._rotation)
         if "plan" in self._resumed:
             plan: Plan | None = Plan.restore(self._resumed["plan"])
         else:
+            walked = directions_walked(before, self._timestamps, self._rotation)
             planner = self._tracker.planner(self._camera, self._rotation, seen, self._timestamps, self._floor, walked)
             for _ in planner.run():
                 yield 0
@@ -131,7 +131,7 @@ class SecondPass:
         if plan is None:
             return  # too little was seen: the rows of the first pass stay
         way = WayFile(self._folder / f"way_{person}", len(stages), len(self._tracker.source_names))
-        both = self._tracker.both_ways(self._camera, self._rotation, seen, self._timestamps, way, plan, before, walked)
+        both = self._tracker.both_ways(self._camera, self._rotation, seen, self._timestamps, way, plan, before)
         if "plan" in self._resumed:
             both.restore_state(self._resumed["steps"])
         kept = time.monotonic()

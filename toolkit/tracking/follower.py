@@ -16,6 +16,7 @@ from toolkit.people.sighting import Sighting
 from toolkit.sensing.cloud import Cloud
 from toolkit.track import EMPTY, LOST, TRACKED, FrameResult
 from toolkit.tracking.clock import StageClock
+from toolkit.tracking.heading import TURNED, against, voted_facing
 from toolkit.tracking.observation import Observation, Observer
 from toolkit.tracking.occluded_limbs import Guess, OccludedLimbs
 from toolkit.tracking.person import FollowedPerson
@@ -25,7 +26,6 @@ from toolkit.tracking.settings import FollowerSettings
 from toolkit.tracking.smoothing import PoseSmoother
 from toolkit.tracking.state import PersonState, Previous
 from toolkit.tracking.stature import off_floor, unlikely
-from toolkit.tracking.walking import BACKWARDS, forwards
 
 HELD = 1.0
 """Seconds out of sight after which the last pose says nothing of the next one."""
@@ -51,7 +51,7 @@ class Follower(FollowedPerson):
     observation : of the last sighting, None without one
     sizes : as above; fewer may be tried
     floor : y of the floor, metres, level frame, None where it is not known: it tells how tall a person is
-    walked : float64 (2,), where the person walks in the next frame, see `directions_walked`; None where it is not known
+    heading : float64 (2,), where the person heads in the next frame, see `heading`; zero where it is not known
     scored : all hypotheses of the last frame
     winner : the hypothesis that was selected in the last frame, None where there was none
     """
@@ -77,7 +77,7 @@ class Follower(FollowedPerson):
         self._occluded_limbs, self._verifier = occluded_limbs, verifier
         self.observation: Observation | None = None
         self.floor: float | None = None
-        self.walked: np.ndarray | None = None
+        self.heading = np.zeros(2)
         self.scored: Sequence[ScoredHypothesis] = ()
         self.winner: ScoredHypothesis | None = None
 
@@ -110,14 +110,16 @@ class Follower(FollowedPerson):
         clock.record("select")
         return replace(row, stage_ms=clock.milliseconds)
 
-    def shown(self, sighting: Sighting, timestamp: float) -> float:
-        """How many joints of the person a frame shows, as the regressor is sure of them; without one, which share of
-        the image they fill.
+    def shown(self, sighting: Sighting, timestamp: float) -> tuple[float, np.ndarray]:
+        """How many joints of the person a frame shows, as the regressor is sure of them, and where they face
+        (`voted_facing`); without a regressor, which share of the image they fill.
         """
         cloud = Cloud.from_depth(sighting.depth, sighting.camera, self.level_rotation)
         observation = self.observer.observe(cloud, timestamp, self.state, sighting.unobserved, sighting.joints)
         votes = observation.votes
-        return len(cloud) / cloud.depth.size if votes is None else float((votes.reliability * votes.in_view).sum())
+        if votes is None:
+            return len(cloud) / cloud.depth.size, voted_facing(None)
+        return float((votes.reliability * votes.in_view).sum()), voted_facing(votes)
 
     @property
     def distance(self) -> float:
@@ -125,16 +127,16 @@ class Follower(FollowedPerson):
         return math.inf if self.winner is None else self.winner.comparison.distance
 
     def cost(self, scored: ScoredHypothesis) -> float:
-        """What is to be least, metres: a person walks forwards, where it is known that they walk."""
-        return scored.cost + self.backwards(scored.hypothesis.pose)
+        """What is to be least, metres: a person heads where the frames around have them head."""
+        return self.weighed(scored.cost, scored.hypothesis.pose)
 
     def cost_of_size(self, scored: ScoredHypothesis) -> float:
         """What is to be least where the size is unknown, metres: unlikely statures cost more."""
         return self.cost(scored) + unlikely(scored.body.height) + self.off_floor(scored)
 
-    def backwards(self, pose: np.ndarray) -> float:
-        """What it says against a pose (P,) that the person walks as they do, metres."""
-        return 0.0 if self.walked is None else -BACKWARDS * forwards(self.walked, pose)
+    def weighed(self, cost: float, pose: np.ndarray) -> float:
+        """What a pose (P,) costs, metres, more by `TURNED` of itself where the person surely heads elsewhere."""
+        return cost * (1.0 + TURNED * against(self.heading, pose))
 
     def off_floor(self, scored: ScoredHypothesis) -> float:
         """What the floor says against a hypothesis, metres."""

@@ -43,7 +43,7 @@ class Looker:
     seen : the person's sightings
     timestamps : float64 (T,), seconds, of all frames of the recording
     stages : names of the follower's stages
-    walked : float64 (T, 2), where the person walks in each frame, see `directions_walked`; None where it is not known
+    heading : float64 (T, 2), where the person heads in each frame, see `heading`
 
     Attributes
     ----------
@@ -56,21 +56,20 @@ class Looker:
         seen: PersonSightings,
         timestamps: np.ndarray,
         stages: tuple[str, ...],
-        walked: np.ndarray | None = None,
+        heading: np.ndarray,
     ) -> None:
         self.follower, self._unknown = follower, follower.state
-        self._seen, self._timestamps, self._stages, self._walked = seen, timestamps, stages, walked
+        self._seen, self._timestamps, self._stages, self._heading = seen, timestamps, stages, heading
 
     def follow(self, frame: int) -> Step:
         """Follow on to a frame, from where the follower is."""
         follower = self.follower
-        if self._walked is not None:
-            follower.walked = self._walked[frame]
+        follower.heading = self._heading[frame]
         result = follower.step(self._seen[frame], float(self._timestamps[frame]), StageClock(self._stages))
         if follower.winner is None:
             return Step(result, NOTHING_FOUND, continues=False)
-        against = follower.backwards(follower.winner.hypothesis.pose)
-        return Step(result, follower.distance + against, follower.winner.hypothesis.continues)
+        cost = follower.weighed(follower.distance, follower.winner.hypothesis.pose)
+        return Step(result, cost, follower.winner.hypothesis.continues)
 
     def afresh(self, frame: int, body: Body) -> Look:
         """Find the person, whose body this is, in a frame without knowing anything of the others."""

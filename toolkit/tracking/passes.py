@@ -20,11 +20,11 @@ from toolkit.checkpoint import HINT, check_state, numbered
 from toolkit.errors import TrackError
 from toolkit.track import EMPTY, TRACKED
 from toolkit.tracking.follower import Follower
+from toolkit.tracking.heading import against
 from toolkit.tracking.looks import Look, Looker
 from toolkit.tracking.search.protocol import UNLIKELY
 from toolkit.tracking.sightings import PersonSightings
 from toolkit.tracking.state import PersonState, Previous, State, body_of, body_state
-from toolkit.tracking.walking import forwards
 from toolkit.tracking.ways import Step, WayFile, apart, better_parts
 
 AGREED, AGREED_FRAMES = 0.04, 3
@@ -37,11 +37,14 @@ DISAGREED = 5
 """Frames in a row in which the first pass says something else, before its way is followed too."""
 REPAIRED = 300
 """Frames that a second way is followed at most."""
-BACKWARDS_FROM = -0.5
-"""How far a person walks forwards, see `forwards`, below which the frame is looked at afresh."""
+TURNED_FROM = 0.5
+"""What the heading says against a pose, see `against`, from which on the frame is looked at afresh."""
 FIRST_PASS = 2
 """In place of a direction: from the pose of the first pass, in both."""
-_PLAN = {"stretches": Column("iu", ("stretches", 3), 0), "checks": Column("iu", ("checks", 3), 0)}
+_PLAN = {
+    "stretches": Column("iu", ("stretches", 3), 0), "checks": Column("iu", ("checks", 3), 0),
+    "heading": Column("f", ("frames", 2), -1.0, 1.0),
+}  # fmt: skip
 _STEPS = {"leg": Column("iu", (), 0), "repairs": Column("iu", ("repairs", 3), -1, optional=True)}
 
 
@@ -54,23 +57,26 @@ class Plan:
     body : the person's own
     stretches : int64 (S, 3), of each time in sight the first and last frame, and the surest one between them
     checks : int64 (C, 3), further frames that are looked at afresh, each with the number of its stretch, and 0
+    heading : float64 (T, 2), where the person heads in each frame, see `toolkit.tracking.heading.heading`
     looks : at some of these frames, by which they were chosen; they are not kept on disk, for they can be had again
     """
 
     body: Body
     stretches: np.ndarray
     checks: np.ndarray
+    heading: np.ndarray
     looks: Mapping[int, Look] = field(default_factory=dict)
 
     def export(self) -> State:
         """As plain arrays, numbers and text."""
-        return {"body": body_state(self.body), "stretches": self.stretches, "checks": self.checks}
+        plain = ("stretches", "checks", "heading")
+        return {"body": body_state(self.body), **{name: getattr(self, name) for name in plain}}
 
     @classmethod
     def restore(cls, state: Mapping[str, Any]) -> Plan:
         """What `export` gave; raises TrackError for what no planner plans."""
         check_state(state, _PLAN, ("body",), "plan")
-        return cls(body_of(state["body"]), state["stretches"], state["checks"])
+        return cls(body_of(state["body"]), state["stretches"], state["checks"], state["heading"])
 
     def check(self, frames: int, repairs: np.ndarray | None, pending: Collection[int]) -> None:
         """Raise TrackError where this, or what `BothWays` has of it, does not lie in a recording of so many frames."""
@@ -79,7 +85,7 @@ class Plan:
         moments = moments[:, :2]
         inside = (moments >= 0).all() and (moments < [frames, len(self.stretches)]).all()
         fits = ((first <= start) & (start <= last) & (last < frames)).all()
-        if not (inside and fits) or max(pending, default=-1) >= frames:
+        if not (inside and fits) or max(pending, default=-1) >= frames or len(self.heading) != frames:
             raise TrackError(f"the second pass is of another recording; {HINT}")
 
 
@@ -95,7 +101,6 @@ class BothWays:
     plan : where to begin
     stages : names of the follower's stages
     first_pass : the person's rows (T,) as one pass had them, with the track's columns; None without
-    walked : float64 (T, 2), where the person walks in each frame, see `directions_walked`; None without
     """
 
     def __init__(
@@ -107,10 +112,9 @@ class BothWays:
         plan: Plan,
         stages: tuple[str, ...],
         first_pass: np.ndarray | None = None,
-        walked: np.ndarray | None = None,
     ) -> None:
-        self._follower, self._looker = follower, Looker(follower, seen, timestamps, stages, walked)
-        self._timestamps, self._walked, self._first_pass = timestamps, walked, first_pass
+        self._follower, self._looker = follower, Looker(follower, seen, timestamps, stages, plan.heading)
+        self._timestamps, self._first_pass = timestamps, first_pass
         self._way, self._plan = way, plan
         self._unknown = replace(follower.state, body=plan.body, sized=True)
         self._leg, self._frame, self._state = 0, -1, self._unknown
@@ -124,7 +128,7 @@ class BothWays:
             yield from self._followed(*legs[self._leg])
             self._leg, self._frame = self._leg + 1, -1
         if self._repairs is None:
-            self._repairs = np.concatenate([self._backwards(), self._plan.checks, self._jumps(), self._disagreements()])
+            self._repairs = np.concatenate([self._turned(), self._plan.checks, self._jumps(), self._disagreements()])
             yield True
         while self._leg < len(legs) + len(self._repairs):
             yield from self._repaired(*self._repairs[self._leg - len(legs)].tolist())
@@ -193,16 +197,15 @@ class BothWays:
                 before = here
         return np.array([row for _, *row in sorted(found)], dtype=np.int64).reshape(-1, 3)
 
-    def _backwards(self) -> np.ndarray:
-        """Where the way has the person walk backwards: int64 (B, 3), frame to look at afresh, its stretch, and 0."""
+    def _turned(self) -> np.ndarray:
+        """Where the way has the person head elsewhere: int64 (B, 3), frame to look at afresh, its stretch, and 0."""
         found: list[tuple[int, int, int]] = []
-        if self._walked is None:
-            return np.empty((0, 3), dtype=np.int64)
+        heading = self._plan.heading
         for number, (first, last, _) in enumerate(self._plan.stretches.tolist()):
-            ahead = [forwards(self._walked[f], self._way[f].result.pose) for f in range(first, last + 1)]
-            wrong = np.concatenate([[False], np.array(ahead) < BACKWARDS_FROM, [False]])
+            said = [against(heading[f], self._way[f].result.pose) for f in range(first, last + 1)]
+            wrong = np.concatenate([[False], np.array(said) > TURNED_FROM, [False]])
             begins, ends = np.flatnonzero(wrong[1:] & ~wrong[:-1]), np.flatnonzero(wrong[:-1] & ~wrong[1:])
-            found += [(first + b + int(np.argmin(ahead[b:e])), number, 0) for b, e in zip(begins, ends, strict=True)]
+            found += [(first + b + int(np.argmax(said[b:e])), number, 0) for b, e in zip(begins, ends, strict=True)]
         return np.array(found, dtype=np.int64).reshape(-1, 3)
 
     def _disagreements(self) -> np.ndarray:
@@ -277,7 +280,7 @@ class BothWays:
         scene = follower.observation.scene
         old, new = (follower.objective.compare(self._plan.body, at.result.pose, scene) for at in (known, step))
         before, afresh = (
-            compared.distance + UNLIKELY * compared.energy + follower.backwards(at.result.pose)
+            follower.weighed(compared.distance + UNLIKELY * compared.energy, at.result.pose)
             for compared, at in ((old, known), (new, step))
         )
         better = afresh < before

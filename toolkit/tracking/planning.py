@@ -13,6 +13,7 @@ from toolkit.fitting.shape import ShapeSettings
 from toolkit.people.sighting import Sighting
 from toolkit.tracking.clock import StageClock
 from toolkit.tracking.follower import HELD, Follower
+from toolkit.tracking.heading import directions_faced, heading
 from toolkit.tracking.learning import FollowedBody, Pace
 from toolkit.tracking.looks import NOTHING_FOUND, Look, Looker
 from toolkit.tracking.passes import Plan
@@ -38,10 +39,12 @@ class Survey:
     ----------
     frames : int64 (N,), rising
     shown : float64 (N,), joints that the regressor expects to be in view and is sure of
+    facing : float64 (N, 2), where they have the person face, see `voted_facing`
     """
 
     frames: np.ndarray
     shown: np.ndarray
+    facing: np.ndarray
 
     def best(self, count: int, first: int, last: int, timestamps: np.ndarray) -> list[int]:
         """The frames from `first` to `last` that show most, the best first, `MOMENT_GAP` seconds apart."""
@@ -82,8 +85,9 @@ class Planner:
         body: Body | None = None,
         walked: np.ndarray | None = None,
     ) -> None:
-        self._learner, self._follower, self._seen, self._walked = learner, follower, seen, walked
-        self._looker = Looker(follower, seen, timestamps, stages, walked)
+        self._learner, self._follower, self._seen = learner, follower, seen
+        self._walked = np.zeros((len(timestamps), 2)) if walked is None else walked
+        self._heading = heading(self._walked, np.zeros_like(self._walked))
         self._timestamps, self._stages, self._smallest, self._body = timestamps, stages, smallest, body
         self.plan: Plan | None = None
 
@@ -94,6 +98,9 @@ class Planner:
             return
         stretches = times_in_sight(usable, self._timestamps)
         survey = yield from self._survey(usable)
+        faced = directions_faced(self._timestamps[survey.frames], survey.facing, self._timestamps)
+        self._heading = heading(self._walked, faced)
+        self._looker = Looker(self._follower, self._seen, self._timestamps, self._stages, self._heading)
         body = self._body
         if body is None:
             moments = survey.best(MOMENTS, int(usable[0]), int(usable[-1]), self._timestamps)
@@ -111,18 +118,20 @@ class Planner:
                 others.update(survey.best(1, low, min(high - 1, last), self._timestamps))
             checks += [(frame, number, 0) for frame in sorted(others - {start})]
         starts = np.array(rows, dtype=np.int64).reshape(-1, 3)
-        self.plan = Plan(body, starts, np.array(checks, dtype=np.int64).reshape(-1, 3), looks)
+        self.plan = Plan(body, starts, np.array(checks, dtype=np.int64).reshape(-1, 3), self._heading, looks)
 
     def _survey(self, usable: np.ndarray) -> Generator[None, None, Survey]:
-        frames, shown, due = [], [], -np.inf
+        frames, shown, facing, due = [], [], [], -np.inf
         for frame in usable.tolist():
             moment = float(self._timestamps[frame])
             if moment >= due:
                 due = moment + SURVEYED
                 frames.append(frame)
-                shown.append(self._follower.shown(self._sighting(frame), moment))
+                joints, faced = self._follower.shown(self._sighting(frame), moment)
+                shown.append(joints)
+                facing.append(faced)
                 yield
-        return Survey(np.array(frames, dtype=np.int64), np.array(shown))
+        return Survey(np.array(frames, dtype=np.int64), np.array(shown), np.array(facing).reshape(-1, 2))
 
     def _own_body(self, moments: list[int], usable: np.ndarray) -> Generator[None, None, Body]:
         """The body that explains the frames around the surest of these moments."""
@@ -185,8 +194,7 @@ class Planner:
     def _sighting(self, frame: int) -> Sighting:
         """What is seen of the person in a frame, which both followers are about to look at."""
         sighting = self._seen[frame]
-        if self._walked is not None:
-            self._follower.walked = self._learner.follower.walked = self._walked[frame]
+        self._follower.heading = self._learner.follower.heading = self._heading[frame]
         assert sighting is not None, "planned frames are frames in which the person was seen"
         return sighting
 

@@ -227,7 +227,6 @@ class LooksBack(Tracker, Protocol):
         way: WayFile,
         plan: Plan,
         first_pass: np.ndarray | None = None,
-        walked: np.ndarray | None = None,
     ) -> BothWays:
         """Follows that person; see `BothWays`."""
         ...

@@ -155,11 +155,10 @@ class SearchingTracker(ABC):
         way: WayFile,
         plan: Plan,
         first_pass: np.ndarray | None = None,
-        walked: np.ndarray | None = None,
     ) -> BothWays:
         """See `LooksBack.both_ways`."""
         follower = self.follower(camera, level_rotation, plan.body)
-        return BothWays(follower, seen, timestamps, way, plan, self.stage_names, first_pass, walked)
+        return BothWays(follower, seen, timestamps, way, plan, self.stage_names, first_pass)
 
     def assembled(
         self, objective: Objective, refiner: Refiner, observer: Observer, level_rotation: np.ndarray, state: PersonState

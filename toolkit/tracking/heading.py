@@ -1,0 +1,116 @@
+"""Which way a person heads, by all frames around: it tells front from back where the depth of one frame does not.
+
+In real rooms a body seen from behind explains the depth nearly as well as one that faces the camera. But people walk
+forwards; and of many frames there are some in which the regressor is sure of both shoulders.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from toolkit import skeleton
+from toolkit.database import canonical
+from toolkit.kernels import linear
+from toolkit.landmarks.regressor import JointEstimate
+from toolkit.track import TRACKED
+
+WINDOW = 0.75
+"""Seconds before and after a moment, over which the way is measured: a person who bends, sits down or rises does not
+get far in twice as long."""
+LONGEST = 1.2
+"""Seconds to the nearest frame on either side, at most."""
+STANDS, WALKS = 0.4, 0.8
+"""Metres a second: slower than the first counts nothing, faster than the second in full."""
+AROUND = 0.75
+"""Seconds from a frame at which a vote for a facing counts e times less."""
+DOUBT = 0.5
+"""Sure votes about a frame, summed, of which half is believed."""
+TURNED = 0.25
+"""Share by which a pose has to explain a frame better that heads away from where the person surely heads, and may
+explain it worse that heads there: where no pose explains it well, differences of distance say little.
+"""
+LINES = [
+    (skeleton.REPORTED.index(f"left_{name}"), skeleton.REPORTED.index(f"right_{name}")) for name in ("shoulder", "hip")
+]
+"""Joints from side to side of the trunk."""
+PLACED = [skeleton.REPORTED.index(name) for name in ("neck", "pelvis")]
+"""Joints whose mean is the place of a person."""
+
+
+def directions_walked(rows: np.ndarray, timestamps: np.ndarray, level_rotation: np.ndarray) -> np.ndarray:
+    """Directions in which a person walks, by their track.
+
+    Parameters
+    ----------
+    rows : (T,) of the track, with its columns `joints`, metres, camera frame, and `state`
+    timestamps : float64 (T,), seconds
+    level_rotation : R_level_camera, float64 (3, 3)
+
+    Returns
+    -------
+    float64 (T, 2): x and z in the level frame, as long as it is sure that they walk, 0 to 1
+    """
+    known = np.flatnonzero(rows["state"] == TRACKED)
+    walked = np.zeros((len(timestamps), 2))
+    places = linear.rotated(rows["joints"][known][:, PLACED].mean(axis=1), level_rotation.T)[:, [0, 2]]
+    times = timestamps[known]
+    for k, moment in enumerate(times):
+        first, last = np.searchsorted(times, [moment - WINDOW, moment + WINDOW])
+        first, last = min(first, max(k - 1, 0)), max(last - 1, min(k + 1, len(times) - 1))
+        if max(moment - times[first], times[last] - moment) > LONGEST or first == last:
+            continue
+        velocity = (places[last] - places[first]) / (times[last] - times[first])
+        speed = float(np.hypot(*velocity))
+        walked[known[k]] = velocity / max(speed, 1e-9) * np.clip((speed - STANDS) / (WALKS - STANDS), 0.0, 1.0)
+    return walked
+
+
+def voted_facing(votes: JointEstimate | None) -> np.ndarray:
+    """Where a person faces by the votes for shoulders and hips: float64 (2,), x and z in the level frame, as long as
+    the probability that one of the shoulders is right, and one of the hips; zero without votes.
+    """
+    facing = np.zeros(2)
+    if votes is None:
+        return facing
+    for left, right in LINES:
+        across = votes.points[left] - votes.points[right]
+        sure = 1.0 - (1.0 - votes.reliability[left]) * (1.0 - votes.reliability[right])
+        facing += sure * np.array([-across[2], across[0]]) / max(math.hypot(across[0], across[2]), 1e-9)
+    return facing
+
+
+def directions_faced(moments: np.ndarray, voted: np.ndarray, timestamps: np.ndarray) -> np.ndarray:
+    """Directions in which a person faces, by the votes in some frames.
+
+    Parameters
+    ----------
+    moments, voted : float64 (N,), seconds, rising, and (N, 2), see `voted_facing`
+    timestamps : float64 (T,), seconds, of all frames
+
+    Returns
+    -------
+    float64 (T, 2): x and z in the level frame, as long as it is sure that they face there, 0 to 1
+    """
+    faced = np.zeros((len(timestamps), 2))
+    for frame, moment in enumerate(timestamps):
+        near = slice(*np.searchsorted(moments, [moment - 4.0 * AROUND, moment + 4.0 * AROUND]))
+        weights = np.exp(-np.abs(moments[near] - moment) / AROUND)
+        together = (weights[:, None] * voted[near]).sum(axis=0)
+        faced[frame] = together / (DOUBT + math.hypot(*together))
+    return faced
+
+
+def heading(walked: np.ndarray, faced: np.ndarray) -> np.ndarray:
+    """What both say together: float64 (T, 2), x and z in the level frame, as long as it is sure, 0 to 1."""
+    together = walked + faced
+    return together / np.maximum(np.hypot(together[:, :1], together[:, 1:]), 1.0)
+
+
+def against(heads: np.ndarray, pose: np.ndarray) -> float:
+    """What a heading (2,), see `heading`, says against a pose (P,), level frame: -1 to 1."""
+    if not heads.any():
+        return 0.0
+    yaw = float(canonical.body_facing(pose))
+    return -float(heads[0] * np.sin(yaw) + heads[1] * np.cos(yaw))
