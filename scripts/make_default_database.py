@@ -4,7 +4,7 @@
 
 Made of motions of the CMU Graphics Lab (folders `mocap/cmu` and `mocap_more/cmu` of the shared data) and of the bundled
 standing, floor and seated ones. Nothing else may go in: the poses travel with the package. The same folders give the
-same file to the bit, with the same versions of NumPy, SciPy and scikit-learn, on however many processors.
+same file to the bit, with the same versions of NumPy, SciPy and scikit-learn, on whichever processors and however many.
 """
 
 from __future__ import annotations
