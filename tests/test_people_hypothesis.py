@@ -67,7 +67,7 @@ def test_less_is_enough_in_a_still_and_a_judge_that_is_sure_does_without_a_shape
     """What the judge says of a chair's back, of somebody in their shape, and of an arm before a face."""
     assert alone_log_odds(True, 0.5) < 0 < alone_log_odds(True, 1.5)
     assert alone_log_odds(False, 1.5) < 0 < alone_log_odds(False, 2.8)
-    assert log_odds([Glimpse(True, 0.0, judged=1.5)]) < 0
+    assert log_odds([Glimpse(True, 0.0, judged=1.1)]) < 0 < alone_log_odds(True, 1.1)
     assert alone_log_odds(False, None) < 0 < alone_log_odds(True, None)
 
 

@@ -13,7 +13,17 @@ from tests.fake_tracker import FakeTracker
 from tests.sensing_scenes import KINECT, scene
 from toolkit.errors import SegmentationError, TrackError
 from toolkit.people.evidence import Evidence, export_evidence, furniture, restore_evidence
-from toolkit.people.hypothesis import HEAD_HEIGHT, possible_height
+from toolkit.people.hypothesis import (
+    HEAD_HEIGHT,
+    LOW,
+    LOWEST,
+    SEATED,
+    Glimpse,
+    alone_log_odds,
+    log_odds,
+    lowness,
+    possible_height,
+)  # fmt: skip
 from toolkit.people.joints import GivenJoints, on_cut_out
 from toolkit.people.several import SeveralPeople
 from toolkit.people.sighting import Sighting
@@ -283,6 +293,16 @@ def test_a_head_is_no_lower_and_no_higher_above_the_floor_than_heads_are():
     heights = [low - 0.1, low + 0.1, high - 0.1, high + 0.1]
     assert [possible_height(np.array([0.0, h - 1.2, -2.0]), -1.2) for h in heights] == [False, True, True, False]
     assert possible_height(np.array([0.0, -5.0, -2.0]), None)
+
+
+def test_a_head_of_nobody_who_sits_or_stands_is_low_and_that_speaks_against_a_person():
+    heights = [LOWEST - 0.2, LOWEST, 0.5 * (LOWEST + SEATED), SEATED, SEATED + 0.6]
+    low = [lowness(np.array([0.3, h - 1.2, -2.0]), -1.2) for h in heights]
+    assert low == pytest.approx([1.0, 1.0, 0.5, 0.0, 0.0])
+    assert lowness(np.array([0.0, -5.0, -2.0]), None) == 0.0
+    seated, chair = (Glimpse(True, 0.0, judged=1.5, low=low) for low in (0.0, 1.0))
+    assert log_odds([chair] * 20) == log_odds([seated] * 20) - LOW < 0 < log_odds([seated] * 20)
+    assert alone_log_odds(True, 1.2, 1.0) < 0 < alone_log_odds(True, 1.2)
 
 
 def row(state):

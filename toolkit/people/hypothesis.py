@@ -17,7 +17,7 @@ from toolkit.people.evidence import MOST_JUDGED
 from toolkit.people.view import Lens, View
 from toolkit.sensing.camera import Camera
 
-BEFOREHAND = -2.6
+BEFOREHAND = -1.8
 """Log odds of something with a head and without other evidence: rooms hold more such things than people."""
 MOVED, MOVED_AT_ALL, HEAD_MOVED_AT_ALL = 4.0, 2.0, 3.0
 """Log odds of what stood elsewhere in the other frames; of one whose surface, and whose head, moves in place."""
@@ -28,10 +28,14 @@ SHAPED = 3.0
 JUDGED, UNDECIDED = 2.2, 1.2
 """Log odds for each of the mean that the judge gives, and the mean at which it says nothing: what has a head looks more
 like a person than the walls and desks among which it learnt."""
-ALONE = 1.5
+ALONE = 0.7
 """Log odds by which less is enough where only one frame is known: nothing later makes good for whoever is missed."""
 HEAD_HEIGHT = (0.5, 2.4)
 """Metres of a head's middle above the floor: a child of 0.8 m who squats, an adult of 2.2 m on a step."""
+LOW = 2.0
+"""Log odds against a low head: chairs, boxes and low cupboards end there."""
+SEATED, LOWEST = 1.0, 0.75
+"""Metres above the floor: no head of a seated adult is lower than the first; below the second it is low altogether."""
 
 
 class PersonJudge(Protocol):
@@ -57,6 +61,13 @@ def possible_height(place: np.ndarray, floor: float | None) -> bool:
     return floor is None or HEAD_HEIGHT[0] <= place[1] - floor <= HEAD_HEIGHT[1]
 
 
+def lowness(place: np.ndarray, floor: float | None) -> float:
+    """How low a head at `place` (3,), level frame, metres, is above the floor (its y): from 0 of a person who sits or
+    stands to 1; 0 where the floor is not known.
+    """
+    return 0.0 if floor is None else float(np.clip((SEATED - (place[1] - floor)) / (SEATED - LOWEST), 0.0, 1.0))
+
+
 def judged_head(view: View, lens: Lens, place: np.ndarray, judge: PersonJudge | None) -> float | None:
     """Mean log odds that the pixels around a head's place (3,), level frame, metres, are of a person; None without a
     judge or a measured pixel.
@@ -77,6 +88,7 @@ class Glimpse:
     moved : share of the head's pixels that stand before the room as it lasts
     alive, head_alive : share of its pixels, and of the head's, that show other depths close by in other frames
     judged : mean log odds of the judge over the head's pixels; None without a judge
+    low : how low its head is, see `lowness`
     """
 
     shaped: bool
@@ -84,6 +96,7 @@ class Glimpse:
     alive: float = 0.0
     head_alive: float = 0.0
     judged: float | None = None
+    low: float = 0.0
 
 
 def log_odds(glimpses: Sequence[Glimpse]) -> float:
@@ -99,10 +112,11 @@ def log_odds(glimpses: Sequence[Glimpse]) -> float:
         + MOVED_AT_ALL * min(mean([g.alive for g in glimpses]) / ENOUGH, 1.0)
         + HEAD_MOVED_AT_ALL * min(mean([g.head_alive for g in glimpses]) / ENOUGH_HEAD, 1.0)
         + SHAPED * (mean([g.shaped for g in glimpses]) - 0.5)
+        - LOW * mean([g.low for g in glimpses])
         + JUDGED * float(np.clip(mean(judged or [0.0]), -MOST_JUDGED, MOST_JUDGED))
     )
 
 
-def alone_log_odds(shaped: bool, judged: float | None) -> float:
+def alone_log_odds(shaped: bool, judged: float | None, low: float = 0.0) -> float:
     """Log odds that something with a head is a person, by the only frame that there is."""
-    return ALONE + log_odds([Glimpse(shaped, 0.0, judged=judged)])
+    return ALONE + log_odds([Glimpse(shaped, 0.0, judged=judged, low=low)])

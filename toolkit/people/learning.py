@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from toolkit.people.detection import near_head
-from toolkit.people.hypothesis import Glimpse, PersonJudge, judged_head, log_odds, possible_height
+from toolkit.people.hypothesis import Glimpse, PersonJudge, judged_head, log_odds, lowness, possible_height
 from toolkit.people.stills import hanging_on, people_and_furniture
 from toolkit.people.structure import Plane, find_planes, on_planes
 from toolkit.people.surroundings import NO_FIGURES, Surroundings, room_of, tolerances
@@ -75,7 +75,7 @@ def learnt(
     seen = [
         s
         for k in range(len(stack))
-        for s in _seen(k, stack, moved, rough_margin, planes, lens, judge)
+        for s in _seen(k, stack, moved, rough_margin, planes, lens, judge, floor)
         if possible_height(s.place, floor)
     ]
     people, figures = np.zeros(stack.shape, dtype=np.bool_), [NO_FIGURES]
@@ -200,6 +200,7 @@ def _seen(
     planes: list[Plane],
     lens: Lens,
     judge: PersonJudge | None,
+    floor: float | None,
 ) -> list[Seen]:
     """What has a head in one of the samples. `moved` bool (K, h, w): what stands before the rough background."""
     depth = stack[frame]
@@ -212,7 +213,7 @@ def _seen(
         changed = _changed(own | head, depth, stack, margin)
         glimpse = Glimpse(
             k <= len(people), _share(moved[frame], head), _share(changed, own), _share(changed, head),
-            judged_head(view, lens, place, judge),
+            judged_head(view, lens, place, judge), lowness(place, floor),
         )  # fmt: skip
         found.append(Seen(frame, place, own, glimpse))
     return found

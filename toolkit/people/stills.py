@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from toolkit.people.detection import BRIDGE_ROOM, find_heads, head_seeds, looks_like_person, share_out
-from toolkit.people.hypothesis import PersonJudge, alone_log_odds, judged_head, possible_height
+from toolkit.people.hypothesis import PersonJudge, alone_log_odds, judged_head, lowness, possible_height
 from toolkit.people.view import Lens, View
 
 LEAST_AREA = 0.06  # m^2 of a person seen head on: head and chest of a child that a table cuts off
@@ -40,7 +40,8 @@ def people_and_furniture(
         for head, *masks in zip(heads, alone, shared, strict=True)
     ]
     good = [
-        possible_height(head, floor) and alone_log_odds(shape, judged_head(view, lens, head, judge)) > 0
+        possible_height(head, floor)
+        and alone_log_odds(shape, judged_head(view, lens, head, judge), lowness(head, floor)) > 0
         for head, shape in zip(heads, shaped, strict=True)
     ]
     people: list[np.ndarray] = []
