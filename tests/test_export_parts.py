@@ -18,7 +18,7 @@ from toolkit.errors import UsageError
 from toolkit.export.bvh import export_bvh
 from toolkit.export.c3d import export_c3d
 from toolkit.export.glb import Scene, quaternions, skinning
-from toolkit.export.rerun import POINTS, _log_points
+from toolkit.export.rerun import POINTS, log_points
 from toolkit.export.tables import export_csv, export_trc
 from toolkit.export.tree import JointTree, rest_places, tips_of, tree_of
 from toolkit.report import clouds
@@ -273,7 +273,7 @@ def test_points_for_rerun_are_thinned_evenly_and_stand_in_the_files_frame() -> N
     viewer = SimpleNamespace(Points3D=lambda points, **_: points)
     stream = SimpleNamespace(log=lambda name, points: told.append((name, points)))
     recording: Any = SimpleNamespace(camera=camera)
-    _log_points(viewer, stream, depth, recording, np.diag([1.0, -1.0, -1.0]), np.array([0.0, -1.0, 0.0]))
+    log_points(viewer, stream, depth, recording, np.diag([1.0, -1.0, -1.0]), np.array([0.0, -1.0, 0.0]))
     ((name, points),) = told
     assert name == "world/points" and POINTS // 2 < len(points) <= POINTS
     assert points[:, 2] == pytest.approx(-2.0) and (points[:, 0] > 0).all()

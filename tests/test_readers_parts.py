@@ -28,10 +28,10 @@ def touch(folder: Path, *names: str) -> Path:
 
 def test_images_called_depth_are_the_frames_and_their_namesakes_the_colour(tmp_path: Path) -> None:
     folder = touch(tmp_path, "depth10.png", "depth2.png", "rgb2.png", "rgb10.png")
-    assert [file.name for file in png._depth_files(folder)] == ["depth2.png", "depth10.png"]
-    assert [file.name for file in png._color_files(folder, png._depth_files(folder))] == ["rgb2.png", "rgb10.png"]
+    assert [file.name for file in png.depth_files(folder)] == ["depth2.png", "depth10.png"]
+    assert [file.name for file in png.color_files(folder, png.depth_files(folder))] == ["rgb2.png", "rgb10.png"]
     (folder / "rgb10.png").unlink()
-    assert png._color_files(folder, png._depth_files(folder)) == [], "a frame without colour leaves all without"
+    assert png.color_files(folder, png.depth_files(folder)) == [], "a frame without colour leaves all without"
 
 
 @pytest.mark.parametrize(
@@ -42,21 +42,23 @@ def test_colour_beside_depth_goes_by_stems_else_by_numbers_if_there_are_as_many(
     tmp_path: Path, color: tuple[str, ...], found: list[str]
 ) -> None:
     touch(tmp_path, "depth/a.png", "depth/b.png", *(f"color/{name}" for name in color))
-    assert [file.name for file in png._color_files(tmp_path / "depth", png._depth_files(tmp_path))] == found
+    assert [file.name for file in png.color_files(tmp_path / "depth", png.depth_files(tmp_path))] == found
 
 
 def test_a_raw_folder_is_known_by_the_size_of_its_files_and_takes_those_of_their_kind(tmp_path: Path) -> None:
     for name, size in (("2.raw", 2 * 176 * 144), ("10.raw", 4), ("notes.txt", 9), (".hidden", 2 * 176 * 144)):
         (tmp_path / name).write_bytes(b"\0" * size)
     assert raw.matches(tmp_path) and not raw.matches(tmp_path / "notes.txt")
-    assert [file.name for file in raw._files(tmp_path)] == ["2.raw", "10.raw"], "the one that is cut short is a frame"
+    assert [file.name for file in raw.frame_files(tmp_path)] == ["2.raw", "10.raw"], (
+        "the one that is cut short is a frame"
+    )
     with pytest.raises(RecordingError, match=r"10\.raw holds 2 values, expected 176x144"):
-        raw._read_frame(tmp_path / "10.raw", (144, 176))
+        raw.read_frame(tmp_path / "10.raw", (144, 176))
 
 
 def test_a_raw_frame_is_little_endian_and_row_by_row(tmp_path: Path) -> None:
     (tmp_path / "0.raw").write_bytes(bytes([1, 0, 2, 0, 3, 0, 0, 1, 5, 0, 6, 0]))
-    np.testing.assert_array_equal(raw._read_frame(tmp_path / "0.raw", (2, 3)), [[1, 2, 3], [256, 5, 6]])
+    np.testing.assert_array_equal(raw.read_frame(tmp_path / "0.raw", (2, 3)), [[1, 2, 3], [256, 5, 6]])
 
 
 def test_a_list_of_images_has_times_files_and_comments(tmp_path: Path) -> None:
@@ -86,10 +88,10 @@ def test_the_vertical_is_the_median_over_an_odometry(tmp_path: Path) -> None:
 
 def test_the_camera_of_a_phones_depth_is_that_of_its_colour_column_by_column() -> None:
     known = {"dw": 192, "dh": 256, "w": 768, "h": 1024, "K": [800, 0, 0, 0, 820, 0, 383.5, 501.5, 1]}
-    shape, camera, times = record3d._facts(known | {"frameTimestamps": [5.0, 5.5]})
+    shape, camera, times = record3d.facts_of(known | {"frameTimestamps": [5.0, 5.5]})
     assert shape == (256, 192) and times.tolist() == [0.0, 0.5]
     np.testing.assert_allclose(camera.intrinsics, [200.0, 205.0, 95.5, 125.0])
-    assert len(record3d._facts(known)[2]) == 0
+    assert len(record3d.facts_of(known)[2]) == 0
 
 
 # Messages
@@ -116,11 +118,11 @@ def messages(**topics: str) -> Any:
 
 def test_the_depth_topic_is_the_only_one_and_colour_counts_where_depth_is_aligned_to_it() -> None:
     file = messages(cam__color__image_raw=ros.IMAGE, cam__aligned_depth_to_color__image_raw=ros.IMAGE)
-    depth = ros._depth_topic(Path("take"), file, None)
-    assert depth == "/cam/aligned_depth_to_color/image_raw" and ros._color_topic(file, depth) == "/cam/color/image_raw"
-    assert ros._color_topic(file, "/cam/depth/image_raw") is None
+    depth = ros.depth_topic(Path("take"), file, None)
+    assert depth == "/cam/aligned_depth_to_color/image_raw" and ros.color_topic(file, depth) == "/cam/color/image_raw"
+    assert ros.color_topic(file, "/cam/depth/image_raw") is None
     both = messages(cam__depth__image=ros.IMAGE, cam__depth__image__compressedDepth=ros.COMPRESSED)
-    assert ros._depth_topic(Path("take"), both, None) == "/cam/depth/image", "the same images, compressed"
+    assert ros.depth_topic(Path("take"), both, None) == "/cam/depth/image", "the same images, compressed"
 
 
 @pytest.mark.parametrize(
@@ -129,7 +131,7 @@ def test_the_depth_topic_is_the_only_one_and_colour_counts_where_depth_is_aligne
 )
 def test_the_unit_is_what_stands_behind_an_image_or_that_of_ros(encoding: str, behind: bytes, unit: Any) -> None:
     picture: Any = SimpleNamespace(encoding=encoding, behind=behind)
-    assert ros._unit(Path("take"), messages(), "/depth", picture) == unit
+    assert ros.unit_of(Path("take"), messages(), "/depth", picture) == unit
 
 
 # Another skeleton

@@ -57,16 +57,17 @@ def export_rerun(path: str | Path, people: Sequence[Person], origin: Origin, rec
         for i, time in enumerate(people[0].times.tolist()):
             stream.set_time("time", duration=time)
             if frames is not None and recording is not None:
-                _log_points(rr, stream, next(frames), recording, people[0].R_level_camera, origin.offset)
+                log_points(rr, stream, next(frames), recording, people[0].R_level_camera, origin.offset)
             for number, person in enumerate(people):
                 _log_person(rr, stream, person, i, COLORS[number % len(COLORS)])
         stream.flush()
         stream.disconnect()
 
 
-def _log_points(
+def log_points(
     rr: Any, stream: Any, depth_mm: np.ndarray, recording: Recording, R_level_camera: np.ndarray, offset: np.ndarray
 ) -> None:
+    """The measured points of a frame, level frame, metres: about `POINTS` of them."""
     points = camera_points(depth_mm / MILLIMETRES, recording.camera)
     points = points[:: max(1, -(-len(points) // POINTS))] @ R_level_camera.T - offset
     stream.log("world/points", rr.Points3D(points, colors=GREY, radii=0.006))

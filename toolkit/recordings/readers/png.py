@@ -24,10 +24,11 @@ def matches(path: Path) -> bool:
     """Whether `path` is a folder with PNG files, in itself or in a folder `depth` below it, or one PNG file."""
     if path.is_file():
         return path.suffix == ".png"
-    return bool(_depth_files(path))
+    return bool(depth_files(path))
 
 
-def _depth_files(path: Path) -> list[Path]:
+def depth_files(path: Path) -> list[Path]:
+    """Depth images by their numbers: a file itself; of a folder those in `depth`, those called so, or all."""
     if path.is_file():
         return [path]
     folder = path / "depth" if (path / "depth").is_dir() else path
@@ -42,11 +43,11 @@ def read(path: Path, options: ReaderOptions) -> Recording:
     `*.json` of the folder, or else of the one above. Where some names hold the word depth (`depth0.png` beside
     `color0.png`), these are the depth images, and colour has the same names with `color` or `rgb` in its place.
     """
-    files = _depth_files(path)
+    files = depth_files(path)
     if not files:
         raise RecordingError(f"{path} holds no PNG file; give the folder of the depth images")
     folder = files[0].parent
-    source = FileFrames(files, read_depth_png, _color_files(folder, files))
+    source = FileFrames(files, read_depth_png, color_files(folder, files))
     shape: tuple[int, int] = source.depth(0).shape
     own = [folder, path] if folder.parent == path else [folder]
     camera = None if options.intrinsics is not None else camera_beside(own, own[-1].parent, shape)
@@ -54,7 +55,7 @@ def read(path: Path, options: ReaderOptions) -> Recording:
     return recording_of_source(path, source, camera, options)
 
 
-def _color_files(folder: Path, depth: list[Path]) -> list[Path]:
+def color_files(folder: Path, depth: list[Path]) -> list[Path]:
     """Colour images of the same stems as the depth images, else as many in sorted order, else none."""
     for name in COLOR_NAMES:
         named = [p.with_name(p.name.replace("depth", name)) for p in depth]

@@ -19,10 +19,11 @@ KNOWN_SIZES = {2 * w * h: (w, h) for w, h in ((640, 480), (512, 424), (320, 240)
 
 def matches(path: Path) -> bool:
     """Whether `path` is a raw file, or a folder of them, of a known camera's size."""
-    return any(file.stat().st_size in KNOWN_SIZES for file in _files(path))
+    return any(file.stat().st_size in KNOWN_SIZES for file in frame_files(path))
 
 
-def _files(path: Path) -> list[Path]:
+def frame_files(path: Path) -> list[Path]:
+    """Files of the frames, sorted: a file itself; of a folder all of the kind of those that are of a frame's size."""
     if path.is_file():
         return [path]
     files = [p for p in path.iterdir() if p.is_file() and not p.name.startswith(".")]
@@ -31,7 +32,7 @@ def _files(path: Path) -> list[Path]:
     return sorted((p for p in files if p.suffix in suffixes) or files, key=natural_key)
 
 
-def _read_frame(path: Path, shape: tuple[int, int]) -> np.ndarray:
+def read_frame(path: Path, shape: tuple[int, int]) -> np.ndarray:
     """One image of a shape (height, width)."""
     try:
         content = read_file(path, LARGEST_FILE)
@@ -49,12 +50,12 @@ def read(path: Path, options: ReaderOptions) -> Recording:
     """Open a folder of raw frames, or one file; the option `intrinsics` is needed, `size` where it cannot be
     guessed.
     """
-    files = _files(path)
+    files = frame_files(path)
     if not files:
         raise RecordingError(f"{path} holds no file; give the folder of the raw frames")
     size = options.size or next((known for file in files if (known := KNOWN_SIZES.get(file.stat().st_size))), None)
     if size is None:
         raise RecordingError(f"{files[0]} has {files[0].stat().st_size} bytes, no known size; give --size WIDTH,HEIGHT")
     shape = (int(size[1]), int(size[0]))
-    source = FileFrames(files, partial(_read_frame, shape=shape))
+    source = FileFrames(files, partial(read_frame, shape=shape))
     return recording_of_source(path, source, chosen_camera(options, shape, path), options)

@@ -87,14 +87,14 @@ def read(path: Path, options: ReaderOptions) -> Recording:
         text = archive.read("metadata").decode("utf-8")
     known = parse_json(text, f"the metadata of {path}", RecordingError, "export it again")
     with damaged(path):
-        shape, own, times = _facts(known)
+        shape, own, times = facts_of(known)
         source = _Record3dFrames(path, shape)
     camera = own if options.intrinsics is None else chosen_camera(options, shape, path)
     stored = times if len(times) == len(source) else None
     return recording_of_source(path, source, camera, options, FileFacts(unit="m", timestamps=stored))
 
 
-def _facts(known: Any) -> tuple[tuple[int, int], Camera, np.ndarray]:
+def facts_of(known: Any) -> tuple[tuple[int, int], Camera, np.ndarray]:
     """Shape of the depth images, their camera, and times in seconds (empty where there are none)."""
     shape = (int(known["dh"]), int(known["dw"]))
     if not all(0 < side <= LARGEST_SIDE for side in shape):

@@ -91,14 +91,14 @@ def picture_of(path: Path, file: MessageFile, topic: str, data: bytes) -> decode
 def read(path: Path, options: ReaderOptions) -> Recording:
     """Open a file of ROS messages; the option `track` names the depth topic where there are several."""
     file = open_messages(path)
-    topic = _depth_topic(path, file, options.track)
+    topic = depth_topic(path, file, options.track)
     first = next(iter(file.messages(topic)), None)
     if first is None:
         raise RecordingError(f"topic {topic} of {path} has no message; record it again")
     picture = picture_of(path, file, topic, first)
     if picture.encoding not in decode.ENCODINGS:
         raise RecordingError(f"topic {topic} of {path} holds {picture.encoding} images; depth has 16 bits or is 32FC1")
-    source = _RosFrames(path, file, topic, _color_topic(file, topic))
+    source = _RosFrames(path, file, topic, color_topic(file, topic))
     camera = _camera(path, file, topic) if options.intrinsics is None else None
     return recording_of_source(
         path,
@@ -106,14 +106,21 @@ def read(path: Path, options: ReaderOptions) -> Recording:
         camera or chosen_camera(options, picture.pixels.shape, path),
         options,
         FileFacts(
-            unit=_unit(path, file, topic, picture),
+            unit=unit_of(path, file, topic, picture),
             timestamps=1e-9 * (source.times - source.times[0]),
             up=_up(path, file),
         ),
     )
 
 
-def _depth_topic(path: Path, file: MessageFile, wanted: str | None) -> str:
+def depth_topic(path: Path, file: MessageFile, wanted: str | None) -> str:
+    """The topic of the depth images: the one that is wanted, or the only one; raw images rather than compressed ones.
+
+    Raises
+    ------
+    RecordingError
+        There is none, or several and none is wanted.
+    """
     images = [topic for topic, kind in file.topics.items() if kind in (IMAGE, COMPRESSED)]
     found = [topic for topic in images if "depth" in topic.lower() or topic == wanted]
     bases = {topic.removesuffix("/compressedDepth"): topic for topic in sorted(found, reverse=True)}
@@ -128,7 +135,7 @@ def _depth_topic(path: Path, file: MessageFile, wanted: str | None) -> str:
     return next(iter(bases.values()))
 
 
-def _color_topic(file: MessageFile, depth: str) -> str | None:
+def color_topic(file: MessageFile, depth: str) -> str | None:
     """The colour topic to which depth is aligned, as RealSense and others call it."""
     if "aligned_depth_to_color" not in depth:
         return None
@@ -156,7 +163,7 @@ def _camera(path: Path, file: MessageFile, topic: str) -> Camera | None:
     return Camera.from_intrinsics(np.array([info.K[0], info.K[4], info.K[2], info.K[5]]), info.shape, lens)
 
 
-def _unit(path: Path, file: MessageFile, topic: str, picture: decode.Picture) -> str | float:
+def unit_of(path: Path, file: MessageFile, topic: str, picture: decode.Picture) -> str | float:
     """Metres of one unit: what a RealSense file says, behind each image or as an option of the sensor; else ROS's."""
     if picture.encoding == "32FC1":
         return "m"
