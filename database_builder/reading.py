@@ -13,7 +13,7 @@ from database_builder.kept import Kept
 from toolkit import skeleton
 from toolkit.body.body import Body
 from toolkit.database.canonical import canonicalise, mirrored
-from toolkit.database.database import STORED_TYPE
+from toolkit.database.database import as_stored
 from toolkit.errors import DepthMocapError
 from toolkit.files import sha256_of
 from toolkit.mocap.clip import PoseClip
@@ -104,7 +104,7 @@ def _canonical(name: str, digest: str, world_poses: np.ndarray, body: Body, mirr
     poses = canonicalise(world_poses)[0]
     if mirror:
         poses = np.concatenate([poses, mirrored(poses)])
-    stored = poses.astype(STORED_TYPE).astype(np.float32) + np.float32(0.0)  # no zero is negative
+    stored = as_stored(poses)
     joints = body.joint_positions(stored).astype(np.float32)
     return CanonicalPoses(name, digest, stored, joints, len(world_poses))
 

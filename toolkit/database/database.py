@@ -32,6 +32,11 @@ STORED_TYPE = np.float16
 """Of poses and offsets in a file: half a millimetre and 0.06 degrees."""
 
 
+def as_stored(poses: np.ndarray) -> np.ndarray:
+    """Poses (N, P) as a file gives them back: float32, of the precision of `STORED_TYPE`, no zero negative."""
+    return np.asarray(poses).astype(STORED_TYPE).astype(np.float32) + np.float32(0.0)
+
+
 @dataclass(frozen=True, eq=False)
 class PoseOrigins:
     """Where the poses of a database come from; attributes as in `PoseDatabase`."""
@@ -116,7 +121,7 @@ class PoseDatabase:
         `offsets` (N, 4) are found by looking at every pose (`observed_offsets`, about half a millisecond each) unless
         given.
         """
-        stored = np.asarray(poses).astype(STORED_TYPE).astype(np.float32)
+        stored = as_stored(poses)
         if offsets is None:
             offsets = observed_offsets(body, stored)
         return PoseDatabase(
