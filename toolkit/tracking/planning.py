@@ -86,8 +86,7 @@ class Planner:
         walked: np.ndarray | None = None,
     ) -> None:
         self._learner, self._follower, self._seen = learner, follower, seen
-        self._walked = np.zeros((len(timestamps), 2)) if walked is None else walked
-        self._heading = heading(self._walked, np.zeros_like(self._walked))
+        self._heading = np.zeros((len(timestamps), 2)) if walked is None else walked
         self._timestamps, self._stages, self._smallest, self._body = timestamps, stages, smallest, body
         self.plan: Plan | None = None
 
@@ -99,7 +98,7 @@ class Planner:
         stretches = times_in_sight(usable, self._timestamps)
         survey = yield from self._survey(usable)
         faced = directions_faced(self._timestamps[survey.frames], survey.facing, self._timestamps)
-        self._heading = heading(self._walked, faced)
+        self._heading = heading(self._heading, faced)
         self._looker = Looker(self._follower, self._seen, self._timestamps, self._stages, self._heading)
         body = self._body
         if body is None:
