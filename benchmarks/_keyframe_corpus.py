@@ -109,11 +109,11 @@ def make_documents(
 
 def _part(examples: Sequence[Example], filler: Sequence[Motion], rng: np.random.Generator) -> tuple[Motion, str | None]:
     if rng.random() < FILLER_SHARE:
-        motion = filler[rng.integers(len(filler))]
+        motion = filler[int(rng.integers(len(filler)))]
         length = min(len(motion), int(rng.uniform(*FILLER_SECONDS) * motion.frame_rate))
         start = int(rng.integers(len(motion) - length + 1))
         return motion.sliced(start, start + length), None
-    example = examples[rng.integers(len(examples))]
+    example = examples[int(rng.integers(len(examples)))]
     motion = example.motion.at_speed(float(np.exp(rng.uniform(*np.log(SPEEDS)))))
     if rng.random() < 0.5:
         return motion, example.label

@@ -142,7 +142,7 @@ HEADINGS = ("columns", "count", "frames", "median ms", "99 % ms", "frames/s", "f
 
 
 def doubled(recording: Recording, path: Path, frames: int) -> Recording:
-    """The first frames of a recording with every pixel four step_times."""
+    """The first frames of a recording with every pixel four times."""
 
     def large(image: np.ndarray) -> np.ndarray:
         return np.repeat(np.repeat(image, 2, axis=0), 2, axis=1)
@@ -161,7 +161,7 @@ def step_times(tracker: ParticleTracker, recording: Recording) -> tuple[list[flo
     solo, followed, first, stages = Solo(tracker, recording), [], [], []
     for i in range(len(recording)):
         depth = recording.depth(i)
-        fresh = solo.follower.state.previous is None  # type: ignore[attr-defined]
+        fresh = solo.follower.state.previous is None
         begun = time.perf_counter()
         result = solo.step(depth, float(recording.timestamps[i]))
         spent = 1000.0 * (time.perf_counter() - begun)
@@ -200,7 +200,7 @@ def upper(parser: argparse.ArgumentParser) -> None:
         values: dict[str, Any] = percentiles(followed)
         values |= {"frames": len(followed), "frame_rate": 1000.0 / values["median_ms"]}
         values["first_ms"] = float(np.median([value for _, first, _ in measured for value in first]))
-        stages = np.mean([stage for _, _, stage in measured], axis=0)
+        stages: np.ndarray = np.mean([stage for _, _, stage in measured], axis=0)
         values["stages_ms"] = dict(zip(tracker.stage_names, np.round(stages, 2).tolist(), strict=True))
         figures[f"{count}" if columns == WIDTH else f"{count}, {columns} wide"] = values
         print(f"{columns:>10}{count:>10}{len(followed):>11}{values['median_ms']:>11.1f}{values['p99_ms']:>11.1f}"

@@ -249,7 +249,9 @@ def main() -> None:
     poses_path = poses_of(options)
     poses = PoseDatabase.load(poses_path)
     overrides = parse_overrides(options.set)
-    rows, gains, bins = {}, [], []
+    rows: dict[str, Row] = {}
+    gains: list[Any] = []
+    bins: list[Any] = []
     for name in options.rows.split(","):
         runs, found = run_row(name, paths, poses, poses_path, overrides, options.work)
         rows[name] = Row(name, chosen, evaluate_runs(runs, surface=options.surface))

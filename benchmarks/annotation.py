@@ -145,7 +145,7 @@ def keyframes_of(
 ) -> list[KeyframeQuery]:
     """Keyframes learned from clips, and from what bears no label in documents made of them."""
     settings = LearningSettings(genetic=GeneticSettings(generations=options.generations), runs=options.runs)
-    made = []
+    made: list[LabelledDocument] = []
     for actor in sorted({example.actor for example in examples}):
         own = [example for example in examples if example.actor == actor]
         for number in range(COUNTEREXAMPLES):

@@ -270,7 +270,8 @@ def interval(values: np.ndarray, draws: int = 2000) -> tuple[float, float]:
 
 def timed(corpus: Corpus, queries: Sequence[tuple[Motion, str]]) -> dict[str, float]:
     """Milliseconds of a search in an hour, the corpus over and over."""
-    documents, frames = [], 0
+    documents: list[FeatureMatrix] = []
+    frames = 0
     while frames < HOUR:
         features = corpus.features[len(documents) % len(corpus.features)]
         documents.append(replace(features, name=f"{features.name} {len(documents)}"))
@@ -315,7 +316,9 @@ def processor_seconds_of_the_command(corpus: Corpus, clip: Path) -> float:
 
 def kinect_corpus(data: Path, subjects: Sequence[str]) -> tuple[Corpus, list[tuple[Motion, str]]]:
     """Every UTD-MHAD clip of some subjects as a document and as an example."""
-    motions, segments, queries = [], [], []
+    motions: list[Motion] = []
+    segments: list[tuple[int, int, int, str, str]] = []
+    queries: list[tuple[Motion, str]] = []
     for file in sorted((data / "depth" / "utd_mhad").glob("*_skeleton.mat")):
         upright = joints_from_kinect(loadmat(file)["d_skel"]) * -1.0
         motion = from_joints(upright, FEATURE_RATE, file.stem)

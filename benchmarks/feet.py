@@ -88,7 +88,7 @@ def jitter_mm(ankles: np.ndarray, still: np.ndarray, times: np.ndarray) -> float
 def stands_still(feet: Feet, contact: np.ndarray, times: np.ndarray) -> np.ndarray:
     """Frames in which both feet carry and neither ankle is under way: bool (T,)."""
     if len(times) < 2:
-        return contact.all(axis=1)
+        return np.asarray(contact.all(axis=1))
     speeds = np.linalg.norm(np.gradient(smoothed(feet.ankles, times, COURSE), times, axis=0), axis=2)
     return np.asarray(contact.all(axis=1) & (speeds < STILL).all(axis=1))
 

@@ -91,7 +91,12 @@ def main() -> None:
             print("   rises, known", own["known_rises"], "tracked", own["rises"][0], "true poses", own["rises"][1])
     rms = {c: float(np.mean([t["angles_rms_deg"][c] for t in takes.values()])) for c in COLUMNS}
     errors = {way: known_errors(takes, k) for k, way in enumerate(WAYS)}
-    figures = {"mean_absolute_errors": errors, "ranges": range_errors(takes), "angles_rms_deg": rms, "takes": takes}
+    figures: dict[str, Any] = {
+        "mean_absolute_errors": errors,
+        "ranges": range_errors(takes),
+        "angles_rms_deg": rms,
+        "takes": takes,
+    }
     for name in ("tracked", "true poses"):
         print("mean absolute errors against what is known,", name, {k: round(v, 4) for k, v in errors[name].items()})
     for name in ("ranges", "angles_rms_deg"):

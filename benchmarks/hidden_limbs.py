@@ -119,7 +119,7 @@ def _hide_all(
         )
     if others:
         beside = told_of([clip, *others], label, classes, limb, Gap(limb, 0, length))
-        without = replace(beside, classes=[replace(c, motions=()) for c in beside.classes])
+        without = replace(beside, classes=[replace(c, motion=None) for c in beside.classes])
         ways["repetitions"] = expect(without, limb, every).mean
         ways["class and repetitions"] = expect(beside, limb, every).mean
     for name, angles in ways.items():

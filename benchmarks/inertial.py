@@ -66,7 +66,7 @@ from toolkit.track import Track
 
 def levelled(poses: np.ndarray, yaw: float) -> np.ndarray:
     """Poses (T, P) of a clip in the camera's level frame: turned so that the first one faces it, then by yaw."""
-    facing = quat.rotate(quat.exponential(poses[0, skeleton.ROOT_ROTATION]), [0.0, 0.0, 1.0])
+    facing = quat.rotate(quat.exponential(poses[0, skeleton.ROOT_ROTATION]), np.array([0.0, 0.0, 1.0]))
     turn = quat.exponential([0.0, np.radians(yaw) - np.arctan2(facing[0], facing[2]), 0.0])
     out = poses.copy()
     out[:, :3] = quat.rotate(turn, poses[:, :3])

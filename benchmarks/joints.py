@@ -33,6 +33,7 @@ from toolkit.config import parse_overrides
 from toolkit.detector.detection import DetectedJoints
 from toolkit.detector.joint_formats import COCO_18, POSE_MODEL, reported_rows
 from toolkit.detector.pose_model import PoseModel
+from toolkit.mocap.clip import PoseClip
 from toolkit.people.joints import on_cut_out
 from toolkit.people.lone import LonePerson
 from toolkit.people.sighting import Sighting
@@ -65,6 +66,7 @@ def colored(take: Scene, work: Path, frames: int) -> Path:
     path = work / "recordings" / f"{take.name}_color_{frames}_{digest}.npz"
     if not path.exists():
         (person,) = people_of(take, frames * STRIDE)
+        assert isinstance(person.clip, PoseClip)
         shot = replace(shot_of(take, [person]), color=True, frame_rate=RATE / STRIDE)
         simulate_scene([replace(person, clip=person.clip.every(RATE / STRIDE))], path, shot)
     return path

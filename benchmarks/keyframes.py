@@ -208,7 +208,7 @@ def search(parser: argparse.ArgumentParser) -> None:
 
     entries, together = measured
     slope, correlation = line_through_origin([row for part in entries.values() for row in part])
-    figures = {
+    figures: dict[str, Any] = {
         "index": size,
         "together": {
             f"{count} per class{', tight' if tight else ''}": summary(rows) for (count, tight), rows in together.items()

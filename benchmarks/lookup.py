@@ -202,7 +202,7 @@ def hits_of(
 ) -> list[list[bool]]:
     """Per frame that counted: first five, all extrema, a query. `reference` (T, 20, 3), camera frame."""
     solo = Solo(tracker, recording)
-    hits = []
+    hits: list[list[bool]] = []
     for i, frame in enumerate(recording.stream()):
         tracker.watched.observation = None
         solo.step(frame.depth_mm, frame.timestamp)

@@ -92,8 +92,9 @@ def joints(parser: argparse.ArgumentParser) -> None:
 def standing_poses(split: str) -> np.ndarray:
     """Canonical poses (N, P) of the suite's motions, ten a second."""
     body = subject_body("neutral")
-    clips = [people_of(take, take.frames, body)[0].clip.poses[:: round(RATE / 10)] for take in takes(split)]
-    return canonicalise(np.concatenate(clips))[0]
+    clips = [people_of(take, take.frames, body)[0].clip for take in takes(split)]
+    poses = [clip.poses[:: round(RATE / 10)] for clip in clips if isinstance(clip, PoseClip)]
+    return canonicalise(np.concatenate(poses))[0]
 
 
 def seated_poses(split: str) -> np.ndarray:

@@ -132,7 +132,9 @@ WORST = 12
 def track_scenes(paths: Sequence[Path], options: argparse.Namespace) -> tuple[list[Path], dict[str, str]]:
     """Run folders of all recordings, and why those failed that did."""
     tracker = load_tracker(overrides=parse_overrides(options.set), database=poses_of(options))
-    runs = {options.work / "runs" / "scenes" / path.stem: (path, {}) for path in paths}
+    runs: dict[Path, tuple[Path, dict[str, Any]]] = {
+        options.work / "runs" / "scenes" / path.stem: (path, {}) for path in paths
+    }
     failed = track_each(runs, tracker, people=options.people, joints=JointChoice(options.joints))
     return list(runs), {run.name: reason for run, reason in failed.items()}
 

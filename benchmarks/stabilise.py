@@ -27,11 +27,13 @@ import numpy as np
 from benchmarks._record import RESULTS, run_part, save_figures
 from benchmarks._rows import add_database_options, poses_of
 from benchmarks.inertial import levelled, wrong_calibration
+from toolkit.body.body import Body
 from toolkit.database.database import PoseDatabase
 from toolkit.evaluation.joints import NEAR, joint_errors, visible_joints
 from toolkit.files import save_bytes
 from toolkit.fitting.orientation import OrientationSettings
 from toolkit.hybrid.tracker import HybridTracker
+from toolkit.mocap.clip import PoseClip
 from toolkit.pages import png_of
 from toolkit.pipeline import load_tracker, track_recording
 from toolkit.recordings.opening import open_recording
@@ -194,20 +196,20 @@ def classes(parser: argparse.ArgumentParser) -> None:
     for words, kind in (("", "labels"), (", true motions", "true_labels")):
         segments, frames = (sum((getattr(found, kind)[k] for found in done.values()), NOTHING) for k in (0, 1))
         labels |= {f"F segments{words}": segments.f, f"F frames{words}": frames.f}
-    marked = sum(found.marked for found in done.values())
+    marked = np.sum([found.marked for found in done.values()], axis=0)
     labels["frames marked by MT priors"] = {f"F{row + 1}": int(n) for row, n in enumerate(marked) if n}
     figures = {"sequences": rows, **_summary(rows), **labels}
     for name, value in figures.items():
         if name != "sequences":
             print(name, value)
-    words = [
+    marks = [
         options.split,
         *([options.config] if options.config != "hybrid" else []),
         *["filler"] * options.filler,
         *["noise"] * bool(options.noise),
         *["without_marks"] * options.without_marks,
     ]
-    name = "_".join(["stabilise", *words])
+    name = "_".join(["stabilise", *marks])
     plot_errors({name: found.errors for name, found in done.items()}, RESULTS / f"{name}_frames.png")
     print("written:", save_figures(name, figures, {**asdict(settings), "noise mm": options.noise}))
 
@@ -255,6 +257,7 @@ def carriers(options: argparse.Namespace) -> Iterator[tuple[str, Path, Person]]:
 
 def guide_of(person: Person, options: argparse.Namespace, seed: int) -> InertialGuide:
     """Sensors as somebody would carry them, calibrated nearly right."""
+    assert isinstance(person.clip, PoseClip) and isinstance(person.body, Body)
     poses = levelled(person.clip.poses, person.yaw)
     simulated = simulate_sensors(person.body, poses, RATE, CARRIED, NOISE["mtx"], seed)
     rng = np.random.default_rng(seed)

@@ -179,8 +179,8 @@ def suite(parser: argparse.ArgumentParser) -> None:
     whole = options.takes is None and options.frames >= LONGEST and not options.set
     told = options.joints.replace(",", "_")
     name = f"swarm_{options.split}_{told}{'_cold' if options.cold else ''}{'' if whole else '_part'}"
-    settings = {key: getattr(options, key) for key in ("rows", "joints", "seed", "set", "first")}
-    print("written:", save_figures(name, figures, settings))
+    described = {key: getattr(options, key) for key in ("rows", "joints", "seed", "set", "first")}
+    print("written:", save_figures(name, figures, described))
 
 
 PAPER: dict[str, dict[str, float]] = {

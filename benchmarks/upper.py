@@ -122,7 +122,7 @@ def recovery(tracker: Tracker, recording: Recording, *, raised: bool) -> int | N
     solo, right = Solo(tracker, recording), 0
     for i in range(min(DISTURBED + WAITED + LASTING, len(recording))):
         if i == DISTURBED:
-            state = solo.follower.state  # type: ignore[attr-defined]
+            state = solo.follower.state
             if state.previous is None:
                 return None
             wrong = wrong_arms(state.pose, raised=raised)
@@ -131,7 +131,7 @@ def recovery(tracker: Tracker, recording: Recording, *, raised: bool) -> int | N
                 if "poses" in kept:
                     kept["poses"] = np.repeat(wrong[None], len(kept["poses"]), axis=0)
             changed = replace(state, pose=wrong, previous=Previous.of_pose(state.body, wrong), memory=memory)
-            solo.follower.state = changed  # type: ignore[attr-defined]
+            solo.follower.state = changed
         joints = solo.step(recording.depth(i), float(recording.timestamps[i])).joints
         error = 1000.0 * np.linalg.norm(joints[upper.ROWS] - recording.joints[i][upper.ROWS], axis=1).mean()
         right = right + 1 if i >= DISTURBED and error < WITHIN else 0
@@ -342,7 +342,7 @@ def candidates(parser: argparse.ArgumentParser) -> None:
     figures: dict[str, Any] = {}
     print(f"{'':<24}{'frames':>8}{'all three %':>13}{'fork %':>8}{'right fork %':>14}")
     for kind, (frames, hit, forks, right) in total.items():
-        shares = 100.0 * np.array([hit, forks, right]) / max(frames, 1)
+        shares = 100.0 * np.array([hit, forks, right]) / max(int(frames), 1)
         print(f"{kind:<24}{frames:8d}{shares[0]:13.1f}{shares[1]:8.1f}{shares[2]:14.1f}")
         figures[kind] = dict(zip(("all_three", "fork", "right_fork"), shares.tolist(), strict=True))
         figures[kind]["frames"] = int(frames)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from typing import Any
 
 import numpy as np
 
@@ -16,7 +17,7 @@ from toolkit.sensing.recording import Recording
 from toolkit.sensing.stream import Frame
 from toolkit.track import FrameResult
 from toolkit.tracking.clock import StageClock
-from toolkit.tracking.protocol import PersonFollower, Tracker, judge_of
+from toolkit.tracking.protocol import Tracker, judge_of
 
 
 class Solo:
@@ -30,7 +31,7 @@ class Solo:
 
     Attributes
     ----------
-    follower : of that person
+    follower : of that person; its `state` may be looked at and replaced
     level_rotation : R_level_camera, float64 (3, 3)
     """
 
@@ -44,7 +45,7 @@ class Solo:
             for sighting, timestamp in self._first_sightings(recording):
                 learner.observe(sighting, timestamp)
             body = learner.body
-        self.follower: PersonFollower = tracker.follower(camera, self.level_rotation, body)
+        self.follower: Any = tracker.follower(camera, self.level_rotation, body)
 
     @property
     def body(self) -> Body:

@@ -58,7 +58,7 @@ class SearchingTracker(ABC):
     body : the person's own body, if it is known; otherwise it is learnt from the recording
     """
 
-    kind = Follower
+    kind: type[Follower] = Follower
 
     def __init__(self, settings: SearchingSettings, body: Body | None) -> None:
         self._common = settings
