@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from toolkit import skeleton
 from toolkit.errors import RecordingError
-from toolkit.people.tracks import assigned
+from toolkit.people.known import assigned
 from toolkit.sensing.camera import Camera
 from toolkit.testing.calibration import calibration_error
 from toolkit.testing.identities import identities_of

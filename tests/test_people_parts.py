@@ -25,12 +25,13 @@ from toolkit.people.hypothesis import (
     possible_height,
 )  # fmt: skip
 from toolkit.people.joints import GivenJoints, on_cut_out
+from toolkit.people.known import known_again, match_heads
 from toolkit.people.several import SeveralPeople
 from toolkit.people.sighting import Sighting
 from toolkit.people.structure import Plane
 from toolkit.people.surroundings import Surroundings, empty_scene
 from toolkit.people.survey import find_person
-from toolkit.people.tracks import Person, known_again, match_heads
+from toolkit.people.tracks import Person
 from toolkit.people.unassigned import attach_islands
 from toolkit.people.view import Lens
 from toolkit.pipeline.sink import RunSink

@@ -16,8 +16,8 @@ from toolkit.evaluation.extrema import TIPS, all_free, extrema_found
 from toolkit.evaluation.reference import Reference, find_reference
 from toolkit.evaluation.scores import EvaluationTable, RunScores
 from toolkit.landmarks.settings import LandmarkSettings
+from toolkit.people.known import assigned
 from toolkit.people.survey import find_person
-from toolkit.people.tracks import assigned
 from toolkit.progress import Progress, silent
 from toolkit.runs import PEOPLE_FILE, person_runs
 from toolkit.sensing.cloud import Cloud

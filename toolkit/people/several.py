@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import logging
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
@@ -26,20 +25,19 @@ from toolkit.people.detection import (
 )
 from toolkit.people.evidence import Evidence
 from toolkit.people.hypothesis import PersonJudge, judged_head, possible_height
+from toolkit.people.known import KnownPeople, match_heads
 from toolkit.people.newcomers import Newcomers
 from toolkit.people.sharing import body_seeds, stayed_seeds
 from toolkit.people.sighting import PredictedBody, Sighting
 from toolkit.people.stills import large_enough, people_and_furniture
 from toolkit.people.surroundings import Surroundings, first_look, tolerances
-from toolkit.people.tracks import UNKNOWN, Person, export_people, known_again, match_heads, restore_people
+from toolkit.people.tracks import Person
 from toolkit.people.unassigned import attach_islands, head_of
 from toolkit.people.view import Lens, View
 from toolkit.people.visibility import hole_sizes, unobserved_pixels
 from toolkit.sensing.camera import Camera
 from toolkit.sensing.depth_filter import DepthFilter
 from toolkit.sensing.settings import SensingSettings
-
-logger = logging.getLogger(__name__)
 
 NEVER_MOVED = 0.3
 """Share of still pixels above which a head candidate beside a person is furniture."""
@@ -49,8 +47,6 @@ SAME_SURFACE = 0.15
 """Metres of depth by which a surface moves from frame to frame: 5 m/s at 30 Hz."""
 LEAST_PART = 0.02
 """Square metres of a known person: a shoulder beside another person."""
-PATIENCE = 1.0
-"""Seconds during which an unseen person is expected at their last place."""
 MOST_PEOPLE = 16
 """That are told apart, where nothing else is asked for; later ones are left out."""
 MIDDLE_SAMPLES = 300
@@ -72,7 +68,6 @@ class SeveralPeople:
     Attributes
     ----------
     camera : of the sightings
-    people : everybody who was seen so far, by rising id
     lens : makes the coarse frames
     """
 
@@ -91,9 +86,8 @@ class SeveralPeople:
         self.lens = Lens(self._polisher.flat_camera, up_camera, sensing)
         self._surroundings = surroundings
         self._judge = judge
-        self._most = most
-        self.people: list[Person] = []
-        self._newcomers, self._left_out = Newcomers(), False
+        self._known = KnownPeople(self.lens, most)
+        self._newcomers = Newcomers()
         self._labels = np.zeros(self.lens.camera.shape, dtype=np.int32)
         self._depth = np.zeros(self.lens.camera.shape, dtype=np.float32)
         self._padded = np.zeros((camera.height + 2, camera.width + 2), dtype=np.uint16)
@@ -126,7 +120,7 @@ class SeveralPeople:
     def _follow(self, flat: np.ndarray, timestamp: float, predicted: Mapping[int, PredictedBody]) -> Surroundings:
         """Label the people of an undistorted frame at coarse resolution."""
         view, surroundings = self._look(flat)
-        present = self._present(timestamp, predicted)
+        present = self._known.present(timestamp, predicted)
         heads, children, furniture = self._heads(view, surroundings)
         resting = [_rests(view, head, surroundings) for head in heads]
         matched = match_heads(present, heads, timestamp, resting)
@@ -152,7 +146,7 @@ class SeveralPeople:
         sure = [self._sure(view, candidate, i < len(touching), surroundings) for i, candidate in enumerate(candidates)]
         touching = [touches and bool(self.people) for touches in touching] + [False] * len(whole)
         fresh = self._newcomers.promoted(candidates, touching, sure, timestamp)
-        fresh = sorted({*fresh, *self._where_they_were(candidates, timestamp)})
+        fresh = sorted({*fresh, *self._known.at_last_places(candidates, timestamp)})
         walls, everywhere = surroundings.planes, [*places, *candidates]
         fresh = [i for i in fresh if not in_a_mirror(candidates[i], everywhere, walls, self.lens)]
         if fresh or own:
@@ -169,6 +163,11 @@ class SeveralPeople:
         return surroundings
 
     @property
+    def people(self) -> list[Person]:
+        """Everybody who was seen so far, by rising id."""
+        return self._known.people
+
+    @property
     def evidence(self) -> dict[int, Evidence]:
         """See `PeopleFinder`: nothing where nothing but people is measured."""
         if self._surroundings is None or self._surroundings.cut_out:
@@ -178,7 +177,7 @@ class SeveralPeople:
     def export_state(self) -> dict[str, Any]:
         """See `PeopleFinder.export_state`."""
         return {
-            "people": export_people(self.people),
+            "people": self._known.export_state(),
             "newcomers": self._newcomers.export_state(),
             "labels": self._labels,
             "depth": self._depth,
@@ -190,7 +189,7 @@ class SeveralPeople:
         shape = self.lens.camera.shape
         columns = {"labels": Column("i", shape, 0, 1e6), "depth": Column("f", shape, 0, 1e3)}
         check_state(state, columns, ("people", "newcomers", "surroundings"), "people finder")
-        self.people = restore_people(state["people"])
+        self._known.restore_state(state["people"])
         self._newcomers.restore_state(state["newcomers"])
         self._labels, self._depth = state["labels"], state["depth"]
         if not set(np.unique(self._labels).tolist()) <= {0, *(person.id for person in self.people)}:
@@ -218,16 +217,6 @@ class SeveralPeople:
             return [h.place for h in heads], [h.small for h in heads], []
         people, furniture, _ = people_and_furniture(view, self.lens, judge=self._judge, floor=surroundings.floor)
         return people, [False] * len(people), furniture
-
-    def _present(self, timestamp: float, predicted: Mapping[int, PredictedBody]) -> list[Person]:
-        """The people seen within `PATIENCE`, with stature and head of their predicted bodies."""
-        present = [p for p in self.people if timestamp - p.last <= PATIENCE]
-        for k, person in enumerate(present):
-            if person.id in predicted:
-                body = predicted[person.id]
-                head = UNKNOWN if body.head is None else self.lens.to_level(body.head[None])[0]
-                present[k] = replace(person, stature=float(body.stature), body_head=head)
-        return present
 
     def _seeds(
         self, view: View, present: Sequence[Person], places: Sequence[np.ndarray], matched: set[int]
@@ -347,16 +336,11 @@ class SeveralPeople:
         """Look whether the tracks whose heads are seen, by id, are people; a few times a second."""
         if self._surroundings is None or self._surroundings.cut_out:
             return
-        for k, person in enumerate(self.people):
+        for person in self.people:
             if person.id in heads and timestamp - person.looked >= LOOK_AGAIN:
                 head = heads[person.id]
                 judged = judged_head(view, self.lens, head, self._judge) or 0.0
-                self.people[k] = person.looked_at(shaped_alone(view, self.lens, head), judged, timestamp)
-
-    def _where_they_were(self, candidates: Sequence[np.ndarray], timestamp: float) -> list[int]:
-        """Indices of the candidates at the last places of people who are absent now."""
-        absent = [p for p in self.people if timestamp - p.last > PATIENCE]
-        return list(match_heads([replace(p, last=timestamp) for p in absent], candidates, timestamp).values())
+                self._known.keep(person.looked_at(shaped_alone(view, self.lens, head), judged, timestamp))
 
     def _updated(
         self,
@@ -373,8 +357,7 @@ class SeveralPeople:
         are indices of places: whose head is seen, and which new person shows none.
         """
         ids = np.zeros(len(places) + 1, dtype=np.int32)
-        known = {p.id: p for p in self.people}
-        absent = self._expected_back(timestamp)
+        back = self._known.expected_back(timestamp)
         for k, place in enumerate(places):
             mask = labels == k + 1
             points, area = view.points[mask], self.lens.area(view.depth[mask])
@@ -382,47 +365,14 @@ class SeveralPeople:
             if len(points):
                 middle = np.median(points[:: max(1, len(points) // MIDDLE_SAMPLES)], axis=0).astype(np.float64)
             if k < len(present):
-                person = present[k]
-                known[person.id] = person
+                self._known.keep(present[k])
                 if area >= LEAST_PART:
                     head = place if k in matched else None
-                    known[person.id] = person.seen(head, middle, area, timestamp)
-                    ids[k + 1] = person.id
+                    ids[k + 1] = self._known.keep(present[k].seen(head, middle, area, timestamp))
             elif len(points) and large_enough(view, self.lens, mask, cut_out=cut_out):
-                again = known_again(absent, place, timestamp)
-                if again is not None:
-                    absent.remove(again)
-                    still = replace(again, head=place, velocity=np.zeros(3), middle=middle)
-                    known[again.id] = still.seen(place, middle, area, timestamp)
-                    ids[k + 1] = again.id
-                elif len(known) < self._most:
-                    number = len(known) + 1
-                    here = Person(number, place, np.zeros(3), timestamp, timestamp, float(place[1]), middle, area)
-                    known[number] = replace(here, head_seen=k not in headless)
-                    ids[k + 1] = number
-                elif not self._left_out:
-                    self._left_out = True
-                    logger.warning(
-                        "at %.2f s somebody came who is left out: %d people are followed already; raise --people to "
-                        "follow more",
-                        timestamp,
-                        self._most,
-                    )
-        self.people = [self._after(known[i], timestamp) for i in sorted(known)]
+                ids[k + 1] = self._known.meet(place, middle, area, timestamp, back, head_seen=k not in headless)
+        self._known.end_frame(timestamp)
         return ids
-
-    def _expected_back(self, timestamp: float) -> list[Person]:
-        """Those out of sight who may come back: in a room of several none who went out of the image, for who comes in
-        is mostly somebody else; anybody where there is only one, or where no more are asked for.
-        """
-        people = sum(person.evidence.log_odds > 0 for person in self.people)
-        others = 1 < people and len(self.people) < self._most
-        return [p for p in self.people if timestamp - p.last > PATIENCE and not (others and p.gone)]
-
-    def _after(self, person: Person, timestamp: float) -> Person:
-        """A person after a frame, who went out of the image where they are neither seen nor expected within it."""
-        unseen = person.last < timestamp and not self.lens.shows(person.expected(timestamp))
-        return replace(person, gone=person.gone or unseen)
 
     def _sightings(self, flat: np.ndarray, surroundings: Surroundings) -> tuple[Sighting, ...]:
         """Depth of each person at full resolution."""

@@ -1,16 +1,11 @@
-"""Who is who from frame to frame: people as heads that move over a plan of the floor."""
+"""A person from frame to frame: a head that moves over a plan of the floor."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, field, fields, replace
-from typing import Any
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from toolkit.archives import Column
-from toolkit.checkpoint import HINT, check_state
-from toolkit.errors import TrackError
 from toolkit.people.evidence import Evidence
 
 LONGEST_FORECAST = 0.5  # s over which a velocity holds
@@ -21,8 +16,6 @@ WIDEST_GATE = 1.5  # m
 TALLEST_MEMORY = 1.0  # s in which the height of a head that stands is learnt
 WHOLE = 0.7  # of a person's area: less, and they are half hidden
 AREA_FADING = 0.1  # a second, by which the known area fades as a person walks away
-TALLER, SHORTER = 0.08, 0.12  # m by which a returning person may differ: shoes and noise; a bent neck as well
-WALK = 2.5  # m/s: the fastest motion of a person out of sight in a room
 
 HEAD_ASIDE, HEAD_ABOVE = 0.8, 0.2  # m from the top of a leg that is all that is seen, to the head: a stride, a thigh
 
@@ -144,81 +137,3 @@ class Person:
             self, head=place, velocity=velocity, middle=middle, area=kept, last=timestamp, tallest=tallest,
             head_seen=shown, gone=False,
         )  # fmt: skip
-
-
-RESTED = 0.15
-"""Metres from a head's last place within which it rests there."""
-
-
-def assigned(costs: np.ndarray, gates: np.ndarray) -> list[tuple[int, int]]:
-    """Pairs (row, column) of least total cost (R, C) among those not above their row's gate (R,)."""
-    from scipy.optimize import linear_sum_assignment
-
-    if costs.size == 0:
-        return []
-    beyond = costs > gates[:, None]
-    rows, columns = linear_sum_assignment(np.where(beyond, 1e3, costs))
-    return [(int(r), int(c)) for r, c in zip(rows, columns, strict=True) if not beyond[r, c]]
-
-
-def match_heads(
-    people: Sequence[Person], heads: Sequence[np.ndarray], timestamp: float, resting: Sequence[bool] = ()
-) -> dict[int, int]:
-    """Which head is whose: index of the person to index of the head.
-
-    `resting` says of each head whether nothing ever moved there: such a head is of somebody whose head was there
-    before, and else a chair's.
-    """
-    if not people or not heads:
-        return {}
-    expected = np.array([p.expected(timestamp) for p in people])
-    costs = np.sqrt(((expected[:, None] - np.array(heads)[None]) ** 2).sum(axis=2))
-    if any(resting):
-        away = np.sqrt(((np.array([p.head for p in people])[:, None] - np.array(heads)[None]) ** 2).sum(axis=2))
-        costs[np.array(resting) & (away > RESTED)] = np.inf
-    return dict(assigned(costs, np.array([p.gate(timestamp) for p in people])))
-
-
-def known_again(absent: Sequence[Person], head: np.ndarray, timestamp: float) -> Person | None:
-    """The absent person who may have come back with this head: the one whose height fits best, or None.
-
-    A person who comes back may sit, but is not taller than before, and was out of sight long enough to
-    get there.
-    """
-    best: tuple[float, Person] | None = None
-    for person in absent:
-        way = float(np.hypot(head[0] - person.head[0], head[2] - person.head[2]))
-        taller = float(head[1]) - person.tallest
-        if way > GATE + WALK * (timestamp - person.last) or taller > TALLER:
-            continue
-        cost = abs(taller) if taller > -SHORTER else SHORTER + 0.01 * way
-        if best is None or cost < best[0]:
-            best = (cost, person)
-    return None if best is None else best[1]
-
-
-def export_people(people: Sequence[Person]) -> dict[str, Any]:
-    """People as arrays by the name of the attribute."""
-    if not people:
-        return {}
-    rows = [asdict(p) for p in people]
-    return {f.name: np.array([row[f.name] for row in rows]) for f in fields(Person)}
-
-
-def restore_people(state: Mapping[str, Any]) -> list[Person]:
-    """People from what `export_people` gave; raises TrackError for anything else."""
-    if isinstance(state, Mapping) and not state:
-        return []
-    place, number = Column("f", ("n", 3), -1e3, 1e3), Column("f", ("n",), -1e12, 1e12)
-    columns = {
-        "id": Column("i", ("n",), 1, 1e6), "head": place, "velocity": place, "first": number, "last": number,
-        "tallest": number, "middle": place, "area": number, "stature": number, "borne_out": Column("b", ("n",)),
-        "body_head": replace(place, gaps=True), "looks": Column("i", ("n",), 0, 1e9), "looked": number,
-        "head_seen": Column("b", ("n",)), "gone": Column("b", ("n",)),
-        "shaped": Column("i", ("n",), 0, 1e9), "judged": number,
-    }  # fmt: skip
-    check_state(state, columns, what="people")
-    count = len(state["id"])
-    if len(set(state["id"].tolist())) < count:
-        raise TrackError(f"the state of the people tells a person twice; {HINT}")
-    return [Person(**{k: (v[i].copy() if v[i].ndim else v[i].item()) for k, v in state.items()}) for i in range(count)]

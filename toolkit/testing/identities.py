@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from toolkit.people.tracks import assigned
+from toolkit.people.known import assigned
 
 GATE = 0.5
 """Mean distance of the joints, metres, beyond which a track is not that person."""

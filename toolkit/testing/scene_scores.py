@@ -10,7 +10,7 @@ import numpy as np
 
 from toolkit.errors import RecordingError
 from toolkit.evaluation.joints import CAP, NEAR
-from toolkit.people.tracks import assigned
+from toolkit.people.known import assigned
 from toolkit.sensing.camera import Camera
 from toolkit.sensing.recording import Recording
 from toolkit.testing.calibration import calibration_error
