@@ -1,5 +1,6 @@
-"""Every figure of README and docs, one after the other: `depthmocap bench --all [--database POSES] [--data FOLDER]`.
+"""Every figure of README and docs: `depthmocap bench --all [--database POSES] [--data FOLDER]`.
 
+Times per frame come first and alone; then each processor has a benchmark, whose lines are in `.work/logs/RESULT.txt`.
 What has a result of this commit is left out, so that the same command goes on where it was stopped. A benchmark that
 fails is said, and the others go on; the exit code is 1 then. `--list` only tells what would run, and how
 much of a processor's time it took last.
@@ -9,14 +10,16 @@ from __future__ import annotations
 
 import argparse
 import json
+import os
 import shlex
 import subprocess
 import sys
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 from benchmarks._record import RESULTS, commit
 from benchmarks._rows import add_database_options, poses_of
-from toolkit.testing.suite import ROOT
+from toolkit.testing.suite import ROOT, WORK
 
 PACKAGED = "toolkit/database/assets/default.npz"
 """What users have; no actor of the motions that are tracked with it is in it."""
@@ -86,6 +89,18 @@ def spent_on(name: str) -> float | None:
     return json.loads(path.read_text(encoding="utf-8")).get("processor_seconds") if path.exists() else None
 
 
+def measured(name: str, words: list[str]) -> bool:
+    """Run the benchmark of a result with its words in a process of its own; whether it came to its end."""
+    log = WORK / "logs" / f"{name}.txt"
+    log.parent.mkdir(parents=True, exist_ok=True)
+    print(f"{name}: bench {shlex.join(words)}", flush=True)
+    with log.open("w", encoding="utf-8") as lines:
+        command = [sys.executable, "-m", f"benchmarks.{words[0]}", *words[1:]]
+        done = subprocess.run(command, cwd=ROOT, stdout=lines, stderr=subprocess.STDOUT, check=False).returncode == 0
+    print(f"{name}: {'done' if done else f'failed, see {log}'}", flush=True)
+    return done
+
+
 def _minutes(seconds: float | None) -> str:
     return "" if seconds is None else f"{seconds / 60:.1f} min"
 
@@ -107,12 +122,13 @@ def main() -> None:
         together = f"{_minutes(sum(known))} together, {sum(known) / 7200:.1f} hours on two processors"
         print(f"of {len(spent)} results {len(known)} say their processor time: {together}")
         return
-    database, failed = poses_of(options) if due else None, []
-    for name, command in due.items():
-        script, *words = shlex.split(command.format(database=database, data=options.data))
-        print(f"{name}: bench {command}", flush=True)
-        if subprocess.run([sys.executable, "-m", f"benchmarks.{script}", *words], cwd=ROOT, check=False).returncode:
-            failed.append(name)
+    database = poses_of(options) if due else None
+    typed = {name: shlex.split(command.format(database=database, data=options.data)) for name, command in due.items()}
+    timed = {name: words for name, words in typed.items() if words[0] == "speed"}
+    failed = [name for name, words in timed.items() if not measured(name, words)]
+    rest = {name: words for name, words in typed.items() if name not in timed}
+    with ThreadPoolExecutor(os.cpu_count()) as pool:
+        failed += [name for name, done in zip(rest, pool.map(measured, rest, rest.values()), strict=True) if not done]
     print(f"{len(due) - len(failed)} measured, {len(COMMANDS) - len(due)} left as they are")
     if failed:
         sys.exit(f"failed: {', '.join(failed)}")

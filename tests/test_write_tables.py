@@ -80,6 +80,20 @@ def test_the_list_tells_what_is_due_and_what_it_took_last(
     assert lines[2] == "of 2 results 1 say their processor time: 1.5 min together, 0.0 hours on two processors"
 
 
+def test_benchmarks_that_fail_are_said_and_the_others_go_on(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    commands = {"time": "speed --no-such-option", "size": "scale --help", "rest": "feet --no-such-option"}
+    monkeypatch.setattr(everything, "COMMANDS", commands)
+    monkeypatch.setattr(everything, "RESULTS", tmp_path)
+    monkeypatch.setattr(everything, "WORK", tmp_path)
+    monkeypatch.setattr("sys.argv", ["all", "--only", *commands, "--database", "poses.npz"])
+    with pytest.raises(SystemExit, match="failed: time, rest"):
+        everything.main()
+    assert "size: done" in capsys.readouterr().out
+    assert "usage" in (tmp_path / "logs" / "size.txt").read_text(encoding="utf-8")
+
+
 @pytest.mark.quick
 def test_every_benchmark_that_is_listed_or_named_on_a_page_is_there() -> None:
     named = {command.split()[0] for command in everything.COMMANDS.values()}
