@@ -15,7 +15,7 @@ from toolkit.body.body import Body
 from toolkit.body.shape import subject_body
 from toolkit.database.default import DEFAULT_DATABASE
 from toolkit.mocap.clip import PoseClip
-from toolkit.pipeline import load_tracker
+from toolkit.pipeline import TrackerRecipe
 from toolkit.pipeline.run import track_recording
 from toolkit.recordings.opening import open_recording
 from toolkit.runs import Person, load_persons
@@ -79,7 +79,7 @@ class Tracked(NamedTuple):
 def tracked_run(recording: Path, run: Path, database: Path) -> Person:
     """The one person of a recording, tracked into `run` if that is not there yet."""
     if not (run / TRACK_FILE).exists():
-        tracker = load_tracker("hybrid", {}, database=database)
+        tracker = TrackerRecipe(database=database).build()
         track_recording(open_recording(recording), tracker, run, resume=True)
     return load_persons(run)[0]
 

@@ -32,7 +32,7 @@ from toolkit.detector.pose_model import Crop, PoseModel
 from toolkit.detector.shaded import ENLARGED, shaded
 from toolkit.lopez2011.tracker import DETECTED, ParticleTracker
 from toolkit.people.lone import LonePerson
-from toolkit.pipeline.trackers import load_tracker
+from toolkit.pipeline.trackers import TrackerRecipe
 from toolkit.qammaz.discrepancy import FIGURES, Discrepancy, DiscrepancySettings, small_image
 from toolkit.qammaz.tracker import SwarmTracker
 from toolkit.recordings.opening import open_recording
@@ -193,7 +193,8 @@ def upper(parser: argparse.ArgumentParser) -> None:
     sizes = product(map(int, options.columns.split(",")), map(int, options.counts.split(",")))
     for columns, count in sizes:
         images = {"particles.trunk_columns": columns, "particles.arm_columns": columns}
-        tracker = load_tracker("lopez2011", {"particles.count": count, "initial.unlabelled": True, **images})
+        overrides = {"particles.count": count, "initial.unlabelled": True, **images}
+        tracker = TrackerRecipe("lopez2011", overrides).build()
         assert isinstance(tracker, ParticleTracker)
         measured = [step_times(tracker, recording) for recording in recordings]
         followed = [value for own, _, _ in measured for value in own]

@@ -38,7 +38,7 @@ from toolkit.people.joints import on_cut_out
 from toolkit.people.lone import LonePerson
 from toolkit.people.sighting import Sighting
 from toolkit.people.survey import find_people
-from toolkit.pipeline import load_tracker, track_recording
+from toolkit.pipeline import TrackerRecipe, track_recording
 from toolkit.pipeline.joints import JointChoice
 from toolkit.pipeline.store_joints import store_joints
 from toolkit.recordings.opening import open_recording, open_upright
@@ -249,7 +249,7 @@ def followed(parser: argparse.ArgumentParser) -> None:
         run = options.work / "runs" / "realsense" / row
         shutil.rmtree(run, ignore_errors=True)
         database = None if row in ("swarm", "qammaz") else poses_of(options)
-        tracker = load_tracker(row, parse_overrides(options.set), database=database)
+        tracker = TrackerRecipe(row, parse_overrides(options.set), database=database).build()
         track_recording(open_upright(stored), tracker, run, people=None)
         for person in load_people(run).people:
             track = Track.load(run / person.folder)

@@ -25,7 +25,7 @@ from benchmarks._record import save_figures
 from benchmarks._rows import add_database_options, poses_of, track_each
 from benchmarks.scenes import frame_picture, frame_times, tracks_of
 from toolkit.config import parse_overrides
-from toolkit.pipeline import load_tracker
+from toolkit.pipeline import TrackerRecipe
 from toolkit.pipeline.joints import JointChoice
 from toolkit.recordings.opening import open_recording
 from toolkit.rendering.film import contact_sheet, save_png
@@ -57,7 +57,7 @@ def track_rooms(names: Sequence[str], options: argparse.Namespace) -> tuple[dict
         camera = json.loads(annotations.read_text(encoding="utf-8"))["intrinsics"]
         reader = {"intrinsics": tuple(camera), "frame_rate": RATES.get(name, 5.0)}
         runs[options.work / "runs" / "rooms" / name] = options.rooms / name, reader
-    tracker = load_tracker(overrides=parse_overrides(options.set), database=poses_of(options))
+    tracker = TrackerRecipe(overrides=parse_overrides(options.set), database=poses_of(options)).build()
     failed = track_each(runs, tracker, people=None, joints=JointChoice(options.joints))
     return {run.name: run for run in runs}, {run.name: reason for run, reason in failed.items()}
 

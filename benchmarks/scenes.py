@@ -24,7 +24,7 @@ import numpy as np
 from benchmarks._record import RESULTS, save_figures
 from benchmarks._rows import add_database_options, poses_of, track_each
 from toolkit.config import parse_overrides
-from toolkit.pipeline import load_tracker
+from toolkit.pipeline import TrackerRecipe
 from toolkit.pipeline.joints import JointChoice
 from toolkit.recordings.opening import open_recording
 from toolkit.rendering import style
@@ -131,7 +131,7 @@ WORST = 12
 
 def track_scenes(paths: Sequence[Path], options: argparse.Namespace) -> tuple[list[Path], dict[str, str]]:
     """Run folders of all recordings, and why those failed that did."""
-    tracker = load_tracker(overrides=parse_overrides(options.set), database=poses_of(options))
+    tracker = TrackerRecipe(overrides=parse_overrides(options.set), database=poses_of(options)).build()
     runs: dict[Path, tuple[Path, dict[str, Any]]] = {
         options.work / "runs" / "scenes" / path.stem: (path, {}) for path in paths
     }

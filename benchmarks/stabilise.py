@@ -35,7 +35,7 @@ from toolkit.fitting.orientation import OrientationSettings
 from toolkit.hybrid.tracker import HybridTracker
 from toolkit.mocap.clip import PoseClip
 from toolkit.pages import png_of
-from toolkit.pipeline import load_tracker, track_recording
+from toolkit.pipeline import TrackerRecipe, track_recording
 from toolkit.recordings.opening import open_recording
 from toolkit.recordings.writer import save_recording
 from toolkit.retrieval.annotation.annotator import MotionClass
@@ -124,7 +124,7 @@ def tracked(sequence: MotionSequence, database: Path, options: argparse.Namespac
     path = noisy(path, options.noise)
     run = options.work / "sequences" / "runs" / options.config / path.stem
     if not (run / TRACK_FILE).exists():
-        tracker = load_tracker(options.config, database=database)
+        tracker = TrackerRecipe(options.config, database=database).build()
         track_recording(open_recording(path), tracker, run, warm_up=False)
     return run, performed
 

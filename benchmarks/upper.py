@@ -36,7 +36,7 @@ from toolkit.landmarks.graph import Workspace
 from toolkit.lopez2011.effectors import EffectorSettings, find_effectors, find_fork
 from toolkit.pages import png_of
 from toolkit.people.lone import LonePerson
-from toolkit.pipeline.trackers import load_tracker
+from toolkit.pipeline.trackers import TrackerRecipe
 from toolkit.recordings.opening import open_recording
 from toolkit.rendering.film import contact_sheet, save_png
 from toolkit.rendering.overlay import color_depth, draw_points, draw_skeleton
@@ -91,7 +91,7 @@ def tracker_of(row: str, options: argparse.Namespace, **sensing: str) -> Tracker
     """The tracker of a row; `sensing` are settings of the cut-out."""
     config, own = ROWS[row]
     overrides = parse_overrides(options.set) | own | {f"sensing.{name}": value for name, value in sensing.items()}
-    return load_tracker(config, overrides, database=poses_of(options) if config == "hybrid" else None)
+    return TrackerRecipe(config, overrides, poses_of(options) if config == "hybrid" else None).build()
 
 
 def score_take(solo: Solo, recording: Recording, frames: int) -> tuple[upper.UpperScore, float]:

@@ -214,12 +214,12 @@ def _recording(
 def tracker_of(database: str | Path | None, config: str | Path | None, settings: Mapping[str, Any] | None) -> Tracker:
     """A tracker by its settings, with the default database where it needs one and none is named."""
     from toolkit.database.default import default_database_path
-    from toolkit.pipeline.trackers import load_tracker, needs_database
+    from toolkit.pipeline.trackers import TrackerRecipe
 
-    overrides = dict(settings or {})
-    if needs_database(config, overrides) and database is None:
-        database = default_database_path()
-    return load_tracker(config, overrides, database=database)
+    recipe = TrackerRecipe(config, dict(settings or {}), database)
+    if recipe.needs_database() and database is None:
+        recipe = replace(recipe, database=default_database_path())
+    return recipe.build()
 
 
 def evaluate(

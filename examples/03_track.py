@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from toolkit.pipeline import load_tracker, track_recording
+from toolkit.pipeline import TrackerRecipe, track_recording
 from toolkit.recordings.opening import open_recording
 from toolkit.track import STATE_NAMES, Track
 
@@ -20,7 +20,7 @@ OUTPUT = Path("output")
 def main() -> None:
     recording = open_recording(sys.argv[1] if len(sys.argv) > 1 else OUTPUT / "take.npz")
     # Settings: configs/hybrid.yaml (configs/baak2013.yaml is the plain paper); any can be set by its dotted name.
-    tracker = load_tracker("hybrid", {"sensing.half_resolution": False}, database=OUTPUT / "poses.npz")
+    tracker = TrackerRecipe("hybrid", {"sensing.half_resolution": False}, database=OUTPUT / "poses.npz").build()
 
     # Nothing but depth goes in: no first pose, no body shape. Rows are on disk as soon as they are found.
     summary = track_recording(

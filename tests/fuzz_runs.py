@@ -15,7 +15,7 @@ from tests.fuzzing import zipped
 from tests.run_helpers import write_run
 from toolkit import skeleton
 from toolkit.export.run import export_run
-from toolkit.pipeline import load_tracker, second, track_recording
+from toolkit.pipeline import TrackerRecipe, second, track_recording
 from toolkit.pipeline import run as pipeline
 from toolkit.recordings.opening import open_upright
 from toolkit.report.page import write_report
@@ -44,7 +44,7 @@ def _unpack(path: Path) -> Path:
 
 @cache
 def _tracker(folder: Path) -> Tracker:
-    return load_tracker("hybrid", {}, database=folder / "poses.npz", body=folder / "me.npz")
+    return TrackerRecipe("hybrid", {}, database=folder / "poses.npz", body=folder / "me.npz").build()
 
 
 def _track(recording: Path, tracker: Tracker, run: Path, stop: int = -1) -> None:

@@ -16,7 +16,7 @@ from toolkit.body.shape import ShapeSpace, subject_body
 from toolkit.cli.main import main
 from toolkit.errors import BodyError, UsageError
 from toolkit.pipeline.scan import scan_recordings
-from toolkit.pipeline.trackers import load_tracker
+from toolkit.pipeline.trackers import TrackerRecipe
 from toolkit.recordings.writer import save_recording
 from toolkit.testing.subjects import LEVEL, camera_for, draw
 from toolkit.track import RunInfo
@@ -85,13 +85,13 @@ def test_a_tracker_without_use_for_a_body_refuses_it(tmp_path: Path, monkeypatch
     register("fake", Registration(settings, needs_database=False, build=lambda *given: FakeTracker()))
     save_body(own(), tmp_path / "me.npz")
     with pytest.raises(UsageError, match="takes no body"):
-        load_tracker(None, {"tracker": "fake"}, body=tmp_path / "me.npz")
+        TrackerRecipe(None, {"tracker": "fake"}, body=tmp_path / "me.npz").build()
 
 
 @pytest.mark.parametrize("config", ["swarm", "qammaz", "lopez2011"])
 def test_every_tracker_without_a_database_takes_a_body(tmp_path: Path, config: str) -> None:
     save_body(own(), tmp_path / "me.npz")
-    tracker = load_tracker(config, body=tmp_path / "me.npz")
+    tracker = TrackerRecipe(config, body=tmp_path / "me.npz").build()
     assert tracker.learning_seconds == 0.0
     follower = tracker.follower(CAMERA, LEVEL)
     np.testing.assert_allclose(follower.body.vertices, own().vertices, atol=1e-12)

@@ -22,7 +22,7 @@ from toolkit.cli.options import numbers
 from toolkit.database.default import default_database_path
 from toolkit.errors import UsageError
 from toolkit.people.sighting import Sighting
-from toolkit.pipeline import trackers
+from toolkit.pipeline import TrackerRecipe
 from toolkit.track import EMPTY, TRACKED, FrameResult, Track
 from toolkit.tracking.clock import StageClock
 
@@ -57,11 +57,11 @@ def fake(monkeypatch: pytest.MonkeyPatch) -> FakeTracker:
     tracker = FakeTracker()
     tracker.asked = None  # type: ignore[attr-defined]
 
-    def made(*arguments: object, **named: object) -> FakeTracker:
-        tracker.asked = (arguments, named)  # type: ignore[attr-defined]
+    def made(recipe: TrackerRecipe, guide: object = None) -> FakeTracker:
+        tracker.asked = recipe  # type: ignore[attr-defined]
         return tracker
 
-    monkeypatch.setattr(trackers, "load_tracker", made)
+    monkeypatch.setattr(TrackerRecipe, "build", made)
     return tracker
 
 
@@ -141,10 +141,8 @@ def test_track_writes_a_run_and_says_so(tmp_path: Path, fake: FakeTracker, capsy
     assert run(*main_arguments, "--set", "extrema=10", "--segment", "person") == 0
     assert "12 frames" in capsys.readouterr().out
     assert len(Track.load(tmp_path / "run")) == 12
-    assert fake.asked == (  # type: ignore[attr-defined]
-        ("hybrid", {"sensing.segment": "person", "extrema": 10}),
-        {"database": Path("d.npz"), "guide": None, "body": None},
-    )
+    asked = TrackerRecipe("hybrid", {"sensing.segment": "person", "extrema": 10}, Path("d.npz"))
+    assert fake.asked == asked  # type: ignore[attr-defined]
 
 
 @pytest.mark.parametrize(("state", "verb", "other"), [(TRACKED, "export", "info"), (EMPTY, "info", "export")])
@@ -294,14 +292,14 @@ def test_without_a_database_that_of_the_package_is_taken_and_nothing_is_built(
     monkeypatch.setattr(builder, "build_database", build)
     recording = write_recording(tmp_path / "take.npz")
     assert run("track", recording, "--output", tmp_path / "run") == 0
-    assert fake.asked[1]["database"] == default_database_path()  # type: ignore[attr-defined]
+    assert fake.asked.database == default_database_path()  # type: ignore[attr-defined]
     assert sorted(path.name for path in tmp_path.iterdir()) == ["run", "take.npz"]
 
 
 def test_a_batch_prints_a_line_for_each_recording_and_names_what_failed(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setattr(trackers, "load_tracker", lambda *_, **__: FakeTracker())
+    monkeypatch.setattr(TrackerRecipe, "build", lambda *_: FakeTracker())
     good = write_recording(tmp_path / "good.npz")
     (tmp_path / "bad.npz").write_bytes(b"nothing")
     command = ["track", good, tmp_path / "bad.npz", "--database", "d", "--output", tmp_path / "runs"]

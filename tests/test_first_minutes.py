@@ -16,10 +16,10 @@ from tests.sensing_scenes import KINECT
 from toolkit import pipeline
 from toolkit.cli import terminal
 from toolkit.cli.main import main
-from toolkit.cli.track import Tracking
+from toolkit.database import default
 from toolkit.people.describe import largest_surface
 from toolkit.people.sighting import Sighting
-from toolkit.pipeline import trackers
+from toolkit.pipeline import TrackerRecipe
 
 
 def run(*arguments: str | Path) -> int:
@@ -34,15 +34,16 @@ def costly(monkeypatch: pytest.MonkeyPatch) -> list[str]:
     """What costs time, in the order in which it was asked for."""
     asked: list[str] = []
 
-    def poses(self: Tracking) -> None:
+    def poses() -> str:
         asked.append("poses")
+        return "poses.npz"
 
     def build(*arguments: object, **named: object) -> None:
         asked.append("tracker")
         raise SystemExit(7)
 
-    monkeypatch.setattr(Tracking, "_poses", poses)
-    monkeypatch.setattr(trackers, "load_tracker", build)
+    monkeypatch.setattr(default, "default_database_path", poses)
+    monkeypatch.setattr(TrackerRecipe, "build", build)
     monkeypatch.setattr(pipeline, "track_recordings", build)
     return asked
 

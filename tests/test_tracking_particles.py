@@ -19,7 +19,7 @@ from toolkit.lopez2011.sighting import Limits, UpperViewer
 from toolkit.lopez2011.tracker import LEG_ENTRIES, ParticleFollower, ParticleTracker, ParticleTrackerSettings
 from toolkit.lopez2011.upper import UNSEEN, UpperBodies
 from toolkit.people.sighting import Sighting
-from toolkit.pipeline import load_tracker
+from toolkit.pipeline import TrackerRecipe
 from toolkit.sensing.camera import Camera
 from toolkit.track import EMPTY, LOST, TRACKED, FrameResult
 from toolkit.tracking.clock import StageClock
@@ -359,7 +359,7 @@ def test_who_is_not_explained_any_more_is_looked_for_again() -> None:
 
 def test_it_needs_no_database_and_is_the_one_that_the_papers_settings_name() -> None:
     assert not registered("particles").needs_database
-    tracker = load_tracker("lopez2011")
+    tracker = TrackerRecipe("lopez2011").build()
     assert isinstance(tracker, ParticleTracker) and not tracker.settings.refined
     assert tracker.database == ""
 
@@ -391,9 +391,9 @@ def test_impossible_settings_are_named(values: dict[str, float], message: str) -
 
 def test_an_unknown_tracker_and_a_setting_of_another_one_are_named(tmp_path: Path) -> None:
     with pytest.raises(SettingsError, match="there is no tracker 'particle'"):
-        load_tracker(overrides={"tracker": "particle"})
+        TrackerRecipe(overrides={"tracker": "particle"}).build()
     with pytest.raises(SettingsError, match="momentum"):
-        load_tracker("lopez2011", {"momentum": 0.5})
+        TrackerRecipe("lopez2011", {"momentum": 0.5}).build()
 
 
 TALL = Camera(142.8, 142.8, 79.5, 59.5, 160, 200)

@@ -10,7 +10,7 @@ import pytest
 
 from tests.fake_tracker import FakeTracker, write_recording
 from toolkit.errors import SettingsError, UsageError
-from toolkit.pipeline import load_tracker, track_recording
+from toolkit.pipeline import TrackerRecipe, track_recording
 from toolkit.recordings.opening import open_recording
 from toolkit.sensing.settings import SensingSettings
 from toolkit.track import RunInfo, Track
@@ -53,7 +53,7 @@ def toy(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
 @pytest.mark.usefixtures("toy")
 def test_a_tracker_that_the_settings_name_runs_without_a_database(tmp_path: Path) -> None:
     (tmp_path / "toy.yaml").write_text("tracker: toy\nweight: 0.25\n")
-    tracker = load_tracker(tmp_path / "toy.yaml", {"seed": 3})
+    tracker = TrackerRecipe(tmp_path / "toy.yaml", {"seed": 3}).build()
     assert isinstance(tracker, ToyTracker) and tracker.settings.weight == 0.25
     recording = open_recording(write_recording(tmp_path / "take.npz"))
     track_recording(recording, tracker, tmp_path / "run")
@@ -66,7 +66,7 @@ def test_a_tracker_that_the_settings_name_runs_without_a_database(tmp_path: Path
 @pytest.mark.usefixtures("toy")
 def test_a_tracker_that_nobody_registered_is_named_with_those_that_there_are() -> None:
     with pytest.raises(SettingsError, match="no tracker 'magic'; there are: .*hybrid.*toy"):
-        load_tracker(None, {"tracker": "magic"})
+        TrackerRecipe(None, {"tracker": "magic"}).build()
     assert {"hybrid", "toy"} <= set(names())
 
 
@@ -80,4 +80,4 @@ def test_a_name_is_given_once() -> None:
 def test_the_hybrid_tracker_asks_for_a_database() -> None:
     assert registered("hybrid").needs_database
     with pytest.raises(UsageError, match="name a pose database"):
-        load_tracker()
+        TrackerRecipe().build()

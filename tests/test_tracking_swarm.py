@@ -22,7 +22,7 @@ from toolkit.errors import SettingsError
 from toolkit.hybrid.settings import HybridSettings
 from toolkit.hybrid.tracker import HybridTracker
 from toolkit.people.lone import LonePerson
-from toolkit.pipeline import load_tracker
+from toolkit.pipeline import TrackerRecipe
 from toolkit.pipeline.joints import JointChoice, joint_source
 from toolkit.qammaz.discrepancy import SeenJoints
 from toolkit.qammaz.search import SwarmSearch, SwarmSearchSettings
@@ -458,5 +458,5 @@ def test_joints_are_offered_to_the_hybrid_tracker_and_not_detected_for_it(record
 
 
 def test_the_tracker_is_built_by_its_name() -> None:
-    made = load_tracker("swarm", {"seed": 3})
+    made = TrackerRecipe("swarm", {"seed": 3}).build()
     assert isinstance(made, SwarmTracker) and made.settings.seed == 3

@@ -57,7 +57,7 @@ def run_demo(output: str | Path, *, seed: int = 0, seconds: float = SECONDS, sho
     from toolkit.evaluation.evaluate import evaluate_runs
     from toolkit.evaluation.report import write_evaluation
     from toolkit.mocap.procedural import SUBJECT_MOTIONS, procedural_clips
-    from toolkit.pipeline import load_tracker, track_recording
+    from toolkit.pipeline import TrackerRecipe, track_recording
     from toolkit.rendering.film import render_run
     from toolkit.report.page import write_report
     from toolkit.simulation.simulate import simulate_recording
@@ -71,7 +71,7 @@ def run_demo(output: str | Path, *, seed: int = 0, seconds: float = SECONDS, sho
         joined_clips(clips, seconds), folder / "take.npz", body=subject, sensor="tof", yaw=10.0, seed=seed,
         progress=partial(show, "simulating a recording"),
     )  # fmt: skip
-    tracker = load_tracker(database=default_database_path())
+    tracker = TrackerRecipe(database=default_database_path()).build()
     summary = track_recording(
         recording, tracker, run, progress=lambda name, doing, done, total: show(doing_words(doing), done, total)
     )

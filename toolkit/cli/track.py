@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -53,21 +53,25 @@ class Tracking:
         return found
 
     def recipe(self, sensors: Path | None = None) -> TrackerRecipe:
-        """What the tracker is made of."""
+        """What the tracker is made of: the database named or that of the package, for a tracker that needs one.
+
+        A database that is named for a tracker that looks no poses up is not used, which is said.
+        """
+        from toolkit.database.default import default_database_path
         from toolkit.pipeline import TrackerRecipe
 
-        return TrackerRecipe(self.config, self.overrides(), self._poses(), self.body, sensors)
-
-    def _poses(self) -> Path | None:
-        """The database named, or that of the package; None for a tracker that looks no poses up, which is said."""
-        from toolkit.database.default import default_database_path
-        from toolkit.pipeline.trackers import needs_database
-
-        if not needs_database(self.config, self.overrides()):
+        recipe = TrackerRecipe(self.config, self.overrides(), self.database, self.body, sensors)
+        if not recipe.needs_database():
             if self.database is not None:
                 say(f"{self.database} is not used: this tracker looks no poses up", file=sys.stderr)
-            return None
-        return self.database or default_database_path()
+            return replace(recipe, database=None)
+        return recipe if self.database else replace(recipe, database=default_database_path())
+
+    def check(self) -> None:
+        """Raise SettingsError for settings that cannot be, before anything costs time."""
+        from toolkit.pipeline import TrackerRecipe
+
+        TrackerRecipe(self.config, self.overrides()).settings()
 
 
 @dataclass(frozen=True)
@@ -114,14 +118,14 @@ def track(
     Of several recordings, or with --workers, each has OUTPUT/<stem>, finished runs are left alone, and
     OUTPUT/manifest.jsonl lists all.
     """
-    from toolkit.pipeline import tracker_settings, unreadable
+    from toolkit.pipeline import unreadable
 
     options, choice = reading.options(), joints.choice(len(recordings))
     how = {"people": people_of(people), "joints": choice}
     batch = len(recordings) > 1 or folders.workers is not None
     if not batch:
         folders.keep_finished(output)
-    tracker_settings(tracking.config, tracking.overrides())
+    tracking.check()
     for path, reason in unreadable(recordings, options).items():  # before anything costs time
         say(f"depthmocap: {path}: {reason}; the others are tracked", file=sys.stderr)
     if batch:

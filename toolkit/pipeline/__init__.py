@@ -5,7 +5,7 @@ from toolkit.pipeline.joints import JointChoice
 from toolkit.pipeline.manifest import Manifest, ManifestRow
 from toolkit.pipeline.run import track_recording
 from toolkit.pipeline.summary import RunSummary
-from toolkit.pipeline.trackers import TrackerRecipe, load_tracker, tracker_settings
+from toolkit.pipeline.trackers import TrackerRecipe
 from toolkit.progress import RecordingProgress
 
 __all__ = [
@@ -15,9 +15,7 @@ __all__ = [
     "RecordingProgress",
     "RunSummary",
     "TrackerRecipe",
-    "load_tracker",
     "track_recording",
     "track_recordings",
-    "tracker_settings",
     "unreadable",
 ]

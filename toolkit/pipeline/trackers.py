@@ -13,18 +13,18 @@ from toolkit.errors import UsageError
 from toolkit.files import is_file, sha256_of
 from toolkit.tracking.guide import Guide
 from toolkit.tracking.protocol import Tracker, TrackerSettings
-from toolkit.tracking.registry import DEFAULT, registered
+from toolkit.tracking.registry import DEFAULT, Registration, registered
 
 
 @dataclass(frozen=True)
 class TrackerRecipe:
-    """What a tracker is made of, see `load_tracker`; None where there is none.
+    """What a tracker is made of; None where there is none.
 
     Attributes
     ----------
-    config, overrides : its settings
-    database : file of the pose database
-    body : file of the person's own body
+    config, overrides : settings, see `config.load_settings`; they name the tracker, `hybrid` if they name none
+    database : file of the pose database, for trackers that look poses up
+    body : file of the person's own body; otherwise it is learnt from the recording
     sensors : file of the inertial sensors that guide it
     """
 
@@ -35,8 +35,36 @@ class TrackerRecipe:
     sensors: str | Path | None = None
 
     def build(self, guide: Guide | None = None) -> Tracker:
-        """The tracker, guided by what its sensors say; raises as `load_tracker`."""
-        return load_tracker(self.config, self.overrides, database=self.database, guide=guide, body=self.body)
+        """The tracker, guided by what is known of the frames besides their depth.
+
+        Raises
+        ------
+        BodyError
+            The body's file cannot be read, or holds a body of another mesh.
+        DatabaseError
+            The database cannot be read or belongs to another body or format version.
+        SettingsError
+            There is no such tracker, or a setting is unknown or wrong.
+        UsageError
+            The tracker needs a database and none was given, or it takes no guide or no body.
+        """
+        settings = self.settings()
+        if not self.needs_database():
+            tracker = self._registration().build(settings, None, "")
+        elif self.database is None:
+            raise UsageError(f"the tracker {settings.tracker!r} looks poses up; name a pose database")
+        else:
+            tracker = self._registration().build(settings, PoseDatabase.load(self.database), str(self.database))
+        return _guided(_embodied(tracker, self.body), guide)
+
+    def settings(self) -> TrackerSettings:
+        """The tracker's settings; raises SettingsError as `build`."""
+        settings: TrackerSettings = load_settings(self._registration().settings, self.config, self.overrides)
+        return settings
+
+    def needs_database(self) -> bool:
+        """Whether the tracker looks poses up; raises SettingsError as `build`."""
+        return self._registration().needs_database
 
     def files(self) -> list[Path]:
         """Those that it is made of: no run may replace one."""
@@ -48,57 +76,8 @@ class TrackerRecipe:
         files = {"sensors_sha256": self.sensors, "body_sha256": self.body}
         return {name: sha256_of(file) if file else "" for name, file in files.items()}
 
-
-def load_tracker(
-    config: str | Path | None = None,
-    overrides: Mapping[str, Any] | None = None,
-    *,
-    database: str | Path | None = None,
-    guide: Guide | None = None,
-    body: str | Path | None = None,
-) -> Tracker:
-    """The tracker that the settings name, `hybrid` if they name none.
-
-    Parameters
-    ----------
-    config, overrides : settings, see `config.load_settings`; `baak2013` is the hybrid tracker as in the paper
-    database : file of the pose database, for trackers that look poses up
-    guide : what is known of the frames besides their depth
-    body : file of the person's own body; otherwise it is learnt from the recording
-
-    Raises
-    ------
-    BodyError
-        The body's file cannot be read, or holds a body of another mesh.
-    DatabaseError
-        The database cannot be read or belongs to another body or format version.
-    SettingsError
-        There is no such tracker, or a setting is unknown or wrong.
-    UsageError
-        The tracker needs a database and none was given, or it takes no guide or no body.
-    """
-    settings = tracker_settings(config, overrides)
-    name = setting_of("tracker", config, overrides) or DEFAULT
-    registration = registered(name)
-    if not registration.needs_database:
-        tracker = registration.build(settings, None, "")
-    elif database is None:
-        raise UsageError(f"the tracker {name!r} looks poses up; name a pose database")
-    else:
-        tracker = registration.build(settings, PoseDatabase.load(database), str(database))
-    return _guided(_embodied(tracker, body), guide)
-
-
-def tracker_settings(config: str | Path | None = None, overrides: Mapping[str, Any] | None = None) -> TrackerSettings:
-    """The settings of the tracker that they name, `hybrid` without a name; raises SettingsError as `load_tracker`."""
-    registration = registered(setting_of("tracker", config, overrides) or DEFAULT)
-    settings: TrackerSettings = load_settings(registration.settings, config, overrides)
-    return settings
-
-
-def needs_database(config: str | Path | None = None, overrides: Mapping[str, Any] | None = None) -> bool:
-    """Whether the tracker that the settings name looks poses up; raises as `load_tracker`."""
-    return registered(setting_of("tracker", config, overrides) or DEFAULT).needs_database
+    def _registration(self) -> Registration:
+        return registered(setting_of("tracker", self.config, self.overrides) or DEFAULT)
 
 
 def _embodied(tracker: Tracker, body: str | Path | None) -> Tracker:

@@ -11,7 +11,7 @@ from toolkit.body.body import Body
 from toolkit.door import is_inside
 from toolkit.errors import TrackError, UsageError
 from toolkit.hybrid.tracker import HybridTracker
-from toolkit.pipeline import load_tracker
+from toolkit.pipeline import TrackerRecipe
 from toolkit.pipeline.sink import CONFIG_FILE
 from toolkit.runs import PEOPLE_FILE
 from toolkit.sensing.recording import Recording
@@ -69,6 +69,6 @@ def open_source(run: str | Path, *, recording: str | Path | None = None, databas
     if not is_inside(config):
         raise TrackError(f"{folder} holds no {CONFIG_FILE}; track the recording again")
     opened = info.open_recording(recording)
-    tracker = load_tracker(config, database=database or info.database)
+    tracker = TrackerRecipe(config, database=database or info.database).build()
     assert isinstance(tracker, HybridTracker)  # what the name stands for
     return Source(folder, track, info, info.body(), opened, tracker)
