@@ -16,7 +16,7 @@ from toolkit.sensing.recording import Recording
 from toolkit.simulation.appearance import Appearance, vertex_colors
 from toolkit.simulation.person import Person
 from toolkit.simulation.simulate import Shot, prepare, simulate_scene
-from toolkit.testing.sequences import SEQUENCES, joined_up, performed, record_sequence, sequence_body
+from toolkit.testing.sequences import SEQUENCES, performed, record_sequence, sequence_body
 
 LOOK = Appearance((200, 150, 120), (20, 20, 20), (0, 0, 250), (0, 0, 250), (0, 250, 0), (250, 0, 0), True, False)
 
@@ -103,16 +103,6 @@ def test_a_twist_in_dual_quaternions_is_another_surface_of_the_same_joints(tmp_p
 def test_an_unknown_skinning_is_refused_with_those_that_there_are() -> None:
     with pytest.raises(UsageError, match="linear, dual"):
         Shot(skinning="cubic")
-
-
-def test_parts_of_a_sequence_begin_where_the_one_before_ends() -> None:
-    first, second = standing(30).poses.copy(), standing(30).poses.copy()
-    second[:, :3] = 2.0, 0.1, -1.0
-    second[:, 4] = 1.2
-    whole = joined_up([first, second])
-    steps = np.abs(np.diff(whole[:, :6], axis=0)).max()
-    assert len(whole) == 60 and steps < 0.02
-    np.testing.assert_allclose(whole[-1, [0, 2, 4]], 0.0, atol=1e-9)
 
 
 def test_the_four_sequences_are_one_motion_on_four_bodies(tmp_path: Path) -> None:

@@ -15,7 +15,6 @@ from toolkit.progress import Progress, silent
 
 if TYPE_CHECKING:
     from toolkit.evaluation.scores import EvaluationTable
-    from toolkit.mocap.clip import PoseClip
     from toolkit.pipeline import RunSummary
 
 SUBJECT, SUBJECT_SEED = "slim_male", 7
@@ -24,8 +23,6 @@ MOTIONS = 3
 """Motions of the recording; none of them is in the database."""
 SECONDS = 5.0
 """Of each motion."""
-BLEND = 6
-"""Frames between the end of one motion and the beginning of the next."""
 
 
 class DemoResult(NamedTuple):
@@ -60,6 +57,7 @@ def run_demo(output: str | Path, *, seed: int = 0, seconds: float = SECONDS, sho
     from toolkit.pipeline import TrackerRecipe, track_recording
     from toolkit.rendering.film import render_run
     from toolkit.report.page import write_report
+    from toolkit.simulation.joining import joined
     from toolkit.simulation.simulate import simulate_recording
 
     folder = Path(output)
@@ -67,8 +65,11 @@ def run_demo(output: str | Path, *, seed: int = 0, seconds: float = SECONDS, sho
     (run / "track.partial").unlink(missing_ok=True)
     subject = subject_body(SUBJECT, seed=SUBJECT_SEED)
     clips = procedural_clips(SUBJECT_MOTIONS[:MOTIONS], body=subject, variations=1, seed=seed)
+    frames = int(seconds * clips[0].frame_rate)
+    poses, _ = joined([clip.poses[:frames] for clip in clips])
+    motion = replace(clips[0], name="+".join(clip.name for clip in clips), poses=poses)
     recording = simulate_recording(
-        joined_clips(clips, seconds), folder / "take.npz", body=subject, sensor="tof", yaw=10.0, seed=seed,
+        motion, folder / "take.npz", body=subject, sensor="tof", yaw=10.0, seed=seed,
         progress=partial(show, "simulating a recording"),
     )  # fmt: skip
     tracker = TrackerRecipe(database=default_database_path()).build()
@@ -85,22 +86,6 @@ def run_demo(output: str | Path, *, seed: int = 0, seconds: float = SECONDS, sho
         write_report([run], page, progress=lambda doing, done, total: show(f"writing the page: {doing}", done, total))
     )
     return DemoResult(table, summary, files)
-
-
-def joined_clips(clips: list[PoseClip], seconds: float) -> PoseClip:
-    """The first seconds of clips, one after the other: each begins where the one before ended, over a short blend."""
-    import numpy as np
-
-    from toolkit.skeleton import ROOT_POSITION
-
-    frames = int(seconds * clips[0].frame_rate)
-    poses = clips[0].poses[:frames]
-    for clip in clips[1:]:
-        following = clip.poses[:frames].copy()
-        following[:, ROOT_POSITION] += (poses[-1] - following[0])[ROOT_POSITION] * (1.0, 0.0, 1.0)
-        share = np.linspace(0.0, 1.0, BLEND + 2)[1:-1, None]
-        poses = np.concatenate([poses, (1 - share) * poses[-1] + share * following[0], following])
-    return replace(clips[0], name="+".join(clip.name for clip in clips), poses=poses)
 
 
 def demo(

@@ -1,4 +1,4 @@
-"""Sequences: recordings of several clips of one actor, joined at the poses, whose motion classes are known.
+"""Sequences: recordings of several clips of one actor, joined, whose motion classes are known.
 
 Eight sequences per split: kicks and elbow to knee from the front and from the side, arm rotations, throws, grabs from
 the side, hops and squats. The `tune` split is HDM05 actor bk, the `report` split actor dg. With filler, excerpts of
@@ -7,28 +7,24 @@ other motions of CMU stand between the clips; neither they nor the joins belong 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
-from toolkit import skeleton
 from toolkit.body.body import Body
 from toolkit.body.shape import subject_body
 from toolkit.mocap.clip import PoseClip
 from toolkit.mocap.read import read_clip
 from toolkit.mocap.retarget import retarget
 from toolkit.retrieval.annotation.measures import Segment
-from toolkit.simulation.person import Person, facing_of, turned
+from toolkit.simulation.joining import joined
+from toolkit.simulation.person import Person
 from toolkit.simulation.simulate import Shot, simulate_scene
 from toolkit.testing.scenes import distance_needed
 from toolkit.testing.suite import MOCAP, RATE, digest_of, in_place
 
 ACTORS = {"tune": "bk", "report": "dg"}
-JOIN = 12
-"""Frames (0.4 s) between two clips, eased."""
 FILLERS = ("02_05", "49_10", "49_06")
 """CMU clips of which excerpts stand between the clips of the second set."""
 FILLER = 60
@@ -102,34 +98,21 @@ def perform(sequence: MotionSequence, split: str, *, filler: bool = False) -> Pe
         if filler and number % 2:
             other = retarget(read_clip(MOCAP / f"cmu/{FILLERS[number // 2 % 3]}.bvh").resampled(RATE), body).poses
             parts.append((other[20 : 20 + FILLER], None))
-    poses, segments = joined(parts)
+    poses, starts = joined([part for part, _ in parts])
+    segments = tuple(
+        Segment(start / RATE, (start + len(part)) / RATE, label)
+        for start, (part, label) in zip(starts, parts, strict=True)
+        if label is not None
+    )
     return Performed(PoseClip(sequence.name, in_place(poses), RATE, sequence.name), body, segments)
-
-
-def joined(parts: Sequence[tuple[np.ndarray, str | None]]) -> tuple[np.ndarray, tuple[Segment, ...]]:
-    """Poses (T, P) of parts one after the other, each turned and moved to where the one before it ended.
-
-    Between two parts lie `JOIN` frames that ease from pose to pose; they bear no label.
-    """
-    pieces, segments, frames = [parts[0][0]], [], 0
-    for number, (part, label) in enumerate(parts):
-        if number:
-            part = continuing(pieces[-1][-1], part)
-            pieces += [_eased(pieces[-1][-1], part[0]), part]
-            frames += JOIN
-        if label is not None:
-            segments.append(Segment(frames / RATE, (frames + len(part)) / RATE, label))
-        frames += len(part)
-    return np.concatenate(pieces), tuple(segments)
 
 
 def record_sequence(
     sequence: MotionSequence, split: str, work: Path, *, filler: bool = False
 ) -> tuple[Path, Performed]:
     """The sequence as a recording in `work`, made if it is not there yet, and what was performed."""
-    made_by = (perform, joined, continuing, _eased)
     folders = ["toolkit/simulation", "toolkit/mocap", "toolkit/body"]
-    digest = digest_of(made_by, folders, sequence, split, filler)
+    digest = digest_of((perform,), folders, sequence, split, filler)
     path = work / "sequences" / f"{sequence.name}_{split}{'_filler' if filler else ''}_{digest}.npz"
     done = perform(sequence, split, filler=filler)
     if not path.exists():
@@ -140,20 +123,3 @@ def record_sequence(
         )  # fmt: skip
         simulate_scene([person], path, shot)
     return path, done
-
-
-def continuing(last: np.ndarray, part: np.ndarray) -> np.ndarray:
-    """A part (T, P) turned about the vertical and moved over the floor so that it begins where `last` (P,) stands."""
-    floor = np.array([1.0, 0.0, 1.0])
-    return turned(part, facing_of(last) - facing_of(part[0]), part[0, :3] * floor, last[:3] * floor)
-
-
-def _eased(before: np.ndarray, after: np.ndarray) -> np.ndarray:
-    """`JOIN` poses strictly between two."""
-    place = np.arange(1, JOIN + 1)[:, None] / (JOIN + 1.0)
-    ease = place * place * (3.0 - 2.0 * place)
-    poses = before + ease * (after - before)
-    first, last = (Rotation.from_rotvec(pose[skeleton.ROOT_ROTATION]) for pose in (before, after))
-    turn = (last * first.inv()).as_rotvec()
-    poses[:, skeleton.ROOT_ROTATION] = (Rotation.from_rotvec(ease * turn) * first).as_rotvec()
-    return poses

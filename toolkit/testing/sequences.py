@@ -7,18 +7,13 @@ tracker does. They stand in a room whose empty depth is known.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from pathlib import Path
 
-import numpy as np
-from scipy.spatial.transform import Rotation, Slerp
-
-from toolkit import skeleton
 from toolkit.body.body import Body
 from toolkit.body.shape import subject_body
 from toolkit.mocap.clip import PoseClip
+from toolkit.simulation.joining import joined
 from toolkit.simulation.simulate import simulate_recording
-from toolkit.testing.labelled import continuing
 from toolkit.testing.suite import RATE, cut, digest_of, has_mocap, in_place, motion_of
 
 SEQUENCES = {"MS_1": "athletic_male", "MS_2": "heavy_male", "FS_1": "slim_female", "FS_2": "average_female"}
@@ -28,8 +23,6 @@ MOTIONS = (("02_06", 5.0), ("bundled_jumping_jack", 0.0), ("bundled_twist", 0.0)
 """What they do, and how many seconds of it are skipped."""
 BENDS = "bundled_bend_forward"
 """In place of the first motion where there is no mocap."""
-BLEND = 12
-"""Frames in which one motion becomes the next."""
 DISTANCE = 3.0
 """Metres from the camera."""
 
@@ -42,7 +35,7 @@ def sequence_body(name: str) -> Body:
 def record_sequence(name: str, work: Path, frames: int = FRAMES) -> Path:
     """A sequence as a recording of `frames` frames in colour and depth, in `work`; made if it is not there yet."""
     folders = ["toolkit/simulation", "toolkit/mocap", "toolkit/body"]
-    digest = digest_of((performed, joined_up, sequence_body, cut, in_place, motion_of), folders, name, frames)
+    digest = digest_of((performed, sequence_body, cut, in_place, motion_of), folders, name, frames)
     path = work / "recordings" / f"{name}_{digest}.npz"
     if not path.exists():
         body = sequence_body(name)
@@ -54,33 +47,11 @@ def record_sequence(name: str, work: Path, frames: int = FRAMES) -> Path:
 
 
 def performed(body: Body, frames: int) -> PoseClip:
-    """The three motions on a body, `frames` in all, a third of them each."""
+    """The three motions on a body, one after the other, `frames` in all."""
     each, parts = -(-frames // len(MOTIONS)), []
     for motion, start in MOTIONS:
         chosen = motion if motion.startswith("bundled_") or has_mocap() else BENDS
         poses = motion_of(chosen, body).poses
         start = start if chosen == motion else 0.0
         parts.append(in_place(cut(poses, start, each, shortest=each)))
-    return PoseClip("sequence", joined_up(parts)[:frames], RATE, "sequence")
-
-
-def joined_up(parts: Sequence[np.ndarray]) -> np.ndarray:
-    """Poses (T, P) of one part after the other; the first `BLEND` of each come from the last one before, in its place.
-
-    Each part is turned and moved over the floor so that it begins where the one before ends.
-    """
-    whole = parts[0]
-    for part in parts[1:]:
-        before, moved = whole[-1], continuing(whole[-1], part)
-        for i in range(min(BLEND, len(moved))):
-            moved[i] = _between(before, moved[i], (i + 1) / (BLEND + 1))
-        whole = np.concatenate([whole, moved])
-    return whole
-
-
-def _between(first: np.ndarray, second: np.ndarray, share: float) -> np.ndarray:
-    """A pose (P,) on the way from one to another."""
-    pose = (1.0 - share) * first + share * second
-    both = Rotation.from_rotvec(np.stack([first, second])[:, skeleton.ROOT_ROTATION])
-    pose[skeleton.ROOT_ROTATION] = Slerp([0.0, 1.0], both)(share).as_rotvec()
-    return pose
+    return PoseClip("sequence", joined(parts)[0][:frames], RATE, "sequence")
