@@ -2,46 +2,41 @@
 
 from __future__ import annotations
 
-import json
 import logging
 import os
 import threading
 import time
-from dataclasses import asdict, replace
+from dataclasses import replace
 from functools import partial
-from importlib.metadata import version
 from itertools import islice
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from toolkit import skeleton
 from toolkit.body.body import Body
 from toolkit.checkpoint import HINT, load_checkpoint, save_checkpoint
-from toolkit.config import settings_text
 from toolkit.errors import DepthMocapError, RecordingError, TrackError, UsageError
-from toolkit.files import check_output, locked, sha256_of
+from toolkit.files import locked
 from toolkit.people.evidence import furniture
 from toolkit.people.hypothesis import PersonJudge
 from toolkit.people.joints import JointSource
 from toolkit.people.sighting import PeopleFinder
 from toolkit.people.survey import find_people, find_person
 from toolkit.people.up import floor_height
+from toolkit.pipeline.folder import STATE_FILE, check_inputs, check_whose, info_of, tracks_of_same_run
 from toolkit.pipeline.joints import JointChoice, give_joints, joint_source, name_of
 from toolkit.pipeline.second import SecondPass
-from toolkit.pipeline.sink import CONFIG_FILE, RunSink, finished_tracks
+from toolkit.pipeline.sink import RunSink
 from toolkit.pipeline.summary import RunSummary, summarised
 from toolkit.pipeline.trackers import TrackerRecipe
-from toolkit.pipeline.watch import LOG_FILE, log_file, stop_request
-from toolkit.plain import read_text
+from toolkit.pipeline.watch import log_file, stop_request
 from toolkit.progress import RecordingProgress, silent
-from toolkit.runs import PEOPLE_FILE
 from toolkit.sensing.camera import level_rotation
 from toolkit.sensing.depth_filter import DepthFilter
 from toolkit.sensing.recording import Recording
 from toolkit.sensing.settings import SensingSettings
-from toolkit.track import PARTIAL_FILE, RUN_FILE, TRACK_FILE, RunInfo
+from toolkit.track import RunInfo
 from toolkit.tracking.clock import StageClock
 from toolkit.tracking.crowd import Crowd, Row
 from toolkit.tracking.protocol import LooksBack, Tracker, judge_of
@@ -49,9 +44,6 @@ from toolkit.tracking.protocol import LooksBack, Tracker, judge_of
 if TYPE_CHECKING:
     from toolkit.pipeline.events import EventStream
 
-STATE_FILE = "state.npz"
-RUN_FILES = (TRACK_FILE, PARTIAL_FILE, RUN_FILE, CONFIG_FILE, LOG_FILE, STATE_FILE, PEOPLE_FILE)
-"""What is written into a run folder."""
 MEMORY_SECONDS = 2.0
 """A killed run loses at most this much work: the state is written so often, seconds."""
 WARM_UP_FRAMES = 3
@@ -143,13 +135,13 @@ def track_recording(
     if watcher is not None and people != 1:
         raise UsageError("events are told of one person; leave --people away")
     recipe = made_of or TrackerRecipe(database=tracker.database)
-    _check_inputs(Path(run), recording, recipe)
+    check_inputs(Path(run), recording, recipe)
     choice = joints or JointChoice()
     give_joints(recording, choice)
     job = Job(recording, tracker, people, joint_source(recording, choice, tracker.joints_wanted))
     with locked(run):
         info = replace(
-            _run_info(recording, tracker),
+            info_of(recording, tracker),
             joints_2d=name_of(job.joints, recording),
             **recipe.digests(),
         )
@@ -167,15 +159,9 @@ def _track(
 ) -> RunSummary:
     """As `track_recording`, in a folder that is this process's own."""
     recording, tracker, several = job.recording, job.tracker, job.people != 1
-    _check_whose(folder)
-    if resume and (folder / RUN_FILE).exists():
-        same = _is_same_run(folder, info, tracker)
-        if not same and (_is_unfinished(folder) or finished_tracks(folder, several=several) is not None):
-            raise TrackError(
-                f"{folder} was begun with another recording, database, tracker or other settings; "
-                "remove it and track again"
-            )
-        tracks = finished_tracks(folder, several=several) if same else None
+    check_whose(folder)
+    if resume:
+        tracks = tracks_of_same_run(folder, info, tracker, several=several)
         if tracks is not None and all(len(track) == len(recording) for track in tracks):
             return summarised(recording.name, folder, tracks, len(recording))
     sink = RunSink(folder, tracker, info, several=several, resume=resume)
@@ -340,72 +326,3 @@ def _restored(folder: Path, sink: RunSink, job: Job) -> Crowd:
             crowd = job.crowd()
     sink.cut(crowd.frames, crowd.bodies)
     return crowd
-
-
-def _check_inputs(folder: Path, recording: Recording, recipe: TrackerRecipe) -> None:
-    """Raise UsageError where the run would damage the recording, or replace what the tracker is made of."""
-    if not recording.in_memory:
-        check_output(folder, [recording.path], sealed=[recording.path])
-    for name in RUN_FILES:
-        check_output(folder / name, recipe.files())
-
-
-def _check_whose(folder: Path) -> None:
-    """Raise TrackError where files of a run lie in the folder and nothing says of which run."""
-    if os.path.lexists(folder / RUN_FILE):
-        return
-    found = [name for name in RUN_FILES if os.path.lexists(folder / name)]
-    found += [path.name for path in sorted(folder.glob("person_*"))]
-    if found:
-        raise TrackError(
-            f"{folder} holds {found[0]} and no {RUN_FILE} that says whose it is; choose another output, or remove it"
-        )
-
-
-def _run_info(recording: Recording, tracker: Tracker) -> RunInfo:
-    path, height = Path(recording.path).resolve(), floor_height(recording)
-    return RunInfo(
-        recording=str(path),
-        recording_sha256="" if recording.in_memory else sha256_of(path),
-        reader_options=recording.options,
-        body_fingerprint=skeleton.fingerprint(),
-        shape=[],
-        scale=1.0,
-        database=tracker.database and str(Path(tracker.database).resolve()),
-        level_rotation=level_rotation(recording.up_camera).ravel().tolist(),
-        sensing=asdict(tracker.settings.sensing),
-        version=version("depthmocap"),
-        tracker=tracker.settings.tracker,
-        seed=tracker.settings.seed,
-        up_source=recording.vertical.source,
-        floor=[] if height is None else [height],
-    )
-
-
-def _is_same_run(folder: Path, info: RunInfo, tracker: Tracker) -> bool:
-    """Whether a run folder was begun with this recording, database, version and these settings."""
-    before, config = RunInfo.load(folder), folder / CONFIG_FILE
-    facts = (
-        "recording_sha256",
-        "reader_options",
-        "body_fingerprint",
-        "database",
-        "version",
-        "tracker",
-        "sensors_sha256",
-        "joints_2d",
-        "body_sha256",
-    )
-    return (
-        all(_as_json(getattr(before, fact)) == _as_json(getattr(info, fact)) for fact in facts)
-        and os.path.lexists(config)
-        and read_text(config, TrackError, HINT, inside=True) == settings_text(tracker.settings)
-    )
-
-
-def _as_json(value: Any) -> str:
-    return json.dumps(value, sort_keys=True)
-
-
-def _is_unfinished(folder: Path) -> bool:
-    return any(folder.glob(PARTIAL_FILE)) or any(folder.glob(f"person_*/{PARTIAL_FILE}"))
