@@ -23,112 +23,26 @@ from __future__ import annotations
 
 import argparse
 import time
-from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from scipy.spatial import cKDTree
 
-from benchmarks._record import RESULTS, run_part, save_figures
-from benchmarks._rows import SWARM_ROWS, WEIGHTS, add_take_options, swarm_settings
-from benchmarks._takes import SOURCES, TURNS, is_right, joints_of, prepared, scanned, sequence, view_of
-from benchmarks._two_phases import TwoPhaseTracker
+from benchmarks._qammaz_tables import TABLES, paper
+from benchmarks._record import run_part, save_figures
+from benchmarks._rows import SWARM_ROWS, add_take_options, swarm_settings
+from benchmarks._swarm_runs import SWARM_KINDS, calibration, follow, print_row, swarm_figures
+from benchmarks._takes import SOURCES, TURNS, prepared, view_of
 from toolkit.body.body import Body
 from toolkit.body.shape import load_body
 from toolkit.config import parse_overrides
-from toolkit.evaluation.joints import CURVE
-from toolkit.files import save_bytes
-from toolkit.names import shown
-from toolkit.pages import png_of
 from toolkit.pipeline.scan import scan_recordings
-from toolkit.qammaz.tracker import SwarmTracker, SwarmTrackerSettings
-from toolkit.sensing.recording import Recording
+from toolkit.qammaz.tracker import SwarmTracker
 from toolkit.testing.bootstrap import paired_bootstrap
-from toolkit.testing.sequences import FRAMES, SEQUENCES, sequence_body
-from toolkit.testing.solo import Solo
+from toolkit.testing.sequences import SEQUENCES, sequence_body
 from toolkit.testing.suite import GROUPS, LONGEST, WORK, chosen_takes
-
-EVERY = 6
-"""Frames from one cold start to the next."""
-
-
-SWARM_KINDS: dict[str, type[SwarmTracker]] = {"qammaz two phases": TwoPhaseTracker}
-"""Trackers of the rows of `SWARM_ROWS` that settings alone do not make."""
-
-
-class Tracked(NamedTuple):
-    """One recording: errors (T, 20), metres, and confidences (T, 20) of the joints; milliseconds (T,) per frame, and
-    which frames are right, bool (T,).
-    """
-
-    errors: np.ndarray
-    confidence: np.ndarray
-    milliseconds: np.ndarray
-    right: np.ndarray
-
-
-def follow(
-    settings: SwarmTrackerSettings,
-    recording: Recording,
-    *,
-    cold: bool = False,
-    body: Body | None = None,
-    frames: int | None = None,
-    kind: type[SwarmTracker] = SwarmTracker,
-) -> Tracked:
-    """The first `frames` of a recording; with `cold` every sixth of them on its own, with the body that was learnt.
-
-    A `body` that is known is not learnt.
-    """
-    solo = Solo(kind(settings, body=body), recording)
-    first = solo.follower.state
-    errors, confidence, milliseconds, right = [], [], [], []
-    for i in range(0, min(len(recording), frames or len(recording)), EVERY if cold else 1):
-        if cold:
-            solo.follower.state = first
-        result = solo.step(recording.depth(i), float(recording.timestamps[i]), joints_of(recording, i))
-        truth = recording.joints[i]
-        errors.append(np.linalg.norm(result.joints - truth, axis=1))
-        confidence.append(result.confidence)
-        milliseconds.append(float(result.stage_ms.sum()))
-        right.append(is_right(result.joints, truth))
-    return Tracked(np.array(errors), np.array(confidence), np.array(milliseconds), np.array(right))
-
-
-def swarm_figures(tracked: Sequence[Tracked]) -> dict[str, float]:
-    """Means over recordings; times over frames, without the first of each."""
-    errors = [t.errors for t in tracked]
-    times = np.concatenate([t.milliseconds[1:] for t in tracked])
-    figures = {"delta_mm": 1000.0 * float(np.mean([e.mean() for e in errors]))}
-    for limit in (50, 80, 100):
-        figures[f"a{limit}"] = float(np.mean([(e < limit / 1000.0).mean() for e in errors]))
-    figures["right"] = float(np.mean([t.right.mean() for t in tracked]))
-    figures["median_ms"], figures["p99_ms"] = (float(np.percentile(times, q)) for q in (50, 99))
-    return figures
-
-
-def calibration(tracked: Sequence[Tracked]) -> list[dict[str, float]]:
-    """What the confidence says, and the share of joints within 50 mm that is found, in tenths of the confidence."""
-    said = np.concatenate([t.confidence.ravel() for t in tracked])
-    within = np.concatenate([t.errors.ravel() for t in tracked]) < 0.05
-    tenth = np.minimum((10.0 * said).astype(int), 9)
-    rows = []
-    for k in np.unique(tenth):
-        inside = tenth == k
-        row = {"said": said[inside].mean(), "found": within[inside].mean(), "joints": inside.sum()}
-        rows.append({name: float(value) for name, value in row.items()})
-    return rows
-
-
-def print_row(name: str, figures: dict[str, float]) -> None:
-    """One line: Delta in mm, A(50), A(80), A(100) and right frames in per cent, times in ms."""
-    shares = " ".join(f"{100 * figures[key]:6.1f}" for key in ("a50", "a80", "a100", "right"))
-    print(
-        f"{name:<28}{figures['delta_mm']:8.1f} {shares} {figures['median_ms']:7.1f} {figures['p99_ms']:7.1f}",
-        flush=True,
-    )
 
 
 def suite(parser: argparse.ArgumentParser) -> None:
@@ -183,186 +97,6 @@ def suite(parser: argparse.ArgumentParser) -> None:
     print("written:", save_figures(name, figures, described))
 
 
-PAPER: dict[str, dict[str, float]] = {
-    "sequences": {"MS_1": 67.3, "MS_2": 76.9, "FS_1": 75.6, "FS_2": 79.7},
-    "table2": {
-        "qammaz depth, MS_1": 140.2, "qammaz joints, MS_1": 98.9, "qammaz, MS_1": 67.3,
-        "qammaz depth, FS_1": 152.1, "qammaz joints, FS_1": 98.7, "qammaz, FS_1": 75.6,
-    },
-    "table3": {
-        **{f"plain w_D {w:g}": d for w, d in zip(WEIGHTS, (82.8, 67.5, 84.1, 93.7, 108.3), strict=True)},
-        **{f"w_D {w:g}": d for w, d in zip(WEIGHTS, (77.0, 70.0, 67.3, 73.5, 81.2), strict=True)},
-    },
-    "models": {
-        f"{sequence} with {model}": delta
-        for sequence, row in {
-            "MS_1": (67.3, 103.7, 85.4, 87.5, 95.1), "MS_2": (83.3, 76.9, 84.3, 94.7, 112.2),
-            "FS_1": (90.2, 96.9, 75.6, 99.4, 100.2), "FS_2": (84.7, 103.2, 92.8, 79.7, 108.1),
-        }.items()
-        for model, delta in zip(("MS_1", "MS_2", "FS_1", "FS_2", "balls"), row, strict=True)
-    },
-}  # fmt: skip
-"""Delta in mm; sequences and people by the names that ours have."""
-TABLE_2 = ("qammaz", "qammaz depth", "qammaz joints", "qammaz two phases")
-TABLE_3 = tuple(f"{kind}w_D {w:g}" for kind in ("", "plain ") for w in WEIGHTS)
-PRIMITIVES = {"discrepancy.figure": "balls"}
-
-
-class Bench:
-    """Sequences that are followed, and what comes of it.
-
-    Parameters
-    ----------
-    options : of the command
-    """
-
-    def __init__(self, options: argparse.Namespace) -> None:
-        self.frames, self.work, self.joints = options.frames, options.work, options.joints
-        self.names: list[str] = options.sequences.split(",")
-        self.seeds = range(options.seeds)
-        self.overrides = parse_overrides(options.set)
-        self.figures: dict[str, Any] = {}
-        self.runs: dict[str, list[Tracked]] = {}
-
-    def body(self, name: str) -> Body:
-        """The scanned one of a subject."""
-        return scanned(name, self.work)
-
-    def row(self, label: str, row: str, names: Sequence[str], body: Body | None = None, **more: Any) -> list[Tracked]:
-        """Follow sequences with the settings of a row once for each seed; keep and print the figures as `label`.
-
-        `body` is that of everybody; None takes the person's own.
-        """
-        tracked, deltas = [], []
-        for seed in self.seeds:
-            settings = swarm_settings(row, {"seed": seed, **self.overrides, **more})
-            runs = [
-                follow(
-                    settings,
-                    sequence(name, self.joints, self.work, self.frames),
-                    body=body or self.body(name),
-                    kind=SWARM_KINDS.get(row, SwarmTracker),
-                )  # fmt: skip
-                for name in names
-            ]
-            deltas.append(1000.0 * np.mean([run.errors.mean() for run in runs]))
-            tracked += runs
-        self.runs[label] = tracked
-        spread = {
-            "seed_low_mm": float(min(deltas)),
-            "seed_middle_mm": float(np.median(deltas)),
-            "seed_high_mm": float(max(deltas)),
-        }
-        self.figures[label] = swarm_figures(tracked) | spread
-        print_row(label, self.figures[label])
-        return tracked
-
-    def compare(self, first: str, others: Sequence[str]) -> None:
-        """By how much rows are worse than the first, over sequences and seeds."""
-        for other in others:
-            mine, its = ([1000.0 * t.errors.mean() for t in self.runs[name]] for name in (first, other))
-            worse = paired_bootstrap(np.array(its), np.array(mine), np.random.default_rng(0))
-            self.figures[other]["worse_mm"] = asdict(worse)
-            print(f"{other} is worse than {first} by {worse.mean:.1f} mm ({worse.low:.1f} to {worse.high:.1f})")
-
-
-def sequences(bench: Bench) -> None:
-    """Both trackers on every sequence, with the right body."""
-    for row in ("swarm", "qammaz"):
-        for name in bench.names:
-            bench.row(f"{row}, {name}", row, [name])
-
-
-def table2(bench: Bench) -> None:
-    """What depth and joints contribute."""
-    for row in TABLE_2:
-        bench.runs[row] = [t for name in bench.names for t in bench.row(f"{row}, {name}", row, [name])]
-        bench.figures[row] = swarm_figures(bench.runs[row])
-        print_row(row, bench.figures[row])
-    bench.compare(TABLE_2[0], TABLE_2[1:])
-
-
-def table3(bench: Bench) -> None:
-    """Weights of the depth, with and without perturbation."""
-    for row in TABLE_3:
-        bench.row(row, row, bench.names)
-    for w in WEIGHTS:
-        bench.compare(f"w_D {w:g}", [f"plain w_D {w:g}"])
-
-
-def models(bench: Bench) -> None:
-    """Whose body is taken for the person's."""
-    bodies = {name: bench.body(name) for name in SEQUENCES}
-    neutral = load_body("neutral")
-    for name in bench.names:
-        sized = neutral.scaled(sequence_body(name).height / neutral.height)
-        for model, body in bodies.items():
-            scaled = body if model == name else body.scaled(sequence_body(name).height / body.height)
-            bench.row(f"{name} with {model}", "qammaz", [name], scaled)
-        bench.row(f"{name} with neutral", "qammaz", [name], sized)
-        bench.row(f"{name} with balls", "qammaz", [name], sized, **PRIMITIVES)
-    for kind in (*SEQUENCES, "neutral", "balls"):
-        others = [name for name in bench.names if name != kind]
-        bench.runs[f"all with {kind}"] = [t for name in others for t in bench.runs[f"{name} with {kind}"]]
-    bench.runs["all with their own"] = [t for name in bench.names for t in bench.runs[f"{name} with {name}"]]
-    for label in ("all with their own", "all with neutral", "all with balls"):
-        bench.figures[label] = swarm_figures(bench.runs[label])
-        print_row(label, bench.figures[label])
-    # A seed that loses the person, whom the paper's way never gives up, says nothing about bodies.
-    middle = {
-        label: figures["seed_middle_mm"] for label, figures in bench.figures.items() if "seed_middle_mm" in figures
-    }
-    own = [middle[f"{name} with {name}"] for name in bench.names]
-    other = [middle[f"{name} with {model}"] for name in bench.names for model in bodies if model != name]
-    print(f"middle seeds: own body {np.mean(own):.1f} mm, another's scaled to size {np.mean(other):.1f} mm")
-
-
-def curves_of(bench: Bench, part: str) -> dict[str, np.ndarray]:
-    """Errors (N,), metres, of the rows that the plot of a part shows."""
-    drawn = {
-        "table2": TABLE_2,
-        "table3": TABLE_3,
-        "models": ("all with their own", "all with neutral", "all with balls"),
-        "sequences": tuple(bench.runs),
-    }.get(part, ())
-    return {row: np.concatenate([t.errors.ravel() for t in bench.runs[row]]) for row in drawn}
-
-
-def plot_curves(errors: Mapping[str, np.ndarray], path: Path) -> None:
-    """Write A(t) of several sets of distances (N,), metres, in one picture, each under its name."""
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(7.0, 4.2), layout="constrained")
-    axes = figure.add_subplot()
-    for name, distances in errors.items():
-        axes.plot(CURVE * 1000, 100 * (distances <= CURVE[:, None]).mean(axis=1), lw=1.4, label=shown(name, "plot"))
-    axes.set(xlabel="t, mm", ylabel="joints within t, %", xlim=(0, CURVE[-1] * 1000), ylim=(0, 100), title="A(t)")
-    axes.grid(alpha=0.3)
-    axes.legend(fontsize=8, loc="lower right")
-    save_bytes(path, png_of(figure))
-
-
-def paper(parser: argparse.ArgumentParser) -> None:
-    """Track, print, write JSON and a plot."""
-    parser.add_argument("--sequences", default=",".join(SEQUENCES), help="with commas between them")
-    parser.add_argument("--frames", type=int, default=FRAMES, help="of each sequence, a third of each motion")
-    parser.add_argument("--joints", choices=SOURCES, default="colour")
-    parser.add_argument("--seeds", type=int, default=1, help="runs with different seeds")
-    parser.add_argument("--set", action="append", default=[], metavar="NAME=VALUE", help="setting of all rows")
-    parser.add_argument("--work", type=Path, default=WORK)
-    options = parser.parse_args()
-    bench = Bench(options)
-    print(f"{'':<28}{'Delta':>8} {'A(50)':>6} {'A(80)':>6} {'A(100)':>6} {'right':>6} {'median':>7} {'p99':>7} ms")
-    TABLES[options.part](bench)
-    if paper := PAPER.get(options.part, {}):
-        print("the paper:", ", ".join(f"{label} {delta}" for label, delta in paper.items()))
-    name = f"qammaz_{options.part}"
-    if curves := curves_of(bench, options.part):
-        plot_curves(curves, RESULTS / f"{name}.png")
-    settings = {key: getattr(options, key) for key in ("sequences", "frames", "joints", "seeds", "set")}
-    print("written:", save_figures(name, {"ours": bench.figures, "paper_mm": paper}, settings))
-
-
 def skin_mm(body: Body, truth: Body) -> np.ndarray:
     """Distances along the normal from each vertex of a body to the nearest vertex of the truth, millimetres."""
     nearest = cKDTree(truth.vertices).query(body.vertices)[1]
@@ -402,9 +136,6 @@ def scan(parser: argparse.ArgumentParser) -> None:
         for what, row in figures[name].items():
             print(f"{name} {what:8}", ", ".join(f"{key} {value:.2f}" for key, value in row.items()), flush=True)
     print(save_figures("scan", figures, vars(options)))
-
-
-TABLES = {"sequences": sequences, "table2": table2, "table3": table3, "models": models}
 
 
 def main() -> None:
