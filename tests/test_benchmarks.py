@@ -13,8 +13,10 @@ import numpy as np
 import pytest
 
 from benchmarks import (
+    _qammaz_tables,
     _record,
     _speed_wings,
+    _swarm_runs,
     _takes,
     accuracy,
     lookup,
@@ -70,7 +72,7 @@ def work(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def bundled(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Path:
     """The suite of bundled motions, with results in a temporary folder, which is returned."""
     monkeypatch.setattr(suite, "MOCAP", tmp_path / "absent")
-    for module in (_record, accuracy, swarm):
+    for module in (_record, accuracy, _qammaz_tables):
         monkeypatch.setattr(module, "RESULTS", tmp_path)
     return tmp_path
 
@@ -150,7 +152,7 @@ def test_the_swarm_is_compared_with_its_parts_and_on_first_frames(
         work,
         *FEW,
     ]
-    monkeypatch.setattr(swarm, "EVERY", 2)
+    monkeypatch.setattr(_swarm_runs, "EVERY", 2)
     monkeypatch.setattr(swarm, "chosen_takes", lambda split, count: chosen_takes(split, ["basic", "low"], count))
     for more in ([], ["--cold"]):
         run(swarm, "suite", *arguments, *more, monkeypatch=monkeypatch)
@@ -166,7 +168,7 @@ def test_the_swarm_is_compared_with_its_parts_and_on_first_frames(
 def test_tables_of_the_swarms_paper_are_made_of_short_sequences(
     bundled: Path, work: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(swarm, "scanned", lambda name, work: load_body("neutral"))
+    monkeypatch.setattr(_qammaz_tables, "scanned", lambda name, work: load_body("neutral"))
     arguments = ["--sequences", "MS_1", "--frames", 3, "--joints", "truth", "--work", work, *FEW]
     for part in swarm.TABLES:
         run(swarm, part, *arguments, monkeypatch=monkeypatch)
