@@ -20,7 +20,7 @@ from toolkit.pipeline.run import track_recording
 from toolkit.recordings.opening import open_recording
 from toolkit.runs import Person, load_persons
 from toolkit.sensing.camera import level_rotation
-from toolkit.simulation.person import Person as Performer
+from toolkit.simulation.person import SimulatedPerson
 from toolkit.simulation.simulate import Shot, prepare, simulate_scene
 from toolkit.testing.suite import WORK, motion_of
 from toolkit.testing.walking import Rising, Walk, rising, walking
@@ -84,7 +84,7 @@ def tracked_run(recording: Path, run: Path, database: Path) -> Person:
     return load_persons(run)[0]
 
 
-def tracked_shot(performer: Performer, shot: Shot, run: Path, database: Path) -> Tracked:
+def tracked_shot(performer: SimulatedPerson, shot: Shot, run: Path, database: Path) -> Tracked:
     """A person who is simulated, to the file `<run>.npz`, and tracked, both if they are not there yet."""
     recording = run.with_name(f"{run.name}.npz")
     if not recording.exists():
@@ -101,7 +101,7 @@ def tracked_shot(performer: Performer, shot: Shot, run: Path, database: Path) ->
 def tracked(take: Take, work: Path, database: Path) -> Tracked:
     """A made take, in `work`."""
     body = subject_body(take.body, seed=take.seed)
-    performer = Performer(PoseClip(take.name, _poses(take, body), RATE, take.name), body=body, yaw=take.yaw)
+    performer = SimulatedPerson(PoseClip(take.name, _poses(take, body), RATE, take.name), body=body, yaw=take.yaw)
     shot = Shot(sensor=take.sensor, distance=take.distance, height=1.2, furnished=True, seed=take.seed)
     return tracked_shot(performer, shot, work / take.name, database)
 

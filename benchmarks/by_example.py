@@ -222,10 +222,10 @@ def methods_for(corpus: Corpus) -> dict[str, Method]:
         "DTW of grades": lambda example, _: by_grades(example, np.full(len(FEATURES), 1 / len(FEATURES))),
         "DTW of weighted grades": lambda example, _: by_grades(example, importance(example.grades)),
         "the same in two steps": lambda example, _: of_matches(
-            shipped.search_example(unplaced, shipped.Example.of(replace(example, placed=None)), MOST)
+            shipped.search_example(unplaced, shipped.SearchExample.of(replace(example, placed=None)), MOST)
         ),
         "with places of limbs (shipped)": lambda example, _: of_matches(
-            shipped.search_example(corpus.index, shipped.Example.of(example), MOST)
+            shipped.search_example(corpus.index, shipped.SearchExample.of(example), MOST)
         ),
     }
 
@@ -277,7 +277,7 @@ def timed(corpus: Corpus, queries: Sequence[tuple[Motion, str]]) -> dict[str, fl
         documents.append(replace(features, name=f"{features.name} {len(documents)}"))
         frames += len(features)
     index = KeyframeIndex.build(documents)
-    examples = [shipped.Example.of(relational_features(motion)) for motion, _ in queries]
+    examples = [shipped.SearchExample.of(relational_features(motion)) for motion, _ in queries]
     shipped.search_example(index, examples[0], 20)
     milliseconds = []
     for example in examples:

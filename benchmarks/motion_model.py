@@ -40,7 +40,7 @@ from toolkit.retrieval.annotation.classes import learn_classes
 from toolkit.retrieval.annotation.documents import Document
 from toolkit.retrieval.annotation.measures import Scores, frame_scores, label_frames, segment_scores
 from toolkit.retrieval.annotation.model import MotionModel
-from toolkit.retrieval.annotation.training import Clip, documents_of, train, two_sided
+from toolkit.retrieval.annotation.training import CutClip, documents_of, train, two_sided
 from toolkit.retrieval.features.motion import Motion
 from toolkit.retrieval.features.relational import FEATURE_RATE, relational_features
 from toolkit.retrieval.index.keyframe_index import KeyframeIndex
@@ -60,7 +60,7 @@ Annotate = Any
 """A function from a feature matrix to an `Annotation`."""
 
 
-def templates(clips: Sequence[Clip], filler: Sequence[Motion], seed: int) -> Annotator:
+def templates(clips: Sequence[CutClip], filler: Sequence[Motion], seed: int) -> Annotator:
     """The thesis's annotator, learned from the same clips, with the threshold that it needs."""
     rng = np.random.default_rng(seed)
     folds = []
@@ -71,7 +71,7 @@ def templates(clips: Sequence[Clip], filler: Sequence[Motion], seed: int) -> Ann
     return Annotator(learn_classes(matrices(clips), threshold=learn_threshold(folds)))
 
 
-def matrices(clips: Sequence[Clip]) -> dict[str, list[Any]]:
+def matrices(clips: Sequence[CutClip]) -> dict[str, list[Any]]:
     """Features of each class."""
     return {label: [c.features for c in clips if c.label == label] for label in sorted({c.label for c in clips})}
 
@@ -135,9 +135,9 @@ def show_search(table: np.ndarray) -> list[dict[str, float]]:
     return rows
 
 
-def thinned(clips: Sequence[Clip], share: float) -> list[Clip]:
+def thinned(clips: Sequence[CutClip], share: float) -> list[CutClip]:
     """The first clips of each class and person, at least one."""
-    kept: list[Clip] = []
+    kept: list[CutClip] = []
     for label in sorted({clip.label for clip in clips}):
         for person in sorted({clip.person for clip in clips}):
             own = [clip for clip in clips if clip.label == label and clip.person == person]
@@ -206,7 +206,7 @@ class Measured(NamedTuple):
 
 
 def annotators_of(
-    seen: Sequence[Clip], filler: Sequence[Motion], seed: int, options: argparse.Namespace
+    seen: Sequence[CutClip], filler: Sequence[Motion], seed: int, options: argparse.Namespace
 ) -> dict[str, Annotate]:
     """All annotators but the model itself, by row."""
     found: dict[str, Annotate] = {}
@@ -227,7 +227,7 @@ def annotators_of(
 
 
 def rotate(
-    measured: Measured, clips: Sequence[Clip], filler: Sequence[Motion], actor: str, seed: int,
+    measured: Measured, clips: Sequence[CutClip], filler: Sequence[Motion], actor: str, seed: int,
     options: argparse.Namespace,
 ) -> None:  # fmt: skip
     """Learn from the others, annotate documents of one actor, and add what comes of it."""
@@ -280,7 +280,7 @@ def main() -> None:
     parser.add_argument("--curve", action="store_true", help="learn from fewer people and fewer clips as well")
     options = parser.parse_args()
 
-    clips = [Clip(e.motion, e.label, e.actor) for e in load_examples(options.data)]
+    clips = [CutClip(e.motion, e.label, e.actor) for e in load_examples(options.data)]
     searched = {name: np.zeros((len(DOUBTS), 5), dtype=np.int64) for name in SETS}
     measured = Measured({name: {} for name in SETS}, searched, [], [])
     filler = [motion for motion in load_filler(options.data) if motion.name not in HOLDS_A_CLASS]

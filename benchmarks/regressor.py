@@ -37,7 +37,7 @@ from toolkit.mocap.clip import PoseClip
 from toolkit.mocap.procedural import SEATED_SUBJECT_MOTIONS, procedural_clips
 from toolkit.sensing.camera import Camera, level_rotation
 from toolkit.sensing.cloud import Cloud
-from toolkit.simulation.person import Person
+from toolkit.simulation.person import SimulatedPerson
 from toolkit.simulation.simulate import Shot, prepare
 from toolkit.testing.calibration import calibration_error
 from toolkit.testing.scenes import people_of
@@ -232,7 +232,7 @@ def view(kind: str, poses: np.ndarray, rng: np.random.Generator) -> tuple[Any, A
         body = subject_body(BODIES[rng.integers(len(BODIES))], seed=int(rng.integers(1 << 30)))
         clip = PoseClip("still", poses[rng.integers(len(poses))][None], 30.0, "")
         at = (float(rng.uniform(-0.3, 0.3) * distance), float(rng.uniform(-0.6, 0.2)))
-        people.append(Person(clip, body, at, float(rng.uniform(-180.0, 180.0)), seated=kind == "seated"))
+        people.append(SimulatedPerson(clip, body, at, float(rng.uniform(-180.0, 180.0)), seated=kind == "seated"))
     simulation = prepare(people, shot)
     return next(iter(simulation.frames())), simulation
 

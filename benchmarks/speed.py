@@ -52,7 +52,7 @@ from toolkit.recordings.writer import save_recording
 from toolkit.runs import person_runs
 from toolkit.sensing.camera import Camera
 from toolkit.sensing.recording import Recording
-from toolkit.simulation.person import Person
+from toolkit.simulation.person import SimulatedPerson
 from toolkit.simulation.sensors import KinectV1
 from toolkit.simulation.simulate import Shot, simulate_scene
 from toolkit.testing import suite
@@ -325,7 +325,7 @@ def six_in_a_room(path: Path, frames: int) -> None:
     for k, (place, motion) in enumerate(zip(SIX, cycle(SUBJECT_MOTIONS), strict=False)):
         body = subject_body("neutral", seed=k)
         poses = suite.cut(suite.motion_of(f"bundled_{motion}", body, seed=k).poses, 0.0, frames, frames)
-        people.append(Person(PoseClip(motion, suite.in_place(poses), suite.RATE, ""), body, place))
+        people.append(SimulatedPerson(PoseClip(motion, suite.in_place(poses), suite.RATE, ""), body, place))
     shot = Shot(sensor=LargeKinect(), distance=4.2, height=1.9, tilt=13.0, background=False, room="office:53")
     simulate_scene(people, path, shot)
 

@@ -46,10 +46,10 @@ from toolkit.retrieval.templates import WILDCARD
 from toolkit.retrieval.workflow.learn import learn_templates
 from toolkit.sensing.recording import Recording
 from toolkit.simulation.inertial import NOISE, simulate_sensors
-from toolkit.simulation.person import Person
+from toolkit.simulation.person import SimulatedPerson
 from toolkit.stabilising.loop import Round, StabiliseSettings, annotate, best_round, stabilise
 from toolkit.stabilising.page import write_page
-from toolkit.stabilising.source import Source, open_source
+from toolkit.stabilising.source import SourceRun, open_source
 from toolkit.testing.labelled import SEQUENCES, MotionSequence, Performed, class_clips, record_sequence
 from toolkit.testing.scenes import people_of, record_scene
 from toolkit.testing.suite import RATE, takes
@@ -141,7 +141,7 @@ class Measured(NamedTuple):
 
 
 def measured(
-    name: str, source: Source, performed: Performed, classes: list[MotionClass], settings: StabiliseSettings,
+    name: str, source: SourceRun, performed: Performed, classes: list[MotionClass], settings: StabiliseSettings,
     options: argparse.Namespace,
 ) -> Measured:  # fmt: skip
     """Stabilise a track, and compare it with the truth."""
@@ -243,19 +243,19 @@ def _summary(rows: dict[str, Any]) -> dict[str, Any]:
 CARRIED = ("left_forearm", "right_forearm", "left_shin", "right_shin", "pelvis")
 
 
-def carriers(options: argparse.Namespace) -> Iterator[tuple[str, Path, Person]]:
+def carriers(options: argparse.Namespace) -> Iterator[tuple[str, Path, SimulatedPerson]]:
     """Name, recording and person of everything that was asked for, recorded if it is not there yet."""
     for sequence in SEQUENCES:
         if options.sequences is None or sequence.name in options.sequences:
             path, done = record_sequence(sequence, options.split, options.work)
-            yield sequence.name, path, Person(done.clip, done.body, yaw=sequence.yaw)
+            yield sequence.name, path, SimulatedPerson(done.clip, done.body, yaw=sequence.yaw)
     for take in takes("tune") + takes("report"):
         if take.name in (options.takes or ()):
             (person,) = people_of(take, options.frames)
             yield take.name, record_scene(take, options.work, options.frames), person
 
 
-def guide_of(person: Person, options: argparse.Namespace, seed: int) -> InertialGuide:
+def guide_of(person: SimulatedPerson, options: argparse.Namespace, seed: int) -> InertialGuide:
     """Sensors as somebody would carry them, calibrated nearly right."""
     assert isinstance(person.clip, PoseClip) and isinstance(person.body, Body)
     poses = levelled(person.clip.poses, person.yaw)

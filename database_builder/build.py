@@ -15,7 +15,7 @@ from database_builder.pool import PosePool
 from database_builder.prior import learn_prior
 from database_builder.processes import process_pool
 from database_builder.reading import (
-    Source,
+    MocapFile,
     find_sources,
     of_clip,
     read_source,
@@ -24,7 +24,7 @@ from database_builder.regressor import RegressorSettings, train_regressor
 from toolkit.body.body import Body
 from toolkit.body.shape import load_body
 from toolkit.database.database import PoseDatabase
-from toolkit.database.origin import View, observed_offsets
+from toolkit.database.origin import RootView, observed_offsets
 from toolkit.errors import MocapError, UsageError
 from toolkit.files import check_output, free_folder, is_folder, locked, make_own_folder, remove_own_folder
 from toolkit.kernels.linear import lengths
@@ -46,8 +46,7 @@ MANY_FILES, MANY_POSES = 16, 4000
 """Below these a build in one process ends before others have started."""
 RESIDUAL_POSES = 400
 RESIDUAL_VIEWS = (
-    View(yaw=np.radians(-45)), View(yaw=np.radians(-20)), View(yaw=np.radians(20)), View(yaw=np.radians(45)),
-    View(distance=2.0), View(distance=4.0),
+    *(RootView(yaw=np.radians(yaw)) for yaw in (-45, -20, 20, 45)), RootView(distance=2.0), RootView(distance=4.0),
 )  # fmt: skip
 
 
@@ -174,7 +173,7 @@ class _Build:
         self.seconds[stage], self._last = now - self._last, now
 
     def read(
-        self, files: Sequence[Source], clips: Sequence[PoseClip], strict: bool
+        self, files: Sequence[MocapFile], clips: Sequence[PoseClip], strict: bool
     ) -> tuple[PosePool, list[tuple[str, str]]]:
         """The poses of all sources, one at a time; name and reason of every source that could not be used."""
         pool, skipped = PosePool(self.sampling.threshold, self.sampling.max_poses), list[tuple[str, str]]()
@@ -250,7 +249,7 @@ def _checked_target(output: str | Path, sources: Sequence[str | Path | PoseClip]
 
 def _sources(
     sources: Sequence[str | Path | PoseClip] | None, work: Path, body: Body
-) -> tuple[list[Source], list[PoseClip]]:
+) -> tuple[list[MocapFile], list[PoseClip]]:
     """Motion files and clips to read; the bundled motions where nothing is named."""
     given = list(procedural_clips(body=body) if sources is None else sources)
     clips = [s for s in given if isinstance(s, PoseClip)]

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from database_builder.room_views import SHELL, RoomPainter, RoomView
-from database_builder.views import FOCAL, View, ViewSettings, draw_view, is_seated
+from database_builder.views import FOCAL, CroppedView, ViewSettings, draw_view, is_seated
 from toolkit import skeleton
 from toolkit.body.shape import ShapeSpace
 from toolkit.kernels.learning import forest as kernels
@@ -82,7 +82,7 @@ def room_probability(trained: JointRegressor, view: RoomView, pixels: np.ndarray
     return trained.person_probability(image, camera, np.diag([1.0, -1.0, -1.0]), pixels)
 
 
-def _votes(trained: JointRegressor, view: View) -> tuple[np.ndarray, np.ndarray, np.ndarray] | None:
+def _votes(trained: JointRegressor, view: CroppedView) -> tuple[np.ndarray, np.ndarray, np.ndarray] | None:
     """Votes of a drawn view in the image that it was cut from; None where hardly anything of the person is left."""
     first_u, last_u, first_v, last_v = view.window
     image = np.zeros((last_v - first_v + 1, last_u - first_u + 1), dtype=np.float32)

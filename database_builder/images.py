@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from database_builder.room_views import NOBODY, SHELL, RoomPainter
-from database_builder.views import FOCAL, View, ViewSettings, body_labels, draw_view, is_seated
+from database_builder.views import FOCAL, CroppedView, ViewSettings, body_labels, draw_view, is_seated
 from toolkit.body.shape import ShapeSpace
 from toolkit.kernels.learning import forest
 from toolkit.progress import Count
@@ -57,7 +57,7 @@ class TrainingImages:
 class Chosen:
     """A view and pixels of it: int64 (S,), column, row and label of each."""
 
-    view: View
+    view: CroppedView
     u: np.ndarray
     v: np.ndarray
     label: np.ndarray

@@ -14,7 +14,7 @@ from toolkit.errors import DatabaseError, OutputError
 
 
 @dataclass(frozen=True)
-class Kept:
+class KeptFile:
     """One intermediate file.
 
     Attributes

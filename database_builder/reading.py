@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from database_builder.kept import Kept
+from database_builder.kept import KeptFile
 from toolkit import skeleton
 from toolkit.body.body import Body
 from toolkit.database.canonical import canonicalise, mirrored
@@ -25,7 +25,7 @@ READING_VERSION = 2
 
 
 @dataclass(frozen=True)
-class Source:
+class MocapFile:
     """A mocap file to read: its name in reports, its path and the intermediate file that keeps what was read."""
 
     name: str
@@ -56,7 +56,7 @@ class CanonicalPoses:
     error: str = ""
 
 
-def find_sources(paths: Iterable[Path], work: Path) -> list[Source]:
+def find_sources(paths: Iterable[Path], work: Path) -> list[MocapFile]:
     """All motion files in the given files and folders, each once, sorted by path; names are relative to what was given.
 
     Raises
@@ -70,7 +70,7 @@ def find_sources(paths: Iterable[Path], work: Path) -> list[Source]:
             name = file.name if file == root else file.relative_to(root).as_posix()
             found.setdefault(file.resolve(), name)
     return [
-        Source(name, path, work / f"{hashlib.sha256(str(path).encode()).hexdigest()[:16]}.npz")
+        MocapFile(name, path, work / f"{hashlib.sha256(str(path).encode()).hexdigest()[:16]}.npz")
         for path, name in sorted(found.items())
     ]
 
@@ -81,14 +81,14 @@ def of_clip(clip: PoseClip, body: Body, mirror: bool) -> CanonicalPoses:
     return replace(result, digest=hashlib.sha256(result.poses.tobytes()).hexdigest())
 
 
-def read_source(source: Source, body: Body, mirror: bool) -> CanonicalPoses:
+def read_source(source: MocapFile, body: Body, mirror: bool) -> CanonicalPoses:
     """Canonical poses of a file: from the intermediate file if that fits, else read, retargeted and kept there.
 
     A file that cannot be used is reported in `error`, whatever is wrong with it, so that it cannot stop the others.
     """
     try:
         digest = _digest(source.path)
-        kept = Kept(source.kept, _key(digest, body, mirror))
+        kept = KeptFile(source.kept, _key(digest, body, mirror))
         if (known := kept.load()) is not None:
             return CanonicalPoses(source.name, digest, known["poses"], known["joints"], int(known["frames"]))
         result = _canonical(source.name, digest, retarget(read_clip(source.path), body).poses, body, mirror)

@@ -13,7 +13,7 @@ import numpy as np
 from database_builder.calibration import calibrated
 from database_builder.growing import grow_trees, together
 from database_builder.images import TrainingImages, draw_images
-from database_builder.kept import Kept
+from database_builder.kept import KeptFile
 from database_builder.processes import process_pool
 from database_builder.room_views import NOBODY
 from database_builder.views import FOCAL, ViewSettings
@@ -90,7 +90,7 @@ def train_regressor(
     settings = settings or RegressorSettings()
     drawing, growing, judging = np.random.default_rng(seed).spawn(3)
     key = _key(poses, settings, seed)
-    grown = Kept(kept and kept / "forest.npz", key)
+    grown = KeptFile(kept and kept / "forest.npz", key)
     if (arrays := grown.load()) is not None:
         trained = JointRegressor(**arrays)
     else:
@@ -119,7 +119,7 @@ def _drawn(
     """All training images, drawn side by side."""
     counts = [min(DRAWN_TOGETHER, settings.images - i) for i in range(0, settings.images, DRAWN_TOGETHER)]
     tasks = [
-        (count, stream, Kept(kept and kept / IMAGES.replace("*", f"{number:04}"), f"{key} {number}"))
+        (count, stream, KeptFile(kept and kept / IMAGES.replace("*", f"{number:04}"), f"{key} {number}"))
         for number, (count, stream) in enumerate(zip(counts, rng.spawn(len(counts)), strict=True))
     ]
     with process_pool(workers if len(tasks) > 1 else 1) as mapped:
@@ -134,7 +134,7 @@ def _told(parts: Iterable[TrainingImages], counts: list[int], progress: Count) -
 
 
 def _draw(
-    poses: np.ndarray, settings: RegressorSettings, task: tuple[int, np.random.Generator, Kept]
+    poses: np.ndarray, settings: RegressorSettings, task: tuple[int, np.random.Generator, KeptFile]
 ) -> TrainingImages:
     count, stream, kept = task
     if (arrays := kept.load()) is not None:

@@ -15,7 +15,7 @@ import numpy as np
 from database_builder.views import (
     FOCAL,
     HEIGHTS,
-    View,
+    CroppedView,
     ViewSettings,
     body_labels,
     draw_body,
@@ -52,8 +52,8 @@ SUBJECT, OTHER, SHELL = -2, -3, -1
 
 
 @dataclass(frozen=True, eq=False)
-class RoomView(View):
-    """What a level camera sees of a room, or of what was cut out of it; attributes as of `View`, and
+class RoomView(CroppedView):
+    """What a level camera sees of a room, or of what was cut out of it; attributes as of `CroppedView`, and
 
     owner : int32 (H, W), `SUBJECT`, `OTHER`, `SHELL` or the number of a piece of furniture
     """
@@ -67,7 +67,7 @@ class RoomView(View):
 
 
 @dataclass(frozen=True, eq=False)
-class Camera:
+class LevelCamera:
     """A level camera in a room.
 
     place : (3,), metres, floor plan; heading : radians, where it looks, about +y from +z
@@ -184,7 +184,7 @@ class RoomPainter:
         return pieces
 
     def _drawn(
-        self, room: Room, near: np.ndarray, people: list[Someone], extra: list[Piece], camera: Camera,
+        self, room: Room, near: np.ndarray, people: list[Someone], extra: list[Piece], camera: LevelCamera,
         rng: np.random.Generator,
     ) -> RoomView:  # fmt: skip
         """Everything in one image, as a sensor measures it."""
@@ -238,13 +238,13 @@ def _within(room: Room, at: np.ndarray, distance: float, rng: np.random.Generato
     return np.clip(place, np.minimum(low, high), np.maximum(low, high)) * (1, 0, 1)
 
 
-def _camera(place: np.ndarray, target: np.ndarray, rng: np.random.Generator) -> Camera:
+def _camera(place: np.ndarray, target: np.ndarray, rng: np.random.Generator) -> LevelCamera:
     """A camera at a place that sees a target somewhere in its image."""
     view = rng.uniform((0.42, 0.34), (0.66, 0.56))
     away = target - place
     heading = np.arctan2(away[0], away[2]) + rng.uniform(-0.8, 0.8) * view[0]
     tilt = np.arctan2(-away[1], max(float(np.hypot(away[0], away[2])), 0.3)) + rng.normal(0.0, 0.4) * view[1]
-    return Camera(place, float(heading), float(np.clip(tilt, -0.35, 0.8)), view)
+    return LevelCamera(place, float(heading), float(np.clip(tilt, -0.35, 0.8)), view)
 
 
 def _moved_up(

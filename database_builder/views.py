@@ -89,7 +89,7 @@ def _check_shares(shares: dict[str, float]) -> None:
 
 
 @dataclass(frozen=True, eq=False)
-class View:
+class CroppedView:
     """What a level camera of focal length `FOCAL` sees of one person, cropped.
 
     Attributes
@@ -135,7 +135,7 @@ def is_seated(poses: np.ndarray, body: Body) -> np.ndarray:
 
 def draw_view(
     poses: np.ndarray, sits: np.ndarray, space: ShapeSpace, settings: ViewSettings, rng: np.random.Generator
-) -> View:
+) -> CroppedView:
     """One person of canonical `poses` (N, P), who `sits` (N,) or not, of any size, seen as `settings` has it."""
     body = draw_body(space, settings.small, rng)
     pose, yaw = turned_pose(poses[row_of(sits, settings.seated, rng)], settings.turned, rng)
@@ -162,7 +162,7 @@ def draw_view(
     rows, columns = np.ogrid[:height, :width]
     outside = (columns < window[0]) | (columns > window[1]) | (rows < window[2]) | (rows > window[3])
     depth[outside] = forest.UNOBSERVED
-    return View(depth, window, in_view, triangle, corner, joints + root)
+    return CroppedView(depth, window, in_view, triangle, corner, joints + root)
 
 
 def row_of(sits: np.ndarray, share: float, rng: np.random.Generator) -> int:

@@ -76,7 +76,7 @@ from toolkit.retrieval.annotation.report import read_segments
 from toolkit.retrieval.index.keyframe_index import KeyframeIndex
 from toolkit.retrieval.keyframes.query import Keyframe, KeyframeQuery
 from toolkit.retrieval.keyframes.query_file import load_queries
-from toolkit.retrieval.search.example import Example, search_example
+from toolkit.retrieval.search.example import SearchExample, search_example
 from toolkit.retrieval.search.find import find
 from toolkit.retrieval.workflow.motions import tags_of
 from toolkit.runs import load_people
@@ -116,7 +116,7 @@ def _search_index(path: Path) -> Any:
     moment = Keyframe("upper", (("F1", 1),))
     found = find(index, KeyframeQuery((moment, moment), ((0, 9),)))
     example = feature_matrices()[0].sliced(0, 30)
-    return found.starts, search_example(index, Example.of(example), 3)
+    return found.starts, search_example(index, SearchExample.of(example), 3)
 
 
 def _database_at_work(path: Path) -> Any:

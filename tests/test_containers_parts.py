@@ -19,7 +19,7 @@ from tests.container_files import calibration, element, mkv_block, mkv_track, wh
 from toolkit.errors import RecordingError
 from toolkit.recordings.readers import ros_messages as ros
 from toolkit.recordings.readers.matroska import Block, Matroska
-from toolkit.recordings.readers.mkv import Calibration, calibration_of, registered
+from toolkit.recordings.readers.mkv import FactoryCalibration, calibration_of, registered
 from toolkit.sensing.camera import Camera
 
 HEAD, SEGMENT, CLUSTER, TRACKS = element(0x1A45DFA3, b""), 0x18538067, 0x1F43B675, 0x1654AE6B
@@ -334,9 +334,9 @@ def test_colour_is_looked_up_where_each_measured_pixel_lies() -> None:
         x, y = np.rint(color_camera.project(turn @ point + shift)).astype(int)
         if 0 <= x < 40 and 0 <= y < 30:
             expected[v, u] = color[y, x]
-    found = registered(depth, color, Calibration(depth_camera, color_camera, turn, shift, np.eye(3)))
+    found = registered(depth, color, FactoryCalibration(depth_camera, color_camera, turn, shift, np.eye(3)))
     np.testing.assert_array_equal(found, expected)
     seen = found.any(axis=2)
     assert 0.5 < seen[depth > 0].mean() < 1.0 and not seen[depth == 0].any()
-    blind = Calibration(depth_camera, None, turn, shift, np.eye(3))
+    blind = FactoryCalibration(depth_camera, None, turn, shift, np.eye(3))
     assert not registered(depth, color, blind).any()

@@ -8,7 +8,7 @@ import pytest
 from tests.database_helpers import neutral, random_poses, small_database
 from toolkit import skeleton
 from toolkit.database import canonical
-from toolkit.database.origin import View, observed_offsets, seen_points
+from toolkit.database.origin import RootView, observed_offsets, seen_points
 from toolkit.landmarks.centre import cloud_centre
 
 REPORTED = skeleton.REPORTED.index
@@ -105,7 +105,7 @@ def test_the_frontal_centre_takes_away_most_of_what_turning_the_person_moves() -
     poses = small_database().poses[:60].astype(np.float64)
     front = observed_offsets(neutral(), poses)
     for degrees in (-40, 40):
-        turned = observed_offsets(neutral(), poses, View(yaw=np.radians(degrees)))
+        turned = observed_offsets(neutral(), poses, RootView(yaw=np.radians(degrees)))
         assert np.linalg.norm(np.median(turned[:, :3] - front[:, :3], axis=0)) < 0.035
     plain = np.array([0.0, 0.0, -3.0])
     shift = canonical.frontal_centre(plain, np.radians(40)) - plain

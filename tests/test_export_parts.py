@@ -17,7 +17,7 @@ from toolkit.body.shape import load_body
 from toolkit.errors import UsageError
 from toolkit.export.bvh import export_bvh
 from toolkit.export.c3d import export_c3d
-from toolkit.export.glb import Scene, quaternions, skinning
+from toolkit.export.glb import GlbDocument, quaternions, skinning
 from toolkit.export.rerun import POINTS, log_points
 from toolkit.export.tables import export_csv, export_trc
 from toolkit.export.tree import JointTree, rest_places, tips_of, tree_of
@@ -157,7 +157,7 @@ def test_of_many_influences_the_four_largest_are_kept_and_made_whole() -> None:
 
 
 def test_a_glb_file_holds_its_lengths_and_its_numbers(tmp_path: Path) -> None:
-    scene = Scene((1.0, 0.5, 0.25, 1.0))
+    scene = GlbDocument((1.0, 0.5, 0.25, 1.0))
     first = scene.accessor(np.array([1, 2, 3]), "<u2")
     second = scene.accessor(np.array([[1.0, -2.0, 3.0], [0.0, 5.0, -1.0]]), "<f4", bounds=True)
     scene.save(tmp_path / "m.glb")

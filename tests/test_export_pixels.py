@@ -20,7 +20,7 @@ from toolkit.mocap.clip import PoseClip
 from toolkit.mocap.procedural import perform
 from toolkit.runs import PersonSummary, save_people
 from toolkit.sensing.camera import level_rotation
-from toolkit.simulation.person import Person
+from toolkit.simulation.person import SimulatedPerson
 from toolkit.simulation.simulate import Shot, Simulation, prepare, simulate_scene
 from toolkit.track import EMPTY, TRACKED, FrameResult, RunInfo, TrackWriter
 
@@ -54,7 +54,7 @@ def two(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Simulation]:
     folder = tmp_path_factory.mktemp("two")
     body: Body = ShapeSpace.load().body([0.0])
     clip = PoseClip("boxing", perform("boxing", body).poses[:FRAMES], 30.0, "boxing")
-    people = [Person(clip, body=body, at=(side, 0.0)) for side in (-0.5, 0.5)]
+    people = [SimulatedPerson(clip, body=body, at=(side, 0.0)) for side in (-0.5, 0.5)]
     shot = Shot(furnished=False, distance=3.0)
     simulation = prepare(people, shot)
     simulate_scene(people, folder / "take.npz", shot)

@@ -18,7 +18,7 @@ from toolkit.mocap.procedural import perform
 from toolkit.mocap.read import find_clips, read_clip
 from toolkit.mocap.retarget import retarget
 from toolkit.mocap.rig import load_rig, rig_names
-from toolkit.mocap.source import Source
+from toolkit.mocap.source import KeyedClip
 from toolkit.rotations.matrices import matrices, unit
 
 TIPS = {"cervical": "top", "left_wrist": "lh", "right_wrist": "rh", "left_ankle": "lf", "right_ankle": "rf"}
@@ -86,7 +86,7 @@ def a_pose(clip: Clip) -> np.ndarray:
     return turned
 
 
-def direction_errors(source: Source, joints: np.ndarray, side: str, bone: tuple[str, str]) -> np.ndarray:
+def direction_errors(source: KeyedClip, joints: np.ndarray, side: str, bone: tuple[str, str]) -> np.ndarray:
     """Degrees (T,) between a limb bone of the reported joints (T, 20, 3) and the source's."""
     start, stop = (joints[:, skeleton.REPORTED.index(f"{side}_{part}")] for part in bone)
     _, wanted = source.bone(f"{side}_{bone[0]}", f"{side}_{bone[1]}")
@@ -248,7 +248,7 @@ def real(shared_data: Path) -> list[tuple[Clip, PoseClip]]:
 def test_limbs_of_real_clips_point_as_in_the_source(real: list[tuple[Clip, PoseClip]]) -> None:
     errors: dict[tuple[str, str], list[np.ndarray]] = {bone: [] for bone in LIMBS}
     for clip, found in real:
-        source, joints = Source.of(clip, load_rig(clip)), load_body("neutral").joint_positions(found.poses)
+        source, joints = KeyedClip.of(clip, load_rig(clip)), load_body("neutral").joint_positions(found.poses)
         for bone in LIMBS:
             errors[bone] += [direction_errors(source, joints, side, bone) for side in ("left", "right")]
     for bone, values in errors.items():
@@ -262,7 +262,7 @@ def test_real_clips_keep_facing_sides_and_floor(real: list[tuple[Clip, PoseClip]
     body = load_body("neutral")
     heights = []
     for clip, found in real:
-        source = Source.of(clip, load_rig(clip))
+        source = KeyedClip.of(clip, load_rig(clip))
         joints = body.joint_positions(found.poses)
         across = joints[:, skeleton.REPORTED.index("left_hip")] - joints[:, skeleton.REPORTED.index("right_hip")]
         wanted = source.positions["left_hip"] - source.positions["right_hip"]
@@ -292,6 +292,6 @@ def test_calibration_frames_of_cmu_clips_are_dropped_and_none_of_hdm05(shared_da
     for folder, dropped in (("cmu", 1), ("hdm05", 0)):
         for path in find_clips(shared_data / "mocap" / folder)[::15]:
             clip = read_clip(path)
-            assert len(clip) - Source.of(clip, load_rig(clip)).frames == dropped
+            assert len(clip) - KeyedClip.of(clip, load_rig(clip)).frames == dropped
     twice = read_clip(shared_data / "mocap" / "cmu" / "07_12.bvh")
-    assert len(twice) - Source.of(twice, load_rig(twice)).frames == 2
+    assert len(twice) - KeyedClip.of(twice, load_rig(twice)).frames == 2

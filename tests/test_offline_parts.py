@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from database_builder.kept import Kept
+from database_builder.kept import KeptFile
 from database_builder.occluders import box, occluder_meshes
 from depthmocap.step import track_of
 from toolkit import skeleton
@@ -25,13 +25,13 @@ from toolkit.evaluation.orientations import RunCheck
 from toolkit.evaluation.reference import Reference, find_reference
 from toolkit.fitting.priors import LimbPrior
 from toolkit.inertial.calibration import Calibration, Mounting
-from toolkit.inertial.distance import Distances, TrackError
+from toolkit.inertial.distance import Distances, WrongStretch
 from toolkit.interiors.mesh import BOX_FACES
 from toolkit.mocap.choreography import MOTIONS
 from toolkit.mocap.procedural import SEATED_MOTIONS, SEATED_SUBJECT_MOTIONS, perform
 from toolkit.sensing.camera import Camera
-from toolkit.simulation.picture import FINER, Backdrop, Drawn
-from toolkit.simulation.scene import View
+from toolkit.simulation.picture import FINER, Backdrop, DrawnMesh
+from toolkit.simulation.scene import PlacedCamera
 from toolkit.stabilising.bridge import Bridge
 from toolkit.stabilising.demands import DISAGREEMENT
 from toolkit.stabilising.gaps import Gap
@@ -164,7 +164,7 @@ def test_a_person_is_drawn_before_a_wall_and_hidden_behind_it() -> None:
     pictures = []
     for distance in (2.0, 0.5):
         backdrop = Backdrop(wall, np.full(fine.shape, distance), np.array([0.0, 0.0, -1.0]), fine)
-        mesh = Drawn(square, faces, np.full((4, 3), 250.0))
+        mesh = DrawnMesh(square, faces, np.full((4, 3), 250.0))
         pictures.append(backdrop.with_people([mesh], np.random.default_rng(0)))
     before, behind = pictures
     assert before.shape == (*camera.shape, 3) and before.dtype == np.uint8
@@ -177,7 +177,7 @@ def test_a_room_is_painted_where_something_is_and_every_generator_paints_its_own
     fine = Camera(40.0, 40.0, 19.5, 15.5, 40, 32)
     wall = np.array([(-2.0, -2.0, 3.0), (2.0, -2.0, 3.0), (2.0, 0.0, 3.0)])
     hits = cast(wall, np.array([(0, 2, 1)]), fine)
-    view = View(np.diag([1.0, -1.0, -1.0]), np.zeros(3))
+    view = PlacedCamera(np.diag([1.0, -1.0, -1.0]), np.zeros(3))
     rooms = [Backdrop.of_room(hits, fine, view, np.random.default_rng(seed)) for seed in (1, 1, 2)]
     seen = hits.depth > 0
     assert isinstance(hits, Hits) and 0.1 < seen.mean() < 0.9
@@ -196,7 +196,7 @@ def check() -> RunCheck:
     full = np.where((times > 0.5) & (times < 1.0), 60.0, 5.0)
     full[0] = np.nan
     curves = (Distances("left_shin", times, full, full / 2), Distances("head", times, np.full(60, 4.0), np.zeros(60)))
-    errors = (TrackError("left_shin", 0.5333, 0.9667, 60.0, 58.5, "orientation"),)
+    errors = (WrongStretch("left_shin", 0.5333, 0.9667, 60.0, 58.5, "orientation"),)
     sensors = {"left_shin": Mounting((1.0, 0.0, 0.0, 0.0), "weak", reason="<hardly moves>")}
     return RunCheck("a <run>", Calibration("robust", "shared", sensors, {}), curves, errors)
 
@@ -267,24 +267,24 @@ def test_rows_become_the_columns_of_a_track() -> None:
 
 def test_what_is_kept_comes_back_under_its_key_alone(tmp_path: Path) -> None:
     path = tmp_path / "images.npz"
-    kept = Kept(path, "seed 1")
+    kept = KeptFile(path, "seed 1")
     assert kept.load() is None
     assert kept.save({"depth": np.arange(5, dtype=np.uint16), "name": "a"})
     arrays = kept.load()
     assert arrays is not None and set(arrays) == {"depth", "name"}
     np.testing.assert_array_equal(arrays["depth"], np.arange(5))
-    assert Kept(path, "seed 2").load() is None
+    assert KeptFile(path, "seed 2").load() is None
     content = path.read_bytes()
     path.write_bytes(content[: len(content) // 2])
     assert kept.load() is None, "what is damaged is made again"
 
 
 def test_without_a_place_or_without_room_a_build_goes_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    assert Kept(None, "a").save({"depth": np.zeros(3)}) and Kept(None, "a").load() is None
+    assert KeptFile(None, "a").save({"depth": np.zeros(3)}) and KeptFile(None, "a").load() is None
 
     def full(*_: Any, **__: Any) -> None:
         raise OutputError("No space left on device")
 
     monkeypatch.setattr("database_builder.kept.save_archive", full)
-    assert not Kept(tmp_path / "images.npz", "a").save({"depth": np.zeros(3)})
+    assert not KeptFile(tmp_path / "images.npz", "a").save({"depth": np.zeros(3)})
     assert not list(tmp_path.iterdir())

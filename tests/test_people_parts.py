@@ -31,7 +31,7 @@ from toolkit.people.sighting import Sighting
 from toolkit.people.structure import Plane
 from toolkit.people.surroundings import Surroundings, empty_scene
 from toolkit.people.survey import find_person
-from toolkit.people.tracks import Person
+from toolkit.people.tracks import KnownPerson
 from toolkit.people.unassigned import attach_islands
 from toolkit.people.view import Lens
 from toolkit.pipeline.sink import RunSink
@@ -49,7 +49,7 @@ HEAD = np.array([0.0, 0.3, -2.5])
 
 def somebody(head=HEAD, number=1, *, velocity=(0.0, 0.0, 0.0), last=0.0, first=0.0, area=0.5):
     head = np.array(head, dtype=np.float64)
-    return Person(number, head, np.array(velocity), first, last, float(head[1]), head - (0, 0.4, 0), area)
+    return KnownPerson(number, head, np.array(velocity), first, last, float(head[1]), head - (0, 0.4, 0), area)
 
 
 # Who is who.
@@ -233,7 +233,7 @@ def test_who_comes_in_feet_first_keeps_their_number_when_the_head_is_seen():
     ("head", "theirs"), [((0.1, 0.2, -2.5), True), ((0.1, -0.75, -2.5), False), ((1.2, 0.2, -2.5), False)]
 )
 def test_a_head_is_that_of_a_leg_below_it_only(head, theirs):
-    leg = Person(1, np.array([0.0, -0.8, -2.5]), np.zeros(3), 0.0, 0.0, -0.8, np.zeros(3), 0.2, head_seen=False)
+    leg = KnownPerson(1, np.array([0.0, -0.8, -2.5]), np.zeros(3), 0.0, 0.0, -0.8, np.zeros(3), 0.2, head_seen=False)
     assert leg.may_have(np.array(head)) == theirs
     assert not leg.with_head(np.array(head)).may_have(np.array(head)), "a person has one head"
 

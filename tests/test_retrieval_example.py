@@ -21,7 +21,7 @@ from toolkit.retrieval.features.motion import NAMED_JOINTS
 from toolkit.retrieval.features.places import PLACED, STEPS, places_of
 from toolkit.retrieval.features.relational import MIRROR, FeatureMatrix, relational_features
 from toolkit.retrieval.index.keyframe_index import KeyframeIndex
-from toolkit.retrieval.search.example import Example, search_example
+from toolkit.retrieval.search.example import SearchExample, search_example
 
 
 def written_recursion(
@@ -125,7 +125,7 @@ def test_a_stretch_is_found_where_it_was_performed_slower_or_faster(speed: float
     documents = [relational_features(random_motion(seed, seconds=8.0)) for seed in range(20, 25)]
     index = KeyframeIndex.build([*documents, relational_features(whole.at_speed(speed))])
     example = relational_features(whole).sliced(60, 120)
-    best = search_example(index, Example.of(example), limit=3)[0]
+    best = search_example(index, SearchExample.of(example), limit=3)[0]
     assert best.document == index.names[-1]
     assert best.start == pytest.approx(2.0 / speed, abs=0.2) and best.end == pytest.approx(4.0 / speed, abs=0.2)
     assert best.cost < 0.05
@@ -137,7 +137,9 @@ def test_an_example_finds_what_was_recorded_at_another_rate(rate: float) -> None
         random_motion(seed, seconds=8.0, rate=r) for seed, r in zip(range(20, 24), (24, 30, 60, 120), strict=True)
     ]
     index = KeyframeIndex.build([relational_features(m) for m in (*documents, random_motion(11, 6.0, rate))])
-    best = search_example(index, Example.of(relational_features(random_motion(11, 6.0)).sliced(60, 120)), limit=1)[0]
+    best = search_example(
+        index, SearchExample.of(relational_features(random_motion(11, 6.0)).sliced(60, 120)), limit=1
+    )[0]
     assert best.document == "random 11"
     assert (best.start, best.end) == (pytest.approx(2.0, abs=0.15), pytest.approx(4.0, abs=0.15))
 
@@ -150,7 +152,7 @@ def test_an_example_cut_through_a_motion_finds_that_part_of_others() -> None:
     segment = document.segments[0]
     index = KeyframeIndex.build([relational_features(document.motion), relational_features(random_motion(32, 8.0))])
     for start, stop in ((0, 45), (45, 90), (20, 70)):
-        best = search_example(index, Example.of(relational_features(whole).sliced(start, stop)), limit=1)[0]
+        best = search_example(index, SearchExample.of(relational_features(whole).sliced(start, stop)), limit=1)[0]
         assert best.document == "long"
         assert best.start == pytest.approx(segment.start + start / 30.0, abs=0.25)
         assert best.end == pytest.approx(segment.start + stop / 30.0, abs=0.25)
@@ -158,7 +160,7 @@ def test_an_example_cut_through_a_motion_finds_that_part_of_others() -> None:
 
 def test_results_are_in_order_below_the_threshold_and_no_more_than_asked_for() -> None:
     index = KeyframeIndex.build([relational_features(random_motion(seed, seconds=8.0)) for seed in range(6)])
-    example = Example.of(relational_features(random_motion(2, seconds=8.0)).sliced(30, 75))
+    example = SearchExample.of(relational_features(random_motion(2, seconds=8.0)).sliced(30, 75))
     found = search_example(index, example, limit=12)
     assert len(found) == 12 and [m.cost for m in found] == sorted(m.cost for m in found)
     assert found[0].cost == 0.0 and found[0].document == "random 2"
@@ -169,9 +171,9 @@ def test_results_are_in_order_below_the_threshold_and_no_more_than_asked_for() -
 def test_an_example_longer_than_every_document_is_refused() -> None:
     index = KeyframeIndex.build([relational_features(random_motion(1, seconds=1.0))])
     with pytest.raises(RetrievalError, match="has 30 frames at 30 Hz, but 'random 2' needs 46; use a shorter"):
-        search_example(index, Example.of(relational_features(random_motion(2, seconds=3.0))), limit=1)
+        search_example(index, SearchExample.of(relational_features(random_motion(2, seconds=3.0))), limit=1)
     with pytest.raises(RetrievalError, match=r"lasts 0.33 s; give between 0.53 and 100 s"):
-        Example.of(relational_features(random_motion(2, seconds=3.0)).sliced(0, 10))
+        SearchExample.of(relational_features(random_motion(2, seconds=3.0)).sliced(0, 10))
 
 
 def test_places_of_limbs_forget_where_somebody_is_how_tall_and_which_way_they_face() -> None:
@@ -201,5 +203,5 @@ def test_limbs_held_otherwise_cost_where_no_relation_changes() -> None:
     features, other = relational_features(motion), relational_features(replace(motion, joints=joints))
     indexed = replace(features, placed=other.placed)
     index = KeyframeIndex.build([indexed])
-    costs = [search_example(index, Example.of(e.sliced(30, 90)), 1)[0].cost for e in (features, indexed)]
+    costs = [search_example(index, SearchExample.of(e.sliced(30, 90)), 1)[0].cost for e in (features, indexed)]
     assert costs[1] == 0.0 < costs[0]

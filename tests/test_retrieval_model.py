@@ -18,7 +18,7 @@ from toolkit.retrieval.annotation.judge import MEASURES, USUAL_COST, Judge, Turn
 from toolkit.retrieval.annotation.measures import Segment
 from toolkit.retrieval.annotation.model import MotionModel
 from toolkit.retrieval.annotation.training import (
-    Clip,
+    CutClip,
     alike,
     documents_of,
     judged,
@@ -44,10 +44,10 @@ def performed(seed: int, person: int, seconds: float = 1.6) -> Motion:
     return replace(motion, name=f"{seed} by {person}", joints=joints).at_speed(float(rng.uniform(0.85, 1.15)))
 
 
-def clips_of(people: int = 3, classes: tuple[int, ...] = (1, 2), copies: int = 2) -> list[Clip]:
+def clips_of(people: int = 3, classes: tuple[int, ...] = (1, 2), copies: int = 2) -> list[CutClip]:
     """Clips of movements by several people."""
     return [
-        Clip(performed(seed, 10 * person + copy), f"move {seed}", f"person {person}")
+        CutClip(performed(seed, 10 * person + copy), f"move {seed}", f"person {person}")
         for seed in classes
         for person in range(people)
         for copy in range(copies)
@@ -251,7 +251,7 @@ def test_a_class_that_looks_the_same_in_a_mirror_is_not_one_sided() -> None:
         motion = performed(3, copy)
         return replace(motion, joints=0.5 * (motion.joints + motion.joints[:, MIRRORED] * FLIP), root_axis=None)
 
-    clips = [Clip(both_ways(copy), "same", f"{copy}") for copy in range(3)]
+    clips = [CutClip(both_ways(copy), "same", f"{copy}") for copy in range(3)]
     assert two_sided([*clips, *clips_of()]) == {"same"}
 
 
@@ -275,7 +275,7 @@ def test_a_place_is_right_if_it_shares_half_with_a_true_segment() -> None:
 def test_clips_at_several_rates_and_a_class_with_one_clip_are_learned_together(others: list[Motion]) -> None:
     rates = (24, 30, 60, 120) * 3
     clips = [replace(clip, motion=clip.motion.at_rate(rate)) for clip, rate in zip(clips_of(), rates, strict=True)]
-    lone = Clip(performed(3, 1), "move 3", "person 1")
+    lone = CutClip(performed(3, 1), "move 3", "person 1")
     learned = train([*clips, lone], others, np.random.default_rng(0))
     assert learned.labels == ("move 1", "move 2", "move 3")
     assert [s.label for s in learned.annotate(relational_features(performed(2, 70))).segments] == ["move 2"]
@@ -301,7 +301,7 @@ def test_a_model_is_not_taken_for_motion_templates(model: MotionModel, tmp_path:
 
 
 def test_a_score_counts_unknown_labels_as_missed(model: MotionModel) -> None:
-    clips = [Clip(performed(9, 1), "unknown", "p")]
+    clips = [CutClip(performed(9, 1), "unknown", "p")]
     scores = judged(model, documents_of(clips, [], np.random.default_rng(0), hard=False))
     assert scores.segments["unknown"].recall == 0.0
 

@@ -16,7 +16,7 @@ from toolkit.interiors.room import named_room
 from toolkit.mocap.clip import PoseClip
 from toolkit.recordings.opening import open_recording
 from toolkit.simulation.holding import HOLDINGS, held_mesh
-from toolkit.simulation.person import Person, facing_of
+from toolkit.simulation.person import SimulatedPerson, facing_of
 from toolkit.simulation.simulate import Shot, prepare
 from toolkit.testing import acts, suite
 from toolkit.testing.scenes import ROOM_GROUPS, chosen_scenes, record_scene, scenes
@@ -96,17 +96,18 @@ def test_a_thing_is_in_the_hands_and_is_nobodys(kind: str) -> None:
     assert np.linalg.norm(thing.vertices.mean(axis=0) - middle) < 0.12
     clip = PoseClip("holds", poses, 30.0, "")
     frames = [
-        next(iter(prepare([Person(clip, body, holds=holds)], Shot(sensor="kinect")).frames())) for holds in (None, kind)
+        next(iter(prepare([SimulatedPerson(clip, body, holds=holds)], Shot(sensor="kinect")).frames()))
+        for holds in (None, kind)
     ]
     changed = np.abs(frames[1].depth.astype(int) - frames[0].depth) > 150
     assert changed.sum() > 40 and (frames[1].person[changed] == -1).mean() > 0.8
-    late = Person(clip, body, holds=kind, held=(1.0, 2.0))
+    late = SimulatedPerson(clip, body, holds=kind, held=(1.0, 2.0))
     assert prepare([late], Shot()).performers[0].held_thing(0) is None
 
 
 def test_what_nobody_can_hold_is_refused() -> None:
     with pytest.raises(UsageError, match="nobody can hold 'piano'; use one of box, tablet, bag"):
-        prepare([Person(PoseClip("x", standing(2), 30.0, ""), load_body("neutral"), holds="piano")])
+        prepare([SimulatedPerson(PoseClip("x", standing(2), 30.0, ""), load_body("neutral"), holds="piano")])
 
 
 def test_scenes_of_rooms_are_recorded_as_they_say(bundled: Path) -> None:

@@ -38,3 +38,23 @@ def test_a_private_name_would_be_found() -> None:
         "from toolkit.kernels import linear\nfrom toolkit.mocap.rig import _read\nlinear._dot(1, 2)\nlinear.dot()\n"
     )
     assert private_names(source) == ["toolkit.mocap.rig._read", "linear._dot"]
+
+
+def public_classes(folder: Path) -> dict[str, list[str]]:
+    """Public class -> the files below a folder that define one of this name; kernels' rows of arrays are left out."""
+    found: dict[str, list[str]] = {}
+    for path in sorted(folder.rglob("*.py")):
+        if not {"kernels", "testing"} & set(path.parts):
+            for node in ast.parse(path.read_text()).body:
+                if isinstance(node, ast.ClassDef) and not node.name.startswith("_"):
+                    found.setdefault(node.name, []).append(str(path))
+    return found
+
+
+@pytest.mark.quick
+def test_a_class_s_name_means_one_thing_in_the_whole_product() -> None:
+    classes = public_classes(ROOT / "toolkit")
+    for name, files in public_classes(ROOT / "database_builder").items():
+        classes.setdefault(name, []).extend(files)
+    assert len(classes) > 300
+    assert {name: files for name, files in classes.items() if len(files) > 1} == {}

@@ -14,7 +14,7 @@ from toolkit.mocap.clip import PoseClip
 from toolkit.recordings.opening import open_recording
 from toolkit.sensing.recording import Recording
 from toolkit.simulation.appearance import Appearance, vertex_colors
-from toolkit.simulation.person import Person
+from toolkit.simulation.person import SimulatedPerson
 from toolkit.simulation.simulate import Shot, prepare, simulate_scene
 from toolkit.testing.sequences import SEQUENCES, performed, record_sequence, sequence_body
 
@@ -31,13 +31,13 @@ def standing(count: int = 2) -> PoseClip:
 
 def recorded(path: Path, yaw: float = 0.0, **shot: object) -> Recording:
     """The standing subject, alone and in colour."""
-    return simulate_scene([Person(standing(), yaw=yaw)], path, Shot(color=True, **shot))  # type: ignore[arg-type]
+    return simulate_scene([SimulatedPerson(standing(), yaw=yaw)], path, Shot(color=True, **shot))  # type: ignore[arg-type]
 
 
 def test_colour_is_registered_to_the_depth(tmp_path: Path) -> None:
     clip = standing()
     clip.poses[1, 0] = 0.9
-    recording = simulate_scene([Person(clip)], tmp_path / "take.npz", Shot(color=True, furnished=False))
+    recording = simulate_scene([SimulatedPerson(clip)], tmp_path / "take.npz", Shot(color=True, furnished=False))
     first, second = recording.color(0), recording.color(1)
     assert first is not None and second is not None and first.shape == (*recording.camera.shape, 3)
     somebody = (recording.depth(0) > 0) != (recording.depth(1) > 0)
@@ -55,7 +55,7 @@ def test_the_same_seed_gives_the_same_picture_and_another_one_another(tmp_path: 
 
 def test_colour_changes_nothing_in_the_depth(tmp_path: Path) -> None:
     with_color = recorded(tmp_path / "a.npz")
-    without = simulate_scene([Person(standing())], tmp_path / "b.npz", Shot())
+    without = simulate_scene([SimulatedPerson(standing())], tmp_path / "b.npz", Shot())
     np.testing.assert_array_equal(with_color.depth(1), without.depth(1))
     assert without.color(0) is None
 
@@ -82,7 +82,7 @@ def test_short_sleeves_show_the_forearm() -> None:
 
 
 def test_a_skirt_has_its_own_colour() -> None:
-    simulation = prepare([Person(standing(), clothes=("skirt",))])
+    simulation = prepare([SimulatedPerson(standing(), clothes=("skirt",))])
     performer = simulation.performers[0]
     colors = vertex_colors(performer.body, LOOK, performer.hanging)
     assert performer.hanging > 0 and (colors[-performer.hanging :] == LOOK.trousers).all()
@@ -92,7 +92,7 @@ def test_a_twist_in_dual_quaternions_is_another_surface_of_the_same_joints(tmp_p
     clip = standing()
     clip.poses[:, skeleton.POSE_NAMES.index("thorax_ry")] = 0.6
     linear, dual = (
-        simulate_scene([Person(clip)], tmp_path / f"{name}.npz", Shot(skinning=name, furnished=False))
+        simulate_scene([SimulatedPerson(clip)], tmp_path / f"{name}.npz", Shot(skinning=name, furnished=False))
         for name in ("linear", "dual")
     )
     np.testing.assert_array_equal(linear.joints, dual.joints)

@@ -19,7 +19,7 @@ from toolkit.recordings.opening import open_recording
 from toolkit.recordings.writer import save_recording
 from toolkit.simulation.clothes import GARMENTS, dressed
 from toolkit.simulation.furniture import OBSTACLES, SEATS, Box, boxes_mesh, read_boxes
-from toolkit.simulation.person import CHESTS, Person, floor_of, grown_to
+from toolkit.simulation.person import CHESTS, SimulatedPerson, floor_of, grown_to
 from toolkit.simulation.seating import seat_height, seated
 from toolkit.simulation.sensors import Surface, make_sensor
 from toolkit.simulation.simulate import Shot, SimulatedFrame, prepare, simulate_scene
@@ -35,7 +35,7 @@ def standing(frames: int = 2, travel: float = 0.0) -> PoseClip:
     return PoseClip("standing", poses, 30.0, "test")
 
 
-def first_frame(*people: Person, **shot: object) -> SimulatedFrame:
+def first_frame(*people: SimulatedPerson, **shot: object) -> SimulatedFrame:
     return next(prepare(people, Shot(**shot)).frames())  # type: ignore[arg-type]
 
 
@@ -44,7 +44,9 @@ def joint(name: str) -> int:
 
 
 def test_people_stand_where_the_floor_plan_says() -> None:
-    simulation = prepare([Person(standing(), at=(-0.7, 0.3)), Person(standing(), "child", at=(0.6, -0.5))])
+    simulation = prepare(
+        [SimulatedPerson(standing(), at=(-0.7, 0.3)), SimulatedPerson(standing(), "child", at=(0.6, -0.5))]
+    )
     pelvis = simulation.joints()[:, 0, joint("pelvis")]
     np.testing.assert_allclose(pelvis[:, 0], [-0.7, 0.6], atol=1e-6)
     level = pelvis @ simulation.view.R_level_camera.T
@@ -52,7 +54,7 @@ def test_people_stand_where_the_floor_plan_says() -> None:
 
 
 def test_the_nearer_of_two_people_hides_the_other() -> None:
-    near, far = Person(standing(), at=(0.0, 0.5)), Person(standing(), at=(0.0, -0.5))
+    near, far = SimulatedPerson(standing(), at=(0.0, 0.5)), SimulatedPerson(standing(), at=(0.0, -0.5))
     alone, both = first_frame(far, furnished=False), first_frame(near, far, furnished=False)
     shown = [(both.person == i).sum() for i in range(2)]
     assert shown[1] < 0.2 * (alone.person == 0).sum() < shown[0]
@@ -60,7 +62,7 @@ def test_the_nearer_of_two_people_hides_the_other() -> None:
 
 
 def test_who_has_not_entered_or_has_left_is_not_a_number_and_not_in_the_image() -> None:
-    people = [Person(standing(4), at=(-0.6, 0)), Person(standing(2), at=(0.6, 0), enters=1 / 30)]
+    people = [SimulatedPerson(standing(4), at=(-0.6, 0)), SimulatedPerson(standing(2), at=(0.6, 0), enters=1 / 30)]
     simulation = prepare(people, Shot(furnished=False))
     frames = list(simulation.frames())
     present = [np.isfinite(frame.joints).all(axis=(1, 2)).tolist() for frame in frames]
@@ -70,7 +72,7 @@ def test_who_has_not_entered_or_has_left_is_not_a_number_and_not_in_the_image() 
 
 @pytest.mark.parametrize("number", [0, 2])
 def test_the_truth_of_several_people_and_of_nobody_is_read_back(tmp_path: Path, number: int) -> None:
-    people = [Person(standing(3), at=(0.8 * i, 0), enters=i / 30) for i in range(number)]
+    people = [SimulatedPerson(standing(3), at=(0.8 * i, 0), enters=i / 30) for i in range(number)]
     recording = simulate_scene(people, tmp_path / "scene.npz", Shot(seconds=0.1))
     truth = prepare(people, Shot(seconds=0.1)).joints()
     assert recording.joints is not None and recording.joints.shape == (number, len(recording), 20, 3)
@@ -83,7 +85,7 @@ def test_the_truth_of_several_people_and_of_nobody_is_read_back(tmp_path: Path, 
 
 
 def test_joints_of_another_number_of_frames_are_refused(tmp_path: Path) -> None:
-    recording = simulate_scene([Person(standing(2))], tmp_path / "scene.npz")
+    recording = simulate_scene([SimulatedPerson(standing(2))], tmp_path / "scene.npz")
     with pytest.raises(RecordingError, match="each of N people"):
         save_recording(
             tmp_path / "bad.npz", depth=recording.frames(), camera=recording.camera, timestamps=recording.timestamps,
@@ -92,7 +94,7 @@ def test_joints_of_another_number_of_frames_are_refused(tmp_path: Path) -> None:
 
 
 def test_a_recording_without_its_empty_scene_shows_the_same_room() -> None:
-    with_room, cut = first_frame(Person(standing())), first_frame(Person(standing()), furnished=False)
+    with_room, cut = first_frame(SimulatedPerson(standing())), first_frame(SimulatedPerson(standing()), furnished=False)
     assert (with_room.depth > 0).mean() > 0.9
     np.testing.assert_array_equal(with_room.depth[with_room.person == 0], cut.depth[cut.person == 0])
     assert not cut.depth[cut.person < 0].any()
@@ -100,22 +102,22 @@ def test_a_recording_without_its_empty_scene_shows_the_same_room() -> None:
 
 def test_whoever_is_placed_inside_somebody_is_refused_and_whoever_touches_is_not() -> None:
     with pytest.raises(UsageError, match="person 2 is inside person 1 in frame 0"):
-        prepare([Person(standing()), Person(standing(), at=(0.1, 0.0))])
+        prepare([SimulatedPerson(standing()), SimulatedPerson(standing(), at=(0.1, 0.0))])
     gap = 2.0 * CHESTS * subject_body("neutral").height + 0.01
-    prepare([Person(standing()), Person(standing(), at=(gap, 0.0))])
+    prepare([SimulatedPerson(standing()), SimulatedPerson(standing(), at=(gap, 0.0))])
 
 
 def test_whoever_stands_in_the_furniture_of_the_room_is_refused() -> None:
     post = Box((0.9, 0.0, -0.2), (1.1, 1.5, 0.2))
     with pytest.raises(UsageError, match="person 1 is inside box 1 of the room in frame 5"):
-        prepare([Person(standing(11, travel=2.0), at=(1.0, 0.0))], Shot(boxes=(post,)))
-    prepare([Person(standing())], Shot(boxes=(post,)))
+        prepare([SimulatedPerson(standing(11, travel=2.0), at=(1.0, 0.0))], Shot(boxes=(post,)))
+    prepare([SimulatedPerson(standing())], Shot(boxes=(post,)))
 
 
 def test_whoever_walks_through_somebody_is_refused() -> None:
     with pytest.raises(UsageError, match="in frame 5"):
-        prepare([Person(standing(11, travel=2.0)), Person(standing(11))])
-    prepare([Person(standing(11, travel=2.0)), Person(standing(11), enters=1.0)])
+        prepare([SimulatedPerson(standing(11, travel=2.0)), SimulatedPerson(standing(11))])
+    prepare([SimulatedPerson(standing(11, travel=2.0)), SimulatedPerson(standing(11), enters=1.0)])
 
 
 @pytest.mark.parametrize("stature", [0.75, 1.0, 1.4, 2.1])
@@ -153,9 +155,9 @@ def test_a_sitter_keeps_what_the_arms_do() -> None:
 
 
 def test_whoever_sits_without_a_seat_gets_a_chair() -> None:
-    sitter = Person(standing(), seated=True)
+    sitter = SimulatedPerson(standing(), seated=True)
     chair, stool = (
-        len(prepare([Person(standing(), seated=True, furniture=f)]).furniture.faces) for f in ((), ("stool",))
+        len(prepare([SimulatedPerson(standing(), seated=True, furniture=f)]).furniture.faces) for f in ((), ("stool",))
     )
     assert chair == 12 * len(SEATS["chair"](0.45)) and stool == 12 * len(SEATS["stool"](0.45))
     assert len(prepare([sitter]).performers) == 1
@@ -163,7 +165,7 @@ def test_whoever_sits_without_a_seat_gets_a_chair() -> None:
 
 @pytest.mark.parametrize("kind", OBSTACLES)
 def test_an_obstacle_hides_the_legs_and_touches_nobody(kind: str) -> None:
-    free, behind = (first_frame(Person(standing(), furniture=f), height=1.3) for f in ((), (kind,)))
+    free, behind = (first_frame(SimulatedPerson(standing(), furniture=f), height=1.3) for f in ((), (kind,)))
     hidden = (free.person == 0) & (behind.person < 0)
     assert hidden.sum() > 0.1 * (free.person == 0).sum()
     assert np.median(np.nonzero(hidden)[0]) > np.median(np.nonzero(free.person == 0)[0])
@@ -176,7 +178,7 @@ def test_clothes_cover_more_than_the_skin_and_leave_the_joints_where_they_are(ga
     body = subject_body("average_female")
     worn = dressed(body, [garment])
     np.testing.assert_array_equal(worn.joint_positions(standing(1).poses), body.joint_positions(standing(1).poses))
-    shown = [(first_frame(Person(standing(), body, clothes=c)).person == 0).sum() for c in ((), (garment,))]
+    shown = [(first_frame(SimulatedPerson(standing(), body, clothes=c)).person == 0).sum() for c in ((), (garment,))]
     assert 1.03 * shown[0] < shown[1] < 2.0 * shown[0]
 
 
@@ -230,7 +232,7 @@ def test_a_furniture_file_that_makes_no_sense_is_refused(tmp_path: Path, text: s
 )
 def test_what_nobody_can_be_is_refused(told: dict[str, Any], words: str) -> None:
     with pytest.raises(UsageError, match=words):
-        prepare([Person(standing(), **told)])
+        prepare([SimulatedPerson(standing(), **told)])
 
 
 def test_a_value_holds_for_everybody_or_for_one_each() -> None:
@@ -283,7 +285,7 @@ def test_the_command_says_in_a_sentence_that_people_stand_in_each_other(
 
 
 def test_a_room_of_a_seed_is_furnished_around_people_and_hides_nobody() -> None:
-    person = Person(standing())
+    person = SimulatedPerson(standing())
     shown = (first_frame(person, sensor="kinect", height=1.5).person >= 0).sum()
     depths = []
     for room in ("office:1", "office:2", "office:1"):

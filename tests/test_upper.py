@@ -13,7 +13,7 @@ from toolkit.body.shape import subject_body
 from toolkit.errors import UsageError
 from toolkit.mocap.procedural import procedural_clips
 from toolkit.sensing.camera import Camera
-from toolkit.simulation.person import Person
+from toolkit.simulation.person import SimulatedPerson
 from toolkit.simulation.scene import cut_tilt, place_camera
 from toolkit.simulation.seating import neck_height
 from toolkit.simulation.sensors import make_sensor
@@ -88,7 +88,7 @@ def test_annotations_are_in_the_image_and_both_readings_nearly_agree(file: str) 
 
 def test_a_camera_at_neck_height_sees_the_neck_level_with_it() -> None:
     clip, body = procedural_clips(["conduct"])[0], subject_body("slim_female")
-    simulation = prepare([Person(clip, body)], Shot(height=None, cut=0.45))
+    simulation = prepare([SimulatedPerson(clip, body)], Shot(height=None, cut=0.45))
     assert simulation.view.position[1] == pytest.approx(neck_height(body))
 
 
@@ -97,7 +97,7 @@ def test_a_cut_ends_the_image_as_far_below_the_neck(seated: bool) -> None:
     clip = procedural_clips(["conduct"])[0]
     body = subject_body("slim_female")
     shot = Shot(sensor="kinect", distance=1.4, height=1.3, cut=0.45)
-    simulation = prepare([Person(clip, body, seated=seated)], shot)
+    simulation = prepare([SimulatedPerson(clip, body, seated=seated)], shot)
     lowest = np.array([0.0, neck_height(body, seated=seated) - 0.45, 0.0])
     camera = simulation.sensor.camera
     assert camera.project(simulation.view.to_camera(lowest)[None])[0, 1] == pytest.approx(camera.height - 1)

@@ -23,7 +23,7 @@ EXTREMES = (1.0, 99.0)
 """Percentiles between which a range of motion lies: a single wrong frame does not widen it."""
 
 
-class Range(NamedTuple):
+class AngleRanges(NamedTuple):
     """Least and greatest angle of the left and of the right side, degrees."""
 
     joint: str
@@ -37,7 +37,7 @@ class Summary(NamedTuple):
 
     gait: Gait
     rises: tuple[Rise, ...]
-    ranges: tuple[Range, ...]
+    ranges: tuple[AngleRanges, ...]
     angles: Angles
 
 
@@ -53,7 +53,7 @@ def summary_of(person: Person) -> Summary:
     )
 
 
-def ranges_of(angles: Angles) -> tuple[Range, ...]:
+def ranges_of(angles: Angles) -> tuple[AngleRanges, ...]:
     """Ranges of the angles that both sides have; NaN of a person who is never there."""
     found = []
     for joint, motion in PAIRED:
@@ -64,7 +64,7 @@ def ranges_of(angles: Angles) -> tuple[Range, ...]:
             values = values[np.isfinite(values)]
             low, high = np.percentile(values, EXTREMES) if len(values) else (np.nan, np.nan)
             sides.append((float(low), float(high)))
-        found.append(Range(joint, motion, *sides))
+        found.append(AngleRanges(joint, motion, *sides))
     return tuple(found)
 
 

@@ -57,7 +57,7 @@ def index(
 
 
 @dataclass(frozen=True)
-class Example:
+class ByExample:
     """A clip to search for, as it is typed."""
 
     by_example: Annotated[Path | None, typer.Option(help="A clip to search for, instead of a query file.")] = None
@@ -82,7 +82,7 @@ class Film:
 @spread
 def search(
     index: Index,
-    example: Example,
+    example: ByExample,
     film: Film,
     queries: Annotated[
         Path | None, typer.Option(help="Query file: learned by `depthmocap learn`, or written by hand.")
@@ -142,7 +142,7 @@ def _labelled(
     return by_keyframes(opened, choose_labels(load_queries(queries or Path()), labels))
 
 
-def _alike(index: Path, clip: Path, example: Example, limit: int, threshold: float | None) -> SearchReport:
+def _alike(index: Path, clip: Path, example: ByExample, limit: int, threshold: float | None) -> SearchReport:
     """What is like a piece of a clip."""
     from toolkit.retrieval.index.keyframe_index import KeyframeIndex
     from toolkit.retrieval.workflow.search import by_example, cut_example
@@ -151,7 +151,7 @@ def _alike(index: Path, clip: Path, example: Example, limit: int, threshold: flo
     return by_example(KeyframeIndex.open(index), piece, limit, EXAMPLE_COST if threshold is None else threshold)
 
 
-def _play(film: Path, matches: list[Match], mocap: list[Path], example: Example) -> None:
+def _play(film: Path, matches: list[Match], mocap: list[Path], example: ByExample) -> None:
     """A film of the example and of what was found."""
     from toolkit.rendering.motions import film_of_motions
     from toolkit.retrieval.workflow.motions import load_motion

@@ -16,7 +16,7 @@ from toolkit.errors import UsageError
 
 if TYPE_CHECKING:
     from toolkit.simulation.furniture import Box
-    from toolkit.simulation.person import Person
+    from toolkit.simulation.person import SimulatedPerson
     from toolkit.simulation.simulate import Shot
 
 PEOPLE = "People (given once it holds for all of them, otherwise once for each CLIP)"
@@ -70,7 +70,7 @@ class Cast:
         bool, typer.Option("--seated", help="All people do what their clips show sitting.", rich_help_panel=PEOPLE)
     ] = False
 
-    def people(self, clips: list[Path]) -> list[Person]:
+    def people(self, clips: list[Path]) -> list[SimulatedPerson]:
         """One person for each clip.
 
         Raises
@@ -78,7 +78,7 @@ class Cast:
         UsageError
             An option was given for some of them only, or cannot be understood.
         """
-        from toolkit.simulation.person import Person
+        from toolkit.simulation.person import SimulatedPerson
 
         count = len(clips)
         row = [(float(i) - 0.5 * (count - 1), 0.0) for i in range(count)]
@@ -93,7 +93,10 @@ class Cast:
             "clothes": [_words(text) for text in each(self.clothes, count, "--clothes", "")],
             "enters": each(self.enters, count, "--enters", 0.0),
         }
-        return [Person(clip, **{name: values[i] for name, values in columns.items()}) for i, clip in enumerate(clips)]
+        return [
+            SimulatedPerson(clip, **{name: values[i] for name, values in columns.items()})
+            for i, clip in enumerate(clips)
+        ]
 
     def boxes(self) -> tuple[Box, ...]:
         """Furniture of files, which belongs to no person."""
@@ -104,7 +107,7 @@ class Cast:
 
 
 @dataclass(frozen=True)
-class View:
+class Viewpoint:
     """From where, in which room and with which sensor, as it is typed; see `Shot`."""
 
     sensor: Annotated[str, typer.Option(help="tof (176x144) or kinect (320x240).")] = "tof"
@@ -174,7 +177,7 @@ def simulate(
         list[Path] | None,
         typer.Argument(metavar="[CLIP]...", help="BVH or AMC files, one per person; none: an empty room."),
     ] = None,
-    view: View = View(),
+    view: Viewpoint = Viewpoint(),
     cast: Cast = Cast(),
 ) -> None:
     """Simulate a depth recording with exact truth from motions, bodies, furniture and a camera."""

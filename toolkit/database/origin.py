@@ -25,7 +25,7 @@ ADULT_HEIGHT = 1.7
 
 
 @dataclass(frozen=True)
-class View:
+class RootView:
     """A camera that looks horizontally at the root of a canonical pose.
 
     Attributes
@@ -44,13 +44,13 @@ CAMERA = Camera(fx=142.8, fy=142.8, cx=79.5, cy=59.5, width=160, height=120)
 R_LEVEL_CAMERA = np.diag([1.0, -1.0, -1.0])
 
 
-def observed_offsets(body: Body, poses: np.ndarray, view: View | None = None) -> np.ndarray:
+def observed_offsets(body: Body, poses: np.ndarray, view: RootView | None = None) -> np.ndarray:
     """Offsets of canonical poses (N, P): float64 (N, 4), centre (metres) and facing yaw (radians), canonical frame.
 
     Where an arm hides the torso, the facing estimate has a low weight and a tracker keeps the facing that it had; so
     the yaw is the mean, by weight, of the estimate and the body's own facing. The centre is that of `frontal_centre`.
     """
-    view = view or View()
+    view = view or RootView()
     scale = body.height / ADULT_HEIGHT
     stand = np.array([0.0, 0.0, -view.distance])
     offsets = np.empty((len(poses), 4))

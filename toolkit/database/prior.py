@@ -80,7 +80,7 @@ def situations(values: np.ndarray) -> np.ndarray:
 
 
 @dataclass(frozen=True, eq=False)
-class Expected:
+class Conditional:
     """What a prior expects of the variables that are not known.
 
     Attributes
@@ -154,7 +154,7 @@ class PosePrior:
         except KeyError as error:
             raise DatabaseError(f"the pose prior lacks {error}; build the database again") from error
 
-    def expected(self, values: np.ndarray, known: np.ndarray, noise: float = NOISE) -> Expected:
+    def expected(self, values: np.ndarray, known: np.ndarray, noise: float = NOISE) -> Conditional:
         """What is to be expected of the variables that are not known.
 
         Parameters
@@ -171,7 +171,7 @@ class PosePrior:
         mean, covariance = np.empty(len(missing)), np.empty((len(missing), len(missing)))
         gaussians.expect(at, shares, self.means, given, missing, gains, remaining, mean, covariance)
         by_situation = np.bincount(self.situation, weights=shares, minlength=len(SITUATIONS))
-        return Expected(missing, mean, covariance, shares, by_situation, float(log_density))
+        return Conditional(missing, mean, covariance, shares, by_situation, float(log_density))
 
     def _condition(self, given: np.ndarray, missing: np.ndarray, noise: float) -> tuple[np.ndarray, ...]:
         """See `gaussians.condition`; kept, because the same limbs stay hidden from frame to frame."""

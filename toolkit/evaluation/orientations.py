@@ -10,7 +10,7 @@ import numpy as np
 
 from toolkit.errors import InertialError, UsageError
 from toolkit.inertial.calibration import Calibration
-from toolkit.inertial.distance import THRESHOLD, Distances, TrackError, distances, errors_of, runs_above
+from toolkit.inertial.distance import THRESHOLD, Distances, WrongStretch, distances, errors_of, runs_above
 from toolkit.inertial.limbs import PARTS
 from toolkit.inertial.stream import Sensors
 from toolkit.inertial.synchronise import SyncSettings
@@ -39,11 +39,11 @@ class RunCheck:
     name: str
     calibration: Calibration
     distances: tuple[Distances, ...]
-    errors: tuple[TrackError, ...]
+    errors: tuple[WrongStretch, ...]
     truth: tuple[Segment, ...] | None = None
     threshold: float = THRESHOLD
 
-    def segments(self, errors: Sequence[TrackError] | None = None) -> list[Segment]:
+    def segments(self, errors: Sequence[WrongStretch] | None = None) -> list[Segment]:
         """Errors as labelled segments; the end is that of the last frame."""
         step = float(np.median(np.diff(self.distances[0].times)))
         chosen = self.errors if errors is None else errors

@@ -63,7 +63,7 @@ def export_glb(
     OutputError
         The file cannot be written.
     """
-    scene = Scene(SKIN if colors is None else (1.0, 1.0, 1.0, 1.0))
+    scene = GlbDocument(SKIN if colors is None else (1.0, 1.0, 1.0, 1.0))
     animation: dict[str, Any] = {"name": "motion", "samplers": [], "channels": []}
     start = min(float(person.track.timestamps[0]) for person in people)
     for k, person in enumerate(people):
@@ -77,7 +77,7 @@ def export_glb(
     scene.save(path)
 
 
-class Scene:
+class GlbDocument:
     """A glTF document and its one buffer, while they grow."""
 
     def __init__(self, color: Sequence[float]) -> None:
@@ -134,7 +134,7 @@ class Scene:
             stream.write(np.array([self._length, 0x004E4942], dtype="<u4").tobytes() + b"".join(self._blocks))
 
 
-def _add_joints(scene: Scene, tree: JointTree, name: str) -> _Nodes:
+def _add_joints(scene: GlbDocument, tree: JointTree, name: str) -> _Nodes:
     top = scene.add("nodes", {"name": name})
     scene.document["scenes"][0]["nodes"].append(top)
     first = top + 1
@@ -146,7 +146,7 @@ def _add_joints(scene: Scene, tree: JointTree, name: str) -> _Nodes:
     return _Nodes(top, list(range(first, first + len(tree.names))))
 
 
-def _add_mesh(scene: Scene, person: Person, tree: JointTree, nodes: _Nodes, colors: np.ndarray | None) -> None:
+def _add_mesh(scene: GlbDocument, person: Person, tree: JointTree, nodes: _Nodes, colors: np.ndarray | None) -> None:
     body = person.body
     joints, weights = skinning(body, tree)
     inverse = np.tile(np.eye(4), (len(tree.names), 1, 1))
@@ -185,7 +185,7 @@ def skinning(body: Body, tree: JointTree) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _add_motion(
-    scene: Scene, animation: dict[str, Any], person: Person, tree: JointTree, nodes: _Nodes, start: float
+    scene: GlbDocument, animation: dict[str, Any], person: Person, tree: JointTree, nodes: _Nodes, start: float
 ) -> None:
     times = (person.track.timestamps - start).astype(np.float32)
     keys = np.flatnonzero(np.diff(times, prepend=np.float32(-1.0)) > 0)  # the format wants times that grow

@@ -36,7 +36,7 @@ logger = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True, eq=False)
-class Job:
+class ExportJob:
     """What is exported.
 
     Attributes
@@ -79,7 +79,7 @@ class Job:
         return person
 
 
-Writer = Callable[[Path, Job], None]
+Writer = Callable[[Path, ExportJob], None]
 
 
 class Format(NamedTuple):
@@ -105,13 +105,13 @@ class Format(NamedTuple):
     blank: bool = True
 
 
-def _bvh(path: Path, job: Job) -> None:
+def _bvh(path: Path, job: ExportJob) -> None:
     person = job.person
     export_bvh(path, person.body, person.held_poses, person.frame_rate(), rig=job.rig)
     write_notes(path, job.origin, job.people)
 
 
-def _rerun(path: Path, job: Job) -> None:
+def _rerun(path: Path, job: ExportJob) -> None:
     try:
         recording = None if job.run is None else job.open_recording()[0]
     except RecordingError as error:
@@ -122,17 +122,17 @@ def _rerun(path: Path, job: Job) -> None:
     export_rerun(path, job.people, job.origin, recording)
 
 
-def _body_index(path: Path, job: Job) -> None:
+def _body_index(path: Path, job: ExportJob) -> None:
     write_body_index(path, job.frames()[1])
 
 
-def _clouds(path: Path, job: Job) -> None:
+def _clouds(path: Path, job: ExportJob) -> None:
     recording, frames = job.frames()
     turn = np.eye(3) if job.origin.name == CAMERA else job.people[0].R_level_camera
     write_clouds(path, frames, recording.camera, turn, job.origin.offset)
 
 
-def _gait(path: Path, job: Job) -> None:
+def _gait(path: Path, job: ExportJob) -> None:
     found = [{"name": person.name} | as_plain(summary_of(person)) for person in job.people]
     save_json(path, {"format": "depthmocap gait", "people": found})
 
@@ -281,4 +281,4 @@ def _write(
         )
     place = origin_of(people, origin)
     moved = [person.moved(place.offset) for person in people]
-    format_.write(path, Job(moved, place, rig or OWN, None if run is None else Path(run), recording))
+    format_.write(path, ExportJob(moved, place, rig or OWN, None if run is None else Path(run), recording))

@@ -11,7 +11,7 @@ import numpy as np
 from toolkit.fitting.placed import NormalSystem, PlacedBody
 
 
-class Evidence(Protocol):
+class FrameEvidence(Protocol):
     """What is known of a frame besides its depth; called between `system.reset` and `system.assemble`."""
 
     def attract(self, system: NormalSystem, placed: PlacedBody) -> None:
@@ -59,7 +59,7 @@ class OrientationTerm:
     disagreement: float
 
     def attract(self, system: NormalSystem, placed: PlacedBody) -> None:
-        """See `Evidence.attract`: a residual `r` about the joint costs `w |r + omega|^2`."""
+        """See `FrameEvidence.attract`: a residual `r` about the joint costs `w |r + omega|^2`."""
         turn = self.turn(placed)
         angle = math.sqrt(turn[0] ** 2 + turn[1] ** 2 + turn[2] ** 2)
         weight = self.weight / (1.0 + (angle / self.sigma) ** 2) ** 2
@@ -71,7 +71,7 @@ class OrientationTerm:
                 hessian[a, b] += weight * (float(a == b) - bone[a] * bone[b])
 
     def cost(self, placed: PlacedBody) -> float:
-        """See `Evidence.cost`: the Geman-McClure cost of the disagreement."""
+        """See `FrameEvidence.cost`: the Geman-McClure cost of the disagreement."""
         turn = self.turn(placed)
         square = (turn[0] ** 2 + turn[1] ** 2 + turn[2] ** 2) / self.sigma**2
         return self.disagreement * square / (1.0 + square)

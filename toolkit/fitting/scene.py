@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from toolkit.fitting.orientation import Evidence
+from toolkit.fitting.orientation import FrameEvidence
 from toolkit.fitting.priors import PoseTerm
 from toolkit.kernels import linear
 from toolkit.kernels.fit import pairs
@@ -33,7 +33,7 @@ class Scene:
         cloud: Cloud,
         extrema_level: np.ndarray,
         samples: int,
-        evidence: Sequence[Evidence] = (),
+        evidence: Sequence[FrameEvidence] = (),
         *,
         priors: Sequence[PoseTerm] = (),
         unobserved: np.ndarray | None = None,

@@ -42,7 +42,7 @@ class Distances:
 
 
 @dataclass(frozen=True)
-class TrackError:
+class WrongStretch:
     """A stretch in which a part of the body is tracked wrongly.
 
     Attributes
@@ -119,7 +119,7 @@ def _distances(limb: str, take: Take, world: np.ndarray, mounting: np.ndarray) -
     )
 
 
-def errors_of(found: Distances, threshold: float = THRESHOLD) -> list[TrackError]:
+def errors_of(found: Distances, threshold: float = THRESHOLD) -> list[WrongStretch]:
     """Stretches above a threshold, degrees, with hysteresis; short gaps closed, short stretches left out."""
     runs = runs_above(found.full, found.times, threshold)
     errors = []
@@ -127,7 +127,7 @@ def errors_of(found: Distances, threshold: float = THRESHOLD) -> list[TrackError
         full, axis = found.full[first : last + 1], found.axis[first : last + 1]
         kind = ERROR if np.nanmax(axis) > threshold else TWIST
         errors.append(
-            TrackError(
+            WrongStretch(
                 found.limb, float(found.times[first]), float(found.times[last]), float(np.nanmax(full)),
                 float(np.nanmean(full)), kind,
             )

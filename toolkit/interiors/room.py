@@ -175,7 +175,7 @@ def _tiles(corner: np.ndarray, first: np.ndarray, second: np.ndarray) -> Mesh:
 Furnisher = Callable[[np.ndarray, np.ndarray, np.random.Generator], Iterator[tuple[str, Piece]]]
 
 
-class Plan(NamedTuple):
+class Furnishing(NamedTuple):
     """How a kind of room is furnished: least and largest width, depth and height, metres, and what stands where."""
 
     size: tuple[tuple[float, float, float], tuple[float, float, float]]
@@ -292,11 +292,11 @@ def _corridor(low: np.ndarray, high: np.ndarray, rng: np.random.Generator) -> It
     yield from _along_walls(low, high, spread, 11, rng)
 
 
-KINDS: dict[str, Plan] = {
-    "office": Plan(((3.5, 4.0, 2.4), (7.0, 8.0, 3.2)), _office),
-    "living": Plan(((3.2, 3.5, 2.3), (6.0, 7.0, 2.9)), _living),
-    "classroom": Plan(((5.5, 6.0, 2.6), (9.0, 10.0, 3.4)), _classroom),
-    "corridor": Plan(((1.6, 6.0, 2.4), (2.8, 12.0, 3.0)), _corridor),
+KINDS: dict[str, Furnishing] = {
+    "office": Furnishing(((3.5, 4.0, 2.4), (7.0, 8.0, 3.2)), _office),
+    "living": Furnishing(((3.2, 3.5, 2.3), (6.0, 7.0, 2.9)), _living),
+    "classroom": Furnishing(((5.5, 6.0, 2.6), (9.0, 10.0, 3.4)), _classroom),
+    "corridor": Furnishing(((1.6, 6.0, 2.4), (2.8, 12.0, 3.0)), _corridor),
 }
 """Rooms by name."""
 

@@ -14,7 +14,7 @@ FILE = Path(__file__).with_suffix(".yaml")
 
 
 @dataclass(frozen=True)
-class Motion:
+class PoseCycle:
     """A cycle of key poses.
 
     Attributes
@@ -54,12 +54,12 @@ def controls_of(entry: Mapping[str, Any]) -> dict[str, Any]:
     return found
 
 
-def _motion(entry: Mapping[str, Any]) -> Motion:
+def _motion(entry: Mapping[str, Any]) -> PoseCycle:
     poses = {
         "keys": {share: controls_of(key) for share, key in entry["keys"].items()},
         "hold": controls_of(entry.get("hold", {})),
     }
-    return Motion(**{**entry, **poses})
+    return PoseCycle(**{**entry, **poses})
 
 
 _LISTED: dict[str, Any] = read_yaml(FILE, str(FILE), MocapError, "install the package again")
@@ -69,5 +69,7 @@ RANGES: dict[str, list[float]] = controls_of(_LISTED.pop("ranges"))
 """Natural ranges of random poses; the other controls keep their base values (knees follow the hips)."""
 KINDS: dict[str, tuple[str, ...]] = {kind: tuple(motions) for kind, motions in _LISTED.items()}
 """Names of the motions for a pose database (`database`, `seated`) and for test subjects (the others)."""
-MOTIONS: dict[str, Motion] = {name: _motion(entry) for motions in _LISTED.values() for name, entry in motions.items()}
+MOTIONS: dict[str, PoseCycle] = {
+    name: _motion(entry) for motions in _LISTED.values() for name, entry in motions.items()
+}
 """Every motion with key poses, by its name."""

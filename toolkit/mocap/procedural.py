@@ -14,7 +14,7 @@ import numpy as np
 from toolkit import skeleton
 from toolkit.body.body import Body
 from toolkit.errors import UsageError
-from toolkit.mocap.choreography import BASE, KINDS, MOTIONS, RANGES, Motion
+from toolkit.mocap.choreography import BASE, KINDS, MOTIONS, RANGES, PoseCycle
 from toolkit.mocap.clip import PoseClip
 
 CONTROLS: tuple[str, ...] = tuple(BASE)
@@ -159,7 +159,7 @@ def poses_from_controls(controls: np.ndarray) -> np.ndarray:
     return poses
 
 
-def _played(motion: Motion, rate: float, rng: np.random.Generator | None) -> np.ndarray:
+def _played(motion: PoseCycle, rate: float, rng: np.random.Generator | None) -> np.ndarray:
     """Control values (T, C) of a motion: from the base pose through its cycles and back."""
     from scipy.interpolate import PchipInterpolator
 

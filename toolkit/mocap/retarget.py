@@ -14,7 +14,7 @@ from toolkit.body.body import Body
 from toolkit.errors import MocapError
 from toolkit.mocap.clip import Clip, PoseClip
 from toolkit.mocap.rig import Rig, load_rig
-from toolkit.mocap.source import Source
+from toolkit.mocap.source import KeyedClip
 from toolkit.rotations.matrices import (
     apply,
     hinge_angles,
@@ -68,7 +68,7 @@ def retarget(clip: Clip, body: Body, rig: Rig | None = None) -> PoseClip:
     RigError
         No joint map fits, or the rest pose does not stand along the axes of its file.
     """
-    source = Source.of(clip, rig or load_rig(clip))
+    source = KeyedClip.of(clip, rig or load_rig(clip))
     chain = _Chain(body, source.frames)
     chain.turn("root", _pelvis(source))
     for joint in ("lumbar", "thorax"):
@@ -133,7 +133,7 @@ class _Chain:
         self.world[joint] = local if joint == "root" else self.world[self.parent(joint)] @ local
 
 
-def _pelvis(source: Source) -> np.ndarray:
+def _pelvis(source: KeyedClip) -> np.ndarray:
     """World rotations of the pelvis: the source's, tilted by what its lumbar spine bends beyond our limits.
 
     So a deep bend keeps its depth: CMU and HDM05 bend at the level of the hips, which is more than a lumbar spine can.
@@ -146,14 +146,14 @@ def _pelvis(source: Source) -> np.ndarray:
     return lumbar @ transposed(matrices(bend))
 
 
-def _head(source: Source) -> np.ndarray:
+def _head(source: KeyedClip) -> np.ndarray:
     """World rotations for the cervical joint: the head's, swung so that neck base to skull points as in the source."""
     turned = source.rotations["head"]
     rest, now = source.bone("cervical", "skull")
     return swing(apply(turned, rest), now) @ turned
 
 
-def _clavicle(chain: _Chain, source: Source, side: str) -> None:
+def _clavicle(chain: _Chain, source: KeyedClip, side: str) -> None:
     """The shoulder girdle swings; what the source turns it about its own length is left to the shoulder."""
     key = f"{side}_clavicle"
     local = np.broadcast_to(np.eye(3), (source.frames, 3, 3))
@@ -162,7 +162,7 @@ def _clavicle(chain: _Chain, source: Source, side: str) -> None:
     chain.set(key, vectors_of(local))
 
 
-def _arm(chain: _Chain, source: Source, side: str) -> None:
+def _arm(chain: _Chain, source: KeyedClip, side: str) -> None:
     shoulder, elbow, wrist, hand = (f"{side}_{part}" for part in ("shoulder", "elbow", "wrist", "hand"))
     upper, _ = chain.bone(shoulder, elbow)
     fore, lever = chain.bone(elbow, wrist)
@@ -179,7 +179,7 @@ def _arm(chain: _Chain, source: Source, side: str) -> None:
     chain.set(wrist, vectors_of(without_twist(swing(chain.bone(wrist, hand)[0], aim), X)))
 
 
-def _leg(chain: _Chain, source: Source, side: str) -> None:
+def _leg(chain: _Chain, source: KeyedClip, side: str) -> None:
     hip, knee, ankle, foot = (f"{side}_{part}" for part in ("hip", "knee", "ankle", "foot"))
     thigh, _ = chain.bone(hip, knee)
     shin, shin_lever = chain.bone(knee, ankle)
@@ -205,7 +205,7 @@ def _about(axis: int, angles: np.ndarray) -> np.ndarray:
     return matrices(angles[:, None] * np.eye(3)[axis])
 
 
-def _aimed(chain: _Chain, source: Source, start: str, stop: str, levers: list[Lever]) -> np.ndarray:
+def _aimed(chain: _Chain, source: KeyedClip, start: str, stop: str, levers: list[Lever]) -> np.ndarray:
     """World rotations (T, 3, 3) of the first joint of a limb: its bone as in the source, its twist by what hangs below.
 
     The twist is the one that brings the far points of the limb nearest to the source's, in the sense of least squares
@@ -241,7 +241,7 @@ def _turns_about(axis: np.ndarray, start: np.ndarray, stop: np.ndarray) -> np.nd
     return (start * stop).sum(axis=1) - along + 1j * (axis * np.cross(start, stop)).sum(axis=1)
 
 
-def _root_positions(source: Source, body: Body, poses: np.ndarray) -> np.ndarray:
+def _root_positions(source: KeyedClip, body: Body, poses: np.ndarray) -> np.ndarray:
     """Hip midpoints (T, 3) at the body's scale, with its feet on average as high over y = 0 as the source's."""
     rest = dict(zip(skeleton.JOINT_NAMES, body.joints, strict=True))
     length = _leg_length(source.rest)

@@ -28,7 +28,7 @@ LIMB_BONES: tuple[tuple[str, str], ...] = tuple(
 
 
 @dataclass(frozen=True, eq=False)
-class Source:
+class KeyedClip:
     """What a clip says about the keys of a rig and about `skull`, the centre of the skull.
 
     Attributes
@@ -43,12 +43,12 @@ class Source:
     rest: dict[str, np.ndarray]
 
     @staticmethod
-    def of(clip: Clip, rig: Rig) -> Source:
+    def of(clip: Clip, rig: Rig) -> KeyedClip:
         """Read a clip through a joint map, without its leading calibration frames; raises RigError (`_rest_axes`)."""
         axes = _rest_axes(clip, rig)
         placed, turned = clip.world()
         upright = _upright_world(turned[:, clip.index(rig.joints["root"])], axes[:, 1])
-        source = Source({}, {}, {})
+        source = KeyedClip({}, {}, {})
         for key, joint in rig.joints.items():
             j = clip.index(joint)
             source.positions[key] = placed[:, j] @ upright.T
@@ -93,8 +93,8 @@ class Source:
         """Unit vectors from one key to another: at rest in the body frame (3,), and in every frame (T, 3)."""
         return unit(self.rest[stop] - self.rest[start]), unit(self.positions[stop] - self.positions[start])
 
-    def _from(self, start: int) -> Source:
-        return Source(
+    def _from(self, start: int) -> KeyedClip:
+        return KeyedClip(
             {key: values[start:] for key, values in self.positions.items()},
             {key: values[start:] for key, values in self.rotations.items()},
             self.rest,
@@ -139,7 +139,7 @@ def _upright_world(root_rotations: np.ndarray, up_at_rest: np.ndarray) -> np.nda
     return swing(up_at_rest, np.array([0.0, 1.0, 0.0]))[0]
 
 
-def calibration_frames(source: Source, frame_rate: float) -> int:
+def calibration_frames(source: KeyedClip, frame_rate: float) -> int:
     """How many leading frames are a calibration pose and no motion (CMU BVH: one, rarely two).
 
     In all of them each limb bone is near the T-pose or the file's rest pose, and after them at least one jumps.

@@ -28,7 +28,7 @@ FULL_SIZE = 300_000  # pixels of an image that half resolution makes four times 
 
 
 @dataclass(frozen=True, eq=False)
-class Look:
+class FirstLook:
     """What a first look sees.
 
     Attributes
@@ -47,7 +47,9 @@ class Look:
     furniture: np.ndarray
 
 
-def describe(recording: Recording, sensing: SensingSettings | None = None, judge: PersonJudge | None = None) -> Look:
+def describe(
+    recording: Recording, sensing: SensingSettings | None = None, judge: PersonJudge | None = None
+) -> FirstLook:
     """Look at the first seconds of a recording; `judge` tells people from furniture.
 
     Raises
@@ -83,7 +85,7 @@ def describe(recording: Recording, sensing: SensingSettings | None = None, judge
         camera.cx,
         camera.cy,
     )
-    return Look(lines, frame, depth, sightings, figures * lens.step)
+    return FirstLook(lines, frame, depth, sightings, figures * lens.step)
 
 
 def _camera_line(recording: Recording) -> str:

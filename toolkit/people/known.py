@@ -13,7 +13,7 @@ from toolkit.archives import Column
 from toolkit.checkpoint import HINT, check_state
 from toolkit.errors import TrackError
 from toolkit.people.sighting import PredictedBody
-from toolkit.people.tracks import GATE, UNKNOWN, Person
+from toolkit.people.tracks import GATE, UNKNOWN, KnownPerson
 from toolkit.people.view import Lens
 
 logger = logging.getLogger(__name__)
@@ -40,10 +40,10 @@ class KnownPeople:
     """
 
     def __init__(self, lens: Lens, most: int) -> None:
-        self.people: list[Person] = []
+        self.people: list[KnownPerson] = []
         self._lens, self._most, self._left_out = lens, most, False
 
-    def present(self, timestamp: float, predicted: Mapping[int, PredictedBody]) -> list[Person]:
+    def present(self, timestamp: float, predicted: Mapping[int, PredictedBody]) -> list[KnownPerson]:
         """The people seen within `PATIENCE`, with stature and head of their predicted bodies (by id)."""
         present = [p for p in self.people if timestamp - p.last <= PATIENCE]
         for k, person in enumerate(present):
@@ -58,7 +58,7 @@ class KnownPeople:
         absent = [replace(p, last=timestamp) for p in self._absent(timestamp)]
         return list(match_heads(absent, heads, timestamp).values())
 
-    def expected_back(self, timestamp: float) -> list[Person]:
+    def expected_back(self, timestamp: float) -> list[KnownPerson]:
         """Those out of sight who may come back.
 
         In a room of several people a person who went out of the image is not expected back: who comes in is mostly
@@ -68,7 +68,7 @@ class KnownPeople:
         others = 1 < people and len(self.people) < self._most
         return [p for p in self._absent(timestamp) if not (others and p.gone)]
 
-    def keep(self, person: Person) -> int:
+    def keep(self, person: KnownPerson) -> int:
         """Put a person in the place of what was known under that id; returns the id."""
         self.people[person.id - 1] = person
         return person.id
@@ -79,7 +79,7 @@ class KnownPeople:
         middle: np.ndarray,
         area: float,
         timestamp: float,
-        back: list[Person],
+        back: list[KnownPerson],
         *,
         head_seen: bool,
     ) -> int:
@@ -88,7 +88,7 @@ class KnownPeople:
         Parameters
         ----------
         place : (3,), of the head, level frame, metres
-        middle, area, head_seen : as in `Person`
+        middle, area, head_seen : as in `KnownPerson`
         back : those who may come back; who does is taken from the list
         """
         again = known_again(back, place, timestamp)
@@ -98,7 +98,7 @@ class KnownPeople:
             return self.keep(still.seen(place, middle, area, timestamp))
         if len(self.people) < self._most:
             number = len(self.people) + 1
-            here = Person(number, place, np.zeros(3), timestamp, timestamp, float(place[1]), middle, area)
+            here = KnownPerson(number, place, np.zeros(3), timestamp, timestamp, float(place[1]), middle, area)
             self.people.append(replace(here, head_seen=head_seen))
             return number
         if not self._left_out:
@@ -122,7 +122,7 @@ class KnownPeople:
         if not self.people:
             return {}
         rows = [asdict(p) for p in self.people]
-        return {f.name: np.array([row[f.name] for row in rows]) for f in fields(Person)}
+        return {f.name: np.array([row[f.name] for row in rows]) for f in fields(KnownPerson)}
 
     def restore_state(self, state: Mapping[str, Any]) -> None:
         """Go on from what `export_state` gave; raises TrackError for anything else."""
@@ -143,9 +143,9 @@ class KnownPeople:
         rows = [
             {k: (v[i].copy() if v[i].ndim else v[i].item()) for k, v in state.items()} for i in range(len(state["id"]))
         ]
-        self.people = [Person(**row) for row in rows]
+        self.people = [KnownPerson(**row) for row in rows]
 
-    def _absent(self, timestamp: float) -> list[Person]:
+    def _absent(self, timestamp: float) -> list[KnownPerson]:
         return [p for p in self.people if timestamp - p.last > PATIENCE]
 
 
@@ -161,7 +161,7 @@ def assigned(costs: np.ndarray, gates: np.ndarray) -> list[tuple[int, int]]:
 
 
 def match_heads(
-    people: Sequence[Person], heads: Sequence[np.ndarray], timestamp: float, resting: Sequence[bool] = ()
+    people: Sequence[KnownPerson], heads: Sequence[np.ndarray], timestamp: float, resting: Sequence[bool] = ()
 ) -> dict[int, int]:
     """Which head is whose: index of the person to index of the head.
 
@@ -178,13 +178,13 @@ def match_heads(
     return dict(assigned(costs, np.array([p.gate(timestamp) for p in people])))
 
 
-def known_again(absent: Sequence[Person], head: np.ndarray, timestamp: float) -> Person | None:
+def known_again(absent: Sequence[KnownPerson], head: np.ndarray, timestamp: float) -> KnownPerson | None:
     """The absent person who may have come back with this head: the one whose height fits best, or None.
 
     A person who comes back may sit, but is not taller than before, and was out of sight long enough to
     get there.
     """
-    best: tuple[float, Person] | None = None
+    best: tuple[float, KnownPerson] | None = None
     for person in absent:
         way = float(np.hypot(head[0] - person.head[0], head[2] - person.head[2]))
         taller = float(head[1]) - person.tallest

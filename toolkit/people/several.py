@@ -31,7 +31,7 @@ from toolkit.people.sharing import body_seeds, stayed_seeds
 from toolkit.people.sighting import PredictedBody, Sighting
 from toolkit.people.stills import large_enough, people_and_furniture
 from toolkit.people.surroundings import Surroundings, first_look, tolerances
-from toolkit.people.tracks import Person
+from toolkit.people.tracks import KnownPerson
 from toolkit.people.unassigned import attach_islands, head_of
 from toolkit.people.view import Lens, View
 from toolkit.people.visibility import hole_sizes, unobserved_pixels
@@ -163,7 +163,7 @@ class SeveralPeople:
         return surroundings
 
     @property
-    def people(self) -> list[Person]:
+    def people(self) -> list[KnownPerson]:
         """Everybody who was seen so far, by rising id."""
         return self._known.people
 
@@ -219,7 +219,7 @@ class SeveralPeople:
         return people, [False] * len(people), furniture
 
     def _seeds(
-        self, view: View, present: Sequence[Person], places: Sequence[np.ndarray], matched: set[int]
+        self, view: View, present: Sequence[KnownPerson], places: Sequence[np.ndarray], matched: set[int]
     ) -> np.ndarray:
         """The heads that are seen, 1, 2, ... for those present: int32 (h, w)."""
         seeds = np.zeros(view.depth.shape, dtype=np.int32)
@@ -231,7 +231,7 @@ class SeveralPeople:
         self,
         view: View,
         surroundings: Surroundings,
-        present: Sequence[Person],
+        present: Sequence[KnownPerson],
         places: Sequence[np.ndarray],
         predicted: Mapping[int, PredictedBody],
         seeds: np.ndarray,
@@ -257,7 +257,9 @@ class SeveralPeople:
         head = self.lens.from_level(place[None])[0]
         return bool(((body.vertices - head) ** 2).sum(axis=1).min() < HEAD_DISTANCE**2)
 
-    def _stayed(self, view: View, present: Sequence[Person], places: Sequence[np.ndarray], seeds: np.ndarray) -> None:
+    def _stayed(
+        self, view: View, present: Sequence[KnownPerson], places: Sequence[np.ndarray], seeds: np.ndarray
+    ) -> None:
         """Add heads where they are expected, and torsos that stayed where they were, to `seeds`."""
         numbers = np.zeros(1 + max((p.id for p in self.people), default=0), dtype=np.int32)
         for k, person in enumerate(present, start=1):
@@ -290,7 +292,7 @@ class SeveralPeople:
         view: View,
         surroundings: Surroundings,
         seeds: np.ndarray,
-        present: Sequence[Person],
+        present: Sequence[KnownPerson],
         places: Sequence[np.ndarray],
         heads: Sequence[np.ndarray],
         children: Sequence[bool],
@@ -346,7 +348,7 @@ class SeveralPeople:
         self,
         view: View,
         labels: np.ndarray,
-        present: Sequence[Person],
+        present: Sequence[KnownPerson],
         places: Sequence[np.ndarray],
         matched: set[int],
         headless: set[int],

@@ -28,7 +28,7 @@ UNKNOWN = np.full(3, np.nan)
 
 
 @dataclass(frozen=True, eq=False)
-class Person:
+class KnownPerson:
     """A person who was seen.
 
     Attributes
@@ -77,7 +77,7 @@ class Person:
         """Where the head was in the last frame."""
         return self.body_head if self.borne_out and np.isfinite(self.body_head).all() else self.head
 
-    def faced(self, head: np.ndarray, distance: float) -> Person:
+    def faced(self, head: np.ndarray, distance: float) -> KnownPerson:
         """The person whose head is seen at `head` (3,); within `distance` metres it bears their body out."""
         near = ((self.body_head - head) ** 2).sum() < distance**2  # never, where that is not known
         return replace(self, borne_out=self.borne_out or bool(near))
@@ -87,11 +87,11 @@ class Person:
         aside = float(np.hypot(head[0] - self.head[0], head[2] - self.head[2]))
         return not self.head_seen and aside < HEAD_ASIDE and head[1] > self.head[1] + HEAD_ABOVE
 
-    def with_head(self, head: np.ndarray) -> Person:
+    def with_head(self, head: np.ndarray) -> KnownPerson:
         """The person whose head is seen for the first time, at `head` (3,)."""
         return replace(self, head=head, velocity=np.zeros(3), tallest=float(head[1]), borne_out=False, head_seen=True)
 
-    def looked_at(self, shaped: bool, judged: float, timestamp: float) -> Person:
+    def looked_at(self, shaped: bool, judged: float, timestamp: float) -> KnownPerson:
         """The person after a look whether it is one."""
         return replace(
             self, looks=self.looks + 1, looked=timestamp, shaped=self.shaped + shaped, judged=self.judged + judged
@@ -108,7 +108,7 @@ class Person:
             return GATE
         return min(GATE + GATE_GROWTH * max(timestamp - self.last, 0.0), WIDEST_GATE)
 
-    def seen(self, head: np.ndarray | None, middle: np.ndarray, area: float, timestamp: float) -> Person:
+    def seen(self, head: np.ndarray | None, middle: np.ndarray, area: float, timestamp: float) -> KnownPerson:
         """The person in a new frame.
 
         Parameters

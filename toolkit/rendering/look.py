@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from toolkit.people.describe import Look, largest_surface
+from toolkit.people.describe import FirstLook, largest_surface
 from toolkit.rendering.film import save_png
 from toolkit.rendering.style import ALARM, FAINT, INK, PAPER, person_color
 
@@ -14,7 +14,7 @@ NEAR_SHADE, FAR_SHADE = 0.95, 0.25
 """Brightness of the nearest and the farthest measurement."""
 
 
-def picture(look: Look) -> np.ndarray:
+def picture(look: FirstLook) -> np.ndarray:
     """RGB uint8 (H, W, 3): nearer is brighter, people are coloured and numbered, furniture of a person's shape is
     ringed, unmeasured pixels are dark.
     """
@@ -45,7 +45,7 @@ def picture(look: Look) -> np.ndarray:
     return painted
 
 
-def save_picture(look: Look, path: str | Path) -> None:
+def save_picture(look: FirstLook, path: str | Path) -> None:
     """Write the picture as PNG, whole or not at all.
 
     Raises

@@ -33,7 +33,7 @@ CHESTS = 0.075
 
 
 @dataclass(frozen=True)
-class Person:
+class SimulatedPerson:
     """A person to be recorded.
 
     Attributes
@@ -153,7 +153,7 @@ def grown_to(body: Body, stature: float) -> Body:
     return body.scaled(stature / body.height)
 
 
-def prepare_person(person: Person, frame_rate: float, rng: np.random.Generator) -> Performer:
+def prepare_person(person: SimulatedPerson, frame_rate: float, rng: np.random.Generator) -> Performer:
     """Body and poses of a person on the floor plan; `rng` draws how a person sits."""
     check_holding(person.holds)
     naked = subject_of(person.body)
@@ -215,7 +215,7 @@ def facing_of(pose: np.ndarray) -> float:
     return float(np.arctan2(facing[0], facing[2]))
 
 
-def furniture_of(person: Person, performer: Performer) -> Mesh:
+def furniture_of(person: SimulatedPerson, performer: Performer) -> Mesh:
     """What belongs to a person: seats under the hips, a desk before a sitter, other obstacles towards the camera."""
     kinds = check_kinds(person.furniture)
     if person.seated and not any(kind in SEATS for kind in kinds):

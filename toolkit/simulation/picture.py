@@ -12,7 +12,7 @@ from toolkit.body.body import vertex_normals
 from toolkit.body.raycast import Hits
 from toolkit.kernels.image.shading import shade_triangles
 from toolkit.sensing.camera import Camera
-from toolkit.simulation.scene import View
+from toolkit.simulation.scene import PlacedCamera
 
 FINER = 2
 """Pictures are drawn so many times finer, and averaged: contours are smooth."""
@@ -26,7 +26,7 @@ BOX_FACES = 12
 """Triangles of a box; the first box of a room is its shell."""
 
 
-class Drawn(NamedTuple):
+class DrawnMesh(NamedTuple):
     """A mesh to be drawn.
 
     Attributes
@@ -59,7 +59,7 @@ class Backdrop:
     camera: Camera
 
     @classmethod
-    def of_room(cls, hits: Hits, camera: Camera, view: View, rng: np.random.Generator) -> Backdrop:
+    def of_room(cls, hits: Hits, camera: Camera, view: PlacedCamera, rng: np.random.Generator) -> Backdrop:
         """Walls with paint and pictures, a floor of planks, furniture: what `camera` sees of a room of boxes."""
         aside, before = rng.uniform(-KEY_SPREAD, KEY_SPREAD), rng.uniform(0.2, 0.2 + KEY_SPREAD)
         lamp = np.array([aside, 1.0, before])
@@ -74,7 +74,7 @@ class Backdrop:
         image[seen] = _paint(points, hits.triangles[seen] // BOX_FACES, rng) * light[:, None]
         return cls(image, np.where(seen, hits.depth, np.inf).astype(np.float64), key, camera)
 
-    def with_people(self, people: Sequence[Drawn], rng: np.random.Generator) -> np.ndarray:
+    def with_people(self, people: Sequence[DrawnMesh], rng: np.random.Generator) -> np.ndarray:
         """A picture of people in the room, uint8 (h, w, 3), RGB, of the depth camera's size; `rng` draws its noise."""
         image, depth = np.clip(self.image, 0, 255).astype(np.uint8), self.depth.copy()
         for mesh in people:

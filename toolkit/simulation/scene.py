@@ -25,7 +25,7 @@ SIGHT = np.linspace(0.1, 1.0, 10)
 
 
 @dataclass(frozen=True)
-class View:
+class PlacedCamera:
     """A camera on the floor plan.
 
     Attributes
@@ -51,7 +51,7 @@ class View:
         return self.to_level(points) @ self.R_level_camera
 
 
-def place_camera(*, distance: float, height: float, tilt: float) -> View:
+def place_camera(*, distance: float, height: float, tilt: float) -> PlacedCamera:
     """A camera that has the origin of the floor plan in the middle of its image from left to right.
 
     Parameters
@@ -73,14 +73,14 @@ def place_camera(*, distance: float, height: float, tilt: float) -> View:
     if height <= 0:
         raise UsageError(f"the camera's height {height} is not above the floor; give metres")
     sine, cosine = np.sin(tilt), np.cos(tilt)
-    return View(
+    return PlacedCamera(
         R_level_camera=np.array([[1.0, 0.0, 0.0], [0.0, -cosine, -sine], [0.0, sine, -cosine]]),
         position=np.array([0.0, height, distance]),
     )
 
 
 @dataclass(frozen=True, eq=False)
-class Surroundings:
+class Scenery:
     """What surrounds the people, camera frame.
 
     Attributes
@@ -99,7 +99,7 @@ class Surroundings:
         return np.where(triangles >= 0, self.reflectance[triangles], 0.0).astype(np.float32)
 
 
-def surroundings(name: str | None, used: Sequence[np.ndarray], furniture: Mesh, view: View) -> Surroundings:
+def surroundings(name: str | None, used: Sequence[np.ndarray], furniture: Mesh, view: PlacedCamera) -> Scenery:
     """The room around people: a bare one, or one that is furnished at random.
 
     Parameters
@@ -113,7 +113,7 @@ def surroundings(name: str | None, used: Sequence[np.ndarray], furniture: Mesh, 
     reach = np.array([points.min(axis=0), points.max(axis=0)])
     if name is None:
         mesh = joined([room(reach, view.position), furniture])
-        return Surroundings(Mesh(view.to_camera(mesh.vertices), mesh.faces), None)
+        return Scenery(Mesh(view.to_camera(mesh.vertices), mesh.faces), None)
     kind, seed = named_room(name)
     reach[1, 1] = max(reach[1, 1], view.position[1] + 0.1)
     own = points[:, [0, 2]]
@@ -124,9 +124,7 @@ def surroundings(name: str | None, used: Sequence[np.ndarray], furniture: Mesh, 
     around = furnished(kind, rng, camera=camera, reach=reach, free=free, clearance=CLEARANCE).surfaces()
     mesh = joined([around.mesh, furniture])
     reflectance = np.concatenate([around.reflectance / PLAIN, np.ones(len(furniture.faces))])
-    return Surroundings(
-        Mesh(view.to_camera(mesh.vertices), mesh.faces), np.minimum(reflectance, 1.0).astype(np.float32)
-    )
+    return Scenery(Mesh(view.to_camera(mesh.vertices), mesh.faces), np.minimum(reflectance, 1.0).astype(np.float32))
 
 
 def room(reach: np.ndarray, camera: np.ndarray) -> Mesh:

@@ -27,15 +27,15 @@ from toolkit.simulation.furniture import Box, Mesh, boxes_mesh, joined
 from toolkit.simulation.inertial import SimulatedSensors, simulate_sensors
 from toolkit.simulation.person import (
     Performer,
-    Person,
+    SimulatedPerson,
     check_apart,
     check_clear,
     check_ranges,
     furniture_of,
     prepare_person,
 )
-from toolkit.simulation.picture import FINER, Backdrop, Drawn
-from toolkit.simulation.scene import Surroundings, View, cut_tilt, place_camera, surroundings
+from toolkit.simulation.picture import FINER, Backdrop, DrawnMesh
+from toolkit.simulation.scene import PlacedCamera, Scenery, cut_tilt, place_camera, surroundings
 from toolkit.simulation.seating import neck_height
 from toolkit.simulation.sensors import Sensor, Surface, make_sensor
 from toolkit.simulation.skinning import SKINNINGS
@@ -160,7 +160,7 @@ class Simulation:
     shot: Shot
     performers: tuple[Performer, ...]
     furniture: Mesh
-    view: View
+    view: PlacedCamera
     sensor: Sensor
     frames_in_all: int
     frame_rate: float
@@ -171,7 +171,7 @@ class Simulation:
         return self.sensor.camera.scaled(self.sensor.rays_per_side)
 
     @cached_property
-    def _surroundings(self) -> Surroundings:
+    def _surroundings(self) -> Scenery:
         """The room without people, camera frame."""
         used = [p.body.joint_positions(p.poses).reshape(-1, 3) for p in self.performers]
         return surroundings(self.shot.room, used or [EMPTY_REACH], self.furniture, self.view)
@@ -235,7 +235,7 @@ class Simulation:
         }
 
     def _picture(self, present: Mapping[int, np.ndarray], rng: np.random.Generator) -> np.ndarray:
-        people = [Drawn(at, self.performers[i].body.faces, self._skins[i]) for i, at in present.items()]
+        people = [DrawnMesh(at, self.performers[i].body.faces, self._skins[i]) for i, at in present.items()]
         return self._backdrop.with_people(people, rng)
 
     def _things(self, frame: int) -> list[Mesh]:
@@ -266,7 +266,7 @@ class Simulation:
         return np.clip(towards / np.sqrt(1.0 + (rays**2).sum(axis=1)), 0.0, 1.0).astype(np.float32)
 
 
-def prepare(people: Sequence[Person], shot: Shot | None = None) -> Simulation:
+def prepare(people: Sequence[SimulatedPerson], shot: Shot | None = None) -> Simulation:
     """Everything placed, nothing simulated yet. Arguments and errors as in `simulate_scene`."""
     shot = shot or Shot()
     rate = min([shot.frame_rate, *(p.clip.frame_rate for p in people if isinstance(p.clip, PoseClip))])
@@ -288,7 +288,9 @@ def prepare(people: Sequence[Person], shot: Shot | None = None) -> Simulation:
     )
 
 
-def _view(people: Sequence[Person], performers: Sequence[Performer], shot: Shot, camera: Camera) -> View:
+def _view(
+    people: Sequence[SimulatedPerson], performers: Sequence[Performer], shot: Shot, camera: Camera
+) -> PlacedCamera:
     """The camera's place: how high it stands, and how far it looks down."""
     stature, neck = EMPTY_STATURE, EMPTY_NECK
     if performers:
@@ -304,7 +306,7 @@ def _view(people: Sequence[Person], performers: Sequence[Performer], shot: Shot,
 
 
 def simulate_scene(
-    people: Sequence[Person],
+    people: Sequence[SimulatedPerson],
     output: str | Path,
     shot: Shot | None = None,
     *,
@@ -373,5 +375,5 @@ def simulate_recording(
     progress: Count = silent,
     **shot: Any,
 ) -> Recording:
-    """Simulate one person alone: arguments of `Person` and, as keywords, of `Shot`; otherwise as `simulate_scene`."""
-    return simulate_scene([Person(clip, body=body, yaw=yaw)], output, Shot(**shot), progress=progress)
+    """As `simulate_scene`, of one person alone: arguments of `SimulatedPerson` and, as keywords, of `Shot`."""
+    return simulate_scene([SimulatedPerson(clip, body=body, yaw=yaw)], output, Shot(**shot), progress=progress)

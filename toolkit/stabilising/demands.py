@@ -18,7 +18,7 @@ from toolkit.spans import spans
 from toolkit.stabilising.expectation import Told
 from toolkit.stabilising.limbs import ENTRIES, LIMBS, LIMBS_OF_FEATURE
 from toolkit.stabilising.marks import DEMANDED, FORWARDS, rests
-from toolkit.stabilising.source import Source
+from toolkit.stabilising.source import SourceRun
 
 SOLES = 0.05
 """Share of the tracked soles that may lie below the floor where none is seen."""
@@ -88,7 +88,7 @@ class FloorHeight(NamedTuple):
     source: str
 
 
-def floor_of(source: Source) -> FloorHeight:
+def floor_of(source: SourceRun) -> FloorHeight:
     """The floor under the person: as the run or the recording knows it, else below nearly all tracked soles."""
     if source.info.floor:
         return FloorHeight(-source.info.floor[0], "run")
@@ -104,7 +104,9 @@ def floor_of(source: Source) -> FloorHeight:
     return FloorHeight(float(np.quantile(heights, SOLES)) if heights else 0.0, "soles")
 
 
-def marked_terms(source: Source, told: Told, priors: np.ndarray, floor: FloorHeight) -> dict[int, list[ResidualTerm]]:
+def marked_terms(
+    source: SourceRun, told: Told, priors: np.ndarray, floor: FloorHeight
+) -> dict[int, list[ResidualTerm]]:
     """Frame -> terms on the limbs that are hidden in it.
 
     Parameters
@@ -128,7 +130,7 @@ def marked_terms(source: Source, told: Told, priors: np.ndarray, floor: FloorHei
 
 
 def _resting(
-    source: Source, told: Told, resting: np.ndarray, leg: str, floor: FloorHeight
+    source: SourceRun, told: Told, resting: np.ndarray, leg: str, floor: FloorHeight
 ) -> Mapping[int, ResidualTerm]:
     """Frame -> the foot on the floor, where it rests and is hidden; in its place if it was seen there meanwhile."""
     found, sole = {}, Sole.of(source.body, leg)

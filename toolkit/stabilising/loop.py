@@ -26,7 +26,7 @@ from toolkit.stabilising.gaps import Gap, find_gaps
 from toolkit.stabilising.limbs import OUTER
 from toolkit.stabilising.marks import Marks, marks_of_classes, tracking_priors
 from toolkit.stabilising.retrack import GapGuide, Retracked, retrack
-from toolkit.stabilising.source import Source
+from toolkit.stabilising.source import SourceRun
 from toolkit.stabilising.ways import (
     KEPT,
     PRIOR_SPREAD,
@@ -145,7 +145,7 @@ class Round:
 
 
 def stabilise(
-    source: Source,
+    source: SourceRun,
     classes: Sequence[MotionClass],
     settings: StabiliseSettings | None = None,
     *,
@@ -193,7 +193,7 @@ def _settled(before: Round, after: Round) -> bool:
 
 
 def _round(
-    source: Source, track: Track, known: Known, settings: StabiliseSettings, progress: Callable[[int, int], None]
+    source: SourceRun, track: Track, known: Known, settings: StabiliseSettings, progress: Callable[[int, int], None]
 ) -> Round:
     gaps = find_gaps(track.confidence, source.present)
     told, annotation, labelled = _told(source, track, known, gaps, settings)
@@ -254,7 +254,7 @@ def _around(flags: np.ndarray, by: int) -> np.ndarray:
 
 
 def _told(
-    source: Source, track: Track, known: Known, gaps: Sequence[Gap], settings: StabiliseSettings
+    source: SourceRun, track: Track, known: Known, gaps: Sequence[Gap], settings: StabiliseSettings
 ) -> tuple[Told, Annotation | None, tuple[Segment, ...]]:
     """The track with its labels and where its limbs are hidden."""
     classes, segments = known.classes, known.segments
@@ -279,7 +279,7 @@ def annotate(features: FeatureMatrix, classes: Sequence[MotionClass], threshold:
 
 
 def _exchanged(
-    source: Source,
+    source: SourceRun,
     track: Track,
     ways: Sequence[GapWays],
     again: Retracked,

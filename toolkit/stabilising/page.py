@@ -18,7 +18,7 @@ from toolkit.spans import spans
 from toolkit.stabilising.limbs import LIMBS, OUTER
 from toolkit.stabilising.loop import Round
 from toolkit.stabilising.marks import USED
-from toolkit.stabilising.source import Source
+from toolkit.stabilising.source import SourceRun
 from toolkit.stabilising.ways import KEPT
 from toolkit.track import Track
 
@@ -35,7 +35,7 @@ MARGIN = 12
 """Pixels around the person."""
 
 
-def write_page(source: Source, rounds: Sequence[Round], best: Round, folder: Path) -> Path:
+def write_page(source: SourceRun, rounds: Sequence[Round], best: Round, folder: Path) -> Path:
     """Write `report.html` into a folder (after the thesis's Fig. 6.11, 6.13 and 6.14), and `changes.png` if anything
     changed; `best` is the round that was kept."""
     parts = [
@@ -67,13 +67,13 @@ def largest_changes(before: Track, after: Track) -> list[int]:
     return found
 
 
-def _truth(source: Source) -> np.ndarray | None:
+def _truth(source: SourceRun) -> np.ndarray | None:
     """True joints (T, 20, 3) of the one person, if the recording knows them."""
     joints = source.recording.joints
     return None if joints is None or np.ndim(joints) != 3 else np.asarray(joints)
 
 
-def _curves(source: Source, rounds: Sequence[Round], best: Round) -> Figure:
+def _curves(source: SourceRun, rounds: Sequence[Round], best: Round) -> Figure:
     from matplotlib.figure import Figure
 
     times = source.track.timestamps
@@ -119,7 +119,7 @@ def _draw_priors(panel: Axes, priors: np.ndarray, times: np.ndarray) -> None:
     panel.set_title("priors: features that are 1 (dark) and 0 (light) by the label", fontsize=9, loc="left")
 
 
-def _drawn(source: Source, after: Track, frames: Sequence[int]) -> Figure:
+def _drawn(source: SourceRun, after: Track, frames: Sequence[int]) -> Figure:
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(4.0 * len(frames), 4.6), layout="constrained")
@@ -146,7 +146,7 @@ def _draw_bones(panel: Axes, pixels: np.ndarray, colour: str) -> None:
         panel.plot(ends[:, 0], ends[:, 1], color=colour, lw=1.6)
 
 
-def _table(source: Source, rounds: Sequence[Round]) -> str:
+def _table(source: SourceRun, rounds: Sequence[Round]) -> str:
     head = (
         "round",
         "limb",

@@ -13,7 +13,7 @@ from toolkit.people.survey import find_person
 from toolkit.progress import Count
 from toolkit.stabilising.demands import contradiction
 from toolkit.stabilising.limbs import OUTER
-from toolkit.stabilising.source import Source
+from toolkit.stabilising.source import SourceRun
 from toolkit.stabilising.ways import AGAIN, PRIOR_SPREAD, PRIOR_WEIGHT, GapWays
 from toolkit.track import FrameResult
 from toolkit.tracking.clock import StageClock
@@ -85,7 +85,7 @@ class Retracked(NamedTuple):
 
 
 def retrack(
-    source: Source,
+    source: SourceRun,
     poses: np.ndarray,
     ways: Sequence[GapWays],
     bad: np.ndarray,

@@ -19,7 +19,7 @@ from toolkit.track import TRACKED, RunInfo, Track
 
 
 @dataclass(frozen=True, eq=False)
-class Source:
+class SourceRun:
     """A finished run and what it was made from.
 
     Attributes
@@ -42,7 +42,9 @@ class Source:
         return self.track.state == TRACKED
 
 
-def open_source(run: str | Path, *, recording: str | Path | None = None, database: str | Path | None = None) -> Source:
+def open_source(
+    run: str | Path, *, recording: str | Path | None = None, database: str | Path | None = None
+) -> SourceRun:
     """A run folder with everything that tracking again needs.
 
     Parameters
@@ -71,4 +73,4 @@ def open_source(run: str | Path, *, recording: str | Path | None = None, databas
     opened = info.open_recording(recording)
     tracker = TrackerRecipe(config, database=database or info.database).build()
     assert isinstance(tracker, HybridTracker)  # what the name stands for
-    return Source(folder, track, info, info.body(), opened, tracker)
+    return SourceRun(folder, track, info, info.body(), opened, tracker)

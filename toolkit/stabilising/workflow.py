@@ -20,7 +20,7 @@ from toolkit.stabilising.demands import floor_of
 from toolkit.stabilising.loop import Round, StabiliseSettings, best_round, stabilise
 from toolkit.stabilising.marks import load_marks
 from toolkit.stabilising.page import write_page
-from toolkit.stabilising.source import Source, open_source
+from toolkit.stabilising.source import SourceRun, open_source
 from toolkit.track import RUN_FILE, TRACK_FILE
 from toolkit.track.track import AGAIN
 
@@ -80,7 +80,7 @@ def stabilise_run(
     return rounds
 
 
-def _segments(path: str | Path, source: Source, classes: Sequence[MotionClass]) -> list[Segment]:
+def _segments(path: str | Path, source: SourceRun, classes: Sequence[MotionClass]) -> list[Segment]:
     """Labelled stretches that lie in the track, one after the other.
 
     Raises
@@ -104,7 +104,7 @@ def _segments(path: str | Path, source: Source, classes: Sequence[MotionClass]) 
     return found
 
 
-def _write(source: Source, rounds: Sequence[Round], settings: StabiliseSettings, folder: Path) -> None:
+def _write(source: SourceRun, rounds: Sequence[Round], settings: StabiliseSettings, folder: Path) -> None:
     """The run folder and what belongs to it; the track comes last, so that a folder with one is whole."""
     folder.mkdir(parents=True, exist_ok=True)
     best = best_round(rounds)
@@ -117,7 +117,7 @@ def _write(source: Source, rounds: Sequence[Round], settings: StabiliseSettings,
     best.track.save(folder)
 
 
-def result_of(source: Source, rounds: Sequence[Round], settings: StabiliseSettings) -> dict[str, object]:
+def result_of(source: SourceRun, rounds: Sequence[Round], settings: StabiliseSettings) -> dict[str, object]:
     """What `stabilise.json` says: rounds, labels, gaps and what they were filled from."""
     times = source.track.timestamps
 

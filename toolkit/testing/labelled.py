@@ -19,7 +19,7 @@ from toolkit.mocap.read import read_clip
 from toolkit.mocap.retarget import retarget
 from toolkit.retrieval.annotation.measures import Segment
 from toolkit.simulation.joining import joined
-from toolkit.simulation.person import Person
+from toolkit.simulation.person import SimulatedPerson
 from toolkit.simulation.simulate import Shot, simulate_scene
 from toolkit.testing.scenes import distance_needed
 from toolkit.testing.suite import MOCAP, RATE, digest_of, in_place
@@ -116,7 +116,7 @@ def record_sequence(
     path = work / "sequences" / f"{sequence.name}_{split}{'_filler' if filler else ''}_{digest}.npz"
     done = perform(sequence, split, filler=filler)
     if not path.exists():
-        person = Person(done.clip, done.body, yaw=sequence.yaw)
+        person = SimulatedPerson(done.clip, done.body, yaw=sequence.yaw)
         shot = Shot(
             sensor=sequence.sensor, distance=distance_needed(person, sequence.sensor, HEIGHT), height=HEIGHT,
             seed=len(sequence.name), furnished=False,

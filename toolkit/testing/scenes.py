@@ -23,7 +23,7 @@ from toolkit.interiors.room import KINDS
 from toolkit.mocap.clip import PoseClip
 from toolkit.mocap.procedural import SUBJECT_MOTIONS
 from toolkit.simulation.furniture import Box
-from toolkit.simulation.person import Person, facing_of, grown_to, prepare_person
+from toolkit.simulation.person import SimulatedPerson, facing_of, grown_to, prepare_person
 from toolkit.simulation.scene import place_camera
 from toolkit.simulation.sensors import make_sensor
 from toolkit.simulation.simulate import MIDDLE, Shot, simulate_scene
@@ -131,7 +131,7 @@ def record_scene(scene: Scene, work: Path, frames: int | None = None, *, color: 
     return path
 
 
-def shot_of(scene: Scene, people: Sequence[Person]) -> Shot:
+def shot_of(scene: Scene, people: Sequence[SimulatedPerson]) -> Shot:
     """How a scene of these people is recorded."""
     distance = scene.distance
     if distance is None:
@@ -144,7 +144,7 @@ def shot_of(scene: Scene, people: Sequence[Person]) -> Shot:
     )  # fmt: skip
 
 
-def distance_needed(person: Person, sensor: str, height: float) -> float:
+def distance_needed(person: SimulatedPerson, sensor: str, height: float) -> float:
     """Smallest distance in metres, in steps of 10 cm, at which all of the person's motion is in the image.
 
     The camera is `height` metres above the floor and looks at the middle of the body as it stands.
@@ -164,7 +164,7 @@ def distance_needed(person: Person, sensor: str, height: float) -> float:
     return 7.0
 
 
-def people_of(scene: Scene, frames: int, body: Body | None = None) -> list[Person]:
+def people_of(scene: Scene, frames: int, body: Body | None = None) -> list[SimulatedPerson]:
     """The actors with their motions of at most `frames` frames; who does not pass stays as long as the longest lasts.
 
     Their bodies are their own unless one is given for all of them.
@@ -190,7 +190,7 @@ def people_of(scene: Scene, frames: int, body: Body | None = None) -> list[Perso
         middle = (late + 0.5 * (length - late)) / RATE
         halves = {-1.0: (0.0, middle), 1.0: (middle, np.inf)}
         people.append(
-            Person(
+            SimulatedPerson(
                 PoseClip(actor.motion, played, RATE, ""),
                 own,
                 at,

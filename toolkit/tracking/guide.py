@@ -9,7 +9,7 @@ import numpy as np
 
 from toolkit.body.body import BONE_AXIS
 from toolkit.errors import InertialError
-from toolkit.fitting.orientation import Evidence, OrientationSettings, OrientationTerm
+from toolkit.fitting.orientation import FrameEvidence, OrientationSettings, OrientationTerm
 from toolkit.fitting.priors import PoseTerm
 from toolkit.inertial.calibration import Calibration, TakeClock
 from toolkit.inertial.limbs import PARTS, joint_of
@@ -23,7 +23,7 @@ TWISTLESS = ("elbow", "wrist")
 class Guide(Protocol):
     """What is known about every frame."""
 
-    def evidence(self, timestamp: float, level_rotation: np.ndarray) -> Sequence[Evidence]:
+    def evidence(self, timestamp: float, level_rotation: np.ndarray) -> Sequence[FrameEvidence]:
         """What is known at `timestamp` seconds of the placed body; `level_rotation` is R_level_camera, (3, 3)."""
         ...
 
@@ -35,7 +35,7 @@ class Guide(Protocol):
 class NoGuide:
     """Nothing is known but the depth. Guides that know some things only extend it."""
 
-    def evidence(self, timestamp: float, level_rotation: np.ndarray) -> Sequence[Evidence]:
+    def evidence(self, timestamp: float, level_rotation: np.ndarray) -> Sequence[FrameEvidence]:
         """See `Guide.evidence`."""
         return ()
 
@@ -80,7 +80,7 @@ class InertialGuide(NoGuide):
         ]  # fmt: skip
         self._settings = settings
 
-    def evidence(self, timestamp: float, level_rotation: np.ndarray) -> Sequence[Evidence]:
+    def evidence(self, timestamp: float, level_rotation: np.ndarray) -> Sequence[FrameEvidence]:
         """See `Guide.evidence`: a sensor that lost its packets around that time says nothing."""
         time = np.array([self._clock.rate * timestamp + self._clock.offset])
         turn = quat.conjugate(quat.from_matrices(level_rotation))

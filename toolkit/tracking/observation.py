@@ -10,7 +10,7 @@ import numpy as np
 
 from toolkit import skeleton
 from toolkit.database.origin import ADULT_HEIGHT
-from toolkit.fitting.orientation import Evidence
+from toolkit.fitting.orientation import FrameEvidence
 from toolkit.fitting.regressed import VotedJoints, links_out_of_view
 from toolkit.fitting.scene import Scene
 from toolkit.kernels import linear
@@ -209,7 +209,7 @@ class Observation:
         return lifted._replace(points=linear.rotated(lifted.points, self.cloud.rotation.T))
 
     @cached_property
-    def evidence(self) -> list[Evidence]:
+    def evidence(self) -> list[FrameEvidence]:
         """What is known of the frame besides its depth, and what the regressor is sure of."""
         observer = self.observer
         evidence = list(observer.guide.evidence(self.timestamp, self.cloud.rotation))

@@ -39,7 +39,7 @@ class Block(NamedTuple):
 
 
 @dataclass
-class Track:
+class MatroskaTrack:
     """One track: its name and codec, the codec's own description, size in pixels (0 without), and its blocks."""
 
     number: int = 0
@@ -63,8 +63,8 @@ class Matroska:
     def __init__(self, path: Path) -> None:
         self._stream = open_file(path)
         self._size = os.fstat(self._stream.fileno()).st_size
-        self._by_number: dict[int, Track] = {}
-        self.tracks: list[Track] = []
+        self._by_number: dict[int, MatroskaTrack] = {}
+        self.tracks: list[MatroskaTrack] = []
         self.attachments: dict[str, bytes] = {}
         self._scale, self._cluster_time, self._file_name = 1_000_000, 0, ""
         identifier, *_ = self._element_at(0)
@@ -95,7 +95,7 @@ class Matroska:
             if stop > end and not (identifier in (SEGMENT, CLUSTER) and stop == self._size):
                 raise ValueError(f"it ends within an element at byte {place}")
             if identifier == TRACK_ENTRY:
-                self.tracks.append(Track())
+                self.tracks.append(MatroskaTrack())
             if identifier in PARENTS:
                 self._walk(start, stop, depth + 1)
             elif identifier in (SIMPLE_BLOCK, BLOCK):

@@ -20,7 +20,7 @@ from toolkit.files import is_file
 from toolkit.plain import parse_json
 from toolkit.recordings.options import ReaderOptions
 from toolkit.recordings.readers.common import FileFacts, chosen_camera, damaged, decoded, recording_of_source, upright
-from toolkit.recordings.readers.matroska import Matroska, Track
+from toolkit.recordings.readers.matroska import Matroska, MatroskaTrack
 from toolkit.sensing.camera import Camera
 from toolkit.sensing.recording import FrameSource, Recording
 
@@ -45,7 +45,7 @@ def matches(path: Path) -> bool:
 
 
 @dataclass(frozen=True)
-class Calibration:
+class FactoryCalibration:
     """The factory calibration: both cameras, and how points move between the frames of the sensors.
 
     Attributes
@@ -62,7 +62,7 @@ class Calibration:
     R_imu_depth: np.ndarray
 
 
-def calibration_of(text: str, depth: tuple[int, int], color: tuple[int, int] | None, where: str) -> Calibration:
+def calibration_of(text: str, depth: tuple[int, int], color: tuple[int, int] | None, where: str) -> FactoryCalibration:
     """Read the attachment for images of `depth` and `color` size, each (width, height).
 
     Raises
@@ -85,7 +85,7 @@ def calibration_of(text: str, depth: tuple[int, int], color: tuple[int, int] | N
             whole = (color[0], color[0] * 3 // 4)
             second = _camera(cameras["PhotoVideo"], color, whole, (0, (whole[1] - color[1]) // 2))
         rotation, shift = _pose(cameras.get("PhotoVideo"))
-        return Calibration(first, second, rotation, shift, _pose(inertial.get("Accelerometer"))[0])
+        return FactoryCalibration(first, second, rotation, shift, _pose(inertial.get("Accelerometer"))[0])
     except (KeyError, TypeError, ValueError, IndexError, AttributeError) as error:
         raise RecordingError(f"the calibration of {where} is incomplete ({error!r}); {hint}") from error
 
@@ -109,7 +109,12 @@ class _MkvFrames(FrameSource):
     """Depth blocks and, registered to them, the colour block that is nearest in time."""
 
     def __init__(
-        self, path: Path, file: Matroska, depth: Track, color: Track | None, lenses: Calibration | None
+        self,
+        path: Path,
+        file: Matroska,
+        depth: MatroskaTrack,
+        color: MatroskaTrack | None,
+        lenses: FactoryCalibration | None,
     ) -> None:
         self._path, self._file, self._depth, self._color, self._lenses = path, file, depth, color, lenses
 
@@ -140,7 +145,7 @@ class _MkvFrames(FrameSource):
         return registered(self.depth(i), image[:, :, ::-1], self._lenses)
 
 
-def registered(depth_mm: np.ndarray, color: np.ndarray, lenses: Calibration) -> np.ndarray:
+def registered(depth_mm: np.ndarray, color: np.ndarray, lenses: FactoryCalibration) -> np.ndarray:
     """Colour (h, w, 3) looked up where each measured pixel of a depth image (H, W) lies: uint8 (H, W, 3), RGB, black
     where the colour camera does not see or where `lenses` know none."""
     import cv2
@@ -180,7 +185,7 @@ def read(path: Path, options: ReaderOptions) -> Recording:
     return recording_of_source(path, source, camera, options, FileFacts(timestamps=times, up=_up(path, file, lenses)))
 
 
-def _depth_track(path: Path, file: Matroska, wanted: str | None) -> Track:
+def _depth_track(path: Path, file: Matroska, wanted: str | None) -> MatroskaTrack:
     names = ", ".join(f"{track.name or track.number} ({track.codec})" for track in file.tracks) or "none"
     found = [t for t in file.tracks if (t.name == wanted if wanted is not None else "DEPTH" in t.name.upper())]
     if not found:
@@ -197,7 +202,7 @@ def _depth_track(path: Path, file: Matroska, wanted: str | None) -> Track:
     return track
 
 
-def _up(path: Path, file: Matroska, lenses: Calibration | None) -> np.ndarray | None:
+def _up(path: Path, file: Matroska, lenses: FactoryCalibration | None) -> np.ndarray | None:
     """The vertical in the depth camera's frame, from the accelerometer, or None."""
     blocks = [block for track in file.tracks if track.codec == IMU_CODEC for block in track.blocks]
     if lenses is None or not blocks:

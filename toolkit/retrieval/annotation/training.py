@@ -37,7 +37,7 @@ ALIKE = 1.25
 
 
 @dataclass(frozen=True, eq=False)
-class Clip:
+class CutClip:
     """A cut clip.
 
     Attributes
@@ -78,7 +78,7 @@ class LeftOut:
 
 
 def train(
-    clips: Sequence[Clip],
+    clips: Sequence[CutClip],
     others: Sequence[Motion],
     rng: np.random.Generator,
     progress: Progress = silent,
@@ -115,7 +115,7 @@ def train(
 
 
 def _what_clips_find(
-    clips: Sequence[Clip],
+    clips: Sequence[CutClip],
     others: Sequence[Motion],
     rng: np.random.Generator,
     progress: Progress,
@@ -142,7 +142,7 @@ def _what_clips_find(
     return rows
 
 
-def turns_of(clips: Sequence[Clip], rng: np.random.Generator) -> list[tuple[list[Clip], list[Clip]]]:
+def turns_of(clips: Sequence[CutClip], rng: np.random.Generator) -> list[tuple[list[CutClip], list[CutClip]]]:
     """(Examples, clips for documents): each person against all others, or two random halves of every class of one.
 
     There are none where every class has a single clip: a clip that is sought with itself teaches nothing.
@@ -153,7 +153,7 @@ def turns_of(clips: Sequence[Clip], rng: np.random.Generator) -> list[tuple[list
             ([clip for clip in clips if clip.person != person], [clip for clip in clips if clip.person == person])
             for person in people
         ]
-    halves: tuple[list[Clip], list[Clip]] = ([], [])
+    halves: tuple[list[CutClip], list[CutClip]] = ([], [])
     for label in sorted({clip.label for clip in clips}):
         own = [clip for clip in clips if clip.label == label]
         for place, number in enumerate(rng.permutation(len(own))):
@@ -163,7 +163,7 @@ def turns_of(clips: Sequence[Clip], rng: np.random.Generator) -> list[tuple[list
 
 
 def documents_of(
-    clips: Sequence[Clip],
+    clips: Sequence[CutClip],
     others: Sequence[Motion],
     rng: np.random.Generator,
     *,
@@ -205,7 +205,7 @@ def rightness(places: Proposals, label: str, documents: Sequence[Document]) -> n
     return right
 
 
-def two_sided(clips: Sequence[Clip]) -> frozenset[str]:
+def two_sided(clips: Sequence[CutClip]) -> frozenset[str]:
     """Classes whose mirror images are of the class too: they cost about what its clips cost one another."""
     examples = ExampleSet.of([(clip.features, clip.label) for clip in clips])
     found = set()
@@ -222,7 +222,7 @@ def two_sided(clips: Sequence[Clip]) -> frozenset[str]:
     return frozenset(found)
 
 
-def alike(clips: Sequence[Clip]) -> list[tuple[str, str, float]]:
+def alike(clips: Sequence[CutClip]) -> list[tuple[str, str, float]]:
     """Pairs of classes that are hard to tell apart: (class, the other, its clips' median cost by examples of the other
     as a multiple of that by its own), the most alike first."""
     examples = ExampleSet.of([(clip.features, clip.label) for clip in clips])
@@ -241,7 +241,7 @@ def alike(clips: Sequence[Clip]) -> list[tuple[str, str, float]]:
 
 
 def leave_one_out(
-    clips: Sequence[Clip], others: Sequence[Motion], rng: np.random.Generator, progress: Progress = silent
+    clips: Sequence[CutClip], others: Sequence[Motion], rng: np.random.Generator, progress: Progress = silent
 ) -> list[LeftOut]:
     """How well each person is annotated by a model of all others: what to expect for a new person.
 

@@ -38,7 +38,7 @@ LONGEST = 3000
 
 
 @dataclass(frozen=True, eq=False)
-class Example:
+class SearchExample:
     """What to search for.
 
     Attributes
@@ -55,7 +55,7 @@ class Example:
     weights: np.ndarray
 
     @classmethod
-    def of(cls, features: FeatureMatrix) -> Example:
+    def of(cls, features: FeatureMatrix) -> SearchExample:
         """A whole feature matrix as an example, weighted by what it does with each feature.
 
         Raises
@@ -71,7 +71,7 @@ class Example:
         return cls(features.name, features.grades, features.places, importance(features.grades))
 
 
-def search_example(index: KeyframeIndex, example: Example, limit: int, threshold: float = np.inf) -> list[Match]:
+def search_example(index: KeyframeIndex, example: SearchExample, limit: int, threshold: float = np.inf) -> list[Match]:
     """The `limit` stretches most like the example, cheapest first.
 
     The cost of a match is the mean along the best alignment of the weighted difference of grades, from 0 (equal) to 1

@@ -14,7 +14,7 @@ from toolkit.progress import Progress, silent
 from toolkit.retrieval.annotation.annotator import MotionClass
 from toolkit.retrieval.annotation.classes import learn_classes, save_classes
 from toolkit.retrieval.annotation.model import MotionModel
-from toolkit.retrieval.annotation.training import Clip, LeftOut, alike, leave_one_out, train
+from toolkit.retrieval.annotation.training import CutClip, LeftOut, alike, leave_one_out, train
 from toolkit.retrieval.features.motion import Motion
 from toolkit.retrieval.features.relational import FeatureMatrix, relational_features
 from toolkit.retrieval.keyframes.query_file import save_queries
@@ -108,7 +108,7 @@ def learn_model(
         check_output(output, [*clips, *others])
     read = []
     for number, (file, tag) in enumerate(clips.items(), start=1):
-        read.append(Clip(load_motion(file), tag.label, tag.person))
+        read.append(CutClip(load_motion(file), tag.label, tag.person))
         progress("reading clips", number, len(clips))
     more = [load_motion(file) for file in find_motions(others)]
     left_out = leave_one_out(read, more, rng, progress) if check else []

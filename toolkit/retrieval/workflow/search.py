@@ -19,7 +19,7 @@ from toolkit.retrieval.features.motion import Motion
 from toolkit.retrieval.features.relational import FEATURE_RATE, FeatureMatrix, relational_features
 from toolkit.retrieval.index.keyframe_index import KeyframeIndex
 from toolkit.retrieval.keyframes.query import KeyframeQuery
-from toolkit.retrieval.search.example import Example, search_example
+from toolkit.retrieval.search.example import SearchExample, search_example
 from toolkit.retrieval.search.find import HitRanges, Match, find
 from toolkit.retrieval.workflow.motions import find_motions, load_motion
 
@@ -101,7 +101,7 @@ def by_example(
     RetrievalError
         The example is too short or too long, or longer than any document allows.
     """
-    matches = search_example(index, Example.of(example), limit, threshold)
+    matches = search_example(index, SearchExample.of(example), limit, threshold)
     return SearchReport(example.name, tuple(matches))
 
 
