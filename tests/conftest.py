@@ -25,6 +25,7 @@ LONGEST = (
     "test_regressor", "test_database_builder", "test_bad_input", "test_kernels_cache", "test_main_road",
 )  # fmt: skip
 """Modules that take longest, the longest first: begun first, so that no worker is left alone with one at the end."""
+os.environ["OPENBLAS_NUM_THREADS"] = "1"  # its threads would spin on the processor of the other worker
 settings.register_profile("suite", derandomize=True, deadline=None, max_examples=50)
 settings.load_profile("suite")
 SHARED_DATA = Path(__file__).resolve().parents[2] / "shared" / "data"

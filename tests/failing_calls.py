@@ -13,6 +13,7 @@ import contextlib
 import ctypes
 import errno
 import io
+import itertools
 import json
 import os
 import shutil
@@ -21,7 +22,7 @@ import subprocess
 import sys
 import traceback
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -65,32 +66,28 @@ def build_library(folder: Path) -> Path | None:
     return made
 
 
-def failing_points(command: Command, folder: Path, how: str, points: int | None = None) -> Counter[str]:
+def failing_points(
+    command: Command, folder: Path, hows: Sequence[str], points: int | None = None
+) -> dict[str, Counter[str]]:
     """What became of the command at each of its calls, or at so many of them, evenly spread; how often each outcome.
 
     Outcomes that must not be begin with FINDING.
     """
     given, out = folder / "in", folder / "out"
-    if not given.exists():
-        given.mkdir(parents=True)
-        command.prepare(given)
+    given.mkdir(parents=True)
+    command.prepare(given)
     before = contents(given)
-    shutil.rmtree(out, ignore_errors=True)
     with contextlib.redirect_stdout(io.StringIO()), contextlib.redirect_stderr(io.StringIO()):
         command.run(given, out)  # whose children compile and import nothing
-    shutil.rmtree(out)
-    attempt(command, folder, -1, how)
+    _only_the_users(out)
+    attempt(command, folder, -1, hows[0])
     expected, total = arrays(out), json.loads((folder / "said.json").read_text())[1]
-    every = 1 if points is None else max(1, total // points)
-    found: Counter[str] = Counter()
-    point = 0
-    while True:
-        shutil.rmtree(out, ignore_errors=True)
-        out.mkdir()
-        (out / "thesis.txt").write_text("years")
+    found: dict[str, Counter[str]] = {how: Counter() for how in hows}
+    for how, point in itertools.product(hows, range(0, total, 1 if points is None else max(1, total // points))):
+        _only_the_users(out)
         outcome = attempt(command, folder, point, how)
         if outcome is None:
-            return found
+            continue
         if contents(given) != before or (out / "thesis.txt").read_text() != "years":
             outcome = "FINDING: something of the user's is gone"
         elif left := [name for name, value in arrays(out).items() if value != expected.get(name)]:
@@ -101,8 +98,15 @@ def failing_points(command: Command, folder: Path, how: str, points: int | None 
                 outcome = f"FINDING: other arrays the next time, after: {outcome}"
         if outcome.startswith("FINDING"):
             print(f"{how}, call {point}: {outcome}", flush=True)
-        found[outcome] += 1
-        point += every
+        found[how][outcome] += 1
+    return found
+
+
+def _only_the_users(out: Path) -> None:
+    """Leave nothing in the folder but a file that the command does not know."""
+    shutil.rmtree(out, ignore_errors=True)
+    out.mkdir()
+    (out / "thesis.txt").write_text("years")
 
 
 def attempt(command: Command, folder: Path, point: int, how: str) -> str | None:
@@ -189,11 +193,8 @@ def main() -> None:
     parser.add_argument("--how", action="append", choices=[*HOWS])
     parser.add_argument("--points", type=int)
     options = parser.parse_args()
-    table = {
-        how: failing_points(COMMANDS[options.command], options.folder.resolve(), how, options.points)
-        for how in options.how or HOWS
-    }
-    print(json.dumps(table))
+    hows = options.how or [*HOWS]
+    print(json.dumps(failing_points(COMMANDS[options.command], options.folder.resolve(), hows, options.points)))
 
 
 if __name__ == "__main__":

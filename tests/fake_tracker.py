@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import os
+import resource
+import signal
 import sys
 import time
 from dataclasses import dataclass, field
@@ -14,13 +17,14 @@ from toolkit import skeleton
 from toolkit.body.body import Body
 from toolkit.errors import RecordingError
 from toolkit.people.sighting import PredictedBody, Sighting
-from toolkit.pipeline import track_recording
+from toolkit.pipeline import TrackerRecipe, track_recording
 from toolkit.recordings.opening import open_recording
 from toolkit.recordings.writer import save_recording
 from toolkit.sensing.camera import Camera
 from toolkit.sensing.settings import SensingSettings
 from toolkit.track import EMPTY, TRACKED, FrameResult
 from toolkit.tracking.clock import StageClock
+from toolkit.tracking.protocol import Tracker
 
 CAMERA = Camera(100.0, 100.0, 40.0, 30.0, 80, 60)
 
@@ -55,6 +59,31 @@ class FakeTracker:
 
     def follower(self, camera: Camera, level_rotation: np.ndarray, body: Body | None = None) -> FakeFollower:
         return FakeFollower(self, body)
+
+
+@dataclass(frozen=True)
+class FakeRecipe(TrackerRecipe):
+    """Builds a fake tracker; each process that builds one leaves a mark, and dies of it where `deadly` says so, or has
+    only `space` bytes left on its disk for a file.
+    """
+
+    marks: str = ""
+    seconds: float = 0.0
+    deadly: bool = False
+    space: int = 0
+
+    def build(self, guide: object = None) -> Tracker:
+        if self.marks:
+            mark = Path(self.marks) / str(os.getpid())
+            mark.write_text(mark.read_text() + "x" if mark.exists() else "x")
+        if self.deadly and os.environ.get("BATCH_PARENT") != str(os.getpid()):
+            alive = Path(self.marks) / "killed"
+            if not alive.exists():
+                alive.write_text("")
+                os.kill(os.getpid(), signal.SIGKILL)
+        if self.space and os.environ.get("BATCH_PARENT") != str(os.getpid()):
+            resource.setrlimit(resource.RLIMIT_FSIZE, (self.space, resource.RLIM_INFINITY))
+        return FakeTracker(self.seconds)  # type: ignore[return-value]
 
 
 class FakeLearner:

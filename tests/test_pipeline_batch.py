@@ -4,44 +4,16 @@ from __future__ import annotations
 
 import json
 import os
-import resource
 import signal
-from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
 
-from tests.fake_tracker import FakeTracker, write_recording
+from tests.fake_tracker import FakeRecipe, write_recording
 from toolkit.errors import OutputError, UsageError
-from toolkit.pipeline import TrackerRecipe, track_recordings
+from toolkit.pipeline import track_recordings
 from toolkit.pipeline.manifest import DONE, FAILED, HEAD, INTERRUPTED, MANIFEST_FILE, Manifest, ManifestRow
 from toolkit.track import Track
-from toolkit.tracking.protocol import Tracker
-
-
-@dataclass(frozen=True)
-class FakeRecipe(TrackerRecipe):
-    """Builds a fake tracker; each process that builds one leaves a mark, and dies of it where `deadly` says so, or has
-    only `space` bytes left on its disk for a file.
-    """
-
-    marks: str = ""
-    seconds: float = 0.0
-    deadly: bool = False
-    space: int = 0
-
-    def build(self, guide: object = None) -> Tracker:
-        if self.marks:
-            mark = Path(self.marks) / str(os.getpid())
-            mark.write_text(mark.read_text() + "x" if mark.exists() else "x")
-        if self.deadly and os.environ.get("BATCH_PARENT") != str(os.getpid()):
-            alive = Path(self.marks) / "killed"
-            if not alive.exists():
-                alive.write_text("")
-                os.kill(os.getpid(), signal.SIGKILL)
-        if self.space and os.environ.get("BATCH_PARENT") != str(os.getpid()):
-            resource.setrlimit(resource.RLIMIT_FSIZE, (self.space, resource.RLIM_INFINITY))
-        return FakeTracker(self.seconds)  # type: ignore[return-value]
 
 
 @pytest.fixture
@@ -158,7 +130,7 @@ def test_a_disk_that_fills_up_is_named_and_what_failed_is_done_when_there_is_spa
     assert [row.status for row in rows] == [DONE, FAILED, FAILED, FAILED]
     assert all("free some space" in row.reason for row in rows[1:])
     assert not [path for path in runs.rglob("track.npz") if path.parent.name != "take0"]
-    assert [row.status for row in track_recordings(takes, FakeRecipe(), runs, workers=2)] == [DONE] * 4
+    assert [row.status for row in track_recordings(takes, FakeRecipe(), runs)] == [DONE] * 4
     assert (runs / "take0" / "track.npz").stat().st_mtime_ns == written
 
 

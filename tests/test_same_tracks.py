@@ -35,8 +35,9 @@ SCRIPTS = Path(__file__).parents[1] / "scripts"
 
 @pytest.fixture
 def scripts(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The scripts can be imported."""
+    """The scripts can be imported, and linear algebra has as many threads as it likes."""
     monkeypatch.setattr(sys, "path", [str(SCRIPTS), *sys.path])
+    monkeypatch.delenv("OPENBLAS_NUM_THREADS")
 
 
 @pytest.mark.shared_data
