@@ -74,7 +74,7 @@ class Bench:
     def row(self, label: str, row: str, names: Sequence[str], body: Body | None = None, **more: Any) -> list[Tracked]:
         """Follow sequences with the settings of a row once for each seed; keep and print the figures as `label`.
 
-        `body` is that of everybody; None takes the person's own.
+        `body` is the same for all; None takes the person's own.
         """
         tracked, deltas = [], []
         for seed in self.seeds:

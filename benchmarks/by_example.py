@@ -1,6 +1,6 @@
 """Search by example: `depthmocap bench by_example DATA`.
 
-Every clip of a person is an example; what is relevant are the clips of its class, by anybody, in documents that hold
+Every clip of a person is an example; what is relevant are the clips of its class, by any person, in documents that hold
 each of them once. Mean average precision, and right ones among the first 10 against what is possible. A result is right
 if it and a relevant clip share half of the shorter of the two and no better result had that clip; results on the
 example's own clip do not count.

@@ -1,9 +1,9 @@
 """Feet that carry: `depthmocap bench feet [--real]`.
 
 Simulated people, tracked: the made motions of `benchmarks/_movement.py`, and those takes of the suite's report split in
-which the floor stays where it is (no treadmill, nobody turned on the spot). Truth says which foot carries. Sliding is
+which the floor stays where it is (no treadmill, no turn on the spot). Truth says which foot carries. Sliding is
 the root mean square of the distance along the floor of the carrying sole (that of heel and ball that moves less) from
-its mean place, step by step; jitter is that of the ankles of somebody who stands still on both feet about their own
+its mean place, step by step; jitter is that of the ankles of a person who stands still on both feet about their own
 course (a Gaussian of 0.15 s). Feet of mocap on a body of another size slide in truth, too, so both are also given of
 the truth, and of the found place minus the true one. As tracked, and with what rests held (`biomechanics.resting`), for
 which the errors of all joints are given too. With `--real` every fifth recording of UTD-MHAD as well, of which nothing
@@ -37,7 +37,7 @@ SHORTEST = 5
 COURSE = 0.15
 """Seconds."""
 STILL = 0.05
-"""Metres a second below which somebody stands still: the faster ankle's speed along its course."""
+"""Metres a second below which a person stands still: the faster ankle's speed along its course."""
 STRIDE = 5
 """Of the recordings of UTD-MHAD that are measured."""
 ANKLES = [skeleton.REPORTED.index(f"{side}_ankle") for side in ("left", "right")]
@@ -76,7 +76,7 @@ def sliding_mm(placed: np.ndarray, contact: np.ndarray) -> list[float]:
 
 
 def jitter_mm(ankles: np.ndarray, still: np.ndarray, times: np.ndarray) -> float | None:
-    """Root mean square of the distance of ankles (T, 2, 3) from their own course while somebody stands `still` (T,)."""
+    """Root mean square distance of ankles (T, 2, 3) from their own course while the person stands `still` (T,)."""
     parts = []
     for span in spans(still):
         if span.stop - span.start >= 2 * SHORTEST:
@@ -105,7 +105,7 @@ def row(feet: Feet, contact: np.ndarray, still: np.ndarray, times: np.ndarray) -
 
 
 def simulated(found: Tracked) -> dict[str, Any]:
-    """Figures of somebody of whom the truth is known, by how the feet are placed."""
+    """Figures of a person whose true poses are known, by how the feet are placed."""
     times, truth = found.person.track.timestamps, found.truth
     known, true = found.person.track.state == TRACKED, Feet.of(truth)
     contact = truth.track.contact & known[:, None]
@@ -140,7 +140,7 @@ def on_floor(take: Scene) -> bool:
 
 
 def real(person: Person) -> dict[str, Any]:
-    """Figures of somebody of whom nothing is true, by how the feet are placed."""
+    """Figures of a person without true poses, by how the feet are placed."""
     contact, times = person.track.contact & (person.track.state == TRACKED)[:, None], person.track.timestamps
     still = stands_still(Feet.of(person), contact, times)
     ways = {"tracked": person, "resting": at_rest(person)}

@@ -7,7 +7,7 @@
   UTD-MHAD against the Kinect SDK's joints, which are no truth, and the colour frame of a RealSense camera against the
   joints of OpenPose.
 - `followed [--rows swarm,hybrid] [--database POSES]`: the RealSense clip among the shared recordings, 40 frames of two
-  people in a room, one seated. Joints are found in the colour, of everybody, once; the swarm tracker, and the hybrid
+  people in a room, one seated. Joints are found in the colour, of all people, once; the swarm tracker, and the hybrid
   one beside it, follow with them. There is no truth: printed is how far the fitted joints lie from the detected ones in
   the image, at the joint's distance.
 
@@ -216,7 +216,7 @@ CLIP = ROOT.parent / "shared" / "data" / "depth" / "realsense" / "images_n40"
 
 
 def apart_mm(track: Track, recording: Recording) -> np.ndarray:
-    """Distances (N,) of tracked joints from detected ones of whoever is nearest, millimetres in the image."""
+    """Distances (N,) of tracked joints from detected ones of the nearest person, millimetres in the image."""
     found = []
     camera = recording.camera
     frames = np.searchsorted(recording.timestamps, track.timestamps - 1e-6)

@@ -46,7 +46,7 @@ from toolkit.testing.suite import GROUPS, LONGEST, chosen_takes
 from toolkit.tracking.protocol import Tracker
 
 CAP = 90
-"""Frames after which nobody waits any longer."""
+"""Frames after which a start counts as not recovered."""
 
 
 def frames_from(start: int, total: int) -> Iterator[int]:

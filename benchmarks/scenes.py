@@ -3,12 +3,13 @@
 The scenes are described in `toolkit/testing/scenes.py`: from the waist up, seated, behind furniture, several people,
 children and tilted cameras, clothes, rooms without people. `--rooms` takes the seven groups of furnished rooms
 instead: people who enter and leave, carry things, embrace and hand over, crowds of four to six, cameras from 0.8 to
-2.5 m above the floor, stills of one frame, and ten rooms of 300 frames in which nobody ever is. Every recording is
+2.5 m above the floor, stills of one frame, and ten rooms of 300 frames without people. Every recording is
 tracked with `--people all` and no option that says how the people are cut out; one that cannot be tracked counts as
-one in which nobody was found. Seen joints lie inside the image, with the first surface on their ray within 0.22 m;
-whoever is not found is 1 m off. Identities are CLEAR MOT counts (gate 0.5 m). The calibration error is taken over all
-joints of everybody who was found; unobserved joints are the ones that are not seen. `--runs FOLDER` scores run folders
-that were made before, named after their recordings, of one person (RUN/track.npz) or of several (RUN/people.json).
+one in which no person was found. Seen joints lie inside the image, with the first surface on their ray within 0.22 m;
+a person who is not found is 1 m off. Identities are CLEAR MOT counts (gate 0.5 m). The calibration error is taken
+over all joints of all people who were found; unobserved joints are the ones that are not seen. `--runs FOLDER` scores
+run folders that were made before, named after their recordings, of one person (RUN/track.npz) or of several
+(RUN/people.json).
 Results of a part of the suite go to files ending in `_part`.
 """
 
@@ -46,7 +47,7 @@ TRUTH = (255, 0, 160)
 def frame_picture(
     recording: Recording, frame: int, tracks: Sequence[Track], pixels: np.ndarray, title: str
 ) -> np.ndarray:
-    """One frame as uint8 (HEIGHT, WIDTH, 3): everybody who is there, and true joints at image `pixels` (N, 2)."""
+    """One frame as uint8 (HEIGHT, WIDTH, 3): all people who are there, and true joints at image `pixels` (N, 2)."""
     import cv2
 
     depth = recording.depth(frame)
@@ -68,14 +69,14 @@ def frame_picture(
 
 
 def tracks_of(run: Path) -> list[Track]:
-    """The tracks of everybody in a run; none where it holds none."""
+    """The tracks of all people in a run; none where it holds none."""
     return [Track.load(person) for person in person_runs(run) if (person / TRACK_FILE).exists()]
 
 
 def frame_times(recordings: Sequence[Sequence[Track]]) -> dict[int, float]:
     """Milliseconds, median over the frames in which so many people are tracked, without reading them, by their number.
 
-    Frames are those of recordings with the tracks of everybody in them.
+    Frames are those of recordings with the tracks of all people in them.
     """
     times: dict[int, list[float]] = {}
     for tracks in recordings:
@@ -168,7 +169,7 @@ def print_table(figures: dict[str, dict[str, Any]]) -> None:
 
 
 def badness(score: SceneScore) -> float:
-    """Mean error of the seen joints, metres; of a room without people the share of frames that track somebody."""
+    """Mean error of the seen joints, metres; of a room without people the share of frames that track a person."""
     return float(score.errors[score.seen].mean()) if score.seen.any() else float(score.tracked.mean())
 
 

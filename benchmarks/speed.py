@@ -223,7 +223,7 @@ APART = 1.25
 UP = np.array([0.0, -1.0, 0.0])
 RATE = 30.0
 SETTLED = 15
-"""Frames that are left out: half a second after everybody was found."""
+"""Frames that are left out: half a second after all people were found."""
 
 
 def wide_camera(people: int) -> Camera:
@@ -261,7 +261,7 @@ def frame_times(crowds: Sequence[Crowd], recordings: Sequence[Recording], counts
         if all(len(crowd.bodies) == n for crowd, n in zip(crowds, counts, strict=True)):
             times.append(taken)
     if len(times) <= SETTLED:
-        raise SystemExit(f"everybody was followed in {len(times)} frames, {SETTLED} of them to warm up; ask for more")
+        raise SystemExit(f"all people were followed in {len(times)} frames, {SETTLED} of them to warm up; ask for more")
     return np.array(times[SETTLED:]).T
 
 

@@ -256,7 +256,7 @@ def carriers(options: argparse.Namespace) -> Iterator[tuple[str, Path, Simulated
 
 
 def guide_of(person: SimulatedPerson, options: argparse.Namespace, seed: int) -> InertialGuide:
-    """Sensors as somebody would carry them, calibrated nearly right."""
+    """Sensors as a person would carry them, calibrated nearly right."""
     assert isinstance(person.clip, PoseClip) and isinstance(person.body, Body)
     poses = levelled(person.clip.poses, person.yaw)
     simulated = simulate_sensors(person.body, poses, RATE, CARRIED, NOISE["mtx"], seed)

@@ -68,7 +68,7 @@ DEPTH = ROOT.parent / "shared" / "data" / "depth"
 ANNOTATIONS = Path(__file__).parent / "annotations"
 STILL_CAMERA = (575.0, 575.0, 320.0, 240.0)
 SEATED = "seed:263,271"
-"""The chest of the seated man in the first frame: somebody stands beside him."""
+"""The chest of the seated man in the first frame: another man stands beside him."""
 DISTURBED, WITHIN, LASTING, WAITED = 30, 60.0, 5, 30
 """Frame at which arms are set wrong; millimetres, frames in a row and frames at most of a recovery."""
 DEFAULT_ROWS = "hybrid,lopez2011,particles"
@@ -118,7 +118,7 @@ def wrong_arms(pose: np.ndarray, *, raised: bool) -> np.ndarray:
 
 
 def recovery(tracker: Tracker, recording: Recording, *, raised: bool) -> int | None:
-    """Frames that it takes until the arms are right again; None for more than `WAITED`, or where nobody was tracked."""
+    """Frames until the arms are right again; None for more than `WAITED`, or where the person was not tracked."""
     solo, right = Solo(tracker, recording), 0
     for i in range(min(DISTURBED + WAITED + LASTING, len(recording))):
         if i == DISTURBED:

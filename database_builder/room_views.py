@@ -39,7 +39,7 @@ NOBODY = 2 * len(skeleton.JOINT_NAMES)
 VIEWS_OF_ROOM = 6
 """Images that are taken in a room before the next is furnished."""
 NEAREST, FARTHEST = 0.8, 5.5
-"""Metres from the camera to the person whom an image is about."""
+"""Metres from the camera to the person whom an image shows."""
 STEEPEST_ROW = 1.8
 """Slope of the lowest row of a camera that looks down."""
 TOUCHING = ("chair", "office_chair", "table", "desk", "shelf", "sofa", "curtain", "coat_stand", "column", "partition",
@@ -48,7 +48,7 @@ TOUCHING = ("chair", "office_chair", "table", "desk", "shelf", "sofa", "curtain"
 TOUCHED, COMPANY, HOLDING = 0.6, 0.35, 0.2
 """Shares of people to whom furniture is moved up, whom others stand about, and who hold something."""
 SUBJECT, OTHER, SHELL = -2, -3, -1
-"""Owners of pixels that are no piece of furniture: the person the image is about, anybody else, the walls."""
+"""Owners of pixels that are no piece of furniture: the person whom the image shows, other people, the walls."""
 
 
 @dataclass(frozen=True, eq=False)

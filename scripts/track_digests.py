@@ -78,7 +78,7 @@ def depthmocap(*arguments: object, environment: Mapping[str, str] | None = None,
 
 
 def simulated(path: Path) -> Path:
-    """The simulated recording, made unless it is there: bundled kicks by somebody unlike the tracker's body."""
+    """The simulated recording, made unless it is there: bundled kicks by a person unlike the tracker's body."""
     if not path.exists():
         from toolkit.body.shape import load_body, subject_body
         from toolkit.export.bvh import export_bvh

@@ -1,6 +1,6 @@
 """Writes the list of kernels that a first track uses: `python scripts/write_first_track.py RECORDING...`.
 
-Each recording is tracked once, with everybody in it. A kernel stands where it was first called, with the types of its
+Each recording is tracked once, with all people in it. A kernel stands where it was first called, with the types of its
 arguments, as `toolkit/ahead.py` reads them. An old list costs a first track time and nothing else.
 """
 

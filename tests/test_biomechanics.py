@@ -129,14 +129,14 @@ def test_a_walk_too_short_for_a_stride_and_somebody_who_stands_say_so() -> None:
     poses, _ = walking(BODY, Walk(), 0.9, RATE)
     for rows, note in (
         (poses, "no whole stride was walked"),
-        (np.repeat(poses[:1], 40, axis=0), "nobody walks"),
+        (np.repeat(poses[:1], 40, axis=0), "the person does not walk"),
         *((poses[:count], "too short for a stride") for count in (1, 2, 12, 18)),
     ):
         found = walk_of(BODY, rows, np.arange(len(rows)) / RATE, np.ones(len(rows), dtype=bool))
         assert not found.strides and note == found.note
         assert all(np.isnan(v) for k, v in found.figures().items() if k not in ("strides", "walking_s"))
     nobody = walk_of(BODY, poses, np.arange(len(poses)) / RATE, np.zeros(len(poses), dtype=bool))
-    assert not nobody.strides and nobody.note == "nobody walks"
+    assert not nobody.strides and nobody.note == "the person does not walk"
 
 
 def test_no_stride_spans_the_time_in_which_somebody_was_away() -> None:

@@ -358,7 +358,7 @@ def test_a_track_of_nobody_in_the_truth_has_no_error(tmp_path: Path) -> None:
 
 def test_runs_in_which_nobody_was_found_make_no_empty_table(tmp_path: Path) -> None:
     save_people(tmp_path / "run", [])
-    with pytest.raises(UsageError, match="nobody was found in .*run; there is nothing to compare"):
+    with pytest.raises(UsageError, match="no person was found in .*run; there is nothing to compare"):
         evaluate.evaluate_runs([tmp_path / "run"])
 
 

@@ -258,7 +258,7 @@ def test_people_json_names_nothing_outside_its_run(runs: Path, tmp_path: Path, f
 def test_a_run_in_which_nobody_was_found_cannot_be_exported(tmp_path: Path) -> None:
     save_people(tmp_path, [])
     assert person_runs(tmp_path) == ()
-    with pytest.raises(UsageError, match="nobody was found"):
+    with pytest.raises(UsageError, match="no person was found"):
         load_persons(tmp_path)
 
 

@@ -121,7 +121,7 @@ def test_a_page_shows_gait_and_says_where_there_is_none(run: Path, tmp_path: Pat
     still = write_run(tmp_path / "still", np.zeros((1, skeleton.POSE_SIZE)))
     assert "too short for a stride" in gait_section("still", load_persons(still))
     nobody = write_run(tmp_path / "nobody", np.zeros((4, skeleton.POSE_SIZE)), absent=4)
-    assert "nobody walks" in gait_section("nobody", load_persons(nobody))
+    assert "the person does not walk" in gait_section("nobody", load_persons(nobody))
 
 
 def test_a_mot_of_nobody_is_refused(tmp_path: Path) -> None:

@@ -77,7 +77,7 @@ def test_views_that_cannot_be_of_one_person_in_a_t_pose_are_refused(person: Body
     empty = ScanView(Cloud.from_depth(np.zeros(CAMERA.shape, dtype=np.float32), CAMERA, LEVEL), 0.0)
     for views, said in (
         ([front], "from 1 view"),
-        ([front, empty], "view 2 shows nobody"),
+        ([front, empty], "view 2 shows no person"),
         ([front, view(child, 90.0)], "people of"),
         ([view(person, 0.0, arms=1.3), view(person, 90.0, arms=1.3)], "arms span"),
         ([side, view(person, 270.0)], "arms span"),

@@ -208,7 +208,7 @@ def test_a_recording_without_any_measurement_is_said(tmp_path: Path) -> None:
         ("--height 1e9", "height 1e.09 is impossible"),
         ("--yaw inf", "yaw inf is impossible"),
         ("--stature 400", "stature 400 is impossible"),
-        ("--at 1e9,0", "nobody can stand at"),
+        ("--at 1e9,0", "no person can stand at"),
         ("--enters -1", "enters -1 is impossible"),
     ],
 )

@@ -243,7 +243,7 @@ def test_the_commands_learn_and_annotate_label_a_flat_folder(squats: list[Path],
 
     model, labels = tmp_path / "motions.npz", tmp_path / "labels"
     shown = run("learn", *squats, "--output", model)
-    assert "kickLFront" in shown and "Nobody is named" in shown and "Without --others" in shown
+    assert "kickLFront" in shown and "name no person who performs" in shown and "Without --others" in shown
     run("annotate", squats[1], "--classes", model, "--output", labels)
     (row,) = list(csv.DictReader((labels / "segments.csv").read_text().splitlines()))
     assert row["label"] == "squat1Reps" and float(row["score"]) >= 0.5

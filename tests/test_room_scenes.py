@@ -106,7 +106,7 @@ def test_a_thing_is_in_the_hands_and_is_nobodys(kind: str) -> None:
 
 
 def test_what_nobody_can_hold_is_refused() -> None:
-    with pytest.raises(UsageError, match="nobody can hold 'piano'; use one of box, tablet, bag"):
+    with pytest.raises(UsageError, match="no person can hold 'piano'; use one of box, tablet, bag"):
         prepare([SimulatedPerson(PoseClip("x", standing(2), 30.0, ""), load_body("neutral"), holds="piano")])
 
 

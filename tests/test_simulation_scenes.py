@@ -225,7 +225,7 @@ def test_a_furniture_file_that_makes_no_sense_is_refused(tmp_path: Path, text: s
     [
         ({"furniture": ("throne",)}, "chair, stool, desk, table, crate"),
         ({"clothes": ("armour",)}, "skirt, dress, coat"),
-        ({"stature": 0.3}, "nobody is 0.3 m tall"),
+        ({"stature": 0.3}, "no person is 0.3 m tall"),
         ({"enters": -1.0}, "enters -1 is impossible; give 0 to 86400 seconds"),
         ({"at": (np.nan, 0.0)}, "nan"),
     ],

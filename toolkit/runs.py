@@ -230,5 +230,5 @@ def load_persons(run: str | Path) -> tuple[Person, ...]:
         turns = int(info.reader_options.get("rotate", 0)) // 90
         people.append(Person(name, track, info.body(), info.R_level_camera, number, height, source, turns))
     if not people:
-        raise UsageError(f"nobody was found in {run}; there is nothing to show or export")
+        raise UsageError(f"no person was found in {run}; there is nothing to show or export")
     return tuple(people)

@@ -125,7 +125,7 @@ def _why_none(walking: float, stretches: list[np.ndarray]) -> str:
     """Why there is no stride, from the times of the stretches in which the person is known."""
     if stretches and max(float(own[-1] - own[0]) for own in stretches) < SHORTEST:
         return "too short for a stride"
-    return "no whole stride was walked" if walking else "nobody walks"
+    return "no whole stride was walked" if walking else "the person does not walk"
 
 
 def _bouts(poses: np.ndarray, times: np.ndarray) -> list[slice]:

@@ -285,7 +285,7 @@ def _learn_model(tags: dict[Path, Tag], output: Path, others: list[Path], seed: 
     else:
         say(f"{output}: {len(learned.clips)} classes of one clip each; nothing could be left out to try them on")
     if not several:
-        say("Nobody is named who performs the clips, so this says nothing about other people: see --pattern.")
+        say("The clips name no person who performs them, so this says nothing about other people: see --pattern.")
     for first, second, ratio in learned.alike:
         say(f"{first} is hard to tell from {second}: only {ratio:.2f} times as far from it as from its own clips.")
     if not others:

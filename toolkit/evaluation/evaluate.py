@@ -50,7 +50,7 @@ def evaluate_runs(
     Raises
     ------
     UsageError
-        A recording is named for several runs, or nobody was found in any run.
+        A recording is named for several runs, or no person was found in any run.
     TrackError
         There is no finished track, or it does not fit its recording.
     RecordingError
@@ -66,7 +66,7 @@ def evaluate_runs(
         rows.extend(_evaluate(folder, paths, surface, recording))
     progress("", len(folders), len(folders))
     if folders and not rows:
-        raise UsageError(f"nobody was found in {', '.join(map(str, folders))}; there is nothing to compare")
+        raise UsageError(f"no person was found in {', '.join(map(str, folders))}; there is nothing to compare")
     return EvaluationTable(_with_offsets(rows))
 
 

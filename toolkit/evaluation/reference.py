@@ -93,7 +93,7 @@ def _kinect_bodies(recording: Recording, file: Path) -> Reference:
     """Skeletons of the Azure Kinect SDK, which knows nothing of a camera that was turned upright by its reader."""
     joints = read_k4abt(file).at(recording.timestamps)
     if not len(joints):
-        raise RecordingError(f"nobody is in {file}; there is nothing to compare with")
+        raise RecordingError(f"no person is in {file}; there is nothing to compare with")
     joints = rotated_points(joints, int(recording.options.get("rotate", 0)) // 90).astype(np.float32)
     return Reference(joints[0] if len(joints) == 1 else joints, False)
 

@@ -27,8 +27,8 @@ def notes_of(origin: Origin, people: Sequence[Person]) -> dict[str, Any]:
             }
             for person in people
         ],
-        "meaning": "Where nobody is there the nearest pose is held and is no measurement; where somebody is lost the "
-        "pose is predicted.",
+        "meaning": "Where no person is there the nearest pose is held and is no measurement; where the person is lost "
+        "the pose is predicted.",
     }
 
 

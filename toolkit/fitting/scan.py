@@ -125,9 +125,9 @@ def fit_scan(views: Sequence[ScanView], settings: ScanSettings | None = None) ->
 def _checked_stature(views: Sequence[ScanView], s: ScanSettings) -> float:
     """Stature in metres, after a look at what the views show."""
     if len(views) < 2:
-        raise BodyError(f"a body cannot be scanned from {len(views)} view; give two or more, of somebody who turns")
+        raise BodyError(f"a body cannot be scanned from {len(views)} view; give two or more, of a person who turns")
     if empty := [i + 1 for i, view in enumerate(views) if len(view.cloud) < 300]:
-        raise BodyError(f"view {empty[0]} shows nobody; record a person in a T-pose")
+        raise BodyError(f"view {empty[0]} shows no person; record a person in a T-pose")
     extents = np.array([np.ptp(np.percentile(v.cloud.points, [0.2, 99.8], axis=0), axis=0) for v in views])
     statures = extents[:, 1]
     if np.ptp(statures) > s.unlike * statures.max():

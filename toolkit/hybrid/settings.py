@@ -28,7 +28,7 @@ class HybridSettings:
     ----------
     tracker : the name under which this tracker is registered
     seed : of everything random
-    passes : 2 follows everybody in a recording a second time, from their surest frame outwards; 1 is done with each
+    passes : 2 follows each person in a recording a second time, from their surest frame outwards; 1 is done with each
         frame as it comes, as with a stream
     hypotheses : which compete: "local", "extrema" (lookup by geodesic extrema), "joints" (lookup by regressed joints,
         where extrema merge with the body), "arms" (the local one with arms of other poses), "head_hands" (on first

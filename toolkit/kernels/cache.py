@@ -4,7 +4,7 @@ Numba stamps a cached function with the source of its own file only, although it
 function that it calls, from other files too. Here the names of the cached files carry a digest of the file and of all
 kernels that it imports, directly or through others: an edit compiles anew what can be other code, and nothing else.
 They lie where Numba puts them: in `NUMBA_CACHE_DIR` if that is set, else beside the sources, or in the user's cache
-folder where that cannot be written, and only where nobody else can write (`cache_files`).
+folder where that cannot be written, and only where no other user can write (`cache_files`).
 """
 
 from __future__ import annotations

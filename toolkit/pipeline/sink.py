@@ -111,7 +111,7 @@ class RunSink:
                 del self._writers[person]
 
     def judge(self, evidence: Mapping[int, Evidence]) -> None:
-        """Forget whom the evidence takes for furniture, number the others 1, 2, ... at the end and tell why."""
+        """Leave out the people whom the evidence takes for furniture, and number the others 1, 2, ... at the end."""
         self._evidence = evidence
         for person in furniture(evidence):
             if self._several and person in self._writers:

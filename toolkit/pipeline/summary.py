@@ -57,12 +57,12 @@ class RunSummary:
         people = "" if self.people == 1 else f" of {self.people} people"
         hint = "; continue with --resume" if self.interrupted else ""
         if not self.states["tracked"]:
-            hint += "; nobody was tracked: look at the recording with `depthmocap info`, try --segment or --up"
+            hint += "; no person was tracked: look at the recording with `depthmocap info`, try --segment or --up"
         elif self.confidence < LOW_CONFIDENCE:
             hint += f"; the tracker is hardly sure of it: {LOW_ADVICE}"
         sure = f", confidence {self.confidence:.2f}" if self.states["tracked"] else ""
         spent = f", {sum(self.stage_ms.values()):.1f} ms a frame ({stages})" if self.stage_ms else ""
-        return f"{self.run}: {count} frames{people}: {states or 'nobody seen'}{sure}{spent}{hint}"
+        return f"{self.run}: {count} frames{people}: {states or 'no person seen'}{sure}{spent}{hint}"
 
 
 def summarised(

@@ -103,7 +103,7 @@ def _gait_table(found: Summary) -> str:
 
 def _rise_table(found: Summary) -> str:
     if not found.rises:
-        return '<p class="faint">Nobody rises from a seat or a squat.</p>'
+        return '<p class="faint">The person never rises from a seat or a squat.</p>'
     rows = [
         ["sit-to-stand" if rise.seated else "squat", f"{rise.start:.2f} s", f"{rise.duration:.2f} s"]
         for rise in found.rises

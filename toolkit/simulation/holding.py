@@ -21,7 +21,7 @@ _LEFT, _RIGHT = (skeleton.REPORTED.index(f"{side}_hand") for side in ("left", "r
 def check_holding(kind: str | None) -> None:
     """Raise UsageError for an unknown thing; the message lists the known ones."""
     if kind is not None and kind not in HOLDINGS:
-        raise UsageError(f"nobody can hold {kind!r}; use one of {', '.join(HOLDINGS)}")
+        raise UsageError(f"no person can hold {kind!r}; use one of {', '.join(HOLDINGS)}")
 
 
 def held_mesh(kind: str, joints: np.ndarray) -> Mesh:

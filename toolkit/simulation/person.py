@@ -66,7 +66,7 @@ class SimulatedPerson:
     def __post_init__(self) -> None:
         check_ranges(self, RANGES)
         if not np.abs(np.asarray(self.at, dtype=np.float64)).max() <= FARTHEST_PLACE:
-            raise UsageError(f"nobody can stand at {self.at}; give metres up to {FARTHEST_PLACE:g} to each side")
+            raise UsageError(f"no person can stand at {self.at}; give metres up to {FARTHEST_PLACE:g} to each side")
 
 
 RANGES: dict[str, tuple[float, float, str]] = {
@@ -145,7 +145,7 @@ def grown_to(body: Body, stature: float) -> Body:
         No person is of this stature.
     """
     if not 0.5 <= stature <= 2.3:
-        raise UsageError(f"nobody is {stature} m tall; give a stature from 0.5 to 2.3 m")
+        raise UsageError(f"no person is {stature} m tall; give a stature from 0.5 to 2.3 m")
     young = float(np.clip((TALL - stature) / (TALL - SMALL), 0.0, 1.0))
     if young > 0:
         legs, arms = 1.0 - young * (1.0 - SHORT_LEGS), 1.0 - young * (1.0 - SHORT_ARMS)
