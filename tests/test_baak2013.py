@@ -70,7 +70,7 @@ def test_the_rows_of_benchmarks_that_bear_the_papers_name_are_the_papers_tracker
 def test_the_selection_compares_by_equations_5_7_to_5_9(pose: np.ndarray) -> None:
     objective, observation = follower().objective, observed(POSES[0])
     scene, placed = observation.scene, objective.placer.place(BODY, pose)
-    points = observation.cloud.points_camera
+    points = observation.cloud.points @ observation.cloud.rotation
     to_cloud = [min(np.linalg.norm(points - placed.vertices[v], axis=1)) for v in front_vertices(objective)]
     extrema = [LEVEL.T @ e for e in observation.extrema.points.astype(np.float64)]
     to_mesh = [min(np.linalg.norm(placed.vertices - e, axis=1)) for e in extrema]
@@ -95,7 +95,7 @@ def test_correspondences_are_the_medians_of_five_neighbours_and_pull_alike() -> 
     pairs = term.pairs(placed, observation.scene)
     assert pairs.vertex.tolist() == [int(v) for v in placed.placer.chosen if BODY.normals[v, 2] > 0.0]
     np.testing.assert_allclose(pairs.weight, 1.0, atol=1e-6)
-    points = observation.cloud.points_camera.astype(np.float64)
+    points = (observation.cloud.points @ observation.cloud.rotation).astype(np.float64)
     for vertex, residual in zip(pairs.vertex[::9], pairs.residual[::9], strict=True):
         near = points[np.argsort(np.linalg.norm(points - placed.vertices[vertex], axis=1))[:5]]
         np.testing.assert_allclose(placed.vertices[vertex] - residual, np.median(near, axis=0), atol=2e-3)

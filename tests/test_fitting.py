@@ -380,9 +380,9 @@ def test_samples_are_spread_over_the_cloud_with_the_extrema_last(body: Body) -> 
     extrema = cloud.points[[5, 900]].astype(np.float64)
     scene = Scene(cloud, extrema, 300)
     assert scene.samples.shape == (302, 3) and scene.plain_samples == 300
-    assert scene.samples[300:] == pytest.approx(cloud.points_camera[[5, 900]], abs=1e-6)
-    assert cKDTree(cloud.points_camera).query(scene.samples)[0].max() < 1e-6
-    assert cKDTree(scene.samples[:300]).query(cloud.points_camera)[0].max() < 0.15
+    assert scene.samples[300:] == pytest.approx((cloud.points @ cloud.rotation)[[5, 900]], abs=1e-6)
+    assert cKDTree(cloud.points @ cloud.rotation).query(scene.samples)[0].max() < 1e-6
+    assert cKDTree(scene.samples[:300]).query(cloud.points @ cloud.rotation)[0].max() < 0.15
     assert len(Scene(cloud, extrema, 10**6).samples) == len(cloud) + 2
     assert len(Scene(cloud, extrema, 0).samples) == 2
 

@@ -113,7 +113,7 @@ def test_a_cloud_is_the_back_projection_of_its_depth():
     np.testing.assert_array_equal(cloud.pixels, v * TOF.width + u)
     np.testing.assert_array_equal(cloud.index.ravel()[cloud.pixels], np.arange(len(cloud)))
     assert (cloud.index >= 0).sum() == len(cloud)
-    np.testing.assert_allclose(TOF.project(cloud.points_camera), np.column_stack([u, v]), atol=1e-3)
+    np.testing.assert_allclose(TOF.project(cloud.points @ cloud.rotation), np.column_stack([u, v]), atol=1e-3)
     assert cloud.points.dtype == np.float32
     assert cloud.index.dtype == cloud.pixels.dtype == np.int32
 

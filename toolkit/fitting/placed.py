@@ -19,6 +19,8 @@ QUOTAS: dict[str, int] = {
     "hip": 26, "knee": 24, "ankle": 14,
 }  # fmt: skip
 """Chosen vertices per body part: limbs get more than their share of the surface (Baak 2013, 5.4.1)."""
+AROUND_JOINT = 16
+"""Chosen vertices that tell where a joint is explained."""
 
 
 def spread_rows(points: np.ndarray, count: int) -> np.ndarray:
@@ -50,13 +52,13 @@ def choose_vertices(body: Body) -> np.ndarray:
     return np.array(sorted(chosen), dtype=np.int64)
 
 
-def chosen_around_joints(body: Body, chosen: np.ndarray, count: int = 16) -> np.ndarray:
-    """Weights (20, C) that average over the `count` chosen vertices nearest to each reported joint in the rest pose."""
+def chosen_around_joints(body: Body, chosen: np.ndarray) -> np.ndarray:
+    """Weights (20, C) that average over the chosen vertices nearest to each reported joint in the rest pose."""
     joints = body.joint_positions(np.zeros(skeleton.POSE_SIZE))
     distances = np.linalg.norm(joints[:, None] - body.vertices[chosen][None], axis=2)
-    rows = np.argsort(distances, axis=1, kind="stable")[:, :count]
+    rows = np.argsort(distances, axis=1, kind="stable")[:, :AROUND_JOINT]
     weights = np.zeros(distances.shape)
-    np.put_along_axis(weights, rows, 1.0 / count, axis=1)
+    np.put_along_axis(weights, rows, 1.0 / AROUND_JOINT, axis=1)
     return weights
 
 

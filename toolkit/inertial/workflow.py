@@ -157,7 +157,6 @@ def checked_take(
     sensors: str | Path | Sensors,
     calibration: Calibration | None = None,
     *,
-    settings: CalibrationSettings | None = None,
     sync: SyncSettings | None = None,
 ) -> tuple[Calibration, Take]:
     """A run ready to be checked, with the calibration given or made on this very run.
@@ -169,7 +168,7 @@ def checked_take(
     """
     take = take_of(run, sensors, sync)
     if calibration is None:
-        calibration = calibrate([take], settings)
+        calibration = calibrate([take])
         return calibration, replace(take, clock=clock_of(calibration.takes[take.motion.name], take.clock))
     calibration.check_placement(take.sensors)
     mountings = {limb: calibration.mounting(limb) for limb in calibration.sensors}

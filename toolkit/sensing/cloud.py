@@ -6,7 +6,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from toolkit.kernels import linear
 from toolkit.kernels.image import depth as kernels
 from toolkit.sensing.camera import Camera
 
@@ -53,11 +52,6 @@ class Cloud:
         rows = np.empty(min(count, len(self)), dtype=np.int64)
         kernels.spread(len(self), rows)
         return rows
-
-    @property
-    def points_camera(self) -> np.ndarray:
-        """The points in the camera frame: float64 (N, 3), metres."""
-        return linear.rotated(self.points, self.rotation)
 
 
 def marked(depth: np.ndarray, mask: np.ndarray, value: float) -> np.ndarray:
