@@ -12,6 +12,8 @@ from toolkit.track import EMPTY, TRACKED, FrameResult, RunInfo, TrackWriter
 
 TURN = np.diag([1.0, -1.0, -1.0])
 """R_level_camera of a camera that looks horizontally, its own inverse."""
+KNOWN_SIZE = ("--set", "shape.seconds=0", "--set", "sizes=[-0.6]")
+"""Of `track`: people are as tall as simulated ones, so that no other size is looked for, and no body learnt."""
 
 
 def write_run(

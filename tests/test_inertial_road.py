@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from tests.inertial_scenes import RATE, poses_of
+from tests.run_helpers import KNOWN_SIZE
 from tests.test_inertial_clock import typed
 from toolkit import skeleton
 from toolkit.cli.main import main
@@ -33,7 +34,7 @@ def road(bundled_database: Path, tmp_path_factory: pytest.TempPathFactory) -> Pa
     folder = tmp_path_factory.mktemp("inertial")
     clip = PoseClip("semaphore", poses_of("semaphore")[:110], RATE, "bundled")
     simulate_recording(clip, folder / "take.npz", furnished=False, distance=2.6, inertial=LIMBS)
-    words = ("--database", bundled_database, "--set", "shape.seconds=0")
+    words = ("--database", bundled_database, *KNOWN_SIZE)
     typed("track", folder / "take.npz", *words, "--output", folder / "run")
     return folder
 
@@ -57,7 +58,7 @@ def test_an_injected_error_is_found_in_a_real_track(road: Path) -> None:
 def test_the_sensors_guide_the_tracker_and_do_not_check_it_then(road: Path, bundled_database: Path) -> None:
     sensors, calibration, guided = road / "take_sensors.npz", road / "calibration.json", road / "guided"
     typed("inertial", "calibrate", road / "run", "--sensors", sensors, "--output", calibration)
-    words = ("--database", bundled_database, "--set", "shape.seconds=0")
+    words = ("--database", bundled_database, *KNOWN_SIZE)
     typed("track", road / "take.npz", *words, "--inertial", sensors, "--calibration", calibration, "--output", guided)
     truth = open_recording(road / "take.npz").joints
     plain, better = (np.nanmean(joint_errors(Track.load(run).joints, truth)) for run in (road / "run", guided))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 import sys
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -11,19 +12,24 @@ import pytest
 ROOT = Path(__file__).parents[1]
 
 
-@pytest.fixture
-def mutants(monkeypatch: pytest.MonkeyPatch) -> list:
-    monkeypatch.setattr(sys, "path", [str(ROOT / "scripts"), *sys.path])
-    from mutants import load_mutants
-
+@pytest.fixture(scope="module")
+def mutants() -> list:
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(sys, "path", [str(ROOT / "scripts"), *sys.path])
+        from mutants import load_mutants
     return load_mutants()
+
+
+@cache
+def parsed(source: str) -> str:
+    """The source as Python understands it."""
+    return ast.dump(ast.parse(source))
 
 
 def test_every_mutant_changes_what_stands_in_its_file_once_into_python(mutants: list) -> None:
     for mutant in mutants:
         source = (ROOT / mutant.file).read_text(encoding="utf-8")
-        broken = mutant.applied(source)
-        assert ast.dump(ast.parse(broken)) != ast.dump(ast.parse(source)), mutant.name
+        assert parsed(mutant.applied(source)) != parsed(source), mutant.name
 
 
 def test_there_are_at_least_sixty_of_different_names_with_tests_that_exist(mutants: list) -> None:

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tests.run_helpers import write_people, write_run
+from tests.run_helpers import KNOWN_SIZE, write_people, write_run
 from tests.test_inertial_clock import typed
 from tests.test_stabilising_priors import BODY, classes_of, example_of
 from toolkit import skeleton
@@ -40,8 +40,6 @@ from toolkit.track import RunInfo, Track
 ARM = "right_arm"
 FRAMES = 70
 WRONG = slice(30, 48)
-KNOWN_SIZE = ("--set", "shape.seconds=0", "--set", "sizes=[-0.6]")
-"""The person is as tall as the simulated one: no other size is looked for, and no body learnt."""
 
 
 @pytest.mark.parametrize("seed", range(5))
