@@ -19,6 +19,7 @@ LARGEST_TILT = np.deg2rad(50.0)  # of a camera that still counts as upright
 SMALLEST_AREA = 0.8  # m^2; a person shows no plane of this size
 LOWEST_CAMERA = 0.1  # m above the floor; nearer to its plane, all that is seen edge-on would pass for one
 SHARE_ABOVE = 0.97  # of the scene; a table has the floor below it
+PROMINENT = 1.5  # times as large as what is seen 9 cm higher: walls are as wide there
 
 
 @dataclass(frozen=True)
@@ -81,7 +82,7 @@ def find_known_floor(depth_mm: np.ndarray, camera: Camera, up_camera: np.ndarray
     """The floor in a depth image, uint16 (H, W) millimetres, of which is known where up is; None where none is seen.
 
     Of the heights at which there is a level surface of a floor's size with the scene above it, the one of the largest
-    area.
+    area. What is as large a little higher is no floor but walls, which are as wide at every height.
     """
     v, u = np.nonzero(depth_mm)
     if not len(v):
@@ -95,9 +96,11 @@ def find_known_floor(depth_mm: np.ndarray, camera: Camera, up_camera: np.ndarray
     found, largest = None, SMALLEST_AREA
     for level in np.arange(rises.min(), min(rises.max(), -LOWEST_CAMERA), 0.5 * INLIER_DISTANCE):
         members = np.abs(rises - level) < INLIER_DISTANCE
+        standing = np.abs(rises - level - 3 * INLIER_DISTANCE) < INLIER_DISTANCE
         above = (rises > level - 3 * INLIER_DISTANCE).mean()
-        if above >= SHARE_ABOVE and areas[members].sum() >= largest:
-            found, largest = Floor(np.asarray(up_camera), -float(np.median(rises[members]))), areas[members].sum()
+        area = areas[members].sum()
+        if above >= SHARE_ABOVE and area >= max(largest, PROMINENT * areas[standing].sum()):
+            found, largest = Floor(np.asarray(up_camera), -float(np.median(rises[members]))), area
     return found
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from toolkit.people.detection import BRIDGE_ROOM, find_heads, head_seeds, looks_like_person, share_out
+from toolkit.people.detection import BRIDGE_ROOM, find_heads, head_seeds, looks_like_person, near_head, share_out
 from toolkit.people.hypothesis import PersonJudge, alone_log_odds, judged_head, lowness, possible_height
 from toolkit.people.view import Lens, View
 
@@ -35,24 +35,38 @@ def people_and_furniture(
     # surface were its own, too.
     alone = [mask for mask, big in zip(alone, large, strict=True) if big]
     shared = hanging_on(view, lens, heads)
+    own = [large_enough(view, lens, m) and looks_like_person(view, lens, m, head) for head, m in zip(heads, shared)]
+
+    def beside(head: np.ndarray) -> list[np.ndarray]:
+        return [other for other, has in zip(heads, own, strict=True) if has and not _below(other, head)]
+
+    # A door beside a person has no shape of its own by the surface that hangs on both.
     shaped = [
-        any(large_enough(view, lens, m) and looks_like_person(view, lens, m, head) for m in masks)
-        for head, *masks in zip(heads, alone, shared, strict=True)
+        own[k] or (looks_like_person(view, lens, alone[k], head) and not _any_on(view, alone[k], beside(head)))
+        for k, head in enumerate(heads)
     ]
+    judged = [judged_head(view, lens, head, judge) for head in heads]
     good = [
-        possible_height(head, floor)
-        and alone_log_odds(shape, judged_head(view, lens, head, judge), lowness(head, floor)) > 0
-        for head, shape in zip(heads, shaped, strict=True)
+        possible_height(head, floor) and alone_log_odds(shape, said, lowness(head, floor)) > 0
+        for head, shape, said in zip(heads, shaped, judged, strict=True)
+    ]
+    # A raised hand has neither a person's shape nor a surface of its own, but the pixels of a person.
+    hand = [
+        said is not None and said > 0 and not shape and not large_enough(view, lens, share)
+        for said, shape, share in zip(judged, shaped, shared, strict=True)
     ]
     people: list[np.ndarray] = []
     for k in sorted(range(len(heads)), key=lambda k: not shaped[k]):  # those with a shape first, the highest first
-        if good[k] and not any(_below(heads[k], person) or _below(person, heads[k]) for person in people):
+        taken = any(_below(heads[k], person) or _below(person, heads[k]) for person in people)
+        if good[k] and not taken and not (hand[k] and _reached(view, lens, people, heads[k])):
             people.append(heads[k])
     furniture = [
         head
-        for head, of_person in zip(heads, good, strict=True)
+        for k, head in enumerate(heads)
         # A lower head within a person's body is a part of it; a cupboard keeps its own pixels.
-        if not of_person and not any(_below(head, person) for person in people)
+        if not good[k]
+        and not any(_below(head, person) for person in people)
+        and not (hand[k] and _reached(view, lens, people, head))
     ]
     labels = np.zeros(view.depth.shape, dtype=np.int32)
     for k, mask in enumerate(hanging_on(view, lens, [*people, *furniture]), start=1):
@@ -71,6 +85,17 @@ def hanging_on(view: View, lens: Lens, heads: list[np.ndarray]) -> list[np.ndarr
 def _below(place: np.ndarray, head: np.ndarray) -> bool:
     aside = float(np.hypot(place[0] - head[0], place[2] - head[2]))
     return aside < KNEES and place[1] < head[1]
+
+
+def _any_on(view: View, mask: np.ndarray, heads: list[np.ndarray]) -> bool:
+    """Whether one of the heads lies on a surface."""
+    return any(bool((mask & near_head(view, head)).any()) for head in heads)
+
+
+def _reached(view: View, lens: Lens, people: list[np.ndarray], place: np.ndarray) -> bool:
+    """Whether one of the people's surfaces holds what is at a place."""
+    near = near_head(view, place) & view.foreground
+    return bool(people) and any(bool((mask & near).any()) for mask in hanging_on(view, lens, people))
 
 
 def large_enough(view: View, lens: Lens, mask: np.ndarray, *, cut_out: bool = False) -> bool:
