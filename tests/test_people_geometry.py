@@ -11,8 +11,9 @@ import pytest
 
 from tests.sensing_scenes import KINECT, TOF, neutral, scene, standing, up_of_tilt
 from toolkit.errors import SegmentationError
+from toolkit.people import stills
 from toolkit.people.candidates import KNEE_REACH, apart, beside, headless, in_a_mirror, shaped_alone
-from toolkit.people.detection import REACH_STILL, SHOULDER_DISTANCE
+from toolkit.people.detection import REACH_STILL, SHOULDER_DISTANCE, Head
 from toolkit.people.floor import Floor, find_floor, find_known_floor
 from toolkit.people.one import ID, OneOfSeveral, meant_person
 from toolkit.people.sharing import TORSO, body_seeds, stayed_seeds
@@ -51,18 +52,20 @@ def test_both_searches_find_the_floor_of_a_room_with_somebody_in_it(tilt, height
     assert [found.height, known.height] == pytest.approx([height] * 2, abs=0.015)
 
 
-def test_a_wall_alone_and_an_empty_image_have_no_floor():
-    for depth_mm in (scene(TOF, (), wall=3.0)[0], np.zeros(TOF.shape, dtype=np.uint16)):
+@pytest.mark.parametrize("tilt", [0.0, -0.1, -0.16, -0.25])
+def test_a_wall_alone_and_an_empty_image_have_no_floor_wherever_the_camera_looks(tilt):
+    for depth_mm in (scene(TOF, (), tilt=tilt, wall=3.0)[0], np.zeros(TOF.shape, dtype=np.uint16)):
         assert find_floor(depth_mm, TOF) is None
-        assert find_known_floor(depth_mm, TOF, LEVEL) is None
+        assert find_known_floor(depth_mm, TOF, up_of_tilt(tilt)) is None
 
 
 def test_a_table_with_the_floor_below_it_is_not_the_floor():
     tilt, up = 0.5, up_of_tilt(0.5)
-    depth_mm, _ = scene(TOF, (), tilt=tilt, height=1.6, floor=True)
-    table = scene(TOF, (), tilt=tilt, height=0.8, floor=True)[0]
-    depth_mm[80:, 30:140] = table[80:, 30:140]
-    floor = find_known_floor(depth_mm, TOF, up)
+    depth_mm, _ = scene(TOF, (), tilt=tilt, height=1.6, floor=True, wall=3.0)
+    table = scene(TOF, (), tilt=tilt, height=1.0, floor=True, wall=3.0)[0]
+    on_it = table < 2000
+    on_it[:, :20] = False
+    floor = find_known_floor(np.where(on_it, table, depth_mm), TOF, up)
     assert floor is not None and floor.height == pytest.approx(1.6, abs=0.015)
 
 
@@ -316,3 +319,35 @@ def test_a_floor_of_a_turned_image_has_somebody_standing_on_it(above, turns):
     camera = KINECT.rotated(-1)
     recording = SimpleNamespace(options={}, vertical=vertical, camera=camera, background=None, depth=lambda _: turned)
     assert quarter_turns(recording) == turns
+
+
+def with_a_post(depth_mm: np.ndarray, left: float, right: float, top: float, bottom: float, z: float) -> np.ndarray:
+    """The image with an upright rectangle before all else, metres, camera frame (y down)."""
+    rays, out = KINECT.rays(), depth_mm.copy()
+    x, y = rays[..., 0] * z, rays[..., 1] * z
+    out[(x >= left) & (x <= right) & (y >= top) & (y <= bottom)] = round(1000 * z)
+    return out
+
+
+@pytest.mark.parametrize(("odds", "parts"), [(2.0, 0), (-2.0, 1)])
+def test_a_raised_hand_is_a_part_of_the_person_if_the_judge_says_that_it_is_of_one(monkeypatch, odds, parts):
+    depth_mm, _ = scene(KINECT, ((0.3, 2.5),))
+    head, hand = np.array([0.3, HEAD_HEIGHT - 1.2, -2.5]), np.array([-0.06, HEAD_HEIGHT - 1.2, -2.45])
+    arm = with_a_post(depth_mm, -0.1, -0.02, -0.5, -0.15, 2.45)
+    lens, view = view_of(with_a_post(arm, -0.1, 0.2, -0.2, -0.15, 2.45))
+    monkeypatch.setattr(stills, "find_heads", lambda *_, **__: [Head(hand, 1.0, True), Head(head, 1.0, False)])
+    people, furniture, labels = people_and_furniture(view, lens, judge=FakeJudge(odds))
+    assert [place.tolist() for place in people] == [head.tolist()] and len(furniture) == parts
+    assert labels[view.points[..., 0] < -0.04].max() == 1 + parts
+
+
+def test_a_door_has_no_shape_by_the_person_who_holds_it(monkeypatch):
+    depth_mm, _ = scene(KINECT, ((0.0, 2.5),))
+    door, head = np.array([-0.5, 0.5, -2.4]), np.array([0.0, HEAD_HEIGHT - 1.2, -2.5])
+    shut = with_a_post(depth_mm, -0.55, -0.45, -0.6, 0.8, 2.4)
+    lens, view = view_of(with_a_post(shut, -0.55, -0.2, 0.1, 0.2, 2.45))
+    monkeypatch.setattr(stills, "find_heads", lambda *_, **__: [Head(door, 1.0, False), Head(head, 1.0, False)])
+    monkeypatch.setattr(stills, "looks_like_person", lambda _view, lens, mask, _head: lens.area(view.depth[mask]) > 0.3)
+    people, furniture, _ = people_and_furniture(view, lens, judge=FakeJudge(1.2))
+    assert [place.tolist() for place in people] == [head.tolist()]
+    assert [place.tolist() for place in furniture] == [door.tolist()]

@@ -11,6 +11,7 @@ from toolkit.people.view import Lens, View
 LEAST_AREA = 0.06  # m^2 of a person seen head on: head and chest of a child that a table cuts off
 LEAST_CUT_OUT = 0.03  # m^2 where nothing but people is measured: one of half a metre
 LEAST_HEIGHT = 0.35  # m of a person: head and chest of a child
+LARGEST_ARM = 0.1  # m^2 of a raised arm, with what is nearest to it of the shoulder
 KNEES = 0.3  # m horizontally, within which what looks like a person below a head are the legs of that person
 
 
@@ -35,39 +36,24 @@ def people_and_furniture(
     # surface were its own, too.
     alone = [mask for mask, big in zip(alone, large, strict=True) if big]
     shared = hanging_on(view, lens, heads)
-    own = [large_enough(view, lens, m) and looks_like_person(view, lens, m, head) for head, m in zip(heads, shared)]
-
-    def beside(head: np.ndarray) -> list[np.ndarray]:
-        return [other for other, has in zip(heads, own, strict=True) if has and not _below(other, head)]
-
-    # A door beside a person has no shape of its own by the surface that hangs on both.
-    shaped = [
-        own[k] or (looks_like_person(view, lens, alone[k], head) and not _any_on(view, alone[k], beside(head)))
-        for k, head in enumerate(heads)
-    ]
+    shaped = _shaped(view, lens, heads, alone, shared)
     judged = [judged_head(view, lens, head, judge) for head in heads]
     good = [
         possible_height(head, floor) and alone_log_odds(shape, said, lowness(head, floor)) > 0
         for head, shape, said in zip(heads, shaped, judged, strict=True)
     ]
-    # A raised hand has neither a person's shape nor a surface of its own, but the pixels of a person.
-    hand = [
-        said is not None and said > 0 and not shape and not large_enough(view, lens, share)
-        for said, shape, share in zip(judged, shaped, shared, strict=True)
-    ]
     people: list[np.ndarray] = []
+
+    def a_part(k: int) -> bool:
+        """Whether a head is a part of one of the people: a lower one on the body, or a hand beside the head."""
+        said = judged[k]
+        arm = said is not None and said > 0 and not shaped[k] and lens.area(view.depth[shared[k]]) < LARGEST_ARM
+        return any(_below(heads[k], person) for person in people) or (arm and _reached(view, lens, people, heads[k]))
+
     for k in sorted(range(len(heads)), key=lambda k: not shaped[k]):  # those with a shape first, the highest first
-        taken = any(_below(heads[k], person) or _below(person, heads[k]) for person in people)
-        if good[k] and not taken and not (hand[k] and _reached(view, lens, people, heads[k])):
+        if good[k] and not a_part(k) and not any(_below(person, heads[k]) for person in people):
             people.append(heads[k])
-    furniture = [
-        head
-        for k, head in enumerate(heads)
-        # A lower head within a person's body is a part of it; a cupboard keeps its own pixels.
-        if not good[k]
-        and not any(_below(head, person) for person in people)
-        and not (hand[k] and _reached(view, lens, people, head))
-    ]
+    furniture = [head for k, head in enumerate(heads) if not good[k] and not a_part(k)]  # keeps its own pixels
     labels = np.zeros(view.depth.shape, dtype=np.int32)
     for k, mask in enumerate(hanging_on(view, lens, [*people, *furniture]), start=1):
         labels[mask] = k
@@ -87,9 +73,23 @@ def _below(place: np.ndarray, head: np.ndarray) -> bool:
     return aside < KNEES and place[1] < head[1]
 
 
-def _any_on(view: View, mask: np.ndarray, heads: list[np.ndarray]) -> bool:
-    """Whether one of the heads lies on a surface."""
-    return any(bool((mask & near_head(view, head)).any()) for head in heads)
+def _shaped(
+    view: View, lens: Lens, heads: list[np.ndarray], alone: list[np.ndarray], shared: list[np.ndarray]
+) -> list[bool]:
+    """Which heads have a person's shape, by their share of a surface or by the whole of it.
+
+    A door beside a person has none by the whole, which is the person's shape.
+    """
+    own = [
+        large_enough(view, lens, mask) and looks_like_person(view, lens, mask, head)
+        for head, mask in zip(heads, shared, strict=True)
+    ]
+    found = list(own)
+    for k, (head, mask) in enumerate(zip(heads, alone, strict=True)):
+        if not own[k] and looks_like_person(view, lens, mask, head):
+            others = [other for other, has in zip(heads, own, strict=True) if has and not _below(other, head)]
+            found[k] = not any((mask & near_head(view, other)).any() for other in others)
+    return found
 
 
 def _reached(view: View, lens: Lens, people: list[np.ndarray], place: np.ndarray) -> bool:
