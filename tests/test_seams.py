@@ -13,13 +13,13 @@ PRODUCT = ("toolkit", "database_builder")
 
 def private_names(source: str) -> list[str]:
     """Names with a leading underscore that a source imports from the product, or asks one of its modules for."""
-    tree, modules, found = ast.parse(source), set(), []
-    for node in ast.walk(tree):
+    nodes, modules, found = [*ast.walk(ast.parse(source))], set(), []
+    for node in nodes:
         if isinstance(node, ast.ImportFrom) and (node.module or "").split(".")[0] in PRODUCT:
             modules |= {alias.asname or alias.name for alias in node.names}
             found += [f"{node.module}.{alias.name}" for alias in node.names if alias.name.startswith("_")]
             found += [node.module or "" for part in (node.module or "").split(".") if part.startswith("_")]
-    for node in ast.walk(tree):
+    for node in nodes:
         if isinstance(node, ast.Attribute) and isinstance(node.value, ast.Name) and node.value.id in modules:
             found += [f"{node.value.id}.{node.attr}"] if node.attr.startswith("_") and node.attr[1] != "_" else []
     return found
