@@ -174,6 +174,28 @@ def test_a_desk_that_people_pass_is_no_part_of_them():
     assert (room.background[80:105, 80:95] > 0).mean() > 0.95
 
 
+def walking_up_with_a_box():
+    """Frames of somebody who comes nearer and carries a box before the waist, and where the legs are in the first."""
+    frames, legs = [], np.zeros(0)
+    for k in range(24):
+        away = 2.9 - 0.05 * k
+        depth, who = scene(KINECT, ((0.0, away),), **ROOM)
+        v, u = np.nonzero(who == 1)
+        top, bottom = v.min() + (0.35 * np.ptp(v)).astype(int), v.min() + (0.6 * np.ptp(v)).astype(int)
+        depth[top:bottom, u.min() - 5 : u.max() + 5] = 1000 * (away - 0.6)
+        if k == 0:
+            legs = (who == 1) & (np.arange(len(who))[:, None] > bottom + 5)
+        frames.append(depth)
+    return coarse(frames), legs[::2, ::2]
+
+
+def test_legs_below_a_carried_box_are_theirs_who_carries_it():
+    """Nothing farther is ever seen where they were first, and the box parts them from the head."""
+    frames, legs = walking_up_with_a_box()
+    background = learnt(frames, lens_of(), Sure(2.0)).background[legs]
+    assert (background == 0).mean() > 0.6 and ((background > 0) & (background < 3.1)).mean() < 0.2
+
+
 def test_fewer_frames_than_tell_what_stays_give_no_background():
     frames = coarse([scene(KINECT, ((0.0, 2.5),), **ROOM)[0]] * (FEWEST - 1))
     room = learnt(frames, lens_of(), None)

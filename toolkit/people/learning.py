@@ -30,6 +30,8 @@ STILL = 0.98  # of the samples in which a pixel shows the same depth where nothi
 ANOTHER_ROOM = 0.5  # of the pixels whose background differs between two halves of a recording: the camera was moved
 NOISE = 3.0  # standard deviations of a pixel that stands before the room
 MOST_NOISE = 0.3  # m that a pixel's noise may widen the margin
+STANDS_WITHIN = 0.5  # m, horizontally, of the head of somebody who stands: what is below it may be their legs
+ALONE = 0.1  # of the samples that show a person's legs: in so many the head is not found
 JUDGED = 8  # samples of which the judge is asked about every pixel
 PATCH = 5  # pixels across, over which its answers are averaged: a forearm's width at 2 m
 LEAST_ODDS = -1.2  # of a still pixel that hangs on somebody's head and is theirs: three in four of such pixels are
@@ -98,6 +100,7 @@ def learnt(
     background[(near & people).sum(axis=0) > MOSTLY * count] = 0.0
     for figure in stays:  # whose head is not seen in all frames, but they are there
         background[sum(near[s.frame] & s.own for s in figure) > MOSTLY * len(figure)] = 0.0
+    background[left_with(somebody, stack, near, background, lens)] = 0.0
     if stays and judge is not None:
         likely = _judged(stack, lens, judge) > LEAST_ODDS
         for figure in stays:
@@ -172,6 +175,27 @@ def hanging(
     view = lens.view(depth, (depth > 0) & ~on & likely, still)
     others = [s.place for s in somebody if s.frame == middle.frame and s is not middle]
     return hanging_on(view, lens, [middle.place, *others])[0]
+
+
+def left_with(
+    somebody: Sequence[Seen], stack: np.ndarray, near: np.ndarray, background: np.ndarray, lens: Lens
+) -> np.ndarray:
+    """What of the background is hardly ever seen but below the head of somebody, and covered by something nearer while
+    they are elsewhere: legs that what they carry parts from the head. Bool (h, w).
+
+    `near` bool (K, h, w): the samples, `stack` (K, h, w), that show the background.
+    """
+    points = lens.view(background, background > 0, background > 0).points
+    there, covered = (np.zeros(background.shape, dtype=np.int32) for _ in range(2))
+    for frame in sorted({s.frame for s in somebody}):
+        below = np.zeros(background.shape, dtype=np.bool_)
+        for place in (s.place for s in somebody if s.frame == frame):
+            aside = np.hypot(points[..., 0] - place[0], points[..., 2] - place[2])
+            below |= (aside < STANDS_WITHIN) & (points[..., 1] < place[1])
+        there += near[frame] & below
+        covered += ~below & ~near[frame] & (stack[frame] > 0) & (stack[frame] < background)
+    unseen = near.sum(axis=0) - there
+    return (background > 0) & (there > 0) & (unseen <= ALONE * there) & (covered >= OFTEN * len(stack))
 
 
 def _margins(stack: np.ndarray, background: np.ndarray, lens: Lens) -> tuple[np.ndarray, np.ndarray]:
