@@ -274,6 +274,25 @@ def test_shapes_are_those_of_dense_least_squares_with_forgetting_and_prior(
     assert np.abs(found[0]).max() > 0.1
 
 
+@pytest.mark.parametrize("stature", [1.6, 1.85])
+def test_of_the_bodies_of_a_known_stature_the_likeliest_is_solved_for(placer: Placer, stature: float) -> None:
+    space, pose, settings = ShapeSpace.load(), standing(), ShapeSettings(prior=0.5, limit=9.0)
+    wide = np.zeros(16)
+    wide[1] = -0.8
+    free, held = (
+        ShapeEstimator(space.body(), settings, placer, [FakeMesh(wide, pose, placer, 0.02)], known)
+        for known in ((0.0, 9.0), (stature, stature))
+    )
+    free.observe(pose, None)  # type: ignore[arg-type]
+    assert held.observe(pose, None).height == pytest.approx(stature, abs=1e-3)  # type: ignore[arg-type]
+    matrix = held._matrix + settings.prior * np.eye(16)
+    rest = space.body().vertices[:, 1]
+    taller = space.basis[:, rest.argmax(), 1] - space.basis[:, rest.argmin(), 1]
+    away = matrix @ (held.coefficients - free.coefficients)
+    along = taller * np.linalg.norm(away) / np.linalg.norm(taller)
+    np.testing.assert_allclose(away * np.sign(away @ taller), along, atol=1e-6 * np.linalg.norm(away))
+
+
 def test_a_toddler_is_measured_beyond_the_limit_of_the_population(placer: Placer) -> None:
     space, pose, settings = ShapeSpace.load(), standing(), ShapeSettings()
     toddler, start = space.typical(0.95), space.body(space.typical(1.05))

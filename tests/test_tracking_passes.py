@@ -42,7 +42,15 @@ from toolkit.tracking.heading import (
 from toolkit.tracking.passes import BothWays, Plan
 from toolkit.tracking.sightings import SightingFile
 from toolkit.tracking.state import PersonState, Previous
-from toolkit.tracking.stature import StatureBelief, off_floor, unlikely
+from toolkit.tracking.stature import (
+    StatureBelief,
+    head_top,
+    height_stood,
+    off_floor,
+    statures_of,
+    too_small,
+    unlikely,
+)  # fmt: skip
 from toolkit.tracking.ways import APART, Step, WayFile, better_parts
 
 RATE = 30.0
@@ -81,9 +89,31 @@ def test_adults_are_likely_and_children_need_evidence() -> None:
     assert off_floor(-1.2, -1.4) == off_floor(0.0, -1.4)
 
 
-def statures_tried() -> StatureBelief:
+def test_the_top_of_a_head_is_the_highest_point_above_its_middle_but_for_noise() -> None:
+    column = np.column_stack([np.full(20, 0.1), np.linspace(0.0, 0.19, 20), np.full(20, -2.0)])
+    noise = np.array([[0.1, 5.0, -2.0]])
+    hand = column + (0.4, 0.6, 0.0)
+    assert head_top(np.concatenate([column, noise, hand]), np.array([0.0, 0.1, -2.0])) == pytest.approx(0.16)
+    assert np.isnan(head_top(column, np.array([0.0, 0.1, -2.3]))), "nothing is measured there"
+
+
+def test_somebody_stood_as_high_as_their_head_was_where_they_did_not_bend() -> None:
+    tops = np.array([0.4, 0.5, np.nan, 0.31, 0.5, 0.49, 0.5, 0.9, 0.5])
+    assert height_stood(tops, -1.3) == pytest.approx(1.8)
+    assert height_stood(tops, None) == 0.0 == height_stood(np.full(3, np.nan), -1.3)
+    assert statures_of(1.8, 1.71) == pytest.approx((1.8, 1.84)) and statures_of(1.3, 1.71) == (0.0, np.inf)
+    assert too_small(1.80, 1.75) == 0.0 < too_small(1.72, 1.75) < too_small(1.6, 1.75) == too_small(1.0, 1.75)
+
+
+def statures_tried(stood: float = 0.0) -> StatureBelief:
     space = ShapeSpace.load()
-    return StatureBelief.of(tuple(space.body(space.typical(stature)) for stature in (1.84, 1.71, 1.58, 1.07)))
+    return StatureBelief.of(tuple(space.body(space.typical(stature)) for stature in (1.84, 1.71, 1.58, 1.07)), stood)
+
+
+def test_a_head_that_was_high_makes_smaller_bodies_unlikely() -> None:
+    costs = {0: 0.042, 1: 0.038, 2: 0.036, 3: 0.036}
+    assert statures_tried(1.82).narrowed(costs).likely[0] == 0 != statures_tried(1.3).narrowed(costs).likely[0]
+    assert statures_tried(1.05).narrowed(costs).shares == pytest.approx(statures_tried().narrowed(costs).shares)
 
 
 def test_where_sizes_explain_a_frame_alike_the_belief_lies_between_them() -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
@@ -16,7 +17,7 @@ from toolkit.people.sighting import Sighting
 from toolkit.sensing.camera import Camera
 from toolkit.track import TRACKED, FrameResult
 from toolkit.tracking.follower import HELD
-from toolkit.tracking.heading import directions_faced, heading
+from toolkit.tracking.heading import AROUND, AROUND_SEATED, directions_faced, heading
 from toolkit.tracking.planning import (
     CHECKED,
     MOMENT_GAP,
@@ -37,7 +38,7 @@ SMALLEST = 100
 
 def test_the_best_frames_show_most_and_are_a_second_apart() -> None:
     shown = np.array([1.0, 9.0, 8.0, 2.0, 7.0, 3.0])
-    survey = Survey(np.array([0, 20, 25, 40, 60, 80]), shown, np.zeros((6, 2)))
+    survey = Survey(np.array([0, 20, 25, 40, 60, 80]), shown, np.zeros((6, 2)), np.zeros(6))
     assert survey.best(2, 0, 100, TIMES) == [20, 60], "25 is a quarter of a second beside the best"
     assert survey.best(9, 0, 100, TIMES) == [20, 60, 80, 40, 0]
     assert survey.best(9, 25, 60, TIMES) == [25, 60]
@@ -63,15 +64,17 @@ def test_a_body_is_learnt_of_the_nearest_frames_on_both_sides_evenly_spread() ->
 
 
 class FakeFollower:
-    """Sees what `shown` says in each frame, somebody who surely faces +x, and its pose costs `costs` there."""
+    """Sees what `shown` says in each frame, somebody who surely faces +x and whose head ends at `top`, and its pose
+    costs `costs` there.
+    """
 
-    def __init__(self, shown: np.ndarray, costs: np.ndarray) -> None:
-        self._shown, self._costs = shown, costs
+    def __init__(self, shown: np.ndarray, costs: np.ndarray, top: float) -> None:
+        self._shown, self._costs, self._top = shown, costs, top
         self.state, self.heading, self.stepped = PersonState.begin(BODY, sized=False, seed=0), np.zeros(2), []
         self.winner: Any = None
 
-    def shown(self, sighting: Sighting, timestamp: float) -> tuple[float, np.ndarray]:
-        return float(self._shown[round(timestamp * 20)]), np.array([1.0, 0.0])
+    def shown(self, sighting: Sighting, timestamp: float) -> tuple[float, np.ndarray, float]:
+        return float(self._shown[round(timestamp * 20)]), np.array([1.0, 0.0]), self._top
 
     def step(self, sighting: Sighting, timestamp: float, clock: object) -> FrameResult:
         assert self.state.sized and self.state.body is BODY
@@ -104,11 +107,17 @@ class FakeSightings:
 
 
 def planned(
-    frames: np.ndarray, shown: np.ndarray, costs: np.ndarray, pixels: np.ndarray | None = None, **others: Any
+    frames: np.ndarray,
+    shown: np.ndarray,
+    costs: np.ndarray,
+    pixels: np.ndarray | None = None,
+    top: float = math.nan,
+    **others: Any,
 ) -> tuple[Planner, FakeFollower, FakeSightings]:
-    follower = FakeFollower(shown, costs)
+    """On a floor at y = -1 m."""
+    follower = FakeFollower(shown, costs, top)
     seen = FakeSightings(frames, np.full(len(frames), SMALLEST) if pixels is None else pixels)
-    learner = SimpleNamespace(follower=SimpleNamespace(heading=np.zeros(2)))
+    learner = SimpleNamespace(follower=SimpleNamespace(heading=np.zeros(2), floor=-1.0))
     planner = Planner(learner, follower, seen, TIMES, ("prepare", "landmarks", "select"), SMALLEST, BODY, **others)  # type: ignore[arg-type]
     for _ in planner.run():
         pass
@@ -144,6 +153,14 @@ def test_frames_that_show_too_few_pixels_are_left_out_and_without_any_there_is_n
     assert planner.plan is not None and min(seen.asked) == planner.plan.stretches[0, 0] == 50
     planner, _, seen = planned(frames, np.ones(400), np.ones(400), np.zeros(100))
     assert planner.plan is None and not seen.asked
+
+
+@pytest.mark.parametrize(("stood", "around"), [(1.2, AROUND_SEATED), (BODY.height, AROUND)])
+def test_of_somebody_who_sits_votes_for_a_facing_count_longer(stood: float, around: float) -> None:
+    planner, _, _ = planned(np.arange(0, 60), np.ones(400), np.ones(400), top=stood - 1.0)
+    assert planner.plan is not None and AROUND_SEATED > AROUND
+    faced = directions_faced(np.arange(0, 60, 5) / 20, np.tile([1.0, 0.0], (12, 1)), TIMES, around)
+    np.testing.assert_allclose(planner.plan.heading, heading(np.zeros((400, 2)), faced))
 
 
 def test_followers_are_told_where_the_person_walks_and_faces_in_the_frame_that_they_look_at() -> None:

@@ -6,6 +6,7 @@ with a slow forgetting, because the pose that a frame was linearised at was itse
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -47,10 +48,25 @@ NOISE = 0.01
 
 
 class ShapeEstimator:
-    """Sums the equations of tracked frames and solves them for the body's coefficients."""
+    """Sums the equations of tracked frames and solves them for the body's coefficients.
 
-    def __init__(self, body: Body, settings: ShapeSettings, placer: Placer, terms: Sequence[MeshTerm]) -> None:
-        self._settings = settings
+    Parameters
+    ----------
+    body : before the first frame
+    settings : see `ShapeSettings`
+    placer, terms : place bodies before the camera, and tie their surface to a frame
+    statures : metres, the least and the largest: of the bodies between them the likeliest is solved for
+    """
+
+    def __init__(
+        self,
+        body: Body,
+        settings: ShapeSettings,
+        placer: Placer,
+        terms: Sequence[MeshTerm],
+        statures: tuple[float, float] = (0.0, math.inf),
+    ) -> None:
+        self._settings, self._statures = settings, statures
         self._space = ShapeSpace.load()
         self._placer, self._terms = placer, tuple(terms)
         self.body = body
@@ -83,11 +99,21 @@ class ShapeEstimator:
         forget = self._settings.forgetting
         self._matrix = forget * self._matrix + linear.gram(columns, weight)
         self._vector = forget * self._vector + linear.combined(weight * wanted, columns)
-        prior = self._settings.prior * np.eye(len(self.coefficients))
-        limit = self._settings.limit
+        matrix = self._matrix + self._settings.prior * np.eye(len(self.coefficients))
         # Toddlers are no small adults: the mean that they are drawn to, and may deviate from, is that of their size.
         mean = self._space.childhood(self.coefficients[0])
         away = self._vector - linear.times(self._matrix, mean)
-        self.coefficients = mean + np.clip(linear.solved(self._matrix + prior, away), -limit, limit)
-        self.body = self._space.body(self.coefficients)
+        change = linear.solved(matrix, away)
+        self._set(mean, change)
+        missing = float(np.clip(self.body.height, *self._statures)) - self.body.height
+        if missing:
+            heights = self.body.vertices[:, 1]
+            taller = self._space.basis[:, heights.argmax(), 1] - self._space.basis[:, heights.argmin(), 1]
+            easiest = linear.solved(matrix, taller)
+            self._set(mean, change + easiest * (missing / linear.dot(taller, easiest)))
         return self.body
+
+    def _set(self, mean: np.ndarray, change: np.ndarray) -> None:
+        limit = self._settings.limit
+        self.coefficients = mean + np.clip(change, -limit, limit)
+        self.body = self._space.body(self.coefficients)

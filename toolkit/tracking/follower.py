@@ -19,13 +19,13 @@ from toolkit.tracking.clock import StageClock
 from toolkit.tracking.heading import TURNED, against, voted_facing
 from toolkit.tracking.observation import Observation, Observer
 from toolkit.tracking.occluded_limbs import Guess, OccludedLimbs
-from toolkit.tracking.person import FollowedPerson
+from toolkit.tracking.person import HEAD, FollowedPerson
 from toolkit.tracking.search.labelings import EFFECTORS
 from toolkit.tracking.search.protocol import Hypothesis, ScoredHypothesis, Search, Verifier, cost_of
 from toolkit.tracking.settings import FollowerSettings
 from toolkit.tracking.smoothing import PoseSmoother
 from toolkit.tracking.state import PersonState, Previous
-from toolkit.tracking.stature import off_floor, unlikely
+from toolkit.tracking.stature import head_top, off_floor, unlikely
 
 HELD = 1.0
 """Seconds out of sight after which the last pose says nothing of the next one."""
@@ -110,16 +110,17 @@ class Follower(FollowedPerson):
         clock.record("select")
         return replace(row, stage_ms=clock.milliseconds)
 
-    def shown(self, sighting: Sighting, timestamp: float) -> tuple[float, np.ndarray]:
-        """How many joints of the person a frame shows, as the regressor is sure of them, and where they face
-        (`voted_facing`); without a regressor, which share of the image they fill.
+    def shown(self, sighting: Sighting, timestamp: float) -> tuple[float, np.ndarray, float]:
+        """How many joints of the person a frame shows, as the regressor is sure of them, where they face
+        (`voted_facing`) and where the head ends (`head_top`); without a regressor, which share of the image they fill.
         """
         cloud = Cloud.from_depth(sighting.depth, sighting.camera, self.level_rotation)
         observation = self.observer.observe(cloud, timestamp, self.state, sighting.unobserved, sighting.joints)
         votes = observation.votes
         if votes is None:
-            return len(cloud) / cloud.depth.size, voted_facing(None)
-        return float((votes.reliability * votes.in_view).sum()), voted_facing(votes)
+            return len(cloud) / cloud.depth.size, voted_facing(None), math.nan
+        joints = float((votes.reliability * votes.in_view).sum())
+        return joints, voted_facing(votes), head_top(cloud.points, votes.points[HEAD])
 
     @property
     def distance(self) -> float:

@@ -35,6 +35,7 @@ class FollowedBody:
     ) -> None:
         self.follower, self.settings, self._stages, self._fitting = follower, settings, stages, fitting
         self._estimator: ShapeEstimator | None = None
+        self._statures = (0.0, math.inf)
         self._pace = Pace(settings.rate)
 
     @property
@@ -56,10 +57,12 @@ class FollowedBody:
         if self._pace.takes(timestamp):
             self.take(sighting, timestamp)
 
-    def begin(self, body: Body) -> None:
-        """Forget the person; they are found anew with a body that may be theirs."""
+    def begin(self, body: Body, statures: tuple[float, float] = (0.0, math.inf)) -> None:
+        """Forget the person; they are found anew with a body that may be theirs, and is learnt between these statures,
+        metres.
+        """
         self.follower.state = replace(self.follower.state, body=body, sized=True, previous=None)
-        self._estimator = None
+        self._estimator, self._statures = None, statures
 
     def take(self, sighting: Sighting, timestamp: float) -> None:
         """Take in a sighting, however soon after the one before."""
@@ -69,7 +72,8 @@ class FollowedBody:
             return
         if self._estimator is None:
             terms = mesh_terms(self._fitting)
-            self._estimator = ShapeEstimator(follower.body, self.settings, follower.objective.placer, terms)
+            placer = follower.objective.placer
+            self._estimator = ShapeEstimator(follower.body, self.settings, placer, terms, self._statures)
         body = self._estimator.observe(result.pose, follower.observation.scene)
         follower.state = replace(follower.state, body=body)
 

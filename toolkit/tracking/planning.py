@@ -13,12 +13,12 @@ from toolkit.fitting.shape import ShapeSettings
 from toolkit.people.sighting import Sighting
 from toolkit.tracking.clock import StageClock
 from toolkit.tracking.follower import HELD, Follower
-from toolkit.tracking.heading import directions_faced, heading
+from toolkit.tracking.heading import AROUND, AROUND_SEATED, directions_faced, heading
 from toolkit.tracking.learning import FollowedBody, Pace
 from toolkit.tracking.looks import NOTHING_FOUND, Look, Looker
 from toolkit.tracking.passes import Plan
 from toolkit.tracking.sightings import PersonSightings
-from toolkit.tracking.stature import StatureBelief
+from toolkit.tracking.stature import UPRIGHT, StatureBelief, height_stood, statures_of
 
 SURVEYED = 0.25
 """Seconds between the surveyed frames, in which the regressor counts the visible joints."""
@@ -40,11 +40,13 @@ class Survey:
     frames : int64 (N,), rising
     shown : float64 (N,), joints that the regressor expects to be in view and is sure of
     facing : float64 (N, 2), where they have the person face, see `voted_facing`
+    tops : float64 (N,), where the head ends, see `head_top`
     """
 
     frames: np.ndarray
     shown: np.ndarray
     facing: np.ndarray
+    tops: np.ndarray
 
     def best(self, count: int, first: int, last: int, timestamps: np.ndarray) -> list[int]:
         """The frames from `first` to `last` that show most, the best first, `MOMENT_GAP` seconds apart."""
@@ -86,7 +88,7 @@ class Planner:
         walked: np.ndarray | None = None,
     ) -> None:
         self._learner, self._follower, self._seen = learner, follower, seen
-        self._heading = np.zeros((len(timestamps), 2)) if walked is None else walked
+        self._walked = self._heading = np.zeros((len(timestamps), 2)) if walked is None else walked
         self._timestamps, self._stages, self._smallest, self._body = timestamps, stages, smallest, body
         self.plan: Plan | None = None
 
@@ -97,13 +99,14 @@ class Planner:
             return
         stretches = times_in_sight(usable, self._timestamps)
         survey = yield from self._survey(usable)
-        faced = directions_faced(self._timestamps[survey.frames], survey.facing, self._timestamps)
-        self._heading = heading(self._heading, faced)
-        self._looker = Looker(self._follower, self._seen, self._timestamps, self._stages, self._heading)
+        self._turn(survey, AROUND)
+        stood = height_stood(survey.tops, self._learner.follower.floor)
         body = self._body
         if body is None:
             moments = survey.best(MOMENTS, int(usable[0]), int(usable[-1]), self._timestamps)
-            body = yield from self._own_body(moments, usable)
+            body = yield from self._own_body(moments, usable, stood)
+        if 0 < stood < body.height - UPRIGHT:
+            self._turn(survey, AROUND_SEATED)
         rows, checks, looks = [], [], dict[int, Look]()
         for number, (first, last) in enumerate(stretches):
             best = survey.best(MOMENTS, first, last, self._timestamps) or [first]
@@ -120,21 +123,29 @@ class Planner:
         self.plan = Plan(body, starts, np.array(checks, dtype=np.int64).reshape(-1, 3), self._heading, looks)
 
     def _survey(self, usable: np.ndarray) -> Generator[None, None, Survey]:
-        frames, shown, facing, due = [], [], [], -np.inf
+        frames, shown, facing, tops, due = [], [], [], [], -np.inf
         for frame in usable.tolist():
             moment = float(self._timestamps[frame])
             if moment >= due:
                 due = moment + SURVEYED
                 frames.append(frame)
-                joints, faced = self._follower.shown(self._sighting(frame), moment)
+                joints, faced, top = self._follower.shown(self._sighting(frame), moment)
                 shown.append(joints)
                 facing.append(faced)
+                tops.append(top)
                 yield
-        return Survey(np.array(frames, dtype=np.int64), np.array(shown), np.array(facing).reshape(-1, 2))
+        facings = np.array(facing).reshape(-1, 2)
+        return Survey(np.array(frames, dtype=np.int64), np.array(shown), facings, np.array(tops))
 
-    def _own_body(self, moments: list[int], usable: np.ndarray) -> Generator[None, None, Body]:
-        """The body that explains the frames around the surest of these moments."""
-        belief = yield from self._believed(moments)
+    def _turn(self, survey: Survey, around: float) -> None:
+        """Take for where the person heads what is said by their walk and by the votes for so many seconds around."""
+        faced = directions_faced(self._timestamps[survey.frames], survey.facing, self._timestamps, around)
+        self._heading = heading(self._walked, faced)
+        self._looker = Looker(self._follower, self._seen, self._timestamps, self._stages, self._heading)
+
+    def _own_body(self, moments: list[int], usable: np.ndarray, stood: float) -> Generator[None, None, Body]:
+        """The body that explains the frames around the surest of these moments, whose head `stood` so high."""
+        belief = yield from self._believed(moments, stood)
         looks = yield from self._looks(moments, belief.bodies[belief.likely[0]])
         start = surest(looks)
         around = frames_around(start, usable, self._timestamps, self._learner.settings)
@@ -143,16 +154,16 @@ class Planner:
         if len(belief.likely) > 1:
             few, learnt, costs = around[:: -(-len(around) // FEW)], [], []
             for k in belief.likely[:CANDIDATES]:
-                body = yield from self._learnt(belief.bodies[k], start, few)
+                body = yield from self._learnt(belief.bodies[k], start, few, stood)
                 learnt.append(body)
                 costs.append(float(np.mean(self._distances[len(self._distances) // 2 :] or [NOTHING_FOUND])))
-            belief = StatureBelief.of(tuple(learnt)).narrowed(dict(enumerate(costs)))
-        return (yield from self._learnt(ShapeSpace.load().body(belief.shape), start, around))
+            belief = StatureBelief.of(tuple(learnt), stood).narrowed(dict(enumerate(costs)))
+        return (yield from self._learnt(ShapeSpace.load().body(belief.shape), start, around, stood))
 
-    def _learnt(self, body: Body, start: int, around: np.ndarray) -> Generator[None, None, Body]:
+    def _learnt(self, body: Body, start: int, around: np.ndarray, stood: float) -> Generator[None, None, Body]:
         """What becomes of a body that is taken for the person's in `start`, and then in the frames around it."""
         learner, self._distances = self._learner, []
-        learner.begin(body)
+        learner.begin(body, statures_of(stood, body.height))
         learner.take(self._sighting(start), float(self._timestamps[start]))
         begun = learner.follower.state
         for frames in (around[around > start], around[around < start][::-1]):
@@ -163,11 +174,11 @@ class Planner:
                 yield
         return learner.follower.state.body
 
-    def _believed(self, moments: list[int]) -> Generator[None, None, StatureBelief]:
+    def _believed(self, moments: list[int], stood: float) -> Generator[None, None, StatureBelief]:
         """How likely which size is, by looking for the person afresh with all of them."""
         follower = self._learner.follower
         unknown = follower.state
-        belief = StatureBelief.of(follower.sizes)
+        belief = StatureBelief.of(follower.sizes, stood)
         for moment in moments:
             follower.state = unknown
             follower.sizes = tuple(belief.bodies[k] for k in belief.possible)

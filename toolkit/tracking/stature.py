@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -24,6 +24,14 @@ MISLED = 0.03
 FLOOR_SIGMA, FLOOR_CAP = 0.04, 4.0
 """Metres by which the soles of a right body miss the floor; natural units that they can say at most, for people jump,
 kneel and sit."""
+HEAD_REACH, HIGHEST = 0.2, 5
+"""Metres from the middle of a head, horizontally, within which its top is; and which of the highest points is taken for
+it: noise is above."""
+STANDING = 0.75
+"""Share of the frames in which a head is not higher than that of a person who stands: in the others there is noise."""
+UPRIGHT = 0.15
+"""Metres by which a likely stature may differ from the height of the head: nearer, the person stood, and it is the
+stature; farther, they sat, or something hid the head."""
 
 
 def unlikely(stature: float) -> float:
@@ -41,6 +49,36 @@ def off_floor(lowest: float, floor: float | None) -> float:
     return NAT * min(0.5 * ((lowest - floor) / FLOOR_SIGMA) ** 2, FLOOR_CAP)
 
 
+def too_small(stature: float, stood: float) -> float:
+    """Cost, metres, of a stature whose head was seen at `stood` metres above the floor; nothing for the taller."""
+    return NAT * min(0.5 * (max(stood - stature, 0.0) / FLOOR_SIGMA) ** 2, FLOOR_CAP)
+
+
+def head_top(points: np.ndarray, head: np.ndarray) -> float:
+    """Y of the top of a head whose middle is expected at `head` (3,), of measured `points` (N, 3): metres, level frame;
+    NaN where nothing is measured there.
+    """
+    away = points[:, [0, 2]] - head[[0, 2]]
+    heights = points[(away**2).sum(axis=1) < HEAD_REACH**2, 1]
+    return float(np.sort(heights)[-HIGHEST]) if len(heights) >= HIGHEST else math.nan
+
+
+def height_stood(tops: np.ndarray, floor: float | None) -> float:
+    """How high above the floor the top of a person's head was where they stood, metres; 0 where it is not known.
+
+    `tops` (N,), of some frames, and `floor` are y, metres, level frame.
+    """
+    known = tops[np.isfinite(tops)]
+    return 0.0 if floor is None or not len(known) else float(np.quantile(known, STANDING)) - floor
+
+
+def statures_of(stood: float, likely: float) -> tuple[float, float]:
+    """Between which statures somebody is whose head was so high, and who is `likely` to be so tall, metres: who walks
+    bends the knees, and who sits may have any stature.
+    """
+    return (stood, stood + FLOOR_SIGMA) if abs(likely - stood) < UPRIGHT else (0.0, math.inf)
+
+
 @dataclass(frozen=True)
 class StatureBelief:
     """How likely each of several bodies is, given the frames so far.
@@ -50,16 +88,18 @@ class StatureBelief:
     bodies : of different statures
     costs : float64 (B,), metres, the sum over the frames of what each costs
     frames : how many frames that is
+    stood : metres above the floor at which the top of the head was, see `height_stood`
     """
 
     bodies: tuple[Body, ...]
     costs: np.ndarray
     frames: int = 0
+    stood: float = 0.0
 
     @classmethod
-    def of(cls, bodies: tuple[Body, ...]) -> StatureBelief:
+    def of(cls, bodies: tuple[Body, ...], stood: float = 0.0) -> StatureBelief:
         """Before the first frame."""
-        return cls(bodies, np.zeros(len(bodies)))
+        return cls(bodies, np.zeros(len(bodies)), stood=stood)
 
     def narrowed(self, costs: Mapping[int, float]) -> StatureBelief:
         """After a frame in which these bodies, by number, lay so far from it; those that were not tried are as bad as
@@ -67,12 +107,12 @@ class StatureBelief:
         """
         worst = max(costs.values(), default=0.0)
         frame = np.array([costs.get(number, worst) for number in range(len(self.bodies))])
-        return StatureBelief(self.bodies, self.costs + frame, self.frames + 1)
+        return replace(self, costs=self.costs + frame, frames=self.frames + 1)
 
     @property
     def shares(self) -> np.ndarray:
         """Float64 (B,): probability of each body; a frame tells as much as all, for their errors are the same ones."""
-        statures = [unlikely(body.height) for body in self.bodies]
+        statures = [unlikely(body.height) + too_small(body.height, self.stood) for body in self.bodies]
         mean = self.costs / max(self.frames, 1) + np.array(statures)
         weights = np.exp(-(mean - mean.min()) / NAT)
         return np.asarray(weights / weights.sum())
