@@ -63,15 +63,16 @@ def test_the_selection_equals_plain_farthest_first_on_many_poses() -> None:
     np.testing.assert_array_equal(farthest_first(points, 0.01), expected)
 
 
+@njit
+def all_from(points: np.ndarray, origin: int) -> np.ndarray:
+    out = np.empty(len(points), np.float32)
+    for i in range(len(points)):
+        out[i] = farthest.squared_distance(points, i, points, origin)
+    return out
+
+
 @pytest.mark.parametrize("scale", [1e-20, 1e-3, 1.0, 1e3])
 def test_squared_distances_are_rounded_as_numpy_rounds_them(scale: float) -> None:
-    @njit
-    def all_from(points: np.ndarray, origin: int) -> np.ndarray:
-        out = np.empty(len(points), np.float32)
-        for i in range(len(points)):
-            out[i] = farthest.squared_distance(points, i, points, origin)
-        return out
-
     points = (scale * np.random.default_rng(1).normal(size=(2000, 60))).astype(np.float32)
     np.testing.assert_array_equal(all_from(points, 7), np.sum((points - points[7]) ** 2, axis=1))
 

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -59,17 +57,16 @@ def plain_cost(drawn: np.ndarray, tile: Tile) -> float:
 
 
 def drawn_balls(balls: np.ndarray, radii: np.ndarray, depth: np.ndarray) -> np.ndarray:
-    """Balls cast ray by ray over a picture."""
-    depth = depth.copy()
-    for (v, u), before in np.ndenumerate(depth):
-        ray = np.array([(u - SMALL.cx) / SMALL.fx, (v - SMALL.cy) / SMALL.fy, 1.0])
-        for ball, radius in zip(balls, radii, strict=True):
-            a, b, c = ray @ ray, ray @ ball, ball @ ball - radius**2
-            if b * b > a * c and ball[2] - radius > particles.NEAREST:
-                z = (b - math.sqrt(b * b - a * c)) / a
-                before = z if before == 0 or z < before else before
-        depth[v, u] = before
-    return depth
+    """Balls cast one after the other over a picture, each by all rays."""
+    v, u = np.indices(depth.shape)
+    rays = np.stack([(u - SMALL.cx) / SMALL.fx, (v - SMALL.cy) / SMALL.fy, np.ones(depth.shape)], axis=2)
+    a, nearest = (rays**2).sum(axis=2), np.where(depth > 0, depth, np.inf)
+    for ball, radius in zip(balls, radii, strict=True):
+        b = rays @ ball
+        within = b**2 - a * (ball @ ball - radius**2)
+        if ball[2] - radius > particles.NEAREST:
+            nearest = np.where(within > 0, np.minimum(nearest, (b - np.sqrt(np.maximum(within, 0))) / a), nearest)
+    return np.where(np.isinf(nearest), 0.0, nearest)
 
 
 def test_a_drawn_rig_is_the_mesh_as_rays_see_it(upper: UpperBody) -> None:
