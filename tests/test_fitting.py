@@ -20,7 +20,7 @@ from toolkit.fitting.refiner import mesh_terms
 from toolkit.fitting.scene import Scene
 from toolkit.fitting.settings import FittingSettings
 from toolkit.fitting.shape import ShapeEstimator, ShapeSettings
-from toolkit.fitting.terms import JointTerm
+from toolkit.fitting.terms import HIDDEN, JointTerm
 from toolkit.sensing.camera import Camera, level_rotation
 from toolkit.sensing.cloud import Cloud
 from toolkit.testing.plain_fitting import PlainPlacer
@@ -269,9 +269,7 @@ def test_the_sparse_distance_is_that_of_the_equations(body: Body) -> None:
     scene = Scene(cloud, extrema, 0)
     pose = perturbed(truth, 3)
     found = fit.distance(pose, scene)
-    seen = fit.placer.place(body, pose).visible(
-        settings.facing, settings.hidden_tolerance, scene.seen, scene.intrinsics
-    )
+    seen = fit.placer.place(body, pose).visible(settings.facing, HIDDEN, scene.seen, scene.intrinsics)
     mesh = body.vertex_positions(pose)
     to_cloud = cKDTree(cloud.points).query(mesh[fit.placer.chosen[seen]])[0]
     to_mesh = cKDTree(mesh).query(extrema)[0]

@@ -14,11 +14,11 @@ from toolkit.body.shape import ShapeSpace, load_body
 from toolkit.fitting import terms as terms_room
 from toolkit.fitting.objective import FARTHEST, NEAREST, ODDS, USUAL, WORSE, Comparison, Objective
 from toolkit.fitting.placed import Placer
-from toolkit.fitting.refiner import Refiner, pair_terms
+from toolkit.fitting.refiner import ANGLE_DAMPING, CONVERGED, ROOT_DAMPING, Refiner, pair_terms
 from toolkit.fitting.scene import Scene
 from toolkit.fitting.settings import FittingSettings
 from toolkit.fitting.shape import NOISE, ShapeEstimator, ShapeSettings
-from toolkit.fitting.terms import CloudTerm, ContactTerm, Pairs
+from toolkit.fitting.terms import EXTREMUM_WEIGHT, CloudTerm, ContactTerm, Pairs
 from toolkit.sensing.camera import Camera
 from toolkit.sensing.cloud import Cloud
 
@@ -97,13 +97,13 @@ def step_of(**entries: float) -> np.ndarray:
 def test_the_root_and_the_angles_have_their_own_damping(placer: Placer, scene: Scene) -> None:
     solve = FakeSolve([step_of()])
     Refiner(placer, SETTINGS, terms=(), solve=solve).refine(BODY, standing(), scene)
-    assert solve.asked[0].damping[:6] == pytest.approx(np.full(6, SETTINGS.root_damping))
-    assert solve.asked[0].damping[6:] == pytest.approx(np.full(37, SETTINGS.angle_damping))
-    assert SETTINGS.root_damping != SETTINGS.angle_damping > 0.0
+    assert solve.asked[0].damping[:6] == pytest.approx(np.full(6, ROOT_DAMPING))
+    assert solve.asked[0].damping[6:] == pytest.approx(np.full(37, ANGLE_DAMPING))
+    assert ROOT_DAMPING != ANGLE_DAMPING > 0.0
 
 
 def test_a_fit_takes_its_steps_until_one_is_small(placer: Placer, scene: Scene) -> None:
-    large, small = step_of(left_elbow_ry=-0.2), step_of(left_elbow_ry=-0.5 * SETTINGS.converged)
+    large, small = step_of(left_elbow_ry=-0.2), step_of(left_elbow_ry=-0.5 * CONVERGED)
     solve = FakeSolve([large, small, large])
     pose = Refiner(placer, SETTINGS, terms=(), solve=solve).refine(BODY, standing(), scene)
     assert len(solve.asked) == 2
@@ -136,9 +136,7 @@ def test_no_self_penetration_is_a_term_unless_it_weighs_nothing(weight: float, c
     assert len(found) == 2 + contacts
 
 
-def test_extrema_count_as_often_as_the_settings_say(
-    placer: Placer, scene: Scene, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_extrema_count_more_than_other_samples(placer: Placer, scene: Scene, monkeypatch: pytest.MonkeyPatch) -> None:
     weights: list[np.ndarray] = []
     kernels = SimpleNamespace(
         nearest_model_points=terms_room.pairs.nearest_model_points,
@@ -146,8 +144,9 @@ def test_extrema_count_as_often_as_the_settings_say(
     )
     monkeypatch.setattr(terms_room, "pairs", kernels)
     system: Any = SimpleNamespace(reference=None, hessian=None, gradient=None)
-    CloudTerm(0.5, 0.12, 1.0, 0.3, extremum_weight=3.0).add(system, placer.place(BODY, standing()), scene)
-    assert weights[0].tolist() == [1.0] * scene.plain_samples + [3.0] * len(scene.extrema)
+    CloudTerm(0.5, 0.12).add(system, placer.place(BODY, standing()), scene)
+    assert EXTREMUM_WEIGHT > 1.0
+    assert weights[0].tolist() == [1.0] * scene.plain_samples + [EXTREMUM_WEIGHT] * len(scene.extrema)
 
 
 # The comparison

@@ -113,7 +113,7 @@ class Objective:
         distance += sum(evidence.cost(placed) for evidence in scene.evidence)
         if distance > bound:
             return WORSE
-        visible, points = visible_chosen(placed, scene, s.facing, s.hidden_tolerance, s.vertices), placed.chosen_points
+        visible, points = visible_chosen(placed, scene, s.facing, s.vertices), placed.chosen_points
         nearest, gaps = np.full(points.shape, np.nan), np.empty(len(points))
         scene.medians(points, visible, s.unexplained, 1, nearest)
         surface = pairs.vertex_gaps(points, nearest, visible, s.unexplained, gaps)

@@ -24,20 +24,13 @@ class FittingSettings:
         at the "front" of the body, whatever the camera sees of them, as in the paper (Baak 2013, Fig. 5.6a)
     facing : cosine between a vertex's normal and the direction to the camera; at a grazing angle there is no reliable
         counterpart
-    hidden_tolerance : metres behind the drawn body from which a vertex is hidden: below the thickness of a hand,
-        above the facets of the mesh
     surface_plane, surface_point : weights of the two parts of a pair from mesh to cloud: point to plane converges,
         the point part keeps limbs from sliding
     cloud_samples : measured points that are drawn to the mesh; 0 = only the mesh is drawn to the points, as in the
         paper
-    cloud_plane, cloud_point : weights of the two parts of a pair from cloud to mesh
-    extremum_weight : of a geodesic extremum against another sample: they are on the limbs, which the torso outnumbers
     prior_weight : of the Gaussian pose prior of the database; 0 = none
     contact_weight : of two overlapping parts of the body against one vertex: no self-penetration; 5 and 20 are no
         better
-    angle_damping, root_damping : of the angles, and of the root, which has to follow the whole body at once
-    converged : radians and metres; when no entry of a step is larger, what is left is below 2 mm. With 0.002 no frame
-        is better and most are slower
     """
 
     iterations: int = 5
@@ -47,18 +40,11 @@ class FittingSettings:
     sigma: float = 0.12
     vertices: Literal["seen", "front"] = "seen"
     facing: float = 0.1
-    hidden_tolerance: float = 0.03
     surface_plane: float = 1.0
     surface_point: float = 0.3
     cloud_samples: int = 400
-    cloud_plane: float = 1.0
-    cloud_point: float = 0.3
-    extremum_weight: float = 3.0
     prior_weight: float = 0.001
     contact_weight: float = 1.0
-    angle_damping: float = 1.0
-    root_damping: float = 0.1
-    converged: float = 0.01
 
     def __post_init__(self) -> None:
         if self.iterations < 1 or not 1 <= self.neighbours <= 9:

@@ -13,6 +13,14 @@ from toolkit.fitting.scene import Scene
 from toolkit.kernels import linear
 from toolkit.kernels.fit import pairs, twists
 
+HIDDEN = 0.03
+"""Metres behind the drawn body from which a vertex is hidden: below the thickness of a hand, above the facets of the
+mesh."""
+CLOUD_PLANE, CLOUD_POINT = 1.0, 0.3
+"""Weights of the two parts of a pair from cloud to mesh."""
+EXTREMUM_WEIGHT = 3.0
+"""Of a geodesic extremum against another sample: extrema are on the limbs, which the torso outnumbers."""
+
 
 @dataclass(frozen=True, eq=False)
 class Pairs:
@@ -50,12 +58,11 @@ class SurfaceTerm:
     plane: float
     point: float
     facing: float
-    tolerance: float
     vertices: str = "seen"
 
     def targets(self, placed: PlacedBody, scene: Scene) -> np.ndarray:
         """Measured counterpart of each chosen vertex, float64 (C, 3), NaN in column 0 where it has none."""
-        visible = visible_chosen(placed, scene, self.facing, self.tolerance, self.vertices)
+        visible = visible_chosen(placed, scene, self.facing, self.vertices)
         points = placed.chosen_points
         targets = np.empty_like(points)
         scene.medians(points, visible, self.reach, self.neighbours, targets)
@@ -81,13 +88,10 @@ class SurfaceTerm:
 
 @dataclass(frozen=True)
 class CloudTerm:
-    """Measured samples to the nearest visible point of the drawn body; extrema count `extremum_weight` times."""
+    """Measured samples to the nearest visible point of the drawn body; extrema count `EXTREMUM_WEIGHT` times."""
 
     reach: float
     sigma: float
-    plane: float
-    point: float
-    extremum_weight: float
 
     def nearest(self, placed: PlacedBody, scene: Scene) -> tuple[np.ndarray, np.ndarray]:
         """Nearest visible surface point (N, 3) and its mesh vertex (N,), -1 for none, of every sample."""
@@ -104,22 +108,20 @@ class CloudTerm:
         """See `PairTerm.add`."""
         points, vertex_of = self.nearest(placed, scene)
         pairs.add_pairs(
-            scene.samples, points, vertex_of, scene.weights(self.extremum_weight), placed.normals,
+            scene.samples, points, vertex_of, scene.weights(EXTREMUM_WEIGHT), placed.normals,
             placed.body.skin_joints, placed.body.skin_weights, system.reference,
-            self.sigma, self.plane, self.point, system.hessian, system.gradient,
+            self.sigma, CLOUD_PLANE, CLOUD_POINT, system.hessian, system.gradient,
         )  # fmt: skip
 
 
-def visible_chosen(
-    placed: PlacedBody, scene: Scene, facing: float, tolerance: float, vertices: str = "seen"
-) -> np.ndarray:
+def visible_chosen(placed: PlacedBody, scene: Scene, facing: float, vertices: str = "seen") -> np.ndarray:
     """Which chosen vertices would be measured, bool (C,); none of a link that is out of view (`Scene.withheld`).
 
     With `vertices` "front" a fixed set is taken for measured (Baak 2013, Fig. 5.6a).
     """
     if vertices == "front":
         return placed.placer.front
-    visible = placed.visible(facing, tolerance, scene.seen, scene.intrinsics)
+    visible = placed.visible(facing, HIDDEN, scene.seen, scene.intrinsics)
     if scene.withheld is not None:
         visible &= ~scene.withheld[placed.body.part[placed.placer.chosen]]
     return visible

@@ -19,7 +19,7 @@ from toolkit.fitting.priors import PoseTerm
 from toolkit.fitting.refiner import Refiner, pair_terms
 from toolkit.fitting.scene import Scene
 from toolkit.fitting.settings import FittingSettings
-from toolkit.fitting.terms import CloudTerm, SurfaceTerm, visible_chosen
+from toolkit.fitting.terms import CLOUD_PLANE, CLOUD_POINT, EXTREMUM_WEIGHT, CloudTerm, SurfaceTerm, visible_chosen
 
 
 class PlainScene(Scene):
@@ -251,9 +251,9 @@ class PlainCloudTerm(CloudTerm):
         found = vertex_of >= 0
         residual = points[found] - scene.samples[found]
         weights = np.ones(len(scene.samples))
-        weights[scene.plain_samples :] = np.where(scene.cut, 1.0, self.extremum_weight)
+        weights[scene.plain_samples :] = np.where(scene.cut, 1.0, EXTREMUM_WEIGHT)
         robust = weights[found] * (1.0 + (residual**2).sum(axis=1) / self.sigma**2) ** -2
-        system.gather(placed, vertex_of[found], points[found], residual, robust, self.plane, self.point)
+        system.gather(placed, vertex_of[found], points[found], residual, robust, CLOUD_PLANE, CLOUD_POINT)
 
 
 def plain_solve(
@@ -292,12 +292,12 @@ class PlainObjective(Objective):
     def compare(self, body: Body, pose: np.ndarray, scene: Scene, bound: float = np.inf) -> Comparison:
         """See `Objective.compare`."""
         placed, s = self.placer.place(body, pose), self.settings
-        visible, points = visible_chosen(placed, scene, s.facing, s.hidden_tolerance), placed.chosen_points
+        visible, points = visible_chosen(placed, scene, s.facing), placed.chosen_points
         nearest = np.empty_like(points)
         scene.medians(points, visible, s.unexplained, 1, nearest)
         gaps = np.linalg.norm(points - nearest, axis=1)
         parts = [gaps[visible]]
-        cloud = PlainCloudTerm(s.unexplained, s.sigma, s.cloud_plane, s.cloud_point, s.extremum_weight)
+        cloud = PlainCloudTerm(s.unexplained, s.sigma)
         explained, drawn = cloud.nearest(placed, scene)
         explained, drawn = explained[: scene.plain_samples], drawn[: scene.plain_samples]
         sample_gaps = np.linalg.norm(explained - scene.samples[: scene.plain_samples], axis=1)
