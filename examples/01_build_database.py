@@ -2,14 +2,14 @@
 
     python examples/01_build_database.py [MOCAP...]
 
-MOCAP are BVH or AMC files or folders of them. Writes output/poses.npz and a picture of what it covers.
+MOCAP are BVH or AMC files or folders of them. Writes output/poses.npz.
 """
 
 import sys
 from pathlib import Path
 
 from database_builder.build import Sampling, build_database
-from database_builder.report import database_text, plot_coverage
+from database_builder.report import database_text
 
 OUTPUT = Path("output")
 
@@ -28,7 +28,6 @@ def main() -> None:
     print(file=sys.stderr)
     print(report.text())
     print(database_text(report.database))
-    plot_coverage(report.database, OUTPUT / "coverage.png")
 
     # A lookup: the poses whose five end effectors lie like those of pose 0.
     distances, indices = report.database.query(report.database.features[:1], k=3)

@@ -15,7 +15,7 @@ import pytest
 
 from database_builder import build, processes, reading, regressor
 from database_builder.regressor import RegressorSettings
-from database_builder.report import database_text, plot_coverage
+from database_builder.report import database_text
 from database_builder.sampling import farthest_first, pose_distance
 from database_builder.views import is_seated
 from tests.database_helpers import moving_clip, neutral, write_bvh
@@ -272,8 +272,6 @@ def test_the_report_says_what_the_database_covers(tmp_path: Path) -> None:
     text = database_text(database)
     for words in (f"poses      {len(database)}", "9.00 mm", "40 mm root mean square", "left_hand", "bias", "  a"):
         assert words in text
-    plot_coverage(database, tmp_path / "coverage.png")
-    assert (tmp_path / "coverage.png").read_bytes().startswith(b"\x89PNG")
 
 
 @pytest.mark.shared_data

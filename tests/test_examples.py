@@ -11,7 +11,7 @@ import pytest
 EXAMPLES = sorted((Path(__file__).parents[1] / "examples").glob("0*.py"))
 
 WRITTEN = {
-    "01_build_database": ("poses.npz", "coverage.png"),
+    "01_build_database": ("poses.npz",),
     "02_simulate": ("take.npz",),
     "03_track": ("run/track.npz", "run/run.json"),
     "04_evaluate": ("evaluation/table.csv", "evaluation/table.json", "evaluation/accuracy.png", "evaluation/error.png"),

@@ -26,12 +26,12 @@ def build(
         float | None,
         typer.Option(help="Distance in metres (Baak 2013, Eq. 5.1) at which sampling stops.", show_default="0.009"),
     ] = None,
-    max_poses: Annotated[int | None, typer.Option(help="Stop at so many poses.")] = None,
+    max_poses: Annotated[int | None, typer.Option(help="Largest number of poses.")] = None,
     body: Annotated[str, typer.Option(help="Name of the body whose poses they become.")] = "neutral",
     mirror: Annotated[bool, typer.Option(help="Add the mirror image of every pose.")] = True,
     seated: Annotated[bool, typer.Option(help="Add the bundled motions of people who sit.")] = True,
     parts: Annotated[bool, typer.Option(help="Train the joint regressor on the poses.")] = True,
-    workers: Annotated[int | None, typer.Option(help="Processes.", show_default="one per processor")] = None,
+    workers: Annotated[int | None, typer.Option(help="Number of processes.", show_default="one per processor")] = None,
     strict: Annotated[bool, typer.Option("--strict", help="A file that cannot be used is an error.")] = False,
 ) -> None:
     """Read motion capture, sample it evenly and write one pose database."""
@@ -57,16 +57,9 @@ def build(
 @app.command()
 def info(
     database: Annotated[Path, typer.Argument(metavar="DATABASE", help="A pose database.", show_default=False)],
-    plot: Annotated[Path | None, typer.Option(help="Write a picture of what it covers.")] = None,
 ) -> None:
     """Print what a pose database holds and covers."""
-    from database_builder.report import database_text, plot_coverage
+    from database_builder.report import database_text
     from toolkit.database.database import PoseDatabase
-    from toolkit.files import check_output
 
-    if plot is not None:
-        check_output(plot, [database])
-    loaded = PoseDatabase.load(database)
-    say(database_text(loaded))
-    if plot is not None:
-        plot_coverage(loaded, plot)
+    say(database_text(PoseDatabase.load(database)))

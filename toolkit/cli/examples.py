@@ -10,7 +10,7 @@ EXAMPLES: dict[str, tuple[str, ...]] = {
         "depthmocap database build --output poses.npz",
         "depthmocap database build mocap/cmu mocap/hdm05 --output poses.npz --max-poses 25000",
     ),
-    "database info": ("depthmocap database info poses.npz --plot coverage.png",),
+    "database info": ("depthmocap database info poses.npz",),
     "body scan": ("depthmocap body scan front.npz left.npz back.npz right.npz --output me.npz",),
     "info": ("depthmocap info take.npz",),
     "simulate": (

@@ -38,7 +38,7 @@ def export(
         bool,
         typer.Option(
             "--as-tracked",
-            help="Of a file on the floor: do not hold a body that stands still and feet that carry where they rest.",
+            help="With the floor as origin: do not hold still bodies and carrying feet in place.",
         ),
     ] = False,
     recording: MovedRecording = None,

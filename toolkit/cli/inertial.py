@@ -36,8 +36,12 @@ def read(
         Path | None, typer.Option(help="YAML: sensor or device id to the part of the body that carries it.")
     ] = None,
     format: Annotated[str | None, typer.Option(help="Name of the reader.", show_default="guessed")] = None,
-    columns: Annotated[str | None, typer.Option(help="Of any CSV: ours=theirs pairs, such as time_s=t,qw=Q0.")] = None,
-    units: Annotated[str | None, typer.Option(help="Of any CSV, such as gyro=deg/s,acceleration=g,time=ms.")] = None,
+    columns: Annotated[
+        str | None, typer.Option(help="Columns of a CSV: pairs ours=theirs, such as time_s=t,qw=Q0.")
+    ] = None,
+    units: Annotated[
+        str | None, typer.Option(help="Units of a CSV, such as gyro=deg/s,acceleration=g,time=ms.")
+    ] = None,
     sensor: Annotated[str | None, typer.Option(help="Name of the sensor in a file that does not say it.")] = None,
     rate: Annotated[float | None, typer.Option(help="Samples a second in a file that does not say it.")] = None,
 ) -> None:
@@ -68,7 +72,10 @@ def calibrate(
     output: Output,
     method: Annotated[str, typer.Option(help="robust, or thesis: Park and Martin's closed form.")] = "robust",
     heading: Annotated[
-        str | None, typer.Option(help="shared by all sensors, or own.", show_default="shared where devices know north")
+        str | None,
+        typer.Option(
+            help="Heading of the sensors: shared by all, or own.", show_default="shared where devices know north"
+        ),
     ] = None,
     rate: Rate = "same",
     max_offset: MaxOffset = 3.0,

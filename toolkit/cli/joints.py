@@ -23,7 +23,7 @@ def joints(
     ),
     wheel: Annotated[Path | None, typer.Option(help="With --fetch: its wheel, downloaded elsewhere.")] = None,
     joints: Joints = Joints(),
-    people: Annotated[str, typer.Option(metavar="all|N", help="Whose joints are looked for.")] = "1",
+    people: Annotated[str, typer.Option(metavar="all|N", help="People whose joints are looked for.")] = "1",
     segment: SegmentOption = None,
     reading: Reading = Reading(),
 ) -> None:

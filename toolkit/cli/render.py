@@ -41,7 +41,7 @@ def render(
         Path | None, typer.Option(help="Canonical file of inertial sensors, whose axes are drawn beside the limbs'.")
     ] = None,
     calibration: Annotated[
-        Path | None, typer.Option(help="Of these sensors.", show_default="made on this very run")
+        Path | None, typer.Option(help="Calibration of these sensors.", show_default="made on this very run")
     ] = None,
 ) -> None:
     """Draw a track beside its depth: mesh, skeleton and extrema, from the camera, from the side and from above."""

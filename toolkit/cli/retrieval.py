@@ -69,7 +69,7 @@ class ByExample:
 
 @dataclass(frozen=True)
 class Film:
-    """A film of what is found, as it is typed."""
+    """A film of the hits, as it is typed."""
 
     play: Annotated[
         Path | None, typer.Option(metavar="FILM", help="Film (.mp4, .webm) of the example and the first results.")

@@ -53,7 +53,7 @@ class Cast:
         typer.Option(help="Metres; below 1.25 with a small child's proportions.", rich_help_panel=PEOPLE),
     ] = None
     enters: Annotated[
-        list[float] | None, typer.Option(help="Seconds after which a person appears.", rich_help_panel=PEOPLE)
+        list[float] | None, typer.Option(help="Seconds after which the person appears.", rich_help_panel=PEOPLE)
     ] = None
     clothes: Annotated[
         list[str] | None,
@@ -141,15 +141,12 @@ class Viewpoint:
     ] = None
     background: Annotated[
         bool,
-        typer.Option("--background/--no-background", help="Hold the depth of the empty room.", rich_help_panel=ROOM),
+        typer.Option("--background/--no-background", help="Store the depth of the empty room.", rich_help_panel=ROOM),
     ] = True
     color: Annotated[
-        bool, typer.Option("--color", help="Hold colour too, registered to the depth.", rich_help_panel=ROOM)
+        bool, typer.Option("--color", help="Store colour too, registered to the depth.", rich_help_panel=ROOM)
     ] = False
-    skinning: Annotated[
-        str, typer.Option(help="How skin follows the joints: linear, or dual quaternions.", rich_help_panel=PEOPLE)
-    ] = "linear"
-    seconds: Annotated[float, typer.Option(help="Length of an empty room.", rich_help_panel=ROOM)] = 3.0
+    seconds: Annotated[float, typer.Option(help="Seconds of a recording without people.", rich_help_panel=ROOM)] = 3.0
     inertial: Annotated[
         str | None,
         typer.Option(
@@ -158,9 +155,9 @@ class Viewpoint:
             rich_help_panel=SENSORS,
         ),
     ] = None
-    inertial_noise: Annotated[str, typer.Option(help="Their flaws: mtx, phone or none.", rich_help_panel=SENSORS)] = (
-        "mtx"
-    )
+    inertial_noise: Annotated[
+        str, typer.Option(help="Errors of these sensors: mtx, phone or none.", rich_help_panel=SENSORS)
+    ] = "mtx"
 
     def shot(self, boxes: tuple[Box, ...]) -> Shot:
         """How it is recorded, with this furniture; raises UsageError where an option cannot be understood."""

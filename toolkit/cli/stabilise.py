@@ -32,7 +32,7 @@ def stabilise(
         Path, typer.Option("--output", "-o", help="Run folder; several runs go to OUTPUT/<name>.", show_default=False)
     ],
     moved: Moved,
-    rounds: Annotated[int, typer.Option(help="At most so many times.", min=1)] = 5,
+    rounds: Annotated[int, typer.Option(help="Most rounds of the loop.", min=1)] = 5,
     threshold: Annotated[float, typer.Option(help="Largest cost of a template: share of features that differ.")] = 0.1,
     segments: Annotated[
         Path | None, typer.Option(help="CSV of labelled stretches (start, end, label), instead of annotating.")

@@ -28,7 +28,7 @@ class Tracking:
         Path | None,
         typer.Option("--database", "-d", help="Pose database.", show_default="the one of the package"),
     ] = None
-    body: Annotated[Path | None, typer.Option(help="The person's own, of `depthmocap body scan`.")] = None
+    body: Annotated[Path | None, typer.Option(help="The person's body file, of `depthmocap body scan`.")] = None
     config: Annotated[str, typer.Option(help="Settings: a YAML file or the name of a shipped one.")] = "hybrid"
     settings: SettingOption = None
     online: Annotated[
@@ -84,7 +84,7 @@ class Folders:
     ] = False
     workers: Annotated[
         int | None,
-        typer.Option(min=1, help="So many processes share the recordings.", show_default="one"),
+        typer.Option(min=1, help="Number of processes that share the recordings.", show_default="one"),
     ] = None
 
     def keep_finished(self, run: Path) -> None:

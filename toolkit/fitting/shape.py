@@ -76,7 +76,7 @@ class ShapeEstimator:
         self._vector = np.zeros(size)
 
     def observe(self, pose: np.ndarray, scene: Scene, placer: Placer | None = None) -> Body:
-        """Take in a frame in which the body as it is so far was found in `pose` (P,); returns the new body.
+        """Take in a frame in which the present body was found in `pose` (P,); returns the new body.
 
         A frame of another camera brings its own `placer`.
         """

@@ -33,7 +33,7 @@ DISAGREEMENT = 0.001
 
 
 class Demands:
-    """Terms that hold a limb of one body to what is marked of it.
+    """Terms that hold a limb of one body to its marks.
 
     Parameters
     ----------
@@ -147,7 +147,7 @@ def _resting(
 
 
 def contradiction(terms: Sequence[ResidualTerm], pose: np.ndarray) -> float:
-    """Metres by which a pose (P,) is farther from its frame than it looks, for what is demanded of it."""
+    """Metres that a pose's (P,) distance from its frame grows by for the demands that it violates."""
     return DISAGREEMENT * sum(term.violation(pose) for term in terms)
 
 

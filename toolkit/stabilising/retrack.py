@@ -59,7 +59,7 @@ class GapGuide(NoGuide):
         return [*likely, *self._marked.get(timestamp, ())]
 
     def contradicts(self, timestamp: float, pose: np.ndarray) -> float:
-        """Metres that a pose (P,) is farther from the frame than it looks, for what is marked of hidden limbs."""
+        """Metres that a pose's (P,) distance from the frame grows by for the marks of hidden limbs that it violates."""
         return contradiction(self._marked.get(timestamp, ()), pose)
 
 

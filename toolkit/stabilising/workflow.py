@@ -151,7 +151,7 @@ def result_of(source: SourceRun, rounds: Sequence[Round], settings: StabiliseSet
 
 
 def _marked(found: Round) -> dict[str, int]:
-    """Feature -> frames of which MT priors say something of it."""
+    """Feature -> number of frames in which MT priors demand something of it."""
     counts = (found.priors != WILDCARD).sum(axis=1)
     return {f"F{row + 1}": int(count) for row, count in enumerate(counts) if count}
 
