@@ -137,7 +137,7 @@ def test_extrema_are_those_of_a_restarted_dijkstra_with_zero_cost_edges(graph_an
     nodes, reach, first = restarted(graph, source, 10)
     assert found.nodes.tolist() == nodes
     assert (found.distances / cloud_graph.UNIT).tolist() == reach
-    assert (found.source_distances / cloud_graph.UNIT).tolist() == first[nodes].tolist()
+    assert found.from_source[nodes].tolist() == first[nodes].tolist()
 
 
 def person(rng: np.random.Generator) -> np.ndarray:
@@ -171,7 +171,7 @@ def test_the_first_five_extrema_of_a_stretched_figure_are_its_end_effectors() ->
     assert sorted(cdist(tips, found.points[:, :2]).argmin(axis=1)) == [0, 1, 2, 3, 4]
     assert cdist(tips, found.points[:, :2]).min(axis=1).max() < 0.12
     assert (np.diff(found.distances) <= 0).all()
-    assert (found.distances <= found.source_distances).all()
+    assert (found.distances <= found.from_source[found.nodes] * cloud_graph.UNIT).all()
 
 
 def test_later_passes_visit_a_small_share_of_the_nodes() -> None:
@@ -328,7 +328,7 @@ def test_a_workspace_that_saw_other_clouds_changes_nothing() -> None:
             extrema_of_graph(graph, cloud.points, 20, 7, own)
             for graph, own in zip(graphs, (workspace, None), strict=True)
         )
-        for name in ("nodes", "points", "distances", "source_distances", "visited"):
+        for name in ("nodes", "points", "distances", "from_source", "visited"):
             assert np.array_equal(getattr(kept, name), getattr(fresh, name))
 
 

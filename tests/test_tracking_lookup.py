@@ -168,7 +168,7 @@ def view_of(body: Body, pose: np.ndarray, order: np.ndarray) -> Seen:
     yaw = float(np.arctan2(*smoothed_facing(None, estimate_facing(cloud.points, centre, scale=scale), 1 / 30, centre)))
     tips = body.end_effector_positions(pose)[order].astype(np.float32)
     none = np.zeros(5)
-    extrema = Extrema(none.astype(np.int32), tips, none, none, none.astype(np.int32), 0, none.astype(np.int32))
+    extrema = Extrema(none.astype(np.int32), tips, none, none.astype(np.int32), 0, none.astype(np.int32))
     return Seen(cloud, centre, yaw, extrema, None, Scene(cloud, tips.astype(np.float64), 0))
 
 

@@ -24,7 +24,6 @@ class Extrema:
     points : float32 (n, 3), metres, frame of the cloud
     distances : float64 (n,), metres, falling: geodesic distance to the source or the nearest earlier extremum when
         found
-    source_distances : float64 (n,), metres: geodesic distance from the source
     visited : int32 (n,), nodes whose distance was settled in the pass that found the extremum (Fig. 5.9). The first
         pass visits all that can be reached
     source : the source node
@@ -35,7 +34,6 @@ class Extrema:
     nodes: np.ndarray
     points: np.ndarray
     distances: np.ndarray
-    source_distances: np.ndarray
     visited: np.ndarray
     source: int
     from_source: np.ndarray
@@ -98,7 +96,6 @@ def extrema_of_graph(
         nodes=nodes,
         points=points[nodes],
         distances=reach[:found] * cloud_graph.UNIT,
-        source_distances=from_source[nodes] * cloud_graph.UNIT,
         visited=visited[:found],
         source=source,
         from_source=from_source,

@@ -78,7 +78,7 @@ def plain_extrema(matrix: csr_matrix, points: np.ndarray, source: int, count: in
         before = distances
     rows = np.array(nodes, dtype=np.int32)
     units = np.where(np.isfinite(first), np.rint(first / UNIT), UNREACHED).astype(np.int32)
-    return Extrema(rows, points[rows], np.array(reach), first[rows], np.array(visited, dtype=np.int32), source, units)
+    return Extrema(rows, points[rows], np.array(reach), np.array(visited, dtype=np.int32), source, units)
 
 
 def plain_source(
