@@ -94,8 +94,7 @@ class KnownPeople:
         again = known_again(back, place, timestamp)
         if again is not None:
             back.remove(again)
-            still = replace(again, head=place, velocity=np.zeros(3), middle=middle)
-            return self.keep(still.seen(place, middle, area, timestamp))
+            return self.keep(replace(again, head=place).seen(place, middle, area, timestamp))
         if len(self.people) < self._most:
             number = len(self.people) + 1
             here = KnownPerson(number, place, np.zeros(3), timestamp, timestamp, float(place[1]), middle, area)

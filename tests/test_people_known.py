@@ -1,0 +1,121 @@
+"""Who is who: people numbered, left out, expected back, gone and restored."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from tests.sensing_scenes import KINECT
+from toolkit.errors import TrackError
+from toolkit.people.known import PATIENCE, KnownPeople
+from toolkit.people.sighting import PredictedBody
+from toolkit.people.view import Lens
+from toolkit.sensing.settings import SensingSettings
+
+LENS = Lens(KINECT, np.array([0.0, -1.0, 0.0]), SensingSettings())
+HEAD = np.array([0.0, 0.4, -3.0])
+ASIDE = np.array([1.2, 0.4, -3.0])
+LATER = PATIENCE + 4.0
+
+
+def met(known: KnownPeople, place: np.ndarray, timestamp: float = 0.0) -> int:
+    """The number of a person who comes in with the head at a place (3,)."""
+    back = known.expected_back(timestamp)
+    return known.meet(place, place - (0.0, 0.7, 0.0), 0.5, timestamp, back, head_seen=True)
+
+
+def walked_out(known: KnownPeople) -> None:
+    """The first person was seen at time 0, on the way out of the image, and is not seen in the next frame."""
+    known.keep(replace(known.people[0], head=np.array([1.6, 0.4, -3.0]), velocity=np.array([3.0, 0.0, 0.0])))
+    known.end_frame(0.5)
+
+
+def test_people_are_numbered_as_they_come_and_who_is_too_many_is_told_of_once(caplog: pytest.LogCaptureFixture) -> None:
+    known = KnownPeople(LENS, most=2)
+    with caplog.at_level("WARNING"):
+        assert [met(known, HEAD + (x, 0.0, 0.0)) for x in (-1.0, 0.0, 1.0, 0.5)] == [1, 2, 0, 0]
+    assert [person.id for person in known.people] == [1, 2]
+    assert len(caplog.records) == 1 and "raise --people" in caplog.text
+
+
+def test_a_person_is_present_as_long_as_there_is_patience_and_absent_then() -> None:
+    known = KnownPeople(LENS, most=2)
+    met(known, HEAD)
+    assert [person.id for person in known.present(PATIENCE, {})] == [1]
+    assert known.present(PATIENCE + 0.01, {}) == [] and known.expected_back(PATIENCE) == []
+    assert known.at_last_places([ASIDE, HEAD + 0.1], PATIENCE + 0.01) == [1]
+    assert known.at_last_places([ASIDE, HEAD + 0.1], PATIENCE) == [], "who is present is matched elsewhere"
+
+
+def test_who_comes_back_keeps_the_number_and_comes_back_once() -> None:
+    known = KnownPeople(LENS, most=3)
+    met(known, HEAD)
+    back = known.expected_back(LATER)
+    places = (HEAD + (0.3, 0.0, 0.0), HEAD - (0.3, 0.0, 0.0))
+    numbers = [known.meet(place, place, 0.5, LATER, back, head_seen=True) for place in places]
+    assert numbers == [1, 2] and back == []
+    assert known.people[0].last == LATER and not known.people[0].velocity.any()
+
+
+def test_a_predicted_body_tells_stature_and_head() -> None:
+    known, vertices = KnownPeople(LENS, most=2), np.zeros((3, 3))
+    met(known, HEAD)
+    met(known, ASIDE)
+    bodies = {
+        1: PredictedBody(vertices, np.zeros((0, 3), dtype=np.int32), 1.7, np.array([0.1, -0.4, 3.0])),
+        2: PredictedBody(vertices, np.zeros((0, 3), dtype=np.int32), 1.6),
+    }
+    first, second = known.present(0.1, bodies)
+    assert (first.stature, second.stature) == (1.7, 1.6)
+    np.testing.assert_allclose(first.body_head, [0.1, 0.4, -3.0], atol=1e-9)
+    assert np.isnan(second.body_head).all()
+    assert known.people[0].stature == 0.0, "what is known changes with the frame, not before"
+
+
+def test_who_walks_out_of_the_image_is_gone_and_who_is_hidden_within_it_is_not() -> None:
+    known = KnownPeople(LENS, most=2)
+    met(known, HEAD)
+    known.end_frame(0.5)
+    assert not known.people[0].gone
+    walked_out(known)
+    assert known.people[0].gone
+
+
+@pytest.mark.parametrize(
+    ("others", "judged", "most", "expected"),
+    [(0, 0.0, 4, [1]), (1, 0.0, 4, []), (1, -30.0, 4, [1]), (1, 0.0, 2, [1])],
+    ids=["alone", "of several", "beside furniture", "no more are told apart"],
+)
+def test_who_went_out_is_expected_back_unless_another_may_come(
+    others: int, judged: float, most: int, expected: list[int]
+) -> None:
+    known = KnownPeople(LENS, most)
+    met(known, HEAD)
+    for _ in range(others):
+        met(known, ASIDE - (2.4, 0.0, 0.0))
+    walked_out(known)
+    for other in known.people[1:]:
+        known.keep(replace(other, last=LATER, looks=10 if judged else 0, judged=judged))
+    assert [person.id for person in known.expected_back(LATER)] == expected
+
+
+def test_people_are_there_and_back_as_arrays() -> None:
+    known, other = KnownPeople(LENS, most=3), KnownPeople(LENS, most=3)
+    other.restore_state(known.export_state())
+    assert other.people == []
+    met(known, HEAD)
+    met(known, ASIDE, 0.2)
+    other.restore_state(known.export_state())
+    for name, values in known.export_state().items():
+        np.testing.assert_array_equal(other.export_state()[name], values, err_msg=name)
+
+
+@pytest.mark.parametrize("numbers", [[1, 1], [2, 1], [1, 3]])
+def test_people_who_are_not_numbered_in_order_are_refused(numbers: list[int]) -> None:
+    known = KnownPeople(LENS, most=3)
+    met(known, HEAD)
+    met(known, ASIDE)
+    with pytest.raises(TrackError, match="not numbered 1, 2"):
+        known.restore_state(known.export_state() | {"id": np.array(numbers)})
