@@ -21,6 +21,7 @@ from toolkit.people.sighting import PredictedBody, Sighting
 from toolkit.people.stills import LEAST_HEIGHT, large_enough, people_and_furniture
 from toolkit.people.structure import Plane
 from toolkit.people.turned import quarter_turns
+from toolkit.people.unassigned import attach_limbs
 from toolkit.people.view import Lens, View
 from toolkit.sensing.camera import level_rotation, rotated_points
 from toolkit.sensing.settings import SensingSettings
@@ -351,3 +352,15 @@ def test_a_door_has_no_shape_by_the_person_who_holds_it(monkeypatch):
     people, furniture, _ = people_and_furniture(view, lens, judge=FakeJudge(1.2))
     assert [place.tolist() for place in people] == [head.tolist()]
     assert [place.tolist() for place in furniture] == [door.tolist()]
+
+
+@pytest.mark.parametrize(("odds", "attached"), [(2.5, True), (1.5, False)])
+def test_an_arm_before_the_chest_is_its_persons_where_the_judge_is_sure_of_it(odds, attached):
+    depth_mm, _ = scene(KINECT, ((-0.5, 2.5),))
+    lens, view = view_of(with_a_post(depth_mm, -0.55, -0.45, -0.1, 0.2, 2.1))
+    arm, body = np.abs(view.depth - 2.1) < 0.02, view.depth > 2.2
+    labels = np.where(body, 1, 0).astype(np.int32)
+    found = attach_limbs(view, lens, labels, 1, FakeJudge(odds))
+    assert (found[body] == 1).all() and (found[arm] == int(attached)).all() and arm.any()
+    assert not labels[arm].any()
+    assert not attach_limbs(view, lens, np.where(body, 2, 0).astype(np.int32), 1, FakeJudge(odds))[arm].any()

@@ -32,7 +32,7 @@ from toolkit.people.sighting import PredictedBody, Sighting
 from toolkit.people.stills import large_enough, people_and_furniture
 from toolkit.people.surroundings import Surroundings, first_look, tolerances
 from toolkit.people.tracks import KnownPerson
-from toolkit.people.unassigned import attach_islands, head_of
+from toolkit.people.unassigned import attach_islands, attach_limbs, head_of
 from toolkit.people.view import Lens, View
 from toolkit.people.visibility import hole_sizes, unobserved_pixels
 from toolkit.sensing.camera import Camera
@@ -282,6 +282,8 @@ class SeveralPeople:
         for k, place in enumerate(furniture, start=len(places) + 1):
             everything[near_head(view, place) & view.foreground & (everything == 0)] = k
         labels = share_out(view, self.lens, everything, [*places, *furniture], bridge=bridge)
+        if not surroundings.known and self._judge is not None:
+            labels = attach_limbs(view, self.lens, labels, len(places), self._judge)
         labels[labels > len(places)] = 0
         if not surroundings.known:
             return labels, []

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 
 from toolkit.kernels.image import components
 from toolkit.people.detection import REACH_STILL, SURFACE_GAP
+from toolkit.people.hypothesis import PersonJudge
 from toolkit.people.stills import LEAST_CUT_OUT, LEAST_HEIGHT
 from toolkit.people.view import Lens, View
 
@@ -15,6 +17,7 @@ LEAST_BODY = 0.12  # m^2 of a person whose head is not seen
 LEAST_ISLAND = 0.003  # m^2 of a piece that is given to a person: half a hand
 LARGEST_ISLAND = 0.15  # m^2: an arm with its hand, or a leg
 ISLAND_GAP = 0.5  # m from such a piece to the person (Baak 2013, 5.4.2)
+LIMB = 2.0  # mean log odds of the pixels of a limb where nothing is known of the room; 24 of 27 such pieces are limbs
 SAMPLES = 200  # pixels of a piece, and of a person, between which the gap is measured
 
 
@@ -41,14 +44,9 @@ def attach_islands(
     labels : the same with islands attached, a new array
     bodies : masks bool (h, w) of the unassigned components that are as large as a person
     """
-    from scipy.spatial import cKDTree
-
     pieces, count, areas = surfaces(view, lens, labels)
     least_body = LEAST_CUT_OUT if cut_out else LEAST_BODY
-    trees = {}
-    for k in np.unique(labels[labels > 0]):
-        points = view.points[labels == k]
-        trees[int(k)] = cKDTree(points[:: max(1, len(points) // SAMPLES)])
+    trees = _trees(view, labels)
     attached, bodies = labels.copy(), []
     for piece in range(1, count + 1):
         if areas[piece] < LEAST_ISLAND:
@@ -62,13 +60,50 @@ def attach_islands(
                 attached[mask] = 1 + int(np.argmin(asides))
             else:
                 bodies.append(mask)
-        elif trees and areas[piece] <= LARGEST_ISLAND:
-            sampled = points[:: max(1, len(points) // SAMPLES)]
-            gaps = {k: float(tree.query(sampled)[0].min()) for k, tree in trees.items()}
-            nearest = min(gaps, key=lambda k: gaps[k])
-            if gaps[nearest] <= ISLAND_GAP:
-                attached[mask] = nearest
+        elif areas[piece] <= LARGEST_ISLAND:
+            attached[mask] = _owner(trees, points)
     return attached, bodies
+
+
+def attach_limbs(view: View, lens: Lens, labels: np.ndarray, people: int, judge: PersonJudge) -> np.ndarray:
+    """Give what the judge takes for limbs to the people near by, where nothing is known of the room.
+
+    An arm before the chest or behind it hangs on no surface of the person.
+
+    Parameters
+    ----------
+    labels : int32 (h, w), 1.. the people and, above their number, furniture; 0 = neither
+
+    Returns
+    -------
+    labels : the same with limbs attached, a new array
+    """
+    pieces, count, areas = surfaces(view, lens, labels)
+    trees = _trees(view, np.where(labels <= people, labels, 0))
+    attached = labels.copy()
+    for piece in range(1, count + 1):
+        if LEAST_ISLAND <= areas[piece] <= LARGEST_ISLAND:
+            mask = pieces == piece
+            owner = _owner(trees, view.points[mask])
+            if owner and judge.log_odds(view.depth, lens.camera, lens.rotation, np.flatnonzero(mask)).mean() > LIMB:
+                attached[mask] = owner
+    return attached
+
+
+def _trees(view: View, labels: np.ndarray) -> dict[int, Any]:
+    """Points of each of the people, to be searched."""
+    from scipy.spatial import cKDTree
+
+    points = {int(k): view.points[labels == k] for k in np.unique(labels[labels > 0])}
+    return {k: cKDTree(own[:: max(1, len(own) // SAMPLES)]) for k, own in points.items()}
+
+
+def _owner(trees: Mapping[int, Any], points: np.ndarray) -> int:
+    """The nearest of the people to a piece (N, 3), 0 if none is near."""
+    sampled = points[:: max(1, len(points) // SAMPLES)]
+    gaps = {k: float(tree.query(sampled)[0].min()) for k, tree in trees.items()}
+    nearest = min(gaps, key=lambda k: gaps[k], default=0)
+    return nearest if nearest and gaps[nearest] <= ISLAND_GAP else 0
 
 
 def _aside(points: np.ndarray, place: np.ndarray) -> float:
