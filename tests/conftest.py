@@ -20,9 +20,10 @@ QUICK = frozenset({
 })  # fmt: skip
 """Modules whose tests answer at once: the heart, with parts made up where they would be slow."""
 LONGEST = (
-    "test_benchmarks", "test_pipeline_batch", "test_stabilising", "test_inertial_road", "test_examples",
-    "test_same_tracks", "test_failing_calls", "test_tracking_particles", "test_kills", "test_demo", "test_fuzzing",
-    "test_regressor", "test_database_builder", "test_bad_input", "test_kernels_cache", "test_main_road",
+    "test_benchmarks", "test_stabilising", "test_same_tracks", "test_inertial_road", "test_examples",
+    "test_pipeline_batch", "test_bad_input", "test_failing_calls", "test_demo", "test_tracking_particles",
+    "test_database_builder", "test_fuzzing", "test_retrieval_model", "test_kills", "test_regressor",
+    "test_kernels_cache", "test_main_road",
 )  # fmt: skip
 """Modules that take longest, the longest first: begun first, so that no worker is left alone with one at the end."""
 os.environ["OPENBLAS_NUM_THREADS"] = "1"  # its threads would spin on the processor of the other worker
