@@ -56,7 +56,7 @@ def contacts_of_soles(placed: np.ndarray, times: np.ndarray, ground: float, know
     for span in spans(known):
         rows, own = placed[span], times[span]
         heights = rows[..., 1].min(axis=2) - ground
-        speeds = sole_speeds(rows, own)
+        speeds = _sole_speeds(rows, own)
         shortest = frames_in(SHORTEST, own)
         for side in range(2):
             enter = (heights[:, side] < LOW) & (speeds[:, side] < SLOW)
@@ -65,7 +65,7 @@ def contacts_of_soles(placed: np.ndarray, times: np.ndarray, ground: float, know
     return found
 
 
-def sole_speeds(placed: np.ndarray, times: np.ndarray) -> np.ndarray:
+def _sole_speeds(placed: np.ndarray, times: np.ndarray) -> np.ndarray:
     """Speed along the ground of the slower one of heel and ball: float64 (T, 2), metres a second."""
     if len(times) < 2:
         return np.zeros(placed.shape[:2])
@@ -108,7 +108,7 @@ def ground_height(placed: np.ndarray, times: np.ndarray, known: np.ndarray) -> f
     heights = []
     for span in spans(known):
         lower = placed[span][..., 1].min(axis=2)
-        slow = sole_speeds(placed[span], times[span]) < SLOW
+        slow = _sole_speeds(placed[span], times[span]) < SLOW
         heights.append(lower[slow])
     resting = np.concatenate(heights) if heights else np.zeros(0)
     if not len(resting):

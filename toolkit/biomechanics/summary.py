@@ -48,12 +48,12 @@ def summary_of(person: Person) -> Summary:
     return Summary(
         walk_of(person.body, track.pose, track.timestamps, known),
         rises_of(person.body, track.pose, track.timestamps, known),
-        ranges_of(angles),
+        _ranges_of(angles),
         angles,
     )
 
 
-def ranges_of(angles: Angles) -> tuple[AngleRanges, ...]:
+def _ranges_of(angles: Angles) -> tuple[AngleRanges, ...]:
     """Ranges of the angles that both sides have; NaN of a person who is never there."""
     found = []
     for joint, motion in PAIRED:

@@ -35,13 +35,13 @@ def write_check(check: RunCheck, folder: str | Path) -> list[Path]:
     ]
     save_text(paths[1], csv_of(("limb", "start", "end", "peak", "mean", "kind"), errors))
     save_json(paths[2], _as_json(check))
-    drawn = png_of(plot_check(check))
+    drawn = png_of(_plot_check(check))
     save_bytes(paths[3], drawn)
     save_text(paths[4], _page(check, drawn))
     return paths
 
 
-def plot_check(check: RunCheck) -> Figure:
+def _plot_check(check: RunCheck) -> Figure:
     """Distance curves with their threshold, found errors in red and known ones in black; P, R, F where known."""
     from matplotlib.figure import Figure
 

@@ -88,9 +88,9 @@ class ArmPoses:
     def __init__(self, poses: np.ndarray, body: Body, count: int) -> None:
         self._angles: dict[str, np.ndarray] = {}
         for side in SIDES:
-            chain, entries = chain_of(side, body), entries_of(side)
+            chain, entries = _chain_of(side, body), entries_of(side)
             angles = np.ascontiguousarray(poses[:, entries], dtype=np.float64)
-            self._angles[side] = angles[spread_rows(placed_balls(angles, chain).reshape(len(angles), -1), count)]
+            self._angles[side] = angles[spread_rows(_placed_balls(angles, chain).reshape(len(angles), -1), count)]
         self.of = lru_cache(maxsize=4)(self._of)
 
     def _of(self, body: Body) -> tuple[Arm, ...]:
@@ -110,8 +110,8 @@ class Arm:
 
     def __init__(self, side: str, body: Body, angles: np.ndarray) -> None:
         self.entries, self.angles = entries_of(side), angles
-        self.chain = chain_of(side, body)
-        self._balls = placed_balls(angles, self.chain)
+        self.chain = _chain_of(side, body)
+        self._balls = _placed_balls(angles, self.chain)
         self._carrier = joints_of(side)[0]
         self._of_vertex = np.isin(body.part, joints_of(side)[1:])
 
@@ -177,7 +177,7 @@ def entries_of(side: str) -> np.ndarray:
     return 3 + np.flatnonzero(np.isin(skeleton.DOF_JOINT, joints_of(side)[1:]))
 
 
-def chain_of(side: str, body: Body) -> kernel.Chain:
+def _chain_of(side: str, body: Body) -> kernel.Chain:
     """The arm of a body as a chain of balls."""
     own, entries, balls = joints_of(side), entries_of(side), balls_of(body)
     mine = np.isin(balls.joint, own[1:])
@@ -194,7 +194,7 @@ def chain_of(side: str, body: Body) -> kernel.Chain:
     )
 
 
-def placed_balls(angles: np.ndarray, chain: kernel.Chain) -> np.ndarray:
+def _placed_balls(angles: np.ndarray, chain: kernel.Chain) -> np.ndarray:
     """Balls (C, B, 3) of the arms `angles` (C, D)."""
     balls = np.empty((len(angles), len(chain.radii), 3))
     kernel.place_balls(angles, chain, balls)

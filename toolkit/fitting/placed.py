@@ -52,7 +52,7 @@ def choose_vertices(body: Body) -> np.ndarray:
     return np.array(sorted(chosen), dtype=np.int64)
 
 
-def chosen_around_joints(body: Body, chosen: np.ndarray) -> np.ndarray:
+def _chosen_around_joints(body: Body, chosen: np.ndarray) -> np.ndarray:
     """Weights (20, C) that average over the chosen vertices nearest to each reported joint in the rest pose."""
     joints = body.joint_positions(np.zeros(skeleton.POSE_SIZE))
     distances = np.linalg.norm(joints[:, None] - body.vertices[chosen][None], axis=2)
@@ -88,7 +88,7 @@ class Placer:
     ----------
     chosen : int64 (C,), see `choose_vertices`
     front : bool (C,), which of them face forward in the rest pose
-    around_joints : float64 (20, C), see `chosen_around_joints`
+    around_joints : float64 (20, C), see `_chosen_around_joints`
     """
 
     def __init__(self, body: Body, camera: Camera, level_rotation: np.ndarray) -> None:
@@ -98,7 +98,7 @@ class Placer:
         self.faces = np.ascontiguousarray(body.faces, np.int64)
         self.chosen = choose_vertices(body)
         self.front = np.asarray(body.normals[self.chosen, 2] > 0.0)
-        self.around_joints = chosen_around_joints(body, self.chosen)
+        self.around_joints = _chosen_around_joints(body, self.chosen)
 
     def place(self, body: Body, pose: np.ndarray, normals: np.ndarray | None = None) -> PlacedBody:
         """`body` in `pose` (P,), level frame.

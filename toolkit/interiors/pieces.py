@@ -332,7 +332,7 @@ def hooks(rng: np.random.Generator) -> Piece:
     return piece
 
 
-def bin_(rng: np.random.Generator) -> Piece:
+def _bin(rng: np.random.Generator) -> Piece:
     """A waste bin, a bucket or a drum."""
     radius, high = rng.uniform(0.12, 0.25), rng.uniform(0.3, 0.85)
     return [Part(turned_profile((0.8 * radius, radius), (0.0, high), 10), _surface(rng))]
@@ -370,7 +370,7 @@ def column(rng: np.random.Generator) -> Piece:
 PIECES: dict[str, Maker] = {
     "chair": chair, "office_chair": office_chair, "stool": stool, "table": table, "desk": desk, "shelf": shelf,
     "sofa": sofa, "floor_lamp": floor_lamp, "plant": plant, "coat_stand": coat_stand, "curtain": curtain,
-    "window": window, "door": door, "board": board, "hooks": hooks, "bin": bin_, "boxes": boxes, "bag": bag,
+    "window": window, "door": door, "board": board, "hooks": hooks, "bin": _bin, "boxes": boxes, "bag": bag,
     "partition": partition, "column": column,
 }  # fmt: skip
 """All kinds of furniture by name."""

@@ -45,12 +45,12 @@ def scan_recordings(
     views = []
     for path, yaw in zip(paths, degrees, strict=True):
         recording = open_recording(path)
-        cloud = standing_still(recording, sensing or SensingSettings())
+        cloud = _standing_still(recording, sensing or SensingSettings())
         views.append(ScanView(cloud, float(np.deg2rad((yaw + 180.0) % 360.0 - 180.0))))
     return fit_scan(views)
 
 
-def standing_still(recording: Recording, sensing: SensingSettings) -> Cloud:
+def _standing_still(recording: Recording, sensing: SensingSettings) -> Cloud:
     """The cloud of the median of the first frames, level frame."""
     finder = find_person(recording, sensing)
     stream = islice(recording.stream(), FRAMES)

@@ -95,17 +95,17 @@ def _moved(point: np.ndarray, r: np.ndarray, d: np.ndarray, out: np.ndarray) -> 
     out[2] = point[2] + 2.0 * (x * cy - y * cx) + 2.0 * (w * d[3] - d[0] * z + x * d[2] - y * d[1])
 
 
-def linear_skinning(body: Body, pose: np.ndarray) -> np.ndarray:
+def _linear_skinning(body: Body, pose: np.ndarray) -> np.ndarray:
     """Mesh (V, 3) of a pose (P,) by linear blending, as trackers have it."""
     return body.vertex_positions(pose)
 
 
-def dual_skinning(body: Body, pose: np.ndarray) -> np.ndarray:
+def _dual_skinning(body: Body, pose: np.ndarray) -> np.ndarray:
     """Mesh (V, 3) of a pose (P,) by dual quaternions (Kavan 2008; Qammaz, 3.1)."""
     placed, out = body.place(pose), np.empty_like(body.vertices)
     skin_dual(body.vertices, body.skin_joints, body.skin_weights, body.joints, placed.rotations, placed.origins, out)
     return out
 
 
-SKINNINGS: dict[str, Callable[[Body, np.ndarray], np.ndarray]] = {"linear": linear_skinning, "dual": dual_skinning}
+SKINNINGS: dict[str, Callable[[Body, np.ndarray], np.ndarray]] = {"linear": _linear_skinning, "dual": _dual_skinning}
 """By the names of `simulate --skinning`."""

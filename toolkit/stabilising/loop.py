@@ -206,7 +206,7 @@ def _round(
     guide = GapGuide(ways, whole_priors(told, bad), track.timestamps, marked)
     again = retrack(source, track.pose, ways, _around(bad, WIDENED), guide, progress)
     paths = [choose(*of_gap) for of_gap in zip(ways, again.distances, again.angles, strict=True)]
-    fresh = _exchanged(source, track, ways, again, paths, choose_rows(track, again))
+    fresh = _exchanged(source, track, ways, again, paths, _choose_rows(track, again))
     moved = linear.lengths((fresh.joints - track.joints).reshape(-1, 3).astype(np.float64)).reshape(len(track), -1)
     filled = tuple(_filled(*of_gap, moved) for of_gap in zip(ways, paths, again.angles, again.distances, strict=True))
     before, after = _explained(track, again, filled)
@@ -234,7 +234,7 @@ def choose(way: GapWays, distances: np.ndarray, angles: np.ndarray) -> np.ndarra
     return cheapest_path(costs, np.nan_to_num(angles))
 
 
-def choose_rows(track: Track, again: Retracked) -> np.ndarray:
+def _choose_rows(track: Track, again: Retracked) -> np.ndarray:
     """Bool (T,): frames of which the whole pose is taken from tracking again: nearer to the frame, and in one go."""
     taken = np.zeros(len(track), dtype=np.bool_)
     angles = np.stack([track.pose, np.array([row.pose for row in again.rows])])[:, :, ANGLES]

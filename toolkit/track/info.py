@@ -140,7 +140,7 @@ class RunInfo:
 def _check(info: RunInfo, path: Path) -> None:
     """Raise TrackError for what is no rotation, another body, a later version or a setting that there is not."""
     turn = np.array(info.level_rotation, dtype=np.float64)
-    if len(turn) != 9 or not is_rotation(turn.reshape(3, 3)):
+    if len(turn) != 9 or not _is_rotation(turn.reshape(3, 3)):
         raise TrackError(f"level_rotation in {path} is no rotation; {AGAIN}")
     release, own = _release(info.version), version("depthmocap")
     if release is None or release > (_release(own) or ()):
@@ -161,7 +161,7 @@ def _check(info: RunInfo, path: Path) -> None:
         raise TrackError(f"the reader options in {path} cannot be used: {error}; {AGAIN}") from error
 
 
-def is_rotation(matrix: np.ndarray) -> bool:
+def _is_rotation(matrix: np.ndarray) -> bool:
     """Whether float64 (3, 3) turns and does nothing else."""
     return bool(np.abs(matrix @ matrix.T - np.eye(3)).max() <= 1e-6 and np.linalg.det(matrix) > 0)
 

@@ -160,7 +160,7 @@ class Annotator:
         frames = dtw.widen_runs(decided, distances, self.settings.visible)  # as long as distances do not rise (5.2)
         return Annotation(
             features.name, self.labels, features.frame_rate, distances, decided, frames,
-            tuple(segments_of(frames, distances, self.labels, features.frame_rate)),
+            tuple(_segments_of(frames, distances, self.labels, features.frame_rate)),
             tuple(c.label for c in self.classes if len(features) < c.template.shortest),
             tuple(motion_class.threshold for motion_class in self.classes),
         )  # fmt: skip
@@ -184,7 +184,7 @@ def decide(distances: np.ndarray) -> np.ndarray:
     return np.where(np.isfinite(distances).any(axis=0), distances.argmin(axis=0), -1)
 
 
-def segments_of(frames: np.ndarray, distances: np.ndarray, labels: Sequence[str], frame_rate: float) -> list[Segment]:
+def _segments_of(frames: np.ndarray, distances: np.ndarray, labels: Sequence[str], frame_rate: float) -> list[Segment]:
     """Runs of equal label as segments, sorted by start; the score is 1 minus the smallest distance within."""
     found = []
     for row, label in enumerate(labels):

@@ -74,7 +74,7 @@ def write_report(
     return scores
 
 
-def missed_segments(truth: Sequence[Segment], found: Sequence[Segment]) -> list[Segment]:
+def _missed_segments(truth: Sequence[Segment], found: Sequence[Segment]) -> list[Segment]:
     """True segments that no found one of their label overlaps."""
     return [segment for segment in truth if not segment_scores([segment], found).right_true]
 
@@ -134,7 +134,7 @@ def plot_annotation(annotation: Annotation, truth: Sequence[Segment] | None) -> 
     figure.colorbar(image, ax=above, label=annotation.measure)
     truths = " and true (black; orange: missed)" if truth is not None else ""
     below.set_title(f"annotation: found (red){truths}", fontsize=10)
-    missed = missed_segments(truth or (), annotation.segments)
+    missed = _missed_segments(truth or (), annotation.segments)
     for row, label in enumerate(annotation.labels):
         _bars(below, annotation.segments, label, row - 0.2, "tab:red")
         _bars(below, truth or (), label, row + 0.2, "black")
@@ -186,7 +186,7 @@ def _page(annotation: Annotation, truth: Sequence[Segment] | None, scores: dict[
         ))  # fmt: skip
     parts.append(picture(drawn, "distance functions and segments over time"))
     parts.append(table(("from (s)", "to (s)", "motion", "score"), [_row(s, truth) for s in annotation.segments]))
-    missed = missed_segments(truth or (), annotation.segments)
+    missed = _missed_segments(truth or (), annotation.segments)
     if missed:
         rows = [(f"{s.start:.2f}", f"{s.end:.2f}", escape(s.label)) for s in missed]
         parts.append(table(("missed from (s)", "to (s)", "motion"), rows))

@@ -90,7 +90,7 @@ def find(index: KeyframeIndex, query: KeyframeQuery) -> HitRanges:
     """
     minimum = np.array([least for least, _ in query.bounds], np.int64)
     maximum = np.array([UNBOUNDED if greatest is None else greatest for _, greatest in query.bounds], np.int64)
-    lists = keyframe_lists(index, query.keyframes, minimum, maximum)
+    lists = _keyframe_lists(index, query.keyframes, minimum, maximum)
     offsets = np.cumsum([0, *(len(starts) for starts, _, _ in lists)])
     starts, ends = (np.concatenate([part[i] for part in lists]) for i in (0, 1))
     ranges = keyframe_search(starts, ends, offsets, minimum, maximum, index.document_starts)
@@ -99,7 +99,7 @@ def find(index: KeyframeIndex, query: KeyframeQuery) -> HitRanges:
     return HitRanges(documents, ranges[:, 0] - first, ranges[:, 1] + 1 - first, sum(count for _, _, count in lists))
 
 
-def keyframe_lists(
+def _keyframe_lists(
     index: KeyframeIndex, keyframes: Sequence[Keyframe], minimum: np.ndarray, maximum: np.ndarray
 ) -> list[tuple[np.ndarray, np.ndarray, int]]:
     """Inverted keyframe lists without frames that cannot be part of a hit.
