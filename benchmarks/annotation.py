@@ -25,6 +25,7 @@ from typing import Any
 
 import numpy as np
 
+from benchmarks._events import told_events
 from benchmarks._keyframe_corpus import (
     ACTORS,
     Example,
@@ -46,18 +47,15 @@ from toolkit.retrieval.annotation.annotator import (
 from toolkit.retrieval.annotation.classes import learn_classes
 from toolkit.retrieval.annotation.documents import assemble, shuffled_parts
 from toolkit.retrieval.annotation.measures import Scores, Segment, frame_scores, label_frames, segment_scores
-from toolkit.retrieval.annotation.online import HOLD, Event, OnlineAnnotator
-from toolkit.retrieval.annotation.preselection import preselect, preselect_in
+from toolkit.retrieval.annotation.preselection import preselect
 from toolkit.retrieval.annotation.report import plot_annotation
-from toolkit.retrieval.features.motion import Motion, from_poses
+from toolkit.retrieval.features.motion import Motion
 from toolkit.retrieval.features.relational import FEATURE_RATE, FeatureMatrix, relational_features
 from toolkit.retrieval.index.keyframe_index import KeyframeIndex
 from toolkit.retrieval.keyframes.query import KeyframeQuery
 from toolkit.retrieval.keyframes.query_file import load_queries, save_queries
 from toolkit.retrieval.learning.genetic import GeneticSettings
 from toolkit.retrieval.learning.queries import LearningSettings
-from toolkit.retrieval.workflow.learn import learn_templates
-from toolkit.testing.labelled import SEQUENCES, class_clips, perform
 
 CLIPS_PER_DOCUMENT = 12
 HOLDS_A_CLASS = ("02_03", "02_04", "02_06", "10_04", "49_02", *(f"49_{n:02d}" for n in range(3, 13)))
@@ -366,55 +364,6 @@ def thesis(parser: argparse.ArgumentParser) -> None:
     settings = {name: value for name, value in vars(options).items() if name not in ("data", "queries")}
     settings["queries"] = "learned in this run" if options.queries is None else "kept from an earlier run"
     print(save_figures("annotation", figures, settings))
-
-
-def told_events(parser: argparse.ArgumentParser) -> None:
-    """Learn, tell, compare, print, write JSON."""
-    parser.add_argument("--split", choices=("tune", "report"), default="tune", help="report is not for tuning")
-    parser.add_argument("--threshold", type=float, default=0.06)
-    parser.add_argument("--queries", type=Path, help="keyframes of `depthmocap learn`, for both")
-    options = parser.parse_args()
-    queries = load_queries(options.queries) if options.queries else ()
-    learned = learn_templates(class_clips(options.split))
-    classes = [replace(c, threshold=options.threshold) for c in learned]
-    whole = live = Scores(0, 0, 0, 0)
-    delays: list[float] = []
-    spent, frames = 0.0, 0
-    for sequence in SEQUENCES:
-        done = perform(sequence, options.split, filler=True)
-        clip = done.clip
-        features = relational_features(from_poses(clip.poses, done.body, clip.frame_rate, clip.name))
-        intervals = preselect_in([features], queries, tuple(c.label for c in classes))[0] if queries else None
-        whole += segment_scores(done.segments, Annotator(classes).annotate(features, intervals).segments)
-        annotator = OnlineAnnotator(classes, done.body, clip.frame_rate, queries)
-        start, events = time.process_time(), list[Event]()
-        for pose, moment in zip(clip.poses, clip.timestamps, strict=True):
-            events += annotator.push(pose, float(moment))
-        spent, frames = spent + time.process_time() - start, frames + len(clip)
-        events += annotator.finish()
-        found = [Segment(e.start, e.end, e.label) for e in events]
-        live += segment_scores(done.segments, found)
-        delays += [_delay(event, done.segments) for event in events]
-    known = np.array([delay for delay in delays if np.isfinite(delay)])
-    figures: dict[str, Any] = {
-        "F segments, whole": whole.f,
-        "F segments, live": live.f,
-        "precision and recall, live": [live.precision, live.recall],
-        "delay s, median": float(np.median(known)) if len(known) else None,
-        "delay s, 90 %": float(np.quantile(known, 0.9)) if len(known) else None,
-        "ms of processor per frame": 1000 * spent / frames,
-        "frames": frames,
-    }
-    for name, value in figures.items():
-        print(name, value)
-    name = "_".join(["events", *["tune"] * (options.split == "tune"), *["keyframes"] * bool(queries)])
-    print("written:", save_figures(name, figures, {"threshold": options.threshold, "hold": HOLD}))
-
-
-def _delay(event: Event, truth: tuple[Segment, ...]) -> float:
-    """Seconds from the end of the true motion that an event tells of to the event; NaN for one that tells of none."""
-    own = [s for s in truth if s.label == event.label and s.start < event.end and event.start < s.end]
-    return event.time - own[-1].end if own else float("nan")
 
 
 def main() -> None:
