@@ -84,7 +84,8 @@ def test_the_benchmark_scores_everybody_and_draws_the_worst(
     build_database(
         procedural_clips(["wave"], variations=1), database, Sampling(0.05, seated=False), parts=parts, workers=1
     )
-    arguments = ["--groups", "behind,several,empty", "--takes", 1, "--frames", 3, "--set", "shape.seconds=0"]
+    quick = ["--set", "shape.seconds=0", "--set", "sizes=[0.4]"]
+    arguments = ["--groups", "behind,several,empty", "--takes", 1, "--frames", 3, *quick]
     monkeypatch.setattr(
         sys, "argv", ["bench", *map(str, arguments), "--database", str(database), "--work", str(bundled)]
     )
