@@ -147,7 +147,16 @@ def take(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def tracker(bundled_database: Path) -> HybridTracker:
-    return HybridTracker(PoseDatabase.load(bundled_database), HybridSettings(hypotheses=("local", "extrema", "arms")))
+    settings = HybridSettings(hypotheses=("local", "extrema", "arms"), sizes=(-0.6, 0.4))
+    return HybridTracker(PoseDatabase.load(bundled_database), settings)
+
+
+@pytest.fixture(scope="module")
+def whole(take: Path, tracker: HybridTracker, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The run that nothing interrupts."""
+    run = tmp_path_factory.mktemp("whole") / "run"
+    track_recording(open_recording(take), tracker, run, warm_up=False)
+    return run
 
 
 def followed(
@@ -285,10 +294,8 @@ def test_a_frame_that_is_looked_at_afresh_repairs_a_way_that_went_wrong(
 
 @pytest.mark.parametrize("killed_after", [3, 30])
 def test_a_run_killed_in_its_second_pass_goes_on_to_the_same_track(
-    killed_after: int, take: Path, tracker: HybridTracker, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    killed_after: int, take: Path, tracker: HybridTracker, whole: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    track_recording(open_recording(take), tracker, tmp_path / "whole", warm_up=False)
-    whole = Track.load(tmp_path / "whole")
     monkeypatch.setattr(second, "MEMORY_SECONDS", 0.0)
     run, steps = tmp_path / "run", BothWays.step_at
 
@@ -305,11 +312,11 @@ def test_a_run_killed_in_its_second_pass_goes_on_to_the_same_track(
     (run / ".lock").unlink(missing_ok=True)
     monkeypatch.setattr(BothWays, "step_at", steps)
     summary = track_recording(open_recording(take), tracker, run, resume=True, warm_up=False)
-    resumed = Track.load(run)
+    resumed, expected = Track.load(run), Track.load(whole)
     assert not summary.interrupted and not (run / second.FOLDER).exists()
     for name in ("pose", "joints", "confidence", "state", "source", "observed"):
-        np.testing.assert_array_equal(getattr(resumed, name), getattr(whole, name))
-    assert RunInfo.load(run).shape == RunInfo.load(tmp_path / "whole").shape
+        np.testing.assert_array_equal(getattr(resumed, name), getattr(expected, name))
+    assert RunInfo.load(run).shape == RunInfo.load(whole).shape
 
 
 def test_both_passes_are_in_the_time_of_a_frame_and_one_pass_is_the_stream(
@@ -317,8 +324,7 @@ def test_both_passes_are_in_the_time_of_a_frame_and_one_pass_is_the_stream(
 ) -> None:
     ticks = count()  # a clock that each look moves on by a second: the test holds on a machine of any load
     monkeypatch.setattr(clock, "perf_counter", lambda: float(next(ticks)))
-    settings = HybridSettings(hypotheses=tracker.settings.hypotheses, passes=1)
-    once = HybridTracker(PoseDatabase.load(bundled_database), settings)
+    once = HybridTracker(PoseDatabase.load(bundled_database), replace(tracker.settings, passes=1))
     track_recording(open_recording(take), once, tmp_path / "once", warm_up=False)
     track_recording(open_recording(take), tracker, tmp_path / "twice", warm_up=False)
     spent = [float(np.median(Track.load(tmp_path / run).stage_ms.sum(axis=1))) for run in ("once", "twice")]
