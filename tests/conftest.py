@@ -21,7 +21,7 @@ QUICK = frozenset({
 """Modules whose tests answer at once: the heart, with parts made up where they would be slow."""
 LONGEST = (
     "test_benchmarks", "test_stabilising", "test_same_tracks", "test_inertial_road", "test_examples",
-    "test_tracking_hybrid", "test_tracking_passes", "test_pipeline_batch", "test_tour", "test_bad_input",
+    "test_tracking_hybrid", "test_tracking_passes", "test_pipeline_batch", "test_tour", "test_people", "test_bad_input",
     "test_failing_calls", "test_demo", "test_tracking_particles", "test_database_builder", "test_sensing_cleaning",
     "test_retrieval_search_files", "test_fuzzing", "test_scenes", "test_kills", "test_regressor",
     "test_kernels_cache", "test_main_road",
