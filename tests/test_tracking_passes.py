@@ -25,6 +25,7 @@ from toolkit.pipeline import second, track_recording
 from toolkit.recordings.opening import open_recording
 from toolkit.recordings.writer import save_recording
 from toolkit.sensing.camera import level_rotation
+from toolkit.sensing.cloud import Cloud
 from toolkit.simulation.simulate import simulate_recording
 from toolkit.testing.misled import misled, wrong_pose
 from toolkit.track import EMPTY, TRACKED, FrameResult, RunInfo, Track
@@ -91,10 +92,22 @@ def test_adults_are_likely_and_children_need_evidence() -> None:
 
 def test_the_top_of_a_head_is_the_highest_point_above_its_middle_but_for_noise() -> None:
     column = np.column_stack([np.full(20, 0.1), np.linspace(0.0, 0.19, 20), np.full(20, -2.0)])
-    noise = np.array([[0.1, 5.0, -2.0]])
-    hand = column + (0.4, 0.6, 0.0)
-    assert head_top(np.concatenate([column, noise, hand]), np.array([0.0, 0.1, -2.0])) == pytest.approx(0.16)
-    assert np.isnan(head_top(column, np.array([0.0, 0.1, -2.3]))), "nothing is measured there"
+    points = np.concatenate([column, [[0.1, 5.0, -2.0]], column + (0.4, 0.6, 0.0)])  # noise, and a hand
+    pixels = np.full(len(points), 70 * TOF.width + 80, dtype=np.int32)
+    none = np.zeros(0)
+    cloud = Cloud(points.astype(np.float32), pixels, none, TOF, np.eye(3), none)
+    assert head_top(cloud, np.array([0.0, 0.1, -2.0])) == pytest.approx(0.16)
+    assert np.isnan(head_top(cloud, np.array([0.0, 0.1, -2.3]))), "nothing is measured there"
+
+
+def test_a_head_that_the_image_cuts_off_has_no_top() -> None:
+    depth = np.zeros(TOF.shape, np.float32)
+    depth[4:60, 80:95] = 2.0
+    whole = Cloud.from_depth(depth, TOF, np.diag([1.0, -1.0, -1.0]))
+    head = whole.points[whole.index[10, 87]].astype(np.float64)
+    assert head_top(whole, head) == pytest.approx((71.5 - 4) / 220 * 2.0, abs=0.02)
+    depth[:4, 80:95] = 2.0
+    assert np.isnan(head_top(Cloud.from_depth(depth, TOF, whole.rotation), head))
 
 
 def test_somebody_stood_as_high_as_their_head_was_where_they_did_not_bend() -> None:

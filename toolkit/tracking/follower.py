@@ -120,7 +120,7 @@ class Follower(FollowedPerson):
         if votes is None:
             return len(cloud) / cloud.depth.size, voted_facing(None), math.nan
         joints = float((votes.reliability * votes.in_view).sum())
-        return joints, voted_facing(votes), head_top(cloud.points, votes.points[HEAD])
+        return joints, voted_facing(votes), head_top(cloud, votes.points[HEAD])
 
     @property
     def distance(self) -> float:

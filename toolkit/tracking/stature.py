@@ -12,6 +12,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from toolkit.body.body import Body
+from toolkit.landmarks.cuts import CUT_PIXELS
+from toolkit.sensing.cloud import Cloud
 
 ADULTS, SPREAD, TAILS = 1.70, 0.09, 2.0
 """Metres: middle and spread of adults' statures; degrees of freedom of their Student's t, whose heavy tails hold
@@ -32,6 +34,8 @@ STANDING = 0.75
 UPRIGHT = 0.15
 """Metres by which a likely stature may differ from the height of the head: nearer, the person stood, and it is the
 stature; farther, they sat, or something hid the head."""
+BENT = 0.04
+"""Metres by which a person who walks may be taller than the head is high: the knees are bent."""
 
 
 def unlikely(stature: float) -> float:
@@ -54,13 +58,18 @@ def too_small(stature: float, stood: float) -> float:
     return NAT * min(0.5 * (max(stood - stature, 0.0) / FLOOR_SIGMA) ** 2, FLOOR_CAP)
 
 
-def head_top(points: np.ndarray, head: np.ndarray) -> float:
-    """Y of the top of a head whose middle is expected at `head` (3,), of measured `points` (N, 3): metres, level frame;
-    NaN where nothing is measured there.
+def head_top(cloud: Cloud, head: np.ndarray) -> float:
+    """Y of the top of a head whose middle is expected at `head` (3,): metres, level frame; NaN where nothing is
+    measured there, or the image's border cuts the head off.
     """
-    away = points[:, [0, 2]] - head[[0, 2]]
-    heights = points[(away**2).sum(axis=1) < HEAD_REACH**2, 1]
-    return float(np.sort(heights)[-HIGHEST]) if len(heights) >= HIGHEST else math.nan
+    away = cloud.points[:, [0, 2]] - head[[0, 2]]
+    near = np.flatnonzero((away**2).sum(axis=1) < HEAD_REACH**2)
+    highest = near[np.argsort(cloud.points[near, 1], kind="stable")[-HIGHEST:]]
+    (height, width), (rows, columns) = cloud.camera.shape, np.divmod(cloud.pixels[highest], cloud.camera.width)
+    to_border = np.minimum(np.minimum(rows, height - 1 - rows), np.minimum(columns, width - 1 - columns))
+    if len(highest) < HIGHEST or to_border.min() < CUT_PIXELS:
+        return math.nan
+    return float(cloud.points[highest[0], 1])
 
 
 def height_stood(tops: np.ndarray, floor: float | None) -> float:
@@ -73,10 +82,10 @@ def height_stood(tops: np.ndarray, floor: float | None) -> float:
 
 
 def statures_of(stood: float, likely: float) -> tuple[float, float]:
-    """Between which statures somebody is whose head was so high, and who is `likely` to be so tall, metres: who walks
-    bends the knees, and who sits may have any stature.
+    """Least and largest stature, metres, of a person whose head `stood` so high and who is `likely` to be so tall; a
+    person who sits may have any.
     """
-    return (stood, stood + FLOOR_SIGMA) if abs(likely - stood) < UPRIGHT else (0.0, math.inf)
+    return (stood, stood + BENT) if abs(likely - stood) < UPRIGHT else (0.0, math.inf)
 
 
 @dataclass(frozen=True)
