@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
+from filelock import FileLock
 
 from toolkit import skeleton
 from toolkit.biomechanics.contact import foot_contacts
@@ -87,10 +88,12 @@ def tracked_run(recording: Path, run: Path, database: Path) -> Person:
 def tracked_shot(performer: SimulatedPerson, shot: Shot, run: Path, database: Path) -> Tracked:
     """A person who is simulated, to the file `<run>.npz`, and tracked, both if they are not there yet."""
     recording = run.with_name(f"{run.name}.npz")
-    if not recording.exists():
-        run.parent.mkdir(parents=True, exist_ok=True)
-        simulate_scene([performer], recording, shot)
-    person, simulation = tracked_run(recording, run, database), prepare([performer], shot)
+    run.parent.mkdir(parents=True, exist_ok=True)
+    with FileLock(run.with_name(f"{run.name}.lock")):  # benchmarks of the same takes run beside each other
+        if not recording.exists():
+            simulate_scene([performer], recording, shot)
+        person = tracked_run(recording, run, database)
+    simulation = prepare([performer], shot)
     true = simulation.performers[0]
     turn = level_rotation(simulation.view.up_camera)
     poses = true.poses.copy()

@@ -23,6 +23,8 @@ from toolkit.testing.suite import ROOT, WORK
 
 PACKAGED = "toolkit/database/assets/default.npz"
 """What users have; no actor of the motions that are tracked with it is in it."""
+TIMED = ("speed", "lookup")
+"""Benchmarks of times per frame."""
 PUBLISHED = "baak2013,baak2013 delete,baak2013 local,baak2013 lookup"
 COMMANDS: dict[str, str] = {
     "speed": "speed hybrid {database}",
@@ -124,7 +126,7 @@ def main() -> None:
         return
     database = poses_of(options) if due else None
     typed = {name: shlex.split(command.format(database=database, data=options.data)) for name, command in due.items()}
-    timed = {name: words for name, words in typed.items() if words[0] == "speed"}
+    timed = {name: words for name, words in typed.items() if words[0] in TIMED}
     failed = [name for name, words in timed.items() if not measured(name, words)]
     rest = {name: words for name, words in typed.items() if name not in timed}
     with ThreadPoolExecutor(os.cpu_count()) as pool:

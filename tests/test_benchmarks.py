@@ -4,15 +4,18 @@ from __future__ import annotations
 
 import json
 import sys
+import time
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
-from typing import cast
+from typing import Any, cast
 
 import numpy as np
 import pytest
 
 from benchmarks import (
+    _movement,
     _qammaz_tables,
     _record,
     _speed_wings,
@@ -31,6 +34,7 @@ from benchmarks import (
 from benchmarks._rows import WatchedTracker, swarm_settings
 from database_builder.build import Sampling, build_database
 from database_builder.regressor import RegressorSettings
+from toolkit import skeleton
 from toolkit.body.shape import load_body
 from toolkit.database.database import PoseDatabase
 from toolkit.mocap.procedural import procedural_clips
@@ -105,6 +109,29 @@ def test_the_database_is_made_of_other_actors(shared_data: Path) -> None:
 def test_every_motion_of_the_suite_exists(shared_data: Path) -> None:
     for take in takes("tune") + takes("report"):
         assert len(suite.motion_files(take.actor.motion)) == 1, take.name
+
+
+def test_takes_that_two_benchmarks_need_at_once_are_made_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    made: list[Path] = []
+
+    def simulated(people: object, recording: Path, shot: object) -> None:
+        time.sleep(0.05)
+        made.append(recording)
+        recording.touch()
+
+    poses = np.zeros((1, skeleton.POSE_SIZE))
+    view = SimpleNamespace(up_camera=np.array([0.0, -1.0, 0.0]), to_camera=lambda points: points)
+    simulation = SimpleNamespace(performers=[SimpleNamespace(poses=poses, body=None)], view=view)
+    monkeypatch.setattr(_movement, "simulate_scene", simulated)
+    monkeypatch.setattr(_movement, "tracked_run", lambda recording, run, database: recording.exists())
+    monkeypatch.setattr(_movement, "prepare", lambda people, shot: simulation)
+
+    def taken(_: int) -> _movement.Tracked:
+        return _movement.tracked_shot(cast(Any, None), cast(Any, None), tmp_path / "walk", tmp_path)
+
+    with ThreadPoolExecutor(2) as pool:
+        assert all(found.person for found in pool.map(taken, range(2)))
+    assert made == [tmp_path / "walk.npz"]
 
 
 def test_a_turning_subject_turns_by_the_angle_that_the_take_says(bundled: Path) -> None:
