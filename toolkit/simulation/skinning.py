@@ -108,4 +108,4 @@ def _dual_skinning(body: Body, pose: np.ndarray) -> np.ndarray:
 
 
 SKINNINGS: dict[str, Callable[[Body, np.ndarray], np.ndarray]] = {"linear": _linear_skinning, "dual": _dual_skinning}
-"""By the names of `simulate --skinning`."""
+"""By the names of `Shot.skinning`."""
