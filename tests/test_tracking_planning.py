@@ -78,6 +78,7 @@ class FakeFollower:
 
     def step(self, sighting: Sighting, timestamp: float, clock: object) -> FrameResult:
         assert self.state.sized and self.state.body is BODY
+        assert self.state.timestamp is None, "a look afresh knows of no other frame"
         self.stepped.append(round(timestamp * 20))
         self.state = replace(self.state, timestamp=timestamp)
         hypothesis = SimpleNamespace(pose=np.zeros(skeleton.POSE_SIZE), continues=False)
@@ -170,3 +171,12 @@ def test_followers_are_told_where_the_person_walks_and_faces_in_the_frame_that_t
     faced = directions_faced(np.arange(0, 60, 5) / 20, np.tile([1.0, 0.0], (12, 1)), TIMES)
     np.testing.assert_allclose(planner.plan.heading, heading(walked, faced))
     assert follower.heading == pytest.approx(planner.plan.heading[seen.asked[-1]])
+
+
+def test_a_frame_is_looked_at_afresh_though_it_has_become_known_since_where_the_person_heads() -> None:
+    planner, follower, _ = planned(np.arange(0, 60), np.ones(400), np.ones(400))
+    looked = len(follower.stepped)
+    assert follower.state.timestamp is not None
+    for _ in planner.run():
+        pass
+    assert len(follower.stepped) == 2 * looked

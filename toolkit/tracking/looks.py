@@ -47,7 +47,7 @@ class Looker:
 
     Attributes
     ----------
-    follower : as above
+    follower, heading : as above; more may be known of the latter later
     """
 
     def __init__(
@@ -59,12 +59,12 @@ class Looker:
         heading: np.ndarray,
     ) -> None:
         self.follower, self._unknown = follower, follower.state
-        self._seen, self._timestamps, self._stages, self._heading = seen, timestamps, stages, heading
+        self._seen, self._timestamps, self._stages, self.heading = seen, timestamps, stages, heading
 
     def follow(self, frame: int) -> Step:
         """Follow on to a frame, from where the follower is."""
         follower = self.follower
-        follower.heading = self._heading[frame]
+        follower.heading = self.heading[frame]
         result = follower.step(self._seen[frame], float(self._timestamps[frame]), StageClock(self._stages))
         if follower.winner is None:
             return Step(result, NOTHING_FOUND, continues=False)

@@ -88,7 +88,8 @@ class Planner:
         walked: np.ndarray | None = None,
     ) -> None:
         self._learner, self._follower, self._seen = learner, follower, seen
-        self._walked = self._heading = np.zeros((len(timestamps), 2)) if walked is None else walked
+        self._walked = np.zeros((len(timestamps), 2)) if walked is None else walked
+        self._looker = Looker(follower, seen, timestamps, stages, self._walked)
         self._timestamps, self._stages, self._smallest, self._body = timestamps, stages, smallest, body
         self.plan: Plan | None = None
 
@@ -120,7 +121,7 @@ class Planner:
                 others.update(survey.best(1, low, min(high - 1, last), self._timestamps))
             checks += [(frame, number, 0) for frame in sorted(others - {start})]
         starts = np.array(rows, dtype=np.int64).reshape(-1, 3)
-        self.plan = Plan(body, starts, np.array(checks, dtype=np.int64).reshape(-1, 3), self._heading, looks)
+        self.plan = Plan(body, starts, np.array(checks, dtype=np.int64).reshape(-1, 3), self._looker.heading, looks)
 
     def _survey(self, usable: np.ndarray) -> Generator[None, None, Survey]:
         frames, shown, facing, tops, due = [], [], [], [], -np.inf
@@ -140,8 +141,7 @@ class Planner:
     def _turn(self, survey: Survey, around: float) -> None:
         """Take for where the person heads what is said by their walk and by the votes for so many seconds around."""
         faced = directions_faced(self._timestamps[survey.frames], survey.facing, self._timestamps, around)
-        self._heading = heading(self._walked, faced)
-        self._looker = Looker(self._follower, self._seen, self._timestamps, self._stages, self._heading)
+        self._looker.heading = heading(self._walked, faced)
 
     def _own_body(self, moments: list[int], usable: np.ndarray, stood: float) -> Generator[None, None, Body]:
         """The body that explains the frames around the surest of these moments, whose head `stood` so high."""
@@ -204,7 +204,7 @@ class Planner:
     def _sighting(self, frame: int) -> Sighting:
         """What is seen of the person in a frame, which both followers are about to look at."""
         sighting = self._seen[frame]
-        self._follower.heading = self._learner.follower.heading = self._heading[frame]
+        self._follower.heading = self._learner.follower.heading = self._looker.heading[frame]
         assert sighting is not None, "planned frames are frames in which the person was seen"
         return sighting
 

@@ -183,7 +183,7 @@ _PREVIOUS = {
     "effectors": Column("f", _ENDS, -_FAR, _FAR),
     "extrema": Column("f", _ENDS, -_FAR, _FAR, optional=True),
     "before": replace(_POSE, optional=True),
-    "elapsed": Column("iuf", (), 0, 1e9),
+    "elapsed": Column("iuf", (), 1e-6, 1e9),
 }
 """What a person's state must be, by name."""
 MOST_REMEMBERED = 4096
