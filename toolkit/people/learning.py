@@ -180,10 +180,15 @@ def hanging(
 def left_with(
     somebody: Sequence[Seen], stack: np.ndarray, near: np.ndarray, background: np.ndarray, lens: Lens
 ) -> np.ndarray:
-    """What of the background is hardly ever seen but below the head of somebody, and covered by something nearer while
-    they are elsewhere: legs that what they carry parts from the head. Bool (h, w).
+    """Pixels of the background that are legs of `somebody`, parted from the head by what they carry: bool (h, w).
 
-    `near` bool (K, h, w): the samples, `stack` (K, h, w), that show the background.
+    The pixels are hardly ever seen but below a head, and something nearer covers them while the heads are elsewhere.
+
+    Parameters
+    ----------
+    stack : float32 (K, h, w), metres, the samples
+    near : bool (K, h, w), where they show the background
+    background : float32 (h, w), metres, 0 = unknown
     """
     points = lens.view(background, background > 0, background > 0).points
     there, covered = (np.zeros(background.shape, dtype=np.int32) for _ in range(2))

@@ -76,9 +76,10 @@ def _below(place: np.ndarray, head: np.ndarray) -> bool:
 def _shaped(
     view: View, lens: Lens, heads: list[np.ndarray], alone: list[np.ndarray], shared: list[np.ndarray]
 ) -> list[bool]:
-    """Which heads have a person's shape, by their share of a surface or by the whole of it.
+    """Which heads have a person's shape, by their share (`shared`) of a surface or by the whole (`alone`) of it.
 
-    A door beside a person has none by the whole, which is the person's shape.
+    A whole that holds another head with a shape of its own says nothing: a door that a person touches would borrow the
+    shape of the person.
     """
     own = [
         large_enough(view, lens, mask) and looks_like_person(view, lens, mask, head)

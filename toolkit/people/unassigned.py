@@ -73,6 +73,8 @@ def attach_limbs(view: View, lens: Lens, labels: np.ndarray, people: int, judge:
     Parameters
     ----------
     labels : int32 (h, w), 1.. the people and, above their number, furniture; 0 = neither
+    people : how many there are
+    judge : tells people from furniture
 
     Returns
     -------
