@@ -17,7 +17,7 @@ from toolkit.people.sighting import Sighting
 from toolkit.sensing.camera import Camera
 from toolkit.track import TRACKED, FrameResult
 from toolkit.tracking.follower import HELD
-from toolkit.tracking.heading import AROUND, AROUND_SEATED, directions_faced, heading
+from toolkit.tracking.heading import directions_faced, heading
 from toolkit.tracking.planning import (
     CHECKED,
     MOMENT_GAP,
@@ -154,14 +154,6 @@ def test_frames_that_show_too_few_pixels_are_left_out_and_without_any_there_is_n
     assert planner.plan is not None and min(seen.asked) == planner.plan.stretches[0, 0] == 50
     planner, _, seen = planned(frames, np.ones(400), np.ones(400), np.zeros(100))
     assert planner.plan is None and not seen.asked
-
-
-@pytest.mark.parametrize(("stood", "around"), [(1.2, AROUND_SEATED), (BODY.height, AROUND)])
-def test_of_somebody_who_sits_votes_for_a_facing_count_longer(stood: float, around: float) -> None:
-    planner, _, _ = planned(np.arange(0, 60), np.ones(400), np.ones(400), top=stood - 1.0)
-    assert planner.plan is not None and AROUND_SEATED > AROUND
-    faced = directions_faced(np.arange(0, 60, 5) / 20, np.tile([1.0, 0.0], (12, 1)), TIMES, around)
-    np.testing.assert_allclose(planner.plan.heading, heading(np.zeros((400, 2)), faced))
 
 
 def test_followers_are_told_where_the_person_walks_and_faces_in_the_frame_that_they_look_at() -> None:

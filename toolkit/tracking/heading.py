@@ -25,8 +25,6 @@ STANDS, WALKS = 0.4, 0.8
 """Metres a second: slower than the first counts nothing, faster than the second in full."""
 AROUND = 0.75
 """Seconds from a frame at which a vote for a facing counts e times less."""
-AROUND_SEATED = 5.0
-"""The same of somebody who sits: a chair is seldom turned round."""
 DOUBT = 0.5
 """Sure votes about a frame, summed, of which half is believed."""
 TURNED = 0.25
@@ -83,16 +81,13 @@ def voted_facing(votes: JointEstimate | None) -> np.ndarray:
     return facing
 
 
-def directions_faced(
-    moments: np.ndarray, voted: np.ndarray, timestamps: np.ndarray, around: float = AROUND
-) -> np.ndarray:
+def directions_faced(moments: np.ndarray, voted: np.ndarray, timestamps: np.ndarray) -> np.ndarray:
     """Directions in which a person faces, by the votes in some frames.
 
     Parameters
     ----------
     moments, voted : float64 (N,), seconds, rising, and (N, 2), see `voted_facing`
     timestamps : float64 (T,), seconds, of all frames
-    around : seconds, `AROUND` or `AROUND_SEATED`
 
     Returns
     -------
@@ -100,8 +95,8 @@ def directions_faced(
     """
     faced = np.zeros((len(timestamps), 2))
     for frame, moment in enumerate(timestamps):
-        near = slice(*np.searchsorted(moments, [moment - 4.0 * around, moment + 4.0 * around]))
-        weights = np.exp(-np.abs(moments[near] - moment) / around)
+        near = slice(*np.searchsorted(moments, [moment - 4.0 * AROUND, moment + 4.0 * AROUND]))
+        weights = np.exp(-np.abs(moments[near] - moment) / AROUND)
         together = (weights[:, None] * voted[near]).sum(axis=0)
         faced[frame] = together / (DOUBT + math.hypot(*together))
     return faced

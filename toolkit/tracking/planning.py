@@ -13,12 +13,12 @@ from toolkit.fitting.shape import ShapeSettings
 from toolkit.people.sighting import Sighting
 from toolkit.tracking.clock import StageClock
 from toolkit.tracking.follower import HELD, Follower
-from toolkit.tracking.heading import AROUND, AROUND_SEATED, directions_faced, heading
+from toolkit.tracking.heading import directions_faced, heading
 from toolkit.tracking.learning import FollowedBody, Pace
 from toolkit.tracking.looks import NOTHING_FOUND, Look, Looker
 from toolkit.tracking.passes import Plan
 from toolkit.tracking.sightings import PersonSightings
-from toolkit.tracking.stature import UPRIGHT, StatureBelief, height_stood, statures_of
+from toolkit.tracking.stature import StatureBelief, height_stood, statures_of
 
 SURVEYED = 0.25
 """Seconds between the surveyed frames, in which the regressor counts the visible joints."""
@@ -100,14 +100,13 @@ class Planner:
             return
         stretches = times_in_sight(usable, self._timestamps)
         survey = yield from self._survey(usable)
-        self._turn(survey, AROUND)
+        faced = directions_faced(self._timestamps[survey.frames], survey.facing, self._timestamps)
+        self._looker.heading = heading(self._walked, faced)
         stood = height_stood(survey.tops, self._learner.follower.floor)
         body = self._body
         if body is None:
             moments = survey.best(MOMENTS, int(usable[0]), int(usable[-1]), self._timestamps)
             body = yield from self._own_body(moments, usable, stood)
-        if 0 < stood < body.height - UPRIGHT:
-            self._turn(survey, AROUND_SEATED)
         rows, checks, looks = [], [], dict[int, Look]()
         for number, (first, last) in enumerate(stretches):
             best = survey.best(MOMENTS, first, last, self._timestamps) or [first]
@@ -137,11 +136,6 @@ class Planner:
                 yield
         facings = np.array(facing).reshape(-1, 2)
         return Survey(np.array(frames, dtype=np.int64), np.array(shown), facings, np.array(tops))
-
-    def _turn(self, survey: Survey, around: float) -> None:
-        """Take for where the person heads what is said by their walk and by the votes for so many seconds around."""
-        faced = directions_faced(self._timestamps[survey.frames], survey.facing, self._timestamps, around)
-        self._looker.heading = heading(self._walked, faced)
 
     def _own_body(self, moments: list[int], usable: np.ndarray, stood: float) -> Generator[None, None, Body]:
         """The body that explains the frames around the surest of these moments, whose head `stood` so high."""
