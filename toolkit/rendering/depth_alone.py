@@ -39,7 +39,7 @@ class DepthPainter:
         bar = np.full((2 * size, width, 3), style.BAR, dtype=np.uint8)
         x = style.write(bar, f"{self._name}   frame {i + 1}/{len(self._times)}", 10, size // 3, size)
         x = style.write(bar, f"{self._times[i]:.2f} s", x + size, size // 3, size, style.FAINT)
-        style.write(bar, "no person was found", x + size, size // 3, size, style.ALARM)
+        style.write(bar, "no person", x + size, size // 3, size, style.ALARM)
         return np.vstack([bar, image])
 
     def _near_and_far(self, depth_mm: np.ndarray) -> tuple[float, float]:
