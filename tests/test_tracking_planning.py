@@ -64,17 +64,15 @@ def test_a_body_is_learnt_of_the_nearest_frames_on_both_sides_evenly_spread() ->
 
 
 class FakeFollower:
-    """Sees what `shown` says in each frame, somebody who surely faces +x and whose head ends at `top`, and its pose
-    costs `costs` there.
-    """
+    """Sees what `shown` says in each frame, somebody who surely faces +x, and its pose costs `costs` there."""
 
-    def __init__(self, shown: np.ndarray, costs: np.ndarray, top: float) -> None:
-        self._shown, self._costs, self._top = shown, costs, top
+    def __init__(self, shown: np.ndarray, costs: np.ndarray) -> None:
+        self._shown, self._costs = shown, costs
         self.state, self.heading, self.stepped = PersonState.begin(BODY, sized=False, seed=0), np.zeros(2), []
         self.winner: Any = None
 
     def shown(self, sighting: Sighting, timestamp: float) -> tuple[float, np.ndarray, float]:
-        return float(self._shown[round(timestamp * 20)]), np.array([1.0, 0.0]), self._top
+        return float(self._shown[round(timestamp * 20)]), np.array([1.0, 0.0]), math.nan
 
     def step(self, sighting: Sighting, timestamp: float, clock: object) -> FrameResult:
         assert self.state.sized and self.state.body is BODY
@@ -112,13 +110,11 @@ def planned(
     shown: np.ndarray,
     costs: np.ndarray,
     pixels: np.ndarray | None = None,
-    top: float = math.nan,
     **others: Any,
 ) -> tuple[Planner, FakeFollower, FakeSightings]:
-    """On a floor at y = -1 m."""
-    follower = FakeFollower(shown, costs, top)
+    follower = FakeFollower(shown, costs)
     seen = FakeSightings(frames, np.full(len(frames), SMALLEST) if pixels is None else pixels)
-    learner = SimpleNamespace(follower=SimpleNamespace(heading=np.zeros(2), floor=-1.0))
+    learner = SimpleNamespace(follower=SimpleNamespace(heading=np.zeros(2), floor=None))
     planner = Planner(learner, follower, seen, TIMES, ("prepare", "landmarks", "select"), SMALLEST, BODY, **others)  # type: ignore[arg-type]
     for _ in planner.run():
         pass

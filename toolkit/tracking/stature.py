@@ -48,14 +48,17 @@ def off_floor(lowest: float, floor: float | None) -> float:
     """Cost, metres, of a body's lowest point at `lowest` above or below a floor at `floor`: both y, metres,
     level frame; nothing where no floor is known.
     """
-    if floor is None:
-        return 0.0
-    return NAT * min(0.5 * ((lowest - floor) / FLOOR_SIGMA) ** 2, FLOOR_CAP)
+    return 0.0 if floor is None else _missed_by(lowest - floor)
 
 
 def too_small(stature: float, stood: float) -> float:
     """Cost, metres, of a stature whose head was seen at `stood` metres above the floor; nothing for the taller."""
-    return NAT * min(0.5 * (max(stood - stature, 0.0) / FLOOR_SIGMA) ** 2, FLOOR_CAP)
+    return _missed_by(max(stood - stature, 0.0))
+
+
+def _missed_by(away: float) -> float:
+    """Cost, metres, of a body that ends so many metres away from where the floor says that it does."""
+    return NAT * min(0.5 * (away / FLOOR_SIGMA) ** 2, FLOOR_CAP)
 
 
 def head_top(cloud: Cloud, head: np.ndarray) -> float:
